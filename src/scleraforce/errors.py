@@ -1,0 +1,64 @@
+"""The exceptions that scleraforce raises, as one family.
+
+::
+
+    ScleraforceError             anything that this package raises on purpose
+    ├── InputError               what the user gave cannot be used: exit code 2
+    │   ├── StudyError           study.toml
+    │   ├── RecordingError       a recording folder: recording.toml, frames.csv, forces.csv
+    │   ├── FrameError           one image file
+    │   ├── DatasetError         a generated data set
+    │   ├── CalibrationError     a calibration file, or recordings that cannot be calibrated on
+    │   └── ModelError           a model folder
+    └── SolverError              a numerical method failed: exit code 1
+
+A message is one line: where (file and field), what was found, what would do.
+"""
+
+__all__ = [
+    "CalibrationError",
+    "DatasetError",
+    "FrameError",
+    "InputError",
+    "ModelError",
+    "RecordingError",
+    "ScleraforceError",
+    "SolverError",
+    "StudyError",
+]
+
+
+class ScleraforceError(Exception):
+    """Anything that this package raises on purpose."""
+
+
+class InputError(ScleraforceError):
+    """What the user gave cannot be used; the message says where and what would do."""
+
+
+class StudyError(InputError):
+    """A study file, or a value in it, cannot be used."""
+
+
+class RecordingError(InputError):
+    """A recording folder cannot be used."""
+
+
+class FrameError(InputError):
+    """An image file cannot be used."""
+
+
+class DatasetError(InputError):
+    """A data set cannot be used."""
+
+
+class CalibrationError(InputError):
+    """A calibration file or its recordings cannot be used."""
+
+
+class ModelError(InputError):
+    """A model folder cannot be used."""
+
+
+class SolverError(ScleraforceError):
+    """A numerical method failed on valid input."""

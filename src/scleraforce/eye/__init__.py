@@ -1,0 +1,1 @@
+"""The eye: mesh of the wall, contact, geometry."""

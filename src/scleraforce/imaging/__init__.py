@@ -1,0 +1,1 @@
+"""Imaging: section of the deformed wall, binary slice, raw B-scan, segmentation."""

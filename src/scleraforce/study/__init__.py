@@ -1,0 +1,40 @@
+"""The study: one typed record of everything that a run depends on, read from TOML."""
+
+from scleraforce.study.records import (
+    CalibrationStudy,
+    ClassesStudy,
+    DatasetGroup,
+    DatasetStudy,
+    EyeStudy,
+    MeshStudy,
+    NeedleStudy,
+    NetworkStudy,
+    OctStudy,
+    SliceStudy,
+    Study,
+)
+from scleraforce.study.sampled import Choice, Range, Sampled, fixed
+from scleraforce.study.toml import PAPER_STUDY_TOML, format_study, parse_study, read_study, study_hash
+
+__all__ = [
+    "PAPER_STUDY_TOML",
+    "CalibrationStudy",
+    "Choice",
+    "ClassesStudy",
+    "DatasetGroup",
+    "DatasetStudy",
+    "EyeStudy",
+    "MeshStudy",
+    "NeedleStudy",
+    "NetworkStudy",
+    "OctStudy",
+    "Range",
+    "Sampled",
+    "SliceStudy",
+    "Study",
+    "fixed",
+    "format_study",
+    "parse_study",
+    "read_study",
+    "study_hash",
+]

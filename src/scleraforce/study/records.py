@@ -1,0 +1,199 @@
+"""The study: everything that a run depends on, in one typed record. All values are SI.
+
+The defaults are the paper's study; `paper.toml` beside this file is the same, commented (a test compares them).
+"""
+
+from dataclasses import dataclass, field
+
+from scleraforce.errors import StudyError
+from scleraforce.study.fields import check_fields, option, quantity
+from scleraforce.study.sampled import Choice, Range, Sampled, fixed
+
+__all__ = [
+    "CalibrationStudy",
+    "ClassesStudy",
+    "DatasetGroup",
+    "DatasetStudy",
+    "EyeStudy",
+    "MeshStudy",
+    "NeedleStudy",
+    "NetworkStudy",
+    "OctStudy",
+    "SliceStudy",
+    "Study",
+]
+
+
+@dataclass(frozen=True)
+class EyeStudy:
+    """The half-sphere and its material (paper sec. 2.1, 2.2)."""
+
+    radius_m: float = quantity(12.0, "mm", 5.0, 30.0)
+    poisson_ratio: float = quantity(0.45, None, 0.0, 0.499)
+    density_kg_m3: float = quantity(1100.0, None, 0.0, 5000.0)
+    iop_pa: float = quantity(2.0, "mmhg", 0.0, 80.0)
+    thickness_m: Sampled = quantity(Choice((400.0, 500.0, 600.0, 700.0, 800.0)), "um", 300.0, 1200.0)
+    youngs_modulus_pa: float = quantity(0.25, "mpa", 0.001, 100.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class MeshStudy:
+    """The finite-element mesh: Catmull-Clark subdivision of a half cube, extruded inward."""
+
+    kind: str = option("hexahedra", "hexahedra")
+    divisions: int = quantity(10, None, 2, 200)
+    level: int = quantity(1, None, 0, 6)
+    layers: int = quantity(1, None, 1, 20)
+    order: int = quantity(2, None, 1, 2)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.divisions % 2:
+            raise StudyError(f"divisions: {self.divisions} is odd; a half cube needs an even number per edge")
+
+
+@dataclass(frozen=True)
+class NeedleStudy:
+    """The needle and where it pushes (22G: 0.7 mm)."""
+
+    outer_diameter_m: float = quantity(0.7, "mm", 0.1, 5.0)
+    gap_m: float = quantity(0.5, "mm", 0.0, 5.0)
+    polar_angle_rad: Sampled = quantity(Range(25.0, 45.0), "deg", 0.0, 80.0)
+    max_force_n: float = quantity(60.0, "mn", 1.0, 1000.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class OctStudy:
+    """The scanner's raw frame (paper sec. 3.1). `refractive_index` 1: depth is corrected already."""
+
+    width_m: float = quantity(15.0, "mm", 0.1, 50.0)
+    depth_m: float = quantity(4.0, "mm", 0.1, 50.0)
+    columns: int = quantity(512, None, 32, 8192)
+    rows: int = quantity(512, None, 32, 8192)
+    bits: int = quantity(12, None, 8, 16)
+    refractive_index: float = quantity(1.0, None, 1.0, 2.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class SliceStudy:
+    """The binary slice. `margin_m`: depth of the unloaded wall's top below row 0."""
+
+    columns: int = quantity(140, None, 8, 4096)
+    rows: int = quantity(40, None, 8, 4096)
+    pixel_m: float = quantity(0.1, "mm", 0.001, 1.0)
+    margin_m: float = quantity(0.3, "mm", 0.0, 10.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class ClassesStudy:
+    """Bounds of the force classes: class k lies between bounds k-1 and k; a bound belongs to the class above 0.
+
+    A force of exactly the last bound is still the class below it (class 1: from 5 to 30 mN; class 2: above 30 mN).
+    """
+
+    bounds_n: tuple[float, ...] = quantity((5.0, 30.0), "mn", 0.0, 1000.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if len(self.bounds_n) != 2 or not self.bounds_n[0] < self.bounds_n[1]:
+            raise StudyError("bounds_mn: give two increasing forces, like [5.0, 30.0]")
+
+    def classify(self, force_n: float) -> int:
+        """Return the class of a force: 0 below the first bound, 2 above the second, else 1."""
+        low, high = self.bounds_n
+        return 0 if force_n < low else 2 if force_n > high else 1
+
+
+@dataclass(frozen=True)
+class CalibrationStudy:
+    """The reduced-order unscented Kalman filter (paper sec. 2.2, 3.2)."""
+
+    prior_mean_pa: float = quantity(0.49, "mpa", 0.001, 100.0)
+    prior_sd_pa: float = quantity(0.34, "mpa", 0.0001, 100.0)
+    points: int = quantity(10, None, 2, 200)
+    sigma_points: str = option("simplex", "simplex", "canonical", "star")
+    positive: bool = True
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class DatasetGroup:
+    """A part of the data set with one wall thickness."""
+
+    thickness_m: float = quantity(500.0, "um", 300.0, 1200.0)
+    images: int = quantity(4000, None, 1, 10_000_000)
+    max_force_n: float = quantity(60.0, "mn", 0.1, 1000.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+PAPER_GROUPS = (
+    DatasetGroup(thickness_m=400e-6, images=3200, max_force_n=45e-3),
+    *(DatasetGroup(thickness_m=t / 1e6, images=4000, max_force_n=60e-3) for t in (500.0, 600.0, 700.0, 800.0)),
+)
+
+
+@dataclass(frozen=True)
+class DatasetStudy:
+    """The simulated slices (paper sec. 2.3, 3.3). `framing_*` shifts the window, `gap` overrides the needle's."""
+
+    seed: int = quantity(0, None, 0, 2**31 - 1)
+    contacts: int = quantity(200, None, 2, 100_000)
+    validation_fraction: float = quantity(0.1, None, 0.01, 0.9)
+    framing_lateral_m: Sampled = quantity(fixed(0.0), "mm", -10.0, 10.0)
+    framing_depth_m: Sampled = quantity(fixed(0.0), "mm", -10.0, 10.0)
+    gap_m: Sampled | None = quantity(None, "mm", 0.0, 5.0)
+    tilt_rad: Sampled = quantity(fixed(0.0), "deg", -45.0, 45.0)
+    direction_rad: Sampled = quantity(fixed(0.0), "deg", -180.0, 180.0)
+    group: tuple[DatasetGroup, ...] = PAPER_GROUPS
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if not self.group:
+            raise StudyError("group: give at least one [[dataset.group]]")
+
+
+@dataclass(frozen=True)
+class NetworkStudy:
+    """The classifier and its training (paper sec. 2.4). `dropout` is the fraction dropped."""
+
+    hidden: tuple[int, ...] = quantity((600, 600), None, 1, 100_000)
+    dropout: float = quantity(0.8, None, 0.0, 0.99)
+    learning_rate: float = quantity(0.01, None, 1e-8, 10.0)
+    momentum: float = quantity(0.9, None, 0.0, 0.9999)
+    batch_size: int = quantity(128, None, 1, 100_000)
+    epochs: int = quantity(20, None, 1, 100_000)
+    seed: int = quantity(0, None, 0, 2**31 - 1)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class Study:
+    """Everything that a run depends on."""
+
+    eye: EyeStudy = field(default_factory=EyeStudy)
+    mesh: MeshStudy = field(default_factory=MeshStudy)
+    needle: NeedleStudy = field(default_factory=NeedleStudy)
+    oct: OctStudy = field(default_factory=OctStudy)
+    slice: SliceStudy = field(default_factory=SliceStudy)
+    classes: ClassesStudy = field(default_factory=ClassesStudy)
+    calibration: CalibrationStudy = field(default_factory=CalibrationStudy)
+    dataset: DatasetStudy = field(default_factory=DatasetStudy)
+    network: NetworkStudy = field(default_factory=NetworkStudy)

@@ -1,0 +1,166 @@
+"""Read and write a study as TOML; an unknown key, a wrong type or a value out of bounds is an error with its line."""
+
+import hashlib
+import re
+import tomllib
+from collections import Counter
+from dataclasses import fields, is_dataclass
+from importlib.resources import files
+from pathlib import Path
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
+
+from scleraforce.errors import StudyError
+from scleraforce.study.fields import field_key, field_unit, map_numbers
+from scleraforce.study.records import Study
+from scleraforce.study.sampled import Choice, Range
+
+__all__ = ["PAPER_STUDY_TOML", "format_study", "parse_study", "read_study", "study_hash"]
+
+PAPER_STUDY_TOML = files("scleraforce.study").joinpath("paper.toml").read_text(encoding="utf-8")
+
+
+def read_study(path: Path) -> Study:
+    """Read a study file.
+
+    Raises:
+        StudyError: the file is missing or not TOML, or a key or value in it cannot be used.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as fault:
+        reason = getattr(fault, "strerror", None) or "not UTF-8 text"
+        raise StudyError(f"{path}: {reason}; `scleraforce init DIR` writes a study file") from fault
+    return parse_study(text, str(path))
+
+
+def parse_study(text: str, name: str = "study") -> Study:
+    r"""Read a study from TOML text; `name` stands in the messages.
+
+    >>> parse_study('[eye]\nradius_mm = 11.0').eye.radius_m
+    0.011
+
+    Raises:
+        StudyError: naming the file, the line and the key.
+    """
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as fault:
+        raise StudyError(f"{name}: not TOML: {fault}") from fault
+    study = _record(Study, table, (), text, name)
+    assert isinstance(study, Study)
+    return study
+
+
+def format_study(study: Study) -> str:
+    """Write a study as TOML that `parse_study` reads back to an equal record."""
+    return "\n\n".join(_format_section(item.name, getattr(study, item.name)) for item in fields(study)) + "\n"
+
+
+def study_hash(study: Study) -> str:
+    """Return the SHA-256 of a study's canonical TOML, in hexadecimal."""
+    return hashlib.sha256(format_study(study).encode()).hexdigest()
+
+
+def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], text: str, name: str, nth: int = 1) -> object:
+    hints = get_type_hints(kind)
+    known = {field_key(item): item for item in fields(kind)}
+    values: dict[str, Any] = {}
+    for key, value in table.items():
+        place = f"{name}:{_line(text, (*path, key), nth)}: {'.'.join((*path, key))}"
+        if key not in known:
+            raise StudyError(f"{place}: unknown key; known here: {', '.join(known)}")
+        item = known[key]
+        hint = hints[item.name]
+        if is_dataclass(hint):
+            if not isinstance(value, dict):
+                raise StudyError(f"{place}: expected a table [{key}]")
+            values[item.name] = _record(hint, value, (*path, key), text, name)  # type: ignore[arg-type]  # a class
+        elif get_origin(hint) is tuple and is_dataclass(get_args(hint)[0]):
+            values[item.name] = _records(get_args(hint)[0], value, (*path, key), text, name, place)
+        else:
+            values[item.name] = map_numbers(_value(hint, value, place), field_unit(item).to_si)
+    try:
+        return kind(**values)
+    except StudyError as fault:
+        key = str(fault).partition(":")[0]
+        raise StudyError(f"{name}:{_line(text, (*path, key), nth)}: {'.'.join((*path, ''))}{fault}") from None
+
+
+def _records(kind: Any, value: Any, path: tuple[str, ...], text: str, name: str, place: str) -> tuple[object, ...]:
+    if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value):
+        raise StudyError(f"{place}: expected a list of tables [[{'.'.join(path)}]]")
+    return tuple(_record(kind, entry, path, text, name, nth) for nth, entry in enumerate(value, start=1))
+
+
+def _value(hint: Any, value: Any, place: str) -> Any:
+    """Turn a TOML value into the value of a field of type `hint`."""
+    if isinstance(hint, UnionType) and Range in get_args(hint):
+        return _sampled(value, place)
+    if get_origin(hint) is tuple:
+        if not isinstance(value, list):
+            raise StudyError(f"{place}: expected a list")
+        return tuple(_scalar(get_args(hint)[0], entry, place) for entry in value)
+    return _scalar(hint, value, place)
+
+
+def _sampled(value: Any, place: str) -> Choice | Range:
+    if isinstance(value, dict):
+        if set(value) != {"min", "max"}:
+            raise StudyError(f"{place}: a range is {{ min = a, max = b }}")
+        return Range(_scalar(float, value["min"], place), _scalar(float, value["max"], place))
+    entries = value if isinstance(value, list) else [value]
+    return Choice(tuple(_scalar(float, entry, place) for entry in entries))
+
+
+def _scalar(kind: type, value: Any, place: str) -> Any:
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        names = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
+        raise StudyError(f"{place}: expected {names.get(kind, kind.__name__)}, found {value!r}")
+    return value
+
+
+def _line(text: str, path: tuple[str, ...], nth: int) -> int:
+    """Return the line of a key in TOML text, in the nth table of its name (1 where it cannot be told)."""
+    table: tuple[str, ...] = ()
+    seen: Counter[tuple[str, ...]] = Counter()
+    for number, line in enumerate(text.splitlines(), start=1):
+        if header := re.match(r"\s*\[\[?\s*([\w.\- ]+?)\s*\]\]?", line):
+            table = tuple(part.strip() for part in header[1].split("."))
+            seen[table] += 1
+            if table == path:
+                return number
+        key = re.match(r"\s*([\w.\-]+)\s*=", line)
+        if key and seen[table] in (0, nth) and (*table, *key[1].split(".")) == path:
+            return number
+    return 1
+
+
+def _format_section(name: str, record: Any) -> str:
+    lines, groups = [f"[{name}]"], []
+    for item in fields(record):
+        value = getattr(record, item.name)
+        if isinstance(value, tuple) and value and is_dataclass(value[0]):
+            groups += [_format_section(f"[{name}.{item.name}]", entry) for entry in value]
+        elif value is not None:
+            human = map_numbers(value, field_unit(item).from_si)
+            lines.append(f"{field_key(item)} = {_format_value(human)}")
+    return "\n".join(["\n".join(lines), *groups])
+
+
+def _format_value(value: Any) -> str:
+    match value:
+        case bool():
+            return str(value).lower()
+        case str():
+            return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        case Range():
+            return f"{{ min = {value.min!r}, max = {value.max!r} }}"
+        case Choice():
+            return _format_value(value.values)
+        case tuple():
+            return "[" + ", ".join(_format_value(entry) for entry in value) + "]"
+        case _:
+            return repr(value)
