@@ -1,0 +1,26 @@
+"""`scleraforce init`: write the paper's study, commented."""
+
+from pathlib import Path
+
+import click
+
+from scleraforce.errors import StudyError
+from scleraforce.study import PAPER_STUDY_TOML
+
+__all__ = ["init"]
+
+
+@click.command()
+@click.argument("directory", type=click.Path(path_type=Path))
+def init(directory: Path) -> None:
+    """Write DIRECTORY/study.toml, the paper's study with comments."""
+    path = directory / "study.toml"
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(PAPER_STUDY_TOML)
+    except FileExistsError as fault:
+        raise StudyError(f"{path}: exists already; remove it or choose another directory") from fault
+    except OSError as fault:
+        raise StudyError(f"{path}: {fault.strerror}") from fault
+    click.echo(f"wrote {path}")

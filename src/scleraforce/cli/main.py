@@ -1,0 +1,96 @@
+"""The entry point: finds the command, and turns every failure into one line and an exit code.
+
+Exit codes: 0 done, 1 an internal fault, 2 bad input or usage, 130 interrupted.
+"""
+
+import os
+import sys
+from importlib import import_module
+
+import click
+
+from scleraforce import __version__
+from scleraforce.errors import InputError, ScleraforceError
+
+__all__ = ["cli", "main"]
+
+# Command -> one line of help. `reproduce-all` lives in `cli/reproduce_all.py` as the function `reproduce_all`.
+COMMANDS = {
+    "init": "Write a commented study.toml.",
+    "simulate": "One eye, one force: displacement, slice, picture.",
+    "phantom": "Make a virtual acquisition: raw B-scans and a force log.",
+    "segment": "Find the wall in raw frames.",
+    "generate": "Simulate the slices that a network learns from.",
+    "train": "Train a network on simulated slices.",
+    "classify": "Read the force class of single frames.",
+    "evaluate": "Compare a model's answers with recordings.",
+    "reproduce": "The whole pipeline, to an HTML report.",
+}
+
+
+class LazyGroup(click.Group):
+    """A group that imports a command only when it is asked for, so that `--help` is quick."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
+        """Return the names of the commands, in the order of the pipeline."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's signature
+        """Import and return a command."""
+        if cmd_name not in COMMANDS:
+            return None
+        name = cmd_name.replace("-", "_")
+        command: click.Command = getattr(import_module(f"scleraforce.cli.{name}"), name)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - as above
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80})
+@click.version_option(__version__, prog_name="scleraforce")
+def cli() -> None:
+    """Read the force of a needle on the eye from a single OCT slice.
+
+    Exit codes: 0 done, 1 internal fault, 2 bad input or usage, 130 interrupted.
+    """
+
+
+def main() -> None:
+    """Run the command line and exit with its code."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """Run one command; return its exit code. Failures are one line on standard error."""
+    try:
+        cli.main(arguments, prog_name="scleraforce", standalone_mode=False)
+    except click.exceptions.Exit as done:
+        return done.exit_code
+    except click.NoArgsIsHelpError as usage:
+        click.echo(usage.format_message())
+        return 2
+    except click.ClickException as usage:
+        return fail(usage.format_message(), 2)
+    except InputError as fault:
+        return fail(str(fault), 2)
+    except ScleraforceError as fault:
+        return fail(str(fault), 1)
+    except (KeyboardInterrupt, click.Abort):
+        return fail("interrupted", 130)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except Exception as fault:
+        if os.environ.get("SCLERAFORCE_TRACEBACK"):
+            raise
+        return fail(f"internal fault: {type(fault).__name__}: {fault} (SCLERAFORCE_TRACEBACK=1 shows where)", 1)
+    return 0
+
+
+def fail(message: str, code: int) -> int:
+    """Print one error line; return the code."""
+    click.echo("error: " + " ".join(message.split()), err=True)
+    return code

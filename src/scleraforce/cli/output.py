@@ -1,0 +1,36 @@
+"""What all commands print with: JSON on standard output, progress on standard error."""
+
+import json
+import sys
+from collections.abc import Iterable, Mapping
+from math import isfinite
+from typing import Any, TypeVar
+
+import click
+from tqdm import tqdm
+
+__all__ = ["print_json", "progress_bar"]
+
+Item = TypeVar("Item")
+
+
+def print_json(result: Mapping[str, Any]) -> None:
+    """Print one JSON object; numbers that are not finite become null."""
+    click.echo(json.dumps(_finite(result), indent=2, allow_nan=False))
+
+
+def progress_bar(items: Iterable[Item], title: str, total: int | None = None) -> "tqdm[Item]":
+    """Show a bar on standard error while `items` are used up; nothing where that is not a terminal."""
+    return tqdm(items, desc=title, total=total, file=sys.stderr, disable=None, leave=False, dynamic_ncols=True)
+
+
+def _finite(value: Any) -> Any:
+    match value:
+        case Mapping():
+            return {key: _finite(entry) for key, entry in value.items()}
+        case list() | tuple():
+            return [_finite(entry) for entry in value]
+        case float() if not isfinite(value):
+            return None
+        case _:
+            return value
