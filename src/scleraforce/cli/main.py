@@ -69,7 +69,7 @@ def run(arguments: list[str]) -> int:
         cli.main(arguments, prog_name="scleraforce", standalone_mode=False)
     except click.exceptions.Exit as done:
         return done.exit_code
-    except click.NoArgsIsHelpError as usage:
+    except click.exceptions.NoArgsIsHelpError as usage:
         click.echo(usage.format_message())
         return 2
     except click.ClickException as usage:
