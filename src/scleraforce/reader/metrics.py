@@ -1,0 +1,91 @@
+"""How often a classifier is right: confusion matrix, recall, precision, accuracy, and how sure one can be of them.
+
+The names are the standard ones. The paper's Table 3 calls the row-wise figure "precision" and the column-wise figure
+"recall"; here recall is row-wise (of the trials of a class, how many were recognised) and precision column-wise (of
+the answers of a class, how many were right).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import nan, sqrt
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Proportion", "accuracy", "confusion_matrix", "precision", "recall", "wilson_interval"]
+
+
+def wilson_interval(hits: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Return Wilson's score interval of a proportion (Wilson 1927; NaN, NaN where `total` is 0).
+
+    >>> low, high = wilson_interval(42, 45)
+    >>> round(low, 2), round(high, 2)
+    (0.82, 0.98)
+    """
+    if total == 0:
+        return nan, nan
+    z = NormalDist().inv_cdf(0.5 + confidence / 2)
+    share, weight = hits / total, z * z / total
+    centre = (share + weight / 2) / (1 + weight)
+    half = z / (1 + weight) * sqrt(share * (1 - share) / total + weight / (4 * total))
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+@dataclass(frozen=True)
+class Proportion:
+    """`hits` out of `total`, with its value and 95 % Wilson interval (NaN where `total` is 0).
+
+    >>> Proportion(14, 15).value
+    0.9333333333333333
+    """
+
+    hits: int
+    total: int
+
+    @property
+    def value(self) -> float:
+        """The share of hits."""
+        return self.hits / self.total if self.total else nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Lower and upper end of the 95 % Wilson interval."""
+        return wilson_interval(self.hits, self.total)
+
+
+def confusion_matrix(target: Sequence[int], predicted: Sequence[int], classes: int = 3) -> NDArray[np.int64]:
+    """Count the trials by target (row) and predicted (column) class, shape (classes, classes).
+
+    >>> confusion_matrix([0, 1, 1], [0, 1, 2]).tolist()
+    [[1, 0, 0], [0, 1, 1], [0, 0, 0]]
+
+    Raises:
+        ValueError: the sequences differ in length, or a class lies outside 0 to classes - 1.
+    """
+    if len(target) != len(predicted):
+        raise ValueError(f"{len(target)} targets but {len(predicted)} predictions")
+    if any(not 0 <= label < classes for label in (*target, *predicted)):
+        raise ValueError(f"a class outside 0 to {classes - 1}")
+    counts = np.zeros((classes, classes), dtype=np.int64)
+    np.add.at(counts, (np.asarray(target, dtype=np.intp), np.asarray(predicted, dtype=np.intp)), 1)
+    return counts
+
+
+def accuracy(confusion: NDArray[np.int64]) -> Proportion:
+    """Return the share of right answers."""
+    return Proportion(int(np.trace(confusion)), int(confusion.sum()))
+
+
+def recall(confusion: NDArray[np.int64]) -> tuple[Proportion, ...]:
+    """Return, for each target class (row), the share that was recognised."""
+    return _shares(confusion, confusion.sum(axis=1))
+
+
+def precision(confusion: NDArray[np.int64]) -> tuple[Proportion, ...]:
+    """Return, for each predicted class (column), the share that was right."""
+    return _shares(confusion, confusion.sum(axis=0))
+
+
+def _shares(confusion: NDArray[np.int64], totals: NDArray[np.int64]) -> tuple[Proportion, ...]:
+    return tuple(Proportion(int(hits), int(total)) for hits, total in zip(np.diag(confusion), totals, strict=True))
