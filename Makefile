@@ -1,0 +1,49 @@
+# Everything runs in .venv, which is made on first use from requirements.lock (CPython 3.11 or newer, nothing else).
+.DEFAULT_GOAL := help
+SHELL := /bin/bash
+
+OUT ?= out/reproduce
+PYTEST_ARGS ?= -n 2
+PIP := .venv/bin/python -m pip --disable-pip-version-check -qq
+FIND_PYTHON = for python in python3.11 python3 python3.12 python3.13; do \
+	$$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$python; exit; }; done
+
+help:  ## this list
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1|\2/p' Makefile | column -t -s '|'
+
+reproduce: .venv/installed  ## the whole pipeline, to $(OUT)/report.html
+	.venv/bin/scleraforce reproduce --out $(OUT)
+
+test: .venv/installed  ## the default tests (under 3 minutes)
+	.venv/bin/pytest $(PYTEST_ARGS)
+
+slow: .venv/installed  ## the tests that take longer
+	.venv/bin/pytest $(PYTEST_ARGS) -m slow
+
+lint: .venv/installed  ## ruff (rules and format) and mypy
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/mypy
+
+bench: .venv/installed  ## the benchmarks, as tables
+	.venv/bin/python benchmarks/bench.py
+
+lock:  ## requirements.lock anew, from pyproject.toml
+	@python=$$($(FIND_PYTHON)); folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
+	$$python -m venv "$$folder" && "$$folder"/bin/pip install -qq torch==2.13.0 'setuptools>=77' -e '.[train,dev]' && \
+	{ sed -n '/^#/p' requirements.lock; "$$folder"/bin/pip freeze --all --exclude pip --exclude-editable | sed 's/+cpu//'; } \
+	  > requirements.lock.new && mv requirements.lock.new requirements.lock
+
+clean:  ## remove .venv and what the tools left
+	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist
+
+# The environment is made anew when the lock changes; another pyproject.toml only installs the project again.
+.venv/locked: requirements.lock
+	@python=$$($(FIND_PYTHON)); test -n "$$python" || { echo "error: no python3 >= 3.11 found" >&2; exit 2; }; \
+	echo "making .venv with $$($$python --version) (once, a minute or two)"; \
+	rm -rf .venv && $$python -m venv .venv && $(PIP) install -r requirements.lock && touch $@
+
+.venv/installed: .venv/locked pyproject.toml
+	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
+
+.PHONY: help reproduce test slow lint bench lock clean
