@@ -20,6 +20,10 @@ SI_PER_UNIT: dict[str, tuple[str, float]] = {
     "mmhg": ("pa", 133.322387415),
     "deg": ("rad", pi / 180.0),
     "ms": ("s", 1e-3),
+    "per_mm": ("per_m", 1e3),
+    "mn_per_min": ("n_per_s", 1e-3 / 60.0),
+    "mnm": ("nm", 1e-3),  # mN m in N m
+    "percent": ("fraction", 1e-2),
 }
 
 

@@ -1,5 +1,6 @@
 """The study: one typed record of everything that a run depends on, read from TOML."""
 
+from scleraforce.study.phantom import PhantomStudy
 from scleraforce.study.records import (
     CalibrationStudy,
     ClassesStudy,
@@ -28,6 +29,7 @@ __all__ = [
     "NeedleStudy",
     "NetworkStudy",
     "OctStudy",
+    "PhantomStudy",
     "Range",
     "Sampled",
     "SliceStudy",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, option, quantity
+from scleraforce.study.phantom import PhantomStudy
 from scleraforce.study.sampled import Choice, Range, Sampled, fixed
 
 __all__ = [
@@ -197,3 +198,4 @@ class Study:
     calibration: CalibrationStudy = field(default_factory=CalibrationStudy)
     dataset: DatasetStudy = field(default_factory=DatasetStudy)
     network: NetworkStudy = field(default_factory=NetworkStudy)
+    phantom: PhantomStudy = field(default_factory=PhantomStudy)

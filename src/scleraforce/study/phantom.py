@@ -1,0 +1,75 @@
+"""The `[phantom]` section of a study: how a virtual laboratory images eyes and logs forces.
+
+Every effect is a sampled value with a unit. Levels in dB are ratios of intensity. Ranges that have no other source
+are those of the issue that asked for this, or of spectral-domain scanners at 840 nm.
+"""
+
+from dataclasses import dataclass
+
+from scleraforce.errors import StudyError
+from scleraforce.study.fields import check_fields, quantity
+from scleraforce.study.sampled import Choice, Range, Sampled, fixed
+
+__all__ = ["PhantomStudy"]
+
+
+@dataclass(frozen=True)
+class PhantomStudy:
+    """Ranges of a virtual acquisition; `docs/recordings.md` says what is drawn per frame and what per recording."""
+
+    seed: int = quantity(0, None, 0, 2**31 - 1)
+    # the scanner: speckle, noise, display
+    snr_db: Sampled = quantity(Range(15.0, 35.0), None, 0.0, 80.0)
+    axial_resolution_m: Sampled = quantity(Range(4.0, 8.0), "um", 0.5, 100.0)
+    lateral_resolution_m: Sampled = quantity(Range(15.0, 35.0), "um", 1.0, 500.0)
+    display_floor_db: Sampled = quantity(Range(-8.0, -6.0), None, -60.0, 20.0)
+    display_range_db: Sampled = quantity(Range(34.0, 46.0), None, 5.0, 120.0)
+    band_m: Sampled = quantity(Range(0.4, 0.6), "mm", 0.0, 5.0)
+    # the wall and what lies below it
+    attenuation_per_m: Sampled = quantity(Range(0.5, 1.5), "per_mm", 0.0, 20.0)
+    reflection_db: Sampled = quantity(Range(-3.0, 9.0), None, -60.0, 60.0)
+    reflection_angle_rad: Sampled = quantity(Range(3.0, 8.0), "deg", 0.1, 90.0)
+    choroid_level_db: Sampled = quantity(Range(-12.0, -6.0), None, -80.0, 0.0)
+    choroid_attenuation_per_m: Sampled = quantity(Range(3.0, 8.0), "per_mm", 0.0, 50.0)
+    choroid_thickness_m: Sampled = quantity(Range(100.0, 250.0), "um", 0.0, 2000.0)
+    # what disturbs the image
+    shadow_count: Sampled = quantity(Choice((0, 1, 2, 3)), None, 0, 50)
+    shadow_loss_fraction: Sampled = quantity(Range(20.0, 60.0), "percent", 0.0, 100.0)
+    shadow_width_m: Sampled = quantity(Range(0.1, 0.8), "mm", 0.001, 20.0)
+    line_count: Sampled = quantity(fixed(1), None, 0, 50)
+    line_depth_m: Sampled = quantity(Range(0.1, 0.3), "mm", 0.0, 50.0)
+    line_level_db: Sampled = quantity(Range(4.0, 12.0), None, -40.0, 80.0)
+    line_thickness_m: Sampled = quantity(Range(8.0, 24.0), "um", 0.5, 1000.0)
+    cover_count: Sampled = quantity(fixed(0), None, 0, 10)
+    cover_height_m: Sampled = quantity(Range(0.1, 0.3), "mm", 0.0, 20.0)
+    cover_level_db: Sampled = quantity(Range(8.0, 20.0), None, -40.0, 80.0)
+    cover_tilt_rad: Sampled = quantity(Range(-1.0, 1.0), "deg", -45.0, 45.0)
+    # where the eye is
+    surface_depth_m: Sampled = quantity(Range(0.35, 0.6), "mm", -20.0, 50.0)
+    eye_shift_m: Sampled = quantity(Range(-0.2, 0.2), "mm", -10.0, 10.0)
+    eye_tilt_rad: Sampled = quantity(fixed(0.0), "deg", -45.0, 45.0)
+    # what the needle does
+    approach_s: Sampled = quantity(Range(2.0, 3.0), None, 0.5, 600.0)
+    ramp_s: Sampled = quantity(Range(0.6, 1.2), None, 0.05, 60.0)
+    hold_s: Sampled = quantity(Range(7.0, 8.0), None, 0.5, 600.0)
+    rest_s: Sampled = quantity(Range(1.5, 2.5), None, 0.0, 600.0)
+    frame_delay_s: Sampled = quantity(Range(4.0, 5.0), None, 0.0, 600.0)
+    relaxation_fraction: Sampled = quantity(Range(5.0, 15.0), "percent", 0.0, 90.0)
+    relaxation_time_s: Sampled = quantity(Range(1.0, 3.0), None, 0.05, 600.0)
+    # the force sensor
+    sample_rate_hz: float = quantity(200.0, None, 100.0, 20_000.0)
+    force_step_n: float = quantity(5.0, "mn", 0.0, 1000.0)
+    force_noise_n: Sampled = quantity(Range(2.5, 3.5), "mn", 0.0, 1000.0)
+    force_offset_n: Sampled = quantity(Range(-20.0, 20.0), "mn", -10_000.0, 10_000.0)
+    force_drift_n_per_s: Sampled = quantity(Range(-0.3, 0.3), "mn_per_min", -1000.0, 1000.0)
+    cross_talk_fraction: Sampled = quantity(Range(-3.0, 3.0), "percent", -100.0, 100.0)
+    torque_noise_nm: Sampled = quantity(fixed(0.1), "mnm", 0.0, 1000.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        for key in ("shadow_count", "line_count", "cover_count"):
+            count = getattr(self, key)
+            if isinstance(count, Range) or any(value != int(value) for value in count.values):
+                raise StudyError(f"{key}: give a list of whole numbers, like [0, 1, 2]")
+        if self.frame_delay_s.bounds[1] > self.hold_s.bounds[0]:
+            raise StudyError("frame_delay_s: a frame would be taken after the push is over; make hold_s longer")
