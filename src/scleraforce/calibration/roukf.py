@@ -1,0 +1,259 @@
+"""Reduced-order unscented Kalman filter for states and parameters (Moireau and Chapelle 2011; paper sec. 2.2).
+
+The uncertainty lives in a space of p directions, whatever the number n of states: P = L U^-1 L^T, L of shape (n, p),
+U of shape (p, p). For a static model the state is a function of the parameters and is not carried: then n = p.
+
+One step, with sampling points I_i and weights alpha_i (D = diag(alpha)):
+
+- sampling      x_i = x+ + L R I_i, with R R^T = U^-1, R lower triangular
+- prediction    x_i = A(x_i),  x- = sum alpha_i x_i,  L = [x*] D [I*]^T
+- observation   z_i = H(x_i),  HL = [z*] D [I*]^T
+- correction    U = 1 + HL^T (W + Omega)^-1 HL,  x+ = x- + L U^-1 HL^T (W + Omega)^-1 (y - sum alpha_i z_i)
+
+with Omega = [z*] D [z*]^T - HL HL^T, the part of the spread of z that is not linear in the p directions. It vanishes
+for simplex points, and the correction is then literally that of the paper; for other points it makes P and the gain
+those of the full-order UKF (Woodbury's identity). The step may be iterated: the sampling is repeated about the
+posterior and the *prior* is corrected with the linearisation found there (García-Fernández et al. 2015, iterated posterior
+linearisation). One iteration is the plain filter; more are needed where the prior is wide and the observation is not
+linear, because the plain filter then believes its first step far more than it may.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from scleraforce.calibration.sigma_points import SigmaPoints
+
+__all__ = ["FilterParams", "Posterior", "StepResult", "filter_step", "initial_posterior"]
+
+Array = NDArray[np.float64]
+Operator = Callable[[Array], Array]  # sigma points (r, n) -> states (r, n) or observations (r, m)
+
+WINDOW = 5  # updates over which the innovations are watched for divergence
+DIVERGENCE_PROBABILITY = 1e-6  # of a false alarm in one window, were the model right
+LARGEST_GATED_SHARE = 0.3  # more outliers than this are no outliers: the model does not fit the frame
+
+
+class FilterParams(NamedTuple):
+    """How the filter runs; nothing in it changes from step to step."""
+
+    sigma: SigmaPoints
+    iterations: int = 1  # at most; 1 is the plain filter
+    tolerance: float = 1e-3  # of an iteration, in posterior standard deviations
+    gate: float = np.inf  # normalised innovation from which an observation is an outlier
+    inflate: bool = False  # scale the noise of a frame that does not fit by its innovation (Birge's ratio)
+
+
+class Posterior(NamedTuple):
+    """What is known: mean, and covariance in reduced form."""
+
+    mean: Array  # x, shape (n,)
+    factor: Array  # L, shape (n, p)
+    precision: Array  # U, shape (p, p)
+    updates: int = 0
+    recent: tuple[tuple[float, int], ...] = ()  # (normalised innovation squared, observations) of the last updates
+
+    @property
+    def covariance(self) -> Array:
+        """P = L U^-1 L^T, shape (n, n)."""
+        return self.factor @ _solve(self.precision, self.factor.T)
+
+
+class StepResult(NamedTuple):
+    """One step: the posterior, and what was seen on the way."""
+
+    posterior: Posterior
+    predicted: Array  # observation predicted before the step, shape (m,)
+    innovation: Array  # observed minus predicted, shape (m,)
+    nis: float  # normalised innovation squared of what was kept; about `observations` when the model is right
+    observations: int  # number kept
+    gated: tuple[int, ...]  # indices of the observations left out
+    inflation: float  # factor on the noise covariance (1: as given)
+    iterations: int
+    status: str  # "ok", or a sentence
+
+
+class _Linear(NamedTuple):
+    """The observation, linear in the reduced coordinates v about the sampled region: z = offset + slope v + noise."""
+
+    offset: Array  # (m,)
+    slope: Array  # (m, p)
+    noise: Array  # W + Omega, (m, m)
+
+
+def initial_posterior(mean: Array, covariance: Array) -> Posterior:
+    """Return the prior N(mean (n,), covariance (n, n)) with L its Cholesky factor and U = 1.
+
+    Raises:
+        numpy.linalg.LinAlgError: the covariance is not positive definite.
+    """
+    mean = np.asarray(mean, dtype=np.float64)
+    return Posterior(mean, np.linalg.cholesky(np.asarray(covariance, dtype=np.float64)), np.eye(len(mean)))
+
+
+def filter_step(
+    params: FilterParams,
+    posterior: Posterior,
+    observe: Operator,
+    observation: Array,
+    noise_covariance: Array,
+    propagate: Operator | None = None,
+) -> StepResult:
+    """Assimilate one observation vector.
+
+    Args:
+        params: how the filter runs.
+        posterior: of the step before, or `initial_posterior`.
+        observe: H; takes sigma points (r, n), returns predicted observations (r, m).
+        observation: y, shape (m,).
+        noise_covariance: W, shape (m, m), positive definite.
+        propagate: A; takes and returns sigma points (r, n). None: the state does not move.
+
+    Returns:
+        The posterior and the innovation. A step that fails keeps the old posterior, and `status` says why.
+    """
+    states_rn, prior = _predict(params, posterior, propagate)
+    observed = np.asarray(observation, dtype=np.float64)
+    first_rm = observe(states_rn)
+    predicted = params.sigma.weights_r @ first_rm
+    failed = StepResult(posterior, predicted, observed - predicted, np.inf, 0, (), 1.0, 0, "")
+    if not np.isfinite(first_rm).all() or len(observed) == 0:
+        return failed._replace(status="diverged: the model cannot be evaluated at the sigma points")
+    fit = _fit(params, _Frame(prior, observe, first_rm, observed, noise_covariance))
+    if fit is None:
+        return failed._replace(status="diverged: the iteration left the region in which the model can be evaluated")
+    count, nis = int(fit.kept.sum()), _normalised_innovation(fit.linear, observed, fit.kept)
+    inflation = max(1.0, nis / count) if params.inflate else 1.0
+    inflated = fit.linear._replace(noise=fit.linear.noise * inflation)
+    shift, precision = _correct(inflated, observed, fit.kept)
+    recent = (*posterior.recent, (nis, count))[-WINDOW:]
+    corrected = Posterior(prior.mean + prior.factor @ shift, prior.factor, precision, posterior.updates + 1, recent)
+    gated = tuple(int(index) for index in np.flatnonzero(~fit.kept))
+    status = _status(recent)
+    innovation = observed - predicted
+    return StepResult(corrected, predicted, innovation, nis, count, gated, inflation, fit.iterations, status)
+
+
+class _Frame(NamedTuple):
+    """What one correction works on."""
+
+    prior: Posterior
+    observe: Operator
+    first_rm: Array  # observations predicted at the propagated sigma points
+    observed: Array
+    noise: Array
+
+
+class _Fit(NamedTuple):
+    linear: _Linear
+    kept: NDArray[np.bool_]
+    iterations: int
+
+
+def _fit(params: FilterParams, frame: _Frame) -> _Fit | None:
+    """Linearise, leave out outliers one by one and linearise again; None where the model cannot be evaluated."""
+    kept = np.ones(len(frame.observed), dtype=bool)
+    allowed = LARGEST_GATED_SHARE * len(kept)
+    while True:
+        fit = _linearise(params, frame, kept)
+        if fit is None:
+            return None
+        worst, size = _worst(fit.linear, frame.observed, kept)
+        if size <= params.gate:
+            return fit
+        kept = kept.copy()
+        kept[worst] = False
+        if len(kept) - kept.sum() > allowed:
+            return _linearise(params, frame, np.ones(len(kept), dtype=bool))
+
+
+def _predict(params: FilterParams, posterior: Posterior, propagate: Operator | None) -> tuple[Array, Posterior]:
+    """Sample, propagate, and return the propagated points (r, n) with the prior of the correction (U = 1)."""
+    points, weights = params.sigma
+    root = np.linalg.cholesky(np.linalg.inv(posterior.precision))
+    states_rn = posterior.mean + points @ (posterior.factor @ root).T
+    if propagate is None:
+        return states_rn, posterior._replace(factor=posterior.factor @ root, precision=np.eye(len(root)))
+    states_rn = propagate(states_rn)
+    mean = weights @ states_rn
+    factor = (states_rn - mean).T @ (weights[:, None] * points)
+    return states_rn, posterior._replace(mean=mean, factor=factor, precision=np.eye(len(root)))
+
+
+def _linearise(params: FilterParams, frame: _Frame, kept: NDArray[np.bool_]) -> _Fit | None:
+    """Linearise the observation about the (iterated) posterior; None where the model cannot be evaluated there."""
+    points = params.sigma.points_rp
+    prior, dimension = frame.prior, points.shape[1]
+    centre, root = np.zeros(dimension), np.eye(dimension)
+    linear = _regress(params.sigma, frame.first_rm, centre, root, frame.noise)
+    for iteration in range(1, params.iterations):
+        new_centre, precision = _correct(linear, frame.observed, kept)
+        new_root = np.linalg.cholesky(np.linalg.inv(precision))
+        predicted_rm = frame.observe(prior.mean + (new_centre + points @ new_root.T) @ prior.factor.T)
+        if not np.isfinite(predicted_rm).all():
+            return None
+        linear = _regress(params.sigma, predicted_rm, new_centre, new_root, frame.noise)
+        moved = np.abs(_solve(new_root, new_centre - centre)).max()
+        centre, root = new_centre, new_root
+        if moved < params.tolerance:
+            return _Fit(linear, kept, iteration + 1)
+    return _Fit(linear, kept, params.iterations)
+
+
+def _regress(sigma: SigmaPoints, predicted_rm: Array, centre: Array, root: Array, noise: Array) -> _Linear:
+    """Regress predicted observations on the sampled coordinates centre + root I_i; HL where centre = 0, root = 1."""
+    points, weights = sigma
+    mean = weights @ predicted_rm
+    spread = predicted_rm - mean
+    along_points = spread.T @ (weights[:, None] * points)
+    slope = _solve(root.T, along_points.T).T
+    curved = spread.T @ (weights[:, None] * spread) - along_points @ along_points.T
+    return _Linear(mean - slope @ centre, slope, noise + curved)
+
+
+def _correct(linear: _Linear, observed: Array, kept: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return U^-1 HL^T W^-1 (y - z) (p,) and U (p, p) for the prior v ~ N(0, 1)."""
+    slope, noise = linear.slope[kept], linear.noise[np.ix_(kept, kept)]
+    weighted = _solve(noise, slope)
+    precision = np.eye(slope.shape[1]) + slope.T @ weighted
+    precision = (precision + precision.T) / 2
+    return _solve(precision, weighted.T @ (observed - linear.offset)[kept]), precision
+
+
+def _solve(matrix: Array, right: Array) -> Array:
+    return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+
+
+def _innovation_covariance(linear: _Linear, kept: NDArray[np.bool_]) -> Array:
+    slope = linear.slope[kept]
+    return linear.noise[np.ix_(kept, kept)] + slope @ slope.T
+
+
+def _normalised_innovation(linear: _Linear, observed: Array, kept: NDArray[np.bool_]) -> float:
+    innovation = (observed - linear.offset)[kept]
+    return float(innovation @ _solve(_innovation_covariance(linear, kept), innovation))
+
+
+def _worst(linear: _Linear, observed: Array, kept: NDArray[np.bool_]) -> tuple[int, float]:
+    """Return the observation with the largest innovation given all others, and its size in standard deviations.
+
+    Given the others, because a common mode (a pose, a wide prior) makes every plain innovation look harmless
+    (Baarda 1968): w_j = (S^-1 nu)_j / sqrt((S^-1)_jj), which for a single observation is nu / sqrt(S).
+    """
+    inverse = np.linalg.inv(_innovation_covariance(linear, kept))
+    sizes = np.abs(inverse @ (observed - linear.offset)[kept]) / np.sqrt(np.diag(inverse))
+    return int(np.flatnonzero(kept)[sizes.argmax()]), float(sizes.max())
+
+
+def _status(recent: tuple[tuple[float, int], ...]) -> str:
+    """Compare the innovations of the last updates with what the filter expected of them."""
+    nis, count = sum(entry[0] for entry in recent), sum(entry[1] for entry in recent)
+    if not np.isfinite(nis):
+        return "diverged: an innovation is not finite"
+    if nis > chdtri(count, DIVERGENCE_PROBABILITY):
+        ratio = np.sqrt(nis / count)
+        return f"diverged: over the last {len(recent)} frames the model misses the observations by {ratio:.1f} sd"
+    return "ok"

@@ -1,0 +1,241 @@
+"""The filter against three oracles: Kalman's closed form, FilterPy's UKF, and a naive full-order UKF."""
+
+import numpy as np
+import pytest
+from filterpy.kalman import UnscentedKalmanFilter
+from numpy.typing import NDArray
+
+from scleraforce.calibration.roukf import FilterParams, Posterior, filter_step, initial_posterior
+from scleraforce.calibration.sigma_points import RULES, SigmaPoints, sigma_points
+
+Array = NDArray[np.float64]
+
+
+def random_covariance(rng: np.random.Generator, size: int, scale: float = 1.0) -> Array:
+    root = rng.normal(size=(size, size)) * scale
+    return root @ root.T + scale**2 * np.eye(size)
+
+
+def bent(states: Array) -> Array:
+    """Observe p = 3 parameters through five functions that are not linear."""
+    a, b, c = states[..., 0], states[..., 1], states[..., 2]
+    return np.stack([a * b, np.sin(c), a + c**2, np.tanh(0.3 * b), a - b], axis=-1)
+
+
+def moving(states: Array) -> Array:
+    a, b, c = states[..., 0], states[..., 1], states[..., 2]
+    return np.stack([a + 0.1 * b, b + 0.05 * np.sin(a), 0.98 * c + 0.1 * a * b], axis=-1)
+
+
+def naive_ukf_step(
+    sigma: SigmaPoints, mean: Array, covariance: Array, y: Array, noise: Array, move: bool
+) -> tuple[Array, Array]:
+    """One step of a full-order UKF by its textbook sums (Julier and Uhlmann 1997), without process noise."""
+    root = np.linalg.cholesky(covariance)
+    states = [mean + root @ point for point in sigma.points_rp]
+    if move:
+        states = [moving(x) for x in states]
+    mean = sum(w * x for w, x in zip(sigma.weights_r, states, strict=True))
+    observed = [bent(x) for x in states]
+    z = sum(w * h for w, h in zip(sigma.weights_r, observed, strict=True))
+    pxx = sum(w * np.outer(x - mean, x - mean) for w, x in zip(sigma.weights_r, states, strict=True))
+    pxz = sum(w * np.outer(x - mean, h - z) for w, x, h in zip(sigma.weights_r, states, observed, strict=True))
+    pzz = noise + sum(w * np.outer(h - z, h - z) for w, h in zip(sigma.weights_r, observed, strict=True))
+    gain = pxz @ np.linalg.inv(pzz)
+    return mean + gain @ (y - z), pxx - gain @ pzz @ gain.T
+
+
+class PointsForFilterPy:
+    """The rule under test in FilterPy's interface."""
+
+    def __init__(self, sigma: SigmaPoints) -> None:
+        self.sigma = sigma
+        self.Wm = self.Wc = sigma.weights_r
+
+    def num_sigmas(self) -> int:
+        return len(self.Wm)
+
+    def sigma_points(self, x: Array, P: Array) -> Array:
+        return x + self.sigma.points_rp @ np.linalg.cholesky(P).T
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("iterations", [1, 4])
+def test_linear_observation_of_a_gaussian_gives_the_kalman_filter(rule: str, iterations: int) -> None:
+    rng = np.random.default_rng(1)
+    params = FilterParams(sigma_points(rule, 3), iterations=iterations, tolerance=0.0)
+    mean, covariance = rng.normal(size=3), random_covariance(rng, 3)
+    posterior = initial_posterior(mean, covariance)
+    for _ in range(20):
+        H, R, y = rng.normal(size=(5, 3)), random_covariance(rng, 5, 0.5), rng.normal(size=5)
+        posterior = filter_step(params, posterior, lambda x, H=H: x @ H.T, y, R).posterior
+        gain = covariance @ H.T @ np.linalg.inv(H @ covariance @ H.T + R)
+        mean, covariance = mean + gain @ (y - H @ mean), (np.eye(3) - gain @ H) @ covariance
+        np.testing.assert_allclose(posterior.mean, mean, rtol=1e-10, atol=1e-10)
+        np.testing.assert_allclose(posterior.covariance, covariance, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_state_and_parameters_of_a_linear_system_give_the_kalman_filter(rule: str) -> None:
+    """State-parameter form: a state of 6, uncertain in 2 parameters only; P has rank 2 throughout."""
+    rng = np.random.default_rng(2)
+    A = np.block(
+        [[0.9 * np.eye(4) + 0.05 * rng.normal(size=(4, 4)), rng.normal(size=(4, 2))], [np.zeros((2, 4)), np.eye(2)]]
+    )
+    L = np.vstack([np.zeros((4, 2)), np.linalg.cholesky(random_covariance(rng, 2))])
+    mean, covariance = rng.normal(size=6), L @ L.T
+    posterior, params = Posterior(mean, L, np.eye(2)), FilterParams(sigma_points(rule, 2))
+    for _ in range(12):
+        H, R, y = rng.normal(size=(3, 6)), random_covariance(rng, 3), rng.normal(size=3)
+        step = filter_step(params, posterior, lambda x, H=H: x @ H.T, y, R, propagate=lambda x: x @ A.T)
+        posterior = step.posterior
+        mean, covariance = A @ mean, A @ covariance @ A.T
+        gain = covariance @ H.T @ np.linalg.inv(H @ covariance @ H.T + R)
+        mean, covariance = mean + gain @ (y - H @ mean), (np.eye(6) - gain @ H) @ covariance
+        np.testing.assert_allclose(posterior.mean, mean, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(posterior.covariance, covariance, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("rule", "move"), [("simplex", False), ("simplex", True), ("canonical", False), ("star", False)]
+)
+def test_every_step_equals_the_full_order_ukf(rule: str, move: bool) -> None:
+    """A move that is not linear leaves the span of the p directions unless the points are a simplex."""
+    rng = np.random.default_rng(3)
+    sigma = sigma_points(rule, 3)
+    mean, covariance = rng.normal(size=3), random_covariance(rng, 3, 0.5)
+    for _ in range(15):
+        R, y = random_covariance(rng, 5, 0.3), rng.normal(size=5)
+        prior = initial_posterior(mean, covariance)
+        posterior = filter_step(FilterParams(sigma), prior, bent, y, R, moving if move else None).posterior
+        mean, covariance = naive_ukf_step(sigma, mean, covariance, y, R, move)
+        np.testing.assert_allclose(posterior.mean, mean, rtol=1e-9, atol=1e-10)
+        np.testing.assert_allclose(posterior.covariance, covariance, rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_every_step_equals_filterpys_ukf_with_the_same_points(rule: str) -> None:
+    rng = np.random.default_rng(4)
+    sigma = sigma_points(rule, 3)
+    peer = UnscentedKalmanFilter(3, 5, 1.0, bent, lambda x, _: x, PointsForFilterPy(sigma))
+    peer.x, peer.P, peer.Q = rng.normal(size=3), random_covariance(rng, 3, 0.5), np.zeros((3, 3))
+    posterior = initial_posterior(peer.x, peer.P)
+    for _ in range(15):
+        peer.R, y = random_covariance(rng, 5, 0.3), rng.normal(size=5)
+        peer.predict()
+        peer.update(y)
+        posterior = filter_step(FilterParams(sigma), posterior, bent, y, peer.R).posterior
+        np.testing.assert_allclose(posterior.mean, peer.x, rtol=1e-9, atol=1e-10)
+        np.testing.assert_allclose(posterior.covariance, peer.P, rtol=1e-8, atol=1e-10)
+
+
+def test_covariance_stays_positive_definite_over_ten_thousand_steps() -> None:
+    rng = np.random.default_rng(5)
+    params, posterior = FilterParams(sigma_points("simplex", 3)), initial_posterior(np.zeros(3), 100 * np.eye(3))
+    for _ in range(10_000):
+        posterior = filter_step(params, posterior, bent, rng.normal(size=5), 1e-4 * np.eye(5)).posterior
+        assert np.linalg.eigvalsh(posterior.covariance).min() > 0
+    assert posterior.updates == 10_000
+
+
+def test_covariance_stays_positive_definite_with_noise_of_very_different_sizes() -> None:
+    rng = np.random.default_rng(6)
+    params, posterior = FilterParams(sigma_points("star", 3)), initial_posterior(np.zeros(3), 100 * np.eye(3))
+    noise = np.diag([1e-8, 1e-4, 1.0, 1e2, 1e4])
+    truth = bent(np.array([0.5, -1.0, 0.3]))
+    for _ in range(300):
+        posterior = filter_step(params, posterior, bent, truth + np.sqrt(noise) @ rng.normal(size=5), noise).posterior
+        assert np.linalg.eigvalsh(posterior.covariance).min() > 0
+
+
+def inverse_law(states: Array) -> Array:
+    """Like a dent: proportional to 1/E, with E = exp(x)."""
+    return np.exp(-states[:, :1]) * np.linspace(0.2, 1.0, 8)
+
+
+def assimilate_inverse_law(iterations: int) -> Posterior:
+    rng = np.random.default_rng(7)
+    params = FilterParams(sigma_points("simplex", 1), iterations=iterations)
+    posterior = initial_posterior(np.array([0.3]), np.array([[0.4]]))
+    for _ in range(10):
+        y = inverse_law(np.array([[-0.6]]))[0] + 0.02 * rng.normal(size=8)
+        posterior = filter_step(params, posterior, inverse_law, y, 0.02**2 * np.eye(8)).posterior
+    return posterior
+
+
+def test_iterating_a_step_is_honest_where_a_wide_prior_meets_a_curved_observation() -> None:
+    iterated = assimilate_inverse_law(8)
+    assert abs(iterated.mean[0] + 0.6) < 2 * np.sqrt(iterated.covariance[0, 0])
+
+
+def test_without_iterating_the_first_step_is_surer_than_it_may_be() -> None:
+    plain = assimilate_inverse_law(1)
+    assert abs(plain.mean[0] + 0.6) > 2 * np.sqrt(plain.covariance[0, 0])
+
+
+def test_an_outlier_is_gated_and_reported_and_leaves_the_posterior_as_without_it() -> None:
+    rng = np.random.default_rng(8)
+    H, prior = rng.normal(size=(10, 2)), initial_posterior(np.zeros(2), 25 * np.eye(2))
+    params = FilterParams(sigma_points("simplex", 2), gate=4.0)
+    y = H @ np.array([1.0, -2.0]) + 0.1 * rng.normal(size=10)
+    y[6] += 3.0
+    step = filter_step(params, prior, lambda x: x @ H.T, y, 0.01 * np.eye(10))
+    rest = np.arange(10) != 6
+    clean = filter_step(params, prior, lambda x: x @ H[rest].T, y[rest], 0.01 * np.eye(9))
+    assert step.gated == (6,)
+    assert step.observations == 9
+    np.testing.assert_allclose(step.posterior.mean, clean.posterior.mean)
+    np.testing.assert_allclose(step.posterior.covariance, clean.posterior.covariance)
+
+
+def test_gating_spares_observations_that_the_model_explains() -> None:
+    rng = np.random.default_rng(9)
+    H, params = rng.normal(size=(10, 2)), FilterParams(sigma_points("simplex", 2), gate=5.0)
+    posterior = initial_posterior(np.zeros(2), np.eye(2))
+    truth = rng.normal(size=2)
+    for _ in range(100):
+        step = filter_step(params, posterior, lambda x: x @ H.T, H @ truth + rng.normal(size=10), np.eye(10))
+        posterior = step.posterior
+        assert step.gated == ()
+        assert step.status == "ok"
+
+
+def test_a_frame_full_of_outliers_is_no_set_of_outliers_but_a_misfit_that_widens_the_noise() -> None:
+    rng = np.random.default_rng(10)
+    H, y = rng.normal(size=(10, 2)), 50 * rng.normal(size=10)
+    prior, params = (
+        initial_posterior(np.zeros(2), np.eye(2)),
+        FilterParams(sigma_points("simplex", 2), gate=4.0, inflate=True),
+    )
+    step = filter_step(params, prior, lambda x: x @ H.T, y, 0.01 * np.eye(10))
+    assert step.gated == ()
+    assert step.inflation == pytest.approx(step.nis / 10)
+    assert step.inflation > 100
+    fitted = filter_step(FilterParams(params.sigma), prior, lambda x: x @ H.T, y, 0.01 * step.inflation * np.eye(10))
+    np.testing.assert_allclose(step.posterior.covariance, fitted.posterior.covariance)
+
+
+def test_a_filter_whose_model_is_wrong_says_that_it_diverges() -> None:
+    rng = np.random.default_rng(11)
+    params, posterior = FilterParams(sigma_points("simplex", 1)), initial_posterior(np.zeros(1), np.eye(1))
+    statuses = []
+    for frame in range(12):
+        y = np.full(10, 0.5 * frame) + 0.1 * rng.normal(size=10)
+        step = filter_step(params, posterior, lambda x: np.repeat(x, 10, axis=1), y, 0.01 * np.eye(10))
+        posterior = step.posterior
+        statuses.append(step.status)
+    assert statuses[0] == "ok"
+    assert statuses[-1].startswith("diverged: over the last 5 frames")
+
+
+def test_a_model_that_cannot_be_evaluated_keeps_the_posterior_and_says_so() -> None:
+    prior = initial_posterior(np.zeros(1), np.eye(1))
+    step = filter_step(
+        FilterParams(sigma_points("simplex", 1)),
+        prior,
+        lambda x: np.full((2, 3), np.nan) * x[:, :1],
+        np.zeros(3),
+        np.eye(3),
+    )
+    assert step.posterior is prior
+    assert "cannot be evaluated" in step.status
