@@ -1,1 +1,1 @@
-"""TODO."""
+"""Reporting: figures and pages that show a run beside the paper."""

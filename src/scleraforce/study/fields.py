@@ -35,8 +35,8 @@ class Unit:
         return float(f"{value * self.si_factor:.15g}") if self.name else value
 
     def from_si(self, value: float) -> float:
-        """Return an SI value in the human unit, free of the last bit's rounding."""
-        return float(f"{value / self.si_factor:.15g}") if self.name else value
+        """Return an SI value in the human unit, free of the rounding of `to_si`: 58 deg come back as 58 deg."""
+        return float(f"{value / self.si_factor:.14g}") if self.name else value
 
 
 def quantity(default: Any, unit: str | None = None, low: float | None = None, high: float | None = None) -> Any:
@@ -67,9 +67,9 @@ def field_key(item: Field[Any]) -> str:
 def map_numbers(value: Any, change: Callable[[float], float]) -> Any:
     """Apply `change` to every number in a field's value (nested tuples, Choice and Range included)."""
     if isinstance(value, Choice):
-        return Choice(tuple(change(v) for v in value.values))
+        return Choice(tuple(float(change(v)) for v in value.values))
     if isinstance(value, Range):
-        return Range(change(value.min), change(value.max))
+        return Range(float(change(value.min)), float(change(value.max)))
     if isinstance(value, tuple):
         return tuple(map_numbers(v, change) for v in value)
     if isinstance(value, float) or (isinstance(value, int) and not isinstance(value, bool)):

@@ -1,0 +1,199 @@
+"""A study is read from TOML and written back; what cannot be used is an error that names its line."""
+
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scleraforce.errors import StudyError
+from scleraforce.study import (
+    PAPER_STUDY_TOML,
+    Choice,
+    DatasetGroup,
+    DatasetStudy,
+    NetworkStudy,
+    OctStudy,
+    Range,
+    Study,
+    fixed,
+    format_study,
+    parse_study,
+    read_study,
+    study_hash,
+)
+from scleraforce.study.fields import Unit, field_key, field_unit
+
+
+def human_number(unit: Unit) -> st.SearchStrategy[float]:
+    """Any number that the unit's bounds allow, as one would write it in a file (six digits)."""
+    low = -1e6 if unit.low is None else unit.low
+    high = 1e6 if unit.high is None else unit.high
+    return st.floats(low, high, allow_nan=False).map(lambda v: min(max(float(f"{v:.6g}"), low), high))
+
+
+def changed(record: Any, item: Any) -> st.SearchStrategy[Any]:
+    """The record with another value in one field."""
+    unit, hint = field_unit(item), get_type_hints(type(record))[item.name]
+    number = human_number(unit).map(unit.to_si)
+    if unit.words:
+        value: st.SearchStrategy[Any] = st.sampled_from(unit.words)
+    elif isinstance(hint, UnionType) and Range in get_args(hint):
+        pair = st.tuples(number, number).map(sorted)
+        value = st.lists(number, min_size=1, max_size=4).map(lambda v: Choice(tuple(v))) | pair.map(lambda p: Range(*p))
+    elif get_origin(hint) is tuple:
+        value = st.just(getattr(record, item.name))
+    elif hint is bool:
+        value = st.booleans()
+    elif hint is int:
+        value = st.integers(int(unit.low or 0), int(min(unit.high or 1e6, 10**6)))
+    else:
+        value = number
+    return value.map(lambda v: _replaced(record, item.name, v))
+
+
+def _replaced(record: Any, name: str, value: Any) -> Any:
+    """The record with a new value; the old one where the fields do not fit together."""
+    try:
+        return replace(record, **{name: value})
+    except StudyError:
+        return record
+
+
+SECTIONS = [(section.name, item) for section in fields(Study) for item in fields(getattr(Study(), section.name))]
+
+
+@st.composite
+def studies(draw: st.DrawFn) -> Study:
+    """The paper's study with up to eight fields changed."""
+    study = Study()
+    for name, item in draw(st.lists(st.sampled_from(SECTIONS), max_size=8)):
+        if not is_dataclass(item.type):
+            study = replace(study, **{name: draw(changed(getattr(study, name), item))})
+    return study
+
+
+@settings(max_examples=60, deadline=None)
+@given(studies())
+def test_a_study_survives_being_written_and_read(study: Study) -> None:
+    again = parse_study(format_study(study))
+    assert study_hash(again) == study_hash(parse_study(format_study(again)))
+    for section in fields(Study):
+        for item in fields(getattr(study, section.name)):
+            written, read = (getattr(getattr(s, section.name), item.name) for s in (study, again))
+            assert _close(written, read), f"{section.name}.{item.name}: {written} became {read}"
+
+
+def _close(written: Any, read: Any) -> bool:
+    match written:
+        case Choice():
+            return isinstance(read, Choice) and _close(written.values, read.values)
+        case Range():
+            return isinstance(read, Range) and _close(written.bounds, read.bounds)
+        case tuple():
+            return len(written) == len(read) and all(map(_close, written, read))
+        case float():
+            return bool(read == pytest.approx(written, rel=1e-13, abs=0.0))
+        case _:
+            return bool(written == read)
+
+
+def test_the_commented_paper_study_is_the_defaults() -> None:
+    assert parse_study(PAPER_STUDY_TOML) == Study()
+
+
+def test_the_commented_paper_study_and_the_defaults_have_one_hash() -> None:
+    assert study_hash(parse_study(PAPER_STUDY_TOML)) == study_hash(Study()) == study_hash(parse_study(""))
+
+
+def test_the_commented_paper_study_names_every_key() -> None:
+    for section in fields(Study):
+        for item in fields(getattr(Study(), section.name)):
+            key = f"[[{section.name}.group]]" if item.name == "group" else field_key(item) + " ="
+            assert key in PAPER_STUDY_TOML, f"{section.name}.{key} is missing from paper.toml"
+
+
+def test_every_change_of_a_value_changes_the_hash() -> None:
+    assert study_hash(replace(Study(), network=NetworkStudy(seed=1))) != study_hash(Study())
+
+
+def test_values_are_si_inside_and_exact() -> None:
+    study = parse_study("[eye]\nthickness_um = [400, 655.5]\n[needle]\npolar_angle_deg = { min = 0, max = 45 }")
+    assert study.eye.thickness_m == Choice((0.0004, 0.0006555))
+    assert study.needle.polar_angle_rad.bounds == pytest.approx((0.0, 0.7853981633974483))
+
+
+def test_a_single_number_is_a_choice_of_one() -> None:
+    assert parse_study("[dataset]\ngap_mm = 0.5").dataset.gap_m == fixed(0.0005)
+
+
+def test_groups_are_read_in_order() -> None:
+    text = "[[dataset.group]]\nthickness_um = 400\n[[dataset.group]]\nthickness_um = 800\nimages = 7"
+    assert parse_study(text).dataset.group == (DatasetGroup(thickness_m=4e-4), DatasetGroup(8e-4, images=7))
+
+
+BAD = [
+    ("[eye]\nradius_mm = 12.0\niris = 3", 3, "eye.iris: unknown key; known here: radius_mm"),
+    ("[lens]\nx = 1", 1, "lens: unknown key; known here: eye, mesh"),
+    ("eye = 3", 1, "eye: expected a table [eye]"),
+    ("[eye]\n\npoisson_ratio = 0.6", 3, "eye.poisson_ratio: 0.6 is above the largest allowed value 0.499"),
+    ("[eye]\nradius_mm = 1", 2, "eye.radius_mm: 1 is below the smallest allowed value 5"),
+    ('[eye]\nradius_mm = "wide"', 2, "eye.radius_mm: expected a number, found 'wide'"),
+    ("[eye]\nradius_mm = nan", 2, "eye.radius_mm: nan is not a finite number"),
+    ("[eye]\nradius_mm = inf", 2, "eye.radius_mm: inf is not a finite number"),
+    ("[eye]\nthickness_um = []", 2, "eye.thickness_um: an empty list"),
+    ("[eye]\nthickness_um = [400, true]", 2, "eye.thickness_um: expected a number, found True"),
+    ("[eye]\nthickness_um = { min = 500, max = 400 }", 2, "eye.thickness_um: min is larger than max"),
+    ("[eye]\nthickness_um = { min = 500 }", 2, "eye.thickness_um: a range is { min = a, max = b }"),
+    ("[mesh]\norder = 2\ndivisions = 7", 3, "mesh.divisions: 7 is odd"),
+    ("[mesh]\norder = 1.5", 2, "mesh.order: expected a whole number, found 1.5"),
+    ("[mesh]\norder = true", 2, "mesh.order: expected a whole number, found True"),
+    ('[mesh]\nkind = "tetrahedra"', 2, "mesh.kind: 'tetrahedra' is not one of hexahedra"),
+    ("[classes]\nbounds_mn = [30, 5]", 2, "classes.bounds_mn: give two increasing forces"),
+    ("[classes]\nbounds_mn = 5", 2, "classes.bounds_mn: expected a list"),
+    ("[calibration]\npositive = 1", 2, "calibration.positive: expected true or false, found 1"),
+    ("[dataset]\ngroup = 3", 2, "dataset.group: expected a list of tables [[dataset.group]]"),
+    ("[dataset]\ngroup = []", 2, "dataset.group: give at least one"),
+    (
+        "[[dataset.group]]\nimages = 3\n[[dataset.group]]\n\nimages = 0",
+        5,
+        "dataset.group.images: 0 is below the smallest allowed value 1",
+    ),
+    ("[network]\nhidden = [600, 0]", 2, "network.hidden: 0 is below the smallest allowed value 1"),
+    ("[eye]\nradius_mm = 12\n[eye]", 3, "not TOML"),
+]
+
+
+@pytest.mark.parametrize(("text", "line", "message"), BAD, ids=[entry[2].partition(":")[0] for entry in BAD])
+def test_what_cannot_be_used_is_named_with_its_line(text: str, line: int, message: str) -> None:
+    with pytest.raises(StudyError) as fault:
+        parse_study(text, "my.toml")
+    said = str(fault.value)
+    assert message in said
+    assert said.startswith(f"my.toml:{line}: ") or f"line {line}" in said
+    assert "\n" not in said
+
+
+def test_a_missing_file_is_named_with_a_way_out(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match=r"study\.toml: No such file or directory; `scleraforce init DIR` writes"):
+        read_study(tmp_path / "study.toml")
+
+
+def test_a_binary_file_is_named(tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(StudyError, match="not UTF-8 text"):
+        read_study(tmp_path / "study.toml")
+
+
+def test_a_text_with_quotes_and_backslashes_is_escaped() -> None:
+    from scleraforce.study.toml import _format_value
+
+    assert _format_value('a"b\\c') == '"a\\"b\\\\c"'
+
+
+def test_a_section_left_out_has_the_defaults() -> None:
+    assert parse_study("[oct]\nbits = 8").oct == OctStudy(bits=8)
+    assert parse_study("[oct]\nbits = 8").dataset == DatasetStudy()

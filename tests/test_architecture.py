@@ -1,0 +1,135 @@
+"""The rooms and their order (docs/architecture.md) hold in the code: imports, purity, what the runtime needs."""
+
+import ast
+import subprocess
+import sys
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import scleraforce
+
+ROOT = Path(scleraforce.__file__).parent
+ORDER = [
+    "units", "errors", "study", "eye", "mechanics", "imaging", "recording", "calibration", "dataset", "reader",
+    "learning", "monitor", "service", "report", "cli",
+]  # fmt: skip
+PURE = ["eye", "mechanics", "imaging", "calibration", "monitor"]
+IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}
+IMPURE_CALLS = {"print", "open", "input"}
+COPYLEFT = {"felupe", "sksparse", "pyFAI", "PyQt5", "PyQt6", "gmsh", "dolfin", "cholespy", "Sofa"}
+BIG = ["scipy", "skfem", "torch", "zarr", "matplotlib", "pydicom", "tifffile", "tqdm", "onnx", "pandas"]
+# What the runtime in the control loop uses: it must come up with NumPy, OpenCV and ONNX Runtime alone.
+RUNTIME = ["imaging.segmentation", "reader"]
+# Fraction of the suite's claims that need each module file: all of them.
+MODULES = sorted(path for path in ROOT.rglob("*.py"))
+
+
+def dotted(path: Path) -> str:
+    """The module's name below `scleraforce` (empty for the package itself)."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(part for part in parts if part != "__init__")
+
+
+def room(name: str) -> str:
+    return name.split(".")[0]
+
+
+@cache
+def tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def imported(path: Path) -> set[str]:
+    """Every module that a file imports, by its full name, wherever the statement stands."""
+    names: set[str] = set()
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import; write scleraforce..."
+            names |= {node.module or ""} | {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def test_the_rooms_are_those_of_the_picture() -> None:
+    found = {room(dotted(path)) for path in MODULES} - {""}
+    assert found <= set(ORDER), f"a room that the order does not name: {found - set(ORDER)}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=dotted)
+def test_imports_point_one_way(path: Path) -> None:
+    here = room(dotted(path))
+    if not here:
+        return
+    for name in imported(path):
+        if name.startswith("scleraforce.") and room(name.removeprefix("scleraforce.")) in ORDER:
+            there = room(name.removeprefix("scleraforce."))
+            assert ORDER.index(there) <= ORDER.index(here), f"{dotted(path)} imports {name}, a room after its own"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=dotted)
+def test_only_learning_imports_torch_and_nothing_copyleft_is_imported(path: Path) -> None:
+    roots = {name.split(".")[0] for name in imported(path)}
+    if room(dotted(path)) != "learning":
+        assert not roots & {"torch", "onnx"}
+    assert not roots & COPYLEFT
+
+
+@pytest.mark.parametrize("path", [p for p in MODULES if room(dotted(p)) in PURE], ids=dotted)
+def test_pure_rooms_touch_no_file_clock_socket_or_global_random_state(path: Path) -> None:
+    roots = {name.split(".")[0] for name in imported(path)}
+    assert not roots & IMPURE_MODULES, f"{dotted(path)} imports {roots & IMPURE_MODULES}"
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Call):
+            called = ast.unparse(node.func)
+            assert called not in IMPURE_CALLS, f"{dotted(path)}:{node.lineno}: {called}()"
+            last = called.rpartition("np.random.")[2]
+            assert "np.random." not in called or last in {"default_rng", "SeedSequence"}, f"{dotted(path)}: {called}"
+        if isinstance(node, ast.Attribute):
+            assert ast.unparse(node) not in {"os.environ", "os.getenv"}, f"{dotted(path)}:{node.lineno}: environment"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=dotted)
+def test_every_module_says_what_it_is_for(path: Path) -> None:
+    docstring = ast.get_docstring(tree(path))
+    assert docstring, f"{path}: no docstring"
+    assert len(docstring) > 20, f"{path}: {docstring!r} says nothing"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=dotted)
+def test_all_names_exactly_what_is_public(path: Path) -> None:
+    name = ".".join(filter(None, ["scleraforce", dotted(path)]))
+    body = tree(path).body
+    listed = [n for n in body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "__all__"]
+    if not any(isinstance(n, ast.FunctionDef | ast.ClassDef | ast.Import | ast.ImportFrom) for n in body):
+        return
+    assert listed, f"{name}: no __all__"
+    public = ast.literal_eval(listed[0].value)
+    assert sorted(set(public)) == sorted(public), f"{name}: __all__ names something twice"
+    module = import_module(name)
+    for entry in public:
+        assert hasattr(module, entry), f"{name}: __all__ names {entry}, which is not there"
+
+
+@pytest.mark.parametrize("module", RUNTIME)
+def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only(module: str) -> None:
+    block = (
+        "import sys\n"
+        "class Block:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        f"        if name.split('.')[0] in {set(BIG)!r}:\n"
+        "            raise ImportError(f'the runtime must not need {name}')\n"
+        "sys.meta_path.insert(0, Block())\n"
+        f"import scleraforce.{module}\n"
+    )
+    done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_files_stay_small() -> None:
+    lengths = {dotted(path): len(path.read_text(encoding="utf-8").splitlines()) for path in MODULES}
+    too_long = {name: length for name, length in lengths.items() if length > 400}
+    assert not too_long, f"look for two rooms in one: {too_long}"
