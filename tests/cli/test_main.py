@@ -1,0 +1,160 @@
+"""What every command promises: exit codes, one error line, pure JSON on standard output, a clean Ctrl-C."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from math import inf, nan
+from pathlib import Path
+
+import click
+import pytest
+
+from scleraforce.cli import main as entry
+from scleraforce.cli.main import COMMANDS, cli, run
+from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.errors import SolverError, StudyError
+
+SCLERAFORCE = [sys.executable, "-c", "from scleraforce.cli.main import main; main()"]
+
+
+@pytest.fixture
+def fails(monkeypatch: pytest.MonkeyPatch):
+    """Give the command line one more command, `fails`, that raises what the test says."""
+
+    def install(fault: BaseException) -> None:
+        @click.command()
+        def fails() -> None:
+            raise fault
+
+        original = cli.get_command
+        monkeypatch.setattr(cli, "get_command", lambda ctx, name: fails if name == "fails" else original(ctx, name))
+
+    return install
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "line"),
+    [
+        (StudyError("study.toml:3: eye.iris: unknown key"), 2, "error: study.toml:3: eye.iris: unknown key"),
+        (SolverError("load step 3: did not converge"), 1, "error: load step 3: did not converge"),
+        (KeyboardInterrupt(), 130, "error: interrupted"),
+        (ZeroDivisionError("division by zero"), 1, "error: internal fault: ZeroDivisionError: division by zero"),
+        (ValueError("two\nlines"), 1, "error: internal fault: ValueError: two lines"),
+        (click.UsageError("no such thing"), 2, "error: no such thing"),
+    ],
+)
+def test_every_failure_is_one_line_and_its_exit_code(fails, capsys, fault, code, line) -> None:
+    fails(fault)
+    assert run(["fails"]) == code
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.lstrip("\n").startswith(line)
+    assert err.strip().count("\n") == 0
+
+
+def test_a_developer_gets_the_traceback_on_request(fails, monkeypatch) -> None:
+    monkeypatch.setenv("SCLERAFORCE_TRACEBACK", "1")
+    fails(ZeroDivisionError("x"))
+    with pytest.raises(ZeroDivisionError):
+        run(["fails"])
+
+
+@pytest.mark.parametrize("arguments", [["no-such-command"], ["init"], ["--no-such-option"], ["init", "a", "b"]])
+def test_wrong_usage_is_exit_code_2_and_one_line(arguments, capsys) -> None:
+    assert run(arguments) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+
+
+def test_no_arguments_show_the_commands(capsys) -> None:
+    assert run([]) == 2
+    assert "reproduce" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", list(COMMANDS))
+def test_every_command_exists_and_explains_itself(command, capsys) -> None:
+    assert run([command, "--help"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith(f"Usage: scleraforce {command}")
+    assert "--help" in out
+
+
+def test_the_version_is_printed(capsys) -> None:
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("scleraforce, version ")
+
+
+def test_help_imports_no_room() -> None:
+    code = (
+        "import sys; from scleraforce.cli.main import run; run(['--help']); print(sorted(sys.modules), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    for heavy in ("numpy", "cv2", "torch", "matplotlib"):
+        assert f"'{heavy}'" not in done.stderr
+
+
+def test_init_writes_the_paper_study_once(tmp_path: Path, capsys) -> None:
+    assert run(["init", str(tmp_path / "a" / "b")]) == 0
+    assert (tmp_path / "a" / "b" / "study.toml").read_text().startswith("# The study of Mendizabal")
+    capsys.readouterr()
+    assert run(["init", str(tmp_path / "a" / "b")]) == 2
+    assert "exists already; remove it or choose another directory" in capsys.readouterr().err
+
+
+def test_init_into_a_file_says_so(tmp_path: Path, capsys) -> None:
+    (tmp_path / "file").write_text("")
+    assert run(["init", str(tmp_path / "file" / "below")]) == 2
+    assert capsys.readouterr().err.startswith("error: ")
+
+
+def test_json_has_no_number_that_json_does_not_know(capsys) -> None:
+    print_json({"a": nan, "b": [inf, 1.0], "c": {"d": (-inf, 2)}, "e": None, "f": "text"})
+    assert json.loads(capsys.readouterr().out) == {
+        "a": None, "b": [None, 1.0], "c": {"d": [None, 2]}, "e": None, "f": "text",
+    }  # fmt: skip
+
+
+def test_progress_is_silent_where_standard_error_is_no_terminal(capsys) -> None:
+    assert list(progress_bar(range(3), "working")) == [0, 1, 2]
+    assert capsys.readouterr() == ("", "")
+
+
+def test_control_c_in_a_real_process_is_exit_code_130_and_one_line() -> None:
+    # A command that blocks: the test's own `wait`, installed in the child before the entry point runs.
+    code = (
+        "import sys, time, click\n"
+        "from scleraforce.cli import main as entry\n"
+        "@click.command()\n"
+        "def wait():\n"
+        "    print('ready', flush=True)\n"
+        "    time.sleep(60)\n"
+        "entry.cli.get_command = lambda ctx, name: wait\n"
+        "sys.argv = ['scleraforce', 'wait']\n"
+        "entry.main()\n"
+    )
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert child.stdout is not None
+    assert child.stdout.readline() == "ready\n"
+    child.send_signal(signal.SIGINT)
+    _, err = child.communicate(timeout=30)
+    assert child.returncode == 130
+    assert err.strip() == "error: interrupted"  # click puts a line feed before, to leave the terminal's ^C alone
+
+
+def test_a_reader_that_leaves_early_gets_no_traceback() -> None:
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run([*SCLERAFORCE, "--help"], stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(write)
+    assert "Traceback" not in done.stderr
+    assert "Exception ignored" not in done.stderr
+
+
+def test_the_entry_point_of_the_installed_command_is_main() -> None:
+    from importlib.metadata import entry_points
+
+    (script,) = entry_points(group="console_scripts", name="scleraforce")
+    assert script.load() is entry.main
