@@ -4,18 +4,28 @@ import hashlib
 import re
 import tomllib
 from collections import Counter
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from importlib.resources import files
 from pathlib import Path
-from types import UnionType
-from typing import Any, get_args, get_origin, get_type_hints
+from types import NoneType, UnionType
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from scleraforce.errors import StudyError
 from scleraforce.study.fields import field_key, field_unit, map_numbers
 from scleraforce.study.records import Study
 from scleraforce.study.sampled import Choice, Range
 
-__all__ = ["PAPER_STUDY_TOML", "format_study", "parse_study", "read_study", "study_hash"]
+__all__ = [
+    "PAPER_STUDY_TOML",
+    "format_record",
+    "format_study",
+    "parse_record",
+    "parse_study",
+    "read_study",
+    "study_hash",
+]
+
+Record = TypeVar("Record")
 
 PAPER_STUDY_TOML = files("scleraforce.study").joinpath("paper.toml").read_text(encoding="utf-8")
 
@@ -43,18 +53,35 @@ def parse_study(text: str, name: str = "study") -> Study:
     Raises:
         StudyError: naming the file, the line and the key.
     """
+    return parse_record(Study, text, name)
+
+
+def parse_record(kind: type[Record], text: str, name: str) -> Record:
+    """Read any record whose fields are sections (dataclasses) from TOML text; `name` stands in the messages.
+
+    A section or key is required where its field has no default, and may be left out where the field can be None.
+
+    Raises:
+        StudyError: naming the file, the line and the key.
+    """
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as fault:
         raise StudyError(f"{name}: not TOML: {fault}") from fault
-    study = _record(Study, table, (), text, name)
-    assert isinstance(study, Study)
-    return study
+    record = _record(kind, table, (), text, name)
+    assert isinstance(record, kind)
+    return record
 
 
 def format_study(study: Study) -> str:
     """Write a study as TOML that `parse_study` reads back to an equal record."""
-    return "\n\n".join(_format_section(item.name, getattr(study, item.name)) for item in fields(study)) + "\n"
+    return format_record(study)
+
+
+def format_record(record: Any) -> str:
+    """Write a record of sections as TOML that `parse_record` reads back to an equal one; None is left out."""
+    sections = [(item.name, getattr(record, item.name)) for item in fields(record)]
+    return "\n\n".join(_format_section(name, section) for name, section in sections if section is not None) + "\n"
 
 
 def study_hash(study: Study) -> str:
@@ -71,7 +98,7 @@ def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], text: str,
         if key not in known:
             raise StudyError(f"{place}: unknown key; known here: {', '.join(known)}")
         item = known[key]
-        hint = hints[item.name]
+        hint = _required(hints[item.name])
         if is_dataclass(hint):
             if not isinstance(value, dict):
                 raise StudyError(f"{place}: expected a table [{key}]")
@@ -80,6 +107,14 @@ def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], text: str,
             values[item.name] = _records(get_args(hint)[0], value, (*path, key), text, name, place)
         else:
             values[item.name] = map_numbers(_value(hint, value, place), field_unit(item).to_si)
+    missing = [
+        key
+        for key, item in known.items()
+        if item.name not in values and item.default is MISSING and item.default_factory is MISSING
+    ]
+    if missing:
+        place = f"{name}:{_line(text, path, nth)}" if path else name
+        raise StudyError(f"{place}: {'.'.join((*path, missing[0]))}: missing")
     try:
         return kind(**values)
     except StudyError as fault:
@@ -91,6 +126,14 @@ def _records(kind: Any, value: Any, path: tuple[str, ...], text: str, name: str,
     if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value):
         raise StudyError(f"{place}: expected a list of tables [[{'.'.join(path)}]]")
     return tuple(_record(kind, entry, path, text, name, nth) for nth, entry in enumerate(value, start=1))
+
+
+def _required(hint: Any) -> Any:
+    """Return the type of an optional field: `float` for `float | None`; any other type as it is."""
+    if not isinstance(hint, UnionType) or NoneType not in get_args(hint):
+        return hint
+    kinds = [kind for kind in get_args(hint) if kind is not NoneType]
+    return kinds[0] if len(kinds) == 1 else hint
 
 
 def _value(hint: Any, value: Any, place: str) -> Any:
