@@ -13,7 +13,7 @@ from scleraforce.errors import StudyError
 from scleraforce.study.sampled import Choice, Range
 from scleraforce.units import SI_PER_UNIT
 
-__all__ = ["Unit", "check_fields", "field_key", "field_unit", "option", "quantity"]
+__all__ = ["Unit", "check_fields", "field_key", "field_unit", "option", "quantity", "required"]
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,11 @@ def quantity(default: Any, unit: str | None = None, low: float | None = None, hi
 def option(default: str, *words: str) -> Any:
     """Declare a field that holds one of `words`."""
     return field(default=default, metadata={"unit": Unit(words=words)})
+
+
+def required(*words: str, low: float | None = None, high: float | None = None) -> Any:
+    """Declare an SI field without a default: one of `words`, or a value between the bounds where they are given."""
+    return field(metadata={"unit": Unit(low=low, high=high, words=words)})
 
 
 def field_unit(item: Field[Any]) -> Unit:

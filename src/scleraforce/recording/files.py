@@ -1,0 +1,79 @@
+"""Read a recording folder: `recording.toml`, `frames.csv`, `frames/` and, where it was logged, `forces.csv`.
+
+`docs/recordings.md` describes the folder. Frames are read one at a time, by `Recording.frame`.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from scleraforce.errors import RecordingError, StudyError
+from scleraforce.recording.images import Pixels, check_frame, read_frame
+from scleraforce.recording.info import RecordingInfo
+from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, read_frame_list
+from scleraforce.study.toml import parse_record
+
+__all__ = ["Recording", "read_frame", "read_recording"]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One eye's recording: where it lies, what it states, its frames in order, its force log (None: not logged)."""
+
+    path: Path
+    info: RecordingInfo
+    frames: tuple[FrameEntry, ...]
+    forces: ForceLog | None
+
+    def frame_path(self, entry: FrameEntry) -> Path:
+        """Return where a frame's file lies."""
+        return self.path / "frames" / entry.file
+
+    def frame(self, entry: FrameEntry) -> Pixels:
+        """Read a frame, uint8 or uint16 (rows, columns), and check it against recording.toml.
+
+        Raises:
+            FrameError: the file cannot be read, or has another size or more bits than stated.
+        """
+        path = self.frame_path(entry)
+        pixels = read_frame(path)
+        check_frame(pixels, self.info.oct.rows, self.info.oct.columns, self.info.oct.bits, str(path))
+        return pixels
+
+
+def read_recording(path: Path) -> Recording:
+    """Read and check a recording folder; its frames are looked for, but not opened.
+
+    Raises:
+        RecordingError: naming the file, the line and the field.
+    """
+    info = _read_info(path / "recording.toml")
+    frames = read_frame_list(path / "frames.csv")
+    _check_files(path, frames)
+    if not (path / "forces.csv").exists():
+        return Recording(path, info, frames, None)
+    if info.force is None:
+        raise RecordingError(f"{path / 'recording.toml'}: force: missing; forces.csv needs [force] axis, contact_sign")
+    return Recording(path, info, frames, read_force_log(path / "forces.csv", info.force.axis))
+
+
+def _read_info(path: Path) -> RecordingInfo:
+    if not path.parent.is_dir():
+        raise RecordingError(f"{path.parent}: no such folder; give a recording folder")
+    try:
+        return parse_record(RecordingInfo, path.read_text(encoding="utf-8"), str(path))
+    except OSError as fault:
+        raise RecordingError(f"{path}: {fault.strerror}; a recording folder has a recording.toml") from fault
+    except UnicodeDecodeError as fault:
+        raise RecordingError(f"{path}: not UTF-8 text") from fault
+    except StudyError as fault:
+        raise RecordingError(str(fault)) from fault
+
+
+def _check_files(path: Path, frames: tuple[FrameEntry, ...]) -> None:
+    folder = (path / "frames").resolve()
+    for entry in frames:
+        file = path / "frames" / entry.file
+        if not file.resolve().is_relative_to(folder):
+            raise RecordingError(f"{path / 'frames.csv'}: file: {entry.file} leads out of {path / 'frames'}")
+        if not file.is_file():
+            raise RecordingError(f"{path / 'frames.csv'}: file: {file} does not exist")

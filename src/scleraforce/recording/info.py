@@ -1,0 +1,75 @@
+"""The typed record of `recording.toml`: what a laboratory states about one eye's recording. All keys are SI."""
+
+from dataclasses import dataclass
+
+from scleraforce.errors import StudyError
+from scleraforce.study.fields import check_fields, quantity, required
+
+__all__ = ["EyeInfo", "ForceInfo", "NeedleInfo", "OctInfo", "RecordingInfo"]
+
+
+@dataclass(frozen=True)
+class EyeInfo:
+    """The eye: a name, and what was measured on it (None: not measured)."""
+
+    id: str
+    thickness_m: float | None = quantity(None, None, 100e-6, 3e-3)
+    iop_pa: float | None = quantity(None, None, 0.0, 15e3)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if not self.id.strip():
+            raise StudyError("id: empty; give the eye a name")
+
+
+@dataclass(frozen=True)
+class OctInfo:
+    """The frames: pixels, used bits, field of view (black bands included), and the plane's direction and tilt."""
+
+    columns: int = required(low=16, high=16384)
+    rows: int = required(low=16, high=16384)
+    bits: int = required(low=1, high=16)
+    width_m: float = required(low=1e-5, high=0.1)
+    depth_m: float = required(low=1e-5, high=0.1)
+    plane_direction_rad: float = quantity(0.0, None, -6.3, 6.3)
+    plane_tilt_rad: float = quantity(0.0, None, -1.0, 1.0)
+    refractive_index: float = quantity(1.0, None, 1.0, 2.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class NeedleInfo:
+    """The needle: gauge, distance of the B-scan plane from its axis, polar angle of the contact where known."""
+
+    gauge: int = required(low=10, high=36)
+    slice_gap_m: float = required(low=0.0, high=10e-3)
+    polar_angle_rad: float | None = quantity(None, None, 0.0, 1.6)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class ForceInfo:
+    """The force log: sensor axis along the needle, its sign in contact, and how long a label averages."""
+
+    axis: str = required("fx", "fy", "fz")
+    contact_sign: int = required(low=-1, high=1)
+    average_s: float = quantity(2.0, None, 0.01, 60.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.contact_sign == 0:
+            raise StudyError("contact_sign: 0 is no sign; give 1 or -1")
+
+
+@dataclass(frozen=True)
+class RecordingInfo:
+    """What `recording.toml` says. `force` may be left out where there is no force log."""
+
+    eye: EyeInfo
+    oct: OctInfo
+    needle: NeedleInfo
+    force: ForceInfo | None = None
