@@ -1,1 +1,1 @@
-"""The eye: mesh of the wall, contact, geometry."""
+"""The eye: its wall as a mesh of hexahedra, and where the needle touches it."""
