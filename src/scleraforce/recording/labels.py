@@ -1,0 +1,175 @@
+"""The force under each frame of a recording, from its force log.
+
+The log is noisy and stepped, so: contact force (sign times axis) -> zero-phase low-pass -> minus the tare, the mean
+before the first contact -> mean over `average_s` centred on the frame -> class.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from scleraforce.errors import RecordingError
+from scleraforce.recording.files import Recording
+from scleraforce.recording.info import ForceInfo
+from scleraforce.recording.tables import ForceLog, FrameEntry
+from scleraforce.study import ClassesStudy
+
+__all__ = ["CUTOFF_HZ", "Trial", "contact_force", "first_contact", "label_frames", "low_pass"]
+
+Samples = NDArray[np.float64]
+
+# A push by hand or robot takes 0.2 s or more; above 5 Hz lie the sensor's noise and the robot's vibration.
+CUTOFF_HZ = 5.0
+BLOCK_S = 0.1  # step of the search for the first contact
+AFTER_S = 1.0  # how long a rise must stay to count as contact
+LEAST_RISE_N = 1e-3  # a fifth of the lowest class bound
+SIGNIFICANCE = 5.0  # standard errors
+GUARD_S = 0.1  # left out before the contact
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A frame with its label: force in N and class (both None without a force log).
+
+    `excluded` says why an evaluation must leave the trial out, and is None where it counts.
+    """
+
+    file: str
+    time_s: float
+    measured_force_n: float | None
+    target: int | None
+    excluded: str | None = None
+
+
+def label_frames(recording: Recording, classes: ClassesStudy, max_force_n: float | None = None) -> tuple[Trial, ...]:
+    """Label every frame of a recording, in its order.
+
+    Args:
+        recording: the recording.
+        classes: the bounds of the force classes.
+        max_force_n: trials above it are marked as excluded (the paper's 60 mN, sec. 3.1); None: no limit.
+
+    Raises:
+        RecordingError: the clocks do not overlap, a frame has no force samples around it, or a frame that is not
+            pierced is pulled by more than the lowest class bound (wrong sign, or a log that starts in contact).
+    """
+    if recording.forces is None or recording.info.force is None:
+        return tuple(
+            Trial(frame.file, frame.time_s, None, None, "pierced" if frame.pierced else None)
+            for frame in recording.frames
+        )
+    log, info = recording.forces, recording.info.force
+    _check_clocks(recording, log)
+    force_n = contact_force(log, info)
+    return tuple(
+        _trial(
+            recording,
+            frame,
+            float(force_n[_samples_around(recording, log, frame, info.average_s)].mean()),
+            classes,
+            max_force_n,
+        )
+        for frame in recording.frames
+    )
+
+
+def _trial(
+    recording: Recording, frame: FrameEntry, force_n: float, classes: ClassesStudy, max_force_n: float | None
+) -> Trial:
+    if force_n < -classes.bounds_n[0] and not frame.pierced:
+        raise RecordingError(
+            f"{recording.path / 'forces.csv'}: the needle would pull with {-force_n * 1e3:.1f} mN at the time of "
+            f"{frame.file}, {frame.time_s:g} s; check contact_sign, and that the log starts before the first contact"
+        )
+    excluded = "pierced" if frame.pierced else None
+    if max_force_n is not None and force_n > max_force_n:
+        excluded = excluded or f"above the largest force of the study, {max_force_n * 1e3:g} mN"
+    return Trial(frame.file, frame.time_s, force_n, classes.classify(force_n), excluded)
+
+
+def contact_force(log: ForceLog, info: ForceInfo) -> Samples:
+    """Return the filtered and tared contact force at each sample of a log, in N, shape (samples,).
+
+    The tare is one value, from before the first contact: what the sensor drifts after that stays in the force.
+    """
+    raw_n = info.contact_sign * log.force_n(info.axis)
+    contact = first_contact(raw_n, log.sample_rate_hz)
+    guard = round(GUARD_S * log.sample_rate_hz)
+    before = len(raw_n) if contact is None else max(contact - guard, (contact + 1) // 2)
+    return low_pass(raw_n, log.time_s) - raw_n[:before].mean()
+
+
+def low_pass(force_n: Samples, time_s: Samples) -> Samples:
+    """Return a force freed of what is faster than 5 Hz, without delay, shape (samples,).
+
+    A Butterworth filter of order 2, run forward and backward (Gustafsson 1996), on an even clock: half the amplitude
+    passes at 5 Hz; a step is followed within 0.1 s and overshoots by 4 %. Where the clock jitters, samples are
+    interpolated to its median rate and back.
+    """
+    rate_hz = 1.0 / float(np.median(np.diff(time_s)))
+    even_s = time_s[0] + np.arange(round((time_s[-1] - time_s[0]) * rate_hz) + 1) / rate_hz
+    sections = signal.butter(2, CUTOFF_HZ, fs=rate_hz, output="sos")
+    even_n = np.interp(even_s, time_s, force_n)
+    reach = min(round(3 * rate_hz / CUTOFF_HZ), len(even_n) - 1)
+    smooth_n = signal.sosfiltfilt(sections, even_n, padtype="even", padlen=reach)
+    back_n: Samples = np.interp(time_s, even_s, smooth_n)
+    return back_n
+
+
+def first_contact(force_n: Samples, rate_hz: float) -> int | None:
+    """Return the sample at which the first contact begins, or None where there is no contact.
+
+    Contact is the first rise of the mean that is large (1 mN) and certain (5 standard errors of the noise, which is
+    taken from the differences of neighbours), and that stays for a second: the mean of a second against the mean of all
+    that came before. Means see a rise far below the 5 mN of a sensor step, because the noise dithers it. The beginning
+    is then where a level followed by a straight line fits the samples best.
+    """
+    block = max(round(BLOCK_S * rate_hz), 1)
+    after = round(AFTER_S * rate_hz)
+    starts = np.arange(2 * block, len(force_n) - after + 1, block)
+    if not len(starts):
+        return None
+    total = np.concatenate([[0.0], np.cumsum(force_n)])
+    rise_n = (total[starts + after] - total[starts]) / after - total[starts] / starts
+    noise_n = float(np.diff(force_n).std()) / np.sqrt(2.0)
+    sure = rise_n > np.maximum(LEAST_RISE_N, SIGNIFICANCE * noise_n * np.sqrt(1.0 / after + 1.0 / starts))
+    if not sure.any():
+        return None
+    start = int(starts[int(np.argmax(sure))])
+    window = slice(max(start - after, 0), start + after)
+    return window.start + _begin_of_rise(force_n[window], max(block // 10, 1))
+
+
+def _begin_of_rise(force_n: Samples, step: int) -> int:
+    """Return the knee of the level followed by a straight line that fits the samples best (least squares)."""
+    sample = np.arange(len(force_n), dtype=np.float64)
+    knees = np.arange(step, len(force_n) - step, step)
+    ramp = np.maximum(sample - knees[:, None], 0.0)
+    ramp -= ramp.mean(axis=1, keepdims=True)
+    explained = (ramp @ force_n) ** 2 / (ramp**2).sum(axis=1)
+    return int(knees[int(np.argmax(explained))])
+
+
+def _check_clocks(recording: Recording, log: ForceLog) -> None:
+    first, last = recording.frames[0], recording.frames[-1]
+    if last.time_s < log.time_s[0] or first.time_s > log.time_s[-1]:
+        raise RecordingError(
+            f"{recording.path}: the clocks do not overlap: frames.csv has {first.time_s:g} to {last.time_s:g} s, "
+            f"forces.csv {log.time_s[0]:g} to {log.time_s[-1]:g} s; bring both to one clock"
+        )
+
+
+def _samples_around(recording: Recording, log: ForceLog, frame: FrameEntry, average_s: float) -> slice:
+    """Return the samples of the window; at the ends of the log, the part on both sides of the frame that there is."""
+    time_s = frame.time_s
+    start, middle, stop = np.searchsorted(log.time_s, [time_s - average_s / 2, time_s, time_s + average_s / 2 + 1e-9])
+    expected = average_s * log.sample_rate_hz
+    if middle in (start, stop) or stop - start < expected / 2:
+        raise RecordingError(
+            f"{recording.path / 'frames.csv'}: {frame.file}: {stop - start} force samples within {average_s / 2:g} s of its "
+            f"time {time_s:g} s, about {expected:.0f} are needed; forces.csv spans {log.time_s[0]:g} to "
+            f"{log.time_s[-1]:g} s"
+        )
+    return slice(int(start), int(stop))
