@@ -93,8 +93,7 @@ class SurfaceLocator:
         p, q = np.meshgrid(middles, middles, indexing="ij")
         square = p**2 + q**2
         cells = np.stack([2.0 * p, 2.0 * q, 1.0 - square], axis=-1) / (1.0 + square)[..., None]
-        nearest: Integers = cKDTree(middles_qc).query(cells.reshape(-1, 3))[1].astype(np.int64)
-        return nearest
+        return np.asarray(cKDTree(middles_qc).query(cells.reshape(-1, 3))[1], dtype=np.int64)
 
     def _cell(self, directions_dc: Floats) -> Integers:
         """Cell of the seed table: stereographic projection from the lower pole maps the half-sphere to a disc."""

@@ -84,8 +84,8 @@ def build_mesh(
         raise InputError(f"thickness: {thickness_m * 1e3:g} mm; above 0 and below half the radius would do")
     if order not in (1, 2) or layers < 1 or level < 0 or divisions < 2 or divisions % 2:
         raise InputError(
-            f"mesh: order {order}, layers {layers}, level {level}, divisions {divisions}; order 1 or 2, at least 1 layer, "
-            "level 0 and an even number of at least 2 divisions would do"
+            f"mesh: order {order}, layers {layers}, level {level}, divisions {divisions}; "
+            "order 1 or 2, at least 1 layer, level 0 and an even number of divisions would do"
         )
     surface = half_cube(divisions)
     for _ in range(level):

@@ -96,4 +96,5 @@ def _powers(local_pd: Floats) -> Floats:
 
 
 def _product(factors: list[Floats]) -> Floats:
-    return np.prod(np.stack(factors), axis=0)
+    product_mp: Floats = np.prod(np.stack(factors), axis=0)
+    return product_mp

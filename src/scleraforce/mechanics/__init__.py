@@ -1,1 +1,1 @@
-"""TODO."""
+"""Mechanics of the wall: displacement under eye pressure, gravity and the needle."""

@@ -1,0 +1,113 @@
+"""Linear mechanics of the wall: K u = f_p + f_g + f_n (paper sec. 2.1, eq. 2), factored once for every load and E."""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
+
+from scleraforce.errors import SolverError
+from scleraforce.eye.contact import Contact
+from scleraforce.eye.mesh import HexMesh, locate, surface_weights
+from scleraforce.mechanics.assembly import element_stiffness, lame_constants, stiffness_matrix
+from scleraforce.mechanics.loads import gravity_load, needle_loads, pressure_load
+from scleraforce.mechanics.quadrature import volume_points
+from scleraforce.mechanics.supports import clamped_base
+from scleraforce.units import STANDARD_GRAVITY_M_S2
+
+__all__ = ["LinearWall", "tip_displacement"]
+
+Floats = NDArray[np.float64]
+
+LOADS_AT_ONCE = 32  # right-hand sides in one triangular solve: 10 MB of them at the default mesh
+
+
+class LinearWall:
+    """A wall of linear elastic material, with its stiffness factored at E = 1 Pa.
+
+    K is proportional to E, so the answer at E is the one at 1 Pa divided by E; thickness, Poisson's ratio and supports
+    need a new wall. Displacements stay small compared with the thickness where the model is to be believed.
+
+    Attributes:
+        mesh: the wall's mesh.
+        stiffness: K at E = 1 Pa of all unknowns (3 n + c: node n, component c), held ones included, sparse.
+        held_nc: which displacement components are held at zero, (node, 3).
+    """
+
+    def __init__(self, mesh: HexMesh, poisson_ratio: float, held_nc: NDArray[np.bool_] | None = None) -> None:
+        """Assemble and factor; `held_nc` (node, 3) holds components at zero, by default the clamped base.
+
+        Raises:
+            SolverError: the supports leave the wall free to move as a rigid body, or the mesh is invalid.
+        """
+        self.mesh = mesh
+        self.held_nc = clamped_base(mesh) if held_nc is None else held_nc
+        self._points = volume_points(mesh)
+        self.stiffness = stiffness_matrix(mesh, element_stiffness(self._points, *lame_constants(1.0, poisson_ratio)))
+        self._free = np.flatnonzero(~self.held_nc.ravel())
+        # K is symmetric and positive definite: no pivoting, and an ordering of K + K^T, five times faster than COLAMD.
+        try:
+            self._factor = splu(
+                self.stiffness[self._free][:, self._free].tocsc(),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+        except RuntimeError as fault:
+            raise SolverError(f"stiffness: {fault}; supports against rigid motion would do") from fault
+
+    @cached_property
+    def pressure_nc(self) -> Floats:
+        """Displacement under 1 Pa of eye pressure at E = 1 Pa, (node, 3) in m."""
+        return self.solve(pressure_load(self.mesh)[None])[0]
+
+    @cached_property
+    def gravity_nc(self) -> Floats:
+        """Displacement under 1 N/m^3 of weight (density times g, along -z) at E = 1 Pa, (node, 3) in m."""
+        return self.solve(gravity_load(self.mesh, self._points)[None])[0]
+
+    def needle_cnc(self, contacts: Sequence[Contact], needle_radius_m: float) -> Floats:
+        """Displacements under 1 N through the needle at each contact at E = 1 Pa, (contact, node, 3) in m.
+
+        Raises:
+            InputError: a needle reaches over the base plane.
+        """
+        return self.solve(needle_loads(self.mesh, contacts, needle_radius_m))
+
+    def solve(self, loads_lnc: Floats) -> Floats:
+        """Return displacements at E = 1 Pa for nodal forces (load, node, 3) in N; same shape, in m."""
+        answer = np.zeros((len(loads_lnc), 3 * len(self.mesh.points_nc)))
+        for start in range(0, len(loads_lnc), LOADS_AT_ONCE):
+            part = slice(start, start + LOADS_AT_ONCE)
+            loads = loads_lnc[part].reshape(-1, answer.shape[1])[:, self._free]
+            answer[part, self._free] = self._factor.solve(loads.T).T
+        return answer.reshape(loads_lnc.shape)
+
+    def displacement(
+        self,
+        needle_nc: Floats,
+        force_n: float,
+        *,
+        youngs_modulus_pa: float,
+        iop_pa: float,
+        density_kg_m3: float,
+    ) -> Floats:
+        """Return (p u_p + rho g u_g + F u_n) / E, the wall's displacement (node, 3) in m, by superposition."""
+        weight_n_m3 = density_kg_m3 * STANDARD_GRAVITY_M_S2
+        loaded = iop_pa * self.pressure_nc + weight_n_m3 * self.gravity_nc + force_n * needle_nc
+        return loaded / youngs_modulus_pa
+
+    def reactions(self, displacement_nc: Floats, load_nc: Floats) -> Floats:
+        """Return the supports' forces K u - f at E = 1 Pa, (node, 3) in N; zero to rounding where nothing is held."""
+        return (self.stiffness @ displacement_nc.ravel()).reshape(-1, 3) - load_nc
+
+
+def tip_displacement(mesh: HexMesh, contact: Contact, needle_nc: Floats) -> float:
+    """Return the inward displacement of the outer surface at the contact along the needle axis, in m.
+
+    `needle_nc` (node, 3): displacement from the state without the needle; in linear mechanics F u_n / E.
+    """
+    quads, local = locate(mesh, contact.normal[None])
+    moved = surface_weights(mesh, local) @ needle_nc[mesh.outer_qn[quads[0]]]
+    return float(-moved[0] @ contact.normal)
