@@ -59,7 +59,7 @@ class PhantomStudy:
     # the force sensor
     sample_rate_hz: float = quantity(200.0, None, 100.0, 20_000.0)
     force_step_n: float = quantity(5.0, "mn", 0.0, 1000.0)
-    force_noise_n: Sampled = quantity(Range(2.5, 3.5), "mn", 0.0, 1000.0)
+    force_noise_n: Sampled = quantity(Range(3.0, 4.5), "mn", 0.0, 1000.0)
     force_offset_n: Sampled = quantity(Range(-20.0, 20.0), "mn", -10_000.0, 10_000.0)
     force_drift_n_per_s: Sampled = quantity(Range(-0.3, 0.3), "mn_per_min", -1000.0, 1000.0)
     cross_talk_fraction: Sampled = quantity(Range(-3.0, 3.0), "percent", -100.0, 100.0)
