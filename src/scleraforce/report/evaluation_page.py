@@ -1,0 +1,85 @@
+"""The page of `evaluate --html`: a model's answers to recordings (the paper's Table 3 and Fig. 10)."""
+
+from math import isnan
+from pathlib import Path
+
+from scleraforce.reader.evaluate import Evaluation
+from scleraforce.report.files import write_page
+from scleraforce.report.force_figures import draw_trial_forces
+from scleraforce.report.html import Html, bullets, cards, figure, page, paragraph, section
+from scleraforce.report.style import data_uri
+from scleraforce.report.tables import NOTHING, confusion_table, frame_table
+
+__all__ = ["evaluation_cards", "forces_figure", "write_evaluation_html"]
+
+NAMES_REMARK = (
+    "Rows are targets, columns predictions; in brackets the 95 % Wilson interval. Recall is row-wise (of the trials of "
+    "a class, how many were recognised), precision column-wise (of the answers of a class, how many were right); the "
+    "paper's Table 3 has the two names the other way round."
+)
+
+
+def write_evaluation_html(evaluation: Evaluation, path: Path, *, overwrite: bool = False) -> None:
+    """Write an evaluation as one self-contained page.
+
+    Args:
+        evaluation: the answers and what was measured.
+        path: the file to write.
+        overwrite: whether an existing file may be replaced.
+
+    Raises:
+        InputError: the file exists already, or cannot be written.
+    """
+    sections = [_result(evaluation), _frames(evaluation)]
+    if evaluation.notes:
+        sections.insert(1, section("What limits the result", bullets(evaluation.notes)))
+    lead = f"Model {evaluation.model}, trained at a Young's modulus of {evaluation.youngs_modulus_pa / 1e6:.3g} MPa."
+    write_page(page("Force classes of recordings", lead, *sections), path, overwrite=overwrite)
+
+
+def evaluation_cards(evaluation: Evaluation) -> Html:
+    """Return the figures that matter most: accuracy, recall of the dangerous class, frames that could not be read."""
+    low, high = evaluation.accuracy.interval
+    danger = evaluation.recall[-1]
+    unusable = [frame for frame in evaluation.frames if not frame.usable]
+    return cards(
+        [
+            (_percent(evaluation.accuracy.value), "accuracy", _of(evaluation.accuracy.hits, evaluation.accuracy.total)),
+            (f"{_percent(low)} to {_percent(high)}", "95 % interval", "Wilson's"),
+            (_percent(danger.value), "of the dangerous forces seen", _of(danger.hits, danger.total)),
+            (str(len(unusable)), "frames not usable", f"of {len(evaluation.frames)}; each counts as class 2"),
+        ]
+    )
+
+
+def forces_figure(evaluation: Evaluation) -> Html:
+    """Return the measured forces with the class bounds and the misread trials (Fig. 10)."""
+    drawn = draw_trial_forces(evaluation.scored, evaluation.bounds_n, evaluation.max_force_n)
+    caption = (
+        "Measured forces of the trials that count, and the class bounds (Fig. 10). Colour and marker say what was "
+        "read; misread trials are ringed."
+    )
+    return figure(data_uri(drawn, "svg"), "measured force of each trial against the class bounds", caption)
+
+
+def _result(evaluation: Evaluation) -> Html:
+    if not evaluation.scored:
+        return section("Result", paragraph("No frame has a label that counts, so there are no metrics."))
+    confusion = confusion_table(evaluation.confusion, evaluation.bounds_n, NAMES_REMARK)
+    return section("Result", evaluation_cards(evaluation), confusion, forces_figure(evaluation))
+
+
+def _frames(evaluation: Evaluation) -> Html:
+    blocks = [
+        frame_table(evaluation, [f for f in evaluation.frames if f.recording == recording], recording)
+        for recording in dict.fromkeys(frame.recording for frame in evaluation.frames)
+    ]
+    return section("Every frame", *blocks)
+
+
+def _percent(value: float) -> str:
+    return NOTHING if isnan(value) else f"{100 * value:.0f} %"
+
+
+def _of(hits: int, total: int) -> str:
+    return f"{hits} of {total} trials"

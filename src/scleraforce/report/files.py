@@ -1,0 +1,27 @@
+"""Write a page whole or not at all."""
+
+import os
+from pathlib import Path
+
+from scleraforce.errors import InputError
+from scleraforce.report.html import Html
+
+__all__ = ["write_page"]
+
+
+def write_page(content: Html, path: Path, *, overwrite: bool = False) -> None:
+    """Write a page to a temporary name beside `path` and rename it.
+
+    Raises:
+        InputError: the file exists and may not be overwritten, or its folder cannot be written to.
+    """
+    if path.exists() and not overwrite:
+        raise InputError(f"{path}: exists already; remove it or choose another name")
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        part.write_text(content, encoding="utf-8")
+        part.replace(path)
+    except OSError as fault:
+        raise InputError(f"{path}: {fault.strerror}") from fault
+    finally:
+        part.unlink(missing_ok=True)

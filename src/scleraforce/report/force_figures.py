@@ -1,0 +1,128 @@
+"""Forces: a log with its imaging times (the paper's Fig. 3), and the trials against the class bounds (Fig. 10)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from scleraforce.reader.evaluate import FrameAnswer
+from scleraforce.report.style import BLACK, BLUE, CLASS_COLOURS, CLASS_MARKERS, GREY, RED, inches, styled
+from scleraforce.units import n_to_mn
+
+__all__ = ["draw_force_log", "draw_trial_forces"]
+
+POINTS_DRAWN = 6000
+
+
+@styled
+def draw_force_log(
+    time_s: NDArray[np.float64],
+    raw_n: NDArray[np.float64],
+    filtered_n: NDArray[np.float64],
+    imaging_s: Sequence[float],
+    labels_n: Sequence[float | None],
+    bounds_n: Sequence[float],
+) -> Figure:
+    """Draw a force log: raw and filtered force over time, the imaging times and the label of each frame.
+
+    Args:
+        time_s: times of the samples, shape (sample,).
+        raw_n: tared contact force as logged, shape (sample,).
+        filtered_n: the same, filtered, shape (sample,).
+        imaging_s: times of the frames.
+        labels_n: label of each frame (None where there is none).
+        bounds_n: the class bounds.
+    """
+    figure = Figure(figsize=inches(170, 62))
+    axes = figure.subplots()
+    every = max(1, len(time_s) // POINTS_DRAWN)
+    axes.plot(time_s[::every], n_to_mn(1.0) * raw_n[::every], color="#C9CED3", linewidth=0.5, label="as logged")
+    axes.plot(time_s[::every], n_to_mn(1.0) * filtered_n[::every], color=BLUE, label="filtered")
+    axes.vlines(
+        imaging_s, 0, 1, transform=axes.get_xaxis_transform(), color=BLACK, linewidth=0.6, label="imaging times"
+    )
+    known = [(t, n_to_mn(f)) for t, f in zip(imaging_s, labels_n, strict=True) if f is not None]
+    if known:
+        axes.plot(*zip(*known, strict=True), "D", color=RED, markersize=3.5, label="label (mean over 2 s)", zorder=5)
+    _mark_bounds(axes, bounds_n)
+    axes.set_xlim(float(time_s[0]), float(time_s[-1]))
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("contact force [mN]")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
+    return figure
+
+
+@styled
+def draw_trial_forces(frames: Sequence[FrameAnswer], bounds_n: Sequence[float], max_force_n: float) -> Figure:
+    """Draw the measured force of every trial with the class bounds; misread trials are ringed and say what was read.
+
+    Args:
+        frames: the trials that count, in the order of their recordings.
+        bounds_n: the class bounds.
+        max_force_n: the study's largest force.
+    """
+    figure = Figure(figsize=inches(170, 78))
+    axes = figure.subplots()
+    known = [(x, frame) for x, frame in enumerate(frames, start=1) if frame.measured_force_n is not None]
+    for x, frame in known:
+        _draw_trial(axes, x, frame)
+    _mark_bounds(axes, bounds_n)
+    _separate_eyes(axes, frames)
+    top = max([n_to_mn(max_force_n), *(n_to_mn(frame.measured_force_n or 0.0) for _, frame in known)])
+    axes.set_ylim(-0.04 * top, 1.12 * top)
+    axes.set_xlim(0.0, len(frames) + 1.0)
+    axes.set_xlabel("trial")
+    axes.set_ylabel("measured force [mN]")
+    figure.legend(handles=_trial_legend(), loc="outside upper center", ncols=5)
+    return figure
+
+
+def _draw_trial(axes: Axes, x: int, frame: FrameAnswer) -> None:
+    force_mn = n_to_mn(frame.measured_force_n or 0.0)
+    fill = CLASS_COLOURS[frame.predicted] if frame.usable else "white"
+    marker, colour = CLASS_MARKERS[frame.predicted], CLASS_COLOURS[frame.predicted]
+    axes.plot(x, force_mn, marker, color=fill, markeredgecolor=colour, markersize=4.5, zorder=4)
+    if frame.predicted != frame.target:
+        axes.plot(x, force_mn, "o", color="none", markeredgecolor=BLACK, markersize=10, zorder=5)
+        axes.annotate(
+            f"read as {frame.predicted}", (x, force_mn), (0, 8), textcoords="offset points", ha="center", fontsize=7
+        )
+
+
+def _mark_bounds(axes: Axes, bounds_n: Sequence[float]) -> None:
+    """Draw the class bounds and name the classes at the right edge."""
+    for bound in bounds_n:
+        axes.axhline(n_to_mn(bound), color=GREY, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
+    places = [0.5 * bounds_n[0], 0.5 * (bounds_n[0] + bounds_n[1]), bounds_n[1] + 0.25 * (bounds_n[1] - bounds_n[0])]
+    for number, place in enumerate(places):
+        axes.annotate(
+            f"class {number}", (1.0, n_to_mn(place)), (4, 0), xycoords=("axes fraction", "data"),
+            textcoords="offset points", va="center", color=CLASS_COLOURS[number], annotation_clip=False,
+        )  # fmt: skip
+
+
+def _separate_eyes(axes: Axes, frames: Sequence[FrameAnswer]) -> None:
+    """Name the eyes along the top and draw lines between them."""
+    names = [frame.eye for frame in frames]
+    starts = [n for n in range(len(names)) if n == 0 or names[n] != names[n - 1]]
+    for start, end in zip(starts, [*starts[1:], len(names)], strict=True):
+        if start:
+            axes.axvline(start + 0.5, color="#D9DEE3", linewidth=0.8, zorder=0)
+        axes.text(
+            0.5 * (start + end) + 0.5, 0.985, names[start], transform=axes.get_xaxis_transform(), ha="center", va="top"
+        )
+
+
+def _trial_legend() -> list[Line2D]:
+    read = [
+        Line2D([], [], linestyle="", marker=marker, color=colour, markersize=4.5, label=f"read as class {number}")
+        for number, (marker, colour) in enumerate(zip(CLASS_MARKERS, CLASS_COLOURS, strict=True))
+    ]
+    wrong = Line2D([], [], linestyle="", marker="o", color="none", markeredgecolor=BLACK, markersize=9, label="misread")
+    unusable = Line2D(
+        [], [], linestyle="", marker="^", color="white", markeredgecolor=RED, markersize=4.5, label="not usable"
+    )
+    return [*read, wrong, unusable]

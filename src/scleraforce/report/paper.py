@@ -1,0 +1,33 @@
+"""What Mendizabal, Sznitman and Cotin (2020) report, to stand beside what was computed here."""
+
+from dataclasses import dataclass
+
+__all__ = ["CONFUSION", "EYES", "MEAN_MODULUS_PA", "PAPER_TITLE", "SECONDS_A_SLICE", "PaperEye"]
+
+PAPER_TITLE = "Mendizabal, Sznitman, Cotin: Force classification during robotic interventions (2020)"
+
+
+@dataclass(frozen=True)
+class PaperEye:
+    """One eye of the paper: wall thickness and trials in each class (Table 1), Young's modulus (Table 2)."""
+
+    name: str
+    thickness_m: float
+    trials: tuple[int, int, int]
+    modulus_pa: float | None
+    modulus_sd_pa: float | None
+
+
+EYES = (
+    PaperEye("eye 1", 800e-6, (0, 11, 14), 0.27e6, 4.7e3),
+    PaperEye("eye 2", 500e-6, (1, 2, 2), 0.22e6, 6.7e3),
+    PaperEye("eye 3", 650e-6, (2, 0, 3), 0.24e6, 3.9e3),
+    PaperEye("eye 4", 560e-6, (2, 1, 2), 0.29e6, 4.9e3),
+    PaperEye("eye 5", 800e-6, (2, 1, 2), None, None),
+)
+
+MEAN_MODULUS_PA = 0.25e6  # sec. 3.2, for all eyes
+
+CONFUSION = ((5, 2, 0), (0, 14, 1), (0, 0, 23))  # Table 3, rows are targets
+
+SECONDS_A_SLICE = 0.47  # sec. 3.3: 19,200 images in two and a half hours

@@ -1,0 +1,166 @@
+"""Images: frames beside simulated slices (the paper's Figs. 6, 7), a montage (8b), raw and segmented frame (9)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from scleraforce.report.style import BLUE, CLASS_COLOURS, RED, SCAN_COLOURS, inches, styled
+from scleraforce.units import n_to_mn
+
+__all__ = ["SlicePair", "dice", "draw_montage", "draw_segmentation", "draw_slice_pairs"]
+
+
+@dataclass(frozen=True)
+class SlicePair:
+    """A frame, the slice that the segmentation made of it, and the slice simulated for the same force.
+
+    `frame` has shape (rows, columns) of the scanner and spans `extent_m` (width, depth); `measured` and `simulated`
+    are binary slices, 255 where wall is, of pixels of `pixel_m`.
+    """
+
+    title: str
+    target: int
+    frame: NDArray[np.uint16]
+    extent_m: tuple[float, float]
+    measured: NDArray[np.uint8]
+    simulated: NDArray[np.uint8]
+    pixel_m: float
+
+
+def dice(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> float:
+    """Return the Dice coefficient of two binary images, twice the common area over the sum of both (1: the same).
+
+    >>> dice(np.eye(2, dtype=np.uint8), np.ones((2, 2), dtype=np.uint8))
+    0.6666666666666666
+    """
+    a, b = first > 0, second > 0
+    total = int(a.sum() + b.sum())
+    return 2.0 * int((a & b).sum()) / total if total else 1.0
+
+
+@styled
+def draw_slice_pairs(pairs: Sequence[SlicePair]) -> Figure:
+    """Draw for each pair, from top to bottom: the raw frame, its slice, the simulated slice, and both overlaid."""
+    figure = Figure(figsize=inches(170, 116))
+    grid = figure.subplots(4, len(pairs), squeeze=False)
+    for column, pair in enumerate(pairs):
+        _draw_frame(grid[0, column], pair.frame, pair.extent_m)
+        _draw_slice(grid[1, column], pair.measured, pair.pixel_m)
+        _draw_slice(grid[2, column], pair.simulated, pair.pixel_m)
+        _draw_overlay(grid[3, column], pair)
+        grid[0, column].set_title(pair.title, color=CLASS_COLOURS[pair.target], fontweight="bold")
+        grid[3, column].set_xlabel("lateral [mm]")
+    for row, name in enumerate(("raw frame", "its slice", "simulated", "overlay")):
+        grid[row, 0].set_ylabel(f"{name}\ndepth [mm]")
+    handles = [
+        Patch(color=BLUE, label="in the frame only"),
+        Patch(color=RED, label="simulated only"),
+        Patch(color="#555555", label="both"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    return figure
+
+
+@styled
+def draw_montage(
+    slices: NDArray[np.uint8], force_n: NDArray[np.float64], target: NDArray[np.intp], thickness_m: NDArray[np.float64]
+) -> Figure:
+    """Draw simulated slices in a grid of six columns, each with its force, class and wall thickness.
+
+    Args:
+        slices: shape (slice, rows, columns), 255 where wall is.
+        force_n: shape (slice,).
+        target: class, shape (slice,).
+        thickness_m: shape (slice,).
+    """
+    rows = -(-len(slices) // 6)
+    figure = Figure(figsize=inches(170, 14.5 * rows))
+    grid = figure.subplots(rows, 6, squeeze=False).ravel()
+    for axes in grid:
+        axes.set_axis_off()
+    for axes, image, force, label, thickness in zip(grid, slices, force_n, target, thickness_m, strict=False):
+        axes.imshow(image, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
+        title = f"{n_to_mn(force):.1f} mN · {1e6 * thickness:.0f} µm"
+        axes.set_title(title, fontsize=6.5, pad=2, color=CLASS_COLOURS[int(label)])
+    return figure
+
+
+@styled
+def draw_segmentation(
+    frame: NDArray[np.uint16],
+    mask: NDArray[np.uint8],
+    outer_row: NDArray[np.float64],
+    inner_row: NDArray[np.float64],
+    extent_m: tuple[float, float],
+) -> Figure:
+    """Draw a raw frame with the boundaries that were found, and the mask of the wall.
+
+    Args:
+        frame: counts, shape (rows, columns).
+        mask: 255 where wall is, same shape.
+        outer_row: row of the outer boundary, shape (columns,), NaN where there is none.
+        inner_row: row of the inner boundary, likewise.
+        extent_m: width and depth of the frame.
+    """
+    figure = Figure(figsize=inches(170, 68))
+    grid = figure.subplots(2, 2, sharex=True, sharey=True)
+    width_mm, depth_mm = 1e3 * extent_m[0], 1e3 * extent_m[1]
+    lateral_mm = (np.arange(frame.shape[1]) + 0.5) * width_mm / frame.shape[1]
+    for axes in grid[:, 0]:
+        axes.set_ylabel("depth [mm]")
+    for axes, title in zip(
+        grid.flat, ("(a) raw frame", "(b) boundaries found", "(c) mask of the wall", "(d) frame, masked"), strict=True
+    ):
+        axes.set_title(title)
+    _draw_frame(grid[0, 0], frame, extent_m)
+    _draw_frame(grid[0, 1], frame, extent_m)
+    for row, colour, name in ((outer_row, "#56B4E9", "outer"), (inner_row, "#E69F00", "inner")):
+        grid[0, 1].plot(lateral_mm, (row + 0.5) * depth_mm / frame.shape[0], color=colour, linewidth=0.9, label=name)
+    grid[0, 1].legend(loc="lower center", ncols=2, labelcolor="white")
+    extent = (0.0, width_mm, depth_mm, 0.0)
+    grid[1, 0].imshow(mask, cmap="gray", extent=extent, interpolation="nearest", aspect="auto")
+    _draw_frame(grid[1, 1], np.where(mask > 0, frame, 0).astype(np.uint16), extent_m)
+    for axes in grid[1]:
+        axes.set_xlabel("lateral [mm]")
+    return figure
+
+
+def _draw_frame(axes: Axes, frame: NDArray[np.uint16], extent_m: tuple[float, float]) -> None:
+    extent = (0.0, 1e3 * extent_m[0], 1e3 * extent_m[1], 0.0)
+    axes.imshow(frame, cmap=SCAN_COLOURS, extent=extent, aspect="auto")
+
+
+def _draw_slice(axes: Axes, image: NDArray[np.uint8], pixel_m: float) -> None:
+    axes.imshow(
+        image,
+        cmap="gray",
+        vmin=0,
+        vmax=255,
+        extent=_slice_extent(image, pixel_m),
+        interpolation="nearest",
+        aspect="auto",
+    )
+
+
+def _draw_overlay(axes: Axes, pair: SlicePair) -> None:
+    """Draw where the two slices agree (grey) and where only one of them has wall."""
+    measured, simulated = pair.measured > 0, pair.simulated > 0
+    colours = np.ones((*measured.shape, 3))
+    for where, colour in (
+        (measured & ~simulated, BLUE),
+        (simulated & ~measured, RED),
+        (measured & simulated, "#555555"),
+    ):
+        colours[where] = [int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)]
+    axes.imshow(colours, extent=_slice_extent(pair.measured, pair.pixel_m), interpolation="nearest", aspect="auto")
+    axes.set_title(f"Dice {dice(pair.measured, pair.simulated):.3f}", fontsize=7, pad=2)
+
+
+def _slice_extent(image: NDArray[np.uint8], pixel_m: float) -> tuple[float, float, float, float]:
+    rows, columns = image.shape
+    return 0.0, 1e3 * pixel_m * columns, 1e3 * pixel_m * rows, 0.0
