@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from scleraforce.reader.evaluate import FrameAnswer
-from scleraforce.report.style import BLACK, BLUE, CLASS_COLOURS, CLASS_MARKERS, GREY, RED, inches, styled
+from scleraforce.report.style import BLACK, BLUE, CLASS_COLOURS, CLASS_INKS, CLASS_MARKERS, GREY, RED, inches, styled
 from scleraforce.units import n_to_mn
 
 __all__ = ["draw_force_log", "draw_trial_forces"]
@@ -100,7 +100,7 @@ def _mark_bounds(axes: Axes, bounds_n: Sequence[float]) -> None:
     for number, place in enumerate(places):
         axes.annotate(
             f"class {number}", (1.0, n_to_mn(place)), (4, 0), xycoords=("axes fraction", "data"),
-            textcoords="offset points", va="center", color=CLASS_COLOURS[number], annotation_clip=False,
+            textcoords="offset points", va="center", color=CLASS_INKS[number], annotation_clip=False,
         )  # fmt: skip
 
 

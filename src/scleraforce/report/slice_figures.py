@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from scleraforce.report.style import BLUE, CLASS_COLOURS, RED, SCAN_COLOURS, inches, styled
+from scleraforce.report.style import BLUE, CLASS_INKS, RED, SCAN_COLOURS, inches, styled
 from scleraforce.units import n_to_mn
 
 __all__ = ["SlicePair", "dice", "draw_montage", "draw_segmentation", "draw_slice_pairs"]
@@ -46,15 +46,17 @@ def dice(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> float:
 @styled
 def draw_slice_pairs(pairs: Sequence[SlicePair]) -> Figure:
     """Draw for each pair, from top to bottom: the raw frame, its slice, the simulated slice, and both overlaid."""
-    figure = Figure(figsize=inches(170, 116))
+    figure = Figure(figsize=inches(170, 100))
     grid = figure.subplots(4, len(pairs), squeeze=False)
     for column, pair in enumerate(pairs):
         _draw_frame(grid[0, column], pair.frame, pair.extent_m)
         _draw_slice(grid[1, column], pair.measured, pair.pixel_m)
         _draw_slice(grid[2, column], pair.simulated, pair.pixel_m)
         _draw_overlay(grid[3, column], pair)
-        grid[0, column].set_title(pair.title, color=CLASS_COLOURS[pair.target], fontweight="bold")
+        grid[0, column].set_title(pair.title, color=CLASS_INKS[pair.target], fontweight="bold")
         grid[3, column].set_xlabel("lateral [mm]")
+        for axes in grid[1:3, column]:
+            axes.tick_params(labelbottom=False)
     for row, name in enumerate(("raw frame", "its slice", "simulated", "overlay")):
         grid[row, 0].set_ylabel(f"{name}\ndepth [mm]")
     handles = [
@@ -86,7 +88,7 @@ def draw_montage(
     for axes, image, force, label, thickness in zip(grid, slices, force_n, target, thickness_m, strict=False):
         axes.imshow(image, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
         title = f"{n_to_mn(force):.1f} mN · {1e6 * thickness:.0f} µm"
-        axes.set_title(title, fontsize=6.5, pad=2, color=CLASS_COLOURS[int(label)])
+        axes.set_title(title, fontsize=6.5, pad=2, color=CLASS_INKS[int(label)])
     return figure
 
 
@@ -123,7 +125,7 @@ def draw_segmentation(
         grid[0, 1].plot(lateral_mm, (row + 0.5) * depth_mm / frame.shape[0], color=colour, linewidth=0.9, label=name)
     grid[0, 1].legend(loc="lower center", ncols=2, labelcolor="white")
     extent = (0.0, width_mm, depth_mm, 0.0)
-    grid[1, 0].imshow(mask, cmap="gray", extent=extent, interpolation="nearest", aspect="auto")
+    grid[1, 0].imshow(mask, cmap="gray", extent=extent, interpolation="nearest", aspect="equal")
     _draw_frame(grid[1, 1], np.where(mask > 0, frame, 0).astype(np.uint16), extent_m)
     for axes in grid[1]:
         axes.set_xlabel("lateral [mm]")
@@ -132,7 +134,7 @@ def draw_segmentation(
 
 def _draw_frame(axes: Axes, frame: NDArray[np.uint16], extent_m: tuple[float, float]) -> None:
     extent = (0.0, 1e3 * extent_m[0], 1e3 * extent_m[1], 0.0)
-    axes.imshow(frame, cmap=SCAN_COLOURS, extent=extent, aspect="auto")
+    axes.imshow(frame, cmap=SCAN_COLOURS, extent=extent, aspect="equal")
 
 
 def _draw_slice(axes: Axes, image: NDArray[np.uint8], pixel_m: float) -> None:
@@ -143,7 +145,7 @@ def _draw_slice(axes: Axes, image: NDArray[np.uint8], pixel_m: float) -> None:
         vmax=255,
         extent=_slice_extent(image, pixel_m),
         interpolation="nearest",
-        aspect="auto",
+        aspect="equal",
     )
 
 
@@ -157,7 +159,7 @@ def _draw_overlay(axes: Axes, pair: SlicePair) -> None:
         (measured & simulated, "#555555"),
     ):
         colours[where] = [int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)]
-    axes.imshow(colours, extent=_slice_extent(pair.measured, pair.pixel_m), interpolation="nearest", aspect="auto")
+    axes.imshow(colours, extent=_slice_extent(pair.measured, pair.pixel_m), interpolation="nearest", aspect="equal")
     axes.set_title(f"Dice {dice(pair.measured, pair.simulated):.3f}", fontsize=7, pad=2)
 
 

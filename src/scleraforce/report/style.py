@@ -17,6 +17,7 @@ __all__ = [
     "BLACK",
     "BLUE",
     "CLASS_COLOURS",
+    "CLASS_INKS",
     "CLASS_MARKERS",
     "GREY",
     "RED",
@@ -28,6 +29,7 @@ __all__ = [
 
 BLUE, AMBER, RED, BLACK, GREY = "#0072B2", "#E69F00", "#D55E00", "#222222", "#8A8A8A"
 CLASS_COLOURS = (BLUE, AMBER, RED)
+CLASS_INKS = (BLUE, "#A06800", "#BF5300")  # the same, dark enough for letters on white
 CLASS_MARKERS = ("o", "s", "^")
 SCAN_COLOURS = "gray"
 

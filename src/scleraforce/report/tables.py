@@ -55,7 +55,7 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
     """Return one row a frame: what was measured, what was read, and the remarks."""
     rows = [
         [
-            f"{frame.eye}, {frame.file}",
+            frame.file,
             NOTHING if frame.measured_force_n is None else f"{n_to_mn(frame.measured_force_n):.1f}",
             NOTHING if frame.target is None else frame.target,
             frame.predicted,
@@ -65,7 +65,7 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
         for frame in frames
     ]
     wrong = [(r, 3) for r, f in enumerate(frames) if f.target is not None and f.predicted != f.target]
-    classes = [f"p(class {number})" for number in range(len(evaluation.bounds_n) + 1)]
+    classes = [f"p({number})" for number in range(len(evaluation.bounds_n) + 1)]
     return table(["frame", "force [mN]", "target", "predicted", *classes, "remark"], rows, caption, wrong)
 
 
