@@ -171,12 +171,17 @@ class DatasetStudy:
 
 @dataclass(frozen=True)
 class NetworkStudy:
-    """The classifier and its training (paper sec. 2.4). `dropout` is the fraction dropped."""
+    """The classifier and its training (paper sec. 2.4). `dropout` is the fraction dropped.
+
+    `warmup` is the share of all steps over which the rate rises; gradients longer than `max_gradient_norm` are scaled.
+    """
 
     hidden: tuple[int, ...] = quantity((600, 600), None, 1, 100_000)
     dropout: float = quantity(0.8, None, 0.0, 0.99)
     learning_rate: float = quantity(0.01, None, 1e-8, 10.0)
     momentum: float = quantity(0.9, None, 0.0, 0.9999)
+    warmup: float = quantity(0.1, None, 0.0, 0.9)
+    max_gradient_norm: float = quantity(1.0, None, 1e-6, 1e6)
     batch_size: int = quantity(128, None, 1, 100_000)
     epochs: int = quantity(20, None, 1, 100_000)
     seed: int = quantity(0, None, 0, 2**31 - 1)

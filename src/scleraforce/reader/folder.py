@@ -1,0 +1,83 @@
+"""The model folder: `model.onnx`, `study.toml`, `card.md`, and `model.json` with their SHA-256.
+
+Reading checks every file against `model.json` and refuses what does not match, so that a network is never run beside a
+study that it was not trained with.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from scleraforce.errors import ModelError
+
+__all__ = ["CARD_FILE", "FORMAT", "NETWORK_FILE", "RECORD_FILE", "STUDY_FILE", "ModelFolder", "read_folder", "sha256"]
+
+FORMAT = 1
+NETWORK_FILE, STUDY_FILE, CARD_FILE, RECORD_FILE = "model.onnx", "study.toml", "card.md", "model.json"
+KINDS = ("classifier",)
+
+
+@dataclass(frozen=True)
+class ModelFolder:
+    """The checked content of a model folder: the bytes of its files by name, and `model.json`."""
+
+    path: Path
+    files: Mapping[str, bytes]
+    record: Mapping[str, Any]
+
+
+def sha256(content: bytes) -> str:
+    """Return the SHA-256 of bytes, in hexadecimal."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def read_folder(path: Path) -> ModelFolder:
+    """Read a model folder and check the hashes of its files.
+
+    Raises:
+        ModelError: a file is missing or does not match `model.json`, or `model.json` cannot be used.
+    """
+    if not path.is_dir():
+        raise ModelError(f"{path}: no such folder; `scleraforce train DATASET --out MODEL` makes one")
+    record = _read_record(path / RECORD_FILE)
+    files = {name: _read_bytes(path / name) for name in (NETWORK_FILE, STUDY_FILE, CARD_FILE)}
+    for name, content in files.items():
+        _check_hash(path, name, content, record["files"])
+    return ModelFolder(path, MappingProxyType(files), MappingProxyType(record))
+
+
+def _read_bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as fault:
+        raise ModelError(
+            f"{path}: {fault.strerror}; a model folder has model.onnx, study.toml, card.md and model.json"
+        ) from fault
+
+
+def _read_record(path: Path) -> dict[str, Any]:
+    try:
+        record = json.loads(_read_bytes(path))
+    except ValueError as fault:
+        raise ModelError(f"{path}: not JSON: {fault}") from fault
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
+        found = record.get("format") if isinstance(record, dict) else None
+        raise ModelError(f"{path}: format: found {found!r}, this version reads {FORMAT}; train the model again")
+    if record.get("kind") not in KINDS:
+        raise ModelError(f"{path}: kind: found {record.get('kind')!r}, this version reads {', '.join(KINDS)}")
+    if not isinstance(record.get("files"), dict):
+        raise ModelError(f"{path}: files: expected the SHA-256 of each file by name")
+    return record
+
+
+def _check_hash(path: Path, name: str, content: bytes, hashes: Mapping[str, Any]) -> None:
+    expected, found = hashes.get(name), sha256(content)
+    if expected != found:
+        raise ModelError(
+            f"{path / name}: SHA-256 {found[:12]}… is not the {str(expected)[:12]}… of {path / RECORD_FILE}; the file "
+            "was changed after training: train the model again"
+        )

@@ -1,0 +1,123 @@
+"""A trained model, ready to read slices (ONNX Runtime only; PyTorch is not needed)."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnxruntime  # type: ignore[import-untyped]  # it ships no types
+from numpy.typing import NDArray
+
+from scleraforce.errors import ModelError, StudyError
+from scleraforce.reader.folder import NETWORK_FILE, STUDY_FILE, ModelFolder, read_folder, sha256
+from scleraforce.study import Study, parse_study
+
+__all__ = ["ForceReader", "load_model"]
+
+INPUT, OUTPUT = "slices", "probabilities"
+
+
+class ForceReader:
+    """Reads the force class from slices. Made by `load_model`; its network, study and hashes belong together.
+
+    The same slices give the same answer: the session runs on the CPU with a fixed number of threads.
+    """
+
+    def __init__(self, folder: ModelFolder, study: Study, session: onnxruntime.InferenceSession) -> None:
+        self.path: Path = folder.path
+        self.study: Study = study
+        self.record: Mapping[str, Any] = folder.record
+        self._session = session
+
+    @property
+    def classes(self) -> int:
+        """Number of force classes."""
+        return len(self.study.classes.bounds_n) + 1
+
+    @property
+    def provenance(self) -> Mapping[str, str]:
+        """What `model.onnx` says about its making: hashes of study and data set, seed, versions, class bounds."""
+        metadata: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
+        return metadata
+
+    def probabilities(self, slices: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """Return the probability of each force class.
+
+        Args:
+            slices: uint8, shape (slice, row, column) of the study; 255 where wall is, 0 elsewhere.
+
+        Returns:
+            Shape (slice, class); rows sum to 1.
+
+        Raises:
+            ModelError: another shape or type, or values other than 0 and 255.
+        """
+        expected = (self.study.slice.rows, self.study.slice.columns)
+        if slices.dtype != np.uint8 or slices.ndim != 3 or slices.shape[1:] != expected:
+            raise ModelError(
+                f"{self.path}: slices: found {slices.dtype} of shape {slices.shape}, this model reads uint8 of shape "
+                f"(n, {expected[0]}, {expected[1]})"
+            )
+        if np.any((slices != 0) & (slices != 255)):
+            raise ModelError(f"{self.path}: slices: a value other than 0 (no wall) and 255 (wall)")
+        if not len(slices):
+            return np.empty((0, self.classes))
+        (answer,) = self._session.run([OUTPUT], {INPUT: np.ascontiguousarray(slices)})
+        # float32 leaves the sum at 1 to some 1e-7; double makes it exact to the last digits that are printed.
+        result: NDArray[np.float64] = answer.astype(np.float64)
+        result /= result.sum(axis=1, keepdims=True)
+
+        return result
+
+
+def load_model(path: Path, threads: int = 1) -> ForceReader:
+    """Load a model folder.
+
+    Args:
+        path: the folder that `scleraforce train` wrote.
+        threads: of ONNX Runtime within one operation; 1 is fastest for single slices.
+
+    Raises:
+        ModelError: a file is missing, was changed, or is not a network for the study beside it.
+    """
+    folder = read_folder(path)
+    study = _study(folder)
+    session = _session(folder, threads)
+    _check_network(folder, study, session)
+    return ForceReader(folder, study, session)
+
+
+def _study(folder: ModelFolder) -> Study:
+    try:
+        return parse_study(folder.files[STUDY_FILE].decode(), str(folder.path / STUDY_FILE))
+    except (StudyError, UnicodeDecodeError) as fault:
+        raise ModelError(str(fault)) from fault
+
+
+def _session(folder: ModelFolder, threads: int) -> onnxruntime.InferenceSession:
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    options.log_severity_level = 4
+    try:
+        return onnxruntime.InferenceSession(folder.files[NETWORK_FILE], options, providers=["CPUExecutionProvider"])
+    except Exception as fault:  # ONNX Runtime's exceptions have no common base of their own
+        raise ModelError(f"{folder.path / NETWORK_FILE}: not a network that ONNX Runtime reads: {fault}") from fault
+
+
+def _check_network(folder: ModelFolder, study: Study, session: onnxruntime.InferenceSession) -> None:
+    """Check that network and study fit each other."""
+    place = folder.path / NETWORK_FILE
+    inputs = {item.name: (item.type, item.shape[1:]) for item in session.get_inputs()}
+    outputs = {item.name: (item.type, item.shape[1:]) for item in session.get_outputs()}
+    classes = len(study.classes.bounds_n) + 1
+    if inputs != {INPUT: ("tensor(uint8)", [study.slice.rows, study.slice.columns])}:
+        raise ModelError(
+            f"{place}: input: found {inputs}, {STUDY_FILE} asks for {study.slice.rows} x "
+            f"{study.slice.columns} uint8 '{INPUT}'"
+        )
+    if outputs != {OUTPUT: ("tensor(float)", [classes])}:
+        raise ModelError(f"{place}: output: found {outputs}, expected {classes} floats '{OUTPUT}'")
+    stated = session.get_modelmeta().custom_metadata_map.get("study_sha256")
+    if stated != sha256(folder.files[STUDY_FILE]):
+        raise ModelError(f"{place}: study_sha256: {stated} is not the study in {STUDY_FILE}; train the model again")
