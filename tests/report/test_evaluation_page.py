@@ -1,0 +1,143 @@
+"""The page of an evaluation: what stands in it, that it is one file, that nothing is lost or written by halves."""
+
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scleraforce.errors import InputError
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+from scleraforce.report.evaluation_page import write_evaluation_html
+
+
+def answers() -> Evaluation:
+    """Six frames of two eyes: one misread, one not usable, one over the largest force, one used for calibration."""
+    frames = (
+        FrameAnswer("rec/a", "eye a", "0000.png", 0.002, 0, 0, (0.9, 0.1, 0.0), True),
+        FrameAnswer("rec/a", "eye a", "0001.png", 0.020, 1, 2, (0.0, 0.4, 0.6), True),
+        FrameAnswer("rec/a", "eye a", "0002.png", 0.040, 2, 2, None, False, "no wall found"),
+        FrameAnswer("rec/b", "eye <b>", "0000.png", 0.050, 2, 2, (0.0, 0.0, 1.0), True),
+        FrameAnswer("rec/b", "eye <b>", "0001.png", 0.080, 2, 2, (0.0, 0.0, 1.0), True, excluded="above 60 mN"),
+        FrameAnswer("rec/b", "eye <b>", "0002.png", 0.010, 1, 1, (0.0, 1.0, 0.0), True, calibration=True),
+    )
+    return Evaluation("out/model", (0.005, 0.03), 0.06, 0.25e6, frames, ("the gap is another",))
+
+
+class Page(HTMLParser):
+    """Collects the tags and the text of a page; asserts that every tag is closed."""
+
+    VOID = frozenset({"meta", "img", "br"})
+
+    def __init__(self, source: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.cells: list[list[str]] = []
+        self.said = ""
+        self.feed(source)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+        if tag == "tr":
+            self.cells.append([])
+        if tag in ("td", "th"):
+            self.cells[-1].append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.said += data
+        if self.open and self.open[-1] in ("td", "th"):
+            self.cells[-1][-1] += data
+
+
+def write_and_read(folder: Path, evaluation: Evaluation) -> str:
+    write_evaluation_html(evaluation, folder / "page.html")
+    return (folder / "page.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def page(tmp_path: Path) -> Page:
+    return Page(write_and_read(tmp_path, answers()))
+
+
+def test_a_page_loads_nothing_from_outside(page: Page) -> None:
+    sources = [attributes[key] for _, attributes in page.tags for key in ("src", "href") if key in attributes]
+    assert sources
+    assert all((source or "").startswith("data:image/") for source in sources)
+    assert not any(tag in ("script", "link", "iframe") for tag, _ in page.tags)
+
+
+def test_every_image_is_described_in_words(page: Page) -> None:
+    assert all(attributes.get("alt") for tag, attributes in page.tags if tag == "img")
+
+
+def test_the_confusion_matrix_has_targets_in_rows_and_counts_scored_trials_only(page: Page) -> None:
+    rows = [row for row in page.cells if row and row[0].startswith("target class")]
+    assert [row[1:4] for row in rows] == [["1", "0", "0"], ["0", "0", "1"], ["0", "0", "2"]]
+    assert [row[4][:4] for row in rows] == ["1.00", "0.00", "1.00"]
+    precision = next(row for row in page.cells if row and row[0] == "precision")
+    assert precision[1].startswith("1.00")
+    assert precision[2] == "\N{EN DASH}"
+    assert precision[3].startswith("0.67")
+
+
+def test_every_frame_is_listed_with_its_remark(page: Page) -> None:
+    rows = {row[1]: row for row in page.cells if row and row[0].endswith(".png")}
+    assert len(rows) == 6
+    assert rows["40.0"][-1] == "not usable (no wall found)"
+    assert rows["80.0"][-1] == "not counted: above 60 mN"
+    assert rows["10.0"][-1] == "Young's modulus was fitted on it: not counted"
+    assert rows["20.0"][2:4] == ["1", "2"]
+
+
+def test_what_limits_the_result_is_said(page: Page) -> None:
+    assert "the gap is another" in page.said
+
+
+def test_names_are_escaped(tmp_path: Path) -> None:
+    source = write_and_read(tmp_path, replace(answers(), model="<script>alert(1)</script>"))
+    assert "<script" not in source
+    assert "&lt;script&gt;" in source
+
+
+def test_recordings_without_labels_have_no_metrics_and_still_a_page(tmp_path: Path) -> None:
+    unlabelled = tuple(replace(f, measured_force_n=None, target=None) for f in answers().frames)
+    page = Page(write_and_read(tmp_path, replace(answers(), frames=unlabelled, notes=())))
+    assert "No frame has a label that counts" in page.said
+    assert len([row for row in page.cells if row and row[0].endswith(".png")]) == 6
+
+
+def test_an_existing_page_is_kept_unless_told_otherwise(tmp_path: Path) -> None:
+    path = tmp_path / "page.html"
+    path.write_text("mine")
+    with pytest.raises(InputError, match="exists already"):
+        write_evaluation_html(answers(), path)
+    assert path.read_text() == "mine"
+    write_evaluation_html(answers(), path, overwrite=True)
+    assert path.read_text().startswith("<!DOCTYPE html>")
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_missing_folder_is_one_clear_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no/page\.html: No such file or directory"):
+        write_evaluation_html(answers(), tmp_path / "no" / "page.html")
+
+
+def test_the_same_evaluation_gives_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("one.html", "two.html"):
+        write_evaluation_html(answers(), tmp_path / name)
+    assert (tmp_path / "one.html").read_bytes() == (tmp_path / "two.html").read_bytes()
+
+
+def test_probabilities_are_shown_for_usable_frames_only(page: Page) -> None:
+    rows = {row[1]: row for row in page.cells if row and row[0].endswith(".png")}
+    assert np.allclose([float(cell) for cell in rows["20.0"][4:7]], [0.0, 0.4, 0.6])
+    assert rows["40.0"][4:7] == ["\N{EN DASH}"] * 3
