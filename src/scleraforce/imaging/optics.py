@@ -6,7 +6,7 @@ from math import cos, sin
 import numpy as np
 
 from scleraforce.imaging.plane import Section
-from scleraforce.study import OctStudy, PhantomStudy, Sampled
+from scleraforce.study import OctStudy, PhantomStudy, draw
 
 __all__ = ["BscanOptics", "Cover", "Line", "Pose", "Shadow", "sample_optics", "sample_pose"]
 
@@ -87,50 +87,45 @@ class Pose:
 
 def sample_optics(phantom: PhantomStudy, oct_study: OctStudy, rng: np.random.Generator) -> BscanOptics:
     """Draw the optics of one frame, every effect independently."""
-
-    def draw(values: Sampled) -> float:
-        return float(values.sample(rng, 1)[0])
-
     half_width_m = oct_study.width_m / 2
     return BscanOptics(
-        snr_db=draw(phantom.snr_db),
-        attenuation_per_m=draw(phantom.attenuation_per_m),
-        axial_resolution_m=draw(phantom.axial_resolution_m),
-        lateral_resolution_m=draw(phantom.lateral_resolution_m),
-        reflection_db=draw(phantom.reflection_db),
-        reflection_angle_rad=draw(phantom.reflection_angle_rad),
-        choroid_level_db=draw(phantom.choroid_level_db),
-        choroid_attenuation_per_m=draw(phantom.choroid_attenuation_per_m),
-        choroid_thickness_m=draw(phantom.choroid_thickness_m),
-        display_floor_db=draw(phantom.display_floor_db),
-        display_range_db=draw(phantom.display_range_db),
-        band_m=draw(phantom.band_m),
+        snr_db=draw(phantom.snr_db, rng),
+        attenuation_per_m=draw(phantom.attenuation_per_m, rng),
+        axial_resolution_m=draw(phantom.axial_resolution_m, rng),
+        lateral_resolution_m=draw(phantom.lateral_resolution_m, rng),
+        reflection_db=draw(phantom.reflection_db, rng),
+        reflection_angle_rad=draw(phantom.reflection_angle_rad, rng),
+        choroid_level_db=draw(phantom.choroid_level_db, rng),
+        choroid_attenuation_per_m=draw(phantom.choroid_attenuation_per_m, rng),
+        choroid_thickness_m=draw(phantom.choroid_thickness_m, rng),
+        display_floor_db=draw(phantom.display_floor_db, rng),
+        display_range_db=draw(phantom.display_range_db, rng),
+        band_m=draw(phantom.band_m, rng),
         shadows=tuple(
             Shadow(
                 float(rng.uniform(-half_width_m, half_width_m)),
-                draw(phantom.shadow_width_m),
-                draw(phantom.shadow_loss_fraction),
+                draw(phantom.shadow_width_m, rng),
+                draw(phantom.shadow_loss_fraction, rng),
             )
-            for _ in range(int(draw(phantom.shadow_count)))
+            for _ in range(int(draw(phantom.shadow_count, rng)))
         ),
         lines=tuple(
-            Line(draw(phantom.line_depth_m), draw(phantom.line_level_db), draw(phantom.line_thickness_m))
-            for _ in range(int(draw(phantom.line_count)))
+            Line(draw(phantom.line_depth_m, rng), draw(phantom.line_level_db, rng), draw(phantom.line_thickness_m, rng))
+            for _ in range(int(draw(phantom.line_count, rng)))
         ),
         covers=tuple(
             Cover(
-                draw(phantom.cover_height_m),
-                draw(phantom.cover_level_db),
-                draw(phantom.line_thickness_m),
-                draw(phantom.cover_tilt_rad),
+                draw(phantom.cover_height_m, rng),
+                draw(phantom.cover_level_db, rng),
+                draw(phantom.line_thickness_m, rng),
+                draw(phantom.cover_tilt_rad, rng),
             )
-            for _ in range(int(draw(phantom.cover_count)))
+            for _ in range(int(draw(phantom.cover_count, rng)))
         ),
     )
 
 
 def sample_pose(phantom: PhantomStudy, rng: np.random.Generator) -> Pose:
     """Draw where the eye lies in one frame: the recording's depth and tilt, and the frame's shift, all anew."""
-    lateral_m, shift_m = phantom.eye_shift_m.sample(rng, 2)
-    depth_m = phantom.surface_depth_m.sample(rng, 1)[0]
-    return Pose(float(lateral_m), float(depth_m + shift_m), float(phantom.eye_tilt_rad.sample(rng, 1)[0]))
+    depth_m = draw(phantom.surface_depth_m, rng) + draw(phantom.eye_shift_m, rng)
+    return Pose(draw(phantom.eye_shift_m, rng), depth_m, draw(phantom.eye_tilt_rad, rng))

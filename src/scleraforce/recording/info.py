@@ -5,7 +5,27 @@ from dataclasses import dataclass
 from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, quantity, required
 
-__all__ = ["EyeInfo", "ForceInfo", "NeedleInfo", "OctInfo", "RecordingInfo"]
+__all__ = ["EyeInfo", "ForceInfo", "NeedleInfo", "OctInfo", "RecordingInfo", "nearest_gauge"]
+
+# Outer diameters of hypodermic needles, ISO 9626 (normal wall).
+GAUGE_DIAMETER_M = {
+    18: 1.2e-3,
+    19: 1.1e-3,
+    20: 0.9e-3,
+    21: 0.8e-3,
+    22: 0.7e-3,
+    23: 0.6e-3,
+    24: 0.55e-3,
+    25: 0.5e-3,
+    26: 0.45e-3,
+    27: 0.4e-3,
+    28: 0.36e-3,
+    29: 0.33e-3,
+    30: 0.3e-3,
+    31: 0.25e-3,
+    32: 0.23e-3,
+    33: 0.2e-3,
+}
 
 
 @dataclass(frozen=True)
@@ -73,3 +93,12 @@ class RecordingInfo:
     oct: OctInfo
     needle: NeedleInfo
     force: ForceInfo | None = None
+
+
+def nearest_gauge(outer_diameter_m: float) -> int:
+    """Return the gauge of a needle.
+
+    >>> nearest_gauge(0.7e-3)
+    22
+    """
+    return min(GAUGE_DIAMETER_M, key=lambda gauge: abs(GAUGE_DIAMETER_M[gauge] - outer_diameter_m))

@@ -98,7 +98,8 @@ def contact_force(log: ForceLog, info: ForceInfo) -> Samples:
     contact = first_contact(raw_n, log.sample_rate_hz)
     guard = round(GUARD_S * log.sample_rate_hz)
     before = len(raw_n) if contact is None else max(contact - guard, (contact + 1) // 2)
-    return low_pass(raw_n, log.time_s) - raw_n[:before].mean()
+    tare_n = float(raw_n[:before].mean())
+    return low_pass(raw_n, log.time_s) - tare_n
 
 
 def low_pass(force_n: Samples, time_s: Samples) -> Samples:
@@ -113,8 +114,8 @@ def low_pass(force_n: Samples, time_s: Samples) -> Samples:
     sections = signal.butter(2, CUTOFF_HZ, fs=rate_hz, output="sos")
     even_n = np.interp(even_s, time_s, force_n)
     reach = min(round(3 * rate_hz / CUTOFF_HZ), len(even_n) - 1)
-    smooth_n: Samples = signal.sosfiltfilt(sections, even_n, padtype="even", padlen=reach)
-    return np.interp(time_s, even_s, smooth_n)
+    smooth_n = signal.sosfiltfilt(sections, even_n, padtype="even", padlen=reach)
+    return np.asarray(np.interp(time_s, even_s, smooth_n), dtype=np.float64)
 
 
 def first_contact(force_n: Samples, rate_hz: float) -> int | None:
@@ -167,8 +168,8 @@ def _samples_around(recording: Recording, log: ForceLog, frame: FrameEntry, aver
     expected = average_s * log.sample_rate_hz
     if middle in (start, stop) or stop - start < expected / 2:
         raise RecordingError(
-            f"{recording.path / 'frames.csv'}: {frame.file}: {stop - start} force samples within {average_s / 2:g} s of "
-            f"its time {time_s:g} s, about {expected:.0f} are needed; forces.csv spans {log.time_s[0]:g} to "
+            f"{recording.path / 'frames.csv'}: {frame.file}: {stop - start} force samples within {average_s / 2:g} s "
+            f"of its time {time_s:g} s, about {expected:.0f} are needed; forces.csv spans {log.time_s[0]:g} to "
             f"{log.time_s[-1]:g} s"
         )
     return slice(int(start), int(stop))

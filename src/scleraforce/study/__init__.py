@@ -14,7 +14,7 @@ from scleraforce.study.records import (
     SliceStudy,
     Study,
 )
-from scleraforce.study.sampled import Choice, Range, Sampled, fixed
+from scleraforce.study.sampled import Choice, Range, Sampled, draw, fixed
 from scleraforce.study.toml import PAPER_STUDY_TOML, format_study, parse_study, read_study, study_hash
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "Sampled",
     "SliceStudy",
     "Study",
+    "draw",
     "fixed",
     "format_study",
     "parse_study",

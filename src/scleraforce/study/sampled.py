@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Choice", "Range", "Sampled", "fixed"]
+__all__ = ["Choice", "Range", "Sampled", "draw", "fixed"]
 
 
 @dataclass(frozen=True)
@@ -55,3 +55,8 @@ Sampled = Choice | Range
 def fixed(value: float) -> Choice:
     """Return the sampled value that is always `value`."""
     return Choice((value,))
+
+
+def draw(values: Sampled, rng: np.random.Generator) -> float:
+    """Draw one value."""
+    return float(values.sample(rng, 1)[0])
