@@ -60,12 +60,12 @@ class LinearWall:
     @cached_property
     def pressure_nc(self) -> Floats:
         """Displacement under 1 Pa of eye pressure at E = 1 Pa, (node, 3) in m."""
-        return self.solve(pressure_load(self.mesh)[None])[0]
+        return self.solve_one(pressure_load(self.mesh))
 
     @cached_property
     def gravity_nc(self) -> Floats:
         """Displacement under 1 N/m^3 of weight (density times g, along -z) at E = 1 Pa, (node, 3) in m."""
-        return self.solve(gravity_load(self.mesh, self._points)[None])[0]
+        return self.solve_one(gravity_load(self.mesh, self._points))
 
     def needle_cnc(self, contacts: Sequence[Contact], needle_radius_m: float) -> Floats:
         """Displacements under 1 N through the needle at each contact at E = 1 Pa, (contact, node, 3) in m.
@@ -73,7 +73,11 @@ class LinearWall:
         Raises:
             InputError: a needle reaches over the base plane.
         """
-        return self.solve(needle_loads(self.mesh, contacts, needle_radius_m))
+        answer = np.empty((len(contacts), *self.mesh.points_nc.shape))
+        for start in range(0, len(contacts), LOADS_AT_ONCE):
+            part = slice(start, start + LOADS_AT_ONCE)
+            answer[part] = self.solve(needle_loads(self.mesh, contacts[part], needle_radius_m))
+        return answer
 
     def solve(self, loads_lnc: Floats) -> Floats:
         """Return displacements at E = 1 Pa for nodal forces (load, node, 3) in N; same shape, in m."""
@@ -83,6 +87,11 @@ class LinearWall:
             loads = loads_lnc[part].reshape(-1, answer.shape[1])[:, self._free]
             answer[part, self._free] = self._factor.solve(loads.T).T
         return answer.reshape(loads_lnc.shape)
+
+    def solve_one(self, load_nc: Floats) -> Floats:
+        """Return the displacement at E = 1 Pa for one set of nodal forces (node, 3) in N; same shape, in m."""
+        answer: Floats = self.solve(load_nc[None])[0]
+        return answer
 
     def displacement(
         self,

@@ -47,21 +47,16 @@ def needle_loads(mesh: HexMesh, contacts: Sequence[Contact], needle_radius_m: fl
         InputError: a disc reaches over the base plane.
     """
     places_pk, weights_p = _disc_rule()
-    normals, across, along = (
-        np.stack([getattr(c, axis) for c in contacts]) for axis in ("normal", "parallel", "meridian")
-    )
-    sideways = needle_radius_m / mesh.radius_m * places_pk
-    height = np.sqrt(1.0 - np.sum(sideways**2, axis=1))
-    directions = (
-        height[:, None] * normals[:, None] + sideways[:, :1] * across[:, None] + sideways[:, 1:] * along[:, None]
-    )
+    directions = _disc_directions(contacts, needle_radius_m / mesh.radius_m * places_pk)
     _check_disc(contacts, directions)
     quads, local = locate(mesh, directions.reshape(-1, 3))
     weights = surface_weights(mesh, local) * np.tile(weights_p, len(contacts))[:, None]
     load_of = np.repeat(np.arange(len(contacts)), len(weights_p))
     flat = load_of[:, None] * len(mesh.points_nc) + mesh.outer_qn[quads]
     amount = np.bincount(flat.ravel(), weights.ravel(), minlength=len(contacts) * len(mesh.points_nc))
-    return -amount.reshape(len(contacts), -1, 1) * normals[:, None]
+    normals = np.array([contact.normal for contact in contacts])
+    loads: Floats = -amount.reshape(len(contacts), -1, 1) * normals[:, None]
+    return loads
 
 
 def weighted_surface_load(
@@ -86,6 +81,15 @@ def _disc_rule() -> tuple[Floats, Floats]:
     angles = (np.arange(DISC_ANGLES) + 0.5 * (np.arange(DISC_RINGS) % 2)[:, None]) * (2.0 * np.pi / DISC_ANGLES)
     points = radius[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     return points.reshape(-1, 2), np.repeat(0.5 * weights / DISC_ANGLES, DISC_ANGLES)
+
+
+def _disc_directions(contacts: Sequence[Contact], sideways_pk: Floats) -> Floats:
+    """Project points of a disc (in outer radii) along each needle axis on the unit sphere: (contact, point, 3)."""
+    height = np.sqrt(1.0 - np.sum(sideways_pk**2, axis=1))
+    local = np.concatenate([sideways_pk, height[:, None]], axis=1)
+    axes = np.array([[contact.meridian, contact.parallel, contact.normal] for contact in contacts])
+    directions: Floats = local @ axes
+    return directions
 
 
 def _check_disc(contacts: Sequence[Contact], directions_cpk: Floats) -> None:
