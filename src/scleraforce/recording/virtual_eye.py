@@ -121,6 +121,6 @@ def _spread(target: int, count: int, study: Study) -> list[float]:
 
 
 def _mixed(forces_n: list[float]) -> tuple[float, ...]:
-    """Return the forces in an order in which small and large ones alternate."""
+    """Return the forces in an order that mixes them and starts with the largest: a clear first contact."""
     step = next(step for step in (7, 5, 3, 2, 1) if len(forces_n) % step)
-    return tuple(forces_n[(index * step) % len(forces_n)] for index in range(len(forces_n)))
+    return tuple(forces_n[-1 - (index * step) % len(forces_n)] for index in range(len(forces_n)))
