@@ -1,0 +1,139 @@
+"""The whole pipeline in one folder: virtual eyes, slices, network, answers, page (the paper from end to end).
+
+Each stage leaves its result in the folder, and `reproduce.json` says which are finished. A later run with the same
+study and version takes up what is finished and does the rest, so Ctrl-C loses one stage at most.
+"""
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+
+from scleraforce import __version__
+from scleraforce.errors import InputError
+from scleraforce.report.files import write_whole
+from scleraforce.study import Study, format_study, study_hash
+
+__all__ = ["Announce", "Progress", "Run", "Stage", "open_run", "run_stages"]
+
+Progress = Callable[[int], object]
+Announce = Callable[[str, int], AbstractContextManager[Progress]]  # title and length of a bar -> its progress
+
+STATE_FILE = "reproduce.json"
+
+
+@dataclass(frozen=True)
+class Run:
+    """One reproduction: its folder, its study, the processes it may use, and where each result lies."""
+
+    folder: Path
+    study: Study
+    workers: int
+
+    @property
+    def recordings(self) -> Path:
+        """Folder of the virtual eyes' recordings."""
+        return self.folder / "recordings"
+
+    @property
+    def dataset(self) -> Path:
+        """The simulated slices."""
+        return self.folder / "dataset"
+
+    @property
+    def model(self) -> Path:
+        """The trained network."""
+        return self.folder / "model"
+
+    @property
+    def report(self) -> Path:
+        """The page."""
+        return self.folder / "report.html"
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A step of the pipeline: its name, what it works through, and the function that does it.
+
+    `leaves` is what it writes and what is taken up later; None where it is always done anew. A stage that `resumes`
+    finds its own unfinished result and goes on.
+    """
+
+    name: str
+    length: Callable[[Run], int]
+    work: Callable[[Run, Progress], None]
+    leaves: Callable[[Run], Path] | None = None
+    resumes: bool = False
+
+
+def open_run(folder: Path, study: Study, workers: int) -> Run:
+    """Make or take up the folder of a reproduction.
+
+    Raises:
+        InputError: the folder holds something else, or was made from another study or by another version.
+    """
+    run = Run(folder, study, workers)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            _check_state(run, _read_state(folder))
+        else:
+            (folder / "study.toml").write_text(format_study(study), encoding="utf-8")
+            _write_state(run, {})
+    except OSError as fault:
+        raise InputError(f"{folder}: {fault.strerror}") from fault
+    return run
+
+
+def run_stages(run: Run, stages: tuple[Stage, ...], announce: Announce) -> dict[str, float]:
+    """Do the stages that are not finished, in order.
+
+    Args:
+        run: where and on what.
+        stages: what to do.
+        announce: opens a progress bar.
+
+    Returns:
+        Seconds of each stage; those of a finished stage are the ones that it took when it was done.
+    """
+    seconds = dict(_read_state(run.folder)["seconds"])
+    for number, stage in enumerate(stages, start=1):
+        if stage.name in seconds and stage.leaves and stage.leaves(run).exists():
+            continue
+        if stage.leaves and not stage.resumes:
+            shutil.rmtree(stage.leaves(run), ignore_errors=True)
+        start = time.perf_counter()
+        with announce(f"{number}/{len(stages)} {stage.name}", stage.length(run)) as progress:
+            stage.work(run, progress)
+        seconds[stage.name] = round(time.perf_counter() - start, 2)
+        _write_state(run, seconds)
+    return {stage.name: seconds[stage.name] for stage in stages}
+
+
+def _read_state(folder: Path) -> dict[str, dict[str, float]]:
+    path = folder / STATE_FILE
+    try:
+        state: dict[str, dict[str, float]] = json.loads(path.read_text(encoding="utf-8"))
+        return {"seconds": dict(state["seconds"]), "made_from": dict(state["made_from"])}
+    except FileNotFoundError as fault:
+        raise InputError(f"{folder}: not empty, and not made by `reproduce`; give a new folder") from fault
+    except (ValueError, KeyError, TypeError) as fault:
+        raise InputError(f"{path}: cannot be read; remove {folder} or give a new folder") from fault
+
+
+def _check_state(run: Run, state: Mapping[str, Mapping[str, object]]) -> None:
+    for name, value in _made_from(run).items():
+        if state["made_from"].get(name) != value:
+            raise InputError(f"{run.folder}: made from another {name}; remove it or give a new folder")
+
+
+def _write_state(run: Run, seconds: Mapping[str, float]) -> None:
+    content = json.dumps({"made_from": _made_from(run), "seconds": seconds}, indent=2) + "\n"
+    write_whole(content, run.folder / STATE_FILE)
+
+
+def _made_from(run: Run) -> dict[str, str]:
+    return {"study": study_hash(run.study), "version of scleraforce": __version__}
