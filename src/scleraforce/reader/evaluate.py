@@ -1,16 +1,26 @@
 """What a model says about recordings, beside what their force logs say (paper sec. 3.4, Table 3, Fig. 10)."""
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.errors import RecordingError
+from scleraforce.imaging.segmentation import PixelScale, Segmenter
+from scleraforce.reader.answers import answer_frame
+from scleraforce.reader.calibrated import read_calibration_frames
+from scleraforce.reader.limits import limits
 from scleraforce.reader.metrics import Proportion, accuracy, confusion_matrix, precision, recall
+from scleraforce.reader.model import ForceReader
+from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.labels import label_frames
 from scleraforce.units import n_to_mn
 
-__all__ = ["Evaluation", "FrameAnswer"]
+__all__ = ["Evaluation", "FrameAnswer", "evaluate_recordings"]
 
 
 @dataclass(frozen=True)
@@ -116,3 +126,79 @@ class Evaluation:
             "notes": self.notes,
             "frames": [frame.as_json() for frame in self.frames],
         }
+
+
+def evaluate_recordings(
+    reader: ForceReader,
+    paths: Sequence[Path],
+    calibration: Path | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Evaluation:
+    """Read every frame of recordings and compare with their force logs.
+
+    Args:
+        reader: the model.
+        paths: recording folders; each once.
+        calibration: the file of `scleraforce calibrate`; the frames that it used are marked and not scored.
+        progress: called with 1 after each frame.
+
+    Raises:
+        RecordingError: a recording cannot be used, or is given twice.
+        FrameError: a frame cannot be read.
+        CalibrationError: the calibration file cannot be used.
+    """
+    _refuse_twice(paths)
+    used = frozenset[tuple[str, str]]() if calibration is None else read_calibration_frames(calibration)
+    recordings = [read_recording(path) for path in paths]
+    frames: list[FrameAnswer] = []
+    for path, recording in zip(paths, recordings, strict=True):
+        frames += _answers(reader, str(path), recording, used, progress)
+    study = reader.study
+    return Evaluation(
+        model=str(reader.path),
+        bounds_n=study.classes.bounds_n,
+        max_force_n=study.needle.max_force_n,
+        youngs_modulus_pa=study.eye.youngs_modulus_pa,
+        frames=tuple(frames),
+        notes=tuple(note for pair in zip(paths, recordings, strict=True) for note in limits(study, *pair)),
+    )
+
+
+def _refuse_twice(paths: Sequence[Path]) -> None:
+    """A recording that counted twice would narrow the intervals without cause."""
+    seen: set[Path] = set()
+    for path in paths:
+        if path.resolve() in seen:
+            raise RecordingError(f"{path}: given twice; give each recording once")
+        seen.add(path.resolve())
+
+
+def _answers(
+    reader: ForceReader,
+    given: str,
+    recording: Recording,
+    used: frozenset[tuple[str, str]],
+    progress: Callable[[int], None] | None,
+) -> Iterator[FrameAnswer]:
+    """Answer each frame of a recording, in its order."""
+    study, oct_info, eye = reader.study, recording.info.oct, recording.info.eye.id
+    scale = PixelScale(oct_info.width_m / oct_info.columns, oct_info.depth_m / oct_info.rows)
+    segmenter = Segmenter(oct_info.refractive_index)
+    trials = label_frames(recording, study.classes, study.needle.max_force_n)
+    for entry, trial in zip(recording.frames, trials, strict=True):
+        answer = answer_frame(reader, segmenter, recording.frame(entry), scale, oct_info.refractive_index)
+        yield FrameAnswer(
+            recording=given,
+            eye=eye,
+            file=entry.file,
+            measured_force_n=trial.measured_force_n,
+            target=trial.target,
+            predicted=answer.predicted,
+            probabilities=answer.probabilities,
+            usable=answer.usable,
+            reason=answer.reason,
+            calibration=(eye, entry.file) in used,
+            excluded=trial.excluded,
+        )
+        if progress:
+            progress(1)

@@ -1,0 +1,52 @@
+"""Write a model folder: all of it or nothing."""
+
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from scleraforce.errors import ModelError
+from scleraforce.reader.folder import CARD_FILE, FORMAT, NETWORK_FILE, RECORD_FILE, STUDY_FILE, sha256
+
+__all__ = ["refuse_existing", "write_folder"]
+
+
+def refuse_existing(out: Path) -> None:
+    """Refuse to write where something is, before any work is done.
+
+    Raises:
+        ModelError: `out` exists.
+    """
+    if out.exists() or out.is_symlink():
+        raise ModelError(f"{out}: exists already; remove it or choose another folder")
+
+
+def write_folder(out: Path, network: bytes, study_toml: str, card: str, record: Mapping[str, Any]) -> None:
+    """Write a model folder under a temporary name beside `out`, then rename it.
+
+    Args:
+        out: the folder to make.
+        network: the ONNX model.
+        study_toml: the study, in canonical form.
+        card: the model card.
+        record: what `model.json` keeps besides format and hashes.
+
+    Raises:
+        ModelError: `out` exists, or cannot be written.
+    """
+    refuse_existing(out)
+    files = {NETWORK_FILE: network, STUDY_FILE: study_toml.encode(), CARD_FILE: card.encode()}
+    hashes = {name: sha256(content) for name, content in files.items()}
+    record_json = json.dumps({"format": FORMAT, **record, "files": hashes}, indent=2, allow_nan=False)
+    partial = out.with_name(f".{out.name}.partial-{os.getpid()}")
+    try:
+        partial.mkdir(parents=True)
+        for name, content in {**files, RECORD_FILE: (record_json + "\n").encode()}.items():
+            (partial / name).write_bytes(content)
+        partial.rename(out)
+    except OSError as fault:
+        raise ModelError(f"{out}: {fault.strerror}") from fault
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)

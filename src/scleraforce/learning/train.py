@@ -1,0 +1,131 @@
+"""From a data set to a model folder: train, validate through ONNX Runtime, write."""
+
+import platform
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scleraforce import __version__
+from scleraforce.dataset.store import Dataset
+from scleraforce.errors import DatasetError
+from scleraforce.learning.card import model_card
+from scleraforce.learning.folder import refuse_existing, write_folder
+from scleraforce.learning.framework import onnx, torch
+from scleraforce.learning.graph import onnx_bytes
+from scleraforce.learning.samples import Samples, content_hash
+from scleraforce.learning.training import THREADS, Curves, Fitted, fit
+from scleraforce.reader.metrics import accuracy, confusion_matrix, recall
+from scleraforce.study import NetworkStudy, Study, format_study, study_hash
+from scleraforce.units import n_to_mn
+
+__all__ = ["Trained", "split_samples", "train_classifier"]
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What a training reached, and how long it took."""
+
+    validation_accuracy: float
+    curves: Curves
+    seconds: float
+
+
+def train_classifier(
+    dataset: Dataset,
+    out: Path,
+    network: NetworkStudy | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Trained:
+    """Train the classifier on a data set and write its model folder.
+
+    Args:
+        dataset: an opened data set.
+        out: the folder to make; it must not exist.
+        network: sizes and training, where they are to differ from those in the data set's study.
+        progress: called with 1 after each epoch.
+
+    Raises:
+        ModelError: `out` exists or cannot be written.
+        DatasetError: there is nothing to train or to validate on.
+        SolverError: the training diverged.
+    """
+    start = time.perf_counter()
+    refuse_existing(out)
+    study = _trained_study(dataset, network)
+    training, validation = split_samples(dataset)
+    fitted = fit(study.network, training, validation, len(study.classes.bounds_n) + 1, progress)
+    provenance = _provenance(study, training, validation)
+    record, card = _describe(study, fitted, training, validation, provenance)
+    graph = onnx_bytes(fitted.network, study.slice.rows, study.slice.columns, provenance)
+    seconds = time.perf_counter() - start
+    write_folder(out, graph, format_study(study), card, {**record, "seconds": round(seconds, 2)})
+    return Trained(fitted.curves.validation_accuracy[-1], fitted.curves, seconds)
+
+
+def split_samples(dataset: Dataset) -> tuple[Samples, Samples]:
+    """Return the training and the validation samples of a data set; they share no contact.
+
+    Raises:
+        DatasetError: one of them is empty.
+    """
+    parts = dataset.split()
+    if not all(len(part) for part in parts):
+        raise DatasetError(
+            f"{dataset.path}: validation: {len(parts[1])} of {dataset.images} samples; training and validation need "
+            "some each"
+        )
+    target = dataset.target.astype(np.int64)
+    training, validation = (Samples(dataset.slices[part], target[part]) for part in parts)
+    return training, validation
+
+
+def _trained_study(dataset: Dataset, network: NetworkStudy | None) -> Study:
+    """Return the study that goes with the model: with the modulus of the simulated walls, where it was calibrated."""
+    study = replace(dataset.study, network=network or dataset.study.network)
+    return replace(study, eye=replace(study.eye, youngs_modulus_pa=dataset.youngs_modulus_pa))
+
+
+def _provenance(study: Study, training: Samples, validation: Samples) -> dict[str, str]:
+    """Return what `metadata_props` of the network says: the same for the same study, data and versions."""
+    return {
+        "kind": "classifier",
+        "study_sha256": study_hash(study),
+        "dataset_sha256": content_hash(training, validation),
+        "seed": str(study.network.seed),
+        "threads": str(THREADS),
+        "class_bounds_mn": ", ".join(f"{n_to_mn(bound):g}" for bound in study.classes.bounds_n),
+        "youngs_modulus_mpa": f"{study.eye.youngs_modulus_pa / 1e6:.6g}",
+        "scleraforce": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "torch": torch.__version__,
+        "onnx": onnx.__version__,
+    }
+
+
+def _describe(
+    study: Study, fitted: Fitted, training: Samples, validation: Samples, provenance: dict[str, str]
+) -> tuple[dict[str, Any], str]:
+    """Return `model.json` (without hashes) and the model card."""
+    curves, bounds = fitted.curves, study.classes.bounds_n
+    answers = fitted.network.probabilities(validation.slices).argmax(axis=1)
+    confusion = confusion_matrix(validation.target.tolist(), answers.tolist(), len(bounds) + 1)
+    metrics = {
+        "validation_accuracy": accuracy(confusion).value,
+        "validation_interval": accuracy(confusion).interval,
+        "validation_loss": curves.validation_loss[-1],
+        "validation_confusion": confusion.tolist(),
+    }
+    record = {
+        "kind": "classifier",
+        "provenance": provenance,
+        "samples": {"training": len(training), "validation": len(validation)},
+        "epochs": study.network.epochs,
+        "metrics": metrics,
+        "curves": asdict(curves),
+    }
+    return record, model_card(study, record, (len(training), len(validation)), recall(confusion))

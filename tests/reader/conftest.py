@@ -1,0 +1,47 @@
+"""A tiny model folder with known weights."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scleraforce.study import SliceStudy, Study, format_study, study_hash
+
+
+@dataclass(frozen=True)
+class TinyModel:
+    """Where it lies, and the network in it."""
+
+    path: Path
+    network: object
+    study: Study
+
+
+def write_tiny_model(path: Path, study: Study, hidden: int = 7) -> TinyModel:
+    """Write a model with random weights for a study; its validation figures are made up."""
+    pytest.importorskip("torch")
+    from scleraforce.learning.folder import write_folder
+    from scleraforce.learning.graph import onnx_bytes
+    from scleraforce.learning.network import Layer, TrainedNetwork
+
+    rng = np.random.default_rng(5)
+    pixels = study.slice.rows * study.slice.columns
+    sizes = [(hidden, pixels), (hidden, hidden), (3, hidden)]
+    layers = tuple(
+        Layer(
+            rng.normal(size=size).astype(np.float32) / np.sqrt(size[1], dtype=np.float32),
+            rng.normal(size=size[0]).astype(np.float32),
+        )
+        for size in sizes
+    )
+    network = TrainedNetwork(rng.random(pixels, dtype=np.float32), layers)
+    graph = onnx_bytes(network, study.slice.rows, study.slice.columns, {"study_sha256": study_hash(study)})
+    write_folder(path, graph, format_study(study), "# card\n", {"kind": "classifier", "metrics": {}})
+    return TinyModel(path, network, study)
+
+
+@pytest.fixture
+def tiny_model(tmp_path: Path) -> TinyModel:
+    """A model that reads 8 x 10 slices."""
+    return write_tiny_model(tmp_path / "model", replace(Study(), slice=SliceStudy(columns=10, rows=8)))

@@ -1,0 +1,79 @@
+"""Metrics against naive counts, and the Wilson interval against published values and its defining equation."""
+
+from math import isnan, nan, sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scleraforce.reader.metrics import Proportion, accuracy, confusion_matrix, precision, recall, wilson_interval
+
+PAPER = np.array([[5, 2, 0], [0, 14, 1], [0, 0, 23]])
+PAIRS = st.lists(st.tuples(st.integers(0, 2), st.integers(0, 2)), max_size=40)
+
+
+def share(hits: int, total: int) -> float:
+    return hits / total if total else nan
+
+
+def values(proportions: tuple[Proportion, ...]) -> list[float]:
+    return [proportion.value for proportion in proportions]
+
+
+@given(PAIRS)
+def test_metrics_equal_naive_counts(pairs: list[tuple[int, int]]) -> None:
+    target, predicted = [t for t, _ in pairs], [p for _, p in pairs]
+    confusion = confusion_matrix(target, predicted)
+    for row in range(3):
+        for column in range(3):
+            assert confusion[row, column] == sum(pair == (row, column) for pair in pairs)
+    np.testing.assert_equal(accuracy(confusion).value, share(sum(t == p for t, p in pairs), len(pairs)))
+    np.testing.assert_equal(
+        values(recall(confusion)), [share(sum(t == p == k for t, p in pairs), target.count(k)) for k in range(3)]
+    )
+    np.testing.assert_equal(
+        values(precision(confusion)), [share(sum(t == p == k for t, p in pairs), predicted.count(k)) for k in range(3)]
+    )
+
+
+def test_the_papers_table_3_has_the_two_names_the_other_way_round() -> None:
+    printed_as_precision, printed_as_recall = [0.71, 0.93, 1.00], [1.00, 0.88, 0.96]
+    np.testing.assert_allclose(values(recall(PAPER)), printed_as_precision, atol=0.005)
+    np.testing.assert_allclose(values(precision(PAPER)), printed_as_recall, atol=0.005)
+    assert round(accuracy(PAPER).value, 2) == 0.93
+
+
+@pytest.mark.parametrize(
+    ("hits", "total", "low", "high"),
+    [
+        # Newcombe, Statistics in Medicine 17 (1998) 857, Table I, method 3 (score, without continuity correction)
+        (81, 263, 0.2553, 0.3662),
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0.0000, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+    ],
+)
+def test_wilson_intervals_equal_the_published_ones(hits: int, total: int, low: float, high: float) -> None:
+    np.testing.assert_allclose(wilson_interval(hits, total), (low, high), atol=5e-5)
+
+
+@given(st.integers(1, 500), st.data())
+def test_the_ends_of_a_wilson_interval_are_where_the_score_test_rejects(total: int, data: st.DataObject) -> None:
+    hits = data.draw(st.integers(0, total))
+    for end in wilson_interval(hits, total):
+        if 1e-9 < end < 1.0 - 1e-9:
+            score = abs(hits / total - end) / sqrt(end * (1 - end) / total)
+            assert score == pytest.approx(1.959963985, rel=1e-6)
+
+
+def test_what_is_undefined_is_not_a_number() -> None:
+    nothing = confusion_matrix([], [])
+    assert all(isnan(value) for value in (accuracy(nothing).value, *values(recall(nothing))))
+    assert all(isnan(end) for end in accuracy(nothing).interval)
+
+
+@pytest.mark.parametrize(("target", "predicted"), [([0], []), ([3], [0]), ([0], [-1])])
+def test_labels_that_make_no_matrix_are_refused(target: list[int], predicted: list[int]) -> None:
+    with pytest.raises(ValueError):
+        confusion_matrix(target, predicted)

@@ -1,0 +1,109 @@
+"""A model folder is read only as it was written, and only slices of its kind go through it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scleraforce.errors import ModelError
+from scleraforce.reader import load_model
+from scleraforce.reader.folder import sha256
+
+
+def slices(count: int, shape: tuple[int, int] = (8, 10)) -> np.ndarray:
+    return np.random.default_rng(1).choice(np.array([0, 255], dtype=np.uint8), size=(count, *shape))
+
+
+def rehash(model: Path, name: str) -> None:
+    """Make `model.json` agree with a changed file, as someone would who means harm or well."""
+    record = json.loads((model / "model.json").read_text())
+    record["files"][name] = sha256((model / name).read_bytes())
+    (model / "model.json").write_text(json.dumps(record))
+
+
+def test_probabilities_equal_the_network_computed_in_numpy(tiny_model) -> None:
+    reader = load_model(tiny_model.path)
+    found = reader.probabilities(slices(50))
+    np.testing.assert_allclose(found, tiny_model.network.probabilities(slices(50)), atol=1e-6)
+    np.testing.assert_allclose(found.sum(axis=1), 1.0, atol=1e-15)
+
+
+def test_the_same_slice_gives_the_same_answer_every_time(tiny_model) -> None:
+    first, second = (load_model(tiny_model.path).probabilities(slices(3)) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_no_slices_give_no_answers(tiny_model) -> None:
+    assert load_model(tiny_model.path).probabilities(slices(0)).shape == (0, 3)
+
+
+def test_the_study_travels_with_the_model(tiny_model) -> None:
+    reader = load_model(tiny_model.path)
+    assert reader.study == tiny_model.study
+    assert reader.provenance["study_sha256"] == sha256((tiny_model.path / "study.toml").read_bytes())
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [slices(2, (10, 8)), slices(1)[0], slices(1).astype(np.float32), slices(1) // 255, slices(1) ^ 7],
+    ids=["turned", "one slice without its axis", "float", "0 and 1", "grey"],
+)
+def test_anything_but_binary_slices_of_the_studys_shape_is_refused(tiny_model, wrong: np.ndarray) -> None:
+    with pytest.raises(ModelError, match="slices"):
+        load_model(tiny_model.path).probabilities(wrong)
+
+
+@pytest.mark.parametrize("name", ["model.onnx", "study.toml", "card.md"])
+def test_a_file_changed_by_one_byte_is_refused(tiny_model, name: str) -> None:
+    content = bytearray((tiny_model.path / name).read_bytes())
+    content[len(content) // 2] ^= 1
+    (tiny_model.path / name).write_bytes(content)
+    with pytest.raises(ModelError, match=f"{name}: SHA-256"):
+        load_model(tiny_model.path)
+
+
+@pytest.mark.parametrize("name", ["model.onnx", "study.toml", "card.md", "model.json"])
+def test_a_missing_file_is_named(tiny_model, name: str) -> None:
+    (tiny_model.path / name).unlink()
+    with pytest.raises(ModelError, match=name):
+        load_model(tiny_model.path)
+
+
+def test_a_study_that_the_network_was_not_trained_with_is_refused_even_where_the_hashes_agree(tiny_model) -> None:
+    study = tiny_model.path / "study.toml"
+    study.write_text(study.read_text().replace("bounds_mn = [5.0, 30.0]", "bounds_mn = [5.0, 50.0]"))
+    rehash(tiny_model.path, "study.toml")
+    with pytest.raises(ModelError, match="study_sha256"):
+        load_model(tiny_model.path)
+
+
+def test_a_network_for_other_slices_is_refused_even_where_the_hashes_agree(tiny_model) -> None:
+    study = tiny_model.path / "study.toml"
+    study.write_text(study.read_text().replace("rows = 8\n", "rows = 9\n"))
+    rehash(tiny_model.path, "study.toml")
+    with pytest.raises(ModelError, match="input"):
+        load_model(tiny_model.path)
+
+
+def test_a_file_that_is_no_network_is_refused(tiny_model) -> None:
+    (tiny_model.path / "model.onnx").write_bytes(b"not a network")
+    rehash(tiny_model.path, "model.onnx")
+    with pytest.raises(ModelError, match="ONNX Runtime"):
+        load_model(tiny_model.path)
+
+
+@pytest.mark.parametrize(
+    ("content", "field"),
+    [("{", "not JSON"), ("[]", "format"), ('{"format": 99}', "format"), ('{"format": 1, "kind": "oracle"}', "kind"),
+     ('{"format": 1, "kind": "classifier"}', "files")],
+)  # fmt: skip
+def test_a_record_that_cannot_be_used_is_refused(tiny_model, content: str, field: str) -> None:
+    (tiny_model.path / "model.json").write_text(content)
+    with pytest.raises(ModelError, match=field):
+        load_model(tiny_model.path)
+
+
+def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="no such folder"):
+        load_model(tmp_path / "nothing")
