@@ -1,0 +1,129 @@
+"""What the documentation says is true: its commands run and print what it shows, its Python is run by doctest.
+
+A `console` block has lines `$ command`, each followed by what it prints; `...` stands for anything. The blocks of a
+page run in order in one temporary folder. `make` targets are looked up only: CI runs them.
+"""
+
+import doctest
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import scleraforce
+from scleraforce.cli.main import COMMANDS
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+SLOW_COMMANDS = {"reproduce", "generate", "train"}
+LANGUAGES = {"console", "python", "toml", "json", "text", "csv", ""}
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+PACKAGE = Path(scleraforce.__file__).parent
+MODULES = sorted(
+    "scleraforce." + ".".join(path.relative_to(PACKAGE).with_suffix("").parts)
+    for path in PACKAGE.rglob("*.py")
+    if path.name != "__init__.py"
+)
+
+
+@dataclass(frozen=True)
+class Example:
+    """A command and what it is said to print."""
+
+    command: str
+    output: str
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    return [body for name, body in FENCE.findall(page.read_text(encoding="utf-8")) if name == language]
+
+
+def examples(page: Path) -> Iterator[Example]:
+    """The commands of a page's console blocks; a backslash at the end of a line continues it."""
+    for body in blocks(page, "console"):
+        assert body.startswith("$ "), f"{page.name}: a console block starts with `$ command`:\n{body}"
+        for part in re.split(r"^\$ ", body, flags=re.MULTILINE)[1:]:
+            lines = part.splitlines()
+            ends = next(n for n, line in enumerate(lines) if not line.endswith("\\"))
+            yield Example("\n".join(lines[: ends + 1]), "\n".join(lines[ends + 1 :]).strip())
+
+
+def pages_with_commands() -> list[object]:
+    """Pages whose commands take long are marked slow."""
+    found = []
+    for page in PAGES:
+        used = {name for example in examples(page) for name in COMMANDS if f"scleraforce {name}" in example.command}
+        if any(not example.command.startswith(("make", "cd ", "git ")) for example in examples(page)):
+            found.append(pytest.param(page, id=page.name, marks=[pytest.mark.slow] if used & SLOW_COMMANDS else []))
+    return found
+
+
+@pytest.mark.parametrize("page", pages_with_commands())
+def test_the_commands_of_a_page_run_and_print_what_it_shows(page: Path, tmp_path: Path) -> None:
+    environment = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "80"}
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
+    checker = doctest.OutputChecker()
+    for example in examples(page):
+        if example.command.startswith(("make", "cd ", "git ")):
+            continue
+        done = subprocess.run(
+            ["bash", "-c", example.command], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, f"{page.name}: $ {example.command}\n{done.stdout}{done.stderr}"
+        if example.output:
+            flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+            assert checker.check_output(example.output + "\n", done.stdout, flags), (
+                f"{page.name}: $ {example.command}\nprinted:\n{done.stdout}\nthe page shows:\n{example.output}"
+            )
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_make_target_and_link_of_a_page_exists(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE))
+    for example in examples(page):
+        if example.command.startswith("make "):
+            assert example.command.split()[1] in targets
+    for link in re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", text):
+        if "://" not in link:
+            assert (page.parent / link).exists(), f"{page.name} links to {link}, which is not there"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_block_of_a_page_has_a_language_that_is_checked_here(page: Path) -> None:
+    assert {name for name, _ in FENCE.findall(page.read_text(encoding="utf-8"))} <= LANGUAGES
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "python")], ids=lambda page: page.name)
+def test_the_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    parser = doctest.DocTestParser()
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+    source = "\n".join(blocks(page, "python"))
+    assert ">>>" in source, f"{page.name}: write Python as a doctest"
+    test = parser.get_doctest(source, {}, page.name, str(page), 0)
+    assert runner.run(test).failed == 0
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_the_examples_in_docstrings_are_true(name: str) -> None:
+    assert doctest.testmod(import_module(name), optionflags=doctest.ELLIPSIS).failed == 0
+
+
+def test_the_toml_of_the_pages_is_toml() -> None:
+    for page in PAGES:
+        for body in blocks(page, "toml"):
+            tomllib.loads(body)
+
+
+def test_the_readme_shows_every_command() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    for name in COMMANDS:
+        assert f"scleraforce {name}" in readme, f"README.md does not show `scleraforce {name}`"
