@@ -19,7 +19,7 @@ __all__ = ["gravity_load", "needle_loads", "pressure_load", "weighted_surface_lo
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-PRESSURE_POINTS = 4  # Gauss points along a quad: the normal of a curved quad is a polynomial of degree 3 a direction
+PRESSURE_POINTS = 3  # exact: normal times shape function of a curved quad is of degree 5 in each direction
 DISC_RINGS = 6
 DISC_ANGLES = 24
 
