@@ -55,7 +55,7 @@ def half_cube(divisions: int) -> QuadSurface:
         ValueError: `divisions` is odd or below 2.
 
     >>> half_cube(2).quads_qv.shape
-    (8, 4)
+    (12, 4)
     """
     if divisions < 2 or divisions % 2:
         raise ValueError(f"divisions: {divisions} is not an even number of at least 2")
