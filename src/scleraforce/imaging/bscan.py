@@ -140,10 +140,11 @@ def fill_columns(section: Section, oct_study: OctStudy, choroid_thickness_m: flo
     choroid_path_m = length_above(edges_m, layer_crossings(inside_m, choroid_thickness_m))
     wall_part_m, choroid_part_m = np.diff(wall_path_m, axis=0), np.diff(choroid_path_m, axis=0)
     row_m = np.diff(edges_m, axis=0)
+    hair_m = 1e-4 * row_m.max()  # what rounding leaves
     surface_row = np.where(np.isfinite(surface_m), surface_m / pixel_m, np.nan)
     return Tissue(
-        wall=as_float32(np.maximum(wall_part_m, 0.0) / row_m),  # rounding can leave a hair below 0
-        choroid=as_float32(np.maximum(choroid_part_m, 0.0) / row_m),
+        wall=as_float32(np.where(wall_part_m > hair_m, wall_part_m, 0.0) / row_m),
+        choroid=as_float32(np.where(choroid_part_m > hair_m, choroid_part_m, 0.0) / row_m),
         wall_path_m=as_float32(wall_path_m[1:] - wall_part_m / 2),
         choroid_path_m=as_float32(choroid_path_m[1:] - choroid_part_m / 2),
         surface_row=as_float32(surface_row),
