@@ -119,13 +119,24 @@ class ClassesStudy:
 
 @dataclass(frozen=True)
 class CalibrationStudy:
-    """The reduced-order unscented Kalman filter (paper sec. 2.2, 3.2)."""
+    """The reduced-order unscented Kalman filter (paper sec. 2.2, 3.2); `docs/calibration.md` explains each value."""
 
     prior_mean_pa: float = quantity(0.49, "mpa", 0.001, 100.0)
     prior_sd_pa: float = quantity(0.34, "mpa", 0.0001, 100.0)
     points: int = quantity(10, None, 2, 200)
+    span_m: float = quantity(4.0, "mm", 0.5, 20.0)
     sigma_points: str = option("simplex", "simplex", "canonical", "star")
     positive: bool = True
+    iterations: int = quantity(10, None, 1, 100)
+    gate_sd: float = quantity(5.0, None, 1.0, 1e6)
+    min_force_n: float = quantity(5.0, "mn", 0.0, 1000.0)
+    shift_sd_m: float = quantity(0.2, "mm", 0.001, 10.0)
+    turn_sd_rad: float = quantity(0.3, "deg", 0.001, 45.0)
+    inner_sd_m: float = quantity(0.05, "mm", 0.0001, 1.0)
+    model_error_fraction: float = quantity(0.5, "percent", 0.0, 100.0)
+    iop_sd_pa: float = quantity(0.5, "mmhg", 0.001, 80.0)
+    thickness_sd_m: float = quantity(25.0, "um", 0.1, 1000.0)
+    gap_sd_m: float = quantity(0.1, "mm", 0.001, 5.0)
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -1,0 +1,205 @@
+"""Rigid registration: lays the predicted section on a frame (paper sec. 3.2).
+
+Pose and modulus are fitted together, frame by frame, to the whole of both boundaries: at high forces the arc as a whole
+moves, so no part of it is a fixed reference. What the frames of a recording share (the pose about which the eye moves,
+the contact's polar angle) is carried from frame to frame as a belief; an eye that moved is a draw about it.
+"""
+
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.calibration.eye_model import EyeModel
+from scleraforce.calibration.observations import Boundaries
+from scleraforce.calibration.placement import (
+    DEPTH,
+    INNER,
+    LATERAL,
+    POLAR,
+    ROTATION,
+    Placed,
+    Places,
+    curve_depths,
+    place_curves,
+    predict,
+)
+from scleraforce.study import CalibrationStudy
+
+__all__ = ["PoseBelief", "Registered", "first_belief", "frame_prior", "register", "updated_belief"]
+
+Array = NDArray[np.float64]
+
+FIRST_SD = {LATERAL: 2e-3, DEPTH: 1.5e-3, ROTATION: 0.1}  # of a recording's pose, before its first frame
+COLUMNS = 48  # of each boundary that are fitted
+COLUMN_SD_M = 10e-6
+HUBER = 2.5
+LOG_MODULUS_SD = 1.0  # a frame's own modulus is free: the pose must not follow what the filter believes
+MOST_ITERATIONS = 25
+CONVERGED_SD = 0.02
+START_LATERAL_M = np.linspace(-2.5e-3, 2.5e-3, 11)
+START_MODULUS = (0.15, 0.3, 0.6, 1.0, 2.0)  # of the modulus that is given
+
+
+@dataclass(frozen=True, eq=False)
+class PoseBelief:
+    """What is known of what the frames share: mean (5,) and covariance (5, 5) in the order of `NUISANCES`."""
+
+    mean: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Registered:
+    """A frame's fit: pose and other nuisances (5,), their covariance (5, 5), the frame's own modulus, the misfit in m."""
+
+    nuisance: Array
+    covariance: Array
+    youngs_modulus_pa: float
+    misfit_m: float
+    iterations: int
+
+
+def first_belief(model: EyeModel, study: CalibrationStudy) -> PoseBelief:
+    """Return the belief before the first frame: hardly anything of the pose, the polar angle as stated or ranged."""
+    sd = np.zeros(5)
+    sd[[LATERAL, DEPTH, ROTATION]] = [FIRST_SD[axis] for axis in (LATERAL, DEPTH, ROTATION)]
+    sd[POLAR], sd[INNER] = model.constants.polar_sd_rad, study.inner_sd_m
+    mean = np.zeros(5)
+    mean[POLAR] = model.constants.polar_rad
+    return PoseBelief(mean, np.diag(sd**2))
+
+
+def frame_prior(belief: PoseBelief, study: CalibrationStudy) -> PoseBelief:
+    """Return what is known of the next frame's nuisances: the recording's, and that the eye may have moved."""
+    moved = np.zeros(5)
+    moved[[LATERAL, DEPTH, ROTATION, INNER]] = (study.shift_sd_m, study.shift_sd_m, study.turn_sd_rad, study.inner_sd_m)
+    return PoseBelief(belief.mean, belief.covariance + np.diag(moved**2))
+
+
+def updated_belief(belief: PoseBelief, prior: PoseBelief, fit: Registered) -> PoseBelief:
+    """Return the belief after a frame (Rauch, Tung and Striebel 1965: the frame's fit, smoothed back)."""
+    free = np.diag(prior.covariance) > 0
+    gain = np.zeros((5, 5))
+    gain[np.ix_(free, free)] = belief.covariance[np.ix_(free, free)] @ np.linalg.inv(prior.covariance[np.ix_(free, free)])
+    mean = belief.mean + gain @ (fit.nuisance - belief.mean)
+    covariance = belief.covariance + gain @ (fit.covariance - prior.covariance) @ gain.T
+    return PoseBelief(mean, (covariance + covariance.T) / 2)
+
+
+def register(model: EyeModel, boundaries: Boundaries, force_n: float, modulus_pa: float, prior: PoseBelief) -> Registered:
+    """Fit pose and modulus to a frame by a damped Gauss-Newton method on Huber's loss.
+
+    Args:
+        model: the eye.
+        boundaries: of the frame.
+        force_n: force of the needle.
+        modulus_pa: from where the frame's modulus is sought.
+        prior: what is known of the frame's nuisances.
+    """
+    places, observed = _thinned(boundaries)
+    fit = _Fit(model, places, observed, force_n, prior, log(modulus_pa))
+    unknown = fit.start()
+    placed, cost, damping = *fit.evaluate(unknown), 1e-3
+    iteration = 0
+    for iteration in range(1, MOST_ITERATIONS + 1):
+        normal, gradient = fit.normal_equations(unknown, placed)
+        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
+        trial = unknown + step
+        trial_placed, trial_cost = fit.evaluate(trial)
+        if trial_cost > cost:
+            damping *= 10
+            if damping > 1e6:
+                break
+            continue
+        unknown, placed, cost, damping = trial, trial_placed, trial_cost, damping / 10
+        if float(step @ normal @ step) < CONVERGED_SD**2:
+            break
+    return fit.result(unknown, placed, iteration)
+
+
+def _thinned(boundaries: Boundaries) -> tuple[Places, Array]:
+    """Return at most COLUMNS places of each boundary, evenly among the columns that are seen, and their depths."""
+    columns = []
+    for depth in boundaries.depth_m:
+        seen = np.flatnonzero(np.isfinite(depth))
+        columns.append(seen[np.linspace(0, len(seen) - 1, min(COLUMNS, len(seen))).astype(np.intp)] if len(seen) else seen)
+    boundary = np.repeat([0, 1], [len(part) for part in columns]).astype(np.intp)
+    column = np.concatenate(columns)
+    return Places(boundaries.lateral_m[column], boundary), boundaries.depth_m[boundary, column]
+
+
+class _Fit:
+    """The least-squares problem of one frame; unknown (6,): the nuisances and ln E. What is certain stays fixed."""
+
+    def __init__(
+        self, model: EyeModel, places: Places, observed: Array, force_n: float, prior: PoseBelief, log_modulus: float
+    ) -> None:
+        self.model, self.places, self.observed, self.force_n = model, places, observed, force_n
+        self.mean = np.append(prior.mean, log_modulus)
+        self.free = np.append(np.diag(prior.covariance) > 0, True)
+        covariance = np.zeros((6, 6))
+        covariance[:5, :5], covariance[5, 5] = prior.covariance, LOG_MODULUS_SD**2
+        self.precision = np.zeros((6, 6))
+        free = np.ix_(self.free, self.free)
+        self.precision[free] = np.linalg.inv(covariance[free])
+        self.wide = covariance[LATERAL, LATERAL] > (0.5e-3) ** 2
+
+    def start(self) -> Array:
+        """Return where to begin: the prior's mean, or the best of a coarse search where the pose is unknown."""
+        if not self.wide:
+            return self.mean.copy()
+        moduli = np.exp(self.mean[5]) * np.array(START_MODULUS)
+        curves = self.model.at(self.mean[POLAR]).curves([self.model.state(e, self.force_n) for e in moduli])
+        best, unknown = np.inf, self.mean.copy()
+        for modulus, curve in zip(moduli, curves, strict=True):
+            for lateral in START_LATERAL_M:
+                nuisance = self.mean[:5].copy()
+                nuisance[LATERAL] = lateral
+                rest = self.observed - curve_depths(place_curves(curve, nuisance), self.places)[0]
+                shift = float(np.median(rest))
+                cost = float(np.abs(rest - shift).sum())
+                if cost < best:
+                    nuisance[DEPTH] += shift
+                    best, unknown = cost, np.append(nuisance, log(modulus))
+        return unknown
+
+    def evaluate(self, unknown: Array) -> tuple[Placed, float]:
+        """Return the prediction and the cost."""
+        low, high = min(self.model.polar_nodes_rad), max(self.model.polar_nodes_rad)
+        unknown[POLAR] = min(max(unknown[POLAR], low), high)
+        response = self.model.at(unknown[POLAR])
+        placed = predict(self.model, response, float(np.exp(unknown[5])), self.force_n, unknown[:5], self.places)
+        size = np.abs(self._scaled(placed))[placed.seen]
+        loss = np.where(size < HUBER, size**2, 2 * HUBER * size - HUBER**2).sum() + (~placed.seen).sum() * HUBER**2
+        away = unknown - self.mean
+        return placed, float(loss + away @ self.precision @ away)
+
+    def normal_equations(self, unknown: Array, placed: Placed) -> tuple[Array, Array]:
+        """Return the weighted normal matrix (6, 6) and the gradient (6,); fixed unknowns do not move."""
+        sd = COLUMN_SD_M * np.sqrt(1 + placed.slope**2)
+        jacobian = np.column_stack([placed.by_nuisance, placed.by_log_modulus]) / sd[:, None]
+        jacobian[:, ~self.free] = 0
+        residual = self._scaled(placed)
+        weight = np.where(placed.seen, np.minimum(1.0, HUBER / np.maximum(np.abs(residual), 1e-9)), 0.0)
+        normal = jacobian.T @ (weight[:, None] * jacobian) + self.precision
+        normal[~self.free, ~self.free] = 1.0
+        gradient = jacobian.T @ (weight * residual) - self.precision @ (unknown - self.mean)
+        return normal, gradient
+
+    def result(self, unknown: Array, placed: Placed, iterations: int) -> Registered:
+        """Return the fit, its covariance scaled by the misfit (Birge 1932)."""
+        normal, _ = self.normal_equations(unknown, placed)
+        residual = self._scaled(placed)[placed.seen]
+        scale = max(1.0, 1.4826 * float(np.median(np.abs(residual)))) if len(residual) else 1.0
+        data = normal - self.precision
+        covariance = np.zeros((6, 6))
+        free = np.ix_(self.free, self.free)
+        covariance[free] = np.linalg.inv((data / scale**2 + self.precision)[free])
+        misfit = COLUMN_SD_M * float(np.sqrt(np.mean(residual**2))) if len(residual) else np.inf
+        return Registered(unknown[:5].copy(), covariance[:5, :5], float(np.exp(unknown[5])), misfit, iterations)
+
+    def _scaled(self, placed: Placed) -> Array:
+        scaled: Array = (self.observed - placed.depth_m) / (COLUMN_SD_M * np.sqrt(1 + placed.slope**2))
+        return scaled
