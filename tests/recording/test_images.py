@@ -1,0 +1,182 @@
+import warnings
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pydicom
+import pytest
+import tifffile
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydicom.dataset import FileDataset, FileMetaDataset
+from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage
+
+from scleraforce.errors import FrameError
+from scleraforce.recording.images import check_frame, read_frame, read_frame_image
+
+REAL = Path(__file__).parents[3] / "shared" / "real-oct"
+RAMP = np.arange(40 * 60, dtype=np.uint16).reshape(40, 60)
+
+
+def write_dicom(path, pixels, **tags):
+    meta = FileMetaDataset()
+    meta.MediaStorageSOPClassUID = SecondaryCaptureImageStorage
+    meta.MediaStorageSOPInstanceUID = "1.2.3"
+    meta.TransferSyntaxUID = ExplicitVRLittleEndian
+    dataset = FileDataset(path, {}, file_meta=meta, preamble=b"\0" * 128)
+    dataset.Rows, dataset.Columns = pixels.shape[-2:]
+    dataset.SamplesPerPixel, dataset.PhotometricInterpretation = 1, "MONOCHROME2"
+    dataset.BitsAllocated = dataset.BitsStored = 16
+    dataset.HighBit, dataset.PixelRepresentation = 15, int(pixels.dtype == np.int16)
+    if pixels.ndim == 3:
+        dataset.NumberOfFrames = len(pixels)
+    for name, value in tags.items():
+        setattr(dataset, name, value)
+    dataset.PixelData = pixels.tobytes()
+    dataset.save_as(path)
+
+
+def test_png_of_8_and_16_bits_is_read_as_it_was_written(tmp_path):
+    for dtype in (np.uint8, np.uint16):
+        cv2.imwrite(str(tmp_path / "a.png"), RAMP.astype(dtype))
+        pixels = read_frame(tmp_path / "a.png")
+        assert pixels.dtype == dtype
+        assert (pixels == RAMP.astype(dtype)).all()
+
+
+def test_tiff_is_read_as_it_was_written(tmp_path):
+    for compression in (None, "zlib"):
+        tifffile.imwrite(tmp_path / "a.tif", RAMP, compression=compression)
+        assert (read_frame(tmp_path / "a.tif") == RAMP).all()
+
+
+def test_colour_becomes_grey_alike_in_all_formats(tmp_path):
+    grey = np.full((40, 60), 90, dtype=np.uint8)
+    colour = np.dstack([grey, grey // 2, grey * 2])  # OpenCV's order: blue, green, red
+    cv2.imwrite(str(tmp_path / "a.png"), colour)
+    cv2.imwrite(str(tmp_path / "a.jpg"), colour, [cv2.IMWRITE_JPEG_QUALITY, 100])
+    tifffile.imwrite(tmp_path / "a.tif", np.ascontiguousarray(colour[..., ::-1]), photometric="rgb")
+    for name in ("a.png", "a.jpg", "a.tif"):
+        pixels = read_frame(tmp_path / name)
+        assert pixels.shape == (40, 60)
+        assert np.abs(pixels.astype(int) - round(0.114 * 90 + 0.587 * 45 + 0.299 * 180)).max() <= 1
+
+
+def test_dicom_gives_pixels_and_their_size_where_the_tags_know_it(tmp_path):
+    write_dicom(tmp_path / "a.dcm", RAMP, PixelSpacing=[0.004, 0.015])
+    image = read_frame_image(tmp_path / "a.dcm")
+    assert (image.pixels == RAMP).all()
+    assert (image.depth_pixel_m, image.lateral_pixel_m) == pytest.approx((4e-6, 15e-6))
+    write_dicom(tmp_path / "b.dcm", RAMP)
+    assert read_frame_image(tmp_path / "b.dcm").depth_pixel_m is None
+
+
+def test_signed_dicom_is_shifted_to_start_at_zero(tmp_path):
+    write_dicom(tmp_path / "a.dcm", RAMP.astype(np.int16) - 1000)
+    assert (read_frame(tmp_path / "a.dcm") == RAMP).all()
+
+
+def test_visante_dicom_is_turned_so_that_rows_are_depth(tmp_path):
+    maker = {"Manufacturer": "Carl Zeiss Meditec", "ManufacturerModelName": "1000"}
+    write_dicom(tmp_path / "a.dcm", RAMP, PixelSpacing=[0.02, 0.003], **maker)
+    image = read_frame_image(tmp_path / "a.dcm")
+    assert (image.pixels == RAMP.T).all()
+    assert (image.depth_pixel_m, image.lateral_pixel_m) == pytest.approx((3e-6, 20e-6))
+
+
+def test_odd_dicom_tags_are_read_without_a_warning(tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        write_dicom(tmp_path / "a.dcm", RAMP, StudyDescription="x" * 90)
+    assert (read_frame(tmp_path / "a.dcm") == RAMP).all()
+    assert pydicom.config.settings.reading_validation_mode == pydicom.config.WARN
+
+
+@pytest.mark.parametrize(
+    ("write", "message"),
+    [
+        (lambda path: path.write_bytes(b""), "an empty file; give a PNG"),
+        (lambda path: path.write_bytes(b"file,time_s\n"), "not an image that can be read; give a PNG"),
+        (lambda path: path.mkdir(), "Is a directory"),
+        (lambda _: None, "No such file"),
+        (lambda path: tifffile.imwrite(path, np.stack([RAMP, RAMP])), "2 pages; give a file for each frame"),
+        (lambda path: tifffile.imwrite(path, np.full((9, 9), np.nan)), "81 pixels that are NaN or infinite"),
+        (lambda path: tifffile.imwrite(path, np.ones((9, 9), np.float32)), "float32 pixels; give whole numbers"),
+        (lambda path: tifffile.imwrite(path, np.ones((9, 9), np.uint32)), "uint32 pixels; give whole numbers"),
+        (lambda path: tifffile.imwrite(path, np.ones((1, 9), np.uint8)), "give one frame, rows x columns"),
+        (lambda path: write_dicom(path, np.stack([RAMP] * 6)), "6 frames in one DICOM file"),
+    ],
+)
+def test_what_is_not_a_frame_is_named(tmp_path, write, message):
+    path = tmp_path / "a.img"
+    write(path)
+    with pytest.raises(FrameError, match=message) as caught:
+        read_frame(path)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def encoded(name, tmp_path):
+    path = tmp_path / name
+    if name.endswith("dcm"):
+        write_dicom(path, RAMP)
+    elif name.endswith("tif"):
+        tifffile.imwrite(path, RAMP)
+    else:
+        cv2.imwrite(str(path), RAMP if name.endswith("png") else RAMP.astype(np.uint8))
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.tif", "a.dcm"])
+@pytest.mark.parametrize("share", [0.3, 0.7, 0.97])
+def test_truncated_file_is_an_error(tmp_path, name, share):
+    data = encoded(name, tmp_path)
+    path = tmp_path / "cut"
+    path.write_bytes(data[: int(len(data) * share)])
+    with pytest.raises(FrameError, match="cut: "):
+        read_frame(path)
+
+
+def test_every_flipped_bit_of_a_png_is_an_error(tmp_path):
+    data = bytearray(encoded("a.png", tmp_path))
+    path = tmp_path / "flipped.png"
+    for at in range(8, len(data), 7):
+        data[at] ^= 16
+        path.write_bytes(data)
+        with pytest.raises(FrameError, match=r"flipped\.png: "):
+            read_frame(path)
+        data[at] ^= 16
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from([b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"\0" * 128 + b"DICM", b""]),
+    st.binary(),
+)
+def test_garbage_of_any_kind_is_a_frame_error(tmp_path_factory, start, rest):
+    path = tmp_path_factory.mktemp("garbage") / "a"
+    path.write_bytes(start + rest)
+    with pytest.raises(FrameError):
+        read_frame(path)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "message"),
+    [
+        (np.zeros((39, 60), np.uint16), "39 x 60 pixels .* says 40 x 60"),
+        (np.zeros((40, 60), np.uint8), "8 bits a pixel; recording.toml says 12"),
+        (np.full((40, 60), 4096, np.uint16), "a pixel of 4096 is more than 12 bits"),
+    ],
+)
+def test_frame_that_is_not_what_its_recording_says_is_an_error(pixels, message):
+    check_frame(np.full((40, 60), 4095, np.uint16), 40, 60, 12, "a.png")
+    with pytest.raises(FrameError, match="^a.png: " + message):
+        check_frame(pixels, 40, 60, 12, "a.png")
+
+
+@pytest.mark.real
+@pytest.mark.skipif(not REAL.is_dir(), reason="no ../shared")
+def test_every_real_image_can_be_read():
+    files = [path for path in REAL.rglob("*") if path.suffix in (".tif", ".png", ".jpg", ".jpeg", ".dcm")]
+    assert len(files) == 35
+    shapes = {path.suffix: read_frame(path).shape for path in files}
+    assert shapes[".dcm"] == (1024, 512)

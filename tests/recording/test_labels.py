@@ -1,0 +1,218 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scleraforce.errors import RecordingError
+from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.labels import contact_force, first_contact, label_frames, low_pass
+from scleraforce.recording.phantom import plan_phantom
+from scleraforce.recording.pushes import sense
+from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
+from scleraforce.recording.virtual_eye import paper_eyes
+from scleraforce.study import ClassesStudy, PhantomStudy, Study, fixed
+
+SHARED = Path(__file__).parents[3] / "shared" / "recordings"
+CLASSES = ClassesStudy()
+INFO = RecordingInfo(EyeInfo("eye"), OctInfo(32, 16, 12, 15e-3, 4e-3), NeedleInfo(22, 5e-4), ForceInfo("fz", -1))
+
+
+def log_of(fz_n, rate_hz=200.0, start_s=0.0):
+    wrench = np.zeros((len(fz_n), 6))
+    wrench[:, 2] = fz_n
+    return ForceLog(start_s + np.arange(len(fz_n)) / rate_hz, wrench, FORCE_COLUMNS[1:])
+
+
+def recording_of(log, *frames, average_s=2.0):
+    info = replace(INFO, force=ForceInfo("fz", -1, average_s))
+    return Recording(Path("rec"), info, tuple(FrameEntry(f"{k}.png", t) for k, t in enumerate(frames)), log)
+
+
+def step_and_hold(force_n=0.02, quiet_s=2.0, ramp_s=0.5, hold_s=8.0, rate_hz=200.0):
+    time_s = np.arange(round((quiet_s + ramp_s + hold_s) * rate_hz)) / rate_hz
+    return force_n * np.clip((time_s - quiet_s) / ramp_s, 0.0, 1.0)
+
+
+def sensed(force_n, rng, noise_n=4e-3, offset_n=0.0, step_n=5e-3):
+    return np.rint((force_n + offset_n + rng.normal(0, noise_n, len(force_n))) / step_n) * step_n
+
+
+def test_filter_has_zero_phase():
+    time_s = np.arange(4000) / 200.0
+    pulse = np.exp(-(((time_s - 10.0) / 0.3) ** 2))
+    smooth = low_pass(pulse, time_s)
+    assert (smooth * time_s).sum() / smooth.sum() == pytest.approx(10.0, abs=1e-6)
+    assert smooth == pytest.approx(smooth[::-1][np.r_[3999, 0:3999]], abs=1e-6)  # as symmetric as the pulse
+
+
+def test_filter_passes_half_at_its_cut_off_and_everything_far_below():
+    time_s = np.arange(8000) / 200.0
+    middle = slice(2000, 6000)
+    for frequency_hz, share in ((0.5, 1.0), (5.0, 0.5), (20.0, 1 / 257)):
+        wave = np.sin(2 * np.pi * frequency_hz * time_s)
+        smooth = low_pass(wave, time_s)[middle]
+        assert smooth @ wave[middle] / (wave[middle] @ wave[middle]) == pytest.approx(share, abs=0.012)
+
+
+def test_step_is_followed_within_a_tenth_of_a_second_and_overshoots_by_4_percent():
+    time_s = np.arange(4000) / 200.0
+    smooth = low_pass((time_s >= 10.0).astype(float), time_s)
+    assert smooth.max() == pytest.approx(1.04, abs=0.01)
+    assert np.abs(smooth[time_s < 9.8]).max() < 0.01
+    assert np.ptp(time_s[(smooth > 0.1) & (smooth < 0.9)]) < 0.1
+
+
+def test_jittering_clock_gives_the_force_of_an_even_one():
+    rng = np.random.default_rng(0)
+    even_s = np.arange(3000) / 200.0
+    time_s = even_s + rng.uniform(-1e-3, 1e-3, 3000)
+    assert low_pass(np.sin(time_s), time_s) == pytest.approx(low_pass(np.sin(even_s), even_s), abs=2e-3)
+    assert low_pass(np.sin(time_s), time_s)[100:-100] == pytest.approx(np.sin(time_s)[100:-100], abs=1e-4)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.floats(4e-3, 60e-3),
+    st.floats(1.0, 20.0),
+    st.floats(0.1, 1.0),
+    st.floats(-50e-3, 50e-3),
+    st.integers(0, 2**32 - 1),
+)
+def test_first_contact_is_found_in_noise_and_steps(force_n, quiet_s, ramp_s, offset_n, seed):
+    rng = np.random.default_rng(seed)
+    raw_n = sensed(step_and_hold(force_n, quiet_s, ramp_s), rng, offset_n=offset_n)
+    found_s = first_contact(raw_n, 200.0) / 200.0
+    assert quiet_s - 0.5 < found_s < quiet_s + max(ramp_s, 0.25)
+
+
+def test_noise_alone_is_no_contact():
+    for seed in range(50):
+        raw_n = sensed(np.zeros(12_000), np.random.default_rng(seed), offset_n=7e-3)
+        assert first_contact(raw_n, 200.0) is None
+
+
+def test_tare_is_right_to_a_third_of_a_millinewton():
+    errors = []
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        force_n = step_and_hold(rng.uniform(5e-3, 60e-3), quiet_s=rng.uniform(2.0, 4.0))
+        log = log_of(sensed(-force_n, rng, offset_n=rng.uniform(-0.05, 0.05)))
+        errors.append((contact_force(log, INFO.force) - force_n)[50:300].mean())
+    assert np.sqrt(np.mean(np.square(errors))) < 0.3e-3
+
+
+def test_log_without_contact_reads_zero():
+    log = log_of(sensed(np.zeros(4000), np.random.default_rng(1), offset_n=0.03))
+    trial = label_frames(recording_of(log, 10.0), CLASSES)[0]
+    assert trial.measured_force_n == pytest.approx(0.0, abs=0.5e-3)
+    assert trial.target == 0
+
+
+def test_label_is_the_mean_of_the_window_centred_on_the_frame():
+    # A force that grows evenly has its value at the frame as its mean over any centred window.
+    time_s = np.arange(8000) / 200.0
+    force_n = np.maximum(time_s - 5.0, 0.0) * 1e-3
+    for average_s in (0.2, 2.0, 5.0):
+        trials = label_frames(recording_of(log_of(-force_n), 15.0, 30.0, average_s=average_s), CLASSES)
+        assert [trial.measured_force_n for trial in trials] == pytest.approx([0.010, 0.025], abs=1e-5)
+        assert [trial.target for trial in trials] == [1, 1]
+
+
+def test_sign_and_axis_of_contact_are_the_recordings():
+    log = log_of(step_and_hold(0.04))
+    flipped = replace(INFO, force=ForceInfo("fz", 1))
+    recording = replace(recording_of(log, 8.0), info=flipped)
+    assert label_frames(recording, CLASSES)[0].target == 2
+    other = ForceLog(log.time_s, np.roll(log.wrench_sc, 1, axis=1), log.columns)
+    with pytest.raises(ValueError, match="not in"):
+        other.force_n("f")
+    assert other.force_n("fx").max() == 0.0
+
+
+def test_wrong_sign_or_a_log_that_starts_in_contact_is_an_error():
+    with pytest.raises(
+        RecordingError, match=r"forces.csv: the needle would pull with \d+\.\d mN at the time of 0.png, 8 s"
+    ):
+        label_frames(recording_of(log_of(step_and_hold(0.04)), 8.0), CLASSES)
+    in_contact = np.r_[np.full(1000, 0.02), np.zeros(1000)]
+    with pytest.raises(RecordingError, match="starts before the first contact"):
+        label_frames(recording_of(log_of(-in_contact), 8.0), CLASSES)
+
+
+def test_clocks_that_do_not_overlap_are_an_error():
+    log = log_of(np.zeros(2000), start_s=100.0)
+    for time_s in (5.0, 200.0):
+        with pytest.raises(RecordingError, match=r"^rec: the clocks do not overlap: .* forces.csv 100 to 109.995 s"):
+            label_frames(recording_of(log, time_s), CLASSES)
+
+
+def test_frame_without_samples_around_it_is_an_error():
+    log = log_of(np.zeros(2000))
+    gap = ForceLog(np.r_[log.time_s[:1000], log.time_s[1000:] + 20.0], log.wrench_sc, log.columns)
+    for recording in (recording_of(gap, 2.0, 15.0), recording_of(log, 2.0, 10.4), recording_of(log, -0.5, 2.0)):
+        with pytest.raises(
+            RecordingError, match=r"frames.csv: \d.png: \d+ force samples within 1 s of its time .* spans 0 to"
+        ):
+            label_frames(recording, CLASSES)
+
+
+def test_frame_at_the_end_of_the_log_is_labelled_from_what_there_is():
+    trial = label_frames(recording_of(log_of(-step_and_hold(0.02)), 10.3), CLASSES)[0]
+    assert trial.measured_force_n == pytest.approx(0.02, abs=1e-5)
+
+
+def test_recording_without_a_force_log_has_no_labels():
+    trials = label_frames(recording_of(None, 1.0, 2.0), CLASSES)
+    assert [(trial.measured_force_n, trial.target) for trial in trials] == [(None, None)] * 2
+
+
+def test_pierced_trials_and_those_above_the_largest_force_are_kept_with_the_reason():
+    log = log_of(-step_and_hold(0.07))
+    recording = recording_of(log, 1.1, 8.0)
+    pierced = replace(recording, frames=(recording.frames[0], replace(recording.frames[1], pierced=True)))
+    assert [trial.excluded for trial in label_frames(recording, CLASSES)] == [None, None]
+    assert [trial.excluded for trial in label_frames(recording, CLASSES, 0.06)] == [
+        None,
+        "above the largest force of the study, 60 mN",
+    ]
+    assert [trial.excluded for trial in label_frames(pierced, CLASSES, 0.06)] == [None, "pierced"]
+
+
+def labels_of_the_paper_eyes(study, seed):
+    for eye, forces_n in paper_eyes(study):
+        plan = plan_phantom(eye, forces_n, study, seed)
+        table = sense(plan.pushes, plan.sensor, 2, -1, plan.pushes[-1].end_s + 1.5, np.random.default_rng(seed))
+        frames = [frame.push.frame_s for frame in plan.frames]
+        trials = label_frames(recording_of(ForceLog(table[:, 0], table[:, 1:], FORCE_COLUMNS[1:]), *frames), CLASSES)
+        yield from zip(plan.frames, trials, strict=True)
+
+
+def test_labels_of_virtual_recordings_meet_the_truth():
+    # With the default ranges, drift included: 0.5 mN (standard deviation), 2 mN at most, and every class is right.
+    pairs = [pair for seed in range(6) for pair in labels_of_the_paper_eyes(Study(), seed)]
+    errors = np.array([trial.measured_force_n - frame.push.force_n for frame, trial in pairs])
+    assert abs(errors.mean()) < 0.25e-3
+    assert errors.std() < 0.7e-3
+    assert np.abs(errors).max() < 2e-3
+    assert all(trial.target == CLASSES.classify(frame.push.force_n) for frame, trial in pairs)
+
+
+def test_labels_of_a_perfect_sensor_are_the_truth():
+    quiet = PhantomStudy(
+        force_noise_n=fixed(0.0), force_drift_n_per_s=fixed(0.0), force_step_n=0.0, relaxation_fraction=fixed(0.0)
+    )
+    for frame, trial in labels_of_the_paper_eyes(replace(Study(), phantom=quiet), 0):
+        assert trial.measured_force_n == pytest.approx(frame.push.force_n, abs=1e-5)
+
+
+@pytest.mark.real
+@pytest.mark.skipif(not SHARED.is_dir(), reason="no ../shared")
+def test_sample_recordings_have_labels_in_all_classes_and_none_near_a_bound():
+    for name, counts in (("sample-a", [3, 5, 6]), ("sample-b", [3, 5, 4])):
+        trials = label_frames(read_recording(SHARED / name), CLASSES, 0.06)
+        assert np.bincount([trial.target for trial in trials]).tolist() == counts
+        assert all(trial.excluded is None for trial in trials)

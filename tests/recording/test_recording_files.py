@@ -1,0 +1,183 @@
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from scleraforce.errors import FrameError, RecordingError
+from scleraforce.recording.files import read_recording
+from scleraforce.recording.tables import FORCE_COLUMNS
+
+SHARED = Path(__file__).parents[3] / "shared" / "recordings"
+
+INFO = """[eye]
+id = "eye"
+thickness_m = 7e-4
+[oct]
+columns = 32
+rows = 16
+bits = 12
+width_m = 15e-3
+depth_m = 4e-3
+[needle]
+gauge = 22
+slice_gap_m = 5e-4
+[force]
+axis = "fz"
+contact_sign = -1
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A small recording: two frames, one second of log."""
+    (tmp_path / "frames").mkdir()
+    for name in ("a.png", "b.png"):
+        cv2.imwrite(str(tmp_path / "frames" / name), np.full((16, 32), 7, np.uint16))
+    (tmp_path / "recording.toml").write_text(INFO)
+    (tmp_path / "frames.csv").write_text("file,time_s\na.png,0.2\nb.png,0.8\n")
+    lines = [f"{k / 100:.2f},0,0.001,{-k / 1000},0,0,0.0001" for k in range(100)]
+    (tmp_path / "forces.csv").write_text("\n".join([",".join(FORCE_COLUMNS), *lines]) + "\n")
+    return tmp_path
+
+
+def change(path, old, new):
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+def test_recording_is_read_as_written(folder):
+    recording = read_recording(folder)
+    assert recording.info.eye.thickness_m == 7e-4
+    assert recording.info.eye.iop_pa is None
+    assert recording.info.force.average_s == 2.0
+    assert [(frame.file, frame.time_s, frame.pierced) for frame in recording.frames] == [
+        ("a.png", 0.2, False),
+        ("b.png", 0.8, False),
+    ]
+    assert recording.forces.sample_rate_hz == pytest.approx(100.0)
+    assert recording.forces.force_n("fz") == pytest.approx(-np.arange(100) / 1000)
+    assert (recording.frame(recording.frames[0]) == 7).all()
+
+
+def test_recording_without_a_force_log_can_be_read(folder):
+    (folder / "forces.csv").unlink()
+    change(folder / "recording.toml", '[force]\naxis = "fz"\ncontact_sign = -1\n', "")
+    recording = read_recording(folder)
+    assert recording.forces is None
+    assert recording.info.force is None
+
+
+def test_columns_may_come_in_any_order_and_unused_ones_may_be_left_out(folder):
+    (folder / "forces.csv").write_text("fz_n,time_s\n" + "".join(f"{k},{k / 200}\n" for k in range(50)))
+    assert read_recording(folder).forces.force_n("fz")[-1] == 49.0
+
+
+def test_pierced_frames_are_marked(folder):
+    (folder / "frames.csv").write_text("file,time_s,pierced\na.png,0.2,0\nb.png,0.8,1\n")
+    assert [frame.pierced for frame in read_recording(folder).frames] == [False, True]
+
+
+def test_excel_writes_a_byte_order_mark_and_carriage_returns_which_do_no_harm(folder):
+    for name in ("frames.csv", "forces.csv"):
+        text = (folder / name).read_text()
+        (folder / name).write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
+    assert len(read_recording(folder).frames) == 2
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "message"),
+    [
+        ("recording.toml", "gauge", "gage", r"recording.toml:11: needle.gage: unknown key; known here: gauge"),
+        ("recording.toml", "gauge = 22\n", "", r"recording.toml:10: needle.gauge: missing"),
+        ("recording.toml", "[needle]\ngauge = 22\nslice_gap_m = 5e-4\n", "", r"recording.toml: needle: missing"),
+        ("recording.toml", "rows = 16", "rows = 16.5", r"recording.toml:6: oct.rows: expected a whole number"),
+        ("recording.toml", "4e-3", "4", r"recording.toml:9: oct.depth_m: 4 is above the largest allowed value 0.1"),
+        ("recording.toml", "7e-4", "nan", r"recording.toml:3: eye.thickness_m: nan is not a finite number"),
+        ("recording.toml", '"fz"', '"tz"', r"recording.toml:14: force.axis: 'tz' is not one of fx, fy, fz"),
+        ("recording.toml", "-1", "0", r"recording.toml:15: force.contact_sign: 0 is no sign"),
+        ("recording.toml", '"eye"', '" "', r"recording.toml:2: eye.id: empty"),
+        ("recording.toml", "[oct]", "[oct", r"recording.toml: not TOML"),
+        (
+            "recording.toml",
+            '[force]\naxis = "fz"\ncontact_sign = -1\n',
+            "",
+            r"recording.toml: force: missing; forces.csv needs",
+        ),
+        ("frames.csv", "b.png", "c.png", r"frames.csv: file: .*c.png does not exist"),
+        ("frames.csv", "b.png", "a.png", r"frames.csv:3: file: a.png stands in line 2 already"),
+        ("frames.csv", "b.png", "../b.png", r"frames.csv:3: file: '../b.png' is not a name below frames/"),
+        ("frames.csv", "b.png", "/etc/passwd", r"frames.csv:3: file: '/etc/passwd' is not a name below"),
+        ("frames.csv", "0.8", "0.2", r"frames.csv:3: time_s: 0.2 does not come after 0.2"),
+        ("frames.csv", "0.8", "nan", r"frames.csv:3: time_s: 'nan' is not a finite number"),
+        ("frames.csv", "0.8", "soon", r"frames.csv:3: time_s: 'soon' is not a finite number"),
+        ("frames.csv", "0.8", "0.8,1", r"frames.csv:3: 3 fields; the header has 2"),
+        ("frames.csv", "time_s", "time", r"frames.csv:1: unknown column 'time'; known: file, time_s, pierced"),
+        ("frames.csv", "file,time_s", "file", r"frames.csv:1: column time_s is missing; found: file"),
+        ("frames.csv", "a.png,0.2\nb.png,0.8\n", "", r"frames.csv: no frames"),
+        ("frames.csv", "file,time_s\na.png,0.2\nb.png,0.8\n", "", r"frames.csv: empty; the first line names"),
+        ("forces.csv", "fz_n", "fz", r"forces.csv:1: unknown column 'fz'"),
+        ("forces.csv", "fy_n", "fz_n", r"forces.csv:1: column fz_n stands there twice"),
+        ("forces.csv", "0.01,0,0.001", "0.01,0,nan", r"forces.csv:3: fy_n: nan is not a finite number"),
+        ("forces.csv", "0.01,0,0.001", "0.01,0,x", r"forces.csv:3: fy_n: 'x' is not a number"),
+        ("forces.csv", "0.01,0,0.001", "0.01,0", r"forces.csv:3: 6 fields; the header has 7"),
+        ("forces.csv", "0.02,", "0.01,", r"forces.csv:4: time_s: 0.01 does not come after 0.01"),
+    ],
+)
+def test_faults_are_named_with_file_line_and_field(folder, file, old, new, message):
+    change(folder / file, old, new)
+    with pytest.raises(RecordingError, match=message):
+        read_recording(folder)
+
+
+def test_missing_force_axis_is_named(folder):
+    (folder / "forces.csv").write_text("time_s,fx_n\n0,1\n0.01,1\n")
+    with pytest.raises(RecordingError, match=r"forces.csv:1: column fz_n is missing; found: time_s, fx_n"):
+        read_recording(folder)
+
+
+@pytest.mark.parametrize(("body", "message"), [("", "no samples below the header"), ("0,1\n", "1 samples of 2 fields")])
+def test_empty_force_log_is_an_error(folder, body, message):
+    (folder / "forces.csv").write_text("time_s,fz_n\n" + body)
+    with pytest.raises(RecordingError, match=message):
+        read_recording(folder)
+
+
+def test_slow_force_log_is_an_error(folder):
+    (folder / "forces.csv").write_text("time_s,fz_n\n" + "".join(f"{k / 50},0\n" for k in range(90)))
+    with pytest.raises(RecordingError, match="50 samples a second; at least 100 are needed"):
+        read_recording(folder)
+
+
+def test_missing_folder_or_file_is_named(folder):
+    with pytest.raises(RecordingError, match="nowhere: no such folder"):
+        read_recording(folder / "nowhere")
+    (folder / "frames.csv").unlink()
+    with pytest.raises(RecordingError, match=r"frames.csv: No such file"):
+        read_recording(folder)
+
+
+def test_frame_cannot_lead_out_of_the_folder_by_a_link(folder):
+    shutil.move(folder / "frames" / "b.png", folder / "b.png")
+    (folder / "frames" / "b.png").symlink_to(folder / "b.png")
+    with pytest.raises(RecordingError, match=r"b.png leads out of"):
+        read_recording(folder)
+
+
+def test_frame_of_another_size_is_an_error_when_it_is_read(folder):
+    cv2.imwrite(str(folder / "frames" / "b.png"), np.full((16, 31), 7, np.uint16))
+    recording = read_recording(folder)
+    with pytest.raises(FrameError, match=r"b\.png: 16 x 31 pixels \(rows x columns\); recording.toml says 16 x 32"):
+        recording.frame(recording.frames[1])
+
+
+@pytest.mark.real
+@pytest.mark.skipif(not SHARED.is_dir(), reason="no ../shared")
+@pytest.mark.parametrize(("name", "frames"), [("sample-a", 14), ("sample-b", 12)])
+def test_sample_recordings_are_read(name, frames):
+    recording = read_recording(SHARED / name)
+    assert len(recording.frames) == frames
+    assert recording.forces.sample_rate_hz == pytest.approx(200.0)
+    assert recording.frame(recording.frames[-1]).shape == (512, 512)
