@@ -17,9 +17,9 @@ from scleraforce.errors import InputError
 from scleraforce.report.files import write_whole
 from scleraforce.study import Study, format_study, study_hash
 
-__all__ = ["Announce", "Progress", "Run", "Stage", "open_run", "run_stages"]
+__all__ = ["Announce", "Progress", "Run", "Stage", "open_run", "run_stages", "seconds_so_far"]
 
-Progress = Callable[[int], object]
+Progress = Callable[[int], None]
 Announce = Callable[[str, int], AbstractContextManager[Progress]]  # title and length of a bar -> its progress
 
 STATE_FILE = "reproduce.json"
@@ -99,7 +99,7 @@ def run_stages(run: Run, stages: tuple[Stage, ...], announce: Announce) -> dict[
     Returns:
         Seconds of each stage; those of a finished stage are the ones that it took when it was done.
     """
-    seconds = dict(_read_state(run.folder)["seconds"])
+    seconds = seconds_so_far(run)
     for number, stage in enumerate(stages, start=1):
         if stage.name in seconds and stage.leaves and stage.leaves(run).exists():
             continue
@@ -111,6 +111,11 @@ def run_stages(run: Run, stages: tuple[Stage, ...], announce: Announce) -> dict[
         seconds[stage.name] = round(time.perf_counter() - start, 2)
         _write_state(run, seconds)
     return {stage.name: seconds[stage.name] for stage in stages}
+
+
+def seconds_so_far(run: Run) -> dict[str, float]:
+    """Return the seconds that each finished stage took."""
+    return _read_state(run.folder)["seconds"]
 
 
 def _read_state(folder: Path) -> dict[str, dict[str, float]]:

@@ -1,0 +1,66 @@
+"""`scleraforce reproduce`: the whole pipeline, to an HTML report."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.study import Study, read_study
+
+if TYPE_CHECKING:
+    from scleraforce.report.reproduction import Progress
+
+__all__ = ["reproduce"]
+
+
+@click.command()
+@click.option(
+    "--out", type=click.Path(path_type=Path), required=True, help="Folder of all results; new, or a former run's."
+)
+@click.option("--study", "study_path", type=click.Path(path_type=Path), help="Study file; the paper's by default.")
+@click.option("--workers", type=click.IntRange(min=1), help="Processes; as many as there are cores by default.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: bool) -> None:
+    r"""Run the whole pipeline and write OUT/report.html.
+
+    Five virtual eyes in the paper's design (45 trials), the simulated slices,
+    the network, its answers to the raw frames, and a page that shows them
+    beside the paper's. Interrupted with Ctrl-C, the same command goes on.
+
+    \b
+    scleraforce reproduce --out out/reproduce
+    """
+    # Imported here: mechanics and training take longer to import than the help to print.
+    from scleraforce.report.reproduction import open_run
+    from scleraforce.report.stages import reproduce as reproduce_all
+
+    study = Study() if study_path is None else read_study(study_path)
+    run = open_run(out, study, workers or len(os.sched_getaffinity(0)))
+    evaluation, seconds = reproduce_all(run, _bar)
+    answer = evaluation.as_json()
+    result = {
+        "report": str(run.report),
+        **{key: answer[key] for key in ("accuracy", "confusion", "recall", "precision", "intervals", "scored")},
+        "seconds": seconds | {"total": round(sum(seconds.values()), 2)},
+    }
+    if as_json:
+        print_json(result)
+        return
+    right, total = evaluation.accuracy.hits, evaluation.accuracy.total
+    click.echo(f"{right} of {total} simulated trials read right ({100 * evaluation.accuracy.value:.0f} %)")
+    click.echo(f"wrote {run.report} in {sum(seconds.values()):.0f} s")
+
+
+@contextmanager
+def _bar(title: str, length: int) -> "Iterator[Progress]":
+    """Open a progress bar of a stage."""
+    with progress_bar(range(length), title, total=length) as bar:
+
+        def advance(steps: int) -> None:
+            bar.update(steps)
+
+        yield advance

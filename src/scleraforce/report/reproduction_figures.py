@@ -1,0 +1,193 @@
+"""The figures of a reproduction, drawn from what its stages have left in the folder."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.dataset import open_dataset
+from scleraforce.imaging.plane import Section
+from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_slice
+from scleraforce.imaging.slices import fill_section, slice_window
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+from scleraforce.reader.model import ForceReader
+from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.labels import contact_force, label_frames
+from scleraforce.recording.tables import FrameEntry
+from scleraforce.recording.virtual_eye import PhantomEye, linear_sections
+from scleraforce.report.force_figures import draw_force_log
+from scleraforce.report.html import Html, figure
+from scleraforce.report.slice_figures import SlicePair, dice, draw_montage, draw_segmentation, draw_slice_pairs
+from scleraforce.report.style import data_uri
+from scleraforce.report.training_figure import draw_training_curves
+from scleraforce.study import Study
+from scleraforce.units import n_to_mn
+
+__all__ = ["force_log_figure", "montage_figure", "pairs_figure", "segmentation_figure", "training_figure"]
+
+MONTAGE_SLICES = 36
+LOG_TRIALS = 5  # the paper's Fig. 3 shows five acquisitions
+
+
+def force_log_figure(path: Path, study: Study) -> Html:
+    """Return the first acquisitions of a recording's force log with their imaging times (Fig. 3)."""
+    recording = read_recording(path)
+    log, info = recording.forces, recording.info.force
+    assert log is not None, "a virtual acquisition has a log"
+    assert info is not None
+    trials = label_frames(recording, study.classes)[:LOG_TRIALS]
+    shown = log.time_s < trials[-1].time_s + 6.0
+    filtered_n = contact_force(log, info)
+    raw_n = info.contact_sign * log.force_n(info.axis)
+    raw_n = raw_n - raw_n.mean() + filtered_n.mean()
+    drawn = draw_force_log(
+        log.time_s[shown],
+        raw_n[shown],
+        filtered_n[shown],
+        [trial.time_s for trial in trials],
+        [trial.measured_force_n for trial in trials],
+        study.classes.bounds_n,
+    )
+    caption = (
+        f"Force log of {recording.info.eye.id}, the first {len(trials)} acquisitions (the paper's Fig. 3). Grey: as "
+        "logged, in the sensor's steps, tared; blue: filtered; lines: imaging times; diamonds: the labels. The tissue "
+        "relaxes under each push."
+    )
+    return figure(data_uri(drawn, "svg"), "contact force over time with the imaging times", caption)
+
+
+def segmentation_figure(path: Path) -> Html:
+    """Return a raw frame and what the segmentation makes of it (Fig. 9): the frame of the largest force."""
+    recording = read_recording(path)
+    entry = _strongest(recording)
+    frame = np.asarray(recording.frame(entry), dtype=np.uint16)
+    found = Segmenter(recording.info.oct.refractive_index).segment(frame, _scale(recording))
+    oct_info = recording.info.oct
+    drawn = draw_segmentation(frame, found.mask, found.outer_row, found.inner_row, (oct_info.width_m, oct_info.depth_m))
+    caption = f"Raw frame {recording.info.eye.id}/{entry.file} and the wall that was found in it (the paper's Fig. 9)."
+    return figure(data_uri(drawn), "raw frame, boundaries, mask, masked frame", caption)
+
+
+def pairs_figure(evaluation: Evaluation, reader: ForceReader, rank: int, name: str) -> Html:
+    """Return for each class a frame and the slice simulated for its measured force (Figs. 6, 7).
+
+    Args:
+        evaluation: the answers.
+        reader: the model; its study gives Young's modulus and the size of the slice.
+        rank: 0 takes for each class the eye with most trials in it, 1 the next one.
+        name: the paper's figure.
+    """
+    chosen = [_typical(evaluation, target, rank) for target in range(reader.classes)]
+    pairs = [make_pair(frame, reader.study) for frame in chosen if frame is not None]
+    likeness = np.mean([dice(pair.measured, pair.simulated) for pair in pairs])
+    caption = (
+        f"A frame of each class, its slice, and the slice simulated for its measured force at "
+        f"{reader.study.eye.youngs_modulus_pa / 1e6:.3g} MPa (the paper's {name}). The simulated slice is moved to "
+        f"where the eye lies in the frame, which shifts from frame to frame. Mean Dice {likeness:.3f}."
+    )
+    return figure(data_uri(draw_slice_pairs(pairs)), "frames beside simulated slices for each class", caption)
+
+
+def make_pair(answer: FrameAnswer, study: Study) -> SlicePair:
+    """Return a frame with its slice and the simulated one for the measured force, laid on it by a shift."""
+    recording = read_recording(Path(answer.recording))
+    entry = next(entry for entry in recording.frames if entry.file == answer.file)
+    frame = np.asarray(recording.frame(entry), dtype=np.uint16)
+    oct_info = recording.info.oct
+    found = Segmenter(oct_info.refractive_index).segment(frame, _scale(recording))
+    measured = boundary_slice(found, _scale(recording), study.slice, oct_info.refractive_index)
+    force_n = answer.measured_force_n or 0.0
+    (section,) = linear_sections(_eye_of(recording, study), study)([max(force_n, 0.0)])
+    return SlicePair(
+        f"class {answer.target}: {answer.eye}, {n_to_mn(force_n):.0f} mN",
+        answer.target or 0,
+        frame,
+        (oct_info.width_m, oct_info.depth_m),
+        measured,
+        _laid_on(section, measured, study),
+        study.slice.pixel_m,
+    )
+
+
+def montage_figure(path: Path, study: Study) -> Html:
+    """Return a sample of the data set (Fig. 8b)."""
+    dataset = open_dataset(path)
+    chosen = np.sort(np.random.default_rng(study.dataset.seed).choice(dataset.images, MONTAGE_SLICES, replace=False))
+    chosen = chosen[np.argsort(dataset.force_n[chosen])]
+    thickness_m = dataset.read("thickness_m")[chosen]
+    drawn = draw_montage(
+        dataset.slices[chosen], dataset.force_n[chosen], dataset.target[chosen].astype(np.intp), thickness_m
+    )
+    caption = (
+        f"{MONTAGE_SLICES} of the {dataset.images} simulated slices, drawn at random, by force (the paper's Fig. 8b)."
+    )
+    return figure(data_uri(drawn), "simulated slices with force and wall thickness", caption)
+
+
+def training_figure(reader: ForceReader) -> Html:
+    """Return the training curves of a model (Fig. 8a)."""
+    curves = reader.record["curves"]
+    drawn = draw_training_curves(
+        curves["training_loss"],
+        curves["validation_loss"],
+        curves["training_accuracy"],
+        curves["validation_accuracy"],
+    )
+    caption = (
+        "Cross-entropy and accuracy over the epochs (the paper's Fig. 8a). Validation lies above training because "
+        "training is measured under dropout, as the paper remarks too."
+    )
+    return figure(data_uri(drawn, "svg"), "loss and accuracy over the epochs", caption)
+
+
+def _scale(recording: Recording) -> PixelScale:
+    oct_info = recording.info.oct
+    return PixelScale(oct_info.width_m / oct_info.columns, oct_info.depth_m / oct_info.rows)
+
+
+def _strongest(recording: Recording) -> FrameEntry:
+    log, info = recording.forces, recording.info.force
+    if log is None or info is None:
+        return recording.frames[-1]
+    force_n = contact_force(log, info)
+    return max(recording.frames, key=lambda entry: float(np.interp(entry.time_s, log.time_s, force_n)))
+
+
+def _typical(evaluation: Evaluation, target: int, rank: int) -> FrameAnswer | None:
+    """Return the usable trial of median force of a class, from the eye that is `rank`-th in trials of the class."""
+    of_class = [f for f in evaluation.scored if f.target == target and f.usable]
+    eyes = sorted({f.eye for f in of_class}, key=lambda eye: (-sum(f.eye == eye for f in of_class), eye))
+    if rank >= len(eyes):
+        return None
+    frames = sorted((f for f in of_class if f.eye == eyes[rank]), key=lambda f: f.measured_force_n or 0.0)
+    return frames[len(frames) // 2]
+
+
+def _eye_of(recording: Recording, study: Study) -> PhantomEye:
+    """Return the eye as the recording states it, with the study's Young's modulus."""
+    info = recording.info
+    low, high = study.needle.polar_angle_rad.bounds
+    return PhantomEye(
+        id=info.eye.id,
+        thickness_m=info.eye.thickness_m or study.dataset.group[0].thickness_m,
+        youngs_modulus_pa=study.eye.youngs_modulus_pa,
+        iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
+        gap_m=info.needle.slice_gap_m,
+        polar_rad=0.5 * (low + high) if info.needle.polar_angle_rad is None else info.needle.polar_angle_rad,
+        direction_rad=info.oct.plane_direction_rad,
+        tilt_rad=info.oct.plane_tilt_rad,
+    )
+
+
+def _laid_on(section: Section, measured: NDArray[np.uint8], study: Study) -> NDArray[np.uint8]:
+    """Draw a section shifted to where it covers a slice best, in steps of half a pixel."""
+    best, best_likeness = measured * 0, -1.0
+    top_m = float(section.outer[:, 1].min())
+    steps = 0.5 * study.slice.pixel_m * np.arange(-12, 13)
+    for depth_m in steps:
+        for lateral_m in steps[4:-4]:
+            drawn = fill_section(section, slice_window(study.slice, top_m, float(lateral_m), float(depth_m)))
+            likeness = dice(drawn, measured)
+            if likeness > best_likeness:
+                best, best_likeness = drawn, likeness
+    return best
