@@ -1,7 +1,6 @@
 """From a data set to a model folder: train, validate through ONNX Runtime, write."""
 
 import platform
-import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from scleraforce.learning.folder import refuse_existing, write_folder
 from scleraforce.learning.framework import onnx, torch
 from scleraforce.learning.graph import onnx_bytes
 from scleraforce.learning.samples import Samples, content_hash
+from scleraforce.learning.search import Candidate, search_sizes
 from scleraforce.learning.training import THREADS, Curves, Fitted, fit
 from scleraforce.reader.metrics import accuracy, confusion_matrix, recall
 from scleraforce.study import NetworkStudy, Study, format_study, study_hash
@@ -27,18 +27,21 @@ __all__ = ["Trained", "split_samples", "train_classifier"]
 
 @dataclass(frozen=True)
 class Trained:
-    """What a training reached, and how long it took."""
+    """What a training reached; `candidates` are those of the grid search (empty without one)."""
 
     validation_accuracy: float
+    validation_interval: tuple[float, float]
+    network: NetworkStudy
     curves: Curves
-    seconds: float
+    candidates: tuple[Candidate, ...] = ()
 
 
 def train_classifier(
     dataset: Dataset,
     out: Path,
     network: NetworkStudy | None = None,
-    progress: Callable[[int], None] | None = None,
+    search: bool = False,
+    progress: Callable[[int], object] | None = None,
 ) -> Trained:
     """Train the classifier on a data set and write its model folder.
 
@@ -46,24 +49,30 @@ def train_classifier(
         dataset: an opened data set.
         out: the folder to make; it must not exist.
         network: sizes and training, where they are to differ from those in the data set's study.
-        progress: called with 1 after each epoch.
+        search: try every size of the grid instead, and keep the best.
+        progress: called with 1 after each epoch (of each size).
 
     Raises:
         ModelError: `out` exists or cannot be written.
         DatasetError: there is nothing to train or to validate on.
         SolverError: the training diverged.
     """
-    start = time.perf_counter()
     refuse_existing(out)
     study = _trained_study(dataset, network)
+    classes = len(study.classes.bounds_n) + 1
     training, validation = split_samples(dataset)
-    fitted = fit(study.network, training, validation, len(study.classes.bounds_n) + 1, progress)
+    if search:
+        found = search_sizes(study.network, training, validation, classes, progress)
+        study, fitted, candidates = replace(study, network=found.study), found.fitted, found.candidates
+    else:
+        fitted, candidates = fit(study.network, training, validation, classes, progress), ()
     provenance = _provenance(study, training, validation)
     record, card = _describe(study, fitted, training, validation, provenance)
     graph = onnx_bytes(fitted.network, study.slice.rows, study.slice.columns, provenance)
-    seconds = time.perf_counter() - start
-    write_folder(out, graph, format_study(study), card, {**record, "seconds": round(seconds, 2)})
-    return Trained(fitted.curves.validation_accuracy[-1], fitted.curves, seconds)
+    write_folder(out, graph, format_study(study), card, {**record, "search": [asdict(entry) for entry in candidates]})
+    metrics = record["metrics"]
+    accuracy_value, interval = metrics["validation_accuracy"], metrics["validation_interval"]
+    return Trained(accuracy_value, interval, study.network, fitted.curves, candidates)
 
 
 def split_samples(dataset: Dataset) -> tuple[Samples, Samples]:

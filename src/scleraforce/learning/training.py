@@ -69,7 +69,7 @@ def fit(
     training: Samples,
     validation: Samples,
     classes: int = 3,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[int], object] | None = None,
 ) -> Fitted:
     """Train a network; the same study and samples give the same weights on the same machine.
 

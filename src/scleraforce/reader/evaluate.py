@@ -132,7 +132,7 @@ def evaluate_recordings(
     reader: ForceReader,
     paths: Sequence[Path],
     calibration: Path | None = None,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[int], object] | None = None,
 ) -> Evaluation:
     """Read every frame of recordings and compare with their force logs.
 
@@ -178,7 +178,7 @@ def _answers(
     given: str,
     recording: Recording,
     used: frozenset[tuple[str, str]],
-    progress: Callable[[int], None] | None,
+    progress: Callable[[int], object] | None,
 ) -> Iterator[FrameAnswer]:
     """Answer each frame of a recording, in its order."""
     study, oct_info, eye = reader.study, recording.info.oct, recording.info.eye.id

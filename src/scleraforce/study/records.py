@@ -185,6 +185,7 @@ class NetworkStudy:
     """The classifier and its training (paper sec. 2.4). `dropout` is the fraction dropped.
 
     `warmup` is the share of all steps over which the rate rises; gradients longer than `max_gradient_norm` are scaled.
+    `search_widths` and `search_depths` span the grid of `train --search`: units in a hidden layer, and hidden layers.
     """
 
     hidden: tuple[int, ...] = quantity((600, 600), None, 1, 100_000)
@@ -196,9 +197,14 @@ class NetworkStudy:
     batch_size: int = quantity(128, None, 1, 100_000)
     epochs: int = quantity(20, None, 1, 100_000)
     seed: int = quantity(0, None, 0, 2**31 - 1)
+    search_widths: tuple[int, ...] = quantity((150, 300, 600, 1200), None, 1, 100_000)
+    search_depths: tuple[int, ...] = quantity((1, 2, 3), None, 1, 20)
 
     def __post_init__(self) -> None:
         check_fields(self)
+        if not (self.search_widths and self.search_depths):
+            key = "search_depths" if self.search_widths else "search_widths"
+            raise StudyError(f"{key}: an empty list; give at least one value")
 
 
 @dataclass(frozen=True)

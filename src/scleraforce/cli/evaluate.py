@@ -1,0 +1,103 @@
+"""`scleraforce evaluate`: a model's answers beside the force logs of recordings."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.errors import InputError
+from scleraforce.units import n_to_mn
+
+if TYPE_CHECKING:
+    from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+    from scleraforce.reader.metrics import Proportion
+
+__all__ = ["evaluate"]
+
+
+@click.command()
+@click.argument("model", type=click.Path(path_type=Path))
+@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--calibration", type=click.Path(path_type=Path),
+              help="File of `calibrate`: the frames that it used are marked and not scored.")  # fmt: skip
+@click.option("--html", type=click.Path(path_type=Path), help="Page to write as well; must not exist.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def evaluate(
+    model: Path, recordings: tuple[Path, ...], calibration: Path | None, html: Path | None, as_json: bool
+) -> None:
+    """Read every frame of RECORDINGs with MODEL and compare with the force log.
+
+    Trials over the largest force of the model's study, and pierced ones, are
+    listed and left out. A frame that cannot be judged counts as class 2.
+    """
+    from scleraforce.reader import load_model
+    from scleraforce.reader.evaluate import evaluate_recordings
+    from scleraforce.recording.files import read_recording
+
+    if html is not None and html.exists():
+        raise InputError(f"{html}: exists already; remove it or choose another name")
+    reader = load_model(model)
+    count = sum(len(read_recording(path).frames) for path in recordings)
+    with progress_bar(range(count), "frames") as bar:
+        evaluation = evaluate_recordings(reader, recordings, calibration, bar.update)
+    if html is not None:
+        from scleraforce.report.evaluation_page import write_evaluation_html
+
+        write_evaluation_html(evaluation, html)
+    if as_json:
+        print_json(evaluation.as_json())
+    else:
+        click.echo("\n".join([*_frames(evaluation), "", *_confusion(evaluation), "", *_notes(evaluation)]).rstrip())
+
+
+def _frames(evaluation: "Evaluation") -> list[str]:
+    """Return a table of all frames, recording by recording."""
+    lines = []
+    for recording in dict.fromkeys(frame.recording for frame in evaluation.frames):
+        lines += [recording, f"  {'frame':<20}{'force/mN':>9}{'target':>8}{'read':>6}{'p':>7}  remark"]
+        lines += [_frame(frame) for frame in evaluation.frames if frame.recording == recording]
+    return lines
+
+
+def _frame(frame: "FrameAnswer") -> str:
+    force = "-" if frame.measured_force_n is None else f"{n_to_mn(frame.measured_force_n):.1f}"
+    target = "-" if frame.target is None else str(frame.target)
+    share = "-" if frame.probabilities is None else f"{max(frame.probabilities):.3f}"
+    return f"  {frame.file:<20}{force:>9}{target:>8}{frame.predicted:>6}{share:>7}  {_remark(frame)}".rstrip()
+
+
+def _remark(frame: "FrameAnswer") -> str:
+    remarks = [
+        "misread" if frame.scored and frame.predicted != frame.target else "",
+        "" if frame.usable else f"not usable: {frame.reason}",
+        f"left out: {frame.excluded}" if frame.excluded else "",
+        "left out: calibrated on" if frame.calibration else "",
+    ]
+    return "; ".join(remark for remark in remarks if remark)
+
+
+def _confusion(evaluation: "Evaluation") -> list[str]:
+    """Return Table 3: rows are targets, with recall; columns are answers, with precision."""
+    if not evaluation.scored:
+        return ["no frame has a label that counts: no metrics"]
+    classes = range(len(evaluation.confusion))
+    lines = ["target \\ read" + "".join(f"{label:>8}" for label in classes) + "   recall (95 % interval)"]
+    for label, row, share in zip(classes, evaluation.confusion, evaluation.recall, strict=True):
+        lines.append(f"class {label:<7}" + "".join(f"{count:>8}" for count in row) + f"   {_share(share)}")
+    lines.append("precision    " + "".join(f"{_value(share):>8}" for share in evaluation.precision))
+    total = evaluation.accuracy
+    return [*lines, f"accuracy      {_share(total)}: {total.hits} of {total.total}"]
+
+
+def _value(share: "Proportion") -> str:
+    return f"{share.value:.2f}" if share.total else "-"
+
+
+def _share(share: "Proportion") -> str:
+    low, high = share.interval
+    return f"{share.value:.2f} ({low:.2f} to {high:.2f})" if share.total else "-"
+
+
+def _notes(evaluation: "Evaluation") -> list[str]:
+    return [f"note: {note}" for note in evaluation.notes]

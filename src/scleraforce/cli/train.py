@@ -1,0 +1,96 @@
+"""`scleraforce train`: train the network on simulated slices."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.study import read_study
+
+if TYPE_CHECKING:
+    from scleraforce.learning.train import Trained
+
+__all__ = ["train"]
+
+
+@click.command()
+@click.argument("dataset_path", metavar="DATASET", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Model folder to write; must not exist.")
+@click.option("--kind", type=click.Choice(["classifier"]), default="classifier", show_default=True,
+              help="What the network answers.")  # fmt: skip
+@click.option(
+    "--search", is_flag=True, help="Try every size of the grid (search_widths x search_depths), keep the best."
+)
+@click.option("--study", "study_path", type=click.Path(path_type=Path),
+              help="Study file whose [network] to use; by default the data set's.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def train(dataset_path: Path, out: Path, kind: str, search: bool, study_path: Path | None, as_json: bool) -> None:
+    r"""Train the network on the simulated slices of DATASET.
+
+    Writes a model folder: model.onnx, study.toml, card.md and model.json with
+    the curves of the training. The same data set and study give the same
+    weights on the same machine.
+
+    \b
+    scleraforce train paper.zarr --out model
+    """
+    start = time.perf_counter()
+    # Imported here: PyTorch takes seconds, and only this command needs it.
+    from scleraforce.dataset.store import open_dataset
+    from scleraforce.learning.search import grid
+    from scleraforce.learning.train import train_classifier
+
+    dataset = open_dataset(dataset_path)
+    network = dataset.study.network if study_path is None else read_study(study_path).network
+    epochs = network.epochs * (len(grid(network)) if search else 1)
+    with progress_bar(range(epochs), "epochs") as bar:
+        trained = train_classifier(dataset, out, network, search, bar.update)
+    seconds = time.perf_counter() - start
+    if as_json:
+        print_json(_result(trained, out, kind, seconds))
+    else:
+        click.echo("\n".join(_lines(trained, out, seconds)))
+
+
+def _result(trained: "Trained", out: Path, kind: str, seconds: float) -> dict[str, Any]:
+    return {
+        "model": str(out),
+        "kind": kind,
+        "hidden": trained.network.hidden,
+        "validation_accuracy": trained.validation_accuracy,
+        "validation_interval": trained.validation_interval,
+        "validation_loss": trained.curves.validation_loss[-1],
+        "epochs": trained.network.epochs,
+        "seconds": seconds,
+        "search": [vars(entry) for entry in trained.candidates],
+    }
+
+
+def _lines(trained: "Trained", out: Path, seconds: float) -> list[str]:
+    low, high = trained.validation_interval
+    return [
+        *_table(trained),
+        f"wrote {out}: hidden layers {_sizes(trained.network.hidden)}",
+        f"{trained.network.epochs} epochs{' of each' if trained.candidates else ''}, {seconds:.1f} s",
+        f"validation accuracy {trained.validation_accuracy:.2%} (95 % interval {low:.2%} to {high:.2%}), "
+        f"loss {trained.curves.validation_loss[-1]:.4f}",
+    ]
+
+
+def _table(trained: "Trained") -> list[str]:
+    """Return the grid search as a table; nothing where there was none."""
+    if not trained.candidates:
+        return []
+    lines = [f"{'hidden layers':<24}{'weights':>12}{'validation accuracy':>22}{'loss':>10}"]
+    for entry in trained.candidates:
+        chosen = "  <" if entry.hidden == trained.network.hidden else ""
+        reached = "diverged" if entry.validation_accuracy is None else f"{entry.validation_accuracy:.2%}"
+        loss = "" if entry.validation_loss is None else f"{entry.validation_loss:.4f}"
+        lines.append(f"{_sizes(entry.hidden):<24}{entry.weights:>12,}{reached:>22}{loss:>10}{chosen}")
+    return lines
+
+
+def _sizes(hidden: tuple[int, ...]) -> str:
+    return "-".join(str(width) for width in hidden) or "none"
