@@ -71,24 +71,19 @@ class PlaneFrames:
         return vectors_pc.reshape(len(vectors_pc), *(1,) * (dimensions - 1), 3)
 
 
-def place_stations(frames: PlaneFrames, circles_xp: Floats, radius_m: float, reach_m: float | None) -> Floats:
-    """Return the longitudes of the material lines, dense at the contact, from end to end, shape (plane, station).
+def place_stations(frames: PlaneFrames, circles_xp: Floats, radius_m: float) -> Floats:
+    """Return the longitudes of the material lines, dense at the contact, from base to base, shape (plane, station).
 
     Args:
         frames: the planes.
         circles_xp: latitudes of the undeformed circles (surface, plane).
         radius_m: outer radius.
-        reach_m: lateral distance at which to end; None, or where the wall is not as wide: at the base, or all around.
 
     Raises:
         InputError: a plane does not meet the wall above its base.
     """
     ends = np.array([_ends_at_base(frames, circle, BEYOND_BASE_M / radius_m) for circle in circles_xp])
     low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
-    widest = radius_m * np.cos(circles_xp).min(axis=0)
-    if reach_m is not None:
-        reach = np.where(reach_m < widest, np.arcsin(np.minimum(reach_m / widest, 1.0)), np.pi)
-        low, high = np.maximum(low, -reach), np.minimum(high, reach)
     # Distance s = b sinh(x h / b), x = 0, 1, 2 ...: spacing h at the contact, growing as sqrt(1 + (s/b)^2).
     first, last = np.arcsinh(low * radius_m / GRADING_M), np.arcsinh(high * radius_m / GRADING_M)
     count = 2 + int((last - first).max() * GRADING_M / STATION_M)

@@ -29,31 +29,26 @@ BRACKET_M = 1e-3  # how far across the plane the material may have moved, at fir
 WIDEST_BRACKET_M = 8e-3
 
 
-def cut_section(mesh: HexMesh, plane: ScanPlane, displacement_nc: Floats, reach_m: float | None = None) -> Section:
+def cut_section(mesh: HexMesh, plane: ScanPlane, displacement_nc: Floats) -> Section:
     """Cut one deformed wall.
 
     Args:
         mesh: the undeformed wall.
         plane: the plane of the B-scan.
         displacement_nc: displacement of the nodes (node, 3), m; none on the base.
-        reach_m: leave out what is farther from the contact laterally (undeformed); None: follow the wall to its base.
 
     Returns:
-        The section. Its contour is closed by the base, or straight through the wall at `reach_m`.
+        The section, from base to base; a plane that misses the base gives two closed curves.
 
     Raises:
         InputError: the plane does not cut through both surfaces of the wall.
         SolverError: the material has moved too far across the plane to be followed.
     """
-    return cut_sections(mesh, [plane], displacement_nc[None], np.ones((1, 1, 1)), reach_m)[0][0]
+    return cut_sections(mesh, [plane], displacement_nc[None], np.ones((1, 1, 1)))[0][0]
 
 
 def cut_sections(
-    mesh: HexMesh,
-    planes: Sequence[ScanPlane],
-    modes_knc: Floats,
-    weights_pfk: Floats,
-    reach_m: float | None = None,
+    mesh: HexMesh, planes: Sequence[ScanPlane], modes_knc: Floats, weights_pfk: Floats
 ) -> list[list[Section]]:
     """Cut many deformations of a wall, sums of a few displacement modes, by each of several planes.
 
@@ -62,7 +57,6 @@ def cut_sections(
         planes: the planes.
         modes_knc: displacement modes (mode, node, 3).
         weights_pfk: for each plane the deformations as weights of the modes (plane, deformation, mode).
-        reach_m: as for `cut_section`.
 
     Returns:
         For each plane its sections, one for each deformation.
@@ -73,7 +67,7 @@ def cut_sections(
     """
     frames = PlaneFrames.of(planes, mesh.radius_m)
     circles_xp = np.stack([frames.latitudes(mesh.radius_m - inward) for inward in (0.0, mesh.thickness_m)])
-    stations_ps = place_stations(frames, circles_xp, mesh.radius_m, reach_m)
+    stations_ps = place_stations(frames, circles_xp, mesh.radius_m)
     fields = np.stack([mesh.points_nc, *modes_knc], axis=1)
     surfaces = [_Surface(fields, mesh.outer_qn), _Surface(fields, mesh.inner_qn)]
     bracket_m = BRACKET_M

@@ -1,0 +1,51 @@
+"""`scleraforce generate`: simulate the slices that a network learns from."""
+
+from pathlib import Path
+
+import click
+from tqdm import tqdm
+
+from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.dataset import generate_dataset, read_population_modulus
+from scleraforce.study import read_study
+
+__all__ = ["generate"]
+
+
+@click.command()
+@click.option("--study", "study_path", type=click.Path(path_type=Path), required=True, help="Study file (TOML).")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Where the data set goes (Zarr).")
+@click.option(
+    "--calibration",
+    type=click.Path(path_type=Path),
+    help="File of `calibrate`; its population's Young's modulus replaces the study's.",
+)
+@click.option("--mechanics", type=click.Choice(["linear"]), default="linear", show_default=True,
+              expose_value=False, help="There is one so far.")  # fmt: skip
+@click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one for each core.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def generate(study_path: Path, out: Path, calibration: Path | None, workers: int | None, as_json: bool) -> None:
+    """Simulate slices of the deformed sclera with their forces.
+
+    An interrupted run is taken up by the same command. The data set is the same for any number of workers.
+    """
+    study = read_study(study_path)
+    modulus = read_population_modulus(calibration) if calibration else None
+    images = sum(group.images for group in study.dataset.group)
+    with progress_bar(range(images), "generate", total=images) as bar:
+        try:
+            result = generate_dataset(
+                study, out, calibration=modulus, workers=workers, progress=lambda done: _advance(bar, done)
+            )
+        except KeyboardInterrupt:
+            bar.close()
+            click.echo(f"{out}: {bar.n} of {images} images are kept; the same command completes them", err=True)
+            raise
+    if as_json:
+        print_json({"images": result.images, "seconds": result.seconds, "images_per_second": result.images_per_second})
+    else:
+        click.echo(f"{out}: {result.images} images, {result.seconds:.1f} s, {result.images_per_second:.0f} images/s")
+
+
+def _advance(bar: "tqdm[int]", done: int) -> None:
+    bar.update(done)

@@ -1,0 +1,75 @@
+"""Generate a data set on all cores: plan it, simulate what the store does not hold yet, mark it complete."""
+
+import os
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+from scleraforce.dataset.modulus import CalibratedModulus
+from scleraforce.dataset.plan import plan_dataset
+from scleraforce.dataset.store import complete_store, create_store, missing_units, write_unit
+from scleraforce.dataset.workers import simulate_units
+from scleraforce.errors import DatasetError
+from scleraforce.study import Study
+
+__all__ = ["Generation", "generate_dataset"]
+
+
+@dataclass(frozen=True)
+class Generation:
+    """What a run has done: samples in the data set, those of them simulated by this run, its duration."""
+
+    images: int
+    simulated: int
+    seconds: float
+
+    @property
+    def images_per_second(self) -> float:
+        """Rate of this run."""
+        return self.simulated / self.seconds
+
+
+def generate_dataset(
+    study: Study,
+    out: Path,
+    *,
+    youngs_modulus_pa: float | None = None,
+    calibration: CalibratedModulus | None = None,
+    workers: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Generation:
+    """Simulate the data set of a study, or the part of it that an interrupted run has left to do.
+
+    The result is the same, byte for byte, for any number of workers and interruptions. The workers are spawned: a
+    script that calls this keeps its own work under `if __name__ == "__main__"`.
+
+    Args:
+        study: the study.
+        out: where the store goes; an incomplete store of the same study is completed.
+        youngs_modulus_pa: Young's modulus; None: the study's, or the one of `calibration`.
+        calibration: where the modulus comes from, recorded in the store.
+        workers: processes; None: one for each core that this process may use.
+        progress: called with the number of samples that are newly done (or found done, at the start).
+
+    Raises:
+        DatasetError: `out` holds something else, another run, or a complete data set.
+        ScleraforceError: the study cannot be simulated.
+    """
+    start = perf_counter()
+    if workers is not None and workers < 1:
+        raise DatasetError(f"workers: {workers}; at least 1 would do")
+    modulus = youngs_modulus_pa or (calibration.youngs_modulus_pa if calibration else study.eye.youngs_modulus_pa)
+    report = progress or (lambda _: None)
+    plan = plan_dataset(study)
+    create_store(out, study, modulus, calibration, plan)
+    todo = missing_units(out, plan)
+    missing = sum(len(range(*plan.unit(unit).indices(plan.images))) for unit in todo)
+    report(plan.images - missing)
+    with closing(simulate_units(study, modulus, todo, workers or len(os.sched_getaffinity(0)))) as results:
+        for unit, images in results:
+            write_unit(out, plan, unit, images)
+            report(len(images))
+    complete_store(out, plan)
+    return Generation(plan.images, missing, perf_counter() - start)
