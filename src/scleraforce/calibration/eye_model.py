@@ -6,7 +6,7 @@ displacements are interpolated by Lagrange's polynomial. Modulus, force, IOP and
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import prod, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,10 @@ class EyeConstants:
 
 @dataclass(frozen=True, eq=False)
 class EyeModel:
-    """Responses at nodes of thickness and polar angle: fields (thickness, polar, field, boundary, line, sample, axis)."""
+    """Responses at nodes of thickness and polar angle.
+
+    `fields` (thickness, polar, field, boundary, line, sample, axis), see `WallResponse`.
+    """
 
     constants: EyeConstants
     weight_pa_m: float
@@ -51,6 +54,8 @@ class EyeModel:
 
     def at(self, polar_rad: float, thickness_m: float | None = None) -> WallResponse:
         """Return the response for a polar angle and, where it is uncertain, a thickness."""
+        if self.fields.shape[:2] == (1, 1):
+            return WallResponse(self.fields[0, 0], self.constants.tilt_rad)
         thickness = self.constants.thickness_m if thickness_m is None else thickness_m
         weights = np.outer(lagrange(self.thickness_nodes_m, thickness), lagrange(self.polar_nodes_rad, polar_rad))
         flat = weights.ravel() @ self.fields.reshape(weights.size, -1)
@@ -85,7 +90,7 @@ def lagrange(nodes: Sequence[float], at: float) -> Array:
     >>> lagrange((0.0, 1.0, 2.0), 0.5).tolist()
     [0.375, 0.75, -0.125]
     """
-    return np.array([np.prod([(at - other) / (node - other) for other in nodes if other != node]) for node in nodes])
+    return np.array([prod((at - other) / (node - other) for other in nodes if other != node) for node in nodes])
 
 
 def build_eye_model(study: Study, constants: EyeConstants, thickness_uncertain: bool = False) -> EyeModel:
@@ -99,7 +104,7 @@ def build_eye_model(study: Study, constants: EyeConstants, thickness_uncertain: 
     shares = THICKNESS_NODES if thickness_uncertain else (1.0,)
     thicknesses = tuple(share * constants.thickness_m for share in shares)
     spread = sqrt(3.0) * constants.polar_sd_rad
-    polars = (constants.polar_rad,) if spread == 0 else tuple(constants.polar_rad + k * spread for k in (-1.0, 0.0, 1.0))
+    polars = tuple(constants.polar_rad + k * spread for k in ((-1.0, 0.0, 1.0) if spread else (0.0,)))
     contacts = [Contact(polar) for polar in polars]
     lateral = lateral_samples(study.eye.radius_m, contacts, constants.direction_rad, constants.gap_m)
     fields = [_fields(study, constants, thickness, contacts, lateral) for thickness in thicknesses]

@@ -6,6 +6,7 @@ zeros over time is used: the label's tare stays as it is.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +64,7 @@ def zero_drift(force_n: Array, log_s: Array, frames_s: Array) -> tuple[float, fl
     total = np.concatenate([[0.0], np.cumsum(force_n)])
     mean_n = (total[length:] - total[:-length]) / length
     ends = np.searchsorted(log_s, frames_s)
-    rests = [_quietest(mean_n, start, end - length) for start, end in zip(ends[:-1], ends[1:], strict=True)]
+    rests = [_quietest(mean_n, start, end - length) for start, end in pairwise(ends)]
     where = np.array([rest for rest in rests if rest is not None], dtype=np.intp)
     if len(where) < LEAST_RESTS:
         return 0.0, UNKNOWN_DRIFT_N_PER_S

@@ -7,7 +7,8 @@ correlated over a few columns, so the stretch counts as fewer columns than it ha
 """
 
 from dataclasses import dataclass
-from math import ceil
+from functools import lru_cache
+from math import ceil, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ __all__ = ["Boundaries", "Observation", "Roughness", "observe_points", "roughnes
 Array = NDArray[np.float64]
 
 STRETCH_M = 0.3e-3  # to either side of a point
+LEAST_COLUMNS = 5  # for a parabola
 LARGEST_CORRELATION = 0.97
 PIXEL_SHARE = 0.2  # of a pixel: what the segmentation cannot resolve, common to a stretch
 
@@ -25,8 +27,8 @@ PIXEL_SHARE = 0.2  # of a pixel: what the segmentation cannot resolve, common to
 class Boundaries:
     """Outer and inner boundary of the wall in a frame: geometric depth, free of refraction.
 
-    `lateral_m` (column,) from the frame's middle, increasing; `depth_m` (2, column) from its top edge, NaN where unseen.
-    `pixel_m`: depth of a pixel.
+    `lateral_m` (column,) from the frame's middle, increasing; `depth_m` (2, column) from its top edge, NaN where
+    unseen. `pixel_m`: depth of a pixel.
     """
 
     lateral_m: Array
@@ -65,13 +67,13 @@ def observe_points(boundaries: Boundaries, count: int, centre_m: float, span_m: 
         centre_m: lateral place of the needle in the frame.
         span_m: points lie within this distance of it.
     """
-    parts = []
+    parts: list[tuple[float, float, int, float]] = []
     for boundary, wanted in enumerate((ceil(count / 2), count // 2)):
-        rough = roughness(boundaries, boundary)
-        for place in _places(boundaries, boundary, wanted, centre_m, span_m):
-            point = _point(boundaries, boundary, place, rough)
-            if point is not None:
-                parts.append((place, point[0], boundary, point[1]))
+        columns = _columns(boundaries, boundary, wanted, centre_m, span_m)
+        rough = roughness(boundaries, boundary) if len(columns) else Roughness(0.0, 0.0)
+        for column in columns:
+            depth_m, sd_m = _point(boundaries, boundary, column, rough)
+            parts.append((boundaries.lateral_m[column], depth_m, boundary, sd_m))
     lateral, depth, kind, sd = np.array(parts, dtype=np.float64).reshape(-1, 4).T
     return Observation(lateral, depth, kind.astype(np.intp), sd)
 
@@ -96,29 +98,40 @@ def roughness(boundaries: Boundaries, boundary: int) -> Roughness:
     rest = rest / np.sqrt(1 + slope[:, None] ** 2)
     variance = float(np.median((rest**2).sum(axis=1) / (2 * half - 3)))
     correlation = float(np.median((rest[:, 1:] * rest[:, :-1]).sum(axis=1) / np.maximum((rest**2).sum(axis=1), 1e-30)))
-    return Roughness(max(variance, (boundaries.pixel_m / 12**0.5) ** 2) ** 0.5, min(max(correlation, 0.0), LARGEST_CORRELATION))
+    return Roughness(
+        max(variance, (boundaries.pixel_m / 12**0.5) ** 2) ** 0.5, min(max(correlation, 0.0), LARGEST_CORRELATION)
+    )
 
 
-def _places(boundaries: Boundaries, boundary: int, count: int, centre_m: float, span_m: float) -> list[float]:
-    """Return evenly spaced places of the part of a boundary that is seen within the span."""
-    lateral = boundaries.lateral_m
-    inside = np.abs(lateral - centre_m) <= span_m
-    seen = lateral[inside & np.isfinite(boundaries.depth_m[boundary])]
-    if count == 0 or len(seen) < 2 * count:
+def _columns(boundaries: Boundaries, boundary: int, count: int, centre_m: float, span_m: float) -> list[int]:
+    """Return evenly spaced columns of the part of a boundary that is seen within the span."""
+    inside = np.abs(boundaries.lateral_m - centre_m) <= span_m
+    seen = np.flatnonzero(inside & np.isfinite(boundaries.depth_m[boundary]))
+    if count == 0 or len(seen) < 10 * count:
         return []
-    return [float(place) for place in np.quantile(seen, np.linspace(0.02, 0.98, count) if count > 1 else 0.5)]
+    share = np.linspace(0.02, 0.98, count) if count > 1 else np.array([0.5])
+    return [int(column) for column in seen[np.rint(share * (len(seen) - 1)).astype(np.intp)]]
 
 
-def _point(boundaries: Boundaries, boundary: int, place_m: float, rough: Roughness) -> tuple[float, float] | None:
-    """Return depth and noise of the boundary at a place; None where too little of it is seen there."""
-    offset = boundaries.lateral_m - place_m
-    near = (np.abs(offset) <= STRETCH_M) & np.isfinite(boundaries.depth_m[boundary])
-    if near.sum() < 5:
-        return None
-    x, depth = offset[near] / STRETCH_M, boundaries.depth_m[boundary, near]
-    basis = np.stack([np.ones_like(x), x, x * x], axis=1)
-    inverse = np.linalg.pinv(basis)
-    value, slope, _ = inverse @ depth
-    spread = float(inverse[0] @ inverse[0]) * rough.columns_as_one()
-    variance = rough.sd_m**2 * min(spread, 1.0) + (PIXEL_SHARE * boundaries.pixel_m) ** 2
-    return float(value), float(np.sqrt(variance * (1 + (slope / STRETCH_M) ** 2)))
+def _point(boundaries: Boundaries, boundary: int, column: int, rough: Roughness) -> tuple[float, float]:
+    """Return depth and noise of the boundary at a column, from what of it is seen in the stretch around."""
+    half = max(2, round(STRETCH_M / (boundaries.lateral_m[1] - boundaries.lateral_m[0])))
+    first = max(column - half, 0)
+    depth = boundaries.depth_m[boundary, first : column + half + 1]
+    seen = np.isfinite(depth)
+    offsets = tuple((np.flatnonzero(seen) + first - column).tolist())
+    if len(offsets) < LEAST_COLUMNS:
+        return float(boundaries.depth_m[boundary, column]), 10 * boundaries.pixel_m
+    weights = _parabola_weights(offsets)
+    value, slope = weights @ depth[seen]
+    slope /= boundaries.lateral_m[1] - boundaries.lateral_m[0]
+    independent = min(float(weights[0] @ weights[0]) * rough.columns_as_one(), 1.0)
+    variance = rough.sd_m**2 * independent + (PIXEL_SHARE * boundaries.pixel_m) ** 2
+    return float(value), sqrt(variance * (1 + slope**2))
+
+
+@lru_cache(maxsize=1024)
+def _parabola_weights(offsets: tuple[int, ...]) -> Array:
+    """Return the weights (2, column) of values at `offsets` in the value and slope at 0 of their parabola."""
+    x = np.array(offsets, dtype=np.float64)
+    return np.linalg.pinv(np.stack([np.ones_like(x), x, x * x], axis=1))[:2]

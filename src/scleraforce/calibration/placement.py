@@ -8,7 +8,21 @@ from numpy.typing import NDArray
 from scleraforce.calibration.eye_model import EyeModel
 from scleraforce.calibration.response import WallResponse
 
-__all__ = ["INNER", "LATERAL", "DEPTH", "NUISANCES", "POLAR", "ROTATION", "Placed", "Places", "place_curves", "predict"]
+__all__ = [
+    "DEPTH",
+    "INNER",
+    "LATERAL",
+    "NUISANCES",
+    "POLAR",
+    "ROTATION",
+    "Placed",
+    "Places",
+    "curve_depths",
+    "force_derivative",
+    "place_curves",
+    "polar_derivative",
+    "predict",
+]
 
 Array = NDArray[np.float64]
 
@@ -17,14 +31,13 @@ Array = NDArray[np.float64]
 NUISANCES = ("lateral_m", "depth_m", "rotation_rad", "polar_rad", "inner_m")
 LATERAL, DEPTH, ROTATION, POLAR, INNER = range(5)
 
-POLAR_STEP_RAD = 0.02
 MODULUS_STEP = 0.01
 FORCE_STEP_N = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Where a frame is looked at: lateral places (place,) in m and boundaries (place,), 0 outer, 1 inner."""
+    """Where a frame is looked at: lateral places (place,) in m; boundaries (place,), first the outer's, 0, then 1."""
 
     lateral_m: Array
     boundary: NDArray[np.intp]
@@ -34,15 +47,14 @@ class Places:
 class Placed:
     """What a frame shows at places, (place,) or (place, quantity), in m and SI per unit.
 
-    `by_nuisance` (place, 5) in the order of `NUISANCES`, `by_log_modulus` (place,), `by_force` (place,). `seen`: whether
-    the section reaches the place at all.
+    `by_nuisance` (place, 5) in the order of `NUISANCES`, `by_log_modulus` (place,). `seen`: whether the section reaches
+    the place at all.
     """
 
     depth_m: Array
     slope: Array
     by_nuisance: Array
     by_log_modulus: Array
-    by_force: Array
     seen: NDArray[np.bool_]
 
 
@@ -56,43 +68,73 @@ def place_curves(curves_rbsc: Array, nuisance: Array) -> Array:
 def curve_depths(curves_bsc: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return depth, slope and whether it is reached, each (place,), of placed curves (boundary, sample, 2).
 
-    Where a wall folds over, the part that light meets first counts.
+    Where a wall folds over, the part that comes first in the order of the material counts.
     """
-    depth, slope = np.empty(len(places.lateral_m)), np.empty(len(places.lateral_m))
-    seen = np.zeros(len(places.lateral_m), dtype=bool)
-    for boundary in (0, 1):
-        mine = places.boundary == boundary
-        lateral, down = curves_bsc[boundary].T
-        ahead = np.concatenate([[True], lateral[1:] > np.maximum.accumulate(lateral)[:-1]])
-        lateral, down = lateral[ahead], down[ahead]
-        segment = np.clip(np.searchsorted(lateral, places.lateral_m[mine]) - 1, 0, len(lateral) - 2)
-        slope[mine] = (np.diff(down) / np.diff(lateral))[segment]
-        depth[mine] = down[segment] + slope[mine] * (places.lateral_m[mine] - lateral[segment])
-        seen[mine] = (places.lateral_m[mine] >= lateral[0]) & (places.lateral_m[mine] <= lateral[-1])
+    split = int(np.searchsorted(places.boundary, 1))
+    parts = [
+        _depths_along(curve[:, 0], curve[:, 1], lateral)
+        for curve, lateral in zip(curves_bsc, (places.lateral_m[:split], places.lateral_m[split:]), strict=True)
+    ]
+    depth, slope, seen = (np.concatenate(pair) for pair in zip(*parts, strict=True))
     return depth, slope, seen
 
 
-def predict(model: EyeModel, response: WallResponse, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Placed:
-    """Return what a frame shows at places, with all derivatives; `response` is the model's at the polar angle."""
-    states = [
-        model.state(modulus_pa, force_n),
-        model.state(modulus_pa * (1 + MODULUS_STEP), force_n),
-        model.state(modulus_pa, force_n + FORCE_STEP_N),
-    ]
+def _depths_along(lateral_s: Array, down_s: Array, at: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    if (lateral_s[1:] <= lateral_s[:-1]).any():
+        ahead = np.concatenate([[True], lateral_s[1:] > np.maximum.accumulate(lateral_s)[:-1]])
+        lateral_s, down_s = lateral_s[ahead], down_s[ahead]
+    segment = np.minimum(np.maximum(lateral_s.searchsorted(at) - 1, 0), len(lateral_s) - 2)
+    left, top = lateral_s[segment], down_s[segment]
+    slope = (down_s[segment + 1] - top) / (lateral_s[segment + 1] - left)
+    return top + slope * (at - left), slope, (at >= lateral_s[0]) & (at <= lateral_s[-1])
+
+
+def polar_derivative(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Array:
+    """Return how the depths at places turn with the contact's polar angle, (place,) in m/rad; 0 where it is stated."""
+    low, high = min(model.polar_nodes_rad), max(model.polar_nodes_rad)
+    if low == high:
+        return np.zeros(len(places.lateral_m))
+    state = model.state(modulus_pa, force_n)
+    ends = [place_curves(model.at(polar).curves([state])[0], nuisance) for polar in (low, high)]
+    below, above = (curve_depths(curves, places)[0] for curves in ends)
+    slope: Array = (above - below) / (high - low)
+    return slope
+
+
+def predict(
+    model: EyeModel,
+    response: WallResponse,
+    modulus_pa: float,
+    force_n: float,
+    nuisance: Array,
+    places: Places,
+    by_polar: Array,
+) -> Placed:
+    """Return what a frame shows at places, with its derivatives.
+
+    Args:
+        model: the eye.
+        response: the model's at the nuisance's polar angle.
+        modulus_pa: Young's modulus.
+        force_n: force of the needle.
+        nuisance: pose and its kin (5,), in the order of `NUISANCES`.
+        places: where the frame is looked at.
+        by_polar: `polar_derivative`, near enough.
+    """
+    states = [model.state(modulus_pa, force_n), model.state(modulus_pa * (1 + MODULUS_STEP), force_n)]
     curves = place_curves(response.curves(states), nuisance)
-    (depth, slope, seen), stiffer, pushed = (curve_depths(curve, places) for curve in curves)
+    (depth, slope, seen), stiffer = (curve_depths(curve, places) for curve in curves)
     lateral, down = places.lateral_m - nuisance[LATERAL], depth - nuisance[DEPTH]
     inner = (places.boundary == 1).astype(np.float64)
-    by_polar = np.zeros_like(depth)
-    if len(model.polar_nodes_rad) > 1:
-        turned = model.at(nuisance[POLAR] + POLAR_STEP_RAD).curves(states[:1])[0]
-        by_polar = (curve_depths(place_curves(turned, nuisance), places)[0] - depth) / POLAR_STEP_RAD
     by_nuisance = np.stack([-slope, np.ones_like(depth), lateral + slope * down, by_polar, inner], axis=1)
-    return Placed(
-        depth + nuisance[INNER] * inner,
-        slope,
-        by_nuisance,
-        (stiffer[0] - depth) / MODULUS_STEP,
-        (pushed[0] - depth) / FORCE_STEP_N,
-        seen,
-    )
+    return Placed(depth + nuisance[INNER] * inner, slope, by_nuisance, (stiffer[0] - depth) / MODULUS_STEP, seen)
+
+
+def force_derivative(
+    model: EyeModel, response: WallResponse, modulus_pa: float, force_n: float, nuisance: Array, places: Places
+) -> Array:
+    """Return how the depths at places turn with the force, (place,) in m/N."""
+    states = [model.state(modulus_pa, force_n + step) for step in (-FORCE_STEP_N, FORCE_STEP_N)]
+    less, more = (curve_depths(curve, places)[0] for curve in place_curves(response.curves(states), nuisance))
+    slope: Array = (more - less) / (2 * FORCE_STEP_N)
+    return slope

@@ -23,6 +23,7 @@ from scleraforce.calibration.placement import (
     Places,
     curve_depths,
     place_curves,
+    polar_derivative,
     predict,
 )
 from scleraforce.study import CalibrationStudy
@@ -37,7 +38,7 @@ COLUMN_SD_M = 10e-6
 HUBER = 2.5
 LOG_MODULUS_SD = 1.0  # a frame's own modulus is free: the pose must not follow what the filter believes
 MOST_ITERATIONS = 25
-CONVERGED_SD = 0.02
+CONVERGED_SD = 0.1
 START_LATERAL_M = np.linspace(-2.5e-3, 2.5e-3, 11)
 START_MODULUS = (0.15, 0.3, 0.6, 1.0, 2.0)  # of the modulus that is given
 
@@ -52,7 +53,7 @@ class PoseBelief:
 
 @dataclass(frozen=True, eq=False)
 class Registered:
-    """A frame's fit: pose and other nuisances (5,), their covariance (5, 5), the frame's own modulus, the misfit in m."""
+    """A frame's fit: nuisances (5,) and their covariance (5, 5), the frame's own modulus, misfit in m (rms)."""
 
     nuisance: Array
     covariance: Array
@@ -82,13 +83,16 @@ def updated_belief(belief: PoseBelief, prior: PoseBelief, fit: Registered) -> Po
     """Return the belief after a frame (Rauch, Tung and Striebel 1965: the frame's fit, smoothed back)."""
     free = np.diag(prior.covariance) > 0
     gain = np.zeros((5, 5))
-    gain[np.ix_(free, free)] = belief.covariance[np.ix_(free, free)] @ np.linalg.inv(prior.covariance[np.ix_(free, free)])
+    both = np.ix_(free, free)
+    gain[both] = belief.covariance[both] @ np.linalg.inv(prior.covariance[both])
     mean = belief.mean + gain @ (fit.nuisance - belief.mean)
     covariance = belief.covariance + gain @ (fit.covariance - prior.covariance) @ gain.T
     return PoseBelief(mean, (covariance + covariance.T) / 2)
 
 
-def register(model: EyeModel, boundaries: Boundaries, force_n: float, modulus_pa: float, prior: PoseBelief) -> Registered:
+def register(
+    model: EyeModel, boundaries: Boundaries, force_n: float, modulus_pa: float, prior: PoseBelief
+) -> Registered:
     """Fit pose and modulus to a frame by a damped Gauss-Newton method on Huber's loss.
 
     Args:
@@ -101,22 +105,21 @@ def register(model: EyeModel, boundaries: Boundaries, force_n: float, modulus_pa
     places, observed = _thinned(boundaries)
     fit = _Fit(model, places, observed, force_n, prior, log(modulus_pa))
     unknown = fit.start()
+    fit.by_polar = polar_derivative(model, float(np.exp(unknown[5])), force_n, unknown[:5], places)
     placed, cost, damping = *fit.evaluate(unknown), 1e-3
-    iteration = 0
-    for iteration in range(1, MOST_ITERATIONS + 1):
+    iterations = 0
+    while iterations < MOST_ITERATIONS:
+        iterations += 1
         normal, gradient = fit.normal_equations(unknown, placed)
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
-        trial = unknown + step
-        trial_placed, trial_cost = fit.evaluate(trial)
-        if trial_cost > cost:
-            damping *= 10
-            if damping > 1e6:
-                break
-            continue
-        unknown, placed, cost, damping = trial, trial_placed, trial_cost, damping / 10
         if float(step @ normal @ step) < CONVERGED_SD**2:
             break
-    return fit.result(unknown, placed, iteration)
+        trial_placed, trial_cost = fit.evaluate(unknown + step)
+        if trial_cost < cost:
+            unknown, placed, cost, damping = unknown + step, trial_placed, trial_cost, damping / 10
+        else:
+            damping *= 10
+    return fit.result(unknown, placed, iterations)
 
 
 def _thinned(boundaries: Boundaries) -> tuple[Places, Array]:
@@ -124,7 +127,9 @@ def _thinned(boundaries: Boundaries) -> tuple[Places, Array]:
     columns = []
     for depth in boundaries.depth_m:
         seen = np.flatnonzero(np.isfinite(depth))
-        columns.append(seen[np.linspace(0, len(seen) - 1, min(COLUMNS, len(seen))).astype(np.intp)] if len(seen) else seen)
+        columns.append(
+            seen[np.linspace(0, len(seen) - 1, min(COLUMNS, len(seen))).astype(np.intp)] if len(seen) else seen
+        )
     boundary = np.repeat([0, 1], [len(part) for part in columns]).astype(np.intp)
     column = np.concatenate(columns)
     return Places(boundaries.lateral_m[column], boundary), boundaries.depth_m[boundary, column]
@@ -144,6 +149,7 @@ class _Fit:
         self.precision = np.zeros((6, 6))
         free = np.ix_(self.free, self.free)
         self.precision[free] = np.linalg.inv(covariance[free])
+        self.by_polar = np.zeros(len(observed))
         self.wide = covariance[LATERAL, LATERAL] > (0.5e-3) ** 2
 
     def start(self) -> Array:
@@ -167,10 +173,8 @@ class _Fit:
 
     def evaluate(self, unknown: Array) -> tuple[Placed, float]:
         """Return the prediction and the cost."""
-        low, high = min(self.model.polar_nodes_rad), max(self.model.polar_nodes_rad)
-        unknown[POLAR] = min(max(unknown[POLAR], low), high)
-        response = self.model.at(unknown[POLAR])
-        placed = predict(self.model, response, float(np.exp(unknown[5])), self.force_n, unknown[:5], self.places)
+        response, modulus = self.model.at(unknown[POLAR]), float(np.exp(unknown[5]))
+        placed = predict(self.model, response, modulus, self.force_n, unknown[:5], self.places, self.by_polar)
         size = np.abs(self._scaled(placed))[placed.seen]
         loss = np.where(size < HUBER, size**2, 2 * HUBER * size - HUBER**2).sum() + (~placed.seen).sum() * HUBER**2
         away = unknown - self.mean

@@ -76,11 +76,17 @@ def cut_lines(points_rblsc: Array, gap_m: Array, tilt_rad: float) -> Array:
     across = across - gap_m
     c, s = cos(tilt_rad), sin(tilt_rad)
     distance, down = c * across - s * depth, s * across + c * depth
-    before = np.clip((distance < 0).sum(axis=-2, keepdims=True) - 1, 0, distance.shape[-2] - 2)
-    low, high = (np.take_along_axis(distance, before + k, axis=-2) for k in (0, 1))
-    share = (-low / (high - low))[..., 0, :]
-    ends = [[np.take_along_axis(v, before + k, axis=-2)[..., 0, :] for k in (0, 1)] for v in (lateral, down)]
-    return np.stack([a + share * (b - a) for a, b in ends], axis=-1)
+    lines, samples = distance.shape[-2:]
+    before = np.minimum(np.maximum((distance < 0).sum(axis=-2) - 1, 0), lines - 2)
+    corner = np.arange(before.size // samples).reshape(*before.shape[:-1], 1) * (lines * samples)
+    first = corner + before * samples + np.arange(samples)
+    low, high = distance.ravel()[first], distance.ravel()[first + samples]
+    share = low / (low - high)
+    cut = np.empty((*before.shape, 2))
+    for axis, values in enumerate((lateral.ravel(), down.ravel())):
+        start = values[first]
+        cut[..., axis] = start + share * (values[first + samples] - start)
+    return cut
 
 
 def wall_response(
@@ -146,7 +152,7 @@ def _line_points(radius_m: float, outer_radius_m: float, lateral_m: Array, gap_m
 def _sample_surface(
     mesh: HexMesh, quads_qn: NDArray[np.int64], radius_m: float, solutions_fnc: Array, axes: Array, points_lsc: Array
 ) -> Array:
-    """Return position and displacements at points of one surface, shape (field, line, sample, 3), in the plane's axes."""
+    """Return position and displacements at points of one surface in the plane's axes, (field, line, sample, 3)."""
     world = points_lsc @ axes - mesh.radius_m * axes[2]
     quad, local = locate(mesh, world.reshape(-1, 3) / radius_m)
     weights = surface_weights(mesh, local)

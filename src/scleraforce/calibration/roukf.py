@@ -74,6 +74,8 @@ class StepResult(NamedTuple):
     inflation: float  # factor on the noise covariance (1: as given)
     iterations: int
     status: str  # "ok", or a sentence
+    gain: Array  # G of x+ = x- + G (y - h), shape (n, m), zero where an observation was left out
+    contraction: Array  # 1 - G H, shape (n, n), in the p directions: how far an error of x- survives
 
 
 class _Linear(NamedTuple):
@@ -119,7 +121,8 @@ def filter_step(
     observed = np.asarray(observation, dtype=np.float64)
     first_rm = observe(states_rn)
     predicted = params.sigma.weights_r @ first_rm
-    failed = StepResult(posterior, predicted, observed - predicted, np.inf, 0, (), 1.0, 0, "")
+    none, same = np.zeros((len(posterior.mean), len(observed))), np.eye(len(posterior.mean))
+    failed = StepResult(posterior, predicted, observed - predicted, np.inf, 0, (), 1.0, 0, "", none, same)
     if not np.isfinite(first_rm).all() or len(observed) == 0:
         return failed._replace(status="diverged: the model cannot be evaluated at the sigma points")
     fit = _fit(params, _Frame(prior, observe, first_rm, observed, noise_covariance))
@@ -133,8 +136,9 @@ def filter_step(
     corrected = Posterior(prior.mean + prior.factor @ shift, prior.factor, precision, posterior.updates + 1, recent)
     gated = tuple(int(index) for index in np.flatnonzero(~fit.kept))
     status = _status(recent)
-    innovation = observed - predicted
-    return StepResult(corrected, predicted, innovation, nis, count, gated, inflation, fit.iterations, status)
+    gain, contraction = _gain(prior.factor, inflated, precision, fit.kept)
+    seen = (predicted, observed - predicted, nis, count, gated, inflation, fit.iterations)
+    return StepResult(corrected, *seen, status, gain, contraction)
 
 
 class _Frame(NamedTuple):
@@ -221,6 +225,15 @@ def _correct(linear: _Linear, observed: Array, kept: NDArray[np.bool_]) -> tuple
     precision = np.eye(slope.shape[1]) + slope.T @ weighted
     precision = (precision + precision.T) / 2
     return _solve(precision, weighted.T @ (observed - linear.offset)[kept]), precision
+
+
+def _gain(factor: Array, linear: _Linear, precision: Array, kept: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return G = L U^-1 HL^T (W + Omega)^-1 (n, m) and 1 - G H = L U^-1 L^+ on the span of L (n, n)."""
+    gain = np.zeros((len(factor), len(kept)))
+    weighted = _solve(linear.noise[np.ix_(kept, kept)], linear.slope[kept]).T
+    gain[:, kept] = factor @ _solve(precision, weighted)
+    onto_span = np.asarray(np.linalg.pinv(factor), dtype=np.float64)
+    return gain, factor @ _solve(precision, onto_span)
 
 
 def _solve(matrix: Array, right: Array) -> Array:

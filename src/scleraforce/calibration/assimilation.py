@@ -1,0 +1,214 @@
+"""One frame into the filter: registration, observation, prediction, correction (paper sec. 3.2).
+
+What the frame does not tell about (pose, contact angle, inner boundary, noise of the force) is marginalised: it enters
+the observation noise as J Sigma J^T. What all frames share and no frame tells about (zero of the force, its drift, the
+contact angle, the finite elements' error) would be averaged away by that, wrongly; so its effect on the estimate is
+followed from step to step and added to the posterior in the end (Schmidt 1966, "consider" parameters).
+"""
+
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.calibration.eye_model import EyeModel
+from scleraforce.calibration.forces import LABEL_SD_N, ZERO_SD_N
+from scleraforce.calibration.observations import Boundaries, Observation, observe_points
+from scleraforce.calibration.parameters import Parameter, ParameterSpace
+from scleraforce.calibration.placement import (
+    INNER,
+    LATERAL,
+    POLAR,
+    Placed,
+    Places,
+    curve_depths,
+    force_derivative,
+    place_curves,
+    polar_derivative,
+    predict,
+)
+from scleraforce.calibration.registration import (
+    PoseBelief,
+    Registered,
+    first_belief,
+    frame_prior,
+    register,
+    updated_belief,
+)
+from scleraforce.calibration.roukf import FilterParams, Posterior, StepResult, filter_step, initial_posterior
+from scleraforce.calibration.sigma_points import sigma_points
+from scleraforce.study import CalibrationStudy
+
+__all__ = ["PARAMETERS", "EyeFilter", "EyeState", "FrameInput", "FrameStep", "assimilate", "eye_filter", "first_state"]
+
+Array = NDArray[np.float64]
+
+# Name on the command line -> name of the parameter.
+PARAMETERS = {"e": "youngs_modulus_pa", "iop": "iop_pa", "thickness": "thickness_m", "gap": "gap_m"}
+LEAST_POINTS = 3
+UNREACHED_SD_M = 1.0
+SHARED = ("zero_n", "drift_n_per_s", "polar_rad", "model_fraction")  # the columns of `EyeState.sensitivity`
+
+
+@dataclass(frozen=True, eq=False)
+class EyeFilter:
+    """What does not change from frame to frame: the eye, its uncertain parameters, how the filter runs."""
+
+    model: EyeModel
+    space: ParameterSpace
+    params: FilterParams
+    study: CalibrationStudy
+
+
+@dataclass(frozen=True, eq=False)
+class EyeState:
+    """What is known after some frames; `sensitivity` (parameter, 4): of the estimate to what frames share, `SHARED`."""
+
+    posterior: Posterior
+    belief: PoseBelief
+    sensitivity: Array
+    drift_sd_n_per_s: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class FrameInput:
+    """A frame as the filter needs it: boundaries, force, seconds since the force was tared, how sure its drift is."""
+
+    boundaries: Boundaries
+    force_n: float
+    since_tare_s: float = 0.0
+    drift_sd_n_per_s: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class FrameStep:
+    """One frame's step: the state after it, and what a figure or a report needs of it.
+
+    `before_m` and `after_m` (point,): depths predicted at the observed points, before and after, at the frame's pose.
+    """
+
+    state: EyeState
+    registered: Registered
+    observation: Observation
+    before_m: Array
+    after_m: Array
+    result: StepResult
+    moments: tuple[Array, Array]
+
+
+def eye_filter(model: EyeModel, study: CalibrationStudy, parameters: tuple[str, ...] = ("e",)) -> EyeFilter:
+    """Set up the filter of an eye for parameters named as on the command line.
+
+    Raises:
+        ValueError: an unknown or repeated parameter.
+    """
+    if not parameters or set(parameters) - set(PARAMETERS) or len(set(parameters)) < len(parameters):
+        raise ValueError(f"parameters {','.join(parameters)}: choose from {','.join(PARAMETERS)}, each once")
+    priors = {
+        "e": (study.prior_mean_pa, study.prior_sd_pa),
+        "iop": (max(model.constants.iop_pa, 1.0), study.iop_sd_pa),
+        "thickness": (model.constants.thickness_m, study.thickness_sd_m),
+        "gap": (max(model.constants.gap_m, 1e-5), study.gap_sd_m),
+    }
+    space = ParameterSpace(tuple(Parameter(PARAMETERS[name], *priors[name], study.positive) for name in parameters))
+    sigma = sigma_points(study.sigma_points, len(parameters))
+    return EyeFilter(model, space, FilterParams(sigma, study.iterations, gate=study.gate_sd, inflate=True), study)
+
+
+def first_state(eye: EyeFilter) -> EyeState:
+    """Return the state before the first frame."""
+    posterior = initial_posterior(*eye.space.prior())
+    sensitivity = np.zeros((len(eye.space.names), len(SHARED)))
+    return EyeState(posterior, first_belief(eye.model, eye.study), sensitivity)
+
+
+def moments(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
+    """Return means and standard deviations of the parameters in SI, with what all frames share."""
+    return eye.space.moments(state.posterior.mean, total_covariance(eye, state))
+
+
+def total_covariance(eye: EyeFilter, state: EyeState) -> Array:
+    """Return the filter's covariance plus that of what all frames share, in the filter's coordinates (p, p)."""
+    polar_sd = sqrt(max(float(state.belief.covariance[POLAR, POLAR]), 0.0))
+    sds = np.array([ZERO_SD_N, state.drift_sd_n_per_s, polar_sd, eye.study.model_error_fraction])
+    total: Array = state.posterior.covariance + (state.sensitivity * sds**2) @ state.sensitivity.T
+    return total
+
+
+def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep | None:
+    """Assimilate one frame; None where it shows fewer than three points.
+
+    A frame that the model cannot be evaluated for leaves the state as it is, and `result.status` says why.
+    """
+    prior = frame_prior(state.belief, eye.study)
+    modulus = _modulus(eye, state)
+    fit = register(eye.model, frame.boundaries, frame.force_n, modulus, prior)
+    observation = observe_points(frame.boundaries, eye.study.points, float(fit.nuisance[LATERAL]), eye.study.span_m)
+    places = Places(observation.lateral_m, observation.boundary)
+    response = eye.model.at(fit.nuisance[POLAR])
+    at = (fit.youngs_modulus_pa, frame.force_n, fit.nuisance, places)
+    placed = predict(eye.model, response, *at, polar_derivative(eye.model, *at))
+    if placed.seen.sum() < LEAST_POINTS:
+        return None
+    by_force = force_derivative(eye.model, response, *at)
+    expected = placed.by_nuisance @ (prior.mean - fit.nuisance)
+
+    def observe(states_rp: Array) -> Array:
+        return _depths(eye, states_rp, frame.force_n, fit.nuisance, places) + expected
+
+    noise = observation_noise(observation, placed, by_force, prior)
+    result = filter_step(eye.params, state.posterior, observe, observation.depth_m, noise)
+    belief = updated_belief(state.belief, prior, fit)
+    sensitivity = _followed(state.sensitivity, result, placed, by_force, frame)
+    after = EyeState(result.posterior, belief, sensitivity, frame.drift_sd_n_per_s)
+    means = np.stack([state.posterior.mean, result.posterior.mean])
+    before_m, after_m = _depths(eye, means, frame.force_n, fit.nuisance, places)
+    return FrameStep(after, fit, observation, before_m, after_m, result, moments(eye, after))
+
+
+def observation_noise(observation: Observation, placed: Placed, by_force: Array, prior: PoseBelief) -> Array:
+    """Return the covariance (point, point) of what is observed: segmentation, pose and its kin, force.
+
+    A point that the model's section does not reach says nothing.
+    """
+    sd_m = np.where(placed.seen, observation.sd_m, UNREACHED_SD_M)
+    noise: Array = (
+        np.diag(sd_m**2)
+        + placed.by_nuisance @ prior.covariance @ placed.by_nuisance.T
+        + LABEL_SD_N**2 * np.outer(by_force, by_force)
+    )
+    return noise
+
+
+def _followed(sensitivity: Array, result: StepResult, placed: Placed, by_force: Array, frame: FrameInput) -> Array:
+    """Return how far the estimate follows an error of each shared quantity, after one more step (parameter, shared).
+
+    The estimate is x+ = x- + G (y - h(x-)); an error d of what the frame depends on moves y by g d.
+    """
+    if not result.observations:
+        return sensitivity
+    by_polar = placed.by_nuisance[:, POLAR]
+    shared = np.stack([by_force, by_force * frame.since_tare_s, by_polar, by_force * frame.force_n], axis=1)
+    followed: Array = result.contraction @ sensitivity + result.gain @ shared
+    return followed
+
+
+def _modulus(eye: EyeFilter, state: EyeState) -> float:
+    """Return the median of the modulus' posterior, from where a frame's own is sought."""
+    values = eye.space.values(state.posterior.mean)
+    modulus = dict(zip(eye.space.names, values.tolist(), strict=True)).get("youngs_modulus_pa", eye.study.prior_mean_pa)
+    return max(float(modulus), 0.01 * eye.study.prior_mean_pa)
+
+
+def _depths(eye: EyeFilter, states_rp: Array, force_n: float, nuisance: Array, places: Places) -> Array:
+    """Return predicted depths (row, place) for rows of the filter's coordinates; NaN where there is no such eye."""
+    values = eye.space.values(states_rp)
+    sound = (values > 0).all(axis=1)
+    depths = np.full((len(values), len(places.lateral_m)), np.nan)
+    if sound.any():
+        curves = eye.model.curves(eye.space.names, values[sound], force_n, float(nuisance[POLAR]))
+        placed = place_curves(curves, nuisance)
+        inner = nuisance[INNER] * (places.boundary == 1)
+        depths[sound] = [curve_depths(curve, places)[0] + inner for curve in placed]
+    return depths
