@@ -4,16 +4,16 @@ import io
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-import pydicom
-import tifffile
 from numpy.typing import NDArray
-from pydicom import config as pydicom_config
 
 from scleraforce.errors import FrameError
+
+if TYPE_CHECKING:
+    import pydicom
 
 __all__ = ["FrameImage", "check_frame", "read_frame", "read_frame_image"]
 
@@ -114,6 +114,8 @@ def _decode(path: Path, data: bytes, flags: int) -> NDArray[Any]:
 
 
 def _read_tiff(path: Path, data: bytes) -> NDArray[Any]:
+    import tifffile  # here, so that reading PNG needs OpenCV only
+
     try:
         with tifffile.TiffFile(io.BytesIO(data)) as file:
             if len(file.pages) != 1:
@@ -129,8 +131,11 @@ def _read_tiff(path: Path, data: bytes) -> NDArray[Any]:
 
 
 def _read_dicom(path: Path, data: bytes) -> FrameImage:
-    before = pydicom_config.settings.reading_validation_mode
-    pydicom_config.settings.reading_validation_mode = pydicom_config.IGNORE  # scanners write over-long private tags
+    import pydicom  # here, so that reading PNG needs OpenCV only
+    from pydicom import config
+
+    before = config.settings.reading_validation_mode
+    config.settings.reading_validation_mode = config.IGNORE  # scanners write over-long private tags
     try:
         dataset = pydicom.dcmread(io.BytesIO(data))
         pixels = np.asarray(dataset.pixel_array)
@@ -139,7 +144,7 @@ def _read_dicom(path: Path, data: bytes) -> FrameImage:
     except Exception as fault:  # pydicom and its codecs raise whatever the damage leads to
         raise FrameError(f"{path}: damaged or an unknown kind of DICOM: {' '.join(str(fault).split())}") from fault
     finally:
-        pydicom_config.settings.reading_validation_mode = before
+        config.settings.reading_validation_mode = before
     if pixels.ndim == 3 and pixels.shape[-1] > 4:
         raise FrameError(f"{path}: {pixels.shape[0]} frames in one DICOM file; give a file for each frame")
     if pixels.ndim == 3:
@@ -152,7 +157,7 @@ def _read_dicom(path: Path, data: bytes) -> FrameImage:
     return FrameImage(_grey(pixels, path), depth_m, lateral_m)
 
 
-def _dicom_spacing(dataset: pydicom.Dataset) -> tuple[float | None, float | None]:
+def _dicom_spacing(dataset: "pydicom.Dataset") -> tuple[float | None, float | None]:
     """Return the distance of rows and of columns in m, from whichever standard tag has them, else None."""
     places = [dataset]
     for name in ("SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence"):
