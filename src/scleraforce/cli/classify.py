@@ -26,7 +26,7 @@ LENGTH = click.FloatRange(0.01, 100.0)
 )
 @click.option("--depth-mm", type=LENGTH, help="Depth of the frames, as stored; by default likewise.")
 @click.option("--refractive-index", type=click.FloatRange(1.0, 2.0),
-              help="By which depth is stretched; by default as in the model's study. 1: corrected already.")  # fmt: skip
+              help="By which depth is stretched (1: corrected already); by default the study's.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def classify(
     model: Path,
