@@ -1,0 +1,98 @@
+"""A frame on a grid of bounded size, its noise floor, and what shines in it without being tissue.
+
+Scanners sample a reflection with a few pixels, whatever their scale: a line is thin in pixels, tissue is thick in
+pixels and in metres. Lengths below are therefore given as pixels with a bound in metres.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Float", "Grid", "PixelScale", "Pixels", "make_grid", "rows_of"]
+
+Float = NDArray[np.float32]
+Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+
+MAX_COLUMNS = 192  # of the grid: the frame is halved until it has fewer
+MAX_ROWS = 384
+FLOOR_SHARE = 0.2  # of the pixels that are not black, this share lies at or below the noise floor
+BLACK_SHARE = 0.25  # of the noise floor: less light than that is no measurement
+
+
+@dataclass(frozen=True)
+class PixelScale:
+    """The size of a frame's pixel: along a row (lateral) and along a column (optical depth), m."""
+
+    lateral_m: float
+    depth_m: float
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.lateral_m < 1.0 and 0.0 < self.depth_m < 1.0):
+            raise ValueError(f"a pixel of {self.lateral_m} m x {self.depth_m} m: give its size in metres, above 0")
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A frame, averaged into cells of `step_columns` x `step_rows` pixels.
+
+    `cells` (row, column) are intensities in counts, never below `floor`, which is that of the noise (black pixels are
+    raised to it, so that their edges are none). `measured` (row, column) is False where a cell is black.
+    """
+
+    cells: Float
+    measured: NDArray[np.bool_]
+    floor: float
+    step_columns: int
+    step_rows: int
+    scale: PixelScale
+
+
+def make_grid(frame: Pixels, scale: PixelScale) -> Grid:
+    """Average a frame into at most 191 x 383 cells and find its noise floor.
+
+    Args:
+        frame: counts, shape (row, column).
+        scale: size of the frame's pixel.
+
+    Returns:
+        The grid; `scale` is that of its cells.
+    """
+    averaged, step_columns, step_rows = _halve(frame)
+    cells = averaged.astype(np.float32)
+    floor = noise_floor(cells)
+    measured = cells > BLACK_SHARE * floor
+    cell = PixelScale(scale.lateral_m * step_columns, scale.depth_m * step_rows)
+    return Grid(np.maximum(cells, np.float32(floor)), measured, floor, step_columns, step_rows, cell)
+
+
+def rows_of(pixels: float, length_m: float, grid: Grid, least: int) -> int:
+    """Return a length in rows of the grid: so many pixels of the frame, at most `length_m`, at least `least` rows."""
+    return max(least, round(min(pixels / grid.step_rows, length_m / grid.scale.depth_m)))
+
+
+def noise_floor(cells: Float) -> float:
+    """Return the count that a fifth of the cells that are not black lie below: noise, whatever share tissue takes."""
+    sample = cells[::2, ::2].ravel()
+    lit = sample[sample > 1e-3 * sample.max()]
+    if not len(lit):
+        return 0.0
+    nth = int(FLOOR_SHARE * len(lit))
+    return float(np.partition(lit, nth)[nth])
+
+
+def _halve(frame: Pixels) -> tuple[Pixels, int, int]:
+    """Average neighbours by halves (the quick case of `cv2.resize`); an odd last row or column is dropped."""
+    step_columns = step_rows = 1
+    while True:
+        rows, columns = frame.shape
+        across, down = columns >= MAX_COLUMNS, rows >= MAX_ROWS
+        if not across and not down:
+            return frame, step_columns, step_rows
+        size = (columns // 2 if across else columns, rows // 2 if down else rows)
+        frame = frame[: 2 * size[1] if down else rows, : 2 * size[0] if across else columns]
+        # At exactly a half, INTER_LINEAR averages two neighbours; along one axis it is quicker than INTER_AREA.
+        frame = cv2.resize(frame, size, interpolation=cv2.INTER_AREA if across and down else cv2.INTER_LINEAR)
+        step_columns *= 2 if across else 1
+        step_rows *= 2 if down else 1
