@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+
+from scleraforce.errors import InputError
+from scleraforce.eye.contact import Contact
+from scleraforce.eye.mesh import HexMesh, build_mesh, locate, surface_weights
+from scleraforce.mechanics.loads import gravity_load, needle_loads, pressure_load, weighted_surface_load
+from scleraforce.mechanics.quadrature import volume_points
+
+R, T, NEEDLE = 12e-3, 0.5e-3, 0.35e-3
+KINDS = {"8 nodes": {"order": 1}, "20 nodes": {"order": 2, "serendipity": True}, "27 nodes": {"order": 2}}
+CONTACTS = [Contact(0.0), Contact(np.radians(35.0), 0.3), Contact(np.radians(54.7), np.pi / 4), Contact(1.4, -2.0)]
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def mesh(request: pytest.FixtureRequest) -> HexMesh:
+    return build_mesh(R, T, **KINDS[request.param])
+
+
+def test_the_pressure_lifts_with_its_value_times_the_area_of_the_opening(mesh: HexMesh) -> None:
+    """Exactly so for any mesh, by the divergence theorem: the area is that of the polygon or curve of the base."""
+    load = pressure_load(mesh)
+    area = np.pi * (R - T) ** 2
+    np.testing.assert_allclose(load.sum(axis=0), [0, 0, area], atol=(2e-3 if mesh.order == 1 else 1e-6) * area)
+    moment = np.cross(mesh.points_nc, load).sum(axis=0)
+    np.testing.assert_allclose(moment, 0.0, atol=1e-12 * area * R)
+
+
+def test_the_work_of_the_pressure_is_the_change_of_the_volume_inside(mesh: HexMesh) -> None:
+    """Virtual work: p dV for a swelling u = x, whose dV is three times the volume of the half-ball inside."""
+    volume = 2.0 / 3.0 * np.pi * (R - T) ** 3
+    work = np.sum(pressure_load(mesh) * mesh.points_nc)
+    assert work == pytest.approx(3.0 * volume, rel=6e-3 if mesh.order == 1 else 3e-6)
+
+
+def test_gravity_pulls_down_with_the_weight_of_the_wall(mesh: HexMesh) -> None:
+    points = volume_points(mesh)
+    load = gravity_load(mesh, points)
+    np.testing.assert_allclose(load.sum(axis=0), [0, 0, -points.volumes_ep.sum()], rtol=1e-13, atol=1e-20)
+
+
+def test_the_needles_resultant_is_one_newton_along_the_inward_normal(mesh: HexMesh) -> None:
+    loads = needle_loads(mesh, CONTACTS, NEEDLE)
+    np.testing.assert_allclose(loads.sum(axis=1), [-c.normal for c in CONTACTS], atol=1e-13)
+
+
+def test_the_needles_force_acts_on_its_axis_over_its_disc() -> None:
+    mesh = build_mesh(R, T)
+    for contact, load in zip(CONTACTS, needle_loads(mesh, CONTACTS, NEEDLE), strict=True):
+        amount = -load @ contact.normal
+        centre = amount @ mesh.points_nc
+        np.testing.assert_allclose(np.cross(centre, contact.normal), 0.0, atol=2e-4 * NEEDLE)
+        # Second moment of a uniform disc: radius^2 / 4 about a diameter.
+        for axis in (contact.meridian, contact.parallel):
+            assert amount @ (mesh.points_nc @ axis) ** 2 == pytest.approx(NEEDLE**2 / 4, rel=1e-2)
+        loaded = np.flatnonzero(amount)
+        assert np.linalg.norm(mesh.points_nc[loaded] - R * contact.normal, axis=1).max() < 2e-3
+        assert set(loaded) <= set(mesh.outer_qn.ravel())
+
+
+def test_the_needles_nodal_forces_are_those_of_a_dense_sampling_of_its_disc() -> None:
+    mesh, contact = build_mesh(R, T), CONTACTS[1]
+    grid = (np.arange(400) + 0.5) / 200 - 1
+    places = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    sideways = NEEDLE * places[np.sum(places**2, axis=1) < 1]
+    height = np.sqrt(R**2 - np.sum(sideways**2, axis=1, keepdims=True))
+    rays = sideways[:, :1] * contact.meridian + sideways[:, 1:] * contact.parallel + height * contact.normal
+    quads, local = locate(mesh, rays)
+    expected = np.zeros(len(mesh.points_nc))
+    np.add.at(expected, mesh.outer_qn[quads], surface_weights(mesh, local) / len(rays))
+    amount = -needle_loads(mesh, [contact], NEEDLE)[0] @ contact.normal
+    assert np.abs(amount - expected).max() < 2e-3 * expected.max()
+
+
+def test_contacts_do_not_depend_on_each_other() -> None:
+    mesh = build_mesh(R, T, divisions=6)
+    together = needle_loads(mesh, CONTACTS, NEEDLE)
+    for contact, load in zip(CONTACTS, together, strict=True):
+        np.testing.assert_allclose(needle_loads(mesh, [contact], NEEDLE)[0], load, atol=1e-15)
+
+
+@pytest.mark.parametrize("polar_deg", [89.0, 90.0, 120.0])
+def test_a_needle_that_reaches_over_the_base_is_an_input_error(polar_deg: float) -> None:
+    with pytest.raises(InputError, match=r"polar angle.*over the base"):
+        needle_loads(build_mesh(R, T), [Contact(0.5), Contact(np.radians(polar_deg))], NEEDLE)
+
+
+def test_a_weighted_load_is_normalised_and_follows_its_weight(mesh: HexMesh) -> None:
+    contact, spread = CONTACTS[1], 2e-3
+
+    def gaussian(x: np.ndarray) -> np.ndarray:
+        return 7.0 * np.exp(-np.sum((x - R * contact.normal) ** 2, axis=-1) / (2 * spread**2))
+
+    load = weighted_surface_load(mesh, gaussian, -contact.normal)
+    np.testing.assert_allclose(load.sum(axis=0), -contact.normal, atol=1e-13)
+    # On a sphere |x - R d|^2 = 2 R^2 (1 - c), so the weight is exp(k c) and the mean of c is coth k - 1/k.
+    k = (R / spread) ** 2
+    mean_cosine = -(load @ contact.normal) @ (mesh.points_nc @ contact.normal) / R
+    assert mean_cosine == pytest.approx(1.0 / np.tanh(k) - 1.0 / k, abs=2e-3 if mesh.order == 1 else 1e-4)
