@@ -139,14 +139,15 @@ def first_contact(force_n: Samples, rate_hz: float) -> int | None:
     if not sure.any():
         return None
     start = int(starts[int(np.argmax(sure))])
-    window = slice(max(start - after, 0), start + after)
-    return window.start + _begin_of_rise(force_n[window], max(block // 10, 1))
+    begin = max(start - 10 * after, 0)  # what came before pins the level
+    earliest = max(start - after // 2, start // 2) - begin  # a slow push may begin before its rise is certain
+    return begin + _begin_of_rise(force_n[begin : start + after], earliest, max(block // 10, 1))
 
 
-def _begin_of_rise(force_n: Samples, step: int) -> int:
+def _begin_of_rise(force_n: Samples, earliest: int, step: int) -> int:
     """Return the knee of the level followed by a straight line that fits the samples best (least squares)."""
     sample = np.arange(len(force_n), dtype=np.float64)
-    knees = np.arange(step, len(force_n) - step, step)
+    knees = np.arange(earliest, len(force_n) - step, step)
     ramp = np.maximum(sample - knees[:, None], 0.0)
     ramp -= ramp.mean(axis=1, keepdims=True)
     explained = (ramp @ force_n) ** 2 / (ramp**2).sum(axis=1)
