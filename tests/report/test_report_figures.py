@@ -32,7 +32,7 @@ def test_a_long_log_is_thinned_and_not_cut() -> None:
     assert drawn[-1, 0] == pytest.approx(600.0, abs=0.2)
 
 
-def test_a_trial_has_the_colour_of_what_was_read_and_a_misread_one_says_so() -> None:
+def test_a_trial_has_the_colour_of_what_was_read_and_a_misread_one_is_ringed() -> None:
     frames = [
         FrameAnswer("r", "eye 1", "0.png", 0.010, 1, 1, (0.0, 1.0, 0.0), True),
         FrameAnswer("r", "eye 1", "1.png", 0.020, 1, 2, (0.0, 0.3, 0.7), True),
@@ -43,7 +43,8 @@ def test_a_trial_has_the_colour_of_what_was_read_and_a_misread_one_says_so() -> 
     colours = {(line.get_xdata()[0], line.get_ydata()[0]): line.get_color() for line in points}
     assert colours == {(1, 10.0): CLASS_COLOURS[1], (2, 20.0): CLASS_COLOURS[2], (3, 50.0): "white"}
     texts = [text.get_text() for text in axes.texts]
-    assert texts.count("read as 2") == 1
+    ringed = [(line.get_xdata()[0], line.get_ydata()[0]) for line in axes.lines if line.get_label() == "misread"]
+    assert ringed == [(2, 20.0)]
     assert {"eye 1", "eye 2", "class 0", "class 1", "class 2"} <= set(texts)
 
 

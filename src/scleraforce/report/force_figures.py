@@ -57,7 +57,7 @@ def draw_force_log(
 
 @styled
 def draw_trial_forces(frames: Sequence[FrameAnswer], bounds_n: Sequence[float], max_force_n: float) -> Figure:
-    """Draw the measured force of every trial with the class bounds; misread trials are ringed and say what was read.
+    """Draw the measured force of every trial with the class bounds; misread trials are ringed.
 
     Args:
         frames: the trials that count, in the order of their recordings.
@@ -86,10 +86,7 @@ def _draw_trial(axes: Axes, x: int, frame: FrameAnswer) -> None:
     marker, colour = CLASS_MARKERS[frame.predicted], CLASS_COLOURS[frame.predicted]
     axes.plot(x, force_mn, marker, color=fill, markeredgecolor=colour, markersize=4.5, zorder=4)
     if frame.predicted != frame.target:
-        axes.plot(x, force_mn, "o", color="none", markeredgecolor=BLACK, markersize=10, zorder=5)
-        axes.annotate(
-            f"read as {frame.predicted}", (x, force_mn), (0, 8), textcoords="offset points", ha="center", fontsize=7
-        )
+        axes.plot(x, force_mn, "o", color="none", markeredgecolor=BLACK, markersize=10, zorder=5, label="misread")
 
 
 def _mark_bounds(axes: Axes, bounds_n: Sequence[float]) -> None:

@@ -36,7 +36,7 @@ def force_log_figure(path: Path, study: Study) -> Html:
     assert log is not None, "a virtual acquisition has a log"
     assert info is not None
     trials = label_frames(recording, study.classes)[:LOG_TRIALS]
-    shown = log.time_s < trials[-1].time_s + 6.0
+    shown = log.time_s < trials[-1].time_s + 4.0
     filtered_n = contact_force(log, info)
     raw_n = info.contact_sign * log.force_n(info.axis)
     raw_n = raw_n - raw_n.mean() + filtered_n.mean()
@@ -97,14 +97,14 @@ def make_pair(answer: FrameAnswer, study: Study) -> SlicePair:
     found = Segmenter(oct_info.refractive_index).segment(frame, _scale(recording))
     measured = boundary_slice(found, _scale(recording), study.slice, oct_info.refractive_index)
     force_n = answer.measured_force_n or 0.0
-    (section,) = linear_sections(_eye_of(recording, study), study)([max(force_n, 0.0)])
+    unloaded, section = linear_sections(_eye_of(recording, study), study)([0.0, max(force_n, 0.0)])
     return SlicePair(
         f"class {answer.target}: {answer.eye}, {n_to_mn(force_n):.0f} mN",
         answer.target or 0,
         frame,
         (oct_info.width_m, oct_info.depth_m),
         measured,
-        _laid_on(section, measured, study),
+        _laid_on(section, float(unloaded.outer[:, 1].min()), measured, study),
         study.slice.pixel_m,
     )
 
@@ -179,10 +179,9 @@ def _eye_of(recording: Recording, study: Study) -> PhantomEye:
     )
 
 
-def _laid_on(section: Section, measured: NDArray[np.uint8], study: Study) -> NDArray[np.uint8]:
-    """Draw a section shifted to where it covers a slice best, in steps of half a pixel."""
+def _laid_on(section: Section, top_m: float, measured: NDArray[np.uint8], study: Study) -> NDArray[np.uint8]:
+    """Draw a section shifted to where it covers a slice best, in steps of half a pixel; `top_m`: unloaded wall."""
     best, best_likeness = measured * 0, -1.0
-    top_m = float(section.outer[:, 1].min())
     steps = 0.5 * study.slice.pixel_m * np.arange(-12, 13)
     for depth_m in steps:
         for lateral_m in steps[4:-4]:

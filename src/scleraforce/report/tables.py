@@ -52,10 +52,14 @@ def confusion_table(confusion: NDArray[np.int64], bounds_n: Sequence[float], cap
 
 
 def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: str) -> Html:
-    """Return one row a frame: what was measured, what was read, and the remarks."""
+    """Return one row a frame: what was measured, what was read, and the remarks.
+
+    Where the frames are of several eyes, each is named with its eye.
+    """
+    several = len({frame.eye for frame in frames}) > 1
     rows = [
         [
-            frame.file,
+            f"{frame.eye}/{frame.file}" if several else frame.file,
             NOTHING if frame.measured_force_n is None else f"{n_to_mn(frame.measured_force_n):.1f}",
             NOTHING if frame.target is None else frame.target,
             frame.predicted,
