@@ -189,16 +189,22 @@ def cut_tetrahedra(mesh, plane, displacement, pieces):
     return polygons
 
 
-@pytest.mark.parametrize("tilt", [0.0, 0.3])
 @pytest.mark.parametrize(
-    ("deform", "which"), [(dent, "mesh"), (twisted_dent, "fine_mesh"), (fold, "fine_mesh"), (w_dent, "fine_mesh")]
+    ("deform", "tilt", "which", "pieces"),
+    [
+        (dent, 0.0, "mesh", 16),
+        (dent, 0.3, "mesh", 16),
+        (twisted_dent, 0.3, "fine_mesh", 8),
+        (fold, 0.0, "fine_mesh", 8),
+        (w_dent, 0.0, "fine_mesh", 8),
+    ],
 )
-def test_the_section_is_what_all_the_small_tetrahedra_cut(request, deform, which, tilt):
+def test_the_section_is_what_all_the_small_tetrahedra_cut(request, deform, tilt, which, pieces):
     mesh = request.getfixturevalue(which)
     plane = ScanPlane(Contact(0.5, 0.7), 0.5e-3, direction_rad=0.6, tilt_rad=tilt)
     displacement = deform(mesh, plane)
     section = cut_section(mesh, plane, displacement)
-    polygons = cut_tetrahedra(mesh, plane, displacement, (8, 8, 1))
+    polygons = cut_tetrahedra(mesh, plane, displacement, (pieces, pieces, 1))
     points = np.concatenate(polygons)
     outside = points[~inside(points, section.contour)]
     assert distance_to_contour(outside, section.contour).max(initial=0.0) < 10 * MICRON
