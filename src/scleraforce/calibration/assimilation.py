@@ -40,7 +40,18 @@ from scleraforce.calibration.roukf import FilterParams, Posterior, StepResult, f
 from scleraforce.calibration.sigma_points import sigma_points
 from scleraforce.study import CalibrationStudy
 
-__all__ = ["PARAMETERS", "EyeFilter", "EyeState", "FrameInput", "FrameStep", "assimilate", "eye_filter", "first_state"]
+__all__ = [
+    "PARAMETERS",
+    "EyeFilter",
+    "EyeState",
+    "FrameInput",
+    "FrameStep",
+    "assimilate",
+    "eye_filter",
+    "first_state",
+    "moments",
+    "predicted_points",
+]
 
 Array = NDArray[np.float64]
 
@@ -89,6 +100,7 @@ class FrameStep:
     """
 
     state: EyeState
+    force_n: float
     registered: Registered
     observation: Observation
     before_m: Array
@@ -164,7 +176,21 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
     after = EyeState(result.posterior, belief, sensitivity, frame.drift_sd_n_per_s)
     means = np.stack([state.posterior.mean, result.posterior.mean])
     before_m, after_m = _depths(eye, means, frame.force_n, fit.nuisance, places)
-    return FrameStep(after, fit, observation, before_m, after_m, result, moments(eye, after))
+    return FrameStep(after, frame.force_n, fit, observation, before_m, after_m, result, moments(eye, after))
+
+
+def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Array:
+    """Return the depths (point,) that a modulus predicts at a step's observed points, at the pose that was found.
+
+    The other parameters are those of the posterior after the step.
+    """
+    coordinates = step.state.posterior.mean.copy()
+    place = eye.space.names.index("youngs_modulus_pa")
+    unit = eye.space.parameters[place].mean
+    coordinates[place] = np.log(modulus_pa / unit) if eye.study.positive else modulus_pa / unit
+    places = Places(step.observation.lateral_m, step.observation.boundary)
+    depth: Array = _depths(eye, coordinates[None], step.force_n, step.registered.nuisance, places)[0]
+    return depth
 
 
 def observation_noise(observation: Observation, placed: Placed, by_force: Array, prior: PoseBelief) -> Array:

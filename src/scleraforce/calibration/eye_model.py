@@ -106,7 +106,8 @@ def build_eye_model(study: Study, constants: EyeConstants, thickness_uncertain: 
     spread = sqrt(3.0) * constants.polar_sd_rad
     polars = tuple(constants.polar_rad + k * spread for k in ((-1.0, 0.0, 1.0) if spread else (0.0,)))
     contacts = [Contact(polar) for polar in polars]
-    lateral = lateral_samples(study.eye.radius_m, contacts, constants.direction_rad, constants.gap_m)
+    plane = (constants.gap_m, constants.direction_rad, constants.tilt_rad)
+    lateral = lateral_samples(study.eye.radius_m, max(thicknesses), contacts, *plane)
     fields = [_fields(study, constants, thickness, contacts, lateral) for thickness in thicknesses]
     weight = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
     return EyeModel(constants, weight, thicknesses, polars, np.stack(fields))

@@ -121,14 +121,30 @@ def wall_response(
     return WallResponse(np.stack(fields, axis=1), tilt_rad)
 
 
-def lateral_samples(radius_m: float, contacts: Sequence[Contact], direction_rad: float, gap_m: float) -> Array:
-    """Return evenly spaced lateral positions (sample,) at which the planes of all contacts lie above the base."""
+def lateral_samples(
+    radius_m: float,
+    thickness_m: float,
+    contacts: Sequence[Contact],
+    gap_m: float,
+    direction_rad: float = 0.0,
+    tilt_rad: float = 0.0,
+) -> Array:
+    """Return evenly spaced lateral positions (sample,) at which, for all contacts, the whole wall lies above the base.
+
+    Args:
+        radius_m: outer radius.
+        thickness_m: of the wall, the largest that is wanted.
+        contacts: where the needle pushes.
+        gap_m: as for `wall_response`, like the rest.
+        direction_rad: direction of the plane.
+        tilt_rad: tilt of the plane.
+    """
     reach = SAMPLE_REACH * radius_m
     lateral = np.arange(-reach, reach + SAMPLE_STEP_M / 2, SAMPLE_STEP_M)
     above = np.ones(len(lateral), dtype=bool)
     for contact in contacts:
         axes = plane_axes(contact, direction_rad)
-        points = _line_points(0.95 * radius_m, radius_m, lateral, gap_m, 0.0)
+        points = _line_points(radius_m - thickness_m, radius_m, lateral, gap_m, tilt_rad)
         height = (points @ axes)[..., 2] - radius_m * axes[2, 2]
         above &= (height > BASE_MARGIN * radius_m).all(axis=0)
     return lateral[above]

@@ -1,0 +1,120 @@
+"""`scleraforce calibrate`: Young's modulus from recordings."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.errors import CalibrationError, InputError
+from scleraforce.study import Study, read_study, study_hash
+
+if TYPE_CHECKING:
+    from scleraforce.calibration.calibrate import Calibration, EyeCalibration
+
+__all__ = ["calibrate"]
+
+
+class Parameters(click.ParamType[tuple[str, ...]]):
+    """Names of parameters, separated by commas."""
+
+    name = "NAME,NAME,..."
+    known = ("e", "iop", "thickness", "gap")
+
+    def convert(
+        self, value: str | tuple[str, ...], param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, ...]:
+        """Return the names."""
+        names = value if isinstance(value, tuple) else tuple(part.strip().lower() for part in value.split(","))
+        if "e" not in names or set(names) - set(self.known) or len(set(names)) < len(names):
+            self.fail(f"{value!r}: give e, and of iop, thickness, gap what is uncertain too, like e,iop", param, ctx)
+        return names
+
+
+@click.command()
+@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--study", "study_path", type=click.Path(path_type=Path), help="Study file; the paper's by default.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write; must not exist.")
+@click.option("--frames", type=click.IntRange(1), help="Take the first so many frames above 5 mN of each recording.")
+@click.option("--parameters", type=Parameters(), default="e", show_default=True,
+              help="What is uncertain, of e, iop, thickness, gap.")  # fmt: skip
+@click.option("--resume", type=click.Path(path_type=Path), help="Go on from an earlier file of this command.")
+@click.option("--plot", type=click.Path(path_type=Path), help="Picture to write as well; must not exist.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def calibrate(
+    recordings: tuple[Path, ...],
+    study_path: Path | None,
+    out: Path,
+    frames: int | None,
+    parameters: tuple[str, ...],
+    resume: Path | None,
+    plot: Path | None,
+    as_json: bool,
+) -> None:
+    """Estimate Young's modulus of each eye from its RECORDINGs.
+
+    A reduced-order unscented Kalman filter compares points on the wall's
+    boundaries with those of the simulated section, frame by frame. The
+    population's modulus is the mean of the eyes' means.
+    """
+    from scleraforce.calibration.calibrate import calibrate_recordings
+    from scleraforce.calibration.files import calibration_as_json, read_calibration
+    from scleraforce.recording.files import read_recording
+    from scleraforce.report.files import write_whole
+
+    for path in (out, plot):
+        if path is not None and path.exists():
+            raise InputError(f"{path}: exists already; remove it or choose another name")
+    study = Study() if study_path is None else read_study(study_path)
+    earlier = None if resume is None else read_calibration(resume).eyes
+    opened = [read_recording(path) for path in recordings]
+    with progress_bar(range(sum(len(recording.frames) for recording in opened)), "frames") as bar:
+        result = calibrate_recordings(opened, study, study_hash(study), parameters, frames, earlier, bar.update)
+    content = calibration_as_json(result)
+    write_whole(json.dumps(content, indent=1, allow_nan=False) + "\n", out)
+    if plot is not None:
+        _draw(result, plot)
+    if as_json:
+        print_json(content)
+    else:
+        click.echo("\n".join(_lines(result)))
+        click.echo(f"wrote {out}")
+
+
+def _draw(result: "Calibration", path: Path) -> None:
+    from scleraforce.report.calibration_figures import draw_calibration
+
+    if path.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise CalibrationError(f"{path}: give a name that ends in .png, .svg or .pdf")
+    part = path.with_name(f".{path.stem}.part{path.suffix}")
+    try:
+        draw_calibration(result).savefig(part)
+        part.replace(path)
+    except OSError as fault:
+        raise CalibrationError(f"{path}: {fault.strerror}") from fault
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _lines(result: "Calibration") -> list[str]:
+    lines = [f"{'eye':<16}{'E/MPa':>8}{'sd/MPa':>9}{'updates':>9}  remark"]
+    lines += [_line(name, eye) for name, eye in result.eyes.items()]
+    mean_pa, sd_pa = result.population
+    return [*lines, f"{'population':<16}{mean_pa / 1e6:>8.3f}{sd_pa / 1e6:>9.4f}"]
+
+
+def _line(name: str, eye: "EyeCalibration") -> str:
+    gated = sum(len(frame.gated) for frame in eye.used)
+    remarks = [
+        f"{gated} outlying points left out" if gated else "",
+        "" if eye.status == "ok" else eye.status,
+        *(
+            f"{entry} {mean:.4g} +- {sd:.2g}"
+            for entry, mean, sd in zip(eye.names, eye.means, eye.sds, strict=True)
+            if entry != "youngs_modulus_pa"
+        ),
+    ]
+    text = "; ".join(remark for remark in remarks if remark)
+    line = f"{name:<16}{eye.mean_pa / 1e6:>8.3f}{eye.sd_pa / 1e6:>9.4f}{eye.state.posterior.updates:>9}  {text}"
+    return line.rstrip()

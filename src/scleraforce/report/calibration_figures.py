@@ -1,0 +1,138 @@
+"""Figures of a calibration: E over the frames (the paper's Fig. 5), points before and after (Fig. 4), E over the force."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from scleraforce.calibration.assimilation import FrameStep, predicted_points
+from scleraforce.calibration.calibrate import Calibration, EyeCalibration
+from scleraforce.calibration.placement import place_curves
+from scleraforce.report.style import BLACK, BLUE, GREY, RED, SCAN_COLOURS, inches, styled
+from scleraforce.units import n_to_mn
+
+__all__ = ["draw_calibration", "draw_modulus_by_force", "draw_modulus_over_frames", "draw_observed_points"]
+
+MM, MPA = 1e3, 1e-6
+EYES_IN_A_ROW = 3
+
+
+@styled
+def draw_modulus_over_frames(eye: EyeCalibration, truth_pa: float | None = None) -> Figure:
+    """Draw mean and band (one and two standard deviations) of E over the frames, from the prior on (Fig. 5).
+
+    Args:
+        eye: with its frames.
+        truth_pa: the modulus of a virtual eye, drawn as a line.
+    """
+    figure = Figure(figsize=inches(110, 62))
+    _draw_over_frames(figure.subplots(), eye, truth_pa)
+    return figure
+
+
+@styled
+def draw_modulus_by_force(eyes: Sequence[EyeCalibration]) -> Figure:
+    """Draw what each frame alone says of E over its force: level where the wall bends as the model does."""
+    figure = Figure(figsize=inches(110, 62))
+    axes = figure.subplots()
+    for eye, colour, marker in zip(eyes, (BLUE, RED, BLACK, GREY) * len(eyes), "os^D" * len(eyes), strict=False):
+        _draw_by_force(axes, eye, colour, marker)
+    axes.legend(loc="best")
+    return figure
+
+
+@styled
+def draw_observed_points(
+    eye: EyeCalibration, frame: NDArray[np.uint16], index: int, width_m: float, depth_m: float
+) -> Figure:
+    """Draw observed and predicted points over a raw frame, at the prior's modulus and at the final one (Fig. 4 b, c).
+
+    Args:
+        eye: just calibrated (a file keeps no points).
+        frame: the raw frame (row, column).
+        index: which of the eye's steps it belongs to.
+        width_m: of the frame.
+        depth_m: of the frame.
+    """
+    figure = Figure(figsize=inches(170, 52))
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    extent = (-width_m / 2 * MM, width_m / 2 * MM, depth_m * MM, 0.0)
+    for axes, (title, modulus_pa) in zip(panels, _first_and_last(eye), strict=True):
+        axes.imshow(frame, cmap=SCAN_COLOURS, aspect="auto", extent=extent)
+        _draw_points(axes, eye, eye.steps[index], modulus_pa)
+        axes.set_title(f"{title}: E = {modulus_pa * MPA:.2f} MPa")
+        axes.set_xlabel("lateral [mm]")
+    panels[0].set_ylabel("depth [mm]")
+    panels[0].legend(loc="lower center", ncols=2, labelcolor="white")
+    return figure
+
+
+@styled
+def draw_calibration(calibration: Calibration) -> Figure:
+    """Draw every eye: E over its frames above, what each frame alone says over its force below."""
+    eyes = list(calibration.eyes.values())
+    columns = min(len(eyes), EYES_IN_A_ROW)
+    rows = -(-len(eyes) // columns)
+    figure = Figure(figsize=inches(max(85 * columns, 110), 100 * rows))
+    panels = figure.subplots(2 * rows, columns, squeeze=False)
+    for spare in panels.ravel():
+        spare.set_visible(False)
+    for place, eye in enumerate(eyes):
+        row, column = divmod(place, columns)
+        above, below = panels[2 * row, column], panels[2 * row + 1, column]
+        above.set_visible(True)
+        below.set_visible(True)
+        _draw_over_frames(above, eye, None)
+        above.set_title(f"{eye.id}: {eye.mean_pa * MPA:.3f} MPa, sd {eye.sd_pa * MPA:.4f} MPa")
+        _draw_by_force(below, eye, BLUE, "o")
+        below.axhline(eye.mean_pa * MPA, color=RED, linewidth=0.8)
+    return figure
+
+
+def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -> None:
+    mean = MPA * np.array([frame.mean_pa for frame in eye.used])
+    sd = MPA * np.array([frame.sd_pa for frame in eye.used])
+    if eye.filter is not None:
+        study = eye.filter.study
+        mean, sd = np.append(study.prior_mean_pa * MPA, mean), np.append(study.prior_sd_pa * MPA, sd)
+    first = 0 if eye.filter is not None else 1
+    count = np.arange(first, first + len(mean))
+    axes.fill_between(count, mean - 2 * sd, mean + 2 * sd, color=BLUE, alpha=0.15, linewidth=0)
+    axes.fill_between(count, mean - sd, mean + sd, color=BLUE, alpha=0.3, linewidth=0, label="one and two sd")
+    axes.plot(count, mean, "o-", color=BLUE, markersize=2.5, label="mean")
+    if truth_pa is not None:
+        axes.axhline(truth_pa * MPA, color=RED, linestyle="--", linewidth=0.8, label="true")
+    axes.set_ylim(0.0, 1.05 * float((mean + 2 * sd).max()))
+    axes.set_xlabel("frames")
+    axes.set_ylabel("E [MPa]")
+    axes.legend(loc="upper right")
+
+
+def _draw_by_force(axes: Axes, eye: EyeCalibration, colour: str, marker: str) -> None:
+    alone = [(n_to_mn(f.force_n), f.own_modulus_pa * MPA) for f in eye.used if f.own_modulus_pa is not None]
+    if alone:
+        axes.plot(*zip(*alone, strict=True), marker, color=colour, markersize=3.5, label=f"{eye.id}, each frame alone")
+    axes.set_xlabel("force [mN]")
+    axes.set_ylabel("E [MPa]")
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(bottom=0.0)
+
+
+def _first_and_last(eye: EyeCalibration) -> tuple[tuple[str, float], tuple[str, float]]:
+    if eye.filter is None or not eye.steps:
+        raise ValueError(f"{eye.id}: no points are kept; calibrate it in this run")
+    return ("first", eye.filter.study.prior_mean_pa), ("final", eye.mean_pa)
+
+
+def _draw_points(axes: Axes, eye: EyeCalibration, step: FrameStep, modulus_pa: float) -> None:
+    assert eye.filter is not None  # checked by _first_and_last
+    depth_m = predicted_points(eye.filter, step, modulus_pa)
+    state = eye.filter.model.state(modulus_pa, step.force_n)
+    curves = eye.filter.model.at(float(step.registered.nuisance[3])).curves([state])[0]
+    for curve in place_curves(curves, step.registered.nuisance):
+        axes.plot(MM * curve[:, 0], MM * curve[:, 1], color=RED, linewidth=0.5, scalex=False, scaley=False)
+    lateral_mm = MM * step.observation.lateral_m
+    axes.plot(lateral_mm, MM * step.observation.depth_m, "o", color="#F0E442", markersize=3.5, label="observed")
+    axes.plot(lateral_mm, MM * depth_m, "o", color=RED, markersize=2.5, label="predicted")
