@@ -10,8 +10,9 @@ from scleraforce.errors import InputError
 from scleraforce.eye.locate import SurfaceLocator
 from scleraforce.eye.shapes import shape_values
 from scleraforce.eye.surface import QuadSurface, catmull_clark, half_cube, project_on_sphere
+from scleraforce.study import Study
 
-__all__ = ["HexMesh", "build_mesh", "locate", "surface_weights"]
+__all__ = ["HexMesh", "build_mesh", "locate", "study_mesh", "surface_weights"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -100,6 +101,12 @@ def build_mesh(
         points, cells, quads, inner = _without_middles(points, cells, quads, inner)
     base = np.flatnonzero(points[:, 2] == 0.0)
     return HexMesh(points, cells, quads, inner, base, radius_m, thickness_m, order)
+
+
+def study_mesh(study: Study, thickness_m: float) -> HexMesh:
+    """Return the mesh that a study asks for, with one of its wall thicknesses."""
+    mesh = study.mesh
+    return build_mesh(study.eye.radius_m, thickness_m, mesh.divisions, mesh.level, mesh.layers, mesh.order)
 
 
 def _quad_nodes(surface: QuadSurface, order: int) -> tuple[Floats, Integers]:

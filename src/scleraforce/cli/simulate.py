@@ -1,0 +1,114 @@
+"""`scleraforce simulate`: one eye, one force."""
+
+from dataclasses import replace
+from math import radians
+from pathlib import Path
+from time import perf_counter
+
+import click
+
+from scleraforce.cli.output import print_json
+from scleraforce.errors import InputError
+from scleraforce.study import Choice, Study, fixed, read_study
+from scleraforce.study.fields import Unit, check_number
+from scleraforce.units import mmhg_to_pa, n_to_mn
+
+__all__ = ["simulate"]
+
+FORCE = Unit("mn", 0.0, 1000.0)
+
+
+@click.command()
+@click.option("--study", "study_path", type=click.Path(path_type=Path), help="Study file; the paper's by default.")
+@click.option("--thickness-um", type=float, required=True, help="Thickness of the wall.")
+@click.option("--force-mn", type=float, required=True, help="Force of the needle, along the inward normal.")
+@click.option("--youngs-modulus-mpa", type=float, help="Young's modulus of the wall; the study's by default.")
+@click.option("--iop-mmhg", type=float, help="Intraocular pressure; the study's by default.")
+@click.option("--polar-angle-deg", type=float, help="Contact, from the pole; the middle of the study's by default.")
+@click.option("--gap-mm", type=float, help="B-scan plane to needle axis; the study's by default.")
+@click.option("--mechanics", type=click.Choice(["linear"]), default="linear", show_default=True,
+              help="Linear: small displacements.")  # fmt: skip
+@click.option("--vtu", type=click.Path(path_type=Path), help="Write the mesh and its displacement (VTK) here.")
+@click.option("--plot", type=click.Path(path_type=Path), help="Write a PNG of the deformed mesh and the slice here.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def simulate(
+    study_path: Path | None,
+    thickness_um: float,
+    force_mn: float,
+    youngs_modulus_mpa: float | None,
+    iop_mmhg: float | None,
+    polar_angle_deg: float | None,
+    gap_mm: float | None,
+    mechanics: str,
+    vtu: Path | None,
+    plot: Path | None,
+    as_json: bool,
+) -> None:
+    r"""Bend one eye by one force: displacement, slice, picture.
+
+    \b
+    scleraforce simulate --thickness-um 500 --force-mn 30 --plot eye.png
+    """
+    # Imported here: mechanics and figures take longer to import than the help to print.
+    from scleraforce.eye.contact import Contact
+    from scleraforce.report.simulation import simulate_eye
+
+    study = Study() if study_path is None else read_study(study_path)
+    study = _with_options(study, thickness_um, youngs_modulus_mpa, iop_mmhg, polar_angle_deg, gap_mm)
+    check_number("force_mn", force_mn, FORCE)
+    for path in filter(None, (vtu, plot)):
+        if path.exists():
+            raise InputError(f"{path}: exists already; remove it or choose another name")
+
+    start = perf_counter()
+    contact = Contact(sum(study.needle.polar_angle_rad.bounds) / 2)
+    eye = simulate_eye(study, study.eye.thickness_m.bounds[0], FORCE.to_si(force_mn), contact)
+    seconds = perf_counter() - start
+    if vtu is not None:
+        from scleraforce.report.simulation_files import write_vtu
+
+        write_vtu(eye, vtu)
+    if plot is not None:
+        from scleraforce.report.mesh_figure import draw_simulation
+        from scleraforce.report.simulation_files import write_png
+
+        write_png(draw_simulation(eye), plot)
+    result = {
+        "tip_displacement_mm": eye.tip_m * 1e3,
+        "elements": len(eye.mesh.cells_en),
+        "dofs": eye.mesh.points_nc.size,
+        "seconds": round(seconds, 3),
+        "mechanics": mechanics,
+    }
+    if as_json:
+        print_json(result)
+        return
+    click.echo(f"the contact sinks in by {eye.tip_m * 1e3:.3f} mm under {n_to_mn(eye.force_n):g} mN")
+    if eye.tip_m > eye.mesh.thickness_m:
+        click.echo(f"that is {eye.tip_m / eye.mesh.thickness_m:.1f} times the wall's thickness: more than linear "
+                   "mechanics describes")  # fmt: skip
+    click.echo(f"{result['elements']} elements, {result['dofs']} unknowns, {seconds:.1f} s")
+    for path in filter(None, (vtu, plot)):
+        click.echo(f"wrote {path}")
+
+
+def _with_options(
+    study: Study,
+    thickness_um: float,
+    youngs_modulus_mpa: float | None,
+    iop_mmhg: float | None,
+    polar_angle_deg: float | None,
+    gap_mm: float | None,
+) -> Study:
+    """Put the options into the study, whose records check them as they check a study file."""
+    eye = replace(study.eye, thickness_m=Choice((thickness_um / 1e6,)))
+    needle = study.needle
+    if youngs_modulus_mpa is not None:
+        eye = replace(eye, youngs_modulus_pa=youngs_modulus_mpa * 1e6)
+    if iop_mmhg is not None:
+        eye = replace(eye, iop_pa=mmhg_to_pa(iop_mmhg))
+    if polar_angle_deg is not None:
+        needle = replace(needle, polar_angle_rad=fixed(radians(polar_angle_deg)))
+    if gap_mm is not None:
+        needle = replace(needle, gap_m=gap_mm / 1e3)
+    return replace(study, eye=eye, needle=needle)
