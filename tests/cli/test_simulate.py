@@ -1,0 +1,94 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from scleraforce.cli.main import run
+
+COARSE = "[mesh]\ndivisions = 6\nlevel = 0\n"
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> str:
+    path = tmp_path / "study.toml"
+    path.write_text(COARSE)
+    return str(path)
+
+
+def simulated(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict:
+    assert run(["simulate", *arguments, "--json"]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    return json.loads(captured.out)
+
+
+def test_the_answer_has_the_promised_keys_and_the_mesh_of_the_study(study: str, capsys) -> None:
+    answer = simulated(capsys, "--study", study, "--thickness-um", "800", "--force-mn", "10")
+    assert {"tip_displacement_mm", "elements", "dofs", "seconds"} <= set(answer)
+    assert (answer["elements"], answer["dofs"]) == (3 * 6**2, 3 * 3 * (13**2 + 4 * 13 * 6 - 4 * 6))
+    assert 0.1 < answer["tip_displacement_mm"] < 1.0
+
+
+def test_the_contact_sinks_in_proportion_to_the_force_and_against_the_modulus(study: str, capsys) -> None:
+    wall = ("--study", study, "--thickness-um", "600", "--polar-angle-deg", "30")
+    once, twice, stiff, none = (
+        simulated(capsys, *wall, "--force-mn", force, "--youngs-modulus-mpa", modulus)["tip_displacement_mm"]
+        for force, modulus in (("10", "0.25"), ("20", "0.25"), ("10", "0.5"), ("0", "0.25"))
+    )
+    assert twice == pytest.approx(2 * once, rel=1e-9)
+    assert stiff == pytest.approx(once / 2, rel=1e-9)
+    assert none == 0.0
+
+
+def test_iop_and_gap_do_not_change_the_linear_tip_but_angle_and_thickness_do(study: str, capsys) -> None:
+    def tip(*options: str) -> float:
+        arguments = {
+            "--thickness-um": "600",
+            "--polar-angle-deg": "30",
+            **dict(zip(options[::2], options[1::2], strict=True)),
+        }
+        flat = [word for pair in arguments.items() for word in pair]
+        return simulated(capsys, "--study", study, "--force-mn", "10", *flat)["tip_displacement_mm"]
+
+    base = tip()
+    assert tip("--iop-mmhg", "10") == pytest.approx(base, rel=1e-6)
+    assert tip("--gap-mm", "0.8") == pytest.approx(base, rel=1e-9)
+    assert tip("--polar-angle-deg", "40") != pytest.approx(base, rel=1e-4)
+    assert tip("--thickness-um", "700") < 0.9 * base
+
+
+def test_files_are_written_and_named(study: str, tmp_path: Path, capsys) -> None:
+    vtu, plot = tmp_path / "eye.vtu", tmp_path / "eye.png"
+    command = ["simulate", "--study", study, "--thickness-um", "500", "--force-mn", "40"]
+    assert run([*command, "--vtu", str(vtu), "--plot", str(plot)]) == 0
+    out = capsys.readouterr().out
+    assert str(vtu) in out
+    assert "times the wall's thickness" in out  # the limit of the linear model is said
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["eye.png", "eye.vtu", "study.toml"]
+    assert run([*command, "--plot", str(plot)]) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        ({"--thickness-um": "200"}, "thickness_um: 200 is below"),
+        ({"--thickness-um": "1300"}, "thickness_um: 1300 is above"),
+        ({"--force-mn": "-1"}, "force_mn: -1 is below"),
+        ({"--force-mn": "nan"}, "force_mn"),
+        ({"--youngs-modulus-mpa": "0"}, "youngs_modulus_mpa"),
+        ({"--iop-mmhg": "100"}, "iop_mmhg"),
+        ({"--polar-angle-deg": "85"}, "polar_angle_deg"),
+        ({"--gap-mm": "-0.1"}, "gap_mm"),
+        ({"--mechanics": "magic"}, "linear"),
+        ({"--vtu": "no/such/folder/eye.vtu"}, "no/such/folder"),
+        ({"--study": "no-such-study.toml"}, "no-such-study.toml"),
+    ],
+)
+def test_bad_input_is_exit_code_2_and_one_line_that_names_it(options: dict, named: str, study: str, capsys) -> None:
+    arguments = {"--study": study, "--thickness-um": "500", "--force-mn": "10", **options}
+    assert run(["simulate", *(word for pair in arguments.items() for word in pair)]) == 2
+    err = capsys.readouterr().err
+    assert named in err
+    assert err.count("\n") == 1
