@@ -13,8 +13,8 @@ __all__ = ["PlaneFrames", "place_stations"]
 
 Floats = NDArray[np.float64]
 
-STATION_M = 0.12e-3  # between stations at the contact: a chord is 4 um off where the wall bends with a radius of 0.5 mm
-GRADING_M = 4e-3  # from about there on they spread out
+STATION_M = 0.12e-3  # between stations at the contact: a chord is 2 um off where the wall bends with a radius of 1 mm
+GRADING_M = 3.2e-3  # from about there on they spread out: chords are 9 um off at the far side of the eye
 BEYOND_BASE_M = 0.1e-3  # the first and last station lie below the base: there the section ends on the base's rim
 
 

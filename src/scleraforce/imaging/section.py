@@ -24,8 +24,8 @@ __all__ = ["cut_section", "cut_sections"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-PARALLEL_M = 0.4e-3  # distance of the parallels: curves are 1 um off at 0.5 mm
-BRACKET_M = 1e-3  # how far across the plane the material may have moved, at first
+PARALLEL_M = 0.4e-3  # between the parallels: curves are 1 um off at 0.5 mm
+BRACKET_M = 0.7e-3  # how far across the plane the material may have moved; doubled where that is not enough
 WIDEST_BRACKET_M = 8e-3
 
 
