@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.calibration.eye_model import EyeModel
-from scleraforce.calibration.forces import LABEL_SD_N, ZERO_SD_N
+from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
 from scleraforce.calibration.observations import Boundaries, Observation, observe_points
 from scleraforce.calibration.parameters import Parameter, ParameterSpace
 from scleraforce.calibration.placement import (
@@ -42,6 +42,7 @@ from scleraforce.study import CalibrationStudy
 
 __all__ = [
     "PARAMETERS",
+    "SHARED",
     "EyeFilter",
     "EyeState",
     "FrameInput",
@@ -79,17 +80,21 @@ class EyeState:
     posterior: Posterior
     belief: PoseBelief
     sensitivity: Array
-    drift_sd_n_per_s: float = 0.0
+    zero_covariance: Array
 
 
 @dataclass(frozen=True, eq=False)
 class FrameInput:
-    """A frame as the filter needs it: boundaries, force, seconds since the force was tared, how sure its drift is."""
+    """A frame as the filter needs it.
+
+    Boundaries; force and seconds since the force log began; covariance (2, 2) of the zero's offset and drift, which all
+    forces of a recording share (`forces`).
+    """
 
     boundaries: Boundaries
     force_n: float
-    since_tare_s: float = 0.0
-    drift_sd_n_per_s: float = 0.0
+    since_start_s: float
+    zero_covariance: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +137,7 @@ def first_state(eye: EyeFilter) -> EyeState:
     """Return the state before the first frame."""
     posterior = initial_posterior(*eye.space.prior())
     sensitivity = np.zeros((len(eye.space.names), len(SHARED)))
-    return EyeState(posterior, first_belief(eye.model, eye.study), sensitivity)
+    return EyeState(posterior, first_belief(eye.model, eye.study), sensitivity, ZERO_PRIOR)
 
 
 def moments(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
@@ -143,8 +148,9 @@ def moments(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
 def total_covariance(eye: EyeFilter, state: EyeState) -> Array:
     """Return the filter's covariance plus that of what all frames share, in the filter's coordinates (p, p)."""
     polar_sd = sqrt(max(float(state.belief.covariance[POLAR, POLAR]), 0.0))
-    sds = np.array([ZERO_SD_N, state.drift_sd_n_per_s, polar_sd, eye.study.model_error_fraction])
-    total: Array = state.posterior.covariance + (state.sensitivity * sds**2) @ state.sensitivity.T
+    shared = np.diag([0.0, 0.0, polar_sd**2, eye.study.model_error_fraction**2])
+    shared[:2, :2] = state.zero_covariance
+    total: Array = state.posterior.covariance + state.sensitivity @ shared @ state.sensitivity.T
     return total
 
 
@@ -173,7 +179,7 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
     result = filter_step(eye.params, state.posterior, observe, observation.depth_m, noise)
     belief = updated_belief(state.belief, prior, fit)
     sensitivity = _followed(state.sensitivity, result, placed, by_force, frame)
-    after = EyeState(result.posterior, belief, sensitivity, frame.drift_sd_n_per_s)
+    after = EyeState(result.posterior, belief, sensitivity, frame.zero_covariance)
     means = np.stack([state.posterior.mean, result.posterior.mean])
     before_m, after_m = _depths(eye, means, frame.force_n, fit.nuisance, places)
     return FrameStep(after, frame.force_n, fit, observation, before_m, after_m, result, moments(eye, after))
@@ -215,7 +221,7 @@ def _followed(sensitivity: Array, result: StepResult, placed: Placed, by_force: 
     if not result.observations:
         return sensitivity
     by_polar = placed.by_nuisance[:, POLAR]
-    shared = np.stack([by_force, by_force * frame.since_tare_s, by_polar, by_force * frame.force_n], axis=1)
+    shared = np.stack([by_force, by_force * frame.since_start_s, by_polar, by_force * frame.force_n], axis=1)
     followed: Array = result.contraction @ sensitivity + result.gain @ shared
     return followed
 

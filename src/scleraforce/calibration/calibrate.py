@@ -35,7 +35,7 @@ __all__ = ["Calibration", "EyeCalibration", "FrameRecord", "UsedRecording", "cal
 class FrameRecord:
     """What became of a frame: estimate of E after it, or the reason why it was not used.
 
-    `force_n` is what the filter took, the label freed of drift. `own_modulus_pa`: what the frame alone says.
+    `force_n` is what the filter took, the label freed of offset and drift. `own_modulus_pa`: what the frame alone says.
     """
 
     recording: str
@@ -54,10 +54,11 @@ class FrameRecord:
 
 @dataclass(frozen=True)
 class UsedRecording:
-    """A recording that was calibrated on: its path as given, SHA-256 of its tables, the drift of its force sensor."""
+    """A recording that was calibrated on: path as given, SHA-256 of its tables, zero of its force taken off."""
 
     path: str
     sha256: str
+    zero_n: float
     drift_n_per_s: float
 
 
@@ -214,7 +215,7 @@ def _calibrate(
 
 def _begin(eye: EyeFilter, recording: Recording, forces: FrameForces, earlier: EyeCalibration | None) -> EyeCalibration:
     """Return the eye before this recording's frames; what a recording's frames share is new with each recording."""
-    used = UsedRecording(str(recording.path), recording_hash(recording), forces.drift_n_per_s)
+    used = UsedRecording(str(recording.path), recording_hash(recording), *forces.zero.tolist())
     recordings: tuple[UsedRecording, ...] = (used,)
     frames: tuple[FrameRecord, ...] = ()
     if earlier is None:
@@ -256,7 +257,7 @@ def _step(
         record = replace(record, skipped=f"at most {eye.study.min_force_n * 1e3:g} mN: used as a reference of the pose")
         state = _reference(eye, run, force_n, boundaries)
         return replace(run, state=state, frames=(*run.frames, record))
-    frame = FrameInput(boundaries, force_n, float(forces.since_tare_s[index]), forces.drift_sd_n_per_s)
+    frame = FrameInput(boundaries, force_n, float(forces.since_start_s[index]), forces.zero_covariance)
     step = assimilate(eye, run.state, frame)
     if step is None:
         return replace(run, frames=(*run.frames, replace(record, skipped="too little of the wall is in view")))

@@ -54,7 +54,7 @@ def _eye(eye: EyeCalibration) -> dict[str, Any]:
             "belief_covariance": belief.covariance.tolist(),
             "shared": list(SHARED),
             "sensitivity": eye.state.sensitivity.tolist(),
-            "drift_sd_n_per_s": eye.state.drift_sd_n_per_s,
+            "zero_covariance": eye.state.zero_covariance.tolist(),
         },
     }
 
@@ -116,7 +116,7 @@ def _parse_eye(eye_id: str, entry: dict[str, Any]) -> EyeCalibration:
         tuple(parameters),
         tuple(float(value["mean"]) for value in parameters.values()),
         tuple(float(value["sd"]) for value in parameters.values()),
-        EyeState(posterior, belief, _array(state, "sensitivity"), float(state["drift_sd_n_per_s"])),
+        EyeState(posterior, belief, _array(state, "sensitivity"), _array(state, "zero_covariance")),
         tuple(UsedRecording(**recording) for recording in entry["recordings"]),
         tuple(frames),
     )

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 STRETCH_M = 0.3e-3  # to either side of a point
 LEAST_COLUMNS = 5  # for a parabola
 LARGEST_CORRELATION = 0.97
-PIXEL_SHARE = 0.2  # of a pixel: what the segmentation cannot resolve, common to a stretch
+PIXEL_SHARE = 0.5  # of a pixel, in depth and sideways: what the segmentation cannot resolve, common to a stretch
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,10 +124,11 @@ def _point(boundaries: Boundaries, boundary: int, column: int, rough: Roughness)
         return float(boundaries.depth_m[boundary, column]), 10 * boundaries.pixel_m
     weights = _parabola_weights(offsets)
     value, slope = weights @ depth[seen]
-    slope /= boundaries.lateral_m[1] - boundaries.lateral_m[0]
+    step_m = boundaries.lateral_m[1] - boundaries.lateral_m[0]
+    slope /= step_m
     independent = min(float(weights[0] @ weights[0]) * rough.columns_as_one(), 1.0)
-    variance = rough.sd_m**2 * independent + (PIXEL_SHARE * boundaries.pixel_m) ** 2
-    return float(value), sqrt(variance * (1 + slope**2))
+    speckle = rough.sd_m**2 * independent * (1 + slope**2)
+    return float(value), sqrt(speckle + PIXEL_SHARE**2 * (boundaries.pixel_m**2 + (slope * step_m) ** 2))
 
 
 @lru_cache(maxsize=1024)

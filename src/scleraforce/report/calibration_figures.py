@@ -1,4 +1,4 @@
-"""Figures of a calibration: E over the frames (the paper's Fig. 5), points before and after (Fig. 4), E over the force."""
+"""Figures of a calibration: E over the frames (the paper's Fig. 5), points before and after (4), E over the force."""
 
 from collections.abc import Sequence
 
@@ -117,7 +117,8 @@ def _draw_by_force(axes: Axes, eye: EyeCalibration, colour: str, marker: str) ->
     axes.set_xlabel("force [mN]")
     axes.set_ylabel("E [MPa]")
     axes.set_xlim(left=0.0)
-    axes.set_ylim(bottom=0.0)
+    top = max((modulus for _, modulus in alone), default=1.0)
+    axes.set_ylim(0.0, max(1.15 * top, axes.get_ylim()[1]))
 
 
 def _first_and_last(eye: EyeCalibration) -> tuple[tuple[str, float], tuple[str, float]]:
