@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
@@ -12,7 +12,7 @@ from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.report.style import BLACK, BLUE, CLASS_COLOURS, CLASS_INKS, CLASS_MARKERS, GREY, RED, inches, styled
 from scleraforce.units import n_to_mn
 
-__all__ = ["draw_force_log", "draw_trial_forces"]
+__all__ = ["draw_force_log", "draw_trial_forces", "draw_trials"]
 
 POINTS_DRAWN = 6000
 
@@ -65,6 +65,14 @@ def draw_trial_forces(frames: Sequence[FrameAnswer], bounds_n: Sequence[float], 
         max_force_n: the study's largest force.
     """
     figure = Figure(figsize=inches(170, 78))
+    draw_trials(figure, frames, bounds_n, max_force_n)
+    return figure
+
+
+def draw_trials(
+    figure: FigureBase, frames: Sequence[FrameAnswer], bounds_n: Sequence[float], max_force_n: float
+) -> None:
+    """Draw the trials on a figure, or on a part of one."""
     axes = figure.subplots()
     known = [(x, frame) for x, frame in enumerate(frames, start=1) if frame.measured_force_n is not None]
     for x, frame in known:
@@ -77,7 +85,6 @@ def draw_trial_forces(frames: Sequence[FrameAnswer], bounds_n: Sequence[float], 
     axes.set_xlabel("trial")
     axes.set_ylabel("measured force [mN]")
     figure.legend(handles=_trial_legend(), loc="outside upper center", ncols=5)
-    return figure
 
 
 def _draw_trial(axes: Axes, x: int, frame: FrameAnswer) -> None:

@@ -53,6 +53,11 @@ class Run:
         """The page."""
         return self.folder / "report.html"
 
+    @property
+    def overview(self) -> Path:
+        """The result in one picture."""
+        return self.folder / "overview.png"
+
 
 @dataclass(frozen=True)
 class Stage:

@@ -1,32 +1,56 @@
 """The figures of a reproduction, drawn from what its stages have left in the folder."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from scleraforce.dataset import open_dataset
+from scleraforce.eye.contact import Contact
 from scleraforce.imaging.plane import Section
-from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_slice
+from scleraforce.imaging.segmentation import PixelScale, Segmentation, Segmenter, boundary_slice
 from scleraforce.imaging.slices import fill_section, slice_window
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.model import ForceReader
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.labels import contact_force, label_frames
-from scleraforce.recording.tables import FrameEntry
 from scleraforce.recording.virtual_eye import PhantomEye, linear_sections
 from scleraforce.report.force_figures import draw_force_log
 from scleraforce.report.html import Html, figure
+from scleraforce.report.mesh_figure import draw_simulation
+from scleraforce.report.overview_figure import ReadFrame, draw_overview
+from scleraforce.report.simulation import simulate_eye
 from scleraforce.report.slice_figures import SlicePair, dice, draw_montage, draw_segmentation, draw_slice_pairs
 from scleraforce.report.style import data_uri
 from scleraforce.report.training_figure import draw_training_curves
 from scleraforce.study import Study
 from scleraforce.units import n_to_mn
 
-__all__ = ["force_log_figure", "montage_figure", "pairs_figure", "segmentation_figure", "training_figure"]
+__all__ = [
+    "force_log_figure",
+    "mesh_figure",
+    "montage_figure",
+    "overview_figure",
+    "pairs_figure",
+    "segmentation_figure",
+    "training_figure",
+]
 
 MONTAGE_SLICES = 36
 LOG_TRIALS = 5  # the paper's Fig. 3 shows five acquisitions
+
+
+def mesh_figure(study: Study) -> Html:
+    """Return the deformed mesh under a dangerous force (Fig. 1b)."""
+    contact = Contact(sum(study.needle.polar_angle_rad.bounds) / 2)
+    eye = simulate_eye(study, 500e-6, study.classes.bounds_n[1], contact)
+    caption = (
+        f"The deformed mesh (the paper's Fig. 1b), cut open at the needle (orange), under {n_to_mn(eye.force_n):g} mN, "
+        f"the bound of the dangerous class: {len(eye.mesh.cells_en)} curved hexahedra. Beside it the slice."
+    )
+    return figure(data_uri(draw_simulation(eye)), "the deformed mesh and its slice", caption)
 
 
 def force_log_figure(path: Path, study: Study) -> Html:
@@ -56,15 +80,24 @@ def force_log_figure(path: Path, study: Study) -> Html:
     return figure(data_uri(drawn, "svg"), "contact force over time with the imaging times", caption)
 
 
-def segmentation_figure(path: Path) -> Html:
-    """Return a raw frame and what the segmentation makes of it (Fig. 9): the frame of the largest force."""
-    recording = read_recording(path)
-    entry = _strongest(recording)
-    frame = np.asarray(recording.frame(entry), dtype=np.uint16)
-    found = Segmenter(recording.info.oct.refractive_index).segment(frame, _scale(recording))
-    oct_info = recording.info.oct
-    drawn = draw_segmentation(frame, found.mask, found.outer_row, found.inner_row, (oct_info.width_m, oct_info.depth_m))
-    caption = f"Raw frame {recording.info.eye.id}/{entry.file} and the wall that was found in it (the paper's Fig. 9)."
+def overview_figure(evaluation: Evaluation) -> Figure:
+    """Return the result in one picture: a frame of each class, and all trials."""
+    chosen = [_typical(evaluation, target, 0) for target in range(len(evaluation.bounds_n) + 1)]
+    seen = [(answer, _look(answer)) for answer in chosen if answer is not None]
+    read = [
+        ReadFrame(answer, look.frame, look.found.outer_row, look.found.inner_row, look.extent_m)
+        for answer, look in seen
+    ]
+    return draw_overview(read, evaluation.scored, evaluation.bounds_n, evaluation.max_force_n)
+
+
+def segmentation_figure(evaluation: Evaluation) -> Html:
+    """Return a raw frame and what the segmentation makes of it (Fig. 9): the first eye's frame of the largest force."""
+    first = [frame for frame in evaluation.frames if frame.eye == evaluation.frames[0].eye]
+    answer = max(first, key=lambda frame: frame.measured_force_n or 0.0)
+    look = _look(answer)
+    drawn = draw_segmentation(look.frame, look.found.mask, look.found.outer_row, look.found.inner_row, look.extent_m)
+    caption = f"Raw frame {answer.eye}/{answer.file} and the wall that was found in it (the paper's Fig. 9)."
     return figure(data_uri(drawn), "raw frame, boundaries, mask, masked frame", caption)
 
 
@@ -78,7 +111,7 @@ def pairs_figure(evaluation: Evaluation, reader: ForceReader, rank: int, name: s
         name: the paper's figure.
     """
     chosen = [_typical(evaluation, target, rank) for target in range(reader.classes)]
-    pairs = [make_pair(frame, reader.study) for frame in chosen if frame is not None]
+    pairs = [_pair(frame, reader.study) for frame in chosen if frame is not None]
     likeness = np.mean([dice(pair.measured, pair.simulated) for pair in pairs])
     caption = (
         f"A frame of each class, its slice, and the slice simulated for its measured force at "
@@ -88,25 +121,44 @@ def pairs_figure(evaluation: Evaluation, reader: ForceReader, rank: int, name: s
     return figure(data_uri(draw_slice_pairs(pairs)), "frames beside simulated slices for each class", caption)
 
 
-def make_pair(answer: FrameAnswer, study: Study) -> SlicePair:
+def _pair(answer: FrameAnswer, study: Study) -> SlicePair:
     """Return a frame with its slice and the simulated one for the measured force, laid on it by a shift."""
-    recording = read_recording(Path(answer.recording))
-    entry = next(entry for entry in recording.frames if entry.file == answer.file)
-    frame = np.asarray(recording.frame(entry), dtype=np.uint16)
-    oct_info = recording.info.oct
-    found = Segmenter(oct_info.refractive_index).segment(frame, _scale(recording))
-    measured = boundary_slice(found, _scale(recording), study.slice, oct_info.refractive_index)
-    force_n = answer.measured_force_n or 0.0
-    unloaded, section = linear_sections(_eye_of(recording, study), study)([0.0, max(force_n, 0.0)])
+    look = _look(answer)
+    index = look.recording.info.oct.refractive_index
+    measured = boundary_slice(look.found, _scale(look.recording), study.slice, index)
+    force_n = max(answer.measured_force_n or 0.0, 0.0)
+    unloaded, section = linear_sections(_eye_of(look.recording, study), study)([0.0, force_n])
     return SlicePair(
         f"class {answer.target}: {answer.eye}, {n_to_mn(force_n):.0f} mN",
         answer.target or 0,
-        frame,
-        (oct_info.width_m, oct_info.depth_m),
+        look.frame,
+        look.extent_m,
         measured,
         _laid_on(section, float(unloaded.outer[:, 1].min()), measured, study),
         study.slice.pixel_m,
     )
+
+
+@dataclass(frozen=True)
+class _Look:
+    """A raw frame with its recording and the wall found in it."""
+
+    recording: Recording
+    frame: NDArray[np.uint16]
+    found: Segmentation
+
+    @property
+    def extent_m(self) -> tuple[float, float]:
+        return self.recording.info.oct.width_m, self.recording.info.oct.depth_m
+
+
+def _look(answer: FrameAnswer) -> _Look:
+    """Read and segment the frame of an answer."""
+    recording = read_recording(Path(answer.recording))
+    entry = next(entry for entry in recording.frames if entry.file == answer.file)
+    frame = np.asarray(recording.frame(entry), dtype=np.uint16)
+    found = Segmenter(recording.info.oct.refractive_index).segment(frame, _scale(recording))
+    return _Look(recording, frame, found)
 
 
 def montage_figure(path: Path, study: Study) -> Html:
@@ -143,14 +195,6 @@ def training_figure(reader: ForceReader) -> Html:
 def _scale(recording: Recording) -> PixelScale:
     oct_info = recording.info.oct
     return PixelScale(oct_info.width_m / oct_info.columns, oct_info.depth_m / oct_info.rows)
-
-
-def _strongest(recording: Recording) -> FrameEntry:
-    log, info = recording.forces, recording.info.force
-    if log is None or info is None:
-        return recording.frames[-1]
-    force_n = contact_force(log, info)
-    return max(recording.frames, key=lambda entry: float(np.interp(entry.time_s, log.time_s, force_n)))
 
 
 def _typical(evaluation: Evaluation, target: int, rank: int) -> FrameAnswer | None:

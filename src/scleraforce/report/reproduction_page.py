@@ -8,23 +8,26 @@ from scleraforce.reader import ForceReader, load_model
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report.deviations import DEVIATIONS
 from scleraforce.report.evaluation_page import NAMES_REMARK, evaluation_cards, forces_figure
-from scleraforce.report.files import write_page
-from scleraforce.report.html import Html, notice, page, paragraph, section, table
+from scleraforce.report.files import write_figure, write_page
+from scleraforce.report.html import Html, figure, notice, page, paragraph, section, table
 from scleraforce.report.paper import CONFUSION, EYES, PAPER_TITLE, SECONDS_A_SLICE
 from scleraforce.report.provenance import provenance_table
 from scleraforce.report.reproduction import Progress, Run
 from scleraforce.report.reproduction_figures import (
     force_log_figure,
+    mesh_figure,
     montage_figure,
+    overview_figure,
     pairs_figure,
     segmentation_figure,
     training_figure,
 )
+from scleraforce.report.style import data_uri
 from scleraforce.report.tables import NOTHING, class_names, confusion_table, frame_table
 
 __all__ = ["FIGURES", "write_reproduction_html"]
 
-FIGURES = 7  # progress ticks of the page
+FIGURES = 9  # progress ticks of the page
 
 SIMULATED = (
     "The recordings are simulated: five virtual eyes, bent by the same linear mechanics that the network learned from, "
@@ -50,10 +53,11 @@ def write_reproduction_html(run: Run, evaluation: Evaluation, seconds: Mapping[s
         return block
 
     sections = (
-        section("Result", notice(SIMULATED), evaluation_cards(evaluation)),
+        section("Result", notice(SIMULATED), evaluation_cards(evaluation), drawn(_overview(run, evaluation))),
         _design(run, evaluation),
+        section("The simulated eye", drawn(mesh_figure(run.study))),
         section("Measured forces", drawn(force_log_figure(first, run.study))),
-        section("From the raw frame to the slice", drawn(segmentation_figure(first))),
+        section("From the raw frame to the slice", drawn(segmentation_figure(evaluation))),
         section(
             "Frames beside the simulation",
             drawn(pairs_figure(evaluation, reader, 0, "Fig. 6")),
@@ -71,6 +75,14 @@ def write_reproduction_html(run: Run, evaluation: Evaluation, seconds: Mapping[s
     )
     lead = f"The method of {PAPER_TITLE}, run from end to end, beside the paper's own figures."
     write_page(page("Force from a single OCT slice", lead, *sections), run.report, overwrite=True)
+
+
+def _overview(run: Run, evaluation: Evaluation) -> Html:
+    """Return the result in one picture, which is left beside the page as well."""
+    drawn = overview_figure(evaluation)
+    write_figure(drawn, run.overview)
+    caption = "A raw frame of each class, the wall found in it and the class read from it; below, all trials."
+    return figure(data_uri(drawn), "frames with the class read, and the forces of all trials", caption)
 
 
 def _design(run: Run, evaluation: Evaluation) -> Html:
