@@ -12,7 +12,7 @@ from scleraforce.dataset.plan import plan_dataset
 from scleraforce.dataset.store import complete_store, create_store, missing_units, write_unit
 from scleraforce.dataset.workers import simulate_units
 from scleraforce.errors import DatasetError
-from scleraforce.study import Study
+from scleraforce.study import Study, format_study, parse_study
 
 __all__ = ["Generation", "generate_dataset"]
 
@@ -62,6 +62,7 @@ def generate_dataset(
         raise DatasetError(f"workers: {workers}; at least 1 would do")
     modulus = youngs_modulus_pa or (calibration.youngs_modulus_pa if calibration else study.eye.youngs_modulus_pa)
     report = progress or (lambda _: None)
+    study = parse_study(format_study(study))  # as the store keeps it: rounded to 15 digits in human units
     plan = plan_dataset(study)
     create_store(out, study, modulus, calibration, plan)
     todo = missing_units(out, plan)

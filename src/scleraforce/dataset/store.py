@@ -140,7 +140,7 @@ def missing_units(path: Path, plan: DatasetPlan) -> list[int]:
 def write_unit(path: Path, plan: DatasetPlan, unit: int, images: NDArray[np.uint8]) -> None:
     """Write the slices of one unit of work, shape (samples of the unit, rows, columns)."""
     slices = _array(zarr.open_group(path, mode="r+", zarr_format=3), path, SLICES)
-    slices[plan.unit(unit)] = images
+    slices.with_config({"write_empty_chunks": True})[plan.unit(unit)] = images  # what is missing is not done yet
 
 
 def complete_store(path: Path, plan: DatasetPlan) -> None:
@@ -203,7 +203,6 @@ def _continued(path: Path, attributes: Mapping[str, Any]) -> zarr.Group:
 def _create_array(
     group: zarr.Group, name: str, shape: tuple[int, ...], chunks: tuple[int, ...], codecs: list[BytesBytesCodec]
 ) -> zarr.Array[Any]:
-    """Create an array; chunks of zeros are written too, for a chunk that is missing has not been made."""
     return group.create_array(
         name,
         shape=shape,

@@ -9,7 +9,7 @@ import os
 import signal
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import pairwise
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
@@ -45,7 +45,7 @@ def simulate_units(
         lanes += [_start(study, youngs_modulus_pa) for _ in runs]
         busy: dict[object, int] = {}
         for number, (_, connection) in enumerate(lanes):
-            connection.send(next_unit(runs, number))
+            _ask(connection, next_unit(runs, number))
             busy[connection] = number
         while busy:
             for ready in wait([lanes[number][1] for number in busy.values()]):
@@ -55,7 +55,7 @@ def simulate_units(
                 if following is None:
                     del busy[ready]
                 else:
-                    lanes[number][1].send(following)
+                    _ask(lanes[number][1], following)
                 yield unit, images
     finally:
         for process, connection in lanes:
@@ -93,10 +93,15 @@ def _start(study: Study, youngs_modulus_pa: float) -> tuple[BaseProcess, Connect
     return process, ours
 
 
+def _ask(connection: Connection, unit: int | None) -> None:
+    with suppress(OSError):  # where the worker has died, receiving its answer says so
+        connection.send(unit)
+
+
 def _receive(process: BaseProcess, connection: Connection) -> tuple[int, NDArray[np.uint8]]:
     try:
         answer = connection.recv()
-    except EOFError as fault:
+    except (EOFError, OSError) as fault:
         process.join()
         raise SolverError(f"a worker ended with code {process.exitcode}; fewer --workers need less memory") from fault
     if isinstance(answer, Exception):
