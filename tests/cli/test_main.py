@@ -80,6 +80,7 @@ def test_every_command_exists_and_explains_itself(command, capsys) -> None:
     out = capsys.readouterr().out
     assert out.startswith(f"Usage: scleraforce {command}")
     assert "--help" in out
+    assert "\\b" not in out  # click's mark for verbatim text, typed into a raw docstring
 
 
 def test_the_version_is_printed(capsys) -> None:

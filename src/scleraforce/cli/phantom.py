@@ -64,14 +64,12 @@ def phantom(
     seed: int | None,
     as_json: bool,
 ) -> None:
-    r"""Make a virtual acquisition: raw B-scans, a force log, truth.json.
+    """Make a virtual acquisition: raw B-scans, a force log, truth.json.
 
     The eye's wall is bent by linear mechanics; [phantom] of the study has the
     ranges from which light, noise, shadows, timing and sensor are drawn.
 
-    \b
-    scleraforce phantom --out eye-1 --eye eye-1 --thickness-um 800 \
-        --youngs-modulus-mpa 0.27 --forces-mn 2,10,20,40
+    Example: scleraforce phantom --out eye-1 --thickness-um 800 --forces-mn 2,10,40
     """
     # Imported here: mechanics takes longer to import than the help to print.
     from scleraforce.recording.phantom import plan_phantom, write_phantom

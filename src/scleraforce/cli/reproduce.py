@@ -25,14 +25,13 @@ __all__ = ["reproduce"]
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; as many as there are cores by default.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: bool) -> None:
-    r"""Run the whole pipeline and write OUT/report.html.
+    """Run the whole pipeline and write OUT/report.html.
 
     Five virtual eyes in the paper's design (45 trials), the simulated slices,
     the network, its answers to the raw frames, and a page that shows them
     beside the paper's. Interrupted with Ctrl-C, the same command goes on.
 
-    \b
-    scleraforce reproduce --out out/reproduce
+    Example: scleraforce reproduce --out out/reproduce
     """
     # Imported here: mechanics and training take longer to import than the help to print.
     from scleraforce.report.reproduction import open_run

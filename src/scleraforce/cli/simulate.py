@@ -44,10 +44,9 @@ def simulate(
     plot: Path | None,
     as_json: bool,
 ) -> None:
-    r"""Bend one eye by one force: displacement, slice, picture.
+    """Bend one eye by one force: displacement, slice, picture.
 
-    \b
-    scleraforce simulate --thickness-um 500 --force-mn 30 --plot eye.png
+    Example: scleraforce simulate --thickness-um 500 --force-mn 30 --plot eye.png
     """
     # Imported here: mechanics and figures take longer to import than the help to print.
     from scleraforce.eye.contact import Contact

@@ -27,14 +27,13 @@ __all__ = ["train"]
               help="Study file whose [network] to use; by default the data set's.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def train(dataset_path: Path, out: Path, kind: str, search: bool, study_path: Path | None, as_json: bool) -> None:
-    r"""Train the network on the simulated slices of DATASET.
+    """Train the network on the simulated slices of DATASET.
 
     Writes a model folder: model.onnx, study.toml, card.md and model.json with
     the curves of the training. The same data set and study give the same
     weights on the same machine.
 
-    \b
-    scleraforce train paper.zarr --out model
+    Example: scleraforce train paper.zarr --out model
     """
     start = time.perf_counter()
     # Imported here: PyTorch takes seconds, and only this command needs it.
