@@ -18,7 +18,6 @@ Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 MAX_COLUMNS = 192  # of the grid: the frame is halved until it has fewer
 MAX_ROWS = 384
 FLOOR_SHARE = 0.2  # of the pixels that are not black, this share lies at or below the noise floor
-BLACK_SHARE = 0.25  # of the noise floor: less light than that is no measurement
 
 
 @dataclass(frozen=True)
@@ -37,12 +36,10 @@ class PixelScale:
 class Grid:
     """A frame, averaged into cells of `step_columns` x `step_rows` pixels.
 
-    `cells` (row, column) are intensities in counts, never below `floor`, which is that of the noise (black pixels are
-    raised to it, so that their edges are none). `measured` (row, column) is False where a cell is black.
+    `cells` (row, column) are counts, `floor` is the count of the noise, `scale` the size of a cell.
     """
 
-    cells: Float
-    measured: NDArray[np.bool_]
+    cells: Pixels
     floor: float
     step_columns: int
     step_rows: int
@@ -59,12 +56,9 @@ def make_grid(frame: Pixels, scale: PixelScale) -> Grid:
     Returns:
         The grid; `scale` is that of its cells.
     """
-    averaged, step_columns, step_rows = _halve(frame)
-    cells = averaged.astype(np.float32)
-    floor = noise_floor(cells)
-    measured = cells > BLACK_SHARE * floor
+    cells, step_columns, step_rows = _halve(frame)
     cell = PixelScale(scale.lateral_m * step_columns, scale.depth_m * step_rows)
-    return Grid(np.maximum(cells, np.float32(floor)), measured, floor, step_columns, step_rows, cell)
+    return Grid(cells, noise_floor(cells), step_columns, step_rows, cell)
 
 
 def rows_of(pixels: float, length_m: float, grid: Grid, least: int) -> int:
@@ -72,10 +66,10 @@ def rows_of(pixels: float, length_m: float, grid: Grid, least: int) -> int:
     return max(least, round(min(pixels / grid.step_rows, length_m / grid.scale.depth_m)))
 
 
-def noise_floor(cells: Float) -> float:
+def noise_floor(cells: Pixels) -> float:
     """Return the count that a fifth of the cells that are not black lie below: noise, whatever share tissue takes."""
-    sample = cells[::2, ::2].ravel()
-    lit = sample[sample > 1e-3 * sample.max()]
+    sample = cells[::4, ::2].ravel()
+    lit = sample[sample > int(sample.max()) // 1000]
     if not len(lit):
         return 0.0
     nth = int(FLOOR_SHARE * len(lit))
@@ -93,6 +87,7 @@ def _halve(frame: Pixels) -> tuple[Pixels, int, int]:
         size = (columns // 2 if across else columns, rows // 2 if down else rows)
         frame = frame[: 2 * size[1] if down else rows, : 2 * size[0] if across else columns]
         # At exactly a half, INTER_LINEAR averages two neighbours; along one axis it is quicker than INTER_AREA.
-        frame = cv2.resize(frame, size, interpolation=cv2.INTER_AREA if across and down else cv2.INTER_LINEAR)
+        method = cv2.INTER_AREA if across and down else cv2.INTER_LINEAR
+        frame = np.asarray(cv2.resize(frame, size, interpolation=method), dtype=frame.dtype)
         step_columns *= 2 if across else 1
         step_rows *= 2 if down else 1

@@ -1,17 +1,18 @@
-"""The inner boundary: where the light that comes back drops below what the wall's own attenuation foretells.
+"""The inner boundary: where the light that comes back jumps down, and does not just fall as the wall attenuates it.
 
 The wall is unrolled along its surface into (column, thickness), thickness measured along the surface's normal, so that
-a wall of even thickness is a straight band whatever its dents. All columns together then give one profile with little
-speckle. In it the wall falls slowly (in an attenuating medium, light falls linearly on a logarithmic scale:
-Beer-Lambert), and its end is a drop within some tens of micrometres. Below the wall there may be a thin weaker layer,
-the choroid, whose own lower edge drops further; then the upper one of two close drops is the wall's. With the wall's
-line as threshold the boundary is found column by column, as a path.
+a wall of even thickness is a straight band whatever its dents. In it light falls steadily (linearly on a logarithmic
+scale in an even medium: Beer-Lambert), and the wall's end is a jump: the distance between a straight line through the
+cells above and one through the cells below. A mere change of slope is none. Below the wall there may be a thin weaker
+layer, the choroid, whose own lower edge jumps further; so a jump with another one close above it counts less. The path
+of the largest jumps is then moved, column by column, to where the light crosses the middle of the jump.
 """
 
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from scleraforce.imaging.segmentation_grid import Float, Pixels, PixelScale
 from scleraforce.imaging.segmentation_path import best_path
@@ -19,30 +20,37 @@ from scleraforce.imaging.segmentation_path import best_path
 __all__ = ["InnerBoundary", "find_inner", "surface_stretch"]
 
 CELL_M = 20e-6  # of thickness in the unrolled wall
-CELLS = 75  # 1.5 mm; thicker walls are none
-COLUMNS = 192  # sampled, of which GROUP neighbours are averaged
-GROUP = 4
+CELLS = 75  # 1.5 mm: the boundary is looked for down to 1.36 mm
+GROUP = 4  # columns sampled for one point
 SKIP_CELLS = 3  # mirror reflection and blur of the surface
 LEVEL_CELLS = 12  # below the surface: these give a column's own level (shadows)
 LEAST_CELLS = 11  # a wall is thicker than this: 0.22 mm
-SLOPE_CELLS = 6  # above a drop: these give the wall's level and slope there
-SKIP_EDGE = 1  # on each side of a drop: transition
-NEXT_CELLS = 3  # below a drop: these give the level there
-LEAST_DROP = 0.1  # of the level at the surface
-UPPER_DROP_SHARE = 0.25  # of the largest drop; a smaller one above it is texture
-LAYER_CELLS = 16  # a weaker layer below the wall is thinner than 0.32 mm
-LEAST_COLUMNS_SHARE = 0.25  # of the columns must reach a depth for the profile to count there
-WINDOW_CELLS = 10  # below the boundary: 0.2 mm must be darker than the threshold
-CELL_COST = 0.02  # per cell between a column's boundary and the profile's, in cells
-REACH_CELLS = 3
-LEAST_SUPPORT = 0.5  # of the drop
+POOLED = 7  # points whose mean makes a jump stand out of the speckle
+LINE_CELLS = 6  # for the straight line on each side of a jump
+SKIP_EDGE = 1  # on each side of a jump: transition
+HALF_JUMP = 0.08  # of the level at the surface: a jump of this size earns half of what the largest one can
+UPPER_COST = 1.2  # share of an upper jump's gain that a jump below it loses
+LAYER_CELLS = (4, 16)  # distance between both: a weaker layer below the wall is 0.08 to 0.32 mm thick
+REACH_CELLS = 2
+REFINE_CELLS = 6
+LEAST_JUMP = 0.06  # of the level at the surface: less is no sign of the boundary
+SURE_JUMP = 2.5  # ... nor is less than this many times the median jump, that of speckle and texture: 2 sigma
 
-_SLOPE = (np.arange(SLOPE_CELLS) - (SLOPE_CELLS - 1) / 2) / (SLOPE_CELLS * (SLOPE_CELLS**2 - 1) / 12)  # least squares
+_LAYER = np.ones((1, LAYER_CELLS[1] - LAYER_CELLS[0] + 1), dtype=np.uint8)
+# Makes the path unique where nothing is seen.
+_ROW_COST = np.linspace(0.0, 1e-3, CELLS + 1, dtype=np.float32)
+_THICKNESS_M = (np.arange(CELLS, dtype=np.float32) + np.float32(0.5)) * np.float32(CELL_M)
+_OFFSET = np.arange(-REFINE_CELLS, REFINE_CELLS)
+_FROM_MIDDLE = (_OFFSET + 0.5 + SKIP_EDGE + LINE_CELLS / 2).astype(np.float32)
+_SUMS = np.triu(np.ones((2 * REFINE_CELLS, 2 * REFINE_CELLS + 1), dtype=np.float32), 1)
+_RAMP = np.arange(LINE_CELLS) - (LINE_CELLS - 1) / 2
+_SLOPE = (_RAMP / np.square(_RAMP).sum()).astype(np.float32)[None]  # of a straight line, least squares
+_MEAN = np.full((1, LINE_CELLS), 1.0 / LINE_CELLS, dtype=np.float32)
 
 
 @dataclass(frozen=True)
 class InnerBoundary:
-    """Thickness along the normal at some columns of the frame, m, shape (point,), and the share of them that show it."""
+    """Thickness along the normal at some columns, m, shape (point,), and the share of those that show the boundary."""
 
     column: Float
     thickness_m: Float
@@ -53,7 +61,8 @@ def surface_stretch(column: Float, row: Float, scale: PixelScale) -> Float:
     """Return by how much a wall is longer along a column than along the surface's normal, shape (column,).
 
     Args:
-        column, row: the surface, evenly spaced columns, no NaN.
+        column: columns of the surface in the frame, evenly spaced.
+        row: its rows, no NaN.
         scale: size of the frame's pixel, in tissue.
     """
     step_m = (column[1] - column[0]) * scale.lateral_m
@@ -65,36 +74,40 @@ def surface_stretch(column: Float, row: Float, scale: PixelScale) -> Float:
 
 
 def find_inner(
-    frame: Pixels, floor: float, column: Float, row: Float, there: np.ndarray, along_rows: Float
-) -> InnerBoundary | None:
+    frame: Pixels, floor: float, column: Float, row: Float, there: NDArray[np.bool_], along_rows: Float
+) -> InnerBoundary:
     """Find the inner boundary below a surface.
 
     Args:
         frame: counts, shape (row, column).
         floor: count of its noise floor.
-        column: columns of the surface in the frame, shape (point,); evenly spaced.
+        column: columns of the surface in the frame, shape (point,); evenly spaced, four or more.
         row: its rows in the frame, no NaN.
         there: whether there is a surface.
         along_rows: rows of the frame along a column for 1 m of thickness along the normal, shape (point,).
 
     Returns:
-        The boundary, or None where no drop is seen.
+        The boundary; its `support` is 0 where none is seen.
     """
-    wall, seen = _unroll(frame, floor, row, column, there, along_rows)
-    stretch = along_rows / along_rows.min()
-    edge = _find_drop(_mean_profile(wall, seen / np.square(np.square(_grouped(stretch[None])[0]))[:, None]))
-    if edge is None:
-        return None
-    cell, level, drop = edge
-    half_drop = np.float32(drop / 2)
-    excess = np.clip(wall - np.maximum(level - half_drop, np.float32(0.05)), -half_drop, half_drop) * seen
-    sums = np.zeros((len(excess), CELLS + 1), dtype=np.float32)
-    np.cumsum(excess, axis=1, out=sums[:, 1:])
-    below = np.minimum(np.arange(CELLS + 1) + WINDOW_CELLS, CELLS)
-    score = (2 * sums - sums[:, below]) / half_drop
-    score -= np.float32(CELL_COST) * np.abs(np.arange(CELLS + 1, dtype=np.float32) - np.float32(cell))
-    score[:, :LEAST_CELLS] = -1e3
-    return _smooth_boundary(best_path(score, REACH_CELLS), sums, seen, _grouped(column[None])[0], drop)
+    wall, seen = _unroll(frame, floor, column, row, there, along_rows)
+    mean, slope, jump = _jumps(wall, seen)
+    least = max(LEAST_JUMP, SURE_JUMP * _typical(jump[:, LEAST_CELLS : CELLS - LINE_CELLS]))
+    gain = np.maximum(jump - np.float32(least), np.float32(0.0))
+    gain /= gain + np.float32(HALF_JUMP)
+    score = gain - _ROW_COST
+    near, far = LAYER_CELLS
+    upper = cv2.dilate(gain, _LAYER, anchor=(far - near, 0))  # of the jumps `far - near` cells above, down to here
+    score[:, near:] -= np.float32(UPPER_COST) * upper[:, :-near]
+    path = best_path(score, REACH_CELLS)
+    point = np.arange(len(path))
+    first = np.maximum(path - SKIP_EDGE - LINE_CELLS, 0)
+    boundary = _cross(wall, path, mean[point, first], slope[point, first], np.maximum(jump[point, path], 0))
+    testable = seen[point, np.minimum(path + SKIP_EDGE, CELLS - 1)] > 0
+    shown = (jump[point, path] > least) & testable
+    weight = (shown.astype(np.float32) + np.float32(1e-3))[None]
+    smooth = cv2.blur(boundary[None] * weight, (5, 1)) / cv2.blur(weight, (5, 1))
+    support = float(shown.sum() / max(1, testable.sum()))
+    return InnerBoundary(_grouped(column[None])[0], smooth[0] * np.float32(CELL_M), support)
 
 
 def _grouped(values: Float) -> Float:
@@ -104,74 +117,59 @@ def _grouped(values: Float) -> Float:
 
 
 def _unroll(
-    frame: Pixels, floor: float, row: Float, column: Float, there: np.ndarray, along_rows: Float
+    frame: Pixels, floor: float, column: Float, row: Float, there: NDArray[np.bool_], along_rows: Float
 ) -> tuple[Float, Float]:
-    """Return the wall as (column group, cell), surface level 1 and floor 0, and where it is measured (1 or 0)."""
-    thickness_m = (np.arange(CELLS, dtype=np.float32) + np.float32(0.5)) * np.float32(CELL_M)
-    map_row = row + np.multiply.outer(thickness_m, along_rows)
+    """Return the wall as (point, cell), surface level 1 and floor 0, and where it is measured (1 or 0)."""
+    map_row = row + np.multiply.outer(_THICKNESS_M, along_rows)
     map_column = np.repeat(column[None], CELLS, axis=0)
     sampled = cv2.remap(frame, map_column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    lit = _grouped(sampled.astype(np.float32)).T
-    inside = _grouped(((map_row <= len(frame) - 1) & there).astype(np.float32)).T
-    seen = (inside > 0.99).astype(np.float32)
-    light = np.maximum(lit - np.float32(floor), 0) * seen
+    light = np.ascontiguousarray(_grouped(sampled.astype(np.float32)).T)
+    deepest = np.maximum(map_row[:, ::GROUP], map_row[:, GROUP - 1 :: GROUP]).T[: len(light)]
+    seen = (
+        (deepest <= len(frame) - 1) & there[: GROUP * len(light)].reshape(-1, GROUP).all(axis=1, keepdims=True)
+    ).astype(np.float32)
+    light = np.maximum(light - np.float32(floor), np.float32(0.0)) * seen
     top = slice(SKIP_CELLS, LEVEL_CELLS)
-    level = cv2.blur(
-        light[:, top].sum(axis=1, keepdims=True) / np.maximum(seen[:, top].sum(axis=1, keepdims=True), 1.0), (1, 3)
-    )
-    usable = (level > 1e-3 * max(float(level.max()), 1e-6)).astype(np.float32)
-    return np.minimum(light / np.maximum(level, np.float32(1e-6)), np.float32(1.5)), seen * usable
+    count = seen[:, top].sum(axis=1, keepdims=True)
+    level = cv2.blur(light[:, top].sum(axis=1, keepdims=True) / np.maximum(count, 1.0), (1, 3))
+    seen *= level > 1e-3 * max(float(level.max()), 1e-6)
+    return np.minimum(light / np.maximum(level, np.float32(1e-6)), np.float32(1.5)), seen
 
 
-def _mean_profile(wall: Float, weight: Float) -> Float:
-    """Return the weighted mean over columns, shape (cell,), down to where too little weight is left."""
-    total = weight.sum(axis=0)
-    deep = int((total >= max(1e-6, LEAST_COLUMNS_SHARE * total[0])).argmin()) or len(total)
-    profile: Float = (wall * weight).sum(axis=0)[:deep] / total[:deep].clip(1e-6)
-    return profile
+def _jumps(wall: Float, seen: Float) -> tuple[Float, Float, Float]:
+    """Return, for the lines that start at each cell, their mean and slope, and the jump at each edge between cells.
 
-
-def _find_drop(profile: Float) -> tuple[int, Float, float] | None:
-    """Find where a profile jumps down: the distance, at each cell, of straight lines through the cells on either side.
-
-    A mere change of slope is no jump.
-
-    Returns:
-        The cell where the wall has ended; the wall's level at all cells of the unrolled wall, continued beyond the
-        drop along its slope, never below 0; and the drop. None where there is no drop.
+    Shapes (point, cell), (point, cell), (point, cell + 1); neighbouring points are pooled.
     """
-    ends = np.arange(LEAST_CELLS, len(profile) - SLOPE_CELLS - SKIP_EDGE + 1)
-    if len(ends) < 2:
-        return None
-    windows = np.lib.stride_tricks.sliding_window_view(profile, SLOPE_CELLS)
-    mean, slope = windows.mean(axis=1), np.minimum(windows @ _SLOPE, 0.0)
-    first, next_first = ends - SLOPE_CELLS - SKIP_EDGE, ends + SKIP_EDGE
-    reach = SLOPE_CELLS / 2 + SKIP_EDGE  # from a window's middle to the drop
-    drop = np.maximum(mean[first] + slope[first] * reach, 0.0) - (mean[next_first] - slope[next_first] * reach)
-    best = int(drop.argmax())
-    if drop[best] < LEAST_DROP:
-        return None
-    peak = np.concatenate([[drop[0] > drop[1]], (drop[1:-1] >= drop[:-2]) & (drop[1:-1] > drop[2:]), [False]])
-    above = np.flatnonzero(peak & (drop >= max(LEAST_DROP, UPPER_DROP_SHARE * drop[best])))
-    above = above[(above < best) & (above >= best - LAYER_CELLS)]
-    best = int(above[0]) if len(above) else best
-    middle = int(first[best]) + SLOPE_CELLS // 2
-    level = np.zeros(CELLS, dtype=np.float32)
-    level[:middle] = profile[:middle]
-    level[middle:] = np.maximum(mean[first[best]] + slope[first[best]] * (np.arange(CELLS - middle) + 0.5), 0.0)
-    return int(ends[best]), level, float(drop[best])
+    share = cv2.blur(seen, (1, POOLED))
+    pooled = cv2.blur(wall * seen, (1, POOLED)) / np.maximum(share, np.float32(1e-3))
+    mean = cv2.filter2D(pooled, -1, _MEAN, anchor=(0, 0))
+    slope = np.minimum(cv2.filter2D(pooled, -1, _SLOPE, anchor=(0, 0)), np.float32(0.0))
+    reach = np.float32(LINE_CELLS / 2 + SKIP_EDGE)
+    edges = slice(LEAST_CELLS, CELLS - LINE_CELLS - SKIP_EDGE + 1)
+    above = slice(edges.start - SKIP_EDGE - LINE_CELLS, edges.stop - SKIP_EDGE - LINE_CELLS)
+    below = slice(edges.start + SKIP_EDGE, edges.stop + SKIP_EDGE)
+    jump = np.zeros((len(wall), CELLS + 1), dtype=np.float32)
+    jump[:, edges] = np.maximum(mean[:, above] + slope[:, above] * reach, np.float32(0.0))
+    jump[:, edges] -= mean[:, below] - slope[:, below] * reach
+    deepest = slice(edges.start + SKIP_EDGE + LINE_CELLS - 1, edges.stop + SKIP_EDGE + LINE_CELLS - 1)
+    jump[:, edges] *= share[:, deepest] > 0.3
+    return mean, slope, jump
 
 
-def _smooth_boundary(
-    path: np.ndarray[tuple[int], np.dtype[np.intp]], sums: Float, seen: Float, column: Float, drop: float
-) -> InnerBoundary:
-    """Average the path over neighbouring columns, and count the columns that show the drop at it."""
-    point = np.arange(len(path))
-    last = np.minimum(path + SKIP_EDGE + NEXT_CELLS, CELLS)
-    above = (sums[point, path] - sums[point, np.maximum(path - NEXT_CELLS, 0)]) / NEXT_CELLS
-    below = (sums[point, last] - sums[point, np.minimum(path + SKIP_EDGE, CELLS)]) / NEXT_CELLS
-    testable = seen[point, last - 1] > 0
-    shown = (above - below > LEAST_SUPPORT * drop) & testable
-    weight = (shown.astype(np.float32) + np.float32(1e-3))[None]
-    smooth = cv2.blur(path.astype(np.float32) * weight, (5, 1)) / cv2.blur(weight, (5, 1))
-    return InnerBoundary(column, smooth[0] * np.float32(CELL_M), float(shown.sum() / max(1, testable.sum())))
+def _typical(jump: Float) -> float:
+    """Return the median size of jumps, up or down: those of speckle and texture, as the wall's end is rare."""
+    sizes = np.abs(jump[:, ::2]).ravel()
+    sizes = sizes[sizes > 0]
+    return float(np.partition(sizes, len(sizes) // 2)[len(sizes) // 2]) if len(sizes) else 0.0
+
+
+def _cross(wall: Float, path: NDArray[np.intp], mean: Float, slope: Float, jump: Float) -> Float:
+    """Return the edge near a path, in cells, shape (point,), that best parts light above and below a jump's middle."""
+    cell = np.clip(np.add.outer(path, _OFFSET), 0, CELLS - 1)
+    smooth = cv2.blur(wall, (1, 3))[np.arange(len(path))[:, None], cell]
+    threshold = mean[:, None] + np.multiply.outer(slope, _FROM_MIDDLE) - jump[:, None] / 2
+    limit = np.maximum(jump[:, None], np.float32(1e-3))
+    sums = np.minimum(np.maximum(smooth - threshold, -limit), limit) @ _SUMS
+    edge: Float = (path + sums.argmax(axis=1) - REFINE_CELLS).astype(np.float32)
+    return edge
