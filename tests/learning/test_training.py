@@ -8,7 +8,7 @@ import torch
 
 from scleraforce.errors import SolverError
 from scleraforce.learning.network import Layer, build_network, linear_layers
-from scleraforce.learning.samples import Samples, content_hash, normalisation
+from scleraforce.learning.samples import Samples, content_hash, mirrored_pixels, normalisation
 from scleraforce.learning.training import fit, learning_rate, train_step
 from scleraforce.study import NetworkStudy
 
@@ -34,6 +34,50 @@ def numpy_loss_and_gradient(layers: list[Layer], inputs: np.ndarray, target: np.
 
 def arrays(network) -> list[Layer]:
     return [Layer(x.weight.detach().numpy().copy(), x.bias.detach().numpy().copy()) for x in linear_layers(network)]
+
+
+def test_mirror_images_of_the_varying_pixels_are_the_pixels_of_the_mirrored_slices(bars) -> None:
+    training, _ = bars
+    lopsided = Samples(training.slices.copy(), training.target)
+    lopsided.slices[:, :, :3] = 0  # three columns vary in the mirror images only
+    norm = normalisation(lopsided, mirror=True)
+    turned = Samples(lopsided.slices[:, :, ::-1], lopsided.target)
+    across = mirrored_pixels(norm, 10)
+    np.testing.assert_array_equal(lopsided.pixels[:, norm.varies][:, across], turned.pixels[:, norm.varies])
+    both = Samples(np.concatenate([lopsided.slices, turned.slices]), np.concatenate([lopsided.target] * 2))
+    np.testing.assert_allclose(norm.mean, normalisation(both).mean, rtol=1e-6)
+    np.testing.assert_array_equal(norm.varies, normalisation(both).varies)
+
+
+def test_a_network_that_learned_with_mirroring_reads_slices_that_only_the_mirror_shows(small) -> None:
+    rng = np.random.default_rng(0)
+    slices = np.zeros((300, 12, 10), dtype=np.uint8)
+    target = rng.integers(0, 3, size=300)
+    slices[np.arange(300), target * 4, :4] = 255 * rng.integers(0, 2, size=(300, 4))
+    slices[np.arange(300), target * 4, 4] = 255
+    left, right = Samples(slices, target), Samples(slices[:, :, ::-1].copy(), target)
+    accuracy = {
+        mirror: fit(replace(small, mirror=mirror, epochs=8), left, right).curves.validation_accuracy[-1]
+        for mirror in (True, False)
+    }
+    assert accuracy[True] > 0.99
+    assert accuracy[False] < 0.7
+
+
+def test_the_gradient_over_many_dropout_masks_comes_close_to_its_expectation() -> None:
+    rng = np.random.default_rng(0)
+    inputs, target = torch.from_numpy(rng.normal(size=(16, 8))).float(), torch.from_numpy(rng.integers(0, 3, size=16))
+    torch.manual_seed(0)
+    network = build_network(8, NetworkStudy(hidden=(10, 10), dropout=0.5), 3)
+    still = torch.optim.SGD(network.parameters(), lr=0.0)
+
+    def gradient(masks: int) -> torch.Tensor:
+        train_step(network, still, inputs, target, 1e9, masks)
+        return torch.cat([parameter.grad.flatten() for parameter in network.parameters()])
+
+    expected = torch.stack([gradient(1) for _ in range(1000)]).mean(0)
+    scatter = {m: torch.stack([(gradient(m) - expected).norm() for _ in range(30)]).square().mean() for m in (1, 16)}
+    assert 8 < scatter[1] / scatter[16] < 32
 
 
 @pytest.mark.parametrize("limit", [1e9, 0.05], ids=["free", "clipped"])

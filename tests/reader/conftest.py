@@ -1,5 +1,6 @@
 """A tiny model folder with known weights."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,7 +19,7 @@ class TinyModel:
     study: Study
 
 
-def write_tiny_model(path: Path, study: Study, hidden: int = 7) -> TinyModel:
+def write_tiny_model(path: Path, study: Study, hidden: int = 40) -> TinyModel:
     """Write a model with random weights for a study; its validation figures are made up."""
     pytest.importorskip("torch")
     from scleraforce.learning.folder import write_folder
@@ -30,15 +31,21 @@ def write_tiny_model(path: Path, study: Study, hidden: int = 7) -> TinyModel:
     sizes = [(hidden, pixels), (hidden, hidden), (3, hidden)]
     layers = tuple(
         Layer(
-            rng.normal(size=size).astype(np.float32) / np.sqrt(size[1], dtype=np.float32),
-            rng.normal(size=size[0]).astype(np.float32),
+            rng.normal(size=size).astype(np.float32) * np.sqrt(4.0 / size[1], dtype=np.float32),
+            rng.normal(0.0, 0.1, size=size[0]).astype(np.float32),
         )
         for size in sizes
     )
-    network = TrainedNetwork(rng.random(pixels, dtype=np.float32), layers)
+    network = TrainedNetwork(rng.uniform(0.0, 0.3, pixels).astype(np.float32), layers)
     graph = onnx_bytes(network, study.slice.rows, study.slice.columns, {"study_sha256": study_hash(study)})
     write_folder(path, graph, format_study(study), "# card\n", {"kind": "classifier", "metrics": {}})
     return TinyModel(path, network, study)
+
+
+@pytest.fixture(scope="session")
+def write_model() -> Callable[[Path, Study], TinyModel]:
+    """Return the function that writes a model with random weights."""
+    return write_tiny_model
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """`scleraforce evaluate`: a model's answers beside the force logs of recordings."""
 
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import click
@@ -64,7 +65,8 @@ def _frame(frame: "FrameAnswer") -> str:
     force = "-" if frame.measured_force_n is None else f"{n_to_mn(frame.measured_force_n):.1f}"
     target = "-" if frame.target is None else str(frame.target)
     share = "-" if frame.probabilities is None else f"{max(frame.probabilities):.3f}"
-    return f"  {frame.file:<20}{force:>9}{target:>8}{frame.predicted:>6}{share:>7}  {_remark(frame)}".rstrip()
+    figures = f"  {frame.file:<20}{force:>9}{target:>8}{frame.predicted:>6}{share:>7}  "
+    return _wrapped(figures, _remark(frame))
 
 
 def _remark(frame: "FrameAnswer") -> str:
@@ -100,4 +102,14 @@ def _share(share: "Proportion") -> str:
 
 
 def _notes(evaluation: "Evaluation") -> list[str]:
-    return [f"note: {note}" for note in evaluation.notes]
+    return [_wrapped("note: ", note) for note in evaluation.notes]
+
+
+def _wrapped(start: str, text: str) -> str:
+    """Return a text at 80 columns, behind what starts its line."""
+    if not text:
+        return start.rstrip()
+    indent = " " * len(start)
+    return fill(
+        text, 80, initial_indent=start, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )

@@ -24,6 +24,7 @@ def model_card(
     """
     metrics = record["metrics"]
     low, high = study.classes.bounds_n
+    mirrored = ";\nhalf of the slices shown with left and right exchanged" if study.network.mirror else ""
     return f"""# Force class of a needle on the sclera, from one OCT slice
 
 Reads a binary slice of the scleral wall ({study.slice.rows} x {study.slice.columns} pixels of
@@ -50,7 +51,7 @@ elastic half-sphere, no real eye. Data set SHA-256 `{record["provenance"]["datas
 
 ## Network
 {_sizes(study)}, ReLU, dropout {study.network.dropout:g} (fraction dropped), softmax; {study.network.epochs} epochs of
-gradient descent on the cross-entropy, seed {study.network.seed}.
+gradient descent on the cross-entropy, seed {study.network.seed}{mirrored}.
 
 ## What it reaches
 Validation accuracy {_percent(metrics["validation_accuracy"])} (95 % Wilson interval

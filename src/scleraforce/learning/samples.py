@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Normalisation", "Samples", "content_hash", "normalisation"]
+__all__ = ["Normalisation", "Samples", "content_hash", "mirrored_pixels", "normalisation"]
 
 
 @dataclass(frozen=True)
@@ -37,16 +37,31 @@ class Normalisation:
     varies: NDArray[np.bool_]
 
 
-def normalisation(training: Samples) -> Normalisation:
-    """Measure the mean of each pixel (as 0 to 1) over the training slices.
+def normalisation(training: Samples, mirror: bool = False) -> Normalisation:
+    """Measure the mean of each pixel (as 0 to 1) over the training slices, and over their mirror images if asked.
 
     >>> slices = np.array([[[0, 255]], [[0, 0]]], dtype=np.uint8)
     >>> normalisation(Samples(slices, np.array([0, 1]))).mean.tolist()
     [0.0, 0.5]
     """
-    wall = np.count_nonzero(training.pixels, axis=0)
-    mean = (wall / len(training)).astype(np.float32)
-    return Normalisation(mean, (wall > 0) & (wall < len(training)))
+    wall, count = np.count_nonzero(training.slices, axis=0), len(training)
+    if mirror:
+        wall, count = wall + wall[:, ::-1], 2 * count
+    mean = (wall / count).astype(np.float32)
+    return Normalisation(mean.ravel(), ((wall > 0) & (wall < count)).ravel())
+
+
+def mirrored_pixels(norm: Normalisation, columns: int) -> NDArray[np.intp]:
+    """Return, for each varying pixel, the number of the varying pixel on the other side of the slice.
+
+    Args:
+        norm: of samples and their mirror images.
+        columns: of a slice.
+    """
+    number = np.full(norm.varies.size, -1)
+    number[norm.varies] = np.arange(np.count_nonzero(norm.varies))
+    across: NDArray[np.intp] = number.reshape(-1, columns)[:, ::-1].ravel()[norm.varies]
+    return across
 
 
 def content_hash(*parts: Samples) -> str:

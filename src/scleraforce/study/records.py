@@ -133,7 +133,7 @@ class CalibrationStudy:
     shift_sd_m: float = quantity(0.2, "mm", 0.001, 10.0)
     turn_sd_rad: float = quantity(0.3, "deg", 0.001, 45.0)
     inner_sd_m: float = quantity(0.05, "mm", 0.0001, 1.0)
-    model_error_fraction: float = quantity(0.5, "percent", 0.0, 100.0)
+    model_error_fraction: float = quantity(1.0, "percent", 0.0, 100.0)
     iop_sd_pa: float = quantity(0.5, "mmhg", 0.001, 80.0)
     thickness_sd_m: float = quantity(25.0, "um", 0.1, 1000.0)
     gap_sd_m: float = quantity(0.1, "mm", 0.001, 5.0)
@@ -184,13 +184,17 @@ class DatasetStudy:
 class NetworkStudy:
     """The classifier and its training (paper sec. 2.4). `dropout` is the fraction dropped.
 
-    `warmup` is the share of all steps over which the rate rises; gradients longer than `max_gradient_norm` are scaled.
+    `dropout_masks` are drawn for each sample of a step, and their losses averaged. `mirror` shows half of the samples
+    with left and right exchanged: the same B-scan plane, seen from behind. `warmup` is the share of all steps over
+    which the rate rises; gradients longer than `max_gradient_norm` are scaled.
     `search_widths` and `search_depths` span the grid of `train --search`: units in a hidden layer, and hidden layers.
     """
 
     hidden: tuple[int, ...] = quantity((600, 600), None, 1, 100_000)
     dropout: float = quantity(0.8, None, 0.0, 0.99)
-    learning_rate: float = quantity(0.01, None, 1e-8, 10.0)
+    dropout_masks: int = quantity(4, None, 1, 64)
+    mirror: bool = True
+    learning_rate: float = quantity(0.05, None, 1e-8, 10.0)
     momentum: float = quantity(0.9, None, 0.0, 0.9999)
     warmup: float = quantity(0.1, None, 0.0, 0.9)
     max_gradient_norm: float = quantity(1.0, None, 1e-6, 1e6)
