@@ -50,6 +50,7 @@ def stiffness_matrix(mesh: HexMesh, element_enini: Floats) -> "sparse.csr_array"
     # A sparse matrix of ones adds up the 3 x 3 blocks that meet at a pair of nodes: faster than adding entries.
     gather = sparse.csr_array((np.ones(len(rows)), (block_of, np.arange(len(rows)))), shape=(len(pairs), len(rows)))
     blocks = gather @ element_enini.transpose(0, 1, 3, 2, 4).reshape(-1, 9)
-    starts = np.searchsorted(pairs, np.arange(count + 1) * count)
-    matrix = sparse.bsr_array((blocks.reshape(-1, 3, 3), pairs % count, starts), shape=(3 * count, 3 * count))
+    starts = np.searchsorted(pairs, np.arange(count + 1) * count).astype(np.int32)  # what SuperLU takes
+    block_columns = (pairs % count).astype(np.int32)
+    matrix = sparse.bsr_array((blocks.reshape(-1, 3, 3), block_columns, starts), shape=(3 * count, 3 * count))
     return matrix.tocsr()

@@ -31,7 +31,7 @@ FACE_OUTLINES = (
 @styled
 def draw_deformed_mesh(eye: SimulatedEye) -> Figure:
     """Draw the hexahedra of the half behind the needle's meridian, coloured by their displacement."""
-    figure = Figure(figsize=inches(85, 65), layout="none")
+    figure = _figure(85, 65)
     _draw_mesh(figure, eye, width=1.0)
     return figure
 
@@ -39,7 +39,7 @@ def draw_deformed_mesh(eye: SimulatedEye) -> Figure:
 @styled
 def draw_simulation(eye: SimulatedEye) -> Figure:
     """Draw the deformed mesh and, beside it, the slice."""
-    figure = Figure(figsize=inches(170, 65), layout="none")
+    figure = _figure(170, 65)
     _draw_mesh(figure, eye, width=0.5)
     axes = figure.add_axes((0.56, 0.2, 0.42, 0.6))
     rows, columns = eye.slice.shape
@@ -49,6 +49,13 @@ def draw_simulation(eye: SimulatedEye) -> Figure:
     axes.set_ylabel("depth [mm]")
     axes.set_title(f"slice beside the needle, {columns} x {rows} pixels")
     figure.suptitle(_caption(eye), x=0.02, ha="left", fontsize=8)
+    return figure
+
+
+def _figure(width_mm: float, height_mm: float) -> Figure:
+    """Make a figure whose axes are placed by hand: the automatic layout leaves three-dimensional ones small."""
+    figure = Figure(figsize=inches(width_mm, height_mm))
+    figure.set_layout_engine("none")
     return figure
 
 

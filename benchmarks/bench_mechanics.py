@@ -1,0 +1,171 @@
+"""Accuracy and speed of the linear mechanics: the tables of docs/physics.md.
+
+    python benchmarks/bench_mechanics.py [--fine]
+
+R1 is the project's reference problem: 12 mm, 0.25 MPa, nu 0.45, 30 mN at 35 degrees with a Gaussian of 0.35 mm.
+Times are the least of three, in seconds of one core; on a shared machine only their ratios mean something.
+"""
+
+import argparse
+from collections.abc import Callable
+from time import process_time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
+
+from scleraforce.eye.contact import Contact
+from scleraforce.eye.mesh import HexMesh, build_mesh, locate
+from scleraforce.mechanics.assembly import element_stiffness, lame_constants, stiffness_matrix
+from scleraforce.mechanics.linear import LinearWall, tip_displacement
+from scleraforce.mechanics.loads import needle_loads, weighted_surface_load
+from scleraforce.mechanics.quadrature import volume_points
+from scleraforce.mechanics.supports import symmetric_base
+
+RADIUS_M, NU, E_PA, FORCE_N = 12e-3, 0.45, 0.25e6, 0.03
+NEEDLE_RADIUS_M = 0.35e-3
+CONTACT = Contact(np.radians(35.0))
+# Tip at the load centre with 60 quads along an edge (0.5 mm), 40 (0.8 mm), one layer of 20-node elements.
+CONVERGED_MM = {0.5e-3: 2.168, 0.8e-3: 0.9084}
+
+MESHES: dict[str, dict[str, Any]] = {
+    "10 quads, 27 nodes": {"divisions": 10, "level": 0},
+    "default: 20 quads, 27 nodes": {},
+    "20 quads, 20 nodes": {"serendipity": True},
+    "20 quads, 27 nodes, 2 layers": {"layers": 2},
+    "paper: 40 quads, 8 nodes, 2 layers": {"level": 2, "order": 1, "layers": 2},
+    "40 quads, 8 nodes, 3 layers": {"level": 2, "order": 1, "layers": 3},
+}
+FINE_MESHES: dict[str, dict[str, Any]] = {
+    "40 quads, 20 nodes": {"level": 2, "serendipity": True},
+    "40 quads, 27 nodes": {"level": 2},
+}
+
+
+def least(work: Callable[[], Any], repeats: int = 3) -> float:
+    """Return the least processor time of `work`."""
+    times = []
+    for _ in range(repeats):
+        start = process_time()
+        work()
+        times.append(process_time() - start)
+    return min(times)
+
+
+def gaussian_load(mesh: HexMesh, contact: Contact, spread_m: float) -> NDArray[np.float64]:
+    """Return R1's load of 1 N."""
+    centre = mesh.radius_m * contact.normal
+    return weighted_surface_load(
+        mesh, lambda x: np.exp(-np.sum((x - centre) ** 2, axis=-1) / (2 * spread_m**2)), -contact.normal
+    )
+
+
+def reference_problem(meshes: dict[str, dict[str, Any]]) -> None:
+    """Print R1 on several meshes, at the load centre and at the corner nearest to it."""
+    print("\nR1: inward displacement along the load [mm], and its ratio to the converged one")
+    print(f"{'mesh':38s}{'dofs':>8s}{'t [mm]':>8s}{'centre':>8s}{'ratio':>7s}{'corner':>8s}{'seconds':>9s}")
+    for name, kind in meshes.items():
+        for thickness_m, converged in CONVERGED_MM.items():
+            start = process_time()
+            mesh = build_mesh(RADIUS_M, thickness_m, **kind)
+            wall = LinearWall(mesh, NU)
+            u = wall.solve_one(gaussian_load(mesh, CONTACT, 0.35e-3)) * FORCE_N / E_PA
+            seconds = process_time() - start
+            corners = np.unique(mesh.outer_qn[:, :4])
+            distance = np.linalg.norm(mesh.points_nc[corners] - RADIUS_M * CONTACT.normal, axis=1)
+            corner = -u[corners[np.argmin(distance)]] @ CONTACT.normal * 1e3
+            centre = tip_displacement(mesh, CONTACT, u) * 1e3
+            print(
+                f"{name:38s}{mesh.points_nc.size:8d}{thickness_m * 1e3:8.1f}{centre:8.3f}{centre / converged:7.3f}"
+                f"{corner:8.3f}{seconds:9.2f}"
+            )
+
+
+def convergence() -> None:
+    """Print the order of the strain energy for a smooth load on a whole sphere, and under a clamped base."""
+    print("\nOrder of the strain energy from three meshes (2 mm wall, push on the pole)")
+    print(f"{'element':12s}{'quads':>14s}{'symmetric base':>16s}{'clamped base':>14s}")
+    families: dict[str, tuple[tuple[int, ...], dict[str, Any]]] = {
+        "8 nodes": ((8, 16, 32), {"order": 1, "layers": 2}),
+        "20 nodes": ((4, 8, 16), {"serendipity": True}),
+        "27 nodes": ((4, 8, 16), {}),
+    }
+    for name, (quads, kind) in families.items():
+        orders = [observed_order(quads, kind, symmetric) for symmetric in (True, False)]
+        print(f"{name:12s}{quads!s:>14s}{orders[0]:16.2f}{orders[1]:14.2f}")
+
+
+def observed_order(quads: tuple[int, ...], kind: dict[str, Any], symmetric: bool) -> float:
+    """Return log2 of the ratio of successive differences of the energy."""
+    energies = []
+    for n in quads:
+        mesh = build_mesh(RADIUS_M, 2e-3, divisions=n, level=0, **kind)
+        wall = LinearWall(mesh, NU, symmetric_base(mesh) if symmetric else None)
+        load = gaussian_load(mesh, Contact(0.0), 3e-3)
+        energies.append(0.5 * float(np.sum(load * wall.solve_one(load))))
+    return float(np.log2((energies[1] - energies[0]) / (energies[2] - energies[1])))
+
+
+def timings() -> None:
+    """Print the parts of a solution on the default mesh, and what else could do them."""
+    mesh = build_mesh(RADIUS_M, 0.5e-3)
+    points = volume_points(mesh)
+    element = element_stiffness(points, *lame_constants(1.0, NU))
+    wall = LinearWall(mesh, NU)
+    free = np.flatnonzero(~wall.held_nc.ravel())
+    K = wall.stiffness[free][:, free].tocsc()
+    symmetric: dict[str, Any] = {
+        "permc_spec": "MMD_AT_PLUS_A",
+        "diag_pivot_thresh": 0.0,
+        "options": {"SymmetricMode": True},
+    }
+    random = np.random.default_rng(0)
+    contacts = [Contact(*pair) for pair in random.uniform([0.4, -3.0], [0.8, 3.0], (32, 2))]
+    directions = random.normal(size=(100_000, 3))
+    directions[:, 2] = np.abs(directions[:, 2])
+    mesh.locator  # noqa: B018 - made on first use
+    loads = needle_loads(mesh, contacts, NEEDLE_RADIUS_M)
+    rows: dict[str, float] = {
+        "mesh": least(lambda: build_mesh(RADIUS_M, 0.5e-3)),
+        "Gauss points": least(lambda: volume_points(mesh)),
+        "element matrices": least(lambda: element_stiffness(points, *lame_constants(1.0, NU))),
+        "sparse matrix": least(lambda: stiffness_matrix(mesh, element)),
+        "(scikit-fem: all of the matrix)": least(lambda: scikit_fem_matrix(mesh), 1),
+        "factorisation": least(lambda: splu(K, **symmetric)),
+        "(SuperLU's default ordering)": least(lambda: splu(K), 1),
+        "one contact's load": least(lambda: needle_loads(mesh, contacts, NEEDLE_RADIUS_M)) / len(contacts),
+        "one contact, 32 at once": least(lambda: wall.solve(loads)) / len(loads),
+        "one contact, one at a time": least(lambda: wall.solve_one(loads[0])),
+        "one direction located": least(lambda: locate(mesh, directions)) / len(directions),
+    }
+    print(f"\nDefault mesh, {len(free)} free unknowns, {K.nnz / 1e6:.1f} M non-zeros")
+    for name, seconds in rows.items():
+        print(f"{name:36s}{seconds * 1e3:12.4f} ms{seconds / rows['one contact, 32 at once']:12.4g} contacts")
+
+
+def scikit_fem_matrix(mesh: HexMesh) -> Any:
+    """Assemble a matrix of the same size and quadrature with scikit-fem (straight geometry)."""
+    import skfem  # type: ignore[import-untyped]  # comes without types
+    from skfem.models.elasticity import linear_elasticity  # type: ignore[import-untyped]  # as above
+
+    corners, vertex_of = np.unique(mesh.cells_en[:, :8], return_inverse=True)
+    order = [0, 4, 3, 1, 7, 5, 2, 6]  # scikit-fem's corners in VTK's numbers
+    places = np.ascontiguousarray(mesh.points_nc[corners].T)
+    straight = skfem.MeshHex1(places, vertex_of.reshape(-1, 8)[:, order].T.astype(np.int32))
+    basis = skfem.CellBasis(straight, skfem.ElementVector(skfem.ElementHex2()), intorder=5)
+    return linear_elasticity(*lame_constants(1.0, NU)).assemble(basis)
+
+
+def main() -> None:
+    """Print all tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--fine", action="store_true", help="also the meshes of 40 quads (a minute each)")
+    fine = parser.parse_args().fine
+    reference_problem(MESHES | FINE_MESHES if fine else MESHES)
+    convergence()
+    timings()
+
+
+if __name__ == "__main__":
+    main()
