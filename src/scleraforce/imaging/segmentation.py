@@ -25,6 +25,7 @@ SATURATED_SHARE, SATURATED_LEVEL = 0.4, 0.99  # share of the frame at (nearly) t
 LEAST_CONTRAST = 0.6  # of the surface, in standard deviations of a pixel's noise
 LEAST_COVER = 0.4  # of the imaged width must show the wall
 ABSENT_SHARE = 0.25  # of the frame's own typical contrast: a column with less shows no surface
+BOTTOM_ROWS = 7.0  # of a surface this close to the last row too little is seen: it has left the window
 GAP_M = 1.5e-3  # a wall goes on behind a gap that is narrower
 GAP_SHARE = 0.15  # ... and narrower than this share of the frame
 FOUND_SHARE = 2 / 3  # of the columns must show the inner boundary
@@ -184,7 +185,7 @@ def _present(
 ) -> NDArray[np.bool_]:
     """Return which points of a surface show it, or lie in a gap so narrow that it goes on behind it."""
     rows = shape[0]
-    inside = surface.row < rows - 1.5
+    inside = surface.row < rows - BOTTOM_ROWS
     seen = inside & ~hidden[surface.column.astype(np.intp)]
     if not seen.any():
         return seen

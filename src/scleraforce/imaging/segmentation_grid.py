@@ -5,6 +5,7 @@ pixels and in metres. Lengths below are therefore given as pixels with a bound i
 """
 
 from dataclasses import dataclass
+from typing import cast
 
 import cv2
 import numpy as np
@@ -88,6 +89,6 @@ def _halve(frame: Pixels) -> tuple[Pixels, int, int]:
         frame = frame[: 2 * size[1] if down else rows, : 2 * size[0] if across else columns]
         # At exactly a half, INTER_LINEAR averages two neighbours; along one axis it is quicker than INTER_AREA.
         method = cv2.INTER_AREA if across and down else cv2.INTER_LINEAR
-        frame = np.asarray(cv2.resize(frame, size, interpolation=method), dtype=frame.dtype)
+        frame = cast(Pixels, cv2.resize(frame, size, interpolation=method))
         step_columns *= 2 if across else 1
         step_rows *= 2 if down else 1

@@ -143,8 +143,9 @@ def _jumps(wall: Float, seen: Float) -> tuple[Float, Float, Float]:
     """
     share = cv2.blur(seen, (1, POOLED))
     pooled = cv2.blur(wall * seen, (1, POOLED)) / np.maximum(share, np.float32(1e-3))
-    mean = cv2.filter2D(pooled, -1, _MEAN, anchor=(0, 0))
-    slope = np.minimum(cv2.filter2D(pooled, -1, _SLOPE, anchor=(0, 0)), np.float32(0.0))
+    mean = np.asarray(cv2.filter2D(pooled, -1, _MEAN, anchor=(0, 0)), dtype=np.float32)
+    tilt = np.asarray(cv2.filter2D(pooled, -1, _SLOPE, anchor=(0, 0)), dtype=np.float32)
+    slope = np.minimum(tilt, np.float32(0.0))
     reach = np.float32(LINE_CELLS / 2 + SKIP_EDGE)
     edges = slice(LEAST_CELLS, CELLS - LINE_CELLS - SKIP_EDGE + 1)
     above = slice(edges.start - SKIP_EDGE - LINE_CELLS, edges.stop - SKIP_EDGE - LINE_CELLS)

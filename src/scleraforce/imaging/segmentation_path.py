@@ -2,13 +2,14 @@
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from scleraforce.imaging.segmentation_grid import Float
 
 __all__ = ["best_path"]
 
 
-def best_path(score_cr: Float, reach: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+def best_path(score_cr: Float, reach: int) -> NDArray[np.intp]:
     """Return the rows of the path with the largest sum of scores whose steps are at most `reach` rows.
 
     Both directions are run at once (rows of one array); their sum is, for each column and row, the best score of all
@@ -36,4 +37,5 @@ def best_path(score_cr: Float, reach: int) -> np.ndarray[tuple[int], np.dtype[np
         cv2.dilate(before, window, dst=after)
         np.add(after, step, out=after)
     through: Float = total[:, 0] + total[::-1, 1] - score_cr
-    return through.argmax(axis=1)
+    rows_c: NDArray[np.intp] = through.argmax(axis=1)
+    return rows_c

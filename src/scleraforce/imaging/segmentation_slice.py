@@ -12,7 +12,7 @@ __all__ = ["Boundaries", "boundary_slice"]
 
 
 class Boundaries(Protocol):
-    """What is needed of a segmentation: its boundaries, (column,), rows of pixel centres, NaN where there is no wall."""
+    """What is needed of a segmentation: boundaries, (column,), rows of pixel centres, NaN where there is no wall."""
 
     @property
     def outer_row(self) -> NDArray[np.float64]: ...  # noqa: D102 - described by the class
@@ -49,7 +49,7 @@ def boundary_slice(
     return inside.astype(np.uint8) * np.uint8(255)
 
 
-def _at(at: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def _at(at: NDArray[np.floating], rows: NDArray[np.floating]) -> NDArray[np.float64]:
     """Interpolate a boundary; NaN outside the frame, and where the nearest column has none."""
     there = np.isfinite(rows)
     nearest = np.rint(at).astype(np.intp).clip(0, len(rows) - 1)
