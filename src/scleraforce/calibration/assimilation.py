@@ -7,7 +7,6 @@ followed from step to step and added to the posterior in the end (Schmidt 1966, 
 """
 
 from dataclasses import dataclass
-from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,8 +146,7 @@ def moments(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
 
 def total_covariance(eye: EyeFilter, state: EyeState) -> Array:
     """Return the filter's covariance plus that of what all frames share, in the filter's coordinates (p, p)."""
-    polar_sd = sqrt(max(float(state.belief.covariance[POLAR, POLAR]), 0.0))
-    shared = np.diag([0.0, 0.0, polar_sd**2, eye.study.model_error_fraction**2])
+    shared = np.diag([0.0, 0.0, eye.model.constants.polar_sd_rad**2, eye.study.model_error_fraction**2])
     shared[:2, :2] = state.zero_covariance
     total: Array = state.posterior.covariance + state.sensitivity @ shared @ state.sensitivity.T
     return total
@@ -166,19 +164,19 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
     places = Places(observation.lateral_m, observation.boundary)
     response = eye.model.at(fit.nuisance[POLAR])
     at = (fit.youngs_modulus_pa, frame.force_n, fit.nuisance, places)
-    placed = predict(eye.model, response, *at, polar_derivative(eye.model, *at))
+    placed = predict(eye.model, response, *at)
     if placed.seen.sum() < LEAST_POINTS:
         return None
-    by_force = force_derivative(eye.model, response, *at)
+    by_force, by_polar = force_derivative(eye.model, response, *at), polar_derivative(eye.model, *at)
     expected = placed.by_nuisance @ (prior.mean - fit.nuisance)
 
     def observe(states_rp: Array) -> Array:
         return _depths(eye, states_rp, frame.force_n, fit.nuisance, places) + expected
 
-    noise = observation_noise(observation, placed, by_force, prior)
+    noise = observation_noise(eye, observation, placed, by_force, by_polar, prior)
     result = filter_step(eye.params, state.posterior, observe, observation.depth_m, noise)
     belief = updated_belief(state.belief, prior, fit)
-    sensitivity = _followed(state.sensitivity, result, placed, by_force, frame)
+    sensitivity = _followed(state.sensitivity, result, by_force, by_polar, frame)
     after = EyeState(result.posterior, belief, sensitivity, frame.zero_covariance)
     means = np.stack([state.posterior.mean, result.posterior.mean])
     before_m, after_m = _depths(eye, means, frame.force_n, fit.nuisance, places)
@@ -199,8 +197,10 @@ def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Arra
     return depth
 
 
-def observation_noise(observation: Observation, placed: Placed, by_force: Array, prior: PoseBelief) -> Array:
-    """Return the covariance (point, point) of what is observed: segmentation, pose and its kin, force.
+def observation_noise(
+    eye: EyeFilter, observation: Observation, placed: Placed, by_force: Array, by_polar: Array, prior: PoseBelief
+) -> Array:
+    """Return the covariance (point, point) of what is observed: segmentation, pose and its kin, force, contact.
 
     A point that the model's section does not reach says nothing.
     """
@@ -209,18 +209,18 @@ def observation_noise(observation: Observation, placed: Placed, by_force: Array,
         np.diag(sd_m**2)
         + placed.by_nuisance @ prior.covariance @ placed.by_nuisance.T
         + LABEL_SD_N**2 * np.outer(by_force, by_force)
+        + eye.model.constants.polar_sd_rad**2 * np.outer(by_polar, by_polar)
     )
     return noise
 
 
-def _followed(sensitivity: Array, result: StepResult, placed: Placed, by_force: Array, frame: FrameInput) -> Array:
+def _followed(sensitivity: Array, result: StepResult, by_force: Array, by_polar: Array, frame: FrameInput) -> Array:
     """Return how far the estimate follows an error of each shared quantity, after one more step (parameter, shared).
 
     The estimate is x+ = x- + G (y - h(x-)); an error d of what the frame depends on moves y by g d.
     """
     if not result.observations:
         return sensitivity
-    by_polar = placed.by_nuisance[:, POLAR]
     shared = np.stack([by_force, by_force * frame.since_start_s, by_polar, by_force * frame.force_n], axis=1)
     followed: Array = result.contraction @ sensitivity + result.gain @ shared
     return followed

@@ -54,9 +54,10 @@ class EyeModel:
 
     def at(self, polar_rad: float, thickness_m: float | None = None) -> WallResponse:
         """Return the response for a polar angle and, where it is uncertain, a thickness."""
-        if self.fields.shape[:2] == (1, 1):
-            return WallResponse(self.fields[0, 0], self.constants.tilt_rad)
         thickness = self.constants.thickness_m if thickness_m is None else thickness_m
+        if polar_rad in self.polar_nodes_rad and thickness in self.thickness_nodes_m:
+            node = self.thickness_nodes_m.index(thickness), self.polar_nodes_rad.index(polar_rad)
+            return WallResponse(self.fields[node], self.constants.tilt_rad)
         weights = np.outer(lagrange(self.thickness_nodes_m, thickness), lagrange(self.polar_nodes_rad, polar_rad))
         flat = weights.ravel() @ self.fields.reshape(weights.size, -1)
         return WallResponse(flat.reshape(self.fields.shape[2:]), self.constants.tilt_rad)

@@ -1,26 +1,50 @@
 """From a segmented frame to boundaries in metres."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scleraforce.calibration.observations import Boundaries
 from scleraforce.imaging.segmentation import PixelScale, Segmentation
 
 __all__ = ["segmented_boundaries"]
 
-BOTTOM_ROWS = 4.0  # a boundary this near to the last row is where the frame ends, not where the wall does
+Array = NDArray[np.float64]
+
+BOTTOM_M = 0.1e-3  # a boundary this near to the last row is where the frame ends, not where the wall does
+HIDDEN_SHARE = 0.25  # of the thickness: so far above the bottom the inner boundary must be expected to be seen
+UNEVEN_SHARE = 0.2  # of the thickness: bending hardly changes it, so more is not the wall's inner boundary
+STEEPEST = 1.25  # stretch, 37 degrees: the inner boundary is sought down the columns, and lost on steeper parts
+SLOPE_M = 0.3e-3  # over which the surface's slope is taken
 
 
 def segmented_boundaries(segmentation: Segmentation, scale: PixelScale, refractive_index: float) -> Boundaries:
     """Return the boundaries of a segmented frame, free of refraction, NaN where they are not seen.
 
-    OCT measures optical depth: below the surface it is stretched by the refractive index, above it is not.
+    OCT measures optical depth: below the surface it is stretched by the refractive index, above it is not. Where the
+    frame ends before the wall does, where the wall is steep, or would be far from as thick as elsewhere, the inner
+    boundary counts as unseen.
     """
     rows, columns = segmentation.mask.shape
     lateral_m = (np.arange(columns) + 0.5 - columns / 2) * scale.lateral_m
-    outer = np.where(segmentation.outer_row < rows - BOTTOM_ROWS, segmentation.outer_row, np.nan)
-    inner = np.where(segmentation.inner_row < rows - BOTTOM_ROWS, segmentation.inner_row, np.nan)
-    if not segmentation.inner_found:
-        inner = np.full_like(inner, np.nan)
-    inner = outer + (inner - outer) / refractive_index
     # Row r is centred half a pixel below its upper edge.
-    return Boundaries(lateral_m, (np.stack([outer, inner]) + 0.5) * scale.depth_m, scale.depth_m)
+    bottom_m = rows * scale.depth_m - BOTTOM_M
+    outer_m = (segmentation.outer_row + 0.5) * scale.depth_m
+    outer_m = np.where(outer_m < bottom_m, outer_m, np.nan)
+    inner_m = np.full_like(outer_m, np.nan)
+    if segmentation.inner_found:
+        optical_m = (segmentation.inner_row - segmentation.outer_row) * scale.depth_m
+        stretch = _stretch(lateral_m, outer_m)
+        stretched_m = segmentation.thickness_m * stretch
+        seen = outer_m + (1 + HIDDEN_SHARE) * stretched_m * refractive_index < bottom_m
+        even = np.abs(optical_m / refractive_index - stretched_m) < UNEVEN_SHARE * stretched_m
+        inner_m = np.where(seen & even & (stretch < STEEPEST), outer_m + optical_m / refractive_index, np.nan)
+    return Boundaries(lateral_m, np.stack([outer_m, inner_m]), scale.depth_m)
+
+
+def _stretch(lateral_m: Array, outer_m: Array) -> Array:
+    """Return depth along a column over thickness along the normal, NaN where the surface is unseen."""
+    half = max(1, round(SLOPE_M / 2 / (lateral_m[1] - lateral_m[0])))
+    slope = np.full_like(outer_m, np.nan)
+    slope[half:-half] = (outer_m[2 * half :] - outer_m[: -2 * half]) / (lateral_m[2 * half :] - lateral_m[: -2 * half])
+    stretch: Array = np.sqrt(1 + slope**2)
+    return stretch

@@ -108,7 +108,6 @@ def predict(
     force_n: float,
     nuisance: Array,
     places: Places,
-    by_polar: Array,
 ) -> Placed:
     """Return what a frame shows at places, with its derivatives.
 
@@ -119,14 +118,14 @@ def predict(
         force_n: force of the needle.
         nuisance: pose and its kin (5,), in the order of `NUISANCES`.
         places: where the frame is looked at.
-        by_polar: `polar_derivative`, near enough.
     """
     states = [model.state(modulus_pa, force_n), model.state(modulus_pa * (1 + MODULUS_STEP), force_n)]
     curves = place_curves(response.curves(states), nuisance)
     (depth, slope, seen), stiffer = (curve_depths(curve, places) for curve in curves)
     lateral, down = places.lateral_m - nuisance[LATERAL], depth - nuisance[DEPTH]
     inner = (places.boundary == 1).astype(np.float64)
-    by_nuisance = np.stack([-slope, np.ones_like(depth), lateral + slope * down, by_polar, inner], axis=1)
+    fixed = np.zeros_like(depth)  # the polar angle, see `polar_derivative`
+    by_nuisance = np.stack([-slope, np.ones_like(depth), lateral + slope * down, fixed, inner], axis=1)
     return Placed(depth + nuisance[INNER] * inner, slope, by_nuisance, (stiffer[0] - depth) / MODULUS_STEP, seen)
 
 

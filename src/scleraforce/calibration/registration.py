@@ -1,8 +1,8 @@
 """Rigid registration: lays the predicted section on a frame (paper sec. 3.2).
 
 Pose and modulus are fitted together, frame by frame, to the whole of both boundaries: at high forces the arc as a whole
-moves, so no part of it is a fixed reference. What the frames of a recording share (the pose about which the eye moves,
-the contact's polar angle) is carried from frame to frame as a belief; an eye that moved is a draw about it.
+moves, so no part of it is a fixed reference. The pose about which the eye of a recording moves is carried from frame to
+frame as a belief; a frame's pose is a draw about it.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,6 @@ from scleraforce.calibration.placement import (
     Places,
     curve_depths,
     place_curves,
-    polar_derivative,
     predict,
 )
 from scleraforce.study import CalibrationStudy
@@ -63,10 +62,14 @@ class Registered:
 
 
 def first_belief(model: EyeModel, study: CalibrationStudy) -> PoseBelief:
-    """Return the belief before the first frame: hardly anything of the pose, the polar angle as stated or ranged."""
+    """Return the belief before the first frame: hardly anything of the pose.
+
+    The contact's polar angle stays where it is stated, or in the middle of its range: it turns the section by a few um,
+    which a fit could not tell from an uneven segmentation.
+    """
     sd = np.zeros(5)
     sd[[LATERAL, DEPTH, ROTATION]] = [FIRST_SD[axis] for axis in (LATERAL, DEPTH, ROTATION)]
-    sd[POLAR], sd[INNER] = model.constants.polar_sd_rad, study.inner_sd_m
+    sd[INNER] = study.inner_sd_m
     mean = np.zeros(5)
     mean[POLAR] = model.constants.polar_rad
     return PoseBelief(mean, np.diag(sd**2))
@@ -105,7 +108,6 @@ def register(
     places, observed = _thinned(boundaries)
     fit = _Fit(model, places, observed, force_n, prior, log(modulus_pa))
     unknown = fit.start()
-    fit.by_polar = polar_derivative(model, float(np.exp(unknown[5])), force_n, unknown[:5], places)
     placed, cost, damping = *fit.evaluate(unknown), 1e-3
     iterations = 0
     while iterations < MOST_ITERATIONS:
@@ -149,7 +151,6 @@ class _Fit:
         self.precision = np.zeros((6, 6))
         free = np.ix_(self.free, self.free)
         self.precision[free] = np.linalg.inv(covariance[free])
-        self.by_polar = np.zeros(len(observed))
         self.wide = covariance[LATERAL, LATERAL] > (0.5e-3) ** 2
 
     def start(self) -> Array:
@@ -174,7 +175,7 @@ class _Fit:
     def evaluate(self, unknown: Array) -> tuple[Placed, float]:
         """Return the prediction and the cost."""
         response, modulus = self.model.at(unknown[POLAR]), float(np.exp(unknown[5]))
-        placed = predict(self.model, response, modulus, self.force_n, unknown[:5], self.places, self.by_polar)
+        placed = predict(self.model, response, modulus, self.force_n, unknown[:5], self.places)
         size = np.abs(self._scaled(placed))[placed.seen]
         loss = np.where(size < HUBER, size**2, 2 * HUBER * size - HUBER**2).sum() + (~placed.seen).sum() * HUBER**2
         away = unknown - self.mean

@@ -34,6 +34,7 @@ Operator = Callable[[Array], Array]  # sigma points (r, n) -> states (r, n) or o
 
 WINDOW = 5  # updates over which the innovations are watched for divergence
 DIVERGENCE_PROBABILITY = 1e-6  # of a false alarm in one window, were the model right
+DIVERGED_SD = 3.0  # misses below are a noise that was underestimated; `inflate` sees to them
 LARGEST_GATED_SHARE = 0.3  # more outliers than this are no outliers: the model does not fit the frame
 
 
@@ -266,7 +267,7 @@ def _status(recent: tuple[tuple[float, int], ...]) -> str:
     nis, count = sum(entry[0] for entry in recent), sum(entry[1] for entry in recent)
     if not np.isfinite(nis):
         return "diverged: an innovation is not finite"
-    if nis > chdtri(count, DIVERGENCE_PROBABILITY):
-        ratio = np.sqrt(nis / count)
+    ratio = np.sqrt(nis / count)
+    if nis > chdtri(count, DIVERGENCE_PROBABILITY) and ratio > DIVERGED_SD:
         return f"diverged: over the last {len(recent)} frames the model misses the observations by {ratio:.1f} sd"
     return "ok"
