@@ -39,16 +39,20 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
 
     study = Study() if study_path is None else read_study(study_path)
     run = open_run(out, study, workers or len(os.sched_getaffinity(0)))
-    evaluation, seconds = reproduce_all(run, _bar)
+    found = reproduce_all(run, _bar)
+    evaluation, seconds = found.evaluation, found.seconds
+    mean_pa, spread_pa = found.calibration.population
     answer = evaluation.as_json()
     result = {
         "report": str(run.report),
         **{key: answer[key] for key in ("accuracy", "confusion", "recall", "precision", "intervals", "scored")},
+        "youngs_modulus_mpa": {"mean_mpa": mean_pa / 1e6, "sd_mpa": spread_pa / 1e6},
         "seconds": seconds | {"total": round(sum(seconds.values()), 2)},
     }
     if as_json:
         print_json(result)
         return
+    click.echo(f"Young's modulus {mean_pa / 1e6:.3f} MPa, mean of {len(found.calibration.eyes)} virtual eyes")
     right, total = evaluation.accuracy.hits, evaluation.accuracy.total
     click.echo(f"{right} of {total} simulated trials read right ({100 * evaluation.accuracy.value:.0f} %)")
     click.echo(f"wrote {run.report} in {sum(seconds.values()):.0f} s")

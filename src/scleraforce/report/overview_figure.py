@@ -1,35 +1,23 @@
 """The result in one picture: a raw frame of each class with the wall found in it, and all trials with what was read."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from scleraforce.reader.evaluate import FrameAnswer
+from scleraforce.report.answered_frame import AnsweredFrame
 from scleraforce.report.force_figures import draw_trials
 from scleraforce.report.style import CLASS_INKS, SCAN_COLOURS, inches, styled
 from scleraforce.units import n_to_mn
 
-__all__ = ["ReadFrame", "draw_overview"]
-
-
-@dataclass(frozen=True)
-class ReadFrame:
-    """A raw frame (rows, columns) of `extent_m` (width, depth), its boundaries (column,) in rows, and its answer."""
-
-    answer: FrameAnswer
-    frame: NDArray[np.uint16]
-    outer_row: NDArray[np.float64]
-    inner_row: NDArray[np.float64]
-    extent_m: tuple[float, float]
+__all__ = ["draw_overview"]
 
 
 @styled
 def draw_overview(
-    read: Sequence[ReadFrame], trials: Sequence[FrameAnswer], bounds_n: Sequence[float], max_force_n: float
+    read: Sequence[AnsweredFrame], trials: Sequence[FrameAnswer], bounds_n: Sequence[float], max_force_n: float
 ) -> Figure:
     """Draw frames with the wall that was found and the class that was read, above the forces of all trials.
 
@@ -47,12 +35,12 @@ def draw_overview(
     return figure
 
 
-def _draw_read_frame(axes: Axes, one: ReadFrame) -> None:
+def _draw_read_frame(axes: Axes, one: AnsweredFrame) -> None:
     width_mm, depth_mm = 1e3 * one.extent_m[0], 1e3 * one.extent_m[1]
     rows, columns = one.frame.shape
     axes.imshow(one.frame, cmap=SCAN_COLOURS, extent=(0.0, width_mm, depth_mm, 0.0))
     lateral_mm = (np.arange(columns) + 0.5) * width_mm / columns
-    for boundary in (one.outer_row, one.inner_row):
+    for boundary in (one.found.outer_row, one.found.inner_row):
         axes.plot(lateral_mm, (boundary + 0.5) * depth_mm / rows, color="#56B4E9", linewidth=0.9)
     axes.set_xlim(0.0, width_mm)
     axes.set_ylim(depth_mm, 0.0)

@@ -39,6 +39,11 @@ class Run:
         return self.folder / "recordings"
 
     @property
+    def calibration(self) -> Path:
+        """Young's modulus of the eyes, as `calibrate` writes it."""
+        return self.folder / "calibration.json"
+
+    @property
     def dataset(self) -> Path:
         """The simulated slices."""
         return self.folder / "dataset"
@@ -47,6 +52,11 @@ class Run:
     def model(self) -> Path:
         """The trained network."""
         return self.folder / "model"
+
+    @property
+    def left_out(self) -> Path:
+        """The answers with each eye left out of the mean modulus."""
+        return self.folder / "left_out.json"
 
     @property
     def report(self) -> Path:

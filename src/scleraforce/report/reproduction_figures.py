@@ -1,6 +1,5 @@
 """The figures of a reproduction, drawn from what its stages have left in the folder."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,17 +9,17 @@ from numpy.typing import NDArray
 from scleraforce.dataset import open_dataset
 from scleraforce.eye.contact import Contact
 from scleraforce.imaging.plane import Section
-from scleraforce.imaging.segmentation import PixelScale, Segmentation, Segmenter, boundary_slice
 from scleraforce.imaging.slices import fill_section, slice_window
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.model import ForceReader
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.labels import contact_force, label_frames
 from scleraforce.recording.virtual_eye import PhantomEye, linear_sections
+from scleraforce.report.answered_frame import look_at
 from scleraforce.report.force_figures import draw_force_log
 from scleraforce.report.html import Html, figure
 from scleraforce.report.mesh_figure import draw_simulation
-from scleraforce.report.overview_figure import ReadFrame, draw_overview
+from scleraforce.report.overview_figure import draw_overview
 from scleraforce.report.simulation import simulate_eye
 from scleraforce.report.slice_figures import SlicePair, dice, draw_montage, draw_segmentation, draw_slice_pairs
 from scleraforce.report.style import data_uri
@@ -83,11 +82,7 @@ def force_log_figure(path: Path, study: Study) -> Html:
 def overview_figure(evaluation: Evaluation) -> Figure:
     """Return the result in one picture: a frame of each class, and all trials."""
     chosen = [_typical(evaluation, target, 0) for target in range(len(evaluation.bounds_n) + 1)]
-    seen = [(answer, _look(answer)) for answer in chosen if answer is not None]
-    read = [
-        ReadFrame(answer, look.frame, look.found.outer_row, look.found.inner_row, look.extent_m)
-        for answer, look in seen
-    ]
+    read = [look_at(answer) for answer in chosen if answer is not None]
     return draw_overview(read, evaluation.scored, evaluation.bounds_n, evaluation.max_force_n)
 
 
@@ -95,7 +90,7 @@ def segmentation_figure(evaluation: Evaluation) -> Html:
     """Return a raw frame and what the segmentation makes of it (Fig. 9): the first eye's frame of the largest force."""
     first = [frame for frame in evaluation.frames if frame.eye == evaluation.frames[0].eye]
     answer = max(first, key=lambda frame: frame.measured_force_n or 0.0)
-    look = _look(answer)
+    look = look_at(answer)
     drawn = draw_segmentation(look.frame, look.found.mask, look.found.outer_row, look.found.inner_row, look.extent_m)
     caption = f"Raw frame {answer.eye}/{answer.file} and the wall that was found in it (the paper's Fig. 9)."
     return figure(data_uri(drawn), "raw frame, boundaries, mask, masked frame", caption)
@@ -123,9 +118,8 @@ def pairs_figure(evaluation: Evaluation, reader: ForceReader, rank: int, name: s
 
 def _pair(answer: FrameAnswer, study: Study) -> SlicePair:
     """Return a frame with its slice and the simulated one for the measured force, laid on it by a shift."""
-    look = _look(answer)
-    index = look.recording.info.oct.refractive_index
-    measured = boundary_slice(look.found, _scale(look.recording), study.slice, index)
+    look = look_at(answer)
+    measured = look.slice(study.slice)
     force_n = max(answer.measured_force_n or 0.0, 0.0)
     unloaded, section = linear_sections(_eye_of(look.recording, study), study)([0.0, force_n])
     return SlicePair(
@@ -137,28 +131,6 @@ def _pair(answer: FrameAnswer, study: Study) -> SlicePair:
         _laid_on(section, float(unloaded.outer[:, 1].min()), measured, study),
         study.slice.pixel_m,
     )
-
-
-@dataclass(frozen=True)
-class _Look:
-    """A raw frame with its recording and the wall found in it."""
-
-    recording: Recording
-    frame: NDArray[np.uint16]
-    found: Segmentation
-
-    @property
-    def extent_m(self) -> tuple[float, float]:
-        return self.recording.info.oct.width_m, self.recording.info.oct.depth_m
-
-
-def _look(answer: FrameAnswer) -> _Look:
-    """Read and segment the frame of an answer."""
-    recording = read_recording(Path(answer.recording))
-    entry = next(entry for entry in recording.frames if entry.file == answer.file)
-    frame = np.asarray(recording.frame(entry), dtype=np.uint16)
-    found = Segmenter(recording.info.oct.refractive_index).segment(frame, _scale(recording))
-    return _Look(recording, frame, found)
 
 
 def montage_figure(path: Path, study: Study) -> Html:
@@ -190,11 +162,6 @@ def training_figure(reader: ForceReader) -> Html:
         "training is measured under dropout, as the paper remarks too."
     )
     return figure(data_uri(drawn, "svg"), "loss and accuracy over the epochs", caption)
-
-
-def _scale(recording: Recording) -> PixelScale:
-    oct_info = recording.info.oct
-    return PixelScale(oct_info.width_m / oct_info.columns, oct_info.depth_m / oct_info.rows)
 
 
 def _typical(evaluation: Evaluation, target: int, rank: int) -> FrameAnswer | None:

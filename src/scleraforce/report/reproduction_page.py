@@ -4,12 +4,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from scleraforce.calibration.calibrate import Calibration
 from scleraforce.reader import ForceReader, load_model
 from scleraforce.reader.evaluate import Evaluation
+from scleraforce.report.calibration_section import calibration_section, left_out_section
 from scleraforce.report.deviations import DEVIATIONS
 from scleraforce.report.evaluation_page import NAMES_REMARK, evaluation_cards, forces_figure
 from scleraforce.report.files import write_figure, write_page
 from scleraforce.report.html import Html, figure, notice, page, paragraph, section, table
+from scleraforce.report.left_out import read_left_out_file
 from scleraforce.report.paper import CONFUSION, EYES, PAPER_TITLE, SECONDS_A_SLICE
 from scleraforce.report.provenance import provenance_table
 from scleraforce.report.reproduction import Progress, Run
@@ -27,7 +30,7 @@ from scleraforce.report.tables import NOTHING, class_names, confusion_table, fra
 
 __all__ = ["FIGURES", "write_reproduction_html"]
 
-FIGURES = 9  # progress ticks of the page
+FIGURES = 11  # progress ticks of the page
 
 SIMULATED = (
     "The recordings are simulated: five virtual eyes, bent by the same linear mechanics that the network learned from, "
@@ -36,11 +39,14 @@ SIMULATED = (
 )
 
 
-def write_reproduction_html(run: Run, evaluation: Evaluation, seconds: Mapping[str, float], progress: Progress) -> None:
+def write_reproduction_html(
+    run: Run, calibration: Calibration, evaluation: Evaluation, seconds: Mapping[str, float], progress: Progress
+) -> None:
     """Write the page of a run; a page that is there is replaced.
 
     Args:
         run: the run, all stages but this one done.
+        calibration: of eyes 1 to 4, with the points of its frames.
         evaluation: the answers to the virtual eyes.
         seconds: what the stages took.
         progress: called with 1 after each figure.
@@ -58,6 +64,7 @@ def write_reproduction_html(run: Run, evaluation: Evaluation, seconds: Mapping[s
         section("The simulated eye", drawn(mesh_figure(run.study))),
         section("Measured forces", drawn(force_log_figure(first, run.study))),
         section("From the raw frame to the slice", drawn(segmentation_figure(evaluation))),
+        calibration_section(calibration, evaluation, drawn),
         section(
             "Frames beside the simulation",
             drawn(pairs_figure(evaluation, reader, 0, "Fig. 6")),
@@ -70,6 +77,7 @@ def write_reproduction_html(run: Run, evaluation: Evaluation, seconds: Mapping[s
             drawn(montage_figure(run.dataset, run.study)),
         ),
         _reading(evaluation, drawn(forces_figure(evaluation))),
+        left_out_section(read_left_out_file(run.left_out), evaluation),
         _deviations(),
         section("Time and provenance", _times(seconds), provenance_table(run.study, reader)),
     )

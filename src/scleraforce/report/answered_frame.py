@@ -1,0 +1,52 @@
+"""A frame that was answered, looked at again: raw pixels, the wall found in it, its slice."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.imaging.segmentation import PixelScale, Segmentation, Segmenter, boundary_slice
+from scleraforce.reader.evaluate import FrameAnswer
+from scleraforce.recording.files import Recording, read_recording
+from scleraforce.study import SliceStudy
+
+__all__ = ["AnsweredFrame", "look_at"]
+
+
+@dataclass(frozen=True)
+class AnsweredFrame:
+    """A raw frame (rows, columns) with its answer, its recording and the wall found in it."""
+
+    answer: FrameAnswer
+    recording: Recording
+    frame: NDArray[np.uint16]
+    found: Segmentation
+
+    @property
+    def extent_m(self) -> tuple[float, float]:
+        """Width and depth of the frame."""
+        return self.recording.info.oct.width_m, self.recording.info.oct.depth_m
+
+    def slice(self, study: SliceStudy) -> NDArray[np.uint8]:
+        """Return the slice that a network reads."""
+        return boundary_slice(self.found, _scale(self.recording), study, self.recording.info.oct.refractive_index)
+
+
+def look_at(answer: FrameAnswer) -> AnsweredFrame:
+    """Read and segment the frame of an answer.
+
+    Raises:
+        RecordingError: its recording is gone.
+        FrameError: its file cannot be read.
+    """
+    recording = read_recording(Path(answer.recording))
+    entry = next(entry for entry in recording.frames if entry.file == answer.file)
+    frame = np.asarray(recording.frame(entry), dtype=np.uint16)
+    found = Segmenter(recording.info.oct.refractive_index).segment(frame, _scale(recording))
+    return AnsweredFrame(answer, recording, frame, found)
+
+
+def _scale(recording: Recording) -> PixelScale:
+    oct_info = recording.info.oct
+    return PixelScale(oct_info.width_m / oct_info.columns, oct_info.depth_m / oct_info.rows)
