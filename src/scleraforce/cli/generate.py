@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import click
-from tqdm import tqdm
 
 from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.dataset import generate_dataset, read_population_modulus
@@ -32,20 +31,20 @@ def generate(study_path: Path, out: Path, calibration: Path | None, workers: int
     study = read_study(study_path)
     modulus = read_population_modulus(calibration) if calibration else None
     images = sum(group.images for group in study.dataset.group)
+    done: list[int] = []
     with progress_bar(range(images), "generate", total=images) as bar:
+
+        def advance(count: int) -> None:
+            done.append(count)
+            bar.update(count)
+
         try:
-            result = generate_dataset(
-                study, out, calibration=modulus, workers=workers, progress=lambda done: _advance(bar, done)
-            )
+            result = generate_dataset(study, out, calibration=modulus, workers=workers, progress=advance)
         except KeyboardInterrupt:
             bar.close()
-            click.echo(f"{out}: {bar.n} of {images} images are kept; the same command completes them", err=True)
+            click.echo(f"{out}: {sum(done)} of {images} images are kept; the same command completes them", err=True)
             raise
     if as_json:
         print_json({"images": result.images, "seconds": result.seconds, "images_per_second": result.images_per_second})
     else:
         click.echo(f"{out}: {result.images} images, {result.seconds:.1f} s, {result.images_per_second:.0f} images/s")
-
-
-def _advance(bar: "tqdm[int]", done: int) -> None:
-    bar.update(done)

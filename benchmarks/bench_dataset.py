@@ -1,0 +1,118 @@
+"""Speed of the data set: what an image costs, and the paper's 19,200 from nothing.
+
+    python benchmarks/bench_dataset.py [--workers N] [--stages]
+
+Stages: CPU milliseconds of one core, the least of five. Whole: seconds by the clock, and of all processors.
+`--stages` leaves the whole out.
+"""
+
+import argparse
+import os
+import resource
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from time import process_time
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+
+from scleraforce.dataset.generate import generate_dataset
+from scleraforce.dataset.plan import plan_dataset
+from scleraforce.eye.contact import Contact
+from scleraforce.eye.mesh import build_mesh
+from scleraforce.imaging.plane import ScanPlane
+from scleraforce.imaging.section import cut_sections
+from scleraforce.imaging.slices import fill_section, slice_window
+from scleraforce.mechanics.linear import LinearWall
+from scleraforce.study import Range, Study
+
+IMAGES = 20  # of one contact, as in the paper's study
+PAPER_HOURS = 2.5
+
+
+def least_ms(work: Callable[[], object], repeats: int = 5) -> float:
+    """Return the least CPU time of `work`, in ms."""
+    times = []
+    for _ in range(repeats):
+        start = process_time()
+        work()
+        times.append(process_time() - start)
+    return 1e3 * min(times)
+
+
+def open_study() -> Study:
+    """Return the paper's study with gap, tilt, direction and framing open."""
+    study = Study()
+    ranges = {
+        "gap_m": Range(0.35e-3, 1e-3),
+        "tilt_rad": Range(-0.1, 0.1),
+        "direction_rad": Range(-3.0, 3.0),
+        "framing_lateral_m": Range(-1e-3, 1e-3),
+        "framing_depth_m": Range(-2e-4, 2e-4),
+    }
+    return replace(study, dataset=replace(study.dataset, **ranges))  # type: ignore[arg-type]  # fields by name
+
+
+def print_stages() -> None:
+    """Print what each step costs."""
+    study = Study()
+    mesh = build_mesh(study.eye.radius_m, 5e-4, study.mesh.divisions, study.mesh.level)
+    wall = LinearWall(mesh, study.eye.poisson_ratio)
+    contacts = [Contact(0.6, 0.1 * k) for k in range(8)]
+    needle_nc = wall.needle_cnc(contacts[:1], 0.35e-3)[0]
+    modes = np.stack([266.0 * wall.pressure_nc, needle_nc]) / 0.25e6
+    forces = np.linspace(0.0, 0.06, IMAGES + 1)
+    weights = np.stack([np.ones_like(forces), forces], axis=-1)[None]
+    own = [ScanPlane(contacts[0], 0.5e-3, 0.3 * k, 0.01 * (k - 10)) for k in range(IMAGES)]
+    pairs = np.ones((IMAGES, 2, 2))
+    pairs[:, 0, 1], pairs[:, 1, 1] = 0.0, forces[1:]
+    section = cut_sections(mesh, own[:1], modes, weights)[0][IMAGES // 2]
+    window = slice_window(study.slice, 0.0)
+    stages = {
+        "plan of 19,200 samples": least_ms(lambda: plan_dataset(study)),
+        "wall: mesh, stiffness, factor": least_ms(lambda: LinearWall(mesh, study.eye.poisson_ratio), 2),
+        "needle at one contact": least_ms(lambda: wall.needle_cnc(contacts, 0.35e-3)) / len(contacts),
+        "section, plane shared by 20": least_ms(lambda: cut_sections(mesh, own[:1], modes, weights)) / IMAGES,
+        "section, own plane": least_ms(lambda: cut_sections(mesh, own, modes, pairs)) / IMAGES,
+        "slice": least_ms(lambda: [fill_section(section, window) for _ in range(100)]) / 100,
+    }
+    for name, milliseconds in stages.items():
+        print(f"{name:32}{milliseconds:10.3f} ms")
+
+
+def print_whole(name: str, study: Study, workers: int | None) -> None:
+    """Generate a data set in a temporary folder and print its speed."""
+    with tempfile.TemporaryDirectory() as folder:
+        before = _processor_seconds()
+        done = generate_dataset(study, Path(folder) / "dataset.zarr", workers=workers)
+        used = _processor_seconds() - before
+        size = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
+    print(
+        f"{name:32}{done.images:8d} images{done.seconds:8.1f} s{used:8.1f} s of processors"
+        f"{done.images_per_second:8.0f} images/s{size / 1e6:8.1f} MB"
+        f"{PAPER_HOURS * 3600 / done.seconds:7.0f} x the paper"
+    )
+
+
+def _processor_seconds() -> float:
+    usages = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--workers", type=int)
+    parser.add_argument("--stages", action="store_true", help="only the stages")
+    options = parser.parse_args()
+    print_stages()
+    if not options.stages:
+        print_whole("the paper's study", Study(), options.workers)
+        print_whole("all ranges open", open_study(), options.workers)
+
+
+if __name__ == "__main__":
+    main()

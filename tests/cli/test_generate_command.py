@@ -1,0 +1,80 @@
+"""`scleraforce generate`: JSON, the calibration's modulus, and Ctrl-C that the same command repairs."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from scleraforce.cli import generate as command
+from scleraforce.cli.main import run
+from scleraforce.dataset.store import open_dataset
+
+STUDY = """
+[mesh]
+divisions = 4
+[dataset]
+contacts = 2
+[[dataset.group]]
+thickness_um = 500.0
+images = 20
+"""
+
+
+@pytest.fixture
+def study(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY)
+    return path
+
+
+def test_generate_makes_a_data_set_with_the_calibrations_modulus_and_says_how_fast(study, tmp_path, capsys):
+    calibration = tmp_path / "calibration.json"
+    calibration.write_text('{"population": {"mean_mpa": 0.31}}')
+    out = tmp_path / "dataset.zarr"
+    code = run(["generate", "--study", str(study), "--out", str(out), "--calibration", str(calibration), "--json"])
+    answer = json.loads(capsys.readouterr().out)
+    assert code == 0
+    assert answer["images"] == 20
+    assert answer["images_per_second"] == pytest.approx(20 / answer["seconds"])
+    dataset = open_dataset(out)
+    assert dataset.youngs_modulus_pa == pytest.approx(0.31e6)
+    assert dataset.attributes["calibration"]["path"] == str(calibration)
+    assert run(["generate", "--study", str(study), "--out", str(out)]) == 2
+    assert "complete" in capsys.readouterr().err
+
+
+def test_an_interrupted_generate_says_what_it_keeps_and_exits_with_130(study, tmp_path, capsys, monkeypatch):
+    def interrupted(*_, progress, **__):
+        progress(7)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command, "generate_dataset", interrupted)
+    assert run(["generate", "--study", str(study), "--out", str(tmp_path / "d")]) == 130
+    assert "7 of 20 images are kept; the same command completes them" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGKILL])
+def test_a_generate_that_was_stopped_is_completed_by_the_same_command(study, tmp_path, sent):
+    study.write_text(STUDY.replace("images = 20", "images = 3000"))
+    out = tmp_path / "dataset.zarr"
+    call = "from scleraforce.cli.main import main; main()"
+    line = [sys.executable, "-c", call, "generate", "--study", str(study), "--out", str(out), "--json"]
+    process = subprocess.Popen(line, stderr=subprocess.PIPE, text=True)
+    while not any(out.glob("slices/c/*/0/0")):
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.send_signal(sent)
+    message = process.communicate(timeout=60)[1]
+    assert process.returncode == (130 if sent == signal.SIGINT else -signal.SIGKILL)
+    if sent == signal.SIGINT:
+        assert "Traceback" not in message
+        assert "of 3000 images are kept" in message
+    kept = len(list(Path(out).glob("slices/c/*/0/0")))
+    assert 0 < kept < 15
+    subprocess.run(line, check=True, stdout=subprocess.DEVNULL)
+    assert open_dataset(out).images == 3000
