@@ -50,6 +50,14 @@ def test_pole_and_base_are_found() -> None:
     np.testing.assert_allclose(points / R, rays / np.linalg.norm(rays, axis=1, keepdims=True), atol=2e-5)
 
 
+def test_a_direction_that_rounding_put_below_the_base_is_found_at_the_base() -> None:
+    mesh = build_mesh(R, T)
+    azimuth = np.linspace(-np.pi, np.pi, 997)
+    rays = np.stack([np.cos(azimuth), np.sin(azimuth), np.full_like(azimuth, -5e-10)], axis=1)
+    quads, local = locate(mesh, rays)
+    np.testing.assert_allclose(pierced(mesh, mesh.outer_qn, quads, local) / R, rays, atol=2e-5)
+
+
 def test_the_quad_is_the_one_that_a_search_over_all_quads_finds() -> None:
     mesh = build_mesh(R, T, divisions=4, level=1, order=1)
     rays = directions(300, seed=1)

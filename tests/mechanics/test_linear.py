@@ -185,6 +185,7 @@ def test_many_loads_are_solved_in_parts_as_one_by_one() -> None:
     for k in (0, 31, 32, 69):
         alone = wall.solve_one(needle_loads(wall.mesh, [contacts[k]], NEEDLE)[0])
         np.testing.assert_allclose(together[k], alone, atol=1e-12 * np.abs(alone).max())
+    np.testing.assert_allclose(wall.solve(needle_loads(wall.mesh, contacts, NEEDLE)), together, atol=1e-9)
 
 
 def test_tip_displacement_is_that_of_the_outer_surface_at_the_contact_along_the_axis() -> None:
