@@ -34,7 +34,8 @@ LAYER_CELLS = (4, 16)  # distance between both: a weaker layer below the wall is
 REACH_CELLS = 2
 REFINE_CELLS = 6
 LEAST_JUMP = 0.06  # of the level at the surface: less is no sign of the boundary
-SURE_JUMP = 2.5  # ... nor is less than this many times the median jump, that of speckle and texture: 2 sigma
+SURE_JUMP = 2.5  # ... nor is less than this many times the median jump
+SURE_SPREAD, SPREAD_CELLS = 1.3, 21  # ... nor this many standard deviations of jumps at about that depth
 
 _LAYER = np.ones((1, LAYER_CELLS[1] - LAYER_CELLS[0] + 1), dtype=np.uint8)
 # Makes the path unique where nothing is seen.
@@ -91,8 +92,8 @@ def find_inner(
     """
     wall, seen = _unroll(frame, floor, column, row, there, along_rows)
     mean, slope, jump = _jumps(wall, seen)
-    least = max(LEAST_JUMP, SURE_JUMP * _typical(jump[:, LEAST_CELLS : CELLS - LINE_CELLS]))
-    gain = np.maximum(jump - np.float32(least), np.float32(0.0))
+    least = _least_jump(jump)
+    gain = np.maximum(jump - least, np.float32(0.0))
     gain /= gain + np.float32(HALF_JUMP)
     score = gain - _ROW_COST
     near, far = LAYER_CELLS
@@ -103,7 +104,7 @@ def find_inner(
     first = np.maximum(path - SKIP_EDGE - LINE_CELLS, 0)
     boundary = _cross(wall, path, mean[point, first], slope[point, first], np.maximum(jump[point, path], 0))
     testable = seen[point, np.minimum(path + SKIP_EDGE, CELLS - 1)] > 0
-    shown = (jump[point, path] > least) & testable
+    shown = (jump[point, path] > least[path]) & testable
     weight = (shown.astype(np.float32) + np.float32(1e-3))[None]
     smooth = cv2.blur(boundary[None] * weight, (5, 1)) / cv2.blur(weight, (5, 1))
     support = float(shown.sum() / max(1, testable.sum()))
@@ -158,11 +159,20 @@ def _jumps(wall: Float, seen: Float) -> tuple[Float, Float, Float]:
     return mean, slope, jump
 
 
-def _typical(jump: Float) -> float:
-    """Return the median size of jumps, up or down: those of speckle and texture, as the wall's end is rare."""
-    sizes = np.abs(jump[:, ::2]).ravel()
+def _least_jump(jump: Float) -> Float:
+    """Return the jump that stands out at each edge, shape (edge,), from what speckle and texture make.
+
+    Their jumps are told by their median size (the wall's end is rare), and by how much jumps at one depth differ from
+    place to place (the wall's end does not).
+    """
+    sizes = np.abs(jump[:, LEAST_CELLS : CELLS - LINE_CELLS : 2]).ravel()
     sizes = sizes[sizes > 0]
-    return float(np.partition(sizes, len(sizes) // 2)[len(sizes) // 2]) if len(sizes) else 0.0
+    typical = float(np.partition(sizes, len(sizes) // 2)[len(sizes) // 2]) if len(sizes) else 0.0
+    change = jump[POOLED:] - jump[:-POOLED]
+    spread = np.sqrt(cv2.reduce(np.square(change), 0, cv2.REDUCE_AVG) / 2)
+    spread = cv2.blur(spread, (SPREAD_CELLS, 1))[0]
+    least: Float = np.maximum(max(LEAST_JUMP, SURE_JUMP * typical), SURE_SPREAD * spread).astype(np.float32)
+    return least
 
 
 def _cross(wall: Float, path: NDArray[np.intp], mean: Float, slope: Float, jump: Float) -> Float:
