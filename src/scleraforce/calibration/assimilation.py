@@ -136,7 +136,7 @@ def first_state(eye: EyeFilter) -> EyeState:
     """Return the state before the first frame."""
     posterior = initial_posterior(*eye.space.prior())
     sensitivity = np.zeros((len(eye.space.names), len(SHARED)))
-    return EyeState(posterior, first_belief(eye.model, eye.study), sensitivity, ZERO_PRIOR)
+    return EyeState(posterior, first_belief(eye.model), sensitivity, ZERO_PRIOR)
 
 
 def moments(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:

@@ -95,6 +95,17 @@ class EyeCalibration:
         """Posterior standard deviation of Young's modulus."""
         return self.sds[self.names.index("youngs_modulus_pa")]
 
+    def by_class(self, bounds_n: tuple[float, ...]) -> tuple[float | None, ...]:
+        """Return the median of what the frames of each force class say of E on their own, in Pa; None where none does.
+
+        All the same for a wall that bends as the model says; falling with the force for one that bends more.
+        """
+        classes: list[list[float]] = [[] for _ in range(len(bounds_n) + 1)]
+        for frame in self.used:
+            if frame.own_modulus_pa is not None:
+                classes[int(np.searchsorted(bounds_n, frame.force_n))].append(frame.own_modulus_pa)
+        return tuple(float(np.median(values)) if values else None for values in classes)
+
     @property
     def status(self) -> str:
         """'ok', or the last sentence of a filter that diverged."""
@@ -107,6 +118,7 @@ class Calibration:
 
     eyes: Mapping[str, EyeCalibration]
     study_sha256: str
+    bounds_n: tuple[float, ...]
 
     @property
     def population(self) -> tuple[float, float]:
@@ -148,7 +160,8 @@ def calibrate_recordings(
     for recording in recordings:
         eye_id = recording.info.eye.id
         eyes[eye_id] = _calibrate(recording, study, parameters, frames, eyes.get(eye_id), progress)
-    return Calibration({recording.info.eye.id: eyes[recording.info.eye.id] for recording in recordings}, study_sha256)
+    mine = {recording.info.eye.id: eyes[recording.info.eye.id] for recording in recordings}
+    return Calibration(mine, study_sha256, study.classes.bounds_n)
 
 
 def eye_constants(recording: Recording, study: Study) -> EyeConstants:
@@ -190,7 +203,7 @@ def _calibrate(
     trials = label_frames(recording, study.classes, study.needle.max_force_n)
     forces = frame_forces(recording, trials)
     run = _begin(eye, recording, forces, earlier)
-    seen = {frame.file for frame in run.used if frame.recording == str(recording.path)}
+    seen = {frame.file for frame in run.frames if frame.recording == str(recording.path)}
     segmenter = Segmenter(recording.info.oct.refractive_index)
     scale = PixelScale(
         recording.info.oct.width_m / recording.info.oct.columns, recording.info.oct.depth_m / recording.info.oct.rows
@@ -228,7 +241,7 @@ def _begin(eye: EyeFilter, recording: Recording, forces: FrameForces, earlier: E
     elif used in earlier.recordings:
         state, recordings, frames = earlier.state, earlier.recordings, earlier.frames
     else:
-        state = replace(earlier.state, belief=first_belief(eye.model, eye.study))
+        state = replace(earlier.state, belief=first_belief(eye.model))
         recordings, frames = (*earlier.recordings, used), earlier.frames
     means, sds = moments(eye, state)
     steps = () if earlier is None else earlier.steps

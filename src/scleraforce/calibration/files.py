@@ -26,17 +26,19 @@ def calibration_as_json(calibration: Calibration) -> dict[str, Any]:
         "scleraforce": __version__,
         "study_sha256": calibration.study_sha256,
         "population": {"mean_mpa": mean_pa / 1e6, "sd_mpa": sd_pa / 1e6, "eyes": len(calibration.eyes)},
-        "eyes": {name: _eye(eye) for name, eye in calibration.eyes.items()},
+        "class_bounds_n": list(calibration.bounds_n),
+        "eyes": {name: _eye(eye, calibration.bounds_n) for name, eye in calibration.eyes.items()},
     }
 
 
-def _eye(eye: EyeCalibration) -> dict[str, Any]:
+def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
     posterior, belief = eye.state.posterior, eye.state.belief
     return {
         "mean_mpa": eye.mean_pa / 1e6,
         "sd_mpa": eye.sd_pa / 1e6,
         "updates": posterior.updates,
         "status": eye.status,
+        "by_class_mpa": [None if value is None else value / 1e6 for value in eye.by_class(bounds_n)],
         "recording": eye.recordings[0].path,
         "frames": [frame.file for frame in eye.used],
         "parameters": {
@@ -87,7 +89,7 @@ def parse_calibration(text: str, name: str = "calibration") -> Calibration:
         raise CalibrationError(f"{name}: format: expected {FORMAT}; give a file of `scleraforce calibrate`")
     try:
         eyes = {eye_id: _parse_eye(eye_id, entry) for eye_id, entry in content["eyes"].items()}
-        return Calibration(eyes, content["study_sha256"])
+        return Calibration(eyes, content["study_sha256"], tuple(float(bound) for bound in content["class_bounds_n"]))
     except KeyError as fault:
         raise CalibrationError(f"{name}: {fault.args[0]}: missing; give a file of `scleraforce calibrate`") from fault
     except (TypeError, ValueError, AttributeError) as fault:

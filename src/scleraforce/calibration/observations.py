@@ -97,10 +97,11 @@ def roughness(boundaries: Boundaries, boundary: int) -> Roughness:
     slope = (depth[:, -1] - depth[:, 0]) / (step * (2 * half - 1))
     rest = rest / np.sqrt(1 + slope[:, None] ** 2)
     variance = float(np.median((rest**2).sum(axis=1) / (2 * half - 3)))
-    correlation = float(np.median((rest[:, 1:] * rest[:, :-1]).sum(axis=1) / np.maximum((rest**2).sum(axis=1), 1e-30)))
-    return Roughness(
-        max(variance, (boundaries.pixel_m / 12**0.5) ** 2) ** 0.5, min(max(correlation, 0.0), LARGEST_CORRELATION)
-    )
+    square = np.maximum((rest**2).sum(axis=1), 1e-30)
+    correlation = float(np.median((rest[:, 1:] * rest[:, :-1]).sum(axis=1) / square))
+    correlation += (1 + 3 * correlation) / (2 * half)  # what the parabola takes off it (Kendall 1954)
+    sd = sqrt(max(variance, boundaries.pixel_m**2 / 12))
+    return Roughness(sd, min(max(correlation, 0.0), LARGEST_CORRELATION))
 
 
 def _columns(boundaries: Boundaries, boundary: int, count: int, centre_m: float, span_m: float) -> list[int]:

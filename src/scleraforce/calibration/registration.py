@@ -35,6 +35,7 @@ FIRST_SD = {LATERAL: 2e-3, DEPTH: 1.5e-3, ROTATION: 0.1}  # of a recording's pos
 COLUMNS = 48  # of each boundary that are fitted
 COLUMN_SD_M = 10e-6
 HUBER = 2.5
+INNER_FRAMES = 25  # the offset of the inner boundary is common to all: so many frames then say as much of it as one
 LOG_MODULUS_SD = 1.0  # a frame's own modulus is free: the pose must not follow what the filter believes
 MOST_ITERATIONS = 25
 CONVERGED_SD = 0.1
@@ -61,7 +62,7 @@ class Registered:
     iterations: int
 
 
-def first_belief(model: EyeModel, study: CalibrationStudy) -> PoseBelief:
+def first_belief(model: EyeModel) -> PoseBelief:
     """Return the belief before the first frame: hardly anything of the pose.
 
     The contact's polar angle stays where it is stated, or in the middle of its range: it turns the section by a few um,
@@ -69,7 +70,6 @@ def first_belief(model: EyeModel, study: CalibrationStudy) -> PoseBelief:
     """
     sd = np.zeros(5)
     sd[[LATERAL, DEPTH, ROTATION]] = [FIRST_SD[axis] for axis in (LATERAL, DEPTH, ROTATION)]
-    sd[INNER] = study.inner_sd_m
     mean = np.zeros(5)
     mean[POLAR] = model.constants.polar_rad
     return PoseBelief(mean, np.diag(sd**2))
@@ -78,7 +78,8 @@ def first_belief(model: EyeModel, study: CalibrationStudy) -> PoseBelief:
 def frame_prior(belief: PoseBelief, study: CalibrationStudy) -> PoseBelief:
     """Return what is known of the next frame's nuisances: the recording's, and that the eye may have moved."""
     moved = np.zeros(5)
-    moved[[LATERAL, DEPTH, ROTATION, INNER]] = (study.shift_sd_m, study.shift_sd_m, study.turn_sd_rad, study.inner_sd_m)
+    moved[[LATERAL, DEPTH, ROTATION]] = (study.shift_sd_m, study.shift_sd_m, study.turn_sd_rad)
+    moved[INNER] = INNER_FRAMES**0.5 * study.inner_sd_m
     return PoseBelief(belief.mean, belief.covariance + np.diag(moved**2))
 
 

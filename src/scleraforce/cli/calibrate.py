@@ -99,16 +99,17 @@ def _draw(result: "Calibration", path: Path) -> None:
 
 def _lines(result: "Calibration") -> list[str]:
     lines = [f"{'eye':<16}{'E/MPa':>8}{'sd/MPa':>9}{'updates':>9}  remark"]
-    lines += [_line(name, eye) for name, eye in result.eyes.items()]
+    lines += [_line(name, eye, result.bounds_n) for name, eye in result.eyes.items()]
     mean_pa, sd_pa = result.population
     return [*lines, f"{'population':<16}{mean_pa / 1e6:>8.3f}{sd_pa / 1e6:>9.4f}"]
 
 
-def _line(name: str, eye: "EyeCalibration") -> str:
+def _line(name: str, eye: "EyeCalibration", bounds_n: tuple[float, ...]) -> str:
     gated = sum(len(frame.gated) for frame in eye.used)
     remarks = [
         f"{gated} outlying points left out" if gated else "",
         "" if eye.status == "ok" else eye.status,
+        _softening(eye, bounds_n),
         *(
             f"{entry} {mean:.4g} +- {sd:.2g}"
             for entry, mean, sd in zip(eye.names, eye.means, eye.sds, strict=True)
@@ -118,3 +119,12 @@ def _line(name: str, eye: "EyeCalibration") -> str:
     text = "; ".join(remark for remark in remarks if remark)
     line = f"{name:<16}{eye.mean_pa / 1e6:>8.3f}{eye.sd_pa / 1e6:>9.4f}{eye.state.posterior.updates:>9}  {text}"
     return line.rstrip()
+
+
+def _softening(eye: "EyeCalibration", bounds_n: tuple[float, ...]) -> str:
+    """Return a remark where low and high forces do not agree on E."""
+    _, low, high = eye.by_class(bounds_n)
+    if low is None or high is None or abs(high / low - 1) < 0.1:
+        return ""
+    force = f"{1e3 * bounds_n[-1]:g} mN"
+    return f"E is {low / 1e6:.3f} MPa below {force} and {high / 1e6:.3f} above: the wall bends otherwise than the model"

@@ -1,21 +1,31 @@
 """Figures of a calibration: E over the frames (the paper's Fig. 5), points before and after (4), E over the force."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from scleraforce.calibration.assimilation import FrameStep, predicted_points
 from scleraforce.calibration.calibrate import Calibration, EyeCalibration
 from scleraforce.calibration.placement import place_curves
+from scleraforce.report.html import Html, table
 from scleraforce.report.style import BLACK, BLUE, GREY, RED, SCAN_COLOURS, inches, styled
+from scleraforce.report.tables import NOTHING
 from scleraforce.units import n_to_mn
 
-__all__ = ["draw_calibration", "draw_modulus_by_force", "draw_modulus_over_frames", "draw_observed_points"]
+__all__ = [
+    "draw_calibration",
+    "draw_modulus_by_force",
+    "draw_modulus_over_frames",
+    "draw_observed_points",
+    "modulus_table",
+]
 
 MM, MPA = 1e3, 1e-6
+PAPER_TABLE_2 = ((0.27, 4.7e-3), (0.22, 6.7e-3), (0.24, 3.9e-3), (0.29, 4.9e-3))  # mean, sd in MPa
 EYES_IN_A_ROW = 3
 
 
@@ -91,6 +101,37 @@ def draw_calibration(calibration: Calibration) -> Figure:
     return figure
 
 
+def modulus_table(calibration: Calibration, truth_pa: Mapping[str, float] | None = None) -> Html:
+    """Return Table 2 beside the paper's: each eye's mean and standard deviation, and the population's.
+
+    Args:
+        calibration: the eyes.
+        truth_pa: the moduli of virtual eyes, by id.
+    """
+    truth_pa = truth_pa or {}
+    head = [
+        "eye",
+        "E [MPa]",
+        "sd [MPa]",
+        "frames",
+        "paper: E [MPa]",
+        "paper: sd [MPa]",
+        *(["true E [MPa]"] * bool(truth_pa)),
+    ]
+    rows: list[list[object]] = []
+    for place, (name, eye) in enumerate(calibration.eyes.items()):
+        paper = PAPER_TABLE_2[place] if place < len(PAPER_TABLE_2) else None
+        row: list[object] = [name, f"{eye.mean_pa * MPA:.3f}", f"{eye.sd_pa * MPA:.4f}", eye.state.posterior.updates]
+        row += [f"{paper[0]:.2f}", f"{paper[1]:.4f}"] if paper else [NOTHING, NOTHING]
+        if truth_pa:
+            row.append(f"{truth_pa[name] * MPA:.3f}" if name in truth_pa else NOTHING)
+        rows.append(row)
+    mean_pa, sd_pa = calibration.population
+    mean_row: list[object] = ["mean, spread", f"{mean_pa * MPA:.3f}", f"{sd_pa * MPA:.4f}", "", "0.25", "0.0311"]
+    rows.append([*mean_row, *([""] * bool(truth_pa))])
+    return table(head, rows, "Table 2: Young's modulus of each eye; last row: mean and spread of the means.")
+
+
 def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -> None:
     mean = MPA * np.array([frame.mean_pa for frame in eye.used])
     sd = MPA * np.array([frame.sd_pa for frame in eye.used])
@@ -106,6 +147,7 @@ def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -
         axes.axhline(truth_pa * MPA, color=RED, linestyle="--", linewidth=0.8, label="true")
     axes.set_ylim(0.0, 1.05 * float((mean + 2 * sd).max()))
     axes.set_xlabel("frames")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_ylabel("E [MPa]")
     axes.legend(loc="upper right")
 

@@ -1,0 +1,63 @@
+"""A small virtual laboratory: coarse walls, factored once for all tests of the room."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from scleraforce.calibration.assimilation import FrameInput
+from scleraforce.calibration.eye_model import EyeConstants, EyeModel, build_eye_model
+from scleraforce.calibration.virtual import ideal_boundaries, virtual_sections
+from scleraforce.eye.mesh import build_mesh
+from scleraforce.imaging.optics import Pose
+from scleraforce.mechanics.linear import LinearWall
+from scleraforce.recording.virtual_eye import PhantomEye
+from scleraforce.study import MeshStudy, Study
+
+STUDY = replace(Study(), mesh=MeshStudy(divisions=6))
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    study: Study = STUDY
+
+    @staticmethod
+    @cache
+    def wall(thickness_m: float) -> LinearWall:
+        mesh = build_mesh(STUDY.eye.radius_m, thickness_m, STUDY.mesh.divisions, STUDY.mesh.level)
+        return LinearWall(mesh, STUDY.eye.poisson_ratio)
+
+    @staticmethod
+    @cache
+    def model(constants: EyeConstants, thickness_uncertain: bool = False) -> EyeModel:
+        return build_eye_model(STUDY, constants, thickness_uncertain)
+
+    def stated(self, eye: PhantomEye, polar_sd_rad: float = 0.0) -> EyeConstants:
+        return EyeConstants(
+            eye.iop_pa, eye.thickness_m, eye.gap_m, eye.polar_rad, polar_sd_rad, eye.direction_rad, eye.tilt_rad
+        )
+
+    def frames(
+        self, eye: PhantomEye, forces_n: list[float], rng: np.random.Generator, noise_m: float = 5e-6
+    ) -> list[tuple[Pose, FrameInput]]:
+        """Frames of an eye that shifts by up to 0.2 mm between them, in a frame that is turned a little."""
+        made = []
+        for force_n, section in zip(
+            forces_n, virtual_sections(self.wall(eye.thickness_m), eye, forces_n, self.study), strict=True
+        ):
+            lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
+            pose = Pose(0.3e-3 + lateral_m, 0.5e-3 + depth_m, 0.01)
+            boundaries = ideal_boundaries(section, pose, self.study.oct, noise_m, rng)
+            made.append((pose, FrameInput(boundaries, force_n, 0.0, np.diag([1e-18, 1e-18]))))
+        return made
+
+
+@pytest.fixture(scope="session")
+def laboratory() -> Laboratory:
+    return Laboratory()
+
+
+@pytest.fixture(scope="session")
+def eye() -> PhantomEye:
+    return PhantomEye("virtual", 0.7e-3, 0.27e6, 266.0, 0.5e-3, 0.6, 0.4)

@@ -1,0 +1,139 @@
+"""Recordings in, posterior out: whole virtual recordings, the file, going on from it, and what cannot be used."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
+from scleraforce.calibration.files import calibration_as_json, parse_calibration, read_calibration
+from scleraforce.calibration.virtual import virtual_sections
+from scleraforce.errors import CalibrationError
+from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.phantom import plan_phantom, write_phantom
+from scleraforce.recording.virtual_eye import PhantomEye
+
+FORCES = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
+
+
+@pytest.fixture(scope="module")
+def recording(laboratory: Any, eye: PhantomEye, tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    path = tmp_path_factory.mktemp("calibrate") / "virtual"
+    wall, study = laboratory.wall(eye.thickness_m), laboratory.study
+    write_phantom(path, plan_phantom(eye, FORCES, study, 3), lambda f: virtual_sections(wall, eye, f, study), study)
+    return read_recording(path)
+
+
+@pytest.fixture(scope="module")
+def calibration(laboratory: Any, recording: Recording) -> Calibration:
+    return calibrate_recordings([recording], laboratory.study, "hash")
+
+
+def test_modulus_from_raw_frames_is_within_3_percent(calibration: Calibration, eye: PhantomEye) -> None:
+    found = calibration.eyes["virtual"]
+    assert found.mean_pa == pytest.approx(eye.youngs_modulus_pa, rel=0.03)
+    assert abs(found.mean_pa - eye.youngs_modulus_pa) < 3 * found.sd_pa
+    assert found.status == "ok"
+    assert calibration.population == (found.mean_pa, 0.0)
+
+
+def test_poses_of_raw_frames_are_within_50_um(calibration: Calibration, recording: Recording) -> None:
+    truth = {
+        frame["file"]: frame["pose"] for frame in json.loads((recording.path / "truth.json").read_text())["frames"]
+    }
+    found = calibration.eyes["virtual"]
+    for record, step in zip(found.used, found.steps, strict=True):
+        pose = truth[record.file]
+        assert step.registered.nuisance[:2] == pytest.approx([pose["lateral_m"], pose["depth_m"]], abs=50e-6)
+
+
+def test_frames_of_no_force_are_references_and_not_calibrated_on(calibration: Calibration) -> None:
+    first, *others = calibration.eyes["virtual"].frames
+    assert first.skipped is not None
+    assert "reference" in first.skipped
+    assert all(frame.skipped is None for frame in others)
+
+
+def test_the_first_frames_above_5_mn_are_taken_when_few_are_asked_for(laboratory: Any, recording: Recording) -> None:
+    found = calibrate_recordings([recording], laboratory.study, "hash", frames=2).eyes["virtual"]
+    assert [frame.file for frame in found.used] == ["0002.png", "0003.png"]
+
+
+def test_going_on_from_a_saved_posterior_equals_an_uninterrupted_run(
+    laboratory: Any, recording: Recording, calibration: Calibration
+) -> None:
+    begun = calibrate_recordings([recording], laboratory.study, "hash", frames=2)
+    saved = parse_calibration(json.dumps(calibration_as_json(begun)))
+    resumed = calibrate_recordings([recording], laboratory.study, "hash", earlier=saved.eyes).eyes["virtual"]
+    whole = calibration.eyes["virtual"]
+    assert [frame.file for frame in resumed.used] == [frame.file for frame in whole.used]
+    np.testing.assert_allclose(resumed.state.posterior.mean, whole.state.posterior.mean, rtol=1e-12)
+    np.testing.assert_allclose(resumed.state.posterior.covariance, whole.state.posterior.covariance, rtol=1e-9)
+    assert resumed.sd_pa == pytest.approx(whole.sd_pa, rel=1e-9)
+
+
+def test_file_has_the_keys_that_others_read(calibration: Calibration) -> None:
+    content = json.loads(json.dumps(calibration_as_json(calibration), allow_nan=False))
+    entry = content["eyes"]["virtual"]
+    assert entry["updates"] == 5
+    assert entry["frames"] == ["0002.png", "0003.png", "0004.png", "0005.png", "0006.png"]
+    assert content["population"]["mean_mpa"] == entry["mean_mpa"]
+    assert content["study_sha256"] == "hash"
+    assert len(entry["recordings"][0]["sha256"]) == 64
+
+
+def test_the_population_is_the_mean_of_means_and_can_leave_an_eye_out(calibration: Calibration) -> None:
+    one = calibration.eyes["virtual"]
+    eyes = {name: replace(one, id=name, means=(mean,)) for name, mean in (("a", 0.2e6), ("b", 0.3e6), ("c", 0.1e6))}
+    many = Calibration(eyes, "", (5e-3, 30e-3))
+    assert many.population == pytest.approx((0.2e6, 0.1e6))
+    assert many.left_out("b") == pytest.approx(0.15e6)
+    assert calibration.left_out("virtual") == one.mean_pa
+
+
+def test_what_low_and_high_forces_say_stands_apart(calibration: Calibration, eye: PhantomEye) -> None:
+    none, low, high = calibration.eyes["virtual"].by_class((5e-3, 25e-3))
+    assert none is None
+    assert low == pytest.approx(eye.youngs_modulus_pa, rel=0.06)
+    assert high == pytest.approx(eye.youngs_modulus_pa, rel=0.04)
+
+
+def test_a_recording_that_cannot_be_calibrated_on_says_why(laboratory: Any, recording: Recording) -> None:
+    info = recording.info
+    without = replace(recording, info=replace(info, eye=replace(info.eye, thickness_m=None)))
+    with pytest.raises(CalibrationError, match=r"eye\.thickness_m: missing"):
+        calibrate_recordings([without], laboratory.study, "")
+    with pytest.raises(CalibrationError, match=r"no forces\.csv"):
+        calibrate_recordings([replace(recording, forces=None)], laboratory.study, "")
+    strict = replace(laboratory.study, calibration=replace(laboratory.study.calibration, min_force_n=1.0))
+    with pytest.raises(CalibrationError, match="none of its 6 frames"):
+        calibrate_recordings([recording], strict, "")
+
+
+def test_an_earlier_file_of_other_parameters_is_refused(
+    laboratory: Any, recording: Recording, calibration: Calibration
+) -> None:
+    with pytest.raises(CalibrationError, match="begin anew"):
+        calibrate_recordings([recording], laboratory.study, "", ("e", "iop"), earlier=calibration.eyes)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "not JSON"),
+        ("[]", "format"),
+        ('{"format": 1}', "missing"),
+        ('{"format": 1, "study_sha256": "", "class_bounds_n": [], "eyes": {"a": {}}}', "state"),
+    ],
+)
+def test_a_file_that_is_no_calibration_is_refused_in_one_line(text: str, message: str) -> None:
+    with pytest.raises(CalibrationError, match=message):
+        parse_calibration(text, "c.json")
+
+
+def test_a_missing_file_names_the_command_that_writes_it(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match="scleraforce calibrate"):
+        read_calibration(tmp_path / "none.json")
