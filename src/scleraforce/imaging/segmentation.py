@@ -29,7 +29,7 @@ BOTTOM_ROWS = 7.0  # of a surface this close to the last row too little is seen:
 GAP_M = 1.5e-3  # a wall goes on behind a gap that is narrower
 GAP_SHARE = 0.15  # ... and narrower than this share of the frame
 FOUND_SHARE = 2 / 3  # of the columns must show the inner boundary
-INNER_COLUMNS = 128
+INNER_COLUMNS = 256
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ HALF_STEP = 0.25  # a step of this size (over LEAST_STEP) earns half of what the
 LEAST_EXCESS = 0.15  # of the bright tissue's level: less is haze, not tissue
 EXCESS_COST, EXCESS_CAP = 0.5, 1.5  # cost of tissue above the path, in steps of full depth
 STRIP_PIXELS, STRIP_M = 24.0, 0.15e-3  # half height of the strip in which the boundary is refined
-FINE_COLUMNS = 192
+FINE_COLUMNS = 256
 BLACK_SHARE = 0.25  # of the noise floor: less light than that is no measurement
 
 
