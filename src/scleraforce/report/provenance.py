@@ -13,7 +13,6 @@ PACKAGES = (
     "scleraforce",
     "numpy",
     "scipy",
-    "scikit-fem",
     "opencv-python-headless",
     "onnxruntime",
     "zarr",
