@@ -107,7 +107,7 @@ def fit(
     curves = Curves()
     with _repeatable(study.seed):
         network = build_network(int(norm.varies.sum()), study, classes)
-        optimiser = torch.optim.SGD(network.parameters(), study.learning_rate, study.momentum)
+        optimiser = torch.optim.SGD(network.parameters(), study.learning_rate, study.momentum, fused=True)
         for epoch in range(study.epochs):
             curves = curves.extended(_epoch(network, optimiser, seen, study, epoch), _measure(network, unseen))
             if not np.isfinite(curves.training_loss[-1]):
