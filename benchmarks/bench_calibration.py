@@ -109,11 +109,10 @@ def print_honesty(count: int) -> None:
         scores.append(abs(mean - eye.youngs_modulus_pa) / sd)
         sds.append(sd)
     print(f"\n{count} eyes, {FRAMES} frames each, contact angle unknown (25 to 45 degrees):")
-    print(f"error of E: mean {100 * np.mean(errors):+.2f} %, rms {100 * np.sqrt(np.mean(np.square(errors))):.2f} %, "
-          f"largest {100 * np.abs(errors).max():.2f} %")  # fmt: skip
-    print(
-        f"posterior sd: largest {max(sds) / 1e3:.1f} kPa; true E within two sd: {100 * np.mean(np.array(scores) < 2):.0f} %"
-    )
+    rms, largest = np.sqrt(np.mean(np.square(errors))), np.abs(errors).max()
+    print(f"error of E: mean {100 * np.mean(errors):+.2f} %, rms {100 * rms:.2f} %, largest {100 * largest:.2f} %")
+    honest = np.mean(np.array(scores) < 2)
+    print(f"posterior sd: largest {max(sds) / 1e3:.1f} kPa; true E within two sd: {100 * honest:.0f} %")
 
 
 def main() -> None:

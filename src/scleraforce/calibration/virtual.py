@@ -62,4 +62,4 @@ def ideal_boundaries(
         depth = depth + noise_m * noise / noise.std() * np.sqrt(1 + np.gradient(depth, step_m) ** 2)
         seen = (depth > 0) & (depth < oct_study.depth_m)
         depths.append(np.where(seen, depth, np.nan).astype(np.float64))
-    return Boundaries(lateral_m, np.stack(depths), oct_study.depth_m / oct_study.rows)
+    return Boundaries(lateral_m.astype(np.float64), np.stack(depths), oct_study.depth_m / oct_study.rows)

@@ -1,0 +1,79 @@
+"""`scleraforce calibrate` from its arguments to its file and its figures."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scleraforce.calibration.calibrate import calibrate_recordings
+from scleraforce.calibration.virtual import virtual_sections
+from scleraforce.cli.main import run
+from scleraforce.recording.files import read_recording
+from scleraforce.recording.phantom import plan_phantom, write_phantom
+from scleraforce.recording.virtual_eye import PhantomEye
+from scleraforce.report.calibration_figures import (
+    draw_modulus_by_force,
+    draw_modulus_over_frames,
+    draw_observed_points,
+    modulus_table,
+)
+from scleraforce.study import format_study
+
+
+@pytest.fixture(scope="module")
+def folder(laboratory: Any, eye: PhantomEye, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("command")
+    wall, study = laboratory.wall(eye.thickness_m), laboratory.study
+    plan = plan_phantom(eye, (0.03, 0.015, 0.04), study, 5)
+    write_phantom(folder / "eye", plan, lambda forces: virtual_sections(wall, eye, forces, study), study)
+    (folder / "study.toml").write_text(format_study(study))
+    return folder
+
+
+def test_it_writes_the_posterior_and_the_picture_and_prints_one_json_object(
+    folder: Path, capsys: pytest.CaptureFixture[str], eye: PhantomEye
+) -> None:
+    out, plot = folder / "out.json", folder / "out.png"
+    arguments = ["calibrate", str(folder / "eye"), "--study", str(folder / "study.toml"), "--out", str(out)]
+    assert run([*arguments, "--plot", str(plot), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads(out.read_text())
+    assert printed["eyes"]["virtual"]["mean_mpa"] == pytest.approx(eye.youngs_modulus_pa / 1e6, rel=0.04)
+    assert printed["population"]["mean_mpa"] == printed["eyes"]["virtual"]["mean_mpa"]
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert sorted(path.name for path in folder.iterdir()) == ["eye", "out.json", "out.png", "study.toml"]
+
+
+def test_an_existing_file_is_not_overwritten(folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    there = tmp_path / "there.json"
+    there.write_text("mine")
+    assert run(["calibrate", str(folder / "eye"), "--out", str(there)]) == 2
+    assert there.read_text() == "mine"
+    assert "exists already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("parameters", ["iop", "e,e", "e,stiffness"])
+def test_unknown_parameters_are_a_usage_error(
+    folder: Path, tmp_path: Path, parameters: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["calibrate", str(folder / "eye"), "--out", str(tmp_path / "o.json"), "--parameters", parameters]
+    assert run(arguments) == 2
+    assert "of iop, thickness, gap" in capsys.readouterr().err
+
+
+def test_figures_show_what_the_filter_saw(laboratory: Any, folder: Path, eye: PhantomEye) -> None:
+    recording = read_recording(folder / "eye")
+    calibration = calibrate_recordings([recording], laboratory.study, "")
+    found = calibration.eyes["virtual"]
+    over = draw_modulus_over_frames(found, eye.youngs_modulus_pa).axes[0]
+    mean = over.lines[0].get_ydata()
+    assert mean[0] == pytest.approx(0.49)
+    assert mean[-1] == pytest.approx(found.mean_pa / 1e6)
+    alone = draw_modulus_by_force([found]).axes[0].lines[0].get_xdata()
+    np.testing.assert_allclose(alone, [1e3 * frame.force_n for frame in found.used])
+    panels = draw_observed_points(found, recording.frame(recording.frames[0]), 0, 15e-3, 4e-3).axes
+    assert "0.49" in panels[0].get_title(loc="left")
+    assert len(panels[1].lines[-1].get_xdata()) == found.used[0].points + len(found.used[0].gated)
+    assert "0.27" in str(modulus_table(calibration, {"virtual": eye.youngs_modulus_pa}))
