@@ -1,0 +1,96 @@
+"""Speed of training and reading, and what each part of the training brings.
+
+    python benchmarks/bench_learning.py [DATASET...]
+
+Without data sets: processor seconds of an epoch of the paper's size, and the time of one reading. With data sets (of
+`scleraforce generate`): the accuracy that the study's training reaches on each, and without each of its parts in turn.
+"""
+
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from scleraforce.dataset.store import open_dataset
+from scleraforce.learning.folder import write_folder
+from scleraforce.learning.graph import onnx_bytes
+from scleraforce.learning.samples import Samples
+from scleraforce.learning.train import split_samples
+from scleraforce.learning.training import THREADS, Fitted, fit
+from scleraforce.reader import load_model
+from scleraforce.study import NetworkStudy, Study, format_study, study_hash
+
+PAPER_TRAINING, VALIDATION = 17_280, 1_920
+READINGS = 2_000
+
+VARIANTS: dict[str, dict[str, float | int | bool]] = {
+    "the study's training": {},
+    "without mirrored slices": {"mirror": False},
+    "one dropout mask a sample": {"dropout_masks": 1},
+    "rate 0.01": {"learning_rate": 0.01},
+    "gradients not clipped, no warm-up": {"max_gradient_norm": 1e6, "warmup": 0.0},
+}
+
+
+def random_samples(count: int, rng: np.random.Generator) -> Samples:
+    """Return slices of the paper's size in which every pixel varies; the time of training depends on no more."""
+    wall = rng.random((count, 40, 140), dtype=np.float32) < 0.2
+    return Samples(wall.astype(np.uint8) * np.uint8(255), rng.integers(0, 3, count))
+
+
+def print_epoch_times(training: Samples, validation: Samples) -> Fitted:
+    """Print what an epoch costs; return a network."""
+    print(f"{'an epoch of ' + str(PAPER_TRAINING) + ' slices':<40}{'processor s':>12}{'clock s':>10}")
+    for masks in (4, 2, 1):
+        processor, clock = time.process_time(), time.perf_counter()
+        fitted = fit(NetworkStudy(epochs=1, dropout_masks=masks), training, validation)
+        spent = time.process_time() - processor, time.perf_counter() - clock
+        print(f"{f'{masks} dropout masks, {THREADS} threads':<40}{spent[0]:>12.1f}{spent[1]:>10.1f}")
+    return fitted
+
+
+def print_reading_times(fitted: Fitted, validation: Samples) -> None:
+    """Print the time of one slice through ONNX Runtime, one thread."""
+    study = Study()
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "model"
+        graph = onnx_bytes(fitted.network, 40, 140, {"study_sha256": study_hash(study)})
+        write_folder(out, graph, format_study(study), "", {"kind": "classifier"})
+        reader = load_model(out)
+    times = []
+    for number in range(READINGS):
+        start = time.perf_counter()
+        reader.probabilities(validation.slices[number % len(validation)][None])
+        times.append(time.perf_counter() - start)
+    low, middle, high = np.quantile(times, (0.0, 0.5, 0.99)) * 1e3
+    print(
+        f"\none reading, one thread: {low:.2f} ms least, {middle:.2f} ms median, {high:.2f} ms at the 99th percentile"
+    )
+
+
+def print_accuracies(path: Path) -> None:
+    """Print what the study's training reaches on a data set, and without each of its parts."""
+    dataset = open_dataset(path)
+    training, validation = split_samples(dataset)
+    print(f"\n{path!s:<40}{'validation':>12}{'loss':>10}{'clock s':>10}")
+    for name, changes in VARIANTS.items():
+        start = time.perf_counter()
+        curves = fit(replace(NetworkStudy(), **changes), training, validation).curves  # type: ignore[arg-type]  # by name
+        seconds = time.perf_counter() - start
+        print(f"{name:<40}{curves.validation_accuracy[-1]:>12.2%}{curves.validation_loss[-1]:>10.4f}{seconds:>10.0f}")
+
+
+def main() -> None:
+    """Print all tables."""
+    rng = np.random.default_rng(0)
+    validation = random_samples(VALIDATION, rng)
+    print_reading_times(print_epoch_times(random_samples(PAPER_TRAINING, rng), validation), validation)
+    for path in sys.argv[1:]:
+        print_accuracies(Path(path))
+
+
+if __name__ == "__main__":
+    main()
