@@ -248,3 +248,9 @@ def test_units_are_handed_out_in_contiguous_runs_and_the_idle_help_at_the_far_en
     assert [workers.next_unit(runs, 0) for _ in range(5)] == [0, 1, 2, 5, 4]
     assert [workers.next_unit(runs, 1), workers.next_unit(runs, 1)] == [3, None]
     assert workers.split_runs([7], 4) == [workers.deque([7])]
+
+
+def test_a_relative_path_may_be_named_like_an_array(made, tmp_path, monkeypatch):
+    shutil.copytree(made, tmp_path / "slices")
+    monkeypatch.chdir(tmp_path)
+    assert open_dataset(Path("slices")).slices.shape == open_dataset(made).slices.shape

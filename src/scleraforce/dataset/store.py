@@ -139,7 +139,7 @@ def missing_units(path: Path, plan: DatasetPlan) -> list[int]:
 
 def write_unit(path: Path, plan: DatasetPlan, unit: int, images: NDArray[np.uint8]) -> None:
     """Write the slices of one unit of work, shape (samples of the unit, rows, columns)."""
-    slices = _array(zarr.open_group(path, mode="r+", zarr_format=3), path, SLICES)
+    slices = _array(zarr.open_group(path.absolute(), mode="r+", zarr_format=3), path, SLICES)
     slices.with_config({"write_empty_chunks": True})[plan.unit(unit)] = images  # what is missing is not done yet
 
 
@@ -153,7 +153,7 @@ def complete_store(path: Path, plan: DatasetPlan) -> None:
         raise DatasetError(f"{path}: {len(missing)} of {plan.units} parts are missing; generate it again")
     for leftover in path.rglob("*.partial"):
         leftover.unlink(missing_ok=True)
-    zarr.open_group(path, mode="r+", zarr_format=3).attrs["complete"] = True
+    zarr.open_group(path.absolute(), mode="r+", zarr_format=3).attrs["complete"] = True
 
 
 def _describe(study: Study, youngs_modulus_pa: float, calibration: CalibratedModulus | None) -> dict[str, Any]:
@@ -181,7 +181,7 @@ def _occupied(path: Path) -> bool:
 def _create_group(path: Path, attributes: dict[str, Any]) -> zarr.Group:
     try:
         path.mkdir(parents=True, exist_ok=True)
-        return zarr.create_group(path, zarr_format=3, attributes=attributes)
+        return zarr.create_group(path.absolute(), zarr_format=3, attributes=attributes)
     except OSError as fault:
         raise DatasetError(f"{path}: {fault.strerror}") from fault
 
@@ -197,7 +197,7 @@ def _continued(path: Path, attributes: Mapping[str, Any]) -> zarr.Group:
     for name in ("study_hash", "youngs_modulus_pa", "calibration", "versions"):
         if found[name] != attributes[name]:
             raise DatasetError(f"{path}: begun with another {name}; remove it or choose another path")
-    return zarr.open_group(path, mode="r+", zarr_format=3)
+    return zarr.open_group(path.absolute(), mode="r+", zarr_format=3)
 
 
 def _create_array(
@@ -219,7 +219,7 @@ def _open_group(path: Path) -> zarr.Group:
     if not path.is_dir():
         raise DatasetError(f"{path}: no such data set; `scleraforce generate --out {path}` makes one")
     try:
-        return zarr.open_group(path, mode="r", zarr_format=3)
+        return zarr.open_group(path.absolute(), mode="r", zarr_format=3)
     except (OSError, ValueError, KeyError, TypeError) as fault:
         raise DatasetError(f"{path}: not a data set of scleraforce: {fault}") from fault
 
