@@ -111,7 +111,7 @@ class Segmenter:
         tissue = PixelScale(scale.lateral_m, scale.depth_m / self._refractive_index)
         row = np.interp(surface.column, surface.column[present], surface.row[present]).astype(np.float32)
         along_rows = surface_stretch(surface.column, row, tissue) / np.float32(tissue.depth_m)
-        points = np.linspace(0, len(row) - 1, min(len(row), INNER_COLUMNS)).astype(np.intp)
+        points = np.linspace(0, len(row) - 1, INNER_COLUMNS).astype(np.intp)
         inner = find_inner(frame, floor, surface.column[points], row[points], present[points], along_rows[points])
         if inner.support < FOUND_SHARE:
             return row + np.float32(UNSEEN_DEPTH_M / tissue.depth_m), float("nan")

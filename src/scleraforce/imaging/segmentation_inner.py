@@ -82,7 +82,7 @@ def find_inner(
     Args:
         frame: counts, shape (row, column).
         floor: count of its noise floor.
-        column: columns of the surface in the frame, shape (point,); evenly spaced, four or more.
+        column: columns of the surface in the frame, shape (point,); their number a multiple of 8.
         row: its rows in the frame, no NaN.
         there: whether there is a surface.
         along_rows: rows of the frame along a column for 1 m of thickness along the normal, shape (point,).
@@ -114,7 +114,7 @@ def find_inner(
 def _grouped(values: Float) -> Float:
     """Average groups of neighbouring columns, (row, column) -> (row, column / GROUP)."""
     size = (values.shape[1] // GROUP, values.shape[0])
-    return np.asarray(cv2.resize(values[:, : size[0] * GROUP], size, interpolation=cv2.INTER_AREA), dtype=np.float32)
+    return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
 def _unroll(
@@ -125,10 +125,8 @@ def _unroll(
     map_column = np.repeat(column[None], CELLS, axis=0)
     sampled = cv2.remap(frame, map_column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     light = np.ascontiguousarray(_grouped(sampled.astype(np.float32)).T)
-    deepest = np.maximum(map_row[:, ::GROUP], map_row[:, GROUP - 1 :: GROUP]).T[: len(light)]
-    seen = (
-        (deepest <= len(frame) - 1) & there[: GROUP * len(light)].reshape(-1, GROUP).all(axis=1, keepdims=True)
-    ).astype(np.float32)
+    inside = (map_row <= len(frame) - 1) & there
+    seen = (inside[:, ::GROUP] & inside[:, GROUP - 1 :: GROUP]).T.astype(np.float32)
     light = np.maximum(light - np.float32(floor), np.float32(0.0)) * seen
     top = slice(SKIP_CELLS, LEVEL_CELLS)
     count = seen[:, top].sum(axis=1, keepdims=True)

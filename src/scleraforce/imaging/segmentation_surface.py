@@ -123,7 +123,7 @@ def refine_surface(frame: Pixels, scale: PixelScale, column: Float, row: Float) 
     rows, columns = frame.shape
     half = max(4, round(min(STRIP_PIXELS, STRIP_M / scale.depth_m)))
     fine = np.linspace(0.0, columns - 1.0, min(columns, FINE_COLUMNS), dtype=np.float32)
-    start = np.interp(fine, column, row).astype(np.float32).clip(0.0, rows - 1.0)
+    start = _extended(fine, column, row).clip(0.0, rows - 1.0)
     offset = np.arange(-half, half, dtype=np.float32) + np.float32(0.5)
     map_row = np.add.outer(start, offset)
     map_column = np.repeat(fine[:, None], 2 * half, axis=1)
@@ -140,6 +140,17 @@ def refine_surface(frame: Pixels, scale: PixelScale, column: Float, row: Float) 
     found = start + edge.astype(np.float32) - np.float32(half)
     smooth = cv2.blur(cv2.medianBlur(found[None], 5), (5, 1))[0]
     return Surface(fine, smooth, below - above, noise)
+
+
+def _extended(at: Float, column: Float, row: Float) -> Float:
+    """Interpolate a curve, and continue it beyond its ends along their slopes (over three points: less ragged)."""
+    inside = np.interp(at, column, row)
+    reach = min(3, len(column) - 1)
+    for end, other in ((0, reach), (-1, -1 - reach)):
+        slope = (row[end] - row[other]) / (column[end] - column[other])
+        beyond = at < column[0] if end == 0 else at > column[-1]
+        inside[beyond] = row[end] + slope * (at[beyond] - column[end])
+    return inside.astype(np.float32)
 
 
 @cache
