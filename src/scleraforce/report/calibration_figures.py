@@ -37,8 +37,16 @@ def draw_modulus_over_frames(eye: EyeCalibration, truth_pa: float | None = None)
         eye: with its frames.
         truth_pa: the modulus of a virtual eye, drawn as a line.
     """
-    figure = Figure(figsize=inches(110, 62))
-    _draw_over_frames(figure.subplots(), eye, truth_pa)
+    figure = Figure(figsize=inches(170, 62))
+    whole, close = figure.subplots(1, 2)
+    _draw_over_frames(whole, eye, truth_pa)
+    whole.set_title("from the prior on")
+    _draw_over_frames(close, eye, truth_pa)
+    close.set_title("the same, from the first frame on")
+    ends = [MPA * (f.mean_pa + sign * 3 * f.sd_pa) for f in eye.used for sign in (-1, 1)]
+    close.set_xlim(1, max(len(eye.used), 2))
+    close.set_ylim(min(ends), max(ends))
+    close.get_legend().remove()
     return figure
 
 
@@ -74,8 +82,10 @@ def draw_observed_points(
         _draw_points(axes, eye, eye.steps[index], modulus_pa)
         axes.set_title(f"{title}: E = {modulus_pa * MPA:.2f} MPa")
         axes.set_xlabel("lateral [mm]")
+        axes.set_xlim(extent[:2])
+        axes.set_ylim(extent[2:])
     panels[0].set_ylabel("depth [mm]")
-    panels[0].legend(loc="lower center", ncols=2, labelcolor="white")
+    panels[0].legend(loc="lower right", labelcolor="white")
     return figure
 
 
@@ -177,5 +187,5 @@ def _draw_points(axes: Axes, eye: EyeCalibration, step: FrameStep, modulus_pa: f
     for curve in place_curves(curves, step.registered.nuisance):
         axes.plot(MM * curve[:, 0], MM * curve[:, 1], color=RED, linewidth=0.5, scalex=False, scaley=False)
     lateral_mm = MM * step.observation.lateral_m
-    axes.plot(lateral_mm, MM * step.observation.depth_m, "o", color="#F0E442", markersize=3.5, label="observed")
+    axes.plot(lateral_mm, MM * step.observation.depth_m, "o", color="#F0E442", markersize=4.5, label="observed")
     axes.plot(lateral_mm, MM * depth_m, "o", color=RED, markersize=2.5, label="predicted")
