@@ -13,6 +13,7 @@ from scleraforce.cli.main import run
 from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_slice
 from scleraforce.reader import load_model
+from scleraforce.reader.answers import answer_frame
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.study import Study
 
@@ -114,6 +115,17 @@ def test_a_frame_that_shows_nothing_counts_as_class_2_and_was_never_shown_to_the
     assert (blank.usable, blank.predicted, blank.probabilities) == (False, 2, None)
     assert blank.reason
     assert blank.scored
+
+
+def test_a_dent_that_leaves_the_window_is_withdrawn_from_instead_of_read(places) -> None:
+    reader, scale = load_model(places["model"]), PixelScale(15e-3 / COLUMNS, 4e-3 / ROWS)
+    rng = np.random.default_rng(2)
+    for dent_m, leaves in ((0.0, False), (1.5e-3, False), (3.2e-3, False), (4e-3, True), (6e-3, True)):
+        answer = answer_frame(reader, Segmenter(), draw_frame(dent_m, rng), scale, 1.0)
+        assert answer.usable is not leaves
+        if leaves:
+            assert (answer.predicted, answer.probabilities) == (2, None)
+            assert "dent" in answer.reason
 
 
 def test_frames_that_calibrated_the_modulus_are_marked_and_not_scored(places, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_slice
 from scleraforce.reader.model import ForceReader
 
-__all__ = ["Answer", "answer_frame"]
+__all__ = ["Answer", "answer_frame", "dent_leaves"]
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -45,5 +45,25 @@ def answer_frame(
     cut = boundary_slice(segmentation, scale, reader.study.slice, refractive_index)
     if not cut.any():
         return Answer(reader.classes - 1, None, False, "the wall lies outside the window of the slice")
+    if dent_leaves(cut):
+        return Answer(reader.classes - 1, None, False, "the dent leaves the window of the slice")
     probabilities = reader.probabilities(cut[np.newaxis])[0]
     return Answer(int(probabilities.argmax()), tuple(probabilities.tolist()), True, None)
+
+
+def dent_leaves(cut: NDArray[np.uint8]) -> bool:
+    """Return whether the wall of a slice (row, column) goes out through the bottom and comes in again.
+
+    That is so where columns without a wall lie between two walls that reach into the lowest quarter of the window. How
+    deep such a dent is cannot be seen, and a network that met few of them takes what is left for a wall without force:
+    the most dangerous frames would be read as the least. They are withdrawn from instead.
+
+    >>> dent = np.array([[255, 0, 255], [255, 0, 255], [255, 0, 255], [255, 0, 255]], dtype=np.uint8)
+    >>> shadow = np.array([[255, 0, 255], [0, 0, 0], [0, 0, 0], [0, 0, 0]], dtype=np.uint8)
+    >>> dent_leaves(dent), dent_leaves(shadow)
+    (True, False)
+    """
+    columns = np.flatnonzero(cut.any(axis=0))
+    deep: NDArray[np.bool_] = np.any(cut[-(len(cut) // 4) :], axis=0)
+    before, after = columns[:-1], columns[1:]
+    return bool(np.any((after - before > 1) & deep[before] & deep[after]))
