@@ -192,14 +192,14 @@ class NetworkStudy:
 
     hidden: tuple[int, ...] = quantity((600, 600), None, 1, 100_000)
     dropout: float = quantity(0.8, None, 0.0, 0.99)
-    dropout_masks: int = quantity(2, None, 1, 64)
+    dropout_masks: int = quantity(4, None, 1, 64)
     mirror: bool = True
     learning_rate: float = quantity(0.05, None, 1e-8, 10.0)
     momentum: float = quantity(0.9, None, 0.0, 0.9999)
     warmup: float = quantity(0.1, None, 0.0, 0.9)
     max_gradient_norm: float = quantity(1.0, None, 1e-6, 1e6)
     batch_size: int = quantity(128, None, 1, 100_000)
-    epochs: int = quantity(16, None, 1, 100_000)
+    epochs: int = quantity(12, None, 1, 100_000)
     seed: int = quantity(0, None, 0, 2**31 - 1)
     search_widths: tuple[int, ...] = quantity((150, 300, 600, 1200), None, 1, 100_000)
     search_depths: tuple[int, ...] = quantity((1, 2, 3), None, 1, 20)
