@@ -21,7 +21,12 @@ __all__ = ["reproduce"]
 @click.option(
     "--out", type=click.Path(path_type=Path), required=True, help="Folder of all results; new, or a former run's."
 )
-@click.option("--study", "study_path", type=click.Path(path_type=Path), help="Study file; the paper's by default.")
+@click.option(
+    "--study",
+    "study_path",
+    type=click.Path(path_type=Path),
+    help="Study file; by default the paper's, with framing ranges.",
+)
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; as many as there are cores by default.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: bool) -> None:
@@ -31,13 +36,17 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
     the network, its answers to the raw frames, and a page that shows them
     beside the paper's. Interrupted with Ctrl-C, the same command goes on.
 
+    Without --study it is the paper's study, its data set framed as the virtual
+    laboratory frames its eyes; a study of your own is taken as it is.
+
     Example: scleraforce reproduce --out out/reproduce
     """
     # Imported here: mechanics and training take longer to import than the help to print.
+    from scleraforce.report.framing import framed_for_laboratory
     from scleraforce.report.reproduction import open_run
     from scleraforce.report.stages import reproduce as reproduce_all
 
-    study = Study() if study_path is None else read_study(study_path)
+    study = framed_for_laboratory(Study()) if study_path is None else read_study(study_path)
     run = open_run(out, study, workers or len(os.sched_getaffinity(0)))
     found = reproduce_all(run, _bar)
     evaluation, seconds = found.evaluation, found.seconds

@@ -48,6 +48,12 @@ DEVIATIONS = (
         "the paper gives no figure",
     ),
     Deviation(
+        "framing of the slices",
+        "not described; random cropping is proposed as a next step (sec. 4)",
+        "drawn for each slice from the range in which the virtual laboratory puts its eyes",
+        "an eye that lies 0.2 mm higher looks like a smaller force to a network that knows one framing only",
+    ),
+    Deviation(
         "elements",
         "14,643 'hexahedral elements' (trilinear; that is the node count of 9,600 of them)",
         "curved 27-node hexahedra, one layer",
