@@ -6,7 +6,6 @@
 from dataclasses import dataclass
 from math import isnan
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +19,7 @@ __all__ = ["PixelScale", "Segmentation", "Segmenter", "boundary_slice"]
 WALL = 255
 UNSEEN_DEPTH_M = 1e-3  # below the surface: the mask ends here where the inner boundary cannot be seen
 LEAST_SHAPE = 16  # rows and columns of a frame
+LIT_ROWS = 4  # every fourth row tells whether a column is imaged
 LIT_SHARE = 0.02  # of the frame's largest count: a column that never reaches it is black
 SATURATED_SHARE, SATURATED_LEVEL = 0.4, 0.99  # share of the frame at (nearly) the largest count: saturated
 LEAST_CONTRAST = 0.6  # of the surface, in standard deviations of a pixel's noise
@@ -29,7 +29,7 @@ BOTTOM_ROWS = 7.0  # of a surface this close to the last row too little is seen:
 GAP_M = 1.5e-3  # a wall goes on behind a gap that is narrower
 GAP_SHARE = 0.15  # ... and narrower than this share of the frame
 FOUND_SHARE = 2 / 3  # of the columns must show the inner boundary
-INNER_COLUMNS = 256
+INNER_COLUMNS = 128
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class Segmenter:
         tissue = PixelScale(scale.lateral_m, scale.depth_m / self._refractive_index)
         row = np.interp(surface.column, surface.column[present], surface.row[present]).astype(np.float32)
         along_rows = surface_stretch(surface.column, row, tissue) / np.float32(tissue.depth_m)
-        points = np.linspace(0, len(row) - 1, INNER_COLUMNS).astype(np.intp)
+        points = np.arange(INNER_COLUMNS) * (len(row) - 1) // (INNER_COLUMNS - 1)
         inner = find_inner(frame, floor, surface.column[points], row[points], present[points], along_rows[points])
         if inner.support < FOUND_SHARE:
             return row + np.float32(UNSEEN_DEPTH_M / tissue.depth_m), float("nan")
@@ -125,7 +125,7 @@ class Segmenter:
         if self._depth.shape != (rows, columns):
             self._depth = np.empty((rows, columns), dtype=np.uint16)
             self._inside = np.empty((rows, columns), dtype=np.bool_)
-        first, end = (np.ceil(edge).clip(0, rows) for edge in (outer_row, inner_row))
+        first, end = (np.minimum(np.maximum(np.ceil(edge), 0.0), float(rows)) for edge in (outer_row, inner_row))
         gone = np.isnan(outer_row)
         first[gone], end[gone] = rows, 0
         top, bottom = int(first.min()), max(int(end.max()), int(first.min()))
@@ -154,7 +154,7 @@ def _check(frame: Pixels) -> None:
 
 def _lit_columns(frame: Pixels) -> tuple[int, NDArray[np.bool_]] | None:
     """Return the first imaged column and, from it to the last imaged one, which are missing; None: too few are."""
-    brightest = cv2.reduce(frame, 0, cv2.REDUCE_MAX)[0]
+    brightest = frame[::LIT_ROWS].max(axis=0)  # an imaged column has light in all its rows
     lit = np.flatnonzero(brightest > LIT_SHARE * float(brightest.max()))
     if len(lit) < LEAST_SHAPE:
         return None
@@ -175,7 +175,7 @@ def _blank(frame: Pixels, grid: Grid) -> str:
     if brightest - grid.floor < 1e-3 * max(brightest, 1.0):
         return "the frame is empty: all pixels are alike"
     some = grid.cells[::2]
-    if np.count_nonzero(some >= SATURATED_LEVEL * float(frame[::4].max())) > SATURATED_SHARE * some.size:
+    if np.count_nonzero(some >= int(SATURATED_LEVEL * int(frame[::4].max()))) > SATURATED_SHARE * some.size:
         return f"the detector is saturated: more than {SATURATED_SHARE:.0%} of the pixels have the largest count"
     return ""
 
@@ -197,9 +197,10 @@ def _present(
 
 def _close_gaps(present: NDArray[np.bool_], inside: NDArray[np.bool_], widest: int) -> NDArray[np.bool_]:
     """Return `present` with gaps closed that are at most `widest` points wide and lie (in part) inside the window."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], present, [False]]).astype(np.int8)))
+    change = np.flatnonzero(present[1:] != present[:-1]) + 1
+    gaps = change if present[0] else change[1:]  # by turns the start and the end of a gap between two present parts
     closed = present.copy()
-    for start, end in zip(edges[1:-1:2], edges[2:-1:2], strict=True):
+    for start, end in zip(gaps[::2], gaps[1::2], strict=False):
         if end - start <= widest and inside[start:end].any():
             closed[start:end] = True
     return closed

@@ -21,7 +21,7 @@ __all__ = ["InnerBoundary", "find_inner", "surface_stretch"]
 
 CELL_M = 20e-6  # of thickness in the unrolled wall
 CELLS = 75  # 1.5 mm: the boundary is looked for down to 1.36 mm
-GROUP = 8  # columns sampled for one point
+GROUP = 4  # columns sampled for one point
 SKIP_CELLS = 3  # mirror reflection and blur of the surface
 LEVEL_CELLS = 12  # below the surface: these give a column's own level (shadows)
 LEAST_CELLS = 11  # a wall is thicker than this: 0.22 mm
@@ -121,8 +121,8 @@ def _unroll(
     frame: Pixels, floor: float, column: Float, row: Float, there: NDArray[np.bool_], along_rows: Float
 ) -> tuple[Float, Float]:
     """Return the wall as (point, cell), surface level 1 and floor 0, and where it is measured (1 or 0)."""
-    map_row = row + np.multiply.outer(_THICKNESS_M, along_rows)
-    map_column = np.repeat(column[None], CELLS, axis=0)
+    map_row = row + _THICKNESS_M[:, None] * along_rows
+    map_column = np.ascontiguousarray(np.broadcast_to(column, map_row.shape))
     sampled = cv2.remap(frame, map_column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     light = np.ascontiguousarray(_grouped(sampled.astype(np.float32)).T)
     inside = (map_row <= len(frame) - 1) & there
@@ -167,17 +167,16 @@ def _least_jump(jump: Float) -> Float:
     sizes = sizes[sizes > 0]
     typical = float(np.partition(sizes, len(sizes) // 2)[len(sizes) // 2]) if len(sizes) else 0.0
     change = jump[POOLED:] - jump[:-POOLED]
-    spread = np.sqrt(cv2.reduce(np.square(change), 0, cv2.REDUCE_AVG) / 2)
-    spread = cv2.blur(spread, (SPREAD_CELLS, 1))[0]
+    spread = cv2.blur(np.sqrt(np.square(change).mean(axis=0) / 2)[None], (SPREAD_CELLS, 1))[0]
     least: Float = np.maximum(max(LEAST_JUMP, SURE_JUMP * typical), SURE_SPREAD * spread).astype(np.float32)
     return least
 
 
 def _cross(wall: Float, path: NDArray[np.intp], mean: Float, slope: Float, jump: Float) -> Float:
     """Return the edge near a path, in cells, shape (point,), that best parts light above and below a jump's middle."""
-    cell = np.clip(np.add.outer(path, _OFFSET), 0, CELLS - 1)
+    cell = np.minimum(np.maximum(path[:, None] + _OFFSET, 0), CELLS - 1)
     smooth = cv2.blur(wall, (1, 3))[np.arange(len(path))[:, None], cell]
-    threshold = mean[:, None] + np.multiply.outer(slope, _FROM_MIDDLE) - jump[:, None] / 2
+    threshold = mean[:, None] + slope[:, None] * _FROM_MIDDLE - jump[:, None] / 2
     limit = np.maximum(jump[:, None], np.float32(1e-3))
     sums = np.minimum(np.maximum(smooth - threshold, -limit), limit) @ _SUMS
     edge: Float = (path + sums.argmax(axis=1) - REFINE_CELLS).astype(np.float32)

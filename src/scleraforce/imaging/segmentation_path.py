@@ -33,9 +33,11 @@ def best_path(score_cr: Float, reach: int) -> NDArray[np.intp]:
     total = np.empty_like(steps)
     total[0] = steps[0]
     window = np.ones((1, 2 * reach + 1), dtype=np.uint8)
-    for before, after, step in zip(total[:-1], total[1:], steps[1:], strict=True):
-        cv2.dilate(before, window, dst=after)
-        np.add(after, step, out=after)
+    before = total[0]
+    for after, step in zip(total[1:], steps[1:], strict=True):
+        cv2.dilate(before, window, after)
+        np.add(after, step, after)
+        before = after
     through: Float = total[:, 0] + total[::-1, 1] - score_cr
     rows_c: NDArray[np.intp] = through.argmax(axis=1)
     return rows_c

@@ -11,8 +11,9 @@ Three rules, none of which knows the scale of the image:
 """
 
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from math import ceil
+from typing import Any
 
 import cv2
 import numpy as np
@@ -25,7 +26,7 @@ __all__ = ["Surface", "find_surface", "refine_surface"]
 
 LINE_PIXELS, LINE_M = 12.0, 0.1e-3  # what is thinner is a line
 STEP_PIXELS, STEP_M = 32.0, 0.2e-3  # depth of tissue that a step is judged by
-PATH_COLUMNS = 36  # the path is searched on at most so many columns ...
+PATH_COLUMNS = 30  # the path is searched on at most so many columns ...
 ROWS = 2  # ... and on so many rows of the grid taken as one
 MAX_SLOPE = 2.5  # of the surface: 68 degrees
 BRIGHT_SHARE = 0.985  # of the cells are darker than bright tissue
@@ -34,7 +35,7 @@ HALF_STEP = 0.25  # a step of this size (over LEAST_STEP) earns half of what the
 LEAST_EXCESS = 0.15  # of the bright tissue's level: less is haze, not tissue
 EXCESS_COST, EXCESS_CAP = 0.5, 1.5  # cost of tissue above the path, in steps of full depth
 STRIP_PIXELS, STRIP_M = 24.0, 0.15e-3  # half height of the strip in which the boundary is refined
-FINE_COLUMNS = 256
+FINE_COLUMNS = 128
 BLACK_SHARE = 0.25  # of the noise floor: less light than that is no measurement
 
 
@@ -55,7 +56,7 @@ def find_surface(grid: Grid) -> tuple[Float, Float]:
     spacing = columns[1] - columns[0]
     score = _score(tissue, rows_of(STEP_PIXELS / ROWS, STEP_M / ROWS, grid, 3))
     reach = ceil(MAX_SLOPE * spacing * grid.scale.lateral_m / depth_m)
-    path = best_path(score, min(max(2, reach), score.shape[1] // 3))
+    path = _best_rows(score, min(max(2, reach), score.shape[1] // 3))
     column = (columns + 1.0) * grid.step_columns - 0.5  # the middle of two columns
     return column.astype(np.float32), (path * (ROWS * grid.step_rows) - 0.5).astype(np.float32)
 
@@ -66,7 +67,9 @@ def _without_lines(grid: Grid) -> tuple[Float, NDArray[np.intp]]:
     Shape (pair, row / ROWS). The opening comes before neighbours are averaged: that would thicken a line at a slope.
     """
     columns = np.arange(0, grid.cells.shape[1] - 1, max(2, ceil(grid.cells.shape[1] / PATH_COLUMNS)))
-    cells = grid.cells.T[np.repeat(columns, 2) + np.tile([0, 1], len(columns))]
+    pairs = np.repeat(columns, 2)
+    pairs[1::2] += 1
+    cells = np.ascontiguousarray(grid.cells.take(pairs, axis=1).T)
     thin = np.ones((1, rows_of(LINE_PIXELS, LINE_M, grid, 1) + 2), dtype=np.uint8)  # a line touches one row more
     floor = np.asarray(round(grid.floor), dtype=cells.dtype)
     opened = cv2.morphologyEx(np.maximum(cells, floor), cv2.MORPH_OPEN, thin) - floor
@@ -76,7 +79,7 @@ def _without_lines(grid: Grid) -> tuple[Float, NDArray[np.intp]]:
     return halved.astype(np.float32), columns
 
 
-def _extend_upwards(opened: Pixels, cells: Pixels, black: float, margin: int) -> None:
+def _extend_upwards(opened: NDArray[Any], cells: NDArray[Any], black: float, margin: int) -> None:
     """Continue what lies at the upper edge of the measured part into the black above it: that edge is no surface."""
     if not (cells[:, 0] <= black).any():
         return
@@ -96,13 +99,26 @@ def _score(tissue: Float, depth: int) -> Float:
     padded = cv2.copyMakeBorder(level, 0, 0, depth, depth, cv2.BORDER_REPLICATE)
     means = cv2.blur(padded, (depth, 1), anchor=(0, 0))
     step = np.maximum(means[:, depth : depth + rows] - means[:, :rows] - np.float32(LEAST_STEP), np.float32(0.0))
-    darkest = np.minimum.accumulate(level, axis=1)
-    bright_cells = np.maximum(level - darkest - np.float32(LEAST_EXCESS), np.float32(0.0))
-    excess = bright_cells @ _triangle(rows)[:, :-1] / np.float32(depth)
+    # The tissue above every other cell will do: it changes slowly.
+    coarse = level[:, ::2]
+    darkest = np.minimum.accumulate(coarse, axis=1)
+    bright_cells = np.maximum(coarse - darkest - np.float32(LEAST_EXCESS), np.float32(0.0))
+    above = bright_cells @ _triangle(coarse.shape[1])[:, :-1]
+    excess = np.repeat(above * np.float32(2.0 / depth), 2, axis=1)[:, :rows]
     score = step / (step + np.float32(HALF_STEP)) - np.float32(EXCESS_COST) * np.minimum(excess, np.float32(EXCESS_CAP))
     # Where nothing speaks, the path goes down: a wall that cannot be seen has left the window at the bottom.
-    result: Float = score + np.linspace(0.0, 2e-3, rows, dtype=np.float32)
+    result: Float = score + np.arange(rows, dtype=np.float32) * np.float32(2e-3 / rows)
     return result
+
+
+def _best_rows(score: Float, reach: int) -> NDArray[np.intp]:
+    """Return the best path, found on the best rows of each four: a quarter of the states."""
+    rows = score.shape[1] // 4 * 4
+    pairs = np.maximum(score[:, 0:rows:2], score[:, 1:rows:2])
+    path = best_path(np.maximum(pairs[:, ::2], pairs[:, 1::2]), ceil(reach / 4))
+    four = score[np.arange(len(path))[:, None], 4 * path[:, None] + np.arange(4)]
+    best: NDArray[np.intp] = 4 * path + four.argmax(axis=1)
+    return best
 
 
 def refine_surface(frame: Pixels, scale: PixelScale, column: Float, row: Float) -> Surface:
@@ -118,25 +134,22 @@ def refine_surface(frame: Pixels, scale: PixelScale, column: Float, row: Float) 
         row: rows of the coarse surface, shape (point,).
 
     Returns:
-        The surface at no more than 512 columns, in rows of pixel centres: row r is below it where r >= `row`.
+        The surface at no more than 128 columns, in rows of pixel centres: row r is below it where r >= `row`.
     """
     rows, columns = frame.shape
     half = max(4, round(min(STRIP_PIXELS, STRIP_M / scale.depth_m)))
-    fine = np.linspace(0.0, columns - 1.0, min(columns, FINE_COLUMNS), dtype=np.float32)
-    start = _extended(fine, column, row).clip(0.0, rows - 1.0)
-    offset = np.arange(-half, half, dtype=np.float32) + np.float32(0.5)
-    map_row = np.add.outer(start, offset)
-    map_column = np.repeat(fine[:, None], 2 * half, axis=1)
-    sampled = cv2.remap(frame, map_column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    fine, map_column, offset = _strip(columns, half)
+    start = np.minimum(np.maximum(_extended(fine, column, row), np.float32(0.0)), np.float32(rows - 1.0))
+    sampled = cv2.remap(frame, map_column, start + offset, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     raw: Float = sampled.astype(np.float32)
-    noise = float(cv2.meanStdDev(raw[:, : half - 2])[1][0, 0])
-    thin = np.ones((1, max(2, round(min(LINE_PIXELS, LINE_M / scale.depth_m)))), dtype=np.uint8)
-    strip = np.asarray(cv2.morphologyEx(cv2.blur(raw, (3, 5)), cv2.MORPH_OPEN, thin), dtype=np.float32)
-    sums = strip @ _triangle(2 * half)
-    above = sums[:, half - 2] / np.float32(half - 2)
-    below = (sums[:, -1] - sums[:, half + 2]) / np.float32(half - 2)
-    ramp = np.arange(2 * half + 1, dtype=np.float32)
-    edge = (sums - np.multiply.outer((above + below) / 2, ramp)).argmin(axis=1)
+    noise = float(cv2.meanStdDev(raw[: half - 2])[1][0, 0])
+    thin = np.ones((max(2, round(min(LINE_PIXELS, LINE_M / scale.depth_m))), 1), dtype=np.uint8)
+    strip = np.asarray(cv2.morphologyEx(cv2.blur(raw, (3, 3)), cv2.MORPH_OPEN, thin), dtype=np.float32)
+    sums = _triangle(2 * half).T @ strip
+    above = sums[half - 2] / np.float32(half - 2)
+    below = (sums[-1] - sums[half + 2]) / np.float32(half - 2)
+    middle = (above + below) / 2
+    edge = (sums - middle * np.arange(2 * half + 1, dtype=np.float32)[:, None]).argmin(axis=0)
     found = start + edge.astype(np.float32) - np.float32(half)
     smooth = cv2.blur(cv2.medianBlur(found[None], 5), (5, 1))[0]
     return Surface(fine, smooth, below - above, noise)
@@ -153,7 +166,15 @@ def _extended(at: Float, column: Float, row: Float) -> Float:
     return inside.astype(np.float32)
 
 
-@cache
+@lru_cache(maxsize=8)
+def _strip(columns: int, half: int) -> tuple[Float, Float, Float]:
+    """Return the columns to refine at, (point,), the same for each pixel of a strip, (row, point), and its rows."""
+    fine = np.linspace(0.0, columns - 1.0, min(columns, FINE_COLUMNS), dtype=np.float32)
+    offset = np.arange(-half, half, dtype=np.float32) + np.float32(0.5)
+    return fine, np.repeat(fine[None], 2 * half, axis=0), offset[:, None]
+
+
+@lru_cache(maxsize=8)
 def _triangle(size: int) -> Float:
     """Return the matrix, (size, size + 1), whose product with rows are their sums up to each edge: see `cumsum`.
 

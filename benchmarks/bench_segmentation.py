@@ -1,0 +1,76 @@
+"""Speed of the segmentation: one 512 x 512, 16-bit frame on one core, cold (another frame each time) and in a row.
+
+    python benchmarks/bench_segmentation.py
+
+Frames are drawn from the study's phantom ranges. Beside it: how long the crudest segmentation takes on this machine at
+this moment (crop, resize, median filter, Otsu, contours; 0.25 ms on an idle core), so that times can be compared.
+"""
+
+from collections.abc import Callable
+from time import perf_counter
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.imaging.bscan import render_bscan
+from scleraforce.imaging.optics import sample_optics, sample_pose
+from scleraforce.imaging.plane import Section
+from scleraforce.imaging.segmentation import PixelScale, Segmenter
+from scleraforce.study import Study
+
+FRAMES, ROUNDS = 24, 40
+STUDY = Study()
+SCALE = PixelScale(STUDY.oct.width_m / STUDY.oct.columns, STUDY.oct.depth_m / STUDY.oct.rows)
+
+Frame = NDArray[np.uint16]
+
+
+def draw_frames() -> list[Frame]:
+    """Frames of spherical walls with dents of 0 to 3 mm."""
+    rng = np.random.default_rng(0)
+    lateral = np.linspace(-8.5e-3, 8.5e-3, 800)
+    frames = []
+    for dent_m in np.linspace(0.0, 3e-3, FRAMES):
+        depth = 12e-3 - np.sqrt(12e-3**2 - lateral**2) + dent_m * np.exp(-(lateral**2) / (2 * 1.6e-3**2))
+        outer = np.stack([lateral, depth], axis=1)
+        section = Section(outer, outer + np.array([0.0, rng.uniform(0.4e-3, 0.9e-3)]))
+        optics = sample_optics(STUDY.phantom, STUDY.oct, rng)
+        frames.append(render_bscan(sample_pose(STUDY.phantom, rng).place(section), STUDY.oct, optics, rng).frame)
+    return frames
+
+
+def crudest(frame: Frame) -> None:
+    """Crop, resize, median filter, threshold, contours."""
+    small = cv2.resize(frame[:, 16:496], (140, 40), interpolation=cv2.INTER_AREA)
+    smooth = cv2.medianBlur(np.right_shift(small.astype(np.uint16), 4).astype(np.uint8), 5)
+    cv2.findContours(cv2.threshold(smooth, 0, 255, cv2.THRESH_OTSU)[1], cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+
+
+def times_ms(work: Callable[[Frame], object], frames: list[Frame], repeats: int = 1) -> NDArray[np.float64]:
+    """Return the time of each call, the mean of `repeats` on the same frame."""
+    taken = []
+    for _ in range(ROUNDS // repeats):
+        for frame in frames:
+            start = perf_counter()
+            for _ in range(repeats):
+                work(frame)
+            taken.append((perf_counter() - start) / repeats * 1e3)
+    return np.array(taken)
+
+
+def main() -> None:
+    """Print the table."""
+    cv2.setNumThreads(1)
+    frames, segmenter = draw_frames(), Segmenter()
+    work = {"crudest": crudest, "segment": lambda frame: segmenter.segment(frame, SCALE)}
+    print(f"{'':24}{'least':>8}{'10 %':>8}{'median':>8}  ms")
+    for name, function in work.items():
+        for kind, repeats in (("cold", 1), ("in a row", 8)):
+            taken = times_ms(function, frames, repeats)
+            least, tenth, median = taken.min(), np.quantile(taken, 0.1), np.median(taken)
+            print(f"{f'{name}, {kind}':24}{least:8.3f}{tenth:8.3f}{median:8.3f}")
+
+
+if __name__ == "__main__":
+    main()
