@@ -2,29 +2,34 @@
 
 from collections.abc import Callable, Sequence
 
-from scleraforce.calibration.calibrate import Calibration, EyeCalibration
+from scleraforce.calibration.calibrate import Calibration, EyeCalibration, calibrate_recordings
+from scleraforce.calibration.files import read_calibration
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import Proportion
+from scleraforce.recording.files import read_recording
 from scleraforce.report.answered_frame import look_at
 from scleraforce.report.calibration_figures import draw_modulus_over_frames, draw_observed_points
 from scleraforce.report.html import Html, figure, paragraph, section, table
 from scleraforce.report.left_out import LeftOut
 from scleraforce.report.paper import EYES, MEAN_MODULUS_PA
+from scleraforce.report.reproduction import Run
 from scleraforce.report.style import data_uri
 from scleraforce.report.tables import NOTHING, share
+from scleraforce.study import study_hash
 
 __all__ = ["calibration_section", "left_out_section"]
 
 
-def calibration_section(calibration: Calibration, evaluation: Evaluation, drawn: Callable[[Html], Html]) -> Html:
+def calibration_section(run: Run, evaluation: Evaluation, drawn: Callable[[Html], Html]) -> Html:
     """Return Table 2, the estimate over the frames of the first eye, and its points before and after.
 
     Args:
-        calibration: of the first eyes of the paper's design, with the points of its frames.
+        run: its calibration is of the first eyes of the paper's design.
         evaluation: the answers to all eyes.
         drawn: called with each figure.
     """
-    first = next(iter(calibration.eyes.values()))
+    calibration = read_calibration(run.calibration)
+    first = _with_points(run, next(iter(calibration.eyes)))
     mean_pa, spread_pa = calibration.population
     words = (
         "A reduced-order unscented Kalman filter with two sigma points starts from the paper's prior, 0.49 ± 0.34 MPa. "
@@ -81,6 +86,12 @@ def _over_frames(eye: EyeCalibration) -> Html:
     caption = f"Young's modulus of {eye.id} over its frames, from the prior on (the paper's Fig. 5)."
     drawn = draw_modulus_over_frames(eye, truth_pa)
     return figure(data_uri(drawn, "svg"), "mean and band of the modulus over the frames", caption)
+
+
+def _with_points(run: Run, eye: str) -> EyeCalibration:
+    """Calibrate an eye once more, for the file of a calibration keeps no points to draw."""
+    again = calibrate_recordings([read_recording(run.recordings / eye)], run.study, study_hash(run.study))
+    return again.eyes[eye]
 
 
 def _points(eye: EyeCalibration, evaluation: Evaluation) -> Html:

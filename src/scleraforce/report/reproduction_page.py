@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from scleraforce.calibration.calibrate import Calibration
 from scleraforce.reader import ForceReader, load_model
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report.calibration_section import calibration_section, left_out_section
@@ -39,14 +38,11 @@ SIMULATED = (
 )
 
 
-def write_reproduction_html(
-    run: Run, calibration: Calibration, evaluation: Evaluation, seconds: Mapping[str, float], progress: Progress
-) -> None:
+def write_reproduction_html(run: Run, evaluation: Evaluation, seconds: Mapping[str, float], progress: Progress) -> None:
     """Write the page of a run; a page that is there is replaced.
 
     Args:
         run: the run, all stages but this one done.
-        calibration: of eyes 1 to 4, with the points of its frames.
         evaluation: the answers to the virtual eyes.
         seconds: what the stages took.
         progress: called with 1 after each figure.
@@ -64,7 +60,7 @@ def write_reproduction_html(
         section("The simulated eye", drawn(mesh_figure(run.study))),
         section("Measured forces", drawn(force_log_figure(first, run.study))),
         section("From the raw frame to the slice", drawn(segmentation_figure(evaluation))),
-        calibration_section(calibration, evaluation, drawn),
+        calibration_section(run, evaluation, drawn),
         section(
             "Frames beside the simulation",
             drawn(pairs_figure(evaluation, reader, 0, "Fig. 6")),

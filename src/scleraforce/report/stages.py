@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
-from scleraforce.calibration.files import calibration_as_json
+from scleraforce.calibration.files import calibration_as_json, read_calibration
 from scleraforce.dataset import generate_dataset, open_dataset, read_population_modulus
 from scleraforce.learning.train import train_classifier
 from scleraforce.reader import load_model
@@ -40,24 +40,23 @@ def reproduce(run: Run, announce: Announce) -> Reproduction:
         run: where and on what.
         announce: opens a progress bar.
     """
-    moduli: list[Calibration] = []
     answers: list[Evaluation] = []
-
-    def calibrate(run: Run, progress: Progress) -> None:
-        moduli.append(_calibrate(run, progress))
 
     def evaluate(run: Run, progress: Progress) -> None:
         answers.append(evaluate_recordings(load_model(run.model), _recordings(run), progress=progress))
 
     def leave_out(run: Run, progress: Progress) -> None:
-        write_left_out(read_left_out(open_dataset(run.dataset), moduli[0], answers[0], progress), run.left_out)
+        write_left_out(
+            read_left_out(open_dataset(run.dataset), read_calibration(run.calibration), answers[0], progress),
+            run.left_out,
+        )
 
     def report(run: Run, progress: Progress) -> None:
-        write_reproduction_html(run, moduli[0], answers[0], seconds_so_far(run), progress)
+        write_reproduction_html(run, answers[0], seconds_so_far(run), progress)
 
     stages = (
         Stage("phantom", _trials, _make_eyes, lambda run: run.recordings),
-        Stage("calibrate", _calibrated_trials, calibrate),
+        Stage("calibrate", _calibrated_trials, _calibrate, lambda run: run.calibration),
         Stage("generate", _images, _generate, lambda run: run.dataset, resumes=True),
         Stage("train", lambda run: run.study.network.epochs, _train, lambda run: run.model),
         Stage("evaluate", _trials, evaluate),
@@ -65,7 +64,7 @@ def reproduce(run: Run, announce: Announce) -> Reproduction:
         Stage("report", lambda _: FIGURES, report),
     )
     seconds = run_stages(run, stages, announce)
-    return Reproduction(moduli[0], answers[0], seconds)
+    return Reproduction(read_calibration(run.calibration), answers[0], seconds)
 
 
 def _recordings(run: Run) -> list[Path]:
@@ -96,12 +95,10 @@ def _make_eyes(run: Run, progress: Progress) -> None:
         write_phantom(run.recordings / eye.id, plan, linear_sections(eye, run.study), run.study, progress)
 
 
-def _calibrate(run: Run, progress: Progress) -> Calibration:
-    """Calibrate eyes 1 to 4; done anew each time, for the file keeps no points to draw."""
+def _calibrate(run: Run, progress: Progress) -> None:
     opened = [read_recording(path) for path in _recordings(run)[:CALIBRATED]]
     calibration = calibrate_recordings(opened, run.study, study_hash(run.study), progress=progress)
     write_whole(json.dumps(calibration_as_json(calibration), indent=1, allow_nan=False) + "\n", run.calibration)
-    return calibration
 
 
 def _generate(run: Run, progress: Progress) -> None:

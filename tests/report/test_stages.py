@@ -1,0 +1,131 @@
+"""`reproduce` from end to end, on a coarse mesh and few slices: every stage, its page, Ctrl-C, and going on."""
+
+import json
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+SCLERAFORCE = [sys.executable, "-c", "from scleraforce.cli.main import main; main()"]
+
+STUDY = """
+[mesh]
+divisions = 8
+level = 0
+[dataset]
+contacts = 10
+[[dataset.group]]
+thickness_um = 600
+images = 100
+[[dataset.group]]
+thickness_um = 800
+images = 100
+[network]
+hidden = [16]
+dropout = 0.2
+epochs = 3
+"""
+
+pytestmark = pytest.mark.slow
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*SCLERAFORCE, *arguments], capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("study") / "study.toml"
+    path.write_text(STUDY)
+    return path
+
+
+@pytest.fixture(scope="module")
+def done(study: Path) -> tuple[Path, dict]:
+    """A finished run's folder and what it printed."""
+    out = study.parent / "out"
+    result = run("reproduce", "--out", str(out), "--study", str(study), "--json")
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == ""
+    return out, json.loads(result.stdout)
+
+
+def test_every_stage_is_timed_and_the_answers_count_45_trials(done) -> None:
+    _, printed = done
+    stages = ["phantom", "calibrate", "generate", "train", "evaluate", "leave out", "report", "total"]
+    assert list(printed["seconds"]) == stages
+    assert all(seconds >= 0.0 for seconds in printed["seconds"].values())
+    assert printed["scored"] == sum(map(sum, printed["confusion"])) == 45
+    right = sum(printed["confusion"][k][k] for k in range(3))
+    assert printed["accuracy"] == pytest.approx(right / 45)
+    assert [sum(row) for row in printed["confusion"]] == [7, 15, 23]
+
+
+def test_the_modulus_of_the_virtual_eyes_is_found(done) -> None:
+    # The eyes were made with the same coarse mesh; the mean of 0.27, 0.22, 0.24 and 0.29 MPa.
+    assert done[1]["youngs_modulus_mpa"]["mean_mpa"] == pytest.approx(0.255, rel=0.05)
+
+
+def test_the_page_has_every_table_and_figure_of_the_paper(done) -> None:
+    page = (done[0] / "report.html").read_text(encoding="utf-8")
+    for name in ("Table 1", "Table 2", "Table 3", *(f"Fig. {n}" for n in ("1b", 3, 4, 5, 6, 7, "8a", "8b", 9, 10))):
+        assert name in page, f"{name} is missing"
+    assert "The recordings are simulated" in page
+    assert "not a medical device" in page.lower()
+    assert len(re.findall(r"<img ", page)) == 11
+    assert not re.findall(r'(?:src|href)="(?!data:image/)', page)
+    assert "nan" not in re.sub(r'src="[^"]*"', "", page).lower().split()
+
+
+def test_a_second_run_takes_up_what_is_finished(done, study: Path) -> None:
+    out, first = done
+    result = run("reproduce", "--out", str(out), "--study", str(study), "--json")
+    again = json.loads(result.stdout)
+    for name in ("phantom", "generate", "train", "leave out"):
+        assert again["seconds"][name] == first["seconds"][name]
+    assert again["confusion"] == first["confusion"]
+
+
+def test_another_study_is_refused_with_one_line(done) -> None:
+    result = run("reproduce", "--out", str(done[0]))
+    assert result.returncode == 2
+    assert result.stdout == ""
+    assert re.fullmatch(r"error: .*: made from another study; remove it or give a new folder\n", result.stderr)
+
+
+def test_control_c_leaves_a_folder_that_the_same_command_finishes(study: Path, tmp_path: Path, done) -> None:
+    out = tmp_path / "out"
+    command = [*SCLERAFORCE, "reproduce", "--out", str(out), "--study", str(study), "--json"]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    while child.poll() is None and not (out / "calibration.json").exists():
+        time.sleep(0.05)
+    child.send_signal(signal.SIGINT)
+    printed, said = child.communicate(timeout=120)
+    assert child.returncode == 130
+    assert printed == ""
+    assert said.strip() == "error: interrupted"
+    result = run(*command[len(SCLERAFORCE) :])
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)["confusion"] == done[1]["confusion"]
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs chromium")
+def test_a_browser_renders_the_page(done, tmp_path: Path) -> None:
+    import cv2
+
+    picture = tmp_path / "page.png"
+    flags = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
+    flags += "--disable-component-update --disable-sync --hide-scrollbars --window-size=1200,3000"
+    subprocess.run(
+        ["chromium", *flags.split(), f"--user-data-dir={tmp_path}/profile", f"--screenshot={picture}",
+         (done[0] / "report.html").as_uri()],
+        check=True, capture_output=True, timeout=120,
+    )  # fmt: skip
+    shown = cv2.imread(str(picture))
+    assert shown.shape == (3000, 1200, 3)
+    assert 0.02 < (shown.mean(axis=2) < 128).mean() < 0.9
