@@ -24,7 +24,7 @@ def best_path(score_cr: Float, reach: int) -> NDArray[np.intp]:
     Returns:
         The row in each column, shape (column,).
 
-    >>> best_path(np.array([[0, 9, 0, 0], [0, 0, 0, 5], [0, 4, 0, 0]], dtype=np.float32), reach=1)
+    >>> best_path(np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32), reach=1)
     array([1, 1, 1])
     """
     columns, rows = score_cr.shape
