@@ -41,7 +41,8 @@ def frames(eye: PhantomEye, rng: np.random.Generator) -> list[FrameInput]:
     made = []
     for force_n, section in zip(forces, virtual_sections(wall(eye.thickness_m), eye, forces, STUDY), strict=True):
         lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
-        boundaries = ideal_boundaries(section, Pose(lateral_m, 0.5e-3 + depth_m), STUDY.oct, 5e-6, rng)
+        pose, smoothing_m = Pose(lateral_m, 0.5e-3 + depth_m), STUDY.calibration.surface_smoothing_m
+        boundaries = ideal_boundaries(section, pose, STUDY.oct, 5e-6, rng, smoothing_m)
         made.append(FrameInput(boundaries, force_n, 0.0, np.diag([1e-18, 1e-18])))
     return made
 

@@ -48,7 +48,9 @@ class Laboratory:
         ):
             lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
             pose = Pose(0.3e-3 + lateral_m, 0.5e-3 + depth_m, 0.01)
-            boundaries = ideal_boundaries(section, pose, self.study.oct, noise_m, rng)
+            boundaries = ideal_boundaries(
+                section, pose, self.study.oct, noise_m, rng, self.study.calibration.surface_smoothing_m
+            )
             made.append((pose, FrameInput(boundaries, force_n, 0.0, np.diag([1e-18, 1e-18]))))
         return made
 

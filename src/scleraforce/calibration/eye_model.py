@@ -11,7 +11,7 @@ from math import prod, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.response import WallResponse, WallState, lateral_samples, wall_response
+from scleraforce.calibration.response import WallResponse, WallState, gaussian_smoother, lateral_samples, wall_response
 from scleraforce.errors import CalibrationError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import build_mesh
@@ -51,19 +51,20 @@ class EyeModel:
     thickness_nodes_m: tuple[float, ...]
     polar_nodes_rad: tuple[float, ...]
     fields: Array
+    smoother_ss: Array
 
     def at(self, polar_rad: float, thickness_m: float | None = None) -> WallResponse:
         """Return the response for a polar angle and, where it is uncertain, a thickness."""
         thickness = self.constants.thickness_m if thickness_m is None else thickness_m
         if polar_rad in self.polar_nodes_rad and thickness in self.thickness_nodes_m:
             node = self.thickness_nodes_m.index(thickness), self.polar_nodes_rad.index(polar_rad)
-            return WallResponse(self.fields[node], self.constants.tilt_rad)
+            return WallResponse(self.fields[node], self.constants.tilt_rad, self.smoother_ss)
         weights = np.outer(lagrange(self.thickness_nodes_m, thickness), lagrange(self.polar_nodes_rad, polar_rad))
         # A shell bends as 1/t^2 under a point load: t^2 u is smoother in t than u. Positions are linear in t.
         bent = weights * (np.array(self.thickness_nodes_m)[:, None] / thickness) ** 2
         by_field = np.stack([weights, bent, bent, bent])
         fields = np.einsum("ftp,tpfblsc->fblsc", by_field, self.fields)
-        return WallResponse(fields, self.constants.tilt_rad)
+        return WallResponse(fields, self.constants.tilt_rad, self.smoother_ss)
 
     def state(self, youngs_modulus_pa: float, force_n: float) -> WallState:
         """Return the state of the eye as stated, at a modulus and a force."""
@@ -114,7 +115,8 @@ def build_eye_model(study: Study, constants: EyeConstants, thickness_uncertain: 
     lateral = lateral_samples(study.eye.radius_m, max(thicknesses), contacts, *plane)
     fields = [_fields(study, constants, thickness, contacts, lateral) for thickness in thicknesses]
     weight = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
-    return EyeModel(constants, weight, thicknesses, polars, np.stack(fields))
+    smoother = gaussian_smoother(len(lateral), study.calibration.surface_smoothing_m)
+    return EyeModel(constants, weight, thicknesses, polars, np.stack(fields), smoother)
 
 
 def _fields(

@@ -17,7 +17,7 @@ from scleraforce.eye.mesh import HexMesh, locate, surface_weights
 from scleraforce.imaging.plane import Section
 from scleraforce.mechanics.linear import LinearWall
 
-__all__ = ["WallResponse", "WallState", "lateral_samples", "wall_response"]
+__all__ = ["WallResponse", "WallState", "gaussian_smoother", "lateral_samples", "wall_response"]
 
 Array = NDArray[np.float64]
 
@@ -45,14 +45,24 @@ class WallResponse:
 
     `fields_fblsc` (field, boundary, line, sample, axis): the undeformed position, then the displacements at E = 1 Pa
     per Pa of IOP, per Pa/m of weight and per N of force. Boundaries: outer, inner. Axes: lateral, across the plane
-    (untilted, from the needle axis), depth below the undeformed contact.
+    (untilted, from the needle axis), depth below the undeformed contact. `smoother_ss` (sample, sample) makes of the
+    outer curve what a segmentation makes of it.
     """
 
     fields_fblsc: Array
     tilt_rad: float
+    smoother_ss: Array
 
     def curves(self, states: Sequence[WallState]) -> Array:
-        """Return the sections of several states, shape (state, boundary, sample, 2): lateral and depth in m."""
+        """Return the sections of several states as a segmentation sees them, (state, boundary, sample, 2) in m.
+
+        The last axis is lateral and depth.
+        """
+        curves = self._cut(states)
+        curves[:, 0] = self.smoother_ss @ curves[:, 0]
+        return curves
+
+    def _cut(self, states: Sequence[WallState]) -> Array:
         loads = np.array([self._loads(state) for state in states])
         flat = self.fields_fblsc.reshape(4, -1)
         points = (loads @ flat).reshape(len(states), *self.fields_fblsc.shape[1:])
@@ -61,7 +71,7 @@ class WallResponse:
 
     def section(self, state: WallState) -> Section:
         """Return the section of one state in the plane's frame (`ScanPlane`)."""
-        outer, inner = self.curves([state])[0]
+        outer, inner = self._cut([state])[0]
         return Section(outer, inner)
 
     @staticmethod
@@ -118,7 +128,19 @@ def wall_response(
         )
         for quads, radius in ((mesh.outer_qn, mesh.radius_m), (mesh.inner_qn, mesh.radius_m - mesh.thickness_m))
     ]
-    return WallResponse(np.stack(fields, axis=1), tilt_rad)
+    return WallResponse(np.stack(fields, axis=1), tilt_rad, np.eye(len(lateral_m)))
+
+
+def gaussian_smoother(samples: int, sd_m: float) -> Array:
+    """Return the matrix (sample, sample) that smooths a curve of evenly spaced samples; its ends stay as they are."""
+    if sd_m == 0:
+        return np.eye(samples)
+    offset = np.arange(samples)[:, None] - np.arange(samples)
+    weights = np.exp(-((offset * SAMPLE_STEP_M / sd_m) ** 2) / 2)
+    weights /= weights.sum(axis=1, keepdims=True)
+    reach = int(np.ceil(4 * sd_m / SAMPLE_STEP_M))
+    weights[:reach], weights[-reach:] = np.eye(samples)[:reach], np.eye(samples)[-reach:]
+    return weights
 
 
 def lateral_samples(

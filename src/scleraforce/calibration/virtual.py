@@ -39,6 +39,7 @@ def ideal_boundaries(
     oct_study: OctStudy,
     noise_m: float,
     rng: np.random.Generator,
+    smoothing_m: float = 0.0,
     correlation_columns: float = 1.5,
 ) -> Boundaries:
     """Return the boundaries of a section in a frame, with noise; NaN outside of the frame.
@@ -49,15 +50,19 @@ def ideal_boundaries(
         oct_study: size and pixels of the frame.
         noise_m: standard deviation along the normal.
         rng: source of the noise.
+        smoothing_m: over which the surface is smoothed (a Gaussian's standard deviation).
         correlation_columns: width of the Gaussian that correlates it.
     """
     placed = pose.place(section)
     step_m = oct_study.width_m / oct_study.columns
     lateral_m = (np.arange(oct_study.columns) + 0.5 - oct_study.columns / 2) * step_m
     depths: list[Array] = []
-    for curve in (placed.outer, placed.inner):
+    for curve, smoothing in ((placed.outer, smoothing_m), (placed.inner, 0.0)):
         ahead = np.concatenate([[True], curve[1:, 0] > np.maximum.accumulate(curve[:, 0])[:-1]])
         depth = np.interp(lateral_m, curve[ahead, 0], curve[ahead, 1], left=np.nan, right=np.nan)
+        if smoothing > 0:
+            known = np.isfinite(depth)
+            depth[known] = gaussian_filter1d(depth[known], smoothing / step_m)
         noise = gaussian_filter1d(rng.standard_normal(len(depth)), correlation_columns)
         depth = depth + noise_m * noise / noise.std() * np.sqrt(1 + np.gradient(depth, step_m) ** 2)
         seen = (depth > 0) & (depth < oct_study.depth_m)

@@ -133,6 +133,7 @@ class CalibrationStudy:
     shift_sd_m: float = quantity(0.2, "mm", 0.001, 10.0)
     turn_sd_rad: float = quantity(0.3, "deg", 0.001, 45.0)
     inner_sd_m: float = quantity(0.05, "mm", 0.0001, 1.0)
+    surface_smoothing_m: float = quantity(0.18, "mm", 0.0, 2.0)
     model_error_fraction: float = quantity(1.0, "percent", 0.0, 100.0)
     iop_sd_pa: float = quantity(0.5, "mmhg", 0.001, 80.0)
     thickness_sd_m: float = quantity(25.0, "um", 0.1, 1000.0)
