@@ -151,8 +151,11 @@ def refine_surface(frame: Pixels, scale: PixelScale, column: Float, row: Float) 
     middle = (above + below) / 2
     edge = (sums - middle * np.arange(2 * half + 1, dtype=np.float32)[:, None]).argmin(axis=0)
     found = start + edge.astype(np.float32) - np.float32(half)
-    smooth = cv2.blur(cv2.medianBlur(found[None], 5), (5, 1))[0]
-    return Surface(fine, smooth, below - above, noise)
+    # Mirrored in its end points, a slope goes on beyond them.
+    longer = np.concatenate([2 * found[0] - found[4:0:-1], found, 2 * found[-1] - found[-2:-6:-1]])
+    smooth = cv2.blur(cv2.medianBlur(longer[None], 5), (5, 1))[0, 4:-4]
+    contrast = np.asarray(cv2.blur((below - above)[None], (5, 1))[0], dtype=np.float32)
+    return Surface(fine, smooth, contrast, noise)
 
 
 def _extended(at: Float, column: Float, row: Float) -> Float:
