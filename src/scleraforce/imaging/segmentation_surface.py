@@ -153,7 +153,7 @@ def refine_surface(frame: Pixels, scale: PixelScale, column: Float, row: Float) 
     found = start + edge.astype(np.float32) - np.float32(half)
     # Mirrored in its end points, a slope goes on beyond them.
     longer = np.concatenate([2 * found[0] - found[4:0:-1], found, 2 * found[-1] - found[-2:-6:-1]])
-    smooth = cv2.blur(cv2.medianBlur(longer[None], 5), (5, 1))[0, 4:-4]
+    smooth = np.asarray(cv2.blur(cv2.medianBlur(longer[None], 5), (5, 1))[0, 4:-4], dtype=np.float32)
     contrast = np.asarray(cv2.blur((below - above)[None], (5, 1))[0], dtype=np.float32)
     return Surface(fine, smooth, contrast, noise)
 
