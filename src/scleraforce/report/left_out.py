@@ -27,7 +27,7 @@ from scleraforce.study import ClassesStudy
 
 __all__ = ["EPOCHS", "LeftOut", "classes_at_modulus", "read_left_out", "read_left_out_file", "write_left_out"]
 
-EPOCHS = 8  # at most: these networks answer a few frames each
+EPOCHS = 4  # at most: these networks answer a few frames each
 
 
 @dataclass(frozen=True)
