@@ -54,6 +54,25 @@ DEVIATIONS = (
         "an eye that lies 0.2 mm higher looks like a smaller force to a network that knows one framing only",
     ),
     Deviation(
+        "Kalman filter",
+        "two sigma points on E itself; the noise of an observation is not given",
+        "two sigma points on the logarithm of E, which keeps it positive; noise from the segmentation and the pixel; "
+        "outlying points are left out",
+        "a study may ask for E itself (calibration.positive = false)",
+    ),
+    Deviation(
+        "registration",
+        "rigid; how is not described",
+        "shift and rotation are estimated together with the modulus, from all points of the frame",
+        "at high forces the whole arc moves, so neither the far wall nor the dent is a fixed reference",
+    ),
+    Deviation(
+        "eyes that are read",
+        "with a mean modulus that was found on four of them",
+        "the same, and once more with each eye left out of the mean",
+        "an eye should not take part in its own model",
+    ),
+    Deviation(
         "elements",
         "14,643 'hexahedral elements' (trilinear; that is the node count of 9,600 of them)",
         "curved 27-node hexahedra, one layer",
