@@ -38,8 +38,8 @@ SIMULATED = (
 )
 
 PAPER_RESULT = (
-    "The paper read 42 of 45 trials on five ex vivo porcine eyes right: 93 %, 95 % interval 82 to 98 %; of the dangerous "
-    "forces all 23. Real tissue is the harder task, so the two figures are no contest."
+    "The paper read 42 of 45 trials on five ex vivo porcine eyes right: 93 %, 95 % interval 82 to 98 %; of the "
+    "dangerous forces all 23. Real tissue is the harder task, so the two figures are no contest."
 )
 
 
