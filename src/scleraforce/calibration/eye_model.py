@@ -11,7 +11,7 @@ from math import prod, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.response import WallResponse, WallState, gaussian_smoother, lateral_samples, wall_response
+from scleraforce.calibration.response import WallResponse, WallState, lateral_samples, wall_response
 from scleraforce.errors import CalibrationError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import build_mesh
@@ -43,7 +43,7 @@ class EyeConstants:
 class EyeModel:
     """Responses at nodes of thickness and polar angle.
 
-    `fields` (thickness, polar, field, boundary, line, sample, axis), see `WallResponse`.
+    `fields` (thickness, polar, field, boundary, line, sample, axis), see `WallResponse`; so is `smoothing_m`.
     """
 
     constants: EyeConstants
@@ -51,20 +51,20 @@ class EyeModel:
     thickness_nodes_m: tuple[float, ...]
     polar_nodes_rad: tuple[float, ...]
     fields: Array
-    smoother_ss: Array
+    smoothing_m: float = 0.0
 
     def at(self, polar_rad: float, thickness_m: float | None = None) -> WallResponse:
         """Return the response for a polar angle and, where it is uncertain, a thickness."""
         thickness = self.constants.thickness_m if thickness_m is None else thickness_m
         if polar_rad in self.polar_nodes_rad and thickness in self.thickness_nodes_m:
             node = self.thickness_nodes_m.index(thickness), self.polar_nodes_rad.index(polar_rad)
-            return WallResponse(self.fields[node], self.constants.tilt_rad, self.smoother_ss)
+            return WallResponse(self.fields[node], self.constants.tilt_rad, self.smoothing_m)
         weights = np.outer(lagrange(self.thickness_nodes_m, thickness), lagrange(self.polar_nodes_rad, polar_rad))
         # A shell bends as 1/t^2 under a point load: t^2 u is smoother in t than u. Positions are linear in t.
         bent = weights * (np.array(self.thickness_nodes_m)[:, None] / thickness) ** 2
         by_field = np.stack([weights, bent, bent, bent])
         fields = np.einsum("ftp,tpfblsc->fblsc", by_field, self.fields)
-        return WallResponse(fields, self.constants.tilt_rad, self.smoother_ss)
+        return WallResponse(fields, self.constants.tilt_rad, self.smoothing_m)
 
     def state(self, youngs_modulus_pa: float, force_n: float) -> WallState:
         """Return the state of the eye as stated, at a modulus and a force."""
@@ -115,8 +115,8 @@ def build_eye_model(study: Study, constants: EyeConstants, thickness_uncertain: 
     lateral = lateral_samples(study.eye.radius_m, max(thicknesses), contacts, *plane)
     fields = [_fields(study, constants, thickness, contacts, lateral) for thickness in thicknesses]
     weight = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
-    smoother = gaussian_smoother(len(lateral), study.calibration.surface_smoothing_m)
-    return EyeModel(constants, weight, thicknesses, polars, np.stack(fields), smoother)
+    smoothing_m = study.calibration.surface_smoothing_m
+    return EyeModel(constants, weight, thicknesses, polars, np.stack(fields), smoothing_m)
 
 
 def _fields(

@@ -34,8 +34,9 @@ Array = NDArray[np.float64]
 FIRST_SD = {LATERAL: 2e-3, DEPTH: 1.5e-3, ROTATION: 0.1}  # of a recording's pose, before its first frame
 COLUMNS = 48  # of each boundary that are fitted
 COLUMN_SD_M = 10e-6
-HUBER = 2.5
+CAUCHY = 2.5  # standard deviations at which a column's weight is halved; far ones hardly count at all
 INNER_FRAMES = 25  # the offset of the inner boundary is common to all: so many frames then say as much of it as one
+UNSEEN_LOSS = 3.0  # of a column that the section does not reach: as one that is 4 CAUCHY off
 LOG_MODULUS_SD = 1.0  # a frame's own modulus is free: the pose must not follow what the filter believes
 MOST_ITERATIONS = 25
 CONVERGED_SD = 0.1
@@ -97,7 +98,7 @@ def updated_belief(belief: PoseBelief, prior: PoseBelief, fit: Registered) -> Po
 def register(
     model: EyeModel, boundaries: Boundaries, force_n: float, modulus_pa: float, prior: PoseBelief
 ) -> Registered:
-    """Fit pose and modulus to a frame by a damped Gauss-Newton method on Huber's loss.
+    """Fit pose and modulus to a frame by a damped Gauss-Newton method on Cauchy's loss.
 
     Args:
         model: the eye.
@@ -178,7 +179,7 @@ class _Fit:
         response, modulus = self.model.at(unknown[POLAR]), float(np.exp(unknown[5]))
         placed = predict(self.model, response, modulus, self.force_n, unknown[:5], self.places)
         size = np.abs(self._scaled(placed))[placed.seen]
-        loss = np.where(size < HUBER, size**2, 2 * HUBER * size - HUBER**2).sum() + (~placed.seen).sum() * HUBER**2
+        loss = CAUCHY**2 * (np.log1p((size / CAUCHY) ** 2).sum() + UNSEEN_LOSS * (~placed.seen).sum())
         away = unknown - self.mean
         return placed, float(loss + away @ self.precision @ away)
 
@@ -188,7 +189,7 @@ class _Fit:
         jacobian = np.column_stack([placed.by_nuisance, placed.by_log_modulus]) / sd[:, None]
         jacobian[:, ~self.free] = 0
         residual = self._scaled(placed)
-        weight = np.where(placed.seen, np.minimum(1.0, HUBER / np.maximum(np.abs(residual), 1e-9)), 0.0)
+        weight = np.where(placed.seen, 1 / (1 + (residual / CAUCHY) ** 2), 0.0)
         normal = jacobian.T @ (weight[:, None] * jacobian) + self.precision
         normal[~self.free, ~self.free] = 1.0
         gradient = jacobian.T @ (weight * residual) - self.precision @ (unknown - self.mean)

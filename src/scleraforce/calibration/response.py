@@ -7,17 +7,18 @@ is a point of the section.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, sin, tan
+from math import ceil, cos, sin, tan
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, locate, surface_weights
 from scleraforce.imaging.plane import Section
 from scleraforce.mechanics.linear import LinearWall
 
-__all__ = ["WallResponse", "WallState", "gaussian_smoother", "lateral_samples", "wall_response"]
+__all__ = ["WallResponse", "WallState", "lateral_samples", "wall_response"]
 
 Array = NDArray[np.float64]
 
@@ -45,13 +46,13 @@ class WallResponse:
 
     `fields_fblsc` (field, boundary, line, sample, axis): the undeformed position, then the displacements at E = 1 Pa
     per Pa of IOP, per Pa/m of weight and per N of force. Boundaries: outer, inner. Axes: lateral, across the plane
-    (untilted, from the needle axis), depth below the undeformed contact. `smoother_ss` (sample, sample) makes of the
-    outer curve what a segmentation makes of it.
+    (untilted, from the needle axis), depth below the undeformed contact. `smoothing_m`: over which a
+    segmentation smooths the outer curve (a Gaussian's standard deviation).
     """
 
     fields_fblsc: Array
     tilt_rad: float
-    smoother_ss: Array
+    smoothing_m: float = 0.0
 
     def curves(self, states: Sequence[WallState]) -> Array:
         """Return the sections of several states as a segmentation sees them, (state, boundary, sample, 2) in m.
@@ -59,7 +60,7 @@ class WallResponse:
         The last axis is lateral and depth.
         """
         curves = self._cut(states)
-        curves[:, 0] = self.smoother_ss @ curves[:, 0]
+        curves[:, 0] = smoothed(curves[:, 0], self.smoothing_m)
         return curves
 
     def _cut(self, states: Sequence[WallState]) -> Array:
@@ -128,19 +129,18 @@ def wall_response(
         )
         for quads, radius in ((mesh.outer_qn, mesh.radius_m), (mesh.inner_qn, mesh.radius_m - mesh.thickness_m))
     ]
-    return WallResponse(np.stack(fields, axis=1), tilt_rad, np.eye(len(lateral_m)))
+    return WallResponse(np.stack(fields, axis=1), tilt_rad)
 
 
-def gaussian_smoother(samples: int, sd_m: float) -> Array:
-    """Return the matrix (sample, sample) that smooths a curve of evenly spaced samples; its ends stay as they are."""
+def smoothed(curves: Array, sd_m: float) -> Array:
+    """Return evenly sampled curves (..., sample, 2), smoothed by a Gaussian; their ends stay as they are."""
     if sd_m == 0:
-        return np.eye(samples)
-    offset = np.arange(samples)[:, None] - np.arange(samples)
-    weights = np.exp(-((offset * SAMPLE_STEP_M / sd_m) ** 2) / 2)
-    weights /= weights.sum(axis=1, keepdims=True)
-    reach = int(np.ceil(4 * sd_m / SAMPLE_STEP_M))
-    weights[:reach], weights[-reach:] = np.eye(samples)[:reach], np.eye(samples)[-reach:]
-    return weights
+        return curves
+    sd = sd_m / SAMPLE_STEP_M
+    inside = slice(ceil(4 * sd), -ceil(4 * sd))
+    result = curves.copy()
+    result[..., inside, :] = gaussian_filter1d(curves, sd, axis=-2)[..., inside, :]
+    return result
 
 
 def lateral_samples(
