@@ -10,9 +10,10 @@ import pytest
 
 from scleraforce.errors import InputError
 from scleraforce.eye.contact import Contact
+from scleraforce.report.files import write_figure
 from scleraforce.report.mesh_figure import draw_deformed_mesh, draw_simulation
 from scleraforce.report.simulation import SimulatedEye, simulate_eye
-from scleraforce.report.simulation_files import write_png, write_vtu
+from scleraforce.report.simulation_files import write_vtu
 from scleraforce.study import MeshStudy, Study
 
 THICKNESS = 0.8e-3
@@ -77,7 +78,7 @@ def pixels(content: bytes) -> np.ndarray:
 
 
 def test_the_figure_shows_mesh_needle_and_slice(eye: SimulatedEye, tmp_path: Path) -> None:
-    write_png(draw_simulation(eye), tmp_path / "eye.png")
+    write_figure(draw_simulation(eye), tmp_path / "eye.png")
     image = pixels((tmp_path / "eye.png").read_bytes()).astype(int)
     left, right = image[:, : image.shape[1] // 2], image[:, image.shape[1] // 2 :]
     blue, green, red = np.moveaxis(left, -1, 0)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scleraforce.cli.output import print_json, progress_bar
-from scleraforce.errors import CalibrationError, InputError
+from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study, study_hash
 
 if TYPE_CHECKING:
@@ -61,11 +61,13 @@ def calibrate(
     from scleraforce.calibration.calibrate import calibrate_recordings
     from scleraforce.calibration.files import calibration_as_json, read_calibration
     from scleraforce.recording.files import read_recording
-    from scleraforce.report.files import write_whole
+    from scleraforce.report.files import check_figure_path, write_whole
 
     for path in (out, plot):
         if path is not None and path.exists():
             raise InputError(f"{path}: exists already; remove it or choose another name")
+    if plot is not None:
+        check_figure_path(plot)
     study = Study() if study_path is None else read_study(study_path)
     earlier = None if resume is None else read_calibration(resume).eyes
     opened = [read_recording(path) for path in recordings]
@@ -84,17 +86,9 @@ def calibrate(
 
 def _draw(result: "Calibration", path: Path) -> None:
     from scleraforce.report.calibration_figures import draw_calibration
+    from scleraforce.report.files import write_figure
 
-    if path.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise CalibrationError(f"{path}: give a name that ends in .png, .svg or .pdf")
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
-    try:
-        draw_calibration(result).savefig(part)
-        part.replace(path)
-    except OSError as fault:
-        raise CalibrationError(f"{path}: {fault.strerror}") from fault
-    finally:
-        part.unlink(missing_ok=True)
+    write_figure(draw_calibration(result), path)
 
 
 def _lines(result: "Calibration") -> list[str]:

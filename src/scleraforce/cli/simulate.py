@@ -29,7 +29,11 @@ FORCE = Unit("mn", 0.0, 1000.0)
 @click.option("--mechanics", type=click.Choice(["linear"]), default="linear", show_default=True,
               help="Linear: small displacements.")  # fmt: skip
 @click.option("--vtu", type=click.Path(path_type=Path), help="Write the mesh and its displacement (VTK) here.")
-@click.option("--plot", type=click.Path(path_type=Path), help="Write a PNG of the deformed mesh and the slice here.")
+@click.option(
+    "--plot",
+    type=click.Path(path_type=Path),
+    help="Write a picture of the deformed mesh and the slice here (PNG, SVG, PDF).",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def simulate(
     study_path: Path | None,
@@ -58,6 +62,10 @@ def simulate(
     for path in filter(None, (vtu, plot)):
         if path.exists():
             raise InputError(f"{path}: exists already; remove it or choose another name")
+    if plot is not None:
+        from scleraforce.report.files import check_figure_path
+
+        check_figure_path(plot)
 
     start = perf_counter()
     contact = Contact(sum(study.needle.polar_angle_rad.bounds) / 2)
@@ -68,10 +76,10 @@ def simulate(
 
         write_vtu(eye, vtu)
     if plot is not None:
+        from scleraforce.report.files import write_figure
         from scleraforce.report.mesh_figure import draw_simulation
-        from scleraforce.report.simulation_files import write_png
 
-        write_png(draw_simulation(eye), plot)
+        write_figure(draw_simulation(eye), plot)
     result = {
         "tip_displacement_mm": eye.tip_m * 1e3,
         "elements": len(eye.mesh.cells_en),

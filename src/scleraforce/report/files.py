@@ -1,7 +1,8 @@
 """Write a file whole or not at all."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -9,7 +10,7 @@ from matplotlib.figure import Figure
 from scleraforce.errors import InputError
 from scleraforce.report.html import Html
 
-__all__ = ["write_figure", "write_page", "write_whole"]
+__all__ = ["check_figure_path", "renamed_when_whole", "write_figure", "write_page", "write_whole"]
 
 FIGURE_KINDS = (".png", ".svg", ".pdf")
 
@@ -31,24 +32,43 @@ def write_figure(figure: Figure, path: Path) -> None:
     Raises:
         InputError: another ending, or the folder cannot be written to.
     """
+    check_figure_path(path)
+    kind = path.suffix.lower().removeprefix(".")
+    metadata = {"Software": None} if kind == "png" else None
+    with renamed_when_whole(path) as part:
+        figure.savefig(part, format=kind, dpi=200, facecolor="white", metadata=metadata)
+
+
+def check_figure_path(path: Path) -> None:
+    """Check the ending of a figure's name, before there is a figure.
+
+    Raises:
+        InputError: it is none of .png, .svg, .pdf.
+    """
     if path.suffix.lower() not in FIGURE_KINDS:
         raise InputError(f"{path}: give a name that ends in {', '.join(FIGURE_KINDS)}")
-    _write(path, lambda part: figure.savefig(part, format=path.suffix.lower().removeprefix(".")))
 
 
 def write_whole(content: str, path: Path) -> None:
-    """Write text under a temporary name beside `path` and rename it, so that no half of it is ever there.
+    """Write text whole or not at all.
 
     Raises:
         InputError: its folder cannot be written to.
     """
-    _write(path, lambda part: part.write_text(content, encoding="utf-8"))
+    with renamed_when_whole(path) as part:
+        part.write_text(content, encoding="utf-8")
 
 
-def _write(path: Path, write: Callable[[Path], object]) -> None:
+@contextmanager
+def renamed_when_whole(path: Path) -> Iterator[Path]:
+    """Give a temporary name beside `path`; what is written there gets its own name when it is finished.
+
+    Raises:
+        InputError: the folder cannot be written to.
+    """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        write(part)
+        yield part
         part.replace(path)
     except OSError as fault:
         raise InputError(f"{path}: {fault.strerror}") from fault
