@@ -200,7 +200,7 @@ class NetworkStudy:
     warmup: float = quantity(0.1, None, 0.0, 0.9)
     max_gradient_norm: float = quantity(1.0, None, 1e-6, 1e6)
     batch_size: int = quantity(128, None, 1, 100_000)
-    epochs: int = quantity(12, None, 1, 100_000)
+    epochs: int = quantity(10, None, 1, 100_000)
     seed: int = quantity(0, None, 0, 2**31 - 1)
     search_widths: tuple[int, ...] = quantity((150, 300, 600, 1200), None, 1, 100_000)
     search_depths: tuple[int, ...] = quantity((1, 2, 3), None, 1, 20)
