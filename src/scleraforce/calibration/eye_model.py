@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scleraforce.calibration.response import WallResponse, WallState, lateral_samples, wall_response
 from scleraforce.errors import CalibrationError
 from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import build_mesh
+from scleraforce.eye.mesh import study_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2
@@ -122,11 +122,7 @@ def build_eye_model(study: Study, constants: EyeConstants, thickness_uncertain: 
 def _fields(
     study: Study, constants: EyeConstants, thickness_m: float, contacts: Sequence[Contact], lateral_m: Array
 ) -> Array:
-    mesh = study.mesh
-    wall = LinearWall(
-        build_mesh(study.eye.radius_m, thickness_m, mesh.divisions, mesh.level, mesh.layers, mesh.order),
-        study.eye.poisson_ratio,
-    )
+    wall = LinearWall(study_mesh(study, thickness_m), study.eye.poisson_ratio)
     radius = study.needle.outer_diameter_m / 2
     plane = (constants.gap_m, constants.direction_rad, constants.tilt_rad)
     return np.stack([wall_response(wall, contact, radius, lateral_m, *plane).fields_fblsc for contact in contacts])

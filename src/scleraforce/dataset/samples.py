@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from scleraforce.dataset.plan import DatasetPlan
 from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import build_mesh
+from scleraforce.eye.mesh import study_mesh
 from scleraforce.imaging.plane import ScanPlane, Section
 from scleraforce.imaging.section import cut_sections
 from scleraforce.imaging.slices import fill_section, slice_window
@@ -81,11 +81,7 @@ class SampleSimulator:
     def _wall_of(self, thickness_m: float) -> LinearWall:
         if self._wall is None or self._wall.mesh.thickness_m != thickness_m:
             self._wall = None  # frees the last factorisation before the next is made
-            mesh = self._study.mesh
-            built = build_mesh(
-                self._study.eye.radius_m, thickness_m, mesh.divisions, mesh.level, mesh.layers, mesh.order
-            )
-            self._wall = LinearWall(built, self._study.eye.poisson_ratio)
+            self._wall = LinearWall(study_mesh(self._study, thickness_m), self._study.eye.poisson_ratio)
         return self._wall
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from scleraforce.errors import InputError
 from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import build_mesh
+from scleraforce.eye.mesh import study_mesh
 from scleraforce.imaging.plane import ScanPlane, Section
 from scleraforce.imaging.section import cut_sections
 from scleraforce.mechanics.linear import LinearWall
@@ -60,18 +60,15 @@ def linear_sections(eye: PhantomEye, study: Study) -> SectionsAt:
 
     The wall is factored here, once. Radius, Poisson's ratio, density, mesh and needle are the study's.
     """
-    mesh_study, plane = study.mesh, eye.plane
-    mesh = build_mesh(
-        study.eye.radius_m, eye.thickness_m, mesh_study.divisions, mesh_study.level, mesh_study.layers, mesh_study.order
-    )
-    wall = LinearWall(mesh, study.eye.poisson_ratio)
+    plane = eye.plane
+    wall = LinearWall(study_mesh(study, eye.thickness_m), study.eye.poisson_ratio)
     needle_nc = wall.needle_cnc([plane.contact], study.needle.outer_diameter_m / 2)[0]
     modes_knc = np.stack([wall.pressure_nc, wall.gravity_nc, needle_nc])
     weight_n_m3 = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
 
     def sections_at(forces_n: Sequence[float]) -> Sequence[Section]:
         weights_fk = np.array([[eye.iop_pa, weight_n_m3, force_n] for force_n in forces_n]) / eye.youngs_modulus_pa
-        return cut_sections(mesh, [plane], modes_knc, weights_fk[None])[0]
+        return cut_sections(wall.mesh, [plane], modes_knc, weights_fk[None])[0]
 
     return sections_at
 
