@@ -54,13 +54,11 @@ class PoseBelief:
 
 @dataclass(frozen=True, eq=False)
 class Registered:
-    """A frame's fit: nuisances (5,) and their covariance (5, 5), the frame's own modulus, misfit in m (rms)."""
+    """A frame's fit: nuisances (5,) and their covariance (5, 5), and the frame's own modulus."""
 
     nuisance: Array
     covariance: Array
     youngs_modulus_pa: float
-    misfit_m: float
-    iterations: int
 
 
 def first_belief(model: EyeModel) -> PoseBelief:
@@ -111,9 +109,7 @@ def register(
     fit = _Fit(model, places, observed, force_n, prior, log(modulus_pa))
     unknown = fit.start()
     placed, cost, damping = *fit.evaluate(unknown), 1e-3
-    iterations = 0
-    while iterations < MOST_ITERATIONS:
-        iterations += 1
+    for _ in range(MOST_ITERATIONS):
         normal, gradient = fit.normal_equations(unknown, placed)
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
         if float(step @ normal @ step) < CONVERGED_SD**2:
@@ -123,7 +119,7 @@ def register(
             unknown, placed, cost, damping = unknown + step, trial_placed, trial_cost, damping / 10
         else:
             damping *= 10
-    return fit.result(unknown, placed, iterations)
+    return fit.result(unknown, placed)
 
 
 def _thinned(boundaries: Boundaries) -> tuple[Places, Array]:
@@ -195,7 +191,7 @@ class _Fit:
         gradient = jacobian.T @ (weight * residual) - self.precision @ (unknown - self.mean)
         return normal, gradient
 
-    def result(self, unknown: Array, placed: Placed, iterations: int) -> Registered:
+    def result(self, unknown: Array, placed: Placed) -> Registered:
         """Return the fit, its covariance scaled by the misfit (Birge 1932)."""
         normal, _ = self.normal_equations(unknown, placed)
         residual = self._scaled(placed)[placed.seen]
@@ -204,8 +200,7 @@ class _Fit:
         covariance = np.zeros((6, 6))
         free = np.ix_(self.free, self.free)
         covariance[free] = np.linalg.inv((data / scale**2 + self.precision)[free])
-        misfit = COLUMN_SD_M * float(np.sqrt(np.mean(residual**2))) if len(residual) else np.inf
-        return Registered(unknown[:5].copy(), covariance[:5, :5], float(np.exp(unknown[5])), misfit, iterations)
+        return Registered(unknown[:5].copy(), covariance[:5, :5], float(np.exp(unknown[5])))
 
     def _scaled(self, placed: Placed) -> Array:
         scaled: Array = (self.observed - placed.depth_m) / (COLUMN_SD_M * np.sqrt(1 + placed.slope**2))
