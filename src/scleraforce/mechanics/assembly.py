@@ -7,7 +7,7 @@ from scipy import sparse
 from scleraforce.eye.mesh import HexMesh
 from scleraforce.mechanics.quadrature import VolumePoints
 
-__all__ = ["element_stiffness", "lame_constants", "stiffness_matrix"]
+__all__ = ["BlockPattern", "FreePart", "element_stiffness", "lame_constants", "stiffness_matrix"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -43,14 +43,56 @@ def element_stiffness(points: VolumePoints, lame_lambda: float, lame_mu: float) 
 
 def stiffness_matrix(mesh: HexMesh, element_enini: Floats) -> "sparse.csr_array":
     """Sum element matrices (element, node, 3, node, 3) to a sparse matrix; unknown 3 n + c is node n, component c."""
-    count, nodes = len(mesh.points_nc), mesh.cells_en.shape[1]
-    rows = np.repeat(mesh.cells_en, nodes, axis=1).ravel()
-    columns = np.tile(mesh.cells_en, (1, nodes)).ravel()
-    pairs, block_of = np.unique(rows * count + columns, return_inverse=True)
-    # A sparse matrix of ones adds up the 3 x 3 blocks that meet at a pair of nodes: faster than adding entries.
-    gather = sparse.csr_array((np.ones(len(rows)), (block_of, np.arange(len(rows)))), shape=(len(pairs), len(rows)))
-    blocks = gather @ element_enini.transpose(0, 1, 3, 2, 4).reshape(-1, 9)
-    starts = np.searchsorted(pairs, np.arange(count + 1) * count).astype(np.int32)  # what SuperLU takes
-    block_columns = (pairs % count).astype(np.int32)
-    matrix = sparse.bsr_array((blocks.reshape(-1, 3, 3), block_columns, starts), shape=(3 * count, 3 * count))
-    return matrix.tocsr()
+    pattern = BlockPattern(mesh.cells_en, len(mesh.points_nc))
+    return pattern.matrix(pattern.sum(element_enini.transpose(0, 1, 3, 2, 4)))
+
+
+class BlockPattern:
+    """Which pairs of nodes share an element, and how 3 x 3 blocks of element matrices add up there.
+
+    Found once for a mesh; every assembly is then one gather. Blocks are held as (pair, 3, 3), pairs row by row.
+
+    Attributes:
+        nodes: number of nodes.
+        pairs: row node times `nodes` plus column node of every block, ascending, (pair,).
+    """
+
+    def __init__(self, cells_en: Integers, nodes: int) -> None:
+        rows, columns = np.repeat(cells_en, cells_en.shape[1], axis=1), np.tile(cells_en, (1, cells_en.shape[1]))
+        self.nodes = nodes
+        self.pairs, block_of = np.unique(rows.ravel() * nodes + columns.ravel(), return_inverse=True)
+        # A sparse matrix of ones adds up the 3 x 3 blocks that meet at a pair of nodes: faster than adding entries.
+        shape = (len(self.pairs), block_of.size)
+        self._gather = sparse.csr_array((np.ones(block_of.size), (block_of, np.arange(block_of.size))), shape=shape)
+
+    def sum(self, element_ennii: Floats) -> Floats:
+        """Return the blocks (pair, 3, 3) of the sum of element matrices (element, node, node, 3, 3)."""
+        blocks: Floats = self._gather @ element_ennii.reshape(-1, 9)
+        return blocks.reshape(-1, 3, 3)
+
+    def places(self, nodes_en: Integers) -> Integers:
+        """Return the row of every pair of nodes in the blocks, (element, node, node), for faces of the elements."""
+        places: Integers = np.searchsorted(self.pairs, nodes_en[:, :, None] * self.nodes + nodes_en[:, None, :])
+        return places
+
+    def matrix(self, blocks_bii: Floats) -> "sparse.csr_array":
+        """Return the blocks as a sparse matrix of all unknowns."""
+        starts = np.searchsorted(self.pairs, np.arange(self.nodes + 1) * self.nodes).astype(np.int32)  # for SuperLU
+        columns = (self.pairs % self.nodes).astype(np.int32)
+        return sparse.bsr_array((blocks_bii, columns, starts), shape=(3 * self.nodes, 3 * self.nodes)).tocsr()
+
+
+class FreePart:
+    """The rows and columns of the unknowns that are not held, from blocks to a compressed sparse column matrix."""
+
+    def __init__(self, pattern: BlockPattern, free: Integers) -> None:
+        """`free`: the unknowns that are not held, ascending, (unknown,)."""
+        numbered = np.arange(1.0, 9.0 * len(pattern.pairs) + 1.0).reshape(-1, 3, 3)
+        part = pattern.matrix(numbered)[free][:, free].tocsc()
+        part.sort_indices()
+        self._entry_of = part.data.astype(np.int64) - 1
+        self._indices, self._starts, self._shape = part.indices, part.indptr, part.shape
+
+    def matrix(self, blocks_bii: Floats) -> "sparse.csc_array":
+        """Return the matrix of the free unknowns."""
+        return sparse.csc_array((blocks_bii.ravel()[self._entry_of], self._indices, self._starts), shape=self._shape)

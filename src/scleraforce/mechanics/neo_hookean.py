@@ -1,0 +1,118 @@
+"""A compressible neo-Hookean solid at finite strain on hexahedra: forces and their derivative, at E = 1 Pa.
+
+Energy per undeformed volume W = mu/2 (tr C - 3) - mu ln J + lambda/2 (ln J)^2; F = I + du/dX, C = F^T F, J = det F.
+Total Lagrangian: every integral is over the undeformed wall. Source: Bonet and Wood, Nonlinear Continuum Mechanics for
+Finite Element Analysis, sec. 6.4.3 and 9.4. For small strains it is Hooke's law with the same lambda and mu.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import SolverError
+from scleraforce.eye.mesh import HexMesh
+from scleraforce.mechanics.assembly import BlockPattern, lame_constants
+from scleraforce.mechanics.quadrature import VolumePoints, volume_points
+
+__all__ = ["NeoHookeanSolid"]
+
+Floats = NDArray[np.float64]
+
+ELEMENTS_AT_ONCE = 64  # 27-node matrices of 64 elements take 3 MB: they stay in the processor's cache
+
+
+class NeoHookeanSolid:
+    """The wall's material on its mesh, E = 1 Pa times a factor: forces are those of E divided by E.
+
+    Attributes:
+        pattern: where the tangent's 3 x 3 blocks lie.
+        points: the Gauss points of the undeformed wall.
+    """
+
+    def __init__(self, mesh: HexMesh, poisson_ratio: float, modulus_factor_ep: Floats | None = None) -> None:
+        """Prepare what does not depend on the displacement.
+
+        Args:
+            mesh: the wall, elements of 8, 20 or 27 nodes.
+            poisson_ratio: nu.
+            modulus_factor_ep: modulus over E at every Gauss point of `volume_points`, (element, point) or anything
+                that broadcasts to it; 1 by default.
+
+        Raises:
+            SolverError: an element is turned inside out.
+        """
+        points = volume_points(mesh)
+        elements, count, nodes, _ = points.gradients_epnc.shape
+        lame_lambda, lame_mu = lame_constants(1.0, poisson_ratio)
+        amount_ep = points.volumes_ep * (1.0 if modulus_factor_ep is None else modulus_factor_ep)
+        self.points: VolumePoints = points
+        self.pattern = BlockPattern(mesh.cells_en, len(mesh.points_nc))
+        self._cells_en = mesh.cells_en
+        self._lambda_ep, self._mu_ep = lame_lambda * amount_ep, lame_mu * amount_ep
+        # Rows of D are (point, direction J): D u gives all deformation gradients of an element in one product.
+        self._gradients_erN = points.gradients_epnc.transpose(0, 1, 3, 2).reshape(elements, 3 * count, nodes).copy()
+        weighted = self._gradients_erN * np.repeat(self._mu_ep, 3, axis=1)[..., None]
+        self._laplacian_enn = weighted.transpose(0, 2, 1) @ self._gradients_erN
+
+    def volume_ratio(self, displacement_nc: Floats) -> Floats:
+        """Return J at every Gauss point, (element, point); not positive where the wall is turned inside out."""
+        ratio: Floats = np.linalg.det(self._transposed_gradient(displacement_nc))
+        return ratio
+
+    def forces(self, displacement_nc: Floats) -> Floats:
+        """Return the nodal forces (node, 3) that hold a displacement (node, 3) in m; N per Pa of modulus.
+
+        f_ai = integral of P_iJ N_a,J with P = mu (F - F^-T) + lambda ln J F^-T. Not a number where J <= 0.
+        """
+        F_epJi = self._transposed_gradient(displacement_nc)
+        J_ep = np.linalg.det(F_epJi)
+        if not np.all(J_ep > 0.0):
+            return np.full(displacement_nc.shape, np.nan)
+        inverse_epiJ = np.linalg.inv(F_epJi)  # (F^T)^-1, indices (i, J)
+        factor_ep = self._lambda_ep * np.log(J_ep) - self._mu_ep
+        P_epJi = self._mu_ep[..., None, None] * F_epJi
+        P_epJi += factor_ep[..., None, None] * inverse_epiJ.transpose(0, 1, 3, 2)
+        local_eni = self._gradients_erN.transpose(0, 2, 1) @ P_epJi.reshape(len(P_epJi), -1, 3)
+        flat, count = self._cells_en.ravel(), len(displacement_nc)
+        return np.stack([np.bincount(flat, local_eni[..., c].ravel(), minlength=count) for c in range(3)], axis=1)
+
+    def tangent_blocks(self, displacement_nc: Floats) -> Floats:
+        """Return the derivative of the forces by the displacement as blocks (pair, 3, 3) of `pattern`.
+
+        K_aibk = integral of mu delta_ik N_a,J N_b,J + lambda g_ai g_bk + (mu - lambda ln J) g_ak g_bi, where g = F^-T
+        grad N is the gradient by the deformed position. The first term does not depend on the displacement.
+
+        Raises:
+            SolverError: J <= 0 somewhere.
+        """
+        F_epJi = self._transposed_gradient(displacement_nc)
+        J_ep: Floats = np.linalg.det(F_epJi)
+        if not np.all(J_ep > 0.0):
+            raise SolverError("neo-Hookean: the wall is turned inside out; a smaller step would do")
+        inverse_epiJ: Floats = np.linalg.inv(F_epJi)
+        elements, nodes = self._cells_en.shape
+        matrices = np.empty((elements, nodes, nodes, 3, 3))
+        for start in range(0, elements, ELEMENTS_AT_ONCE):
+            part = slice(start, start + ELEMENTS_AT_ONCE)
+            matrices[part] = self._element_tangents(part, inverse_epiJ[part], J_ep[part])
+        return self.pattern.sum(matrices)
+
+    def _transposed_gradient(self, displacement_nc: Floats) -> Floats:
+        """F^T at the Gauss points, (element, point, J, i)."""
+        local_eni = displacement_nc[self._cells_en]
+        gradient = (self._gradients_erN @ local_eni).reshape(len(local_eni), -1, 3, 3)
+        return gradient + np.eye(3)
+
+    def _element_tangents(self, part: slice, inverse_epiJ: Floats, J_ep: Floats) -> Floats:
+        """Tangents of some elements, (element, node, node, 3, 3)."""
+        elements, count = J_ep.shape
+        nodes = self._cells_en.shape[1]
+        gradients = self._gradients_erN[part].reshape(elements, count, 3, nodes)
+        g = (inverse_epiJ @ gradients).reshape(elements, count, 3 * nodes)
+        bulk_ep, shear_ep = self._lambda_ep[part], self._mu_ep[part] - self._lambda_ep[part] * np.log(J_ep)
+        transposed = g.transpose(0, 2, 1)
+        shape = (elements, 3, nodes, 3, nodes)
+        K_eiakb = (transposed @ (bulk_ep[..., None] * g)).reshape(shape)
+        K_eiakb += (transposed @ (shear_ep[..., None] * g)).reshape(shape).transpose(0, 3, 2, 1, 4)
+        for i in range(3):
+            K_eiakb[:, i, :, i] += self._laplacian_enn[part]
+        return K_eiakb.transpose(0, 2, 4, 1, 3)
