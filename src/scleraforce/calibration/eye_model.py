@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scleraforce.calibration.response import WallResponse, WallState, lateral_samples, wall_response
 from scleraforce.errors import CalibrationError
 from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import study_mesh
+from scleraforce.eye.study_mesh import study_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2
@@ -122,7 +122,8 @@ def build_eye_model(study: Study, constants: EyeConstants, thickness_uncertain: 
 def _fields(
     study: Study, constants: EyeConstants, thickness_m: float, contacts: Sequence[Contact], lateral_m: Array
 ) -> Array:
-    wall = LinearWall(study_mesh(study, thickness_m), study.eye.poisson_ratio)
+    mesh = study_mesh(study, thickness_m, contacts[0] if len(contacts) == 1 else None)
+    wall = LinearWall(mesh, study.eye.poisson_ratio)
     radius = study.needle.outer_diameter_m / 2
     plane = (constants.gap_m, constants.direction_rad, constants.tilt_rad)
     return np.stack([wall_response(wall, contact, radius, lateral_m, *plane).fields_fblsc for contact in contacts])

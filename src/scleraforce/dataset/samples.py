@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from scleraforce.dataset.plan import DatasetPlan
 from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import study_mesh
+from scleraforce.eye.study_mesh import study_mesh
 from scleraforce.imaging.plane import ScanPlane, Section
 from scleraforce.imaging.section import cut_sections
 from scleraforce.imaging.slices import fill_section, slice_window

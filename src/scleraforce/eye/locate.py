@@ -21,12 +21,12 @@ CROSSINGS = 12
 
 
 class SurfaceLocator:
-    """Finds directions on an upper half-sphere of quads (4, 8 or 9 nodes) whose nodes lie on z >= 0.
+    """Finds directions on a sphere of quads (4, 8 or 9 nodes), or on its upper half with all nodes on z >= 0.
 
-    A table over the stereographic disc gives the quad whose middle is nearest; Newton's method then solves for the
-    local coordinates where the surface point is parallel to the direction, and crosses to a neighbour when they leave
-    the quad. In a quad's own frame (a, b, c), c through its middle, parallel means  x.a - (d.a/d.c) x.c = 0  and the
-    same for b: two biquadratic polynomials.
+    A table over the stereographic disc (two for a whole sphere, one from either pole) gives the quad whose middle is
+    nearest; Newton's method then solves for the local coordinates where the surface point is parallel to the direction,
+    and crosses to a neighbour when they leave the quad. In a quad's own frame (a, b, c), c through its middle, parallel
+    means  x.a - (d.a/d.c) x.c = 0  and the same for b: two biquadratic polynomials.
     """
 
     def __init__(self, points_nc: Floats, quad_qn: Integers) -> None:
@@ -35,6 +35,7 @@ class SurfaceLocator:
         self._frames_qkc = _frames(middle, corners[:, 1] - corners[:, 0])
         self._polynomials = _polynomials(points_nc[quad_qn], self._frames_qkc)
         self._neighbours_qe = _neighbours(quad_qn)
+        self._whole = bool(np.all(self._neighbours_qe >= 0))
         side = np.sqrt(2.0 * np.pi / len(quad_qn))
         self._table_cells = int(np.ceil(2.0 * SEEDS_PER_QUAD / side))
         self._seeds = self._seed_table(self._frames_qkc[:, 2])
@@ -43,10 +44,11 @@ class SurfaceLocator:
         """Return the quad (direction,) and local coordinates in [-1, 1]^2 (direction, 2) of every direction.
 
         Raises:
-            InputError: a direction below the base plane, or one that is not finite.
+            InputError: a direction below the base plane of a half-sphere, or one that is not finite.
         """
         lengths = np.linalg.norm(directions_dc, axis=1)
-        if not np.all(directions_dc[:, 2] >= -BELOW_BASE * lengths) or not np.all(lengths > 0.0):
+        above = np.full(len(lengths), self._whole) | (directions_dc[:, 2] >= -BELOW_BASE * lengths)
+        if not np.all(above & (lengths > 0.0) & np.isfinite(lengths)):
             raise InputError("direction: it does not pierce the half-sphere; z >= 0 and a positive length would do")
         quads = np.empty(len(directions_dc), dtype=np.int64)
         local = np.empty((len(directions_dc), 2))
@@ -88,18 +90,23 @@ class SurfaceLocator:
         return np.stack([x, y], axis=1)
 
     def _seed_table(self, middles_qc: Floats) -> Integers:
-        """Quad with the nearest middle for every cell of the square around the stereographic disc, flat."""
+        """Quad with the nearest middle for every cell of the square around the stereographic disc, flat.
+
+        A whole sphere's second table, for z < 0, follows the first.
+        """
         middles = (np.arange(self._table_cells) + 0.5) * 2.0 / self._table_cells - 1.0
         p, q = np.meshgrid(middles, middles, indexing="ij")
         square = p**2 + q**2
         cells = np.stack([2.0 * p, 2.0 * q, 1.0 - square], axis=-1) / (1.0 + square)[..., None]
-        return np.asarray(cKDTree(middles_qc).query(cells.reshape(-1, 3))[1], dtype=np.int64)
+        sides = [cells, cells * (1.0, 1.0, -1.0)] if self._whole else [cells]
+        return np.asarray(cKDTree(middles_qc).query(np.concatenate(sides).reshape(-1, 3))[1], dtype=np.int64)
 
     def _cell(self, directions_dc: Floats) -> Integers:
-        """Cell of the seed table: stereographic projection from the lower pole maps the half-sphere to a disc."""
-        disc = directions_dc[:, :2] / (1.0 + directions_dc[:, 2:])
+        """Cell of the seed table: stereographic projection from the far pole maps a half-sphere to a disc."""
+        disc = directions_dc[:, :2] / (1.0 + np.abs(directions_dc[:, 2:]))
         cell = np.clip(((disc + 1.0) * (0.5 * self._table_cells)).astype(np.int64), 0, self._table_cells - 1)
-        flat: Integers = cell[:, 0] * self._table_cells + cell[:, 1]
+        below = self._whole & (directions_dc[:, 2] < 0.0)
+        flat: Integers = below * self._table_cells**2 + cell[:, 0] * self._table_cells + cell[:, 1]
         return flat
 
 

@@ -10,9 +10,8 @@ from scleraforce.errors import InputError
 from scleraforce.eye.locate import SurfaceLocator
 from scleraforce.eye.shapes import shape_values
 from scleraforce.eye.surface import QuadSurface, catmull_clark, half_cube, project_on_sphere
-from scleraforce.study import Study
 
-__all__ = ["HexMesh", "build_mesh", "locate", "study_mesh", "surface_weights"]
+__all__ = ["HexMesh", "build_mesh", "extrude_surface", "locate", "surface_weights"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -30,12 +29,13 @@ COLUMN_NODES = (
 
 @dataclass(frozen=True, eq=False)
 class HexMesh:
-    """A half-spherical wall of hexahedra, base plane z = 0, SI units.
+    """A wall of hexahedra between two spheres, SI units: the half above the base plane z = 0, or all of it.
 
     `points_nc` (node, 3). `cells_en` (element, 8, 20 or 27): nodes in VTK's order, first local directions along the
     sphere, third outward. `outer_qn`, `inner_qn` (quad, 4, 8 or 9): the two surfaces; quad k of both belongs to one
     radial column and is seen from outside counter-clockwise. Every node lies exactly on its sphere and, through the
-    wall, on one ray; so a direction has the same local coordinates on both surfaces. `base_nodes`: those on z = 0.
+    wall, on one ray; so a direction has the same local coordinates on both surfaces. `base_nodes`: those on z = 0 of a
+    half-sphere; a whole sphere has none.
     """
 
     points_nc: Floats
@@ -81,17 +81,37 @@ def build_mesh(
     >>> len(mesh.cells_en), len(mesh.points_nc)
     (9600, 14643)
     """
-    if not 0.0 < thickness_m < 0.5 * radius_m:
-        raise InputError(f"thickness: {thickness_m * 1e3:g} mm; above 0 and below half the radius would do")
-    if order not in (1, 2) or layers < 1 or level < 0 or divisions < 2 or divisions % 2:
+    if level < 0 or divisions < 2 or divisions % 2:
         raise InputError(
-            f"mesh: order {order}, layers {layers}, level {level}, divisions {divisions}; "
-            "order 1 or 2, at least 1 layer, level 0 and an even number of divisions would do"
+            f"mesh: level {level}, divisions {divisions}; level 0 and an even number of divisions would do"
         )
     surface = half_cube(divisions)
     for _ in range(level):
         surface = catmull_clark(surface)
-    directions, quads = _quad_nodes(project_on_sphere(surface), order)
+    return extrude_surface(project_on_sphere(surface), radius_m, thickness_m, layers, order, serendipity=serendipity)
+
+
+def extrude_surface(
+    surface: QuadSurface, radius_m: float, thickness_m: float, layers: int, order: int, *, serendipity: bool = False
+) -> HexMesh:
+    """Return the wall whose outer surface is a surface of the unit sphere, scaled: a half-sphere or all of it.
+
+    Args:
+        surface: vertices on the unit sphere; where it is open, its edge lies on z = 0 exactly.
+        radius_m: outer radius R.
+        thickness_m: wall thickness t.
+        layers: hexahedra through the wall.
+        order: 1 (8 nodes) or 2 (curved, 27 nodes).
+        serendipity: with order 2, leave out mid-face and mid-volume nodes (20 nodes).
+
+    Raises:
+        InputError: a wall thicker than half the radius, no layers, or another order.
+    """
+    if not 0.0 < thickness_m < 0.5 * radius_m:
+        raise InputError(f"thickness: {thickness_m * 1e3:g} mm; above 0 and below half the radius would do")
+    if order not in (1, 2) or layers < 1:
+        raise InputError(f"mesh: order {order}, layers {layers}; order 1 or 2 and at least 1 layer would do")
+    directions, quads = _quad_nodes(surface, order)
     sheets = order * layers + 1
     radii = radius_m - thickness_m * np.linspace(0.0, 1.0, sheets)
     points = (radii[:, None, None] * directions).reshape(-1, 3)
@@ -99,14 +119,8 @@ def build_mesh(
     inner = quads + (sheets - 1) * len(directions)
     if serendipity and order == 2:
         points, cells, quads, inner = _without_middles(points, cells, quads, inner)
-    base = np.flatnonzero(points[:, 2] == 0.0)
+    base = np.flatnonzero(points[:, 2] == 0.0) if surface.is_open else np.empty(0, dtype=np.int64)
     return HexMesh(points, cells, quads, inner, base, radius_m, thickness_m, order)
-
-
-def study_mesh(study: Study, thickness_m: float) -> HexMesh:
-    """Return the mesh that a study asks for, with one of its wall thicknesses."""
-    mesh = study.mesh
-    return build_mesh(study.eye.radius_m, thickness_m, mesh.divisions, mesh.level, mesh.layers, mesh.order)
 
 
 def _quad_nodes(surface: QuadSurface, order: int) -> tuple[Floats, Integers]:
@@ -145,7 +159,7 @@ def locate(mesh: HexMesh, directions_dc: Floats) -> tuple[Integers, Floats]:
 
     Args:
         mesh: the wall.
-        directions_dc: directions (direction, 3), of any positive length, with z >= 0.
+        directions_dc: directions (direction, 3), of any positive length; z >= 0 where the wall is a half-sphere.
 
     Returns:
         The quad's row in `outer_qn` (direction,) and the local coordinates in [-1, 1]^2 (direction, 2).

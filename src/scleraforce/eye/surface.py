@@ -43,6 +43,11 @@ class QuadSurface:
         """How many quads meet at every edge (1 on the boundary), shape (edge,)."""
         return np.bincount(self.quad_edges_qe.ravel(), minlength=len(self.edges_ev))
 
+    @property
+    def is_open(self) -> bool:
+        """Whether the surface has a boundary."""
+        return bool(np.any(self.edge_quads_count == 1))
+
 
 def half_cube(divisions: int) -> QuadSurface:
     """Return the upper half (z >= 0) of the cube [-1, 1]^3, open at the base.

@@ -8,7 +8,7 @@ import numpy as np
 
 from scleraforce.errors import InputError
 from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import study_mesh
+from scleraforce.eye.study_mesh import study_mesh
 from scleraforce.imaging.plane import ScanPlane, Section
 from scleraforce.imaging.section import cut_sections
 from scleraforce.mechanics.linear import LinearWall
@@ -61,7 +61,7 @@ def linear_sections(eye: PhantomEye, study: Study) -> SectionsAt:
     The wall is factored here, once. Radius, Poisson's ratio, density, mesh and needle are the study's.
     """
     plane = eye.plane
-    wall = LinearWall(study_mesh(study, eye.thickness_m), study.eye.poisson_ratio)
+    wall = LinearWall(study_mesh(study, eye.thickness_m, plane.contact), study.eye.poisson_ratio)
     needle_nc = wall.needle_cnc([plane.contact], study.needle.outer_diameter_m / 2)[0]
     modes_knc = np.stack([wall.pressure_nc, wall.gravity_nc, needle_nc])
     weight_n_m3 = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.eye.contact import Contact
-from scleraforce.eye.mesh import HexMesh, study_mesh
+from scleraforce.eye.mesh import HexMesh
+from scleraforce.eye.study_mesh import study_mesh
 from scleraforce.imaging.plane import ScanPlane, SliceWindow
 from scleraforce.imaging.section import cut_sections
 from scleraforce.imaging.slices import fill_section, slice_window
@@ -48,7 +49,7 @@ def simulate_eye(study: Study, thickness_m: float, force_n: float, contact: Cont
         SolverError: the wall deforms too much to be cut.
     """
     eye = study.eye
-    wall = LinearWall(study_mesh(study, thickness_m), eye.poisson_ratio)
+    wall = LinearWall(study_mesh(study, thickness_m, contact), eye.poisson_ratio)
     unit_nc = wall.needle_cnc([contact], 0.5 * study.needle.outer_diameter_m)[0]
     resting_nc, displacement_nc = (
         wall.displacement(

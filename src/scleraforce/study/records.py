@@ -42,11 +42,17 @@ class EyeStudy:
 
 @dataclass(frozen=True)
 class MeshStudy:
-    """The finite-element mesh: Catmull-Clark subdivision of a half cube, extruded inward."""
+    """The finite-element mesh: quads on the sphere, extruded inward.
 
-    kind: str = option("hexahedra", "hexahedra")
+    "hexahedra": Catmull-Clark subdivision of a half cube, `divisions` and `level`. "graded": small elements at the
+    contact, `core` quads along the side of a square there and `rings` around it; finite strain always uses it.
+    """
+
+    kind: str = option("hexahedra", "hexahedra", "graded")
     divisions: int = quantity(10, None, 2, 200)
     level: int = quantity(1, None, 0, 6)
+    core: int = quantity(6, None, 2, 40)
+    rings: int = quantity(14, None, 1, 200)
     layers: int = quantity(1, None, 1, 20)
     order: int = quantity(2, None, 1, 2)
 
@@ -54,6 +60,8 @@ class MeshStudy:
         check_fields(self)
         if self.divisions % 2:
             raise StudyError(f"divisions: {self.divisions} is odd; a half cube needs an even number per edge")
+        if self.core % 2:
+            raise StudyError(f"core: {self.core} is odd; the square under the needle needs an even number per side")
 
 
 @dataclass(frozen=True)
