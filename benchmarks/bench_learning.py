@@ -74,7 +74,7 @@ def print_reading_times(fitted: Fitted, validation: Samples) -> None:
 def print_accuracies(path: Path) -> None:
     """Print what the study's training reaches on a data set, and without each of its parts."""
     dataset = open_dataset(path)
-    training, validation = split_samples(dataset)
+    training, validation = split_samples(dataset, dataset.youngs_modulus_pa)
     print(f"\n{path!s:<40}{'validation':>12}{'loss':>10}{'clock s':>10}")
     for name, changes in VARIANTS.items():
         start = time.perf_counter()

@@ -55,7 +55,7 @@ def test_the_reader_takes_the_folder_and_reaches_the_stated_accuracy(store: Path
     trained = train_classifier(dataset, tmp_path / "model", progress=ticks.append)
     assert len(ticks) == 6
     reader = load_model(tmp_path / "model")
-    _, validation = split_samples(dataset)
+    _, validation = split_samples(dataset, dataset.youngs_modulus_pa)
     right = reader.probabilities(validation.slices).argmax(axis=1) == validation.target
     assert right.mean() == trained.validation_accuracy == reader.record["metrics"]["validation_accuracy"]
     assert trained.validation_accuracy > 0.8
@@ -137,4 +137,21 @@ def test_without_pytorch_there_is_one_clear_line(store: Path, tmp_path: Path) ->
     assert done.returncode == 2
     assert done.stderr.strip() == (
         "error: training needs torch, which is not installed: pip install 'scleraforce[train]'"
+    )
+
+
+def test_labels_for_another_modulus_make_another_model(store: Path, tmp_path: Path) -> None:
+    dataset = open_dataset(store)
+    training, validation = split_samples(dataset, 1.2 * MODULUS_PA)
+    scaled = np.concatenate([part.target for part in (training, validation)])
+    order = np.concatenate(dataset.split())
+    bounds_n = np.array(STUDY.classes.bounds_n)
+    assert scaled.tolist() == np.searchsorted(bounds_n, 1.2 * dataset.force_n[order]).tolist()
+    assert not np.array_equal(scaled, dataset.target[order])
+    train_classifier(dataset, tmp_path / "model", youngs_modulus_pa=1.2 * MODULUS_PA)
+    reader = load_model(tmp_path / "model")
+    assert reader.study.eye.youngs_modulus_pa == 1.2 * MODULUS_PA
+    assert (
+        np.sum(reader.record["metrics"]["validation_confusion"], axis=1).tolist()
+        == np.bincount(validation.target, minlength=3).tolist()
     )

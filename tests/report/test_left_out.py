@@ -9,9 +9,10 @@ from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import build_mesh
 from scleraforce.imaging.plane import ScanPlane
 from scleraforce.imaging.section import cut_sections
+from scleraforce.learning.samples import classes_at_modulus
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.reader.metrics import Proportion
-from scleraforce.report.left_out import LeftOut, classes_at_modulus, read_left_out_file, write_left_out
+from scleraforce.report.left_out import LeftOut, read_left_out_file, write_left_out
 from scleraforce.study import ClassesStudy
 
 

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Normalisation", "Samples", "content_hash", "mirrored_pixels", "normalisation"]
+from scleraforce.study import ClassesStudy
+
+__all__ = ["Normalisation", "Samples", "classes_at_modulus", "content_hash", "mirrored_pixels", "normalisation"]
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,18 @@ class Samples:
     def pixels(self) -> NDArray[np.uint8]:
         """The slices as a view, one row a sample, shape (sample, row * column)."""
         return self.slices.reshape(len(self.slices), -1)
+
+
+def classes_at_modulus(force_n: NDArray[np.float64], ratio: float, classes: ClassesStudy) -> NDArray[np.int64]:
+    """Return the class of each slice, shape (slice,), if the wall were `ratio` times as stiff.
+
+    In linear mechanics the slice of a force F on a wall of modulus E is that of F E'/E on a wall of E' (under pressure
+    and weight that scale alike, which bend the wall far less than the needle).
+
+    >>> classes_at_modulus(np.array([0.028]), 1.1, ClassesStudy()).tolist()
+    [2]
+    """
+    return np.array([classes.classify(force) for force in ratio * force_n], dtype=np.int64)
 
 
 @dataclass(frozen=True)

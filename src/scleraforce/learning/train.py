@@ -15,7 +15,7 @@ from scleraforce.learning.card import model_card
 from scleraforce.learning.folder import refuse_existing, write_folder
 from scleraforce.learning.framework import onnx, torch
 from scleraforce.learning.graph import onnx_bytes
-from scleraforce.learning.samples import Samples, content_hash
+from scleraforce.learning.samples import Samples, classes_at_modulus, content_hash
 from scleraforce.learning.search import Candidate, search_sizes
 from scleraforce.learning.training import THREADS, Curves, Fitted, fit
 from scleraforce.reader.metrics import accuracy, confusion_matrix, recall
@@ -42,6 +42,7 @@ def train_classifier(
     network: NetworkStudy | None = None,
     search: bool = False,
     progress: Callable[[int], object] | None = None,
+    youngs_modulus_pa: float | None = None,
 ) -> Trained:
     """Train the classifier on a data set and write its model folder.
 
@@ -51,6 +52,7 @@ def train_classifier(
         network: sizes and training, where they are to differ from those in the data set's study.
         search: try every size of the grid instead, and keep the best.
         progress: called with 1 after each epoch (of each size).
+        youngs_modulus_pa: label the slices for walls of this modulus (`classes_at_modulus`); None: as simulated.
 
     Raises:
         ModelError: `out` exists or cannot be written.
@@ -58,9 +60,10 @@ def train_classifier(
         SolverError: the training diverged.
     """
     refuse_existing(out)
-    study = _trained_study(dataset, network)
+    modulus_pa = dataset.youngs_modulus_pa if youngs_modulus_pa is None else youngs_modulus_pa
+    study = _trained_study(dataset, network, modulus_pa)
     classes = len(study.classes.bounds_n) + 1
-    training, validation = split_samples(dataset)
+    training, validation = split_samples(dataset, modulus_pa)
     if search:
         found = search_sizes(study.network, training, validation, classes, progress)
         study, fitted, candidates = replace(study, network=found.study), found.fitted, found.candidates
@@ -75,8 +78,10 @@ def train_classifier(
     return Trained(accuracy_value, interval, study.network, fitted.curves, candidates)
 
 
-def split_samples(dataset: Dataset) -> tuple[Samples, Samples]:
-    """Return the training and the validation samples of a data set; they share no contact.
+def split_samples(dataset: Dataset, youngs_modulus_pa: float) -> tuple[Samples, Samples]:
+    """Return the training and the validation samples of a data set, labelled for walls of a modulus.
+
+    They share no contact. At the data set's own modulus the labels are those of its forces.
 
     Raises:
         DatasetError: one of them is empty.
@@ -87,15 +92,16 @@ def split_samples(dataset: Dataset) -> tuple[Samples, Samples]:
             f"{dataset.path}: validation: {len(parts[1])} of {dataset.images} samples; training and validation need "
             "some each"
         )
-    target = dataset.target.astype(np.int64)
+    ratio = youngs_modulus_pa / dataset.youngs_modulus_pa
+    target = classes_at_modulus(dataset.force_n, ratio, dataset.study.classes)
     training, validation = (Samples(dataset.slices[part], target[part]) for part in parts)
     return training, validation
 
 
-def _trained_study(dataset: Dataset, network: NetworkStudy | None) -> Study:
-    """Return the study that goes with the model: with the modulus of the simulated walls, where it was calibrated."""
+def _trained_study(dataset: Dataset, network: NetworkStudy | None, youngs_modulus_pa: float) -> Study:
+    """Return the study that goes with the model: with the modulus that its labels belong to."""
     study = replace(dataset.study, network=network or dataset.study.network)
-    return replace(study, eye=replace(study.eye, youngs_modulus_pa=dataset.youngs_modulus_pa))
+    return replace(study, eye=replace(study.eye, youngs_modulus_pa=youngs_modulus_pa))
 
 
 def _provenance(study: Study, training: Samples, validation: Samples) -> dict[str, str]:

@@ -12,20 +12,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scleraforce.calibration.calibrate import Calibration
 from scleraforce.dataset import Dataset
 from scleraforce.learning.network import TrainedNetwork
-from scleraforce.learning.samples import Samples
+from scleraforce.learning.train import split_samples
 from scleraforce.learning.training import fit
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import Proportion
 from scleraforce.report.answered_frame import look_at
 from scleraforce.report.files import write_whole
-from scleraforce.study import ClassesStudy
 
-__all__ = ["EPOCHS", "LeftOut", "classes_at_modulus", "read_left_out", "read_left_out_file", "write_left_out"]
+__all__ = ["EPOCHS", "LeftOut", "read_left_out", "read_left_out_file", "write_left_out"]
 
 EPOCHS = 4  # at most: these networks answer a few frames each
 
@@ -37,15 +35,6 @@ class LeftOut:
     eye: str
     youngs_modulus_pa: float
     accuracy: Proportion
-
-
-def classes_at_modulus(force_n: NDArray[np.float64], ratio: float, classes: ClassesStudy) -> NDArray[np.int64]:
-    """Return the class of each slice, shape (slice,), if the wall were `ratio` times as stiff.
-
-    >>> classes_at_modulus(np.array([0.028]), 1.1, ClassesStudy()).tolist()
-    [2]
-    """
-    return np.array([classes.classify(force) for force in ratio * force_n], dtype=np.int64)
 
 
 def read_left_out(
@@ -60,13 +49,11 @@ def read_left_out(
         progress: called with 1 after each epoch of each network.
     """
     network = replace(dataset.study.network, epochs=min(EPOCHS, dataset.study.network.epochs))
-    training, validation = dataset.split()
     results = []
     for eye in calibration.eyes:
         modulus_pa = calibration.left_out(eye)
-        target = classes_at_modulus(dataset.force_n, modulus_pa / dataset.youngs_modulus_pa, dataset.study.classes)
-        parts = [Samples(dataset.slices[part], target[part]) for part in (training, validation)]
-        fitted = fit(network, parts[0], parts[1], len(evaluation.bounds_n) + 1, progress)
+        training, validation = split_samples(dataset, modulus_pa)
+        fitted = fit(network, training, validation, len(evaluation.bounds_n) + 1, progress)
         results.append(LeftOut(eye, modulus_pa, _score(fitted.network, evaluation, eye, dataset)))
     return tuple(results)
 
