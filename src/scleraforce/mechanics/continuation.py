@@ -1,0 +1,173 @@
+"""Following a load path: one equilibrium after another, by the displacement of the needle's tip.
+
+The force may fall while the dent grows (snap-through of a wall without pressure), so the tip is what advances. Steps
+start from a polynomial through the states before, and adapt: shorter after a failure, longer while they are easy.
+Everything is at E = 1 Pa: forces are F/E in m^2 and pressures p/E.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError, SolverError
+from scleraforce.mechanics.equilibrium import Balance, Dent, Equilibrium, sealed_dent, solve_balance
+
+__all__ = ["PathStates", "pressurise", "trace"]
+
+Floats = NDArray[np.float64]
+
+SMALLEST_STEP = 1e-4  # of the path, or of its largest step: no shorter steps are tried
+
+
+@dataclass(frozen=True, eq=False)
+class PathStates:
+    """States along a load path; the first is the one without the needle.
+
+    Attributes:
+        tip_m: inward displacement of the tip from the first state, ascending, (state,) in m.
+        force: F/E, (state,) in m^2.
+        pressure: p/E, (state,); the same everywhere unless the globe is sealed.
+        displacement_su: free displacements, (state, unknown) in m.
+    """
+
+    tip_m: Floats
+    force: Floats
+    pressure: Floats
+    displacement_su: Floats
+
+
+def pressurise(problem: Equilibrium, pressure: float) -> Floats:
+    """Return the displacement (unknown,) under a pressure p/E and no needle.
+
+    Raises:
+        SolverError: no equilibrium was found; the message says what pressure was reached.
+    """
+    reached, step = 0.0, 1.0
+    u = np.zeros_like(problem.needle)
+    if pressure == 0.0:
+        return solve_balance(Balance(problem, 0.0), u)[0]
+    while reached < 1.0:
+        share = min(reached + step, 1.0)
+        try:
+            # Displacement grows with the pressure about in proportion.
+            guess = u * (share / reached) if reached > 0.0 else u
+            u, factors = solve_balance(Balance(problem, share * pressure), guess)
+        except SolverError as fault:
+            step *= 0.5
+            if step < SMALLEST_STEP:
+                found = f"found up to p/E = {reached * pressure:.4g} of {pressure:.4g}"
+                raise SolverError(f"pressure: equilibrium {found}; a thicker wall or less pressure would do") from fault
+            continue
+        reached, step = share, step * (2.0 if factors <= 2 else 1.0)
+    return u
+
+
+def trace(
+    problem: Equilibrium,
+    start: Floats,
+    pressure: float,
+    *,
+    tips_m: Floats | None = None,
+    max_tip_m: float | None = None,
+    max_force: float = np.inf,
+    first_step_m: float = 1e-4,
+    largest_step_m: float = 5e-4,
+    sealed: bool = False,
+) -> PathStates:
+    """Follow the path from the state without the needle, by the tip's inward displacement.
+
+    Args:
+        problem: the wall.
+        start: its equilibrium without the needle, (unknown,), as from `pressurise`.
+        pressure: p/E there.
+        tips_m: where states are wanted, ascending, positive, (state,) in m; the steps between are as short as it needs.
+            By default every step that the path takes is kept.
+        max_tip_m: how far to go, by default the last of `tips_m`.
+        max_force: F/E in m^2; the path ends at the first state kept that carries it.
+        first_step_m: of the tip.
+        largest_step_m: of the tip.
+        sealed: hold the volume inside constant and let the pressure follow; `problem` is a `SealedEquilibrium`.
+
+    Raises:
+        InputError: no end of the path is given, or a sealed path of a wall that does not know its volume.
+        SolverError: no equilibrium was found; the message says what dent and force were reached.
+    """
+    end_m = _end(tips_m, max_tip_m, max_force)
+    control = sealed_dent(problem, start, pressure) if sealed else Dent(problem, start, pressure)
+    walk = _Walk(control, start, first_step_m, largest_step_m, end_m)
+    kept = [walk.history[0]]
+    for goal_m in _goals(tips_m, end_m):
+        while walk.tip_m < goal_m and kept[-1][1] < max_force:
+            walk.step_towards(goal_m)
+            if tips_m is None or walk.tip_m >= goal_m:
+                kept.append(walk.history[-1])
+    return _states(kept, len(start), pressure)
+
+
+def _end(tips_m: Floats | None, max_tip_m: float | None, max_force: float) -> float:
+    if tips_m is not None and (len(tips_m) == 0 or tips_m[0] <= 0.0 or np.any(np.diff(tips_m) <= 0.0)):
+        raise InputError("load path: tips must be positive and ascending")
+    ends = [end for end in (max_tip_m, None if tips_m is None else float(tips_m[-1])) if end is not None]
+    if not ends and not np.isfinite(max_force):
+        raise InputError("load path: no end is given; a largest tip displacement or force would do")
+    return min(ends, default=np.inf)
+
+
+def _goals(tips_m: Floats | None, end_m: float) -> list[float]:
+    return [end_m] if tips_m is None else [float(tip) for tip in tips_m if tip <= end_m]
+
+
+def _states(kept: list[tuple[float, float, Floats]], unknowns: int, pressure: float) -> PathStates:
+    pressures = [float(x[unknowns + 1]) if len(x) > unknowns + 1 else pressure for _, _, x in kept]
+    tips, forces = [tip for tip, _, _ in kept], [force for _, force, _ in kept]
+    displacement_su = np.stack([x[:unknowns] for _, _, x in kept])
+    return PathStates(np.array(tips), np.array(forces), np.array(pressures), displacement_su)
+
+
+class _Walk:
+    """Steps along the path; each starts from a polynomial through the states before.
+
+    Attributes:
+        history: up to three last states: tip in m, force, unknowns.
+    """
+
+    def __init__(self, control: Dent, start: Floats, step_m: float, largest_m: float, end_m: float) -> None:
+        self.control, self.step_m, self.largest_m = control, step_m, largest_m
+        self.shortest_m = SMALLEST_STEP * min(end_m, largest_m)
+        self.history: list[tuple[float, float, Floats]] = [(0.0, 0.0, np.concatenate([start, control.borders]))]
+
+    @property
+    def tip_m(self) -> float:
+        return self.history[-1][0]
+
+    def step_towards(self, goal_m: float) -> None:
+        """Take one step, at most to `goal_m`; shorter after failures, longer after success."""
+        while True:
+            left_m = goal_m - self.tip_m
+            # Two even steps, rather than a long one and a sliver.
+            tip_m = goal_m if left_m <= self.step_m else self.tip_m + min(self.step_m, 0.5 * left_m)
+            self.control.tip_m = tip_m
+            try:
+                x, factors = solve_balance(self.control, self._extrapolated(tip_m))
+            except SolverError as fault:
+                self._shorten(tip_m, fault)
+                continue
+            self.step_m = min(self.largest_m, self.step_m * (2.0 if factors == 1 else 1.0 if factors <= 3 else 0.5))
+            self.control.largest_force = max(self.control.largest_force, abs(float(x[self.control.count])))
+            self.history = [*self.history[-2:], (tip_m, float(x[self.control.count]), x)]
+            return
+
+    def _shorten(self, tip_m: float, fault: SolverError) -> None:
+        self.step_m = 0.5 * (tip_m - self.tip_m)
+        if self.step_m < self.shortest_m:
+            reached = f"a dent of {1e3 * self.tip_m:.4g} mm, F/E = {1e6 * self.history[-1][1]:.4g} mm^2"
+            raise SolverError(f"load path: no equilibrium found beyond {reached}; a smaller dent would do") from fault
+
+    def _extrapolated(self, tip_m: float) -> Floats:
+        """Lagrange's polynomial through the last states, at most three."""
+        tips = [tip for tip, _, _ in self.history]
+        guess = np.zeros_like(self.history[0][2])
+        for i, (own, _, x) in enumerate(self.history):
+            guess += x * np.prod([(tip_m - other) / (own - other) for j, other in enumerate(tips) if j != i])
+        return guess

@@ -1,0 +1,245 @@
+"""Equilibrium at a prescribed dent: what is solved, and Newton's method for it.
+
+The displacement of the needle's tip is prescribed and the force is an unknown of its own; in a sealed globe the
+pressure is another, with the volume prescribed. Both enter as borders of the tangent: K du - b df - g dp = -r is split
+into one solve per column, and a small matrix gives the increments of force and pressure (Batoz and Dhatt, Int. J. Numer.
+Meth. Engng 14, 1979). Newton's steps are damped by the natural monotonicity test, and a factor is used again while it
+contracts fast (Deuflhard, Newton Methods for Nonlinear Problems, sec. 3.3): neither depends on units or conditioning.
+
+Everything is at E = 1 Pa: forces are F/E in m^2 and pressures p/E.
+"""
+
+from collections.abc import Callable
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError, SolverError
+
+__all__ = ["Balance", "Dent", "Equilibrium", "SealedDent", "SealedEquilibrium", "sealed_dent", "solve_balance"]
+
+Floats = NDArray[np.float64]
+Solve = Callable[[Floats], Floats]
+
+TOLERANCE = 1e-9  # largest force out of balance, over the forces applied; also of the tip and the volume
+MOST_FACTORS = 10  # for one equilibrium
+FAST = 0.3  # a factor is used again while it leaves less than this of the error
+SMALLEST_DAMPING = 1.0 / 32.0
+
+
+class Equilibrium(Protocol):
+    """A wall whose free displacements are sought, at E = 1 Pa."""
+
+    @property
+    def needle(self) -> Floats:
+        """Nodal forces of 1 N through the needle, (unknown,)."""
+
+    @property
+    def tip(self) -> Floats:
+        """Functional whose product with the displacement is the tip's inward displacement, (unknown,)."""
+
+    def residual(self, u: Floats, pressure: float) -> Floats:
+        """Internal less external forces without the needle, (unknown,); not finite where u is inadmissible."""
+
+    def factor(self, u: Floats, pressure: float) -> Solve:
+        """Factor the derivative of the residual by u; return its solve for (unknown,) or (unknown, column).
+
+        Raises:
+            SolverError, ArithmeticError: there is no such factor; a shorter step is then tried.
+        """
+
+
+@runtime_checkable
+class SealedEquilibrium(Equilibrium, Protocol):
+    """An equilibrium that knows the volume inside."""
+
+    def volume(self, u: Floats) -> tuple[float, Floats]:
+        """Return the volume in m^3 and its derivative by u, (unknown,).
+
+        Pressure does work on this volume: the derivative of the residual by the pressure is minus that by u.
+        """
+
+
+class Balance:
+    """Equilibrium at a given pressure without the needle: no borders. The unknowns x are u.
+
+    Attributes:
+        count: how many displacements are unknown.
+        applied: norm of the external forces on the undeformed wall.
+    """
+
+    def __init__(self, problem: Equilibrium, pressure: float) -> None:
+        self.problem, self.pressure = problem, pressure
+        self.count = len(problem.needle)
+        self.applied = float(np.linalg.norm(problem.residual(np.zeros_like(problem.needle), pressure)))
+
+    def defect(self, x: Floats) -> Floats:
+        """Return the forces out of balance."""
+        return self.problem.residual(x, self.pressure)
+
+    def met(self, defect: Floats, x: Floats) -> bool:  # noqa: ARG002 (what is applied depends on x in other controls)
+        """Return whether a defect is none."""
+        return bool(np.linalg.norm(defect) <= TOLERANCE * self.applied)
+
+    def factor(self, x: Floats) -> Solve:
+        """Factor the derivative of the defect."""
+        return self.problem.factor(x, self.pressure)
+
+
+class Dent:
+    """Equilibrium at a given displacement of the tip from `start`. The unknowns x are u and the force.
+
+    Attributes:
+        tip_m: the tip's displacement that is prescribed; set by who walks along the path.
+        largest_force: on the path so far; where the force passes through zero, this is what errors are measured by.
+    """
+
+    def __init__(self, problem: Equilibrium, start: Floats, pressure: float) -> None:
+        self.problem, self.start, self.pressure = problem, start, pressure
+        self.tip_m = 0.0
+        self.largest_force = 0.0
+        self.count = len(start)
+        self.applied = Balance(problem, pressure).applied
+        self._needle_norm = float(np.linalg.norm(problem.needle))
+
+    @property
+    def borders(self) -> Floats:
+        """What the unknowns beside u are without the needle."""
+        return np.zeros(1)
+
+    def defect(self, x: Floats) -> Floats:
+        """Return the forces out of balance and by how much the tip is off."""
+        u, force = x[: self.count], x[self.count]
+        balance = self.problem.residual(u, self.pressure) - force * self.problem.needle
+        return np.append(balance, self.problem.tip @ (u - self.start) - self.tip_m)
+
+    def met(self, defect: Floats, x: Floats) -> bool:
+        """Return whether a defect is none."""
+        force = max(abs(float(x[self.count])), self.largest_force)
+        applied = self.applied + force * self._needle_norm
+        balanced = np.linalg.norm(defect[: self.count]) <= TOLERANCE * applied
+        return bool(balanced and abs(defect[self.count]) <= TOLERANCE * self.tip_m)
+
+    def factor(self, x: Floats) -> Solve:
+        """Factor the derivative of the defect."""
+        tangent = self.problem.factor(x[: self.count], self.pressure)
+        return _bordered(tangent, self.problem.needle[:, None], self.problem.tip[None])
+
+
+class SealedDent(Dent):
+    """The same with the volume inside held constant. The unknowns x are u, the force and the pressure."""
+
+    problem: SealedEquilibrium
+
+    def __init__(self, problem: SealedEquilibrium, start: Floats, pressure: float) -> None:
+        super().__init__(problem, start, pressure)
+        self.volume_m3 = problem.volume(start)[0]
+
+    @property
+    def borders(self) -> Floats:
+        """What the unknowns beside u are without the needle."""
+        return np.array([0.0, self.pressure])
+
+    def defect(self, x: Floats) -> Floats:
+        """Return the forces out of balance and by how much the tip and the volume are off."""
+        u, force, pressure = x[: self.count], x[self.count], float(x[self.count + 1])
+        balance = self.problem.residual(u, pressure) - force * self.problem.needle
+        dent = self.problem.tip @ (u - self.start) - self.tip_m
+        return np.append(balance, [dent, self.problem.volume(u)[0] - self.volume_m3])
+
+    def met(self, defect: Floats, x: Floats) -> bool:
+        """Return whether a defect is none."""
+        return super().met(defect, x) and bool(abs(defect[-1]) <= TOLERANCE * abs(self.volume_m3))
+
+    def factor(self, x: Floats) -> Solve:
+        """Factor the derivative of the defect."""
+        u = x[: self.count]
+        tangent, gradient = self.problem.factor(u, float(x[-1])), self.problem.volume(u)[1]
+        columns = np.stack([self.problem.needle, gradient], axis=1)
+        return _bordered(tangent, columns, np.stack([self.problem.tip, gradient]))
+
+
+def sealed_dent(problem: Equilibrium, start: Floats, pressure: float) -> SealedDent:
+    """Return the control of a sealed globe.
+
+    Raises:
+        InputError: the wall does not know its volume.
+    """
+    if not isinstance(problem, SealedEquilibrium):
+        raise InputError("sealed globe: this wall does not know its volume; an open one would do")
+    return SealedDent(problem, start, pressure)
+
+
+def _bordered(tangent: Solve, columns_uk: Floats, rows_ku: Floats) -> Solve:
+    """Solve K du - C dy = r, R du = c for (du, dy): one solve for C, one for each r, and a small matrix."""
+    answers_uk = tangent(columns_uk)
+    small_kk = rows_ku @ answers_uk
+    unknowns = len(columns_uk)
+
+    def solve(defect: Floats) -> Floats:
+        without = tangent(defect[:unknowns])
+        borders = np.linalg.solve(small_kk, defect[unknowns:] - rows_ku @ without)
+        return np.concatenate([without + answers_uk @ borders, borders])
+
+    return solve
+
+
+def solve_balance(control: Balance | Dent, x: Floats) -> tuple[Floats, int]:
+    """Return the unknowns that meet the control, from a guess x, and how many factors it took.
+
+    Raises:
+        SolverError: it does not converge from there.
+    """
+    defect = control.defect(x)
+    for factors in range(MOST_FACTORS):
+        if control.met(defect, x):
+            return x, factors
+        if not np.all(np.isfinite(defect)):
+            break
+        x, defect = _newton_step(control, x, defect)
+    if control.met(defect, x):
+        return x, MOST_FACTORS
+    raise SolverError("equilibrium: Newton's method did not converge; a shorter step would do")
+
+
+def _newton_step(control: Balance | Dent, x: Floats, defect: Floats) -> tuple[Floats, Floats]:
+    """Factor at x, take a damped step, and more with the same factor while that is fast; return x and its defect."""
+    try:
+        solve = control.factor(x)
+        step = -solve(defect)
+        x, defect, step, left = _damped(control, solve, x, step)
+        while left < FAST and not control.met(defect, x):
+            trial = x + step
+            trial_defect = control.defect(trial)
+            trial_step = -solve(trial_defect)
+            left = _size(control, trial_step) / _size(control, step)
+            if not left < 1.0:
+                break
+            x, defect, step = trial, trial_defect, trial_step
+    except (ArithmeticError, np.linalg.LinAlgError) as fault:
+        raise SolverError(f"equilibrium: {fault}; a shorter step would do") from fault
+    return x, defect
+
+
+def _damped(control: Balance | Dent, solve: Solve, x: Floats, step: Floats) -> tuple[Floats, Floats, Floats, float]:
+    """Shorten a step until what the same factor would correct next is smaller by enough.
+
+    Returns the new x, its defect, that next step, and its size over the size of this one.
+    """
+    damping = 1.0
+    while damping >= SMALLEST_DAMPING:
+        trial = x + damping * step
+        defect = control.defect(trial)
+        if np.all(np.isfinite(defect)):
+            following = -solve(defect)
+            left = _size(control, following) / _size(control, step)
+            if left <= 1.0 - 0.25 * damping or control.met(defect, trial):
+                return trial, defect, following, left
+        damping *= 0.5
+    raise SolverError("equilibrium: no step reduces the error; a shorter step would do")
+
+
+def _size(control: Balance | Dent, step: Floats) -> float:
+    """The displacement's part of a step: borders are of other units."""
+    return float(np.linalg.norm(step[: control.count]))

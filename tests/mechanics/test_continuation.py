@@ -1,0 +1,166 @@
+"""Paths of tiny structures whose equilibria are known exactly."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError, SolverError
+from scleraforce.mechanics.continuation import pressurise, trace
+
+Floats = NDArray[np.float64]
+
+HALF_SPAN, HEIGHT = 1.0, 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Truss:
+    """Von Mises' shallow truss of two bars (Green's strain, E A = 1), pushed through a spring: u = (apex, needle)."""
+
+    spring: float
+
+    needle = np.array([0.0, 1.0])
+    tip = np.array([0.0, 1.0])
+
+    def residual(self, u: Floats, pressure: float) -> Floats:
+        pull = self.spring * (u[1] - u[0])
+        return np.array([truss_force(u[0]) - pull - pressure, pull])
+
+    def factor(self, u: Floats, pressure: float) -> Callable[[Floats], Floats]:  # noqa: ARG002
+        left = HEIGHT - u[0]
+        slope = (3.0 * left**2 - HEIGHT**2) / (HALF_SPAN**2 + HEIGHT**2) ** 1.5
+        tangent = np.array([[slope + self.spring, -self.spring], [-self.spring, self.spring]])
+        return lambda rhs: np.asarray(np.linalg.solve(tangent, rhs))
+
+
+def truss_force(apex: Any) -> Any:
+    """Force that holds the apex down by `apex`: the derivative of the energy of both bars."""
+    left = HEIGHT - apex
+    return left * (HEIGHT**2 - left**2) / (HALF_SPAN**2 + HEIGHT**2) ** 1.5
+
+
+def assert_on_truss(spring: float, tips: Floats, forces: Floats) -> None:
+    apex = tips - forces / spring
+    np.testing.assert_allclose(forces, truss_force(apex), rtol=1e-8, atol=1e-9 * np.abs(forces).max())
+
+
+def test_path_follows_the_exact_snap_through_past_both_limits_of_the_force() -> None:
+    tips = np.linspace(0.02, 0.5, 25)
+    path = trace(Truss(1.0), np.zeros(2), 0.0, tips_m=tips, first_step_m=0.02, largest_step_m=0.05)
+    assert_on_truss(1.0, path.tip_m, path.force)
+    np.testing.assert_array_equal(path.tip_m, [0.0, *tips])
+    assert path.force.min() < 0.0  # it did snap
+
+
+def test_states_do_not_depend_on_the_steps() -> None:
+    tips = np.array([0.1, 0.3, 0.5])
+    runs = [
+        trace(Truss(1.0), np.zeros(2), 0.0, tips_m=tips, first_step_m=step, largest_step_m=step)
+        for step in (0.3, 0.05, 0.003)
+    ]
+    for run in runs[1:]:
+        np.testing.assert_allclose(run.displacement_su, runs[0].displacement_su, rtol=0.0, atol=1e-8)
+        np.testing.assert_allclose(run.force, runs[0].force, rtol=0.0, atol=1e-10)
+
+
+def test_path_that_keeps_its_own_steps_ends_at_the_first_state_over_the_force() -> None:
+    limit = 0.5 * truss_force(HEIGHT * (1.0 - 1.0 / np.sqrt(3.0)))
+    path = trace(Truss(1.0), np.zeros(2), 0.0, max_force=limit, first_step_m=0.004, largest_step_m=0.004)
+    assert np.all(path.force[:-1] < limit)
+    assert path.force[-1] >= limit
+    assert len(path.tip_m) > 5
+    assert_on_truss(1.0, path.tip_m, path.force)
+
+
+def test_a_path_whose_tip_turns_back_raises_and_says_where() -> None:
+    soft = 0.01  # softer than the truss's steepest descent: the tip itself must go back
+    with pytest.raises(SolverError, match=r"dent of \d+(\.\d+)? mm, F/E = "):
+        trace(Truss(soft), np.zeros(2), 0.0, max_tip_m=2.0, first_step_m=0.02, largest_step_m=0.02)
+
+
+def test_truss_under_a_dead_pressure_starts_where_it_pushed_the_apex() -> None:
+    pressure = 0.5 * truss_force(0.05)
+    start = pressurise(Truss(1.0), pressure)
+    assert truss_force(start[0]) == pytest.approx(pressure, rel=1e-9)
+    path = trace(Truss(1.0), start, pressure, tips_m=np.linspace(0.01, 0.4, 10), largest_step_m=0.1)
+    apex = start[1] + path.tip_m - path.force / 1.0
+    np.testing.assert_allclose(path.force + pressure, truss_force(apex), atol=1e-10)
+
+
+def test_pressure_above_the_limit_raises_and_says_what_was_reached() -> None:
+    with pytest.raises(SolverError, match=r"found up to p/E = 0\.00(4\d+|5) of 0\.006"):
+        pressurise(Limited(), 1.2 / 200.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Limited:
+    """A balloon of one unknown, p = tanh(u) / 200: no equilibrium above p = 1 / 200."""
+
+    needle = np.array([1.0])
+    tip = np.array([1.0])
+
+    def residual(self, u: Floats, pressure: float) -> Floats:
+        return np.tanh(u) / 200.0 - pressure
+
+    def factor(self, u: Floats, pressure: float) -> Callable[[Floats], Floats]:  # noqa: ARG002
+        return lambda rhs: rhs * 200.0 * np.cosh(u[0]) ** 2
+
+
+def test_pressure_close_to_the_limit_is_reached_in_steps() -> None:
+    assert np.tanh(pressurise(Limited(), 0.995 / 200.0)[0]) == pytest.approx(0.995, rel=1e-9)
+
+
+@dataclass(frozen=True, eq=False)
+class SealedSprings:
+    """A linear structure K u = p g + f b, whose volume is 1 + g u."""
+
+    stiffness: Floats
+    gradient: Floats
+    needle: Floats
+    tip: Floats
+
+    def residual(self, u: Floats, pressure: float) -> Floats:
+        return self.stiffness @ u - pressure * self.gradient
+
+    def factor(self, u: Floats, pressure: float) -> Callable[[Floats], Floats]:  # noqa: ARG002
+        return lambda rhs: np.asarray(np.linalg.solve(self.stiffness, rhs))
+
+    def volume(self, u: Floats) -> tuple[float, Floats]:
+        return 1.0 + float(self.gradient @ u), self.gradient
+
+
+def test_sealed_linear_structure_takes_the_exact_force_and_pressure() -> None:
+    random = np.random.default_rng(3)
+    root = random.normal(size=(6, 6))
+    K, g, b = root @ root.T + np.eye(6), random.normal(size=6), random.normal(size=6)
+    springs = SealedSprings(K, g, b, b)
+    tips, pressure = np.array([0.1, 0.4, 1.0]), 0.3
+    start = pressurise(springs, pressure)
+    np.testing.assert_allclose(start, pressure * np.linalg.solve(K, g), rtol=1e-8)
+    path = trace(springs, start, pressure, tips_m=tips, sealed=True, first_step_m=0.1, largest_step_m=1.0)
+
+    needle, inflated = np.linalg.solve(K, b), np.linalg.solve(K, g)
+    rise = -(g @ needle) / (g @ inflated)  # pressure per force that keeps g u
+    force = tips / (b @ (needle + rise * inflated))
+    np.testing.assert_allclose(path.force[1:], force, rtol=1e-8)
+    np.testing.assert_allclose(path.pressure[1:], pressure + rise * force, rtol=1e-8)
+    np.testing.assert_allclose(path.displacement_su @ g, start @ g, rtol=0.0, atol=1e-9)
+
+
+def test_sealing_a_wall_that_does_not_know_its_volume_is_refused() -> None:
+    with pytest.raises(InputError, match="sealed globe"):
+        trace(Truss(1.0), np.zeros(2), 0.0, max_tip_m=0.1, sealed=True)
+
+
+@pytest.mark.parametrize("tips", [np.array([]), np.array([0.0, 0.1]), np.array([0.2, 0.1])])
+def test_tips_that_do_not_ascend_from_above_zero_are_refused(tips: Floats) -> None:
+    with pytest.raises(InputError, match="tips"):
+        trace(Truss(1.0), np.zeros(2), 0.0, tips_m=tips)
+
+
+def test_a_path_without_an_end_is_refused() -> None:
+    with pytest.raises(InputError, match="no end"):
+        trace(Truss(1.0), np.zeros(2), 0.0)
