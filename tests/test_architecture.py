@@ -15,8 +15,8 @@ from scleraforce.cli.main import COMMANDS
 
 ROOT = Path(scleraforce.__file__).parent
 ORDER = [
-    "units", "errors", "study", "eye", "mechanics", "imaging", "recording", "calibration", "dataset", "reader",
-    "learning", "monitor", "service", "report", "cli",
+    "units", "errors", "study", "eye", "mechanics", "imaging", "library", "recording", "calibration", "dataset",
+    "reader", "learning", "monitor", "service", "report", "cli",
 ]  # fmt: skip
 PURE = ["eye", "mechanics", "imaging", "calibration", "monitor"]
 IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}
@@ -24,7 +24,7 @@ IMPURE_CALLS = {"print", "open", "input"}
 COPYLEFT = {"felupe", "sksparse", "pyFAI", "PyQt5", "PyQt6", "gmsh", "dolfin", "cholespy", "Sofa"}
 BIG = ["scipy", "skfem", "torch", "zarr", "matplotlib", "pydicom", "tifffile", "tqdm", "onnx", "pandas"]
 # What the runtime in the control loop uses: it must come up with NumPy, OpenCV and ONNX Runtime alone.
-RUNTIME = ["imaging.segmentation", "reader"]
+RUNTIME = ["imaging.segmentation", "library", "reader"]
 MODULES = sorted(path for path in ROOT.rglob("*.py"))
 
 

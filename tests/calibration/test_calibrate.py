@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
-from scleraforce.calibration.files import calibration_as_json, parse_calibration, read_calibration
+from scleraforce.calibration.files import calibration_as_json, parse_calibration, read_posteriors
 from scleraforce.calibration.virtual import virtual_sections
 from scleraforce.errors import CalibrationError
 from scleraforce.recording.files import Recording, read_recording
@@ -88,7 +88,7 @@ def test_file_has_the_keys_that_others_read(calibration: Calibration) -> None:
 def test_the_population_is_the_mean_of_means_and_can_leave_an_eye_out(calibration: Calibration) -> None:
     one = calibration.eyes["virtual"]
     eyes = {name: replace(one, id=name, means=(mean,)) for name, mean in (("a", 0.2e6), ("b", 0.3e6), ("c", 0.1e6))}
-    many = Calibration(eyes, "", (5e-3, 30e-3))
+    many = Calibration(eyes, "", (5e-3, 30e-3), "linear")
     assert many.population == pytest.approx((0.2e6, 0.1e6))
     assert many.left_out("b") == pytest.approx(0.15e6)
     assert calibration.left_out("virtual") == one.mean_pa
@@ -125,8 +125,8 @@ def test_an_earlier_file_of_other_parameters_is_refused(
     [
         ("{", "not JSON"),
         ("[]", "format"),
-        ('{"format": 1}', "missing"),
-        ('{"format": 1, "study_sha256": "", "class_bounds_n": [], "eyes": {"a": {}}}', "state"),
+        ('{"format": 2, "mechanics": "linear"}', "missing"),
+        ('{"format": 2, "mechanics": "linear", "eyes": {"a": {}}}', "state"),
     ],
 )
 def test_a_file_that_is_no_calibration_is_refused_in_one_line(text: str, message: str) -> None:
@@ -136,4 +136,4 @@ def test_a_file_that_is_no_calibration_is_refused_in_one_line(text: str, message
 
 def test_a_missing_file_names_the_command_that_writes_it(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match="scleraforce calibrate"):
-        read_calibration(tmp_path / "none.json")
+        read_posteriors(tmp_path / "none.json")

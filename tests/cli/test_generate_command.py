@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+from calibration_file import calibration_text
 
 from scleraforce.cli import generate as command
 from scleraforce.cli.main import run
@@ -33,7 +34,7 @@ def study(tmp_path):
 
 def test_generate_makes_a_data_set_with_the_calibrations_modulus_and_says_how_fast(study, tmp_path, capsys):
     calibration = tmp_path / "calibration.json"
-    calibration.write_text('{"population": {"mean_mpa": 0.31}}')
+    calibration.write_text(calibration_text(0.31))
     out = tmp_path / "dataset.zarr"
     code = run(["generate", "--study", str(study), "--out", str(out), "--calibration", str(calibration), "--json"])
     answer = json.loads(capsys.readouterr().out)

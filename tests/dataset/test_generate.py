@@ -184,7 +184,7 @@ def partial_store(path, study=None, youngs_modulus_pa=MODULUS_PA, calibration=No
     [
         ({"study": small_study(seed=1)}, "study_hash"),
         ({"youngs_modulus_pa": 0.31e6}, "youngs_modulus_pa"),
-        ({"calibration": CalibratedModulus(MODULUS_PA, "c.json", "0" * 64)}, "calibration"),
+        ({"calibration": CalibratedModulus(MODULUS_PA, "linear", "c.json", "0" * 64)}, "calibration"),
     ],
 )
 def test_a_run_does_not_continue_another(tmp_path, change, message):
@@ -214,7 +214,7 @@ def test_what_a_kill_leaves_is_taken_up(tmp_path):
 
 def test_a_calibration_is_recorded(tmp_path):
     path = tmp_path / "d"
-    partial_store(path, calibration=CalibratedModulus(MODULUS_PA, "eyes.json", "ab" * 32))
+    partial_store(path, calibration=CalibratedModulus(MODULUS_PA, "linear", "eyes.json", "ab" * 32))
     assert zarr.open_group(path, mode="r").attrs["calibration"] == {
         "youngs_modulus_pa": MODULUS_PA,
         "path": "eyes.json",

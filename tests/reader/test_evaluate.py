@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from calibration_file import calibration_text
 
 from scleraforce.cli.main import run
 from scleraforce.errors import CalibrationError, RecordingError
@@ -130,7 +131,7 @@ def test_a_dent_that_leaves_the_window_is_withdrawn_from_instead_of_read(places)
 
 def test_frames_that_calibrated_the_modulus_are_marked_and_not_scored(places, tmp_path: Path) -> None:
     file = tmp_path / "calibration.json"
-    file.write_text(json.dumps({"eyes": {"eye a": {"frames": ["1.png", "2.png"]}}}))
+    file.write_text(calibration_text(eyes={"eye a": {"frames": ["1.png", "2.png"]}}))
     reader = load_model(places["model"])
     found = evaluate_recordings(reader, [places["a"], places["far"]], file)
     assert [frame.calibration for frame in found.frames] == [False, True, True] + [False] * 9
@@ -139,7 +140,7 @@ def test_frames_that_calibrated_the_modulus_are_marked_and_not_scored(places, tm
 
 @pytest.mark.parametrize(
     ("content", "field"),
-    [("{", "not JSON"), ("[]", "object"), ("{}", "eyes"), ('{"eyes": {"x": {}}}', "eyes.x.frames")],
+    [("{", "not JSON"), ("[]", "format"), (calibration_text(eyes={"x": {"frames": 3}}), "eyes.x.frames")],
 )
 def test_a_calibration_file_that_cannot_be_used_is_refused(places, tmp_path: Path, content: str, field: str) -> None:
     (tmp_path / "calibration.json").write_text(content)

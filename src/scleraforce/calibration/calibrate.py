@@ -66,14 +66,15 @@ class UsedRecording:
 class EyeCalibration:
     """One eye: what is known after its frames.
 
-    `names` of the uncertain parameters, `means` and `sds` of them in SI. `steps` are kept for figures, and are empty
-    for what was read from a file.
+    `names` of the uncertain parameters, `means` and `sds` of them in SI; `stated_thickness_m`: the recording's. `steps`
+    are kept for figures, and are empty for what was read from a file.
     """
 
     id: str
     names: tuple[str, ...]
     means: tuple[float, ...]
     sds: tuple[float, ...]
+    stated_thickness_m: float
     state: EyeState
     recordings: tuple[UsedRecording, ...]
     frames: tuple[FrameRecord, ...]
@@ -95,6 +96,11 @@ class EyeCalibration:
         """Posterior standard deviation of Young's modulus."""
         return self.sds[self.names.index("youngs_modulus_pa")]
 
+    @property
+    def thickness_m(self) -> float:
+        """The wall's thickness: estimated where it was uncertain, or else as it was stated."""
+        return dict(zip(self.names, self.means, strict=True)).get("thickness_m", self.stated_thickness_m)
+
     def by_class(self, bounds_n: tuple[float, ...]) -> tuple[float | None, ...]:
         """Return the median of what the frames of each force class say of E on their own, in Pa; None where none does.
 
@@ -114,11 +120,15 @@ class EyeCalibration:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """All eyes; the population is the mean of their means, its `sd` their spread (0 for one eye)."""
+    """All eyes; the population is the mean of their means, its `sd` their spread (0 for one eye).
+
+    `mechanics`: "linear" or "finite-strain", what the wall was taken to do.
+    """
 
     eyes: Mapping[str, EyeCalibration]
     study_sha256: str
     bounds_n: tuple[float, ...]
+    mechanics: str
 
     @property
     def population(self) -> tuple[float, float]:
@@ -161,7 +171,7 @@ def calibrate_recordings(
         eye_id = recording.info.eye.id
         eyes[eye_id] = _calibrate(recording, study, parameters, frames, eyes.get(eye_id), progress)
     mine = {recording.info.eye.id: eyes[recording.info.eye.id] for recording in recordings}
-    return Calibration(mine, study_sha256, study.classes.bounds_n)
+    return Calibration(mine, study_sha256, study.classes.bounds_n, "linear")
 
 
 def eye_constants(recording: Recording, study: Study) -> EyeConstants:
@@ -246,8 +256,8 @@ def _begin(eye: EyeFilter, recording: Recording, forces: FrameForces, earlier: E
     means, sds = moments(eye, state)
     steps = () if earlier is None else earlier.steps
     return EyeCalibration(
-        recording.info.eye.id, eye.space.names, tuple(means.tolist()), tuple(sds.tolist()), state, recordings, frames,
-        steps, eye,
+        recording.info.eye.id, eye.space.names, tuple(means.tolist()), tuple(sds.tolist()),
+        eye.model.constants.thickness_m, state, recordings, frames, steps, eye,
     )  # fmt: skip
 
 

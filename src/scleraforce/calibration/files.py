@@ -1,6 +1,5 @@
 """The file that `calibrate` writes: JSON, with all that is needed to go on from it."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +10,10 @@ from scleraforce.calibration.assimilation import SHARED, EyeState
 from scleraforce.calibration.calibrate import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.calibration.registration import PoseBelief
 from scleraforce.calibration.roukf import Posterior
+from scleraforce.calibration.summary import FORMAT, parse_content
 from scleraforce.errors import CalibrationError
 
-__all__ = ["calibration_as_json", "parse_calibration", "read_calibration"]
-
-FORMAT = 1
+__all__ = ["calibration_as_json", "parse_calibration", "read_posteriors"]
 
 
 def calibration_as_json(calibration: Calibration) -> dict[str, Any]:
@@ -24,6 +22,7 @@ def calibration_as_json(calibration: Calibration) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "scleraforce": __version__,
+        "mechanics": calibration.mechanics,
         "study_sha256": calibration.study_sha256,
         "population": {"mean_mpa": mean_pa / 1e6, "sd_mpa": sd_pa / 1e6, "eyes": len(calibration.eyes)},
         "class_bounds_n": list(calibration.bounds_n),
@@ -36,6 +35,7 @@ def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
     return {
         "mean_mpa": eye.mean_pa / 1e6,
         "sd_mpa": eye.sd_pa / 1e6,
+        "thickness_um": eye.thickness_m * 1e6,
         "updates": posterior.updates,
         "status": eye.status,
         "by_class_mpa": [None if value is None else value / 1e6 for value in eye.by_class(bounds_n)],
@@ -61,8 +61,8 @@ def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
     }
 
 
-def read_calibration(path: Path) -> Calibration:
-    """Read a calibration file, to go on from it or to report it.
+def read_posteriors(path: Path) -> Calibration:
+    """Read a calibration file whole, to go on from it or to report it.
 
     Raises:
         CalibrationError: the file cannot be read, or is none of `calibrate`.
@@ -81,15 +81,11 @@ def parse_calibration(text: str, name: str = "calibration") -> Calibration:
     Raises:
         CalibrationError: naming the file and the key.
     """
-    try:
-        content = json.loads(text)
-    except ValueError as fault:
-        raise CalibrationError(f"{name}: not JSON: {fault}") from fault
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise CalibrationError(f"{name}: format: expected {FORMAT}; give a file of `scleraforce calibrate`")
+    content = parse_content(text, name)
     try:
         eyes = {eye_id: _parse_eye(eye_id, entry) for eye_id, entry in content["eyes"].items()}
-        return Calibration(eyes, content["study_sha256"], tuple(float(bound) for bound in content["class_bounds_n"]))
+        bounds_n = tuple(float(bound) for bound in content["class_bounds_n"])
+        return Calibration(eyes, content["study_sha256"], bounds_n, content["mechanics"])
     except KeyError as fault:
         raise CalibrationError(f"{name}: {fault.args[0]}: missing; give a file of `scleraforce calibrate`") from fault
     except (TypeError, ValueError, AttributeError) as fault:
@@ -118,6 +114,7 @@ def _parse_eye(eye_id: str, entry: dict[str, Any]) -> EyeCalibration:
         tuple(parameters),
         tuple(float(value["mean"]) for value in parameters.values()),
         tuple(float(value["sd"]) for value in parameters.values()),
+        1e-6 * float(entry["thickness_um"]),
         EyeState(posterior, belief, _array(state, "sensitivity"), _array(state, "zero_covariance")),
         tuple(UsedRecording(**recording) for recording in entry["recordings"]),
         tuple(frames),

@@ -59,7 +59,7 @@ def calibrate(
     population's modulus is the mean of the eyes' means.
     """
     from scleraforce.calibration.calibrate import calibrate_recordings
-    from scleraforce.calibration.files import calibration_as_json, read_calibration
+    from scleraforce.calibration.files import calibration_as_json, read_posteriors
     from scleraforce.recording.files import read_recording
     from scleraforce.report.files import check_figure_path, write_whole
 
@@ -69,7 +69,7 @@ def calibrate(
     if plot is not None:
         check_figure_path(plot)
     study = Study() if study_path is None else read_study(study_path)
-    earlier = None if resume is None else read_calibration(resume).eyes
+    earlier = None if resume is None else read_posteriors(resume).eyes
     opened = [read_recording(path) for path in recordings]
     with progress_bar(range(sum(len(recording.frames) for recording in opened)), "frames") as bar:
         result = calibrate_recordings(opened, study, study_hash(study), parameters, frames, earlier, bar.update)

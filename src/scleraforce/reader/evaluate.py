@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.calibration.summary import read_calibration
 from scleraforce.errors import RecordingError
 from scleraforce.imaging.segmentation import PixelScale, Segmenter
 from scleraforce.reader.answers import answer_frame
-from scleraforce.reader.calibrated import read_calibration_frames
 from scleraforce.reader.limits import limits
 from scleraforce.reader.metrics import Proportion, accuracy, confusion_matrix, precision, recall
 from scleraforce.reader.model import ForceReader
@@ -148,7 +148,7 @@ def evaluate_recordings(
         CalibrationError: the calibration file cannot be used.
     """
     _refuse_twice(paths)
-    used = frozenset[tuple[str, str]]() if calibration is None else read_calibration_frames(calibration)
+    used = frozenset[tuple[str, str]]() if calibration is None else read_calibration(calibration).frames
     recordings = [read_recording(path) for path in paths]
     frames: list[FrameAnswer] = []
     for path, recording in zip(paths, recordings, strict=True):

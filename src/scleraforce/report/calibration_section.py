@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from scleraforce.calibration.calibrate import Calibration, EyeCalibration, calibrate_recordings
-from scleraforce.calibration.files import read_calibration
+from scleraforce.calibration.files import read_posteriors
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import Proportion
 from scleraforce.recording.files import read_recording
@@ -28,7 +28,7 @@ def calibration_section(run: Run, evaluation: Evaluation, drawn: Callable[[Html]
         evaluation: the answers to all eyes.
         drawn: called with each figure.
     """
-    calibration = read_calibration(run.calibration)
+    calibration = read_posteriors(run.calibration)
     first = _with_points(run, next(iter(calibration.eyes)))
     mean_pa, spread_pa = calibration.population
     words = (

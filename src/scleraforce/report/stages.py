@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
-from scleraforce.calibration.files import calibration_as_json, read_calibration
+from scleraforce.calibration.files import calibration_as_json, read_posteriors
 from scleraforce.dataset import generate_dataset, open_dataset, read_population_modulus
 from scleraforce.learning.train import train_classifier
 from scleraforce.reader import load_model
@@ -47,7 +47,7 @@ def reproduce(run: Run, announce: Announce) -> Reproduction:
 
     def leave_out(run: Run, progress: Progress) -> None:
         write_left_out(
-            read_left_out(open_dataset(run.dataset), read_calibration(run.calibration), answers[0], progress),
+            read_left_out(open_dataset(run.dataset), read_posteriors(run.calibration), answers[0], progress),
             run.left_out,
         )
 
@@ -64,7 +64,7 @@ def reproduce(run: Run, announce: Announce) -> Reproduction:
         Stage("report", lambda _: FIGURES, report),
     )
     seconds = run_stages(run, stages, announce)
-    return Reproduction(read_calibration(run.calibration), answers[0], seconds)
+    return Reproduction(read_posteriors(run.calibration), answers[0], seconds)
 
 
 def _recordings(run: Run) -> list[Path]:
