@@ -1,0 +1,239 @@
+"""The response library: what the needle does to any eye, from stored load paths (NumPy only).
+
+Without gravity, the deformed shape depends on Young's modulus E, force F and pressure IOP only through F/E ("force
+ratio", m^2) and IOP/E ("IOP ratio"), for a given thickness, radius, needle and Poisson's ratio. So paths over thickness
+and IOP ratio serve every eye. A path is stored at given displacements of the tip, in which it is smooth also where the
+force falls; a force is turned into a tip afterwards. Interpolation is a tensor of cubic splines in log thickness, log
+IOP ratio and tip.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError
+from scleraforce.library.crossing import first_crossing
+from scleraforce.library.splines import SUPPORT, CubicSpline
+
+__all__ = ["INNER", "OUTER", "Library", "Responses"]
+
+Floats = NDArray[np.float64]
+Curves = NDArray[np.float32]
+
+OUTER, INNER = 0, 1  # the boundaries of a wall, as an index
+BLOCK = 32  # samples interpolated together: what they gather stays in the cache
+SLACK = 1e-9  # relative: an end of a range may be computed in two ways
+
+
+@dataclass(frozen=True)
+class Responses:
+    """States of walls, one for each sample.
+
+    `curves_sbnc` (sample, boundary, node, 2), m: distance from the needle axis and depth below the undeformed contact
+    of material points of the outer and the inner surface, from the axis outwards; float32, exact to 1 nm.
+    `tip_m` (sample,): inward displacement of the contact relative to the wall under IOP alone.
+    `force_ratio` (sample,): F/E, m^2.
+    """
+
+    curves_sbnc: Curves
+    tip_m: Floats
+    force_ratio: Floats
+
+
+@dataclass(frozen=True)
+class Library:
+    """Load paths over thickness and IOP ratio, and their interpolation. All evaluation is vectorised over samples.
+
+    `thickness_m` (t,), `iop_ratio` (p,) and `tip_m` (d,) increase, at least four values each; `tip_m` starts at 0.
+    `force_ratio_tpd` is F/E in m^2, `curves_tpdbnc` what `Responses` says. The wall is clamped 90 degrees from the
+    needle axis; `max_force_ratio` is the largest F/E that the library is asked for.
+    """
+
+    thickness_m: Floats
+    iop_ratio: Floats
+    tip_m: Floats
+    force_ratio_tpd: Floats
+    curves_tpdbnc: Curves
+    radius_m: float
+    poisson_ratio: float
+    needle_radius_m: float
+    max_force_ratio: float
+
+    def __post_init__(self) -> None:
+        shape = (len(self.thickness_m), len(self.iop_ratio), len(self.tip_m))
+        if min(shape) < SUPPORT:
+            raise InputError(f"library: {shape} thicknesses, IOP ratios, tips; at least {SUPPORT} of each would do")
+        if self.force_ratio_tpd.shape != shape or self.curves_tpdbnc.shape[:4] != (*shape, 2):
+            raise InputError(f"library: forces {self.force_ratio_tpd.shape} and curves {self.curves_tpdbnc.shape} "
+                             f"do not fit the axes {shape}")  # fmt: skip
+        for axis in (self.thickness_m, self.iop_ratio, self.tip_m):
+            if not (np.diff(axis) > 0.0).all():
+                raise InputError("library: an axis that does not increase")
+        if not (np.isfinite(self.force_ratio_tpd).all() and np.isfinite(self.curves_tpdbnc).all()):
+            raise InputError("library: values that are not finite")
+
+    def curves(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Responses:
+        """Return the first state on loading that carries a force.
+
+        Args:
+            thickness_m: wall thickness (sample,), m.
+            iop_ratio: IOP/E (sample,).
+            force_ratio: F/E (sample,), m^2.
+
+        Raises:
+            InputError: a sample lies outside the library; names the value and the range.
+        """
+        tip_m = self.tips(thickness_m, iop_ratio, force_ratio)
+        return Responses(self._curves(thickness_m, iop_ratio, tip_m), tip_m, np.asarray(force_ratio, dtype=np.float64))
+
+    def at_tip(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Responses:
+        """Return the states at given tips (sample,), m; twice continuously differentiable in all three arguments.
+
+        Raises:
+            InputError: a sample lies outside the library.
+        """
+        forces = self.forces(thickness_m, iop_ratio, tip_m)
+        tips = np.asarray(tip_m, dtype=np.float64)
+        return Responses(self._curves(thickness_m, iop_ratio, tips), tips, forces)
+
+    def shapes(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Curves:
+        """Return the curves of `at_tip` (sample, boundary, node, 2), m, without the forces: half the work.
+
+        Raises:
+            InputError: a sample lies outside the library.
+        """
+        self._check_wall(thickness_m, iop_ratio)
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
+        return self._curves(thickness_m, iop_ratio, np.asarray(tip_m, dtype=np.float64))
+
+    def forces(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
+        """Return F/E (sample,), m^2, at given tips: `at_tip` without the curves, at a hundredth of the cost.
+
+        Raises:
+            InputError: a sample lies outside the library.
+        """
+        self._check_wall(thickness_m, iop_ratio)
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
+        forces, _ = self._paths(thickness_m, iop_ratio)
+        first, weights = self._splines[2].weights(self._inside(tip_m, self.tip_m))
+        coefficients_sd = self._splines[2].coefficients(forces, axis=1)
+        near = np.take_along_axis(coefficients_sd, first[:, None] + np.arange(SUPPORT), axis=1)
+        ratios: Floats = (near * weights).sum(axis=1)
+        return ratios
+
+    def tips(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
+        """Return the tips (sample,), m, at which loading first reaches the forces; arguments and errors of `curves`."""
+        self._check_wall(thickness_m, iop_ratio)
+        _check("F/E", force_ratio, 0.0, self.max_force_ratio, 1e6, "mm^2")
+        tips = first_crossing(self.tip_m, *self._paths(thickness_m, iop_ratio), np.asarray(force_ratio))
+        if np.isnan(tips).any():
+            sample = int(np.argmax(np.isnan(tips)))
+            raise InputError(
+                f"F/E: {force_ratio[sample] * 1e6:.4g} mm^2 dents a wall of {thickness_m[sample] * 1e6:.0f} um with "
+                f"IOP/E {iop_ratio[sample]:.3g} by more than the library's {self.tip_m[-1] * 1e3:g} mm"
+            )
+        return tips
+
+    def covers(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> NDArray[np.bool_]:
+        """Return which samples `curves` answers (sample,)."""
+        values = np.broadcast_arrays(thickness_m, iop_ratio, force_ratio)
+        ranges = (self._ends(self.thickness_m), self._ends(self.iop_ratio), (0.0, self.max_force_ratio))
+        known = np.ones(values[0].shape, dtype=bool)
+        for value, (low, high) in zip(values, ranges, strict=True):
+            known &= (value >= low - SLACK * high) & (value <= high * (1.0 + SLACK))
+        thickness, ratio, force = (value[known] for value in values)
+        known[known] = np.isfinite(first_crossing(self.tip_m, *self._paths(thickness, ratio), force))
+        return known
+
+    def largest_force_ratio(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
+        """Return the largest F/E (sample,), m^2, that `curves` answers for these walls."""
+        self._check_wall(thickness_m, iop_ratio)
+        forces, _ = self._paths(thickness_m, iop_ratio)
+        largest: Floats = np.minimum(forces.max(axis=1), self.max_force_ratio)
+        return largest
+
+    def within(self, distance_m: float) -> "Library":
+        """Return the library without the material that lies farther than `distance_m` from the needle axis.
+
+        One node beyond is kept. It is smaller and faster, for slices that do not show what it leaves out.
+        """
+        near = (self.curves_tpdbnc[..., 0].min(axis=(0, 1, 2)) < distance_m).any(axis=0)
+        nodes = min(int(np.flatnonzero(near)[-1]) + 2, len(near))
+        return replace(self, curves_tpdbnc=np.ascontiguousarray(self.curves_tpdbnc[..., :nodes, :]))
+
+    @cached_property
+    def _splines(self) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
+        """Splines over log thickness, log IOP ratio, tip."""
+        return CubicSpline(np.log(self.thickness_m)), CubicSpline(np.log(self.iop_ratio)), CubicSpline(self.tip_m)
+
+    @cached_property
+    def _force_coefficients(self) -> Floats:
+        """Spline weights over thickness and IOP ratio of the force and of its slope at the tips (t p, 2 d)."""
+        along_tip = self._splines[2].coefficients(self.force_ratio_tpd, axis=2)
+        both = np.concatenate([self.force_ratio_tpd, self._splines[2].slopes(along_tip)], axis=2)
+        for axis in (0, 1):
+            both = self._splines[axis].coefficients(both, axis)
+        return both.reshape(-1, both.shape[2])
+
+    @cached_property
+    def _curve_coefficients(self) -> Curves:
+        """Spline weights of the curves (t p d, b n c)."""
+        weights = self.curves_tpdbnc.astype(np.float64)
+        for axis, spline in enumerate(self._splines):
+            weights = spline.coefficients(weights, axis)
+        return weights.reshape(self.force_ratio_tpd.size, -1).astype(np.float32)
+
+    def _paths(self, thickness_m: Floats, iop_ratio: Floats) -> tuple[Floats, Floats]:
+        """Force and slope at the library's tips for some walls, each (sample, d)."""
+        rows, weights = self._wall_weights(thickness_m, iop_ratio)
+        both = (weights[:, None] @ self._force_coefficients[rows])[:, 0]
+        return both[:, : len(self.tip_m)], both[:, len(self.tip_m) :]
+
+    def _curves(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Curves:
+        rows, weights = self._wall_weights(thickness_m, iop_ratio)
+        first, along_tip = self._splines[2].weights(self._inside(tip_m, self.tip_m))
+        rows = rows[:, :, None] * len(self.tip_m) + (first[:, None] + np.arange(SUPPORT))[:, None]
+        weights = weights[:, :, None] * along_tip[:, None]
+        samples = len(weights)
+        rows, weights32 = rows.reshape(samples, -1), weights.reshape(samples, 1, -1).astype(np.float32)
+        curves = np.empty((samples, 1, self._curve_coefficients.shape[1]), dtype=np.float32)
+        for start in range(0, samples, BLOCK):
+            block = slice(start, start + BLOCK)
+            np.matmul(weights32[block], self._curve_coefficients[rows[block]], out=curves[block])
+        return curves.reshape(samples, *self.curves_tpdbnc.shape[3:])
+
+    def _wall_weights(self, thickness_m: Floats, iop_ratio: Floats) -> tuple[NDArray[np.intp], Floats]:
+        """Rows of (t, p) and their weights, each (sample, 16)."""
+        t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
+        p, of_p = self._splines[1].weights(np.log(self._inside(iop_ratio, self.iop_ratio)))
+        support = np.arange(SUPPORT)
+        rows = (t[:, None] + support)[:, :, None] * len(self.iop_ratio) + (p[:, None] + support)[:, None]
+        weights = of_t[:, :, None] * of_p[:, None]
+        return rows.reshape(len(t), -1), weights.reshape(len(t), -1)
+
+    def _check_wall(self, thickness_m: Floats, iop_ratio: Floats) -> None:
+        _check("thickness", thickness_m, *self._ends(self.thickness_m), 1e6, "um")
+        _check("IOP/E", iop_ratio, *self._ends(self.iop_ratio), 1.0, "")
+
+    @staticmethod
+    def _ends(axis: Floats) -> tuple[float, float]:
+        return float(axis[0]), float(axis[-1])
+
+    @staticmethod
+    def _inside(values: Floats, axis: Floats) -> Floats:
+        """Values of a range that was checked, without what rounding added."""
+        return np.clip(np.asarray(values, dtype=np.float64), axis[0], axis[-1])
+
+
+def _check(name: str, values: Floats, low: float, high: float, factor: float, unit: str) -> None:
+    """Check that all values lie in a range; the message gives them in `unit`s, `factor` of them in one SI unit."""
+    values = np.asarray(values)
+    outside = ~((values >= low - SLACK * high) & (values <= high * (1.0 + SLACK)))  # NaN is outside, too
+    if outside.any():
+        found = float(values[outside].flat[0])
+        raise InputError(
+            f"{name}: {found * factor:.4g} {unit}".rstrip()
+            + f" is outside the library's range, {low * factor:.4g} to {high * factor:.4g} {unit}".rstrip()
+        )

@@ -1,0 +1,42 @@
+"""A library as one file: what is read is what was written, and nothing else is read."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from analytic_library import analytic_library
+
+from scleraforce.errors import InputError
+from scleraforce.library import load_library, save_library
+
+
+@pytest.fixture
+def library():
+    return analytic_library(thicknesses=4, ratios=4, tips=5)
+
+
+def test_a_library_survives_the_file_and_the_bytes_are_the_same_each_time(library, tmp_path):
+    for name in ("one.npz", "two.npz"):
+        save_library(library, tmp_path / name)
+    assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
+    found = load_library(tmp_path / "one.npz")
+    for item in fields(library):
+        assert np.array_equal(getattr(found, item.name), getattr(library, item.name)), item.name
+        assert type(getattr(found, item.name)) is type(getattr(library, item.name))
+
+
+def test_other_files_are_refused(library, tmp_path):
+    path = tmp_path / "library.npz"
+    for content in (None, b"", b"no zip"):
+        if content is not None:
+            path.write_bytes(content)
+        with pytest.raises(InputError, match=r"library\.npz: not a response library"):
+            load_library(path)
+    np.savez(path, thickness_m=library.thickness_m)
+    with pytest.raises(InputError, match="iop_ratio"):
+        load_library(path)
+    save_library(library, path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match=r"library\.npz"):
+        load_library(path)

@@ -1,0 +1,130 @@
+"""Interpolation of the library, on an eye with a closed form."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from analytic_library import analytic_library, curves, draw_walls, force_ratio
+
+from scleraforce.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def library():
+    return analytic_library()
+
+
+def test_the_nodes_of_the_grid_are_met(library):
+    t, p, d = (array.ravel() for array in np.meshgrid(library.thickness_m, library.iop_ratio, library.tip_m))
+    found = library.at_tip(t, p, d)
+    assert found.curves_sbnc == pytest.approx(curves(t, p, d), abs=5e-9)
+    assert found.force_ratio == pytest.approx(force_ratio(t, p, d), abs=1e-15)
+
+
+def test_shapes_and_forces_off_the_grid(library):
+    rng = np.random.default_rng(0)
+    t, p = draw_walls(rng, 500)
+    tip = rng.uniform(0.0, 7.5e-3, 500)
+    found = library.at_tip(t, p, tip)
+    assert np.abs(found.curves_sbnc - curves(t, p, tip)).max() < 2e-6
+    assert found.force_ratio == pytest.approx(force_ratio(t, p, tip), rel=5e-3, abs=1e-11)
+
+
+@pytest.mark.parametrize("axis", ["thicknesses", "ratios", "tips"])
+def test_a_finer_grid_gains_at_least_the_third_order(axis):
+    rng = np.random.default_rng(1)
+    t, p = draw_walls(rng, 300)
+    tip = rng.uniform(0.0, 7.5e-3, 300)
+    if axis != "ratios":
+        p = rng.choice([8e-5, 6e-3], 300)  # nodes: no other error than that of the axis
+
+    def error(count):
+        fine = {"thicknesses": 24, "ratios": 24, "tips": 160} | {axis: count}
+        found = analytic_library(**fine).at_tip(t, p, tip)
+        return np.abs(found.force_ratio - force_ratio(t, p, tip)).max()
+
+    coarse = {"thicknesses": 4, "ratios": 4, "tips": 12}[axis]
+    assert error(coarse) / error(2 * coarse - 1) > 6.0
+
+
+def test_a_force_gives_the_tip_that_carries_it_first(library):
+    rng = np.random.default_rng(2)
+    t, p = draw_walls(rng, 300)
+    wanted = rng.uniform(0.0, 0.999, 300) * library.largest_force_ratio(t, p)
+    found = library.curves(t, p, wanted)
+    fine = np.linspace(0.0, 7.5e-3, 20_001)
+    first = np.array([fine[np.argmax(force_ratio(*row[:2], fine) >= row[2])] for row in zip(t, p, wanted, strict=True)])
+    softens = np.array([(np.diff(force_ratio(*wall, fine)) < 0.0).any() for wall in zip(t, p, strict=True)])
+    assert 30 < softens.sum() < 270
+    off = np.abs(found.tip_m - first)
+    assert np.percentile(off, 95) < 8e-6
+    assert library.at_tip(t, p, found.tip_m).force_ratio == pytest.approx(wanted, abs=1e-13)
+    assert found.curves_sbnc[:, 0, 0, 1] == pytest.approx(curves(t, p, found.tip_m)[:, 0, 0, 1], abs=1e-6)
+
+
+def test_answers_do_not_depend_on_the_other_samples(library):
+    rng = np.random.default_rng(3)
+    t, p = draw_walls(rng, 70)
+    wanted = 0.8 * library.largest_force_ratio(t, p)
+    together = library.curves(t, p, wanted)
+    alone = library.curves(t[:1], p[:1], wanted[:1])
+    assert np.array_equal(together.tip_m[:1], alone.tip_m)
+    assert together.curves_sbnc[:1] == pytest.approx(alone.curves_sbnc, abs=2e-9)
+
+
+def test_states_are_smooth_across_the_cells(library):
+    """A central difference over a node is a derivative: one-sided ones agree to the second order."""
+    t, p, d = library.thickness_m[3], library.iop_ratio[4], library.tip_m[20]
+    for step in ([1e-6, 0.0, 0.0], [0.0, 1e-6, 0.0], [0.0, 0.0, 1e-5]):
+        sides = np.array([t, p, d]) + np.outer([-1.0, 0.0, 1.0], step)
+        force = library.at_tip(*sides.T).force_ratio
+        assert force[2] - force[1] == pytest.approx(force[1] - force[0], rel=2e-2)
+
+
+@pytest.mark.parametrize(
+    ("t", "p", "f", "says"),
+    [
+        (0.2e-3, 1e-3, 1e-8, "thickness: 200 um is outside the library's range, 350 to 900 um"),
+        (0.5e-3, 7e-2, 1e-8, "IOP/E: 0.07 is outside the library's range, 8e-05 to 0.006"),
+        (0.5e-3, 1e-3, 6e-7, "F/E: 0.6 mm^2 is outside the library's range, 0 to 0.5 mm^2"),
+        (0.5e-3, np.nan, 1e-8, "IOP/E: nan"),
+        (0.35e-3, 8e-5, 3e-7, "F/E: 0.3 mm^2 dents a wall of 350 um with IOP/E 8e-05 by more than .* 7.5 mm"),
+    ],
+)
+def test_what_lies_outside_is_named_and_not_covered(library, t, p, f, says):
+    good = np.array([0.5e-3, 1e-3, 1e-8])
+    samples = np.array([good, [t, p, f], good]).T
+    with pytest.raises(InputError, match=says.replace("^", r"\^")):
+        library.curves(*samples)
+    assert library.covers(*samples).tolist() == [True, False, True]
+
+
+def test_the_ends_of_the_ranges_are_inside(library):
+    ends = np.array([[library.thickness_m[k], library.iop_ratio[k], 0.0] for k in (0, -1)]).T
+    assert library.covers(*ends).all()
+    assert library.covers(*(ends * (1.0 + 1e-12))).all()
+    assert library.curves(*ends).tip_m == pytest.approx([0.0, 0.0])
+
+
+def test_the_part_near_the_needle_is_the_same_material(library):
+    near = library.within(6e-3)
+    nodes = near.curves_tpdbnc.shape[4]
+    assert nodes < library.curves_tpdbnc.shape[4]
+    assert (near.curves_tpdbnc[..., -1, 0] > 6e-3).all()
+    t, p, f = np.array([[0.4e-3, 2e-3, 1e-7]]).T
+    assert near.curves(t, p, f).curves_sbnc == pytest.approx(
+        library.curves(t, p, f).curves_sbnc[:, :, :nodes], abs=1e-9
+    )
+
+
+def test_a_library_that_does_not_fit_together_is_refused(library):
+    with pytest.raises(InputError, match="do not fit"):
+        replace(library, tip_m=library.tip_m[:-1])
+    with pytest.raises(InputError, match="increase"):
+        replace(library, tip_m=library.tip_m[::-1])
+    with pytest.raises(InputError, match="at least 4"):
+        replace(library, thickness_m=library.thickness_m[:3])
+    broken = library.force_ratio_tpd.copy()
+    broken[2, 2, 2] = np.inf
+    with pytest.raises(InputError, match="not finite"):
+        replace(library, force_ratio_tpd=broken)

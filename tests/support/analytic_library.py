@@ -1,0 +1,44 @@
+"""A made-up eye with a closed form, smooth and of the right sizes, whose force may fall along the path."""
+
+import numpy as np
+
+from scleraforce.library import Library
+
+RADIUS_M = 12e-3
+ANGLES = 0.5 * np.pi * np.linspace(0.0, 1.0, 81) ** 1.5
+
+
+def force_ratio(thickness_m, iop_ratio, tip_m):
+    """F/E in m^2: a shell that softens beyond 1 mm, pressure on the dent; the force falls where that is low."""
+    shell = 2.6 * thickness_m**2 / RADIUS_M * tip_m * np.exp(-tip_m / 1.2e-3)
+    ridge = 0.12 * (thickness_m / RADIUS_M) ** 1.5 * tip_m**2
+    return shell + ridge + np.pi * iop_ratio * RADIUS_M * tip_m
+
+
+def curves(thickness_m, iop_ratio, tip_m):
+    """Curves (..., boundary, node, 2), m, of arguments that broadcast."""
+    thickness_m, iop_ratio, tip_m = (np.asarray(v)[..., None, None] for v in (thickness_m, iop_ratio, tip_m))
+    radius = RADIUS_M - thickness_m * np.array([[0.0], [1.0]])
+    grown = iop_ratio * RADIUS_M**2 / (4.0 * thickness_m)
+    width = np.sqrt(RADIUS_M * thickness_m) * (0.7 + 60.0 * tip_m)
+    arc = RADIUS_M * ANGLES
+    inward = tip_m * np.exp(-0.5 * (arc / width) ** 2) * np.ones_like(radius)
+    r = (radius + grown) * np.sin(ANGLES) - 0.15 * inward * np.sin(2 * ANGLES)
+    depth = RADIUS_M - (radius + grown) * np.cos(ANGLES) + inward
+    return np.stack([r, depth], axis=-1)
+
+
+def analytic_library(thicknesses=9, ratios=9, tips=40, max_tip_m=7.5e-3):
+    """The library of this eye."""
+    t = np.geomspace(0.35e-3, 0.9e-3, thicknesses)
+    p = np.geomspace(8e-5, 6e-3, ratios)
+    d = max_tip_m * np.linspace(0.0, 1.0, tips) ** 1.5
+    grid = np.meshgrid(t, p, d, indexing="ij")
+    return Library(
+        t, p, d, force_ratio(*grid), curves(*grid).astype(np.float32), RADIUS_M, 0.45, 0.35e-3, max_force_ratio=0.5e-6
+    )
+
+
+def draw_walls(rng, count):
+    """Thickness (count,) and IOP ratio (count,) anywhere in the library."""
+    return rng.uniform(0.35e-3, 0.9e-3, count), np.exp(rng.uniform(np.log(8e-5), np.log(6e-3), count))
