@@ -35,7 +35,8 @@ class HexMesh:
     sphere, third outward. `outer_qn`, `inner_qn` (quad, 4, 8 or 9): the two surfaces; quad k of both belongs to one
     radial column and is seen from outside counter-clockwise. Every node lies exactly on its sphere and, through the
     wall, on one ray; so a direction has the same local coordinates on both surfaces. `base_nodes`: those on z = 0 of a
-    half-sphere; a whole sphere has none.
+    half-sphere; a whole sphere has none. A wall that was shaped into another form (`eye.form`) keeps the nodes' places
+    on the sphere in `shaped_from_nc`: directions are those of the sphere.
     """
 
     points_nc: Floats
@@ -46,11 +47,17 @@ class HexMesh:
     radius_m: float
     thickness_m: float
     order: int
+    shaped_from_nc: Floats | None = None
+
+    @property
+    def sphere_nc(self) -> Floats:
+        """Places of the nodes on the sphere from which the wall is made, (node, 3)."""
+        return self.points_nc if self.shaped_from_nc is None else self.shaped_from_nc
 
     @cached_property
     def locator(self) -> SurfaceLocator:
-        """Finds directions on the outer surface; made on first use."""
-        return SurfaceLocator(self.points_nc, self.outer_qn)
+        """Finds directions on the outer surface of the sphere; made on first use."""
+        return SurfaceLocator(self.sphere_nc, self.outer_qn)
 
 
 def build_mesh(

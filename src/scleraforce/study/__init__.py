@@ -1,5 +1,6 @@
 """The study: one typed record of everything that a run depends on, read from TOML."""
 
+from scleraforce.study.form import FormStudy, RegionStudy, WaveStudy
 from scleraforce.study.phantom import PhantomStudy
 from scleraforce.study.records import (
     CalibrationStudy,
@@ -25,15 +26,18 @@ __all__ = [
     "DatasetGroup",
     "DatasetStudy",
     "EyeStudy",
+    "FormStudy",
     "MeshStudy",
     "NeedleStudy",
     "NetworkStudy",
     "OctStudy",
     "PhantomStudy",
     "Range",
+    "RegionStudy",
     "Sampled",
     "SliceStudy",
     "Study",
+    "WaveStudy",
     "draw",
     "fixed",
     "format_study",

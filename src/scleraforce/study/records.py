@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, option, quantity
+from scleraforce.study.form import FormStudy
 from scleraforce.study.phantom import PhantomStudy
 from scleraforce.study.sampled import Choice, Range, Sampled, fixed
 
@@ -66,12 +67,18 @@ class MeshStudy:
 
 @dataclass(frozen=True)
 class NeedleStudy:
-    """The needle and where it pushes (22G: 0.7 mm)."""
+    """The needle and where it pushes (22G: 0.7 mm).
+
+    `tilt_rad`: angle of its force against the inward normal of the contact, in finite strain; the force then has a part
+    along the wall, `tilt_direction_rad` from the meridian (0: away from the pole) towards growing azimuth.
+    """
 
     outer_diameter_m: float = quantity(0.7, "mm", 0.1, 5.0)
     gap_m: float = quantity(0.5, "mm", 0.0, 5.0)
     polar_angle_rad: Sampled = quantity(Range(25.0, 45.0), "deg", 0.0, 80.0)
     max_force_n: float = quantity(60.0, "mn", 1.0, 1000.0)
+    tilt_rad: float = quantity(0.0, "deg", 0.0, 30.0)
+    tilt_direction_rad: float = quantity(0.0, "deg", -360.0, 360.0)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -234,3 +241,4 @@ class Study:
     dataset: DatasetStudy = field(default_factory=DatasetStudy)
     network: NetworkStudy = field(default_factory=NetworkStudy)
     phantom: PhantomStudy = field(default_factory=PhantomStudy)
+    form: FormStudy = field(default_factory=FormStudy)
