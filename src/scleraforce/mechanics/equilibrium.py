@@ -2,7 +2,7 @@
 
 The displacement of the needle's tip is prescribed and the force is an unknown of its own; in a sealed globe the
 pressure is another, with the volume prescribed. Both enter as borders of the tangent: K du - b df - g dp = -r is split
-into one solve per column, and a small matrix gives the increments of force and pressure (Batoz and Dhatt, Int. J. Numer.
+into one solve per column, and a small matrix gives the increments of force and pressure (Batoz and Dhatt, Int. J. Num.
 Meth. Engng 14, 1979). Newton's steps are damped by the natural monotonicity test, and a factor is used again while it
 contracts fast (Deuflhard, Newton Methods for Nonlinear Problems, sec. 3.3): neither depends on units or conditioning.
 
