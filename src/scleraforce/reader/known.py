@@ -1,0 +1,93 @@
+"""What is known of an eye beside its frame: modulus, IOP, thickness, gap. Each may be missing."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from scleraforce.calibration.summary import CalibrationSummary
+from scleraforce.recording.info import RecordingInfo
+from scleraforce.units import mmhg_to_pa
+
+__all__ = ["STATED_MODULUS_SD", "Known", "Modulus", "calibrated_modulus", "known_of_recording", "outside_training"]
+
+STATED_MODULUS_SD = 0.03  # relative, of a modulus that comes without its uncertainty
+POPULATION_SD = 0.12  # relative: eyes differ by so much (paper, Table 2), also where a file knows too few to tell
+LEAST_MODULUS_SD = 0.01  # relative: below it mechanics and segmentation are what is uncertain
+SLACK = 1e-6  # of a bound: 0.45 mm that came through another unit is still 0.45 mm
+
+
+@dataclass(frozen=True)
+class Modulus:
+    """Young's modulus with its standard deviation, Pa, and where it comes from ("own", "population", "stated")."""
+
+    mean_pa: float
+    sd_pa: float
+    source: str
+
+    @property
+    def relative_sd(self) -> float:
+        """Standard deviation over mean, never less than 1 %.
+
+        >>> Modulus(250e3, 10e3, "own").relative_sd
+        0.04
+        """
+        return max(self.sd_pa / self.mean_pa, LEAST_MODULUS_SD)
+
+    @classmethod
+    def stated(cls, mean_pa: float) -> "Modulus":
+        """A modulus that someone gives, without saying how sure it is."""
+        return cls(mean_pa, STATED_MODULUS_SD * mean_pa, "stated")
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of an eye and of the B-scan's place; None: unknown.
+
+    `gap_m` is the distance of the B-scan plane from the needle axis.
+    """
+
+    modulus: Modulus | None = None
+    iop_pa: float | None = None
+    thickness_m: float | None = None
+    gap_m: float | None = None
+
+
+def known_of_recording(info: RecordingInfo, modulus: Modulus | None = None) -> Known:
+    """Return what a recording states about its eye; it never states the modulus, which a calibration may add."""
+    return Known(modulus, info.eye.iop_pa, info.eye.thickness_m, info.needle.slice_gap_m)
+
+
+def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus:
+    """Return an eye's own modulus where a calibration found it, else its population's with the spread of eyes."""
+    own = summary.eyes.get(eye)
+    if own is not None and own.usable:
+        return Modulus(own.mean_pa, own.sd_pa, "own")
+    mean_pa = summary.population_mean_pa
+    return Modulus(mean_pa, max(summary.population_sd_pa, POPULATION_SD * mean_pa), "population")
+
+
+def outside_training(known: Known, trained: Mapping[str, tuple[float, float]]) -> str | None:
+    """Return why a model cannot read an eye: what is known of it lies outside what it was trained on; None: inside.
+
+    A value that is not a number is outside.
+
+    Args:
+        known: of the eye.
+        trained: lowest and highest value by name: `youngs_modulus_pa`, `iop_pa`, `thickness_m`, `gap_m`.
+
+    >>> outside_training(Known(thickness_m=1.0e-3), {"thickness_m": (0.35e-3, 0.9e-3)})
+    'wall thickness 1000 µm, the model was trained on 350 to 900 µm'
+    """
+    stated = (
+        ("youngs_modulus_pa", "Young's modulus", known.modulus.mean_pa if known.modulus else None, 1e-6, "MPa"),
+        ("iop_pa", "IOP", known.iop_pa, 1 / mmhg_to_pa(1.0), "mmHg"),
+        ("thickness_m", "wall thickness", known.thickness_m, 1e6, "µm"),
+        ("gap_m", "gap between B-scan and needle axis", known.gap_m, 1e3, "mm"),
+    )
+    for name, words, value, factor, unit in stated:
+        if value is None or name not in trained:
+            continue
+        low, high = trained[name]
+        if not low * (1 - SLACK) <= value <= high * (1 + SLACK):
+            covered = f"{low * factor:.4g} to {high * factor:.4g} {unit}"
+            return f"{words} {value * factor:.4g} {unit}, the model was trained on {covered}"
+    return None

@@ -1,0 +1,261 @@
+"""The force from the wall's boundaries alone: the wall of the response library that lies best on them.
+
+Least squares with a loss that a wrong stretch cannot pull (Cauchy's), by a damped Gauss-Newton method. Unknown are the
+dent and the pose; thickness, gap, E, IOP and the eye's size are unknown too, held by what is known of them, so that
+what is not known widens the force's interval by as much as it should. The force follows from the dent: F = E f(dent,
+wall).
+
+`docs/reader.md` says where the noise and the other constants come from.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from math import log, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.library.responses import Library
+from scleraforce.reader.fit_prediction import (
+    DEPTH,
+    GAP,
+    INNER,
+    IOP,
+    LATERAL,
+    MODULUS,
+    NAMES,
+    ROTATION,
+    SIZE,
+    THICKNESS,
+    TIP,
+    Places,
+    Predicted,
+    force_n,
+    place_walls,
+    predict,
+)
+from scleraforce.reader.fit_start import starts
+from scleraforce.reader.known import Known
+
+__all__ = ["BoundaryFit", "Prior", "fit_boundaries", "prior_of"]
+
+Array = NDArray[np.float64]
+
+COLUMNS = 110  # of each boundary that are fitted
+POINT_SD_M = 12e-6  # of a boundary along its normal
+CORRELATED_M = 0.5e-3  # so far apart two errors of a boundary are independent
+CAUCHY = 2.5  # standard deviations at which a column's weight is halved
+UNSEEN_LOSS = 3.0  # of a column that the wall does not reach: as one that is 4 CAUCHY off
+OUTLIER_SD = 4.0
+FREE_SD = {TIP: 10e-3, LATERAL: 2e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.02, INNER: 15e-6}
+KNOWN_SD = {GAP: 30e-6, THICKNESS: 10e-6, IOP: 0.05}  # of what is stated
+MODEL_SD = 0.02  # relative, of the force: real walls against the library's
+MODEL_SD_N = 0.1e-3
+STARTS = 2
+MOST_ITERATIONS = 20
+CONVERGED_SD = 0.05
+DRAWS = 512
+INTERVAL = (0.05, 0.95)
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What is known before a frame: mean and standard deviation of each unknown, (unknown,), in the order of NAMES."""
+
+    mean: Array
+    sd: Array
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryFit:
+    """The wall of the library that lies best on a frame's boundaries.
+
+    `force_n` is the median, `interval_n` holds 90 %; `draws_n` (draw,) are forces drawn from the posterior.
+    `contact_m` is the contact's lateral place from the frame's middle, `tip_m` its depth of indentation. `misfit_m` is
+    the robust root mean square distance from the wall, `outliers` the share of columns farther off than that of a
+    segmented wall ever is. `wall_bmc` (boundary, point, 2) is the wall in the frame, m; `unknown` and `sd` (unknown,)
+    are the values in the order of `NAMES`.
+    """
+
+    force_n: float
+    interval_n: tuple[float, float]
+    draws_n: Array
+    contact_m: float
+    tip_m: float
+    misfit_m: float
+    outliers: float
+    wall_bmc: Array
+    unknown: Array
+    sd: Array
+
+    def probabilities(self, bounds_n: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the probability of each class: no class is ever certain, as the draws are so many."""
+        above = [(np.count_nonzero(self.draws_n > bound) + 0.5) / (len(self.draws_n) + 1.0) for bound in bounds_n]
+        edges = (1.0, *above, 0.0)
+        return tuple(high - low for high, low in pairwise(edges))
+
+
+def prior_of(known: Known, trained: Mapping[str, tuple[float, float]]) -> Prior:
+    """Return the prior of a frame's unknowns: what is known of the eye, else what the model was trained on.
+
+    Args:
+        known: of the eye.
+        trained: lowest and highest value of `youngs_modulus_pa`, `iop_pa`, `thickness_m`, `gap_m`.
+    """
+    mean, sd = np.zeros(len(NAMES)), np.zeros(len(NAMES))
+    for place, value in FREE_SD.items():
+        sd[place] = value
+    mean[GAP], sd[GAP] = _stated(known.gap_m, trained["gap_m"], KNOWN_SD[GAP])
+    mean[THICKNESS], sd[THICKNESS] = _stated(known.thickness_m, trained["thickness_m"], KNOWN_SD[THICKNESS])
+    iop = None if known.iop_pa is None else log(max(known.iop_pa, 1.0))
+    mean[IOP], sd[IOP] = _stated(iop, _logs(trained["iop_pa"]), KNOWN_SD[IOP])
+    modulus = None if known.modulus is None else log(known.modulus.mean_pa)
+    modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
+    mean[MODULUS], sd[MODULUS] = _stated(modulus, _logs(trained["youngs_modulus_pa"]), modulus_sd)
+    return Prior(mean, sd)
+
+
+def _stated(value: float | None, bounds: tuple[float, float], sd: float) -> tuple[float, float]:
+    """Return mean and standard deviation of what is stated, else of the range that it lies in."""
+    low, high = bounds
+    return ((low + high) / 2, max((high - low) / sqrt(12), sd)) if value is None else (value, sd)
+
+
+def _logs(bounds: tuple[float, float]) -> tuple[float, float]:
+    return log(max(bounds[0], 1.0)), log(max(bounds[1], 1.0))
+
+
+def fit_boundaries(library: Library, lateral_m: Array, depth_bc: Array, prior: Prior) -> BoundaryFit | None:
+    """Fit the library to the boundaries of a frame.
+
+    Args:
+        library: responses of walls.
+        lateral_m: lateral places of the frame's columns from its middle (column,), m.
+        depth_bc: depth of the outer and the inner boundary below the frame's top (2, column), m, free of refraction;
+            NaN where a boundary is not seen.
+        prior: what is known.
+
+    Returns:
+        The fit; None where less is seen than there are unknowns.
+    """
+    places, observed = _thinned(lateral_m, depth_bc)
+    outer = places.boundary == 0
+    if outer.sum() < 2 * len(NAMES):
+        return None
+    problem = _Problem(library, places, observed, prior, _columns_as_one(places))
+    begun = starts(library, prior.mean, places.lateral_m[outer], observed[outer], STARTS)
+    unknown, predicted, _ = min((problem.refined(start) for start in begun), key=lambda found: found[2])
+    return problem.result(unknown, predicted)
+
+
+def _thinned(lateral_m: Array, depth_bc: Array) -> tuple[Places, Array]:
+    """Return at most COLUMNS places of each boundary, evenly among the columns, where they are seen; and depths."""
+    step = max(1, -(-len(lateral_m) // COLUMNS))
+    boundary, column = np.nonzero(np.isfinite(depth_bc[:, ::step]))
+    column = column * step
+    return Places(lateral_m[column], boundary), depth_bc[boundary, column]
+
+
+def _columns_as_one(places: Places) -> float:
+    """Return how many neighbouring places share one error."""
+    outer = places.lateral_m[places.boundary == 0]
+    return max(1.0, CORRELATED_M / float(np.median(np.diff(outer))))
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """The least-squares problem of one frame."""
+
+    library: Library
+    places: Places
+    observed: Array
+    prior: Prior
+    columns_as_one: float
+
+    def refined(self, start: Array) -> tuple[Array, Predicted, float]:
+        """Return the unknowns, what they predict and their cost, from where a step would change nothing."""
+        unknown, damping = start, 1e-3
+        predicted = predict(self.library, unknown, self.places)
+        cost = self.cost(unknown, predicted)
+        for _ in range(MOST_ITERATIONS):
+            normal, gradient = self.normal_equations(unknown, predicted)
+            step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
+            trial = self._inside(unknown + step)
+            step = trial - unknown
+            if float(step @ normal @ step) < CONVERGED_SD**2:
+                break
+            trial_predicted = predict(self.library, trial, self.places)
+            trial_cost = self.cost(trial, trial_predicted)
+            if trial_cost < cost:
+                unknown, predicted, cost, damping = trial, trial_predicted, trial_cost, damping / 10
+            else:
+                damping = max(10 * damping, 1e-2)
+        return unknown, predicted, cost
+
+    def _inside(self, unknown: Array) -> Array:
+        """Keep the dent within what the library holds: outside it nothing would lead back."""
+        unknown[TIP] = np.clip(unknown[TIP], 0.0, self.library.tip_m[-1] * np.exp(unknown[SIZE]))
+        return unknown
+
+    def cost(self, unknown: Array, predicted: Predicted) -> float:
+        """Return the loss of the columns, so many of which count as one, and of leaving the prior."""
+        size = self.scaled(predicted)[predicted.seen]
+        loss = np.log1p((size / CAUCHY) ** 2).sum() + UNSEEN_LOSS * np.count_nonzero(~predicted.seen)
+        away = (unknown - self.prior.mean) / self.prior.sd
+        return float(CAUCHY**2 * loss / self.columns_as_one + away @ away)
+
+    def normal_equations(self, unknown: Array, predicted: Predicted, scale: float = 1.0) -> tuple[Array, Array]:
+        """Return the weighted normal matrix (unknown, unknown) and the gradient (unknown,)."""
+        sd = POINT_SD_M * np.sqrt(1 + predicted.slope**2)
+        jacobian = predicted.jacobian / sd[:, None]
+        residual = self.scaled(predicted)
+        weight = np.where(predicted.seen, 1 / (1 + (residual / CAUCHY) ** 2), 0.0) / (self.columns_as_one * scale**2)
+        weighted = jacobian * weight[:, None]
+        normal = jacobian.T @ weighted
+        normal[np.diag_indices(len(NAMES))] += self.prior.sd**-2
+        return normal, weighted.T @ residual - (unknown - self.prior.mean) / self.prior.sd**2
+
+    def scaled(self, predicted: Predicted) -> Array:
+        """Return the residuals along the normal, in standard deviations (place,)."""
+        scaled: Array = (self.observed - predicted.depth_m) / (POINT_SD_M * np.sqrt(1 + predicted.slope**2))
+        return scaled
+
+    def result(self, unknown: Array, predicted: Predicted) -> BoundaryFit:
+        """Return the fit with its uncertainty: the curvature's, scaled by the misfit where that is large (Birge)."""
+        residual = np.where(predicted.seen, np.abs(self.scaled(predicted)), np.inf)
+        misfit = 1.4826 * float(np.median(residual))
+        normal, _ = self.normal_equations(unknown, predicted, max(1.0, min(misfit, 1e3)))
+        covariance: Array = np.linalg.inv(normal)
+        draws_n = self._drawn_forces(unknown, covariance)
+        low_n, force, high_n = np.quantile(draws_n, [INTERVAL[0], 0.5, INTERVAL[1]])
+        return BoundaryFit(
+            force_n=float(force),
+            interval_n=(float(low_n), float(high_n)),
+            draws_n=draws_n,
+            contact_m=float(unknown[LATERAL]),
+            tip_m=float(unknown[TIP]),
+            misfit_m=misfit * POINT_SD_M,
+            outliers=float(np.mean(residual > OUTLIER_SD * max(1.0, misfit))),
+            wall_bmc=place_walls(self.library, unknown[None])[0],
+            unknown=unknown,
+            sd=np.sqrt(np.diag(covariance)),
+        )
+
+    def _drawn_forces(self, unknown: Array, covariance: Array) -> Array:
+        """Return forces drawn from the posterior; what the library does not know of real walls comes on top."""
+        normal = _standard_normal(len(NAMES) + 2)
+        drawn = unknown + normal[:, :-2] @ np.linalg.cholesky(covariance).T
+        drawn[:, TIP] = np.maximum(drawn[:, TIP], 0.0)
+        forces = force_n(self.library, drawn) * np.exp(MODEL_SD * normal[:, -2]) + MODEL_SD_N * normal[:, -1]
+        return np.maximum(forces, 0.0)
+
+
+@lru_cache(maxsize=4)
+def _standard_normal(size: int) -> Array:
+    """Return DRAWS points of a standard normal distribution (draw, size), always the same, symmetric about 0."""
+    half = np.random.default_rng(0).standard_normal((DRAWS // 2, size))
+    both = np.concatenate([half, -half])
+    exact: Array = both / both.std(axis=0)
+    return exact
