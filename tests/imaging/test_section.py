@@ -5,11 +5,14 @@ import pytest
 
 from scleraforce.errors import InputError, SolverError
 from scleraforce.eye.contact import Contact
+from scleraforce.eye.form import form_mesh, thickness_factor
+from scleraforce.eye.graded import graded_globe, graded_mesh
 from scleraforce.eye.mesh import build_mesh
 from scleraforce.eye.shapes import shape_values
 from scleraforce.imaging.plane import ScanPlane
 from scleraforce.imaging.section import cut_section, cut_sections
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.study import FormStudy, WaveStudy
 
 RADIUS, THICKNESS = 12e-3, 6e-4
 MICRON = 1e-6
@@ -241,3 +244,67 @@ def test_other_elements_are_cut_on_their_own_surface(options):
     facet = 2 * (1e-3) ** 2 / 8 / RADIUS if mesh.order == 1 else MICRON  # a facet sags along both of its sides
     assert distance_to_circle(section.outer, plane, RADIUS).max() < facet
     assert distance_to_circle(section.inner, plane, RADIUS - THICKNESS).max() < facet
+
+
+def own_frame(mesh, axes):
+    """The map from space to an ellipsoid's own frame: affine, fitted to the outer nodes."""
+    nodes = np.unique(mesh.outer_qn)
+    moved = np.c_[mesh.points_nc[nodes], np.ones(len(nodes))]
+    matrix, *_ = np.linalg.lstsq(moved, mesh.sphere_nc[nodes] * axes, rcond=None)
+    return lambda points: np.c_[points, np.ones(len(points))] @ matrix
+
+
+@pytest.mark.parametrize("make", [graded_mesh, graded_globe])
+@pytest.mark.parametrize("plane", list(planes(4, seed=3)), ids=str)
+def test_an_ellipsoid_is_cut_in_its_ellipse_and_the_wall_is_as_thick_along_the_normal(make, plane):
+    axes = np.array([1.06, 0.95, 1.03])
+    contact = Contact(min(plane.contact.polar_rad, 0.9), plane.contact.azimuth_rad)
+    plane = ScanPlane(contact, plane.gap_m, plane.direction_rad, plane.tilt_rad)
+    sphere = make(RADIUS, THICKNESS, contact, core=8, rings=24)
+    mesh = form_mesh(sphere, FormStudy(semi_axes=tuple(axes)), contact).mesh
+    section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
+    near = [np.abs(curve[:, 0]) < 8e-3 for curve in (section.outer, section.inner)]  # what a B-scan sees
+    to_own = own_frame(mesh, axes)
+    outer, inner = (to_own(in_space(c[n], plane)) for c, n in zip((section.outer, section.inner), near, strict=True))
+    level = np.linalg.norm(outer / axes, axis=1)
+    assert np.abs(level - RADIUS).max() < 2 * MICRON
+    # An inner point is x - t n(x) of an outer point x: found by Newton's method on x = point + t n(x).
+    foot = inner / np.linalg.norm(inner / axes, axis=1, keepdims=True) * RADIUS
+    for _ in range(50):
+        normal = foot / axes**2
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        foot = inner + THICKNESS * normal
+    assert np.abs(np.linalg.norm(foot / axes, axis=1) - RADIUS).max() < 2 * MICRON
+
+
+def test_an_uneven_wall_has_its_thickness_along_the_section():
+    plane = ScanPlane(Contact(0.5, 1.0), 0.5e-3, 0.4, 0.1)
+    form = FormStudy(wave=(WaveStudy(0.12, 3, 0.6, 1.0), WaveStudy(0.06, 1, 1.2, -0.5)))
+    mesh = form_mesh(graded_mesh(RADIUS, THICKNESS, plane.contact, core=8, rings=24), form, plane.contact).mesh
+    section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
+    near = np.abs(section.inner[:, 0]) < 8e-3
+    inner = in_space(section.inner[near], plane)
+    radii = np.linalg.norm(inner, axis=1)  # the sphere stays: its wall is measured along rays
+    expected = RADIUS - THICKNESS * thickness_factor(form, inner / radii[:, None])
+    assert np.abs(radii - expected).max() < 1 * MICRON
+    assert np.ptp(radii) > 40 * MICRON
+    assert distance_to_circle(section.outer[near], plane, RADIUS).max() < 2 * MICRON
+
+
+def test_a_dent_of_seven_millimetres_is_what_all_the_small_tetrahedra_cut():
+    """A cap mirrored at a plane, its rim rounded: how a thin wall gives way; squeezed and pushed across the plane."""
+    plane = ScanPlane(Contact(0.6, 0.4), 0.5e-3, direction_rad=0.3, tilt_rad=0.1)
+    mesh = graded_mesh(RADIUS, THICKNESS, plane.contact)
+    height = mesh.points_nc @ plane.contact.normal
+    across = mesh.points_nc - np.outer(height, plane.contact.normal)
+    mirror = RADIUS - 3.5e-3
+    move = np.outer(mirror - np.hypot(height - mirror, 0.7e-3) - height, plane.contact.normal) * (height > 0)[:, None]
+    near = np.exp(-np.sum(across**2, axis=1) / (4e-3) ** 2)[:, None]
+    displacement = move - 0.08 * across * near + 0.6e-3 * near * plane.normal
+    section = cut_section(mesh, plane, displacement)
+    polygons = cut_tetrahedra(mesh, plane, displacement, (12, 12, 1))
+    inside_window = [p for p in polygons if np.abs(p[:, 0]).max() < 7e-3]
+    points = np.concatenate(inside_window)
+    assert points[:, 1].max() > 6e-3  # the dent's bottom
+    outside = points[~inside(points, section.contour)]
+    assert distance_to_contour(outside, section.contour).max(initial=0.0) < 10 * MICRON
