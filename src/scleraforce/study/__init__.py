@@ -2,6 +2,7 @@
 
 from scleraforce.study.form import FormStudy, RegionStudy, WaveStudy
 from scleraforce.study.phantom import PhantomStudy
+from scleraforce.study.reader import ReaderStudy
 from scleraforce.study.records import (
     CalibrationStudy,
     ClassesStudy,
@@ -33,6 +34,7 @@ __all__ = [
     "OctStudy",
     "PhantomStudy",
     "Range",
+    "ReaderStudy",
     "RegionStudy",
     "Sampled",
     "SliceStudy",

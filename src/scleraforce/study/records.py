@@ -9,6 +9,7 @@ from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, option, quantity
 from scleraforce.study.form import FormStudy
 from scleraforce.study.phantom import PhantomStudy
+from scleraforce.study.reader import ReaderStudy
 from scleraforce.study.sampled import Choice, Range, Sampled, fixed
 
 __all__ = [
@@ -241,4 +242,5 @@ class Study:
     dataset: DatasetStudy = field(default_factory=DatasetStudy)
     network: NetworkStudy = field(default_factory=NetworkStudy)
     phantom: PhantomStudy = field(default_factory=PhantomStudy)
+    reader: ReaderStudy = field(default_factory=ReaderStudy)
     form: FormStudy = field(default_factory=FormStudy)
