@@ -43,7 +43,7 @@ class CubicSpline:
         moved = np.moveaxis(values, axis, 0)
         columns: Floats = moved.reshape(len(self.nodes), -1)
         solved = np.linalg.solve(self._matrix(), columns)
-        return np.moveaxis(solved.reshape(moved.shape), 0, axis)
+        return np.moveaxis(np.reshape(solved, moved.shape), 0, axis)
 
     def weights(self, places: Floats) -> tuple[Integers, Floats]:
         """Return, for places (place,) between the ends, the first B-spline (place,) and four weights (place, 4)."""

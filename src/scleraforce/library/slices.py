@@ -1,0 +1,178 @@
+"""Slices of many walls at once: boundaries at the columns of the slice, and the wall between them (NumPy only).
+
+The picture is that of `imaging.slices.fill_section` for the same curves: a pixel is wall where its centre lies in the
+wall. Boundaries come separately, so that errors like those of a segmentation can be added before they are filled.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.imaging.plane import Section, SliceWindow
+from scleraforce.imaging.slices import SNAP, WALL, fill_section
+from scleraforce.library.sections import cut_rings, cut_surfaces, section_curve
+from scleraforce.study import SliceStudy
+
+__all__ = ["Framing", "WallBoundaries", "column_laterals", "draw_slices", "fill_boundaries", "wall_boundaries"]
+
+Floats = NDArray[np.float64]
+
+STATION_M = 0.05e-3  # between the points of a turned curve: its chords are 0.3 um off where it bends with 1 mm radius
+MIN_NODES = 2
+
+
+@dataclass(frozen=True)
+class Framing:
+    """Where sections lie in their slices; each array is (sample,).
+
+    A section is turned about its frame's origin (the undeformed contact, moved by the gap), from lateral to depth,
+    scaled about it, and then moved: `lateral_m` is the origin's place from the middle column, `depth_m` its depth below
+    the slice's top edge.
+    """
+
+    lateral_m: Floats
+    depth_m: Floats
+    scale: Floats
+    turn_rad: Floats
+
+    @classmethod
+    def upright(cls, lateral_m: Floats, depth_m: Floats) -> "Framing":
+        """Return the framing that only moves."""
+        return cls(lateral_m, depth_m, np.ones_like(depth_m), np.zeros_like(depth_m))
+
+    def place(self, sample: int | np.integer[Any], points: Floats) -> Floats:
+        """Return points (point, 2) of a sample's plane, lateral and depth in m, in its slice."""
+        c, s = np.cos(self.turn_rad[sample]), np.sin(self.turn_rad[sample])
+        turned = points @ np.array([[c, s], [-s, c]])
+        return np.asarray(self.scale[sample] * turned + [self.lateral_m[sample], self.depth_m[sample]])
+
+
+@dataclass(frozen=True)
+class WallBoundaries:
+    """Boundaries of walls in the columns of their slices.
+
+    `depth_sbc` (sample, boundary, column): depth of the outer and the inner boundary below the slice's top edge at the
+    centre of the column, m; NaN where there is none. Where a boundary folds over, the part seen from above.
+    `folded` (sample,): some boundary folds over, so that the two depths do not say all.
+    """
+
+    depth_sbc: Floats
+    folded: NDArray[np.bool_]
+
+
+def column_laterals(study: SliceStudy) -> Floats:
+    """Return the centres of a slice's columns (column,), m from its middle."""
+    return np.asarray((np.arange(study.columns) + 0.5 - 0.5 * study.columns) * study.pixel_m)
+
+
+def wall_boundaries(
+    curves_sbnc: NDArray[np.floating], gap_m: Floats, tilt_rad: Floats, framing: Framing, study: SliceStudy
+) -> WallBoundaries:
+    """Cut walls by their B-scan planes and return the boundaries in the columns of the slices.
+
+    Args:
+        curves_sbnc: walls (`Responses.curves_sbnc`), m; material that the slice shows must not be left out.
+        gap_m: distance of the plane from the needle axis (sample,), m.
+        tilt_rad: tilt of the plane (sample,).
+        framing: where the section lies in the slice.
+        study: size of the slice and of its pixel.
+    """
+    squares, depths = cut_rings(curves_sbnc, gap_m[:, None, None], tilt_rad[:, None, None])
+    laterals = column_laterals(study)
+    found = np.empty((*squares.shape[:2], study.columns))
+    folded = np.zeros(len(found), dtype=bool)
+    before = np.maximum(squares.shape[2] - 1 - np.argmax(squares[..., ::-1] < 0.0, axis=2), 0)
+    before[(squares >= 0.0).all(axis=2)] = 0
+    for sample, (square_bn, depth_bn) in enumerate(zip(squares, depths, strict=True)):
+        columns = (laterals - framing.lateral_m[sample]) / framing.scale[sample]
+        turn = framing.turn_rad[sample]
+        for boundary, start in enumerate(before[sample]):
+            square, depth = square_bn[boundary, start:], depth_bn[boundary, start:]
+            found[sample, boundary], folds = _at_columns(columns, square, depth, turn)
+            folded[sample] |= folds
+    found *= framing.scale[:, None, None]
+    found += framing.depth_m[:, None, None]
+    return WallBoundaries(found, folded)
+
+
+def fill_boundaries(depth_sbc: Floats, study: SliceStudy) -> NDArray[np.uint8]:
+    """Draw walls: 255 in each pixel whose centre lies between the boundaries, else 0.
+
+    Args:
+        depth_sbc: boundaries (sample, boundary, column), m below the top edge; NaN: no wall in this column.
+        study: size of the slice and of its pixel.
+
+    Returns:
+        The slices, shape (sample, rows, columns); a centre on a boundary belongs to what is below it.
+    """
+    rows = np.rint(depth_sbc * (SNAP / study.pixel_m)) / SNAP - 0.5
+    first = np.ceil(np.clip(rows - 0.5 / SNAP, 0.0, study.rows))
+    first[np.isnan(first).any(axis=1, keepdims=True).repeat(2, axis=1)] = study.rows
+    ends = np.sort(first, axis=1).astype(np.int16)[:, :, None]
+    row = np.arange(study.rows, dtype=np.int16)[:, None]
+    inside = (row >= ends[:, 0]) & (row < ends[:, 1])
+    return inside.view(np.uint8) * np.uint8(WALL)
+
+
+def draw_slices(
+    curves_sbnc: NDArray[np.floating], gap_m: Floats, tilt_rad: Floats, framing: Framing, study: SliceStudy
+) -> NDArray[np.uint8]:
+    """Return the slices of walls, shape (sample, rows, columns), 255 = wall; arguments of `wall_boundaries`.
+
+    Raises:
+        InputError: the plane misses a wall that folds over.
+    """
+    boundaries = wall_boundaries(curves_sbnc, gap_m, tilt_rad, framing, study)
+    images = fill_boundaries(boundaries.depth_sbc, study)
+    window = SliceWindow(-0.5 * study.columns * study.pixel_m, 0.0, study.columns, study.rows, study.pixel_m)
+    for sample in np.flatnonzero(boundaries.folded):
+        section = cut_surfaces(curves_sbnc[sample], float(gap_m[sample]), float(tilt_rad[sample]))
+        placed = (framing.place(sample, curve) for curve in (section.outer, section.inner))
+        images[sample] = fill_section(Section(*placed), window)
+    return images
+
+
+def _at_columns(columns: Floats, square: Floats, depth: Floats, turn_rad: float) -> tuple[Floats, bool]:
+    """Depth of a boundary at laterals (column,) after its turn, and whether it folds over."""
+    reach = np.abs(columns).max() + (np.abs(np.sin(turn_rad)) * np.abs(depth).max() + STATION_M if turn_rad else 0.0)
+    shown = int(np.argmax(square >= reach**2)) + 1 if square[-1] >= reach**2 else len(square)
+    square, depth = square[:shown], depth[:shown]
+    rises = bool((square[1:] > square[:-1]).all())
+    if turn_rad != 0.0:
+        return _turned_at_columns(columns, square, depth, turn_rad, rises)
+    if rises:
+        return np.interp(columns**2, square, depth, left=np.nan, right=np.nan), False
+    return _seen_from_above(columns**2, square, depth), True
+
+
+def _turned_at_columns(
+    columns: Floats, square: Floats, depth: Floats, turn_rad: float, rises: bool
+) -> tuple[Floats, bool]:
+    """The same, for a curve that is turned in its plane."""
+    if rises:
+        half = np.arange(0.0, np.sqrt(max(square[-1], 0.0)), STATION_M)
+        depth_half = np.interp(half**2, square, depth)
+        lateral, deep = np.concatenate([-half[:0:-1], half]), np.concatenate([depth_half[:0:-1], depth_half])
+    else:
+        lateral, deep = section_curve(square, depth).T
+    c, s = np.cos(turn_rad), np.sin(turn_rad)
+    x, y = c * lateral - s * deep, s * lateral + c * deep
+    if (x[1:] > x[:-1]).all():
+        return np.interp(columns, x, y, left=np.nan, right=np.nan), False
+    return _seen_from_above(columns, x, y), True
+
+
+def _seen_from_above(wanted: Floats, place: Floats, depth: Floats) -> Floats:
+    """Smallest depth of a curve at the wanted places; NaN where it has none. `place` may run back and forth."""
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(place)))) + 1
+    runs = np.split(np.arange(len(place)), turns)
+    smallest = np.full(len(wanted), np.nan)
+    for number, run in enumerate(runs):
+        ends = np.append(run, run[-1] + 1) if number < len(runs) - 1 else run
+        if len(ends) < MIN_NODES:
+            continue
+        order = ends if place[ends[-1]] > place[ends[0]] else ends[::-1]
+        smallest = np.fmin(smallest, np.interp(wanted, place[order], depth[order], left=np.nan, right=np.nan))
+    return smallest
