@@ -14,7 +14,7 @@ from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, locate, surface_weights
 from scleraforce.mechanics.quadrature import VolumePoints, gauss_points, surface_points
 
-__all__ = ["gravity_load", "needle_loads", "pressure_load", "weighted_surface_load"]
+__all__ = ["disc_rule", "gravity_load", "needle_loads", "pressure_load", "weighted_surface_load"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -46,7 +46,7 @@ def needle_loads(mesh: HexMesh, contacts: Sequence[Contact], needle_radius_m: fl
     Raises:
         InputError: a disc reaches over the base plane.
     """
-    places_pk, weights_p = _disc_rule()
+    places_pk, weights_p = disc_rule()
     directions = _disc_directions(contacts, needle_radius_m / mesh.radius_m * places_pk)
     _check_disc(contacts, directions)
     quads, local = locate(mesh, directions.reshape(-1, 3))
@@ -73,8 +73,8 @@ def weighted_surface_load(
     return _scatter(mesh, mesh.outer_qn, nodal_qn[..., None] * direction_c)
 
 
-def _disc_rule() -> tuple[Floats, Floats]:
-    """Points (point, 2) in the unit disc and weights (point,) that sum to 1."""
+def disc_rule() -> tuple[Floats, Floats]:
+    """Return points (point, 2) in the unit disc and weights (point,) that sum to 1: a uniform load."""
     places, weights = gauss_points(1, DISC_RINGS)
     radius = np.sqrt(0.5 * (places[:, 0] + 1.0))  # equal steps of r^2 are equal areas
     # Half a step turns every other ring, so that no two rings share their angles.

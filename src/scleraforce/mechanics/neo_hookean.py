@@ -85,15 +85,14 @@ class NeoHookeanSolid:
             SolverError: J <= 0 somewhere.
         """
         F_epJi = self._transposed_gradient(displacement_nc)
-        J_ep: Floats = np.linalg.det(F_epJi)
+        J_ep = self.volume_ratio(displacement_nc)
         if not np.all(J_ep > 0.0):
             raise SolverError("neo-Hookean: the wall is turned inside out; a smaller step would do")
-        inverse_epiJ: Floats = np.linalg.inv(F_epJi)
         elements, nodes = self._cells_en.shape
         matrices = np.empty((elements, nodes, nodes, 3, 3))
         for start in range(0, elements, ELEMENTS_AT_ONCE):
             part = slice(start, start + ELEMENTS_AT_ONCE)
-            matrices[part] = self._element_tangents(part, inverse_epiJ[part], J_ep[part])
+            matrices[part] = self._element_tangents(part, F_epJi[part], J_ep[part])
         return self.pattern.sum(matrices)
 
     def _transposed_gradient(self, displacement_nc: Floats) -> Floats:
@@ -102,12 +101,12 @@ class NeoHookeanSolid:
         gradient = (self._gradients_erN @ local_eni).reshape(len(local_eni), -1, 3, 3)
         return gradient + np.eye(3)
 
-    def _element_tangents(self, part: slice, inverse_epiJ: Floats, J_ep: Floats) -> Floats:
+    def _element_tangents(self, part: slice, F_epJi: Floats, J_ep: Floats) -> Floats:
         """Tangents of some elements, (element, node, node, 3, 3)."""
         elements, count = J_ep.shape
         nodes = self._cells_en.shape[1]
         gradients = self._gradients_erN[part].reshape(elements, count, 3, nodes)
-        g = (inverse_epiJ @ gradients).reshape(elements, count, 3 * nodes)
+        g = (np.linalg.inv(F_epJi) @ gradients).reshape(elements, count, 3 * nodes)
         bulk_ep, shear_ep = self._lambda_ep[part], self._mu_ep[part] - self._lambda_ep[part] * np.log(J_ep)
         transposed = g.transpose(0, 2, 1)
         shape = (elements, 3, nodes, 3, nodes)

@@ -1,7 +1,7 @@
 """Pressure that follows the deformed inner surface, and the volume of the cavity behind it.
 
 The force f_a = p * integral of N_a (x,1 x x,2) over the local coordinates of the inner quads is the derivative by the
-nodes' positions of p times the cavity's volume, as long as the edge of the surface is held or stays in its plane z = 0:
+nodes' positions of p times the cavity's volume, as long as the edge of the surface is held or stays in its plane:
 then the derivative of f is symmetric. Source: Bonet and Wood, Nonlinear Continuum Mechanics, sec. 8.5 and 9.5.
 """
 
@@ -32,6 +32,8 @@ class InnerSurface:
         places, weights = gauss_points(2, PRESSURE_POINTS)
         nodes = mesh.inner_qn.shape[1]
         self._points_nc, self._quads_qn = mesh.points_nc, mesh.inner_qn
+        base = mesh.points_nc[np.intersect1d(mesh.base_nodes, mesh.inner_qn)]
+        self._origin_c = base.mean(axis=0) if len(base) else np.zeros(3)
         self._values_pn = shape_values(places, nodes)
         self._slopes_kpn = shape_gradients(places, nodes).transpose(2, 0, 1)
         self._weights_p = weights
@@ -40,11 +42,11 @@ class InnerSurface:
         self._products = np.einsum("p,pa,kpb->kabp", weights, self._values_pn, self._slopes_kpn)
 
     def volume(self, displacement_nc: Floats) -> float:
-        """Return the volume of the cavity in m^3: that inside a whole globe, or above z = 0 inside a half-sphere.
+        """Return the volume of the cavity in m^3: that inside a whole globe, or above the base of a half.
 
-        V = 1/3 integral of x . n; the disc z = 0 that closes a half-sphere adds nothing to it.
+        V = 1/3 integral of x . n with x from a point of the base, so that the base, which is plane, adds nothing.
         """
-        x_qnc = (self._points_nc + displacement_nc)[self._quads_qn]
+        x_qnc = (self._points_nc + displacement_nc - self._origin_c)[self._quads_qn]
         areas = self._areas(x_qnc)
         return float(np.einsum("p,pn,qnc,qpc->", self._weights_p, self._values_pn, x_qnc, areas, optimize=True)) / 3.0
 

@@ -1,0 +1,261 @@
+"""Finite-strain mechanics of the wall: load paths of a neo-Hookean eye under pressure, weight and the needle.
+
+A dent of a few wall thicknesses softens the wall and then stiffens it, which linear mechanics does not know. A load
+path is computed once, by the tip's displacement (`mechanics.continuation`), and then read at any force.
+
+The answer depends on F/E, p/E and (weight per volume)/E only; E is 1 Pa inside.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.sparse.linalg import splu
+
+from scleraforce.errors import InputError, SolverError
+from scleraforce.eye.mesh import HexMesh
+from scleraforce.mechanics.assembly import FreePart
+from scleraforce.mechanics.continuation import PathStates, pressurise, trace
+from scleraforce.mechanics.equilibrium import Solve
+from scleraforce.mechanics.loads import gravity_load
+from scleraforce.mechanics.needle import Needle
+from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
+from scleraforce.mechanics.pressure import InnerSurface
+from scleraforce.mechanics.supports import clamped_base
+from scleraforce.units import STANDARD_GRAVITY_M_S2
+
+__all__ = ["FiniteWall", "LoadPath"]
+
+Floats = NDArray[np.float64]
+
+FIRST_STEP_M = 1e-4
+LARGEST_STEP_M = 5e-4  # cubic interpolation between such states is off by less than 0.1 %
+
+
+@dataclass(frozen=True, eq=False)
+class LoadPath:
+    """States of equilibrium of one eye along the needle's path; between them everything is cubic in the tip.
+
+    Attributes:
+        tips_m: the tip's inward displacement from the state without the needle, ascending from 0, (state,) in m.
+        forces_n: force through the needle, (state,) in N; it need not ascend.
+        pressures_pa: eye pressure, (state,) in Pa; constant unless the globe is sealed.
+        displacement_snc: displacement from the undeformed wall, (state, node, 3) in m.
+    """
+
+    tips_m: Floats
+    forces_n: Floats
+    pressures_pa: Floats
+    displacement_snc: Floats
+
+    @property
+    def max_force_n(self) -> float:
+        """The largest force of the path's states in N."""
+        return float(self.forces_n.max())
+
+    def tip_m(self, force_n: float) -> float:
+        """Return the tip's displacement in m at a force; the smallest one where several states carry the force.
+
+        Raises:
+            InputError: the path does not reach the force.
+        """
+        if not 0.0 <= force_n <= self.max_force_n:
+            raise InputError(
+                f"force: {force_n * 1e3:g} mN; this load path carries 0 to {self.max_force_n * 1e3:g} mN, up to a dent "
+                f"of {self.tips_m[-1] * 1e3:.3g} mm"
+            )
+        if force_n == 0.0:
+            return 0.0
+        roots = self._force.solve(force_n, extrapolate=False)
+        # Rounding may hide the root at the very end.
+        return float(roots.min()) if len(roots) else float(self.tips_m[np.argmax(self.forces_n)])
+
+    def displacement_nc(self, force_n: float) -> Floats:
+        """Return the displacement from the undeformed wall at a force, (node, 3) in m.
+
+        Raises:
+            InputError: the path does not reach the force.
+        """
+        return self.displacement_at_tip_nc(self.tip_m(force_n))
+
+    def displacement_at_tip_nc(self, tip_m: float) -> Floats:
+        """Return the displacement from the undeformed wall where the tip has gone `tip_m`, (node, 3) in m.
+
+        Raises:
+            InputError: the path does not reach that far.
+        """
+        displacement: Floats = np.einsum("s,snc->nc", self._weights(tip_m), self.displacement_snc)
+        return displacement
+
+    def pressure_pa(self, force_n: float) -> float:
+        """Return the eye pressure at a force in Pa; errors are those of `tip_m`."""
+        return float(self._weights(self.tip_m(force_n)) @ self.pressures_pa)
+
+    @cached_property
+    def _force(self) -> CubicSpline:
+        return CubicSpline(self.tips_m, self.forces_n)
+
+    @cached_property
+    def _basis(self) -> CubicSpline:
+        """The spline through each state's unit vector: its values are the states' weights."""
+        return CubicSpline(self.tips_m, np.eye(len(self.tips_m)))
+
+    def _weights(self, tip_m: float) -> Floats:
+        if not 0.0 <= tip_m <= self.tips_m[-1]:
+            raise InputError(f"tip: {tip_m * 1e3:g} mm; this load path goes from 0 to {self.tips_m[-1] * 1e3:g} mm")
+        weights: Floats = self._basis(tip_m)
+        return weights
+
+
+class FiniteWall:
+    """A wall of neo-Hookean material at finite strain, its sparse pattern found once for all paths.
+
+    Attributes:
+        mesh: the wall's mesh, of any form.
+        held_nc: which displacement components are held at zero, (node, 3).
+        solid: the material.
+    """
+
+    def __init__(
+        self,
+        mesh: HexMesh,
+        poisson_ratio: float,
+        held_nc: NDArray[np.bool_] | None = None,
+        *,
+        modulus_factor_ep: Floats | None = None,
+        dead_pressure_nc: Floats | None = None,
+    ) -> None:
+        """Prepare all that does not depend on the displacement.
+
+        Args:
+            mesh: the wall.
+            poisson_ratio: nu.
+            held_nc: holds displacement components at zero, (node, 3); by default the clamped base.
+            modulus_factor_ep: modulus over E at every Gauss point, (element, point) or what broadcasts to it.
+            dead_pressure_nc: nodal forces of 1 Pa that keep their direction, (node, 3) in m^2, in place of a pressure
+                that follows the inner surface; `loads.pressure_load` is such.
+
+        Raises:
+            SolverError: an element is turned inside out.
+        """
+        self.mesh = mesh
+        self.held_nc = clamped_base(mesh) if held_nc is None else held_nc
+        self.solid = NeoHookeanSolid(mesh, poisson_ratio, modulus_factor_ep)
+        self.inner = InnerSurface(mesh, self.solid.pattern)
+        self.dead_pressure_nc = dead_pressure_nc
+        self.free = np.flatnonzero(~self.held_nc.ravel())
+        self.free_part = FreePart(self.solid.pattern, self.free)
+
+    @cached_property
+    def gravity_nc(self) -> Floats:
+        """Nodal forces of 1 N/m^3 of weight, along -z, (node, 3) in N."""
+        return gravity_load(self.mesh, self.solid.points)
+
+    def rest_nc(self, *, youngs_modulus_pa: float, iop_pa: float, density_kg_m3: float) -> Floats:
+        """Return the displacement under pressure and weight without a needle, (node, 3) in m.
+
+        Raises:
+            SolverError: no equilibrium was found; the message says what was reached.
+        """
+        nothing = np.zeros_like(self.mesh.points_nc)
+        weight_ratio = density_kg_m3 * STANDARD_GRAVITY_M_S2 / youngs_modulus_pa
+        problem = _WallEquilibrium(self, Needle(nothing, nothing), weight_ratio)
+        return self.full_nc(pressurise(problem, iop_pa / youngs_modulus_pa))
+
+    def load_path(
+        self,
+        needle: Needle,
+        *,
+        youngs_modulus_pa: float,
+        iop_pa: float,
+        density_kg_m3: float,
+        max_force_n: float,
+        max_tip_m: float | None = None,
+        sealed: bool = False,
+        largest_step_m: float = LARGEST_STEP_M,
+    ) -> LoadPath:
+        """Apply pressure and weight, then push the needle until it carries `max_force_n` or has gone `max_tip_m`.
+
+        Args:
+            needle: where and along which axis it pushes.
+            youngs_modulus_pa: E.
+            iop_pa: eye pressure without the needle.
+            density_kg_m3: of the wall; 0 leaves its weight out.
+            max_force_n: where the path may end; its last state carries at least that force.
+            max_tip_m: the deepest dent to go to.
+            sealed: the vitreous keeps its volume under the needle, and the pressure follows; otherwise it is constant.
+            largest_step_m: of the tip between two states.
+
+        Raises:
+            InputError: a sealed globe with a dead pressure.
+            SolverError: no equilibrium was found; the message says what was reached.
+        """
+        if sealed and self.dead_pressure_nc is not None:
+            raise InputError("sealed globe: its pressure has to follow the wall; leave the dead pressure out")
+        weight_ratio = density_kg_m3 * STANDARD_GRAVITY_M_S2 / youngs_modulus_pa
+        problem = _WallEquilibrium(self, needle, weight_ratio)
+        pressure = iop_pa / youngs_modulus_pa
+        states = trace(
+            problem,
+            pressurise(problem, pressure),
+            pressure,
+            max_tip_m=max_tip_m,
+            max_force=max_force_n / youngs_modulus_pa,
+            first_step_m=min(FIRST_STEP_M, largest_step_m),
+            largest_step_m=largest_step_m,
+            sealed=sealed,
+        )
+        return self._path(states, youngs_modulus_pa)
+
+    def _path(self, states: PathStates, youngs_modulus_pa: float) -> LoadPath:
+        displacement_snc = np.stack([self.full_nc(u) for u in states.displacement_su])
+        forces_n, pressures_pa = states.force * youngs_modulus_pa, states.pressure * youngs_modulus_pa
+        return LoadPath(states.tip_m, forces_n, pressures_pa, displacement_snc)
+
+    def full_nc(self, free: Floats) -> Floats:
+        """Return the displacement (node, 3) whose free components are given, (unknown,); the held ones are zero."""
+        full = np.zeros(self.mesh.points_nc.size)
+        full[self.free] = free
+        return full.reshape(-1, 3)
+
+
+class _WallEquilibrium:
+    """The wall as `continuation` sees it: unknowns are the free components, E = 1 Pa."""
+
+    def __init__(self, wall: FiniteWall, needle: Needle, weight_ratio: float) -> None:
+        self._wall = wall
+        self.needle: Floats = needle.load_nc.ravel()[wall.free]
+        self.tip: Floats = needle.tip_nc.ravel()[wall.free]
+        self._weight_nc = weight_ratio * wall.gravity_nc
+
+    def residual(self, u: Floats, pressure: float) -> Floats:
+        displaced_nc = self._wall.full_nc(u)
+        wall = self._wall
+        pushed_nc = wall.inner.forces(displaced_nc) if wall.dead_pressure_nc is None else wall.dead_pressure_nc
+        balance_nc = wall.solid.forces(displaced_nc) - pressure * pushed_nc - self._weight_nc
+        return balance_nc.ravel()[wall.free]
+
+    def factor(self, u: Floats, pressure: float) -> Solve:
+        displaced_nc = self._wall.full_nc(u)
+        wall = self._wall
+        blocks = wall.solid.tangent_blocks(displaced_nc)
+        if wall.dead_pressure_nc is None and pressure != 0.0:
+            wall.inner.add_tangent(blocks, displaced_nc, -pressure)
+        # Symmetric but, past a turning point, not definite: without pivoting all the same (see `linear`).
+        try:
+            factor = splu(
+                wall.free_part.matrix(blocks),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+        except RuntimeError as fault:
+            raise SolverError(f"tangent: {fault}; supports against rigid motion would do") from fault
+        return factor.solve
+
+    def volume(self, u: Floats) -> tuple[float, Floats]:
+        displaced_nc = self._wall.full_nc(u)
+        inner = self._wall.inner
+        return inner.volume(displaced_nc), inner.forces(displaced_nc).ravel()[self._wall.free]
