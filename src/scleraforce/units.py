@@ -24,6 +24,7 @@ SI_PER_UNIT: dict[str, tuple[str, float]] = {
     "mn_per_min": ("n_per_s", 1e-3 / 60.0),
     "mnm": ("nm", 1e-3),  # mN m in N m
     "percent": ("fraction", 1e-2),
+    "mm2": ("m2", 1e-6),
 }
 
 

@@ -1,6 +1,7 @@
 """The study: one typed record of everything that a run depends on, read from TOML."""
 
 from scleraforce.study.form import FormStudy, RegionStudy, WaveStudy
+from scleraforce.study.library import LibraryStudy
 from scleraforce.study.phantom import PhantomStudy
 from scleraforce.study.reader import ReaderStudy
 from scleraforce.study.records import (
@@ -28,6 +29,7 @@ __all__ = [
     "DatasetStudy",
     "EyeStudy",
     "FormStudy",
+    "LibraryStudy",
     "MeshStudy",
     "NeedleStudy",
     "NetworkStudy",

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, option, quantity
 from scleraforce.study.form import FormStudy
+from scleraforce.study.library import LibraryStudy
 from scleraforce.study.phantom import PhantomStudy
 from scleraforce.study.reader import ReaderStudy
 from scleraforce.study.sampled import Choice, Range, Sampled, fixed
@@ -242,5 +243,6 @@ class Study:
     dataset: DatasetStudy = field(default_factory=DatasetStudy)
     network: NetworkStudy = field(default_factory=NetworkStudy)
     phantom: PhantomStudy = field(default_factory=PhantomStudy)
+    library: LibraryStudy = field(default_factory=LibraryStudy)
     reader: ReaderStudy = field(default_factory=ReaderStudy)
     form: FormStudy = field(default_factory=FormStudy)

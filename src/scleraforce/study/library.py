@@ -1,0 +1,39 @@
+"""The `[library]` section of a study: which load paths the response library holds.
+
+The radius and Poisson's ratio are those of `[eye]`, the needle is that of `[needle]`.
+"""
+
+from dataclasses import dataclass
+
+from scleraforce.errors import StudyError
+from scleraforce.study.fields import check_fields, quantity
+from scleraforce.study.sampled import Range, Sampled
+
+__all__ = ["LibraryStudy"]
+
+
+@dataclass(frozen=True)
+class LibraryStudy:
+    """Ranges of the library and how finely it covers them; `docs/library.md` says what the interpolation is worth.
+
+    `thicknesses` and `iop_ratios` values are spread evenly in their logarithm between the ends of `thickness_m` and
+    `iop_ratio` (IOP/E; the default covers 0.5 to 5 mmHg with 0.12 to 0.8 MPa). Each path has `tips` states up to
+    `max_tip_m`, denser at small dents. No force above `max_force_ratio_m2` (F/E) is asked for. `elements` and `layers`
+    are those of the wall's meridian.
+    """
+
+    thickness_m: Sampled = quantity(Range(350.0, 900.0), "um", 100.0, 3000.0)
+    thicknesses: int = quantity(10, None, 4, 1000)
+    iop_ratio: Sampled = quantity(Range(8e-5, 6e-3), None, 1e-7, 0.1)
+    iop_ratios: int = quantity(10, None, 4, 1000)
+    max_tip_m: float = quantity(7.5, "mm", 0.1, 50.0)
+    tips: int = quantity(48, None, 4, 10_000)
+    max_force_ratio_m2: float = quantity(0.5, "mm2", 1e-4, 100.0)
+    elements: int = quantity(64, None, 8, 2000)
+    layers: int = quantity(1, None, 1, 20)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        for key, bounds in (("thickness_um", self.thickness_m.bounds), ("iop_ratio", self.iop_ratio.bounds)):
+            if bounds[0] == bounds[1]:
+                raise StudyError(f"{key}: a range has to be given, like {{ min = ..., max = ... }}")
