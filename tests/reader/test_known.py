@@ -9,13 +9,14 @@ from calibration_file import calibration_text
 from scleraforce.calibration.summary import read_calibration
 from scleraforce.reader.known import Known, Modulus, calibrated_modulus, known_of_recording, outside_training
 from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.study import Range, ReaderStudy
 
-TRAINED = {
-    "youngs_modulus_pa": (0.18e6, 0.55e6),
-    "iop_pa": (120.0, 560.0),
-    "thickness_m": (0.45e-3, 0.85e-3),
-    "gap_m": (0.35e-3, 1e-3),
-}
+TRAINED = ReaderStudy(
+    youngs_modulus_pa=Range(0.18e6, 0.55e6),
+    iop_pa=Range(120.0, 560.0),
+    thickness_m=Range(0.45e-3, 0.85e-3),
+    gap_m=Range(0.35e-3, 1e-3),
+)
 INSIDE = Known(Modulus(0.3e6, 5e3, "own"), 270.0, 0.6e-3, 0.5e-3)
 
 
@@ -49,9 +50,9 @@ def test_an_eye_inside_the_training_is_inside_also_on_its_bounds() -> None:
     assert outside_training(Known(), TRAINED) is None
     assert outside_training(INSIDE, TRAINED) is None
     for end in (0, 1):
-        modulus = Modulus(TRAINED["youngs_modulus_pa"][end], 1e3, "own")
-        rest = {name: bounds[end] for name, bounds in TRAINED.items() if name != "youngs_modulus_pa"}
-        assert outside_training(Known(modulus, **rest), TRAINED) is None
+        modulus = Modulus(TRAINED.youngs_modulus_pa.bounds[end], 1e3, "own")
+        rest = (TRAINED.iop_pa.bounds[end], TRAINED.thickness_m.bounds[end], TRAINED.gap_m.bounds[end])
+        assert outside_training(Known(modulus, *rest), TRAINED) is None
 
 
 @pytest.mark.parametrize(

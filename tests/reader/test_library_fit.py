@@ -25,14 +25,15 @@ from scleraforce.reader.fit_prediction import (
 )
 from scleraforce.reader.known import Known, Modulus
 from scleraforce.reader.library_fit import fit_boundaries, prior_of
+from scleraforce.study import Range, ReaderStudy
 
 LIBRARY = analytic_library()
-RANGES = {
-    "youngs_modulus_pa": (0.15e6, 0.6e6),
-    "iop_pa": (100.0, 600.0),
-    "thickness_m": (0.4e-3, 0.9e-3),
-    "gap_m": (0.3e-3, 1.0e-3),
-}
+RANGES = ReaderStudy(
+    youngs_modulus_pa=Range(0.15e6, 0.6e6),
+    iop_pa=Range(100.0, 600.0),
+    thickness_m=Range(0.4e-3, 0.9e-3),
+    gap_m=Range(0.3e-3, 1.0e-3),
+)
 LATERAL_M = (np.arange(256) + 0.5 - 128) * 15e-3 / 256
 BOTH = Places(np.concatenate([LATERAL_M, LATERAL_M]), np.repeat([0, 1], 256))
 BOTTOM_M = 3.9e-3

@@ -1,135 +1,26 @@
-"""What a model says about recordings, beside what their force logs say (paper sec. 3.4, Table 3, Fig. 10)."""
+"""What a model says about recordings, beside what their force logs say."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from scleraforce.calibration.summary import read_calibration
-from scleraforce.errors import RecordingError
+from scleraforce.calibration.summary import CalibrationSummary, read_calibration
+from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.imaging.segmentation import PixelScale, Segmenter
-from scleraforce.reader.answers import answer_frame
+from scleraforce.reader.answers import Answer, answer_frame
+from scleraforce.reader.evaluation import Evaluation, FrameAnswer
+from scleraforce.reader.known import Known, known_of_eye, known_of_recording
 from scleraforce.reader.limits import limits
-from scleraforce.reader.metrics import Proportion, accuracy, confusion_matrix, precision, recall
 from scleraforce.reader.model import ForceReader
+from scleraforce.reader.wall_reader import WallReader
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.labels import label_frames
-from scleraforce.units import n_to_mn
 
 __all__ = ["Evaluation", "FrameAnswer", "evaluate_recordings"]
 
 
-@dataclass(frozen=True)
-class FrameAnswer:
-    """One frame: what was measured, what the model said.
-
-    `recording` is the path as given, `file` the frame's name. `measured_force_n` and `target` are None where there is
-    no force log. A frame that is not `usable` is never shown to the network: its `predicted` class is 2 (withdraw),
-    its `probabilities` None, and `reason` says why. `excluded` says why a trial is left out of the metrics although
-    it has a label (pierced, or over the study's largest force); `calibration` marks a frame that Young's modulus was
-    fitted on, which is left out as well.
-    """
-
-    recording: str
-    eye: str
-    file: str
-    measured_force_n: float | None
-    target: int | None
-    predicted: int
-    probabilities: tuple[float, ...] | None
-    usable: bool
-    reason: str | None = None
-    calibration: bool = False
-    excluded: str | None = None
-
-    @property
-    def scored(self) -> bool:
-        """Whether the frame counts in the metrics."""
-        return self.target is not None and self.excluded is None and not self.calibration
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the frame as it stands in `evaluate --json`."""
-        return {
-            "recording": self.recording,
-            "eye": self.eye,
-            "file": self.file,
-            "measured_force_mn": None if self.measured_force_n is None else n_to_mn(self.measured_force_n),
-            "target": self.target,
-            "predicted": self.predicted,
-            "probabilities": self.probabilities,
-            "usable": self.usable,
-            "reason": self.reason,
-            "calibration": self.calibration,
-            "excluded": self.excluded,
-        }
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """The answers of a model to the frames of one or more recordings, and the metrics over those that count.
-
-    `bounds_n` are the class bounds of the model's study, `max_force_n` its largest force; `notes` are sentences on
-    what limits the result (a gap that the model was not trained on, frames without labels).
-    """
-
-    model: str
-    bounds_n: tuple[float, ...]
-    max_force_n: float
-    youngs_modulus_pa: float
-    frames: tuple[FrameAnswer, ...]
-    notes: tuple[str, ...] = ()
-
-    @cached_property
-    def scored(self) -> tuple[FrameAnswer, ...]:
-        """The frames that count."""
-        return tuple(frame for frame in self.frames if frame.scored)
-
-    @cached_property
-    def confusion(self) -> NDArray[np.int64]:
-        """Trials by target (row) and predicted (column) class, shape (classes, classes)."""
-        targets = [frame.target for frame in self.scored if frame.target is not None]
-        return confusion_matrix(targets, [frame.predicted for frame in self.scored], len(self.bounds_n) + 1)
-
-    @property
-    def accuracy(self) -> Proportion:
-        """Share of right answers."""
-        return accuracy(self.confusion)
-
-    @property
-    def recall(self) -> tuple[Proportion, ...]:
-        """Share of each target class that was recognised (rows; the paper's Table 3 calls it precision)."""
-        return recall(self.confusion)
-
-    @property
-    def precision(self) -> tuple[Proportion, ...]:
-        """Share of each predicted class that was right (columns; the paper's Table 3 calls it recall)."""
-        return precision(self.confusion)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the result of `evaluate --json`; figures that are undefined are NaN (printed as null)."""
-        return {
-            "model": self.model,
-            "scored": len(self.scored),
-            "accuracy": self.accuracy.value,
-            "confusion": self.confusion.tolist(),
-            "recall": [share.value for share in self.recall],
-            "precision": [share.value for share in self.precision],
-            "intervals": {
-                "accuracy": self.accuracy.interval,
-                "recall": [share.interval for share in self.recall],
-                "precision": [share.interval for share in self.precision],
-            },
-            "notes": self.notes,
-            "frames": [frame.as_json() for frame in self.frames],
-        }
-
-
 def evaluate_recordings(
-    reader: ForceReader,
+    reader: ForceReader | WallReader,
     paths: Sequence[Path],
     calibration: Path | None = None,
     progress: Callable[[int], object] | None = None,
@@ -139,20 +30,21 @@ def evaluate_recordings(
     Args:
         reader: the model.
         paths: recording folders; each once.
-        calibration: the file of `scleraforce calibrate`; the frames that it used are marked and not scored.
+        calibration: the file of `scleraforce calibrate`; the frames that it used are marked and not scored. A model
+            of kind "reader" reads an eye that it knows with its own modulus, others with the population's.
         progress: called with 1 after each frame.
 
     Raises:
         RecordingError: a recording cannot be used, or is given twice.
         FrameError: a frame cannot be read.
-        CalibrationError: the calibration file cannot be used.
+        CalibrationError: the calibration file cannot be used, or not with this model.
     """
     _refuse_twice(paths)
-    used = frozenset[tuple[str, str]]() if calibration is None else read_calibration(calibration).frames
+    summary = None if calibration is None else _calibration(reader, calibration)
     recordings = [read_recording(path) for path in paths]
     frames: list[FrameAnswer] = []
     for path, recording in zip(paths, recordings, strict=True):
-        frames += _answers(reader, str(path), recording, used, progress)
+        frames += _answers(reader, str(path), recording, summary, progress)
     study = reader.study
     return Evaluation(
         model=str(reader.path),
@@ -160,7 +52,8 @@ def evaluate_recordings(
         max_force_n=study.needle.max_force_n,
         youngs_modulus_pa=study.eye.youngs_modulus_pa,
         frames=tuple(frames),
-        notes=tuple(note for pair in zip(paths, recordings, strict=True) for note in limits(study, *pair)),
+        notes=tuple(_notes(reader, paths, recordings, summary)),
+        kind=reader.kind,
     )
 
 
@@ -173,32 +66,83 @@ def _refuse_twice(paths: Sequence[Path]) -> None:
         seen.add(path.resolve())
 
 
+def _calibration(reader: ForceReader | WallReader, path: Path) -> CalibrationSummary:
+    """Read a calibration; moduli of a linear wall are not those of one that bends as far as it does."""
+    summary = read_calibration(path)
+    if isinstance(reader, WallReader) and summary.mechanics == "linear":
+        raise CalibrationError(
+            f"{path}: mechanics: linear; {reader.path} reads with finite strain: calibrate with "
+            "--mechanics finite-strain"
+        )
+    return summary
+
+
+def _notes(
+    reader: ForceReader | WallReader,
+    paths: Sequence[Path],
+    recordings: Sequence[Recording],
+    summary: CalibrationSummary | None,
+) -> Iterator[str]:
+    if summary is not None and isinstance(reader, ForceReader):
+        yield (
+            f"{reader.path}: a classifier reads every eye with the modulus it was trained for, "
+            f"{reader.study.eye.youngs_modulus_pa / 1e6:.3g} MPa; {summary.path} only marks frames"
+        )
+    for path, recording in zip(paths, recordings, strict=True):
+        yield from limits(reader, path, recording)
+
+
 def _answers(
-    reader: ForceReader,
+    reader: ForceReader | WallReader,
     given: str,
     recording: Recording,
-    used: frozenset[tuple[str, str]],
+    summary: CalibrationSummary | None,
     progress: Callable[[int], object] | None,
 ) -> Iterator[FrameAnswer]:
     """Answer each frame of a recording, in its order."""
     study, oct_info, eye = reader.study, recording.info.oct, recording.info.eye.id
     scale = PixelScale(oct_info.width_m / oct_info.columns, oct_info.depth_m / oct_info.rows)
     segmenter = Segmenter(oct_info.refractive_index)
+    known = known_of_recording(recording.info)
+    if summary is not None:
+        known = known_of_eye(known, summary, eye)
+    modulus_pa, source = _modulus(reader, known)
     trials = label_frames(recording, study.classes, study.needle.max_force_n)
     for entry, trial in zip(recording.frames, trials, strict=True):
-        answer = answer_frame(reader, segmenter, recording.frame(entry), scale, oct_info.refractive_index)
+        answer = answer_frame(reader, segmenter, recording.frame(entry), scale, oct_info.refractive_index, known)
         yield FrameAnswer(
             recording=given,
             eye=eye,
             file=entry.file,
             measured_force_n=trial.measured_force_n,
             target=trial.target,
-            predicted=answer.predicted,
-            probabilities=answer.probabilities,
-            usable=answer.usable,
-            reason=answer.reason,
-            calibration=(eye, entry.file) in used,
+            calibration=summary is not None and (eye, entry.file) in summary.frames,
             excluded=trial.excluded,
+            youngs_modulus_pa=modulus_pa,
+            modulus_source=source,
+            **_read(answer),
         )
         if progress:
             progress(1)
+
+
+def _modulus(reader: ForceReader | WallReader, known: Known) -> tuple[float | None, str | None]:
+    """Return the modulus that an eye is read with, and where it is from."""
+    if isinstance(reader, ForceReader):
+        return reader.study.eye.youngs_modulus_pa, "trained"
+    return (known.modulus.mean_pa, known.modulus.source) if known.modulus else (None, None)
+
+
+def _read(answer: Answer) -> dict[str, Any]:
+    """Return what an answer says, under the names of `FrameAnswer`."""
+    return {
+        "predicted": answer.predicted,
+        "probabilities": answer.probabilities,
+        "usable": answer.usable,
+        "reason": answer.reason,
+        "predicted_force_n": answer.force_n,
+        "interval_n": answer.interval_n,
+        "contact_m": answer.contact_m,
+        "warnings": answer.warnings,
+        "can_calibrate": answer.can_calibrate,
+    }

@@ -1,13 +1,21 @@
 """What is known of an eye beside its frame: modulus, IOP, thickness, gap. Each may be missing."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from scleraforce.calibration.summary import CalibrationSummary
 from scleraforce.recording.info import RecordingInfo
+from scleraforce.study import ReaderStudy
 from scleraforce.units import mmhg_to_pa
 
-__all__ = ["STATED_MODULUS_SD", "Known", "Modulus", "calibrated_modulus", "known_of_recording", "outside_training"]
+__all__ = [
+    "STATED_MODULUS_SD",
+    "Known",
+    "Modulus",
+    "calibrated_modulus",
+    "known_of_eye",
+    "known_of_recording",
+    "outside_training",
+]
 
 STATED_MODULUS_SD = 0.03  # relative, of a modulus that comes without its uncertainty
 POPULATION_SD = 0.12  # relative: eyes differ by so much (paper, Table 2), also where a file knows too few to tell
@@ -51,9 +59,20 @@ class Known:
     gap_m: float | None = None
 
 
-def known_of_recording(info: RecordingInfo, modulus: Modulus | None = None) -> Known:
+def known_of_recording(info: RecordingInfo) -> Known:
     """Return what a recording states about its eye; it never states the modulus, which a calibration may add."""
-    return Known(modulus, info.eye.iop_pa, info.eye.thickness_m, info.needle.slice_gap_m)
+    return Known(None, info.eye.iop_pa, info.eye.thickness_m, info.needle.slice_gap_m)
+
+
+def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
+    """Return what is known of an eye once a calibration adds its modulus.
+
+    A modulus of its own goes with the wall's thickness that it was calibrated with.
+    """
+    modulus = calibrated_modulus(summary, eye)
+    if modulus.source != "own":
+        return replace(known, modulus=modulus)
+    return replace(known, modulus=modulus, thickness_m=summary.eyes[eye].thickness_m)
 
 
 def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus:
@@ -65,28 +84,29 @@ def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus:
     return Modulus(mean_pa, max(summary.population_sd_pa, POPULATION_SD * mean_pa), "population")
 
 
-def outside_training(known: Known, trained: Mapping[str, tuple[float, float]]) -> str | None:
+def outside_training(known: Known, trained: ReaderStudy) -> str | None:
     """Return why a model cannot read an eye: what is known of it lies outside what it was trained on; None: inside.
 
     A value that is not a number is outside.
 
     Args:
         known: of the eye.
-        trained: lowest and highest value by name: `youngs_modulus_pa`, `iop_pa`, `thickness_m`, `gap_m`.
+        trained: the study's ranges.
 
-    >>> outside_training(Known(thickness_m=1.0e-3), {"thickness_m": (0.35e-3, 0.9e-3)})
-    'wall thickness 1000 µm, the model was trained on 350 to 900 µm'
+    >>> outside_training(Known(thickness_m=1.0e-3), ReaderStudy())
+    'wall thickness 1000 µm, the model was trained on 380 to 900 µm'
     """
+    modulus_pa = known.modulus.mean_pa if known.modulus else None
     stated = (
-        ("youngs_modulus_pa", "Young's modulus", known.modulus.mean_pa if known.modulus else None, 1e-6, "MPa"),
-        ("iop_pa", "IOP", known.iop_pa, 1 / mmhg_to_pa(1.0), "mmHg"),
-        ("thickness_m", "wall thickness", known.thickness_m, 1e6, "µm"),
-        ("gap_m", "gap between B-scan and needle axis", known.gap_m, 1e3, "mm"),
+        ("Young's modulus", modulus_pa, trained.youngs_modulus_pa, 1e-6, "MPa"),
+        ("IOP", known.iop_pa, trained.iop_pa, 1 / mmhg_to_pa(1.0), "mmHg"),
+        ("wall thickness", known.thickness_m, trained.thickness_m, 1e6, "µm"),
+        ("gap between B-scan and needle axis", known.gap_m, trained.gap_m, 1e3, "mm"),
     )
-    for name, words, value, factor, unit in stated:
-        if value is None or name not in trained:
+    for words, value, sampled, factor, unit in stated:
+        if value is None:
             continue
-        low, high = trained[name]
+        low, high = sampled.bounds
         if not low * (1 - SLACK) <= value <= high * (1 + SLACK):
             covered = f"{low * factor:.4g} to {high * factor:.4g} {unit}"
             return f"{words} {value * factor:.4g} {unit}, the model was trained on {covered}"

@@ -8,7 +8,6 @@ wall).
 `docs/reader.md` says where the noise and the other constants come from.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -38,6 +37,7 @@ from scleraforce.reader.fit_prediction import (
 )
 from scleraforce.reader.fit_start import starts
 from scleraforce.reader.known import Known
+from scleraforce.study import ReaderStudy
 
 __all__ = ["BoundaryFit", "Prior", "fit_boundaries", "prior_of"]
 
@@ -97,23 +97,23 @@ class BoundaryFit:
         return tuple(high - low for high, low in pairwise(edges))
 
 
-def prior_of(known: Known, trained: Mapping[str, tuple[float, float]]) -> Prior:
+def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     """Return the prior of a frame's unknowns: what is known of the eye, else what the model was trained on.
 
     Args:
         known: of the eye.
-        trained: lowest and highest value of `youngs_modulus_pa`, `iop_pa`, `thickness_m`, `gap_m`.
+        trained: the study's ranges.
     """
     mean, sd = np.zeros(len(NAMES)), np.zeros(len(NAMES))
     for place, value in FREE_SD.items():
         sd[place] = value
-    mean[GAP], sd[GAP] = _stated(known.gap_m, trained["gap_m"], KNOWN_SD[GAP])
-    mean[THICKNESS], sd[THICKNESS] = _stated(known.thickness_m, trained["thickness_m"], KNOWN_SD[THICKNESS])
+    mean[GAP], sd[GAP] = _stated(known.gap_m, trained.gap_m.bounds, KNOWN_SD[GAP])
+    mean[THICKNESS], sd[THICKNESS] = _stated(known.thickness_m, trained.thickness_m.bounds, KNOWN_SD[THICKNESS])
     iop = None if known.iop_pa is None else log(max(known.iop_pa, 1.0))
-    mean[IOP], sd[IOP] = _stated(iop, _logs(trained["iop_pa"]), KNOWN_SD[IOP])
+    mean[IOP], sd[IOP] = _stated(iop, _logs(trained.iop_pa.bounds), KNOWN_SD[IOP])
     modulus = None if known.modulus is None else log(known.modulus.mean_pa)
     modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
-    mean[MODULUS], sd[MODULUS] = _stated(modulus, _logs(trained["youngs_modulus_pa"]), modulus_sd)
+    mean[MODULUS], sd[MODULUS] = _stated(modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd)
     return Prior(mean, sd)
 
 
@@ -227,7 +227,7 @@ class _Problem:
         residual = np.where(predicted.seen, np.abs(self.scaled(predicted)), np.inf)
         misfit = 1.4826 * float(np.median(residual))
         normal, _ = self.normal_equations(unknown, predicted, max(1.0, min(misfit, 1e3)))
-        covariance: Array = np.linalg.inv(normal)
+        covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
         draws_n = self._drawn_forces(unknown, covariance)
         low_n, force, high_n = np.quantile(draws_n, [INTERVAL[0], 0.5, INTERVAL[1]])
         return BoundaryFit(

@@ -13,7 +13,17 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Proportion", "accuracy", "confusion_matrix", "precision", "recall", "wilson_interval"]
+__all__ = [
+    "ForceTrial",
+    "Proportion",
+    "accuracy",
+    "confusion_matrix",
+    "coverage",
+    "mean_absolute_error",
+    "precision",
+    "recall",
+    "wilson_interval",
+]
 
 
 def wilson_interval(hits: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -85,6 +95,39 @@ def recall(confusion: NDArray[np.int64]) -> tuple[Proportion, ...]:
 def precision(confusion: NDArray[np.int64]) -> tuple[Proportion, ...]:
     """Return, for each predicted class (column), the share that was right."""
     return _shares(confusion, confusion.sum(axis=0))
+
+
+@dataclass(frozen=True)
+class ForceTrial:
+    """A trial's measured and read force, N, and the interval that was read."""
+
+    measured_n: float
+    read_n: float
+    interval_n: tuple[float, float]
+
+    @property
+    def covered(self) -> bool:
+        """Whether the measured force lies in the interval."""
+        low, high = self.interval_n
+        return low <= self.measured_n <= high
+
+
+def mean_absolute_error(trials: Sequence[ForceTrial]) -> float:
+    """Return the mean absolute error, N; NaN where there is no trial.
+
+    >>> mean_absolute_error([ForceTrial(0.25, 0.5, (0.0, 1.0)), ForceTrial(1.0, 0.5, (0.0, 1.0))])
+    0.375
+    """
+    return sum(abs(trial.read_n - trial.measured_n) for trial in trials) / len(trials) if trials else nan
+
+
+def coverage(trials: Sequence[ForceTrial]) -> Proportion:
+    """Return the share of trials whose measured force lies in its interval.
+
+    >>> coverage([ForceTrial(1.0, 0.9, (0.8, 1.2)), ForceTrial(3.0, 2.0, (1.5, 2.5))]).value
+    0.5
+    """
+    return Proportion(sum(trial.covered for trial in trials), len(trials))
 
 
 def _shares(confusion: NDArray[np.int64], totals: NDArray[np.int64]) -> tuple[Proportion, ...]:

@@ -23,6 +23,8 @@ class ForceReader:
     The same slices give the same answer: the session runs on the CPU with a fixed number of threads.
     """
 
+    kind = "classifier"
+
     def __init__(self, folder: ModelFolder, study: Study, session: onnxruntime.InferenceSession) -> None:
         self.path: Path = folder.path
         self.study: Study = study

@@ -1,0 +1,180 @@
+"""An evaluation: a model's answers beside the measured forces, and the metrics (paper sec. 3.4, Table 3, Fig. 10)."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.reader.metrics import (
+    ForceTrial,
+    Proportion,
+    accuracy,
+    confusion_matrix,
+    coverage,
+    mean_absolute_error,
+    precision,
+    recall,
+)
+from scleraforce.units import n_to_mn
+
+__all__ = ["Evaluation", "FrameAnswer"]
+
+
+@dataclass(frozen=True)
+class FrameAnswer:
+    """One frame: what was measured, what the model said.
+
+    `recording` is the path as given, `file` the frame's name. `measured_force_n` and `target` are None where there is
+    no force log. A frame that is not `usable` is never shown to the network: its `predicted` class is 2 (withdraw),
+    its `probabilities` None, and `reason` says why. `excluded` says why a trial is left out of the metrics although
+    it has a label (pierced, or over the study's largest force); `calibration` marks a frame that Young's modulus was
+    fitted on, which is left out as well.
+    """
+
+    recording: str
+    eye: str
+    file: str
+    measured_force_n: float | None
+    target: int | None
+    predicted: int
+    probabilities: tuple[float, ...] | None
+    usable: bool
+    reason: str | None = None
+    calibration: bool = False
+    excluded: str | None = None
+    predicted_force_n: float | None = None
+    interval_n: tuple[float, float] | None = None
+    contact_m: float | None = None
+    warnings: tuple[str, ...] = ()
+    can_calibrate: bool = False
+    youngs_modulus_pa: float | None = None
+    modulus_source: str | None = None
+
+    @property
+    def scored(self) -> bool:
+        """Whether the frame counts in the metrics."""
+        return self.target is not None and self.excluded is None and not self.calibration
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the frame as it stands in `evaluate --json`."""
+        return {
+            "recording": self.recording,
+            "eye": self.eye,
+            "file": self.file,
+            "measured_force_mn": _times(self.measured_force_n, 1e3),
+            "target": self.target,
+            "predicted": self.predicted,
+            "probabilities": self.probabilities,
+            "predicted_force_mn": _times(self.predicted_force_n, 1e3),
+            "interval_mn": None if self.interval_n is None else [n_to_mn(end) for end in self.interval_n],
+            "contact_mm": _times(self.contact_m, 1e3),
+            "usable": self.usable,
+            "reason": self.reason,
+            "warnings": self.warnings,
+            "can_calibrate": self.can_calibrate,
+            "calibration": self.calibration,
+            "excluded": self.excluded,
+            "youngs_modulus_mpa": _times(self.youngs_modulus_pa, 1e-6),
+            "modulus_source": self.modulus_source,
+        }
+
+
+def _times(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The answers of a model to the frames of one or more recordings, and the metrics over those that count.
+
+    `bounds_n` are the class bounds of the model's study, `max_force_n` its largest force; `notes` are sentences on
+    what limits the result (a gap that the model was not trained on, frames without labels). `kind` is the model's.
+    """
+
+    model: str
+    bounds_n: tuple[float, ...]
+    max_force_n: float
+    youngs_modulus_pa: float
+    frames: tuple[FrameAnswer, ...]
+    notes: tuple[str, ...] = ()
+    kind: str = "classifier"
+
+    @cached_property
+    def scored(self) -> tuple[FrameAnswer, ...]:
+        """The frames that count."""
+        return tuple(frame for frame in self.frames if frame.scored)
+
+    @cached_property
+    def usable(self) -> "Evaluation":
+        """The same evaluation, of the usable frames alone."""
+        return replace(self, frames=tuple(frame for frame in self.frames if frame.usable))
+
+    @cached_property
+    def confusion(self) -> NDArray[np.int64]:
+        """Trials by target (row) and predicted (column) class, shape (classes, classes)."""
+        targets = [frame.target for frame in self.scored if frame.target is not None]
+        return confusion_matrix(targets, [frame.predicted for frame in self.scored], len(self.bounds_n) + 1)
+
+    @cached_property
+    def forces(self) -> tuple[ForceTrial, ...]:
+        """Measured and read force of each usable frame that counts; none with a classifier."""
+        return tuple(
+            ForceTrial(frame.measured_force_n, frame.predicted_force_n, frame.interval_n)
+            for frame in self.scored
+            if frame.measured_force_n is not None and frame.predicted_force_n is not None and frame.interval_n
+        )
+
+    @property
+    def mae_n(self) -> float:
+        """Mean absolute error of the force over `forces`, N; NaN where there is none."""
+        return mean_absolute_error(self.forces)
+
+    @property
+    def coverage(self) -> Proportion:
+        """Share of `forces` whose measured force lies in the 90 % interval."""
+        return coverage(self.forces)
+
+    @property
+    def accuracy(self) -> Proportion:
+        """Share of right answers."""
+        return accuracy(self.confusion)
+
+    @property
+    def recall(self) -> tuple[Proportion, ...]:
+        """Share of each target class that was recognised (rows; the paper's Table 3 calls it precision)."""
+        return recall(self.confusion)
+
+    @property
+    def precision(self) -> tuple[Proportion, ...]:
+        """Share of each predicted class that was right (columns; the paper's Table 3 calls it recall)."""
+        return precision(self.confusion)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the result of `evaluate --json`; figures that are undefined are NaN (printed as null)."""
+        return {
+            "model": self.model,
+            "kind": self.kind,
+            **self._metrics(),
+            "mae_mn": n_to_mn(self.mae_n),
+            "coverage": self.coverage.value,
+            "coverage_interval": self.coverage.interval,
+            "usable": self.usable._metrics(),
+            "notes": self.notes,
+            "frames": [frame.as_json() for frame in self.frames],
+        }
+
+    def _metrics(self) -> dict[str, Any]:
+        return {
+            "scored": len(self.scored),
+            "accuracy": self.accuracy.value,
+            "confusion": self.confusion.tolist(),
+            "recall": [share.value for share in self.recall],
+            "precision": [share.value for share in self.precision],
+            "intervals": {
+                "accuracy": self.accuracy.interval,
+                "recall": [share.interval for share in self.recall],
+                "precision": [share.interval for share in self.precision],
+            },
+        }

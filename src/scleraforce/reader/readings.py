@@ -1,0 +1,63 @@
+"""A reading: what one method, the network or the fit, says about a frame."""
+
+from dataclasses import dataclass
+from math import hypot, isfinite
+
+from scleraforce.reader.library_fit import BoundaryFit
+from scleraforce.units import n_to_mn
+
+__all__ = ["METHODS", "Reading", "disagreement", "fit_reading"]
+
+METHODS = ("network", "fit")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Class probabilities, force (median) with its 90 % interval, and the contact's place from the frame's middle."""
+
+    probabilities: tuple[float, ...]
+    force_n: float
+    interval_n: tuple[float, float]
+    contact_m: float
+
+    @property
+    def predicted(self) -> int:
+        """The most probable class."""
+        return max(range(len(self.probabilities)), key=self.probabilities.__getitem__)
+
+    @property
+    def width_n(self) -> float:
+        """Width of the interval."""
+        return self.interval_n[1] - self.interval_n[0]
+
+    @property
+    def finite(self) -> bool:
+        """Whether every number is one, and the interval holds the force."""
+        low, high = self.interval_n
+        numbers = (*self.probabilities, self.force_n, low, high, self.contact_m)
+        return all(map(isfinite, numbers)) and low <= self.force_n <= high
+
+
+def fit_reading(fit: BoundaryFit, bounds_n: tuple[float, ...]) -> Reading:
+    """Return what a fit says."""
+    return Reading(fit.probabilities(bounds_n), fit.force_n, fit.interval_n, fit.contact_m)
+
+
+def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str | None:
+    """Return a sentence where two methods differ by more than their intervals together, None where they agree.
+
+    The intervals count as independent: their half widths towards each other add in squares.
+
+    >>> near, far = Reading((0, 1, 0), 0.010, (0.009, 0.011), 0.0), Reading((0, 1, 0), 0.013, (0.011, 0.015), 0.0)
+    >>> disagreement(near, near, ("network", "fit"))
+    >>> disagreement(near, far, ("network", "fit"))
+    'the network reads 10.0 mN, the fit 13.0 mN: more apart than their intervals allow'
+    """
+    low, high = sorted((answer, check), key=lambda reading: reading.force_n)
+    together = hypot(low.interval_n[1] - low.force_n, high.force_n - high.interval_n[0])
+    if high.force_n - low.force_n <= together:
+        return None
+    return (
+        f"the {names[0]} reads {n_to_mn(answer.force_n):.1f} mN, the {names[1]} {n_to_mn(check.force_n):.1f} mN: "
+        "more apart than their intervals allow"
+    )

@@ -1,0 +1,88 @@
+"""Verdicts on a frame beside its force: is it the wall of an eye, does its dent leave the window, can one calibrate."""
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.imaging.segmentation import Segmentation
+from scleraforce.reader.fit_prediction import SIZE, THICKNESS
+from scleraforce.reader.library_fit import BoundaryFit, Prior
+from scleraforce.study import SliceStudy
+
+__all__ = ["allows_calibration", "dent_leaves", "fit_leaves", "no_wall_of_an_eye"]
+
+# Virtual eyes (docs/reader.md): 99.9 % of their frames lie below these.
+MISFIT_M = 45e-6
+OUTLIERS = 0.25
+DEVIATION_SD = 4.0  # of thickness and size from what they are known to be
+DENT_M = 1e-3  # to either side of the contact: the dent's deepest part
+CALIBRATED_SPAN_M = 4e-3  # to either side of the contact
+CALIBRATED_SHARE = 0.6  # of the columns there: both boundaries are seen
+
+
+def dent_leaves(cut: NDArray[np.uint8]) -> bool:
+    """Return whether the wall of a slice (row, column) goes out through the bottom and comes in again.
+
+    That is so where columns without a wall lie between two walls that reach into the lowest quarter of the window. How
+    deep such a dent is cannot be seen.
+
+    >>> dent = np.array([[255, 0, 255], [255, 0, 255], [255, 0, 255], [255, 0, 255]], dtype=np.uint8)
+    >>> shadow = np.array([[255, 0, 255], [0, 0, 0], [0, 0, 0], [0, 0, 0]], dtype=np.uint8)
+    >>> dent_leaves(dent), dent_leaves(shadow)
+    (True, False)
+    """
+    columns = np.flatnonzero(cut.any(axis=0))
+    deep: NDArray[np.bool_] = np.any(cut[-(len(cut) // 4) :], axis=0)
+    before, after = columns[:-1], columns[1:]
+    return bool(np.any((after - before > 1) & deep[before] & deep[after]))
+
+
+def fit_leaves(fit: BoundaryFit, slice_study: SliceStudy) -> bool:
+    """Return whether the wall that lies best on a frame leaves the slice's window at the bottom within its dent."""
+    lateral_m, depth_m = fit.wall_bmc[0].T
+    dent = depth_m[np.abs(lateral_m - fit.contact_m) < DENT_M]
+    return bool(dent.max(initial=0.0) > slice_study.rows * slice_study.pixel_m)
+
+
+def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
+    """Return why what a frame shows is no wall that the library knows; None where it is one.
+
+    A surface that is not an eye's lies far from every wall of the library, or near one only that is thicker, thinner,
+    larger or smaller than this eye can be.
+
+    Args:
+        fit: to the frame's boundaries.
+        prior: what was known before it.
+    """
+    if not fit.misfit_m <= MISFIT_M:
+        return f"not the wall of an eye: {fit.misfit_m * 1e6:.0f} µm off the nearest that is known"
+    if not fit.outliers <= OUTLIERS:
+        return f"not the wall of an eye: {fit.outliers:.0%} of the columns are far off the nearest that is known"
+    away = np.abs(fit.unknown - prior.mean) / prior.sd
+    if not away[SIZE] <= DEVIATION_SD:
+        return f"not the wall of an eye: its curvature is that of one {np.exp(fit.unknown[SIZE]):.2f} times as large"
+    if not away[THICKNESS] <= DEVIATION_SD * sqrt(2):
+        return (
+            f"the wall looks {fit.unknown[THICKNESS] * 1e6:.0f} µm thick, not {prior.mean[THICKNESS] * 1e6:.0f} µm "
+            "as it should"
+        )
+    return None
+
+
+def allows_calibration(
+    segmentation: Segmentation, lateral_m: NDArray[np.float64], depth_bc: NDArray[np.float64], contact_m: float
+) -> bool:
+    """Return whether enough of the wall is in view for a calibration.
+
+    Args:
+        segmentation: of the frame.
+        lateral_m: lateral places of its columns from the middle (column,), m.
+        depth_bc: depth of the boundaries there (2, column), m, NaN where unseen.
+        contact_m: lateral place of the contact, m.
+    """
+    near = np.abs(lateral_m - contact_m) <= CALIBRATED_SPAN_M
+    if not segmentation.usable or not segmentation.inner_found or not near.any():
+        return False
+    both = np.isfinite(depth_bc[:, near]).all(axis=0)
+    return bool(both.mean() >= CALIBRATED_SHARE)
