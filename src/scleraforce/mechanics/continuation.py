@@ -95,7 +95,7 @@ def trace(
     """
     end_m = _end(tips_m, max_tip_m, max_force)
     control = sealed_dent(problem, start, pressure) if sealed else Dent(problem, start, pressure)
-    walk = _Walk(control, start, first_step_m, largest_step_m, end_m)
+    walk = _Walk(control, first_step_m, largest_step_m, end_m)
     kept = [walk.history[0]]
     for goal_m in _goals(tips_m, end_m):
         while walk.tip_m < goal_m and kept[-1][1] < max_force:
@@ -132,10 +132,10 @@ class _Walk:
         history: up to three last states: tip in m, force, unknowns.
     """
 
-    def __init__(self, control: Dent, start: Floats, step_m: float, largest_m: float, end_m: float) -> None:
+    def __init__(self, control: Dent, step_m: float, largest_m: float, end_m: float) -> None:
         self.control, self.step_m, self.largest_m = control, step_m, largest_m
         self.shortest_m = SMALLEST_STEP * min(end_m, largest_m)
-        self.history: list[tuple[float, float, Floats]] = [(0.0, 0.0, np.concatenate([start, control.borders]))]
+        self.history: list[tuple[float, float, Floats]] = [(0.0, 0.0, control.unloaded)]
 
     @property
     def tip_m(self) -> float:

@@ -23,6 +23,7 @@ Floats = NDArray[np.float64]
 Solve = Callable[[Floats], Floats]
 
 TOLERANCE = 1e-9  # largest force out of balance, over the forces applied; also of the tip and the volume
+SETTLED = 1e-10  # of the displacement by the needle: smaller corrections are none
 MOST_FACTORS = 10  # for one equilibrium
 FAST = 0.3  # a factor is used again while it leaves less than this of the error
 SMALLEST_DAMPING = 1.0 / 32.0
@@ -66,12 +67,14 @@ class Balance:
 
     Attributes:
         count: how many displacements are unknown.
+        unloaded: the unknowns without any load.
         applied: norm of the external forces on the undeformed wall.
     """
 
     def __init__(self, problem: Equilibrium, pressure: float) -> None:
         self.problem, self.pressure = problem, pressure
         self.count = len(problem.needle)
+        self.unloaded = np.zeros(self.count)
         self.applied = float(np.linalg.norm(problem.residual(np.zeros_like(problem.needle), pressure)))
 
     def defect(self, x: Floats) -> Floats:
@@ -92,6 +95,7 @@ class Dent:
 
     Attributes:
         tip_m: the tip's displacement that is prescribed; set by who walks along the path.
+        unloaded: the unknowns without the needle.
         largest_force: on the path so far; where the force passes through zero, this is what errors are measured by.
     """
 
@@ -101,12 +105,8 @@ class Dent:
         self.largest_force = 0.0
         self.count = len(start)
         self.applied = Balance(problem, pressure).applied
+        self.unloaded = np.append(start, 0.0)
         self._needle_norm = float(np.linalg.norm(problem.needle))
-
-    @property
-    def borders(self) -> Floats:
-        """What the unknowns beside u are without the needle."""
-        return np.zeros(1)
 
     def defect(self, x: Floats) -> Floats:
         """Return the forces out of balance and by how much the tip is off."""
@@ -134,12 +134,8 @@ class SealedDent(Dent):
 
     def __init__(self, problem: SealedEquilibrium, start: Floats, pressure: float) -> None:
         super().__init__(problem, start, pressure)
+        self.unloaded = np.append(self.unloaded, pressure)
         self.volume_m3 = problem.volume(start)[0]
-
-    @property
-    def borders(self) -> Floats:
-        """What the unknowns beside u are without the needle."""
-        return np.array([0.0, self.pressure])
 
     def defect(self, x: Floats) -> Floats:
         """Return the forces out of balance and by how much the tip and the volume are off."""
@@ -192,24 +188,27 @@ def solve_balance(control: Balance | Dent, x: Floats) -> tuple[Floats, int]:
         SolverError: it does not converge from there.
     """
     defect = control.defect(x)
+    found = control.met(defect, x)
     for factors in range(MOST_FACTORS):
-        if control.met(defect, x):
+        if found:
             return x, factors
         if not np.all(np.isfinite(defect)):
             break
-        x, defect = _newton_step(control, x, defect)
-    if control.met(defect, x):
+        x, defect, found = _newton_step(control, x, defect)
+    if found:
         return x, MOST_FACTORS
     raise SolverError("equilibrium: Newton's method did not converge; a shorter step would do")
 
 
-def _newton_step(control: Balance | Dent, x: Floats, defect: Floats) -> tuple[Floats, Floats]:
-    """Factor at x, take a damped step, and more with the same factor while that is fast; return x and its defect."""
+def _newton_step(control: Balance | Dent, x: Floats, defect: Floats) -> tuple[Floats, Floats, bool]:
+    """Factor at x, take a damped step, and more with the same factor while that is fast.
+
+    Returns the new x, its defect, and whether that is equilibrium.
+    """
     try:
         solve = control.factor(x)
-        step = -solve(defect)
-        x, defect, step, left = _damped(control, solve, x, step)
-        while left < FAST and not control.met(defect, x):
+        x, defect, step, left = _damped(control, solve, x, -solve(defect))
+        while left < FAST and not _found(control, x, defect, step):
             trial = x + step
             trial_defect = control.defect(trial)
             trial_step = -solve(trial_defect)
@@ -219,7 +218,15 @@ def _newton_step(control: Balance | Dent, x: Floats, defect: Floats) -> tuple[Fl
             x, defect, step = trial, trial_defect, trial_step
     except (ArithmeticError, np.linalg.LinAlgError) as fault:
         raise SolverError(f"equilibrium: {fault}; a shorter step would do") from fault
-    return x, defect
+    return x, defect, _found(control, x, defect, step)
+
+
+def _found(control: Balance | Dent, x: Floats, defect: Floats, step: Floats) -> bool:
+    """Whether nothing is out of balance, or what `step` would still correct is nothing.
+
+    Where forces are tiny the rounding of the stresses is larger than the tolerance.
+    """
+    return control.met(defect, x) or _size(control, step) <= SETTLED * _size(control, x - control.unloaded)
 
 
 def _damped(control: Balance | Dent, solve: Solve, x: Floats, step: Floats) -> tuple[Floats, Floats, Floats, float]:
@@ -234,7 +241,7 @@ def _damped(control: Balance | Dent, solve: Solve, x: Floats, step: Floats) -> t
         if np.all(np.isfinite(defect)):
             following = -solve(defect)
             left = _size(control, following) / _size(control, step)
-            if left <= 1.0 - 0.25 * damping or control.met(defect, trial):
+            if left <= 1.0 - 0.25 * damping or _found(control, trial, defect, following):
                 return trial, defect, following, left
         damping *= 0.5
     raise SolverError("equilibrium: no step reduces the error; a shorter step would do")

@@ -1,0 +1,91 @@
+"""A wall of revolution about the needle axis: its meridian cut into 9-node quads, graded towards the needle."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError
+
+__all__ = ["MeridianMesh", "MeridianSize", "meridian_mesh"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+DISC_SHARE = 0.04  # of the elements lie under the needle
+FIRST_TO_MEAN = 0.2  # size of the first element beyond the needle over the mean
+
+
+@dataclass(frozen=True)
+class MeridianSize:
+    """How fine a meridian is cut: `elements` from the axis to the support, `layers` through the wall."""
+
+    elements: int = 64
+    layers: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class MeridianMesh:
+    """Nodes and 9-node quads of the meridian, in columns across the wall, outer node first.
+
+    Attributes:
+        radius_m: outer radius.
+        points_nc: nodes (node, [distance from the needle axis, height over the centre]) in m.
+        cells_en: nodes of each quad, (element, 9), along the meridian first: node 3 j + i is the i-th of three columns
+            and the j-th of three nodes across.
+        outer_n: nodes of the outer boundary from the axis to the support; every other one is an element's corner.
+        inner_n: the same of the inner boundary.
+        needle_columns: how many elements lie under the needle, from the axis on.
+    """
+
+    radius_m: float
+    points_nc: Floats
+    cells_en: Integers
+    outer_n: Integers
+    inner_n: Integers
+    needle_columns: int
+
+
+def meridian_mesh(
+    radius_m: float, thickness_m: float, needle_radius_m: float, support_rad: float, size: MeridianSize
+) -> MeridianMesh:
+    """Return a mesh from the needle axis to the support, an element's edge at the needle's rim.
+
+    Beyond the needle the elements grow in proportion to their number: from a fifth of their mean to twice.
+
+    Raises:
+        InputError: the needle is wider than the eye, or the wall thicker than its radius.
+    """
+    if not 0.0 < thickness_m < radius_m:
+        raise InputError(f"thickness: {1e3 * thickness_m:g} mm; between 0 and the radius would do")
+    if not 0.0 < needle_radius_m < radius_m * np.sin(min(support_rad, 0.5 * np.pi)):
+        raise InputError(f"needle radius: {1e3 * needle_radius_m:g} mm; less than the radius of the eye would do")
+    under = max(2, round(DISC_SHARE * size.elements))
+    angles = _with_middles(_edges(float(np.arcsin(needle_radius_m / radius_m)), support_rad, under, size.elements))
+    radii = np.linspace(radius_m, radius_m - thickness_m, 2 * size.layers + 1)
+    directions = np.stack([np.sin(angles), np.cos(angles)], axis=-1)
+    directions[0] = 0.0, 1.0
+    points = (directions[:, None] * radii[:, None]).reshape(-1, 2)
+    number = np.arange(len(points)).reshape(len(angles), len(radii))
+    return MeridianMesh(radius_m, points, _cells(number), number[:, 0], number[:, -1], under)
+
+
+def _edges(needle_rad: float, support_rad: float, under: int, elements: int) -> Floats:
+    """Angles of the element edges, (element + 1,)."""
+    share = np.linspace(0.0, 1.0, elements - under + 1)[1:]
+    grown = FIRST_TO_MEAN * share + (1.0 - FIRST_TO_MEAN) * share**2
+    beyond = needle_rad + (support_rad - needle_rad) * grown
+    return np.concatenate([np.linspace(0.0, needle_rad, under + 1), beyond])
+
+
+def _with_middles(edges: Floats) -> Floats:
+    middles = 0.5 * (edges[:-1] + edges[1:])
+    return np.append(np.stack([edges[:-1], middles], axis=1).ravel(), edges[-1])
+
+
+def _cells(number: Integers) -> Integers:
+    """Quads of a grid of nodes (column, across)."""
+    along, across = (number.shape[0] - 1) // 2, (number.shape[1] - 1) // 2
+    corner = number[: 2 * along : 2, : 2 * across : 2].reshape(-1, 1)
+    offsets = [number[i, j] - number[0, 0] for j in range(3) for i in range(3)]
+    return corner + np.array(offsets)

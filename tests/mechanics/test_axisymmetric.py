@@ -1,0 +1,223 @@
+"""The wall of revolution against exact solutions, the three-dimensional linear wall and reference problem R2."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_bvp
+from scipy.interpolate import CubicSpline
+
+from scleraforce.errors import InputError, SolverError
+from scleraforce.eye.contact import Contact
+from scleraforce.eye.graded import graded_mesh
+from scleraforce.eye.mesh import HexMesh, extrude_surface
+from scleraforce.eye.surface import half_cube, project_on_sphere
+from scleraforce.mechanics.assembly import lame_constants
+from scleraforce.mechanics.axisymmetric import AxisymmetricWall, axisymmetric_path
+from scleraforce.mechanics.axisymmetric_mesh import MeridianSize, meridian_mesh
+from scleraforce.mechanics.continuation import pressurise, trace
+from scleraforce.mechanics.linear import LinearWall, tip_displacement
+from scleraforce.mechanics.loads import weighted_surface_load
+
+Floats = NDArray[np.float64]
+
+RADIUS, NEEDLE, NU = 12e-3, 0.35e-3, 0.45
+IOP_RATIO = 266.0 / 0.38e6
+RIGHT_ANGLE = 0.5 * np.pi
+
+
+def wall_of(thickness_mm: float, size: MeridianSize | None = None, symmetric: bool = False) -> AxisymmetricWall:
+    mesh = meridian_mesh(RADIUS, 1e-3 * thickness_mm, NEEDLE, RIGHT_ANGLE, size or MeridianSize())
+    return AxisymmetricWall(mesh, NU, symmetric=symmetric)
+
+
+@pytest.fixture(scope="module")
+def dented() -> tuple[AxisymmetricWall, Floats]:
+    """A coarse wall of two layers with a dent of 1.5 mm."""
+    wall = wall_of(0.5, MeridianSize(16, 2))
+    path = trace(wall, pressurise(wall, IOP_RATIO), IOP_RATIO, tips_m=np.array([1.5e-3]))
+    return wall, path.displacement_su[-1]
+
+
+def test_tangent_is_the_derivative_of_the_residual_to_second_order(dented: tuple[AxisymmetricWall, Floats]) -> None:
+    wall, u = dented
+    pressure = 20.0 * IOP_RATIO  # high, that its part of the tangent would be missed
+    direction = 1e-6 * np.random.default_rng(1).normal(size=u.shape)
+    slope = wall.tangent(u, pressure) @ direction
+    steps = 0.5 ** np.arange(3, 8)
+    errors = [
+        np.linalg.norm(wall.residual(u + step * direction, pressure) - wall.residual(u, pressure) - step * slope)
+        for step in steps
+    ]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    np.testing.assert_allclose(orders[1:], 2.0, atol=0.1)
+
+
+def test_tangent_with_a_following_pressure_is_symmetric(dented: tuple[AxisymmetricWall, Floats]) -> None:
+    wall, u = dented
+    tangent = wall.tangent(u, 20.0 * IOP_RATIO)
+    np.testing.assert_allclose(tangent, tangent.T, atol=1e-12 * np.abs(tangent).max())
+
+
+def test_factor_solves_the_full_tangent(dented: tuple[AxisymmetricWall, Floats]) -> None:
+    wall, u = dented
+    rhs = np.random.default_rng(2).normal(size=(len(u), 2))
+    answer = wall.factor(u, IOP_RATIO)(rhs)
+    np.testing.assert_allclose(answer, np.linalg.solve(wall.tangent(u, IOP_RATIO), rhs), rtol=1e-7, atol=1e-6)
+
+
+def test_following_pressure_is_the_derivative_of_the_volume(dented: tuple[AxisymmetricWall, Floats]) -> None:
+    wall, u = dented
+    direction = np.random.default_rng(3).normal(size=u.shape)
+    step = 1e-6
+    difference = (wall.volume(u + step * direction)[0] - wall.volume(u - step * direction)[0]) / (2.0 * step)
+    assert wall.volume(u)[1] @ direction == pytest.approx(difference, rel=1e-6)
+    load = wall.residual(u, 0.0) - wall.residual(u, 1.0)
+    np.testing.assert_allclose(load, wall.volume(u)[1], atol=1e-12)
+    assert wall.volume(np.zeros_like(u))[0] == pytest.approx(2.0 / 3.0 * np.pi * 11.5e-3**3, rel=1e-5)
+
+
+def inflated_radius_m(thickness_m: float, pressure: float) -> float:
+    """Outer radius of a thick neo-Hookean sphere under p/E, from its radial boundary value problem.
+
+    dP_r/dR + 2 (P_r - P_t) / R = 0 with P_i = mu (l_i - 1/l_i) + lambda ln(J) / l_i, l_r = r', l_t = r / R.
+    """
+    lame_lambda, lame_mu = lame_constants(1.0, NU)
+
+    def nominal(stretch: Floats, log_J: Floats) -> Floats:
+        return lame_mu * (stretch - 1.0 / stretch) + lame_lambda * log_J / stretch
+
+    def both(R: Floats, r: Floats, slope: Floats) -> tuple[Floats, Floats]:
+        log_J = np.log(slope * (r / R) ** 2)
+        return nominal(slope, log_J), nominal(r / R, log_J)
+
+    def rates(R: Floats, y: Floats) -> Floats:
+        r, slope = y
+        radial, hoop = both(R, r, slope)
+        log_J = np.log(slope * (r / R) ** 2)
+        by_slope = lame_mu * (1.0 + slope**-2) + lame_lambda * (1.0 - log_J) / slope**2
+        by_radius = 2.0 * lame_lambda * (slope / r - 1.0 / R) / slope  # along R, at fixed slope
+        return np.stack([slope, (-2.0 * (radial - hoop) / R - by_radius) / by_slope])
+
+    inner = RADIUS - thickness_m
+
+    def ends(at_inner: Floats, at_outer: Floats) -> Floats:
+        inside = both(np.array(inner), at_inner[0], at_inner[1])[0] + pressure * (at_inner[0] / inner) ** 2
+        return np.array([inside, both(np.array(RADIUS), at_outer[0], at_outer[1])[0]])
+
+    R = np.linspace(inner, RADIUS, 50)
+    answer = solve_bvp(rates, ends, R, np.stack([R, np.ones_like(R)]), tol=1e-10)
+    assert answer.success
+    return float(answer.y[0, -1])
+
+
+@pytest.mark.parametrize(("thickness_mm", "pressure"), [(0.5, 0.005), (0.8, 0.02), (3.0, 0.1)])
+def test_pressurised_sphere_takes_the_radius_of_its_radial_problem(thickness_mm: float, pressure: float) -> None:
+    wall = wall_of(thickness_mm, symmetric=True)
+    path = trace(wall, pressurise(wall, pressure), pressure, tips_m=np.array([1e-6]))
+    outer = wall.boundaries(path).curves_sbnc[0, 0]
+    radii = np.hypot(outer[:, 0], RADIUS - outer[:, 1])
+    expected = inflated_radius_m(1e-3 * thickness_mm, pressure)
+    assert expected > 1.02 * RADIUS
+    np.testing.assert_allclose(radii - RADIUS, expected - RADIUS, rtol=1e-3)
+
+
+@pytest.mark.parametrize("thickness_mm", [0.5, 0.8])
+def test_small_forces_meet_the_linear_wall_of_three_dimensions(thickness_mm: float) -> None:
+    contact = Contact(polar_rad=0.0)
+    mesh = graded_mesh(RADIUS, 1e-3 * thickness_mm, contact)
+    needle = LinearWall(mesh, NU).needle_cnc([contact], NEEDLE)[0]
+    path = axisymmetric_path(RADIUS, 1e-3 * thickness_mm, NU, NEEDLE, 0.0, tips_m=np.array([1e-6, 2e-6]))
+    first, second = path.tip_m[1:] / path.force_ratio_m2[1:]
+    assert 2.0 * first - second == pytest.approx(tip_displacement(mesh, contact, needle), rel=0.005)
+
+
+def test_force_and_pressure_do_not_depend_on_the_steps() -> None:
+    wall = wall_of(0.5)
+    start, tips = pressurise(wall, IOP_RATIO), np.array([1e-3, 3e-3])
+    runs = [
+        trace(wall, start, IOP_RATIO, tips_m=tips, first_step_m=step, largest_step_m=step) for step in (1e-3, 1.7e-4)
+    ]
+    np.testing.assert_allclose(runs[1].force, runs[0].force, rtol=1e-6)
+    np.testing.assert_allclose(runs[1].displacement_su, runs[0].displacement_su, atol=1e-9)
+
+
+def test_wall_without_pressure_snaps_through() -> None:
+    path = axisymmetric_path(RADIUS, 0.35e-3, NU, NEEDLE, 0.0, tips_m=np.linspace(0.25e-3, 7.5e-3, 30))
+    assert len(path.tip_m) == 31
+    np.testing.assert_allclose(path.tip_m[-1], 7.5e-3)
+
+
+def test_path_ends_at_the_force_asked_for() -> None:
+    path = axisymmetric_path(RADIUS, 0.5e-3, NU, NEEDLE, IOP_RATIO, max_tip_m=7.5e-3, max_force_ratio_m2=0.05e-6)
+    assert path.force_ratio_m2[-1] >= 0.05e-6 > path.force_ratio_m2[-2]
+
+
+def gaussian(distance_m: Floats) -> Floats:
+    """R2's load per area."""
+    weight: Floats = np.exp(-0.5 * (distance_m / 0.35e-3) ** 2)
+    return weight
+
+
+def r2_mesh(thickness_m: float) -> HexMesh:
+    """R2's half cubed sphere: 20 x 20 equiangular quads on its top, one layer of 27-node hexahedra."""
+    return extrude_surface(project_on_sphere(half_cube(20)), RADIUS, thickness_m, layers=1, order=2)
+
+
+def coarse_indentation(thickness_m: float, contact: Contact) -> float:
+    """How much deeper 1 N at E = 1 Pa sinks in for R2's nodal weights on its mesh than for the Gaussian itself.
+
+    On the pole, a node takes 28 % of the force, and the mesh lets it sink in by itself.
+    """
+    mesh = r2_mesh(thickness_m)
+    wall = LinearWall(mesh, NU)
+    outer = np.unique(mesh.outer_qn)
+
+    def weight(positions: Floats) -> Floats:
+        return gaussian(np.linalg.norm(positions - RADIUS * contact.normal, axis=-1))
+
+    amounts = weight(mesh.points_nc[outer])
+    nodal_nc = np.zeros_like(mesh.points_nc)
+    nodal_nc[outer] = -amounts[:, None] / amounts.sum() * contact.normal
+    smooth_nc = weighted_surface_load(mesh, weight, -contact.normal)
+    tips = [tip_displacement(mesh, contact, wall.solve_one(load_nc)) for load_nc in (nodal_nc, smooth_nc)]
+    return tips[0] - tips[1]
+
+
+@pytest.mark.slow
+def test_tip_meets_reference_problem_r2_at_the_pole() -> None:
+    force_ratios = 1e-3 * np.array([5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0]) / 0.38e6
+    expected_mm = np.array([0.106, 0.222, 0.353, 0.503, 0.680, 0.897, 1.528, 2.393, 3.233])
+    mesh = meridian_mesh(RADIUS, 0.8e-3, NEEDLE, RIGHT_ANGLE, MeridianSize())
+    wall = AxisymmetricWall(mesh, NU, follower=False, spread=gaussian)
+    path = trace(wall, pressurise(wall, IOP_RATIO), IOP_RATIO, tips_m=np.linspace(0.1e-3, 3.6e-3, 36))
+    tips_m = CubicSpline(path.force, path.tip_m)(force_ratios)
+    sunk_m = coarse_indentation(0.8e-3, Contact(polar_rad=0.0)) * force_ratios
+    np.testing.assert_allclose(1e3 * (tips_m + sunk_m), expected_mm, rtol=0.01)
+
+
+def test_sealed_globe_keeps_its_volume_and_its_pressure_rises() -> None:
+    wall = wall_of(0.5)
+    start = pressurise(wall, IOP_RATIO)
+    path = trace(wall, start, IOP_RATIO, tips_m=np.linspace(0.5e-3, 3e-3, 6), sealed=True)
+    volumes = [wall.volume(u)[0] for u in path.displacement_su]
+    np.testing.assert_allclose(volumes, volumes[0], rtol=1e-9)
+    assert np.all(np.diff(path.pressure) > 0.0)
+
+
+def test_curves_start_on_the_axis_and_end_at_the_support() -> None:
+    path = axisymmetric_path(RADIUS, 0.5e-3, NU, NEEDLE, IOP_RATIO, tips_m=np.array([1e-3]))
+    np.testing.assert_allclose(path.curves_sbnc[:, :, 0, 0], 0.0, atol=1e-15)
+    np.testing.assert_allclose(path.curves_sbnc[:, 0, -1], [[RADIUS, RADIUS]] * 2, rtol=1e-12)
+    moved = path.curves_sbnc[1, 0, 0, 1] - path.curves_sbnc[0, 0, 0, 1]
+    assert moved == pytest.approx(1e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize(("thickness_mm", "needle_mm"), [(0.0, 0.35), (12.0, 0.35), (0.5, 0.0), (0.5, 12.0)])
+def test_sizes_that_make_no_eye_are_refused(thickness_mm: float, needle_mm: float) -> None:
+    with pytest.raises(InputError, match="would do"):
+        axisymmetric_path(RADIUS, 1e-3 * thickness_mm, NU, 1e-3 * needle_mm, 0.0, max_tip_m=1e-3)
+
+
+def test_a_pressure_that_bursts_the_wall_raises() -> None:
+    with pytest.raises(SolverError, match="pressure: equilibrium found up to"):
+        pressurise(wall_of(0.35, symmetric=True), 1.0)
