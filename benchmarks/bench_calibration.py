@@ -14,8 +14,9 @@ from functools import cache
 
 import numpy as np
 
-from scleraforce.calibration.assimilation import FrameInput, assimilate, eye_filter, first_state
-from scleraforce.calibration.eye_model import EyeConstants, EyeModel, build_eye_model
+from scleraforce.calibration.assimilation import FrameInput, FrameStep, assimilate, eye_filter, first_state
+from scleraforce.calibration.eye_model import EyeConstants, EyeModel
+from scleraforce.calibration.linear_eye import linear_eye
 from scleraforce.calibration.virtual import ideal_boundaries, virtual_sections
 from scleraforce.eye.mesh import build_mesh
 from scleraforce.imaging.optics import Pose
@@ -61,7 +62,7 @@ def calibrated(model: EyeModel, inputs: list[FrameInput]) -> tuple[float, float,
         start = time.perf_counter()
         step = assimilate(filtered, state, frame)
         seconds.append(time.perf_counter() - start)
-        if step is not None:
+        if isinstance(step, FrameStep):
             state, mean, sd = step.state, float(step.moments[0][0]), float(step.moments[1][0])
     return mean, sd, seconds
 
@@ -86,7 +87,7 @@ def print_wrong_statements(eye: PhantomEye, right: EyeConstants, inputs: list[Fr
     print(f"{'':<16}{'-10 %':>10}{'+10 %':>10}")
     for name, change in changes.items():
         errors = [
-            calibrated(build_eye_model(STUDY, change(share)), inputs)[0] / eye.youngs_modulus_pa - 1
+            calibrated(linear_eye(STUDY, change(share)), inputs)[0] / eye.youngs_modulus_pa - 1
             for share in (0.9, 1.1)
         ]
         print(f"{name:<16}" + "".join(f"{100 * error:>+9.1f}%" for error in errors))
@@ -105,7 +106,7 @@ def print_honesty(count: int) -> None:
             float(rng.uniform(0.436, 0.785)),
             float(rng.uniform(0.0, 6.28)),
         )
-        mean, sd, _ = calibrated(build_eye_model(STUDY, stated(eye)), frames(eye, rng))
+        mean, sd, _ = calibrated(linear_eye(STUDY, stated(eye)), frames(eye, rng))
         errors.append(mean / eye.youngs_modulus_pa - 1)
         scores.append(abs(mean - eye.youngs_modulus_pa) / sd)
         sds.append(sd)
@@ -121,7 +122,7 @@ def main() -> None:
     eye = PhantomEye("eye-1", 0.8e-3, 0.27e6, 266.6, 0.5e-3, 0.611, 1.0)
     inputs = frames(eye, np.random.default_rng(1))
     right = replace(stated(eye), polar_rad=eye.polar_rad)
-    model = build_eye_model(STUDY, right)
+    model = linear_eye(STUDY, right)
     print_step_time(model, inputs)
     print_wrong_statements(eye, right, inputs)
     print_honesty(int(sys.argv[1]) if len(sys.argv) > 1 else 50)

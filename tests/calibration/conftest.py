@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from scleraforce.calibration.assimilation import FrameInput
-from scleraforce.calibration.eye_model import EyeConstants, EyeModel, build_eye_model
+from scleraforce.calibration.eye_model import EyeConstants
+from scleraforce.calibration.linear_eye import LinearEye, linear_eye
 from scleraforce.calibration.virtual import ideal_boundaries, virtual_sections
 from scleraforce.eye.mesh import build_mesh
 from scleraforce.imaging.optics import Pose
@@ -30,8 +31,8 @@ class Laboratory:
 
     @staticmethod
     @cache
-    def model(constants: EyeConstants, thickness_uncertain: bool = False) -> EyeModel:
-        return build_eye_model(STUDY, constants, thickness_uncertain)
+    def model(constants: EyeConstants, thickness_uncertain: bool = False) -> LinearEye:
+        return linear_eye(STUDY, constants, thickness_uncertain)
 
     def stated(self, eye: PhantomEye, polar_sd_rad: float = 0.0) -> EyeConstants:
         return EyeConstants(

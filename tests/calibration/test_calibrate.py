@@ -29,7 +29,7 @@ def recording(laboratory: Any, eye: PhantomEye, tmp_path_factory: pytest.TempPat
 
 @pytest.fixture(scope="module")
 def calibration(laboratory: Any, recording: Recording) -> Calibration:
-    return calibrate_recordings([recording], laboratory.study, "hash")
+    return calibrate_recordings([recording], laboratory.study, "hash", None)
 
 
 def test_modulus_from_raw_frames_is_within_3_percent(calibration: Calibration, eye: PhantomEye) -> None:
@@ -58,16 +58,16 @@ def test_frames_of_no_force_are_references_and_not_calibrated_on(calibration: Ca
 
 
 def test_the_first_frames_above_5_mn_are_taken_when_few_are_asked_for(laboratory: Any, recording: Recording) -> None:
-    found = calibrate_recordings([recording], laboratory.study, "hash", frames=2).eyes["virtual"]
+    found = calibrate_recordings([recording], laboratory.study, "hash", None, frames=2).eyes["virtual"]
     assert [frame.file for frame in found.used] == ["0002.png", "0003.png"]
 
 
 def test_going_on_from_a_saved_posterior_equals_an_uninterrupted_run(
     laboratory: Any, recording: Recording, calibration: Calibration
 ) -> None:
-    begun = calibrate_recordings([recording], laboratory.study, "hash", frames=2)
+    begun = calibrate_recordings([recording], laboratory.study, "hash", None, frames=2)
     saved = parse_calibration(json.dumps(calibration_as_json(begun)))
-    resumed = calibrate_recordings([recording], laboratory.study, "hash", earlier=saved.eyes).eyes["virtual"]
+    resumed = calibrate_recordings([recording], laboratory.study, "hash", None, earlier=saved).eyes["virtual"]
     whole = calibration.eyes["virtual"]
     assert [frame.file for frame in resumed.used] == [frame.file for frame in whole.used]
     np.testing.assert_allclose(resumed.state.posterior.mean, whole.state.posterior.mean, rtol=1e-12)
@@ -105,19 +105,19 @@ def test_a_recording_that_cannot_be_calibrated_on_says_why(laboratory: Any, reco
     info = recording.info
     without = replace(recording, info=replace(info, eye=replace(info.eye, thickness_m=None)))
     with pytest.raises(CalibrationError, match=r"eye\.thickness_m: missing"):
-        calibrate_recordings([without], laboratory.study, "")
+        calibrate_recordings([without], laboratory.study, "", None)
     with pytest.raises(CalibrationError, match=r"no forces\.csv"):
-        calibrate_recordings([replace(recording, forces=None)], laboratory.study, "")
+        calibrate_recordings([replace(recording, forces=None)], laboratory.study, "", None)
     strict = replace(laboratory.study, calibration=replace(laboratory.study.calibration, min_force_n=1.0))
     with pytest.raises(CalibrationError, match="none of its 6 frames"):
-        calibrate_recordings([recording], strict, "")
+        calibrate_recordings([recording], strict, "", None)
 
 
 def test_an_earlier_file_of_other_parameters_is_refused(
     laboratory: Any, recording: Recording, calibration: Calibration
 ) -> None:
     with pytest.raises(CalibrationError, match="begin anew"):
-        calibrate_recordings([recording], laboratory.study, "", ("e", "iop"), earlier=calibration.eyes)
+        calibrate_recordings([recording], laboratory.study, "", None, ("e", "iop"), earlier=calibration)
 
 
 @pytest.mark.parametrize(

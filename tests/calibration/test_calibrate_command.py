@@ -65,7 +65,7 @@ def test_unknown_parameters_are_a_usage_error(
 
 def test_figures_show_what_the_filter_saw(laboratory: Any, folder: Path, eye: PhantomEye) -> None:
     recording = read_recording(folder / "eye")
-    calibration = calibrate_recordings([recording], laboratory.study, "")
+    calibration = calibrate_recordings([recording], laboratory.study, "", None)
     found = calibration.eyes["virtual"]
     over = draw_modulus_over_frames(found, eye.youngs_modulus_pa).axes[0]
     mean = over.lines[0].get_ydata()

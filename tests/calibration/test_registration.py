@@ -49,16 +49,15 @@ def test_a_section_is_placed_as_the_virtual_scanner_places_it() -> None:
 
 def test_derivatives_of_what_a_frame_shows_are_those_of_differences(laboratory: Any, eye: PhantomEye) -> None:
     model = laboratory.model(laboratory.stated(eye))
-    response = model.at(eye.polar_rad)
     places = Places(np.linspace(-5e-3, 5e-3, 12), np.repeat([0, 1], 6))
     nuisance = np.array([0.1e-3, 0.4e-3, 0.02, eye.polar_rad, 10e-6])
-    placed = predict(model, response, 0.27e6, 0.03, nuisance, places)
+    placed = predict(model, 0.27e6, 0.03, nuisance, places)
     for index, step in ((LATERAL, 1e-5), (DEPTH, 1e-5), (ROTATION, 1e-3), (4, 1e-6)):
         ends = []
         for sign in (-1, 1):
             moved = nuisance.copy()
             moved[index] += sign * step
-            ends.append(predict(model, response, 0.27e6, 0.03, moved, places).depth_m)
+            ends.append(predict(model, 0.27e6, 0.03, moved, places).depth_m)
         difference = (ends[1] - ends[0]) / (2 * step)
         scale = np.abs(difference).max()
         np.testing.assert_allclose(placed.by_nuisance[:, index], difference, atol=0.03 * scale)

@@ -1,11 +1,12 @@
+from dataclasses import replace
 from math import radians
 from typing import Any
 
 import numpy as np
 import pytest
 
-from scleraforce.calibration.eye_model import EyeConstants, lagrange
-from scleraforce.calibration.response import WallState
+from scleraforce.calibration.eye_model import EyeConstants, WallState, parameter_sections, stated_wall
+from scleraforce.calibration.linear_eye import lagrange
 from scleraforce.eye.contact import Contact
 from scleraforce.imaging.plane import ScanPlane
 from scleraforce.imaging.section import cut_section
@@ -22,7 +23,7 @@ def test_predicted_section_is_the_cut_through_the_deformed_mesh(
         wall.needle_cnc([contact], 0.35e-3)[0], force_n, youngs_modulus_pa=0.27e6, iop_pa=266.0, density_kg_m3=1100.0
     )
     cut = cut_section(wall.mesh, ScanPlane(contact, 0.5e-3, direction, tilt), displacement)
-    predicted = model.at(constants.polar_rad).section(model.state(0.27e6, force_n))
+    predicted = model.at(contact.polar_rad, 0.7e-3).section(stated_wall(constants, 0.27e6, force_n, contact.polar_rad))
     at = np.linspace(-6.5e-3, 6.5e-3, 300)
     for mine, other in ((predicted.outer, cut.outer), (predicted.inner, cut.inner)):
         difference = np.interp(at, *mine.T) - np.interp(at, *other.T)
@@ -31,15 +32,17 @@ def test_predicted_section_is_the_cut_through_the_deformed_mesh(
 
 def test_only_the_ratio_of_loads_to_modulus_counts(laboratory: Any) -> None:
     model = laboratory.model(EyeConstants(266.0, 0.7e-3, 0.5e-3, radians(35), 0.0))
-    response = model.at(radians(35))
-    one = response.curves([WallState(0.2e6, 0.02, 200.0, 1e4, 0.5e-3)])
-    other = response.curves([WallState(0.4e6, 0.04, 400.0, 2e4, 0.5e-3)])
+    response = model.at(radians(35), 0.7e-3)
+    one = response.curves([WallState(0.2e6, 0.02, 200.0, 0.7e-3, 0.5e-3, radians(35))])
+    heavier = replace(response, weight_pa_m=2 * response.weight_pa_m)
+    other = heavier.curves([WallState(0.4e6, 0.04, 400.0, 0.7e-3, 0.5e-3, radians(35))])
     np.testing.assert_allclose(one, other, atol=1e-15)
 
 
 def test_a_larger_gap_moves_the_section_away_from_the_dent(laboratory: Any) -> None:
     model = laboratory.model(EyeConstants(266.0, 0.7e-3, 0.5e-3, radians(35), 0.0))
-    near, far = model.curves(("youngs_modulus_pa", "gap_m"), np.array([[0.2e6, 0.4e-3], [0.2e6, 0.7e-3]]), 0.03, 0.61)
+    values = np.array([[0.2e6, 0.4e-3], [0.2e6, 0.7e-3]])
+    near, far = parameter_sections(model, ("youngs_modulus_pa", "gap_m"), values, 0.03, radians(35))
     at = np.array([-0.2e-3, 0.0, 0.2e-3])
     assert (np.interp(at, *near[0].T) > np.interp(at, *far[0].T) + 20e-6).all()
 
@@ -48,8 +51,8 @@ def test_responses_between_thicknesses_are_those_of_a_wall_of_that_thickness(lab
     uncertain = laboratory.model(EyeConstants(266.0, 0.65e-3, 0.5e-3, 0.6, 0.0), thickness_uncertain=True)
     exact = laboratory.model(EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.6, 0.0))
     names = ("youngs_modulus_pa", "thickness_m")
-    between = uncertain.curves(names, np.array([[0.27e6, 0.7e-3]]), 0.03, 0.6)[0]
-    true = exact.curves(names[:1], np.array([[0.27e6]]), 0.03, 0.6)[0]
+    between = parameter_sections(uncertain, names, np.array([[0.27e6, 0.7e-3]]), 0.03, 0.6)[0]
+    true = parameter_sections(exact, names[:1], np.array([[0.27e6]]), 0.03, 0.6)[0]
     at = np.linspace(-6e-3, 6e-3, 200)
     for boundary in (0, 1):
         np.testing.assert_allclose(np.interp(at, *between[boundary].T), np.interp(at, *true[boundary].T), atol=10e-6)

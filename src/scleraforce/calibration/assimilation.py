@@ -6,12 +6,12 @@ contact angle, the finite elements' error) would be averaged away by that, wrong
 followed from step to step and added to the posterior in the end (Schmidt 1966, "consider" parameters).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.eye_model import EyeModel
+from scleraforce.calibration.eye_model import EyeModel, parameter_sections, stated_wall
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
 from scleraforce.calibration.observations import Boundaries, Observation, observe_points
 from scleraforce.calibration.parameters import Parameter, ParameterSpace
@@ -46,6 +46,7 @@ __all__ = [
     "EyeState",
     "FrameInput",
     "FrameStep",
+    "Skipped",
     "assimilate",
     "eye_filter",
     "first_state",
@@ -113,6 +114,13 @@ class FrameStep:
     moments: tuple[Array, Array]
 
 
+@dataclass(frozen=True)
+class Skipped:
+    """A frame that cannot be assimilated, and why; it leaves the state as it is."""
+
+    reason: str
+
+
 def eye_filter(model: EyeModel, study: CalibrationStudy, parameters: tuple[str, ...] = ("e",)) -> EyeFilter:
     """Set up the filter of an eye for parameters named as on the command line.
 
@@ -152,8 +160,8 @@ def total_covariance(eye: EyeFilter, state: EyeState) -> Array:
     return total
 
 
-def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep | None:
-    """Assimilate one frame; None where it shows fewer than three points.
+def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep | Skipped:
+    """Assimilate one frame; it is skipped where it shows too little, or where the mechanics does not hold.
 
     A frame that the model cannot be evaluated for leaves the state as it is, and `result.status` says why.
     """
@@ -162,12 +170,11 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
     fit = register(eye.model, frame.boundaries, frame.force_n, modulus, prior)
     observation = observe_points(frame.boundaries, eye.study.points, float(fit.nuisance[LATERAL]), eye.study.span_m)
     places = Places(observation.lateral_m, observation.boundary)
-    response = eye.model.at(fit.nuisance[POLAR])
-    at = (fit.youngs_modulus_pa, frame.force_n, fit.nuisance, places)
-    placed = predict(eye.model, response, *at)
+    at = (eye.model, fit.youngs_modulus_pa, frame.force_n, fit.nuisance, places)
+    placed = predict(*at)
     if placed.seen.sum() < LEAST_POINTS:
-        return None
-    by_force, by_polar = force_derivative(eye.model, response, *at), polar_derivative(eye.model, *at)
+        return Skipped("too little of the wall is in view")
+    by_force, by_polar = force_derivative(*at), polar_derivative(*at)
     expected = placed.by_nuisance @ (prior.mean - fit.nuisance)
 
     def observe(states_rp: Array) -> Array:
@@ -175,6 +182,8 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
 
     noise = observation_noise(eye, observation, placed, by_force, by_polar, prior)
     result = filter_step(eye.params, state.posterior, observe, observation.depth_m, noise)
+    if (outside := _outside(eye, result.posterior, frame.force_n)) is not None:
+        return Skipped(outside)
     belief = updated_belief(state.belief, prior, fit)
     sensitivity = _followed(state.sensitivity, result, by_force, by_polar, frame)
     after = EyeState(result.posterior, belief, sensitivity, frame.zero_covariance)
@@ -214,6 +223,13 @@ def observation_noise(
     return noise
 
 
+def _outside(eye: EyeFilter, posterior: Posterior, force_n: float) -> str | None:
+    """Return why the model does not hold for the eye as it is now known under a force, None where it does."""
+    stated = stated_wall(eye.model.constants, 1.0, force_n, eye.model.constants.polar_rad)
+    values = eye.space.values(posterior.mean).tolist()
+    return eye.model.outside(replace(stated, **dict(zip(eye.space.names, values, strict=True))))
+
+
 def _followed(sensitivity: Array, result: StepResult, by_force: Array, by_polar: Array, frame: FrameInput) -> Array:
     """Return how far the estimate follows an error of each shared quantity, after one more step (parameter, shared).
 
@@ -239,7 +255,7 @@ def _depths(eye: EyeFilter, states_rp: Array, force_n: float, nuisance: Array, p
     sound = (values > 0).all(axis=1)
     depths = np.full((len(values), len(places.lateral_m)), np.nan)
     if sound.any():
-        curves = eye.model.curves(eye.space.names, values[sound], force_n, float(nuisance[POLAR]))
+        curves = parameter_sections(eye.model, eye.space.names, values[sound], force_n, float(nuisance[POLAR]))
         placed = place_curves(curves, nuisance)
         inner = nuisance[INNER] * (places.boundary == 1)
         depths[sound] = [curve_depths(curve, places)[0] + inner for curve in placed]

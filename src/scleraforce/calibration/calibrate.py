@@ -6,24 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scleraforce.calibration.assimilation import (
-    EyeFilter,
-    EyeState,
-    FrameInput,
-    FrameStep,
-    assimilate,
-    eye_filter,
-    first_state,
-    moments,
-)
-from scleraforce.calibration.eye_model import EyeConstants, build_eye_model
+from scleraforce.calibration.assimilation import EyeFilter, EyeState, FrameStep, Skipped, moments
+from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
 from scleraforce.calibration.frames import segmented_boundaries
 from scleraforce.calibration.observations import Boundaries
 from scleraforce.calibration.parameters import spread
-from scleraforce.calibration.registration import first_belief, frame_prior, register, updated_belief
+from scleraforce.calibration.registration import first_belief
+from scleraforce.calibration.session import EyeSession, begin, refer, update
 from scleraforce.errors import CalibrationError
 from scleraforce.imaging.segmentation import PixelScale, Segmenter
+from scleraforce.library import Library
 from scleraforce.recording.files import Recording
 from scleraforce.recording.labels import Trial, label_frames
 from scleraforce.study import Study
@@ -145,9 +138,10 @@ def calibrate_recordings(
     recordings: Sequence[Recording],
     study: Study,
     study_sha256: str,
+    library: Library | None,
     parameters: tuple[str, ...] = ("e",),
     frames: int | None = None,
-    earlier: Mapping[str, EyeCalibration] | None = None,
+    earlier: Calibration | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> Calibration:
     """Calibrate every eye on its recordings; recordings of one eye add up.
@@ -156,22 +150,29 @@ def calibrate_recordings(
         recordings: with force logs.
         study: prior, filter, mesh.
         study_sha256: hash of the study, kept as provenance.
+        library: responses of finite strain; None: linear mechanics, as in the paper.
         parameters: what is uncertain, of `e`, `iop`, `thickness`, `gap`; `e` among them.
         frames: take the first so many frames of each recording that bear enough force; None: all.
-        earlier: eyes to go on from, by id; the frames that they have used are left out.
+        earlier: to go on from; the frames that its eyes have used are left out.
         progress: called with 1 after each frame.
 
     Raises:
-        CalibrationError: a recording without force log or wall thickness, or no frame that can be used.
+        CalibrationError: a recording without force log or wall thickness, or no frame that can be used; an earlier
+            calibration with other mechanics or parameters.
     """
     if "e" not in parameters:
         raise CalibrationError(f"parameters {','.join(parameters)}: e must be among them")
-    eyes = dict(earlier or {})
+    mechanics = "linear" if library is None else "finite-strain"
+    if earlier is not None and earlier.mechanics != mechanics:
+        raise CalibrationError(
+            f"the earlier calibration has {earlier.mechanics} mechanics, not {mechanics}; name the same"
+        )
+    eyes = {} if earlier is None else dict(earlier.eyes)
     for recording in recordings:
         eye_id = recording.info.eye.id
-        eyes[eye_id] = _calibrate(recording, study, parameters, frames, eyes.get(eye_id), progress)
+        eyes[eye_id] = _calibrate(recording, study, library, parameters, frames, eyes.get(eye_id), progress)
     mine = {recording.info.eye.id: eyes[recording.info.eye.id] for recording in recordings}
-    return Calibration(mine, study_sha256, study.classes.bounds_n, "linear")
+    return Calibration(mine, study_sha256, study.classes.bounds_n, mechanics)
 
 
 def eye_constants(recording: Recording, study: Study) -> EyeConstants:
@@ -201,6 +202,7 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
 def _calibrate(
     recording: Recording,
     study: Study,
+    library: Library | None,
     parameters: tuple[str, ...],
     frames: int | None,
     earlier: EyeCalibration | None,
@@ -208,11 +210,11 @@ def _calibrate(
 ) -> EyeCalibration:
     if recording.forces is None:
         raise CalibrationError(f"{recording.path}: no forces.csv; a calibration needs frames of known force")
-    model = build_eye_model(study, eye_constants(recording, study), "thickness" in parameters)
-    eye = eye_filter(model, study.calibration, parameters)
     trials = label_frames(recording, study.classes, study.needle.max_force_n)
     forces = frame_forces(recording, trials)
-    run = _begin(eye, recording, forces, earlier)
+    session = begin(study, eye_constants(recording, study), library, parameters, forces.zero_covariance)
+    run = _begin(session.filter, session.state, recording, forces, earlier)
+    session = replace(session, state=run.state)
     seen = {frame.file for frame in run.frames if frame.recording == str(recording.path)}
     segmenter = Segmenter(recording.info.oct.refractive_index)
     scale = PixelScale(
@@ -224,35 +226,40 @@ def _calibrate(
             segmentation = segmenter.segment(recording.frame(entry), scale)
             reason = "" if segmentation.usable else f"not usable: {segmentation.reason}"
             boundaries = segmented_boundaries(segmentation, scale, recording.info.oct.refractive_index)
-            run = _step(eye, run, str(recording.path), trial, forces, index, boundaries, reason)
+            session, run = _step(session, run, str(recording.path), trial, forces, index, boundaries, reason)
             left -= int(run.frames[-1].skipped is None)
         if progress is not None:
             progress(1)
     if not run.used:
         raise CalibrationError(
-            f"{recording.path}: none of its {len(trials)} frames can be calibrated on; frames with a wall in view and "
-            f"more than {study.calibration.min_force_n * 1e3:g} mN would do"
+            f"{recording.path}: none of its {len(trials)} frames can be calibrated on (the first: {_first_reason(run)}); "
+            f"frames with a wall in view and more than {study.calibration.min_force_n * 1e3:g} mN would do"
         )
     return run
 
 
-def _begin(eye: EyeFilter, recording: Recording, forces: FrameForces, earlier: EyeCalibration | None) -> EyeCalibration:
+def _first_reason(run: EyeCalibration) -> str:
+    """Return why the first frame was not used."""
+    return next((frame.skipped for frame in run.frames if frame.skipped), "excluded")
+
+
+def _begin(
+    eye: EyeFilter, state: EyeState, recording: Recording, forces: FrameForces, earlier: EyeCalibration | None
+) -> EyeCalibration:
     """Return the eye before this recording's frames; what a recording's frames share is new with each recording."""
     used = UsedRecording(str(recording.path), recording_hash(recording), *forces.zero.tolist())
     recordings: tuple[UsedRecording, ...] = (used,)
     frames: tuple[FrameRecord, ...] = ()
-    if earlier is None:
-        state = first_state(eye)
-    elif earlier.names != eye.space.names:
+    if earlier is not None and earlier.names != eye.space.names:
         raise CalibrationError(
             f"{earlier.id}: the earlier calibration has {', '.join(earlier.names)} for parameters, not "
             f"{', '.join(eye.space.names)}; begin anew or name the same"
         )
-    elif used in earlier.recordings:
-        state, recordings, frames = earlier.state, earlier.recordings, earlier.frames
-    else:
-        state = replace(earlier.state, belief=first_belief(eye.model))
-        recordings, frames = (*earlier.recordings, used), earlier.frames
+    if earlier is not None:
+        again = used in earlier.recordings
+        state = earlier.state if again else replace(earlier.state, belief=first_belief(eye.model))
+        recordings = earlier.recordings if again else (*earlier.recordings, used)
+        frames = earlier.frames
     means, sds = moments(eye, state)
     steps = () if earlier is None else earlier.steps
     return EyeCalibration(
@@ -262,7 +269,7 @@ def _begin(eye: EyeFilter, recording: Recording, forces: FrameForces, earlier: E
 
 
 def _step(
-    eye: EyeFilter,
+    session: EyeSession,
     run: EyeCalibration,
     path: str,
     trial: Trial,
@@ -270,33 +277,38 @@ def _step(
     index: int,
     boundaries: Boundaries,
     reason: str,
-) -> EyeCalibration:
+) -> tuple[EyeSession, EyeCalibration]:
     """Return the eye after one more frame, used or not."""
     force_n = float(forces.force_n[index])
     record = FrameRecord(path, trial.file, force_n, run.mean_pa, run.sd_pa, skipped=reason or None)
     if reason:
-        return replace(run, frames=(*run.frames, record))
-    if (trial.measured_force_n or 0.0) <= eye.study.min_force_n:
-        record = replace(record, skipped=f"at most {eye.study.min_force_n * 1e3:g} mN: used as a reference of the pose")
-        state = _reference(eye, run, force_n, boundaries)
-        return replace(run, state=state, frames=(*run.frames, record))
-    frame = FrameInput(boundaries, force_n, float(forces.since_start_s[index]), forces.zero_covariance)
-    step = assimilate(eye, run.state, frame)
-    if step is None:
-        return replace(run, frames=(*run.frames, replace(record, skipped="too little of the wall is in view")))
+        return session, replace(run, frames=(*run.frames, record))
+    if (trial.measured_force_n or 0.0) <= session.filter.study.min_force_n:
+        session = refer(session, boundaries, force_n)
+    else:
+        session = update(session, boundaries, force_n, float(forces.since_start_s[index]))
+    if isinstance(session.last, FrameStep):
+        return session, _used(run, record, session.last)
+    skipped = session.last.reason if isinstance(session.last, Skipped) else None
+    record = replace(record, skipped=skipped)
+    return session, replace(run, state=session.state, frames=(*run.frames, record))
+
+
+def _used(run: EyeCalibration, record: FrameRecord, step: FrameStep) -> EyeCalibration:
+    """Return the eye after a frame that its estimate rests on."""
     means, sds = step.moments
-    record = FrameRecord(
-        path,
-        trial.file,
-        force_n,
-        float(means[run.names.index("youngs_modulus_pa")]),
-        float(sds[run.names.index("youngs_modulus_pa")]),
-        step.registered.youngs_modulus_pa,
-        step.result.observations,
-        step.result.gated,
-        step.result.nis,
-        step.result.inflation,
-        step.result.status,
+    place = run.names.index("youngs_modulus_pa")
+    result = step.result
+    record = replace(
+        record,
+        mean_pa=float(means[place]),
+        sd_pa=float(sds[place]),
+        own_modulus_pa=step.registered.youngs_modulus_pa,
+        points=result.observations,
+        gated=result.gated,
+        nis=result.nis,
+        inflation=result.inflation,
+        status=result.status,
     )
     return replace(
         run,
@@ -306,15 +318,6 @@ def _step(
         frames=(*run.frames, record),
         steps=(*run.steps, step),
     )
-
-
-def _reference(eye: EyeFilter, run: EyeCalibration, force_n: float, boundaries: Boundaries) -> EyeState:
-    """Return the state after a frame that says where the eye lies, but nothing of its modulus."""
-    if np.isfinite(boundaries.depth_m).sum() < 3:
-        return run.state
-    prior = frame_prior(run.state.belief, eye.study)
-    fit = register(eye.model, boundaries, max(force_n, 0.0), run.mean_pa, prior)
-    return replace(run.state, belief=updated_belief(run.state.belief, prior, fit))
 
 
 def recording_hash(recording: Recording) -> str:

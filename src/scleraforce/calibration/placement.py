@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.eye_model import EyeModel
-from scleraforce.calibration.response import WallResponse
+from scleraforce.calibration.eye_model import EyeModel, stated_wall
 
 __all__ = [
     "DEPTH",
@@ -91,36 +90,28 @@ def _depths_along(lateral_s: Array, down_s: Array, at: Array) -> tuple[Array, Ar
 
 def polar_derivative(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Array:
     """Return how the depths at places turn with the contact's polar angle, (place,) in m/rad; 0 where it is stated."""
-    low, high = min(model.polar_nodes_rad), max(model.polar_nodes_rad)
+    low, high = model.polar_ends_rad
     if low == high:
         return np.zeros(len(places.lateral_m))
-    state = model.state(modulus_pa, force_n)
-    ends = [place_curves(model.at(polar).curves([state])[0], nuisance) for polar in (low, high)]
-    below, above = (curve_depths(curves, places)[0] for curves in ends)
+    ends = model.curves([stated_wall(model.constants, modulus_pa, force_n, polar) for polar in (low, high)])
+    below, above = (curve_depths(curves, places)[0] for curves in place_curves(ends, nuisance))
     slope: Array = (above - below) / (high - low)
     return slope
 
 
-def predict(
-    model: EyeModel,
-    response: WallResponse,
-    modulus_pa: float,
-    force_n: float,
-    nuisance: Array,
-    places: Places,
-) -> Placed:
+def predict(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Placed:
     """Return what a frame shows at places, with its derivatives.
 
     Args:
         model: the eye.
-        response: the model's at the nuisance's polar angle.
         modulus_pa: Young's modulus.
         force_n: force of the needle.
         nuisance: pose and its kin (5,), in the order of `NUISANCES`.
         places: where the frame is looked at.
     """
-    states = [model.state(modulus_pa, force_n), model.state(modulus_pa * (1 + MODULUS_STEP), force_n)]
-    curves = place_curves(response.curves(states), nuisance)
+    moduli = (modulus_pa, modulus_pa * (1 + MODULUS_STEP))
+    states = [stated_wall(model.constants, modulus, force_n, nuisance[POLAR]) for modulus in moduli]
+    curves = place_curves(model.curves(states), nuisance)
     (depth, slope, seen), stiffer = (curve_depths(curve, places) for curve in curves)
     lateral, down = places.lateral_m - nuisance[LATERAL], depth - nuisance[DEPTH]
     inner = (places.boundary == 1).astype(np.float64)
@@ -129,11 +120,10 @@ def predict(
     return Placed(depth + nuisance[INNER] * inner, slope, by_nuisance, (stiffer[0] - depth) / MODULUS_STEP, seen)
 
 
-def force_derivative(
-    model: EyeModel, response: WallResponse, modulus_pa: float, force_n: float, nuisance: Array, places: Places
-) -> Array:
+def force_derivative(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Array:
     """Return how the depths at places turn with the force, (place,) in m/N."""
-    states = [model.state(modulus_pa, force_n + step) for step in (-FORCE_STEP_N, FORCE_STEP_N)]
-    less, more = (curve_depths(curve, places)[0] for curve in place_curves(response.curves(states), nuisance))
+    forces = (force_n - FORCE_STEP_N, force_n + FORCE_STEP_N)
+    states = [stated_wall(model.constants, modulus_pa, force, nuisance[POLAR]) for force in forces]
+    less, more = (curve_depths(curve, places)[0] for curve in place_curves(model.curves(states), nuisance))
     slope: Array = (more - less) / (2 * FORCE_STEP_N)
     return slope

@@ -11,7 +11,7 @@ from math import log
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.eye_model import EyeModel
+from scleraforce.calibration.eye_model import EyeModel, stated_wall
 from scleraforce.calibration.observations import Boundaries
 from scleraforce.calibration.placement import (
     DEPTH,
@@ -156,7 +156,8 @@ class _Fit:
         if not self.wide:
             return self.mean.copy()
         moduli = np.exp(self.mean[5]) * np.array(START_MODULUS)
-        curves = self.model.at(self.mean[POLAR]).curves([self.model.state(e, self.force_n) for e in moduli])
+        eye, polar = self.model.constants, float(self.mean[POLAR])
+        curves = self.model.curves([stated_wall(eye, float(modulus), self.force_n, polar) for modulus in moduli])
         best, unknown = np.inf, self.mean.copy()
         for modulus, curve in zip(moduli, curves, strict=True):
             for lateral in START_LATERAL_M:
@@ -172,8 +173,7 @@ class _Fit:
 
     def evaluate(self, unknown: Array) -> tuple[Placed, float]:
         """Return the prediction and the cost."""
-        response, modulus = self.model.at(unknown[POLAR]), float(np.exp(unknown[5]))
-        placed = predict(self.model, response, modulus, self.force_n, unknown[:5], self.places)
+        placed = predict(self.model, float(np.exp(unknown[5])), self.force_n, unknown[:5], self.places)
         size = np.abs(self._scaled(placed))[placed.seen]
         loss = CAUCHY**2 * (np.log1p((size / CAUCHY) ** 2).sum() + UNSEEN_LOSS * (~placed.seen).sum())
         away = unknown - self.mean

@@ -7,37 +7,25 @@ is a point of the section.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, cos, sin, tan
+from math import cos, sin, tan
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
+from scleraforce.calibration.eye_model import SAMPLE_STEP_M, WallState, smoothed
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, locate, surface_weights
 from scleraforce.imaging.plane import Section
 from scleraforce.mechanics.linear import LinearWall
 
-__all__ = ["WallResponse", "WallState", "lateral_samples", "wall_response"]
+__all__ = ["WallResponse", "lateral_samples", "response_fields"]
 
 Array = NDArray[np.float64]
 
-SAMPLE_STEP_M = 0.1e-3  # between material points along the section
 SAMPLE_REACH = 0.72  # of the radius: how far the section reaches to either side of the contact
 LINE_STEP_M = 0.2e-3  # between material points across the plane
 LINE_REACH_M = 0.6e-3  # how far material may move across the plane
 BASE_MARGIN = 0.01  # of the radius: the section ends above the clamped base
-
-
-@dataclass(frozen=True)
-class WallState:
-    """What the displaced section depends on, in SI; `weight_pa_m` is density times gravity."""
-
-    youngs_modulus_pa: float
-    force_n: float
-    iop_pa: float
-    weight_pa_m: float
-    gap_m: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +34,12 @@ class WallResponse:
 
     `fields_fblsc` (field, boundary, line, sample, axis): the undeformed position, then the displacements at E = 1 Pa
     per Pa of IOP, per Pa/m of weight and per N of force. Boundaries: outer, inner. Axes: lateral, across the plane
-    (untilted, from the needle axis), depth below the undeformed contact. `smoothing_m`: over which a
-    segmentation smooths the outer curve (a Gaussian's standard deviation).
+    (untilted, from the needle axis), depth below the undeformed contact. `weight_pa_m` is density times gravity;
+    `smoothing_m`: over which a segmentation smooths the outer curve (a Gaussian's standard deviation).
     """
 
     fields_fblsc: Array
+    weight_pa_m: float
     tilt_rad: float
     smoothing_m: float = 0.0
 
@@ -75,10 +64,9 @@ class WallResponse:
         outer, inner = self._cut([state])[0]
         return Section(outer, inner)
 
-    @staticmethod
-    def _loads(state: WallState) -> tuple[float, float, float, float]:
+    def _loads(self, state: WallState) -> tuple[float, float, float, float]:
         compliance = 1.0 / state.youngs_modulus_pa
-        return 1.0, state.iop_pa * compliance, state.weight_pa_m * compliance, state.force_n * compliance
+        return 1.0, state.iop_pa * compliance, self.weight_pa_m * compliance, state.force_n * compliance
 
 
 def cut_lines(points_rblsc: Array, gap_m: Array, tilt_rad: float) -> Array:
@@ -100,7 +88,7 @@ def cut_lines(points_rblsc: Array, gap_m: Array, tilt_rad: float) -> Array:
     return cut
 
 
-def wall_response(
+def response_fields(
     wall: LinearWall,
     contact: Contact,
     needle_radius_m: float,
@@ -108,8 +96,8 @@ def wall_response(
     gap_m: float,
     direction_rad: float = 0.0,
     tilt_rad: float = 0.0,
-) -> WallResponse:
-    """Return the response of a wall about the plane of one contact.
+) -> Array:
+    """Return the fields of a wall about the plane of one contact, see `WallResponse`.
 
     Args:
         wall: factored wall; one right-hand side is solved.
@@ -129,18 +117,7 @@ def wall_response(
         )
         for quads, radius in ((mesh.outer_qn, mesh.radius_m), (mesh.inner_qn, mesh.radius_m - mesh.thickness_m))
     ]
-    return WallResponse(np.stack(fields, axis=1), tilt_rad)
-
-
-def smoothed(curves: Array, sd_m: float) -> Array:
-    """Return evenly sampled curves (..., sample, 2), smoothed by a Gaussian; their ends stay as they are."""
-    if sd_m == 0:
-        return curves
-    sd = sd_m / SAMPLE_STEP_M
-    inside = slice(ceil(4 * sd), -ceil(4 * sd))
-    result = curves.copy()
-    result[..., inside, :] = gaussian_filter1d(curves, sd, axis=-2)[..., inside, :]
-    return result
+    return np.stack(fields, axis=1)
 
 
 def lateral_samples(
@@ -157,7 +134,7 @@ def lateral_samples(
         radius_m: outer radius.
         thickness_m: of the wall, the largest that is wanted.
         contacts: where the needle pushes.
-        gap_m: as for `wall_response`, like the rest.
+        gap_m: as for `response_fields`, like the rest.
         direction_rad: direction of the plane.
         tilt_rad: tilt of the plane.
     """

@@ -69,10 +69,10 @@ def calibrate(
     if plot is not None:
         check_figure_path(plot)
     study = Study() if study_path is None else read_study(study_path)
-    earlier = None if resume is None else read_posteriors(resume).eyes
+    earlier = None if resume is None else read_posteriors(resume)
     opened = [read_recording(path) for path in recordings]
     with progress_bar(range(sum(len(recording.frames) for recording in opened)), "frames") as bar:
-        result = calibrate_recordings(opened, study, study_hash(study), parameters, frames, earlier, bar.update)
+        result = calibrate_recordings(opened, study, study_hash(study), None, parameters, frames, earlier, bar.update)
     content = calibration_as_json(result)
     write_whole(json.dumps(content, indent=1, allow_nan=False) + "\n", out)
     if plot is not None:

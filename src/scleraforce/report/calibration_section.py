@@ -90,7 +90,8 @@ def _over_frames(eye: EyeCalibration) -> Html:
 
 def _with_points(run: Run, eye: str) -> EyeCalibration:
     """Calibrate an eye once more, for the file of a calibration keeps no points to draw."""
-    again = calibrate_recordings([read_recording(run.recordings / eye)], run.study, study_hash(run.study))
+    recording = read_recording(run.recordings / eye)
+    again = calibrate_recordings([recording], run.study, study_hash(run.study), library=None)
     return again.eyes[eye]
 
 

@@ -97,7 +97,7 @@ def _make_eyes(run: Run, progress: Progress) -> None:
 
 def _calibrate(run: Run, progress: Progress) -> None:
     opened = [read_recording(path) for path in _recordings(run)[:CALIBRATED]]
-    calibration = calibrate_recordings(opened, run.study, study_hash(run.study), progress=progress)
+    calibration = calibrate_recordings(opened, run.study, study_hash(run.study), library=None, progress=progress)
     write_whole(json.dumps(calibration_as_json(calibration), indent=1, allow_nan=False) + "\n", run.calibration)
 
 

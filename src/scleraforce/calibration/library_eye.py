@@ -1,0 +1,152 @@
+"""An eye of finite strain: its sections from the response library (`library.responses`).
+
+The library holds walls of revolution about the needle axis, so sections have a closed form (`library.sections`). The
+contact's polar angle and the plane's direction drop out, and gravity is neglected.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from scleraforce.calibration.eye_model import SAMPLE_STEP_M, EyeConstants, WallState, smoothed
+from scleraforce.errors import CalibrationError, InputError
+from scleraforce.library import Library
+from scleraforce.library.sections import cut_rings
+from scleraforce.study import Study
+
+__all__ = ["LibraryEye", "library_eye", "section_depths"]
+
+Array = NDArray[np.float64]
+
+REACH = 0.72  # of the radius: how far the section reaches to either side of the contact
+FINE_STEP_M = 0.05e-3  # along the wall, between points that a section is interpolated between
+END_SHARE = 0.97  # of the library's largest force: over the rest the continuation takes its slope
+
+
+@dataclass(frozen=True, eq=False)
+class LibraryEye:
+    """An eye whose sections come from a library, see `EyeModel`.
+
+    `smoothing_m`: over which a segmentation smooths the outer curve (a Gaussian's standard deviation).
+    """
+
+    constants: EyeConstants
+    library: Library
+    smoothing_m: float = 0.0
+
+    @property
+    def polar_ends_rad(self) -> tuple[float, float]:
+        """The contact's angle, twice: a wall of revolution does not turn with it."""
+        return self.constants.polar_rad, self.constants.polar_rad
+
+    def curves(self, states: Sequence[WallState]) -> Array:
+        """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth.
+
+        Beyond the library (a modulus too low for the force) the section goes on along the slope by ln(F/E) that it has
+        at the end; pressure and thickness are held at the library's ends.
+        """
+        walls = self._walls(states)
+        gap_m = np.array([state.gap_m for state in states])
+        depth = section_depths(walls, self._fine, gap_m, self.constants.tilt_rad, self._lateral_m)
+        lateral = np.concatenate([-self._lateral_m[:0:-1], self._lateral_m])
+        depth = np.concatenate([depth[..., :0:-1], depth], axis=-1)
+        curves = np.stack([np.broadcast_to(lateral, depth.shape), depth], axis=-1)
+        curves[:, 0] = smoothed(curves[:, 0], self.smoothing_m)
+        return curves
+
+    def outside(self, state: WallState) -> str | None:
+        """Return the sentence that says in what the library does not reach a state, None where it does."""
+        thickness, pressure, force = _ratios([state])
+        try:
+            self.library.tips(thickness, pressure, force)
+        except InputError as fault:
+            return str(fault)
+        return None
+
+    def _walls(self, states: Sequence[WallState]) -> Array:
+        """Return the library's curves (state, boundary, node, 2), gone on with where the library ends."""
+        library = self.library
+        thickness, pressure, force = _ratios(states)
+        thickness = np.clip(thickness, library.thickness_m[0], library.thickness_m[-1])
+        pressure = np.clip(pressure, library.iop_ratio[0], library.iop_ratio[-1])
+        force = np.maximum(force, 0.0)
+        largest = library.largest_force_ratio(thickness, pressure)
+        beyond = np.flatnonzero(force > largest)
+        force[beyond], excess = largest[beyond], np.log(force[beyond] / largest[beyond])
+        less = END_SHARE * largest[beyond]
+        asked = (
+            np.concatenate([thickness, thickness[beyond]]),
+            np.concatenate([pressure, pressure[beyond]]),
+            np.concatenate([force, less]),
+        )
+        found = library.curves(*asked).curves_sbnc.astype(np.float64)
+        curves, before = found[: len(states)], found[len(states) :]
+        curves[beyond] += (curves[beyond] - before) * (excess / -np.log(END_SHARE))[:, None, None, None]
+        return curves
+
+    @cached_property
+    def _lateral_m(self) -> Array:
+        """Samples of one side of the section, from its middle."""
+        return np.arange(0.0, REACH * self.library.radius_m, SAMPLE_STEP_M)
+
+    @cached_property
+    def _fine(self) -> Array:
+        """Weights (fine point, node) of a cubic spline along the wall through the library's nodes."""
+        at_rest = self.library.curves_tpdbnc[0, 0, 0, 0].astype(np.float64)
+        along = self.library.radius_m * np.arctan2(at_rest[:, 0], self.library.radius_m - at_rest[:, 1])
+        fine = np.linspace(along[0], along[-1], int((along[-1] - along[0]) / FINE_STEP_M) + 1)
+        return np.asarray(CubicSpline(along, np.eye(len(along)))(fine), dtype=np.float64)
+
+
+def library_eye(study: Study, constants: EyeConstants, library: Library) -> LibraryEye:
+    """Return the model of an eye.
+
+    Raises:
+        CalibrationError: the library is for another eye or needle, or has no walls of this thickness.
+    """
+    mine = (study.eye.radius_m, study.eye.poisson_ratio, study.needle.outer_diameter_m / 2)
+    if not np.allclose(mine, (library.radius_m, library.poisson_ratio, library.needle_radius_m), rtol=1e-6):
+        raise CalibrationError(
+            "library: made for another radius of the eye, Poisson's ratio or needle than the study's; make it anew"
+        )
+    thinnest, thickest = float(library.thickness_m[0]), float(library.thickness_m[-1])
+    if not thinnest <= constants.thickness_m <= thickest:
+        raise CalibrationError(
+            f"thickness: {constants.thickness_m * 1e6:g} um; the library has walls of {thinnest * 1e6:.0f} to "
+            f"{thickest * 1e6:.0f} um"
+        )
+    # Sections end at `REACH`; a dented wall's material moves by less than a millimetre or two along it.
+    return LibraryEye(constants, library.within(0.85 * library.radius_m), study.calibration.surface_smoothing_m)
+
+
+def section_depths(curves_sbnc: Array, fine_fn: Array, gap_m: Array, tilt_rad: float, lateral_m: Array) -> Array:
+    """Return the depth in the plane at lateral places of surfaces of revolution, (sample, boundary, place).
+
+    Of a wall that folds over itself the outermost part counts: it lies on top, where the light comes from.
+
+    Args:
+        curves_sbnc: distance from the axis and depth (sample, boundary, node, 2), from the axis outwards.
+        fine_fn: weights that interpolate along the wall (fine point, node).
+        gap_m: the plane's distance from the axis at the undeformed contact (sample,).
+        tilt_rad: the plane's tilt against the axis.
+        lateral_m: places (place,), not negative.
+    """
+    square, depth = cut_rings(fine_fn @ curves_sbnc, gap_m[:, None, None], tilt_rad)
+    on_top = np.minimum.accumulate(square[..., ::-1], axis=-1)[..., ::-1]
+    rows = zip(on_top.reshape(-1, len(fine_fn)), depth.reshape(-1, len(fine_fn)), strict=True)
+    found = [np.interp(lateral_m**2, row, values) for row, values in rows]
+    return np.array(found).reshape(*depth.shape[:2], len(lateral_m))
+
+
+def _ratios(states: Sequence[WallState]) -> tuple[Array, Array, Array]:
+    """Return thickness, IOP/E and F/E of states, each (state,)."""
+    modulus = np.array([state.youngs_modulus_pa for state in states])
+    return (
+        np.array([state.thickness_m for state in states]),
+        np.array([state.iop_pa for state in states]) / modulus,
+        np.array([state.force_n for state in states]) / modulus,
+    )
