@@ -1,6 +1,5 @@
 """Generate a data set on all cores: plan it, simulate what the store does not hold yet, mark it complete."""
 
-import os
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from scleraforce.dataset.plan import plan_dataset
 from scleraforce.dataset.store import complete_store, create_store, missing_units, write_unit
 from scleraforce.dataset.workers import simulate_units
 from scleraforce.errors import DatasetError
+from scleraforce.processes import available_cores
 from scleraforce.study import Study, format_study, parse_study
 
 __all__ = ["Generation", "generate_dataset"]
@@ -68,7 +68,7 @@ def generate_dataset(
     todo = missing_units(out, plan)
     missing = sum(len(range(*plan.unit(unit).indices(plan.images))) for unit in todo)
     report(plan.images - missing)
-    with closing(simulate_units(study, modulus, todo, workers or len(os.sched_getaffinity(0)))) as results:
+    with closing(simulate_units(study, modulus, todo, workers or available_cores())) as results:
         for unit, images in results:
             write_unit(out, plan, unit, images)
             report(len(images))

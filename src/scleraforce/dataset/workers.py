@@ -1,150 +1,34 @@
-"""Processes that simulate units of work, each with its own run of consecutive units.
+"""Processes that simulate the units of a data set; those that follow each other share their factored wall."""
 
-Consecutive units share their wall, and a wall costs seconds to factor; so each worker gets a contiguous run of units,
-and takes units from the end of the longest other run only when its own is done.
-"""
-
-import multiprocessing
-import os
-import signal
-from collections import deque
-from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from itertools import pairwise
-from multiprocessing import resource_tracker
-from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
+from collections.abc import Callable, Generator, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.dataset.plan import plan_dataset
 from scleraforce.dataset.samples import SampleSimulator
-from scleraforce.errors import SolverError
+from scleraforce.processes import work_units
 from scleraforce.study import Study
 
-__all__ = ["next_unit", "simulate_units", "split_runs"]
+__all__ = ["simulate_units"]
 
-THREAD_SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+Slices = NDArray[np.uint8]
 
 
 def simulate_units(
     study: Study, youngs_modulus_pa: float, units: Sequence[int], workers: int
-) -> Generator[tuple[int, NDArray[np.uint8]], None, None]:
+) -> Generator[tuple[int, Slices], None, None]:
     """Simulate units of the study's plan in `workers` processes; yield (unit, slices) as they are done.
-
-    One worker is a process too: every number is then computed in the same way, with one thread of BLAS. The processes
-    end when the iterator is closed.
 
     Raises:
         ScleraforceError: what a worker raised; SolverError where a worker died.
     """
-    runs = split_runs(units, workers)
-    lanes: list[tuple[BaseProcess, Connection]] = []
-    try:
-        lanes += [_start(study, youngs_modulus_pa) for _ in runs]
-        busy: dict[object, int] = {}
-        for number, (_, connection) in enumerate(lanes):
-            _ask(connection, next_unit(runs, number))
-            busy[connection] = number
-        while busy:
-            for ready in wait([lanes[number][1] for number in busy.values()]):
-                number = busy[ready]
-                unit, images = _receive(*lanes[number])
-                following = next_unit(runs, number)
-                if following is None:
-                    del busy[ready]
-                else:
-                    _ask(lanes[number][1], following)
-                yield unit, images
-    finally:
-        for process, connection in lanes:
-            process.terminate()
-            process.join()
-            connection.close()
+    return work_units(partial(_prepare, study, youngs_modulus_pa), units, workers)
 
 
-def split_runs(units: Sequence[int], workers: int) -> list[deque[int]]:
-    """Split units into at most `workers` contiguous runs of nearly equal length.
-
-    >>> split_runs(range(5), 2)
-    [deque([0, 1, 2]), deque([3, 4])]
-    """
-    bounds = [-(-len(units) * number // workers) for number in range(workers + 1)]
-    runs = (deque(units[low:high]) for low, high in pairwise(bounds))
-    return [run for run in runs if run]
-
-
-def next_unit(runs: Sequence[deque[int]], number: int) -> int | None:
-    """Take the next unit of a worker's own run, or the last of the longest run; None when all is done."""
-    if runs[number]:
-        return runs[number].popleft()
-    longest = max(runs, key=len)
-    return longest.pop() if longest else None
-
-
-def _start(study: Study, youngs_modulus_pa: float) -> tuple[BaseProcess, Connection]:
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_work, args=(theirs, study, youngs_modulus_pa), daemon=True)
-    with _one_thread(), _no_interrupts():
-        process.start()
-    theirs.close()
-    return process, ours
-
-
-def _ask(connection: Connection, unit: int | None) -> None:
-    with suppress(OSError):  # where the worker has died, receiving its answer says so
-        connection.send(unit)
-
-
-def _receive(process: BaseProcess, connection: Connection) -> tuple[int, NDArray[np.uint8]]:
-    try:
-        answer = connection.recv()
-    except (EOFError, OSError) as fault:
-        process.join()
-        raise SolverError(f"a worker ended with code {process.exitcode}; fewer --workers need less memory") from fault
-    if isinstance(answer, Exception):
-        raise answer
-    unit, images = answer
-    return unit, images
-
-
-def _work(connection: Connection, study: Study, youngs_modulus_pa: float) -> None:
-    """Answer unit numbers with slices, in a worker, until the other end closes."""
+def _prepare(study: Study, youngs_modulus_pa: float) -> Callable[[int], Slices]:
+    """Return what simulates a unit."""
     plan = plan_dataset(study)
     simulator = SampleSimulator(study, youngs_modulus_pa, plan)
-    while True:
-        try:
-            unit = connection.recv()
-            connection.send((unit, simulator.slices(plan.unit(unit))))
-        except (EOFError, BrokenPipeError):
-            return
-        except Exception as fault:  # the parent raises it
-            connection.send(fault)
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Let processes that start meanwhile use one thread of BLAS each: there is one process for every core."""
-    before = {name: os.environ.get(name) for name in THREAD_SETTINGS}
-    os.environ.update(dict.fromkeys(THREAD_SETTINGS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-@contextmanager
-def _no_interrupts() -> Iterator[None]:
-    """Let processes that start meanwhile never see Ctrl-C, which reaches the whole group: the parent ends them."""
-    resource_tracker.ensure_running()  # starting it later would unblock the signal again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return lambda unit: simulator.slices(plan.unit(unit))
