@@ -21,7 +21,7 @@ __all__ = ["evaluate"]
 @click.argument("model", type=click.Path(path_type=Path))
 @click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--calibration", type=click.Path(path_type=Path),
-              help="File of `calibrate`: the frames that it used are marked and not scored.")  # fmt: skip
+              help="File of `calibrate`: gives a reader the eyes' moduli; its frames are not scored.")  # fmt: skip
 @click.option("--html", type=click.Path(path_type=Path), help="Page to write as well; must not exist.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def evaluate(
@@ -30,7 +30,9 @@ def evaluate(
     """Read every frame of RECORDINGs with MODEL and compare with the force log.
 
     Trials over the largest force of the model's study, and pierced ones, are
-    listed and left out. A frame that cannot be judged counts as class 2.
+    listed and left out. A frame that cannot be judged counts as class 2. A
+    model of kind "reader" reads an eye that the calibration knows with its own
+    modulus, others with the population's; a classifier knows one modulus only.
     """
     from scleraforce.reader import load_model
     from scleraforce.reader.evaluate import evaluate_recordings
@@ -49,24 +51,34 @@ def evaluate(
     if as_json:
         print_json(evaluation.as_json())
     else:
-        click.echo("\n".join([*_frames(evaluation), "", *_confusion(evaluation), "", *_notes(evaluation)]).rstrip())
+        parts = (_frames, _confusion, _forces, _notes)
+        click.echo("\n\n".join("\n".join(lines) for part in parts if (lines := part(evaluation))))
 
 
 def _frames(evaluation: "Evaluation") -> list[str]:
     """Return a table of all frames, recording by recording."""
     lines = []
     for recording in dict.fromkeys(frame.recording for frame in evaluation.frames):
-        lines += [recording, f"  {'frame':<20}{'force/mN':>9}{'target':>8}{'read':>6}{'p':>7}  remark"]
-        lines += [_frame(frame) for frame in evaluation.frames if frame.recording == recording]
+        read = f"{'read/mN':>9}{'90 %':>14}" if evaluation.kind == "reader" else ""
+        lines += [recording, f"  {'frame':<16}{'force/mN':>9}{'target':>7}{'read':>5}{'p':>7}{read}  remark"]
+        lines += [_frame(frame, bool(read)) for frame in evaluation.frames if frame.recording == recording]
     return lines
 
 
-def _frame(frame: "FrameAnswer") -> str:
+def _frame(frame: "FrameAnswer", with_force: bool) -> str:
     force = "-" if frame.measured_force_n is None else f"{n_to_mn(frame.measured_force_n):.1f}"
     target = "-" if frame.target is None else str(frame.target)
     share = "-" if frame.probabilities is None else f"{max(frame.probabilities):.3f}"
-    figures = f"  {frame.file:<20}{force:>9}{target:>8}{frame.predicted:>6}{share:>7}  "
+    read = _read_force(frame) if with_force else ""
+    figures = f"  {frame.file:<16}{force:>9}{target:>7}{frame.predicted:>5}{share:>7}{read}  "
     return _wrapped(figures, _remark(frame))
+
+
+def _read_force(frame: "FrameAnswer") -> str:
+    if frame.predicted_force_n is None or frame.interval_n is None:
+        return f"{'-':>9}{'-':>14}"
+    low, high = (n_to_mn(end) for end in frame.interval_n)
+    return f"{n_to_mn(frame.predicted_force_n):>9.1f}{f'{low:.1f} to {high:.1f}':>14}"
 
 
 def _remark(frame: "FrameAnswer") -> str:
@@ -75,6 +87,7 @@ def _remark(frame: "FrameAnswer") -> str:
         "" if frame.usable else f"not usable: {frame.reason}",
         f"left out: {frame.excluded}" if frame.excluded else "",
         "left out: calibrated on" if frame.calibration else "",
+        *frame.warnings,
     ]
     return "; ".join(remark for remark in remarks if remark)
 
@@ -89,7 +102,22 @@ def _confusion(evaluation: "Evaluation") -> list[str]:
         lines.append(f"class {label:<7}" + "".join(f"{count:>8}" for count in row) + f"   {_share(share)}")
     lines.append("precision    " + "".join(f"{_value(share):>8}" for share in evaluation.precision))
     total = evaluation.accuracy
-    return [*lines, f"accuracy      {_share(total)}: {total.hits} of {total.total}"]
+    lines.append(f"accuracy      {_share(total)}: {total.hits} of {total.total}")
+    usable = evaluation.usable.accuracy
+    if usable.total < total.total:
+        lines.append(f"  usable only {_share(usable)}: {usable.hits} of {usable.total}")
+    return lines
+
+
+def _forces(evaluation: "Evaluation") -> list[str]:
+    """Return how far the forces are off; nothing where none was read."""
+    if not evaluation.forces:
+        return []
+    covered = evaluation.coverage
+    return [
+        f"force error   {n_to_mn(evaluation.mae_n):.2f} mN in the mean, {covered.total} usable frames",
+        f"90 % interval holds the force in {_share(covered)}: {covered.hits} of {covered.total}",
+    ]
 
 
 def _value(share: "Proportion") -> str:

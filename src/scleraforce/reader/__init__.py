@@ -1,8 +1,9 @@
-"""Read the force class from slices with a trained model: NumPy, OpenCV and ONNX Runtime only.
+"""Read force class and force from frames with a trained model: NumPy, OpenCV and ONNX Runtime only.
 
 `evaluate` needs the recording room too, and is imported by name where it is wanted.
 """
 
 from scleraforce.reader.model import ForceReader, load_model
+from scleraforce.reader.wall_reader import WallReader
 
-__all__ = ["ForceReader", "load_model"]
+__all__ = ["ForceReader", "WallReader", "load_model"]
