@@ -39,3 +39,12 @@ class Contact:
     def parallel(self) -> NDArray[np.float64]:
         """Unit tangent along the circle of latitude, to growing azimuth, shape (3,)."""
         return np.array([-sin(self.azimuth_rad), cos(self.azimuth_rad), 0.0])
+
+    def leaning_axis(self, tilt_rad: float, direction_rad: float) -> NDArray[np.float64]:
+        """Unit vector into the eye, `tilt_rad` from the inward normal, shape (3,).
+
+        Its part along the wall lies `direction_rad` from the meridian, turned towards growing azimuth.
+        """
+        along = cos(direction_rad) * self.meridian + sin(direction_rad) * self.parallel
+        axis: NDArray[np.float64] = -cos(tilt_rad) * self.normal + sin(tilt_rad) * along
+        return axis

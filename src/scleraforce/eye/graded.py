@@ -21,7 +21,7 @@ __all__ = ["graded_globe", "graded_mesh", "graded_surface"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-CORE_M = 0.7e-3  # half the side of the square in the middle
+CORE_M = 1.0e-3  # half the side of the square in the middle
 GRADING = 0.35  # of the disc's radius: up to about there the rings are alike, beyond they grow in proportion
 ROUNDING = 0.3  # how far the square's corners are drawn in; 0.5 makes a circle of it
 LARGEST_POLAR_RAD = radians(60.0)  # the farthest elements grow with it: 9 mm wide at 50 deg, 11 mm at 60 deg

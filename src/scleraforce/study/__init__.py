@@ -2,6 +2,7 @@
 
 from scleraforce.study.form import FormStudy, RegionStudy, WaveStudy
 from scleraforce.study.library import LibraryStudy
+from scleraforce.study.mechanics import MechanicsStudy
 from scleraforce.study.phantom import PhantomStudy
 from scleraforce.study.reader import ReaderStudy
 from scleraforce.study.records import (
@@ -30,6 +31,7 @@ __all__ = [
     "EyeStudy",
     "FormStudy",
     "LibraryStudy",
+    "MechanicsStudy",
     "MeshStudy",
     "NeedleStudy",
     "NetworkStudy",

@@ -9,6 +9,7 @@ from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, option, quantity
 from scleraforce.study.form import FormStudy
 from scleraforce.study.library import LibraryStudy
+from scleraforce.study.mechanics import MechanicsStudy
 from scleraforce.study.phantom import PhantomStudy
 from scleraforce.study.reader import ReaderStudy
 from scleraforce.study.sampled import Choice, Range, Sampled, fixed
@@ -246,3 +247,4 @@ class Study:
     library: LibraryStudy = field(default_factory=LibraryStudy)
     reader: ReaderStudy = field(default_factory=ReaderStudy)
     form: FormStudy = field(default_factory=FormStudy)
+    mechanics: MechanicsStudy = field(default_factory=MechanicsStudy)

@@ -1,0 +1,24 @@
+"""The `[mechanics]` section of a study: how the virtual eyes of `simulate` and `phantom` bend."""
+
+from dataclasses import dataclass
+
+from scleraforce.study.fields import check_fields, option
+
+__all__ = ["MechanicsStudy"]
+
+
+@dataclass(frozen=True)
+class MechanicsStudy:
+    """Linear mechanics, or finite strain on the mesh graded towards the contact.
+
+    `sealed`: the vitreous keeps its volume, so that the eye pressure rises with the dent; the paper keeps the pressure.
+    `follower`: the pressure stays normal to the wall as it bends; false: it keeps its first direction and size at every
+    node. Both are for finite strain.
+    """
+
+    kind: str = option("linear", "linear", "finite-strain")
+    sealed: bool = False
+    follower: bool = True
+
+    def __post_init__(self) -> None:
+        check_fields(self)
