@@ -5,6 +5,7 @@ start from a polynomial through the states before, and adapt: shorter after a fa
 Everything is at E = 1 Pa: forces are F/E in m^2 and pressures p/E.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,6 +75,7 @@ def trace(
     first_step_m: float = 1e-4,
     largest_step_m: float = 5e-4,
     sealed: bool = False,
+    progress: Callable[[float], object] | None = None,
 ) -> PathStates:
     """Follow the path from the state without the needle, by the tip's inward displacement.
 
@@ -88,6 +90,7 @@ def trace(
         first_step_m: of the tip.
         largest_step_m: of the tip.
         sealed: hold the volume inside constant and let the pressure follow; `problem` is a `SealedEquilibrium`.
+        progress: called after each step with the largest F/E so far.
 
     Raises:
         InputError: no end of the path is given, or a sealed path of a wall that does not know its volume.
@@ -100,6 +103,8 @@ def trace(
     for goal_m in _goals(tips_m, end_m):
         while walk.tip_m < goal_m and kept[-1][1] < max_force:
             walk.step_towards(goal_m)
+            if progress is not None:
+                progress(control.largest_force)
             if tips_m is None or walk.tip_m >= goal_m:
                 kept.append(walk.history[-1])
     return _states(kept, len(start), pressure)

@@ -6,6 +6,7 @@ path is computed once, by the tip's displacement (`mechanics.continuation`), and
 The answer depends on F/E, p/E and (weight per volume)/E only; E is 1 Pa inside.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -175,6 +176,7 @@ class FiniteWall:
         max_tip_m: float | None = None,
         sealed: bool = False,
         largest_step_m: float = LARGEST_STEP_M,
+        progress: Callable[[float], object] | None = None,
     ) -> LoadPath:
         """Apply pressure and weight, then push the needle until it carries `max_force_n` or has gone `max_tip_m`.
 
@@ -187,6 +189,7 @@ class FiniteWall:
             max_tip_m: the deepest dent to go to.
             sealed: the vitreous keeps its volume under the needle, and the pressure follows; otherwise it is constant.
             largest_step_m: of the tip between two states.
+            progress: called after each step with the largest force so far in N.
 
         Raises:
             InputError: a sealed globe with a dead pressure.
@@ -206,6 +209,7 @@ class FiniteWall:
             first_step_m=min(FIRST_STEP_M, largest_step_m),
             largest_step_m=largest_step_m,
             sealed=sealed,
+            progress=None if progress is None else lambda ratio: progress(ratio * youngs_modulus_pa),
         )
         return self._path(states, youngs_modulus_pa)
 
