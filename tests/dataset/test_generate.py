@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import zarr
 
+from scleraforce import processes
 from scleraforce.dataset import workers
 from scleraforce.dataset.generate import generate_dataset
 from scleraforce.dataset.modulus import CalibratedModulus
@@ -234,20 +235,13 @@ def test_a_fault_in_a_worker_reaches_the_caller():
 
 def test_a_worker_that_dies_is_an_error_and_not_a_hang(monkeypatch):
     started = []
-    start = workers._start
-    monkeypatch.setattr(workers, "_start", lambda *args: started.append(start(*args)) or started[-1])
+    start = processes._start
+    monkeypatch.setattr(processes, "_start", lambda *args: started.append(start(*args)) or started[-1])
     with closing(workers.simulate_units(small_study(), MODULUS_PA, [0, 1], 1)) as results:
         next(results)
         started[0][0].kill()
         with pytest.raises(SolverError, match="worker ended"):
             next(results)
-
-
-def test_units_are_handed_out_in_contiguous_runs_and_the_idle_help_at_the_far_end():
-    runs = workers.split_runs(range(6), 2)
-    assert [workers.next_unit(runs, 0) for _ in range(5)] == [0, 1, 2, 5, 4]
-    assert [workers.next_unit(runs, 1), workers.next_unit(runs, 1)] == [3, None]
-    assert workers.split_runs([7], 4) == [workers.deque([7])]
 
 
 def test_a_relative_path_may_be_named_like_an_array(made, tmp_path, monkeypatch):
