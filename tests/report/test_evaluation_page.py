@@ -141,3 +141,28 @@ def test_probabilities_are_shown_for_usable_frames_only(page: Page) -> None:
     rows = {row[1]: row for row in page.cells if row and row[0].endswith(".png")}
     assert np.allclose([float(cell) for cell in rows["20.0"][4:7]], [0.0, 0.4, 0.6])
     assert rows["40.0"][4:7] == ["\N{EN DASH}"] * 3
+
+
+def test_a_readers_page_has_forces_intervals_and_the_moduli_it_was_told(tmp_path: Path) -> None:
+    read = {
+        "0000.png": (0.0021, (0.001, 0.004)),
+        "0001.png": (0.031, (0.029, 0.033)),
+    }
+    told = {"eye a": (0.27e6, "own"), "eye <b>": (0.25e6, "population")}
+    frames = []
+    for frame in answers().frames:
+        modulus_pa, source = told[frame.eye]
+        frame = replace(frame, youngs_modulus_pa=modulus_pa, modulus_source=source)
+        if frame.recording == "rec/a" and frame.file in read:
+            force_n, interval_n = read[frame.file]
+            frame = replace(frame, predicted_force_n=force_n, interval_n=interval_n, warnings=("they differ",))
+        frames.append(frame)
+    page = Page(write_and_read(tmp_path, replace(answers(), kind="reader", frames=tuple(frames))))
+    rows = {row[1]: row for row in page.cells if row and row[0].endswith(".png")}
+    assert rows["20.0"][4:6] == ["31.0", "29.0 to 33.0"]
+    assert rows["40.0"][4:6] == ["\N{EN DASH}"] * 2
+    assert rows["20.0"][-1] == "they differ"
+    assert "eye a: 0.27 MPa (own), eye <b>: 0.25 MPa (population)" in page.said
+    assert "5.55 mN" in page.said  # (0.1 + 11) / 2
+    assert "1 of 2 trials" in page.said
+    assert any("over its measured force" in (attributes.get("alt") or "") for _, attributes in page.tags)

@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.report.force_figures import draw_force_log, draw_trial_forces
+from scleraforce.report.reading_figure import draw_read_forces
 from scleraforce.report.slice_figures import SlicePair, dice, draw_montage, draw_segmentation, draw_slice_pairs
 from scleraforce.report.style import CLASS_COLOURS, data_uri
 from scleraforce.report.training_figure import draw_training_curves
@@ -99,3 +100,22 @@ def test_an_embedded_figure_is_the_same_each_time(kind) -> None:
     first, second = (data_uri(draw_training_curves([1.0, 0.5], [0.9, 0.3], [0.4, 0.6], [0.5, 0.8]), kind) for _ in "ab")
     assert first == second
     assert first.startswith("data:image/")
+
+
+def test_a_read_force_stands_over_the_measured_one_with_its_interval() -> None:
+    read = {"predicted_force_n": 0.012, "interval_n": (0.009, 0.016)}
+    frames = [
+        FrameAnswer("r", "e", "0.png", 0.010, 1, 1, (0.0, 1.0, 0.0), True, **read),
+        FrameAnswer("r", "e", "1.png", 0.040, 2, 1, (0.0, 0.6, 0.4), True, **read),
+        FrameAnswer("r", "e", "2.png", 0.050, 2, 2, None, False),
+    ]
+    axes = draw_read_forces(frames, (0.005, 0.03), 0.06).axes[0]
+    places = {label: [] for label in ("read", "misread", "not usable")}
+    for line in axes.lines:
+        if line.get_label() in places:
+            places[line.get_label()].append((line.get_xdata()[0], line.get_ydata()[0]))
+    assert places["read"] == [(10.0, 12.0), (40.0, 12.0)]
+    assert places["misread"] == [(40.0, 12.0)]
+    assert [x for x, _ in places["not usable"]] == [50.0]
+    intervals = [segment for entry in axes.collections for segment in entry.get_segments()]
+    np.testing.assert_allclose(intervals, [[[10.0, 9.0], [10.0, 16.0]], [[40.0, 9.0], [40.0, 16.0]]])

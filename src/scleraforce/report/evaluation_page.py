@@ -7,10 +7,12 @@ from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report.files import write_page
 from scleraforce.report.force_figures import draw_trial_forces
 from scleraforce.report.html import Html, bullets, cards, figure, page, paragraph, section
+from scleraforce.report.reading_figure import draw_read_forces
 from scleraforce.report.style import data_uri
 from scleraforce.report.tables import NOTHING, confusion_table, frame_table
+from scleraforce.units import n_to_mn
 
-__all__ = ["evaluation_cards", "forces_figure", "write_evaluation_html"]
+__all__ = ["evaluation_cards", "forces_figure", "read_forces_figure", "write_evaluation_html"]
 
 NAMES_REMARK = (
     "Rows are targets, columns predictions; in brackets the 95 % Wilson interval. Recall is row-wise (of the trials of "
@@ -33,8 +35,21 @@ def write_evaluation_html(evaluation: Evaluation, path: Path, *, overwrite: bool
     sections = [_result(evaluation), _frames(evaluation)]
     if evaluation.notes:
         sections.insert(1, section("What limits the result", bullets(evaluation.notes)))
-    lead = f"Model {evaluation.model}, trained at a Young's modulus of {evaluation.youngs_modulus_pa / 1e6:.3g} MPa."
-    write_page(page("Force classes of recordings", lead, *sections), path, overwrite=overwrite)
+    title = "Forces of recordings" if evaluation.kind == "reader" else "Force classes of recordings"
+    write_page(page(title, _lead(evaluation), *sections), path, overwrite=overwrite)
+
+
+def _lead(evaluation: Evaluation) -> str:
+    """Say which model it was, and with which moduli it read the eyes."""
+    if evaluation.kind != "reader":
+        modulus_mpa = evaluation.youngs_modulus_pa / 1e6
+        return f"Model {evaluation.model}, trained at a Young's modulus of {modulus_mpa:.3g} MPa."
+    eyes = {frame.eye: (frame.youngs_modulus_pa, frame.modulus_source) for frame in evaluation.frames}
+    moduli = (
+        f"{eye}: not known" if modulus_pa is None else f"{eye}: {modulus_pa / 1e6:.3g} MPa ({source})"
+        for eye, (modulus_pa, source) in eyes.items()
+    )
+    return f"Model {evaluation.model}. Young's modulus with which each eye was read: {', '.join(moduli)}."
 
 
 def evaluation_cards(evaluation: Evaluation) -> Html:
@@ -48,8 +63,30 @@ def evaluation_cards(evaluation: Evaluation) -> Html:
             (f"{_percent(low)} to {_percent(high)}", "95 % interval", "Wilson's"),
             (_percent(danger.value), "of the dangerous forces seen", _of(danger.hits, danger.total)),
             (str(len(unusable)), "frames not usable", f"of {len(evaluation.frames)}; each counts as class 2"),
+            *_force_cards(evaluation),
         ]
     )
+
+
+def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
+    """Return how far the forces are off; nothing where none was read."""
+    covered = evaluation.coverage
+    if not covered.total:
+        return []
+    return [
+        (f"{n_to_mn(evaluation.mae_n):.2f} mN", "mean error of the force", f"{covered.total} usable trials"),
+        (_percent(covered.value), "in the 90 % interval", _of(covered.hits, covered.total)),
+    ]
+
+
+def read_forces_figure(evaluation: Evaluation) -> Html:
+    """Return the read forces with their intervals over the measured ones."""
+    drawn = draw_read_forces(evaluation.scored, evaluation.bounds_n, evaluation.max_force_n)
+    caption = (
+        "Read force with its 90 % interval over the measured force. Dashed: class bounds. Misread trials are ringed; "
+        "those that are not usable stand at the upper edge and count as class 2."
+    )
+    return figure(data_uri(drawn, "svg"), "read force of each trial over its measured force", caption)
 
 
 def forces_figure(evaluation: Evaluation) -> Html:
@@ -66,7 +103,8 @@ def _result(evaluation: Evaluation) -> Html:
     if not evaluation.scored:
         return section("Result", paragraph("No frame has a label that counts, so there are no metrics."))
     confusion = confusion_table(evaluation.confusion, evaluation.bounds_n, NAMES_REMARK)
-    return section("Result", evaluation_cards(evaluation), confusion, forces_figure(evaluation))
+    forces = [read_forces_figure(evaluation)] if evaluation.forces else []
+    return section("Result", evaluation_cards(evaluation), confusion, *forces, forces_figure(evaluation))
 
 
 def _frames(evaluation: Evaluation) -> Html:

@@ -57,12 +57,14 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
     Where the frames are of several eyes, each is named with its eye.
     """
     several = len({frame.eye for frame in frames}) > 1
+    with_force = evaluation.kind == "reader"
     rows = [
         [
             f"{frame.eye}/{frame.file}" if several else frame.file,
             NOTHING if frame.measured_force_n is None else f"{n_to_mn(frame.measured_force_n):.1f}",
             NOTHING if frame.target is None else frame.target,
             frame.predicted,
+            *(_read_force(frame) if with_force else []),
             *_probabilities(frame, len(evaluation.bounds_n) + 1),
             _remark(frame),
         ]
@@ -70,7 +72,15 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
     ]
     wrong = [(r, 3) for r, f in enumerate(frames) if f.target is not None and f.predicted != f.target]
     classes = [f"p({number})" for number in range(len(evaluation.bounds_n) + 1)]
-    return table(["frame", "force [mN]", "target", "predicted", *classes, "remark"], rows, caption, wrong)
+    read = ["read [mN]", "90 % [mN]"] if with_force else []
+    return table(["frame", "force [mN]", "target", "predicted", *read, *classes, "remark"], rows, caption, wrong)
+
+
+def _read_force(frame: FrameAnswer) -> list[str]:
+    if frame.predicted_force_n is None or frame.interval_n is None:
+        return [NOTHING, NOTHING]
+    low_mn, high_mn = (n_to_mn(end) for end in frame.interval_n)
+    return [f"{n_to_mn(frame.predicted_force_n):.1f}", f"{low_mn:.1f} to {high_mn:.1f}"]
 
 
 def _probabilities(frame: FrameAnswer, classes: int) -> list[str]:
@@ -85,4 +95,5 @@ def _remark(frame: FrameAnswer) -> str:
         remarks.append("Young's modulus was fitted on it: not counted")
     if frame.excluded:
         remarks.append(f"not counted: {frame.excluded}")
+    remarks += frame.warnings
     return "; ".join(remarks)
