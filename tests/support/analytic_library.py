@@ -15,16 +15,16 @@ def force_ratio(thickness_m, iop_ratio, tip_m):
     return shell + ridge + np.pi * iop_ratio * RADIUS_M * tip_m
 
 
-def curves(thickness_m, iop_ratio, tip_m):
-    """Curves (..., boundary, node, 2), m, of arguments that broadcast."""
+def curves(thickness_m, iop_ratio, tip_m, angles=ANGLES):
+    """Curves (..., boundary, node, 2), m, of arguments that broadcast; a node for each angle."""
     thickness_m, iop_ratio, tip_m = (np.asarray(v)[..., None, None] for v in (thickness_m, iop_ratio, tip_m))
     radius = RADIUS_M - thickness_m * np.array([[0.0], [1.0]])
     grown = iop_ratio * RADIUS_M**2 / (4.0 * thickness_m)
     width = np.sqrt(RADIUS_M * thickness_m) * (0.7 + 60.0 * tip_m)
-    arc = RADIUS_M * ANGLES
+    arc = RADIUS_M * angles
     inward = tip_m * np.exp(-0.5 * (arc / width) ** 2) * np.ones_like(radius)
-    r = (radius + grown) * np.sin(ANGLES) - 0.15 * inward * np.sin(2 * ANGLES)
-    depth = RADIUS_M - (radius + grown) * np.cos(ANGLES) + inward
+    r = (radius + grown) * np.sin(angles) - 0.15 * inward * np.sin(2 * angles)
+    depth = RADIUS_M - (radius + grown) * np.cos(angles) + inward
     return np.stack([r, depth], axis=-1)
 
 

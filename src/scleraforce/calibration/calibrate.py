@@ -232,8 +232,8 @@ def _calibrate(
             progress(1)
     if not run.used:
         raise CalibrationError(
-            f"{recording.path}: none of its {len(trials)} frames can be calibrated on (the first: {_first_reason(run)}); "
-            f"frames with a wall in view and more than {study.calibration.min_force_n * 1e3:g} mN would do"
+            f"{recording.path}: none of its {len(trials)} frames can be calibrated on ({_first_reason(run)}); frames "
+            f"with a wall in view and more than {study.calibration.min_force_n * 1e3:g} mN would do"
         )
     return run
 

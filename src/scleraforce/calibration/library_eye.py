@@ -74,6 +74,8 @@ class LibraryEye:
         thickness = np.clip(thickness, library.thickness_m[0], library.thickness_m[-1])
         pressure = np.clip(pressure, library.iop_ratio[0], library.iop_ratio[-1])
         force = np.maximum(force, 0.0)
+        if (thickness == self.constants.thickness_m).all() and force.max() <= self._reached_force_ratio:
+            return library.curves(thickness, pressure, force).curves_sbnc.astype(np.float64)
         largest = library.largest_force_ratio(thickness, pressure)
         beyond = np.flatnonzero(force > largest)
         force[beyond], excess = largest[beyond], np.log(force[beyond] / largest[beyond])
@@ -87,6 +89,13 @@ class LibraryEye:
         curves, before = found[: len(states)], found[len(states) :]
         curves[beyond] += (curves[beyond] - before) * (excess / -np.log(END_SHARE))[:, None, None, None]
         return curves
+
+    @cached_property
+    def _reached_force_ratio(self) -> float:
+        """F/E that the stated wall is known to carry at every pressure of the library, m^2."""
+        pressure = self.library.iop_ratio
+        thickness = np.full(len(pressure), self.constants.thickness_m)
+        return (1 - 1e-6) * float(self.library.largest_force_ratio(thickness, pressure).min())
 
     @cached_property
     def _lateral_m(self) -> Array:
