@@ -1,0 +1,111 @@
+"""Build a library on all cores or on a Dask cluster: plan it, solve what the store lacks, mark it complete."""
+
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError
+from scleraforce.library.cluster import work_on_cluster
+from scleraforce.library.plan import LibraryPlan, plan_library
+from scleraforce.library.store import complete_store, create_store, missing_paths, write_path
+from scleraforce.mechanics.axisymmetric import axisymmetric_path
+from scleraforce.mechanics.axisymmetric_mesh import MeridianSize
+from scleraforce.processes import available_cores, work_units
+from scleraforce.study import Study
+
+__all__ = ["Building", "PathSolver", "SolvedPath", "build_library", "solve_path"]
+
+SolvedPath = tuple[NDArray[np.float64], NDArray[np.float32]]
+PathSolver = Callable[[LibraryPlan, int], SolvedPath]
+
+
+@dataclass(frozen=True)
+class Building:
+    """What a run has done: paths in the library, those of them solved by this run, its duration."""
+
+    paths: int
+    solved: int
+    seconds: float
+
+
+def build_library(
+    study: Study,
+    out: Path,
+    *,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    progress: Callable[[int], None] | None = None,
+    solve: PathSolver | None = None,
+) -> Building:
+    """Build the library of a study, or the part of it that an interrupted run has left to do.
+
+    The result is the same, byte for byte, for any number of workers, schedulers and interruptions. Processes are
+    spawned: a script that calls this keeps its own work under `if __name__ == "__main__"`.
+
+    Args:
+        study: the study.
+        out: where the store goes; an incomplete store of the same plan is completed.
+        scheduler: address of a Dask scheduler whose workers solve the paths; None: processes of this machine.
+        workers: processes; None: one for each core that this process may use.
+        progress: called with the number of paths that are newly done (or found done, at the start).
+        solve: what solves a path, for tests; None: `solve_path`.
+
+    Raises:
+        InputError: `out` holds something else, another or a complete library, or there is no scheduler.
+        SolverError: a path could not be followed.
+    """
+    start = perf_counter()
+    if workers is not None and (workers < 1 or scheduler is not None):
+        found = f"{workers} with --scheduler, which has its own" if scheduler else str(workers)
+        raise InputError(f"workers: {found}; at least 1, or a scheduler instead, would do")
+    report = progress or (lambda _: None)
+    plan = plan_library(study)
+    create_store(out, plan)
+    todo = missing_paths(out, plan)
+    report(plan.paths - len(todo))
+    with closing(_solved(plan, todo, scheduler, workers, solve or solve_path)) as results:
+        for number, (force_d, curves_dbnc) in results:
+            write_path(out, plan, number, force_d, curves_dbnc)
+            report(1)
+    complete_store(out, plan)
+    return Building(plan.paths, len(todo), perf_counter() - start)
+
+
+def solve_path(plan: LibraryPlan, number: int) -> SolvedPath:
+    """Return F/E (tip,), m^2, and the boundaries (tip, boundary, node, 2), m, of a plan's path.
+
+    Raises:
+        SolverError: the path cannot be followed to the plan's last tip.
+    """
+    thickness_m, iop_ratio = plan.wall(number)
+    path = axisymmetric_path(
+        plan.radius_m,
+        thickness_m,
+        plan.poisson_ratio,
+        plan.needle_radius_m,
+        iop_ratio,
+        tips_m=plan.tip_m[1:],
+        size=MeridianSize(plan.grid.elements, plan.grid.layers),
+    )
+    return path.force_ratio_m2, path.curves_sbnc.astype(np.float32)
+
+
+def _solved(
+    plan: LibraryPlan, todo: Sequence[int], scheduler: str | None, workers: int | None, solve: PathSolver
+) -> Generator[tuple[int, SolvedPath], None, None]:
+    """Solve paths somewhere; yield (number, path) as they are done."""
+    work = partial(solve, plan)
+    if scheduler is None:
+        return work_units(partial(_prepared, work), todo, workers or available_cores())
+    return work_on_cluster(work, todo, scheduler)
+
+
+def _prepared(work: Callable[[int], SolvedPath]) -> Callable[[int], SolvedPath]:
+    """Return what needs no preparation in its process."""
+    return work
