@@ -60,6 +60,7 @@ Array = NDArray[np.float64]
 PARAMETERS = {"e": "youngs_modulus_pa", "iop": "iop_pa", "thickness": "thickness_m", "gap": "gap_m"}
 LEAST_POINTS = 3
 UNREACHED_SD_M = 1.0
+UNSEEN = "too little of the wall is in view"
 SHARED = ("zero_n", "drift_n_per_s", "polar_rad", "model_fraction")  # the columns of `EyeState.sensitivity`
 
 
@@ -165,6 +166,8 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
 
     A frame that the model cannot be evaluated for leaves the state as it is, and `result.status` says why.
     """
+    if np.isfinite(frame.boundaries.depth_m).sum() < LEAST_POINTS:
+        return Skipped(UNSEEN)
     prior = frame_prior(state.belief, eye.study)
     modulus = _modulus(eye, state)
     fit = register(eye.model, frame.boundaries, frame.force_n, modulus, prior)
@@ -173,7 +176,7 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
     at = (eye.model, fit.youngs_modulus_pa, frame.force_n, fit.nuisance, places)
     placed = predict(*at)
     if placed.seen.sum() < LEAST_POINTS:
-        return Skipped("too little of the wall is in view")
+        return Skipped(UNSEEN)
     by_force, by_polar = force_derivative(*at), polar_derivative(*at)
     expected = placed.by_nuisance @ (prior.mean - fit.nuisance)
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.calibration.assimilation import (
+    LEAST_POINTS,
     EyeFilter,
     EyeState,
     FrameInput,
@@ -32,8 +33,6 @@ from scleraforce.study import Study
 __all__ = ["EyeSession", "begin", "eye_model", "refer", "step", "update"]
 
 Array = NDArray[np.float64]
-
-LEAST_COLUMNS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +129,7 @@ def update(session: EyeSession, boundaries: Boundaries, force_n: float, since_st
 def refer(session: EyeSession, boundaries: Boundaries, force_n: float) -> EyeSession:
     """Return the eye after a frame that says where it lies, but nothing of its modulus; arguments of `step`."""
     eye, state = session.filter, session.state
-    if np.isfinite(boundaries.depth_m).sum() >= LEAST_COLUMNS:
+    if np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
         prior = frame_prior(state.belief, eye.study)
         fit = register(eye.model, boundaries, max(force_n, 0.0), session.mean_pa, prior)
         state = replace(state, belief=updated_belief(state.belief, prior, fit))

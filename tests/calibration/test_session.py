@@ -1,0 +1,134 @@
+"""An eye calibrated frame by frame during a session, and the same frames as a recording: one result."""
+
+import json
+from typing import Any
+
+import analytic_library as analytic
+import numpy as np
+import pytest
+
+from scleraforce.calibration import session
+from scleraforce.calibration.calibrate import Calibration, calibrate_recordings, eye_constants
+from scleraforce.calibration.files import calibration_as_json, parse_calibration
+from scleraforce.calibration.forces import FrameForces, frame_forces
+from scleraforce.calibration.frames import segmented_boundaries
+from scleraforce.calibration.observations import Boundaries
+from scleraforce.calibration.virtual import ideal_boundaries
+from scleraforce.errors import CalibrationError
+from scleraforce.imaging.optics import Pose
+from scleraforce.imaging.segmentation import PixelScale, Segmenter
+from scleraforce.library import Library
+from scleraforce.library.sections import cut_surfaces
+from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.labels import label_frames
+from scleraforce.recording.phantom import plan_phantom, write_phantom
+from scleraforce.recording.virtual_eye import PhantomEye
+from scleraforce.study import Study
+
+STUDY = Study()
+EYE = PhantomEye("made-up", 0.7e-3, 0.27e6, 266.0, 0.5e-3, 0.6, 0.4)
+FORCES = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
+
+
+@pytest.fixture(scope="module")
+def library() -> Library:
+    return analytic.analytic_library()
+
+
+@pytest.fixture(scope="module")
+def recording(library: Library, tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    path = tmp_path_factory.mktemp("session") / "made-up"
+
+    def sections_at(forces_n: Any) -> list[Any]:
+        count = len(forces_n)
+        thickness, pressure = np.full(count, EYE.thickness_m), np.full(count, EYE.iop_pa / EYE.youngs_modulus_pa)
+        found = library.curves(thickness, pressure, np.array(forces_n) / EYE.youngs_modulus_pa)
+        return [cut_surfaces(curves, EYE.gap_m) for curves in found.curves_sbnc]
+
+    write_phantom(path, plan_phantom(EYE, FORCES, STUDY, 3), sections_at, STUDY)
+    return read_recording(path)
+
+
+@pytest.fixture(scope="module")
+def calibration(library: Library, recording: Recording) -> Calibration:
+    return calibrate_recordings([recording], STUDY, "hash", library)
+
+
+def frames(recording: Recording) -> tuple[FrameForces, list[Boundaries]]:
+    """Forces and boundaries as a monitor would have them."""
+    oct_scan = recording.info.oct
+    scale, segmenter = PixelScale(oct_scan.width_m / oct_scan.columns, oct_scan.depth_m / oct_scan.rows), Segmenter()
+    trials = label_frames(recording, STUDY.classes, STUDY.needle.max_force_n)
+    seen = [segmenter.segment(recording.frame(entry), scale) for entry in recording.frames]
+    return frame_forces(recording, trials), [segmented_boundaries(one, scale, 1.0) for one in seen]
+
+
+def test_frames_one_by_one_give_what_the_recording_gives(
+    library: Library, recording: Recording, calibration: Calibration
+) -> None:
+    forces, boundaries = frames(recording)
+    stated = eye_constants(recording, STUDY)
+    eye = session.begin(STUDY, stated, library, zero_covariance=forces.zero_covariance)
+    prior = (eye.mean_pa, eye.sd_pa)
+    means = []
+    for force_n, since_s, boundary in zip(forces.force_n, forces.since_start_s, boundaries, strict=True):
+        eye = session.step(eye, boundary, float(force_n), float(since_s))
+        means.append(eye.mean_pa)
+    whole = calibration.eyes["made-up"]
+    assert prior == pytest.approx((0.49e6, 0.34e6))
+    assert means[0] == prior[0]  # 2 mN: a reference of the pose
+    assert means[1:] == [frame.mean_pa for frame in whole.used]
+    assert (eye.mean_pa, eye.sd_pa, eye.updates) == (whole.mean_pa, whole.sd_pa, 5)
+
+
+def test_an_earlier_value_of_a_session_stays_as_it_was(library: Library, recording: Recording) -> None:
+    forces, boundaries = frames(recording)
+    before = session.begin(STUDY, eye_constants(recording, STUDY), library)
+    after = session.step(before, boundaries[1], float(forces.force_n[1]))
+    again = session.step(before, boundaries[1], float(forces.force_n[1]))
+    assert before.updates == 0
+    assert before.last is None
+    assert (after.mean_pa, after.sd_pa) == (again.mean_pa, again.sd_pa)
+
+
+def test_one_modulus_fits_low_and_high_forces_of_raw_frames(calibration: Calibration) -> None:
+    eye = calibration.eyes["made-up"]
+    assert calibration.mechanics == "finite-strain"
+    assert eye.mean_pa == pytest.approx(EYE.youngs_modulus_pa, rel=0.03)
+    assert abs(eye.mean_pa - EYE.youngs_modulus_pa) < 2 * eye.sd_pa
+    _, low, high = eye.by_class((5e-3, 25e-3))
+    assert low == pytest.approx(high, rel=0.06)
+    assert eye.status == "ok"
+
+
+def test_going_on_with_other_mechanics_is_refused(recording: Recording, calibration: Calibration) -> None:
+    with pytest.raises(CalibrationError, match="finite-strain mechanics, not linear"):
+        calibrate_recordings([recording], STUDY, "", None, earlier=calibration)
+
+
+def test_the_file_keeps_the_mechanics(library: Library, recording: Recording, calibration: Calibration) -> None:
+    text = json.dumps(calibration_as_json(calibration))
+    assert json.loads(text)["mechanics"] == "finite-strain"
+    assert parse_calibration(text).mechanics == "finite-strain"
+    found = calibrate_recordings([recording], STUDY, "", library, earlier=parse_calibration(text))
+    assert found.eyes["made-up"].mean_pa == pytest.approx(calibration.eyes["made-up"].mean_pa, rel=1e-12)
+
+
+def test_an_empty_frame_and_one_without_a_wall_leave_the_eye_as_it_was(library: Library) -> None:
+    stated = session.EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.6, 0.0)
+    eye = session.begin(STUDY, stated, library)
+    lateral = np.linspace(-7e-3, 7e-3, 512)
+    empty = Boundaries(lateral, np.full((2, 512), np.nan), 8e-6)
+    assert session.step(eye, empty, 0.001).state is eye.state
+    assert session.step(eye, empty, 0.03).mean_pa == eye.mean_pa
+
+
+def test_a_session_needs_no_force_log_and_starts_with_any_frame(library: Library) -> None:
+    stated = session.EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.6, 0.0)
+    walls = library.curves(np.array([0.7e-3]), np.array([266.0 / 0.27e6]), np.array([0.03 / 0.27e6])).curves_sbnc
+    rng = np.random.default_rng(0)
+    smoothing_m = STUDY.calibration.surface_smoothing_m
+    seen = ideal_boundaries(cut_surfaces(walls[0], 0.5e-3), Pose(0, 0.5e-3), STUDY.oct, 5e-6, rng, smoothing_m)
+    eye = session.step(session.begin(STUDY, stated, library), seen, 0.03)
+    assert eye.mean_pa == pytest.approx(0.27e6, rel=0.02)
+    assert 0 < eye.sd_pa < 0.02e6
