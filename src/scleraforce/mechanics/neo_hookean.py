@@ -55,22 +55,23 @@ class NeoHookeanSolid:
 
     def volume_ratio(self, displacement_nc: Floats) -> Floats:
         """Return J at every Gauss point, (element, point); not positive where the wall is turned inside out."""
-        ratio: Floats = np.linalg.det(self._transposed_gradient(displacement_nc))
-        return ratio
+        return 1.0 + _dilatation(self._displacement_gradient(displacement_nc))
 
     def forces(self, displacement_nc: Floats) -> Floats:
         """Return the nodal forces (node, 3) that hold a displacement (node, 3) in m; N per Pa of modulus.
 
-        f_ai = integral of P_iJ N_a,J with P = mu (F - F^-T) + lambda ln J F^-T. Not a number where J <= 0.
+        f_ai = integral of P_iJ N_a,J with P = mu (F - F^-T) + lambda ln J F^-T. Not a number where J <= 0. Without loss
+        of digits where strains are tiny: with H = F - I, F - F^-T = H + H^T F^-T, and J - 1 is summed without the 1.
         """
-        F_epJi = self._transposed_gradient(displacement_nc)
-        J_ep = np.linalg.det(F_epJi)
-        if not np.all(J_ep > 0.0):
+        H_epJi = self._displacement_gradient(displacement_nc)
+        dilatation_ep = _dilatation(H_epJi)
+        if not np.all(dilatation_ep > -1.0):
             return np.full(displacement_nc.shape, np.nan)
-        inverse_epiJ = np.linalg.inv(F_epJi)  # (F^T)^-1, indices (i, J)
-        factor_ep = self._lambda_ep * np.log(J_ep) - self._mu_ep
-        P_epJi = self._mu_ep[..., None, None] * F_epJi
-        P_epJi += factor_ep[..., None, None] * inverse_epiJ.transpose(0, 1, 3, 2)
+        inverse_epiJ = np.linalg.inv(H_epJi + np.eye(3))  # of F^T: indices (i, J)
+        log_J_ep = np.log1p(dilatation_ep)
+        inverse_epJi = inverse_epiJ.transpose(0, 1, 3, 2)
+        P_epJi = self._mu_ep[..., None, None] * (H_epJi + inverse_epJi @ H_epJi.transpose(0, 1, 3, 2))
+        P_epJi += (self._lambda_ep * log_J_ep)[..., None, None] * inverse_epJi
         local_eni = self._gradients_erN.transpose(0, 2, 1) @ P_epJi.reshape(len(P_epJi), -1, 3)
         flat, count = self._cells_en.ravel(), len(displacement_nc)
         return np.stack([np.bincount(flat, local_eni[..., c].ravel(), minlength=count) for c in range(3)], axis=1)
@@ -84,29 +85,29 @@ class NeoHookeanSolid:
         Raises:
             SolverError: J <= 0 somewhere.
         """
-        F_epJi = self._transposed_gradient(displacement_nc)
-        J_ep = self.volume_ratio(displacement_nc)
+        H_epJi = self._displacement_gradient(displacement_nc)
+        J_ep = 1.0 + _dilatation(H_epJi)
         if not np.all(J_ep > 0.0):
             raise SolverError("neo-Hookean: the wall is turned inside out; a smaller step would do")
         elements, nodes = self._cells_en.shape
         matrices = np.empty((elements, nodes, nodes, 3, 3))
         for start in range(0, elements, ELEMENTS_AT_ONCE):
             part = slice(start, start + ELEMENTS_AT_ONCE)
-            matrices[part] = self._element_tangents(part, F_epJi[part], J_ep[part])
+            matrices[part] = self._element_tangents(part, H_epJi[part], J_ep[part])
         return self.pattern.sum(matrices)
 
-    def _transposed_gradient(self, displacement_nc: Floats) -> Floats:
-        """F^T at the Gauss points, (element, point, J, i)."""
+    def _displacement_gradient(self, displacement_nc: Floats) -> Floats:
+        """H^T = F^T - I at the Gauss points, (element, point, J, i)."""
         local_eni = displacement_nc[self._cells_en]
-        gradient = (self._gradients_erN @ local_eni).reshape(len(local_eni), -1, 3, 3)
-        return gradient + np.eye(3)
+        gradient: Floats = self._gradients_erN @ local_eni
+        return gradient.reshape(len(local_eni), -1, 3, 3)
 
-    def _element_tangents(self, part: slice, F_epJi: Floats, J_ep: Floats) -> Floats:
+    def _element_tangents(self, part: slice, H_epJi: Floats, J_ep: Floats) -> Floats:
         """Tangents of some elements, (element, node, node, 3, 3)."""
         elements, count = J_ep.shape
         nodes = self._cells_en.shape[1]
         gradients = self._gradients_erN[part].reshape(elements, count, 3, nodes)
-        g = (np.linalg.inv(F_epJi) @ gradients).reshape(elements, count, 3 * nodes)
+        g = (np.linalg.inv(H_epJi + np.eye(3)) @ gradients).reshape(elements, count, 3 * nodes)
         bulk_ep, shear_ep = self._lambda_ep[part], self._mu_ep[part] - self._lambda_ep[part] * np.log(J_ep)
         transposed = g.transpose(0, 2, 1)
         shape = (elements, 3, nodes, 3, nodes)
@@ -115,3 +116,11 @@ class NeoHookeanSolid:
         for i in range(3):
             K_eiakb[:, i, :, i] += self._laplacian_enn[part]
         return K_eiakb.transpose(0, 2, 4, 1, 3)
+
+
+def _dilatation(H: Floats) -> Floats:
+    """det(I + H) - 1 of matrices (..., 3, 3): trace, second invariant and determinant, shape (...)."""
+    trace = np.trace(H, axis1=-2, axis2=-1)
+    second = 0.5 * (trace**2 - np.einsum("...ij,...ji->...", H, H))
+    dilatation: Floats = trace + second + np.linalg.det(H)
+    return dilatation

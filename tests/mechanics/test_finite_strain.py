@@ -1,0 +1,292 @@
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from scipy.spatial import SphericalVoronoi
+
+from scleraforce.errors import InputError
+from scleraforce.eye.contact import Contact
+from scleraforce.eye.mesh import HexMesh, build_mesh
+from scleraforce.mechanics.assembly import lame_constants
+from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
+from scleraforce.mechanics.linear import LinearWall, tip_displacement
+from scleraforce.mechanics.loads import gravity_load, needle_loads, pressure_load
+from scleraforce.mechanics.needle import Needle, needle_at, tip_at
+from scleraforce.mechanics.quadrature import volume_points
+from scleraforce.mechanics.supports import symmetric_base
+from scleraforce.units import STANDARD_GRAVITY_M_S2
+
+R, T, NU, E, IOP = 12e-3, 0.8e-3, 0.45, 0.3e6, 266.0
+CONTACT = Contact(np.radians(35.0))
+LOADS = {"youngs_modulus_pa": E, "iop_pa": IOP, "density_kg_m3": 1100.0}
+# A needle wide enough for a mesh of 8 quads.
+WIDE = 1.5e-3
+# Tip in mm at 5, 10, 15, 20, 25, 30, 40, 50, 60 mN by another program (reference problem R2 of the project's figures).
+R2_FORCES_N = np.array([5, 10, 15, 20, 25, 30, 40, 50, 60]) * 1e-3
+R2_TIPS_MM = {
+    (0.8e-3, 0.27e6, 35.0): (0.144, 0.309, 0.505, 0.750, 1.073, 1.502, 2.541, 3.503, 4.379),
+    (0.8e-3, 0.38e6, 35.0): (0.102, 0.215, 0.342, 0.488, 0.660, 0.872, 1.484, 2.319, 3.125),
+    (0.8e-3, 0.38e6, 0.0): (0.106, 0.222, 0.353, 0.503, 0.680, 0.897, 1.528, 2.393, 3.233),
+    (0.5e-3, 0.22e6, 35.0): (0.422, 1.141, 1.941),
+}
+
+
+@cache
+def coarse_mesh() -> HexMesh:
+    return build_mesh(R, T, divisions=8, level=0)
+
+
+@cache
+def coarse_wall() -> FiniteWall:
+    return FiniteWall(coarse_mesh(), NU)
+
+
+@cache
+def coarse_path(sealed: bool = False, largest_step_m: float = 3e-4) -> LoadPath:
+    needle = needle_at(coarse_mesh(), CONTACT, WIDE)
+    return coarse_wall().load_path(
+        needle, **LOADS, max_force_n=40e-3, max_tip_m=3e-3, sealed=sealed, largest_step_m=largest_step_m
+    )
+
+
+def voronoi_pressure(mesh: HexMesh) -> np.ndarray:
+    """R2's eye pressure: normals of the undeformed inner sphere times the nodes' spherical Voronoi areas."""
+    inner = np.unique(mesh.inner_qn)
+    radius = R - mesh.thickness_m
+    directions = mesh.points_nc[inner] / radius
+    load = np.zeros_like(mesh.points_nc)
+    load[inner] = SphericalVoronoi(directions).calculate_areas()[:, None] * radius**2 * directions
+    return load
+
+
+def nodal_gaussian(mesh: HexMesh, contact: Contact) -> np.ndarray:
+    """R2's needle: nodal forces in proportion to a Gaussian, not integrated."""
+    outer = np.unique(mesh.outer_qn)
+    square = np.sum((mesh.points_nc[outer] - R * contact.normal) ** 2, axis=1)
+    weights = np.exp(-square / (2 * 0.35e-3**2))
+    load = np.zeros_like(mesh.points_nc)
+    load[outer] = -(weights / weights.sum())[:, None] * contact.normal
+    return load
+
+
+def reference_path(mesh: HexMesh, youngs_modulus_pa: float, contact: Contact, max_force_n: float) -> LoadPath:
+    wall = FiniteWall(mesh, NU, dead_pressure_nc=voronoi_pressure(mesh))
+    needle = Needle(nodal_gaussian(mesh, contact), tip_at(mesh, contact, -contact.normal))
+    loads = {"youngs_modulus_pa": youngs_modulus_pa, "iop_pa": 266.0, "density_kg_m3": 0.0}
+    return wall.load_path(needle, **loads, max_force_n=max_force_n)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("thickness_m", "modulus_pa", "polar_deg"), R2_TIPS_MM)
+def test_reference_problem_r2_on_its_own_mesh_and_loads(
+    thickness_m: float, modulus_pa: float, polar_deg: float
+) -> None:
+    """Within a quarter of a percent where 1 % was asked for; read at the node nearest to the load, as R1 was."""
+    mesh, contact = build_mesh(R, thickness_m, divisions=20, level=0), Contact(np.radians(polar_deg))
+    expected_mm = np.array(R2_TIPS_MM[thickness_m, modulus_pa, polar_deg])
+    forces_n = R2_FORCES_N[: len(expected_mm)]
+    path = reference_path(mesh, modulus_pa, contact, forces_n[-1])
+    outer = np.unique(mesh.outer_qn)
+    nearest = outer[np.argmin(np.linalg.norm(mesh.points_nc[outer] - R * contact.normal, axis=1))]
+    moved_nc = [path.displacement_nc(force)[nearest] - path.displacement_snc[0, nearest] for force in forces_n]
+    np.testing.assert_allclose(-1e3 * np.array(moved_nc) @ contact.normal, expected_mm, rtol=2.5e-3, atol=6e-4)
+
+
+@pytest.mark.slow
+def test_reference_problem_r2_on_the_default_mesh() -> None:
+    """Here the tip is that at the load's centre, 0.2 mm beside the node of the reference."""
+    mesh = build_mesh(R, 0.8e-3)
+    path = reference_path(mesh, 0.38e6, CONTACT, 60e-3)
+    tips_mm = [1e3 * path.tip_m(force) for force in R2_FORCES_N]
+    np.testing.assert_allclose(tips_mm, R2_TIPS_MM[0.8e-3, 0.38e6, 35.0], rtol=0.03)
+
+
+@pytest.mark.parametrize("dead", [False, True])
+def test_small_forces_without_pressure_give_linear_mechanics(dead: bool) -> None:
+    mesh = coarse_mesh()
+    wall = FiniteWall(mesh, NU, dead_pressure_nc=pressure_load(mesh) if dead else None)
+    path = wall.load_path(
+        needle_at(mesh, CONTACT, WIDE),
+        youngs_modulus_pa=E,
+        iop_pa=0.0,
+        density_kg_m3=0.0,
+        max_force_n=np.inf,
+        max_tip_m=1e-7,
+        largest_step_m=5e-8,
+    )
+    force_n = 0.9 * path.max_force_n
+    linear_nc = LinearWall(mesh, NU).solve_one(needle_loads(mesh, [CONTACT], WIDE)[0]) * force_n / E
+    assert path.tip_m(force_n) == pytest.approx(tip_displacement(mesh, CONTACT, linear_nc), rel=1e-3)
+    np.testing.assert_allclose(path.displacement_nc(force_n), linear_nc, atol=1e-3 * np.abs(linear_nc).max())
+
+
+def test_little_pressure_and_weight_give_linear_mechanics() -> None:
+    linear = LinearWall(coarse_mesh(), NU)
+    loads = {"youngs_modulus_pa": 1e10, "iop_pa": 266.0, "density_kg_m3": 1100.0}
+    expected_nc = linear.displacement(np.zeros_like(linear.pressure_nc), 0.0, **loads)
+    rest_nc = coarse_wall().rest_nc(**loads)
+    np.testing.assert_allclose(rest_nc, expected_nc, atol=1e-4 * np.abs(expected_nc).max())
+
+
+def radial_displacement(inner_m: float, outer_m: float, pressure: float, at_r: np.ndarray) -> np.ndarray:
+    """Displacement of a thick neo-Hookean sphere under pressure p/E: P_rr' + 2 (P_rr - P_tt) / r = 0, by shooting."""
+    lam, mu = lame_constants(1.0, NU)
+
+    def stress(own: float, along: float, across: float) -> float:
+        return mu * (own - 1 / own) + lam * np.log(along * across**2) / own
+
+    def slope(r: float, y: np.ndarray) -> list[float]:
+        along, across = y[1], y[0] / r
+        by_along = mu * (1 + 1 / along**2) + lam * (1 - np.log(along * across**2)) / along**2
+        by_across = 2 * lam / (along * across)
+        difference = stress(along, along, across) - stress(across, along, across)
+        return [along, -(2 * difference + by_across * (along - across)) / (r * by_along)]
+
+    def shot(stretch: float):
+        along = brentq(lambda s: stress(s, s, stretch) + pressure * stretch**2, 0.05, 2.0, xtol=1e-14)
+        start = [stretch * inner_m, along]
+        return solve_ivp(slope, (inner_m, outer_m), start, rtol=1e-11, atol=1e-14, dense_output=True)
+
+    def traction(stretch: float) -> float:
+        r, along = shot(stretch).y[:, -1]
+        return stress(along, along, r / outer_m)
+
+    return shot(brentq(traction, 1.0, 1.6, xtol=1e-13)).sol(at_r)[0] - at_r
+
+
+def thick_sphere_error(divisions: int) -> float:
+    """Largest error over the largest displacement, for a sphere that swells by 22 % inside."""
+    mesh = build_mesh(R, 4e-3, divisions=divisions, level=0, layers=divisions // 4)
+    rest_nc = FiniteWall(mesh, NU, symmetric_base(mesh)).rest_nc(youngs_modulus_pa=1.0, iop_pa=0.15, density_kg_m3=0.0)
+    r = np.linalg.norm(mesh.points_nc, axis=1)
+    exact_nc = (radial_displacement(R - 4e-3, R, 0.15, r) / r)[:, None] * mesh.points_nc
+    assert np.abs(exact_nc).max() > 1.5e-3
+    return float(np.abs(rest_nc - exact_nc).max() / np.abs(exact_nc).max())
+
+
+def test_a_thick_sphere_under_pressure_swells_as_its_radial_equation_says() -> None:
+    coarse, fine = thick_sphere_error(4), thick_sphere_error(8)
+    assert fine < 2e-3
+    assert np.log2(coarse / fine) > 2.5
+
+
+def test_the_path_does_not_depend_on_the_steps() -> None:
+    fine = coarse_path(largest_step_m=1e-4)
+    for force_n in np.linspace(2e-3, 0.95 * fine.max_force_n, 15):
+        assert coarse_path().tip_m(force_n) == pytest.approx(fine.tip_m(force_n), rel=1e-3)
+        moved_nc = coarse_path().displacement_nc(force_n) - fine.displacement_nc(force_n)
+        assert np.abs(moved_nc).max() < 1e-3 * fine.tip_m(force_n)
+
+
+def test_every_state_balances_its_loads() -> None:
+    """Reactions of the base against needle, weight, and the pressure on the opening that the deformed wall closes."""
+    path, mesh, wall = coarse_path(), coarse_mesh(), coarse_wall()
+    weight_nc = 1100.0 * STANDARD_GRAVITY_M_S2 * gravity_load(mesh, volume_points(mesh))
+    needle_nc = needle_at(mesh, CONTACT, WIDE).load_nc
+    for force_n, displacement_nc in zip(path.forces_n, path.displacement_snc, strict=True):
+        loads_nc = force_n * needle_nc + weight_nc + IOP * wall.inner.forces(displacement_nc)
+        reactions_nc = E * wall.solid.forces(displacement_nc) - loads_nc
+        size = np.abs(loads_nc).sum()
+        assert np.abs(np.delete(reactions_nc, mesh.base_nodes, axis=0)).max() < 1e-8 * size
+        np.testing.assert_allclose(np.sum(reactions_nc + loads_nc, axis=0), 0.0, atol=1e-9 * size)
+        moments = np.cross(mesh.points_nc + displacement_nc, reactions_nc + loads_nc).sum(axis=0)
+        np.testing.assert_allclose(moments, 0.0, atol=1e-9 * size * R)
+
+
+def test_the_path_reads_back_its_own_states() -> None:
+    path = coarse_path()
+    assert path.tips_m[0] == path.forces_n[0] == path.tip_m(0.0) == 0.0
+    needle = needle_at(coarse_mesh(), CONTACT, WIDE)
+    for tip_m, force_n, displacement_nc in zip(path.tips_m, path.forces_n, path.displacement_snc, strict=True):
+        assert path.tip_m(force_n) == pytest.approx(tip_m, abs=1e-12)
+        np.testing.assert_allclose(path.displacement_nc(force_n), displacement_nc, atol=1e-12)
+        assert np.sum(needle.tip_nc * (displacement_nc - path.displacement_snc[0])) == pytest.approx(tip_m, abs=1e-11)
+        assert path.pressure_pa(force_n) == pytest.approx(IOP)
+
+
+def test_only_ratios_to_the_modulus_matter() -> None:
+    needle = needle_at(coarse_mesh(), CONTACT, WIDE)
+    stiff = coarse_wall().load_path(
+        needle,
+        youngs_modulus_pa=3 * E,
+        iop_pa=3 * IOP,
+        density_kg_m3=3 * 1100.0,
+        max_force_n=30e-3,
+    )
+    np.testing.assert_allclose(
+        stiff.displacement_nc(30e-3), coarse_path().displacement_nc(10e-3), atol=1e-4 * coarse_path().tip_m(10e-3)
+    )
+
+
+def test_a_modulus_factor_of_two_everywhere_is_twice_the_modulus() -> None:
+    mesh = coarse_mesh()
+    loads = {"iop_pa": IOP, "density_kg_m3": 0.0}
+    factor_ep = np.full(volume_points(mesh).volumes_ep.shape, 2.0)
+    double_nc = FiniteWall(mesh, NU, modulus_factor_ep=factor_ep).rest_nc(youngs_modulus_pa=E, **loads)
+    np.testing.assert_allclose(double_nc, coarse_wall().rest_nc(youngs_modulus_pa=2 * E, **loads), atol=1e-12)
+
+
+def test_a_soft_region_bends_more() -> None:
+    mesh = coarse_mesh()
+    points = volume_points(mesh)
+    positions_epc = points.values_pn @ mesh.points_nc[mesh.cells_en]
+    factor_ep = np.where(positions_epc @ CONTACT.normal > 0.9 * R, 0.5, 1.0)
+    soft = FiniteWall(mesh, NU, modulus_factor_ep=factor_ep)
+    path = soft.load_path(needle_at(mesh, CONTACT, WIDE), **LOADS, max_force_n=5e-3)
+    assert 1.2 * coarse_path().tip_m(5e-3) < path.tip_m(5e-3) < 2.5 * coarse_path().tip_m(5e-3)
+
+
+def test_a_tilted_needle_moves_the_wall_sideways() -> None:
+    mesh = coarse_mesh()
+    axis = -np.cos(0.17) * CONTACT.normal + np.sin(0.17) * CONTACT.parallel
+    path = coarse_wall().load_path(needle_at(mesh, CONTACT, WIDE, axis), **LOADS, max_force_n=5e-3)
+    sideways_m = np.sum(
+        tip_at(mesh, CONTACT, CONTACT.parallel) * (path.displacement_nc(5e-3) - path.displacement_snc[0])
+    )
+    assert 0.0 < sideways_m < 0.17 * path.tip_m(5e-3)
+
+
+def test_a_sealed_globe_keeps_its_volume_and_its_pressure_rises() -> None:
+    path, inner = coarse_path(sealed=True), coarse_wall().inner
+    volumes_m3 = [inner.volume(displacement_nc) for displacement_nc in path.displacement_snc]
+    np.testing.assert_allclose(volumes_m3, volumes_m3[0], rtol=1e-8)
+    assert path.pressures_pa[0] == pytest.approx(IOP)
+    assert np.all(np.diff(path.pressures_pa) > 0.0)
+    force_n = 0.9 * path.max_force_n
+    assert path.pressure_pa(force_n) > 1.1 * IOP
+    assert path.tip_m(force_n) < coarse_path().tip_m(force_n)
+
+
+def test_a_sealed_globe_with_a_dead_pressure_is_an_input_error() -> None:
+    mesh = coarse_mesh()
+    wall = FiniteWall(mesh, NU, dead_pressure_nc=pressure_load(mesh))
+    with pytest.raises(InputError, match="follow"):
+        wall.load_path(needle_at(mesh, CONTACT, WIDE), **LOADS, max_force_n=1e-3, sealed=True)
+
+
+def made_up_path() -> LoadPath:
+    """A path that turns: 0, 3, 2, 4 mN."""
+    tips_m = np.linspace(0.0, 3e-3, 31)
+    forces_n = 1e-3 * np.interp(tips_m, [0.0, 1e-3, 2e-3, 3e-3], [0.0, 3.0, 2.0, 4.0])
+    return LoadPath(tips_m, forces_n, np.full(31, IOP), tips_m[:, None, None] * np.ones((31, 2, 3)))
+
+
+def test_of_several_states_with_one_force_the_first_is_taken() -> None:
+    path = made_up_path()
+    assert path.tip_m(2.5e-3) == pytest.approx(2.5e-3 / 3, rel=0.01)
+    assert path.tip_m(3.5e-3) == pytest.approx(2.75e-3, rel=0.01)
+    np.testing.assert_allclose(path.displacement_nc(2.5e-3), path.tip_m(2.5e-3), rtol=1e-9)
+
+
+@pytest.mark.parametrize("force_n", [-1e-6, 4.01e-3, np.nan])
+def test_a_force_that_the_path_does_not_carry_is_an_input_error(force_n: float) -> None:
+    with pytest.raises(InputError, match="carries 0 to 4 mN"):
+        made_up_path().displacement_nc(force_n)
+
+
+@pytest.mark.parametrize("tip_m", [-1e-6, 3.1e-3, np.nan])
+def test_a_dent_that_the_path_does_not_reach_is_an_input_error(tip_m: float) -> None:
+    with pytest.raises(InputError, match="goes from 0 to 3 mm"):
+        made_up_path().displacement_at_tip_nc(tip_m)
