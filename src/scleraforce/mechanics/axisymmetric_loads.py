@@ -22,9 +22,12 @@ SPREAD_POINTS = 6
 
 
 def needle_load(mesh: MeridianMesh) -> Floats:
-    """Return nodal forces of 1 N, uniform over the needle's disc seen along the axis, inward: (all unknowns,)."""
+    """Return nodal forces of 1 N, uniform over the needle's disc seen along the axis, inward: (all unknowns,).
+
+    The disc is that of the first element.
+    """
     nodes_en, values_pn, slopes_pn, weights_p = _boundary(mesh.outer_n)
-    nodes_en = nodes_en[: mesh.needle_columns]
+    nodes_en = nodes_en[:1]
     distance_en = mesh.points_nc[nodes_en, 0]
     rim_m = distance_en[-1, -1]
     weight_ep = 2.0 * (distance_en @ values_pn.T) * (distance_en @ slopes_pn.T) * weights_p / rim_m**2
