@@ -21,7 +21,7 @@ from scleraforce.units import STANDARD_GRAVITY_M_S2
 R, T, NU, E, IOP = 12e-3, 0.8e-3, 0.45, 0.3e6, 266.0
 CONTACT = Contact(np.radians(35.0))
 LOADS = {"youngs_modulus_pa": E, "iop_pa": IOP, "density_kg_m3": 1100.0}
-# A needle wide enough for a mesh of 8 quads.
+# A needle wide enough for a mesh of 6 quads.
 WIDE = 1.5e-3
 # Tip in mm at 5, 10, 15, 20, 25, 30, 40, 50, 60 mN by another program (reference problem R2 of the project's figures).
 R2_FORCES_N = np.array([5, 10, 15, 20, 25, 30, 40, 50, 60]) * 1e-3
@@ -35,7 +35,7 @@ R2_TIPS_MM = {
 
 @cache
 def coarse_mesh() -> HexMesh:
-    return build_mesh(R, T, divisions=8, level=0)
+    return build_mesh(R, T, divisions=6, level=0)
 
 
 @cache
@@ -47,7 +47,7 @@ def coarse_wall() -> FiniteWall:
 def coarse_path(sealed: bool = False, largest_step_m: float = 3e-4) -> LoadPath:
     needle = needle_at(coarse_mesh(), CONTACT, WIDE)
     return coarse_wall().load_path(
-        needle, **LOADS, max_force_n=40e-3, max_tip_m=3e-3, sealed=sealed, largest_step_m=largest_step_m
+        needle, **LOADS, max_force_n=40e-3, max_tip_m=2e-3, sealed=sealed, largest_step_m=largest_step_m
     )
 
 

@@ -1,0 +1,182 @@
+"""Accuracy and speed of finite-strain mechanics in 3-D: the tables of docs/physics.md.
+
+    python benchmarks/bench_finite_strain.py [--fine]
+
+R2 is the project's reference problem: 12 mm, nu 0.45, 266 Pa as a dead load by Voronoi areas, a Gaussian of 0.35 mm as
+nodal weights, 20 equiangular quads, no weight; tips were read at the node nearest to the load. Times are of one core.
+"""
+
+import argparse
+import resource
+from time import process_time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
+from scipy.spatial import SphericalVoronoi
+
+from scleraforce.eye.contact import Contact
+from scleraforce.eye.graded import graded_mesh
+from scleraforce.eye.mesh import HexMesh, build_mesh
+from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
+from scleraforce.mechanics.needle import Needle, needle_at, tip_at
+
+Floats = NDArray[np.float64]
+
+RADIUS_M, NU, IOP_PA, NEEDLE_RADIUS_M = 12e-3, 0.45, 266.0, 0.35e-3
+FORCES_MN = (5, 10, 15, 20, 25, 30, 40, 50, 60)
+R2_TIPS_MM = {
+    (0.8e-3, 0.27e6, 35.0): (0.144, 0.309, 0.505, 0.750, 1.073, 1.502, 2.541, 3.503, 4.379),
+    (0.8e-3, 0.38e6, 35.0): (0.102, 0.215, 0.342, 0.488, 0.660, 0.872, 1.484, 2.319, 3.125),
+    (0.5e-3, 0.22e6, 35.0): (0.422, 1.141, 1.941, 2.663, 3.343, 4.001, 5.289, 6.562),
+    (0.8e-3, 0.38e6, 0.0): (0.106, 0.222, 0.353, 0.503, 0.680, 0.897, 1.528, 2.393, 3.233),
+    (0.8e-3, 0.38e6, 50.0): (0.102, 0.215, 0.342, 0.487, 0.657, 0.865, 1.456, 2.265, 3.057),
+}
+
+
+def row(values: list[float], digits: int = 3) -> str:
+    """Return numbers in columns of eight."""
+    return "".join(f"{value:8.{digits}f}" for value in values)
+
+
+def voronoi_pressure(mesh: HexMesh) -> Floats:
+    """Return R2's nodal forces of 1 Pa."""
+    inner, radius = np.unique(mesh.inner_qn), RADIUS_M - mesh.thickness_m
+    directions = mesh.points_nc[inner] / radius
+    load = np.zeros_like(mesh.points_nc)
+    load[inner] = SphericalVoronoi(directions).calculate_areas()[:, None] * radius**2 * directions
+    return load
+
+
+def nodal_gaussian(mesh: HexMesh, contact: Contact) -> Floats:
+    """Return R2's nodal forces of 1 N."""
+    outer = np.unique(mesh.outer_qn)
+    square = np.sum((mesh.points_nc[outer] - RADIUS_M * contact.normal) ** 2, axis=1)
+    weights = np.exp(-square / (2 * NEEDLE_RADIUS_M**2))
+    load = np.zeros_like(mesh.points_nc)
+    load[outer] = -(weights / weights.sum())[:, None] * contact.normal
+    return load
+
+
+def reference_path(mesh: HexMesh, youngs_modulus_pa: float, contact: Contact, max_force_n: float) -> LoadPath:
+    """Return R2's load path."""
+    wall = FiniteWall(mesh, NU, dead_pressure_nc=voronoi_pressure(mesh))
+    needle = Needle(nodal_gaussian(mesh, contact), tip_at(mesh, contact, -contact.normal))
+    loads = {"youngs_modulus_pa": youngs_modulus_pa, "iop_pa": IOP_PA, "density_kg_m3": 0.0}
+    return wall.load_path(needle, **loads, max_force_n=max_force_n)
+
+
+def reference_problem() -> None:
+    """Print every row of R2 as it should be and as it is, at the node and at the load's centre."""
+    print("\nR2 on its own mesh and loads: tip [mm]" + row([float(force) for force in FORCES_MN], 0) + " mN   worst")
+    for (thickness_m, modulus_pa, polar_deg), expected_mm in R2_TIPS_MM.items():
+        mesh, contact = build_mesh(RADIUS_M, thickness_m, divisions=20, level=0), Contact(np.radians(polar_deg))
+        forces_n = np.array(FORCES_MN[: len(expected_mm)]) * 1e-3
+        start = process_time()
+        path = reference_path(mesh, modulus_pa, contact, forces_n[-1])
+        seconds = process_time() - start
+        outer = np.unique(mesh.outer_qn)
+        node = outer[np.argmin(np.linalg.norm(mesh.points_nc[outer] - RADIUS_M * contact.normal, axis=1))]
+        moved_sc = np.array([(path.displacement_nc(force) - path.displacement_snc[0])[node] for force in forces_n])
+        at_node_mm = -1e3 * moved_sc @ contact.normal
+        worst = 100.0 * np.abs(at_node_mm / expected_mm - 1.0).max()
+        name = f"{thickness_m * 1e3:.1f} mm {modulus_pa / 1e6:.2f} MPa {polar_deg:2.0f} deg"
+        print(f"{name:22s}{'expected':16s}" + row(list(expected_mm)))
+        print(f"{'':22s}{'at the node':16s}" + row(list(at_node_mm)) + f"{worst:9.2f} %  {seconds:.0f} s")
+        print(f"{'':22s}{'at the centre':16s}" + row([1e3 * path.tip_m(force) for force in forces_n]), flush=True)
+
+
+def meshes(contact: Contact, thickness_m: float, fine: bool) -> dict[str, HexMesh]:
+    """Return the meshes that are compared; the last is the finest."""
+    kinds: dict[str, dict[str, Any]] = {
+        "graded, 4 core, 16 rings": {},
+        "graded, 6 core, 24 rings": {"core": 6, "rings": 24},
+    }
+    if fine:
+        kinds["graded, 8 core, 32 rings, 2 layers"] = {"core": 8, "rings": 32, "layers": 2}
+    graded = {name: graded_mesh(RADIUS_M, thickness_m, contact, **kind) for name, kind in kinds.items()}
+    return {"default, 20 quads": build_mesh(RADIUS_M, thickness_m)} | graded
+
+
+def product_paths(fine: bool) -> None:
+    """Print paths under the product's own needle, pressure and weight on several meshes, sealed and not."""
+    contact = Contact(np.radians(35.0))
+    print("\nDisc of 0.7 mm, pressure that follows, weight; 35 deg: tip [mm]")
+    forces = row([float(force) for force in FORCES_MN], 0)
+    print(f"{'wall, mesh':54s}{'elements':>9s}{'seconds':>8s}{'states':>7s}{forces} mN")
+    for thickness_m, modulus_pa in ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6)):
+        loads = {"youngs_modulus_pa": modulus_pa, "iop_pa": IOP_PA, "density_kg_m3": 1100.0}
+        for name, mesh in meshes(contact, thickness_m, fine).items():
+            wall, needle = FiniteWall(mesh, NU), needle_at(mesh, contact, NEEDLE_RADIUS_M)
+            start = process_time()
+            path = wall.load_path(needle, **loads, max_force_n=60e-3)
+            seconds = process_time() - start
+            tips = row([1e3 * path.tip_m(force * 1e-3) for force in FORCES_MN])
+            name = f"{thickness_m * 1e3:.1f} mm, {modulus_pa / 1e6:.2f} MPa, {name}"
+            print(f"{name:54s}{len(mesh.cells_en):9d}{seconds:8.1f}{len(path.tips_m):7d}{tips}", flush=True)
+    print(f"largest memory of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB")
+
+
+def sealed_globes() -> None:
+    """Print how the pressure rises in a sealed half-globe, and what that does to the force."""
+    contact, dents_mm = Contact(np.radians(35.0)), np.array([0.5, 1.0, 2.0, 3.0, 4.0])
+    print("\nSealed and open half-globes, 2 mmHg at rest: by dent [mm]" + row(list(dents_mm), 1))
+    for thickness_m, modulus_pa in ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6)):
+        mesh = graded_mesh(RADIUS_M, thickness_m, contact)
+        wall, needle = FiniteWall(mesh, NU), needle_at(mesh, contact, NEEDLE_RADIUS_M)
+        loads = {"youngs_modulus_pa": modulus_pa, "iop_pa": IOP_PA, "density_kg_m3": 1100.0}
+        paths = {sealed: wall.load_path(needle, **loads, max_force_n=np.inf, max_tip_m=4e-3, sealed=sealed)
+                 for sealed in (False, True)}  # fmt: skip
+        rise = 100.0 * (np.interp(dents_mm, 1e3 * paths[True].tips_m, paths[True].pressures_pa) / IOP_PA - 1.0)
+        name = f"{thickness_m * 1e3:.1f} mm, {modulus_pa / 1e6:.2f} MPa"
+        print(f"{name:24s}{'pressure rise [%]':34s}" + row(list(rise), 1))
+        for sealed, path in paths.items():
+            forces_mn = 1e3 * np.interp(dents_mm, 1e3 * path.tips_m, path.forces_n)
+            kind = "sealed" if sealed else "open"
+            print(f"{'':24s}{f'force, {kind} [mN]':34s}" + row(list(forces_mn), 2), flush=True)
+
+
+def parts() -> None:
+    """Print what one Newton step takes on the default mesh."""
+    mesh = build_mesh(RADIUS_M, 0.8e-3)
+    start = process_time()
+    wall = FiniteWall(mesh, NU)
+    marks = {"all that is found once": process_time() - start}
+    displacement_nc = wall.rest_nc(youngs_modulus_pa=0.38e6, iop_pa=IOP_PA, density_kg_m3=0.0)
+    blocks = wall.solid.tangent_blocks(displacement_nc)
+    matrix = wall.free_part.matrix(blocks)
+    symmetric: dict[str, Any] = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    work = {
+        "forces of the solid": lambda: wall.solid.forces(displacement_nc),
+        "forces of the pressure": lambda: wall.inner.forces(displacement_nc),
+        "tangent of the solid": lambda: wall.solid.tangent_blocks(displacement_nc),
+        "tangent of the pressure": lambda: wall.inner.add_tangent(blocks, displacement_nc, 1.0),
+        "sparse matrix of the free part": lambda: wall.free_part.matrix(blocks),
+        "factorisation": lambda: splu(matrix, permc_spec="MMD_AT_PLUS_A", **symmetric),
+    }
+    for name, call in work.items():
+        times = []
+        for _ in range(3):
+            start = process_time()
+            call()
+            times.append(process_time() - start)
+        marks[name] = min(times)
+    print(f"\nOne Newton step, default mesh, {len(wall.free)} free unknowns")
+    for name, seconds in marks.items():
+        print(f"{name:34s}{1e3 * seconds:9.1f} ms")
+
+
+def main() -> None:
+    """Print all tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--fine", action="store_true", help="also a fine mesh of two layers (minutes)")
+    fine = parser.parse_args().fine
+    parts()
+    product_paths(fine)
+    sealed_globes()
+    reference_problem()
+
+
+if __name__ == "__main__":
+    main()
