@@ -1,15 +1,19 @@
 """`scleraforce calibrate` from its arguments to its file and its figures."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from analytic_library import analytic_library
 
 from scleraforce.calibration.calibrate import calibrate_recordings
+from scleraforce.calibration.summary import read_calibration
 from scleraforce.calibration.virtual import virtual_sections
 from scleraforce.cli.main import run
+from scleraforce.library import Library, cache
 from scleraforce.recording.files import read_recording
 from scleraforce.recording.phantom import plan_phantom, write_phantom
 from scleraforce.recording.virtual_eye import PhantomEye
@@ -19,7 +23,7 @@ from scleraforce.report.calibration_figures import (
     draw_observed_points,
     modulus_table,
 )
-from scleraforce.study import format_study
+from scleraforce.study import Study, format_study
 
 
 @pytest.fixture(scope="module")
@@ -37,13 +41,36 @@ def test_it_writes_the_posterior_and_the_picture_and_prints_one_json_object(
 ) -> None:
     out, plot = folder / "out.json", folder / "out.png"
     arguments = ["calibrate", str(folder / "eye"), "--study", str(folder / "study.toml"), "--out", str(out)]
-    assert run([*arguments, "--plot", str(plot), "--json"]) == 0
+    assert run([*arguments, "--mechanics", "linear", "--plot", str(plot), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads(out.read_text())
+    assert printed["mechanics"] == "linear"
     assert printed["eyes"]["virtual"]["mean_mpa"] == pytest.approx(eye.youngs_modulus_pa / 1e6, rel=0.04)
     assert printed["population"]["mean_mpa"] == printed["eyes"]["virtual"]["mean_mpa"]
     assert plot.read_bytes().startswith(b"\x89PNG")
     assert sorted(path.name for path in folder.iterdir()) == ["eye", "out.json", "out.png", "study.toml"]
+
+
+def test_finite_strain_is_the_default_and_takes_the_cached_library(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[Study] = []
+
+    def cached(study: Study, *, progress: Callable[[int], None]) -> Library:
+        asked.append(study)
+        progress(10)
+        return analytic_library()
+
+    monkeypatch.setattr(cache, "cached_library", cached)
+    out = tmp_path / "out.json"
+    arguments = ["calibrate", str(folder / "eye"), "--study", str(folder / "study.toml"), "--out", str(out)]
+    assert run([*arguments, "--frames", "2"]) == 0
+    written = read_calibration(out)
+    assert written.mechanics == "finite-strain"
+    assert written.eyes["virtual"].thickness_m == pytest.approx(0.7e-3)
+    assert len(written.frames) == 2
+    assert [study.mesh.divisions for study in asked] == [6]
+    assert "population" in capsys.readouterr().out
 
 
 def test_an_existing_file_is_not_overwritten(folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

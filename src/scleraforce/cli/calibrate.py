@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.cli.output import print_json, progress_bar, share_bar
 from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study, study_hash
 
 if TYPE_CHECKING:
     from scleraforce.calibration.calibrate import Calibration, EyeCalibration
+    from scleraforce.library import Library
 
 __all__ = ["calibrate"]
 
@@ -37,6 +38,8 @@ class Parameters(click.ParamType[tuple[str, ...]]):
 @click.option("--study", "study_path", type=click.Path(path_type=Path), help="Study file; the paper's by default.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write; must not exist.")
 @click.option("--frames", type=click.IntRange(1), help="Take the first so many frames above 5 mN of each recording.")
+@click.option("--mechanics", type=click.Choice(["finite-strain", "linear"]), default="finite-strain",
+              show_default=True, help="How the wall bends; linear is the paper's.")  # fmt: skip
 @click.option("--parameters", type=Parameters(), default="e", show_default=True,
               help="What is uncertain, of e, iop, thickness, gap.")  # fmt: skip
 @click.option("--resume", type=click.Path(path_type=Path), help="Go on from an earlier file of this command.")
@@ -47,6 +50,7 @@ def calibrate(
     study_path: Path | None,
     out: Path,
     frames: int | None,
+    mechanics: str,
     parameters: tuple[str, ...],
     resume: Path | None,
     plot: Path | None,
@@ -56,7 +60,8 @@ def calibrate(
 
     A reduced-order unscented Kalman filter compares points on the wall's
     boundaries with those of the simulated section, frame by frame. The
-    population's modulus is the mean of the eyes' means.
+    population's modulus is the mean of the eyes' means. Finite strain needs
+    the response library, which is made on first need (half a minute).
     """
     from scleraforce.calibration.calibrate import calibrate_recordings
     from scleraforce.calibration.files import calibration_as_json, read_posteriors
@@ -71,8 +76,10 @@ def calibrate(
     study = Study() if study_path is None else read_study(study_path)
     earlier = None if resume is None else read_posteriors(resume)
     opened = [read_recording(path) for path in recordings]
+    library = None if mechanics == "linear" else _library(study)
     with progress_bar(range(sum(len(recording.frames) for recording in opened)), "frames") as bar:
-        result = calibrate_recordings(opened, study, study_hash(study), None, parameters, frames, earlier, bar.update)
+        advance, sha256 = bar.update, study_hash(study)
+        result = calibrate_recordings(opened, study, sha256, library, parameters, frames, earlier, advance)
     content = calibration_as_json(result)
     write_whole(json.dumps(content, indent=1, allow_nan=False) + "\n", out)
     if plot is not None:
@@ -82,6 +89,22 @@ def calibrate(
     else:
         click.echo("\n".join(_lines(result)))
         click.echo(f"wrote {out}")
+
+
+def _library(study: Study) -> "Library":
+    """Return the study's library; a bar shows where it has to be made."""
+    from scleraforce.library.cache import cached_library
+    from scleraforce.library.plan import plan_library
+
+    with share_bar("library") as reach:
+        paths, done = plan_library(study).paths, 0
+
+        def advance(count: int) -> None:
+            nonlocal done
+            done += count
+            reach(done / paths)
+
+        return cached_library(study, progress=advance)
 
 
 def _draw(result: "Calibration", path: Path) -> None:
