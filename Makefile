@@ -3,6 +3,7 @@
 SHELL := /bin/bash
 
 OUT ?= out/reproduce
+FIGURES ?= out/figures
 PYTEST_ARGS ?= -n 2
 PIP := .venv/bin/python -m pip --disable-pip-version-check -qq
 FIND_PYTHON = for python in python3.11 python3 python3.12 python3.13; do \
@@ -28,6 +29,9 @@ lint: .venv/installed  ## ruff (rules and format) and mypy
 bench: .venv/installed  ## the benchmarks, as tables
 	.venv/bin/python benchmarks/bench.py
 
+figures: .venv/installed  ## forces read on 40 virtual eyes that no training has seen, to $(FIGURES)/figures.md (an hour)
+	PYTHONPATH=benchmarks .venv/bin/python -m figures --out $(FIGURES)
+
 lock:  ## requirements.lock anew, from pyproject.toml
 	@python=$$($(FIND_PYTHON)); folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
 	$$python -m venv "$$folder" && "$$folder"/bin/pip install -qq torch==2.13.0 'setuptools>=77' -e '.[train,dev]' && \
@@ -46,4 +50,4 @@ clean:  ## remove .venv and what the tools left
 .venv/installed: .venv/locked pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
 
-.PHONY: help reproduce test slow lint bench lock clean
+.PHONY: help reproduce test slow lint bench figures lock clean

@@ -1,0 +1,116 @@
+"""`make figures`: virtual eyes that no training has seen, through the released commands, to one table.
+
+Nothing is tuned here: the eyes are drawn from fixed seeds, computed in three dimensions at finite strain, imaged by the
+virtual laboratory of the paper's study, and read. Whatever is in the folder is taken up.
+"""
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+from figures.eyes import GROUPS, FigureEye, draw_eyes
+from figures.folder import FiguresFolder
+from figures.picture import draw_forces
+from figures.readings import CALIBRATED_FRAMES, METHODS, Method, Models, calibrated_eyes, make_models, read_frames
+from figures.recordings import make_recordings, read_made
+from figures.scores import AnsweredFrame, score
+from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
+from scleraforce.cli.output import progress_bar
+from scleraforce.errors import ScleraforceError
+from scleraforce.report.files import write_figure, write_whole
+from scleraforce.study import Study
+from scleraforce.units import n_to_mn
+
+ERROR_FRAMES = (CALIBRATED_FRAMES, 5)  # after which the error of E is stated
+SHOWN = ("reader", "reader-population")  # in the picture
+
+
+@dataclass(frozen=True)
+class Group:
+    """A group of eyes and the answers to their frames."""
+
+    name: str
+    eyes: tuple[FigureEye, ...]
+    answers: dict[Method, tuple[AnsweredFrame, ...]]
+
+
+@click.command()
+@click.option("--out", type=click.Path(path_type=Path), default=Path("out/figures"), show_default=True,
+              help="Folder of the results; what it holds is taken up.")  # fmt: skip
+@click.option("--eyes", "count", type=click.IntRange(2), default=20, show_default=True, help="Of each group.")
+@click.option("--workers", type=click.IntRange(1), default=2, show_default=True, help="Processes that compute eyes.")
+@click.option("--reader", type=click.Path(path_type=Path), help="A trained reader; otherwise one is trained.")
+@click.option("--recordings-only", is_flag=True, help="Stop when the eyes are computed and imaged.")
+def main(out: Path, count: int, workers: int, reader: Path | None, recordings_only: bool) -> None:
+    """Read virtual eyes that no training has seen; write figures.md, figures.json and figures.png to the folder."""
+    study, folder = Study(), FiguresFolder(out)
+    drawn = {group: draw_eyes(group, count, study) for group in GROUPS}
+    everyone = [eye for eyes in drawn.values() for eye in eyes]
+    with progress_bar(range(len(everyone)), "eyes", total=len(everyone)) as bar:
+        failed = make_recordings(folder, everyone, workers, bar.update)
+    for name in failed:
+        click.echo(f"{name}: could not be computed, and is left out", err=True)
+    if recordings_only:
+        return
+    left = {group: tuple(eye for eye in eyes if eye.eye.id not in failed) for group, eyes in drawn.items()}
+    models = make_models(folder, left["plain"], study, reader)
+    groups = [_read(folder, name, eyes, models) for name, eyes in left.items()]
+    results = [_result(folder, group, study) for group in groups]
+    write_whole(as_markdown(results), out / "figures.md")
+    write_whole(json.dumps(as_json(results), indent=2, allow_nan=False) + "\n", out / "figures.json")
+    _write_picture(groups, study, out / "figures.png")
+    click.echo(as_markdown(results))
+
+
+def _read(folder: FiguresFolder, name: str, eyes: tuple[FigureEye, ...], models: Models) -> Group:
+    with progress_bar(METHODS, f"{name} eyes") as methods:
+        return Group(name, eyes, {method: read_frames(folder, eyes, models, method) for method in methods})
+
+
+def _result(folder: FiguresFolder, group: Group, study: Study) -> GroupResult:
+    frames = next(iter(group.answers.values()))
+    largest_n = [read_made(folder, eye).largest_n for eye in group.eyes]
+    return GroupResult(
+        group.name,
+        len(group.eyes),
+        len(frames),
+        sum(not frame.in_window for frame in frames),
+        sum(force_n < study.needle.max_force_n for force_n in largest_n),
+        {method: score(answered) for method, answered in group.answers.items()},
+        [_modulus_errors(folder, group.eyes, count) for count in ERROR_FRAMES],
+    )
+
+
+def _modulus_errors(folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int) -> ModulusErrors:
+    found = calibrated_eyes(folder, eyes, frames)
+    errors = [found[drawn.eye.id].mean_pa / drawn.eye.youngs_modulus_pa - 1.0 for drawn in eyes]
+    return ModulusErrors(frames, tuple(errors))
+
+
+def _write_picture(groups: Sequence[Group], study: Study, path: Path) -> None:
+    shown = {
+        (method.title, group.name): answered
+        for method in METHODS
+        if method.name in SHOWN
+        for group in groups
+        for answered in [group.answers[method]]
+    }
+    write_figure(draw_forces(shown, [n_to_mn(bound) for bound in study.classes.bounds_n]), path)
+
+
+if __name__ == "__main__":
+    try:
+        main(standalone_mode=False)
+    except click.ClickException as fault:
+        fault.show()
+        sys.exit(fault.exit_code)
+    except ScleraforceError as fault:
+        click.echo(f"error: {fault}", err=True)
+        sys.exit(1)
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("interrupted; the same command goes on from here", err=True)
+        sys.exit(130)

@@ -1,0 +1,27 @@
+"""Where the figures keep what they have made: every part is taken up by a later run."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from figures.eyes import FigureEye
+
+__all__ = ["FiguresFolder"]
+
+
+@dataclass(frozen=True)
+class FiguresFolder:
+    """One folder of figures."""
+
+    path: Path
+
+    def recording(self, eye: FigureEye) -> Path:
+        """The eye's recording: raw frames, force log, truth.json. It appears last, and whole."""
+        return self.path / "recordings" / eye.eye.id
+
+    def made(self, eye: FigureEye) -> Path:
+        """What is known of the computed eye beside its recording."""
+        return self.path / "eyes" / f"{eye.eye.id}.npz"
+
+    def work(self, name: str) -> Path:
+        """A result that the commands leave: calibrations, answers, data set, models."""
+        return self.path / name

@@ -1,0 +1,122 @@
+"""The eyes of the figures, computed in three dimensions at finite strain and imaged by the virtual laboratory."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from figures.eyes import FigureEye
+from figures.folder import FiguresFolder
+from figures.sections import compute_eye
+from figures.workers import in_processes
+from scleraforce.imaging.plane import Section
+from scleraforce.recording.phantom import PhantomFrame, plan_phantom, write_phantom
+from scleraforce.report.files import renamed_when_whole
+from scleraforce.study import Study
+
+__all__ = ["MadeEye", "make_eye", "make_recordings", "read_made"]
+
+
+@dataclass(frozen=True, eq=False)
+class MadeEye:
+    """What is known of a computed eye: its frames in order, and what its forces were drawn up to.
+
+    `forces_n` and `tips_m` (frame,): true force and depth of the dent. `lowest_m` (frame, boundary): the largest depth
+    in the frame of the outer and the inner boundary, over the columns that show tissue.
+    """
+
+    files: tuple[str, ...]
+    largest_n: float
+    forces_n: NDArray[np.float64]
+    tips_m: NDArray[np.float64]
+    lowest_m: NDArray[np.float64]
+    seconds: float
+
+    def in_window(self, depth_m: float) -> NDArray[np.bool_]:
+        """Return whether the wall's surface stays within a frame of this depth, (frame,)."""
+        inside: NDArray[np.bool_] = self.lowest_m[:, 0] < depth_m
+        return inside
+
+
+def make_recordings(
+    folder: FiguresFolder, eyes: Sequence[FigureEye], workers: int, progress: Callable[[int], object]
+) -> tuple[str, ...]:
+    """Compute and image the eyes that the folder does not hold yet.
+
+    Args:
+        folder: where they go.
+        eyes: all eyes.
+        workers: processes.
+        progress: called with the number of eyes that are newly done, or found done.
+
+    Returns:
+        The names of the eyes that failed; what they said stands on standard error.
+    """
+    missing = [(folder, eye) for eye in eyes if not folder.recording(eye).exists()]
+    progress(len(eyes) - len(missing))
+    failed = []
+
+    def done(piece: tuple[FiguresFolder, FigureEye], code: int | None) -> None:
+        if code != 0:
+            failed.append(piece[1].eye.id)
+        progress(1)
+
+    in_processes(_make, missing, workers, done)
+    return tuple(failed)
+
+
+def _make(piece: tuple[FiguresFolder, FigureEye]) -> None:
+    make_eye(*piece)
+
+
+def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
+    """Compute one eye and write its recording, which appears last, and beside it what is known of it.
+
+    Raises:
+        ScleraforceError: the eye cannot be computed.
+    """
+    start = perf_counter()
+    computed = compute_eye(drawn)
+    plan = plan_phantom(drawn.eye, drawn.forces_n(computed.largest_n), drawn.study, drawn.seed)
+
+    def sections_at(forces_n: Sequence[float]) -> Sequence[Section]:
+        sections = computed.sections(forces_n)
+        pairs = zip(plan.frames, sections, strict=True)
+        made = MadeEye(
+            files=tuple(frame.file for frame in plan.frames),
+            largest_n=computed.largest_n,
+            forces_n=np.array(forces_n),
+            tips_m=np.array(computed.tips_m(forces_n)),
+            lowest_m=np.array([lowest_m(frame, section, drawn.study) for frame, section in pairs]),
+            seconds=perf_counter() - start,
+        )
+        _write_made(folder, drawn, made)
+        return sections
+
+    folder.recording(drawn).parent.mkdir(parents=True, exist_ok=True)
+    write_phantom(folder.recording(drawn), plan, sections_at, drawn.study)
+
+
+def lowest_m(frame: PhantomFrame, section: Section, study: Study) -> tuple[float, float]:
+    """Return how deep in the frame the outer and the inner boundary go in the columns between the black bands."""
+    placed = frame.pose.place(section)
+    half_m = study.oct.width_m / 2 - frame.optics.band_m
+    outer, inner = (curve[np.abs(curve[:, 0]) < half_m, 1].max() for curve in (placed.outer, placed.inner))
+    return float(outer), float(inner)
+
+
+def _write_made(folder: FiguresFolder, drawn: FigureEye, made: MadeEye) -> None:
+    path = folder.made(drawn)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with renamed_when_whole(path) as part, part.open("wb") as file:
+        np.savez(file, **vars(made))
+
+
+def read_made(folder: FiguresFolder, drawn: FigureEye) -> MadeEye:
+    """Return what is known of an eye that was made."""
+    with np.load(folder.made(drawn)) as kept:
+        files = tuple(kept["files"].tolist())
+        largest_n, seconds = float(kept["largest_n"]), float(kept["seconds"])
+        return MadeEye(files, largest_n, kept["forces_n"], kept["tips_m"], kept["lowest_m"], seconds)

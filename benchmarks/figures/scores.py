@@ -1,0 +1,131 @@
+"""How good answers are: what `evaluate --json` says of each frame, against the force log and against the truth."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import nan
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.reader.metrics import Proportion
+from scleraforce.study import ClassesStudy
+
+__all__ = ["AnsweredFrame", "Scores", "answered_frame", "score"]
+
+DANGEROUS = 2  # the class of forces that hurt
+
+
+@dataclass(frozen=True)
+class AnsweredFrame:
+    """One frame of a virtual eye: its truth and an answer.
+
+    `target` and `measured_mn` are those of the force log, which an evaluation compares with; `true_target` and
+    `true_mn` those that were put in. `in_window`: the wall's surface stays within the frame. Forces are in mN;
+    `read_mn` and `interval_mn` are None where the answer has none.
+    """
+
+    eye: str
+    file: str
+    target: int
+    measured_mn: float
+    true_target: int
+    true_mn: float
+    in_window: bool
+    predicted: int
+    usable: bool
+    read_mn: float | None = None
+    interval_mn: tuple[float, float] | None = None
+    reason: str | None = None
+
+    @property
+    def right(self) -> bool:
+        """Whether the class is that of the force log."""
+        return self.predicted == self.target
+
+
+@dataclass(frozen=True)
+class Scores:
+    """The figures of a set of frames.
+
+    `accuracy`, `usable_accuracy` (of the frames called usable), `recall` of class 2 and `as_harmless` (class 2 read as
+    class 0) are against the force log; `true_accuracy` against the truth. `unusable`: of the frames whose wall stays in
+    the window. Errors in mN and coverage are over the usable frames with a force, against truth and log.
+    """
+
+    frames: int
+    accuracy: Proportion
+    usable_accuracy: Proportion
+    true_accuracy: Proportion
+    recall: Proportion
+    as_harmless: int
+    unusable: Proportion
+    mae_mn: float
+    log_mae_mn: float
+    bias_mn: float
+    coverage: Proportion
+    log_coverage: Proportion
+
+
+def answered_frame(
+    answer: Mapping[str, Any], true_n: float, in_window: bool, classes: ClassesStudy
+) -> AnsweredFrame | None:
+    """Return a frame of `evaluate --json` with its truth; None where it does not count in an evaluation.
+
+    Args:
+        answer: an entry of `frames`.
+        true_n: the force that was put in, in N.
+        in_window: whether the wall's surface stays within the frame.
+        classes: the bounds of the force classes.
+    """
+    if answer["target"] is None or answer["excluded"] is not None:
+        return None
+    interval = answer.get("interval_mn")
+    return AnsweredFrame(
+        eye=answer["eye"],
+        file=answer["file"],
+        target=answer["target"],
+        measured_mn=answer["measured_force_mn"],
+        true_target=classes.classify(true_n),
+        true_mn=1e3 * true_n,
+        in_window=in_window,
+        predicted=answer["predicted"],
+        usable=answer["usable"],
+        read_mn=answer.get("predicted_force_mn"),
+        interval_mn=None if interval is None else (interval[0], interval[1]),
+        reason=answer.get("reason"),
+    )
+
+
+def score(frames: Sequence[AnsweredFrame]) -> Scores:
+    """Return the figures of answers."""
+    usable = [frame for frame in frames if frame.usable]
+    dangerous = [frame for frame in frames if frame.target == DANGEROUS]
+    seen = [frame for frame in frames if frame.in_window]
+    errors = [(frame.read_mn - frame.true_mn, frame.read_mn - frame.measured_mn)
+              for frame in usable if frame.read_mn is not None]  # fmt: skip
+    of_truth, of_log = zip(*errors, strict=True) if errors else ((), ())
+    covered = [(low <= frame.true_mn <= high, low <= frame.measured_mn <= high)
+               for frame in usable if frame.interval_mn is not None for low, high in [frame.interval_mn]]  # fmt: skip
+    return Scores(
+        frames=len(frames),
+        accuracy=_share([frame.right for frame in frames]),
+        usable_accuracy=_share([frame.right for frame in usable]),
+        true_accuracy=_share([frame.predicted == frame.true_target for frame in frames]),
+        recall=_share([frame.right for frame in dangerous]),
+        as_harmless=sum(frame.predicted == 0 for frame in dangerous),
+        unusable=_share([not frame.usable for frame in seen]),
+        mae_mn=_mean(np.abs(of_truth)),
+        log_mae_mn=_mean(np.abs(of_log)),
+        bias_mn=_mean(np.array(of_truth)),
+        coverage=_share([truth for truth, _ in covered]),
+        log_coverage=_share([log for _, log in covered]),
+    )
+
+
+def _share(hits: Sequence[bool]) -> Proportion:
+    return Proportion(sum(hits), len(hits))
+
+
+def _mean(values: NDArray[np.float64]) -> float:
+    return float(values.mean()) if len(values) else nan

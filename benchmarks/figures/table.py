@@ -1,0 +1,131 @@
+"""The tables of the figures, as Markdown and as JSON."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from math import isfinite
+from typing import Any
+
+from figures.asked import ASKED, ASKED_MODULUS
+from figures.readings import Method
+from figures.scores import Scores
+from scleraforce.reader.metrics import Proportion
+
+__all__ = ["GroupResult", "ModulusErrors", "as_json", "as_markdown"]
+
+
+@dataclass(frozen=True)
+class ModulusErrors:
+    """Relative errors of the eyes' calibrated E after a number of frames, in the order of the eyes."""
+
+    frames: int
+    errors: tuple[float, ...]
+
+    @property
+    def mean(self) -> float:
+        """Mean absolute error."""
+        return sum(map(abs, self.errors)) / len(self.errors)
+
+    @property
+    def largest(self) -> float:
+        """Largest absolute error."""
+        return max(map(abs, self.errors))
+
+
+@dataclass(frozen=True)
+class GroupResult:
+    """All that was found on a group of eyes: `deep` of its frames leave the window, `capped` of its eyes give way."""
+
+    group: str
+    eyes: int
+    frames: int
+    deep: int
+    capped: int
+    scores: Mapping[Method, Scores]
+    moduli: Sequence[ModulusErrors]
+
+
+COLUMNS = (
+    "class accuracy, all frames",
+    "usable frames",
+    "class 2 read as 0",
+    "recall of class 2",
+    "unusable, of those in the window",
+    "force error, mN",
+    "90 % intervals that hold",
+)
+
+
+def as_markdown(results: Sequence[GroupResult]) -> str:
+    """Return the tables."""
+    return "\n\n".join(["\n".join(_group(result)) for result in results] + ["\n".join(_moduli(results))]) + "\n"
+
+
+def _group(result: GroupResult) -> list[str]:
+    title = f"**{result.group.capitalize()} eyes**: {result.eyes} eyes, {result.frames} frames"
+    title += f", {result.deep} of them with a dent that leaves the window"
+    if result.capped:
+        title += f"; {result.capped} eyes give way before 60 mN and were pushed up to what they bear"
+    rows = [[method.title, *_cells(scores)] for method, scores in result.scores.items()]
+    return [f"{title}.", "", *_table(["", *COLUMNS], [["asked for", *ASKED[result.group]], *rows])]
+
+
+def _cells(scores: Scores) -> list[str]:
+    return [
+        _counted(scores.accuracy),
+        _counted(scores.usable_accuracy),
+        str(scores.as_harmless),
+        _counted(scores.recall),
+        _counted(scores.unusable),
+        f"{scores.mae_mn:.2f}" if isfinite(scores.mae_mn) else "-",
+        _counted(scores.coverage),
+    ]
+
+
+def _moduli(results: Sequence[GroupResult]) -> list[str]:
+    rows = [["asked for", "", ASKED_MODULUS, ""]]
+    for result in results:
+        for errors in result.moduli:
+            mean, largest = f"{100 * errors.mean:.1f} %", f"{100 * errors.largest:.1f} %"
+            rows.append([result.group, str(errors.frames), mean, largest])
+    return _table(["E of the eyes", "frames", "mean error", "largest"], rows)
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    rule = ["---"] * len(head)
+    return [f"| {' | '.join(cells)} |" for cells in (head, rule, *rows)]
+
+
+def _counted(share: Proportion) -> str:
+    return f"{100 * share.value:.1f} % ({share.hits} of {share.total})" if share.total else "-"
+
+
+def as_json(results: Sequence[GroupResult]) -> dict[str, Any]:
+    """Return the same as plain values."""
+    return {result.group: _plain_values(result) for result in results}
+
+
+def _plain_values(result: GroupResult) -> dict[str, Any]:
+    return {
+        "eyes": result.eyes,
+        "frames": result.frames,
+        "leaves_the_window": result.deep,
+        "capped_eyes": result.capped,
+        "methods": {method.name: _of_scores(scores) for method, scores in result.scores.items()},
+        "youngs_modulus_errors": [
+            {**asdict(errors), "mean": errors.mean, "largest": errors.largest} for errors in result.moduli
+        ],
+    }
+
+
+def _of_scores(scores: Scores) -> dict[str, Any]:
+    """Return scores as plain values: shares with their counts, what is not defined as None."""
+    values: dict[str, Any] = {}
+    for name, value in vars(scores).items():
+        match value:
+            case Proportion():
+                values[name] = {"share": value.value if value.total else None, "hits": value.hits, "of": value.total}
+            case float() if not isfinite(value):
+                values[name] = None
+            case _:
+                values[name] = value
+    return values
