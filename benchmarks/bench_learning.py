@@ -20,7 +20,7 @@ from scleraforce.learning.graph import onnx_bytes
 from scleraforce.learning.samples import Samples
 from scleraforce.learning.train import split_samples
 from scleraforce.learning.training import THREADS, Fitted, fit
-from scleraforce.reader import load_model
+from scleraforce.reader import load_classifier
 from scleraforce.study import NetworkStudy, Study, format_study, study_hash
 
 PAPER_TRAINING, VALIDATION = 17_280, 1_920
@@ -59,7 +59,7 @@ def print_reading_times(fitted: Fitted, validation: Samples) -> None:
         out = Path(folder) / "model"
         graph = onnx_bytes(fitted.network, 40, 140, {"study_sha256": study_hash(study)})
         write_folder(out, graph, format_study(study), "", {"kind": "classifier"})
-        reader = load_model(out)
+        reader = load_classifier(out)
     times = []
     for number in range(READINGS):
         start = time.perf_counter()

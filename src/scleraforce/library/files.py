@@ -1,6 +1,7 @@
 """The library in one file, `library.npz`, as a model folder carries it (NumPy only)."""
 
 from dataclasses import fields
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile, ZipInfo
@@ -22,14 +23,18 @@ def save_library(library: Library, path: Path) -> None:
                 write_array(file, np.asarray(getattr(library, item.name)), allow_pickle=False)
 
 
-def load_library(path: Path) -> Library:
+def load_library(path: Path, content: bytes | None = None) -> Library:
     """Read a library that `save_library` has written.
+
+    Args:
+        path: the file.
+        content: its bytes, where they have been read (and checked) already.
 
     Raises:
         InputError: the file is missing, damaged, or no library.
     """
     try:
-        with ZipFile(path) as archive:
+        with ZipFile(path if content is None else BytesIO(content)) as archive:
             found: dict[str, Any] = {item.name: _read(archive, item.name) for item in fields(Library)}
     except (OSError, EOFError, ValueError, KeyError, BadZipFile) as fault:
         raise InputError(f"{path}: not a response library of this version ({fault})") from fault

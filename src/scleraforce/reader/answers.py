@@ -12,7 +12,7 @@ from scleraforce.reader.known import Known, outside_training
 from scleraforce.reader.library_fit import BoundaryFit, fit_boundaries, prior_of
 from scleraforce.reader.model import ForceReader
 from scleraforce.reader.readings import Reading, disagreement, fit_reading
-from scleraforce.reader.verdicts import allows_calibration, dent_leaves, fit_leaves, no_wall_of_an_eye
+from scleraforce.reader.verdicts import allows_calibration, dent_leaves, fit_leaves, no_wall_of_an_eye, too_little_wall
 from scleraforce.reader.wall_reader import WallReader
 
 __all__ = ["WIDEST_N", "Answer", "answer_frame"]
@@ -120,6 +120,9 @@ def _force_answer(reader: WallReader, seen: Seen, known: Known) -> Answer:
     reason = outside_training(known, reader.study.reader)
     if reason:
         return _unusable(reader, reason, seen.allows_calibration())
+    reason = too_little_wall(seen.boundaries.lateral_m, seen.boundaries.depth_m, reader.study.slice)
+    if reason:
+        return _unusable(reader, reason)
     prior = prior_of(known, reader.study.reader)
     fit = fit_boundaries(reader.library, seen.boundaries.lateral_m, seen.boundaries.depth_m, prior)
     if fit is None:

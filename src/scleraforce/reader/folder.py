@@ -1,5 +1,7 @@
 """The model folder: `model.onnx`, `study.toml`, `card.md`, and `model.json` with their SHA-256.
 
+A model of kind "reader" has the response library beside them, `library.npz`.
+
 Reading checks every file against `model.json` and refuses what does not match, so that a network is never run beside a
 study that it was not trained with.
 """
@@ -14,11 +16,24 @@ from typing import Any
 
 from scleraforce.errors import ModelError
 
-__all__ = ["CARD_FILE", "FORMAT", "NETWORK_FILE", "RECORD_FILE", "STUDY_FILE", "ModelFolder", "read_folder", "sha256"]
+__all__ = [
+    "CARD_FILE",
+    "FILES",
+    "FORMAT",
+    "LIBRARY_FILE",
+    "NETWORK_FILE",
+    "RECORD_FILE",
+    "STUDY_FILE",
+    "ModelFolder",
+    "read_folder",
+    "sha256",
+]
 
 FORMAT = 1
 NETWORK_FILE, STUDY_FILE, CARD_FILE, RECORD_FILE = "model.onnx", "study.toml", "card.md", "model.json"
-KINDS = ("classifier",)
+LIBRARY_FILE = "library.npz"
+COMMON_FILES = (NETWORK_FILE, STUDY_FILE, CARD_FILE)
+FILES = {"classifier": COMMON_FILES, "reader": (*COMMON_FILES, LIBRARY_FILE)}  # of each kind, beside model.json
 
 
 @dataclass(frozen=True)
@@ -44,7 +59,7 @@ def read_folder(path: Path) -> ModelFolder:
     if not path.is_dir():
         raise ModelError(f"{path}: no such folder; `scleraforce train DATASET --out MODEL` makes one")
     record = _read_record(path / RECORD_FILE)
-    files = {name: _read_bytes(path / name) for name in (NETWORK_FILE, STUDY_FILE, CARD_FILE)}
+    files = {name: _read_bytes(path / name) for name in FILES[record["kind"]]}
     for name, content in files.items():
         _check_hash(path, name, content, record["files"])
     return ModelFolder(path, MappingProxyType(files), MappingProxyType(record))
@@ -55,7 +70,8 @@ def _read_bytes(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as fault:
         raise ModelError(
-            f"{path}: {fault.strerror}; a model folder has model.onnx, study.toml, card.md and model.json"
+            f"{path}: {fault.strerror}; a model folder has model.onnx, study.toml, card.md and model.json, a reader's "
+            "library.npz as well"
         ) from fault
 
 
@@ -67,8 +83,8 @@ def _read_record(path: Path) -> dict[str, Any]:
     if not isinstance(record, dict) or record.get("format") != FORMAT:
         found = record.get("format") if isinstance(record, dict) else None
         raise ModelError(f"{path}: format: found {found!r}, this version reads {FORMAT}; train the model again")
-    if record.get("kind") not in KINDS:
-        raise ModelError(f"{path}: kind: found {record.get('kind')!r}, this version reads {', '.join(KINDS)}")
+    if record.get("kind") not in FILES:
+        raise ModelError(f"{path}: kind: found {record.get('kind')!r}, this version reads {', '.join(FILES)}")
     if not isinstance(record.get("files"), dict):
         raise ModelError(f"{path}: files: expected the SHA-256 of each file by name")
     return record

@@ -8,17 +8,32 @@ import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from numpy.typing import NDArray
 
-from scleraforce.errors import ModelError, StudyError
-from scleraforce.reader.folder import NETWORK_FILE, STUDY_FILE, ModelFolder, read_folder, sha256
+from scleraforce.errors import InputError, ModelError, StudyError
+from scleraforce.library.files import load_library
+from scleraforce.library.responses import Library
+from scleraforce.reader.folder import (
+    LIBRARY_FILE,
+    NETWORK_FILE,
+    RECORD_FILE,
+    STUDY_FILE,
+    ModelFolder,
+    read_folder,
+    sha256,
+)
+from scleraforce.reader.readings import METHODS
+from scleraforce.reader.slice_network import OnnxSliceNetwork
+from scleraforce.reader.wall_reader import WallReader
 from scleraforce.study import Study, parse_study
 
-__all__ = ["ForceReader", "load_model"]
+__all__ = ["ForceReader", "load_classifier", "load_model"]
 
 INPUT, OUTPUT = "slices", "probabilities"
 
 
 class ForceReader:
-    """Reads the force class from slices. Made by `load_model`; its network, study and hashes belong together.
+    """A model of kind "classifier": reads the force class from slices.
+
+    Made by `load_model`; its network, study and hashes belong together.
 
     The same slices give the same answer: the session runs on the CPU with a fixed number of threads.
     """
@@ -72,7 +87,7 @@ class ForceReader:
         return result
 
 
-def load_model(path: Path, threads: int = 1) -> ForceReader:
+def load_model(path: Path, threads: int = 1) -> ForceReader | WallReader:
     """Load a model folder.
 
     Args:
@@ -80,13 +95,49 @@ def load_model(path: Path, threads: int = 1) -> ForceReader:
         threads: of ONNX Runtime within one operation; 1 is fastest for single slices.
 
     Raises:
-        ModelError: a file is missing, was changed, or is not a network for the study beside it.
+        ModelError: a file is missing, was changed, or does not fit the study beside it.
     """
     folder = read_folder(path)
     study = _study(folder)
     session = _session(folder, threads)
-    _check_network(folder, study, session)
-    return ForceReader(folder, study, session)
+    if folder.record["kind"] == ForceReader.kind:
+        _check_network(folder, study, session)
+        _check_provenance(folder, session)
+        return ForceReader(folder, study, session)
+    network = OnnxSliceNetwork(session, study, str(folder.path / NETWORK_FILE))
+    _check_provenance(folder, session)
+    return WallReader(folder.path, study, folder.record, network, _library(folder), _default(folder))
+
+
+def load_classifier(path: Path, threads: int = 1) -> ForceReader:
+    """Load a model folder of kind "classifier"; arguments and errors of `load_model`.
+
+    Raises:
+        ModelError: it is of another kind.
+    """
+    model = load_model(path, threads)
+    if not isinstance(model, ForceReader):
+        raise ModelError(f"{path}: kind: found {model.kind!r}, a classifier is needed here")
+    return model
+
+
+def _library(folder: ModelFolder) -> Library:
+    """Read the library, and have it prepare what its first evaluation would otherwise wait for."""
+    try:
+        library = load_library(folder.path / LIBRARY_FILE, folder.files[LIBRARY_FILE])
+    except InputError as fault:
+        raise ModelError(str(fault)) from fault
+    library.at_tip(library.thickness_m[:1], library.iop_ratio[:1], library.tip_m[:1])
+    return library
+
+
+def _default(folder: ModelFolder) -> str:
+    """Return which method answers."""
+    default = folder.record.get("default")
+    if default not in METHODS:
+        place = folder.path / RECORD_FILE
+        raise ModelError(f"{place}: default: found {default!r}, expected {' or '.join(METHODS)}")
+    return str(default)
 
 
 def _study(folder: ModelFolder) -> Study:
@@ -120,6 +171,11 @@ def _check_network(folder: ModelFolder, study: Study, session: onnxruntime.Infer
         )
     if outputs != {OUTPUT: ("tensor(float)", [classes])}:
         raise ModelError(f"{place}: output: found {outputs}, expected {classes} floats '{OUTPUT}'")
+
+
+def _check_provenance(folder: ModelFolder, session: onnxruntime.InferenceSession) -> None:
+    """Check that the network was made with the study beside it."""
     stated = session.get_modelmeta().custom_metadata_map.get("study_sha256")
     if stated != sha256(folder.files[STUDY_FILE]):
+        place = folder.path / NETWORK_FILE
         raise ModelError(f"{place}: study_sha256: {stated} is not the study in {STUDY_FILE}; train the model again")

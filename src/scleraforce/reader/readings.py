@@ -46,13 +46,16 @@ def fit_reading(fit: BoundaryFit, bounds_n: tuple[float, ...]) -> Reading:
 def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str | None:
     """Return a sentence where two methods differ by more than their intervals together, None where they agree.
 
-    The intervals count as independent: their half widths towards each other add in squares.
+    The intervals count as independent: their half widths towards each other add in squares. A check that is no number
+    is no agreement.
 
     >>> near, far = Reading((0, 1, 0), 0.010, (0.009, 0.011), 0.0), Reading((0, 1, 0), 0.013, (0.011, 0.015), 0.0)
     >>> disagreement(near, near, ("network", "fit"))
     >>> disagreement(near, far, ("network", "fit"))
     'the network reads 10.0 mN, the fit 13.0 mN: more apart than their intervals allow'
     """
+    if not check.finite:
+        return f"what the {names[1]} reads is no number: nothing checks the {names[0]}"
     low, high = sorted((answer, check), key=lambda reading: reading.force_n)
     together = hypot(low.interval_n[1] - low.force_n, high.force_n - high.interval_n[0])
     if high.force_n - low.force_n <= together:

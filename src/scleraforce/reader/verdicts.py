@@ -10,8 +10,9 @@ from scleraforce.reader.fit_prediction import SIZE, THICKNESS
 from scleraforce.reader.library_fit import BoundaryFit, Prior
 from scleraforce.study import SliceStudy
 
-__all__ = ["allows_calibration", "dent_leaves", "fit_leaves", "no_wall_of_an_eye"]
+__all__ = ["allows_calibration", "dent_leaves", "fit_leaves", "no_wall_of_an_eye", "too_little_wall"]
 
+LEAST_WALL_SHARE = 0.5  # of the slice's width: over less, a wall and its dent cannot be told from another's
 # Virtual eyes (docs/reader.md): 99.9 % of their frames lie below these.
 MISFIT_M = 45e-6
 OUTLIERS = 0.25
@@ -43,6 +44,25 @@ def fit_leaves(fit: BoundaryFit, slice_study: SliceStudy) -> bool:
     lateral_m, depth_m = fit.wall_bmc[0].T
     dent = depth_m[np.abs(lateral_m - fit.contact_m) < DENT_M]
     return bool(dent.max(initial=0.0) > slice_study.rows * slice_study.pixel_m)
+
+
+def too_little_wall(
+    lateral_m: NDArray[np.float64], depth_bc: NDArray[np.float64], slice_study: SliceStudy
+) -> str | None:
+    """Return why too little of a wall is seen to read it, None where enough is.
+
+    Args:
+        lateral_m: lateral places of a frame's columns from the middle (column,), m.
+        depth_bc: depth of the boundaries there (2, column), m, NaN where unseen.
+        slice_study: the slice that is read otherwise.
+    """
+    width_m = slice_study.columns * slice_study.pixel_m
+    inside = np.abs(lateral_m) <= width_m / 2
+    column_m = float(lateral_m[1] - lateral_m[0])
+    seen_m = column_m * np.count_nonzero(np.isfinite(depth_bc[0, inside]))
+    if seen_m >= LEAST_WALL_SHARE * width_m:
+        return None
+    return f"{seen_m * 1e3:.1f} mm of the wall are seen, not {LEAST_WALL_SHARE * width_m * 1e3:.1f} mm"
 
 
 def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from scleraforce.reader import ForceReader, load_model
+from scleraforce.reader import ForceReader, load_classifier
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report.calibration_section import calibration_section, left_out_section
 from scleraforce.report.deviations import DEVIATIONS
@@ -52,7 +52,7 @@ def write_reproduction_html(run: Run, evaluation: Evaluation, seconds: Mapping[s
         seconds: what the stages took.
         progress: called with 1 after each figure.
     """
-    reader = load_model(run.model)
+    reader = load_classifier(run.model)
     first = run.recordings / evaluation.frames[0].eye
 
     def drawn(block: Html) -> Html:
