@@ -211,7 +211,7 @@ class Library:
         support = np.arange(SUPPORT)
         rows = (t[:, None] + support)[:, :, None] * len(self.iop_ratio) + (p[:, None] + support)[:, None]
         weights = of_t[:, :, None] * of_p[:, None]
-        return rows.reshape(len(t), -1), weights.reshape(len(t), -1)
+        return rows.reshape(len(t), SUPPORT**2), weights.reshape(len(t), SUPPORT**2)
 
     def _check_wall(self, thickness_m: Floats, iop_ratio: Floats) -> None:
         _check("thickness", thickness_m, *self._ends(self.thickness_m), 1e6, "um")
