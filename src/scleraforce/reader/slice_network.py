@@ -1,0 +1,81 @@
+"""The reader's network: a slice and what is known of the eye in, a histogram of F/E and the contact's place out."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import onnxruntime  # type: ignore[import-untyped]  # it ships no types
+from numpy.typing import NDArray
+
+from scleraforce.errors import ModelError
+from scleraforce.reader.force_distribution import class_probabilities, force_distribution, ratio_edges
+from scleraforce.reader.given import GIVEN, Told, given_inputs, told_modulus
+from scleraforce.reader.known import Known
+from scleraforce.reader.readings import Reading
+from scleraforce.study import Study
+
+__all__ = ["CONTACT", "HISTOGRAM", "INPUTS", "OnnxSliceNetwork", "told_of"]
+
+SLICES, TOLD = INPUTS = ("slices", "given")
+HISTOGRAM, CONTACT = "histogram", "contact_m"
+
+
+class OnnxSliceNetwork:
+    """A network that ONNX Runtime runs.
+
+    Inputs: `slices` uint8 (n, row, column) and `given` float32 (n, len(GIVEN)). Outputs: `histogram` float32 (n, bin),
+    the probability of bins of F/E, E the modulus that it was told, and `contact_m` float32 (n,), the needle's place
+    from the slice's middle.
+
+    Raises:
+        ModelError: the network has other inputs or outputs than its study asks for; names `place`.
+    """
+
+    def __init__(self, session: onnxruntime.InferenceSession, study: Study, place: str) -> None:
+        self._session, self._study, self._place = session, study, place
+        self._edges_m2 = ratio_edges(study.reader.bins, study.reader.max_force_ratio)
+        self._check()
+
+    @property
+    def provenance(self) -> Mapping[str, str]:
+        """What the network's file says about its making."""
+        metadata: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
+        return metadata
+
+    def read(self, cut: NDArray[np.uint8], known: Known) -> Reading:
+        """Return what the network reads in a slice (row, column) of an eye."""
+        told = told_of(known)
+        inputs = {SLICES: np.ascontiguousarray(cut[np.newaxis]), TOLD: given_inputs(told, self._study.reader)}
+        histogram, contact_m = self._session.run([HISTOGRAM, CONTACT], inputs)
+        modulus_pa, _ = told_modulus(told, self._study.reader)
+        forces = force_distribution(histogram, self._edges_m2, modulus_pa)
+        low_n, high_n = forces.interval_n[0].tolist()
+        return Reading(
+            tuple(class_probabilities(forces, self._study.classes.bounds_n)[0].tolist()),
+            float(forces.median_n[0]),
+            (low_n, high_n),
+            float(contact_m[0]),
+        )
+
+    def _check(self) -> None:
+        rows, columns = self._study.slice.rows, self._study.slice.columns
+        inputs = {item.name: (item.type, item.shape[1:]) for item in self._session.get_inputs()}
+        outputs = {item.name: (item.type, item.shape[1:]) for item in self._session.get_outputs()}
+        wanted = {SLICES: ("tensor(uint8)", [rows, columns]), TOLD: ("tensor(float)", [len(GIVEN)])}
+        if inputs != wanted:
+            raise ModelError(f"{self._place}: inputs: found {inputs}, its study asks for {wanted}")
+        wanted = {HISTOGRAM: ("tensor(float)", [self._study.reader.bins]), CONTACT: ("tensor(float)", [])}
+        if outputs != wanted:
+            raise ModelError(f"{self._place}: outputs: found {outputs}, its study asks for {wanted}")
+
+
+def told_of(known: Known) -> Told:
+    """Return what is known of one eye as the network's training put it, arrays (1,), NaN where it is not known."""
+    modulus = known.modulus
+    values = (
+        modulus.mean_pa if modulus else None,
+        modulus.relative_sd if modulus else None,
+        known.iop_pa,
+        known.thickness_m,
+        known.gap_m,
+    )
+    return Told(*(np.array([np.nan if value is None else value]) for value in values))
