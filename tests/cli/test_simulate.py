@@ -1,6 +1,8 @@
 import json
 from pathlib import Path
 
+import meshio
+import numpy as np
 import pytest
 
 from scleraforce.cli.main import run
@@ -92,3 +94,26 @@ def test_bad_input_is_exit_code_2_and_one_line_that_names_it(options: dict, name
     err = capsys.readouterr().err
     assert named in err
     assert err.count("\n") == 1
+
+
+def test_finite_strain_softens_past_the_thickness_and_the_study_or_the_option_asks_for_it(tmp_path, capsys) -> None:
+    path = tmp_path / "finite.toml"
+    path.write_text('[mesh]\ncore = 4\nrings = 6\n[mechanics]\nkind = "finite-strain"\n')
+    options = ("--study", str(path), "--thickness-um", "800", "--youngs-modulus-mpa", "0.3")
+    small, large, linear = (
+        simulated(capsys, *options, *more)
+        for more in (
+            ("--force-mn", "3"),
+            ("--force-mn", "24", "--vtu", str(tmp_path / "eye.vtu"), "--plot", str(tmp_path / "eye.png")),
+            ("--force-mn", "24", "--mechanics", "linear"),
+        )
+    )
+    assert [answer["mechanics"] for answer in (small, large, linear)] == ["finite-strain", "finite-strain", "linear"]
+    assert large["elements"] == 4**2 + 6 * 16
+    assert large["tip_displacement_mm"] > 8.5 * small["tip_displacement_mm"]  # 8 times the force
+    assert large["tip_displacement_mm"] > 1.1 * linear["tip_displacement_mm"]
+    mesh = meshio.read(tmp_path / "eye.vtu")
+    assert (
+        np.linalg.norm(mesh.point_data["needle_displacement"], axis=1).max() * 1e3 > 0.9 * large["tip_displacement_mm"]
+    )
+    assert (tmp_path / "eye.png").stat().st_size > 10_000

@@ -164,7 +164,12 @@ def test_command_writes_a_recording_and_prints_json(tmp_path, capsys):
     out = tmp_path / "eye"
     arguments = ["phantom", "--study", str(study), "--out", str(out), "--eye", "pig", "--forces-mn", "30,2", "--json"]
     assert run([*arguments, "--thickness-um", "700", "--iop-mmhg", "3"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"recording": str(out), "frames": 2, "seed": 0}
+    assert json.loads(capsys.readouterr().out) == {
+        "recording": str(out),
+        "frames": 2,
+        "seed": 0,
+        "mechanics": "linear",
+    }
     recording = read_recording(out)
     assert recording.info.eye.id == "pig"
     assert recording.info.eye.thickness_m == 700e-6

@@ -2,14 +2,15 @@
 
 import json
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from math import isfinite
 from typing import Any, TypeVar
 
 import click
 from tqdm import tqdm
 
-__all__ = ["print_json", "progress_bar"]
+__all__ = ["print_json", "progress_bar", "share_bar"]
 
 Item = TypeVar("Item")
 
@@ -22,6 +23,18 @@ def print_json(result: Mapping[str, Any]) -> None:
 def progress_bar(items: Iterable[Item], title: str, total: int | None = None) -> "tqdm[Item]":
     """Show a bar on standard error while `items` are used up; nothing where that is not a terminal."""
     return tqdm(items, desc=title, total=total, file=sys.stderr, disable=None, leave=False, dynamic_ncols=True)
+
+
+@contextmanager
+def share_bar(title: str) -> Iterator[Callable[[float], None]]:
+    """Show a bar in per cent for work that says which share of it is done: what is yielded is called with that."""
+    bar: tqdm[None]
+    with progress_bar((), title, total=100) as bar:
+
+        def reach(share: float) -> None:
+            bar.update(max(int(100.0 * share) - bar.n, 0))
+
+        yield reach
 
 
 def _finite(value: Any) -> Any:

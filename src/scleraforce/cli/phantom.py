@@ -1,11 +1,12 @@
 """`scleraforce phantom`: make a virtual acquisition."""
 
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 
 import click
 
-from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.cli.output import print_json, progress_bar, share_bar
 from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study
 from scleraforce.units import mmhg_to_pa
@@ -46,6 +47,8 @@ class Forces(click.ParamType[tuple[float, ...]]):
 @click.option("--azimuth-deg", type=float, default=0.0, show_default=True, help="Contact, about the pole.")
 @click.option("--direction-deg", type=float, default=0.0, show_default=True, help="B-scan plane about the needle axis.")
 @click.option("--tilt-deg", type=float, default=0.0, show_default=True, help="B-scan plane against the needle axis.")
+@click.option("--mechanics", type=click.Choice(["linear", "finite-strain"]), help="How the wall bends; the study's by "
+              "default (linear, if it does not say).")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of all that is drawn; the study's by default.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def phantom(
@@ -61,21 +64,25 @@ def phantom(
     azimuth_deg: float,
     direction_deg: float,
     tilt_deg: float,
+    mechanics: str | None,
     seed: int | None,
     as_json: bool,
 ) -> None:
     """Make a virtual acquisition: raw B-scans, a force log, truth.json.
 
-    The eye's wall is bent by linear mechanics; [phantom] of the study has the
-    ranges from which light, noise, shadows, timing and sensor are drawn.
+    [phantom] of the study has the ranges from which light, noise, shadows,
+    timing and sensor are drawn; [form] shapes eyes that are not spheres
+    (finite strain only).
 
     Example: scleraforce phantom --out eye-1 --thickness-um 800 --forces-mn 2,10,40
     """
     # Imported here: mechanics takes longer to import than the help to print.
     from scleraforce.recording.phantom import plan_phantom, write_phantom
-    from scleraforce.recording.virtual_eye import PhantomEye, linear_sections
+    from scleraforce.recording.virtual_eye import PhantomEye, study_sections
 
     study = Study() if study_path is None else read_study(study_path)
+    if mechanics is not None:
+        study = replace(study, mechanics=replace(study.mechanics, kind=mechanics))
     if out.exists():
         raise InputError(f"{out}: exists already; remove it or choose another folder")
     eye = PhantomEye(
@@ -90,9 +97,17 @@ def phantom(
         tilt_rad=radians(tilt_deg),
     )
     plan = plan_phantom(eye, forces_mn, study, study.phantom.seed if seed is None else seed)
+    with share_bar("load path") as reach:
+        sections_at = study_sections(eye, study, reach)
+        sections_at([max(plan.forces_n)])  # a load path is computed here, once: frames then come fast
     with progress_bar(plan.frames, "frames") as bar:
-        write_phantom(out, plan, linear_sections(eye, study), study, bar.update)
-    result = {"recording": str(out), "frames": len(plan.frames), "seed": plan.seed}
+        write_phantom(out, plan, sections_at, study, bar.update)
+    result = {
+        "recording": str(out),
+        "frames": len(plan.frames),
+        "seed": plan.seed,
+        "mechanics": study.mechanics.kind,
+    }
     if as_json:
         print_json(result)
     else:

@@ -7,7 +7,7 @@ from time import perf_counter
 
 import click
 
-from scleraforce.cli.output import print_json
+from scleraforce.cli.output import print_json, share_bar
 from scleraforce.errors import InputError
 from scleraforce.study import Choice, Study, fixed, read_study
 from scleraforce.study.fields import Unit, check_number
@@ -26,8 +26,8 @@ FORCE = Unit("mn", 0.0, 1000.0)
 @click.option("--iop-mmhg", type=float, help="Intraocular pressure; the study's by default.")
 @click.option("--polar-angle-deg", type=float, help="Contact, from the pole; the middle of the study's by default.")
 @click.option("--gap-mm", type=float, help="B-scan plane to needle axis; the study's by default.")
-@click.option("--mechanics", type=click.Choice(["linear"]), default="linear", show_default=True,
-              help="Linear: small displacements.")  # fmt: skip
+@click.option("--mechanics", type=click.Choice(["linear", "finite-strain"]), help="Small displacements, or any; the "
+              "study's by default (linear, if it does not say).")  # fmt: skip
 @click.option("--vtu", type=click.Path(path_type=Path), help="Write the mesh and its displacement (VTK) here.")
 @click.option(
     "--plot",
@@ -43,7 +43,7 @@ def simulate(
     iop_mmhg: float | None,
     polar_angle_deg: float | None,
     gap_mm: float | None,
-    mechanics: str,
+    mechanics: str | None,
     vtu: Path | None,
     plot: Path | None,
     as_json: bool,
@@ -58,6 +58,8 @@ def simulate(
 
     study = Study() if study_path is None else read_study(study_path)
     study = _with_options(study, thickness_um, youngs_modulus_mpa, iop_mmhg, polar_angle_deg, gap_mm)
+    if mechanics is not None:
+        study = replace(study, mechanics=replace(study.mechanics, kind=mechanics))
     check_number("force_mn", force_mn, FORCE)
     for path in filter(None, (vtu, plot)):
         if path.exists():
@@ -69,7 +71,8 @@ def simulate(
 
     start = perf_counter()
     contact = Contact(sum(study.needle.polar_angle_rad.bounds) / 2)
-    eye = simulate_eye(study, study.eye.thickness_m.bounds[0], FORCE.to_si(force_mn), contact)
+    with share_bar("load path") as reach:
+        eye = simulate_eye(study, study.eye.thickness_m.bounds[0], FORCE.to_si(force_mn), contact, reach)
     seconds = perf_counter() - start
     if vtu is not None:
         from scleraforce.report.simulation_files import write_vtu
@@ -85,13 +88,13 @@ def simulate(
         "elements": len(eye.mesh.cells_en),
         "dofs": eye.mesh.points_nc.size,
         "seconds": round(seconds, 3),
-        "mechanics": mechanics,
+        "mechanics": study.mechanics.kind,
     }
     if as_json:
         print_json(result)
         return
     click.echo(f"the contact sinks in by {eye.tip_m * 1e3:.3f} mm under {n_to_mn(eye.force_n):g} mN")
-    if eye.tip_m > eye.mesh.thickness_m:
+    if study.mechanics.kind == "linear" and eye.tip_m > eye.mesh.thickness_m:
         click.echo(f"that is {eye.tip_m / eye.mesh.thickness_m:.1f} times the wall's thickness: more than linear "
                    "mechanics describes")  # fmt: skip
     click.echo(f"{result['elements']} elements, {result['dofs']} unknowns, {seconds:.1f} s")

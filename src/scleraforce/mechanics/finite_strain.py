@@ -27,7 +27,7 @@ from scleraforce.mechanics.pressure import InnerSurface
 from scleraforce.mechanics.supports import clamped_base
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
-__all__ = ["FiniteWall", "LoadPath"]
+__all__ = ["LARGEST_STEP_M", "FiniteWall", "LoadPath"]
 
 Floats = NDArray[np.float64]
 

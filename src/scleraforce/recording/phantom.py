@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from scleraforce import __version__
 from scleraforce.errors import RecordingError
+from scleraforce.eye.form import thickness_factor
 from scleraforce.imaging.bscan import Bscan, render_bscan
 from scleraforce.imaging.optics import BscanOptics, Pose, sample_optics
 from scleraforce.imaging.plane import Section
@@ -61,6 +62,12 @@ class PhantomPlan:
     def pushes(self) -> tuple[Push, ...]:
         """The pushes, in order."""
         return tuple(frame.push for frame in self.frames)
+
+    @property
+    def forces_n(self) -> list[float]:
+        """The true force at each frame's time, in N."""
+        times_s = np.array([push.frame_s for push in self.pushes])
+        return [float(f"{force_n:.12g}") for force_n in true_force(self.pushes, times_s)]
 
 
 def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed: int) -> PhantomPlan:
@@ -110,7 +117,7 @@ def write_phantom(
     Args:
         out: the folder; it appears when it is complete, and must not exist yet (an empty one may).
         plan: what to acquire.
-        sections_at: the eye's sections for needle forces in N (`linear_sections`).
+        sections_at: the eye's sections for needle forces in N (`study_sections`).
         study: frame size, classes, needle; the one that the plan was drawn from.
         progress: called with 1 after each frame.
 
@@ -124,8 +131,7 @@ def write_phantom(
         shutil.rmtree(partial, ignore_errors=True)
         (partial / "frames").mkdir(parents=True)
         _write_tables(partial, plan, study)
-        forces_n = _forces_at_frames(plan)
-        for frame, section in zip(plan.frames, sections_at(forces_n), strict=True):
+        for frame, section in zip(plan.frames, sections_at(plan.forces_n), strict=True):
             (partial / "frames" / frame.file).write_bytes(_png(render_frame(frame, section, study).frame))
             if progress is not None:
                 progress(1)
@@ -169,7 +175,6 @@ def _info(eye: PhantomEye, study: Study) -> RecordingInfo:
 
 
 def _truth(plan: PhantomPlan, study: Study) -> dict[str, Any]:
-    forces_n = _forces_at_frames(plan)
     versions = {
         "scleraforce": __version__,
         "numpy": np.__version__,
@@ -181,7 +186,11 @@ def _truth(plan: PhantomPlan, study: Study) -> dict[str, Any]:
         "versions": versions,
         "study_hash": study_hash(study),
         "seed": plan.seed,
+        "mechanics": asdict(study.mechanics),
         "eye": asdict(plan.eye),
+        "form": asdict(study.form),
+        "thickness_at_contact_m": _thickness_at_contact(plan.eye, study),
+        "needle": asdict(study.needle),
         "sensor": asdict(plan.sensor),
         "frames": [
             {
@@ -194,15 +203,13 @@ def _truth(plan: PhantomPlan, study: Study) -> dict[str, Any]:
                 "optics": asdict(frame.optics),
                 "seed": list(frame.seed),
             }
-            for frame, force_n in zip(plan.frames, forces_n, strict=True)
+            for frame, force_n in zip(plan.frames, plan.forces_n, strict=True)
         ],
     }
 
 
-def _forces_at_frames(plan: PhantomPlan) -> list[float]:
-    """Return the true force at each frame's time, in N."""
-    times_s = np.array([push.frame_s for push in plan.pushes])
-    return [float(f"{force_n:.12g}") for force_n in true_force(plan.pushes, times_s)]
+def _thickness_at_contact(eye: PhantomEye, study: Study) -> float:
+    return eye.thickness_m * float(thickness_factor(study.form, eye.plane.contact.normal))
 
 
 def _png(frame: NDArray[np.uint16]) -> bytes:

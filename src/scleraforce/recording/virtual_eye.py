@@ -12,12 +12,23 @@ from scleraforce.eye.study_mesh import study_mesh
 from scleraforce.imaging.plane import ScanPlane, Section
 from scleraforce.imaging.section import cut_sections
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.study_path import BentEye, bend_eye
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
-__all__ = ["PhantomEye", "SectionsAt", "linear_sections", "paper_eyes"]
+__all__ = [
+    "PhantomEye",
+    "SectionsAt",
+    "check_linear",
+    "finite_strain_sections",
+    "linear_sections",
+    "paper_eyes",
+    "study_sections",
+]
 
 SectionsAt = Callable[[Sequence[float]], Sequence[Section]]
+
+FORCES_AT_ONCE = 16  # whose displacements are cut together: 30 MB of them at the default mesh
 
 
 @dataclass(frozen=True)
@@ -55,11 +66,83 @@ class PhantomEye:
         return ScanPlane(Contact(self.polar_rad, self.azimuth_rad), self.gap_m, self.direction_rad, self.tilt_rad)
 
 
+def study_sections(eye: PhantomEye, study: Study, progress: Callable[[float], object] | None = None) -> SectionsAt:
+    """Return the function that gives an eye's sections for needle forces in N, from the study's `[mechanics]`.
+
+    `progress` is for a load path: called with the share of it that is done.
+
+    Raises:
+        InputError: linear mechanics for an eye that it does not know.
+    """
+    if study.mechanics.kind == "linear":
+        return linear_sections(eye, study)
+    return finite_strain_sections(eye, study, progress)
+
+
+def check_linear(study: Study) -> None:
+    """Check that a study's eye is one that linear mechanics knows.
+
+    Raises:
+        InputError: it has a form, or the needle leans, or the globe is sealed.
+    """
+    found = {
+        "[form]": not study.form.is_plain,
+        "[needle] tilt_deg": study.needle.tilt_rad != 0.0,
+        "[mechanics] sealed": study.mechanics.sealed,
+    }
+    for name in (name for name, given in found.items() if given):
+        raise InputError(f'mechanics: "linear" does not know {name}; "finite-strain" would do')
+
+
+def finite_strain_sections(
+    eye: PhantomEye, study: Study, progress: Callable[[float], object] | None = None
+) -> SectionsAt:
+    """Return the function that gives an eye's sections for needle forces in N, from finite-strain mechanics.
+
+    Its first call computes the load path, up to the largest force that it is given (some 10 s on one core), and so does
+    a later call with a larger one. All but thickness, modulus, pressure and contact is the study's: see `bend_eye`,
+    whose errors the function raises, and those of `cut_sections`. Eye and study can be sent to another process.
+
+    Args:
+        eye: the eye and the plane of the B-scan.
+        study: its form, needle, mesh and mechanics.
+        progress: called with the share of the largest force that the path has reached.
+    """
+    bent: BentEye | None = None
+
+    def sections_at(forces_n: Sequence[float]) -> Sequence[Section]:
+        nonlocal bent
+        largest_n = max(forces_n, default=0.0)
+        if bent is None or bent.path.max_force_n < largest_n:
+            bent = bend_eye(
+                study,
+                eye.plane.contact,
+                thickness_m=eye.thickness_m,
+                youngs_modulus_pa=eye.youngs_modulus_pa,
+                iop_pa=eye.iop_pa,
+                max_force_n=largest_n,
+                progress=progress,
+            )
+        parts = [forces_n[start : start + FORCES_AT_ONCE] for start in range(0, len(forces_n), FORCES_AT_ONCE)]
+        return [section for part in parts for section in _cut_states(bent, eye.plane, part)]
+
+    return sections_at
+
+
+def _cut_states(bent: BentEye, plane: ScanPlane, forces_n: Sequence[float]) -> list[Section]:
+    states_fnc = np.stack([bent.path.displacement_nc(force_n) for force_n in forces_n])
+    return cut_sections(bent.mesh, [plane], states_fnc, np.eye(len(forces_n))[None])[0]
+
+
 def linear_sections(eye: PhantomEye, study: Study) -> SectionsAt:
     """Return the function that gives an eye's sections for needle forces in N, from linear mechanics.
 
     The wall is factored here, once. Radius, Poisson's ratio, density, mesh and needle are the study's.
+
+    Raises:
+        InputError: the study's eye is one that linear mechanics does not know.
     """
+    check_linear(study)
     plane = eye.plane
     wall = LinearWall(study_mesh(study, eye.thickness_m, plane.contact), study.eye.poisson_ratio)
     needle_nc = wall.needle_cnc([plane.contact], study.needle.outer_diameter_m / 2)[0]

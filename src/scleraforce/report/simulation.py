@@ -1,5 +1,6 @@
 """One simulated eye under one force: what `simulate` shows, and the deformed mesh of the paper's Fig. 1b."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,8 @@ from scleraforce.imaging.plane import ScanPlane, SliceWindow
 from scleraforce.imaging.section import cut_sections
 from scleraforce.imaging.slices import fill_section, slice_window
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
+from scleraforce.mechanics.study_path import bend_eye
+from scleraforce.recording.virtual_eye import check_linear
 from scleraforce.study import Study
 
 __all__ = ["SimulatedEye", "simulate_eye"]
@@ -24,7 +27,8 @@ class SimulatedEye:
     """A wall with the needle on it.
 
     `displacement_nc` (node, 3) in m, from the unloaded wall; `needle_nc` (node, 3) the needle's part of it, from the
-    state under IOP and gravity. `slice` (rows, columns): 255 = wall, in `window`.
+    state under IOP and gravity. `tip_m`: inward displacement of the outer surface at the contact along the needle axis
+    from that state. `slice` (rows, columns): 255 = wall, in `window`.
     """
 
     mesh: HexMesh
@@ -32,22 +36,75 @@ class SimulatedEye:
     force_n: float
     displacement_nc: Floats
     needle_nc: Floats
+    tip_m: float
     slice: NDArray[np.uint8]
     window: SliceWindow
 
-    @property
-    def tip_m(self) -> float:
-        """Inward displacement of the outer surface at the contact, from the state without the needle, in m."""
-        return tip_displacement(self.mesh, self.contact, self.needle_nc)
+
+@dataclass(frozen=True, eq=False)
+class _Bent:
+    """A wall without and with the needle: displacements (node, 3) from the unloaded wall, and the tip's."""
+
+    mesh: HexMesh
+    resting_nc: Floats
+    displacement_nc: Floats
+    tip_m: float
 
 
-def simulate_eye(study: Study, thickness_m: float, force_n: float, contact: Contact) -> SimulatedEye:
-    """Bend a wall of the study's material by linear mechanics and cut its slice beside the needle.
+def simulate_eye(
+    study: Study,
+    thickness_m: float,
+    force_n: float,
+    contact: Contact,
+    progress: Callable[[float], object] | None = None,
+) -> SimulatedEye:
+    """Bend a wall by the study's `[mechanics]` and cut its slice beside the needle.
+
+    `progress` is for a load path: called with the share of it that is done.
 
     Raises:
-        InputError: the needle or the B-scan plane misses the wall.
-        SolverError: the wall deforms too much to be cut.
+        InputError: the needle or the B-scan plane misses the wall, or linear mechanics does not know such an eye.
+        SolverError: the wall deforms too much to be cut, or no equilibrium was found.
     """
+    if study.mechanics.kind == "linear":
+        bent = _bend_linearly(study, thickness_m, force_n, contact)
+    else:
+        bent = _bend(study, thickness_m, force_n, contact, progress)
+    plane = ScanPlane(contact, study.needle.gap_m)
+    modes_knc = np.stack([bent.resting_nc, bent.displacement_nc])
+    resting, loaded = cut_sections(bent.mesh, [plane], modes_knc, np.eye(2)[None])[0]
+    window = slice_window(study.slice, top_m=float(resting.outer[:, 1].min()))
+    return SimulatedEye(
+        mesh=bent.mesh,
+        contact=contact,
+        force_n=force_n,
+        displacement_nc=bent.displacement_nc,
+        needle_nc=bent.displacement_nc - bent.resting_nc,
+        tip_m=bent.tip_m,
+        slice=fill_section(loaded, window),
+        window=window,
+    )
+
+
+def _bend(
+    study: Study, thickness_m: float, force_n: float, contact: Contact, progress: Callable[[float], object] | None
+) -> _Bent:
+    modulus_pa, iop_pa = study.eye.youngs_modulus_pa, study.eye.iop_pa
+    bent = bend_eye(
+        study,
+        contact,
+        thickness_m=thickness_m,
+        youngs_modulus_pa=modulus_pa,
+        iop_pa=iop_pa,
+        max_force_n=force_n,
+        progress=progress,
+    )
+    path = bent.path
+    return _Bent(bent.mesh, path.displacement_nc(0.0), path.displacement_nc(force_n), path.tip_m(force_n))
+
+
+def _bend_linearly(study: Study, thickness_m: float, force_n: float, contact: Contact) -> _Bent:
+    check_linear(study)
     eye = study.eye
     wall = LinearWall(study_mesh(study, thickness_m, contact), eye.poisson_ratio)
     unit_nc = wall.needle_cnc([contact], 0.5 * study.needle.outer_diameter_m)[0]
@@ -61,16 +118,5 @@ def simulate_eye(study: Study, thickness_m: float, force_n: float, contact: Cont
         )
         for force in (0.0, force_n)
     )
-    plane = ScanPlane(contact, study.needle.gap_m)
-    modes_knc = np.stack([resting_nc, displacement_nc])
-    resting, loaded = cut_sections(wall.mesh, [plane], modes_knc, np.eye(2)[None])[0]
-    window = slice_window(study.slice, top_m=float(resting.outer[:, 1].min()))
-    return SimulatedEye(
-        mesh=wall.mesh,
-        contact=contact,
-        force_n=force_n,
-        displacement_nc=displacement_nc,
-        needle_nc=displacement_nc - resting_nc,
-        slice=fill_section(loaded, window),
-        window=window,
-    )
+    tip_m = tip_displacement(wall.mesh, contact, displacement_nc - resting_nc)
+    return _Bent(wall.mesh, resting_nc, displacement_nc, tip_m)

@@ -1,0 +1,90 @@
+"""The load path of a study's eye: its form, its material, the needle's axis, how the pressure acts."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import sqrt
+
+from scleraforce.eye.contact import Contact
+from scleraforce.eye.form import form_mesh
+from scleraforce.eye.graded import graded_mesh
+from scleraforce.eye.mesh import HexMesh
+from scleraforce.mechanics.finite_strain import LARGEST_STEP_M, FiniteWall, LoadPath
+from scleraforce.mechanics.loads import pressure_load
+from scleraforce.mechanics.needle import needle_at
+from scleraforce.mechanics.quadrature import gauss_points
+from scleraforce.study import Study
+
+__all__ = ["BentEye", "bend_eye"]
+
+LEAST_FORCE_N = 1e-4  # a path goes at least that far: the state without the needle alone is none
+LEAST_STATES = 4  # of a path: fewer would not do for a cubic in the tip
+STEPS_TO_LINEAR_TIP = 3.0  # steps of the path over the dent that a linear wall would have; softer walls take more
+
+
+@dataclass(frozen=True, eq=False)
+class BentEye:
+    """A formed wall in place under the needle, and its states under growing force."""
+
+    mesh: HexMesh
+    path: LoadPath
+
+
+def bend_eye(
+    study: Study,
+    contact: Contact,
+    *,
+    thickness_m: float,
+    youngs_modulus_pa: float,
+    iop_pa: float,
+    max_force_n: float,
+    progress: Callable[[float], object] | None = None,
+) -> BentEye:
+    """Bend an eye at finite strain, up to a force; radius, material, form and needle are the study's.
+
+    Args:
+        study: `[eye]`, `[mesh]` (of the graded kind), `[needle]`, `[form]`, `[mechanics]` count.
+        contact: where the needle pushes.
+        thickness_m: nominal thickness of the wall.
+        youngs_modulus_pa: E outside all regions.
+        iop_pa: eye pressure without the needle.
+        max_force_n: where the path may end.
+        progress: called with the share of the force that is reached, after every state.
+
+    Raises:
+        InputError: the contact is too close to the base.
+        SolverError: no equilibrium was found; the message says what was reached.
+    """
+    eye, cells = study.eye, study.mesh
+    sphere = graded_mesh(eye.radius_m, thickness_m, contact, cells.core, cells.rings, cells.layers, cells.order)
+    formed = form_mesh(sphere, study.form, contact)
+    wall = FiniteWall(
+        formed.mesh,
+        eye.poisson_ratio,
+        modulus_factor_ep=formed.modulus_factor(gauss_points(3, formed.mesh.order + 1)[0]),
+        dead_pressure_nc=None if study.mechanics.follower else pressure_load(formed.mesh),
+    )
+    axis_c = contact.leaning_axis(study.needle.tilt_rad, study.needle.tilt_direction_rad)
+    goal_n = max(max_force_n, LEAST_FORCE_N)
+    linear_tip_m = _linear_tip_m(study, goal_n, youngs_modulus_pa, thickness_m)
+    walk = partial(
+        wall.load_path,
+        needle_at(formed.mesh, contact, 0.5 * study.needle.outer_diameter_m, axis_c),
+        youngs_modulus_pa=youngs_modulus_pa,
+        iop_pa=iop_pa,
+        density_kg_m3=eye.density_kg_m3,
+        max_force_n=goal_n,
+        sealed=study.mechanics.sealed,
+        largest_step_m=min(LARGEST_STEP_M, linear_tip_m / STEPS_TO_LINEAR_TIP),
+        progress=None if progress is None else lambda force_n: progress(min(force_n / goal_n, 1.0)),
+    )
+    path = walk()
+    if len(path.tips_m) < LEAST_STATES:  # high pressure: the dent is far shallower than a linear wall's
+        path = walk(largest_step_m=path.tip_m(goal_n) / LEAST_STATES)
+    return BentEye(formed.mesh, path)
+
+
+def _linear_tip_m(study: Study, force_n: float, youngs_modulus_pa: float, thickness_m: float) -> float:
+    """Dent of a shallow linear shell without pressure under a point force (Reissner, J. Math. Phys. 25, 1946)."""
+    stiffness = youngs_modulus_pa * thickness_m**2 / study.eye.radius_m
+    return sqrt(3.0 * (1.0 - study.eye.poisson_ratio**2)) / 4.0 * force_n / stiffness

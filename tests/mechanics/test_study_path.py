@@ -1,0 +1,125 @@
+"""A study's eye at finite strain: form, material, needle and pressure are those that it asks for."""
+
+from dataclasses import replace
+from math import pi, radians
+
+import numpy as np
+import pytest
+
+from scleraforce.eye.contact import Contact
+from scleraforce.mechanics.linear import LinearWall, tip_displacement
+from scleraforce.mechanics.study_path import BentEye, bend_eye
+from scleraforce.study import EyeStudy, FormStudy, MechanicsStudy, MeshStudy, NeedleStudy, RegionStudy, Study, WaveStudy
+
+COARSE = Study(mesh=MeshStudy(kind="graded", core=4, rings=6))
+WEIGHTLESS = replace(COARSE, eye=EyeStudy(density_kg_m3=0.0))
+CONTACT = Contact(radians(35), 0.4)
+FORCE_N = 0.012
+
+
+def bent(study: Study, contact: Contact = CONTACT, **given: float) -> BentEye:
+    usual = {"thickness_m": 0.8e-3, "youngs_modulus_pa": 0.3e6, "iop_pa": 266.0, "max_force_n": FORCE_N}
+    return bend_eye(study, contact, **{**usual, **given})
+
+
+def with_form(form: FormStudy, study: Study = WEIGHTLESS) -> Study:
+    return replace(study, form=form)
+
+
+def test_small_forces_on_an_odd_eye_bend_it_as_linear_mechanics_does() -> None:
+    form = FormStudy((1.06, 1.0, 0.95), (WaveStudy(0.1, 2, 0.5),))
+    eye = bent(with_form(form), iop_pa=0.0, max_force_n=1e-4)
+    wall = LinearWall(eye.mesh, 0.45)
+    needle_nc = wall.needle_cnc([CONTACT], 0.35e-3)[0]
+    linear_m = tip_displacement(eye.mesh, CONTACT, needle_nc) * 2e-6 / 0.3e6
+    assert eye.path.tip_m(2e-6) == pytest.approx(linear_m, rel=5e-3)  # the needle's disc is laid on the form exactly
+
+
+def test_a_region_that_covers_the_eye_is_another_modulus() -> None:
+    everywhere = with_form(FormStudy(region=(RegionStudy(2.0, half_angle_rad=pi, edge_rad=radians(0.1)),)))
+    np.testing.assert_allclose(
+        bent(everywhere, youngs_modulus_pa=0.2e6).path.displacement_nc(FORCE_N),
+        bent(WEIGHTLESS, youngs_modulus_pa=0.4e6).path.displacement_nc(FORCE_N),
+        atol=3e-8,  # other steps, between which the path interpolates
+    )
+
+
+def test_a_stiff_cap_under_the_needle_resists_and_a_far_one_hardly_matters() -> None:
+    cap = RegionStudy(1.4)
+    plain, near, far = (
+        bent(study).path.tip_m(FORCE_N)
+        for study in (
+            WEIGHTLESS,
+            with_form(FormStudy(region=(replace(cap, polar_rad=CONTACT.polar_rad, azimuth_rad=CONTACT.azimuth_rad),))),
+            with_form(FormStudy(region=(replace(cap, polar_rad=radians(80), azimuth_rad=CONTACT.azimuth_rad + pi),))),
+        )
+    )  # fmt: skip
+    assert near < 0.8 * plain
+    assert far == pytest.approx(plain, rel=0.01)
+
+
+def test_an_eye_turned_with_its_needle_bends_alike() -> None:
+    one = bent(with_form(FormStudy(semi_axes=(1.06, 1.0, 0.95))), Contact(CONTACT.polar_rad, 0.0))
+    other = bent(with_form(FormStudy(semi_axes=(1.0, 1.06, 0.95))), Contact(CONTACT.polar_rad, pi / 2))
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(other.mesh.points_nc, one.mesh.points_nc @ quarter.T, atol=1e-15)
+    moved = one.path.displacement_nc(FORCE_N) @ quarter.T
+    np.testing.assert_allclose(other.path.displacement_nc(FORCE_N), moved, atol=1e-9)
+
+
+def test_a_thick_spot_under_the_needle_bends_like_a_thick_wall() -> None:
+    """A wave of degree 1 along the needle axis makes the wall 10 % thicker there: about (1.1)^2 as stiff."""
+    uneven = with_form(FormStudy(wave=(WaveStudy(0.1, 1, CONTACT.polar_rad, CONTACT.azimuth_rad),)))
+    even, thick = bent(WEIGHTLESS).path.tip_m(FORCE_N), bent(WEIGHTLESS, thickness_m=0.88e-3).path.tip_m(FORCE_N)
+    assert bent(uneven).path.tip_m(FORCE_N) == pytest.approx(thick, rel=0.02)
+    assert thick < 0.9 * even
+
+
+def test_a_leaning_needle_drags_the_wall_to_its_side_and_its_mirror_image_to_the_other() -> None:
+    contact = Contact(CONTACT.polar_rad, 0.0)  # in the plane y = 0, in which the mesh is its own mirror image
+    left, right = (
+        bent(
+            replace(WEIGHTLESS, needle=NeedleStudy(tilt_rad=radians(10), tilt_direction_rad=radians(direction))),
+            contact,
+        )
+        for direction in (90.0, -90.0)
+    )
+    assert left.path.tip_m(FORCE_N) == pytest.approx(right.path.tip_m(FORCE_N), rel=1e-6)
+    at_contact = np.argmin(np.linalg.norm(left.mesh.points_nc - 12e-3 * contact.normal, axis=1))
+    for eye, sign in ((left, 1.0), (right, -1.0)):
+        moved = eye.path.displacement_nc(FORCE_N)[at_contact] - eye.path.displacement_nc(0.0)[at_contact]
+        assert sign * moved @ contact.parallel > 0.01e-3
+    mirrored = left.path.displacement_nc(FORCE_N) * (1.0, -1.0, 1.0)
+    nearest = np.linalg.norm(
+        (left.mesh.points_nc * (1.0, -1.0, 1.0))[:, None] - right.mesh.points_nc[None, :400], axis=2
+    ).argmin(axis=0)
+    np.testing.assert_allclose(mirrored[nearest], right.path.displacement_nc(FORCE_N)[:400], atol=1e-8)
+
+
+def test_in_a_sealed_globe_the_pressure_rises_and_a_dead_pressure_is_another() -> None:
+    kinds = {
+        "open": MechanicsStudy("finite-strain"),
+        "sealed": MechanicsStudy("finite-strain", sealed=True),
+        "dead": MechanicsStudy("finite-strain", follower=False),
+    }
+    eyes = {name: bent(replace(WEIGHTLESS, mechanics=kind)) for name, kind in kinds.items()}
+    assert eyes["open"].path.pressure_pa(FORCE_N) == pytest.approx(266.0)
+    assert eyes["sealed"].path.pressure_pa(FORCE_N) > 270.0
+    tips = {name: eye.path.tip_m(FORCE_N) for name, eye in eyes.items()}
+    assert tips["sealed"] < tips["open"]
+    assert 1e-5 < abs(tips["dead"] / tips["open"] - 1.0) < 0.05
+
+
+def test_progress_ends_at_one() -> None:
+    shares: list[float] = []
+    bend_eye(
+        WEIGHTLESS,
+        CONTACT,
+        thickness_m=0.8e-3,
+        youngs_modulus_pa=0.3e6,
+        iop_pa=266.0,
+        max_force_n=FORCE_N,
+        progress=shares.append,
+    )
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
