@@ -15,7 +15,7 @@ import click
 from figures.eyes import GROUPS, FigureEye, draw_eyes
 from figures.folder import FiguresFolder
 from figures.picture import draw_forces
-from figures.readings import CALIBRATED_FRAMES, METHODS, Method, Models, calibrated_eyes, make_models, read_frames
+from figures.readings import CALIBRATED_FRAMES, Method, calibrated_eyes, make_methods, read_frames
 from figures.recordings import make_recordings, read_made
 from figures.scores import AnsweredFrame, score
 from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
@@ -26,7 +26,6 @@ from scleraforce.study import Study
 from scleraforce.units import n_to_mn
 
 ERROR_FRAMES = (CALIBRATED_FRAMES, 5)  # after which the error of E is stated
-SHOWN = ("reader", "reader-population")  # in the picture
 
 
 @dataclass(frozen=True)
@@ -57,8 +56,8 @@ def main(out: Path, count: int, workers: int, reader: Path | None, recordings_on
     if recordings_only:
         return
     left = {group: tuple(eye for eye in eyes if eye.eye.id not in failed) for group, eyes in drawn.items()}
-    models = make_models(folder, left["plain"], study, reader)
-    groups = [_read(folder, name, eyes, models) for name, eyes in left.items()]
+    methods = make_methods(folder, left["plain"], study, reader)
+    groups = [_read(folder, name, eyes, methods) for name, eyes in left.items()]
     results = [_result(folder, group, study) for group in groups]
     write_whole(as_markdown(results), out / "figures.md")
     write_whole(json.dumps(as_json(results), indent=2, allow_nan=False) + "\n", out / "figures.json")
@@ -66,9 +65,9 @@ def main(out: Path, count: int, workers: int, reader: Path | None, recordings_on
     click.echo(as_markdown(results))
 
 
-def _read(folder: FiguresFolder, name: str, eyes: tuple[FigureEye, ...], models: Models) -> Group:
-    with progress_bar(METHODS, f"{name} eyes") as methods:
-        return Group(name, eyes, {method: read_frames(folder, eyes, models, method) for method in methods})
+def _read(folder: FiguresFolder, name: str, eyes: tuple[FigureEye, ...], methods: Sequence[Method]) -> Group:
+    with progress_bar(methods, f"{name} eyes") as bar:
+        return Group(name, eyes, {method: read_frames(folder, eyes, method) for method in bar})
 
 
 def _result(folder: FiguresFolder, group: Group, study: Study) -> GroupResult:
@@ -94,10 +93,9 @@ def _modulus_errors(folder: FiguresFolder, eyes: Sequence[FigureEye], frames: in
 def _write_picture(groups: Sequence[Group], study: Study, path: Path) -> None:
     shown = {
         (method.title, group.name): answered
-        for method in METHODS
-        if method.name in SHOWN
         for group in groups
-        for answered in [group.answers[method]]
+        for method, answered in group.answers.items()
+        if method.calibrated
     }
     write_figure(draw_forces(shown, [n_to_mn(bound) for bound in study.classes.bounds_n]), path)
 

@@ -1,5 +1,7 @@
 """Every way of reading the virtual eyes' frames that the figures compare."""
 
+import json
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,72 +12,95 @@ from figures.folder import FiguresFolder
 from figures.recordings import read_made
 from figures.scores import AnsweredFrame, answered_frame
 from scleraforce.calibration.summary import EyeSummary, read_calibration
+from scleraforce.reader.folder import RECORD_FILE
 from scleraforce.report.files import write_whole
 from scleraforce.report.framing import framed_for_laboratory
 from scleraforce.study import Range, Study, format_study
 
-__all__ = ["CALIBRATED_FRAMES", "METHODS", "Method", "Models", "calibrated_eyes", "make_models", "read_frames"]
+__all__ = ["CALIBRATED_FRAMES", "Method", "calibrated_eyes", "make_methods", "read_frames"]
 
 CALIBRATED_FRAMES = 3
+GAP_M = Range(0.4e-3, 0.9e-3)  # of the eyes
+READINGS = {"network": "the reader's network", "fit": "the reader's fit"}
 
 
 @dataclass(frozen=True)
 class Method:
-    """A way of reading: whose E, which model, and words for the table.
+    """A way of reading: a model, whose E, and words for the table.
 
     `own_modulus`: the eye's own E, calibrated on its first frames; otherwise the mean of eyes that are not among those
-    read. `linear`: the paper's classifier. `options` go to `evaluate`.
+    read. `calibrated`: the model takes an E at all, which the paper's classifier does not.
     """
 
     name: str
     title: str
+    model: Path
     own_modulus: bool = True
-    linear: bool = False
-    options: tuple[str, ...] = ()
+    calibrated: bool = True
 
 
-METHODS = (
-    Method("reader", "reader, the eye's E"),
-    Method("network", "its network alone, the eye's E", options=("--method", "network")),
-    Method("fit", "its fit alone, the eye's E", options=("--method", "fit")),
-    Method("reader-population", "reader, E of other eyes", own_modulus=False),
-    Method("paper", "the paper's classifier: linear, E of the population", own_modulus=False, linear=True),
-)
+def make_methods(folder: FiguresFolder, plain: Sequence[FigureEye], study: Study, given: Path | None) -> list[Method]:
+    """Return the ways of reading, the default one first; train the models that are not there yet.
 
-
-@dataclass(frozen=True)
-class Models:
-    """The models that are compared: the reader's folder and the classifier's."""
-
-    reader: Path
-    classifier: Path
-
-
-def make_models(folder: FiguresFolder, plain: Sequence[FigureEye], study: Study, reader: Path | None) -> Models:
-    """Train what is not there yet: the reader, unless one is given, and the paper's classifier.
-
-    The classifier learns from linear slices with the population's E of the plain eyes, calibrated linearly on the same
-    frames as the reader's. Its framing and gap are drawn from the ranges of the eyes that it will see.
+    Args:
+        folder: where models are kept.
+        plain: the plain eyes.
+        study: of the reader.
+        given: a trained reader, instead of training one.
     """
-    study_path = folder.work("study.toml")
-    if not study_path.exists():
-        write_whole(format_study(study), study_path)
-    linear_path = folder.work("linear.toml")
-    framed = framed_for_laboratory(study)
-    if not linear_path.exists():
-        dataset = replace(framed.dataset, gap_m=Range(0.4e-3, 0.9e-3))
-        write_whole(format_study(replace(framed, dataset=dataset)), linear_path)
+    reader = given or _reader(folder, study)
+    default = json.loads((reader / RECORD_FILE).read_text(encoding="utf-8"))["default"]
+    ways = sorted(READINGS, key=lambda way: way != default)
+    own = [
+        Method(way, f"{READINGS[way]}{' (default)' * (way == default)}, the eye's E", _answering(folder, reader, way))
+        for way in ways
+    ]
+    others = Method(f"{default}-population", f"{READINGS[default]}, E of other eyes", own[0].model, own_modulus=False)
+    paper = Method(
+        "paper", "the paper's: linear, E of the population", _classifier(folder, plain, study), calibrated=False
+    )
+    return [*own, others, paper]
+
+
+def _reader(folder: FiguresFolder, study: Study) -> Path:
+    path = folder.work("study.toml")
+    if not path.exists():
+        write_whole(format_study(study), path)
+    return made_by(folder.work("reader"), ["train", "--study", path, "--kind", "reader"])
+
+
+def _answering(folder: FiguresFolder, reader: Path, way: str) -> Path:
+    """Return a copy of a reader whose default is one of its two ways."""
+    copy = folder.work(f"reader-{way}")
+    if not copy.exists():
+        part = folder.work(f".reader-{way}.partial")
+        shutil.rmtree(part, ignore_errors=True)
+        shutil.copytree(reader, part)
+        record = json.loads((part / RECORD_FILE).read_text(encoding="utf-8"))
+        write_whole(json.dumps({**record, "default": way}, indent=2) + "\n", part / RECORD_FILE)
+        part.rename(copy)
+    return copy
+
+
+def _classifier(folder: FiguresFolder, plain: Sequence[FigureEye], study: Study) -> Path:
+    """Return the paper's classifier of linear slices, with the population's E of the plain eyes.
+
+    They are calibrated linearly on their first frames. Framing and gap are drawn from the ranges of the eyes that it
+    will see; IOP is the study's.
+    """
+    path = folder.work("linear.toml")
+    if not path.exists():
+        framed = framed_for_laboratory(study)
+        write_whole(format_study(replace(framed, dataset=replace(framed.dataset, gap_m=GAP_M))), path)
     modulus = made_by(
         folder.work("calibrations") / "linear.json",
         ["calibrate", *_recordings(folder, plain), "--frames", str(CALIBRATED_FRAMES), "--mechanics", "linear"],
     )
     slices = made_by(
         folder.work("linear-slices"),
-        ["generate", "--study", linear_path, "--calibration", modulus, "--mechanics", "linear"],
+        ["generate", "--study", path, "--calibration", modulus, "--mechanics", "linear"],
     )
-    classifier = made_by(folder.work("classifier"), ["train", slices])
-    trained = reader or made_by(folder.work("reader"), ["train", "--study", study_path, "--kind", "reader"])
-    return Models(trained, classifier)
+    return made_by(folder.work("classifier"), ["train", slices])
 
 
 def calibrated_eyes(
@@ -88,9 +113,7 @@ def calibrated_eyes(
     return found
 
 
-def read_frames(
-    folder: FiguresFolder, eyes: Sequence[FigureEye], models: Models, method: Method
-) -> tuple[AnsweredFrame, ...]:
+def read_frames(folder: FiguresFolder, eyes: Sequence[FigureEye], method: Method) -> tuple[AnsweredFrame, ...]:
     """Return the answers of a method to the frames of a group that count, made where they are not there.
 
     The frames that any eye is calibrated on are left out, also where the method does not use that calibration.
@@ -101,10 +124,9 @@ def read_frames(
     for number, half in enumerate(halves):
         told = half if method.own_modulus else halves[len(halves) - 1 - number]
         out = folder.work("answers") / f"{method.name}-{half[0].eye.id}-to-{half[-1].eye.id}.json"
-        model = models.classifier if method.linear else models.reader
-        command: list[str | Path] = ["evaluate", model, *_recordings(folder, half)]
-        if not method.linear:
-            command += ["--calibration", _calibration(folder, told, CALIBRATED_FRAMES), *method.options]
+        command: list[str | Path] = ["evaluate", method.model, *_recordings(folder, half)]
+        if method.calibrated:
+            command += ["--calibration", _calibration(folder, told, CALIBRATED_FRAMES)]
         found = answers(out, command)
         frames += _frames(folder, half, found["frames"])
     return tuple(frame for frame in frames if (frame.eye, frame.file) not in used)
