@@ -1,9 +1,10 @@
-"""The figures of a calibration: step time, errors of what is stated wrongly, honesty over 50 eyes.
+"""The figures of a calibration: step time, errors of what is stated wrongly, honesty over many eyes.
 
-    python benchmarks/bench_calibration.py [EYES]
+    python benchmarks/bench_calibration.py [LINEAR EYES, 50] [BENT EYES, 5]
 
 The eyes are virtual: sections of the deformed mesh, boundaries with the roughness of speckle (5 um along the normal),
-eyes that shift by up to 0.2 mm between 24 frames of 6 to 58 mN.
+eyes that shift by up to 0.2 mm between 24 frames of 6 to 58 mN. Linear eyes are calibrated with the linear wall, bent
+ones (three-dimensional finite strain, half a minute each) with the response library of the user's cache.
 """
 
 import sys
@@ -16,12 +17,14 @@ import numpy as np
 
 from scleraforce.calibration.assimilation import FrameInput, FrameStep, assimilate, eye_filter, first_state
 from scleraforce.calibration.eye_model import EyeConstants, EyeModel
+from scleraforce.calibration.library_eye import library_eye
 from scleraforce.calibration.linear_eye import linear_eye
 from scleraforce.calibration.virtual import ideal_boundaries, virtual_sections
 from scleraforce.eye.mesh import build_mesh
 from scleraforce.imaging.optics import Pose
+from scleraforce.library.cache import cached_library
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.recording.virtual_eye import PhantomEye
+from scleraforce.recording.virtual_eye import PhantomEye, SectionsAt, finite_strain_sections
 from scleraforce.study import Study
 
 STUDY = Study()
@@ -36,16 +39,21 @@ def wall(thickness_m: float) -> LinearWall:
     return LinearWall(built, STUDY.eye.poisson_ratio)
 
 
-def frames(eye: PhantomEye, rng: np.random.Generator) -> list[FrameInput]:
+def frames(rng: np.random.Generator, sections_at: SectionsAt) -> list[FrameInput]:
     """Return the frames of a virtual eye."""
     forces = rng.uniform(6e-3, 58e-3, FRAMES).tolist()
     made = []
-    for force_n, section in zip(forces, virtual_sections(wall(eye.thickness_m), eye, forces, STUDY), strict=True):
+    for force_n, section in zip(forces, sections_at(forces), strict=True):
         lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
         pose, smoothing_m = Pose(lateral_m, 0.5e-3 + depth_m), STUDY.calibration.surface_smoothing_m
         boundaries = ideal_boundaries(section, pose, STUDY.oct, 5e-6, rng, smoothing_m)
         made.append(FrameInput(boundaries, force_n, 0.0, np.diag([1e-18, 1e-18])))
     return made
+
+
+def linear_frames(eye: PhantomEye, rng: np.random.Generator) -> list[FrameInput]:
+    """Return the frames of an eye of linear mechanics, whose wall may serve several."""
+    return frames(rng, lambda forces: virtual_sections(wall(eye.thickness_m), eye, forces, STUDY))
 
 
 def stated(eye: PhantomEye) -> EyeConstants:
@@ -87,8 +95,7 @@ def print_wrong_statements(eye: PhantomEye, right: EyeConstants, inputs: list[Fr
     print(f"{'':<16}{'-10 %':>10}{'+10 %':>10}")
     for name, change in changes.items():
         errors = [
-            calibrated(linear_eye(STUDY, change(share)), inputs)[0] / eye.youngs_modulus_pa - 1
-            for share in (0.9, 1.1)
+            calibrated(linear_eye(STUDY, change(share)), inputs)[0] / eye.youngs_modulus_pa - 1 for share in (0.9, 1.1)
         ]
         print(f"{name:<16}" + "".join(f"{100 * error:>+9.1f}%" for error in errors))
 
@@ -106,7 +113,7 @@ def print_honesty(count: int) -> None:
             float(rng.uniform(0.436, 0.785)),
             float(rng.uniform(0.0, 6.28)),
         )
-        mean, sd, _ = calibrated(linear_eye(STUDY, stated(eye)), frames(eye, rng))
+        mean, sd, _ = calibrated(linear_eye(STUDY, stated(eye)), linear_frames(eye, rng))
         errors.append(mean / eye.youngs_modulus_pa - 1)
         scores.append(abs(mean - eye.youngs_modulus_pa) / sd)
         sds.append(sd)
@@ -117,15 +124,77 @@ def print_honesty(count: int) -> None:
     print(f"posterior sd: largest {max(sds) / 1e3:.1f} kPa; true E within two sd: {100 * honest:.0f} %")
 
 
+def draw_bent_eye(number: int, rng: np.random.Generator) -> PhantomEye:
+    """Return an eye of the ranges that the force reader is judged on."""
+    return PhantomEye(
+        f"bent-{number}",
+        float(rng.uniform(0.45e-3, 0.85e-3)),
+        float(rng.uniform(0.2e6, 0.5e6)),
+        float(rng.uniform(133.0, 533.0)),
+        float(rng.uniform(0.4e-3, 0.9e-3)),
+        float(rng.uniform(0.436, 0.785)),
+        direction_rad=float(rng.uniform(0.0, 6.28)),
+    )
+
+
+def print_bent(count: int) -> None:
+    """Print how far E of bent eyes is off after 3, 5 and all frames, and what low and high forces say on their own."""
+    library, rng = cached_library(STUDY), np.random.default_rng(0)
+    print(f"\n{count} eyes of three-dimensional finite strain, contact angle unknown; error of E in % (sd):")
+    print(f"{'t/um':>6}{'E/MPa':>7}{'mmHg':>6}{'angle':>6}" + "".join(f"{n:>16}" for n in ("3 frames", "5", "all"))
+          + f"{'below 20 mN':>14}{'above 35 mN':>13}{'step/ms':>9}")  # fmt: skip
+    found = []
+    for number in range(count):
+        eye = draw_bent_eye(number, rng)
+        inputs = frames(rng, finite_strain_sections(eye, STUDY))
+        model = library_eye(STUDY, stated(eye), library)
+        runs = [calibrated(model, inputs[:used]) for used in (3, 5, FRAMES)]
+        found.append([((mean / eye.youngs_modulus_pa - 1), sd / eye.youngs_modulus_pa) for mean, sd, _ in runs])
+        low, high = own_moduli(model, inputs, eye)
+        print(f"{eye.thickness_m * 1e6:>6.0f}{eye.youngs_modulus_pa / 1e6:>7.3f}{eye.iop_pa / 133.3:>6.1f}"
+              f"{np.degrees(eye.polar_rad):>6.0f}"
+              + "".join(f"{100 * error:>+9.2f} ({100 * sd:.1f})" for error, sd in found[-1])
+              + f"{100 * low:>+14.1f}{100 * high:>+13.1f}{1e3 * np.median(runs[-1][2][1:]):>9.1f}",
+              flush=True)  # fmt: skip
+    errors = np.array(found)
+    for used, (error, sd) in zip((3, 5, FRAMES), np.moveaxis(errors, 0, 2), strict=True):
+        honest = 100 * np.mean(np.abs(error) < 2 * sd)
+        rms, largest = np.sqrt(np.mean(error**2)), np.abs(error).max()
+        print(f"after {used} frames: mean {100 * error.mean():+.2f} %, rms {100 * rms:.2f} %, largest "
+              f"{100 * largest:.2f} %; within two sd: {honest:.0f} %")  # fmt: skip
+
+
+def own_moduli(model: EyeModel, inputs: list[FrameInput], eye: PhantomEye) -> tuple[float, float]:
+    """Return the median error of what single frames below 20 mN and above 35 mN say of E."""
+    filtered = eye_filter(model, STUDY.calibration)
+    state, alone = first_state(filtered), []
+    for frame in inputs:
+        step = assimilate(filtered, state, frame)
+        if isinstance(step, FrameStep):
+            state = step.state
+            alone.append((frame.force_n, step.registered.youngs_modulus_pa / eye.youngs_modulus_pa - 1))
+    low = [error for force_n, error in alone if force_n < 20e-3]
+    high = [error for force_n, error in alone if force_n > 35e-3]
+    return float(np.median(low)) if low else np.nan, float(np.median(high)) if high else np.nan
+
+
+def print_linear(count: int) -> None:
+    """Print the figures of the linear wall."""
+    eye = PhantomEye("eye-1", 0.8e-3, 0.27e6, 266.6, 0.5e-3, 0.611, 1.0)
+    inputs = linear_frames(eye, np.random.default_rng(1))
+    right = replace(stated(eye), polar_rad=eye.polar_rad)
+    print_step_time(linear_eye(STUDY, right), inputs)
+    print_wrong_statements(eye, right, inputs)
+    print_honesty(count)
+
+
 def main() -> None:
     """Print all figures."""
-    eye = PhantomEye("eye-1", 0.8e-3, 0.27e6, 266.6, 0.5e-3, 0.611, 1.0)
-    inputs = frames(eye, np.random.default_rng(1))
-    right = replace(stated(eye), polar_rad=eye.polar_rad)
-    model = linear_eye(STUDY, right)
-    print_step_time(model, inputs)
-    print_wrong_statements(eye, right, inputs)
-    print_honesty(int(sys.argv[1]) if len(sys.argv) > 1 else 50)
+    linear_eyes, bent_eyes = (int(count) for count in (sys.argv[1:] + ["50", "5"][len(sys.argv) - 1 :]))
+    if linear_eyes:
+        print_linear(linear_eyes)
+    if bent_eyes:
+        print_bent(bent_eyes)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,46 @@
+"""Eyes of finite strain in three dimensions, calibrated with walls of revolution: another model, another mesh."""
+
+from dataclasses import replace
+from math import radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scleraforce.calibration import session
+from scleraforce.calibration.assimilation import FrameStep
+from scleraforce.calibration.eye_model import EyeConstants
+from scleraforce.calibration.virtual import ideal_boundaries
+from scleraforce.imaging.optics import Pose
+from scleraforce.library.cache import cached_library
+from scleraforce.recording.virtual_eye import PhantomEye, finite_strain_sections
+from scleraforce.study import LibraryStudy, Study
+from scleraforce.study.sampled import Range
+
+pytestmark = pytest.mark.slow
+
+EYE = PhantomEye("bent", 0.65e-3, 0.3e6, 300.0, 0.6e-3, radians(42), direction_rad=0.7)
+FORCES = (0.040, 0.010, 0.052, 0.022, 0.031)
+NARROW = LibraryStudy(
+    thickness_m=Range(0.58e-3, 0.72e-3), thicknesses=4, iop_ratio=Range(3e-4, 3e-3), iop_ratios=4, max_tip_m=5.5e-3
+)
+
+
+def test_after_five_frames_the_modulus_is_within_3_percent_and_two_sd(tmp_path: Path) -> None:
+    study, rng = replace(Study(), library=NARROW), np.random.default_rng(3)
+    sections = finite_strain_sections(EYE, study)(FORCES)
+    low, high = (radians(angle) for angle in (25, 45))
+    stated = EyeConstants(EYE.iop_pa, EYE.thickness_m, EYE.gap_m, (low + high) / 2, (high - low) / 12**0.5)
+    eye = session.begin(study, stated, cached_library(study, folder=tmp_path, workers=1))
+    alone = []
+    for force_n, section in zip(FORCES, sections, strict=True):
+        lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
+        pose = Pose(lateral_m, 0.5e-3 + depth_m)
+        smoothing_m = study.calibration.surface_smoothing_m
+        eye = session.step(eye, ideal_boundaries(section, pose, study.oct, 5e-6, rng, smoothing_m), force_n)
+        assert isinstance(eye.last, FrameStep)
+        alone.append(eye.last.registered.youngs_modulus_pa)
+    assert eye.mean_pa == pytest.approx(EYE.youngs_modulus_pa, rel=0.03)
+    assert abs(eye.mean_pa - EYE.youngs_modulus_pa) < 2 * eye.sd_pa
+    assert eye.sd_pa < 0.03 * EYE.youngs_modulus_pa
+    assert np.ptp(alone) < 0.08 * EYE.youngs_modulus_pa  # linear mechanics: by a factor of two and more
