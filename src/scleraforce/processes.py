@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 from scleraforce.errors import SolverError
 
-__all__ = ["available_cores", "next_unit", "split_runs", "work_units"]
+__all__ = ["available_cores", "next_unit", "no_interrupts", "one_thread", "split_runs", "work_units"]
 
 Result = TypeVar("Result")
 
@@ -94,7 +94,7 @@ def _start(prepare: Callable[[], Callable[[int], Any]]) -> tuple[BaseProcess, Co
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_work, args=(theirs, prepare), daemon=True)
-    with _one_thread(), _no_interrupts():
+    with one_thread(), no_interrupts():
         process.start()
     theirs.close()
     return process, ours
@@ -131,7 +131,7 @@ def _work(connection: Connection, prepare: Callable[[], Callable[[int], Any]]) -
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
+def one_thread() -> Iterator[None]:
     """Let processes that start meanwhile use one thread of BLAS each: there is one process for every core."""
     before = {name: os.environ.get(name) for name in THREAD_SETTINGS}
     os.environ.update(dict.fromkeys(THREAD_SETTINGS, "1"))
@@ -146,7 +146,7 @@ def _one_thread() -> Iterator[None]:
 
 
 @contextmanager
-def _no_interrupts() -> Iterator[None]:
+def no_interrupts() -> Iterator[None]:
     """Let processes that start meanwhile never see Ctrl-C, which reaches the whole group: the parent ends them."""
     resource_tracker.ensure_running()  # starting it later would unblock the signal again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

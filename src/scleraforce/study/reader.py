@@ -21,6 +21,8 @@ class ReaderStudy:
     wall and dent together. `rotation_rad` turns the section in its frame, `tilt_rad` the plane about its lateral axis.
     `surface_depth_m` is the depth of the undeformed contact below the frame's top edge.
 
+    `boundary_errors`: times the errors that the segmentation of rendered frames makes.
+
     The modulus that the network is told comes with its relative standard deviation (its logarithm even over
     `modulus_sd_fraction`); the eye's own is drawn from that normal distribution. Other known values are off by
     `*_noise_fraction` (standard deviation). Each value is missing in `*_missing_fraction` of the samples.
@@ -38,6 +40,7 @@ class ReaderStudy:
     size: Sampled = quantity(Range(0.95, 1.05), None, 0.5, 2.0)
     tilt_rad: Sampled = quantity(Range(-5.0, 5.0), "deg", -45.0, 45.0)
     rotation_rad: Sampled = quantity(Range(-5.0, 5.0), "deg", -45.0, 45.0)
+    boundary_errors: float = quantity(1.5, None, 0.0, 100.0)
     modulus_sd_fraction: Sampled = quantity(Range(0.5, 30.0), "percent", 0.01, 100.0)
     iop_noise_fraction: float = quantity(5.0, "percent", 0.0, 50.0)
     thickness_noise_fraction: float = quantity(3.0, "percent", 0.0, 50.0)

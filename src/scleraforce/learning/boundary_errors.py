@@ -1,0 +1,169 @@
+"""Errors of boundaries like those of the segmentation, for walls that no frame was rendered of (NumPy only).
+
+What `benchmarks/bench_boundary_errors.py` measures on rendered frames, made anew: the surface is smoothed, which moves
+it where it bends; on it lies a small error that neighbouring columns share. The thickness seen in a column is off by a
+scale of the whole frame, by an error that reaches farther along the columns and grows with the slope, and now and then
+by a bump on a steep flank. No boundary is found in columns that the scan does not reach at the sides, nor where the
+surface comes close to the bottom of the frame or leaves it at the top.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.library import INNER, OUTER
+from scleraforce.study import SliceStudy
+
+__all__ = ["BoundaryErrors", "disturb"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BoundaryErrors:
+    """Sizes of the errors; lengths along the columns are standard deviations of the Gaussians that smooth noise.
+
+    Attributes:
+        surface_smoothing_m: over which the surface is smoothed.
+        outer_sd_m: of the surface, and `outer_lengths_m`: of its two parts, short and long, of equal size.
+        thickness_scale_sd: of a frame's thickness, relative.
+        thickness_sd_m: of the thickness on a flat surface, and `thickness_lengths_m`, as above.
+        steep: slope at which the thickness's error is twice that on a flat surface.
+        spread: of the errors' sizes from frame to frame (standard deviation of the logarithm).
+        bumps: mean number of bumps in a frame; `bump_m`: mean size; `bump_length_m`.
+        bump_slope: bumps lie where the surface is at least so steep.
+        side_loss_share: of the sides loses columns; `side_loss_m`: mean width that is lost there.
+        bottom_m: a surface less than this above the frame's lower edge is not found; `bottom_sd_m`: of that.
+        top_m: a surface less than this below the upper edge is not found.
+    """
+
+    surface_smoothing_m: float = 0.18e-3
+    outer_sd_m: float = 3.0e-6
+    outer_lengths_m: tuple[float, float] = (0.11e-3, 0.6e-3)
+    thickness_scale_sd: float = 6e-3
+    thickness_sd_m: float = 5e-6
+    thickness_lengths_m: tuple[float, float] = (0.2e-3, 0.6e-3)
+    steep: float = 0.55
+    spread: float = 0.35
+    bumps: float = 0.3
+    bump_m: float = 0.1e-3
+    bump_length_m: float = 0.25e-3
+    bump_slope: float = 0.4
+    side_loss_share: float = 0.3
+    side_loss_m: float = 0.3e-3
+    bottom_m: float = 0.055e-3
+    bottom_sd_m: float = 0.01e-3
+    top_m: float = 0.03e-3
+
+
+def disturb(
+    depth_sbc: Floats, study: SliceStudy, rng: np.random.Generator, errors: BoundaryErrors | None = None, scale: float = 1.0
+) -> Floats:
+    """Return boundaries as a segmentation might have found them.
+
+    Args:
+        depth_sbc: true boundaries (sample, boundary, column), m below the frame's upper edge; NaN: no wall.
+        study: size of the slice and of its pixel.
+        rng: source of the errors.
+        errors: their sizes; by default those of this project's segmentation.
+        scale: times the errors of surface, thickness and scale, and the number of bumps.
+
+    Returns:
+        The same shape; NaN in columns where no wall is found.
+    """
+    errors = errors or BoundaryErrors()
+    known = np.isfinite(depth_sbc).all(axis=1)
+    outer = _filled(depth_sbc[:, OUTER], known)
+    thickness = _filled(depth_sbc[:, INNER], known) - outer
+    slope = np.abs(np.gradient(outer, study.pixel_m, axis=1))
+    size = scale * np.exp(errors.spread * rng.standard_normal((len(outer), 2, 1)))
+    seen = outer @ _smoothing(study.columns, errors.surface_smoothing_m / study.pixel_m)
+    seen += size[:, 0] * errors.outer_sd_m * _noise(outer.shape, errors.outer_lengths_m, study, rng)
+    growing = errors.thickness_sd_m * (1.0 + (slope / errors.steep) ** 2)
+    thickness = thickness * (1.0 + scale * errors.thickness_scale_sd * rng.standard_normal((len(outer), 1)))
+    thickness += size[:, 1] * growing * _noise(outer.shape, errors.thickness_lengths_m, study, rng)
+    thickness += _bumps(slope, errors, scale, study, rng)
+    found = known & _within_sides(outer.shape, errors, study, rng)
+    lowest = study.rows * study.pixel_m - errors.bottom_m + errors.bottom_sd_m * rng.standard_normal((len(outer), 1))
+    found &= (seen > errors.top_m) & (seen < lowest)
+    both = np.stack([seen, seen + np.maximum(thickness, 0.0)], axis=1)
+    both[~np.broadcast_to(found[:, None], both.shape)] = np.nan
+    return both
+
+
+def _filled(values: Floats, known: NDArray[np.bool_]) -> Floats:
+    """Return values with unknown columns filled from the nearest known one to the left, else to the right; else 0."""
+    column = np.arange(values.shape[1])
+    left = np.maximum.accumulate(np.where(known, column, -1), axis=1)
+    right = np.minimum.accumulate(np.where(known, column, values.shape[1])[:, ::-1], axis=1)[:, ::-1]
+    nearest = np.where(left >= 0, left, np.minimum(right, values.shape[1] - 1))
+    filled: Floats = np.nan_to_num(np.take_along_axis(values, nearest, axis=1))
+    return filled
+
+
+@lru_cache(maxsize=16)
+def _smoothing(columns: int, length: float) -> Floats:
+    """Return the matrix (column, column) that smooths rows by a Gaussian, carried on straight at both ends."""
+    reach = int(np.ceil(4.0 * length))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / length) ** 2)
+    matrix = np.zeros((columns, columns))
+    for offset, weight in zip(range(-reach, reach + 1), kernel / kernel.sum(), strict=True):
+        at = np.arange(columns) + offset
+        inside = np.clip(at, 0, columns - 1)
+        mirrored = np.clip(2 * inside - at, 0, columns - 1)  # a point reflected in the end: value 2 f(end) - f(mirrored)
+        target = np.arange(columns)
+        np.add.at(matrix, (inside, target), np.where(at == inside, weight, 2.0 * weight))
+        np.add.at(matrix, (mirrored, target), np.where(at == inside, 0.0, -weight))
+    return matrix
+
+
+@lru_cache(maxsize=16)
+def _colouring(columns: int, length: float) -> Floats:
+    """Return the matrix (column + margins, column) that turns white noise into unit noise smoothed by a Gaussian."""
+    reach = int(np.ceil(3.0 * length))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / length) ** 2)
+    kernel /= np.sqrt((kernel**2).sum())
+    matrix = np.zeros((columns + 2 * reach, columns))
+    for column in range(columns):
+        matrix[column : column + 2 * reach + 1, column] = kernel
+    return matrix
+
+
+def _noise(
+    shape: tuple[int, ...], lengths_m: tuple[float, ...], study: SliceStudy, rng: np.random.Generator
+) -> Floats:
+    """Return noise of unit variance (sample, column): the sum of parts of equal size, one for each length."""
+    total = np.zeros(shape)
+    for length_m in lengths_m:
+        colouring = _colouring(shape[1], length_m / study.pixel_m)
+        total += rng.standard_normal((shape[0], len(colouring))) @ colouring
+    return total / np.sqrt(len(lengths_m))
+
+
+def _bumps(
+    slope: Floats, errors: BoundaryErrors, scale: float, study: SliceStudy, rng: np.random.Generator
+) -> Floats:
+    """Return bumps of the thickness, m (sample, column): each on a random steep column, its size exponential."""
+    count = rng.poisson(scale * errors.bumps, len(slope))
+    sample = np.repeat(np.arange(len(slope)), count)
+    order = rng.random((len(sample), slope.shape[1])) + (slope[sample] >= errors.bump_slope)
+    middle = order.argmax(axis=1)
+    steep = slope[sample, middle] >= errors.bump_slope
+    height = rng.exponential(errors.bump_m, len(sample)) * rng.choice([-1.0, 1.0], len(sample)) * steep
+    distance_m = (np.arange(slope.shape[1]) - middle[:, None]) * study.pixel_m
+    bumps = np.zeros_like(slope)
+    np.add.at(bumps, sample, height[:, None] * np.exp(-0.5 * (distance_m / errors.bump_length_m) ** 2))
+    return bumps
+
+
+def _within_sides(
+    shape: tuple[int, ...], errors: BoundaryErrors, study: SliceStudy, rng: np.random.Generator
+) -> NDArray[np.bool_]:
+    """Return which columns the scan reaches (sample, column)."""
+    hit = rng.random((shape[0], 2)) < errors.side_loss_share
+    lost = np.where(hit, rng.exponential(errors.side_loss_m, (shape[0], 2)), 0.0) / study.pixel_m
+    column = np.arange(shape[1])
+    reached: NDArray[np.bool_] = (column >= lost[:, :1]) & (column < shape[1] - lost[:, 1:])
+    return reached

@@ -1,0 +1,122 @@
+"""The reader's network as an ONNX graph: slices (uint8) and given values in; histogram and lateral place out.
+
+Written node by node, like `graph`: the same bytes for the same network and provenance.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.learning.framework import onnx, torch
+from scleraforce.learning.graph import constant, model_bytes, node
+from scleraforce.learning.reader_network import KERNEL, STRIDE, ReaderNetwork
+from scleraforce.reader.given import GIVEN
+from scleraforce.reader.slice_network import CONTACT, HISTOGRAM, INPUTS
+
+__all__ = ["reader_onnx_bytes"]
+
+SLICES, TOLD = INPUTS
+
+
+def reader_onnx_bytes(network: ReaderNetwork, rows: int, columns: int, provenance: Mapping[str, str]) -> bytes:
+    """Return the network as a checked ONNX model.
+
+    Its inputs are `slices`, uint8 (n, rows, columns) of 0 and 255, and `given`, float32 (n, len(GIVEN)); its outputs
+    `histogram`, float32 (n, bins), rows sum to 1, and `contact_m`, float32 (n,).
+
+    Args:
+        network: trained.
+        rows: of a slice.
+        columns: of a slice.
+        provenance: entries of `metadata_props`.
+    """
+    constants: dict[str, NDArray[Any]] = {
+        "second_axis": np.array([1], dtype=np.int64),
+        "white": np.array(1.0 / 255.0, dtype=np.float32),
+        "one": np.array(1.0, dtype=np.float32),
+        "millimetre": np.array(1e-3, dtype=np.float32),
+        "wall_unit": np.array(network.wall_unit, dtype=np.float32),
+        "circle": _values(network.circle),
+        "projection": _values(network.projection),
+    }
+    nodes = [*_features(), *_convolutions(network, constants), *_layers(network, constants)]
+    bins = network.histogram.out_features
+    float32 = onnx.TensorProto.FLOAT
+    graph = onnx.helper.make_graph(
+        nodes,
+        "force_reader",
+        [
+            onnx.helper.make_tensor_value_info(SLICES, onnx.TensorProto.UINT8, ["n", rows, columns]),
+            onnx.helper.make_tensor_value_info(TOLD, float32, ["n", len(GIVEN)]),
+        ],
+        [
+            onnx.helper.make_tensor_value_info(HISTOGRAM, float32, ["n", bins]),
+            onnx.helper.make_tensor_value_info(CONTACT, float32, ["n"]),
+        ],
+        [constant(name, value) for name, value in constants.items()],
+    )
+    return model_bytes(graph, provenance)
+
+
+def _features() -> list[onnx.NodeProto]:
+    """`ReaderNetwork.features`, line by line."""
+    return [
+        node("Cast", [SLICES], "grey", to=onnx.TensorProto.FLOAT),
+        node("Mul", ["grey", "white"], "wall"),
+        node("Conv", ["wall", "projection"], "sums", kernel_shape=[1]),
+        node("Split", ["sums"], ["amount", "moment"], axis=1),
+        node("Min", ["amount", "one"], "there"),
+        node("Max", ["amount", "one"], "divisor"),
+        node("Div", ["moment", "divisor"], "mean_depth"),
+        node("Mul", ["circle", "there"], "circle_there"),
+        node("Sub", ["mean_depth", "circle_there"], "below_circle"),
+        node("Mul", ["amount", "wall_unit"], "walls"),
+        node("Sub", ["walls", "there"], "excess"),
+        node("Concat", ["there", "excess", "below_circle"], "signal0", axis=1),
+    ]
+
+
+def _convolutions(network: ReaderNetwork, constants: dict[str, NDArray[Any]]) -> list[onnx.NodeProto]:
+    nodes = []
+    for number, layer in enumerate(network.convolutions):
+        constants |= {f"kernel{number}": _values(layer.weight), f"offset{number}": _values(layer.bias)}
+        arguments = [f"signal{number}", f"kernel{number}", f"offset{number}"]
+        pads = [KERNEL // 2, KERNEL // 2]
+        nodes.append(node("Conv", arguments, f"convolved{number}", kernel_shape=[KERNEL], strides=[STRIDE], pads=pads))
+        nodes.append(node("Relu", [f"convolved{number}"], f"signal{number + 1}"))
+    return nodes
+
+
+def _layers(network: ReaderNetwork, constants: dict[str, NDArray[Any]]) -> list[onnx.NodeProto]:
+    nodes = [
+        node("Flatten", [f"signal{len(network.convolutions)}"], "flat0", axis=1),
+        *_linear(network.given_layer, TOLD, "known_linear", constants),
+        node("Relu", ["known_linear"], "known"),
+    ]
+    for number, layer in enumerate(network.hidden):
+        nodes.append(node("Concat", [f"flat{number}", "known"], f"joined{number}", axis=1))
+        nodes += _linear(layer, f"joined{number}", f"linear{number}", constants)
+        nodes.append(node("Relu", [f"linear{number}"], f"flat{number + 1}"))
+    last = f"flat{len(network.hidden)}"
+    nodes += _linear(network.histogram, last, "logits", constants)
+    nodes.append(node("Softmax", ["logits"], HISTOGRAM, axis=1))
+    nodes += _linear(network.place, last, "place_mm", constants)
+    nodes += [
+        node("Mul", ["place_mm", "millimetre"], "place_m"),
+        node("Squeeze", ["place_m", "second_axis"], CONTACT),
+    ]
+    return nodes
+
+
+def _linear(
+    layer: torch.nn.Linear, source: str, output: str, constants: dict[str, NDArray[Any]]
+) -> list[onnx.NodeProto]:
+    constants |= {f"{output}_weight": _values(layer.weight), f"{output}_bias": _values(layer.bias)}
+    return [node("Gemm", [source, f"{output}_weight", f"{output}_bias"], output, transB=1)]
+
+
+def _values(tensor: torch.Tensor) -> NDArray[np.float32]:
+    values: NDArray[np.float32] = tensor.detach().numpy().copy()
+    return values

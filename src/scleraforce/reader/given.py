@@ -1,0 +1,82 @@
+"""What a reader's network is told beside the slice, as numbers of order one (NumPy only)."""
+
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.study import ReaderStudy
+
+__all__ = ["GIVEN", "Told", "given_inputs", "told_modulus", "unknown_modulus"]
+
+Floats = NDArray[np.float64]
+
+# One column of the network's input for each.
+GIVEN = (
+    "modulus known", "modulus", "log modulus sd", "iop known", "log iop", "log iop ratio",
+    "thickness known", "thickness", "gap known", "gap",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is known of some eyes, each (sample,); NaN: unknown.
+
+    `modulus_pa` and `modulus_sd_fraction` (relative) describe a normal distribution; both or none of them are known.
+    """
+
+    modulus_pa: Floats
+    modulus_sd_fraction: Floats
+    iop_pa: Floats
+    thickness_m: Floats
+    gap_m: Floats
+
+
+def unknown_modulus(study: ReaderStudy) -> tuple[float, float]:
+    """Return mean and relative standard deviation that stand for a modulus of which nothing is known.
+
+    They are those of the training's range, evenly spread.
+
+    >>> mean_pa, sd = unknown_modulus(ReaderStudy())
+    >>> round(mean_pa), round(sd, 3)
+    (400000, 0.361)
+    """
+    low, high = study.youngs_modulus_pa.bounds
+    mean = 0.5 * (low + high)
+    return mean, (high - low) / sqrt(12.0) / mean
+
+
+def told_modulus(told: Told, study: ReaderStudy) -> tuple[Floats, Floats]:
+    """Return mean, Pa, and relative standard deviation of the modulus (sample,), also where it is unknown."""
+    mean, sd = unknown_modulus(study)
+    unknown = np.isnan(told.modulus_pa)
+    return np.where(unknown, mean, told.modulus_pa), np.where(unknown, sd, told.modulus_sd_fraction)
+
+
+def given_inputs(told: Told, study: ReaderStudy) -> NDArray[np.float32]:
+    """Return the network's second input, shape (sample, len(GIVEN)): flags (1: known) and values, 0 where unknown.
+
+    A value at the ends of its training range is -1 or 1. The IOP stands there twice: also over the modulus, which is
+    what the mechanics knows.
+    """
+    modulus, sd = told_modulus(told, study)
+    e, p, s = study.youngs_modulus_pa.bounds, study.iop_pa.bounds, study.modulus_sd_fraction.bounds
+    iop_ratio = (np.log(p[0] / e[1]), np.log(p[1] / e[0]))
+    columns = (
+        ~np.isnan(told.modulus_pa),
+        _scaled(modulus, *e),
+        _scaled(np.log(sd), np.log(s[0]), np.log(s[1])),
+        ~np.isnan(told.iop_pa),
+        _scaled(np.log(told.iop_pa), np.log(p[0]), np.log(p[1])),
+        _scaled(np.log(told.iop_pa / modulus), *iop_ratio),
+        ~np.isnan(told.thickness_m),
+        _scaled(told.thickness_m, *study.thickness_m.bounds),
+        ~np.isnan(told.gap_m),
+        _scaled(told.gap_m, *study.gap_m.bounds),
+    )
+    return np.nan_to_num(np.stack(columns, axis=1)).astype(np.float32)
+
+
+def _scaled(values: Floats, low: float, high: float) -> Floats:
+    return (values - 0.5 * (low + high)) / max(0.5 * (high - low), 1e-12)
