@@ -38,6 +38,7 @@ def bend_eye(
     youngs_modulus_pa: float,
     iop_pa: float,
     max_force_n: float,
+    max_tip_m: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> BentEye:
     """Bend an eye at finite strain, up to a force; radius, material, form and needle are the study's.
@@ -49,6 +50,7 @@ def bend_eye(
         youngs_modulus_pa: E outside all regions.
         iop_pa: eye pressure without the needle.
         max_force_n: where the path may end.
+        max_tip_m: the deepest dent to go to: the path may then end below the force.
         progress: called with the share of the force that is reached, after every state.
 
     Raises:
@@ -74,13 +76,14 @@ def bend_eye(
         iop_pa=iop_pa,
         density_kg_m3=eye.density_kg_m3,
         max_force_n=goal_n,
+        max_tip_m=max_tip_m,
         sealed=study.mechanics.sealed,
         largest_step_m=min(LARGEST_STEP_M, linear_tip_m / STEPS_TO_LINEAR_TIP),
         progress=None if progress is None else lambda force_n: progress(min(force_n / goal_n, 1.0)),
     )
     path = walk()
     if len(path.tips_m) < LEAST_STATES:  # high pressure: the dent is far shallower than a linear wall's
-        path = walk(largest_step_m=path.tip_m(goal_n) / LEAST_STATES)
+        path = walk(largest_step_m=path.tip_m(min(goal_n, path.max_force_n)) / LEAST_STATES)
     return BentEye(formed.mesh, path)
 
 
