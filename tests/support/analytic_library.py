@@ -1,11 +1,23 @@
 """A made-up eye with a closed form, smooth and of the right sizes, whose force may fall along the path."""
 
+import os
+import signal
+import time
+
 import numpy as np
 
+from scleraforce.errors import SolverError
 from scleraforce.library import Library
 
 RADIUS_M = 12e-3
-ANGLES = 0.5 * np.pi * np.linspace(0.0, 1.0, 81) ** 1.5
+
+
+def node_angles(nodes):
+    """Angles of the nodes from the needle axis, denser there."""
+    return 0.5 * np.pi * np.linspace(0.0, 1.0, nodes) ** 1.5
+
+
+ANGLES = node_angles(81)
 
 
 def force_ratio(thickness_m, iop_ratio, tip_m):
@@ -42,3 +54,26 @@ def analytic_library(thicknesses=9, ratios=9, tips=40, max_tip_m=7.5e-3):
 def draw_walls(rng, count):
     """Thickness (count,) and IOP ratio (count,) anywhere in the library."""
     return rng.uniform(0.35e-3, 0.9e-3, count), np.exp(rng.uniform(np.log(8e-5), np.log(6e-3), count))
+
+
+def solve_analytic(plan, number):
+    """A path of a plan, as `library.build.solve_path` returns it, for tests of what is built around the solver."""
+    wall = plan.wall(number)
+    angles = node_angles(plan.nodes)
+    return force_ratio(*wall, plan.tip_m), curves(*wall, plan.tip_m, angles).astype(np.float32)
+
+
+def solve_slowly(plan, number):
+    """The same, a tenth of a second later: long enough for a worker to be killed while it is at it."""
+    time.sleep(0.1)
+    return solve_analytic(plan, number)
+
+
+def no_solution(plan, number):
+    """A path that cannot be followed."""
+    raise SolverError(f"path {number} of {plan.paths}: no equilibrium")
+
+
+def no_worker(_plan, _number):
+    """The end of the process that is asked."""
+    os.kill(os.getpid(), signal.SIGKILL)

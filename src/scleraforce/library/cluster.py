@@ -36,7 +36,7 @@ def work_on_cluster(
         done: Any = distributed.as_completed  # not annotated there
         futures = {client.submit(work, unit, pure=False): unit for unit in units}
         try:
-            for future in done(futures):
+            for future in done(futures, loop=client.loop):
                 yield futures[future], future.result()
                 future.release()
         except distributed.KilledWorker as fault:

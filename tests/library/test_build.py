@@ -1,0 +1,173 @@
+"""The library on disk: the same bytes whoever builds it and however often it is interrupted, checked, and right."""
+
+import multiprocessing
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from analytic_library import no_solution, no_worker, solve_analytic
+
+from scleraforce.errors import InputError, SolverError
+from scleraforce.library.build import build_library, solve_path
+from scleraforce.library.plan import plan_library
+from scleraforce.library.store import complete_store, create_store, missing_paths, open_library, write_path
+from scleraforce.mechanics.axisymmetric import axisymmetric_path
+from scleraforce.mechanics.axisymmetric_mesh import MeridianSize
+from scleraforce.study import LibraryStudy, NeedleStudy, Range, Study
+
+STUDY = Study(library=LibraryStudy(thicknesses=4, iop_ratios=5, tips=6, elements=16))
+
+
+def contents(path: Path):
+    return {str(file.relative_to(path)): file.read_bytes() for file in sorted(path.rglob("*")) if file.is_file()}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A library made by one worker."""
+    path = tmp_path_factory.mktemp("made") / "library.zarr"
+    done = []
+    result = build_library(STUDY, path, workers=1, progress=done.append, solve=solve_analytic)
+    assert (result.paths, result.solved, sum(done)) == (20, 20, 20)
+    return path
+
+
+def test_what_is_read_is_what_was_solved(made):
+    library, plan = open_library(made), plan_library(STUDY)
+    assert library.thickness_m == pytest.approx(plan.thickness_m)
+    assert (library.radius_m, library.poisson_ratio, library.needle_radius_m) == (12e-3, 0.45, 0.35e-3)
+    for number in (0, 7, 19):
+        force_d, curves_dbnc = solve_analytic(plan, number)
+        place = divmod(number, 5)
+        assert np.array_equal(library.force_ratio_tpd[place], force_d)
+        assert np.array_equal(library.curves_tpdbnc[place], curves_dbnc)
+
+
+def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
+    path = tmp_path / "library.zarr"
+    done = []
+
+    def interrupt(count: int) -> None:
+        done.append(count)
+        if sum(done) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        build_library(STUDY, path, workers=2, progress=interrupt, solve=solve_analytic)
+    assert not multiprocessing.active_children()
+    with pytest.raises(InputError, match="not complete"):
+        open_library(path)
+    result = build_library(STUDY, path, workers=2, solve=solve_analytic)
+    assert result.solved == 17
+    assert contents(path) == contents(made)
+
+
+@pytest.mark.slow
+def test_a_build_killed_at_any_time_is_completed(made, tmp_path):
+    """A second program is killed, several times, as nothing but SIGKILL kills; the same command goes on."""
+    path = tmp_path / "library.zarr"
+    code = (
+        "import sys; from pathlib import Path; from analytic_library import solve_slowly\n"
+        "from scleraforce.library.build import build_library\n"
+        "from scleraforce.study import LibraryStudy, Study\n"
+        "if __name__ == '__main__':\n"
+        "    study = Study(library=LibraryStudy(thicknesses=4, iop_ratios=5, tips=6, elements=16))\n"
+        "    build_library(study, Path(sys.argv[1]), workers=2, solve=solve_slowly)\n"
+    )
+    script = tmp_path / "build.py"
+    script.write_text(code)
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1] / "support")}
+    for wanted in (1, 6):
+        child = subprocess.Popen([sys.executable, script, path], env=environment, start_new_session=True)
+        while child.poll() is None and len(list(path.glob("force_ratio/c/*/*"))) < wanted:
+            time.sleep(0.01)
+        os.killpg(child.pid, signal.SIGKILL)
+        assert child.wait() == -signal.SIGKILL
+    result = build_library(STUDY, path, workers=2, solve=solve_analytic)
+    assert result.solved < 20 - 5
+    assert contents(path) == contents(made)
+
+
+def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
+    path = Path(shutil.copytree(made, tmp_path / "copy"))
+    chunk = path / "curves" / "c" / "2" / "3" / "0" / "0" / "0" / "0"
+    content = bytearray(chunk.read_bytes())
+    content[100] ^= 1
+    chunk.write_bytes(content)
+    with pytest.raises(InputError, match="curves: damaged"):
+        open_library(path)
+    assert missing_paths(path, plan_library(STUDY)) == [13]
+    chunk.unlink()
+    with pytest.raises(InputError, match=r"curves: 1 of 20 chunks are missing"):
+        open_library(path)
+    with pytest.raises(InputError, match="1 of 20 load paths are missing"):
+        complete_store(path, plan_library(STUDY))
+
+
+def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):
+    with pytest.raises(InputError, match="complete library"):
+        build_library(STUDY, made, solve=solve_analytic)
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "letter.txt").write_text("dear")
+    with pytest.raises(InputError, match="something else"):
+        build_library(STUDY, tmp_path / "folder", solve=solve_analytic)
+    with pytest.raises(InputError, match="no such library"):
+        open_library(tmp_path / "nothing")
+    create_store(tmp_path / "begun", plan_library(STUDY))
+    other = Study(needle=NeedleStudy(outer_diameter_m=0.8e-3), library=STUDY.library)
+    with pytest.raises(InputError, match="begun with another plan"):
+        build_library(other, tmp_path / "begun", solve=solve_analytic)
+    with pytest.raises(InputError, match="workers: 0"):
+        build_library(STUDY, tmp_path / "x", workers=0)
+
+
+def test_a_path_that_fails_is_named_and_a_worker_that_dies_is_no_hang(tmp_path):
+    with pytest.raises(SolverError, match="path 0 of 20: no equilibrium"):
+        build_library(STUDY, tmp_path / "a", workers=1, solve=no_solution)
+    with pytest.raises(SolverError, match="worker ended"):
+        build_library(STUDY, tmp_path / "b", workers=1, solve=no_worker)
+
+
+def test_the_plan_depends_on_nothing_else_of_the_study():
+    other = Study(library=STUDY.library)
+    assert plan_library(other).key == plan_library(STUDY).key
+    assert plan_library(Study()).key != plan_library(STUDY).key
+
+
+def test_the_default_covers_what_it_says():
+    plan = plan_library(Study())
+    lowest, highest = 0.5 * 133.322 / 0.8e6, 5.0 * 133.322 / 0.12e6
+    assert plan.iop_ratio[0] < lowest < highest < plan.iop_ratio[-1]
+    assert plan.grid.max_force_ratio_m2 == pytest.approx(60e-3 / 0.12e6)
+    assert (np.diff(plan.tip_m, 2) > 0.0).all()
+
+
+def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path):
+    plan = plan_library(Study(library=LibraryStudy(thicknesses=4, iop_ratios=4, tips=5, max_tip_m=1e-3, elements=16)))
+    force_d, curves_dbnc = solve_path(plan, 6)
+    thickness_m, iop_ratio = plan.wall(6)
+    expected = axisymmetric_path(
+        12e-3, thickness_m, 0.45, 0.35e-3, iop_ratio, tips_m=plan.tip_m[1:], size=MeridianSize(16, 1)
+    )
+    assert np.array_equal(force_d, expected.force_ratio_m2)
+    assert curves_dbnc == pytest.approx(expected.curves_sbnc, abs=1e-9)
+    create_store(tmp_path / "library", plan)
+    write_path(tmp_path / "library", plan, 6, force_d, curves_dbnc)
+    assert missing_paths(tmp_path / "library", plan) == [n for n in range(16) if n != 6]
+
+
+def test_the_real_library_is_the_same_on_any_number_of_workers(tmp_path):
+    study = Study(
+        library=LibraryStudy(
+            thickness_m=Range(0.5e-3, 0.8e-3), thicknesses=4, iop_ratios=4, tips=4, max_tip_m=1e-3, elements=16
+        )
+    )
+    for workers in (1, 2):
+        build_library(study, tmp_path / str(workers), workers=workers)
+    assert contents(tmp_path / "1") == contents(tmp_path / "2")
