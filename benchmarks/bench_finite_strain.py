@@ -8,6 +8,7 @@ nodal weights, 20 equiangular quads, no weight; tips were read at the node neare
 
 import argparse
 import resource
+from collections.abc import Callable
 from time import process_time
 from typing import Any
 
@@ -63,7 +64,7 @@ def reference_path(mesh: HexMesh, youngs_modulus_pa: float, contact: Contact, ma
     """Return R2's load path."""
     wall = FiniteWall(mesh, NU, dead_pressure_nc=voronoi_pressure(mesh))
     needle = Needle(nodal_gaussian(mesh, contact), tip_at(mesh, contact, -contact.normal))
-    loads = {"youngs_modulus_pa": youngs_modulus_pa, "iop_pa": IOP_PA, "density_kg_m3": 0.0}
+    loads: dict[str, Any] = {"youngs_modulus_pa": youngs_modulus_pa, "iop_pa": IOP_PA, "density_kg_m3": 0.0}
     return wall.load_path(needle, **loads, max_force_n=max_force_n)
 
 
@@ -106,7 +107,7 @@ def product_paths(fine: bool) -> None:
     forces = row([float(force) for force in FORCES_MN], 0)
     print(f"{'wall, mesh':54s}{'elements':>9s}{'seconds':>8s}{'states':>7s}{forces} mN")
     for thickness_m, modulus_pa in ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6)):
-        loads = {"youngs_modulus_pa": modulus_pa, "iop_pa": IOP_PA, "density_kg_m3": 1100.0}
+        loads: dict[str, Any] = {"youngs_modulus_pa": modulus_pa, "iop_pa": IOP_PA, "density_kg_m3": 1100.0}
         for name, mesh in meshes(contact, thickness_m, fine).items():
             wall, needle = FiniteWall(mesh, NU), needle_at(mesh, contact, NEEDLE_RADIUS_M)
             start = process_time()
@@ -125,7 +126,7 @@ def sealed_globes() -> None:
     for thickness_m, modulus_pa in ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6)):
         mesh = graded_mesh(RADIUS_M, thickness_m, contact)
         wall, needle = FiniteWall(mesh, NU), needle_at(mesh, contact, NEEDLE_RADIUS_M)
-        loads = {"youngs_modulus_pa": modulus_pa, "iop_pa": IOP_PA, "density_kg_m3": 1100.0}
+        loads: dict[str, Any] = {"youngs_modulus_pa": modulus_pa, "iop_pa": IOP_PA, "density_kg_m3": 1100.0}
         paths = {sealed: wall.load_path(needle, **loads, max_force_n=np.inf, max_tip_m=4e-3, sealed=sealed)
                  for sealed in (False, True)}  # fmt: skip
         rise = 100.0 * (np.interp(dents_mm, 1e3 * paths[True].tips_m, paths[True].pressures_pa) / IOP_PA - 1.0)
@@ -147,7 +148,7 @@ def parts() -> None:
     blocks = wall.solid.tangent_blocks(displacement_nc)
     matrix = wall.free_part.matrix(blocks)
     symmetric: dict[str, Any] = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-    work = {
+    work: dict[str, Callable[[], object]] = {
         "forces of the solid": lambda: wall.solid.forces(displacement_nc),
         "forces of the pressure": lambda: wall.inner.forces(displacement_nc),
         "tangent of the solid": lambda: wall.solid.tangent_blocks(displacement_nc),

@@ -25,6 +25,7 @@ SI_PER_UNIT: dict[str, tuple[str, float]] = {
     "mnm": ("nm", 1e-3),  # mN m in N m
     "percent": ("fraction", 1e-2),
     "mm2": ("m2", 1e-6),
+    "kpa_per_mm": ("pa_per_m", 1e6),
 }
 
 

@@ -3,7 +3,7 @@
 A dent of a few wall thicknesses softens the wall and then stiffens it, which linear mechanics does not know. A load
 path is computed once, by the tip's displacement (`mechanics.continuation`), and then read at any force.
 
-The answer depends on F/E, p/E and (weight per volume)/E only; E is 1 Pa inside.
+The answer depends on F/E, p/E, (weight per volume)/E and (spring stiffness)/E only; E is 1 Pa inside.
 """
 
 from collections.abc import Callable
@@ -24,6 +24,7 @@ from scleraforce.mechanics.loads import gravity_load
 from scleraforce.mechanics.needle import Needle
 from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
 from scleraforce.mechanics.pressure import InnerSurface
+from scleraforce.mechanics.springs import Springs
 from scleraforce.mechanics.supports import clamped_base
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
@@ -127,6 +128,7 @@ class FiniteWall:
         *,
         modulus_factor_ep: Floats | None = None,
         dead_pressure_nc: Floats | None = None,
+        springs: Springs | None = None,
     ) -> None:
         """Prepare all that does not depend on the displacement.
 
@@ -137,6 +139,7 @@ class FiniteWall:
             modulus_factor_ep: modulus over E at every Gauss point, (element, point) or what broadcasts to it.
             dead_pressure_nc: nodal forces of 1 Pa that keep their direction, (node, 3) in m^2, in place of a pressure
                 that follows the inner surface; `loads.pressure_load` is such.
+            springs: on the outer surface, in N/m; they hold what `held_nc` leaves free.
 
         Raises:
             SolverError: an element is turned inside out.
@@ -146,6 +149,7 @@ class FiniteWall:
         self.solid = NeoHookeanSolid(mesh, poisson_ratio, modulus_factor_ep)
         self.inner = InnerSurface(mesh, self.solid.pattern)
         self.dead_pressure_nc = dead_pressure_nc
+        self.springs = springs
         self.free = np.flatnonzero(~self.held_nc.ravel())
         self.free_part = FreePart(self.solid.pattern, self.free)
 
@@ -161,8 +165,7 @@ class FiniteWall:
             SolverError: no equilibrium was found; the message says what was reached.
         """
         nothing = np.zeros_like(self.mesh.points_nc)
-        weight_ratio = density_kg_m3 * STANDARD_GRAVITY_M_S2 / youngs_modulus_pa
-        problem = _WallEquilibrium(self, Needle(nothing, nothing), weight_ratio)
+        problem = _WallEquilibrium(self, Needle(nothing, nothing), youngs_modulus_pa, density_kg_m3)
         return self.full_nc(pressurise(problem, iop_pa / youngs_modulus_pa))
 
     def load_path(
@@ -197,8 +200,7 @@ class FiniteWall:
         """
         if sealed and self.dead_pressure_nc is not None:
             raise InputError("sealed globe: its pressure has to follow the wall; leave the dead pressure out")
-        weight_ratio = density_kg_m3 * STANDARD_GRAVITY_M_S2 / youngs_modulus_pa
-        problem = _WallEquilibrium(self, needle, weight_ratio)
+        problem = _WallEquilibrium(self, needle, youngs_modulus_pa, density_kg_m3)
         pressure = iop_pa / youngs_modulus_pa
         states = trace(
             problem,
@@ -228,17 +230,20 @@ class FiniteWall:
 class _WallEquilibrium:
     """The wall as `continuation` sees it: unknowns are the free components, E = 1 Pa."""
 
-    def __init__(self, wall: FiniteWall, needle: Needle, weight_ratio: float) -> None:
+    def __init__(self, wall: FiniteWall, needle: Needle, youngs_modulus_pa: float, density_kg_m3: float) -> None:
         self._wall = wall
         self.needle: Floats = needle.load_nc.ravel()[wall.free]
         self.tip: Floats = needle.tip_nc.ravel()[wall.free]
-        self._weight_nc = weight_ratio * wall.gravity_nc
+        self._weight_nc = density_kg_m3 * STANDARD_GRAVITY_M_S2 / youngs_modulus_pa * wall.gravity_nc
+        self._per_modulus = 1.0 / youngs_modulus_pa
 
     def residual(self, u: Floats, pressure: float) -> Floats:
         displaced_nc = self._wall.full_nc(u)
         wall = self._wall
         pushed_nc = wall.inner.forces(displaced_nc) if wall.dead_pressure_nc is None else wall.dead_pressure_nc
         balance_nc = wall.solid.forces(displaced_nc) - pressure * pushed_nc - self._weight_nc
+        if wall.springs is not None:
+            balance_nc += self._per_modulus * wall.springs.forces(displaced_nc)
         return balance_nc.ravel()[wall.free]
 
     def factor(self, u: Floats, pressure: float) -> Solve:
@@ -247,6 +252,8 @@ class _WallEquilibrium:
         blocks = wall.solid.tangent_blocks(displaced_nc)
         if wall.dead_pressure_nc is None and pressure != 0.0:
             wall.inner.add_tangent(blocks, displaced_nc, -pressure)
+        if wall.springs is not None:
+            wall.springs.add_to(blocks, wall.solid.pattern, self._per_modulus)
         # Symmetric but, past a turning point, not definite: without pivoting all the same (see `linear`).
         try:
             factor = splu(

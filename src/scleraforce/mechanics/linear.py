@@ -11,9 +11,10 @@ from scipy.sparse.linalg import SuperLU, splu
 from scleraforce.errors import SolverError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, locate, surface_weights
-from scleraforce.mechanics.assembly import element_stiffness, lame_constants, stiffness_matrix
+from scleraforce.mechanics.assembly import BlockPattern, element_stiffness, lame_constants
 from scleraforce.mechanics.loads import gravity_load, needle_loads, pressure_load
 from scleraforce.mechanics.quadrature import volume_points
+from scleraforce.mechanics.springs import Springs
 from scleraforce.mechanics.supports import clamped_base
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
@@ -37,8 +38,23 @@ class LinearWall:
         held_nc: which displacement components are held at zero, (node, 3).
     """
 
-    def __init__(self, mesh: HexMesh, poisson_ratio: float, held_nc: NDArray[np.bool_] | None = None) -> None:
-        """Assemble and factor; `held_nc` (node, 3) holds components at zero, by default the clamped base.
+    def __init__(
+        self,
+        mesh: HexMesh,
+        poisson_ratio: float,
+        held_nc: NDArray[np.bool_] | None = None,
+        *,
+        springs: Springs | None = None,
+        springs_modulus_pa: float = 1.0,
+    ) -> None:
+        """Assemble and factor.
+
+        Args:
+            mesh: the wall's mesh.
+            poisson_ratio: nu.
+            held_nc: holds displacement components at zero, (node, 3); by default the clamped base.
+            springs: on the outer surface. They do not scale with E: the wall then stands for one modulus only.
+            springs_modulus_pa: that modulus.
 
         Raises:
             SolverError: the supports leave the wall free to move as a rigid body, or the mesh is invalid.
@@ -46,7 +62,12 @@ class LinearWall:
         self.mesh = mesh
         self.held_nc = clamped_base(mesh) if held_nc is None else held_nc
         self._points = volume_points(mesh)
-        self.stiffness = stiffness_matrix(mesh, element_stiffness(self._points, *lame_constants(1.0, poisson_ratio)))
+        pattern = BlockPattern(mesh.cells_en, len(mesh.points_nc))
+        element_enini = element_stiffness(self._points, *lame_constants(1.0, poisson_ratio))
+        blocks = pattern.sum(element_enini.transpose(0, 1, 3, 2, 4))
+        if springs is not None:
+            springs.add_to(blocks, pattern, 1.0 / springs_modulus_pa)
+        self.stiffness = pattern.matrix(blocks)
         self._free = np.flatnonzero(~self.held_nc.ravel())
         self._factor = _factorise(self.stiffness[self._free][:, self._free].tocsc())
 
