@@ -1,0 +1,64 @@
+"""`scleraforce library`: the finite-strain responses that data sets, calibration and training draw from."""
+
+from pathlib import Path
+
+import click
+from tqdm import tqdm
+
+from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.library import Library
+from scleraforce.study import Study, read_study
+
+__all__ = ["library", "study_library"]
+
+
+@click.command()
+@click.option("--study", "study_path", type=click.Path(path_type=Path), help="Study file; the paper's by default.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Where the library goes (Zarr).")
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers solve the paths.")
+@click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one for each core.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def library(study_path: Path | None, out: Path, scheduler: str | None, workers: int | None, as_json: bool) -> None:
+    """Solve the load paths of the response library.
+
+    Other commands make the library of their study on first need and keep it
+    in the user's cache; this one puts it where you say, on a Dask cluster if
+    you like. An interrupted run is taken up by the same command. The library
+    is the same wherever and by however many it is made.
+    """
+    from scleraforce.library.build import build_library
+    from scleraforce.library.plan import plan_library
+
+    study = Study() if study_path is None else read_study(study_path)
+    paths = plan_library(study).paths
+    done: list[int] = []
+    with progress_bar(range(paths), "library", total=paths) as bar:
+
+        def advance(count: int) -> None:
+            done.append(count)
+            bar.update(count)
+
+        try:
+            result = build_library(study, out, scheduler=scheduler, workers=workers, progress=advance)
+        except KeyboardInterrupt:
+            bar.close()
+            click.echo(f"{out}: {sum(done)} of {paths} load paths are kept; the same command completes them", err=True)
+            raise
+    if as_json:
+        print_json({"paths": result.paths, "seconds": result.seconds})
+    else:
+        click.echo(f"{out}: {result.paths} load paths, {result.seconds:.1f} s")
+
+
+def study_library(study: Study) -> Library:
+    """Return the library of a study from the user's cache; a bar shows where it has to be made."""
+    from scleraforce.library.cache import cached_library
+    from scleraforce.library.plan import plan_library
+
+    bar: tqdm[None]
+    with progress_bar((), "library", total=plan_library(study).paths) as bar:
+
+        def advance(count: int) -> None:
+            bar.update(count)
+
+        return cached_library(study, progress=advance)
