@@ -14,6 +14,7 @@ import click
 
 from figures.eyes import GROUPS, FigureEye, draw_eyes
 from figures.folder import FiguresFolder
+from figures.page import insert_tables
 from figures.picture import draw_forces
 from figures.readings import CALIBRATED_FRAMES, Method, calibrated_eyes, make_methods, read_frames
 from figures.recordings import make_recordings, read_made
@@ -43,8 +44,9 @@ class Group:
 @click.option("--eyes", "count", type=click.IntRange(2), default=20, show_default=True, help="Of each group.")
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True, help="Processes that compute eyes.")
 @click.option("--reader", type=click.Path(path_type=Path), help="A trained reader; otherwise one is trained.")
+@click.option("--page", type=click.Path(path_type=Path, exists=True), help="Page of the docs to put the tables into.")
 @click.option("--recordings-only", is_flag=True, help="Stop when the eyes are computed and imaged.")
-def main(out: Path, count: int, workers: int, reader: Path | None, recordings_only: bool) -> None:
+def main(out: Path, count: int, workers: int, reader: Path | None, page: Path | None, recordings_only: bool) -> None:
     """Read virtual eyes that no training has seen; write figures.md, figures.json and figures.png to the folder."""
     study, folder = Study(), FiguresFolder(out)
     drawn = {group: draw_eyes(group, count, study) for group in GROUPS}
@@ -62,6 +64,8 @@ def main(out: Path, count: int, workers: int, reader: Path | None, recordings_on
     write_whole(as_markdown(results), out / "figures.md")
     write_whole(json.dumps(as_json(results), indent=2, allow_nan=False) + "\n", out / "figures.json")
     _write_picture(groups, study, out / "figures.png")
+    if page is not None:
+        insert_tables(as_markdown(results), page)
     click.echo(as_markdown(results))
 
 

@@ -7,6 +7,7 @@ from pieces_of_work import leave_a_mark_or_fail, leave_a_mark_or_wait
 
 from figures.commands import answers, made_by
 from figures.eyes import GROUPS, draw_eyes
+from figures.page import BEGIN, END, insert_tables
 from figures.recordings import MadeEye, lowest_m
 from figures.scores import AnsweredFrame, answered_frame, score
 from figures.workers import in_processes
@@ -150,3 +151,14 @@ def test_what_a_command_prints_is_kept(tmp_path):
     assert answers(out, ["evaluate", "no-model"]) == {"frames": []}
     with pytest.raises(ScleraforceError, match="evaluate: exit code"):
         answers(tmp_path / "other.json", ["evaluate", tmp_path / "no-model", tmp_path])
+
+
+def test_tables_take_the_place_of_those_before(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(f"above\n\n{BEGIN}\n{END}\n\nbelow\n")
+    insert_tables("| old |\n", page)
+    insert_tables("| new |\n", page)
+    assert page.read_text() == f"above\n\n{BEGIN}\n\n| new |\n\n{END}\n\nbelow\n"
+    page.write_text("no marks")
+    with pytest.raises(ScleraforceError, match="expected one line"):
+        insert_tables("| new |\n", page)

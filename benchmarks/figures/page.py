@@ -1,0 +1,23 @@
+"""The tables of the figures in a page of the docs, between two marks."""
+
+from pathlib import Path
+
+from scleraforce.errors import InputError
+from scleraforce.report.files import write_whole
+
+__all__ = ["BEGIN", "END", "insert_tables"]
+
+BEGIN, END = "<!-- made by `make figures`: begin -->", "<!-- made by `make figures`: end -->"
+
+
+def insert_tables(tables: str, page: Path) -> None:
+    """Put tables into a page, in the place of those that stand between its marks.
+
+    Raises:
+        InputError: the page lacks a mark.
+    """
+    text = page.read_text(encoding="utf-8")
+    if text.count(BEGIN) != 1 or text.count(END) != 1:
+        raise InputError(f"{page}: expected one line {BEGIN!r} and one {END!r} around the tables")
+    before, rest = text.split(BEGIN)
+    write_whole(f"{before}{BEGIN}\n\n{tables}\n{END}{rest.split(END)[1]}", page)
