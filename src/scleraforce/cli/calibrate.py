@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scleraforce.cli.output import print_json, progress_bar, share_bar
+from scleraforce.cli.library import study_library
+from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study, study_hash
 
 if TYPE_CHECKING:
     from scleraforce.calibration.calibrate import Calibration, EyeCalibration
-    from scleraforce.library import Library
 
 __all__ = ["calibrate"]
 
@@ -76,7 +76,7 @@ def calibrate(
     study = Study() if study_path is None else read_study(study_path)
     earlier = None if resume is None else read_posteriors(resume)
     opened = [read_recording(path) for path in recordings]
-    library = None if mechanics == "linear" else _library(study)
+    library = None if mechanics == "linear" else study_library(study)
     with progress_bar(range(sum(len(recording.frames) for recording in opened)), "frames") as bar:
         advance, sha256 = bar.update, study_hash(study)
         result = calibrate_recordings(opened, study, sha256, library, parameters, frames, earlier, advance)
@@ -89,22 +89,6 @@ def calibrate(
     else:
         click.echo("\n".join(_lines(result)))
         click.echo(f"wrote {out}")
-
-
-def _library(study: Study) -> "Library":
-    """Return the study's library; a bar shows where it has to be made."""
-    from scleraforce.library.cache import cached_library
-    from scleraforce.library.plan import plan_library
-
-    with share_bar("library") as reach:
-        paths, done = plan_library(study).paths, 0
-
-        def advance(count: int) -> None:
-            nonlocal done
-            done += count
-            reach(done / paths)
-
-        return cached_library(study, progress=advance)
 
 
 def _draw(result: "Calibration", path: Path) -> None:
