@@ -1,12 +1,12 @@
-"""The mesh that a study asks for."""
+"""The mesh that a study asks for, and that of an eye on the study's supports."""
 
 from scleraforce.errors import InputError
 from scleraforce.eye.contact import Contact
-from scleraforce.eye.graded import graded_mesh
+from scleraforce.eye.graded import graded_globe, graded_mesh
 from scleraforce.eye.mesh import HexMesh, build_mesh
 from scleraforce.study import Study
 
-__all__ = ["study_mesh"]
+__all__ = ["study_mesh", "supported_mesh"]
 
 
 def study_mesh(study: Study, thickness_m: float, contact: Contact | None = None) -> HexMesh:
@@ -21,3 +21,17 @@ def study_mesh(study: Study, thickness_m: float, contact: Contact | None = None)
     if contact is None:
         raise InputError('mesh: kind: "graded" serves one contact, and this has several; "hexahedra" would do')
     return graded_mesh(radius_m, thickness_m, contact, mesh.core, mesh.rings, mesh.layers, mesh.order)
+
+
+def supported_mesh(study: Study, thickness_m: float, contact: Contact) -> HexMesh:
+    """Return the mesh of an eye on the study's supports: a bed carries a whole globe, anything else a half-sphere.
+
+    Raises:
+        InputError: a bed for a mesh that is not graded: there are no other whole globes.
+    """
+    mesh = study.mesh
+    if not study.supports.has_bed:
+        return study_mesh(study, thickness_m, contact)
+    if mesh.kind != "graded":
+        raise InputError(f'supports: kind: "{study.supports.kind}" carries a whole globe; mesh kind "graded" would do')
+    return graded_globe(study.eye.radius_m, thickness_m, contact, mesh.core, mesh.rings, mesh.layers, mesh.order)

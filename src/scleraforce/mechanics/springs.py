@@ -17,8 +17,9 @@ from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, locate, surface_weights
 from scleraforce.mechanics.assembly import BlockPattern
 from scleraforce.mechanics.quadrature import gauss_points, surface_points
+from scleraforce.study import SupportsStudy
 
-__all__ = ["INSERTIONS", "Insertion", "Springs", "elastic_bed", "rectus_straps"]
+__all__ = ["INSERTIONS", "Insertion", "Springs", "elastic_bed", "rectus_straps", "study_springs"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -116,6 +117,21 @@ def rectus_straps(mesh: HexMesh, stiffness_n_m: float, medial_azimuth_rad: float
     straps = [_strap(mesh, one, medial_azimuth_rad, places[:, 0], 0.5 * weights) for one in INSERTIONS.values()]
     unit = straps[0] + straps[1] + straps[2] + straps[3]
     return Springs(unit.nodes_qn, stiffness_n_m * unit.blocks_qnnii)
+
+
+def study_springs(supports: SupportsStudy, mesh: HexMesh) -> Springs | None:
+    """Return the springs of a study's supports; None for the clamped base alone.
+
+    Raises:
+        InputError: a bed under a wall without a lower half.
+    """
+    springs = None
+    if supports.has_bed:
+        springs = elastic_bed(mesh, supports.bed_stiffness_pa_per_m, supports.bed_shear_stiffness_pa_per_m)
+    if supports.has_straps:
+        straps = rectus_straps(mesh, supports.strap_stiffness_n_per_m, supports.medial_azimuth_rad)
+        springs = straps if springs is None else springs + straps
+    return springs
 
 
 def _strap(mesh: HexMesh, insertion: Insertion, medial_rad: float, places_p: Floats, weights_p: Floats) -> Springs:

@@ -7,12 +7,13 @@ from math import sqrt
 
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.form import form_mesh
-from scleraforce.eye.graded import graded_mesh
+from scleraforce.eye.graded import graded_globe, graded_mesh
 from scleraforce.eye.mesh import HexMesh
 from scleraforce.mechanics.finite_strain import LARGEST_STEP_M, FiniteWall, LoadPath
 from scleraforce.mechanics.loads import pressure_load
 from scleraforce.mechanics.needle import needle_at
 from scleraforce.mechanics.quadrature import gauss_points
+from scleraforce.mechanics.springs import study_springs
 from scleraforce.study import Study
 
 __all__ = ["BentEye", "bend_eye"]
@@ -44,7 +45,7 @@ def bend_eye(
     """Bend an eye at finite strain, up to a force; radius, material, form and needle are the study's.
 
     Args:
-        study: `[eye]`, `[mesh]` (of the graded kind), `[needle]`, `[form]`, `[mechanics]` count.
+        study: `[eye]`, `[mesh]` (of the graded kind), `[needle]`, `[form]`, `[mechanics]`, `[supports]` count.
         contact: where the needle pushes.
         thickness_m: nominal thickness of the wall.
         youngs_modulus_pa: E outside all regions.
@@ -58,13 +59,15 @@ def bend_eye(
         SolverError: no equilibrium was found; the message says what was reached.
     """
     eye, cells = study.eye, study.mesh
-    sphere = graded_mesh(eye.radius_m, thickness_m, contact, cells.core, cells.rings, cells.layers, cells.order)
+    graded = graded_globe if study.supports.has_bed else graded_mesh
+    sphere = graded(eye.radius_m, thickness_m, contact, cells.core, cells.rings, cells.layers, cells.order)
     formed = form_mesh(sphere, study.form, contact)
     wall = FiniteWall(
         formed.mesh,
         eye.poisson_ratio,
         modulus_factor_ep=formed.modulus_factor(gauss_points(3, formed.mesh.order + 1)[0]),
         dead_pressure_nc=None if study.mechanics.follower else pressure_load(formed.mesh),
+        springs=study_springs(study.supports, formed.mesh),
     )
     axis_c = contact.leaning_axis(study.needle.tilt_rad, study.needle.tilt_direction_rad)
     goal_n = max(max_force_n, LEAST_FORCE_N)

@@ -8,10 +8,11 @@ import numpy as np
 
 from scleraforce.errors import InputError
 from scleraforce.eye.contact import Contact
-from scleraforce.eye.study_mesh import study_mesh
+from scleraforce.eye.study_mesh import supported_mesh
 from scleraforce.imaging.plane import ScanPlane, Section
 from scleraforce.imaging.section import cut_sections
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.springs import study_springs
 from scleraforce.mechanics.study_path import BentEye, bend_eye
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2
@@ -144,7 +145,9 @@ def linear_sections(eye: PhantomEye, study: Study) -> SectionsAt:
     """
     check_linear(study)
     plane = eye.plane
-    wall = LinearWall(study_mesh(study, eye.thickness_m, plane.contact), study.eye.poisson_ratio)
+    mesh = supported_mesh(study, eye.thickness_m, plane.contact)
+    springs = study_springs(study.supports, mesh)
+    wall = LinearWall(mesh, study.eye.poisson_ratio, springs=springs, springs_modulus_pa=eye.youngs_modulus_pa)
     needle_nc = wall.needle_cnc([plane.contact], study.needle.outer_diameter_m / 2)[0]
     modes_knc = np.stack([wall.pressure_nc, wall.gravity_nc, needle_nc])
     weight_n_m3 = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2

@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh
-from scleraforce.eye.study_mesh import study_mesh
+from scleraforce.eye.study_mesh import supported_mesh
 from scleraforce.imaging.plane import ScanPlane, SliceWindow
 from scleraforce.imaging.section import cut_sections
 from scleraforce.imaging.slices import fill_section, slice_window
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
+from scleraforce.mechanics.springs import study_springs
 from scleraforce.mechanics.study_path import bend_eye
 from scleraforce.recording.virtual_eye import check_linear
 from scleraforce.study import Study
@@ -106,7 +107,9 @@ def _bend(
 def _bend_linearly(study: Study, thickness_m: float, force_n: float, contact: Contact) -> _Bent:
     check_linear(study)
     eye = study.eye
-    wall = LinearWall(study_mesh(study, thickness_m, contact), eye.poisson_ratio)
+    mesh = supported_mesh(study, thickness_m, contact)
+    springs = study_springs(study.supports, mesh)
+    wall = LinearWall(mesh, eye.poisson_ratio, springs=springs, springs_modulus_pa=eye.youngs_modulus_pa)
     unit_nc = wall.needle_cnc([contact], 0.5 * study.needle.outer_diameter_m)[0]
     resting_nc, displacement_nc = (
         wall.displacement(

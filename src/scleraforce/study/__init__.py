@@ -19,6 +19,7 @@ from scleraforce.study.records import (
     Study,
 )
 from scleraforce.study.sampled import Choice, Range, Sampled, draw, fixed
+from scleraforce.study.supports import SupportsStudy
 from scleraforce.study.toml import PAPER_STUDY_TOML, format_study, parse_study, read_study, study_hash
 
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "Sampled",
     "SliceStudy",
     "Study",
+    "SupportsStudy",
     "WaveStudy",
     "draw",
     "fixed",

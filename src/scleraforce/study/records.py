@@ -13,6 +13,7 @@ from scleraforce.study.mechanics import MechanicsStudy
 from scleraforce.study.phantom import PhantomStudy
 from scleraforce.study.reader import ReaderStudy
 from scleraforce.study.sampled import Choice, Range, Sampled, fixed
+from scleraforce.study.supports import SupportsStudy
 
 __all__ = [
     "CalibrationStudy",
@@ -248,3 +249,4 @@ class Study:
     reader: ReaderStudy = field(default_factory=ReaderStudy)
     form: FormStudy = field(default_factory=FormStudy)
     mechanics: MechanicsStudy = field(default_factory=MechanicsStudy)
+    supports: SupportsStudy = field(default_factory=SupportsStudy)
