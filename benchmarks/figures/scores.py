@@ -40,8 +40,8 @@ class AnsweredFrame:
 
     @property
     def right(self) -> bool:
-        """Whether the class is that of the force log."""
-        return self.predicted == self.target
+        """Whether the class is the true one."""
+        return self.predicted == self.true_target
 
 
 @dataclass(frozen=True)
@@ -49,14 +49,15 @@ class Scores:
     """The figures of a set of frames.
 
     `accuracy`, `usable_accuracy` (of the frames called usable), `recall` of class 2 and `as_harmless` (class 2 read as
-    class 0) are against the force log; `true_accuracy` against the truth. `unusable`: of the frames whose wall stays in
-    the window. Errors in mN and coverage are over the usable frames with a force, against truth and log.
+    class 0) are against the truth; what begins with `log_` is against the force log, as `evaluate` counts. `unusable`:
+    of the frames whose wall stays in the window. Errors in mN and coverage are over the usable frames with a force.
     """
 
     frames: int
     accuracy: Proportion
     usable_accuracy: Proportion
-    true_accuracy: Proportion
+    log_accuracy: Proportion
+    log_usable_accuracy: Proportion
     recall: Proportion
     as_harmless: int
     unusable: Proportion
@@ -100,7 +101,7 @@ def answered_frame(
 def score(frames: Sequence[AnsweredFrame]) -> Scores:
     """Return the figures of answers."""
     usable = [frame for frame in frames if frame.usable]
-    dangerous = [frame for frame in frames if frame.target == DANGEROUS]
+    dangerous = [frame for frame in frames if frame.true_target == DANGEROUS]
     seen = [frame for frame in frames if frame.in_window]
     errors = [(frame.read_mn - frame.true_mn, frame.read_mn - frame.measured_mn)
               for frame in usable if frame.read_mn is not None]  # fmt: skip
@@ -111,7 +112,8 @@ def score(frames: Sequence[AnsweredFrame]) -> Scores:
         frames=len(frames),
         accuracy=_share([frame.right for frame in frames]),
         usable_accuracy=_share([frame.right for frame in usable]),
-        true_accuracy=_share([frame.predicted == frame.true_target for frame in frames]),
+        log_accuracy=_share([frame.predicted == frame.target for frame in frames]),
+        log_usable_accuracy=_share([frame.predicted == frame.target for frame in usable]),
         recall=_share([frame.right for frame in dangerous]),
         as_harmless=sum(frame.predicted == 0 for frame in dangerous),
         unusable=_share([not frame.usable for frame in seen]),

@@ -33,12 +33,17 @@ class ModulusErrors:
 
 @dataclass(frozen=True)
 class GroupResult:
-    """All that was found on a group of eyes: `deep` of its frames leave the window, `capped` of its eyes give way."""
+    """All that was found on a group of eyes.
+
+    `deep` of its frames leave the window, the force log puts `mislabelled` into another class than the truth, and
+    `capped` of its eyes give way.
+    """
 
     group: str
     eyes: int
     frames: int
     deep: int
+    mislabelled: int
     capped: int
     scores: Mapping[Method, Scores]
     moduli: Sequence[ModulusErrors]
@@ -47,6 +52,7 @@ class GroupResult:
 COLUMNS = (
     "class accuracy, all frames",
     "usable frames",
+    "the same by the force log",
     "class 2 read as 0",
     "recall of class 2",
     "unusable, of those in the window",
@@ -62,7 +68,7 @@ def as_markdown(results: Sequence[GroupResult]) -> str:
 
 def _group(result: GroupResult) -> list[str]:
     title = f"**{result.group.capitalize()} eyes**: {result.eyes} eyes, {result.frames} frames"
-    title += f", {result.deep} of them with a dent that leaves the window"
+    title += f"; in {result.deep} the dent leaves the window, and {result.mislabelled} are in another class by the log"
     if result.capped:
         title += f"; {result.capped} eyes give way before 60 mN and were pushed up to what they bear"
     rows = [[method.title, *_cells(scores)] for method, scores in result.scores.items()]
@@ -73,6 +79,7 @@ def _cells(scores: Scores) -> list[str]:
     return [
         _counted(scores.accuracy),
         _counted(scores.usable_accuracy),
+        f"{_percent(scores.log_accuracy)}, {_percent(scores.log_usable_accuracy)}",
         str(scores.as_harmless),
         _counted(scores.recall),
         _counted(scores.unusable),
@@ -96,7 +103,11 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _counted(share: Proportion) -> str:
-    return f"{100 * share.value:.1f} % ({share.hits} of {share.total})" if share.total else "-"
+    return f"{_percent(share)} ({share.hits} of {share.total})" if share.total else "-"
+
+
+def _percent(share: Proportion) -> str:
+    return f"{100 * share.value:.1f} %" if share.total else "-"
 
 
 def as_json(results: Sequence[GroupResult]) -> dict[str, Any]:
@@ -109,6 +120,7 @@ def _plain_values(result: GroupResult) -> dict[str, Any]:
         "eyes": result.eyes,
         "frames": result.frames,
         "leaves_the_window": result.deep,
+        "mislabelled": result.mislabelled,
         "capped_eyes": result.capped,
         "methods": {method.name: _of_scores(scores) for method, scores in result.scores.items()},
         "youngs_modulus_errors": [

@@ -20,9 +20,19 @@ from scleraforce.units import mmhg_to_pa
 STUDY = Study()
 
 
-def frame(target, predicted, usable=True, *, true_mn=20.0, read_mn=None, interval_mn=None, in_window=True):
+def frame(target, predicted, usable=True, *, by_log=None, true_mn=20.0, read_mn=None, interval_mn=None, in_window=True):
     return AnsweredFrame(
-        "eye", "0001.png", target, true_mn + 0.5, target, true_mn, in_window, predicted, usable, read_mn, interval_mn
+        "eye",
+        "0001.png",
+        target if by_log is None else by_log,
+        true_mn + 0.5,
+        target,
+        true_mn,
+        in_window,
+        predicted,
+        usable,
+        read_mn,
+        interval_mn,
     )
 
 
@@ -30,7 +40,7 @@ def test_scores_of_a_handful_of_frames_are_those_counted_by_hand():
     found = score(
         [
             frame(0, 0, true_mn=2.0, read_mn=3.0, interval_mn=(1.0, 3.5)),
-            frame(1, 2, true_mn=29.0, read_mn=31.0, interval_mn=(30.0, 32.0)),
+            frame(1, 2, by_log=2, true_mn=29.0, read_mn=31.0, interval_mn=(30.0, 32.0)),
             frame(2, 0, true_mn=40.0, read_mn=4.0, interval_mn=(3.0, 5.0)),
             frame(2, 2, true_mn=50.0, read_mn=50.0, interval_mn=(49.0, 51.0)),
             frame(2, 2, usable=False, true_mn=55.0, in_window=False),
@@ -39,6 +49,8 @@ def test_scores_of_a_handful_of_frames_are_those_counted_by_hand():
     )
     assert (found.accuracy.hits, found.accuracy.total) == (3, 6)
     assert (found.usable_accuracy.hits, found.usable_accuracy.total) == (2, 4)
+    assert (found.log_accuracy.hits, found.log_accuracy.total) == (4, 6)
+    assert (found.log_usable_accuracy.hits, found.log_usable_accuracy.total) == (3, 4)
     assert (found.recall.hits, found.recall.total) == (2, 3)
     assert found.as_harmless == 1
     assert (found.unusable.hits, found.unusable.total) == (1, 5)
