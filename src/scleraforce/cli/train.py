@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scleraforce.cli.output import print_json, progress_bar
-from scleraforce.study import read_study
+from scleraforce.study import Study, read_study
+from scleraforce.units import n_to_mn
 
 if TYPE_CHECKING:
     from scleraforce.learning.train import Trained
@@ -18,23 +19,70 @@ __all__ = ["train"]
 @click.command()
 @click.argument("dataset_path", metavar="DATASET", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Model folder to write; must not exist.")
-@click.option("--kind", type=click.Choice(["classifier"]), default="classifier", show_default=True,
+@click.option("--kind", type=click.Choice(["classifier", "reader"]), default="classifier", show_default=True,
               help="What the network answers.")  # fmt: skip
 @click.option(
     "--search", is_flag=True, help="Try every size of the grid (search_widths x search_depths), keep the best."
 )
 @click.option("--study", "study_path", type=click.Path(path_type=Path),
-              help="Study file whose [network] to use; by default the data set's.")  # fmt: skip
+              help="Study file whose [network] or [reader] to use; default: the data set's, the paper's.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def train(dataset_path: Path, out: Path, kind: str, search: bool, study_path: Path | None, as_json: bool) -> None:
-    """Train the network on the simulated slices of DATASET.
+    """Train a network: the classifier on the simulated slices of DATASET, the
+    reader on the response library DATASET (of `scleraforce library`).
 
     Writes a model folder: model.onnx, study.toml, card.md and model.json with
-    the curves of the training. The same data set and study give the same
-    weights on the same machine.
+    the curves of the training; a reader's has library.npz, too. The same data
+    and study give the same weights on the same machine.
 
-    Example: scleraforce train paper.zarr --out model
+    \b
+    Examples: scleraforce train paper.zarr --out model
+              scleraforce train library.zarr --kind reader --out model
     """
+    if kind == "reader":
+        _train_reader(dataset_path, out, search, study_path, as_json)
+    else:
+        _train_classifier(dataset_path, out, search, study_path, as_json)
+
+
+def _train_reader(library_path: Path, out: Path, search: bool, study_path: Path | None, as_json: bool) -> None:
+    start = time.perf_counter()
+    # Imported here: PyTorch takes seconds, and only this command needs it.
+    from scleraforce.learning.reader_train import train_reader
+    from scleraforce.library.store import open_library
+
+    if search:
+        raise click.UsageError("--search is for --kind classifier: a reader has the sizes of [reader]")
+    study = Study() if study_path is None else read_study(study_path)
+    library = open_library(library_path)
+    with progress_bar(range(study.reader.epochs), "epochs") as bar:
+        trained = train_reader(library, study, out, progress=bar.update)
+    metrics, seconds = trained.metrics, time.perf_counter() - start
+    if as_json:
+        print_json(
+            {
+                "model": str(out),
+                "kind": "reader",
+                "validation_accuracy": metrics.accuracy,
+                "validation_interval": metrics.interval,
+                "mae_mn": n_to_mn(metrics.mae_n),
+                "coverage": metrics.coverage,
+                "lateral_mae_mm": 1e3 * metrics.lateral_mae_m,
+                "epochs": trained.epochs,
+                "samples": trained.samples,
+                "seconds": seconds,
+            }
+        )
+        return
+    low, high = metrics.interval
+    click.echo(
+        f"wrote {out}: {trained.epochs} epochs, {trained.samples} samples, {seconds:.1f} s\n"
+        f"validation: force {n_to_mn(metrics.mae_n):.2f} mN off, {metrics.coverage:.1%} within the 90 % interval\n"
+        f"validation accuracy {metrics.accuracy:.2%} (95 % interval {low:.2%} to {high:.2%})"
+    )
+
+
+def _train_classifier(dataset_path: Path, out: Path, search: bool, study_path: Path | None, as_json: bool) -> None:
     start = time.perf_counter()
     # Imported here: PyTorch takes seconds, and only this command needs it.
     from scleraforce.dataset.store import open_dataset
@@ -48,15 +96,15 @@ def train(dataset_path: Path, out: Path, kind: str, search: bool, study_path: Pa
         trained = train_classifier(dataset, out, network, search, bar.update)
     seconds = time.perf_counter() - start
     if as_json:
-        print_json(_result(trained, out, kind, seconds))
+        print_json(_result(trained, out, seconds))
     else:
         click.echo("\n".join(_lines(trained, out, seconds)))
 
 
-def _result(trained: "Trained", out: Path, kind: str, seconds: float) -> dict[str, Any]:
+def _result(trained: "Trained", out: Path, seconds: float) -> dict[str, Any]:
     return {
         "model": str(out),
-        "kind": kind,
+        "kind": "classifier",
         "hidden": trained.network.hidden,
         "validation_accuracy": trained.validation_accuracy,
         "validation_interval": trained.validation_interval,

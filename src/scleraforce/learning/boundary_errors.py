@@ -59,7 +59,11 @@ class BoundaryErrors:
 
 
 def disturb(
-    depth_sbc: Floats, study: SliceStudy, rng: np.random.Generator, errors: BoundaryErrors | None = None, scale: float = 1.0
+    depth_sbc: Floats,
+    study: SliceStudy,
+    rng: np.random.Generator,
+    errors: BoundaryErrors | None = None,
+    scale: float = 1.0,
 ) -> Floats:
     """Return boundaries as a segmentation might have found them.
 
@@ -112,7 +116,7 @@ def _smoothing(columns: int, length: float) -> Floats:
     for offset, weight in zip(range(-reach, reach + 1), kernel / kernel.sum(), strict=True):
         at = np.arange(columns) + offset
         inside = np.clip(at, 0, columns - 1)
-        mirrored = np.clip(2 * inside - at, 0, columns - 1)  # a point reflected in the end: value 2 f(end) - f(mirrored)
+        mirrored = np.clip(2 * inside - at, 0, columns - 1)  # beyond an end: 2 f(end) - f(mirrored)
         target = np.arange(columns)
         np.add.at(matrix, (inside, target), np.where(at == inside, weight, 2.0 * weight))
         np.add.at(matrix, (mirrored, target), np.where(at == inside, 0.0, -weight))
@@ -131,9 +135,7 @@ def _colouring(columns: int, length: float) -> Floats:
     return matrix
 
 
-def _noise(
-    shape: tuple[int, ...], lengths_m: tuple[float, ...], study: SliceStudy, rng: np.random.Generator
-) -> Floats:
+def _noise(shape: tuple[int, ...], lengths_m: tuple[float, ...], study: SliceStudy, rng: np.random.Generator) -> Floats:
     """Return noise of unit variance (sample, column): the sum of parts of equal size, one for each length."""
     total = np.zeros(shape)
     for length_m in lengths_m:
@@ -142,9 +144,7 @@ def _noise(
     return total / np.sqrt(len(lengths_m))
 
 
-def _bumps(
-    slope: Floats, errors: BoundaryErrors, scale: float, study: SliceStudy, rng: np.random.Generator
-) -> Floats:
+def _bumps(slope: Floats, errors: BoundaryErrors, scale: float, study: SliceStudy, rng: np.random.Generator) -> Floats:
     """Return bumps of the thickness, m (sample, column): each on a random steep column, its size exponential."""
     count = rng.poisson(scale * errors.bumps, len(slope))
     sample = np.repeat(np.arange(len(slope)), count)

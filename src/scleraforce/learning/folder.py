@@ -5,6 +5,7 @@ import os
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from scleraforce.errors import ModelError
@@ -23,7 +24,14 @@ def refuse_existing(out: Path) -> None:
         raise ModelError(f"{out}: exists already; remove it or choose another folder")
 
 
-def write_folder(out: Path, network: bytes, study_toml: str, card: str, record: Mapping[str, Any]) -> None:
+def write_folder(
+    out: Path,
+    network: bytes,
+    study_toml: str,
+    card: str,
+    record: Mapping[str, Any],
+    more: Mapping[str, bytes] = MappingProxyType({}),
+) -> None:
     """Write a model folder under a temporary name beside `out`, then rename it.
 
     Args:
@@ -32,12 +40,13 @@ def write_folder(out: Path, network: bytes, study_toml: str, card: str, record: 
         study_toml: the study, in canonical form.
         card: the model card.
         record: what `model.json` keeps besides format and hashes.
+        more: further files by name.
 
     Raises:
         ModelError: `out` exists, or cannot be written.
     """
     refuse_existing(out)
-    files = {NETWORK_FILE: network, STUDY_FILE: study_toml.encode(), CARD_FILE: card.encode()}
+    files = {NETWORK_FILE: network, STUDY_FILE: study_toml.encode(), CARD_FILE: card.encode(), **more}
     hashes = {name: sha256(content) for name, content in files.items()}
     record_json = json.dumps({"format": FORMAT, **record, "files": hashes}, indent=2, allow_nan=False)
     partial = out.with_name(f".{out.name}.partial-{os.getpid()}")

@@ -52,9 +52,7 @@ def onnx_bytes(network: TrainedNetwork, rows: int, columns: int, provenance: Map
     return model_bytes(graph, provenance)
 
 
-def node(
-    operator: str, inputs: list[str], outputs: str | list[str], **attributes: int | list[int]
-) -> onnx.NodeProto:
+def node(operator: str, inputs: list[str], outputs: str | list[str], **attributes: int | list[int]) -> onnx.NodeProto:
     """Return a node that is named after its (first) output."""
     names = [outputs] if isinstance(outputs, str) else outputs
     made = onnx.helper.make_node(operator, inputs, names, name=names[0])

@@ -39,7 +39,7 @@ class ReaderSamples:
     """What the reader learns from.
 
     `slices` uint8 (sample, row, column), 0 or 255; `given` float32 (sample, len(GIVEN)); `force_n` (sample,);
-    `modulus_pa`: that the network is told (sample,); `lateral_m`: of the needle axis, from the slice's middle (sample,).
+    `modulus_pa`: that the network is told (sample,); `lateral_m`: of the needle axis from the slice's middle (sample,).
     """
 
     slices: NDArray[np.uint8]

@@ -18,9 +18,9 @@ from scleraforce.errors import SolverError
 from scleraforce.learning.framework import torch
 from scleraforce.learning.network import TrainedNetwork, build_network, trained_network
 from scleraforce.learning.samples import Normalisation, Samples, mirrored_pixels, normalisation
-from scleraforce.study import NetworkStudy
+from scleraforce.study import NetworkStudy, ReaderStudy
 
-__all__ = ["THREADS", "Curves", "Fitted", "fit", "learning_rate", "train_step"]
+__all__ = ["THREADS", "Curves", "Fitted", "fit", "learning_rate", "repeatable", "train_step"]
 
 # Sums in another order differ in the last bit, so the number of threads is part of what makes a run repeatable.
 THREADS = 2
@@ -105,7 +105,7 @@ def fit(
     if study.mirror:
         seen = replace(seen, mirrored=torch.from_numpy(mirrored_pixels(norm, training.slices.shape[2])))
     curves = Curves()
-    with _repeatable(study.seed):
+    with repeatable(study.seed, THREADS):
         network = build_network(int(norm.varies.sum()), study, classes)
         optimiser = torch.optim.SGD(network.parameters(), study.learning_rate, study.momentum, fused=True)
         for epoch in range(study.epochs):
@@ -117,7 +117,7 @@ def fit(
     return Fitted(trained_network(network, norm), curves)
 
 
-def learning_rate(study: NetworkStudy, step: int, steps: int) -> float:
+def learning_rate(study: NetworkStudy | ReaderStudy, step: int, steps: int) -> float:
     """Return the rate of a step: a linear warm-up, then half a cosine down to zero.
 
     >>> study = NetworkStudy(learning_rate=0.1, warmup=0.1)
@@ -184,12 +184,12 @@ def _measure(network: torch.nn.Sequential, unseen: Batches) -> tuple[float, floa
 
 
 @contextmanager
-def _repeatable(seed: int) -> Iterator[None]:
-    """Seed PyTorch and fix its threads; put everything back afterwards."""
+def repeatable(seed: int, of_torch: int) -> Iterator[None]:
+    """Seed PyTorch and fix its number of threads; put everything back afterwards."""
     threads, strict = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        torch.set_num_threads(THREADS)
+        torch.set_num_threads(of_torch)
         torch.use_deterministic_algorithms(True)
         try:
             yield

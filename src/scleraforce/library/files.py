@@ -3,7 +3,7 @@
 from dataclasses import fields
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 from zipfile import BadZipFile, ZipFile, ZipInfo
 
 import numpy as np
@@ -15,7 +15,7 @@ from scleraforce.library.responses import Library
 __all__ = ["load_library", "save_library"]
 
 
-def save_library(library: Library, path: Path) -> None:
+def save_library(library: Library, path: Path | IO[bytes]) -> None:
     """Write a library; equal libraries give equal bytes. The file is for a folder whose hashes are checked."""
     with ZipFile(path, "w") as archive:
         for item in fields(library):

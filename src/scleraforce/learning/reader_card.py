@@ -1,0 +1,76 @@
+"""The model card of a reader: what it was made from, what it reaches, and what it must not be used for."""
+
+from collections.abc import Mapping
+from math import degrees
+from typing import Any
+
+from scleraforce.study import Study
+from scleraforce.units import mmhg_to_pa, n_to_mn
+
+__all__ = ["reader_card"]
+
+
+def reader_card(study: Study, record: Mapping[str, Any]) -> str:
+    """Return the card, in Markdown.
+
+    Args:
+        study: of the training.
+        record: what `model.json` keeps.
+    """
+    reader, metrics, samples = study.reader, record["metrics"], record["samples"]
+    low, high = (n_to_mn(bound) for bound in study.classes.bounds_n)
+    return f"""# Force of a needle on the sclera, from one OCT slice
+
+Reads a binary slice of the scleral wall ({study.slice.rows} x {study.slice.columns} pixels of
+{study.slice.pixel_m * 1e3:g} mm) and, where they are known, Young's modulus (with its uncertainty), IOP, wall thickness
+and the gap between B-scan and needle. It answers with a histogram of F/E ({reader.bins} bins): the force with a 90 %
+interval and the probability of three classes (below {low:g} mN, {low:g} to {high:g} mN, above {high:g} mN) follow from
+it. And with the contact's place along the slice. `library.npz` holds the computed walls, for the fit beside it.
+
+## What it learned from
+{samples["training"]} computed slices, each seen once; {samples["validation"]} others to validate. All are computed with
+finite strain (compressible neo-Hookean sphere, axisymmetric about the needle): no real eye. Library SHA-256
+`{record["provenance"]["library_sha256"]}`.
+
+| | |
+|---|---|
+| Young's modulus | {_spread(reader.youngs_modulus_pa.bounds, 1e-6, "MPa")}; told with a standard deviation \
+of {_spread(reader.modulus_sd_fraction.bounds, 100.0, "%")} |
+| Poisson's ratio | {study.eye.poisson_ratio:g} |
+| intraocular pressure | {_spread(reader.iop_pa.bounds, 1.0 / mmhg_to_pa(1.0), "mmHg")} |
+| wall thickness | {_spread(reader.thickness_m.bounds, 1e6, "µm")} |
+| outer radius | {_spread(tuple(size * study.eye.radius_m for size in reader.size.bounds), 1e3, "mm")} |
+| gap between B-scan and needle axis | {_spread(reader.gap_m.bounds, 1e3, "mm")} |
+| force | 0 to {n_to_mn(reader.max_force_n):g} mN, even; {reader.small_force_share:.0%} within 0 to \
+{n_to_mn(reader.small_force_n):g} mN |
+| contact, from the slice's middle | {_spread(reader.lateral_m.bounds, 1e3, "mm")} |
+| contact, below the upper edge | {_spread(reader.surface_depth_m.bounds, 1e3, "mm")} |
+| tilt of the B-scan | {_spread(reader.tilt_rad.bounds, degrees(1.0), "°")} |
+| rotation in the B-scan | {_spread(reader.rotation_rad.bounds, degrees(1.0), "°")} |
+| errors of the boundaries | {reader.boundary_errors:g} times those of the segmentation on rendered frames |
+| told values are missing | modulus {reader.modulus_missing_fraction:.0%}, IOP {reader.iop_missing_fraction:.0%}, \
+thickness {reader.thickness_missing_fraction:.0%}, gap {reader.gap_missing_fraction:.0%} |
+| told values are off by (sd) | IOP {reader.iop_noise_fraction:.0%}, thickness {reader.thickness_noise_fraction:.0%}, \
+gap {reader.gap_noise_fraction:.0%} |
+
+## What it reaches
+On validation samples with all of the above, missing values included: mean force error {metrics["mae_mn"]:.2f} mN,
+{metrics["coverage"]:.1%} of the 90 % intervals hold the force, {metrics["validation_accuracy"]:.2%} of classes right
+(95 % Wilson interval {metrics["validation_interval"][0]:.2%} to {metrics["validation_interval"][1]:.2%}), contact
+{metrics["lateral_mae_mm"]:.2f} mm off in the mean. On simulated slices: how it does on recordings, `scleraforce
+evaluate` tells.
+
+## Limits
+- Its answer scales with the modulus that it is told: one that is 10 % too large reads forces 10 % too large.
+- The forces of its training are even: where a slice says little, its answer leans to the middle of the range.
+- Eyes are spheres of one material with an even wall; others are read as the nearest of these.
+- Outside the ranges above it still answers, and can be wrong with narrow intervals.
+
+## Intended use
+Research on force reading from OCT. Not a medical device; not for use on patients.
+"""
+
+
+def _spread(bounds: tuple[float, ...], factor: float, unit: str) -> str:
+    low, high = (f"{bound * factor:.4g}" for bound in bounds)
+    return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
