@@ -12,7 +12,8 @@ __all__ = ["first_crossing"]
 
 Floats = NDArray[np.float64]
 
-BISECTIONS = 44  # of an interval of 0.25 mm: far below a rounding error of its ends
+MOST_STEPS = 50  # bisections of an interval of 0.25 mm end far below a rounding error of its ends
+CONVERGED = 1e-13  # of an interval
 
 
 def first_crossing(tip_m: Floats, force_sd: Floats, slope_sd: Floats, wanted_s: Floats) -> Floats:
@@ -33,12 +34,8 @@ def first_crossing(tip_m: Floats, force_sd: Floats, slope_sd: Floats, wanted_s: 
     interval = np.argmax(reached, axis=1)
     sample = np.arange(len(wanted_s))
     coefficients = tuple(part[sample, interval] for part in cubic)
-    low, high = np.zeros(len(sample)), peak_place[sample, interval]
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        under = _value(coefficients, middle) < wanted_s
-        low, high = np.where(under, middle, low), np.where(under, high, middle)
-    tip = tip_m[interval] + high * np.diff(tip_m)[interval]
+    place = _rising_root(coefficients, wanted_s, peak_place[sample, interval])
+    tip = tip_m[interval] + place * np.diff(tip_m)[interval]
     tip = np.where(force_sd[:, 0] >= wanted_s, tip_m[0], tip)
     found: Floats = np.where(reached.any(axis=1), tip, np.nan)
     return found
@@ -49,6 +46,23 @@ def _cubics(step: Floats, force: Floats, slope: Floats) -> tuple[Floats, Floats,
     start, end = slope[:, :-1] * step, slope[:, 1:] * step
     rise = np.diff(force, axis=1)
     return force[:, :-1], start, 3.0 * rise - 2.0 * start - end, start + end - 2.0 * rise
+
+
+def _rising_root(cubic: tuple[Floats, ...], wanted: Floats, high: Floats) -> Floats:
+    """Place between 0 and `high` where cubics reach a value from below: Newton's steps, bisection where they leave."""
+    low, place = np.zeros_like(high), 0.5 * high
+    for _ in range(MOST_STEPS):
+        over = _value(cubic, place) - wanted
+        under = over < 0.0
+        low, high = np.where(under, place, low), np.where(under, high, place)
+        slope = (3.0 * cubic[3] * place + 2.0 * cubic[2]) * place + cubic[1]
+        step = place - np.divide(over, slope, out=np.full_like(over, np.inf), where=slope != 0.0)
+        following = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+        moved = np.abs(following - place).max(initial=0.0)
+        place = following
+        if moved < CONVERGED:
+            break
+    return place
 
 
 def _value(cubic: tuple[Floats, ...], x: Floats) -> Floats:

@@ -21,6 +21,7 @@ __all__ = ["INNER", "OUTER", "Library", "Responses"]
 
 Floats = NDArray[np.float64]
 Curves = NDArray[np.float32]
+Walls = tuple[NDArray[np.intp], Floats]  # rows of (thickness, IOP ratio) and their weights, each (sample, 16)
 
 OUTER, INNER = 0, 1  # the boundaries of a wall, as an index
 BLOCK = 32  # samples interpolated together: what they gather stays in the cache
@@ -85,8 +86,9 @@ class Library:
         Raises:
             InputError: a sample lies outside the library; names the value and the range.
         """
-        tip_m = self.tips(thickness_m, iop_ratio, force_ratio)
-        return Responses(self._curves(thickness_m, iop_ratio, tip_m), tip_m, np.asarray(force_ratio, dtype=np.float64))
+        walls = self._walls(thickness_m, iop_ratio)
+        tip_m = self._tips(walls, thickness_m, iop_ratio, force_ratio)
+        return Responses(self._curves(walls, tip_m), tip_m, np.asarray(force_ratio, dtype=np.float64))
 
     def at_tip(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Responses:
         """Return the states at given tips (sample,), m; twice continuously differentiable in all three arguments.
@@ -96,7 +98,7 @@ class Library:
         """
         forces = self.forces(thickness_m, iop_ratio, tip_m)
         tips = np.asarray(tip_m, dtype=np.float64)
-        return Responses(self._curves(thickness_m, iop_ratio, tips), tips, forces)
+        return Responses(self._curves(self._walls(thickness_m, iop_ratio), tips), tips, forces)
 
     def shapes(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Curves:
         """Return the curves of `at_tip` (sample, boundary, node, 2), m, without the forces: half the work.
@@ -104,9 +106,9 @@ class Library:
         Raises:
             InputError: a sample lies outside the library.
         """
-        self._check_wall(thickness_m, iop_ratio)
+        walls = self._walls(thickness_m, iop_ratio)
         _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
-        return self._curves(thickness_m, iop_ratio, np.asarray(tip_m, dtype=np.float64))
+        return self._curves(walls, np.asarray(tip_m, dtype=np.float64))
 
     def forces(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
         """Return F/E (sample,), m^2, at given tips: `at_tip` without the curves, at a hundredth of the cost.
@@ -114,9 +116,8 @@ class Library:
         Raises:
             InputError: a sample lies outside the library.
         """
-        self._check_wall(thickness_m, iop_ratio)
+        forces, _ = self._paths(self._walls(thickness_m, iop_ratio))
         _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
-        forces, _ = self._paths(thickness_m, iop_ratio)
         first, weights = self._splines[2].weights(self._inside(tip_m, self.tip_m))
         coefficients_sd = self._splines[2].coefficients(forces, axis=1)
         near = np.take_along_axis(coefficients_sd, first[:, None] + np.arange(SUPPORT), axis=1)
@@ -125,9 +126,11 @@ class Library:
 
     def tips(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
         """Return the tips (sample,), m, at which loading first reaches the forces; arguments and errors of `curves`."""
-        self._check_wall(thickness_m, iop_ratio)
+        return self._tips(self._walls(thickness_m, iop_ratio), thickness_m, iop_ratio, force_ratio)
+
+    def _tips(self, walls: Walls, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
         _check("F/E", force_ratio, 0.0, self.max_force_ratio, 1e6, "mm^2")
-        tips = first_crossing(self.tip_m, *self._paths(thickness_m, iop_ratio), np.asarray(force_ratio))
+        tips = first_crossing(self.tip_m, *self._paths(walls), np.asarray(force_ratio))
         if np.isnan(tips).any():
             sample = int(np.argmax(np.isnan(tips)))
             raise InputError(
@@ -144,13 +147,12 @@ class Library:
         for value, (low, high) in zip(values, ranges, strict=True):
             known &= (value >= low - SLACK * high) & (value <= high * (1.0 + SLACK))
         thickness, ratio, force = (value[known] for value in values)
-        known[known] = np.isfinite(first_crossing(self.tip_m, *self._paths(thickness, ratio), force))
+        known[known] = np.isfinite(first_crossing(self.tip_m, *self._paths(self._walls(thickness, ratio)), force))
         return known
 
     def largest_force_ratio(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
         """Return the largest F/E (sample,), m^2, that `curves` answers for these walls."""
-        self._check_wall(thickness_m, iop_ratio)
-        forces, _ = self._paths(thickness_m, iop_ratio)
+        forces, _ = self._paths(self._walls(thickness_m, iop_ratio))
         largest: Floats = np.minimum(forces.max(axis=1), self.max_force_ratio)
         return largest
 
@@ -185,14 +187,14 @@ class Library:
             weights = spline.coefficients(weights, axis)
         return weights.reshape(self.force_ratio_tpd.size, -1).astype(np.float32)
 
-    def _paths(self, thickness_m: Floats, iop_ratio: Floats) -> tuple[Floats, Floats]:
+    def _paths(self, walls: Walls) -> tuple[Floats, Floats]:
         """Force and slope at the library's tips for some walls, each (sample, d)."""
-        rows, weights = self._wall_weights(thickness_m, iop_ratio)
+        rows, weights = walls
         both = (weights[:, None] @ self._force_coefficients[rows])[:, 0]
         return both[:, : len(self.tip_m)], both[:, len(self.tip_m) :]
 
-    def _curves(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Curves:
-        rows, weights = self._wall_weights(thickness_m, iop_ratio)
+    def _curves(self, walls: Walls, tip_m: Floats) -> Curves:
+        rows, weights = walls
         first, along_tip = self._splines[2].weights(self._inside(tip_m, self.tip_m))
         rows = rows[:, :, None] * len(self.tip_m) + (first[:, None] + np.arange(SUPPORT))[:, None]
         weights = weights[:, :, None] * along_tip[:, None]
@@ -204,18 +206,16 @@ class Library:
             np.matmul(weights32[block], self._curve_coefficients[rows[block]], out=curves[block])
         return curves.reshape(samples, *self.curves_tpdbnc.shape[3:])
 
-    def _wall_weights(self, thickness_m: Floats, iop_ratio: Floats) -> tuple[NDArray[np.intp], Floats]:
-        """Rows of (t, p) and their weights, each (sample, 16)."""
+    def _walls(self, thickness_m: Floats, iop_ratio: Floats) -> Walls:
+        """Return where walls stand between those of the library, after a check that they do."""
+        _check("thickness", thickness_m, *self._ends(self.thickness_m), 1e6, "um")
+        _check("IOP/E", iop_ratio, *self._ends(self.iop_ratio), 1.0, "")
         t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
         p, of_p = self._splines[1].weights(np.log(self._inside(iop_ratio, self.iop_ratio)))
         support = np.arange(SUPPORT)
         rows = (t[:, None] + support)[:, :, None] * len(self.iop_ratio) + (p[:, None] + support)[:, None]
         weights = of_t[:, :, None] * of_p[:, None]
         return rows.reshape(len(t), SUPPORT**2), weights.reshape(len(t), SUPPORT**2)
-
-    def _check_wall(self, thickness_m: Floats, iop_ratio: Floats) -> None:
-        _check("thickness", thickness_m, *self._ends(self.thickness_m), 1e6, "um")
-        _check("IOP/E", iop_ratio, *self._ends(self.iop_ratio), 1.0, "")
 
     @staticmethod
     def _ends(axis: Floats) -> tuple[float, float]:
