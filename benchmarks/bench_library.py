@@ -1,0 +1,150 @@
+"""The response library: what it takes to build, what its interpolation is worth, how fast slices come out of it.
+
+    python benchmarks/bench_library.py [HELD_OUT]
+
+Interpolation is compared with HELD_OUT load paths (40 by default) of walls anywhere in the library's ranges, none on
+its grid, at 53 dents each: tip and visible boundaries (0.3 to 9 mm from the needle axis) at the force, force at the
+tip.
+"""
+
+import resource
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter, process_time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.library import Library
+from scleraforce.library.build import build_library
+from scleraforce.library.plan import plan_library
+from scleraforce.library.sections import highest_depths
+from scleraforce.library.slices import Framing, fill_boundaries, wall_boundaries
+from scleraforce.library.store import open_library
+from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
+from scleraforce.mechanics.axisymmetric_mesh import MeridianSize
+from scleraforce.processes import available_cores
+from scleraforce.study import Study
+
+STUDY = Study()
+GRIDS = ((6, 6, 40), (8, 8, 56), (10, 10, 56), (12, 12, 72))  # thicknesses, IOP ratios, tips
+VISIBLE_M = (0.3e-3, 9e-3)  # of the needle axis
+SLICES, ROUNDS = 2000, 5
+
+Floats = NDArray[np.float64]
+
+
+def draw_walls(count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Thickness (wall,), m, and IOP ratio (wall,), the latter with its logarithm evenly spread."""
+    grid = STUDY.library
+    low, high = np.log(grid.iop_ratio.bounds)
+    return rng.uniform(*grid.thickness_m.bounds, count), np.exp(rng.uniform(low, high, count))
+
+
+def held_out_path(wall: tuple[float, float]) -> AxisymmetricPath:
+    """Solve a path at dents that the library does not hold."""
+    plan = plan_library(STUDY)
+    tips_m = np.concatenate([[1e-5, 3e-5, 6e-5], np.linspace(0.1e-3, 0.99 * plan.grid.max_tip_m, 50)])
+    size = MeridianSize(plan.grid.elements, plan.grid.layers)
+    return axisymmetric_path(
+        plan.radius_m, wall[0], plan.poisson_ratio, plan.needle_radius_m, wall[1], tips_m=tips_m, size=size
+    )
+
+
+def errors(library: Library, wall: tuple[float, float], path: AxisymmetricPath) -> tuple[Floats, Floats, Floats]:
+    """Relative error of the force at each tip; of the tip, and of the curves in m, at each force first reached."""
+    tips_m, forces = path.tip_m[1:], path.force_ratio_m2[1:]
+    thickness, ratio = (np.full(len(tips_m), value) for value in wall)
+    of_force = library.at_tip(thickness, ratio, tips_m).force_ratio / forces - 1.0
+    first = np.maximum.accumulate(np.r_[0.0, forces[:-1]]) < forces
+    asked = first & (forces < 0.999 * library.largest_force_ratio(thickness, ratio))
+    found = library.curves(thickness[asked], ratio[asked], forces[asked])
+    expected = path.curves_sbnc[1:][asked]
+    visible = (expected[..., 0] > VISIBLE_M[0]) & (expected[..., 0] < VISIBLE_M[1])
+    off_m = np.where(visible, np.linalg.norm(found.curves_sbnc - expected, axis=-1), 0.0).max(axis=(1, 2))
+    return np.abs(of_force), np.abs(found.tip_m / tips_m[asked] - 1.0), off_m
+
+
+def build(grid: tuple[int, int, int]) -> tuple[Library, float, float]:
+    """Build a library; return it, the seconds it took and those of all its processes."""
+    thicknesses, iop_ratios, tips = grid
+    finer = replace(STUDY.library, thicknesses=thicknesses, iop_ratios=iop_ratios, tips=tips)
+    study = replace(STUDY, library=finer)
+    with TemporaryDirectory() as folder:
+        before = cpu_seconds()
+        seconds = build_library(study, Path(folder) / "library.zarr").seconds
+        return open_library(Path(folder) / "library.zarr"), seconds, cpu_seconds() - before
+
+
+def cpu_seconds() -> float:
+    """Seconds that this process and those that it has waited for have used a core."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return process_time() + children.ru_utime + children.ru_stime
+
+
+def print_accuracy(held_out: int) -> Library:
+    """Build libraries of several grids and print their errors; return the default one."""
+    walls = list(zip(*draw_walls(held_out, np.random.default_rng(0)), strict=True))
+    with ProcessPoolExecutor(available_cores(), get_context("spawn")) as pool:
+        paths = list(pool.map(held_out_path, walls))
+    print(f"{'grid':>10} {'build':>7} {'CPU':>6}   error at {held_out} other walls: median, 99 %, largest")
+    print(f"{'t x p x d':>10} {'s':>7} {'s':>6}   {'force at tip, %':>23}  {'tip at force, %':>23}  {'curves, um':>20}")
+    default = None
+    for grid in GRIDS:
+        library, seconds, cpu = build(grid)
+        found = zip(*(errors(library, *pair) for pair in zip(walls, paths, strict=True)), strict=True)
+        force, tip, curve = (np.percentile(np.concatenate(part), [50.0, 99.0, 100.0]) for part in found)
+        cells = [" ".join(f"{100 * value:7.4f}" for value in part) for part in (force, tip)]
+        micrometres = " ".join(f"{1e6 * value:6.2f}" for value in curve)
+        name = "x".join(map(str, grid))
+        print(f"{name:>10} {seconds:7.1f} {cpu:6.1f}   {cells[0]}  {cells[1]}  {micrometres}", flush=True)
+        if grid == (STUDY.library.thicknesses, STUDY.library.iop_ratios, STUDY.library.tips):
+            default = library
+    assert default is not None
+    return default
+
+
+def print_rates(library: Library) -> None:
+    """Print the time of each step from eyes to labelled slices, one thread."""
+    near, rng = library.within(VISIBLE_M[1]), np.random.default_rng(1)
+    thickness, ratio = draw_walls(SLICES, rng)
+    force = rng.uniform(0.0, 0.999, SLICES) * near.largest_force_ratio(thickness, ratio)
+    gap, tilt = rng.uniform(0.35e-3, 1e-3, SLICES), rng.uniform(-0.09, 0.09, SLICES)
+    print(
+        f"\n{'framing':>16} {'curves':>8} {'unloaded top':>13} {'boundaries':>11} {'filling':>8}  us a slice, one thread"
+    )
+    for name, turn in (("moved, scaled", 0.0), ("turned as well", 0.09)):
+        framing = Framing(
+            rng.uniform(-1e-3, 1e-3, SLICES),
+            rng.uniform(0.2e-3, 0.8e-3, SLICES),
+            rng.uniform(0.95, 1.05, SLICES),
+            rng.uniform(-turn, turn, SLICES),
+        )
+        taken = []
+        for _ in range(ROUNDS):
+            times = [perf_counter()]
+            walls = near.curves(thickness, ratio, force).curves_sbnc
+            times.append(perf_counter())
+            highest_depths(near.at_tip(thickness, ratio, np.zeros(SLICES)).curves_sbnc[:, 0], gap, tilt)
+            times.append(perf_counter())
+            boundaries = wall_boundaries(walls, gap, tilt, framing, STUDY.slice)
+            times.append(perf_counter())
+            fill_boundaries(boundaries.depth_sbc, STUDY.slice)
+            times.append(perf_counter())
+            taken.append(np.diff(times))
+        steps = np.min(taken, axis=0) / SLICES * 1e6
+        cells = "{:8.1f} {:13.1f} {:11.1f} {:8.1f}".format(*steps)
+        print(f"{name:>16} {cells}  {1e6 / steps.sum():,.0f} slices a second; {boundaries.folded.sum()} fold over")
+
+
+def main() -> None:
+    """Print the tables."""
+    print_rates(print_accuracy(int(sys.argv[1]) if len(sys.argv) > 1 else 40))
+
+
+if __name__ == "__main__":
+    main()
