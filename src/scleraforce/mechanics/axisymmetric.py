@@ -156,6 +156,12 @@ class AxisymmetricWall:
         volume_m3, gradient = self._inside.volume(self._all(u))
         return volume_m3, (gradient if self._follower else self._dead_pressure)[self.free]
 
+    def boundary_displacement(self, u: Floats) -> Floats:
+        """Return the displacement of both boundaries, ([outer, inner], node, [away from the axis, along it]) in m."""
+        nodes_bn = np.stack([self.mesh.outer_n, self.mesh.inner_n])
+        displacement: Floats = self._all(u).reshape(-1, 2)[nodes_bn]
+        return displacement
+
     def boundaries(self, path: PathStates) -> AxisymmetricPath:
         """Return the path as the two boundary curves of each state."""
         everywhere = np.zeros((len(path.tip_m), self.mesh.points_nc.size))
