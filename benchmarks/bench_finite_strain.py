@@ -18,10 +18,12 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import SphericalVoronoi
 
 from scleraforce.eye.contact import Contact
-from scleraforce.eye.graded import graded_mesh
+from scleraforce.eye.graded import graded_globe, graded_mesh
 from scleraforce.eye.mesh import HexMesh, build_mesh
 from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
 from scleraforce.mechanics.needle import Needle, needle_at, tip_at
+from scleraforce.mechanics.springs import study_springs
+from scleraforce.study import SupportsStudy
 
 Floats = NDArray[np.float64]
 
@@ -120,22 +122,27 @@ def product_paths(fine: bool) -> None:
 
 
 def sealed_globes() -> None:
-    """Print how the pressure rises in a sealed half-globe, and what that does to the force."""
+    """Print how the pressure rises in a sealed eye, half and clamped or a globe on a bed, and the forces of both."""
     contact, dents_mm = Contact(np.radians(35.0)), np.array([0.5, 1.0, 2.0, 3.0, 4.0])
-    print("\nSealed and open half-globes, 2 mmHg at rest: by dent [mm]" + row(list(dents_mm), 1))
+    supports = SupportsStudy(kind="bed")
+    print("\nSealed and open eyes, 2 mmHg at rest: by dent [mm]" + row(list(dents_mm), 1))
     for thickness_m, modulus_pa in ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6)):
-        mesh = graded_mesh(RADIUS_M, thickness_m, contact)
-        wall, needle = FiniteWall(mesh, NU), needle_at(mesh, contact, NEEDLE_RADIUS_M)
-        loads: dict[str, Any] = {"youngs_modulus_pa": modulus_pa, "iop_pa": IOP_PA, "density_kg_m3": 1100.0}
-        paths = {sealed: wall.load_path(needle, **loads, max_force_n=np.inf, max_tip_m=4e-3, sealed=sealed)
-                 for sealed in (False, True)}  # fmt: skip
-        rise = 100.0 * (np.interp(dents_mm, 1e3 * paths[True].tips_m, paths[True].pressures_pa) / IOP_PA - 1.0)
-        name = f"{thickness_m * 1e3:.1f} mm, {modulus_pa / 1e6:.2f} MPa"
-        print(f"{name:24s}{'pressure rise [%]':34s}" + row(list(rise), 1))
-        for sealed, path in paths.items():
-            forces_mn = 1e3 * np.interp(dents_mm, 1e3 * path.tips_m, path.forces_n)
-            kind = "sealed" if sealed else "open"
-            print(f"{'':24s}{f'force, {kind} [mN]':34s}" + row(list(forces_mn), 2), flush=True)
+        half = graded_mesh(RADIUS_M, thickness_m, contact)
+        globe = graded_globe(RADIUS_M, thickness_m, contact)
+        for name, wall in (
+            ("half, clamped", FiniteWall(half, NU)),
+            ("globe, bed", FiniteWall(globe, NU, springs=study_springs(supports, globe))),
+        ):
+            needle = needle_at(wall.mesh, contact, NEEDLE_RADIUS_M)
+            loads: dict[str, Any] = {"youngs_modulus_pa": modulus_pa, "iop_pa": IOP_PA, "density_kg_m3": 1100.0}
+            loads |= {"max_force_n": np.inf, "max_tip_m": 4e-3}
+            paths = {kind: wall.load_path(needle, **loads, sealed=kind == "sealed") for kind in ("open", "sealed")}
+            rise = np.interp(dents_mm, 1e3 * paths["sealed"].tips_m, paths["sealed"].pressures_pa) / IOP_PA - 1.0
+            title = f"{thickness_m * 1e3:.1f} mm, {modulus_pa / 1e6:.2f} MPa, {name}"
+            print(f"{title:36s}{'pressure rise [%]':22s}" + row(list(100.0 * rise), 1))
+            for kind, path in paths.items():
+                forces_mn = 1e3 * np.interp(dents_mm, 1e3 * path.tips_m, path.forces_n)
+                print(f"{'':36s}{f'force, {kind} [mN]':22s}" + row(list(forces_mn), 2), flush=True)
 
 
 def parts() -> None:
