@@ -66,7 +66,8 @@ def _reader(folder: FiguresFolder, study: Study) -> Path:
     path = folder.work("study.toml")
     if not path.exists():
         write_whole(format_study(study), path)
-    return made_by(folder.work("reader"), ["train", "--study", path, "--kind", "reader"])
+    library = made_by(folder.work("library.zarr"), ["library", "--study", path])
+    return made_by(folder.work("reader"), ["train", library, "--study", path, "--kind", "reader"])
 
 
 def _answering(folder: FiguresFolder, reader: Path, way: str) -> Path:
