@@ -280,6 +280,16 @@ def test_of_several_states_with_one_force_the_first_is_taken() -> None:
     np.testing.assert_allclose(path.displacement_nc(2.5e-3), path.tip_m(2.5e-3), rtol=1e-9)
 
 
+def test_the_force_of_a_state_is_read_at_that_state_whatever_the_rounding() -> None:
+    random = np.random.default_rng(5)
+    for _ in range(200):
+        tips_m = np.append(0.0, np.cumsum(random.uniform(0.1e-3, 0.5e-3, size=12)))
+        forces_n = 5.0 * tips_m + random.uniform(0.1, 1.0) * 1e3 * tips_m**2
+        path = LoadPath(tips_m, forces_n, np.full(13, IOP), tips_m[:, None, None] * np.ones((13, 2, 3)))
+        found_m = [path.tip_m(float(force_n)) for force_n in path._force(tips_m)]
+        np.testing.assert_allclose(found_m, tips_m, atol=1e-12)
+
+
 @pytest.mark.parametrize("force_n", [-1e-6, 4.01e-3, np.nan])
 def test_a_force_that_the_path_does_not_carry_is_an_input_error(force_n: float) -> None:
     with pytest.raises(InputError, match="carries 0 to 4 mN"):

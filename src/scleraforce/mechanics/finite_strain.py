@@ -32,6 +32,7 @@ __all__ = ["LARGEST_STEP_M", "FiniteWall", "LoadPath"]
 
 Floats = NDArray[np.float64]
 
+ROUNDING = 1e-12  # of a force
 FIRST_STEP_M = 1e-4
 LARGEST_STEP_M = 3e-4  # cubic interpolation between such states is off by 0.01 %; longer steps save no time
 
@@ -70,9 +71,10 @@ class LoadPath:
             )
         if force_n == 0.0:
             return 0.0
+        # Rounding may hide a root that is a state, so the first state that carries the force bounds the answer.
+        carried = self.tips_m[np.argmax(self.forces_n >= force_n * (1.0 - ROUNDING))]
         roots = self._force.solve(force_n, extrapolate=False)
-        # Rounding may hide the root at the very end.
-        return float(roots.min()) if len(roots) else float(self.tips_m[np.argmax(self.forces_n)])
+        return float(min(roots.min(initial=np.inf), carried))
 
     def displacement_nc(self, force_n: float) -> Floats:
         """Return the displacement from the undeformed wall at a force, (node, 3) in m.
