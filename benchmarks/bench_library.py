@@ -114,9 +114,7 @@ def print_rates(library: Library) -> None:
     thickness, ratio = draw_walls(SLICES, rng)
     force = rng.uniform(0.0, 0.999, SLICES) * near.largest_force_ratio(thickness, ratio)
     gap, tilt = rng.uniform(0.35e-3, 1e-3, SLICES), rng.uniform(-0.09, 0.09, SLICES)
-    print(
-        f"\n{'framing':>16} {'curves':>8} {'unloaded top':>13} {'boundaries':>11} {'filling':>8}  us a slice, one thread"
-    )
+    print("\n         framing   curves  unloaded top  boundaries  filling  us a slice, one thread")
     for name, turn in (("moved, scaled", 0.0), ("turned as well", 0.09)):
         framing = Framing(
             rng.uniform(-1e-3, 1e-3, SLICES),

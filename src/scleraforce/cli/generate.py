@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from scleraforce.cli.library import study_library
 from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.dataset import generate_dataset, read_population_modulus
 from scleraforce.study import read_study
@@ -19,17 +20,22 @@ __all__ = ["generate"]
     type=click.Path(path_type=Path),
     help="File of `calibrate`; its population's Young's modulus replaces the study's.",
 )
-@click.option("--mechanics", type=click.Choice(["linear"]), default="linear", show_default=True,
-              expose_value=False, help="There is one so far.")  # fmt: skip
+@click.option("--mechanics", type=click.Choice(["linear", "finite-strain"]),
+              help="How the wall bends; the study's by default.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one for each core.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def generate(study_path: Path, out: Path, calibration: Path | None, workers: int | None, as_json: bool) -> None:
+def generate(
+    study_path: Path, out: Path, calibration: Path | None, mechanics: str | None, workers: int | None, as_json: bool
+) -> None:
     """Simulate slices of the deformed sclera with their forces.
 
-    An interrupted run is taken up by the same command. The data set is the same for any number of workers.
+    Finite strain draws from the response library, which is made on first need
+    (half a minute). An interrupted run is taken up by the same command. The
+    data set is the same for any number of workers.
     """
     study = read_study(study_path)
     modulus = read_population_modulus(calibration) if calibration else None
+    library = study_library(study) if (mechanics or study.mechanics.kind) == "finite-strain" else None
     images = sum(group.images for group in study.dataset.group)
     done: list[int] = []
     with progress_bar(range(images), "generate", total=images) as bar:
@@ -39,7 +45,9 @@ def generate(study_path: Path, out: Path, calibration: Path | None, workers: int
             bar.update(count)
 
         try:
-            result = generate_dataset(study, out, calibration=modulus, workers=workers, progress=advance)
+            result = generate_dataset(
+                study, out, calibration=modulus, library=library, workers=workers, progress=advance
+            )
         except KeyboardInterrupt:
             bar.close()
             click.echo(f"{out}: {sum(done)} of {images} images are kept; the same command completes them", err=True)

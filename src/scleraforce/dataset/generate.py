@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
+from scleraforce.dataset.library_samples import draw_units
 from scleraforce.dataset.modulus import CalibratedModulus
 from scleraforce.dataset.plan import plan_dataset
 from scleraforce.dataset.store import complete_store, create_store, missing_units, write_unit
 from scleraforce.dataset.workers import simulate_units
 from scleraforce.errors import DatasetError
+from scleraforce.library import Library
 from scleraforce.processes import available_cores
 from scleraforce.study import Study, format_study, parse_study
 
@@ -37,6 +39,7 @@ def generate_dataset(
     *,
     youngs_modulus_pa: float | None = None,
     calibration: CalibratedModulus | None = None,
+    library: Library | None = None,
     workers: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Generation:
@@ -50,7 +53,9 @@ def generate_dataset(
         out: where the store goes; an incomplete store of the same study is completed.
         youngs_modulus_pa: Young's modulus; None: the study's, or the one of `calibration`.
         calibration: where the modulus comes from, recorded in the store.
-        workers: processes; None: one for each core that this process may use.
+        library: responses at finite strain to draw from; None: linear mechanics.
+        workers: processes of linear mechanics; None: one for each core that this process may use. Drawing from a
+            library is done here: it takes less time than processes take to start.
         progress: called with the number of samples that are newly done (or found done, at the start).
 
     Raises:
@@ -64,11 +69,15 @@ def generate_dataset(
     report = progress or (lambda _: None)
     study = parse_study(format_study(study))  # as the store keeps it: rounded to 15 digits in human units
     plan = plan_dataset(study)
-    create_store(out, study, modulus, calibration, plan)
+    create_store(out, study, modulus, calibration, plan, "linear" if library is None else "finite-strain")
     todo = missing_units(out, plan)
     missing = sum(len(range(*plan.unit(unit).indices(plan.images))) for unit in todo)
     report(plan.images - missing)
-    with closing(simulate_units(study, modulus, todo, workers or available_cores())) as results:
+    with closing(
+        simulate_units(study, modulus, todo, workers or available_cores())
+        if library is None
+        else draw_units(study, modulus, plan, todo, library)
+    ) as results:
         for unit, images in results:
             write_unit(out, plan, unit, images)
             report(len(images))

@@ -116,14 +116,19 @@ def open_dataset(path: Path) -> Dataset:
 
 
 def create_store(
-    path: Path, study: Study, youngs_modulus_pa: float, calibration: CalibratedModulus | None, plan: DatasetPlan
+    path: Path,
+    study: Study,
+    youngs_modulus_pa: float,
+    calibration: CalibratedModulus | None,
+    plan: DatasetPlan,
+    mechanics: str = "linear",
 ) -> None:
     """Create the store with all metadata and no slices, or take up what a killed run of the same study has left.
 
     Raises:
         DatasetError: `path` holds something else, another run, or a complete data set.
     """
-    attributes = _describe(study, youngs_modulus_pa, calibration)
+    attributes = _describe(study, youngs_modulus_pa, calibration, mechanics)
     group = _continued(path, attributes) if _occupied(path) else _create_group(path, attributes)
     for name, values in plan.columns.items():  # the same bytes each time, so a run killed right here does no harm
         _create_array(group, name, values.shape, values.shape, [Crc32cCodec()])[:] = values
@@ -158,7 +163,9 @@ def complete_store(path: Path, plan: DatasetPlan) -> None:
     zarr.open_group(path.absolute(), mode="r+", zarr_format=3).attrs["complete"] = True
 
 
-def _describe(study: Study, youngs_modulus_pa: float, calibration: CalibratedModulus | None) -> dict[str, Any]:
+def _describe(
+    study: Study, youngs_modulus_pa: float, calibration: CalibratedModulus | None, mechanics: str
+) -> dict[str, Any]:
     packages = ("scleraforce", "numpy", "scipy", "opencv-python-headless", "zarr")
     return {
         "schema": SCHEMA,
@@ -166,7 +173,7 @@ def _describe(study: Study, youngs_modulus_pa: float, calibration: CalibratedMod
         "study": format_study(study),
         "study_hash": study_hash(study),
         "seed": study.dataset.seed,
-        "mechanics": "linear",
+        "mechanics": mechanics,
         "youngs_modulus_pa": youngs_modulus_pa,
         "calibration": asdict(calibration) if calibration else None,
         "versions": {name: version(name) for name in packages},
@@ -196,8 +203,8 @@ def _continued(path: Path, attributes: Mapping[str, Any]) -> zarr.Group:
         raise DatasetError(f"{path}: holds something else than a data set; choose another path") from fault
     if found["complete"]:
         raise DatasetError(f"{path}: a complete data set; remove it or choose another path")
-    for name in ("study_hash", "youngs_modulus_pa", "calibration", "versions"):
-        if found[name] != attributes[name]:
+    for name in ("study_hash", "youngs_modulus_pa", "mechanics", "calibration", "versions"):
+        if found.get(name) != attributes[name]:
             raise DatasetError(f"{path}: begun with another {name}; remove it or choose another path")
     return zarr.open_group(path.absolute(), mode="r+", zarr_format=3)
 
