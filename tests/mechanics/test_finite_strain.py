@@ -286,8 +286,9 @@ def test_the_force_of_a_state_is_read_at_that_state_whatever_the_rounding() -> N
         tips_m = np.append(0.0, np.cumsum(random.uniform(0.1e-3, 0.5e-3, size=12)))
         forces_n = 5.0 * tips_m + random.uniform(0.1, 1.0) * 1e3 * tips_m**2
         path = LoadPath(tips_m, forces_n, np.full(13, IOP), tips_m[:, None, None] * np.ones((13, 2, 3)))
-        found_m = [path.tip_m(float(force_n)) for force_n in path._force(tips_m[:-1])]
-        np.testing.assert_allclose(found_m, tips_m[:-1], atol=1e-12)
+        for side in (0.0, 1.0):
+            found_m = [path.tip_m(float(force_n)) for force_n in np.nextafter(forces_n[1:-1], side)]
+            np.testing.assert_allclose(found_m, tips_m[1:-1], atol=1e-12)
 
 
 @pytest.mark.parametrize("force_n", [-1e-6, 4.01e-3, np.nan])
