@@ -7,6 +7,7 @@ by its square.
 """
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,10 +34,19 @@ TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP = 20e-6, 10e-6, 5e-6
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Where a frame was looked at, (place,): lateral m from its middle, and the boundary (0 outer, 1 inner)."""
+    """Where a frame was looked at, (place,): lateral m from its middle, and the boundary (0 outer, 1 inner).
+
+    The outer boundary's come first. `smoothing_m`: over which it was smoothed (a Gaussian's standard deviation).
+    """
 
     lateral_m: Array
     boundary: NDArray[np.intp]
+    smoothing_m: float = 0.0
+
+    @property
+    def outer(self) -> int:
+        """How many lie on the outer boundary."""
+        return int(np.searchsorted(self.boundary, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +80,7 @@ def predict(library: Library, unknown: Array, places: Places) -> Predicted:
     Args:
         library: responses of walls.
         unknown: (unknown,), in the order of `NAMES`.
-        places: where the frame was looked at; those of the outer boundary come first.
+        places: where the frame was looked at.
     """
     steps = np.array([TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP])
     varied = np.repeat(unknown[None], 5, axis=0)
@@ -161,17 +171,25 @@ def _placed(curves_sbmc: Array, unknown: Array) -> Array:
 
 def _depths(curves_bmc: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return depth, slope and whether it is reached, each (place,), of placed curves."""
-    split = int(np.searchsorted(places.boundary, 1))
-    parts = [
-        _depths_along(curve[:, 0], curve[:, 1], lateral)
-        for curve, lateral in zip(curves_bmc, (places.lateral_m[:split], places.lateral_m[split:]), strict=True)
-    ]
+    outer, inner = places.lateral_m[: places.outer], places.lateral_m[places.outer :]
+    parts = (_smoothed(curves_bmc[0], outer, places.smoothing_m), _depths_along(curves_bmc[1], inner))
     depth, slope, seen = (np.concatenate(pair) for pair in zip(*parts, strict=True))
     return depth, slope, seen
 
 
-def _depths_along(lateral: Array, down: Array, at: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _smoothed(curve_mc: Array, at: Array, sd_m: float) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return the same of a curve under a Gaussian: the three-point rule of Gauss and Hermite."""
+    if not sd_m:
+        return _depths_along(curve_mc, at)
+    apart = sqrt(3.0) * sd_m
+    found = _depths_along(curve_mc, (at + np.array([[-apart], [0.0], [apart]])).ravel())
+    depth, slope = (np.array([1.0, 4.0, 1.0]) @ part.reshape(3, -1) / 6.0 for part in found[:2])
+    return depth, slope, found[2].reshape(3, -1)[1]
+
+
+def _depths_along(curve_mc: Array, at: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Interpolate a polyline; of a part that folds back under itself, what comes first counts: light sees that."""
+    lateral, down = curve_mc.T
     reached = np.maximum.accumulate(lateral)
     ahead = np.concatenate([[True], lateral[1:] > reached[:-1]])
     lateral, down = lateral[ahead], down[ahead]

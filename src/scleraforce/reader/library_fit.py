@@ -44,14 +44,16 @@ __all__ = ["BoundaryFit", "Prior", "fit_boundaries", "prior_of"]
 Array = NDArray[np.float64]
 
 COLUMNS = 110  # of each boundary that are fitted
-POINT_SD_M = 12e-6  # of a boundary along its normal
-CORRELATED_M = 0.5e-3  # so far apart two errors of a boundary are independent
+POINT_SD_M = np.array([5e-6, 9e-6])  # of the outer and the inner boundary along their normal
+CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
 CAUCHY = 2.5  # standard deviations at which a column's weight is halved
 UNSEEN_LOSS = 3.0  # of a column that the wall does not reach: as one that is 4 CAUCHY off
-OUTLIER_SD = 4.0
+OUTLIER_SD = 8.0
 FREE_SD = {TIP: 10e-3, LATERAL: 2e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.02, INNER: 15e-6}
-KNOWN_SD = {GAP: 30e-6, THICKNESS: 10e-6, IOP: 0.05}  # of what is stated
-MODEL_SD = 0.02  # relative, of the force: real walls against the library's
+KNOWN_SD = {GAP: 30e-6, THICKNESS: 15e-6, IOP: 0.05}  # of what is stated
+# At a given dent a force goes as E t^2 IOP^(1/3), in the middle of the library (per power of E).
+FORCE_BY_LOG_THICKNESS, FORCE_BY_LOG_IOP = 2.0, 1.0 / 3.0
+MODEL_SD = 0.01  # relative, of the force: real walls against the library's
 MODEL_SD_N = 0.1e-3
 STARTS = 2
 MOST_ITERATIONS = 20
@@ -62,10 +64,14 @@ INTERVAL = (0.05, 0.95)
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What is known before a frame: mean and standard deviation of each unknown, (unknown,), in the order of NAMES."""
+    """What is known before a frame, in the order of NAMES.
+
+    `mean` and `sd` (unknown,) of each unknown; `precision` (unknown, unknown), the inverse of their covariance.
+    """
 
     mean: Array
     sd: Array
+    precision: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +98,7 @@ class BoundaryFit:
 
     def probabilities(self, bounds_n: tuple[float, ...]) -> tuple[float, ...]:
         """Return the probability of each class: no class is ever certain, as the draws are so many."""
-        above = [(np.count_nonzero(self.draws_n > bound) + 0.5) / (len(self.draws_n) + 1.0) for bound in bounds_n]
+        above = [(int((self.draws_n > bound).sum()) + 0.5) / (len(self.draws_n) + 1.0) for bound in bounds_n]
         edges = (1.0, *above, 0.0)
         return tuple(high - low for high, low in pairwise(edges))
 
@@ -114,7 +120,22 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     modulus = None if known.modulus is None else log(known.modulus.mean_pa)
     modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
     mean[MODULUS], sd[MODULUS] = _stated(modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd)
-    return Prior(mean, sd)
+    return Prior(mean, sd, _precision(mean, sd, own=known.modulus is not None and known.modulus.source == "own"))
+
+
+def _precision(mean: Array, sd: Array, own: bool) -> Array:
+    """Return the inverse covariance of the prior.
+
+    An eye's own modulus was fitted to its dents and forces at the stated thickness and IOP. Where these are wrong, so
+    is the modulus, and the force that belongs to a dent is right all the same: it is that force which is known.
+    """
+    precision = np.diag(sd**-2.0)
+    if own:
+        along = np.zeros(len(sd))
+        along[[MODULUS, THICKNESS, IOP]] = 1.0, FORCE_BY_LOG_THICKNESS / mean[THICKNESS], FORCE_BY_LOG_IOP
+        precision[MODULUS, MODULUS] = 0.0
+        precision += np.outer(along, along) / sd[MODULUS] ** 2
+    return precision
 
 
 def _stated(value: float | None, bounds: tuple[float, float], sd: float) -> tuple[float, float]:
@@ -127,7 +148,9 @@ def _logs(bounds: tuple[float, float]) -> tuple[float, float]:
     return log(max(bounds[0], 1.0)), log(max(bounds[1], 1.0))
 
 
-def fit_boundaries(library: Library, lateral_m: Array, depth_bc: Array, prior: Prior) -> BoundaryFit | None:
+def fit_boundaries(
+    library: Library, lateral_m: Array, depth_bc: Array, prior: Prior, smoothing_m: float = 0.0
+) -> BoundaryFit | None:
     """Fit the library to the boundaries of a frame.
 
     Args:
@@ -136,11 +159,12 @@ def fit_boundaries(library: Library, lateral_m: Array, depth_bc: Array, prior: P
         depth_bc: depth of the outer and the inner boundary below the frame's top (2, column), m, free of refraction;
             NaN where a boundary is not seen.
         prior: what is known.
+        smoothing_m: over which the segmentation smooths the outer boundary (a Gaussian's standard deviation).
 
     Returns:
         The fit; None where less is seen than there are unknowns.
     """
-    places, observed = _thinned(lateral_m, depth_bc)
+    places, observed = _thinned(lateral_m, depth_bc, smoothing_m)
     outer = places.boundary == 0
     if outer.sum() < 2 * len(NAMES):
         return None
@@ -150,12 +174,12 @@ def fit_boundaries(library: Library, lateral_m: Array, depth_bc: Array, prior: P
     return problem.result(unknown, predicted)
 
 
-def _thinned(lateral_m: Array, depth_bc: Array) -> tuple[Places, Array]:
+def _thinned(lateral_m: Array, depth_bc: Array, smoothing_m: float) -> tuple[Places, Array]:
     """Return at most COLUMNS places of each boundary, evenly among the columns, where they are seen; and depths."""
     step = max(1, -(-len(lateral_m) // COLUMNS))
     boundary, column = np.nonzero(np.isfinite(depth_bc[:, ::step]))
     column = column * step
-    return Places(lateral_m[column], boundary), depth_bc[boundary, column]
+    return Places(lateral_m[column], boundary, smoothing_m), depth_bc[boundary, column]
 
 
 def _columns_as_one(places: Places) -> float:
@@ -203,24 +227,27 @@ class _Problem:
         """Return the loss of the columns, so many of which count as one, and of leaving the prior."""
         size = self.scaled(predicted)[predicted.seen]
         loss = np.log1p((size / CAUCHY) ** 2).sum() + UNSEEN_LOSS * np.count_nonzero(~predicted.seen)
-        away = (unknown - self.prior.mean) / self.prior.sd
-        return float(CAUCHY**2 * loss / self.columns_as_one + away @ away)
+        away = unknown - self.prior.mean
+        return float(CAUCHY**2 * loss / self.columns_as_one + away @ self.prior.precision @ away)
 
     def normal_equations(self, unknown: Array, predicted: Predicted, scale: float = 1.0) -> tuple[Array, Array]:
         """Return the weighted normal matrix (unknown, unknown) and the gradient (unknown,)."""
-        sd = POINT_SD_M * np.sqrt(1 + predicted.slope**2)
-        jacobian = predicted.jacobian / sd[:, None]
+        jacobian = predicted.jacobian / self.sd_m(predicted)[:, None]
         residual = self.scaled(predicted)
         weight = np.where(predicted.seen, 1 / (1 + (residual / CAUCHY) ** 2), 0.0) / (self.columns_as_one * scale**2)
         weighted = jacobian * weight[:, None]
-        normal = jacobian.T @ weighted
-        normal[np.diag_indices(len(NAMES))] += self.prior.sd**-2
-        return normal, weighted.T @ residual - (unknown - self.prior.mean) / self.prior.sd**2
+        normal = jacobian.T @ weighted + self.prior.precision
+        return normal, weighted.T @ residual - self.prior.precision @ (unknown - self.prior.mean)
 
     def scaled(self, predicted: Predicted) -> Array:
         """Return the residuals along the normal, in standard deviations (place,)."""
-        scaled: Array = (self.observed - predicted.depth_m) / (POINT_SD_M * np.sqrt(1 + predicted.slope**2))
+        scaled: Array = (self.observed - predicted.depth_m) / self.sd_m(predicted)
         return scaled
+
+    def sd_m(self, predicted: Predicted) -> Array:
+        """Return the standard deviation of an observed depth (place,), m: that along the normal, seen down a column."""
+        sd: Array = POINT_SD_M[self.places.boundary] * np.sqrt(1 + predicted.slope**2)
+        return sd
 
     def result(self, unknown: Array, predicted: Predicted) -> BoundaryFit:
         """Return the fit with its uncertainty: the curvature's, scaled by the misfit where that is large (Birge)."""
@@ -236,7 +263,7 @@ class _Problem:
             draws_n=draws_n,
             contact_m=float(unknown[LATERAL]),
             tip_m=float(unknown[TIP]),
-            misfit_m=misfit * POINT_SD_M,
+            misfit_m=misfit * float(POINT_SD_M[0]),
             outliers=float(np.mean(residual > OUTLIER_SD * max(1.0, misfit))),
             wall_bmc=place_walls(self.library, unknown[None])[0],
             unknown=unknown,

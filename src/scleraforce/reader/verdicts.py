@@ -13,9 +13,9 @@ from scleraforce.study import SliceStudy
 __all__ = ["allows_calibration", "dent_leaves", "fit_leaves", "no_wall_of_an_eye", "too_little_wall"]
 
 LEAST_WALL_SHARE = 0.5  # of the slice's width: over less, a wall and its dent cannot be told from another's
-# Virtual eyes (docs/reader.md): 99.9 % of their frames lie below these.
-MISFIT_M = 45e-6
-OUTLIERS = 0.25
+# Virtual eyes reach 5 um, those that are no spheres of one material 14 um (docs/reader.md).
+MISFIT_M = 20e-6
+OUTLIERS = 0.3
 DEVIATION_SD = 4.0  # of thickness and size from what they are known to be
 DENT_M = 1e-3  # to either side of the contact: the dent's deepest part
 CALIBRATED_SPAN_M = 4e-3  # to either side of the contact

@@ -1,0 +1,233 @@
+"""A reader's answers to raw frames: forces of walls that are known, and what it must not be made to read."""
+
+from dataclasses import replace
+from math import log, nan
+from pathlib import Path
+
+import numpy as np
+import pytest
+from analytic_library import analytic_library
+
+from scleraforce.imaging.bscan import render_bscan
+from scleraforce.imaging.optics import sample_optics
+from scleraforce.imaging.plane import Section
+from scleraforce.imaging.segmentation import PixelScale, Segmenter
+from scleraforce.reader.answers import Answer, answer_frame
+from scleraforce.reader.fit_prediction import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP, place_walls
+from scleraforce.reader.known import Known, Modulus
+from scleraforce.reader.readings import Reading
+from scleraforce.reader.wall_reader import WallReader
+from scleraforce.study import Study, fixed
+
+LIBRARY = analytic_library()
+STUDY = Study()
+CLEAN = replace(STUDY.phantom, snr_db=fixed(28.0), shadow_count=fixed(0))
+SCALE = PixelScale(STUDY.oct.width_m / STUDY.oct.columns, STUDY.oct.depth_m / STUDY.oct.rows)
+MODULUS_PA, IOP_PA, THICKNESS_M, GAP_M = 0.3e6, 270.0, 0.65e-3, 0.6e-3
+KNOWN = Known(Modulus(MODULUS_PA, 0.01 * MODULUS_PA, "own"), IOP_PA, THICKNESS_M, GAP_M)
+FIVE_MN = Reading((0.1, 0.8, 0.1), 0.005, (0.004, 0.006), 0.0)
+
+
+class FixedNetwork:
+    """Reads the same whatever it sees, and keeps what it was shown."""
+
+    provenance: dict[str, str] = {}  # noqa: RUF012 - a stand-in
+
+    def __init__(self, reading: Reading) -> None:
+        self.reading = reading
+        self.shown: list[tuple[np.ndarray, Known]] = []
+
+    def read(self, cut: np.ndarray, known: Known) -> Reading:
+        self.shown.append((cut, known))
+        return self.reading
+
+
+def reader(reading: Reading = FIVE_MN, default: str = "fit") -> WallReader:
+    return WallReader(Path("model"), STUDY, {}, FixedNetwork(reading), LIBRARY, default)
+
+
+def answer(frame: np.ndarray, known: Known | None = KNOWN, model: WallReader | None = None) -> Answer:
+    return answer_frame(model or reader(), Segmenter(), frame, SCALE, 1.0, known)
+
+
+def tip_of(force_n: float) -> float:
+    walls = (np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA]))
+    return float(LIBRARY.tips(*walls, np.array([force_n / MODULUS_PA]))[0])
+
+
+def wall_section(tip_m: float, surface_m: float = 0.5e-3, lateral_m: float = 0.3e-3) -> Section:
+    unknown = np.zeros(len(NAMES))
+    unknown[[TIP, LATERAL, DEPTH, GAP, THICKNESS]] = tip_m, lateral_m, surface_m, GAP_M, THICKNESS_M
+    unknown[[MODULUS, IOP]] = log(MODULUS_PA), log(IOP_PA)
+    curves = place_walls(LIBRARY, unknown[None])[0]
+    return Section(*(curve[np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9])] for curve in curves))
+
+
+def image(section: Section, seed: int = 1) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return render_bscan(section, STUDY.oct, sample_optics(CLEAN, STUDY.oct, rng), rng).frame
+
+
+def plate(depth_m: float, thickness_m: float = 0.6e-3, slope: float = 0.0) -> Section:
+    lateral = np.linspace(-9e-3, 9e-3, 300)
+    outer = np.stack([lateral, depth_m + slope * lateral], axis=1)
+    return Section(outer, outer + np.array([0.0, thickness_m]))
+
+
+def ball(radius_m: float) -> Section:
+    """A shell that is no eye's: of another radius."""
+    angle = np.linspace(-1, 1, 400) * min(1.5, 9e-3 / radius_m)
+    centre = np.array([0.0, 0.4e-3 + radius_m])
+    around = np.stack([np.sin(angle), -np.cos(angle)], axis=1)
+    return Section(centre + radius_m * around, centre + (radius_m - 0.6e-3) * around)
+
+
+@pytest.mark.parametrize("force_n", [0.003, 0.015, 0.035])
+def test_a_frame_of_known_force_is_read_with_force_interval_and_contact(force_n: float) -> None:
+    found = answer(image(wall_section(tip_of(force_n))))
+    assert found.usable
+    assert found.predicted == STUDY.classes.classify(force_n)
+    assert found.interval_n[0] < force_n < found.interval_n[1]
+    assert found.force_n == pytest.approx(force_n, abs=1.2e-3)
+    assert found.contact_m == pytest.approx(0.3e-3, abs=0.1e-3)
+    assert found.can_calibrate
+    assert sum(found.probabilities) == pytest.approx(1.0)
+
+
+def test_the_default_method_answers_and_the_other_one_checks_it() -> None:
+    frame = image(wall_section(tip_of(0.015)))
+    by_fit, by_network = (answer(frame, model=reader(default=name)) for name in ("fit", "network"))
+    assert (by_network.force_n, by_network.interval_n, by_network.predicted) == (0.005, (0.004, 0.006), 1)
+    assert by_fit.force_n == pytest.approx(0.015, abs=1e-3)
+    for found in (by_fit, by_network):
+        assert dict(found.readings)["network"] == FIVE_MN
+        assert len(found.warnings) == 1
+        assert "more apart than their intervals allow" in found.warnings[0]
+        assert found.usable
+    agreeing = Reading((0.0, 1.0, 0.0), 0.0152, (0.014, 0.0165), 0.0)
+    assert answer(frame, model=reader(agreeing)).warnings == ()
+
+
+def test_the_network_is_shown_the_slice_and_what_is_known() -> None:
+    model = reader()
+    answer(image(wall_section(tip_of(0.02))), KNOWN, model)
+    ((cut, known),) = model._network.shown
+    assert known == KNOWN
+    assert cut.shape == (40, 140)
+    assert set(np.unique(cut)) == {0, 255}
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"modulus": Modulus(0.9e6, 1e3, "own")},
+        {"iop_pa": 3000.0},
+        {"thickness_m": 1.1e-3},
+        {"gap_m": 0.1e-3},
+        {"iop_pa": nan},
+    ],
+    ids=lambda changed: next(iter(changed)),
+)
+def test_an_eye_outside_the_training_is_withdrawn_from_although_one_could_calibrate_on_it(changed) -> None:
+    found = answer(image(wall_section(tip_of(0.002))), replace(KNOWN, **changed))
+    assert (found.usable, found.predicted, found.probabilities, found.force_n) == (False, 2, None, None)
+    assert "the model was trained on" in found.reason
+    assert found.can_calibrate
+
+
+def noise(rng: np.random.Generator) -> np.ndarray:
+    return rng.integers(0, 4096, (512, 512)).astype(np.uint16)
+
+
+def gradient(rng: np.random.Generator) -> np.ndarray:
+    rows = np.linspace(0.0, 4000.0, 512)[:, None] + rng.normal(0.0, 100.0, (512, 512))
+    return rows.clip(0, 4095).astype(np.uint16)
+
+
+NO_EYES = {
+    "blank": np.full((512, 512), 700, dtype=np.uint16),
+    "black": np.zeros((512, 512), dtype=np.uint16),
+    "noise": noise(np.random.default_rng(0)),
+    "gradient": gradient(np.random.default_rng(0)),
+    "plate": image(plate(1.2e-3)),
+    "tilted plate": image(plate(1.2e-3, 0.8e-3, slope=0.08)),
+    "coverslip": image(plate(0.8e-3, 0.15e-3)),
+    "double layer": np.maximum(image(plate(0.9e-3, 0.3e-3), 2), image(plate(1.8e-3, 0.5e-3), 3)),
+    "large ball": image(ball(40e-3)),
+    "upside down": image(wall_section(tip_of(0.002)))[::-1].copy(),
+}
+
+
+@pytest.mark.parametrize("name", NO_EYES)
+@pytest.mark.parametrize("known", [KNOWN, None], ids=["known", "unknown"])
+def test_what_is_no_sclera_is_never_read_as_harmless(name: str, known: Known | None) -> None:
+    found = answer(NO_EYES[name], known)
+    assert (found.usable, found.predicted) == (False, 2)
+    assert found.reason
+    assert not found.can_calibrate or "not the wall" not in found.reason
+
+
+@pytest.mark.parametrize("radius_m", [4e-3, 5e-3, 7e-3, 20e-3])
+def test_a_shell_of_another_radius_is_never_read_as_harmless(radius_m: float) -> None:
+    assert answer(image(ball(radius_m))).predicted == 2
+
+
+def test_a_wall_that_is_not_as_thick_as_stated_is_withdrawn_from() -> None:
+    found = answer(image(wall_section(tip_of(0.01))), replace(KNOWN, thickness_m=0.45e-3))
+    assert (found.usable, found.predicted) == (False, 2)
+    assert "thick" in found.reason or "not the wall of an eye" in found.reason
+
+
+def test_a_frame_that_shows_a_few_millimetres_of_wall_is_withdrawn_from() -> None:
+    section = wall_section(tip_of(0.01))
+    close = PixelScale(5e-3 / 512, SCALE.depth_m)
+    optics = replace(STUDY.oct, width_m=5e-3)
+    rng = np.random.default_rng(4)
+    frame = render_bscan(section, optics, sample_optics(CLEAN, optics, rng), rng).frame
+    found = answer_frame(reader(), Segmenter(), frame, close, 1.0, KNOWN)
+    assert (found.usable, found.predicted) == (False, 2)
+    assert "of the wall" in found.reason
+
+
+@pytest.mark.parametrize("field", ["force_n", "probabilities", "interval_n"])
+def test_a_reading_that_is_no_number_never_passes(field: str) -> None:
+    broken = {"force_n": nan, "probabilities": (nan, nan, nan), "interval_n": (nan, 0.006)}
+    model = reader(replace(FIVE_MN, **{field: broken[field]}), "network")
+    found = answer(image(wall_section(tip_of(0.015))), model=model)
+    assert (found.usable, found.predicted, found.probabilities, found.force_n) == (False, 2, None, None)
+    assert "no number" in found.reason
+
+
+def test_a_check_that_is_no_number_is_a_warning() -> None:
+    found = answer(image(wall_section(tip_of(0.015))), model=reader(replace(FIVE_MN, force_n=nan)))
+    assert found.usable
+    assert "no number" in found.warnings[0]
+
+
+def test_a_dent_that_leaves_the_window_is_read_where_its_flanks_tell_enough() -> None:
+    tip_m, softness = 4.2e-3, 2.0  # of an eye half as stiff, under half the IOP: the same shape at half the force
+    frame = image(wall_section(tip_m, surface_m=0.4e-3))
+    wall = (np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA]), np.array([tip_m]))
+    force_n = float(LIBRARY.forces(*wall)[0]) * MODULUS_PA / softness
+    modulus_pa = MODULUS_PA / softness
+    soft = replace(KNOWN, modulus=Modulus(modulus_pa, 0.01 * modulus_pa, "own"), iop_pa=IOP_PA / softness)
+    read = answer(frame, soft)
+    assert read.usable
+    assert read.interval_n[1] - read.interval_n[0] < 6e-3
+    assert read.interval_n[0] < force_n < read.interval_n[1]
+    assert not read.can_calibrate
+    open_ended = answer(frame, replace(soft, modulus=None))
+    assert (open_ended.usable, open_ended.predicted) == (False, 2)
+    assert "leaves the window" in open_ended.reason
+    # Within the window nothing keeps a wide interval from being told.
+    assert answer(image(wall_section(tip_of(0.02))), replace(KNOWN, modulus=None)).usable
+
+
+def test_more_is_known_where_more_is_told() -> None:
+    frame = image(wall_section(tip_of(0.02)))
+    widths = []
+    for known in (KNOWN, replace(KNOWN, modulus=replace(KNOWN.modulus, sd_pa=0.12 * MODULUS_PA)), None):
+        low, high = answer(frame, known).interval_n
+        widths.append(high - low)
+    assert widths == sorted(widths)
+    assert widths[1] > 2 * widths[0]
