@@ -60,7 +60,7 @@ def _frames(evaluation: "Evaluation") -> list[str]:
     lines = []
     for recording in dict.fromkeys(frame.recording for frame in evaluation.frames):
         read = f"{'read/mN':>9}{'90 %':>14}" if evaluation.kind == "reader" else ""
-        lines += [recording, f"  {'frame':<16}{'force/mN':>9}{'target':>7}{'read':>5}{'p':>7}{read}  remark"]
+        lines += [recording, f"  {'frame':<16}{'force/mN':>9}{'target':>7}{'read':>5}{'p':>7}{read or '  remark'}"]
         lines += [_frame(frame, bool(read)) for frame in evaluation.frames if frame.recording == recording]
     return lines
 
@@ -69,9 +69,11 @@ def _frame(frame: "FrameAnswer", with_force: bool) -> str:
     force = "-" if frame.measured_force_n is None else f"{n_to_mn(frame.measured_force_n):.1f}"
     target = "-" if frame.target is None else str(frame.target)
     share = "-" if frame.probabilities is None else f"{max(frame.probabilities):.3f}"
-    read = _read_force(frame) if with_force else ""
-    figures = f"  {frame.file:<16}{force:>9}{target:>7}{frame.predicted:>5}{share:>7}{read}  "
-    return _wrapped(figures, _remark(frame))
+    figures = f"  {frame.file:<16}{force:>9}{target:>7}{frame.predicted:>5}{share:>7}"
+    if not with_force:
+        return _wrapped(f"{figures}  ", _remark(frame))
+    lines = [f"{figures}{_read_force(frame)}"]
+    return "\n".join(lines + [_wrapped("    ", remark) for remark in [_remark(frame)] if remark])
 
 
 def _read_force(frame: "FrameAnswer") -> str:
