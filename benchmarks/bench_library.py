@@ -14,7 +14,7 @@ from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter, process_time
+from time import process_time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,12 +109,12 @@ def print_accuracy(held_out: int) -> Library:
 
 
 def print_rates(library: Library) -> None:
-    """Print the time of each step from eyes to labelled slices, one thread."""
+    """Print the time that each step from eyes to labelled slices takes of one core."""
     near, rng = library.within(VISIBLE_M[1]), np.random.default_rng(1)
     thickness, ratio = draw_walls(SLICES, rng)
     force = rng.uniform(0.0, 0.999, SLICES) * near.largest_force_ratio(thickness, ratio)
     gap, tilt = rng.uniform(0.35e-3, 1e-3, SLICES), rng.uniform(-0.09, 0.09, SLICES)
-    print("\n         framing   curves  unloaded top  boundaries  filling  us a slice, one thread")
+    print("\n         framing   curves  unloaded top  boundaries  filling  us of one core a slice")
     for name, turn in (("moved, scaled", 0.0), ("turned as well", 0.09)):
         framing = Framing(
             rng.uniform(-1e-3, 1e-3, SLICES),
@@ -124,15 +124,15 @@ def print_rates(library: Library) -> None:
         )
         taken = []
         for _ in range(ROUNDS):
-            times = [perf_counter()]
+            times = [process_time()]
             walls = near.curves(thickness, ratio, force).curves_sbnc
-            times.append(perf_counter())
+            times.append(process_time())
             highest_depths(near.at_tip(thickness, ratio, np.zeros(SLICES)).curves_sbnc[:, 0], gap, tilt)
-            times.append(perf_counter())
+            times.append(process_time())
             boundaries = wall_boundaries(walls, gap, tilt, framing, STUDY.slice)
-            times.append(perf_counter())
+            times.append(process_time())
             fill_boundaries(boundaries.depth_sbc, STUDY.slice)
-            times.append(perf_counter())
+            times.append(process_time())
             taken.append(np.diff(times))
         steps = np.min(taken, axis=0) / SLICES * 1e6
         cells = "{:8.1f} {:13.1f} {:11.1f} {:8.1f}".format(*steps)

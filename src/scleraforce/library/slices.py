@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from scleraforce.imaging.plane import Section, SliceWindow
 from scleraforce.imaging.slices import SNAP, WALL, fill_section
-from scleraforce.library.sections import cut_rings, cut_surfaces, section_curve
+from scleraforce.library.columns import depths_at_columns
+from scleraforce.library.sections import cut_rings, cut_surfaces
 from scleraforce.study import SliceStudy
 
 __all__ = ["Framing", "WallBoundaries", "column_laterals", "draw_slices", "fill_boundaries", "wall_boundaries"]
 
 Floats = NDArray[np.float64]
 
-STATION_M = 0.05e-3  # between the points of a turned curve: its chords are 0.3 um off where it bends with 1 mm radius
-MIN_NODES = 2
+BLOCK = 64  # samples cut together: their arrays stay in the cache
 
 
 @dataclass(frozen=True)
@@ -79,22 +79,16 @@ def wall_boundaries(
         framing: where the section lies in the slice.
         study: size of the slice and of its pixel.
     """
-    squares, depths = cut_rings(curves_sbnc, gap_m[:, None, None], tilt_rad[:, None, None])
-    laterals = column_laterals(study)
-    found = np.empty((*squares.shape[:2], study.columns))
-    folded = np.zeros(len(found), dtype=bool)
-    before = np.maximum(squares.shape[2] - 1 - np.argmax(squares[..., ::-1] < 0.0, axis=2), 0)
-    before[(squares >= 0.0).all(axis=2)] = 0
-    for sample, (square_bn, depth_bn) in enumerate(zip(squares, depths, strict=True)):
-        columns = (laterals - framing.lateral_m[sample]) / framing.scale[sample]
-        turn = framing.turn_rad[sample]
-        for boundary, start in enumerate(before[sample]):
-            square, depth = square_bn[boundary, start:], depth_bn[boundary, start:]
-            found[sample, boundary], folds = _at_columns(columns, square, depth, turn)
-            folded[sample] |= folds
-    found *= framing.scale[:, None, None]
-    found += framing.depth_m[:, None, None]
-    return WallBoundaries(found, folded)
+    columns_sc = (column_laterals(study) - framing.lateral_m[:, None]) / framing.scale[:, None]
+    depth_sbc = np.empty((*curves_sbnc.shape[:2], study.columns))
+    folded = np.empty(len(depth_sbc), dtype=bool)
+    for start in range(0, len(depth_sbc), BLOCK):
+        block = slice(start, start + BLOCK)
+        rings = cut_rings(curves_sbnc[block], gap_m[block, None, None], tilt_rad[block, None, None])
+        depth_sbc[block], folded[block] = depths_at_columns(*rings, columns_sc[block], framing.turn_rad[block])
+    depth_sbc *= framing.scale[:, None, None]
+    depth_sbc += framing.depth_m[:, None, None]
+    return WallBoundaries(depth_sbc, folded)
 
 
 def fill_boundaries(depth_sbc: Floats, study: SliceStudy) -> NDArray[np.uint8]:
@@ -132,47 +126,3 @@ def draw_slices(
         placed = (framing.place(sample, curve) for curve in (section.outer, section.inner))
         images[sample] = fill_section(Section(*placed), window)
     return images
-
-
-def _at_columns(columns: Floats, square: Floats, depth: Floats, turn_rad: float) -> tuple[Floats, bool]:
-    """Depth of a boundary at laterals (column,) after its turn, and whether it folds over."""
-    reach = np.abs(columns).max() + (np.abs(np.sin(turn_rad)) * np.abs(depth).max() + STATION_M if turn_rad else 0.0)
-    shown = int(np.argmax(square >= reach**2)) + 1 if square[-1] >= reach**2 else len(square)
-    square, depth = square[:shown], depth[:shown]
-    rises = bool((square[1:] > square[:-1]).all())
-    if turn_rad != 0.0:
-        return _turned_at_columns(columns, square, depth, turn_rad, rises)
-    if rises:
-        return np.interp(columns**2, square, depth, left=np.nan, right=np.nan), False
-    return _seen_from_above(columns**2, square, depth), True
-
-
-def _turned_at_columns(
-    columns: Floats, square: Floats, depth: Floats, turn_rad: float, rises: bool
-) -> tuple[Floats, bool]:
-    """The same, for a curve that is turned in its plane."""
-    if rises:
-        half = np.arange(0.0, np.sqrt(max(square[-1], 0.0)), STATION_M)
-        depth_half = np.interp(half**2, square, depth)
-        lateral, deep = np.concatenate([-half[:0:-1], half]), np.concatenate([depth_half[:0:-1], depth_half])
-    else:
-        lateral, deep = section_curve(square, depth).T
-    c, s = np.cos(turn_rad), np.sin(turn_rad)
-    x, y = c * lateral - s * deep, s * lateral + c * deep
-    if (x[1:] > x[:-1]).all():
-        return np.interp(columns, x, y, left=np.nan, right=np.nan), False
-    return _seen_from_above(columns, x, y), True
-
-
-def _seen_from_above(wanted: Floats, place: Floats, depth: Floats) -> Floats:
-    """Smallest depth of a curve at the wanted places; NaN where it has none. `place` may run back and forth."""
-    turns = np.flatnonzero(np.diff(np.sign(np.diff(place)))) + 1
-    runs = np.split(np.arange(len(place)), turns)
-    smallest = np.full(len(wanted), np.nan)
-    for number, run in enumerate(runs):
-        ends = np.append(run, run[-1] + 1) if number < len(runs) - 1 else run
-        if len(ends) < MIN_NODES:
-            continue
-        order = ends if place[ends[-1]] > place[ends[0]] else ends[::-1]
-        smallest = np.fmin(smallest, np.interp(wanted, place[order], depth[order], left=np.nan, right=np.nan))
-    return smallest
