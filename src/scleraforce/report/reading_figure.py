@@ -22,10 +22,10 @@ def draw_read_forces(frames: Sequence[FrameAnswer], bounds_n: Sequence[float], m
         bounds_n: the class bounds.
         max_force_n: the study's largest force.
     """
-    figure = Figure(figsize=inches(110, 108))
+    figure = Figure(figsize=inches(170, 105))
     axes = figure.subplots()
     draw_force_against_force(axes, frames, bounds_n, max_force_n)
-    figure.legend(handles=_legend(len(bounds_n) + 1), loc="outside upper center", ncols=3)
+    figure.legend(handles=_legend(len(bounds_n) + 1), loc="outside right upper")
     return figure
 
 
@@ -66,9 +66,10 @@ def _draw_frame(axes: Axes, frame: FrameAnswer, measured_mn: float, top_mn: floa
 def _legend(classes: int) -> list[Line2D]:
     shown = zip(range(classes), CLASS_MARKERS, CLASS_COLOURS, strict=True)
     read = [
-        Line2D([], [], color=colour, marker=marker, markersize=4, label=f"read as class {number}, 90 % interval")
+        Line2D([], [], linestyle="", color=colour, marker=marker, markersize=4, label=f"read as class {number}")
         for number, marker, colour in shown
     ]
     wrong = Line2D([], [], linestyle="", marker="o", color="none", markeredgecolor=BLACK, markersize=8, label="misread")
     unusable = Line2D([], [], linestyle="", marker="x", color=RED, markersize=4, label="not usable (at the top)")
-    return [*read, wrong, unusable]
+    interval = Line2D([], [], linestyle="", color=BLACK, marker="|", markersize=8, label="90 % interval")
+    return [*read, interval, wrong, unusable]

@@ -14,6 +14,7 @@ from scleraforce.units import n_to_mn
 __all__ = ["NOTHING", "class_names", "confusion_table", "frame_table", "share"]
 
 NOTHING = "\N{EN DASH}"  # in a cell that has no value
+NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
 def share(proportion: Proportion) -> str:
@@ -80,7 +81,7 @@ def _read_force(frame: FrameAnswer) -> list[str]:
     if frame.predicted_force_n is None or frame.interval_n is None:
         return [NOTHING, NOTHING]
     low_mn, high_mn = (n_to_mn(end) for end in frame.interval_n)
-    return [f"{n_to_mn(frame.predicted_force_n):.1f}", f"{low_mn:.1f} to {high_mn:.1f}"]
+    return [f"{n_to_mn(frame.predicted_force_n):.1f}", f"{low_mn:.1f}{NO_BREAK}to{NO_BREAK}{high_mn:.1f}"]
 
 
 def _probabilities(frame: FrameAnswer, classes: int) -> list[str]:
