@@ -115,17 +115,19 @@ def test_pressure_close_to_the_limit_is_reached_in_steps() -> None:
 
 @dataclass(frozen=True, eq=False)
 class SealedSprings:
-    """A linear structure K u = p g + f b, whose volume is 1 + g u."""
+    """A linear structure K u = p g + f b, whose volume is 1 + g u; `factored` has the pressure of every factor."""
 
     stiffness: Floats
     gradient: Floats
     needle: Floats
     tip: Floats
+    factored: list[float]
 
     def residual(self, u: Floats, pressure: float) -> Floats:
         return self.stiffness @ u - pressure * self.gradient
 
     def factor(self, u: Floats, pressure: float) -> Callable[[Floats], Floats]:  # noqa: ARG002
+        self.factored.append(pressure)
         return lambda rhs: np.asarray(np.linalg.solve(self.stiffness, rhs))
 
     def volume(self, u: Floats) -> tuple[float, Floats]:
@@ -136,7 +138,7 @@ def test_sealed_linear_structure_takes_the_exact_force_and_pressure() -> None:
     random = np.random.default_rng(3)
     root = random.normal(size=(6, 6))
     K, g, b = root @ root.T + np.eye(6), random.normal(size=6), random.normal(size=6)
-    springs = SealedSprings(K, g, b, b)
+    springs = SealedSprings(K, g, b, b, [])
     tips, pressure = np.array([0.1, 0.4, 1.0]), 0.3
     start = pressurise(springs, pressure)
     np.testing.assert_allclose(start, pressure * np.linalg.solve(K, g), rtol=1e-8)
@@ -148,6 +150,8 @@ def test_sealed_linear_structure_takes_the_exact_force_and_pressure() -> None:
     np.testing.assert_allclose(path.force[1:], force, rtol=1e-8)
     np.testing.assert_allclose(path.pressure[1:], pressure + rise * force, rtol=1e-8)
     np.testing.assert_allclose(path.displacement_su @ g, start @ g, rtol=0.0, atol=1e-9)
+    assert springs.factored[:2] == [pressure, pressure]  # the borders are exact: one factor for it, one for the dent
+    assert len(springs.factored) == 2  # and from there the line through both states is the path
 
 
 def test_sealing_a_wall_that_does_not_know_its_volume_is_refused() -> None:
