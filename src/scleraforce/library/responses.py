@@ -116,12 +116,10 @@ class Library:
         Raises:
             InputError: a sample lies outside the library.
         """
-        forces, _ = self._paths(self._walls(thickness_m, iop_ratio))
+        walls = self._walls(thickness_m, iop_ratio)
         _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
-        first, weights = self._splines[2].weights(self._inside(tip_m, self.tip_m))
-        coefficients_sd = self._splines[2].coefficients(forces, axis=1)
-        near = np.take_along_axis(coefficients_sd, first[:, None] + np.arange(SUPPORT), axis=1)
-        ratios: Floats = (near * weights).sum(axis=1)
+        rows, weights = self._states(walls, tip_m)
+        ratios: Floats = (self._state_coefficients[rows] * weights).sum(axis=1)
         return ratios
 
     def tips(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
@@ -180,6 +178,14 @@ class Library:
         return both.reshape(-1, both.shape[2])
 
     @cached_property
+    def _state_coefficients(self) -> Floats:
+        """Spline weights of the force (t p d,)."""
+        weights = self.force_ratio_tpd
+        for axis, spline in enumerate(self._splines):
+            weights = spline.coefficients(weights, axis)
+        return weights.reshape(-1)
+
+    @cached_property
     def _curve_coefficients(self) -> Curves:
         """Spline weights of the curves (t p d, b n c)."""
         weights = self.curves_tpdbnc.astype(np.float64)
@@ -194,17 +200,21 @@ class Library:
         return both[:, : len(self.tip_m)], both[:, len(self.tip_m) :]
 
     def _curves(self, walls: Walls, tip_m: Floats) -> Curves:
-        rows, weights = walls
-        first, along_tip = self._splines[2].weights(self._inside(tip_m, self.tip_m))
-        rows = rows[:, :, None] * len(self.tip_m) + (first[:, None] + np.arange(SUPPORT))[:, None]
-        weights = weights[:, :, None] * along_tip[:, None]
-        samples = len(weights)
-        rows, weights32 = rows.reshape(samples, -1), weights.reshape(samples, 1, -1).astype(np.float32)
+        rows, weights = self._states(walls, tip_m)
+        samples, weights32 = len(weights), weights[:, None].astype(np.float32)
         curves = np.empty((samples, 1, self._curve_coefficients.shape[1]), dtype=np.float32)
         for start in range(0, samples, BLOCK):
             block = slice(start, start + BLOCK)
             np.matmul(weights32[block], self._curve_coefficients[rows[block]], out=curves[block])
         return curves.reshape(samples, *self.curves_tpdbnc.shape[3:])
+
+    def _states(self, walls: Walls, tip_m: Floats) -> Walls:
+        """Return where states of walls stand between those of the library (t p d)."""
+        rows, weights = walls
+        first, along_tip = self._splines[2].weights(self._inside(tip_m, self.tip_m))
+        rows = rows[:, :, None] * len(self.tip_m) + (first[:, None] + np.arange(SUPPORT))[:, None]
+        weights = weights[:, :, None] * along_tip[:, None]
+        return rows.reshape(len(rows), SUPPORT**3), weights.reshape(len(rows), SUPPORT**3)
 
     def _walls(self, thickness_m: Floats, iop_ratio: Floats) -> Walls:
         """Return where walls stand between those of the library, after a check that they do."""
