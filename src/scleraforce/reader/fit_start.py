@@ -15,18 +15,21 @@ SHIFT_M = 0.3e-3
 FARTHEST_M = 3e-3
 POINTS = 40  # of the outer boundary
 GRID_M = 50e-6
+MUCH_WORSE = 3.0  # times as far off as the best
 FAR_M = 0.3e-3  # a column that is farther off than this does not care how much
 
 
 def starts(library: Library, mean: Array, lateral_m: Array, depth_m: Array, count: int) -> list[Array]:
-    """Return where to begin: the best dents, each with its best lateral place and depth, (unknown,) each.
+    """Return where to begin: dents that lie better than their neighbours, the best first, (unknown,) each.
+
+    Each comes with its best lateral place and depth. A dent that lies much worse than the best is none to begin from.
 
     Args:
         library: responses of walls.
         mean: of the prior (unknown,).
         lateral_m: places of the outer boundary that are seen (place,).
         depth_m: its depth there (place,).
-        count: how many to return.
+        count: the most to return.
     """
     some = np.unique(np.linspace(0, len(lateral_m) - 1, POINTS).astype(np.intp))
     lateral_m, depth_m = lateral_m[some], depth_m[some]
@@ -43,9 +46,11 @@ def starts(library: Library, mean: Array, lateral_m: Array, depth_m: Array, coun
     rest = depth_m - depth_dg[:, at]  # (dent, shift, place)
     down = np.median(rest, axis=2)
     cost = np.minimum(np.abs(rest - down[..., None]), FAR_M).mean(axis=2)
-    best = cost.argmin(axis=1)
+    best, least = cost.argmin(axis=1), cost.min(axis=1)
+    around = np.concatenate([[np.inf], least, [np.inf]])
+    better = np.flatnonzero((least <= around[:-2]) & (least <= around[2:]) & (least <= MUCH_WORSE * least.min()))
     begun = []
-    for dent in np.argsort(cost.min(axis=1))[:count]:
+    for dent in better[np.argsort(least[better])][:count]:
         start = mean.copy()
         start[[TIP, LATERAL, DEPTH]] = tips[dent], shifts[best[dent]], down[dent, best[dent]]
         begun.append(start)
