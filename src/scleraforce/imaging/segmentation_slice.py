@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scleraforce.imaging.segmentation_grid import PixelScale
 from scleraforce.study import SliceStudy
 
-__all__ = ["Boundaries", "boundary_slice"]
+__all__ = ["Boundaries", "boundary_depths", "boundary_slice"]
 
 
 class Boundaries(Protocol):
@@ -38,15 +38,28 @@ def boundary_slice(
     Returns:
         The slice, shape (rows, columns); columns outside the frame or without a wall are 0.
     """
+    outer_m, inner_m = boundary_depths(segmentation, scale, slice_study, refractive_index)
+    depth_m = ((np.arange(slice_study.rows) + 0.5) * slice_study.pixel_m)[:, None]
+    inside = (depth_m >= outer_m) & (depth_m < inner_m)  # NaN compares as False: no wall
+    return inside.astype(np.uint8) * np.uint8(255)
+
+
+def boundary_depths(
+    segmentation: Boundaries, scale: PixelScale, slice_study: SliceStudy, refractive_index: float = 1.0
+) -> NDArray[np.float64]:
+    """Return the depth of both boundaries below the frame's upper edge at the centres of the slice's columns.
+
+    Args and columns are those of `boundary_slice`.
+
+    Returns:
+        Outer and inner boundary, shape (2, columns), m; NaN outside the frame and where there is no wall.
+    """
     columns = len(segmentation.outer_row)
     centre = np.arange(slice_study.columns) + 0.5 - slice_study.columns / 2
     at = centre * slice_study.pixel_m / scale.lateral_m + columns / 2 - 0.5
     outer_m = (_at(at, segmentation.outer_row) + 0.5) * scale.depth_m
     inner_m = (_at(at, segmentation.inner_row) + 0.5) * scale.depth_m
-    inner_m = outer_m + (inner_m - outer_m) / refractive_index
-    depth_m = ((np.arange(slice_study.rows) + 0.5) * slice_study.pixel_m)[:, None]
-    inside = (depth_m >= outer_m) & (depth_m < inner_m)  # NaN compares as False: no wall
-    return inside.astype(np.uint8) * np.uint8(255)
+    return np.stack([outer_m, outer_m + (inner_m - outer_m) / refractive_index])
 
 
 def _at(at: NDArray[np.floating], rows: NDArray[np.floating]) -> NDArray[np.float64]:

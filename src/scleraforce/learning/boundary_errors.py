@@ -4,7 +4,7 @@ What `benchmarks/bench_boundary_errors.py` measures on rendered frames, made ane
 it where it bends; on it lies a small error that neighbouring columns share. The thickness seen in a column is off by a
 scale of the whole frame, by an error that reaches farther along the columns and grows with the slope, and now and then
 by a bump on a steep flank. No boundary is found in columns that the scan does not reach at the sides, nor where the
-surface comes close to the bottom of the frame or leaves it at the top.
+surface leaves the frame at the bottom, near which it is seen too high, or at the top.
 """
 
 from dataclasses import dataclass
@@ -35,26 +35,28 @@ class BoundaryErrors:
         bumps: mean number of bumps in a frame; `bump_m`: mean size; `bump_length_m`.
         bump_slope: bumps lie where the surface is at least so steep.
         side_loss_share: of the sides loses columns; `side_loss_m`: mean width that is lost there.
-        bottom_m: a surface less than this above the frame's lower edge is not found; `bottom_sd_m`: of that.
+        bottom_m: a surface less than this above the frame's lower edge is seen at this depth, with a soft knee of
+            `bottom_knee_m`; `bottom_reach_m`: mean depth below it from where on a surface is not found at all.
         top_m: a surface less than this below the upper edge is not found.
     """
 
     surface_smoothing_m: float = 0.18e-3
-    outer_sd_m: float = 3.0e-6
-    outer_lengths_m: tuple[float, float] = (0.11e-3, 0.6e-3)
+    outer_sd_m: float = 2.6e-6
+    outer_lengths_m: tuple[float, float] = (0.08e-3, 1.0e-3)
     thickness_scale_sd: float = 6e-3
-    thickness_sd_m: float = 5e-6
-    thickness_lengths_m: tuple[float, float] = (0.2e-3, 0.6e-3)
-    steep: float = 0.55
+    thickness_sd_m: float = 3e-6
+    thickness_lengths_m: tuple[float, float] = (0.25e-3, 1.2e-3)
+    steep: float = 0.36
     spread: float = 0.35
-    bumps: float = 0.3
+    bumps: float = 0.7
     bump_m: float = 0.1e-3
     bump_length_m: float = 0.25e-3
     bump_slope: float = 0.4
     side_loss_share: float = 0.3
     side_loss_m: float = 0.3e-3
     bottom_m: float = 0.055e-3
-    bottom_sd_m: float = 0.01e-3
+    bottom_knee_m: float = 0.02e-3
+    bottom_reach_m: float = 0.08e-3
     top_m: float = 0.03e-3
 
 
@@ -90,8 +92,9 @@ def disturb(
     thickness += size[:, 1] * growing * _noise(outer.shape, errors.thickness_lengths_m, study, rng)
     thickness += _bumps(slope, errors, scale, study, rng)
     found = known & _within_sides(outer.shape, errors, study, rng)
-    lowest = study.rows * study.pixel_m - errors.bottom_m + errors.bottom_sd_m * rng.standard_normal((len(outer), 1))
-    found &= (seen > errors.top_m) & (seen < lowest)
+    below_m = seen - (study.rows * study.pixel_m - errors.bottom_m)
+    found &= (seen > errors.top_m) & (below_m < rng.exponential(errors.bottom_reach_m, (len(outer), 1)))
+    seen -= errors.bottom_knee_m * np.logaddexp(0.0, below_m / errors.bottom_knee_m)
     both = np.stack([seen, seen + np.maximum(thickness, 0.0)], axis=1)
     both[~np.broadcast_to(found[:, None], both.shape)] = np.nan
     return both

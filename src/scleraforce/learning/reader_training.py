@@ -106,7 +106,9 @@ def fit_reader(
         closing(chunks_ahead(source, range(reader.epochs * chunks), workers)) as drawn,
     ):
         network = ReaderNetwork(reader, study.slice, study.eye.radius_m)
-        optimiser = torch.optim.AdamW(network.parameters(), reader.learning_rate, weight_decay=reader.weight_decay)
+        optimiser = torch.optim.AdamW(
+            network.parameters(), reader.learning_rate, weight_decay=reader.weight_decay, fused=True
+        )
         descent = _Descent(network, optimiser, reader, steps)
         for number, samples in enumerate(drawn, start=1):
             losses.append(descent.learn(samples))

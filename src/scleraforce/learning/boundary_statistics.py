@@ -1,0 +1,122 @@
+"""How boundaries that were found differ from the true ones: what `boundary_errors` makes anew (NumPy only)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.library import INNER, OUTER
+from scleraforce.study import SliceStudy
+
+__all__ = ["BoundaryStatistics", "boundary_statistics"]
+
+Floats = NDArray[np.float64]
+
+GENTLE, STEEP = 0.3, 0.4  # slopes of the surface: below, above
+LAGS = (1, 5)  # columns
+LARGE_M = 0.1e-3
+CLEAR_M = 0.1e-3  # of the frame's lower edge: nearer to it no error is counted
+CORRELATED_M = 0.05e-3  # larger errors are cut to this for correlations: a bump is no noise
+
+
+@dataclass(frozen=True)
+class BoundaryStatistics:
+    """Errors of many slices.
+
+    Standard deviations are robust (interquartile range over 1.349).
+
+    Attributes:
+        outer_bias_m: median error of the surface's depth where it is gentle.
+        outer_sd_m: its standard deviation there.
+        outer_per_curvature_m2: by how much the surface is seen deeper for each 1/m of its curvature.
+        outer_correlation: of errors 1 and 5 columns apart.
+        thickness_sd_m: of the thickness down a column, the frame's own median taken out, on gentle slopes.
+        thickness_steep_sd_m: on steep ones.
+        thickness_correlation: as above.
+        thickness_scale_sd: of the frames' median error, relative.
+        large_share: of steep columns with a thickness more than 0.1 mm off.
+        lost_share: of columns well above the lower edge, and away from the sides, that were not found.
+        beyond_share: of columns below the lower edge that were found.
+    """
+
+    outer_bias_m: float
+    outer_sd_m: float
+    outer_per_curvature_m2: float
+    outer_correlation: tuple[float, ...]
+    thickness_sd_m: float
+    thickness_steep_sd_m: float
+    thickness_correlation: tuple[float, ...]
+    thickness_scale_sd: float
+    large_share: float
+    lost_share: float
+    beyond_share: float
+
+
+def boundary_statistics(
+    true_sbc: Floats, seen_sbc: Floats, study: SliceStudy, side_columns: int = 10
+) -> BoundaryStatistics:
+    """Compare boundaries.
+
+    Args:
+        true_sbc: depths (sample, boundary, column), m below the frame's upper edge.
+        seen_sbc: as found; NaN: no wall was found.
+        study: size of the slice and of its pixel.
+        side_columns: columns at each side that are left out: what the scan does not reach is another matter.
+    """
+    inside = slice(side_columns, study.columns - side_columns)
+    true, seen = true_sbc[:, :, inside], seen_sbc[:, :, inside]
+    bottom_m = study.rows * study.pixel_m
+    outer = true[:, OUTER]
+    slope = np.gradient(outer, study.pixel_m, axis=1)
+    curvature = np.gradient(slope, study.pixel_m, axis=1)
+    found = np.isfinite(seen).all(axis=1) & (outer < bottom_m)
+    gentle, steep = found & (np.abs(slope) < GENTLE), found & (np.abs(slope) >= STEEP)
+    outer_error = np.where(found, seen[:, OUTER] - outer, np.nan)
+    thickness_error, scale = _thickness_errors(true, seen, found, gentle, bottom_m)
+    bent = found & (np.abs(curvature) < 2e3) & (np.abs(slope) < 1.0)
+    flat_error = np.where(np.abs(curvature) < 300.0, outer_error, np.nan)
+    return BoundaryStatistics(
+        outer_bias_m=float(np.median(outer_error[gentle])),
+        outer_sd_m=_spread(flat_error[gentle & np.isfinite(flat_error)]),
+        outer_per_curvature_m2=float(np.polyfit(curvature[bent], np.clip(outer_error[bent], -2e-4, 2e-4), 1)[0]),
+        outer_correlation=_correlations(flat_error),
+        thickness_sd_m=_spread(thickness_error[gentle]),
+        thickness_steep_sd_m=_spread(thickness_error[steep]),
+        thickness_correlation=_correlations(np.where(gentle, thickness_error, np.nan)),
+        thickness_scale_sd=_spread(scale),
+        large_share=float((np.abs(thickness_error[steep]) > LARGE_M).mean()),
+        lost_share=_share(~found, outer < bottom_m - CLEAR_M),
+        beyond_share=_share(np.isfinite(seen[:, OUTER]), outer >= bottom_m),
+    )
+
+
+def _thickness_errors(
+    true: Floats, seen: Floats, found: NDArray[np.bool_], gentle: NDArray[np.bool_], bottom_m: float
+) -> tuple[Floats, Floats]:
+    """Return errors of the thickness within the frame (sample, column), and their median in a frame, relative."""
+    thick = np.minimum(true[:, INNER], bottom_m) - true[:, OUTER]
+    error = np.where(found, np.minimum(seen[:, INNER], bottom_m) - seen[:, OUTER] - thick, np.nan)
+    judged = [np.flatnonzero(row) for row in gentle & (true[:, INNER] < bottom_m)]
+    scale = np.array(
+        [
+            np.median(row[at] / depth[at]) if len(at) else np.nan
+            for row, depth, at in zip(error, thick, judged, strict=True)
+        ]
+    )
+    return error - np.nan_to_num(scale)[:, None] * thick, scale[np.isfinite(scale)]
+
+
+def _spread(values: Floats) -> float:
+    low, high = np.percentile(values, [25.0, 75.0])
+    return float(high - low) / 1.349
+
+
+def _correlations(errors: Floats) -> tuple[float, ...]:
+    """Return correlations of errors (sample, column) some columns apart, NaN left out."""
+    cut = np.clip(errors, -CORRELATED_M, CORRELATED_M)
+    power = float(np.nanmean(cut**2))
+    return tuple(float(np.nanmean(cut[:, lag:] * cut[:, :-lag])) / power for lag in LAGS)
+
+
+def _share(happened: NDArray[np.bool_], where: NDArray[np.bool_]) -> float:
+    return float(happened[where].mean()) if where.any() else 0.0
