@@ -12,7 +12,8 @@ from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.loads import needle_loads
 from scleraforce.mechanics.needle import needle_at
-from scleraforce.mechanics.springs import INSERTIONS, Springs, elastic_bed, rectus_straps
+from scleraforce.mechanics.springs import INSERTIONS, Springs, elastic_bed, rectus_straps, study_springs
+from scleraforce.study import SupportsStudy
 
 R, T, NU, E = 12e-3, 0.8e-3, 0.45, 0.3e6
 CONTACT = Contact(np.radians(35.0))
@@ -141,3 +142,14 @@ def test_a_sealed_globe_on_a_bed_keeps_its_volume() -> None:
     volumes_m3 = [wall.inner.volume(displacement_nc) for displacement_nc in path.displacement_snc]
     np.testing.assert_allclose(volumes_m3, volumes_m3[0], rtol=1e-8)
     assert path.pressures_pa[-1] > 266.0
+
+
+def test_a_studys_springs_are_those_of_its_kind() -> None:
+    mesh, u = globe(), np.random.default_rng(1).normal(size=globe().points_nc.shape)
+    bed, straps = elastic_bed(mesh, 2e6, 0.1e6).forces(u), rectus_straps(mesh, 30.0, 0.5).forces(u)
+    expected = {"bed": bed, "straps": straps, "bed-and-straps": bed + straps}
+    for kind, forces_nc in expected.items():
+        springs = study_springs(SupportsStudy(kind, 2e6, 0.1e6, 30.0, 0.5), mesh)
+        assert springs is not None
+        np.testing.assert_allclose(springs.forces(u), forces_nc, atol=1e-12 * np.abs(forces_nc).max())
+    assert study_springs(SupportsStudy(), mesh) is None

@@ -9,7 +9,17 @@ import pytest
 from scleraforce.eye.contact import Contact
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.study_path import BentEye, bend_eye
-from scleraforce.study import EyeStudy, FormStudy, MechanicsStudy, MeshStudy, NeedleStudy, RegionStudy, Study, WaveStudy
+from scleraforce.study import (
+    EyeStudy,
+    FormStudy,
+    MechanicsStudy,
+    MeshStudy,
+    NeedleStudy,
+    RegionStudy,
+    Study,
+    SupportsStudy,
+    WaveStudy,
+)
 
 COARSE = Study(mesh=MeshStudy(kind="graded", core=4, rings=6))
 WEIGHTLESS = replace(COARSE, eye=EyeStudy(density_kg_m3=0.0))
@@ -130,3 +140,19 @@ def test_progress_ends_at_one() -> None:
     )
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
+
+
+def test_an_eye_on_a_bed_is_a_whole_globe_that_gives_way() -> None:
+    held, lying = bent(WEIGHTLESS), bent(replace(WEIGHTLESS, supports=SupportsStudy(kind="bed")))
+    assert lying.mesh.points_nc[:, 2].min() < -0.9 * 12e-3
+    below = lying.mesh.points_nc[:, 2] < -6e-3
+    pushed_nc = lying.path.displacement_nc(FORCE_N) - lying.path.displacement_nc(0.0)
+    # 0.44 N/mm for the whole eye along its axis.
+    assert 0.01e-3 < np.abs(pushed_nc[below]).max() < 0.1e-3
+    assert held.path.tip_m(FORCE_N) < lying.path.tip_m(FORCE_N) < 1.2 * held.path.tip_m(FORCE_N)
+
+
+def test_straps_hold_a_clamped_eye_a_little_more() -> None:
+    firm = SupportsStudy(kind="straps", strap_stiffness_n_per_m=2e4)
+    held, strapped = bent(WEIGHTLESS), bent(replace(WEIGHTLESS, supports=firm))
+    assert 0.9 * held.path.tip_m(FORCE_N) < strapped.path.tip_m(FORCE_N) < held.path.tip_m(FORCE_N)
