@@ -20,7 +20,7 @@ from scleraforce.library import Library
 from scleraforce.study import Study
 
 STUDY = Study()
-STATED = EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.6, 0.1)
+STATED = EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.0, 0.0)  # on the pole: the made-up eye is one of revolution
 MODULUS_PA = 0.27e6
 SHARP = replace(STUDY, calibration=replace(STUDY.calibration, surface_smoothing_m=0.0))
 
@@ -71,7 +71,7 @@ def run(begun: session.EyeSession, forces_n: Sequence[float], made: Sequence[Any
 def test_sections_are_those_of_the_walls_own_geometry(library: Library, force_n: float, tilt_rad: float) -> None:
     stated = replace(STATED, tilt_rad=tilt_rad)
     model = library_eye(SHARP, stated, library)
-    (curves,) = model.curves([stated_wall(stated, MODULUS_PA, force_n, 0.6)])
+    (curves,) = model.curves([stated_wall(stated, MODULUS_PA, force_n, 0.0)])
     exact = exact_section(force_n, stated)
     for mine, other in zip(curves, (exact.outer, exact.inner), strict=True):
         assert np.abs(mine[:, 1] - np.interp(mine[:, 0], *other.T)).max() < 3e-6
@@ -80,7 +80,7 @@ def test_sections_are_those_of_the_walls_own_geometry(library: Library, force_n:
 def test_thickness_gap_and_pressure_enter_the_sections(library: Library) -> None:
     model = library_eye(SHARP, STATED, library)
     names = ("thickness_m", "gap_m", "iop_pa", "youngs_modulus_pa")
-    (curves,) = parameter_sections(model, names, np.array([[0.6e-3, 0.8e-3, 400.0, MODULUS_PA]]), 0.03, 0.6)
+    (curves,) = parameter_sections(model, names, np.array([[0.6e-3, 0.8e-3, 400.0, MODULUS_PA]]), 0.03, 0.0)
     exact = exact_section(0.03, replace(STATED, thickness_m=0.6e-3, gap_m=0.8e-3, iop_pa=400.0))
     for mine, other in zip(curves, (exact.outer, exact.inner), strict=True):
         assert np.abs(mine[:, 1] - np.interp(mine[:, 0], *other.T)).max() < 3e-6
@@ -90,22 +90,37 @@ def test_of_a_wall_that_folds_over_the_part_on_top_counts() -> None:
     # From the axis outwards: a floor, a cliff that leans inwards, and the plain that it carries.
     curve = np.array([[0.0, 3.0], [1.0, 3.0], [2.0, 3.0], [1.5, 1.0], [3.0, 1.0], [4.0, 1.0]])
     lateral = np.array([1.0, 1.6, 1.9, 3.5])
-    depth = section_depths(curve[None, None], np.eye(6), np.zeros(1), 0.0, lateral)[0, 0]
+    depth = section_depths(curve[None, None], np.eye(6), np.zeros(1), 0.0, lateral, np.zeros((1, 1, 4, 3)))[0, 0]
     assert depth == pytest.approx([3.0, 1.0, 1.0, 1.0])
+
+
+@pytest.mark.parametrize("tilt_rad", [0.0, 0.1])
+def test_a_wall_that_moves_as_a_whole_is_the_same_wall_elsewhere(tilt_rad: float) -> None:
+    ring = np.linspace(0.0, 4e-3, 4001)
+    bowl = np.stack([ring, 2e-3 - 100 * ring**2], axis=1)
+    move, gap_m, lateral = np.array([0.1e-3, -0.07e-3, 0.2e-3]), 0.5e-3, np.linspace(-2e-3, 2e-3, 9)
+    moved = np.broadcast_to(move, (1, 1, 9, 3))
+    found = section_depths(bowl[None, None], np.eye(4001), np.array([gap_m]), tilt_rad, lateral, moved)[0, 0]
+    # The plane's point (lateral, gap + Y sin, Y cos) lies on the bowl, moved: a quadratic in Y, solved by iteration.
+    plane = np.full(9, 2e-3)
+    for _ in range(200):
+        across = gap_m + plane * np.sin(tilt_rad) - move[1]
+        plane = (2e-3 - 100 * ((lateral - move[0]) ** 2 + across**2) + move[2]) / np.cos(tilt_rad)
+    assert found == pytest.approx(plane, abs=(1e-9 if tilt_rad == 0.0 else 4e-6))
 
 
 def test_sections_go_on_smoothly_where_the_library_ends_and_say_so(library: Library) -> None:
     model = library_eye(SHARP, STATED, library)
     end = float(library.largest_force_ratio(np.array([0.7e-3]), np.array([266.0 / MODULUS_PA]))[0]) * MODULUS_PA
     forces = end * np.exp([-0.03, 0.0, 0.03, 0.3, 1.2])
-    states = [replace(stated_wall(STATED, MODULUS_PA, float(force), 0.6), gap_m=0.0) for force in forces]
+    states = [replace(stated_wall(STATED, MODULUS_PA, float(force), 0.0), gap_m=0.0) for force in forces]
     dent = model.curves(states)[:, 0, :, 1].max(axis=1)
     assert dent[2] - dent[1] == pytest.approx(dent[1] - dent[0], rel=0.03)
     assert dent[4] - dent[1] == pytest.approx(1.2 * (dent[2] - dent[1]) / 0.03, rel=0.01)
     assert model.outside(states[0]) is None
     assert "F/E" in str(model.outside(states[3]))
-    assert "IOP/E" in str(model.outside(stated_wall(STATED, 1e4, 0.0, 0.6)))
-    assert np.isfinite(model.curves([stated_wall(STATED, 1e4, 0.03, 0.6), stated_wall(STATED, 1e7, 0.03, 0.6)])).all()
+    assert "IOP/E" in str(model.outside(stated_wall(STATED, 1e4, 0.0, 0.0)))
+    assert np.isfinite(model.curves([stated_wall(STATED, 1e4, 0.03, 0.0), stated_wall(STATED, 1e7, 0.03, 0.0)])).all()
 
 
 def test_one_modulus_fits_low_and_high_forces(library: Library) -> None:
@@ -114,7 +129,7 @@ def test_one_modulus_fits_low_and_high_forces(library: Library) -> None:
     assert found.updates == 5
     assert found.mean_pa == pytest.approx(MODULUS_PA, rel=0.01)
     assert abs(found.mean_pa - MODULUS_PA) < 2 * found.sd_pa
-    assert found.filter.model.polar_ends_rad == (0.6, 0.6)
+    assert found.filter.model.polar_ends_rad == (0.0, 0.0)
 
 
 def test_thickness_is_corrected_when_it_is_uncertain(library: Library) -> None:

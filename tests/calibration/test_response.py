@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scleraforce.calibration.eye_model import EyeConstants, WallState, parameter_sections, stated_wall
-from scleraforce.calibration.linear_eye import lagrange
+from scleraforce.calibration.eye_model import EyeConstants, WallState, lagrange, parameter_sections, stated_wall
 from scleraforce.eye.contact import Contact
 from scleraforce.imaging.plane import ScanPlane
 from scleraforce.imaging.section import cut_section

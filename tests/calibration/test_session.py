@@ -26,7 +26,7 @@ from scleraforce.recording.virtual_eye import PhantomEye
 from scleraforce.study import Study
 
 STUDY = Study()
-EYE = PhantomEye("made-up", 0.7e-3, 0.27e6, 266.0, 0.5e-3, 0.6, 0.4)
+EYE = PhantomEye("made-up", 0.7e-3, 0.27e6, 266.0, 0.5e-3, 0.0)  # on the pole: it is one of revolution
 FORCES = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
 
 
@@ -115,7 +115,7 @@ def test_the_file_keeps_the_mechanics(library: Library, recording: Recording, ca
 
 
 def test_an_empty_frame_and_one_without_a_wall_leave_the_eye_as_it_was(library: Library) -> None:
-    stated = session.EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.6, 0.0)
+    stated = session.EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.0, 0.0)
     eye = session.begin(STUDY, stated, library)
     lateral = np.linspace(-7e-3, 7e-3, 512)
     empty = Boundaries(lateral, np.full((2, 512), np.nan), 8e-6)
@@ -124,7 +124,7 @@ def test_an_empty_frame_and_one_without_a_wall_leave_the_eye_as_it_was(library: 
 
 
 def test_a_session_needs_no_force_log_and_starts_with_any_frame(library: Library) -> None:
-    stated = session.EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.6, 0.0)
+    stated = session.EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.0, 0.0)
     walls = library.curves(np.array([0.7e-3]), np.array([266.0 / 0.27e6]), np.array([0.03 / 0.27e6])).curves_sbnc
     rng = np.random.default_rng(0)
     smoothing_m = STUDY.calibration.surface_smoothing_m

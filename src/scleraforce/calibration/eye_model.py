@@ -2,14 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import ceil
+from math import ceil, prod, sqrt
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-__all__ = ["SAMPLE_STEP_M", "EyeConstants", "EyeModel", "WallState", "parameter_sections", "smoothed", "stated_wall"]
+__all__ = [
+    "SAMPLE_STEP_M",
+    "EyeConstants",
+    "EyeModel",
+    "WallState",
+    "lagrange",
+    "parameter_sections",
+    "polar_nodes",
+    "smoothed",
+    "stated_wall",
+]
 
 Array = NDArray[np.float64]
 
@@ -85,6 +95,21 @@ def parameter_sections(
     """
     stated = stated_wall(model.constants, 1.0, force_n, polar_rad)
     return model.curves([replace(stated, **dict(zip(names, row, strict=True))) for row in values_rp.tolist()])
+
+
+def lagrange(nodes: Sequence[float], at: float) -> Array:
+    """Return the weights (node,) of Lagrange's polynomial through `nodes` at a place.
+
+    >>> lagrange((0.0, 1.0, 2.0), 0.5).tolist()
+    [0.375, 0.75, -0.125]
+    """
+    return np.array([prod((at - other) / (node - other) for other in nodes if other != node) for node in nodes])
+
+
+def polar_nodes(constants: EyeConstants) -> tuple[float, ...]:
+    """Return the contact's polar angle, or three over its range where it is not stated; the middle one is stated."""
+    spread = sqrt(3.0) * constants.polar_sd_rad
+    return tuple(constants.polar_rad + k * spread for k in ((-1.0, 0.0, 1.0) if spread else (0.0,)))
 
 
 def smoothed(curves: Array, sd_m: float) -> Array:

@@ -1,18 +1,28 @@
 """An eye of finite strain: its sections from the response library (`library.responses`).
 
-The library holds walls of revolution about the needle axis, so sections have a closed form (`library.sections`). The
-contact's polar angle and the plane's direction drop out, and gravity is neglected.
+The library holds walls of revolution about the needle axis, so sections have a closed form (`library.sections`). What
+the contact's polar angle and the plane's direction add is small and in proportion to the loads (`base_moves`). Gravity
+is neglected.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import cos, sin
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from scleraforce.calibration.eye_model import SAMPLE_STEP_M, EyeConstants, WallState, smoothed
+from scleraforce.calibration.base_moves import BaseMoves, base_moves
+from scleraforce.calibration.eye_model import (
+    SAMPLE_STEP_M,
+    EyeConstants,
+    WallState,
+    lagrange,
+    polar_nodes,
+    smoothed,
+)
 from scleraforce.errors import CalibrationError, InputError
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_rings
@@ -31,17 +41,21 @@ END_SHARE = 0.97  # of the library's largest force: over the rest the continuati
 class LibraryEye:
     """An eye whose sections come from a library, see `EyeModel`.
 
-    `smoothing_m`: over which a segmentation smooths the outer curve (a Gaussian's standard deviation).
+    `lateral_m` (sample,): places of the section. `moves`: at each of the polar angles `polar_nodes_rad`. `smoothing_m`:
+    over which a segmentation smooths the outer curve (a Gaussian's standard deviation).
     """
 
     constants: EyeConstants
     library: Library
+    lateral_m: Array
+    polar_nodes_rad: tuple[float, ...]
+    moves: tuple[BaseMoves, ...]
     smoothing_m: float = 0.0
 
     @property
     def polar_ends_rad(self) -> tuple[float, float]:
-        """The contact's angle, twice: a wall of revolution does not turn with it."""
-        return self.constants.polar_rad, self.constants.polar_rad
+        """Polar angles between which the section's turning with the angle is taken."""
+        return min(self.polar_nodes_rad), max(self.polar_nodes_rad)
 
     def curves(self, states: Sequence[WallState]) -> Array:
         """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth.
@@ -49,12 +63,13 @@ class LibraryEye:
         Beyond the library (a modulus too low for the force) the section goes on along the slope by ln(F/E) that it has
         at the end; pressure and thickness are held at the library's ends.
         """
-        walls = self._walls(states)
+        _, pressure, force = _ratios(states)
+        nodes = self.polar_nodes_rad
+        shares_sp = np.array([lagrange(nodes, state.polar_rad) for state in states])
+        moved = np.einsum("sp,psbxc->sbxc", shares_sp, [moves.at(pressure, force) for moves in self.moves])
         gap_m = np.array([state.gap_m for state in states])
-        depth = section_depths(walls, self._fine, gap_m, self.constants.tilt_rad, self._lateral_m)
-        lateral = np.concatenate([-self._lateral_m[:0:-1], self._lateral_m])
-        depth = np.concatenate([depth[..., :0:-1], depth], axis=-1)
-        curves = np.stack([np.broadcast_to(lateral, depth.shape), depth], axis=-1)
+        depth = section_depths(self._walls(states), self._fine, gap_m, self.constants.tilt_rad, self.lateral_m, moved)
+        curves = np.stack([np.broadcast_to(self.lateral_m, depth.shape), depth], axis=-1)
         curves[:, 0] = smoothed(curves[:, 0], self.smoothing_m)
         return curves
 
@@ -98,11 +113,6 @@ class LibraryEye:
         return (1 - 1e-6) * float(self.library.largest_force_ratio(thickness, pressure).min())
 
     @cached_property
-    def _lateral_m(self) -> Array:
-        """Samples of one side of the section, from its middle."""
-        return np.arange(0.0, REACH * self.library.radius_m, SAMPLE_STEP_M)
-
-    @cached_property
     def _fine(self) -> Array:
         """Weights (fine point, node) of a cubic spline along the wall through the library's nodes."""
         at_rest = self.library.curves_tpdbnc[0, 0, 0, 0].astype(np.float64)
@@ -128,27 +138,50 @@ def library_eye(study: Study, constants: EyeConstants, library: Library) -> Libr
             f"thickness: {constants.thickness_m * 1e6:g} um; the library has walls of {thinnest * 1e6:.0f} to "
             f"{thickest * 1e6:.0f} um"
         )
+    side = np.arange(0.0, REACH * library.radius_m, SAMPLE_STEP_M)
+    lateral_m = np.concatenate([-side[:0:-1], side])
+    polars = polar_nodes(constants)
+    moves = tuple(base_moves(study, constants, polar, lateral_m) for polar in polars)
     # Sections end at `REACH`; a dented wall's material moves by less than a millimetre or two along it.
-    return LibraryEye(constants, library.within(0.85 * library.radius_m), study.calibration.surface_smoothing_m)
+    near = library.within(0.85 * library.radius_m)
+    return LibraryEye(constants, near, lateral_m, polars, moves, study.calibration.surface_smoothing_m)
 
 
-def section_depths(curves_sbnc: Array, fine_fn: Array, gap_m: Array, tilt_rad: float, lateral_m: Array) -> Array:
-    """Return the depth in the plane at lateral places of surfaces of revolution, (sample, boundary, place).
+def section_depths(
+    curves_sbnc: Array, fine_fn: Array, gap_m: Array, tilt_rad: float, lateral_m: Array, moved_sbxc: Array
+) -> Array:
+    """Return the depth in the plane at lateral places of surfaces of revolution that moved a little more.
 
     Of a wall that folds over itself the outermost part counts: it lies on top, where the light comes from.
 
     Args:
-        curves_sbnc: distance from the axis and depth (sample, boundary, node, 2), from the axis outwards.
+        curves_sbnc: distance from the axis and depth (state, boundary, node, 2), from the axis outwards.
         fine_fn: weights that interpolate along the wall (fine point, node).
-        gap_m: the plane's distance from the axis at the undeformed contact (sample,).
+        gap_m: the plane's distance from the axis at the undeformed contact (state,).
         tilt_rad: the plane's tilt against the axis.
-        lateral_m: places (place,), not negative.
+        lateral_m: places (place,).
+        moved_sbxc: further motion of the wall at the places (state, boundary, place, [lateral, across, depth]), m.
+
+    Returns:
+        Depths (state, boundary, place): what is seen at a place has come there from where it stood before.
     """
     square, depth = cut_rings(fine_fn @ curves_sbnc, gap_m[:, None, None], tilt_rad)
     on_top = np.minimum.accumulate(square[..., ::-1], axis=-1)[..., ::-1]
-    rows = zip(on_top.reshape(-1, len(fine_fn)), depth.reshape(-1, len(fine_fn)), strict=True)
-    found = [np.interp(lateral_m**2, row, values) for row, values in rows]
-    return np.array(found).reshape(*depth.shape[:2], len(lateral_m))
+    rows = list(zip(on_top.reshape(-1, len(fine_fn)), depth.reshape(-1, len(fine_fn)), strict=True))
+    lateral, across, deeper = np.moveaxis(moved_sbxc, -1, 0)
+    came_from = (lateral_m - lateral) ** 2 + (across - 2 * gap_m[:, None, None]) * across
+    if tilt_rad:
+        here = _interpolated(rows, came_from)
+        came_from = came_from - 2 * across * here * sin(tilt_rad)
+    depths: Array = _interpolated(rows, came_from) + deeper / cos(tilt_rad)
+    return depths
+
+
+def _interpolated(rows: Sequence[tuple[Array, Array]], wanted: Array) -> Array:
+    """Interpolate each row's depth over the square of the lateral place, (..., place)."""
+    places = wanted.reshape(len(rows), -1)
+    found = [np.interp(place, *row) for place, row in zip(places, rows, strict=True)]
+    return np.array(found).reshape(wanted.shape)
 
 
 def _ratios(states: Sequence[WallState]) -> tuple[Array, Array, Array]:

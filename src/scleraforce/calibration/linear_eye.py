@@ -6,12 +6,11 @@ displacements are interpolated by Lagrange's polynomial. Modulus, force, IOP and
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import prod, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.eye_model import EyeConstants, WallState
+from scleraforce.calibration.eye_model import EyeConstants, WallState, lagrange, polar_nodes
 from scleraforce.calibration.response import WallResponse, lateral_samples, response_fields
 from scleraforce.errors import CalibrationError
 from scleraforce.eye.contact import Contact
@@ -73,15 +72,6 @@ class LinearEye:
         return WallResponse(fields_fblsc, self.weight_pa_m, self.constants.tilt_rad, self.smoothing_m)
 
 
-def lagrange(nodes: Sequence[float], at: float) -> Array:
-    """Return the weights (node,) of Lagrange's polynomial through `nodes` at a place.
-
-    >>> lagrange((0.0, 1.0, 2.0), 0.5).tolist()
-    [0.375, 0.75, -0.125]
-    """
-    return np.array([prod((at - other) / (node - other) for other in nodes if other != node) for node in nodes])
-
-
 def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool = False) -> LinearEye:
     """Solve the walls that a calibration of one eye needs: one, or three where the thickness is uncertain.
 
@@ -92,8 +82,7 @@ def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool 
         raise CalibrationError(f"thickness: {constants.thickness_m * 1e6:g} um cannot be meshed; state the wall's")
     shares = THICKNESS_NODES if thickness_uncertain else (1.0,)
     thicknesses = tuple(share * constants.thickness_m for share in shares)
-    spread = sqrt(3.0) * constants.polar_sd_rad
-    polars = tuple(constants.polar_rad + k * spread for k in ((-1.0, 0.0, 1.0) if spread else (0.0,)))
+    polars = polar_nodes(constants)
     contacts = [Contact(polar) for polar in polars]
     plane = (constants.gap_m, constants.direction_rad, constants.tilt_rad)
     lateral = lateral_samples(study.eye.radius_m, max(thicknesses), contacts, *plane)
