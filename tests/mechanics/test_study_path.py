@@ -84,6 +84,7 @@ def test_an_eye_turned_with_its_needle_bends_alike() -> None:
     np.testing.assert_allclose(other.path.displacement_nc(FORCE_N), moved, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_thick_spot_under_the_needle_bends_like_a_thick_wall() -> None:
     """A wave of degree 1 along the needle axis makes the wall 10 % thicker there: about (1.1)^2 as stiff."""
     uneven = with_form(FormStudy(wave=(WaveStudy(0.1, 1, CONTACT.polar_rad, CONTACT.azimuth_rad),)))
@@ -113,6 +114,7 @@ def test_a_leaning_needle_drags_the_wall_to_its_side_and_its_mirror_image_to_the
     np.testing.assert_allclose(mirrored[nearest], right.path.displacement_nc(FORCE_N)[:400], atol=1e-8)
 
 
+@pytest.mark.slow
 def test_in_a_sealed_globe_the_pressure_rises_and_a_dead_pressure_is_another() -> None:
     kinds = {
         "open": MechanicsStudy("finite-strain"),
