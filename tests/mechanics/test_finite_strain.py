@@ -6,8 +6,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.spatial import SphericalVoronoi
 
-from scleraforce.errors import InputError
+from scleraforce.errors import InputError, SolverError
 from scleraforce.eye.contact import Contact
+from scleraforce.eye.graded import graded_globe
 from scleraforce.eye.mesh import HexMesh, build_mesh
 from scleraforce.mechanics.assembly import lame_constants
 from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
@@ -15,6 +16,7 @@ from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.loads import gravity_load, needle_loads, pressure_load
 from scleraforce.mechanics.needle import Needle, needle_at, tip_at
 from scleraforce.mechanics.quadrature import volume_points
+from scleraforce.mechanics.springs import elastic_bed, rectus_straps
 from scleraforce.mechanics.supports import symmetric_base
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
@@ -301,3 +303,16 @@ def test_a_force_that_the_path_does_not_carry_is_an_input_error(force_n: float) 
 def test_a_dent_that_the_path_does_not_reach_is_an_input_error(tip_m: float) -> None:
     with pytest.raises(InputError, match="goes from 0 to 3 mm"):
         made_up_path().displacement_at_tip_nc(tip_m)
+
+
+def test_a_wall_that_may_move_as_a_rigid_body_is_refused() -> None:
+    """Free to slide; a globe on nothing; a globe on straps alone, which may turn about its axis."""
+    held = symmetric_base(coarse_mesh())
+    held[:, :2] = False
+    with pytest.raises(SolverError, match="rigid body"):
+        FiniteWall(coarse_mesh(), NU, held)
+    globe = graded_globe(R, T, CONTACT, core=2, rings=4)
+    for springs in (None, rectus_straps(globe, 20.0)):
+        with pytest.raises(SolverError, match="rigid body"):
+            FiniteWall(globe, NU, springs=springs)
+    FiniteWall(globe, NU, springs=elastic_bed(globe, 1e6, 1e4))

@@ -33,6 +33,7 @@ __all__ = ["LARGEST_STEP_M", "FiniteWall", "LoadPath"]
 Floats = NDArray[np.float64]
 
 ROUNDING = 1e-12  # of a force
+RIGID = 1e-9  # least resisted over most resisted rigid motion: 0 to rounding where one is free
 FIRST_STEP_M = 1e-4
 LARGEST_STEP_M = 3e-4  # cubic interpolation between such states is off by 0.01 %; longer steps save no time
 
@@ -144,7 +145,7 @@ class FiniteWall:
             springs: on the outer surface, in N/m; they hold what `held_nc` leaves free.
 
         Raises:
-            SolverError: an element is turned inside out.
+            SolverError: an element is turned inside out, or the supports leave a rigid motion free.
         """
         self.mesh = mesh
         self.held_nc = clamped_base(mesh) if held_nc is None else held_nc
@@ -152,6 +153,7 @@ class FiniteWall:
         self.inner = InnerSurface(mesh, self.solid.pattern)
         self.dead_pressure_nc = dead_pressure_nc
         self.springs = springs
+        _check_supports(mesh, self.held_nc, springs)
         self.free = np.flatnonzero(~self.held_nc.ravel())
         self.free_part = FreePart(self.solid.pattern, self.free)
 
@@ -227,6 +229,20 @@ class FiniteWall:
         full = np.zeros(self.mesh.points_nc.size)
         full[self.free] = free
         return full.reshape(-1, 3)
+
+
+def _check_supports(mesh: HexMesh, held_nc: NDArray[np.bool_], springs: Springs | None) -> None:
+    """Check that what is held and the springs resist all six rigid motions of the undeformed wall."""
+    places = mesh.points_nc / mesh.radius_m
+    moves = [np.broadcast_to(axis, places.shape) for axis in np.eye(3)] + [np.cross(axis, places) for axis in np.eye(3)]
+    resisted = np.array([move[held_nc] for move in moves])
+    gram = resisted @ resisted.T
+    if springs is not None:
+        work = np.array([[np.sum(springs.forces(move) * other) for other in moves] for move in moves])
+        gram += work / max(float(np.abs(work).max()), np.finfo(float).tiny)
+    eigenvalues = np.linalg.eigvalsh(gram)
+    if not eigenvalues[0] > RIGID * eigenvalues[-1]:
+        raise SolverError("supports: the wall may move as a rigid body; supports against that would do")
 
 
 class _WallEquilibrium:
