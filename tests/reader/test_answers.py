@@ -4,6 +4,7 @@ from dataclasses import replace
 from math import log, nan
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from analytic_library import analytic_library
@@ -187,6 +188,22 @@ def test_a_frame_that_shows_a_few_millimetres_of_wall_is_withdrawn_from() -> Non
     found = answer_frame(reader(), Segmenter(), frame, close, 1.0, KNOWN)
     assert (found.usable, found.predicted) == (False, 2)
     assert "of the wall" in found.reason
+
+
+REAL = Path(__file__).parents[3] / "shared" / "real-oct"
+
+
+@pytest.mark.real
+@pytest.mark.skipif(not REAL.exists(), reason="no real images here")
+@pytest.mark.parametrize(("folder", "pixel_m"), [("tissue-surface", 1e-6), ("anterior-segment", 5e-6)])
+def test_real_scans_of_a_few_millimetres_are_withdrawn_from(folder: str, pixel_m: float) -> None:
+    files = [path for path in sorted((REAL / folder).iterdir()) if "mask" not in path.name]
+    assert len(files) > 8
+    for path in files:
+        pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if pixels.ndim == 3 else pixels
+        found = answer_frame(reader(), Segmenter(), grey, PixelScale(pixel_m, pixel_m), 1.0, KNOWN)
+        assert (found.usable, found.predicted) == (False, 2), path.name
 
 
 @pytest.mark.parametrize("field", ["force_n", "probabilities", "interval_n"])

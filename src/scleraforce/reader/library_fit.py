@@ -49,7 +49,7 @@ CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
 CAUCHY = 2.5  # standard deviations at which a column's weight is halved
 UNSEEN_LOSS = 3.0  # of a column that the wall does not reach: as one that is 4 CAUCHY off
 OUTLIER_SD = 8.0
-FREE_SD = {TIP: 10e-3, LATERAL: 2e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.02, INNER: 15e-6}
+FREE_SD = {TIP: 10e-3, LATERAL: 2e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.03, INNER: 15e-6}
 KNOWN_SD = {GAP: 30e-6, THICKNESS: 15e-6, IOP: 0.05}  # of what is stated
 # At a given dent a force goes as E t^2 IOP^(1/3), in the middle of the library (per power of E).
 FORCE_BY_LOG_THICKNESS, FORCE_BY_LOG_IOP = 2.0, 1.0 / 3.0

@@ -13,9 +13,10 @@ from scleraforce.study import SliceStudy
 __all__ = ["allows_calibration", "dent_leaves", "fit_leaves", "no_wall_of_an_eye", "too_little_wall"]
 
 LEAST_WALL_SHARE = 0.5  # of the slice's width: over less, a wall and its dent cannot be told from another's
-# Virtual eyes reach 5 um, those that are no spheres of one material 14 um (docs/reader.md).
-MISFIT_M = 20e-6
-OUTLIERS = 0.3
+# Virtual eyes reach 8 um, those that are no spheres of one material 18 um (docs/reader.md).
+MISFIT_M = 25e-6
+OUTLIERS = 0.3  # deep dents have steep sides, which are segmented badly: in a fit that is good otherwise
+ROUGH_M, ROUGH_OUTLIERS = 8e-6, 0.1  # ... in one that is less good they say that it is none
 DEVIATION_SD = 4.0  # of thickness and size from what they are known to be
 DENT_M = 1e-3  # to either side of the contact: the dent's deepest part
 CALIBRATED_SPAN_M = 4e-3  # to either side of the contact
@@ -77,7 +78,7 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
     """
     if not fit.misfit_m <= MISFIT_M:
         return f"not the wall of an eye: {fit.misfit_m * 1e6:.0f} µm off the nearest that is known"
-    if not fit.outliers <= OUTLIERS:
+    if not fit.outliers <= (OUTLIERS if fit.misfit_m <= ROUGH_M else ROUGH_OUTLIERS):
         return f"not the wall of an eye: {fit.outliers:.0%} of the columns are far off the nearest that is known"
     away = np.abs(fit.unknown - prior.mean) / prior.sd
     if not away[SIZE] <= DEVIATION_SD:

@@ -1,0 +1,100 @@
+"""A folder of kind "reader": loaded, refused, and what its network's histogram means."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from analytic_library import analytic_library
+from fixed_reader import write_fixed_reader
+
+from scleraforce.errors import ModelError
+from scleraforce.reader import WallReader, load_classifier, load_model
+from scleraforce.reader.folder import sha256
+from scleraforce.reader.force_distribution import ratio_edges
+from scleraforce.reader.given import unknown_modulus
+from scleraforce.reader.known import Known, Modulus
+from scleraforce.reader.slice_network import told_of
+
+pytest.importorskip("torch")
+
+SHARES = (0.0, 0.0, 0.25, 0.5, 0.25, 0.0, 0.0, 0.0)
+CUT = np.zeros((40, 140), dtype=np.uint8)
+LIBRARY = analytic_library(thicknesses=4, ratios=4, tips=6)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write_fixed_reader(tmp_path / "model", LIBRARY, SHARES, contact_m=0.4e-3)
+    return tmp_path / "model"
+
+
+def rewrite(folder: Path, name: str, content: bytes) -> None:
+    """Replace a file and its hash."""
+    (folder / name).write_bytes(content)
+    record = json.loads((folder / "model.json").read_text())
+    record["files"][name] = sha256(content)
+    (folder / "model.json").write_text(json.dumps(record))
+
+
+def test_force_and_interval_scale_with_the_modulus_that_it_is_told(folder: Path) -> None:
+    reader = load_model(folder)
+    assert isinstance(reader, WallReader)
+    edges = ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
+    for modulus_pa in (0.2e6, 0.5e6):
+        read = reader.read(CUT, Known(Modulus(modulus_pa, 5e3, "own")))
+        # A quarter lies below edge 3, half in bin 3, a quarter above edge 4.
+        assert read.force_n == pytest.approx(modulus_pa * (edges[3] + edges[4]) / 2, rel=1e-5)
+        ends = edges[2] + 0.2 * (edges[3] - edges[2]), edges[5] - 0.2 * (edges[5] - edges[4])
+        np.testing.assert_allclose(read.interval_n, modulus_pa * np.array(ends), rtol=1e-5)
+        assert read.contact_m == pytest.approx(0.4e-3)
+        assert sum(read.probabilities) == pytest.approx(1.0)
+
+
+def test_an_unknown_modulus_is_the_middle_of_the_training(folder: Path) -> None:
+    reader = load_model(folder)
+    mean_pa, _ = unknown_modulus(reader.study.reader)
+    assert reader.read(CUT, Known()).force_n == reader.read(CUT, Known(Modulus(mean_pa, 1e3, "own"))).force_n
+
+
+def test_what_is_not_known_is_told_as_not_known() -> None:
+    told = told_of(Known(iop_pa=250.0, gap_m=0.5e-3))
+    assert np.isnan([told.modulus_pa[0], told.modulus_sd_fraction[0], told.thickness_m[0]]).all()
+    assert (told.iop_pa[0], told.gap_m[0]) == (250.0, 0.5e-3)
+    sure = told_of(Known(Modulus(0.25e6, 1.0, "own")))
+    assert sure.modulus_sd_fraction[0] == 0.01
+
+
+def test_the_folder_says_which_method_answers(folder: Path) -> None:
+    reader = load_model(folder)
+    assert (reader.default, reader.other, reader.kind) == ("fit", "network", "reader")
+    record = json.loads((folder / "model.json").read_text())
+    (folder / "model.json").write_text(json.dumps({**record, "default": "guess"}))
+    with pytest.raises(ModelError, match="default: found 'guess'"):
+        load_model(folder)
+
+
+def test_a_library_that_was_changed_is_refused(folder: Path) -> None:
+    content = bytearray((folder / "library.npz").read_bytes())
+    content[len(content) // 2] ^= 1
+    (folder / "library.npz").write_bytes(content)
+    with pytest.raises(ModelError, match=r"library\.npz: SHA-256"):
+        load_model(folder)
+
+
+def test_a_library_that_is_none_is_refused_even_where_its_hash_agrees(folder: Path) -> None:
+    rewrite(folder, "library.npz", b"nothing")
+    with pytest.raises(ModelError, match=r"library\.npz: not a response library"):
+        load_model(folder)
+
+
+def test_a_network_for_another_histogram_is_refused(folder: Path) -> None:
+    study = (folder / "study.toml").read_text().replace(f"bins = {len(SHARES)}\n", "bins = 16\n")
+    rewrite(folder, "study.toml", study.encode())
+    with pytest.raises(ModelError, match="outputs: found"):
+        load_model(folder)
+
+
+def test_a_reader_where_a_classifier_is_needed_is_refused(folder: Path) -> None:
+    with pytest.raises(ModelError, match="found 'reader', a classifier is needed here"):
+        load_classifier(folder)

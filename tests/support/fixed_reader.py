@@ -1,0 +1,64 @@
+"""A model folder of kind "reader" whose network answers always the same: bins of F/E with the shares it was given."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from scleraforce.library import Library, save_library
+from scleraforce.reader.folder import LIBRARY_FILE
+from scleraforce.reader.given import GIVEN
+from scleraforce.reader.slice_network import CONTACT, HISTOGRAM, INPUTS
+from scleraforce.study import Study, format_study, study_hash
+
+
+def fixed_study(bins: int) -> Study:
+    """The paper's study with so many bins in the reader's histogram."""
+    return replace(Study(), reader=replace(Study().reader, bins=bins))
+
+
+def write_fixed_reader(
+    path: Path, library: Library, shares: Sequence[float], contact_m: float = 0.0, default: str = "fit"
+) -> Study:
+    """Write the folder; returns its study."""
+    import onnx
+
+    from scleraforce.learning.folder import write_folder
+    from scleraforce.learning.graph import constant, model_bytes, node
+
+    study = fixed_study(len(shares))
+    slices, told = INPUTS
+    values = {
+        "none": np.zeros((len(GIVEN), len(shares)), dtype=np.float32),
+        "shares": np.log(np.maximum(np.asarray(shares, dtype=np.float32), np.float32(1e-12))),
+        "no_place": np.zeros((len(GIVEN), 1), dtype=np.float32),
+        "place": np.array([contact_m], dtype=np.float32),
+        "second": np.array([1], dtype=np.int64),
+    }
+    nodes = [
+        node("Gemm", [told, "none", "shares"], "logits"),
+        node("Softmax", ["logits"], HISTOGRAM, axis=1),
+        node("Gemm", [told, "no_place", "place"], "places"),
+        node("Squeeze", ["places", "second"], CONTACT),
+    ]
+    float32 = onnx.TensorProto.FLOAT
+    info = onnx.helper.make_tensor_value_info
+    graph = onnx.helper.make_graph(
+        nodes,
+        "fixed",
+        [
+            info(slices, onnx.TensorProto.UINT8, ["n", study.slice.rows, study.slice.columns]),
+            info(told, float32, ["n", len(GIVEN)]),
+        ],
+        [info(HISTOGRAM, float32, ["n", len(shares)]), info(CONTACT, float32, ["n"])],
+        [constant(name, value) for name, value in values.items()],
+    )
+    folder = path.parent / f"{path.name}.library"
+    save_library(library, folder)
+    content = folder.read_bytes()
+    folder.unlink()
+    record = {"kind": "reader", "default": default, "metrics": {}}
+    network = model_bytes(graph, {"study_sha256": study_hash(study)})
+    write_folder(path, network, format_study(study), "# card\n", record, {LIBRARY_FILE: content})
+    return study
