@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,18 @@ STUDY = """
 [mesh]
 divisions = 8
 level = 0
+core = 4
+rings = 6
+[library]
+thicknesses = 4
+iop_ratios = 4
+elements = 24
+[reader]
+epochs = 1
+samples_per_epoch = 300
+validation_samples = 60
+channels = [8]
+hidden = [16]
 [dataset]
 contacts = 10
 [[dataset.group]]
@@ -38,6 +51,14 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*SCLERAFORCE, *arguments], capture_output=True, text=True, check=False)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A cache of this module's own, which the commands inherit."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("study") / "study.toml"
@@ -57,13 +78,23 @@ def done(study: Path) -> tuple[Path, dict]:
 
 def test_every_stage_is_timed_and_the_answers_count_45_trials(done) -> None:
     _, printed = done
-    stages = ["phantom", "calibrate", "generate", "train", "evaluate", "leave out", "report", "total"]
+    stages = ["phantom", "calibrate", "generate", "train", "evaluate", "leave out"]
+    stages += ["bend", "library", "calibrate bent", "train bent", "train reader", "read bent", "report", "total"]
     assert list(printed["seconds"]) == stages
     assert all(seconds >= 0.0 for seconds in printed["seconds"].values())
     assert printed["scored"] == sum(map(sum, printed["confusion"])) == 45
     right = sum(printed["confusion"][k][k] for k in range(3))
     assert printed["accuracy"] == pytest.approx(right / 45)
     assert [sum(row) for row in printed["confusion"]] == [7, 15, 23]
+
+
+def test_both_methods_answer_the_same_45_trials_on_walls_of_finite_strain(done) -> None:
+    both = done[1]["finite_strain"]
+    for one in both.values():
+        assert [sum(row) for row in one["confusion"]] == [7, 15, 23]
+        assert one["scored"] == 45
+    assert both["paper"]["mae_mn"] is None
+    assert both["reader"]["mae_mn"] > 0.0
 
 
 def test_the_modulus_of_the_virtual_eyes_is_found(done) -> None:
@@ -77,7 +108,7 @@ def test_the_page_has_every_table_and_figure_of_the_paper(done) -> None:
         assert name in page, f"{name} is missing"
     assert "The recordings are simulated" in page
     assert "not a medical device" in page.lower()
-    assert len(re.findall(r"<img ", page)) == 11
+    assert len(re.findall(r"<img ", page)) == 13
     assert not re.findall(r'(?:src|href)="(?!data:image/)', page)
     assert "nan" not in re.sub(r'src="[^"]*"', "", page).lower().split()
 
@@ -86,7 +117,7 @@ def test_a_second_run_takes_up_what_is_finished(done, study: Path) -> None:
     out, first = done
     result = run("reproduce", "--out", str(out), "--study", str(study), "--json")
     again = json.loads(result.stdout)
-    for name in ("phantom", "generate", "train", "leave out"):
+    for name in ("phantom", "generate", "train", "leave out", "bend", "calibrate bent", "train bent", "train reader"):
         assert again["seconds"][name] == first["seconds"][name]
     assert again["confusion"] == first["confusion"]
 

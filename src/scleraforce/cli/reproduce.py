@@ -12,6 +12,7 @@ from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.study import Study, read_study
 
 if TYPE_CHECKING:
+    from scleraforce.reader.evaluate import Evaluation
     from scleraforce.report.reproduction import Progress
 
 __all__ = ["reproduce"]
@@ -34,7 +35,9 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
 
     Five virtual eyes in the paper's design (45 trials), the simulated slices,
     the network, its answers to the raw frames, and a page that shows them
-    beside the paper's. Interrupted with Ctrl-C, the same command goes on.
+    beside the paper's; then the same eyes computed at finite strain, read by
+    the paper's method and by the force reader. Interrupted with Ctrl-C, the
+    same command goes on.
 
     Without --study it is the paper's study, its data set framed as the virtual
     laboratory frames its eyes; a study of your own is taken as it is.
@@ -56,6 +59,10 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
         "report": str(run.report),
         **{key: answer[key] for key in ("accuracy", "confusion", "recall", "precision", "intervals", "scored")},
         "youngs_modulus_mpa": {"mean_mpa": mean_pa / 1e6, "sd_mpa": spread_pa / 1e6},
+        "finite_strain": {
+            "paper": _metrics(found.bent_paper),
+            "reader": _metrics(found.bent_reader),
+        },
         "seconds": seconds | {"total": round(sum(seconds.values()), 2)},
     }
     if as_json:
@@ -64,7 +71,15 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
     click.echo(f"Young's modulus {mean_pa / 1e6:.3f} MPa, mean of {len(found.calibration.eyes)} virtual eyes")
     right, total = evaluation.accuracy.hits, evaluation.accuracy.total
     click.echo(f"{right} of {total} simulated trials read right ({100 * evaluation.accuracy.value:.0f} %)")
+    for name, one in (("the paper's method", found.bent_paper), ("the force reader", found.bent_reader)):
+        right, total = one.accuracy.hits, one.accuracy.total
+        click.echo(f"on walls of finite strain: {name} {right} of {total}")
     click.echo(f"wrote {run.report} in {sum(seconds.values()):.0f} s")
+
+
+def _metrics(evaluation: "Evaluation") -> dict[str, object]:
+    answer = evaluation.as_json()
+    return {key: answer[key] for key in ("accuracy", "confusion", "recall", "scored", "mae_mn", "coverage")}
 
 
 @contextmanager

@@ -59,6 +59,16 @@ class Run:
         return self.folder / "left_out.json"
 
     @property
+    def bent(self) -> "BentRun":
+        """What belongs to the eyes that bend at finite strain."""
+        return BentRun(self.folder / "bent")
+
+    @property
+    def reader(self) -> Path:
+        """The force reader."""
+        return self.folder / "reader"
+
+    @property
     def report(self) -> Path:
         """The page."""
         return self.folder / "report.html"
@@ -67,6 +77,38 @@ class Run:
     def overview(self) -> Path:
         """The result in one picture."""
         return self.folder / "overview.png"
+
+
+@dataclass(frozen=True)
+class BentRun:
+    """The part of a reproduction with the eyes that bend at finite strain: where each result lies."""
+
+    folder: Path
+
+    @property
+    def recordings(self) -> Path:
+        """Folder of the eyes' recordings."""
+        return self.folder / "recordings"
+
+    @property
+    def calibrations(self) -> Path:
+        """Folder of both calibrations."""
+        return self.folder / "calibrations"
+
+    @property
+    def linear(self) -> Path:
+        """Young's modulus of the eyes for linear mechanics, as the paper finds it."""
+        return self.calibrations / "linear.json"
+
+    @property
+    def finite_strain(self) -> Path:
+        """Young's modulus of the eyes for finite strain, from three frames of each."""
+        return self.calibrations / "finite-strain.json"
+
+    @property
+    def model(self) -> Path:
+        """The paper's network for the eyes' linear modulus."""
+        return self.folder / "model"
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from scleraforce.study import Study
 from scleraforce.units import n_to_mn
 
 __all__ = [
+    "eye_of",
     "force_log_figure",
     "mesh_figure",
     "montage_figure",
@@ -121,7 +122,7 @@ def _pair(answer: FrameAnswer, study: Study) -> SlicePair:
     look = look_at(answer)
     measured = look.slice(study.slice)
     force_n = max(answer.measured_force_n or 0.0, 0.0)
-    unloaded, section = linear_sections(_eye_of(look.recording, study), study)([0.0, force_n])
+    unloaded, section = linear_sections(eye_of(look.recording, study), study)([0.0, force_n])
     return SlicePair(
         f"class {answer.target}: {answer.eye}, {n_to_mn(force_n):.0f} mN",
         answer.target or 0,
@@ -174,7 +175,7 @@ def _typical(evaluation: Evaluation, target: int, rank: int) -> FrameAnswer | No
     return frames[len(frames) // 2]
 
 
-def _eye_of(recording: Recording, study: Study) -> PhantomEye:
+def eye_of(recording: Recording, study: Study) -> PhantomEye:
     """Return the eye as the recording states it, with the study's Young's modulus."""
     info = recording.info
     low, high = study.needle.polar_angle_rad.bounds

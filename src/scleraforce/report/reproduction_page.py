@@ -6,6 +6,7 @@ import numpy as np
 
 from scleraforce.reader import ForceReader, load_classifier
 from scleraforce.reader.evaluate import Evaluation
+from scleraforce.report.bent_section import bent_section
 from scleraforce.report.calibration_section import calibration_section, left_out_section
 from scleraforce.report.deviations import DEVIATIONS
 from scleraforce.report.evaluation_page import NAMES_REMARK, evaluation_cards, forces_figure
@@ -29,12 +30,13 @@ from scleraforce.report.tables import NOTHING, class_names, confusion_table, fra
 
 __all__ = ["FIGURES", "write_reproduction_html"]
 
-FIGURES = 11  # progress ticks of the page
+FIGURES = 13  # progress ticks of the page
 
 SIMULATED = (
     "The recordings are simulated: five virtual eyes, bent by the same linear mechanics that the network learned from, "
     "imaged by a simulated scanner, pushed by a simulated robot. The figures here show that the method works from end "
-    "to end. They do not show how well it reads real tissue. Not a medical device."
+    "to end; below, the same eyes bend at finite strain, as walls do. Neither shows how well it reads real tissue. "
+    "Not a medical device."
 )
 
 PAPER_RESULT = (
@@ -43,12 +45,21 @@ PAPER_RESULT = (
 )
 
 
-def write_reproduction_html(run: Run, evaluation: Evaluation, seconds: Mapping[str, float], progress: Progress) -> None:
+def write_reproduction_html(
+    run: Run,
+    evaluation: Evaluation,
+    bent_paper: Evaluation,
+    bent_reader: Evaluation,
+    seconds: Mapping[str, float],
+    progress: Progress,
+) -> None:
     """Write the page of a run; a page that is there is replaced.
 
     Args:
         run: the run, all stages but this one done.
-        evaluation: the answers to the virtual eyes.
+        evaluation: the answers to the virtual eyes of linear mechanics.
+        bent_paper: those of the paper's method to the eyes of finite strain.
+        bent_reader: those of the force reader to the same.
         seconds: what the stages took.
         progress: called with 1 after each figure.
     """
@@ -85,6 +96,7 @@ def write_reproduction_html(run: Run, evaluation: Evaluation, seconds: Mapping[s
         ),
         _reading(evaluation, drawn(forces_figure(evaluation))),
         left_out_section(read_left_out_file(run.left_out), evaluation),
+        bent_section(run, bent_paper, bent_reader, drawn),
         _deviations(),
         section("Time and provenance", _times(seconds), provenance_table(run.study, reader)),
     )

@@ -1,4 +1,8 @@
-"""The stages of `reproduce`: five virtual eyes, Young's modulus, slices, network, answers, page."""
+"""The stages of `reproduce`: the paper's method on linear walls, then beside the force reader on finite strain.
+
+Virtual eyes, Young's modulus, slices, network and answers for the one; eyes, library, moduli, both networks and their
+answers for the other; then the page.
+"""
 
 import json
 from dataclasses import dataclass
@@ -8,11 +12,22 @@ from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
 from scleraforce.calibration.files import calibration_as_json, read_posteriors
 from scleraforce.dataset import generate_dataset, open_dataset, read_population_modulus
 from scleraforce.learning.train import train_classifier
+from scleraforce.library.plan import plan_library
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.recording.files import read_recording
 from scleraforce.recording.phantom import plan_phantom, write_phantom
 from scleraforce.recording.virtual_eye import linear_sections, paper_eyes
+from scleraforce.report.bent import (
+    CALIBRATED,
+    bend_eyes,
+    bent_trials,
+    calibrate_bent,
+    make_library,
+    read_bent,
+    train_bent_model,
+    train_force_reader,
+)
 from scleraforce.report.files import write_whole
 from scleraforce.report.left_out import EPOCHS, read_left_out, write_left_out
 from scleraforce.report.reproduction import Announce, Progress, Run, Stage, run_stages, seconds_so_far
@@ -21,15 +36,19 @@ from scleraforce.study import study_hash
 
 __all__ = ["Reproduction", "reproduce"]
 
-CALIBRATED = 4  # of the five eyes, as in the paper (sec. 3.2, Table 2)
-
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What a reproduction has found: moduli, answers, and the seconds of each stage."""
+    """What a reproduction has found: moduli, answers, and the seconds of each stage.
+
+    `bent_paper` and `bent_reader` are the answers of the paper's method and of the force reader to walls of finite
+    strain.
+    """
 
     calibration: Calibration
     evaluation: Evaluation
+    bent_paper: Evaluation
+    bent_reader: Evaluation
     seconds: dict[str, float]
 
 
@@ -51,8 +70,12 @@ def reproduce(run: Run, announce: Announce) -> Reproduction:
             run.left_out,
         )
 
+    def read_bent_eyes(run: Run, progress: Progress) -> None:
+        answers.extend(read_bent(run, progress))
+
     def report(run: Run, progress: Progress) -> None:
-        write_reproduction_html(run, answers[0], seconds_so_far(run), progress)
+        evaluation, bent_paper, bent_reader = answers
+        write_reproduction_html(run, evaluation, bent_paper, bent_reader, seconds_so_far(run), progress)
 
     stages = (
         Stage("phantom", _trials, _make_eyes, lambda run: run.recordings),
@@ -61,10 +84,17 @@ def reproduce(run: Run, announce: Announce) -> Reproduction:
         Stage("train", lambda run: run.study.network.epochs, _train, lambda run: run.model),
         Stage("evaluate", _trials, evaluate),
         Stage("leave out", _left_out_epochs, leave_out, lambda run: run.left_out),
+        Stage("bend", lambda run: len(bent_trials(run.study)), bend_eyes, lambda run: run.bent.recordings),
+        Stage("library", lambda run: plan_library(run.study).paths, make_library),
+        Stage("calibrate bent", _bent_frames, calibrate_bent, lambda run: run.bent.calibrations),
+        Stage("train bent", lambda run: run.study.network.epochs, train_bent_model, lambda run: run.bent.model),
+        Stage("train reader", lambda run: run.study.reader.epochs, train_force_reader, lambda run: run.reader),
+        Stage("read bent", _bent_answers, read_bent_eyes),
         Stage("report", lambda _: FIGURES, report),
     )
     seconds = run_stages(run, stages, announce)
-    return Reproduction(read_posteriors(run.calibration), answers[0], seconds)
+    evaluation, bent_paper, bent_reader = answers
+    return Reproduction(read_posteriors(run.calibration), evaluation, bent_paper, bent_reader, seconds)
 
 
 def _recordings(run: Run) -> list[Path]:
@@ -78,6 +108,15 @@ def _trials(run: Run) -> int:
 
 def _calibrated_trials(run: Run) -> int:
     return sum(len(forces_n) for _, forces_n in paper_eyes(run.study)[:CALIBRATED])
+
+
+def _bent_answers(run: Run) -> int:
+    return 2 * sum(len(forces_n) for _, forces_n in bent_trials(run.study))
+
+
+def _bent_frames(run: Run) -> int:
+    counts = [len(forces_n) for _, forces_n in bent_trials(run.study)]
+    return sum(counts) + sum(counts[:CALIBRATED])
 
 
 def _images(run: Run) -> int:

@@ -1,0 +1,156 @@
+"""The part of the page with the paper's trials on walls of finite strain: the paper's method and the force reader."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import isnan
+from pathlib import Path
+
+import numpy as np
+
+from scleraforce.calibration.summary import CalibrationSummary, read_calibration
+from scleraforce.imaging.plane import Section
+from scleraforce.library import Library
+from scleraforce.library.sections import cut_surfaces
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+from scleraforce.recording.virtual_eye import PhantomEye, linear_sections
+from scleraforce.report.answered_frame import AnsweredFrame, look_at
+from scleraforce.report.bent import CALIBRATED, CALIBRATION_FORCES_N, bent_trials, run_library
+from scleraforce.report.evaluation_page import read_forces_figure
+from scleraforce.report.html import Html, figure, paragraph, section, table
+from scleraforce.report.reproduction import Run
+from scleraforce.report.reproduction_figures import eye_of
+from scleraforce.report.style import data_uri
+from scleraforce.report.tables import NOTHING, confusion_table, frame_table, share
+from scleraforce.report.wall_figure import ComputedWall, FrameWithWalls, draw_walls, laid_on_surface
+from scleraforce.study import Study
+from scleraforce.units import n_to_mn
+
+__all__ = ["bent_section"]
+
+SHOWN_FORCES_N = (12e-3, 28e-3, 50e-3)  # of the frames with computed walls: as near as the first eye's trials come
+
+
+def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callable[[Html], Html]) -> Html:
+    """Return the comparison of both methods: tables, force against force, and the walls that they take for the eye.
+
+    Args:
+        run: its bent eyes are made and calibrated.
+        paper: the answers of the paper's method.
+        reader: those of the force reader to the same frames.
+        drawn: called with each figure.
+    """
+    forces = ", ".join(f"{n_to_mn(force):g}" for force in CALIBRATION_FORCES_N)
+    words = (
+        "Walls that are thin beside their dent soften and then stiffen, which linear mechanics does not know. Here the "
+        "eyes of the same design are computed in three dimensions at finite strain and imaged anew. The paper's method "
+        f"reads them with a network for the mean linear modulus of {CALIBRATED} of them, calibrated on all their "
+        "frames. The force reader has learned from the response library, and each eye is read with its own modulus, "
+        f"found on three pushes of {forces} mN before the trials, which do not count."
+    )
+    return section(
+        "Walls that bend: the paper's method and the force reader",
+        paragraph(words),
+        _comparison(paper, reader),
+        _moduli(run),
+        drawn(read_forces_figure(reader)),
+        confusion_table(paper.confusion, paper.bounds_n, "The paper's method on walls of finite strain."),
+        confusion_table(reader.confusion, reader.bounds_n, "The force reader on the same trials."),
+        *_misread(paper, "the paper's method"),
+        *_misread(reader, "the force reader"),
+        drawn(_walls_figure(run, reader)),
+    )
+
+
+def _comparison(paper: Evaluation, reader: Evaluation) -> Html:
+    both = (paper, reader)
+    rows: list[list[object]] = [
+        ["trials read right", *(share(one.accuracy) for one in both)],
+        ["the same, of the usable ones", *(share(one.usable.accuracy) for one in both)],
+        ["dangerous forces seen (recall of class 2)", *(share(one.recall[-1]) for one in both)],
+        ["dangerous forces read as harmless (2 as 0)", *(int(one.confusion[-1, 0]) for one in both)],
+        ["trials not usable, which count as class 2", *(len(one.scored) - len(one.usable.scored) for one in both)],
+        ["mean error of the force in mN", *(_number(n_to_mn(one.mae_n)) for one in both)],
+        ["forces within their 90 % interval", *(share(one.coverage) for one in both)],
+    ]
+    caption = f"The same {len(reader.scored)} trials, read in two ways; in brackets the 95 % Wilson interval."
+    return table(["", "the paper's method", "the force reader"], rows, caption)
+
+
+def _moduli(run: Run) -> Html:
+    """Return what each mechanics takes for the modulus of each eye, beside the true one."""
+    linear, finite = read_calibration(run.bent.linear), read_calibration(run.bent.finite_strain)
+    eyes = [eye for eye, _ in bent_trials(run.study)]
+    rows: list[list[object]] = [
+        ["true", *(f"{eye.youngs_modulus_pa / 1e6:.3f}" for eye in eyes)],
+        ["linear, all frames", *(_modulus(linear, eye.id) for eye in eyes)],
+        ["finite strain, three frames", *(_modulus(finite, eye.id) for eye in eyes)],
+    ]
+    caption = "Young's modulus in MPa: mean and standard deviation of the posterior."
+    return table(["", *(eye.id for eye in eyes)], rows, caption)
+
+
+def _modulus(summary: CalibrationSummary, eye: str) -> str:
+    if eye not in summary.eyes:
+        return NOTHING
+    found = summary.eyes[eye]
+    return f"{found.mean_pa / 1e6:.3f} ± {found.sd_pa / 1e6:.3f}"
+
+
+def _misread(evaluation: Evaluation, name: str) -> tuple[Html, ...]:
+    misread = [frame for frame in evaluation.scored if frame.predicted != frame.target]
+    if not misread:
+        return (paragraph(f"No trial was misread by {name}."),)
+    return (frame_table(evaluation, misread, f"Trials misread by {name}."),)
+
+
+def _walls_figure(run: Run, reader: Evaluation) -> Html:
+    """Return frames of the first eye with the walls that finite strain and linear mechanics compute for them."""
+    looks = [look_at(answer) for answer in _shown(reader)]
+    library = run_library(run)
+    frames = [_with_walls(run, library, look) for look in looks]
+    caption = (
+        f"Frames of {looks[0].answer.eye} and the sections computed for their measured forces, each mechanics with the "
+        "modulus that it found for this eye. Only their place in the frame is fitted."
+    )
+    return figure(data_uri(draw_walls(frames)), "raw frames with the linear and the finite-strain section", caption)
+
+
+def _shown(reader: Evaluation) -> list[FrameAnswer]:
+    first = [frame for frame in reader.scored if frame.eye == reader.scored[0].eye]
+    nearest = [min(first, key=lambda frame: abs((frame.measured_force_n or 0.0) - force)) for force in SHOWN_FORCES_N]
+    return list(dict.fromkeys(nearest))
+
+
+def _with_walls(run: Run, library: Library, look: AnsweredFrame) -> FrameWithWalls:
+    force_n = max(look.answer.measured_force_n or 0.0, 0.0)
+    eye_id = look.answer.eye
+    linear, finite = (_modulus_pa(path, eye_id) for path in (run.bent.linear, run.bent.finite_strain))
+    computed = {
+        "finite strain": _finite_section(library, eye_of(look.recording, _at(run.study, finite)), force_n),
+        "linear": linear_sections(eye_of(look.recording, _at(run.study, linear)), run.study)([force_n])[0],
+    }
+    width_m, depth_m = look.extent_m
+    surface_m = (look.found.outer_row + 0.5) * depth_m / len(look.frame)
+    walls = tuple(ComputedWall(name, laid_on_surface(cut, surface_m, width_m)) for name, cut in computed.items())
+    return FrameWithWalls(f"{look.answer.file}, {n_to_mn(force_n):.0f} mN", look.frame, look.extent_m, walls)
+
+
+def _modulus_pa(calibration: Path, eye: str) -> float:
+    return read_calibration(calibration).eyes[eye].mean_pa
+
+
+def _at(study: Study, modulus_pa: float) -> Study:
+    return replace(study, eye=replace(study.eye, youngs_modulus_pa=modulus_pa))
+
+
+def _finite_section(library: Library, eye: PhantomEye, force_n: float) -> Section:
+    """Return the library's section of an eye; where the force goes beyond the library, its last state."""
+    E = eye.youngs_modulus_pa
+    thickness_m, iop_ratio = np.array([eye.thickness_m]), np.array([eye.iop_pa / E])
+    ratio = np.minimum(force_n / E, library.largest_force_ratio(thickness_m, iop_ratio))
+    walls = library.curves(thickness_m, iop_ratio, ratio)
+    return cut_surfaces(walls.curves_sbnc[0].astype(np.float64), eye.gap_m, eye.tilt_rad)
+
+
+def _number(value: float) -> str:
+    return NOTHING if isnan(value) else f"{value:.2f}"
