@@ -14,7 +14,7 @@ from scleraforce.study import LibraryStudy, SliceStudy, Study
 
 SLICE = SliceStudy()
 NONE = BoundaryErrors(
-    surface_smoothing_m=1e-9, outer_sd_m=0.0, thickness_scale_sd=0.0, thickness_sd_m=0.0, bumps=0.0,
+    surface_smoothing_m=1e-9, outer_sd_m=0.0, thickness_scale_sd=0.0, thickness_sd_m=0.0, bumps=0.0, layer_share=0.0,
     side_loss_share=0.0, bottom_knee_m=1e-12,
 )  # fmt: skip
 
@@ -71,6 +71,17 @@ def test_errors_scale_and_bumps_lie_on_steep_flanks_only() -> None:
     noise = replace(NONE, thickness_sd_m=5e-6, thickness_scale_sd=0.01, spread=0.0)
     once, thrice = (disturb(true, SLICE, np.random.default_rng(2), noise, scale) - true for scale in (1.0, 3.0))
     np.testing.assert_allclose(thrice[:, INNER], 3.0 * once[:, INNER], atol=1e-9)
+
+
+def test_a_layer_below_is_taken_for_wall_in_the_stated_share_of_frames() -> None:
+    true = walls(4000, 5.0)
+    layers = replace(NONE, layer_share=0.1, layer_m=(0.12e-3, 0.18e-3))
+    added = (disturb(true, SLICE, np.random.default_rng(6), layers) - true)[:, INNER]
+    hit = added.max(axis=1) > 1e-6
+    assert abs(hit.mean() - 0.1) < 0.015
+    assert added[hit].max(axis=1).min() > 0.119e-3
+    assert added.max() < 0.181e-3
+    assert 0.4 < (added[hit] > 1e-6).mean() < 0.8
 
 
 def test_a_surface_that_leaves_at_the_bottom_is_seen_too_high_and_then_lost() -> None:

@@ -2,8 +2,8 @@
 
 What `benchmarks/bench_boundary_errors.py` measures on rendered frames, made anew: the surface is smoothed, which moves
 it where it bends; on it lies a small error that neighbouring columns share. The thickness seen in a column is off by a
-scale of the whole frame, by an error that reaches farther along the columns and grows with the slope, and now and then
-by a bump on a steep flank. No boundary is found in columns that the scan does not reach at the sides, nor where the
+scale of the whole frame, by an error that reaches farther along the columns and grows with the slope, now and then by a
+bump on a steep flank, and seldom by the layer below the wall, whose lower edge is taken for the wall's along a stretch. No boundary is found in columns that the scan does not reach at the sides, nor where the
 surface leaves the frame at the bottom, near which it is seen too high, or at the top.
 """
 
@@ -34,6 +34,8 @@ class BoundaryErrors:
         spread: of the errors' sizes from frame to frame (standard deviation of the logarithm).
         bumps: mean number of bumps in a frame; `bump_m`: mean size; `bump_length_m`.
         bump_slope: bumps lie where the surface is at least so steep.
+        layer_share: of the frames take the layer below for wall; `layer_m`: least and largest thickness of that, and
+            `layer_stretch`: least and largest length of the stretch over the slice's width.
         side_loss_share: of the sides loses columns; `side_loss_m`: mean width that is lost there.
         bottom_m: a surface less than this above the frame's lower edge is seen at this depth, with a soft knee of
             `bottom_knee_m`; `bottom_reach_m`: mean depth below it from where on a surface is not found at all.
@@ -52,6 +54,9 @@ class BoundaryErrors:
     bump_m: float = 0.1e-3
     bump_length_m: float = 0.25e-3
     bump_slope: float = 0.4
+    layer_share: float = 0.02
+    layer_m: tuple[float, float] = (0.1e-3, 0.25e-3)
+    layer_stretch: tuple[float, float] = (0.3, 1.5)
     side_loss_share: float = 0.3
     side_loss_m: float = 0.3e-3
     bottom_m: float = 0.055e-3
@@ -74,7 +79,7 @@ def disturb(
         study: size of the slice and of its pixel.
         rng: source of the errors.
         errors: their sizes; by default those of this project's segmentation.
-        scale: times the errors of surface, thickness and scale, and the number of bumps.
+        scale: times the errors of surface, thickness and scale, and the numbers of bumps and layers.
 
     Returns:
         The same shape; NaN in columns where no wall is found.
@@ -90,7 +95,7 @@ def disturb(
     growing = errors.thickness_sd_m * (1.0 + (slope / errors.steep) ** 2)
     thickness = thickness * (1.0 + scale * errors.thickness_scale_sd * rng.standard_normal((len(outer), 1)))
     thickness += size[:, 1] * growing * _noise(outer.shape, errors.thickness_lengths_m, study, rng)
-    thickness += _bumps(slope, errors, scale, study, rng)
+    thickness += _bumps(slope, errors, scale, study, rng) + _layers(outer.shape, errors, scale, rng)
     found = known & _within_sides(outer.shape, errors, study, rng)
     below_m = seen - (study.rows * study.pixel_m - errors.bottom_m)
     found &= (seen > errors.top_m) & (below_m < rng.exponential(errors.bottom_reach_m, (len(outer), 1)))
@@ -159,6 +164,15 @@ def _bumps(slope: Floats, errors: BoundaryErrors, scale: float, study: SliceStud
     bumps = np.zeros_like(slope)
     np.add.at(bumps, sample, height[:, None] * np.exp(-0.5 * (distance_m / errors.bump_length_m) ** 2))
     return bumps
+
+
+def _layers(shape: tuple[int, ...], errors: BoundaryErrors, scale: float, rng: np.random.Generator) -> Floats:
+    """Return what the layer below the wall adds to its thickness, m (sample, column)."""
+    count, columns = shape
+    added = rng.uniform(*errors.layer_m, (count, 1)) * (rng.random((count, 1)) < scale * errors.layer_share)
+    half = 0.5 * columns * rng.uniform(*errors.layer_stretch, (count, 1))
+    middle = columns * rng.random((count, 1))
+    return np.where(np.abs(np.arange(columns) - middle) <= half, added, 0.0)
 
 
 def _within_sides(
