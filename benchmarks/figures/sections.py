@@ -1,9 +1,11 @@
 """One virtual eye in three dimensions at finite strain: its load path, and what the B-scan plane sees of it."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from figures.eyes import FigureEye
+from scleraforce.errors import SolverError
 from scleraforce.imaging.plane import Section
 from scleraforce.imaging.section import cut_section
 from scleraforce.mechanics.study_path import BentEye, bend_eye
@@ -11,7 +13,9 @@ from scleraforce.recording.virtual_eye import PhantomEye
 
 __all__ = ["ComputedEye", "compute_eye"]
 
-DEEPEST_M = 7e-3  # dents go no further: an eye that gives way before its largest force bears what it bears there
+# Dents go no further: an eye that gives way before its largest force bears what it bears there. The next one is tried
+# where a wall that has lost its symmetry is not found beyond.
+DEEPEST_M = (7e-3, 6e-3, 5e-3)
 ROOM = 1e-4  # of a force, below the end of the path
 
 
@@ -34,11 +38,18 @@ class ComputedEye:
 
 
 def compute_eye(drawn: FigureEye) -> ComputedEye:
-    """Compute an eye's path up to the study's largest force, or as far as the deepest dent.
+    """Compute an eye's path up to the study's largest force, or as far as the deepest dent that can be computed.
 
     Raises:
-        SolverError: no equilibrium was found on the way.
+        SolverError: no equilibrium was found on the way to the least deep of the dents that are tried.
     """
+    for deepest_m in DEEPEST_M[:-1]:
+        with suppress(SolverError):
+            return _computed(drawn, deepest_m)
+    return _computed(drawn, DEEPEST_M[-1])
+
+
+def _computed(drawn: FigureEye, deepest_m: float) -> ComputedEye:
     eye, max_force_n = drawn.eye, drawn.study.needle.max_force_n
     bent = bend_eye(
         drawn.study,
@@ -47,6 +58,6 @@ def compute_eye(drawn: FigureEye) -> ComputedEye:
         youngs_modulus_pa=eye.youngs_modulus_pa,
         iop_pa=eye.iop_pa,
         max_force_n=max_force_n,
-        max_tip_m=DEEPEST_M,
+        max_tip_m=deepest_m,
     )
     return ComputedEye(eye, bent, min(max_force_n, bent.path.max_force_n * (1.0 - ROOM)))

@@ -70,7 +70,7 @@ def _group(result: GroupResult) -> list[str]:
     title = f"**{result.group.capitalize()} eyes**: {result.eyes} eyes, {result.frames} frames"
     title += f"; in {result.deep} the dent leaves the window, and {result.mislabelled} are in another class by the log"
     if result.capped:
-        title += f"; {result.capped} eyes give way before 60 mN and were pushed up to what they bear"
+        title += f"; eyes that give way before 60 mN, and were pushed up to what they bear: {result.capped}"
     rows = [[method.title, *_cells(scores)] for method, scores in result.scores.items()]
     return [f"{title}.", "", *_table(["", *COLUMNS], [["asked for", *ASKED[result.group]], *rows])]
 
