@@ -37,8 +37,10 @@ def test_generate_makes_a_data_set_with_the_calibrations_modulus_and_says_how_fa
     calibration.write_text(calibration_text(0.31))
     out = tmp_path / "dataset.zarr"
     code = run(["generate", "--study", str(study), "--out", str(out), "--calibration", str(calibration), "--json"])
-    answer = json.loads(capsys.readouterr().out)
+    printed = capsys.readouterr()
+    answer = json.loads(printed.out)
     assert code == 0
+    assert "E was fitted with finite-strain mechanics, the slices are linear" in printed.err
     assert answer["images"] == 20
     assert answer["images_per_second"] == pytest.approx(20 / answer["seconds"])
     dataset = open_dataset(out)

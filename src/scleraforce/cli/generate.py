@@ -35,7 +35,10 @@ def generate(
     """
     study = read_study(study_path)
     modulus = read_population_modulus(calibration) if calibration else None
-    library = study_library(study) if (mechanics or study.mechanics.kind) == "finite-strain" else None
+    kind = mechanics or study.mechanics.kind
+    if modulus and modulus.mechanics != kind:
+        click.echo(f"{calibration}: E was fitted with {modulus.mechanics} mechanics, the slices are {kind}", err=True)
+    library = study_library(study) if kind == "finite-strain" else None
     images = sum(group.images for group in study.dataset.group)
     done: list[int] = []
     with progress_bar(range(images), "generate", total=images) as bar:
