@@ -1,31 +1,32 @@
 """A reader's answers to raw frames: forces of walls that are known, and what it must not be made to read."""
 
 from dataclasses import replace
-from math import log, nan
+from math import nan
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from analytic_library import analytic_library
+from analytic_frames import (
+    IOP_PA,
+    KNOWN,
+    LIBRARY,
+    MODULUS_PA,
+    SCALE,
+    STUDY,
+    THICKNESS_M,
+    image,
+    tip_of,
+    wall_section,
+)  # fmt: skip
 
-from scleraforce.imaging.bscan import render_bscan
-from scleraforce.imaging.optics import sample_optics
 from scleraforce.imaging.plane import Section
 from scleraforce.imaging.segmentation import PixelScale, Segmenter
 from scleraforce.reader.answers import Answer, answer_frame
-from scleraforce.reader.fit_prediction import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP, place_walls
 from scleraforce.reader.known import Known, Modulus
 from scleraforce.reader.readings import Reading
 from scleraforce.reader.wall_reader import WallReader
-from scleraforce.study import Study, fixed
 
-LIBRARY = analytic_library()
-STUDY = Study()
-CLEAN = replace(STUDY.phantom, snr_db=fixed(28.0), shadow_count=fixed(0))
-SCALE = PixelScale(STUDY.oct.width_m / STUDY.oct.columns, STUDY.oct.depth_m / STUDY.oct.rows)
-MODULUS_PA, IOP_PA, THICKNESS_M, GAP_M = 0.3e6, 270.0, 0.65e-3, 0.6e-3
-KNOWN = Known(Modulus(MODULUS_PA, 0.01 * MODULUS_PA, "own"), IOP_PA, THICKNESS_M, GAP_M)
 FIVE_MN = Reading((0.1, 0.8, 0.1), 0.005, (0.004, 0.006), 0.0)
 
 
@@ -49,24 +50,6 @@ def reader(reading: Reading = FIVE_MN, default: str = "fit") -> WallReader:
 
 def answer(frame: np.ndarray, known: Known | None = KNOWN, model: WallReader | None = None) -> Answer:
     return answer_frame(model or reader(), Segmenter(), frame, SCALE, 1.0, known)
-
-
-def tip_of(force_n: float) -> float:
-    walls = (np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA]))
-    return float(LIBRARY.tips(*walls, np.array([force_n / MODULUS_PA]))[0])
-
-
-def wall_section(tip_m: float, surface_m: float = 0.5e-3, lateral_m: float = 0.3e-3) -> Section:
-    unknown = np.zeros(len(NAMES))
-    unknown[[TIP, LATERAL, DEPTH, GAP, THICKNESS]] = tip_m, lateral_m, surface_m, GAP_M, THICKNESS_M
-    unknown[[MODULUS, IOP]] = log(MODULUS_PA), log(IOP_PA)
-    curves = place_walls(LIBRARY, unknown[None])[0]
-    return Section(*(curve[np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9])] for curve in curves))
-
-
-def image(section: Section, seed: int = 1) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    return render_bscan(section, STUDY.oct, sample_optics(CLEAN, STUDY.oct, rng), rng).frame
 
 
 def plate(depth_m: float, thickness_m: float = 0.6e-3, slope: float = 0.0) -> Section:
@@ -182,9 +165,7 @@ def test_a_wall_that_is_not_as_thick_as_stated_is_withdrawn_from() -> None:
 def test_a_frame_that_shows_a_few_millimetres_of_wall_is_withdrawn_from() -> None:
     section = wall_section(tip_of(0.01))
     close = PixelScale(5e-3 / 512, SCALE.depth_m)
-    optics = replace(STUDY.oct, width_m=5e-3)
-    rng = np.random.default_rng(4)
-    frame = render_bscan(section, optics, sample_optics(CLEAN, optics, rng), rng).frame
+    frame = image(section, scanner=replace(STUDY.oct, width_m=5e-3))
     found = answer_frame(reader(), Segmenter(), frame, close, 1.0, KNOWN)
     assert (found.usable, found.predicted) == (False, 2)
     assert "of the wall" in found.reason

@@ -1,0 +1,184 @@
+"""Evaluations with a model of kind "reader": moduli from a calibration, force errors and coverage, the commands."""
+
+import json
+from math import isnan
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, STUDY, THICKNESS_M, image, tip_of, wall_section
+from calibration_file import calibration_text
+from fixed_reader import write_fixed_reader
+
+from scleraforce.cli.main import run
+from scleraforce.errors import CalibrationError
+from scleraforce.reader import load_model
+from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
+from scleraforce.units import n_to_mn
+
+pytest.importorskip("torch")
+
+FORCES_N = (0.002, 0.012, 0.022, 0.036)
+RECORDING_TOML = f"""
+[eye]
+id = "{{eye}}"
+thickness_m = {THICKNESS_M}
+iop_pa = {IOP_PA}
+[oct]
+columns = {STUDY.oct.columns}
+rows = {STUDY.oct.rows}
+bits = {STUDY.oct.bits}
+width_m = {STUDY.oct.width_m}
+depth_m = {STUDY.oct.depth_m}
+[needle]
+gauge = 22
+slice_gap_m = {{gap}}
+[force]
+axis = "fz"
+contact_sign = -1
+"""
+
+
+def write_recording(path: Path, eye: str, gap_m: float = GAP_M) -> Path:
+    """Four frames of the analytic wall under known forces, and one that shows nothing."""
+    (path / "frames").mkdir(parents=True)
+    (path / "recording.toml").write_text(RECORDING_TOML.format(eye=eye, gap=gap_m))
+    forces_n = (*FORCES_N, 0.010)
+    images = [image(wall_section(tip_of(force_n)), seed) for seed, force_n in enumerate(FORCES_N)]
+    images.append(np.full_like(images[0], 600))
+    for number, pixels in enumerate(images):
+        cv2.imwrite(str(path / "frames" / f"{number}.png"), pixels)
+    lines = ["file,time_s", *(f"{number}.png,{5 + 6 * number}" for number in range(len(images)))]
+    (path / "frames.csv").write_text("\n".join(lines) + "\n")
+    time_s = np.arange(0.0, 40.0, 0.01)
+    log = np.zeros((len(time_s), 7))
+    log[:, 0] = time_s
+    log[:, 3] = 0.1 - sum(f * (np.abs(time_s - 5 - 6 * n) < 2.0) for n, f in enumerate(forces_n))
+    header = "time_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm"
+    np.savetxt(path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments="")
+    return path
+
+
+@pytest.fixture(scope="module")
+def places(tmp_path_factory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("reader")
+    write_fixed_reader(folder / "model", LIBRARY, (0.0, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
+    mpa = MODULUS_PA / 1e6
+    eyes = {"mine": {"mean_mpa": mpa, "sd_mpa": 0.01 * mpa, "thickness_um": THICKNESS_M * 1e6, "frames": ["1.png"]}}
+    population = {"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05}
+    (folder / "calibration.json").write_text(calibration_text(eyes=eyes, population=population))
+    (folder / "linear.json").write_text(calibration_text(mechanics="linear"))
+    return {
+        "model": folder / "model",
+        "calibration": folder / "calibration.json",
+        "linear": folder / "linear.json",
+        "mine": write_recording(folder / "mine", "mine"),
+        "other": write_recording(folder / "other", "stranger"),
+        "far": write_recording(folder / "far", "far", gap_m=1.5e-3),
+    }
+
+
+@pytest.fixture(scope="module")
+def both(places) -> Evaluation:
+    return evaluate_recordings(load_model(places["model"]), [places["mine"], places["other"]], places["calibration"])
+
+
+def test_an_eye_is_read_with_its_own_modulus_and_a_stranger_with_the_populations(both) -> None:
+    told = {frame.eye: (frame.youngs_modulus_pa, frame.modulus_source) for frame in both.frames}
+    assert told["mine"] == (pytest.approx(MODULUS_PA), "own")
+    assert told["stranger"] == (pytest.approx(1.1 * MODULUS_PA), "population")
+    mine, other = (both.frames[start : start + 4] for start in (0, 5))
+    for frame, stranger, force_n in zip(mine, other, FORCES_N, strict=True):
+        low, high = frame.interval_n
+        assert frame.predicted_force_n == pytest.approx(force_n, abs=1e-3)
+        assert low < force_n < high
+        wide_low, wide_high = stranger.interval_n
+        assert wide_high - wide_low > 1.2 * (high - low)
+        assert wide_low < force_n < wide_high
+
+
+def test_errors_and_coverage_are_those_of_the_usable_frames_that_count(both) -> None:
+    counted = [f for f in both.frames if f.usable and not f.calibration]
+    assert [(f.recording[-4:], f.file) for f in both.frames if not f.usable] == [("mine", "4.png"), ("ther", "4.png")]
+    assert len(counted) == 7
+    errors = [abs(f.predicted_force_n - f.measured_force_n) for f in counted]
+    assert both.mae_n == pytest.approx(np.mean(errors))
+    inside = [f.interval_n[0] <= f.measured_force_n <= f.interval_n[1] for f in counted]
+    assert both.coverage.value == np.mean(inside)
+    assert (both.accuracy.total, both.usable.accuracy.total) == (9, 7)
+    assert both.accuracy.hits == 7
+    assert both.usable.accuracy.value == 1.0
+
+
+def test_without_a_calibration_the_modulus_is_unknown_and_the_interval_says_so(places, both) -> None:
+    unknown = evaluate_recordings(load_model(places["model"]), [places["mine"]])
+    widths = [n_to_mn(f.interval_n[1] - f.interval_n[0]) for f in (unknown.frames[2], both.frames[2], both.frames[7])]
+    assert widths[0] > widths[2] > widths[1]
+    assert unknown.frames[2].modulus_source is None
+
+
+def test_moduli_of_linear_walls_are_refused(places) -> None:
+    with pytest.raises(CalibrationError, match="calibrate with --mechanics finite-strain"):
+        evaluate_recordings(load_model(places["model"]), [places["mine"]], places["linear"])
+
+
+def test_an_eye_outside_the_training_is_noted_and_all_its_frames_are_withdrawn_from(places) -> None:
+    found = evaluate_recordings(load_model(places["model"]), [places["far"]])
+    assert "gap between B-scan and needle axis 1.5 mm" in found.notes[0]
+    assert {(frame.usable, frame.predicted) for frame in found.frames} == {(False, 2)}
+    assert isnan(found.mae_n)
+    assert all(frame.can_calibrate for frame in found.frames[:3])
+
+
+def test_the_command_prints_forces_in_millinewtons(places, both, capsys) -> None:
+    arguments = [str(places[name]) for name in ("model", "mine", "other")]
+    assert run(["evaluate", *arguments, "--calibration", str(places["calibration"]), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["mae_mn"] == pytest.approx(1e3 * both.mae_n)
+    assert result["coverage"] == both.coverage.value
+    assert result["usable"]["accuracy"] == 1.0
+    frame, blank = result["frames"][2], result["frames"][4]
+    assert frame["predicted_force_mn"] == pytest.approx(22.0, abs=1.0)
+    low, high = frame["interval_mn"]
+    assert low < 22.0 < high
+    assert frame["contact_mm"] == pytest.approx(0.3, abs=0.1)
+    assert frame["can_calibrate"]
+    assert len(frame["warnings"]) == 1  # the network answers always the same
+    assert (blank["predicted_force_mn"], blank["interval_mn"], blank["contact_mm"]) == (None, None, None)
+    assert not blank["can_calibrate"]
+
+
+def test_the_commands_text_has_forces_and_fits_80_columns(places, capsys, monkeypatch) -> None:
+    monkeypatch.chdir(places["mine"].parent)
+    assert run(["evaluate", "model", "mine", "--calibration", "calibration.json"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert any(line.startswith("force error") for line in lines)
+    assert any("90 % interval holds the force" in line for line in lines)
+
+
+def test_classify_reads_more_the_more_it_is_told(places, capsys) -> None:
+    frame = str(places["mine"] / "frames" / "2.png")
+    told = [
+        "--youngs-modulus-mpa", str(MODULUS_PA / 1e6), "--iop-mmhg", str(IOP_PA / 133.322),
+        "--thickness-um", str(THICKNESS_M * 1e6), "--gap-mm", str(GAP_M * 1e3),
+    ]  # fmt: skip
+    widths = []
+    for options in (told, told[2:], []):
+        assert run(["classify", str(places["model"]), frame, "--json", *options]) == 0
+        (entry,) = json.loads(capsys.readouterr().out)["frames"]
+        low, high = entry["interval_mn"]
+        assert low < 22.0 < high
+        widths.append(high - low)
+    assert widths == sorted(widths)
+    assert run(["classify", str(places["model"]), frame, *told]) == 0
+    assert "mN (90 %:" in capsys.readouterr().out
+
+
+def test_classify_withdraws_from_an_eye_that_it_was_not_made_for(places, capsys) -> None:
+    frame = str(places["mine"] / "frames" / "0.png")
+    assert run(["classify", str(places["model"]), frame, "--json", "--iop-mmhg", "30"]) == 0
+    (entry,) = json.loads(capsys.readouterr().out)["frames"]
+    assert (entry["usable"], entry["predicted"], entry["predicted_force_mn"]) == (False, 2, None)
+    assert entry["reason"].startswith("IOP 30 mmHg")

@@ -1,0 +1,43 @@
+"""Raw frames of the analytic library's walls: what a scanner would see of them."""
+
+from dataclasses import replace
+from math import log
+
+import numpy as np
+from analytic_library import analytic_library
+
+from scleraforce.imaging.bscan import render_bscan
+from scleraforce.imaging.optics import sample_optics
+from scleraforce.imaging.plane import Section
+from scleraforce.imaging.segmentation import PixelScale
+from scleraforce.reader.fit_prediction import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP, place_walls
+from scleraforce.reader.known import Known, Modulus
+from scleraforce.study import OctStudy, Study, fixed
+
+LIBRARY = analytic_library()
+STUDY = Study()
+CLEAN = replace(STUDY.phantom, snr_db=fixed(28.0), shadow_count=fixed(0))
+SCALE = PixelScale(STUDY.oct.width_m / STUDY.oct.columns, STUDY.oct.depth_m / STUDY.oct.rows)
+MODULUS_PA, IOP_PA, THICKNESS_M, GAP_M = 0.3e6, 270.0, 0.65e-3, 0.6e-3
+KNOWN = Known(Modulus(MODULUS_PA, 0.01 * MODULUS_PA, "own"), IOP_PA, THICKNESS_M, GAP_M)
+
+
+def tip_of(force_n: float) -> float:
+    """Dent of the wall under a force."""
+    walls = (np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA]))
+    return float(LIBRARY.tips(*walls, np.array([force_n / MODULUS_PA]))[0])
+
+
+def wall_section(tip_m: float, surface_m: float = 0.5e-3, lateral_m: float = 0.3e-3) -> Section:
+    """Section of the wall with a dent, its contact at a depth and a lateral place of the frame."""
+    unknown = np.zeros(len(NAMES))
+    unknown[[TIP, LATERAL, DEPTH, GAP, THICKNESS]] = tip_m, lateral_m, surface_m, GAP_M, THICKNESS_M
+    unknown[[MODULUS, IOP]] = log(MODULUS_PA), log(IOP_PA)
+    curves = place_walls(LIBRARY, unknown[None])[0]
+    return Section(*(curve[np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9])] for curve in curves))
+
+
+def image(section: Section, seed: int = 1, scanner: OctStudy = STUDY.oct) -> np.ndarray:
+    """A raw frame of a section, without shadows and with little noise."""
+    rng = np.random.default_rng(seed)
+    return render_bscan(section, scanner, sample_optics(CLEAN, scanner, rng), rng).frame
