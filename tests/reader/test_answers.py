@@ -26,6 +26,7 @@ from scleraforce.reader.answers import Answer, answer_frame
 from scleraforce.reader.known import Known, Modulus
 from scleraforce.reader.readings import Reading
 from scleraforce.reader.wall_reader import WallReader
+from scleraforce.study import Range
 
 FIVE_MN = Reading((0.1, 0.8, 0.1), 0.005, (0.004, 0.006), 0.0)
 
@@ -156,8 +157,11 @@ def test_a_shell_of_another_radius_is_never_read_as_harmless(radius_m: float) ->
     assert answer(image(ball(radius_m))).predicted == 2
 
 
-def test_a_wall_that_is_not_as_thick_as_stated_is_withdrawn_from() -> None:
-    found = answer(image(wall_section(tip_of(0.01))), replace(KNOWN, thickness_m=0.45e-3))
+@pytest.mark.parametrize("stated_m", [0.85e-3, 0.4e-3 - 60e-6])
+def test_a_wall_that_is_not_as_thick_as_stated_is_withdrawn_from(stated_m: float) -> None:
+    model = reader()
+    model.study = replace(STUDY, reader=replace(STUDY.reader, thickness_m=Range(0.3e-3, 0.9e-3)))
+    found = answer(image(wall_section(tip_of(0.01))), replace(KNOWN, thickness_m=stated_m), model)
     assert (found.usable, found.predicted) == (False, 2)
     assert "thick" in found.reason or "not the wall of an eye" in found.reason
 

@@ -50,6 +50,7 @@ CAUCHY = 2.5  # standard deviations at which a column's weight is halved
 UNSEEN_LOSS = 3.0  # of a column that the wall does not reach: as one that is 4 CAUCHY off
 OUTLIER_SD = 8.0
 FREE_SD = {TIP: 10e-3, LATERAL: 2e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.03, INNER: 15e-6}
+INNER_CAUCHY = 2.0  # standard deviations: now and then another layer is taken for the inner boundary
 KNOWN_SD = {GAP: 30e-6, THICKNESS: 15e-6, IOP: 0.05}  # of what is stated
 # At a given dent a force goes as E t^2 IOP^(1/3), in the middle of the library (per power of E).
 FORCE_BY_LOG_THICKNESS, FORCE_BY_LOG_IOP = 2.0, 1.0 / 3.0
@@ -228,7 +229,10 @@ class _Problem:
         size = self.scaled(predicted)[predicted.seen]
         loss = np.log1p((size / CAUCHY) ** 2).sum() + UNSEEN_LOSS * np.count_nonzero(~predicted.seen)
         away = unknown - self.prior.mean
-        return float(CAUCHY**2 * loss / self.columns_as_one + away @ self.prior.precision @ away)
+        inner = away[INNER] / (INNER_CAUCHY * self.prior.sd[INNER])
+        away[INNER] = 0.0
+        known = away @ self.prior.precision @ away + INNER_CAUCHY**2 * np.log1p(inner**2)
+        return float(CAUCHY**2 * loss / self.columns_as_one + known)
 
     def normal_equations(self, unknown: Array, predicted: Predicted, scale: float = 1.0) -> tuple[Array, Array]:
         """Return the weighted normal matrix (unknown, unknown) and the gradient (unknown,)."""
@@ -236,8 +240,9 @@ class _Problem:
         residual = self.scaled(predicted)
         weight = np.where(predicted.seen, 1 / (1 + (residual / CAUCHY) ** 2), 0.0) / (self.columns_as_one * scale**2)
         weighted = jacobian * weight[:, None]
-        normal = jacobian.T @ weighted + self.prior.precision
-        return normal, weighted.T @ residual - self.prior.precision @ (unknown - self.prior.mean)
+        precision, away = self.prior.precision.copy(), unknown - self.prior.mean
+        precision[INNER, INNER] /= 1 + (away[INNER] / (INNER_CAUCHY * self.prior.sd[INNER])) ** 2
+        return jacobian.T @ weighted + precision, weighted.T @ residual - precision @ away
 
     def scaled(self, predicted: Predicted) -> Array:
         """Return the residuals along the normal, in standard deviations (place,)."""
