@@ -59,7 +59,8 @@ def linear_frames(eye: PhantomEye, rng: np.random.Generator) -> list[FrameInput]
 def stated(eye: PhantomEye) -> EyeConstants:
     """Return what a recording would state; the contact's angle is not known."""
     low, high = STUDY.needle.polar_angle_rad.bounds
-    return EyeConstants(eye.iop_pa, eye.thickness_m, eye.gap_m, (low + high) / 2, (high - low) / 12**0.5)
+    angle = ((low + high) / 2, (high - low) / 12**0.5)
+    return EyeConstants(eye.iop_pa, eye.thickness_m, eye.gap_m, *angle, eye.direction_rad)
 
 
 def calibrated(model: EyeModel, inputs: list[FrameInput]) -> tuple[float, float, list[float]]:

@@ -30,7 +30,8 @@ def test_after_five_frames_the_modulus_is_within_3_percent_and_two_sd(tmp_path: 
     study, rng = replace(Study(), library=NARROW), np.random.default_rng(3)
     sections = finite_strain_sections(EYE, study)(FORCES)
     low, high = (radians(angle) for angle in (25, 45))
-    stated = EyeConstants(EYE.iop_pa, EYE.thickness_m, EYE.gap_m, (low + high) / 2, (high - low) / 12**0.5)
+    angle = ((low + high) / 2, (high - low) / 12**0.5)
+    stated = EyeConstants(EYE.iop_pa, EYE.thickness_m, EYE.gap_m, *angle, EYE.direction_rad)
     eye = session.begin(study, stated, cached_library(study, folder=tmp_path, workers=1))
     alone = []
     for force_n, section in zip(FORCES, sections, strict=True):
