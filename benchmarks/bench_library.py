@@ -77,7 +77,7 @@ def build(grid: tuple[int, int, int]) -> tuple[Library, float, float]:
     with TemporaryDirectory() as folder:
         before = cpu_seconds()
         seconds = build_library(study, Path(folder) / "library.zarr").seconds
-        return open_library(Path(folder) / "library.zarr"), seconds, cpu_seconds() - before
+        return open_library(Path(folder) / "library.zarr").for_contact(0.0), seconds, cpu_seconds() - before
 
 
 def cpu_seconds() -> float:

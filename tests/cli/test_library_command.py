@@ -32,7 +32,7 @@ def test_a_library_is_made_and_its_size_and_time_are_said(study, tmp_path, capsy
     out = tmp_path / "library.zarr"
     assert run(["library", "--study", str(study), "--out", str(out), "--workers", "1", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert answer["paths"] == 16
+    assert answer["paths"] == 16 + 6 * 16
     assert answer["seconds"] > 0.0
     assert open_library(out).force_ratio_tpd.shape == (4, 4, 4)
     assert run(["library", "--study", str(study), "--out", str(out)]) == 2
@@ -46,7 +46,7 @@ def test_an_interrupted_library_says_what_it_keeps_and_exits_with_130(study, tmp
 
     monkeypatch.setattr(library_build, "build_library", interrupted)
     assert run(["library", "--study", str(study), "--out", str(tmp_path / "d")]) == 130
-    assert "7 of 16 load paths are kept; the same command completes them" in capsys.readouterr().err
+    assert "7 of 112 load paths are kept; the same command completes them" in capsys.readouterr().err
 
 
 def test_other_commands_find_the_library_in_the_users_cache(monkeypatch, tmp_path):

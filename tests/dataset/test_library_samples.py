@@ -43,9 +43,10 @@ def one_by_one(study, library, plan, sample):
     """Cut and fill one sample as a section is cut and filled anywhere else."""
     thickness, ratio = plan.thickness_m[sample : sample + 1], np.array([study.eye.iop_pa / MODULUS_PA])
     plane = float(plan.gap_m[sample]), float(plan.tilt_rad[sample])
+    beside = library.for_contact(float(plan.polar_rad[sample]))
     force_ratio = plan.force_n[sample : sample + 1] / MODULUS_PA
     resting, loaded = (
-        cut_surfaces(library.curves(thickness, ratio, force).curves_sbnc[0], *plane)
+        cut_surfaces(beside.curves(thickness, ratio, force).curves_sbnc[0], *plane)
         for force in (np.zeros(1), force_ratio)
     )
     framing = float(plan.framing_lateral_m[sample]), float(plan.framing_depth_m[sample])

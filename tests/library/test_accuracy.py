@@ -17,7 +17,7 @@ WALLS = 12
 def test_interpolation_is_worth_a_tenth_of_a_pixel_and_half_a_per_cent(tmp_path):
     study = Study()
     build_library(study, tmp_path / "library.zarr")
-    library, plan = open_library(tmp_path / "library.zarr"), plan_library(study)
+    library, plan = open_library(tmp_path / "library.zarr").for_contact(0.0), plan_library(study)
     rng = np.random.default_rng(7)
     thicknesses = rng.uniform(*plan.thickness_m[[0, -1]], WALLS)
     ratios = np.exp(rng.uniform(*np.log(plan.iop_ratio[[0, -1]]), WALLS))

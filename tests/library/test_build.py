@@ -16,11 +16,12 @@ from analytic_library import no_solution, no_worker, solve_analytic
 from scleraforce.errors import InputError, SolverError
 from scleraforce.library.build import build_library, solve_path
 from scleraforce.library.plan import plan_library
-from scleraforce.library.store import complete_store, create_store, missing_paths, open_library, write_path
+from scleraforce.library.store import complete_store, create_store, missing_units, open_library, write_unit
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.axisymmetric_mesh import MeridianSize
 from scleraforce.study import LibraryStudy, NeedleStudy, Range, Study
 
+UNITS = 20 + 6 * 4 * 4  # paths, and those with other supports
 STUDY = Study(library=LibraryStudy(thicknesses=4, iop_ratios=5, tips=6, elements=16))
 
 
@@ -34,7 +35,7 @@ def made(tmp_path_factory):
     path = tmp_path_factory.mktemp("made") / "library.zarr"
     done = []
     result = build_library(STUDY, path, workers=1, progress=done.append, solve=solve_analytic)
-    assert (result.paths, result.solved, sum(done)) == (20, 20, 20)
+    assert (result.paths, result.solved, sum(done)) == (UNITS, UNITS, UNITS)
     return path
 
 
@@ -47,6 +48,7 @@ def test_what_is_read_is_what_was_solved(made):
         place = divmod(number, 5)
         assert np.array_equal(library.force_ratio_tpd[place], force_d)
         assert np.array_equal(library.curves_tpdbnc[place], curves_dbnc)
+    assert library.contact_polar_rad == pytest.approx(np.radians(35.0))
 
 
 def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
@@ -64,7 +66,7 @@ def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
     with pytest.raises(InputError, match="not complete"):
         open_library(path)
     result = build_library(STUDY, path, workers=2, solve=solve_analytic)
-    assert result.solved == 17
+    assert result.solved == UNITS - 3
     assert contents(path) == contents(made)
 
 
@@ -90,7 +92,7 @@ def test_a_build_killed_at_any_time_is_completed(made, tmp_path):
         os.killpg(child.pid, signal.SIGKILL)
         assert child.wait() == -signal.SIGKILL
     result = build_library(STUDY, path, workers=2, solve=solve_analytic)
-    assert result.solved < 20 - 5
+    assert result.solved < UNITS - 5
     assert contents(path) == contents(made)
 
 
@@ -102,11 +104,11 @@ def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
     chunk.write_bytes(content)
     with pytest.raises(InputError, match="curves: damaged"):
         open_library(path)
-    assert missing_paths(path, plan_library(STUDY)) == [13]
+    assert missing_units(path, plan_library(STUDY)) == [13]
     chunk.unlink()
     with pytest.raises(InputError, match=r"curves: 1 of 20 chunks are missing"):
         open_library(path)
-    with pytest.raises(InputError, match="1 of 20 load paths are missing"):
+    with pytest.raises(InputError, match="1 of 116 load paths are missing"):
         complete_store(path, plan_library(STUDY))
 
 
@@ -128,7 +130,7 @@ def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):
 
 
 def test_a_path_that_fails_is_named_and_a_worker_that_dies_is_no_hang(tmp_path):
-    with pytest.raises(SolverError, match="path 0 of 20: no equilibrium"):
+    with pytest.raises(SolverError, match="path 0 of 116: no equilibrium"):
         build_library(STUDY, tmp_path / "a", workers=1, solve=no_solution)
     with pytest.raises(SolverError, match="worker ended"):
         build_library(STUDY, tmp_path / "b", workers=1, solve=no_worker)
@@ -158,8 +160,8 @@ def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path):
     assert np.array_equal(force_d, expected.force_ratio_m2)
     assert curves_dbnc == pytest.approx(expected.curves_sbnc, abs=1e-9)
     create_store(tmp_path / "library", plan)
-    write_path(tmp_path / "library", plan, 6, force_d, curves_dbnc)
-    assert missing_paths(tmp_path / "library", plan) == [n for n in range(16) if n != 6]
+    write_unit(tmp_path / "library", plan, 6, force_d, curves_dbnc)
+    assert missing_units(tmp_path / "library", plan) == [n for n in range(plan.units) if n != 6]
 
 
 def test_the_real_library_is_the_same_on_any_number_of_workers(tmp_path):

@@ -87,7 +87,7 @@ def test_a_worker_killed_half_way_changes_no_byte(cluster, tmp_path):
         STUDY, tmp_path / "cluster", scheduler=cluster.address, progress=kill_half_way, solve=solve_slowly
     )
     assert victim.wait() == -signal.SIGKILL
-    assert result.solved == sum(done) == 20
+    assert result.solved == sum(done) == 116
     build_library(STUDY, tmp_path / "here", workers=2, solve=solve_analytic)
     assert contents(tmp_path / "cluster") == contents(tmp_path / "here")
 
@@ -104,7 +104,7 @@ def test_real_paths_are_the_same_on_a_cluster_and_on_processes(cluster, tmp_path
 @pytest.mark.slow
 def test_what_fails_on_the_cluster_fails_here(cluster, tmp_path):
     cluster.worker("--nanny")  # starts a worker anew after each death
-    with pytest.raises(SolverError, match=r"path \d+ of 20: no equilibrium"):
+    with pytest.raises(SolverError, match=r"path \d+ of 116: no equilibrium"):
         build_library(STUDY, tmp_path / "a", scheduler=cluster.address, solve=no_solution)
     with pytest.raises(SolverError, match="die one after the other"):
         build_library(STUDY, tmp_path / "b", scheduler=cluster.address, solve=no_worker)

@@ -18,6 +18,7 @@ def node_angles(nodes):
 
 
 ANGLES = node_angles(81)
+POLAR_RAD = np.radians([0.0, 10.0, 20.0, 30.0, 40.0, 50.0])
 
 
 def force_ratio(thickness_m, iop_ratio, tip_m):
@@ -40,6 +41,11 @@ def curves(thickness_m, iop_ratio, tip_m, angles=ANGLES):
     return np.stack([r, depth], axis=-1)
 
 
+def stiffness(polar_rad):
+    """Factor of the force for a contact beside the pole."""
+    return 1.0 + 0.1 * polar_rad**2
+
+
 def analytic_library(thicknesses=9, ratios=9, tips=40, max_tip_m=7.5e-3):
     """The library of this eye."""
     t = np.geomspace(0.35e-3, 0.9e-3, thicknesses)
@@ -47,7 +53,18 @@ def analytic_library(thicknesses=9, ratios=9, tips=40, max_tip_m=7.5e-3):
     d = max_tip_m * np.linspace(0.0, 1.0, tips) ** 1.5
     grid = np.meshgrid(t, p, d, indexing="ij")
     return Library(
-        t, p, d, force_ratio(*grid), curves(*grid).astype(np.float32), RADIUS_M, 0.45, 0.35e-3, max_force_ratio=0.5e-6
+        t,
+        p,
+        d,
+        force_ratio(*grid),
+        curves(*grid).astype(np.float32),
+        RADIUS_M,
+        0.45,
+        0.35e-3,
+        max_force_ratio=0.5e-6,
+        polar_rad=POLAR_RAD,
+        stiffness_atpd=np.stack([np.full(grid[0].shape, stiffness(polar)) for polar in POLAR_RAD]),
+        contact_polar_rad=0.0,
     )
 
 
@@ -59,19 +76,21 @@ def draw_walls(rng, count):
 def solve_analytic(plan, number):
     """A path of a plan, as `library.build.solve_path` returns it, for tests of what is built around the solver."""
     wall = plan.wall(number)
-    angles = node_angles(plan.nodes)
-    return force_ratio(*wall, plan.tip_m), curves(*wall, plan.tip_m, angles).astype(np.float32)
+    tip_m = plan.tip_m if number < plan.paths else plan.tip_m[: plan.support_tips]
+    forces = force_ratio(*wall, tip_m) * (1.0 + 0.05 * np.cos(plan.support_rad(number)))
+    return forces, curves(*wall, tip_m, node_angles(plan.nodes)).astype(np.float32)
 
 
 def solve_slowly(plan, number):
-    """The same, a tenth of a second later: long enough for a worker to be killed while it is at it."""
-    time.sleep(0.1)
+    """The same, for some paths a tenth of a second later: a worker may be killed while it is at one."""
+    if number < plan.paths:
+        time.sleep(0.1)
     return solve_analytic(plan, number)
 
 
 def no_solution(plan, number):
     """A path that cannot be followed."""
-    raise SolverError(f"path {number} of {plan.paths}: no equilibrium")
+    raise SolverError(f"path {number} of {plan.units}: no equilibrium")
 
 
 def no_worker(_plan, _number):

@@ -30,7 +30,7 @@ def library(study_path: Path | None, out: Path, scheduler: str | None, workers: 
     from scleraforce.library.plan import plan_library
 
     study = Study() if study_path is None else read_study(study_path)
-    paths = plan_library(study).paths
+    paths = plan_library(study).units
     done: list[int] = []
     with progress_bar(range(paths), "library", total=paths) as bar:
 
@@ -56,7 +56,7 @@ def study_library(study: Study) -> Library:
     from scleraforce.library.plan import plan_library
 
     bar: tqdm[None]
-    with progress_bar((), "library", total=plan_library(study).paths) as bar:
+    with progress_bar((), "library", total=plan_library(study).units) as bar:
 
         def advance(count: int) -> None:
             bar.update(count)

@@ -20,8 +20,8 @@ def draw_units(
 ) -> Generator[tuple[int, NDArray[np.uint8]], None, None]:
     """Draw units of a plan from the library; yield (unit, slices).
 
-    The wall of the library is even and its support is a circle about the needle, and gravity is left out: the samples
-    differ by thickness, force, plane and framing, not by the contact or by the direction of the plane.
+    The wall of the library is even and bends the same all around the needle, and gravity is left out: samples differ by
+    thickness, force, the contact's polar angle, plane and framing, not by azimuth or by the direction of the plane.
 
     Args:
         study: the study; its IOP and its slice matter here.
@@ -37,13 +37,17 @@ def draw_units(
     _check(study, library)
     near = library.within(_reach(study, plan))
     for unit in units:
-        yield unit, _slices(study, youngs_modulus_pa, plan, plan.unit(unit), near)
+        numbers = np.arange(plan.images)[plan.unit(unit)]
+        of_contacts = np.split(numbers, np.flatnonzero(np.diff(plan.contact[numbers])) + 1)
+        parts = [_slices(study, youngs_modulus_pa, plan, slice(n[0], n[-1] + 1), near) for n in of_contacts]
+        yield unit, np.concatenate(parts)
 
 
 def _slices(
     study: Study, youngs_modulus_pa: float, plan: DatasetPlan, samples: slice, library: Library
 ) -> NDArray[np.uint8]:
-    """Return the slices of consecutive samples (sample, row, column), 255 = wall."""
+    """Return the slices of consecutive samples of one contact (sample, row, column), 255 = wall."""
+    library = library.for_contact(float(plan.polar_rad[samples.start]))
     thickness_m, gap_m, tilt_rad = plan.thickness_m[samples], plan.gap_m[samples], plan.tilt_rad[samples]
     iop_ratio = np.full(len(thickness_m), study.eye.iop_pa / youngs_modulus_pa)
     resting = library.at_tip(thickness_m, iop_ratio, np.zeros(len(thickness_m)))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scleraforce.errors import InputError
 from scleraforce.library.cluster import work_on_cluster
 from scleraforce.library.plan import LibraryPlan, plan_library
-from scleraforce.library.store import complete_store, create_store, missing_paths, write_path
+from scleraforce.library.store import complete_store, create_store, missing_units, write_unit
 from scleraforce.mechanics.axisymmetric import axisymmetric_path
 from scleraforce.mechanics.axisymmetric_mesh import MeridianSize
 from scleraforce.processes import available_cores, work_units
@@ -67,30 +67,32 @@ def build_library(
     report = progress or (lambda _: None)
     plan = plan_library(study)
     create_store(out, plan)
-    todo = missing_paths(out, plan)
-    report(plan.paths - len(todo))
+    todo = missing_units(out, plan)
+    report(plan.units - len(todo))
     with closing(_solved(plan, todo, scheduler, workers, solve or solve_path)) as results:
-        for number, (force_d, curves_dbnc) in results:
-            write_path(out, plan, number, force_d, curves_dbnc)
+        for unit, (force_d, curves_dbnc) in results:
+            write_unit(out, plan, unit, force_d, curves_dbnc)
             report(1)
     complete_store(out, plan)
-    return Building(plan.paths, len(todo), perf_counter() - start)
+    return Building(plan.units, len(todo), perf_counter() - start)
 
 
-def solve_path(plan: LibraryPlan, number: int) -> SolvedPath:
-    """Return F/E (tip,), m^2, and the boundaries (tip, boundary, node, 2), m, of a plan's path.
+def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
+    """Return F/E (tip,), m^2, and the boundaries (tip, boundary, node, 2), m, of a unit.
 
     Raises:
-        SolverError: the path cannot be followed to the plan's last tip.
+        SolverError: the path cannot be followed to its last tip.
     """
-    thickness_m, iop_ratio = plan.wall(number)
+    thickness_m, iop_ratio = plan.wall(unit)
+    tips_m = plan.tip_m if unit < plan.paths else plan.tip_m[: plan.support_tips]
     path = axisymmetric_path(
         plan.radius_m,
         thickness_m,
         plan.poisson_ratio,
         plan.needle_radius_m,
         iop_ratio,
-        tips_m=plan.tip_m[1:],
+        tips_m=tips_m[1:],
+        support_rad=plan.support_rad(unit),
         size=MeridianSize(plan.grid.elements, plan.grid.layers),
     )
     return path.force_ratio_m2, path.curves_sbnc.astype(np.float32)

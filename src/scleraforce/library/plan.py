@@ -1,4 +1,8 @@
-"""What a library holds: its axes, and one load path for each pair of thickness and IOP ratio."""
+"""What a library holds: its axes, and the load paths that make it.
+
+There is a path for each pair of thickness and IOP ratio, and forces alone for some pairs with the support nearer to the
+needle axis or farther from it (`library.base_plane` needs them).
+"""
 
 import json
 from dataclasses import asdict, dataclass
@@ -15,6 +19,10 @@ __all__ = ["LibraryPlan", "plan_library"]
 Floats = NDArray[np.float64]
 
 TIP_GRADING = 1.5  # tips stand like the numbers 0, 1, 2 ... to this power
+SUPPORTS_DEG = (40.0, 55.0, 70.0, 110.0, 125.0, 140.0)  # beside 90: where the base may lie for a contact up to 50 deg
+LARGEST_POLAR_DEG = 50.0
+SUPPORT_NODES = 4  # thicknesses, and ratios, among those of the library
+SUPPORT_TIP_M = 6e-3  # deeper dents run into the base where it is nearest: the factor stays as it is there
 
 
 @dataclass(frozen=True)
@@ -24,6 +32,7 @@ class LibraryPlan:
     radius_m: float
     poisson_ratio: float
     needle_radius_m: float
+    contact_polar_rad: float
     grid: LibraryStudy
 
     @property
@@ -49,18 +58,56 @@ class LibraryPlan:
 
     @property
     def paths(self) -> int:
-        """Number of load paths; path number k has thickness k // iop_ratios and ratio k % iop_ratios."""
+        """Number of load paths whose forces and curves are kept: the first of all units."""
         return self.grid.thicknesses * self.grid.iop_ratios
 
-    def wall(self, path: int) -> tuple[float, float]:
-        """Return the thickness, m, and the IOP ratio of a path.
+    @property
+    def units(self) -> int:
+        """Number of load paths to solve."""
+        return self.paths + int(np.prod(self.support_shape))
+
+    @property
+    def support_shape(self) -> tuple[int, int, int]:
+        """Supports, thicknesses and ratios of the paths with another support."""
+        return len(SUPPORTS_DEG), len(self.support_thicknesses), len(self.support_ratios)
+
+    @property
+    def support_thicknesses(self) -> NDArray[np.intp]:
+        """Which thicknesses have paths with other supports."""
+        return _spread(self.grid.thicknesses)
+
+    @property
+    def support_ratios(self) -> NDArray[np.intp]:
+        """Which IOP ratios have paths with other supports."""
+        return _spread(self.grid.iop_ratios)
+
+    @property
+    def support_tips(self) -> int:
+        """Number of tips of the paths with other supports, the first ones of the library."""
+        return max(2, int(np.searchsorted(self.tip_m, SUPPORT_TIP_M, side="right")))
+
+    def place(self, unit: int) -> tuple[int, ...]:
+        """Return where a unit stands: (thickness, ratio), or (support, thickness, ratio)."""
+        if unit < self.paths:
+            return divmod(unit, self.grid.iop_ratios)
+        return tuple(int(number) for number in np.unravel_index(unit - self.paths, self.support_shape))
+
+    def wall(self, unit: int) -> tuple[float, float]:
+        """Return the thickness, m, and the IOP ratio of a unit.
 
         >>> plan = plan_library(Study())
         >>> tuple(float(value) for value in plan.wall(0))
         (0.00035, 8e-05)
         """
-        thickness, ratio = divmod(path, self.grid.iop_ratios)
+        place = self.place(unit)
+        if unit < self.paths:
+            return float(self.thickness_m[place[0]]), float(self.iop_ratio[place[1]])
+        thickness, ratio = self.support_thicknesses[place[1]], self.support_ratios[place[2]]
         return float(self.thickness_m[thickness]), float(self.iop_ratio[ratio])
+
+    def support_rad(self, unit: int) -> float:
+        """Return the angle from the needle axis at which a unit's wall is clamped, rad."""
+        return 0.5 * np.pi if unit < self.paths else float(np.radians(SUPPORTS_DEG[self.place(unit)[0]]))
 
     @property
     def recipe(self) -> str:
@@ -72,7 +119,7 @@ class LibraryPlan:
         """SHA-256, in hexadecimal, of the recipe and of the source code that turns it into load paths."""
         digest = sha256(self.recipe.encode())
         package = files("scleraforce")
-        sources = [package / "library" / "plan.py", package / "library" / "build.py"]
+        sources = [package / "library" / f"{name}.py" for name in ("plan", "build", "base_plane")]
         sources += [entry for entry in (package / "mechanics").iterdir() if entry.name.endswith(".py")]
         for source in sorted(sources, key=lambda entry: entry.name):
             digest.update(source.name.encode() + b"\0" + source.read_bytes())
@@ -80,6 +127,13 @@ class LibraryPlan:
 
 
 def plan_library(study: Study) -> LibraryPlan:
-    """Return the plan that a study asks for; `[library]`, and of `[eye]` and `[needle]` the sizes and nu matter."""
+    """Return the plan that a study asks for: `[library]`, sizes and nu, and the middle of the needle's polar angles."""
     eye, needle = study.eye, study.needle
-    return LibraryPlan(eye.radius_m, eye.poisson_ratio, 0.5 * needle.outer_diameter_m, study.library)
+    middle_rad = min(0.5 * sum(needle.polar_angle_rad.bounds), float(np.radians(LARGEST_POLAR_DEG)))
+    sizes = (eye.radius_m, eye.poisson_ratio, 0.5 * needle.outer_diameter_m)
+    return LibraryPlan(*sizes, contact_polar_rad=middle_rad, grid=study.library)
+
+
+def _spread(count: int) -> NDArray[np.intp]:
+    """Numbers from first to last of `count`, as even as they can be."""
+    return np.rint(np.linspace(0, count - 1, SUPPORT_NODES)).astype(np.intp)

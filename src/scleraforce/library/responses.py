@@ -5,8 +5,12 @@ ratio", m^2) and IOP/E ("IOP ratio"), for a given thickness, radius, needle and 
 and IOP ratio serve every eye. A path is stored at given displacements of the tip, in which it is smooth also where the
 force falls; a force is turned into a tip afterwards. Interpolation is a tensor of cubic splines in log thickness, log
 IOP ratio and tip.
+
+The paths are those of a wall of revolution about the needle axis. A needle beside the pole is nearer to the base on one
+side and meets a stiffer wall: forces are larger by a factor over the contact's polar angle (`library.base_plane`).
 """
 
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -25,6 +29,7 @@ Walls = tuple[NDArray[np.intp], Floats]  # rows of (thickness, IOP ratio) and th
 
 OUTER, INNER = 0, 1  # the boundaries of a wall, as an index
 BLOCK = 32  # samples interpolated together: what they gather stays in the cache
+OF_CONTACT = ("_contact_forces", "_force_coefficients", "_state_coefficients")  # computed once for each polar angle
 SLACK = 1e-9  # relative: an end of a range may be computed in two ways
 
 
@@ -48,8 +53,9 @@ class Library:
     """Load paths over thickness and IOP ratio, and their interpolation. All evaluation is vectorised over samples.
 
     `thickness_m` (t,), `iop_ratio` (p,) and `tip_m` (d,) increase, at least four values each; `tip_m` starts at 0.
-    `force_ratio_tpd` is F/E in m^2, `curves_tpdbnc` what `Responses` says. The wall is clamped 90 degrees from the
-    needle axis; `max_force_ratio` is the largest F/E that the library is asked for.
+    `force_ratio_tpd` is F/E in m^2 and `curves_tpdbnc` what `Responses` says, of walls clamped 90 degrees from the
+    needle axis. `stiffness_atpd` is the factor of the force for contacts at the polar angles `polar_rad` (a,), from 0;
+    the library answers for `contact_polar_rad`. `max_force_ratio` is the largest F/E that it is asked for.
     """
 
     thickness_m: Floats
@@ -61,6 +67,9 @@ class Library:
     poisson_ratio: float
     needle_radius_m: float
     max_force_ratio: float
+    polar_rad: Floats
+    stiffness_atpd: Floats
+    contact_polar_rad: float
 
     def __post_init__(self) -> None:
         shape = (len(self.thickness_m), len(self.iop_ratio), len(self.tip_m))
@@ -69,10 +78,15 @@ class Library:
         if self.force_ratio_tpd.shape != shape or self.curves_tpdbnc.shape[:4] != (*shape, 2):
             raise InputError(f"library: forces {self.force_ratio_tpd.shape} and curves {self.curves_tpdbnc.shape} "
                              f"do not fit the axes {shape}")  # fmt: skip
-        for axis in (self.thickness_m, self.iop_ratio, self.tip_m):
+        if self.stiffness_atpd.shape != (len(self.polar_rad), *shape) or len(self.polar_rad) < SUPPORT:
+            raise InputError(f"library: stiffness {self.stiffness_atpd.shape} does not fit {len(self.polar_rad)} "
+                             f"polar angles (at least {SUPPORT}) and the axes {shape}")  # fmt: skip
+        _check("polar angle", np.asarray(self.contact_polar_rad), *self._ends(self.polar_rad), 180.0 / np.pi, "deg")
+        for axis in (self.polar_rad, self.thickness_m, self.iop_ratio, self.tip_m):
             if not (np.diff(axis) > 0.0).all():
                 raise InputError("library: an axis that does not increase")
-        if not (np.isfinite(self.force_ratio_tpd).all() and np.isfinite(self.curves_tpdbnc).all()):
+        values = (self.force_ratio_tpd, self.curves_tpdbnc, self.stiffness_atpd)
+        if not all(np.isfinite(array).all() for array in values):
             raise InputError("library: values that are not finite")
 
     def curves(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Responses:
@@ -154,6 +168,19 @@ class Library:
         largest: Floats = np.minimum(forces.max(axis=1), self.max_force_ratio)
         return largest
 
+    def for_contact(self, polar_rad: float) -> "Library":
+        """Return the library of needles at a polar angle; it shares what does not depend on that.
+
+        Raises:
+            InputError: the polar angle is outside the library's range.
+        """
+        _check("polar angle", np.asarray(polar_rad), *self._ends(self.polar_rad), 180.0 / np.pi, "deg")
+        other = copy(self)
+        kept = {name: value for name, value in self.__dict__.items() if name not in OF_CONTACT}
+        other.__dict__.clear()
+        other.__dict__.update(kept | {"contact_polar_rad": polar_rad})
+        return other
+
     def within(self, distance_m: float) -> "Library":
         """Return the library without the material that lies farther than `distance_m` from the needle axis.
 
@@ -169,10 +196,19 @@ class Library:
         return CubicSpline(np.log(self.thickness_m)), CubicSpline(np.log(self.iop_ratio)), CubicSpline(self.tip_m)
 
     @cached_property
+    def _contact_forces(self) -> Floats:
+        """F/E at the contact's polar angle (t, p, d)."""
+        spline = CubicSpline(self.polar_rad)
+        first, weights = spline.weights(self._inside(np.array([self.contact_polar_rad]), self.polar_rad))
+        near = spline.coefficients(self.stiffness_atpd)[first[0] : first[0] + SUPPORT]
+        forces: Floats = self.force_ratio_tpd * np.tensordot(weights[0], near, axes=1)
+        return forces
+
+    @cached_property
     def _force_coefficients(self) -> Floats:
         """Spline weights over thickness and IOP ratio of the force and of its slope at the tips (t p, 2 d)."""
-        along_tip = self._splines[2].coefficients(self.force_ratio_tpd, axis=2)
-        both = np.concatenate([self.force_ratio_tpd, self._splines[2].slopes(along_tip)], axis=2)
+        along_tip = self._splines[2].coefficients(self._contact_forces, axis=2)
+        both = np.concatenate([self._contact_forces, self._splines[2].slopes(along_tip)], axis=2)
         for axis in (0, 1):
             both = self._splines[axis].coefficients(both, axis)
         return both.reshape(-1, both.shape[2])
@@ -180,7 +216,7 @@ class Library:
     @cached_property
     def _state_coefficients(self) -> Floats:
         """Spline weights of the force (t p d,)."""
-        weights = self.force_ratio_tpd
+        weights = self._contact_forces
         for axis, spline in enumerate(self._splines):
             weights = spline.coefficients(weights, axis)
         return weights.reshape(-1)

@@ -1,6 +1,6 @@
 """The library on disk: a Zarr 3 group, every array checked by CRC-32C, written path by path, and resumable.
 
-A load path is a chunk of `curves` and one of `force_ratio`. Zarr writes a chunk to a temporary name and renames it, so
+A load path is a chunk of each array that it has a part in. Zarr writes a chunk to a temporary name and renames it, so
 a chunk that exists is whole, and a killed run still has to do what is missing.
 """
 
@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from zarr.codecs import Crc32cCodec
 
 from scleraforce.errors import InputError
+from scleraforce.library.base_plane import base_stiffness
 from scleraforce.library.plan import LibraryPlan
 from scleraforce.library.responses import Library
 
-__all__ = ["complete_store", "create_store", "missing_paths", "open_library", "write_path"]
+__all__ = ["complete_store", "create_store", "missing_units", "open_library", "write_unit"]
 
 SCHEMA = "scleraforce-library-1"
-FORCES, CURVES = "force_ratio", "curves"
+FORCES, CURVES, SUPPORT_FORCES = "force_ratio", "curves", "support_force_ratio"
 AXES = ("thickness_m", "iop_ratio", "tip_m")
 VERSIONS = ("scleraforce", "numpy", "scipy", "zarr")
 ATTRIBUTES = {"schema", "complete", "plan", "plan_hash", "key", "seed", "versions"}
@@ -44,24 +45,32 @@ def create_store(path: Path, plan: LibraryPlan) -> None:
         values = getattr(plan, name)
         _create_array(group, name, values.shape, values.shape, "float64")[:] = values
     shape = (len(plan.thickness_m), len(plan.iop_ratio), len(plan.tip_m))
-    for name, rest, dtype in ((CURVES, (2, plan.nodes, 2), "float32"), (FORCES, (), "float64")):
+    curves = (*shape, 2, plan.nodes, 2)
+    supports = (*plan.support_shape, plan.support_tips)
+    for name, size, dtype in (
+        (CURVES, curves, "float32"),
+        (FORCES, shape, "float64"),
+        (SUPPORT_FORCES, supports, "float64"),
+    ):
         if name not in group:
-            _create_array(group, name, shape + rest, (1, 1, *shape[2:], *rest), dtype)
+            axes = len(plan.place(_first_unit(plan, name)))
+            _create_array(group, name, size, (1,) * axes + size[axes:], dtype)
 
 
-def missing_paths(path: Path, plan: LibraryPlan) -> list[int]:
-    """Return the numbers of the paths that are not in the store, or cannot be read there."""
+def missing_units(path: Path, plan: LibraryPlan) -> list[int]:
+    """Return the numbers of the load paths that are not in the store, or cannot be read there."""
     group = _open_group(path, "r")
-    return [number for number in range(plan.paths) if not _done(group, path, plan, number)]
+    return [unit for unit in range(plan.units) if not _done(group, path, plan, unit)]
 
 
-def write_path(
-    path: Path, plan: LibraryPlan, number: int, force_d: NDArray[np.float64], curves_dbnc: NDArray[np.float32]
+def write_unit(
+    path: Path, plan: LibraryPlan, unit: int, force_d: NDArray[np.float64], curves_dbnc: NDArray[np.float32]
 ) -> None:
-    """Write one load path: F/E (tip,), m^2, and the boundaries (tip, boundary, node, 2), m."""
-    group, place = _open_group(path, "r+"), divmod(number, len(plan.iop_ratio))
-    for name, values in ((CURVES, curves_dbnc), (FORCES, force_d)):
-        _array(group, path, name).with_config({"write_empty_chunks": True})[place] = values
+    """Write one load path: F/E (tip,), m^2, and the boundaries (tip, boundary, node, 2), m, where they are kept."""
+    group = _open_group(path, "r+")
+    values: dict[str, NDArray[Any]] = {FORCES: force_d, CURVES: curves_dbnc, SUPPORT_FORCES: force_d}
+    for name in _arrays_of(plan, unit):
+        _array(group, path, name).with_config({"write_empty_chunks": True})[plan.place(unit)] = values[name]
 
 
 def complete_store(path: Path, plan: LibraryPlan) -> None:
@@ -70,8 +79,8 @@ def complete_store(path: Path, plan: LibraryPlan) -> None:
     Raises:
         InputError: paths are missing.
     """
-    if missing := missing_paths(path, plan):
-        raise InputError(f"{path}: {len(missing)} of {plan.paths} load paths are missing; make it again")
+    if missing := missing_units(path, plan):
+        raise InputError(f"{path}: {len(missing)} of {plan.units} load paths are missing; make it again")
     for leftover in path.rglob("*.partial"):
         leftover.unlink(missing_ok=True)
     _open_group(path, "r+").attrs["complete"] = True
@@ -90,17 +99,22 @@ def open_library(path: Path) -> Library:
     if sha256(str(attributes["plan"]).encode()).hexdigest() != attributes["plan_hash"]:
         raise InputError(f"{path}: its plan does not match its hash: the store is damaged; make it again")
     plan = json.loads(attributes["plan"])
-    arrays = {name: _read(group, path, name) for name in (*AXES, FORCES, CURVES)}
+    arrays = {name: _read(group, path, name) for name in (*AXES, FORCES, CURVES, SUPPORT_FORCES)}
+    thickness_m, iop_ratio, tip_m = (arrays[name] for name in AXES)
+    polar_rad, stiffness_atpd = base_stiffness(thickness_m, iop_ratio, tip_m, arrays[FORCES], arrays[SUPPORT_FORCES])
     return Library(
-        thickness_m=arrays["thickness_m"],
-        iop_ratio=arrays["iop_ratio"],
-        tip_m=arrays["tip_m"],
+        thickness_m=thickness_m,
+        iop_ratio=iop_ratio,
+        tip_m=tip_m,
         force_ratio_tpd=arrays[FORCES],
         curves_tpdbnc=arrays[CURVES],
         radius_m=float(plan["radius_m"]),
         poisson_ratio=float(plan["poisson_ratio"]),
         needle_radius_m=float(plan["needle_radius_m"]),
         max_force_ratio=float(plan["grid"]["max_force_ratio_m2"]),
+        polar_rad=polar_rad,
+        stiffness_atpd=stiffness_atpd,
+        contact_polar_rad=float(plan["contact_polar_rad"]),
     )
 
 
@@ -179,12 +193,23 @@ def _read(group: zarr.Group, path: Path, name: str) -> NDArray[Any]:
         raise InputError(f"{path / name}: damaged ({fault}); make it again") from fault
 
 
-def _done(group: zarr.Group, path: Path, plan: LibraryPlan, number: int) -> bool:
-    """Whether both chunks of a path are there and can be read."""
-    place = divmod(number, len(plan.iop_ratio))
-    for name in (FORCES, CURVES):
+def _arrays_of(plan: LibraryPlan, unit: int) -> tuple[str, ...]:
+    """Return the arrays that a unit has a part in."""
+    return (CURVES, FORCES) if unit < plan.paths else (SUPPORT_FORCES,)
+
+
+def _first_unit(plan: LibraryPlan, name: str) -> int:
+    return plan.paths if name == SUPPORT_FORCES else 0
+
+
+def _done(group: zarr.Group, path: Path, plan: LibraryPlan, unit: int) -> bool:
+    """Whether all chunks of a path are there and can be read."""
+    place = plan.place(unit)
+    for name in _arrays_of(plan, unit):
         array = _array(group, path, name)
-        chunk = path.joinpath(name, "c", *map(str, place), *["0"] * (array.ndim - 2))  # Zarr 3, default chunk keys
+        chunk = path.joinpath(
+            name, "c", *map(str, place), *["0"] * (array.ndim - len(place))
+        )  # Zarr 3, default chunk keys
         try:
             if not chunk.exists():
                 return False

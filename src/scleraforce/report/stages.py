@@ -85,7 +85,7 @@ def reproduce(run: Run, announce: Announce) -> Reproduction:
         Stage("evaluate", _trials, evaluate),
         Stage("leave out", _left_out_epochs, leave_out, lambda run: run.left_out),
         Stage("bend", lambda run: len(bent_trials(run.study)), bend_eyes, lambda run: run.bent.recordings),
-        Stage("library", lambda run: plan_library(run.study).paths, make_library),
+        Stage("library", lambda run: plan_library(run.study).units, make_library),
         Stage("calibrate bent", _bent_frames, calibrate_bent, lambda run: run.bent.calibrations),
         Stage("train bent", lambda run: run.study.network.epochs, train_bent_model, lambda run: run.bent.model),
         Stage("train reader", lambda run: run.study.reader.epochs, train_force_reader, lambda run: run.reader),

@@ -1,0 +1,61 @@
+"""How much stiffer an eye is where the needle does not push on the pole (`mechanics.polar` has the mechanics).
+
+From a contact beside the pole the base lies nearer on one side and farther on the other. The force of a wall of
+revolution depends on where it is clamped, smoothly; half of what the mean over the directions differs from the force
+with the clamp at 90 degrees is the correction.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.library.plan import LARGEST_POLAR_DEG, SUPPORT_NODES, SUPPORTS_DEG
+from scleraforce.library.splines import SUPPORT, CubicSpline
+from scleraforce.mechanics.polar import DIRECTIONS, SHARE, base_angle
+
+__all__ = ["base_stiffness"]
+
+Floats = NDArray[np.float64]
+
+POLAR_ANGLES = 11
+RIGHT_ANGLE = int(np.searchsorted(SUPPORTS_DEG, 90.0))  # where it stands among the supports
+
+
+def base_stiffness(
+    thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, force_tpd: Floats, support_force_bklt: Floats
+) -> tuple[Floats, Floats]:
+    """Return polar angles of the contact (a,), rad, and the factor of the force there (a, t, p, d).
+
+    Args:
+        thickness_m: thicknesses of the library (t,), m.
+        iop_ratio: IOP ratios (p,).
+        tip_m: tips (d,), m.
+        force_tpd: F/E with the clamp at 90 degrees.
+        support_force_bklt: F/E with the clamps of the plan, at its thicknesses and ratios for that, at the first tips.
+    """
+    tips = support_force_bklt.shape[3]
+    nodes = [np.rint(np.linspace(0, len(axis) - 1, SUPPORT_NODES)).astype(np.intp) for axis in (thickness_m, iop_ratio)]
+    even_klt = force_tpd[np.ix_(*nodes, np.arange(1, tips))]
+    ratio_bklt = np.insert(support_force_bklt[..., 1:] / even_klt, RIGHT_ANGLE, 1.0, axis=0)
+    angles = np.radians(np.insert(SUPPORTS_DEG, RIGHT_ANGLE, 90.0))
+    polar_rad = np.radians(np.linspace(0.0, LARGEST_POLAR_DEG, POLAR_ANGLES))
+    around = np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
+    factor = [
+        1.0 + SHARE * (_along(angles, ratio_bklt, base_angle(float(polar), around)).mean(axis=0) - 1.0)
+        for polar in polar_rad
+    ]
+    factor_aklt = np.stack(factor)
+    for axis, (values, known) in enumerate(zip((thickness_m, iop_ratio), nodes, strict=True), start=1):
+        moved = np.moveaxis(factor_aklt, axis, 0)
+        factor_aklt = np.moveaxis(_along(np.log(values[known]), moved, np.log(values)), 0, axis)
+    # The ratio has a limit at no dent, and stays as it is beyond the last tip.
+    column = np.clip(np.arange(len(tip_m)) - 1, 0, tips - 2)
+    return polar_rad, np.ascontiguousarray(factor_aklt[..., column])
+
+
+def _along(nodes: Floats, values: Floats, places: Floats) -> Floats:
+    """Interpolate along the first axis."""
+    spline = CubicSpline(nodes)
+    first, weights = spline.weights(np.clip(places, nodes[0], nodes[-1]))
+    near = spline.coefficients(values)[first[:, None] + np.arange(SUPPORT)]
+    found: Floats = np.einsum("sk,sk...->s...", weights, near)
+    return found

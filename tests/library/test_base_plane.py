@@ -1,0 +1,70 @@
+"""The base's nearness in the library, against solving every direction's wall for the eye in question."""
+
+import numpy as np
+import pytest
+from analytic_library import analytic_library, force_ratio, stiffness
+
+from scleraforce.errors import InputError
+from scleraforce.library.base_plane import base_stiffness
+from scleraforce.library.build import build_library
+from scleraforce.library.plan import LARGEST_POLAR_DEG, SUPPORTS_DEG, plan_library
+from scleraforce.library.store import open_library
+from scleraforce.mechanics.axisymmetric_mesh import MeridianSize
+from scleraforce.mechanics.polar import polar_path
+from scleraforce.study import LibraryStudy, Range, Study
+
+GRID = LibraryStudy(thickness_m=Range(500.0e-6, 800.0e-6), thicknesses=4, iop_ratio=Range(4e-4, 3e-3), iop_ratios=4,
+                    tips=24, max_tip_m=5e-3, elements=32)  # fmt: skip
+
+
+def test_a_force_that_does_not_feel_the_support_is_left_as_it_is():
+    axes = np.geomspace(4e-4, 8e-4, 5), np.geomspace(1e-4, 1e-3, 6), np.linspace(0.0, 8e-3, 9)
+    forces = np.random.default_rng(0).uniform(1.0, 2.0, (5, 6, 9)).cumsum(axis=2)
+    some = forces[np.ix_([0, 1, 3, 4], [0, 2, 3, 5], np.arange(7))]
+    polar_rad, factor = base_stiffness(*axes, forces, np.broadcast_to(some, (len(SUPPORTS_DEG), *some.shape)))
+    assert polar_rad[[0, -1]] == pytest.approx(np.radians([0.0, LARGEST_POLAR_DEG]))
+    assert factor == pytest.approx(np.ones((len(polar_rad), 5, 6, 9)))
+
+
+def test_the_pole_is_the_wall_of_revolution_itself_and_deeper_dents_keep_the_last_factor():
+    axes = np.geomspace(4e-4, 8e-4, 4), np.geomspace(1e-4, 1e-3, 4), np.linspace(0.0, 8e-3, 9)
+    forces = np.broadcast_to(np.arange(9.0), (4, 4, 9))
+    stiffer = 1.0 + 0.3 * np.cos(np.radians(SUPPORTS_DEG))[:, None, None, None] * np.linspace(0.5, 1.0, 7)
+    polar_rad, factor = base_stiffness(*axes, forces, stiffer * forces[:, :, :7])
+    assert factor[0] == pytest.approx(np.ones((4, 4, 9)))
+    assert (factor[-1, :, :, 7:] == factor[-1, :, :, 6:7]).all()
+    assert len(polar_rad) == len(factor)
+
+
+@pytest.mark.slow
+def test_forces_beside_the_pole_are_those_of_polar_path(tmp_path):
+    study = Study(library=GRID)
+    build_library(study, tmp_path / "library.zarr")
+    library, plan = open_library(tmp_path / "library.zarr"), plan_library(study)
+    tips = np.array([0.2e-3, 1e-3, 2.1e-3, 3.3e-3, 4.6e-3])
+    errors = []
+    for thickness, ratio, polar in ((0.55e-3, 6e-4, 0.45), (0.7e-3, 2e-3, 0.6), (0.78e-3, 9e-4, 0.75)):
+        expected = polar_path(
+            plan.radius_m, thickness, plan.poisson_ratio, plan.needle_radius_m, ratio, polar_rad=polar, tips_m=tips,
+            size=MeridianSize(32, 1),
+        )  # fmt: skip
+        wall = np.full(len(tips), thickness), np.full(len(tips), ratio)
+        found = library.for_contact(polar).forces(*wall, tips)
+        even = library.for_contact(0.0).forces(*wall, tips)
+        assert found == pytest.approx(expected.force_ratio_m2[1:], rel=4e-3)
+        errors.append([np.abs(forces / expected.force_ratio_m2[1:] - 1.0).sum() for forces in (found, even)])
+    left, before = np.sum(errors, axis=0)
+    assert left < 0.3 * before
+
+
+def test_the_library_answers_for_its_contact():
+    library = analytic_library()
+    wall, tip = (np.array([0.6e-3]), np.array([1e-3])), np.array([2e-3])
+    for polar in (0.0, 0.3, 0.61):
+        beside = library.for_contact(polar)
+        expected = stiffness(polar) * force_ratio(*wall, tip)
+        assert beside.forces(*wall, tip) == pytest.approx(expected, rel=2e-3)
+        assert beside.tips(*wall, beside.forces(*wall, tip)) == pytest.approx(tip, rel=1e-9)
+        assert (beside.shapes(*wall, tip) == library.shapes(*wall, tip)).all()
+    with pytest.raises(InputError, match=r"polar angle: 57\.3 deg is outside the library's range, 0 to 50 deg"):
+        library.for_contact(1.0)
