@@ -233,3 +233,14 @@ def test_more_is_known_where_more_is_told() -> None:
         widths.append(high - low)
     assert widths == sorted(widths)
     assert widths[1] > 2 * widths[0]
+
+
+def test_a_dent_farther_from_the_pole_is_that_of_a_larger_force() -> None:
+    frame = image(wall_section(tip_of(0.02)))
+    middle = answer(frame)
+    wall = (np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA]), np.array([middle.fit.tip_m]))
+    for polar_rad in (0.0, 0.8):
+        expected = LIBRARY.for_contact(polar_rad).forces(*wall)[0] / LIBRARY.forces(*wall)[0]
+        found = answer(frame, replace(KNOWN, polar_rad=polar_rad))
+        assert found.force_n / middle.force_n == pytest.approx(expected, rel=2e-3)
+    assert answer(frame, replace(KNOWN, polar_rad=1.5)).force_n == answer(frame, replace(KNOWN, polar_rad=99.0)).force_n

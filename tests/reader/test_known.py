@@ -22,9 +22,11 @@ INSIDE = Known(Modulus(0.3e6, 5e3, "own"), 270.0, 0.6e-3, 0.5e-3)
 
 def test_a_recordings_statements_are_taken_and_what_it_omits_is_unknown() -> None:
     info = RecordingInfo(
-        EyeInfo("e", thickness_m=0.6e-3), OctInfo(512, 512, 12, 15e-3, 4e-3), NeedleInfo(22, slice_gap_m=0.5e-3)
+        EyeInfo("e", thickness_m=0.6e-3),
+        OctInfo(512, 512, 12, 15e-3, 4e-3),
+        NeedleInfo(22, slice_gap_m=0.5e-3, polar_angle_rad=0.6),
     )
-    assert known_of_recording(info) == Known(None, None, 0.6e-3, 0.5e-3)
+    assert known_of_recording(info) == Known(None, None, 0.6e-3, 0.5e-3, 0.6)
 
 
 def test_an_eye_has_its_own_modulus_and_another_that_of_its_population_with_its_spread(tmp_path: Path) -> None:

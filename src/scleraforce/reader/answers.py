@@ -125,7 +125,8 @@ def _force_answer(reader: WallReader, seen: Seen, known: Known) -> Answer:
         return _unusable(reader, reason)
     prior = prior_of(known, reader.study.reader)
     smoothing_m = reader.study.calibration.surface_smoothing_m
-    fit = fit_boundaries(reader.library, seen.boundaries.lateral_m, seen.boundaries.depth_m, prior, smoothing_m)
+    library = reader.library_at(known.polar_rad)
+    fit = fit_boundaries(library, seen.boundaries.lateral_m, seen.boundaries.depth_m, prior, smoothing_m)
     if fit is None:
         return _unusable(reader, "too little of the wall is seen")
     reason = no_wall_of_an_eye(fit, prior)

@@ -50,18 +50,20 @@ class Modulus:
 class Known:
     """What is known of an eye and of the B-scan's place; None: unknown.
 
-    `gap_m` is the distance of the B-scan plane from the needle axis.
+    `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact.
     """
 
     modulus: Modulus | None = None
     iop_pa: float | None = None
     thickness_m: float | None = None
     gap_m: float | None = None
+    polar_rad: float | None = None
 
 
 def known_of_recording(info: RecordingInfo) -> Known:
     """Return what a recording states about its eye; it never states the modulus, which a calibration may add."""
-    return Known(None, info.eye.iop_pa, info.eye.thickness_m, info.needle.slice_gap_m)
+    needle = info.needle
+    return Known(None, info.eye.iop_pa, info.eye.thickness_m, needle.slice_gap_m, needle.polar_angle_rad)
 
 
 def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:

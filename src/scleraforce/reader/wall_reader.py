@@ -1,6 +1,7 @@
 """A model of kind "reader": a network that reads the force from a slice, and the response library for the fit."""
 
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,6 +14,9 @@ from scleraforce.reader.readings import METHODS, Reading
 from scleraforce.study import Study
 
 __all__ = ["SliceNetwork", "WallReader"]
+
+
+CONTACTS = 32  # polar angles whose libraries are kept
 
 
 class SliceNetwork(Protocol):
@@ -42,6 +46,7 @@ class WallReader:
         self.library = library
         self.default = default
         self._network = network
+        self._library_of = lru_cache(maxsize=CONTACTS)(library.for_contact)
 
     @property
     def classes(self) -> int:
@@ -57,6 +62,15 @@ class WallReader:
     def provenance(self) -> Mapping[str, str]:
         """What `model.onnx` says about its making."""
         return self._network.provenance
+
+    def library_at(self, polar_rad: float | None) -> Library:
+        """Return the library for a contact's polar angle; that in the middle of the study's where it is not known.
+
+        Angles beyond the library's count as its largest.
+        """
+        if polar_rad is None:
+            return self.library
+        return self._library_of(min(max(polar_rad, 0.0), float(self.library.polar_rad[-1])))
 
     def read(self, cut: NDArray[np.uint8], known: Known) -> Reading:
         """Return what the network reads.
