@@ -16,6 +16,7 @@ GENTLE, STEEP = 0.3, 0.4  # slopes of the surface: below, above
 LAGS = (1, 5)  # columns
 LARGE_M = 0.1e-3
 CLEAR_M = 0.1e-3  # of the frame's lower edge: nearer to it no error is counted
+LAYER_M, LAYER_COLUMNS = 0.08e-3, 1 / 3
 CORRELATED_M = 0.05e-3  # larger errors are cut to this for correlations: a bump is no noise
 
 
@@ -35,6 +36,7 @@ class BoundaryStatistics:
         thickness_correlation: as above.
         thickness_scale_sd: of the frames' median error, relative.
         large_share: of steep columns with a thickness more than 0.1 mm off.
+        layer_share: of frames whose thickness is more than 0.08 mm too large in more than a third of their columns.
         lost_share: of columns well above the lower edge, and away from the sides, that were not found.
         beyond_share: of columns below the lower edge that were found.
     """
@@ -48,6 +50,7 @@ class BoundaryStatistics:
     thickness_correlation: tuple[float, ...]
     thickness_scale_sd: float
     large_share: float
+    layer_share: float
     lost_share: float
     beyond_share: float
 
@@ -85,6 +88,7 @@ def boundary_statistics(
         thickness_correlation=_correlations(np.where(gentle, thickness_error, np.nan)),
         thickness_scale_sd=_spread(scale),
         large_share=float((np.abs(thickness_error[steep]) > LARGE_M).mean()),
+        layer_share=_layer_share(true, seen, found, bottom_m),
         lost_share=_share(~found, outer < bottom_m - CLEAR_M),
         beyond_share=_share(np.isfinite(seen[:, OUTER]), outer >= bottom_m),
     )
@@ -104,6 +108,13 @@ def _thickness_errors(
         ]
     )
     return error - np.nan_to_num(scale)[:, None] * thick, scale[np.isfinite(scale)]
+
+
+def _layer_share(true: Floats, seen: Floats, found: NDArray[np.bool_], bottom_m: float) -> float:
+    judged = found & (true[:, INNER] < bottom_m - LAYER_M)
+    error = (seen[:, INNER] - seen[:, OUTER]) - (true[:, INNER] - true[:, OUTER])
+    thicker = (judged & (error > LAYER_M)).sum(axis=1)
+    return float((thicker > LAYER_COLUMNS * np.maximum(judged.sum(axis=1), 1)).mean())
 
 
 def _spread(values: Floats) -> float:

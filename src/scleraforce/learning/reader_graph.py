@@ -81,8 +81,8 @@ def _features() -> list[onnx.NodeProto]:
 def _convolutions(network: ReaderNetwork, constants: dict[str, NDArray[Any]]) -> list[onnx.NodeProto]:
     nodes = []
     for number, layer in enumerate(network.convolutions):
-        constants |= {f"kernel{number}": _values(layer.weight), f"offset{number}": _values(layer.bias)}
-        arguments = [f"signal{number}", f"kernel{number}", f"offset{number}"]
+        constants |= {f"{name}{number}": _values(value) for name, value in layer.named_parameters()}
+        arguments = [f"signal{number}", f"weight{number}", f"bias{number}"]
         pads = [KERNEL // 2, KERNEL // 2]
         nodes.append(node("Conv", arguments, f"convolved{number}", kernel_shape=[KERNEL], strides=[STRIDE], pads=pads))
         nodes.append(node("Relu", [f"convolved{number}"], f"signal{number + 1}"))
@@ -111,9 +111,9 @@ def _layers(network: ReaderNetwork, constants: dict[str, NDArray[Any]]) -> list[
 
 
 def _linear(
-    layer: torch.nn.Linear, source: str, output: str, constants: dict[str, NDArray[Any]]
+    layer: torch.nn.Module, source: str, output: str, constants: dict[str, NDArray[Any]]
 ) -> list[onnx.NodeProto]:
-    constants |= {f"{output}_weight": _values(layer.weight), f"{output}_bias": _values(layer.bias)}
+    constants |= {f"{output}_{name}": _values(value) for name, value in layer.named_parameters()}
     return [node("Gemm", [source, f"{output}_weight", f"{output}_bias"], output, transB=1)]
 
 

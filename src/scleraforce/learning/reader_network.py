@@ -33,6 +33,8 @@ class ReaderNetwork(torch.nn.Module):
         projection = np.stack([np.ones(slice_study.rows), depth])[:, :, None]
         circle = circle_depth(slice_study, radius_m) / TYPICAL_WALL
         self.wall_unit = slice_study.pixel_m / TYPICAL_WALL
+        self.projection: torch.Tensor
+        self.circle: torch.Tensor
         self.register_buffer("projection", torch.from_numpy(projection.astype(np.float32)))
         self.register_buffer("circle", torch.from_numpy(circle.astype(np.float32)))
         sizes = (FEATURES, *reader.channels)

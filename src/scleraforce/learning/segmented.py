@@ -59,7 +59,7 @@ def segmented_boundaries(
     ratios = np.asarray(forces_n) / eye.youngs_modulus_pa
     wall = eye.thickness_m * one, eye.iop_pa / eye.youngs_modulus_pa * one
     held = library.covers(*wall, ratios)
-    states = library.curves(*(value[held] for value in wall), ratios[held])
+    states = library.curves(wall[0][held], wall[1][held], ratios[held])
     plan = plan_phantom(eye, tuple(np.asarray(forces_n)[held]), study, seed)
     scale = PixelScale(study.oct.width_m / study.oct.columns, study.oct.depth_m / study.oct.rows)
     segmenter = Segmenter(study.oct.refractive_index)
@@ -75,5 +75,8 @@ def segmented_boundaries(
 def _at_columns(section: Section, laterals_m: Floats) -> Floats:
     """Return the depth of both curves (boundary, column), m, where they do not fold over; NaN beyond their ends."""
     return np.stack(
-        [np.interp(laterals_m, *curve.T, left=np.nan, right=np.nan) for curve in (section.outer, section.inner)]
+        [
+            np.interp(laterals_m, curve[:, 0], curve[:, 1], left=np.nan, right=np.nan)
+            for curve in (section.outer, section.inner)
+        ]
     )

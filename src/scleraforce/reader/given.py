@@ -75,7 +75,8 @@ def given_inputs(told: Told, study: ReaderStudy) -> NDArray[np.float32]:
         ~np.isnan(told.gap_m),
         _scaled(told.gap_m, *study.gap_m.bounds),
     )
-    return np.nan_to_num(np.stack(columns, axis=1)).astype(np.float32)
+    inputs: NDArray[np.float32] = np.nan_to_num(np.stack(columns, axis=1)).astype(np.float32)
+    return inputs
 
 
 def _scaled(values: Floats, low: float, high: float) -> Floats:
