@@ -29,7 +29,7 @@ lint: .venv/installed  ## ruff (rules and format) and mypy
 bench: .venv/installed  ## the benchmarks, as tables
 	.venv/bin/python benchmarks/bench.py
 
-figures: .venv/installed  ## forces read on 40 virtual eyes that no training has seen, to $(FIGURES)/figures.md (an hour)
+figures: .venv/installed  ## forces read on 40 virtual eyes that no training has seen, to $(FIGURES)/figures.md
 	PYTHONPATH=benchmarks .venv/bin/python -m figures --out $(FIGURES)
 
 lock:  ## requirements.lock anew, from pyproject.toml
