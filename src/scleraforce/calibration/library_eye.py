@@ -144,6 +144,8 @@ def library_eye(study: Study, constants: EyeConstants, library: Library) -> Libr
     moves = tuple(base_moves(study, constants, polar, lateral_m) for polar in polars)
     # Sections end at `REACH`; a dented wall's material moves by less than a millimetre or two along it.
     near = library.within(0.85 * library.radius_m)
+    middle_rad = 0.5 * (min(polars) + max(polars))  # forces hardly change between the ends
+    near = near.for_contact(min(middle_rad, float(library.polar_rad[-1])))
     return LibraryEye(constants, near, lateral_m, polars, moves, study.calibration.surface_smoothing_m)
 
 
