@@ -147,6 +147,7 @@ def _finite_section(library: Library, eye: PhantomEye, force_n: float) -> Sectio
     """Return the library's section of an eye; where the force goes beyond the library, its last state."""
     E = eye.youngs_modulus_pa
     thickness_m, iop_ratio = np.array([eye.thickness_m]), np.array([eye.iop_pa / E])
+    library = library.for_contact(eye.polar_rad)
     ratio = np.minimum(force_n / E, library.largest_force_ratio(thickness_m, iop_ratio))
     walls = library.curves(thickness_m, iop_ratio, ratio)
     return cut_surfaces(walls.curves_sbnc[0].astype(np.float64), eye.gap_m, eye.tilt_rad)
