@@ -60,7 +60,9 @@ def test_forces_are_even_with_a_share_of_small_ones(eyes, library) -> None:
 
 
 def test_without_errors_a_slice_is_the_section_of_the_eye_that_was_drawn(library) -> None:
-    plain = replace(READER, boundary_errors=0.0, rotation_rad=fixed(0.0), lateral_m=fixed(0.4e-3), size=fixed(1.04))
+    plain = replace(
+        READER, plain_share=0.0, boundary_errors=0.0, rotation_rad=fixed(0.0), lateral_m=fixed(0.4e-3), size=fixed(1.04)
+    )
     count = 60
     drawn = draw_samples(library, plain, SLICE, count, np.random.default_rng(8))
     rng = np.random.default_rng(8)
@@ -68,21 +70,27 @@ def test_without_errors_a_slice_is_the_section_of_the_eye_that_was_drawn(library
     np.testing.assert_array_equal(eyes.force_n, drawn.force_n)
     plain.lateral_m.sample(rng, count)
     depth_m = plain.surface_depth_m.sample(rng, count)
-    plain.rotation_rad.sample(rng, count)
-    tilt_rad = plain.tilt_rad.sample(rng, count)
     agreeing = []
     for n in range(count):
         ratio = eyes.force_n[n] / (eyes.modulus_pa[n] * eyes.size[n] ** 2)
         wall = library.curves(
             eyes.thickness_m[n : n + 1] / 1.04, eyes.iop_pa[n : n + 1] / eyes.modulus_pa[n], np.array([ratio])
         )
-        section = cut_surfaces(1.04 * wall.curves_sbnc[0], eyes.gap_m[n], tilt_rad[n]).shifted(0.4e-3, depth_m[n])
+        section = cut_surfaces(1.04 * wall.curves_sbnc[0], eyes.gap_m[n], eyes.tilt_rad[n]).shifted(0.4e-3, depth_m[n])
         expected = fill_section(section, SliceWindow(-7e-3, 0.0, 140, 40, 1e-4))
         inner = slice(25, 115)  # sides and the bottom are lost as in a frame
         top = slice(1, 38)
         agreeing.append((expected[top, inner] == drawn.slices[n][top, inner]).mean())
     assert np.median(agreeing) > 0.99
     assert np.mean(agreeing) > 0.97
+
+
+def test_the_stated_share_of_samples_is_plain(eyes) -> None:
+    plain = eyes.size == 1.0
+    assert abs(plain.mean() - READER.plain_share) < 0.02
+    for angle, bounds in ((eyes.tilt_rad, READER.tilt_rad.bounds), (eyes.rotation_rad, READER.rotation_rad.bounds)):
+        assert not angle[plain].any()
+        assert abs(angle[~plain].std() / ((bounds[1] - bounds[0]) / np.sqrt(12.0)) - 1.0) < 0.03
 
 
 def test_a_library_without_such_eyes_is_refused(library) -> None:

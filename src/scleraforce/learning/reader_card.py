@@ -47,6 +47,7 @@ of {_spread(reader.modulus_sd_fraction.bounds, 100.0, "%")} |
 | contact, below the upper edge | {_spread(reader.surface_depth_m.bounds, 1e3, "mm")} |
 | tilt of the B-scan | {_spread(reader.tilt_rad.bounds, degrees(1.0), "°")} |
 | rotation in the B-scan | {_spread(reader.rotation_rad.bounds, degrees(1.0), "°")} |
+| size 1, no tilt, no rotation | {reader.plain_share:.0%} of the samples |
 | errors of the boundaries | {reader.boundary_errors:g} times those of the segmentation on rendered frames |
 | told values are missing | modulus {reader.modulus_missing_fraction:.0%}, IOP {reader.iop_missing_fraction:.0%}, \
 thickness {reader.thickness_missing_fraction:.0%}, gap {reader.gap_missing_fraction:.0%} |

@@ -23,7 +23,7 @@ TRUNCATED_SD = 2.5  # a told modulus is never farther off than this
 
 @dataclass(frozen=True)
 class Eyes:
-    """Eyes under a needle, and what is told of them; arrays (sample,), SI."""
+    """Eyes under a needle, the B-scan's tilt and the section's rotation, and what is told of them; (sample,), SI."""
 
     told: Told
     modulus_pa: Floats
@@ -31,6 +31,8 @@ class Eyes:
     thickness_m: Floats
     gap_m: Floats
     size: Floats
+    tilt_rad: Floats
+    rotation_rad: Floats
     force_n: Floats
 
 
@@ -69,13 +71,11 @@ def draw_samples(
     """
     eyes = draw_eyes(library, reader, count, rng)
     framing = Framing(
-        reader.lateral_m.sample(rng, count), reader.surface_depth_m.sample(rng, count), eyes.size,
-        reader.rotation_rad.sample(rng, count),
-    )  # fmt: skip
-    tilt_rad = reader.tilt_rad.sample(rng, count)
+        reader.lateral_m.sample(rng, count), reader.surface_depth_m.sample(rng, count), eyes.size, eyes.rotation_rad
+    )
     ratio = eyes.force_n / (eyes.modulus_pa * eyes.size**2)
     walls = library.curves(eyes.thickness_m / eyes.size, eyes.iop_pa / eyes.modulus_pa, ratio)
-    true = wall_boundaries(walls.curves_sbnc, eyes.gap_m / eyes.size, tilt_rad, framing, slice_study)
+    true = wall_boundaries(walls.curves_sbnc, eyes.gap_m / eyes.size, eyes.tilt_rad, framing, slice_study)
     seen = disturb(true.depth_sbc, slice_study, rng, scale=reader.boundary_errors)
     slices = fill_boundaries(seen, slice_study)
     told_pa, _ = told_modulus(eyes.told, reader)
@@ -90,11 +90,12 @@ def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.
     """
     told_pa, told_sd, modulus_pa = _moduli(reader, count, rng)
     iop_pa, thickness_m, size = (np.empty(count) for _ in range(3))
+    plain = rng.random(count) < reader.plain_share
     missing = np.arange(count)
     for _ in range(ROUNDS):  # a corner of the ranges may lie outside the library: draw these again
         iop_pa[missing] = _log_even(reader.iop_pa, len(missing), rng)
         thickness_m[missing] = reader.thickness_m.sample(rng, len(missing))
-        size[missing] = reader.size.sample(rng, len(missing))
+        size[missing] = np.where(plain[missing], 1.0, reader.size.sample(rng, len(missing)))
         inside = library.covers(
             thickness_m[missing] / size[missing], iop_pa[missing] / modulus_pa[missing], np.zeros(len(missing))
         )
@@ -112,7 +113,11 @@ def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.
         _told(thickness_m, reader.thickness_noise_fraction, reader.thickness_missing_fraction, rng),
         _told(gap_m, reader.gap_noise_fraction, reader.gap_missing_fraction, rng),
     )
-    return Eyes(told, modulus_pa, iop_pa, thickness_m, gap_m, size, _forces(reader, largest_n, rng))
+    tilt_rad, rotation_rad = (
+        np.where(plain, 0.0, angle.sample(rng, count)) for angle in (reader.tilt_rad, reader.rotation_rad)
+    )
+    force_n = _forces(reader, largest_n, rng)
+    return Eyes(told, modulus_pa, iop_pa, thickness_m, gap_m, size, tilt_rad, rotation_rad, force_n)
 
 
 def _moduli(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:

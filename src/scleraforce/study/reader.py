@@ -17,9 +17,11 @@ class ReaderStudy:
     """The reader's training: eyes, framing, what is known of an eye, the network and its descent.
 
     IOP is drawn with its logarithm evenly spread, all else evenly. Forces are even from 0 to `max_force_n`;
-    `small_force_share` of them are even from 0 to `small_force_n` instead. `size` is the eye's over the study's: radius,
-    wall and dent together. `rotation_rad` turns the section in its frame, `tilt_rad` the plane about its lateral axis.
-    `surface_depth_m` is the depth of the undeformed contact below the frame's top edge.
+    `small_force_share` of them are even from 0 to `small_force_n` instead. `size` is the eye's over the study's
+    (radius, wall and dent together). `rotation_rad` turns the section in its frame, `tilt_rad` the plane about its
+    lateral axis. `plain_share` of the samples have the study's size, no tilt and no rotation, as most frames have: a
+    network that met every tilt alike would be as unsure of all of them. `surface_depth_m` is the depth of the
+    undeformed contact below the frame's top edge.
 
     `boundary_errors`: times the errors that the segmentation of rendered frames makes.
 
@@ -40,11 +42,12 @@ class ReaderStudy:
     size: Sampled = quantity(Range(0.95, 1.05), None, 0.5, 2.0)
     tilt_rad: Sampled = quantity(Range(-5.0, 5.0), "deg", -45.0, 45.0)
     rotation_rad: Sampled = quantity(Range(-5.0, 5.0), "deg", -45.0, 45.0)
+    plain_share: float = quantity(0.5, None, 0.0, 1.0)
     boundary_errors: float = quantity(1.5, None, 0.0, 100.0)
     modulus_sd_fraction: Sampled = quantity(Range(0.5, 30.0), "percent", 0.01, 100.0)
     iop_noise_fraction: float = quantity(5.0, "percent", 0.0, 50.0)
-    thickness_noise_fraction: float = quantity(1.5, "percent", 0.0, 50.0)
-    gap_noise_fraction: float = quantity(5.0, "percent", 0.0, 50.0)
+    thickness_noise_fraction: float = quantity(2.0, "percent", 0.0, 50.0)
+    gap_noise_fraction: float = quantity(4.0, "percent", 0.0, 50.0)
     modulus_missing_fraction: float = quantity(5.0, "percent", 0.0, 100.0)
     iop_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
     thickness_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
