@@ -10,6 +10,7 @@ from analytic_library import RADIUS_M, analytic_library
 from scleraforce.reader.fit_prediction import (
     DEPTH,
     GAP,
+    INNER,
     IOP,
     LATERAL,
     MODULUS,
@@ -193,3 +194,24 @@ def test_too_few_columns_are_no_fit() -> None:
     depth = np.full((2, 256), np.nan)
     depth[0, :12] = 1e-3
     assert fit_boundaries(LIBRARY, LATERAL_M, depth, prior_of(Known(), RANGES)) is None
+
+
+def test_without_the_inner_boundary_the_outer_one_is_enough() -> None:
+    rng = np.random.default_rng(8)
+    truth = eye(1.5e-3)
+    depth = boundaries(truth, 6e-6, rng)
+    depth[1] = np.nan
+    fit = fitted(truth, depth)
+    assert fit.interval_n[0] < float(force_n(LIBRARY, truth[None])[0]) < fit.interval_n[1]
+
+
+def test_an_inner_boundary_that_is_another_layers_does_not_change_what_is_known_of_the_thickness() -> None:
+    rng = np.random.default_rng(9)
+    truth = eye(1.5e-3)
+    depth = boundaries(truth, 6e-6, rng)
+    sound = fitted(truth, depth)
+    depth[1] += 0.15e-3
+    fit = fitted(truth, depth)
+    assert abs(fit.force_n - sound.force_n) < 0.25 * (sound.interval_n[1] - sound.interval_n[0])
+    assert fit.unknown[THICKNESS] == pytest.approx(truth[THICKNESS], abs=15e-6)
+    assert fit.unknown[INNER] == pytest.approx(0.15e-3, abs=20e-6)
