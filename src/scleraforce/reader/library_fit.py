@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 
 COLUMNS = 110  # of each boundary that are fitted
 POINT_SD_M = np.array([5e-6, 9e-6])  # of the outer and the inner boundary along their normal
-CORRELATED_M = 1.2e-3  # so far apart two errors of a boundary are independent
+CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
 CAUCHY = 2.5  # standard deviations at which a column's weight is halved
 UNSEEN_LOSS = 3.0  # of a column that the wall does not reach: as one that is 4 CAUCHY off
 OUTLIER_SD = 8.0
@@ -54,8 +54,8 @@ INNER_CAUCHY = 2.0  # standard deviations: now and then another layer is taken f
 KNOWN_SD = {GAP: 30e-6, THICKNESS: 15e-6, IOP: 0.05}  # of what is stated
 # At a given dent a force goes as E t^2 IOP^(1/3), in the middle of the library (per power of E).
 FORCE_BY_LOG_THICKNESS, FORCE_BY_LOG_IOP = 2.0, 1.0 / 3.0
-MODEL_SD = 0.005  # relative, of the force: real walls against the library's
-MODEL_SD_N = 0.05e-3
+MODEL_SD = 0.01  # relative, of the force: real walls against the library's
+MODEL_SD_N = 0.1e-3
 STARTS = 2
 MOST_ITERATIONS = 20
 CONVERGED_SD = 0.05
