@@ -28,8 +28,10 @@ __all__ = ["train"]
               help="Study file whose [network] or [reader] to use; default: the data set's, the paper's.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def train(dataset_path: Path, out: Path, kind: str, search: bool, study_path: Path | None, as_json: bool) -> None:
-    """Train a network: the classifier on the simulated slices of DATASET, the
-    reader on the response library DATASET (of `scleraforce library`).
+    r"""Train a network on DATASET.
+
+    The classifier learns from a data set of `scleraforce generate`, the reader
+    from a response library of `scleraforce library`.
 
     Writes a model folder: model.onnx, study.toml, card.md and model.json with
     the curves of the training; a reader's has library.npz, too. The same data
