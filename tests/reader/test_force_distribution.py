@@ -38,7 +38,7 @@ def test_quantiles_and_classes_are_those_of_forces_drawn_from_the_histogram(hist
         np.testing.assert_allclose(classes[sample], counted, atol=0.005)
 
 
-def test_the_median_lies_in_the_class_that_has_more_than_half(histograms) -> None:
+def test_the_median_lies_in_the_class_that_has_more_than_half() -> None:
     many = np.random.default_rng(7).dirichlet(np.full(20, 0.2), size=500)
     found = force_distribution(many, EDGES_M2, np.full(500, 0.3e6))
     classes = class_probabilities(found, BOUNDS_N)

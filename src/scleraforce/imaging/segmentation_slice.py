@@ -41,7 +41,8 @@ def boundary_slice(
     outer_m, inner_m = boundary_depths(segmentation, scale, slice_study, refractive_index)
     depth_m = ((np.arange(slice_study.rows) + 0.5) * slice_study.pixel_m)[:, None]
     inside = (depth_m >= outer_m) & (depth_m < inner_m)  # NaN compares as False: no wall
-    return inside.astype(np.uint8) * np.uint8(255)
+    wall: NDArray[np.uint8] = inside.astype(np.uint8) * np.uint8(255)
+    return wall
 
 
 def boundary_depths(

@@ -47,7 +47,8 @@ def spread_load(mesh: MeridianMesh, spread: Callable[[Floats], Floats]) -> Float
 
 def _inward(mesh: MeridianMesh, nodes_en: Integers, amount_en: Floats) -> Floats:
     flat = 2 * nodes_en + 1
-    return -np.bincount(flat.ravel(), amount_en.ravel(), minlength=mesh.points_nc.size)
+    along = np.bincount(flat.ravel(), amount_en.ravel(), minlength=mesh.points_nc.size)
+    return np.asarray(-along, dtype=np.float64)
 
 
 class InnerBoundary:

@@ -61,7 +61,8 @@ class SolidOfRevolution:
         state = self._state(u)
         P = self._mu_ep[..., None] * state.F + (self._lambda_ep * state.log_ratio - self._mu_ep)[..., None] * state.H
         local_eN = (P.reshape(len(P), 1, -1) @ self._G.reshape(self._flat))[:, 0]
-        return np.bincount(self.unknowns_eN.ravel(), local_eN.ravel(), minlength=self._size)
+        forces = np.bincount(self.unknowns_eN.ravel(), local_eN.ravel(), minlength=self._size)
+        return np.asarray(forces, dtype=np.float64)
 
     def tangents(self, u: Floats) -> Floats:
         """Return the derivative of the forces of every element, (element, 18, 18).
