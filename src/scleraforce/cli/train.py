@@ -28,7 +28,7 @@ __all__ = ["train"]
               help="Study file whose [network] or [reader] to use; default: the data set's, the paper's.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def train(dataset_path: Path, out: Path, kind: str, search: bool, study_path: Path | None, as_json: bool) -> None:
-    r"""Train a network on DATASET.
+    """Train a network on DATASET.
 
     The classifier learns from a data set of `scleraforce generate`, the reader
     from a response library of `scleraforce library`.
@@ -37,9 +37,9 @@ def train(dataset_path: Path, out: Path, kind: str, search: bool, study_path: Pa
     the curves of the training; a reader's has library.npz, too. The same data
     and study give the same weights on the same machine.
 
-    \b
-    Examples: scleraforce train paper.zarr --out model
-              scleraforce train library.zarr --kind reader --out model
+    Example: scleraforce train paper.zarr --out model
+
+    Example: scleraforce train library.zarr --kind reader --out model
     """
     if kind == "reader":
         _train_reader(dataset_path, out, search, study_path, as_json)
