@@ -218,6 +218,7 @@ def test_a_calibration_is_recorded(tmp_path):
     partial_store(path, calibration=CalibratedModulus(MODULUS_PA, "linear", "eyes.json", "ab" * 32))
     assert zarr.open_group(path, mode="r").attrs["calibration"] == {
         "youngs_modulus_pa": MODULUS_PA,
+        "mechanics": "linear",
         "path": "eyes.json",
         "sha256": "ab" * 32,
     }
