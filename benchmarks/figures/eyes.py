@@ -11,7 +11,7 @@ from scleraforce.units import mmhg_to_pa
 
 __all__ = ["GROUPS", "FigureEye", "draw_eyes"]
 
-SEED = 402_026  # of the draws of this benchmark alone
+SEED = 20_261_121  # of the draws of this benchmark alone; those of 402_026 were looked at while the reader was made
 GROUPS = ("plain", "harder")
 FRAMES = 20
 CORE, RINGS = 8, 20  # of the mesh: tip displacements are within 1 % of those of one with twice the elements
