@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 
 BARELY_INSIDE = 1.0 - 1e-9
 ROUNDS = 40
+CALIBRATED_SD = 0.06  # relative: a modulus that is told as surer than this was calibrated on the eye itself
 TRUNCATED_SD = 2.5  # a told modulus is never farther off than this
 
 
@@ -106,13 +107,12 @@ def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.
         raise InputError("the library holds hardly any eye of [reader]; make one that covers its ranges")
     gap_m = reader.gap_m.sample(rng, count)
     largest_n = library.largest_force_ratio(thickness_m / size, iop_pa / modulus_pa) * modulus_pa * size**2
-    told = Told(
-        told_pa,
-        told_sd,
-        _told(iop_pa, reader.iop_noise_fraction, reader.iop_missing_fraction, rng),
-        _told(thickness_m, reader.thickness_noise_fraction, reader.thickness_missing_fraction, rng),
-        _told(gap_m, reader.gap_noise_fraction, reader.gap_missing_fraction, rng),
-    )
+    told_iop_pa = _told(iop_pa, reader.iop_noise_fraction, reader.iop_missing_fraction, rng)
+    told_thickness_m = _told(thickness_m, reader.thickness_noise_fraction, reader.thickness_missing_fraction, rng)
+    told_gap_m = _told(gap_m, reader.gap_noise_fraction, reader.gap_missing_fraction, rng)
+    calibrated = told_sd < CALIBRATED_SD
+    told_pa *= np.where(calibrated, _calibration_factor(told_thickness_m / thickness_m, told_iop_pa / iop_pa), 1.0)
+    told = Told(told_pa, told_sd, told_iop_pa, told_thickness_m, told_gap_m)
     tilt_rad, rotation_rad = (
         np.where(plain, 0.0, angle.sample(rng, count)) for angle in (reader.tilt_rad, reader.rotation_rad)
     )
@@ -131,6 +131,16 @@ def _moduli(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[
     missing = rng.random(count) < reader.modulus_missing_fraction
     own_pa = np.where(missing, middle_pa, middle_pa * (1.0 + sd * error))
     return np.where(missing, np.nan, middle_pa), np.where(missing, np.nan, sd), own_pa
+
+
+def _calibration_factor(thickness_factor: Floats, iop_factor: Floats) -> Floats:
+    """Return by how much a calibrated modulus is off where it was fitted with thickness and IOP that are off.
+
+    It is fitted to dents and forces, and at a given dent F goes as E t^2 IOP^(1/3) (docs/reader.md): so the product
+    stays. A factor is NaN where nothing was told.
+    """
+    t, p = (np.nan_to_num(factor, nan=1.0) for factor in (thickness_factor, iop_factor))
+    return 1.0 / (t**2 * np.cbrt(p))
 
 
 def _forces(reader: ReaderStudy, largest_n: Floats, rng: np.random.Generator) -> Floats:
