@@ -102,7 +102,7 @@ def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
     content = bytearray(chunk.read_bytes())
     content[100] ^= 1
     chunk.write_bytes(content)
-    with pytest.raises(InputError, match="curves: damaged"):
+    with pytest.raises(InputError, match="curves/c/2/3/0/0/0/0: damaged"):
         open_library(path)
     assert missing_units(path, plan_library(STUDY)) == [13]
     chunk.unlink()

@@ -1,7 +1,6 @@
-"""The data set on disk: a Zarr 3 group, every array checked by CRC-32C, written unit by unit, and resumable.
+"""The data set on disk, written unit by unit, resumable, every array checked (`checked_store`).
 
-The metadata of all samples is written first; a unit of work is one chunk of `slices`. Zarr writes a chunk to a
-temporary name and renames it, so a chunk that exists is whole, and a killed run still has to do what is missing.
+The metadata of all samples is written first; a unit of work is one chunk of `slices`.
 """
 
 from collections.abc import Mapping
@@ -13,11 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zarr
 from numpy.typing import NDArray
-from zarr.abc.codec import BytesBytesCodec
-from zarr.codecs import Crc32cCodec, ZstdCodec
+from zarr.codecs import ZstdCodec
 
+from scleraforce.checked_store import CheckedStore, create_array, is_readable
 from scleraforce.dataset.modulus import CalibratedModulus
 from scleraforce.dataset.plan import DatasetPlan
 from scleraforce.errors import DatasetError
@@ -25,7 +23,15 @@ from scleraforce.study import Study, format_study, parse_study, study_hash
 
 __all__ = ["Dataset", "complete_store", "create_store", "missing_units", "open_dataset", "write_unit"]
 
-SCHEMA = "scleraforce-dataset-1"
+STORE = CheckedStore(
+    noun="data set",
+    command="generate",
+    verb="generate",
+    schema="scleraforce-dataset-1",
+    required=frozenset({"complete", "study", "study_hash", "youngs_modulus_pa", "calibration", "versions"}),
+    same=("study_hash", "youngs_modulus_pa", "mechanics", "calibration", "versions"),
+    error=DatasetError,
+)
 SLICES = "slices"
 DTYPES = {
     "force_n": "float64",
@@ -91,7 +97,7 @@ class Dataset:
         Raises:
             DatasetError: there is no such array, or a part of it is missing or damaged.
         """
-        return _read(_array(_open_group(self.path), self.path, name), self.path / name)
+        return STORE.read(STORE.array(STORE.open_group(self.path), self.path, name), self.path / name)
 
 
 def open_dataset(path: Path) -> Dataset:
@@ -100,10 +106,8 @@ def open_dataset(path: Path) -> Dataset:
     Raises:
         DatasetError: nothing there, not a data set, not complete, or not consistent.
     """
-    group = _open_group(path)
-    attributes = _attributes(group, path)
-    if attributes["complete"] is not True:
-        raise DatasetError(f"{path}: not complete; the same `scleraforce generate` completes it")
+    group = STORE.open_group(path)
+    attributes = STORE.complete_attributes(group, path)
     study = parse_study(str(attributes["study"]), f"{path}: study")
     # Of the text as it was written: a later version may know more keys, and format the same study differently.
     if sha256(attributes["study"].encode()).hexdigest() != attributes["study_hash"]:
@@ -111,7 +115,10 @@ def open_dataset(path: Path) -> Dataset:
     images = sum(part.images for part in study.dataset.group)
     shapes = {SLICES: (images, study.slice.rows, study.slice.columns)} | dict.fromkeys(DTYPES, (images,))
     for name, shape in shapes.items():
-        _check_array(_array(group, path, name), shape, path / name)
+        array = STORE.whole_array(group, path, name)
+        dtype = DTYPES.get(name, "uint8")
+        if array.shape != shape or array.dtype != np.dtype(dtype):
+            raise DatasetError(f"{path / name}: {array.dtype} {array.shape}, expected {dtype} {shape}")
     return Dataset(path, study, float(attributes["youngs_modulus_pa"]), attributes)
 
 
@@ -128,25 +135,24 @@ def create_store(
     Raises:
         DatasetError: `path` holds something else, another run, or a complete data set.
     """
-    attributes = _describe(study, youngs_modulus_pa, calibration, mechanics)
-    group = _continued(path, attributes) if _occupied(path) else _create_group(path, attributes)
+    group = STORE.begin(path, _describe(study, youngs_modulus_pa, calibration, mechanics))
     for name, values in plan.columns.items():  # the same bytes each time, so a run killed right here does no harm
-        _create_array(group, name, values.shape, values.shape, [Crc32cCodec()])[:] = values
+        create_array(group, name, values.shape, values.shape, DTYPES[name])[:] = values
     if SLICES not in group:
         size = (study.slice.rows, study.slice.columns)
         chunk = (min(plan.unit_images, plan.images), *size)
-        _create_array(group, SLICES, (plan.images, *size), chunk, [ZstdCodec(level=3), Crc32cCodec()])
+        create_array(group, SLICES, (plan.images, *size), chunk, "uint8", ZstdCodec(level=3))
 
 
 def missing_units(path: Path, plan: DatasetPlan) -> list[int]:
     """Return the units of work whose slices are not in the store, or cannot be read there."""
-    slices = _array(_open_group(path), path, SLICES)
-    return [unit for unit in range(plan.units) if not (_chunk(path, unit).exists() and _readable(slices, plan, unit))]
+    slices, place = STORE.array(STORE.open_group(path), path, SLICES), path / SLICES
+    return [unit for unit in range(plan.units) if not is_readable(slices, place, (unit,), plan.unit(unit))]
 
 
 def write_unit(path: Path, plan: DatasetPlan, unit: int, images: NDArray[np.uint8]) -> None:
     """Write the slices of one unit of work, shape (samples of the unit, rows, columns)."""
-    slices = _array(zarr.open_group(path.absolute(), mode="r+", zarr_format=3), path, SLICES)
+    slices = STORE.array(STORE.open_group(path, "r+"), path, SLICES)
     slices.with_config({"write_empty_chunks": True})[plan.unit(unit)] = images  # what is missing is not done yet
 
 
@@ -158,9 +164,7 @@ def complete_store(path: Path, plan: DatasetPlan) -> None:
     """
     if missing := missing_units(path, plan):
         raise DatasetError(f"{path}: {len(missing)} of {plan.units} parts are missing; generate it again")
-    for leftover in path.rglob("*.partial"):
-        leftover.unlink(missing_ok=True)
-    zarr.open_group(path.absolute(), mode="r+", zarr_format=3).attrs["complete"] = True
+    STORE.finish(path)
 
 
 def _describe(
@@ -168,8 +172,6 @@ def _describe(
 ) -> dict[str, Any]:
     packages = ("scleraforce", "numpy", "scipy", "opencv-python-headless", "zarr")
     return {
-        "schema": SCHEMA,
-        "complete": False,
         "study": format_study(study),
         "study_hash": study_hash(study),
         "seed": study.dataset.seed,
@@ -178,118 +180,3 @@ def _describe(
         "calibration": asdict(calibration) if calibration else None,
         "versions": {name: version(name) for name in packages},
     }
-
-
-def _occupied(path: Path) -> bool:
-    """Whether something stands at `path`; an empty directory, or one with a killed run's temporary file, is free."""
-    if not path.exists():
-        return False
-    return not path.is_dir() or any(entry.suffix != ".partial" for entry in path.iterdir())
-
-
-def _create_group(path: Path, attributes: dict[str, Any]) -> zarr.Group:
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        return zarr.create_group(path.absolute(), zarr_format=3, attributes=attributes)
-    except OSError as fault:
-        raise DatasetError(f"{path}: {fault.strerror}") from fault
-
-
-def _continued(path: Path, attributes: Mapping[str, Any]) -> zarr.Group:
-    """Open the store of a killed run that the run of `attributes` may complete."""
-    try:
-        found = _attributes(_open_group(path), path)
-    except DatasetError as fault:
-        raise DatasetError(f"{path}: holds something else than a data set; choose another path") from fault
-    if found["complete"]:
-        raise DatasetError(f"{path}: a complete data set; remove it or choose another path")
-    for name in ("study_hash", "youngs_modulus_pa", "mechanics", "calibration", "versions"):
-        if found.get(name) != attributes[name]:
-            raise DatasetError(f"{path}: begun with another {name}; remove it or choose another path")
-    return zarr.open_group(path.absolute(), mode="r+", zarr_format=3)
-
-
-def _create_array(
-    group: zarr.Group, name: str, shape: tuple[int, ...], chunks: tuple[int, ...], codecs: list[BytesBytesCodec]
-) -> zarr.Array[Any]:
-    return group.create_array(
-        name,
-        shape=shape,
-        chunks=chunks,
-        dtype=DTYPES.get(name, "uint8"),
-        filters=None,
-        compressors=codecs,
-        config={"write_empty_chunks": True},
-        overwrite=True,
-    )
-
-
-def _open_group(path: Path) -> zarr.Group:
-    if not path.is_dir():
-        raise DatasetError(f"{path}: no such data set; `scleraforce generate --out {path}` makes one")
-    try:
-        return zarr.open_group(path.absolute(), mode="r", zarr_format=3)
-    except (OSError, ValueError, KeyError, TypeError) as fault:
-        raise DatasetError(f"{path}: not a data set of scleraforce: {fault}") from fault
-
-
-def _attributes(group: zarr.Group, path: Path) -> dict[str, Any]:
-    attributes = dict(group.attrs)
-    if attributes.get("schema") != SCHEMA:
-        raise DatasetError(f"{path}: schema {attributes.get('schema')!r}; this version reads {SCHEMA!r}")
-    wanted = {"complete", "study", "study_hash", "youngs_modulus_pa", "calibration", "versions"}
-    if missing := wanted - attributes.keys():
-        raise DatasetError(f"{path}: attributes {', '.join(sorted(missing))} are missing; generate it again")
-    return attributes
-
-
-def _array(group: zarr.Group, path: Path, name: str) -> zarr.Array[Any]:
-    try:
-        array = group[name]
-    except (OSError, ValueError, KeyError, TypeError) as fault:
-        raise DatasetError(f"{path / name}: the array is missing or its zarr.json is damaged") from fault
-    if not isinstance(array, zarr.Array):
-        raise DatasetError(f"{path / name}: not an array")
-    return array
-
-
-def _check_array(array: zarr.Array[Any], shape: tuple[int, ...], place: Path) -> None:
-    """Check shape, type, checksums and that no chunk is missing (Zarr would read it as zeros)."""
-    dtype = DTYPES.get(place.name, "uint8")
-    if array.shape != shape or array.dtype != np.dtype(dtype):
-        raise DatasetError(f"{place}: {array.dtype} {array.shape}, expected {dtype} {shape}")
-    if not any(isinstance(codec, Crc32cCodec) for codec in array.compressors):
-        raise DatasetError(f"{place}: without checksums; generate it again")
-    if array.nchunks_initialized != array.nchunks:
-        missing = array.nchunks - array.nchunks_initialized
-        raise DatasetError(f"{place}: {missing} of {array.nchunks} chunks are missing; generate it again")
-
-
-def _read(array: zarr.Array[Any], place: Path) -> NDArray[Any]:
-    try:
-        return np.asarray(array[:])
-    except Exception as fault:  # whatever a codec raises, the array cannot be read
-        raise DatasetError(f"{_damaged(array, place)}: damaged ({fault}); generate the data set again") from fault
-
-
-def _damaged(array: zarr.Array[Any], place: Path) -> Path:
-    """Return the file of the first chunk that cannot be read."""
-    for chunk in range(array.nchunks):
-        try:
-            array[chunk * array.chunks[0] : (chunk + 1) * array.chunks[0]]
-        except Exception:  # as above
-            return place.joinpath("c", str(chunk), *["0"] * (array.ndim - 1))
-    return place
-
-
-def _chunk(path: Path, unit: int) -> Path:
-    """File of a unit's chunk (Zarr 3 specification, default chunk keys)."""
-    return path / SLICES / "c" / str(unit) / "0" / "0"
-
-
-def _readable(slices: zarr.Array[Any], plan: DatasetPlan, unit: int) -> bool:
-    try:
-        slices[plan.unit(unit)]
-    except Exception:  # whatever a codec raises, the unit has to be made again
-        return False
-    return True
