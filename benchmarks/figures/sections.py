@@ -1,7 +1,6 @@
 """One virtual eye in three dimensions at finite strain: its load path, and what the B-scan plane sees of it."""
 
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from figures.eyes import FigureEye
@@ -13,9 +12,7 @@ from scleraforce.recording.virtual_eye import PhantomEye
 
 __all__ = ["ComputedEye", "compute_eye"]
 
-# Dents go no further: an eye that gives way before its largest force bears what it bears there. The next one is tried
-# where a wall that has lost its symmetry is not found beyond.
-DEEPEST_M = (7e-3, 6e-3, 5e-3)
+DEEPEST_M = 7e-3  # dents go no further: an eye that gives way before its largest force bears what it bears there
 ROOM = 1e-4  # of a force, below the end of the path
 
 
@@ -38,26 +35,28 @@ class ComputedEye:
 
 
 def compute_eye(drawn: FigureEye) -> ComputedEye:
-    """Compute an eye's path up to the study's largest force, or as far as the deepest dent that can be computed.
+    """Compute an eye's path up to the study's largest force, or as far as the deepest dent, or as it is found.
 
     Raises:
-        SolverError: no equilibrium was found on the way to the least deep of the dents that are tried.
+        SolverError: the path was found up to a force, but not once more.
     """
-    for deepest_m in DEEPEST_M[:-1]:
-        with suppress(SolverError):
-            return _computed(drawn, deepest_m)
-    return _computed(drawn, DEEPEST_M[-1])
+    max_force_n, shares = drawn.study.needle.max_force_n, [0.0]
+    try:
+        bent = _bent(drawn, max_force_n, shares.append)
+    except SolverError:  # a wall that has lost its symmetry: the path goes on somewhere else
+        bent = _bent(drawn, max(shares) * max_force_n * (1.0 - ROOM))
+    return ComputedEye(drawn.eye, bent, min(max_force_n, bent.path.max_force_n * (1.0 - ROOM)))
 
 
-def _computed(drawn: FigureEye, deepest_m: float) -> ComputedEye:
-    eye, max_force_n = drawn.eye, drawn.study.needle.max_force_n
-    bent = bend_eye(
+def _bent(drawn: FigureEye, max_force_n: float, progress: Callable[[float], object] | None = None) -> BentEye:
+    eye = drawn.eye
+    return bend_eye(
         drawn.study,
         eye.plane.contact,
         thickness_m=eye.thickness_m,
         youngs_modulus_pa=eye.youngs_modulus_pa,
         iop_pa=eye.iop_pa,
         max_force_n=max_force_n,
-        max_tip_m=deepest_m,
+        max_tip_m=DEEPEST_M,
+        progress=progress,
     )
-    return ComputedEye(eye, bent, min(max_force_n, bent.path.max_force_n * (1.0 - ROOM)))
