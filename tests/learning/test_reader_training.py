@@ -15,7 +15,7 @@ from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.learning.reader_draws import Source
 from scleraforce.learning.reader_graph import reader_onnx_bytes
-from scleraforce.learning.reader_network import ReaderNetwork, circle_depth
+from scleraforce.learning.reader_network import ReaderNetwork, circle_depth, histogram, log_density
 from scleraforce.learning.reader_train import train_reader
 from scleraforce.learning.reader_training import answer, fit_reader, measure, reader_loss
 from scleraforce.library.build import build_library
@@ -55,19 +55,30 @@ def test_the_features_of_a_column_are_its_wall_and_how_far_that_lies_below_the_c
     assert abs(circle_depth(SliceStudy(), 12e-3)[30] * 1e3 - CIRCLE_MM) < 1e-12
 
 
-def test_the_loss_is_likelihood_ranked_score_and_place_written_out() -> None:
+def test_the_loss_is_likelihood_and_place_written_out() -> None:
     rng = np.random.default_rng(2)
-    logits, places = rng.normal(size=(5, 7)), rng.normal(size=5)
-    bins, truth = rng.uniform(0.0, 7.0, 5), rng.normal(size=5)
+    mixtures, places = rng.normal(size=(5, 9)), rng.normal(size=5)
+    forces, truth = rng.uniform(0.0, 1.0, 5), rng.normal(size=5)
     expected = []
-    for row, place, at, true in zip(logits, places, bins, truth, strict=True):
-        shares = np.exp(row) / np.exp(row).sum()
-        score = sum((shares[: k + 1].sum() - np.clip(k + 1 - at, 0, 1)) ** 2 for k in range(7))
+    for row, place, force, true in zip(mixtures, places, forces, truth, strict=True):
+        weights = np.exp(row[:3]) / np.exp(row[:3]).sum()
+        z = (force - row[3:6]) / np.exp(np.clip(row[6:], -6.0, 1.0))
+        density = (weights / np.exp(np.clip(row[6:], -6.0, 1.0)) / (4.0 * np.cosh(z / 2.0) ** 2)).sum()
         off = abs(place - true)
-        huber = 0.5 * off**2 if off < 0.2 else 0.2 * (off - 0.1)
-        expected.append(-np.log(shares[int(at)]) + 0.1 * score + 2.0 * huber)
-    found = reader_loss(*(torch.tensor(values) for values in (logits, places, bins, truth)))
+        expected.append(-np.log(density) + 2.0 * (0.5 * off**2 if off < 0.2 else 0.2 * (off - 0.1)))
+    found = reader_loss(*(torch.tensor(values) for values in (mixtures, places, forces, truth)))
     assert abs(float(found) - np.mean(expected)) < 1e-6
+
+
+def test_the_histogram_is_the_mixture_s_density_summed_up() -> None:
+    mixture = torch.tensor([[0.3, -0.2, 0.5, 0.2, 0.5, 0.9, -3.0, -2.0, -4.0]], dtype=torch.float64)
+    found = histogram(mixture, 16).numpy()[0]
+    fine = np.linspace(0.0, 1.0, 16 * 400, endpoint=False) + 0.5 / (16 * 400)
+    density = torch.exp(log_density(mixture.repeat(len(fine), 1), torch.from_numpy(fine))).numpy()
+    summed = density.reshape(16, 400).mean(axis=1) / 16
+    np.testing.assert_allclose(found[1:-1], summed[1:-1], atol=1e-5)
+    assert abs(found.sum() - 1.0) < 1e-6
+    assert found[-1] > summed[-1]  # has all that lies beyond
 
 
 def test_onnx_runtime_answers_as_pytorch_does(source) -> None:
@@ -75,12 +86,12 @@ def test_onnx_runtime_answers_as_pytorch_does(source) -> None:
     net = network()
     with torch.inference_mode():
         wall = torch.from_numpy((samples.slices > 0).astype(np.float32))
-        logits, place_mm = net(wall, torch.from_numpy(samples.given))
-        expected = torch.softmax(logits, dim=1).numpy()
+        mixtures, place_mm = net(wall, torch.from_numpy(samples.given))
+        expected = histogram(mixtures, TINY.reader.bins).numpy()
     content = reader_onnx_bytes(net, 40, 140, {"seed": "7"})
     session = onnxruntime.InferenceSession(content)
-    histogram, contact_m = session.run(["histogram", "contact_m"], {"slices": samples.slices, "given": samples.given})
-    np.testing.assert_allclose(histogram, expected, atol=1e-5)
+    found, contact_m = session.run(["histogram", "contact_m"], {"slices": samples.slices, "given": samples.given})
+    np.testing.assert_allclose(found, expected, atol=1e-5)
     np.testing.assert_allclose(contact_m, 1e-3 * place_mm.numpy(), atol=1e-8)
     assert np.ptp(expected, axis=0).max() > 1e-3, "a network that answers always the same proves nothing"
     assert content == reader_onnx_bytes(net, 40, 140, {"seed": "7"})

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scleraforce.learning.framework import onnx, torch
 from scleraforce.learning.graph import constant, model_bytes, node
-from scleraforce.learning.reader_network import KERNEL, STRIDE, ReaderNetwork
+from scleraforce.learning.reader_network import KERNEL, SHARPNESS, STRIDE, ReaderNetwork, bin_ends
 from scleraforce.reader.given import GIVEN
 from scleraforce.reader.slice_network import CONTACT, HISTOGRAM, INPUTS
 
@@ -42,7 +42,6 @@ def reader_onnx_bytes(network: ReaderNetwork, rows: int, columns: int, provenanc
         "projection": _values(network.projection),
     }
     nodes = [*_features(), *_convolutions(network, constants), *_layers(network, constants)]
-    bins = network.histogram.out_features
     float32 = onnx.TensorProto.FLOAT
     graph = onnx.helper.make_graph(
         nodes,
@@ -52,7 +51,7 @@ def reader_onnx_bytes(network: ReaderNetwork, rows: int, columns: int, provenanc
             onnx.helper.make_tensor_value_info(TOLD, float32, ["n", len(GIVEN)]),
         ],
         [
-            onnx.helper.make_tensor_value_info(HISTOGRAM, float32, ["n", bins]),
+            onnx.helper.make_tensor_value_info(HISTOGRAM, float32, ["n", network.bins]),
             onnx.helper.make_tensor_value_info(CONTACT, float32, ["n"]),
         ],
         [constant(name, value) for name, value in constants.items()],
@@ -100,14 +99,43 @@ def _layers(network: ReaderNetwork, constants: dict[str, NDArray[Any]]) -> list[
         nodes += _linear(layer, f"joined{number}", f"linear{number}", constants)
         nodes.append(node("Relu", [f"linear{number}"], f"flat{number + 1}"))
     last = f"flat{len(network.hidden)}"
-    nodes += _linear(network.histogram, last, "logits", constants)
-    nodes.append(node("Softmax", ["logits"], HISTOGRAM, axis=1))
+    nodes += _linear(network.force, last, "mixture", constants)
+    nodes += _histogram(network.bins, constants)
     nodes += _linear(network.place, last, "place_mm", constants)
     nodes += [
         node("Mul", ["place_mm", "millimetre"], "place_m"),
         node("Squeeze", ["place_m", "second_axis"], CONTACT),
     ]
     return nodes
+
+
+def _histogram(bins: int, constants: dict[str, NDArray[Any]]) -> list[onnx.NodeProto]:
+    """`reader_network.histogram`, line by line."""
+    constants |= {
+        "bin_ends": bin_ends(bins)[None, None],
+        "sharpest": np.array(SHARPNESS[0], dtype=np.float32),
+        "bluntest": np.array(SHARPNESS[1], dtype=np.float32),
+        "third_axis": np.array([2], dtype=np.int64),
+        "begin": np.array([0], dtype=np.int64),
+        "second": np.array([1], dtype=np.int64),
+        "last": np.array([bins], dtype=np.int64),
+        "all": np.array([bins + 1], dtype=np.int64),
+    }
+    return [
+        node("Split", ["mixture"], ["weight_logits", "middle", "free_log_scale"], axis=1),
+        node("Softmax", ["weight_logits"], "weight", axis=1),
+        node("Clip", ["free_log_scale", "sharpest", "bluntest"], "log_scale"),
+        node("Exp", ["log_scale"], "scale"),
+        *(node("Unsqueeze", [name, "third_axis"], f"{name}_of_ends") for name in ("weight", "middle", "scale")),
+        node("Sub", ["bin_ends", "middle_of_ends"], "from_middle"),
+        node("Div", ["from_middle", "scale_of_ends"], "scaled"),
+        node("Sigmoid", ["scaled"], "below_each"),
+        node("Mul", ["weight_of_ends", "below_each"], "weighed"),
+        node("ReduceSum", ["weighed", "second_axis"], "below", keepdims=0),
+        node("Slice", ["below", "begin", "last", "second_axis"], "below_lower"),
+        node("Slice", ["below", "second", "all", "second_axis"], "below_upper"),
+        node("Sub", ["below_upper", "below_lower"], HISTOGRAM),
+    ]
 
 
 def _linear(

@@ -12,16 +12,33 @@ from scleraforce.learning.framework import torch
 from scleraforce.reader.given import GIVEN
 from scleraforce.study import ReaderStudy, SliceStudy
 
-__all__ = ["FEATURES", "KERNEL", "STRIDE", "ReaderNetwork", "circle_depth"]
+__all__ = [
+    "COMPONENTS",
+    "FEATURES",
+    "KERNEL",
+    "SHARPNESS",
+    "STRIDE",
+    "ReaderNetwork",
+    "bin_ends",
+    "circle_depth",
+    "histogram",
+    "log_density",
+]
 
 FEATURES = 3  # of a column: wall at all, amount of wall, mean depth below the circle
 KERNEL, STRIDE = 5, 2
 GIVEN_UNITS = 32
+COMPONENTS = 3  # of the mixture that the force is told by
+SHARPNESS = (-6.0, 1.0)  # least and largest logarithm of a component's scale, over the range of the histogram
+FAR = 1e4  # stands for the ends of the line, over the range of the histogram
 TYPICAL_WALL = 0.6e-3  # m: amounts and depths enter in such units, so that they are of order one
 
 
 class ReaderNetwork(torch.nn.Module):
-    """Histogram logits (sample, bin) and lateral place in mm (sample,) from slices and given values.
+    """A mixture of logistic distributions of the force's place, and the contact's place in mm (sample,).
+
+    The force's place is sqrt(x / max x), x = F/E: from 0 to 1 along the histogram. A few numbers say where the force is
+    and how sure that is; a network that has to say as much by the height of 128 bins learns slowly to be sure.
 
     `slices`: float, 0 or 1, shape (sample, row, column); `given`: shape (sample, len(GIVEN)).
     """
@@ -49,11 +66,15 @@ class ReaderNetwork(torch.nn.Module):
         self.hidden = torch.nn.ModuleList(
             torch.nn.Linear(widths[n] + GIVEN_UNITS, widths[n + 1]) for n in range(len(reader.hidden))
         )
-        self.histogram = torch.nn.Linear(widths[-1], reader.bins)
+        self.force = torch.nn.Linear(widths[-1], 3 * COMPONENTS)
+        with torch.no_grad():
+            middles = torch.linspace(0.3, 0.9, COMPONENTS)
+            self.force.bias[:] = torch.cat([torch.zeros(COMPONENTS), middles, torch.full((COMPONENTS,), -2.0)])
+        self.bins = reader.bins
         self.place = torch.nn.Linear(widths[-1], 1)
 
     def forward(self, slices: torch.Tensor, given: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return logits and lateral place."""
+        """Return mixtures (sample, 3 COMPONENTS): logits of weights, middles, log scales; and the contact's places."""
         signal = self.features(slices)
         for convolution in self.convolutions:
             signal = torch.relu(convolution(signal))
@@ -61,7 +82,7 @@ class ReaderNetwork(torch.nn.Module):
         signal = signal.flatten(1)
         for layer in self.hidden:
             signal = torch.relu(layer(torch.cat([signal, known], dim=1)))
-        return self.histogram(signal), self.place(signal)[:, 0]
+        return self.force(signal), self.place(signal)[:, 0]
 
     def features(self, slices: torch.Tensor) -> torch.Tensor:
         """Return the numbers that say what a column shows (sample, FEATURES, column)."""
@@ -69,6 +90,36 @@ class ReaderNetwork(torch.nn.Module):
         there = amount.clamp(max=1.0)
         below_circle = moment / amount.clamp(min=1.0) - self.circle * there
         return torch.stack([there, amount * self.wall_unit - there, below_circle], dim=1)
+
+
+def log_density(mixture: torch.Tensor, place: torch.Tensor) -> torch.Tensor:
+    """Return the logarithm of a mixture's density at places (sample,)."""
+    weight, middle, log_scale = parts(mixture)
+    z = (place[:, None] - middle) * torch.exp(-log_scale)
+    each = torch.nn.functional.logsigmoid(z) + torch.nn.functional.logsigmoid(-z) - log_scale
+    return torch.logsumexp(torch.log_softmax(weight, dim=1) + each, dim=1)
+
+
+def histogram(mixture: torch.Tensor, bins: int) -> torch.Tensor:
+    """Return the mixture's share in each bin (sample, bin); the end bins have all that lies beyond."""
+    weight, middle, log_scale = parts(mixture)
+    ends = torch.from_numpy(bin_ends(bins))
+    below = torch.sigmoid((ends - middle[:, :, None]) * torch.exp(-log_scale)[:, :, None])
+    shares = (torch.softmax(weight, dim=1)[:, :, None] * below).sum(dim=1)
+    return shares[:, 1:] - shares[:, :-1]
+
+
+def parts(mixture: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Return logits of the weights, middles and log scales, each (sample, COMPONENTS)."""
+    weight, middle, log_scale = torch.split(mixture, COMPONENTS, dim=1)
+    return weight, middle, log_scale.clamp(*SHARPNESS)
+
+
+def bin_ends(bins: int) -> NDArray[np.float32]:
+    """Return the places of the bins' ends (bins + 1,); the first and the last are far away."""
+    ends = np.linspace(0.0, 1.0, bins + 1, dtype=np.float32)
+    ends[[0, -1]] = -FAR, FAR
+    return ends
 
 
 def circle_depth(slice_study: SliceStudy, radius_m: float) -> NDArray[np.float64]:

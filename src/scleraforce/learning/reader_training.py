@@ -1,9 +1,8 @@
 """Gradient descent for the reader, on samples that are drawn afresh for every epoch.
 
-The loss is the negative log-likelihood of the force's bin, plus a little of the continuous ranked probability score
-(Gneiting and Raftery, "Strictly proper scoring rules", 2007, sec. 4.2), which tells early in the descent whether a
-wrong bin is a near one. Both are proper: the least loss is the true distribution of the force given what the network
-sees. Plus Huber's loss of the contact's place. The optimiser is AdamW with a warm-up and a cosine.
+The loss is the negative log-likelihood of the force, a proper score (Gneiting and Raftery, "Strictly proper scoring
+rules", 2007): least for the true distribution of the force given what the network sees. Plus Huber's loss of the
+contact's place. The optimiser is AdamW with a warm-up and a cosine.
 """
 
 from collections.abc import Callable
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from scleraforce.errors import SolverError
 from scleraforce.learning.framework import torch
 from scleraforce.learning.reader_draws import CHUNK, Source, chunks_ahead
-from scleraforce.learning.reader_network import ReaderNetwork
+from scleraforce.learning.reader_network import ReaderNetwork, histogram, log_density
 from scleraforce.learning.reader_samples import ReaderSamples
 from scleraforce.learning.training import learning_rate, repeatable
 from scleraforce.reader.force_distribution import ForceDistribution, force_distribution, ratio_edges
@@ -28,18 +27,17 @@ __all__ = ["Answers", "FittedReader", "ReaderCurves", "ReaderMetrics", "fit_read
 Floats = NDArray[np.float64]
 
 THREADS = 1  # the other cores draw samples; more threads would also sum in another order
-SCORE_WEIGHT = 0.1  # of the ranked probability score
 PLACE_WEIGHT, PLACE_KNEE_MM = 2.0, 0.2
 VALIDATION_CHUNK = 2**31  # numbers from here on are chunks of the validation set
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Samples as tensors: slices (0 or 1), given values, place of the force among the bins, place in mm."""
+    """Samples as tensors: slices (0 or 1), given values, place of the force in the histogram, contact's place in mm."""
 
     slices: torch.Tensor
     given: torch.Tensor
-    bin: torch.Tensor
+    force: torch.Tensor
     place_mm: torch.Tensor
 
 
@@ -158,31 +156,25 @@ def answer(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy) 
     batch = _batch(samples, reader)
     with torch.inference_mode():
         parts = [network(batch.slices[i], batch.given[i]) for i in torch.split(torch.arange(len(samples)), 512)]
-    logits, places = (torch.cat(values) for values in zip(*parts, strict=True))
+    mixtures, places = (torch.cat(values) for values in zip(*parts, strict=True))
     edges = ratio_edges(reader.bins, reader.max_force_ratio)
-    probabilities = torch.softmax(logits, dim=1).double().numpy()
+    probabilities = histogram(mixtures, reader.bins).double().numpy()
     return Answers(force_distribution(probabilities, edges, samples.modulus_pa), 1e-3 * places.double().numpy())
 
 
 def reader_loss(
-    logits: torch.Tensor, places_mm: torch.Tensor, batch_bin: torch.Tensor, batch_place_mm: torch.Tensor
+    mixtures: torch.Tensor, places_mm: torch.Tensor, force: torch.Tensor, true_place_mm: torch.Tensor
 ) -> torch.Tensor:
     """Return the mean loss.
 
     Args:
-        logits: of the histogram (sample, bin).
+        mixtures: of the force (sample, 3 COMPONENTS).
         places_mm: of the contact, as read (sample,).
-        batch_bin: true place of the force among the bins (sample,): its whole part is its bin.
-        batch_place_mm: true place of the contact (sample,).
+        force: true place of the force in the histogram, 0 to 1 (sample,).
+        true_place_mm: of the contact (sample,).
     """
-    log_shares = torch.log_softmax(logits, dim=1)
-    likelihood = log_shares.gather(1, batch_bin.long()[:, None]).mean()
-    below = log_shares.exp().cumsum(dim=1)
-    ends = torch.arange(1, logits.shape[1] + 1)
-    true_below = (ends - batch_bin[:, None]).clamp(0.0, 1.0)
-    score = (below - true_below).square().sum(dim=1).mean()
-    place = torch.nn.functional.huber_loss(places_mm, batch_place_mm, delta=PLACE_KNEE_MM)
-    return SCORE_WEIGHT * score + PLACE_WEIGHT * place - likelihood
+    place = torch.nn.functional.huber_loss(places_mm, true_place_mm, delta=PLACE_KNEE_MM)
+    return PLACE_WEIGHT * place - log_density(mixtures, force).mean()
 
 
 class _Descent:
@@ -202,8 +194,8 @@ class _Descent:
         for index in torch.split(torch.arange(len(samples)), self._reader.batch_size):
             for group in self._optimiser.param_groups:
                 group["lr"] = learning_rate(self._reader, self._step, self._steps)
-            logits, places = self._network(batch.slices[index], batch.given[index])
-            loss = reader_loss(logits, places, batch.bin[index], batch.place_mm[index])
+            mixtures, places = self._network(batch.slices[index], batch.given[index])
+            loss = reader_loss(mixtures, places, batch.force[index], batch.place_mm[index])
             self._optimiser.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]  # PyTorch does not annotate it
             torch.nn.utils.clip_grad_norm_(self._network.parameters(), self._reader.max_gradient_norm)
@@ -215,10 +207,9 @@ class _Descent:
 
 def _batch(samples: ReaderSamples, reader: ReaderStudy) -> Batch:
     share = samples.force_n / samples.modulus_pa / reader.max_force_ratio
-    place = np.minimum(np.sqrt(share) * reader.bins, reader.bins * (1.0 - 1e-6))  # the edges' inverse
     return Batch(
         torch.from_numpy((samples.slices > 0).astype(np.float32)),
         torch.from_numpy(samples.given),
-        torch.from_numpy(place.astype(np.float32)),
+        torch.from_numpy(np.sqrt(share).astype(np.float32)),
         torch.from_numpy((1e3 * samples.lateral_m).astype(np.float32)),
     )
