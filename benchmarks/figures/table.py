@@ -36,7 +36,7 @@ class GroupResult:
     """All that was found on a group of eyes.
 
     `deep` of its frames leave the window, the force log puts `mislabelled` into another class than the truth, and
-    `capped` of its eyes give way.
+    the load path of `capped` of its eyes ends before the largest force.
     """
 
     group: str
@@ -70,7 +70,7 @@ def _group(result: GroupResult) -> list[str]:
     title = f"**{result.group.capitalize()} eyes**: {result.eyes} eyes, {result.frames} frames"
     title += f"; in {result.deep} the dent leaves the window, and {result.mislabelled} are in another class by the log"
     if result.capped:
-        title += f"; eyes that give way before 60 mN, and were pushed up to what they bear: {result.capped}"
+        title += f"; {result.capped} eyes are pushed with less than 60 mN, as far as their path goes"
     rows = [[method.title, *_cells(scores)] for method, scores in result.scores.items()]
     return [f"{title}.", "", *_table(["", *COLUMNS], [["asked for", *ASKED[result.group]], *rows])]
 
