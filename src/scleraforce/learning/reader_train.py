@@ -26,7 +26,7 @@ from scleraforce.units import n_to_mn
 
 __all__ = ["TrainedReader", "train_reader"]
 
-DEFAULT_METHOD = "fit"  # on 24 virtual eyes that neither has seen: 0.65 mN off, the network 0.80 (docs/figures.md)
+DEFAULT_METHOD = "fit"  # nearer to the true force than the network on virtual eyes (docs/figures.md)
 
 
 @dataclass(frozen=True)
