@@ -10,7 +10,7 @@ from scleraforce.errors import InputError, RecordingError
 from scleraforce.imaging.plane import Section
 from scleraforce.recording.files import read_recording
 from scleraforce.recording.labels import label_frames
-from scleraforce.recording.phantom import plan_phantom, render_frame, write_phantom
+from scleraforce.recording.phantom import plan_phantom, render_frame, true_forces, write_phantom
 from scleraforce.recording.virtual_eye import PhantomEye, linear_sections, paper_eyes
 from scleraforce.study import MeshStudy, OctStudy, Study, format_study
 
@@ -178,3 +178,14 @@ def test_command_writes_a_recording_and_prints_json(tmp_path, capsys):
     assert "exists already" in capsys.readouterr().err
     assert run(["phantom", "--out", str(tmp_path / "x"), "--forces-mn", "many"]) == 2
     assert "'many' is not a list of forces in mN" in capsys.readouterr().err
+    true = true_forces(out)
+    assert list(true) == ["0001.png", "0002.png"]
+    assert list(true.values()) == pytest.approx([30e-3, 2e-3], rel=1e-9)
+
+
+@pytest.mark.parametrize("content", [None, "{", "[]", '{"frames": [{"file": "0001.png"}]}'])
+def test_a_truth_that_is_missing_or_broken_is_one_clear_line(tmp_path, content):
+    if content is not None:
+        (tmp_path / "truth.json").write_text(content)
+    with pytest.raises(RecordingError, match=r"truth\.json: "):
+        true_forces(tmp_path)

@@ -29,7 +29,7 @@ from scleraforce.recording.virtual_eye import PhantomEye, SectionsAt
 from scleraforce.study import Study, draw, study_hash
 from scleraforce.study.toml import format_record
 
-__all__ = ["PhantomFrame", "PhantomPlan", "plan_phantom", "write_phantom"]
+__all__ = ["PhantomFrame", "PhantomPlan", "plan_phantom", "true_forces", "write_phantom"]
 
 AXIS, CONTACT_SIGN = "fz", -1
 TAIL_S = 1.5  # of the log, after the last push
@@ -140,6 +140,22 @@ def write_phantom(
         raise RecordingError(f"{fault.filename or out}: {fault.strerror}") from fault
     finally:
         shutil.rmtree(partial, ignore_errors=True)
+
+
+def true_forces(recording: Path) -> dict[str, float]:
+    """Return the true force at each frame of a virtual acquisition, N, by the frame's file.
+
+    Raises:
+        RecordingError: the recording has no `truth.json`, or it cannot be read.
+    """
+    path = recording / "truth.json"
+    try:
+        frames = json.loads(path.read_text(encoding="utf-8"))["frames"]
+        return {frame["file"]: float(frame["force_n"]) for frame in frames}
+    except OSError as fault:
+        raise RecordingError(f"{path}: {fault.strerror}; virtual acquisitions have it") from fault
+    except (ValueError, KeyError, TypeError) as fault:
+        raise RecordingError(f"{path}: not the truth of a virtual acquisition: {fault}") from fault
 
 
 def _write_tables(folder: Path, plan: PhantomPlan, study: Study) -> None:

@@ -12,6 +12,8 @@ from scleraforce.imaging.plane import Section
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+from scleraforce.reader.metrics import ForceTrial, coverage, mean_absolute_error
+from scleraforce.recording.phantom import true_forces
 from scleraforce.recording.virtual_eye import PhantomEye, linear_sections
 from scleraforce.report.answered_frame import AnsweredFrame, look_at
 from scleraforce.report.bent import CALIBRATED, CALIBRATION_FORCES_N, bent_trials, run_library
@@ -62,7 +64,7 @@ def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callabl
 
 
 def _comparison(paper: Evaluation, reader: Evaluation) -> Html:
-    both = (paper, reader)
+    both, true = (paper, reader), _against_truth(reader)
     rows: list[list[object]] = [
         ["trials read right", *(share(one.accuracy) for one in both)],
         ["the same, of the usable ones", *(share(one.usable.accuracy) for one in both)],
@@ -70,10 +72,26 @@ def _comparison(paper: Evaluation, reader: Evaluation) -> Html:
         ["dangerous forces read as harmless (2 as 0)", *(int(one.confusion[-1, 0]) for one in both)],
         ["trials not usable, which count as class 2", *(len(one.scored) - len(one.usable.scored) for one in both)],
         ["mean error of the force in mN", *(_number(n_to_mn(one.mae_n)) for one in both)],
+        ["the same against the true force", NOTHING, _number(n_to_mn(mean_absolute_error(true)))],
         ["forces within their 90 % interval", *(share(one.coverage) for one in both)],
+        ["true forces within it", NOTHING, share(coverage(true))],
     ]
-    caption = f"The same {len(reader.scored)} trials, read in two ways; in brackets the 95 % Wilson interval."
+    caption = (
+        f"The same {len(reader.scored)} trials, read in two ways; in brackets the 95 % Wilson interval. Forces are those "
+        "of the force log, whose labels are noisy and drift over the minutes of a recording; of virtual eyes the true "
+        "ones are known, too."
+    )
     return table(["", "the paper's method", "the force reader"], rows, caption)
+
+
+def _against_truth(reader: Evaluation) -> list[ForceTrial]:
+    """Return the forces that were read beside the true ones."""
+    true = {path: true_forces(Path(path)) for path in {frame.recording for frame in reader.scored}}
+    return [
+        ForceTrial(true[frame.recording][frame.file], frame.predicted_force_n, frame.interval_n)
+        for frame in reader.scored
+        if frame.predicted_force_n is not None and frame.interval_n is not None
+    ]
 
 
 def _moduli(run: Run) -> Html:

@@ -75,7 +75,7 @@ def laid_on_surface(
 @styled
 def draw_walls(frames: Sequence[FrameWithWalls]) -> Figure:
     """Draw each frame bare and, below, with the computed walls; the walls have the same names in all frames."""
-    figure = Figure(figsize=inches(170, 62))
+    figure = Figure(figsize=inches(170, 52))
     grid = figure.subplots(2, len(frames), squeeze=False, sharex="col", sharey="col")
     for column, shown in enumerate(frames):
         width_mm, depth_mm = 1e3 * shown.extent_m[0], 1e3 * shown.extent_m[1]
