@@ -77,9 +77,9 @@ def _comparison(paper: Evaluation, reader: Evaluation) -> Html:
         ["true forces within it", NOTHING, share(coverage(true))],
     ]
     caption = (
-        f"The same {len(reader.scored)} trials, read in two ways; in brackets the 95 % Wilson interval. Forces are those "
-        "of the force log, whose labels are noisy and drift over the minutes of a recording; of virtual eyes the true "
-        "ones are known, too."
+        f"The same {len(reader.scored)} trials, read in two ways; in brackets the 95 % Wilson interval. Forces are "
+        "those of the force log, whose labels are noisy and drift over the minutes of a recording; of virtual eyes "
+        "the true ones are known, too."
     )
     return table(["", "the paper's method", "the force reader"], rows, caption)
 
