@@ -132,7 +132,7 @@ def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only(module: str) -> No
 
 def test_the_page_on_the_architecture_names_every_module_and_no_other() -> None:
     page = (Path(__file__).parents[1] / "docs" / "architecture.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `(\w+)` \| (.*) \|$", page, flags=re.MULTILINE)
+    rows = re.findall(r"^\| `([\w.]+)` \| (.*) \|$", page, flags=re.MULTILINE)
     stated = {f"{name}.{module}" for name, modules in rows for module in re.findall(r"`(\w+)`", modules)}
     found = {dotted(path) for path in MODULES if path.name != "__init__.py" and "." in dotted(path)}
     commands = {f"cli.{name.replace('-', '_')}" for name in COMMANDS}

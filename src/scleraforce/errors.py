@@ -9,7 +9,8 @@
     │   ├── FrameError           one image file
     │   ├── DatasetError         a generated data set
     │   ├── CalibrationError     a calibration file, or recordings that cannot be calibrated on
-    │   └── ModelError           a model folder
+    │   ├── ModelError           a model folder
+    │   └── ProtocolError        a peer's bytes, or what cannot be said to it (OpenIGTLink)
     └── SolverError              a numerical method failed: exit code 1
 
 A message is one line: where (file and field), what was found, what would do.
@@ -21,6 +22,7 @@ __all__ = [
     "FrameError",
     "InputError",
     "ModelError",
+    "ProtocolError",
     "RecordingError",
     "ScleraforceError",
     "SolverError",
@@ -58,6 +60,10 @@ class CalibrationError(InputError):
 
 class ModelError(InputError):
     """A model folder cannot be used."""
+
+
+class ProtocolError(InputError):
+    """Bytes of a peer that are not the protocol, or a message that the protocol cannot carry."""
 
 
 class SolverError(ScleraforceError):

@@ -1,0 +1,1 @@
+"""The monitor on the network: what robots, viewers and people talk to."""
