@@ -17,7 +17,7 @@ MASK = (1 << 64) - 1
 LANES = 1024  # at most, so that a step stays in the first cache
 WORD_BYTES = 8
 # Longer lanes put fewer remainders together, but take more steps: (lane bytes, from this many bytes on).
-LANE_BYTES = ((512, 128 * 1024), (64, 8 * LANES), (WORD_BYTES, 0))
+LANE_BYTES = ((512, 128 * 1024), (128, 8 * LANES), (WORD_BYTES, 0))
 
 Words = NDArray[np.uint64]
 
