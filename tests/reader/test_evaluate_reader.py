@@ -182,3 +182,12 @@ def test_classify_withdraws_from_an_eye_that_it_was_not_made_for(places, capsys)
     (entry,) = json.loads(capsys.readouterr().out)["frames"]
     assert (entry["usable"], entry["predicted"], entry["predicted_force_mn"]) == (False, 2, None)
     assert entry["reason"].startswith("IOP 30 mmHg")
+
+
+@pytest.mark.parametrize("option", ["--youngs-modulus-mpa", "--iop-mmhg", "--thickness-um", "--gap-mm"])
+def test_classify_refuses_what_is_not_a_number(places, capsys, option: str) -> None:
+    frame = str(places["mine"] / "frames" / "0.png")
+    assert run(["classify", str(places["model"]), frame, "--json", option, "nan"]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err == f"error: {option}: nan is not a finite number; leave it out where it is not known\n"

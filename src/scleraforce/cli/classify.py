@@ -1,11 +1,13 @@
 """`scleraforce classify`: the force class of single frames, and with a model of kind "reader" the force."""
 
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.errors import InputError
 from scleraforce.units import mmhg_to_pa, n_to_mn
 
 if TYPE_CHECKING:
@@ -84,6 +86,11 @@ def _known(
 ) -> "Known":
     from scleraforce.reader.known import Known, Modulus
 
+    given = {"youngs-modulus-mpa": youngs_modulus_mpa, "iop-mmhg": iop_mmhg, "thickness-um": thickness_um,
+             "gap-mm": gap_mm}  # fmt: skip
+    for name, value in given.items():
+        if value is not None and not isfinite(value):
+            raise InputError(f"--{name}: {value} is not a finite number; leave it out where it is not known")
     return Known(
         None if youngs_modulus_mpa is None else Modulus.stated(youngs_modulus_mpa * 1e6),
         None if iop_mmhg is None else mmhg_to_pa(iop_mmhg),
