@@ -1,0 +1,286 @@
+"""The decision: a state, an event and the limits give the next state and what the robot is told."""
+
+from dataclasses import dataclass, replace
+from math import isfinite
+from typing import assert_never
+
+from scleraforce.monitor.causes import Cause
+from scleraforce.monitor.events import BadImage, ChecksumError, Event, Failure, FrameRead, QueueLoss, Reset, Tick
+from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.monitor.rate import risen_force
+from scleraforce.monitor.transitions import TRANSITIONS, Signal, State
+
+__all__ = ["Decision", "MonitorState", "decide"]
+
+PROBABILITY_SLACK = 1e-3  # single precision, summed
+
+
+@dataclass(frozen=True)
+class MonitorState:
+    """All that the monitor remembers; a few dozen numbers, whatever it has met.
+
+    `cause` and `reason` are those of the first cause of a withdrawal, kept until the reset. `history` has (time, force)
+    of the last frames whose numbers are sound, `losses` (time, frames) of those lost within the window, `lost` all that
+    were lost since the start, `lost_in_row` those since the last frame. `fresh` counts the harmless frames in a row.
+    """
+
+    state: State = State.NOT_READY
+    cause: Cause | None = None
+    reason: str = "no good frame yet"
+    at_s: float | None = None
+    frame: FrameRead | None = None
+    size: tuple[int, int] | None = None
+    scale_m: tuple[float, float] | None = None
+    repeats: int = 0
+    touched: bool = False
+    unusable: int = 0
+    history: tuple[tuple[float, float], ...] = ()
+    losses: tuple[tuple[float, int], ...] = ()
+    lost: int = 0
+    lost_in_row: int = 0
+    fresh: int = 0
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What the robot is told: `code` and `sub_code` of the STATUS, and its `message`."""
+
+    state: State
+    cause: Cause | None
+    message: str
+    code: int
+    sub_code: int
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What an event means; `cause` only with an alarm."""
+
+    signal: Signal
+    reason: str
+    cause: Cause | None = None
+
+
+QUIET = Finding(Signal.QUIET, "")
+
+
+def decide(state: MonitorState, event: Event, limits: MonitorLimits) -> tuple[MonitorState, Decision]:
+    """Return the next state and what the robot is told.
+
+    Never raises: what goes wrong in here is a cause of a withdrawal like any other.
+
+    Args:
+        state: what is remembered; `MonitorState()` at the start.
+        event: what happened, with its time.
+        limits: beyond which to withdraw.
+
+    >>> _, decision = decide(MonitorState(), Tick(0.0), MonitorLimits())
+    >>> decision.code, decision.message
+    (13, 'NOT_READY: no good frame yet')
+    """
+    try:
+        remembered = _remember(state, event, limits)
+        finding = _clock(state, event, limits) or _meaning(state, remembered, event, limits)
+    except Exception as error:  # any doubt ends in a withdrawal, an event that is none included
+        remembered = state
+        finding = _alarm(Cause.EXCEPTION, f"{type(error).__name__}: {error}")
+    moved = _move(remembered, finding, limits)
+    return moved, _decision(moved, finding)
+
+
+def _alarm(cause: Cause, reason: str) -> Finding:
+    return Finding(Signal.ALARM, reason, cause)
+
+
+def _remember(state: MonitorState, event: Event, limits: MonitorLimits) -> MonitorState:
+    """Take up what an event brings, whatever it will mean."""
+    at_s = max(event.at_s, state.at_s or event.at_s) if isfinite(event.at_s) else state.at_s
+    state = replace(state, at_s=at_s)
+    if isinstance(event, QueueLoss):
+        recent = tuple(loss for loss in state.losses if event.at_s - loss[0] < limits.loss_window_s)
+        losses = (*recent, (event.at_s, event.lost))[-limits.losses_in_window - 1 :]
+        return replace(
+            state, losses=losses, lost=state.lost + event.lost, lost_in_row=state.lost_in_row + event.lost
+        )  # fmt: skip
+    return _remember_frame(state, event, limits) if isinstance(event, FrameRead) else state
+
+
+def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
+    same = state.frame is not None and state.frame.digest == frame.digest
+    state = replace(
+        state,
+        frame=frame,
+        size=limits.size or state.size or frame.size,
+        scale_m=limits.scale_m or state.scale_m or frame.scale_m,
+        repeats=state.repeats + 1 if same else 1,
+        unusable=0 if frame.usable else state.unusable + 1,
+        lost_in_row=0,
+    )
+    if not frame.usable or _not_numbers(frame, limits):
+        return state
+    state = replace(state, touched=state.touched or _touches(frame, limits))
+    if frame.force_n is None:
+        return state
+    return replace(state, history=(*state.history, (frame.at_s, frame.force_n))[-limits.rate_frames :])
+
+
+def _clock(state: MonitorState, event: Event, limits: MonitorLimits) -> Finding | None:
+    """Hold an event's time against what came before: is it one, does it go on, was there silence?"""
+    if not isfinite(event.at_s):
+        return _alarm(Cause.NO_NUMBER, f"the time of an event is {event.at_s}")
+    if state.at_s is not None and event.at_s < state.at_s:
+        return _alarm(Cause.OUT_OF_ORDER, f"time went back by {(state.at_s - event.at_s) * 1e3:.1f} ms")
+    silent_s = event.at_s - state.frame.at_s if state.frame else 0.0
+    if state.state is not State.NOT_READY and not silent_s < limits.silence_s:
+        if state.state is State.WITHDRAW and isinstance(event, Reset):
+            return None  # refused, with its reason
+        return _alarm(Cause.SILENCE, f"no frame for {silent_s * 1e3:.0f} ms")
+    return None
+
+
+def _meaning(before: MonitorState, now: MonitorState, event: Event, limits: MonitorLimits) -> Finding:
+    match event:
+        case FrameRead():
+            return _transport(before, now, event, limits) or _reading(now, event, limits)
+        case Tick():
+            return QUIET
+        case ChecksumError():
+            return _alarm(Cause.CHECKSUM, event.detail)
+        case Failure():
+            return _alarm(Cause.EXCEPTION, event.detail)
+        case BadImage():
+            return _alarm(Cause.BAD_IMAGE, event.detail)
+        case QueueLoss():
+            return _loss(now, event, limits)
+        case Reset():
+            return _reset(now, event, limits)
+        case _:
+            assert_never(event)
+
+
+def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Finding | None:
+    """Return what is wrong with how a frame came: its order, its size, its scale, its novelty."""
+    if before.frame is not None and not frame.frame_id > before.frame.frame_id:
+        return _alarm(Cause.OUT_OF_ORDER, f"frame {frame.frame_id} after {before.frame.frame_id}")
+    if frame.size != now.size:
+        return _alarm(Cause.SIZE, f"a frame of {frame.size} pixels, not {now.size}")
+    if now.scale_m is None or not all(
+        isfinite(found) and found > 0 and abs(found - stated) <= limits.scale_tolerance * stated
+        for found, stated in zip(frame.scale_m, now.scale_m, strict=True)
+    ):
+        return _alarm(Cause.SCALE, f"pixels of {frame.scale_m} m, not {now.scale_m} m")
+    if now.repeats >= limits.frozen_frames:
+        return _alarm(Cause.FROZEN, f"the same picture {now.repeats} times")
+    return None
+
+
+def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Finding:
+    """Return what a frame's reading means."""
+    wrong = _not_numbers(frame, limits)
+    if wrong:
+        return _alarm(Cause.NO_NUMBER, wrong)
+    if not frame.usable:
+        return _unusable(now, frame, limits)
+    if frame.predicted >= limits.withdraw_class:
+        return _alarm(Cause.DANGEROUS_CLASS, f"class {frame.predicted}")
+    if frame.force_n is None or frame.interval_n is None:
+        return Finding(Signal.HARMLESS, "")
+    upper_n = max(frame.force_n, frame.interval_n[1])
+    if upper_n >= limits.bound_n:
+        return _alarm(Cause.BOUND, f"up to {upper_n * 1e3:.1f} mN, the bound is {limits.bound_n * 1e3:.1f} mN")
+    risen_n = risen_force(now.history, limits.reaction_s, limits.rate_deviations)
+    if risen_n is not None and risen_n + upper_n - frame.force_n >= limits.bound_n:
+        return _alarm(Cause.RISING, f"the bound is reached within {limits.reaction_s * 1e3:.0f} ms")
+    return Finding(Signal.HARMLESS, "")
+
+
+def _unusable(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Finding:
+    reason = frame.reason or "the frame cannot be judged"
+    if not now.touched:
+        return Finding(Signal.UNJUDGED, reason)
+    if now.unusable >= limits.unusable_frames:
+        return _alarm(Cause.UNUSABLE, reason)
+    return Finding(Signal.TOLERATED, reason)
+
+
+def _not_numbers(frame: FrameRead, limits: MonitorLimits) -> str | None:
+    """Return what in a reading is no number, or missing, or contradicts itself."""
+    interval_n, shares = frame.interval_n, frame.probabilities
+    numbers = (frame.force_n, *(interval_n or ()), *(shares or ()))
+    if not all(number is None or isfinite(number) for number in numbers):
+        return "a reading that is no number"
+    if not frame.usable:
+        return None
+    if shares is None or not 0 <= frame.predicted < len(shares) or not all(0 <= share <= 1 for share in shares):
+        return f"probabilities {shares} of class {frame.predicted}"
+    if not abs(sum(shares) - 1) <= PROBABILITY_SLACK:
+        return f"probabilities that sum to {sum(shares):g}"
+    if (frame.force_n is None) != (interval_n is None) or (limits.reads_force and frame.force_n is None):
+        return "a reading without its force or its interval"
+    return "an interval upside down" if interval_n is not None and not interval_n[0] <= interval_n[1] else None
+
+
+def _loss(now: MonitorState, event: QueueLoss, limits: MonitorLimits) -> Finding:
+    if not event.lost >= 1:
+        return _alarm(Cause.QUEUE_BEHIND, f"a loss of {event.lost} frames")
+    within = sum(lost for _, lost in now.losses)
+    if now.lost_in_row > limits.losses_in_row or within > limits.losses_in_window:
+        return _alarm(Cause.QUEUE_BEHIND, f"{now.lost_in_row} frames lost in a row, {within} within the window")
+    return QUIET
+
+
+def _reset(now: MonitorState, event: Reset, limits: MonitorLimits) -> Finding:
+    """Grant a reset only on frames that are fresh: harmless, in a row, the last one recent."""
+    silent = now.frame is None or not event.at_s - now.frame.at_s < limits.silence_s
+    if now.fresh < limits.fresh_frames or silent:
+        seen = "none is recent" if silent else f"{now.fresh} of {limits.fresh_frames} came"
+        return Finding(Signal.RESET_REFUSED, f"reset refused: harmless frames in a row are needed, {seen}")
+    return Finding(Signal.RESET_GRANTED, "")
+
+
+def _move(state: MonitorState, finding: Finding, limits: MonitorLimits) -> MonitorState:
+    """Follow the table; the first cause stays until the reset."""
+    after = TRANSITIONS[state.state, finding.signal]
+    fresh = {Signal.HARMLESS: state.fresh + 1, Signal.QUIET: state.fresh, Signal.RESET_REFUSED: state.fresh}
+    moved = replace(state, state=after, fresh=fresh.get(finding.signal, 0))
+    if after is State.WITHDRAW:
+        first = state.state is not State.WITHDRAW
+        return replace(moved, cause=finding.cause, reason=finding.reason) if first else moved
+    if state.state is State.WITHDRAW:
+        return _released(moved, state, limits)
+    return replace(moved, reason="" if after is State.WATCHING else finding.reason or state.reason)
+
+
+def _released(moved: MonitorState, before: MonitorState, limits: MonitorLimits) -> MonitorState:
+    """Forget the withdrawal: what came before its fresh frames counts no longer."""
+    return replace(
+        moved,
+        cause=None,
+        reason="",
+        touched=before.frame is None or _touches(before.frame, limits),
+        unusable=0,
+        losses=(),
+        lost_in_row=0,
+        history=before.history[-before.fresh :],
+    )
+
+
+def _touches(frame: FrameRead, limits: MonitorLimits) -> bool:
+    return frame.predicted > 0 if frame.force_n is None else frame.force_n > limits.contact_n
+
+
+def _decision(state: MonitorState, finding: Finding) -> Decision:
+    words = [state.reason] if state.reason else []
+    if state.frame is not None and state.frame.usable:
+        words.append(f"class {state.frame.predicted}")
+        if state.frame.force_n is not None:
+            words.append(f"{state.frame.force_n * 1e3:.1f} mN")
+    if finding.reason and finding.reason not in words:
+        words.append(finding.reason)
+    return Decision(
+        state.state,
+        state.cause,
+        f"{state.state.name}: {'; '.join(words)}" if words else state.state.name,
+        state.state.value,
+        state.cause.value if state.cause else 0,
+    )

@@ -1,0 +1,76 @@
+"""What the monitor can meet: frozen records that carry their time (s, of a monotonic clock that the caller reads)."""
+
+from dataclasses import dataclass
+
+__all__ = ["BadImage", "ChecksumError", "Event", "Failure", "FrameRead", "QueueLoss", "Reset", "Tick"]
+
+
+@dataclass(frozen=True)
+class FrameRead:
+    """A frame and what was read in it.
+
+    `size` is (rows, columns), `scale_m` (lateral, depth) of a pixel as stored; `digest` is of the frame's pixels.
+    Where the frame is not `usable`, `reason` says why and `predicted` counts for nothing. `force_n` and its
+    `interval_n` are None with a classifier.
+    """
+
+    at_s: float
+    frame_id: int
+    predicted: int
+    probabilities: tuple[float, ...] | None
+    usable: bool
+    reason: str | None
+    force_n: float | None
+    interval_n: tuple[float, float] | None
+    digest: bytes
+    size: tuple[int, int]
+    scale_m: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Tick:
+    """Time passes."""
+
+    at_s: float
+
+
+@dataclass(frozen=True)
+class ChecksumError:
+    """A message came whose checksum is wrong."""
+
+    at_s: float
+    detail: str
+
+
+@dataclass(frozen=True)
+class Failure:
+    """An exception was raised, anywhere."""
+
+    at_s: float
+    detail: str
+
+
+@dataclass(frozen=True)
+class QueueLoss:
+    """Frames were dropped unread because newer ones came."""
+
+    at_s: float
+    lost: int
+
+
+@dataclass(frozen=True)
+class BadImage:
+    """A client sent an image that is none (a body too short, pixels of an unknown type)."""
+
+    at_s: float
+    detail: str
+
+
+@dataclass(frozen=True)
+class Reset:
+    """The operator asks to leave the withdrawal."""
+
+    at_s: float
+
+
+Event = FrameRead | Tick | ChecksumError | Failure | QueueLoss | BadImage | Reset

@@ -1,0 +1,343 @@
+"""The decision: the table is total, each cause withdraws at once and latches, and noise does not cry wolf."""
+
+import re
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scleraforce.errors import InputError
+from scleraforce.monitor.causes import Cause
+from scleraforce.monitor.decision import Decision, MonitorState, decide
+from scleraforce.monitor.events import BadImage, ChecksumError, Event, Failure, FrameRead, QueueLoss, Reset, Tick
+from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.monitor.rate import risen_force
+from scleraforce.monitor.transitions import TRANSITIONS, Signal, State, transition_diagram
+
+LIMITS = MonitorLimits()
+NAN = float("nan")
+PAGE = Path(__file__).parents[2] / "docs" / "monitor_decision.md"
+
+
+def frame(number: int, force_n: float = 0.01, at_s: float | None = None, half_n: float = 1.5e-3) -> FrameRead:
+    """A sound reading; at 100 Hz where no time is given."""
+    shares = (1.0, 0.0, 0.0) if force_n < 5e-3 else (0.0, 1.0, 0.0)
+    return FrameRead(
+        0.01 * number if at_s is None else at_s, number, 0 if force_n < 5e-3 else 1, shares, True, None, force_n,
+        (force_n - half_n, force_n + half_n), number.to_bytes(8, "big"), (512, 512), (1e-5, 5e-6),
+    )  # fmt: skip
+
+
+def unusable(number: int) -> FrameRead:
+    return replace(
+        frame(number), usable=False, reason="no wall", predicted=2, probabilities=None, force_n=None, interval_n=None
+    )
+
+
+def play(events: list[Event], state: MonitorState | None = None, limits: MonitorLimits = LIMITS) -> MonitorState:
+    state = state or MonitorState()
+    for event in events:
+        state, _ = decide(state, event, limits)
+    return state
+
+
+def watching(force_n: float = 0.01) -> MonitorState:
+    state = play([frame(n, force_n) for n in range(1, 6)])
+    assert state.state is State.WATCHING
+    return state
+
+
+def withdrawn() -> MonitorState:
+    return play([ChecksumError(0.051, "CRC")], watching())
+
+
+STATES = {State.NOT_READY: MonitorState, State.WATCHING: watching, State.WITHDRAW: withdrawn}
+ALARMS: dict[str, tuple[Event, Cause]] = {
+    "class 2": (replace(frame(6), predicted=2, probabilities=(0.0, 0.0, 1.0)), Cause.DANGEROUS_CLASS),
+    "force": (frame(6, 0.031), Cause.BOUND),
+    "upper end": (frame(6, 0.0286), Cause.BOUND),
+    "checksum": (ChecksumError(0.06, "CRC"), Cause.CHECKSUM),
+    "exception": (Failure(0.06, "ValueError"), Cause.EXCEPTION),
+    "bad image": (BadImage(0.06, "short"), Cause.BAD_IMAGE),
+    "losses": (QueueLoss(0.06, 3), Cause.QUEUE_BEHIND),
+    "no loss": (QueueLoss(0.06, 0), Cause.QUEUE_BEHIND),
+    "NaN force": (replace(frame(6), force_n=NAN), Cause.NO_NUMBER),
+    "NaN interval": (replace(frame(6), interval_n=(0.0, NAN)), Cause.NO_NUMBER),
+    "endless interval": (replace(frame(6), interval_n=(0.0, float("inf"))), Cause.NO_NUMBER),
+    "interval upside down": (replace(frame(6), interval_n=(0.02, 0.01)), Cause.NO_NUMBER),
+    "NaN probability": (replace(frame(6), probabilities=(NAN, 0.5, 0.5)), Cause.NO_NUMBER),
+    "no probabilities": (replace(frame(6), probabilities=None), Cause.NO_NUMBER),
+    "sum": (replace(frame(6), probabilities=(0.5, 0.3, 0.1)), Cause.NO_NUMBER),
+    "negative class": (replace(frame(6), predicted=-1), Cause.NO_NUMBER),
+    "no force": (replace(frame(6), force_n=None, interval_n=None), Cause.NO_NUMBER),
+    "NaN in an unusable frame": (replace(unusable(6), force_n=NAN), Cause.NO_NUMBER),
+    "NaN time": (frame(6, at_s=NAN), Cause.NO_NUMBER),
+    "NaN tick": (Tick(NAN), Cause.NO_NUMBER),
+    "NaN loss": (QueueLoss(0.06, NAN), Cause.QUEUE_BEHIND),  # type: ignore[arg-type]
+    "no event": ("nonsense", Cause.EXCEPTION),  # type: ignore[dict-item]
+    "NaN scale": (replace(frame(6), scale_m=(NAN, 5e-6)), Cause.SCALE),
+}
+AFTER_A_FRAME: dict[str, tuple[Event, Cause]] = {
+    "silence": (Tick(0.1501), Cause.SILENCE),
+    "late frame": (frame(6, at_s=0.1501), Cause.SILENCE),
+    "late reset": (Reset(0.1501), Cause.SILENCE),
+    "unusable": (unusable(6), Cause.UNUSABLE),
+    "again": (frame(5, at_s=0.06), Cause.OUT_OF_ORDER),
+    "earlier": (frame(3, at_s=0.06), Cause.OUT_OF_ORDER),
+    "time": (Tick(0.03), Cause.OUT_OF_ORDER),
+    "size": (replace(frame(6), size=(512, 511)), Cause.SIZE),
+    "scale": (replace(frame(6), scale_m=(1.1e-5, 5e-6)), Cause.SCALE),
+}
+SIGNALS: dict[Signal, list[Event]] = {
+    Signal.HARMLESS: [frame(6)],
+    Signal.TOLERATED: [frame(6), unusable(7)],
+    Signal.UNJUDGED: [unusable(6)],
+    Signal.QUIET: [Tick(0.06)],
+    Signal.ALARM: [Failure(0.06, "error")],
+    Signal.RESET_GRANTED: [*(frame(n) for n in range(6, 11)), Reset(0.105)],
+    Signal.RESET_REFUSED: [Reset(0.06)],
+}
+
+
+def test_the_table_is_total() -> None:
+    assert set(TRANSITIONS) == set(product(State, Signal))
+
+
+def test_only_a_granted_reset_leaves_a_withdrawal_and_every_alarm_leads_there() -> None:
+    leaving = {s for (before, s), after in TRANSITIONS.items() if before is State.WITHDRAW is not after}
+    assert leaving == {Signal.RESET_GRANTED}
+    assert all(TRANSITIONS[state, Signal.ALARM] is State.WITHDRAW for state in State)
+    assert {
+        s for (before, s), after in TRANSITIONS.items() if before is State.NOT_READY and after is State.WATCHING
+    } == {Signal.HARMLESS}
+
+
+@pytest.mark.parametrize(("before", "signal"), list(product(State, Signal)))
+def test_decide_follows_the_table(before: State, signal: Signal) -> None:
+    limits = LIMITS
+    state = STATES[before]()
+    events = SIGNALS[signal]
+    if signal is Signal.TOLERATED:
+        limits = MonitorLimits(unusable_frames=2)
+    if signal is Signal.UNJUDGED:  # the needle has not touched yet
+        state = replace(state, touched=False)
+    if before is State.WATCHING and signal is Signal.RESET_REFUSED:
+        state = replace(state, fresh=1)
+    for event in events[:-1]:
+        state, _ = decide(state, event, limits)
+    here = state.state  # NOT_READY cannot meet what needs frames: it is WATCHING by then
+    after, decision = decide(state, events[-1], limits)
+    assert after.state is TRANSITIONS[here, signal]
+    assert decision.code == {State.NOT_READY: 13, State.WATCHING: 1, State.WITHDRAW: 3}[after.state]
+
+
+@pytest.mark.parametrize("before", list(State))
+@pytest.mark.parametrize("name", ALARMS)
+def test_each_cause_withdraws_at_once_in_every_state(before: State, name: str) -> None:
+    event, cause = ALARMS[name]
+    state, decision = decide(STATES[before](), event, LIMITS)
+    assert (decision.state, decision.code) == (State.WITHDRAW, 3)
+    assert decision.cause is (Cause.CHECKSUM if before is State.WITHDRAW else cause)
+    assert decision.sub_code == decision.cause.value
+    assert state.fresh == 0
+
+
+@pytest.mark.parametrize("name", AFTER_A_FRAME)
+def test_each_cause_that_needs_a_frame_before_withdraws_at_once(name: str) -> None:
+    event, cause = AFTER_A_FRAME[name]
+    _, decision = decide(watching(), event, LIMITS)
+    assert (decision.code, decision.cause) == (3, cause)
+
+
+def test_the_sub_codes_of_timeout_and_checksum_are_those_of_openigtlink() -> None:
+    assert (Cause.SILENCE.value, Cause.CHECKSUM.value) == (7, 9)
+    assert len({cause.value for cause in Cause}) == len(Cause)
+
+
+def test_the_same_picture_three_times_is_frozen() -> None:
+    same = [replace(frame(n), digest=b"same") for n in (6, 7, 8)]
+    assert play(same[:2], watching()).state is State.WATCHING
+    assert play(same, watching()).cause is Cause.FROZEN
+
+
+def test_losses_add_up_within_the_window_and_are_forgotten_after_it() -> None:
+    def losing(every: int) -> list[Event]:
+        events: list[Event] = []
+        for n in range(6, 300):
+            events += [frame(n)] + ([QueueLoss(0.01 * n, 1)] if n % every == 0 else [])
+        return events
+
+    assert play(losing(10), watching()).cause is Cause.QUEUE_BEHIND
+    state = play(losing(25), watching())
+    assert state.state is State.WATCHING
+    assert state.lost == 11
+
+
+def test_before_the_first_good_frame_nothing_is_ok() -> None:
+    state = play([Tick(0.0), unusable(1), Tick(5.0), unusable(600), Reset(6.01), QueueLoss(6.02, 1)])
+    assert state.state is State.NOT_READY
+
+
+def test_an_unusable_frame_before_contact_is_not_ok_but_needs_no_reset() -> None:
+    state = play([unusable(6)], watching(force_n=1e-3))
+    assert state.state is State.NOT_READY
+    assert play([frame(7, 1e-3)], state).state is State.WATCHING
+
+
+def test_more_unusable_frames_are_tolerated_where_the_limits_say_so() -> None:
+    limits = MonitorLimits(unusable_frames=3)
+    state = play([unusable(6), unusable(7)], watching(), limits)
+    assert state.state is State.WATCHING
+    assert play([unusable(8)], state, limits).cause is Cause.UNUSABLE
+
+
+def test_a_classifier_reads_no_force() -> None:
+    read = replace(frame(1), force_n=None, interval_n=None)
+    limits = MonitorLimits(reads_force=False)
+    assert play([read], limits=limits).state is State.WATCHING
+    assert play([read, unusable(2)], limits=limits).cause is Cause.UNUSABLE
+
+
+def test_the_first_cause_is_kept() -> None:
+    _, decision = decide(withdrawn(), Failure(0.06, "ValueError"), LIMITS)
+    assert decision.cause is Cause.CHECKSUM
+    assert decision.message == "WITHDRAW: CRC; class 1; 10.0 mN; ValueError"
+
+
+def test_a_reset_needs_fresh_harmless_frames_in_a_row() -> None:
+    fresh: list[Event] = [frame(n) for n in range(6, 11)]
+    assert play([Reset(0.052)], withdrawn()).state is State.WITHDRAW
+    assert play([*fresh[:4], Reset(0.091)], withdrawn()).state is State.WITHDRAW
+    assert play([*fresh, Reset(0.101)], withdrawn()).state is State.WATCHING
+    assert play([*fresh[:4], unusable(10), frame(11), Reset(0.111)], withdrawn()).state is State.WITHDRAW
+    assert play([*fresh[:4], frame(10, 0.029), Reset(0.101)], withdrawn()).state is State.WITHDRAW
+    assert play([*fresh, Failure(0.101, "error"), Reset(0.102)], withdrawn()).state is State.WITHDRAW
+    assert play([*fresh, Reset(0.2001)], withdrawn()).state is State.WITHDRAW, "the frames are not fresh any more"
+
+
+def test_after_the_reset_it_watches_as_before() -> None:
+    state = play([*(frame(n) for n in range(6, 11)), Reset(0.101)], withdrawn())
+    assert (state.cause, state.fresh, state.touched) == (None, 0, True)
+    for event, cause in ((frame(11, 0.031), Cause.BOUND), (unusable(11), Cause.UNUSABLE), (Tick(0.21), Cause.SILENCE)):
+        assert play([event], state).cause is cause
+
+
+def test_a_client_that_starts_counting_again_can_be_reset() -> None:
+    again: list[Event] = [frame(n, at_s=0.06 + 0.01 * n) for n in range(1, 8)]
+    assert play([*again, Reset(0.131)], withdrawn()).state is State.WATCHING
+
+
+DIRTY = [event for event, _ in (*ALARMS.values(), *AFTER_A_FRAME.values())]
+
+
+@st.composite
+def sequences(draw: st.DrawFn) -> list[Event]:
+    """Frames, ticks, resets and faults in any order, the times going on."""
+    events: list[Event] = []
+    now_s = 0.0
+    for number in range(1, draw(st.integers(5, 60))):
+        now_s += draw(st.sampled_from([0.001, 0.01, 0.01, 0.01, 0.11]))
+        force_n = draw(st.sampled_from([0.001, 0.01, 0.01, 0.02, 0.029, NAN]))
+        plain = frame(number, force_n, now_s)
+        choices = [plain] * 8 + [replace(unusable(number), at_s=now_s), Tick(now_s), Reset(now_s), QueueLoss(now_s, 1)]
+        events.append(draw(st.sampled_from([*choices, draw(st.sampled_from(DIRTY))])))
+    return events
+
+
+def harmless(event: Event) -> bool:
+    return isinstance(event, FrameRead) and event.usable and event.interval_n is not None and event.interval_n[1] < 0.03
+
+
+@settings(max_examples=150, deadline=None)
+@given(sequences())
+def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_frame(events: list[Event]) -> None:
+    state, good = MonitorState(), False
+    for event in events:
+        before = state
+        state, decision = decide(state, event, LIMITS)
+        good = good or harmless(event)
+        assert good or decision.code != 1
+        if before.state is State.WITHDRAW and state.state is not State.WITHDRAW:
+            assert isinstance(event, Reset)
+            assert before.fresh >= LIMITS.fresh_frames
+        assert (decision.code == 3) == (decision.cause is not None)
+        assert len(state.history) <= LIMITS.rate_frames
+        assert len(state.losses) <= LIMITS.losses_in_window + 1
+        if isinstance(event, FrameRead) and not harmless(event):
+            assert decision.code != 1
+
+
+def sessions(seed: int, seconds: float) -> Decision:
+    """A slow wander of the true force between 0 and 25 mN, read at 100 Hz with noise."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(1, int(100 * seconds)) / 100
+    periods_s = rng.uniform(4.0, 20.0, 3)
+    wander = np.mean([np.sin(2 * np.pi * time_s / period + rng.uniform(0, 6)) for period in periods_s], axis=0)
+    force_n = 12.5e-3 * (1 + wander) + rng.normal(0, 0.5e-3, len(time_s))
+    state = MonitorState()
+    for number, value in enumerate(force_n, 1):
+        state, decision = decide(state, frame(number, float(value)), LIMITS)
+        if decision.code == 3:
+            break
+    return decision
+
+
+def test_noise_below_25_mn_does_not_cry_wolf() -> None:
+    assert all(sessions(seed, 4.0).code == 1 for seed in range(5))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(50))
+def test_no_session_of_60_s_below_25_mn_is_withdrawn_from(seed: int) -> None:
+    assert sessions(seed, 60.0).code == 1
+
+
+def force_at_withdrawal(rate_n_s: float, seed: int) -> tuple[float, Cause | None]:
+    rng = np.random.default_rng(seed)
+    for number in range(1, 5000):
+        if number == 1:
+            state = MonitorState()
+        true_n = rate_n_s * 0.01 * number
+        state, decision = decide(state, frame(number, true_n + rng.normal(0, 0.5e-3)), LIMITS)
+        if decision.code == 3:
+            return true_n, decision.cause
+    raise AssertionError("no withdrawal")
+
+
+@pytest.mark.parametrize("rate_mn_s", [5, 10, 20, 50, 100])
+def test_ramps_are_withdrawn_from_before_the_bound(rate_mn_s: int) -> None:
+    forces_n = [force_at_withdrawal(rate_mn_s * 1e-3, seed)[0] for seed in range(5)]
+    assert 0.02 < min(forces_n) <= max(forces_n) <= LIMITS.bound_n
+
+
+def test_a_steep_ramp_is_foreseen() -> None:
+    assert force_at_withdrawal(0.1, 0)[1] is Cause.RISING
+
+
+def test_one_wild_frame_does_not_turn_the_slope() -> None:
+    ramp = [(0.01 * n, 0.05 * 0.01 * n) for n in range(10)]
+    ramp[4] = (0.04, 0.025)
+    assert risen_force(tuple(ramp), 0.1, 3.0) == pytest.approx(0.05 * 0.19)
+    assert risen_force(tuple((t, -f) for t, f in ramp), 0.1, 3.0) is None
+    assert risen_force(((0.0, 1.0),) * 10, 0.1, 3.0) is None, "no time passes"
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("bound_n", NAN), ("bound_n", 0.0), ("bound_n", 1e-3), ("fresh_frames", 0), ("unusable_frames", 0),
+     ("silence_s", -1.0), ("reaction_s", float("inf")), ("frozen_frames", 1), ("size", (0, 512))],
+)  # fmt: skip
+def test_limits_that_pass_everything_or_nothing_are_refused(field: str, value: float) -> None:
+    with pytest.raises(InputError, match=r"monitor: "):
+        MonitorLimits(**{field: value})  # type: ignore[arg-type]
+
+
+def test_the_page_shows_exactly_the_diagram_and_every_cause_and_limit() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    assert re.findall(r"^```mermaid\n(.*?)\n```$", page, flags=re.DOTALL | re.MULTILINE) == [transition_diagram()]
+    assert all(f"`{cause.name}`" in page and str(cause.value) in page for cause in Cause)
+    assert all(f"`{name}`" in page for name in MonitorLimits.__dataclass_fields__)
