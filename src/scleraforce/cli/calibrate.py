@@ -1,6 +1,5 @@
 """`scleraforce calibrate`: Young's modulus from recordings."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -64,9 +63,10 @@ def calibrate(
     the response library, which is made on first need (half a minute).
     """
     from scleraforce.calibration.calibrate import calibrate_recordings
-    from scleraforce.calibration.files import calibration_as_json, read_posteriors
+    from scleraforce.calibration.files import read_posteriors
     from scleraforce.recording.files import read_recording
-    from scleraforce.report.files import check_figure_path, write_whole
+    from scleraforce.report.calibration_file import write_calibration
+    from scleraforce.report.files import check_figure_path
 
     for path in (out, plot):
         if path is not None and path.exists():
@@ -80,8 +80,7 @@ def calibrate(
     with progress_bar(range(sum(len(recording.frames) for recording in opened)), "frames") as bar:
         advance, sha256 = bar.update, study_hash(study)
         result = calibrate_recordings(opened, study, sha256, library, parameters, frames, earlier, advance)
-    content = calibration_as_json(result)
-    write_whole(json.dumps(content, indent=1, allow_nan=False) + "\n", out)
+    content = write_calibration(result, out)
     if plot is not None:
         _draw(result, plot)
     if as_json:

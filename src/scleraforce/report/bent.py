@@ -6,13 +6,11 @@ method is given all that the paper gave it: a linear calibration on every frame 
 mean.
 """
 
-import json
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
-from scleraforce.calibration.files import calibration_as_json
 from scleraforce.dataset import open_dataset, read_population_modulus
 from scleraforce.learning.reader_train import train_reader
 from scleraforce.learning.train import train_classifier
@@ -24,7 +22,7 @@ from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.recording.files import read_recording
 from scleraforce.recording.phantom import plan_phantom, write_phantom
 from scleraforce.recording.virtual_eye import PhantomEye, finite_strain_sections, paper_eyes
-from scleraforce.report.files import write_whole
+from scleraforce.report.calibration_file import write_calibration
 from scleraforce.report.reproduction import Progress, Run
 from scleraforce.study import Study, study_hash
 
@@ -35,7 +33,6 @@ __all__ = [
     "bent_recordings",
     "bent_trials",
     "calibrate_bent",
-    "make_library",
     "read_bent",
     "run_library",
     "train_bent_model",
@@ -74,14 +71,9 @@ def _bend_eye(study: Study, folder: Path, number: int) -> None:
     write_phantom(folder / eye.id, plan, finite_strain_sections(eye, study), study)
 
 
-def run_library(run: Run) -> Library:
-    """Return the library of a run, from the user's cache."""
-    return cached_library(run.study, workers=run.workers)
-
-
-def make_library(run: Run, progress: Progress) -> None:
-    """Make the library, where the user's cache does not have it; `progress` counts paths."""
-    cached_library(run.study, workers=run.workers, progress=progress)
+def run_library(run: Run, progress: Progress | None = None) -> Library:
+    """Return the library of a run from the user's cache; made where that lacks it, and `progress` counts paths."""
+    return cached_library(run.study, workers=run.workers, progress=progress)
 
 
 def calibrate_bent(run: Run, progress: Progress) -> None:
@@ -91,7 +83,7 @@ def calibrate_bent(run: Run, progress: Progress) -> None:
     as_in_paper = _calibrated(run, paths[:CALIBRATED], progress, None, frames=None)
     run.bent.calibrations.mkdir(parents=True)
     for calibration, path in ((by_reader, run.bent.finite_strain), (as_in_paper, run.bent.linear)):
-        write_whole(json.dumps(calibration_as_json(calibration), indent=1, allow_nan=False) + "\n", path)
+        write_calibration(calibration, path)
 
 
 def _calibrated(

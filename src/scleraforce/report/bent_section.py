@@ -1,6 +1,6 @@
 """The part of the page with the paper's trials on walls of finite strain: the paper's method and the force reader."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import isnan
 from pathlib import Path
@@ -24,7 +24,6 @@ from scleraforce.report.reproduction_figures import eye_of
 from scleraforce.report.style import data_uri
 from scleraforce.report.tables import NOTHING, confusion_table, frame_table, share
 from scleraforce.report.wall_figure import ComputedWall, FrameWithWalls, draw_walls, laid_on_surface
-from scleraforce.study import Study
 from scleraforce.units import n_to_mn
 
 __all__ = ["bent_section"]
@@ -124,10 +123,18 @@ def _misread(evaluation: Evaluation, name: str) -> tuple[Html, ...]:
 def _walls_figure(run: Run, reader: Evaluation) -> Html:
     """Return frames of the first eye with the walls that finite strain and linear mechanics compute for them."""
     looks = [look_at(answer) for answer in _shown(reader)]
-    library = run_library(run)
-    frames = [_with_walls(run, library, look) for look in looks]
+    forces_n = [max(look.answer.measured_force_n or 0.0, 0.0) for look in looks]
+    linear, finite = (_stated_eye(run, path, looks[0]) for path in (run.bent.linear, run.bent.finite_strain))
+    computed = {
+        "finite strain": _finite_sections(run_library(run), finite, forces_n),
+        "linear": linear_sections(linear, run.study)(forces_n),
+    }
+    frames = [
+        _with_walls(look, {name: sections[number] for name, sections in computed.items()})
+        for number, look in enumerate(looks)
+    ]
     caption = (
-        f"Frames of {looks[0].answer.eye} and the sections computed for their measured forces, each mechanics with the "
+        f"Frames of {linear.id} and the sections computed for their measured forces, each mechanics with the "
         "modulus that it found for this eye. Only their place in the frame is fitted."
     )
     return figure(data_uri(draw_walls(frames)), "raw frames with the linear and the finite-strain section", caption)
@@ -139,36 +146,29 @@ def _shown(reader: Evaluation) -> list[FrameAnswer]:
     return list(dict.fromkeys(nearest))
 
 
-def _with_walls(run: Run, library: Library, look: AnsweredFrame) -> FrameWithWalls:
-    force_n = max(look.answer.measured_force_n or 0.0, 0.0)
-    eye_id = look.answer.eye
-    linear, finite = (_modulus_pa(path, eye_id) for path in (run.bent.linear, run.bent.finite_strain))
-    computed = {
-        "finite strain": _finite_section(library, eye_of(look.recording, _at(run.study, finite)), force_n),
-        "linear": linear_sections(eye_of(look.recording, _at(run.study, linear)), run.study)([force_n])[0],
-    }
+def _stated_eye(run: Run, calibration: Path, look: AnsweredFrame) -> PhantomEye:
+    """Return the eye of a frame as its recording states it, with the modulus of a calibration."""
+    modulus_pa = read_calibration(calibration).eyes[look.answer.eye].mean_pa
+    eye = replace(run.study.eye, youngs_modulus_pa=modulus_pa)
+    return eye_of(look.recording, replace(run.study, eye=eye))
+
+
+def _with_walls(look: AnsweredFrame, computed: Mapping[str, Section]) -> FrameWithWalls:
     width_m, depth_m = look.extent_m
     surface_m = (look.found.outer_row + 0.5) * depth_m / len(look.frame)
     walls = tuple(ComputedWall(name, laid_on_surface(cut, surface_m, width_m)) for name, cut in computed.items())
-    return FrameWithWalls(f"{look.answer.file}, {n_to_mn(force_n):.0f} mN", look.frame, look.extent_m, walls)
+    force_mn = n_to_mn(max(look.answer.measured_force_n or 0.0, 0.0))
+    return FrameWithWalls(f"{look.answer.file}, {force_mn:.0f} mN", look.frame, look.extent_m, walls)
 
 
-def _modulus_pa(calibration: Path, eye: str) -> float:
-    return read_calibration(calibration).eyes[eye].mean_pa
-
-
-def _at(study: Study, modulus_pa: float) -> Study:
-    return replace(study, eye=replace(study.eye, youngs_modulus_pa=modulus_pa))
-
-
-def _finite_section(library: Library, eye: PhantomEye, force_n: float) -> Section:
-    """Return the library's section of an eye; where the force goes beyond the library, its last state."""
+def _finite_sections(library: Library, eye: PhantomEye, forces_n: Sequence[float]) -> list[Section]:
+    """Return the library's sections of an eye; where a force goes beyond the library, its last state."""
     E = eye.youngs_modulus_pa
-    thickness_m, iop_ratio = np.array([eye.thickness_m]), np.array([eye.iop_pa / E])
     library = library.for_contact(eye.polar_rad)
-    ratio = np.minimum(force_n / E, library.largest_force_ratio(thickness_m, iop_ratio))
-    walls = library.curves(thickness_m, iop_ratio, ratio)
-    return cut_surfaces(walls.curves_sbnc[0].astype(np.float64), eye.gap_m, eye.tilt_rad)
+    thickness_m, iop_ratio = np.full(len(forces_n), eye.thickness_m), np.full(len(forces_n), eye.iop_pa / E)
+    ratios = np.minimum(np.array(forces_n) / E, library.largest_force_ratio(thickness_m, iop_ratio))
+    walls = library.curves(thickness_m, iop_ratio, ratios).curves_sbnc.astype(np.float64)
+    return [cut_surfaces(wall, eye.gap_m, eye.tilt_rad) for wall in walls]
 
 
 def _number(value: float) -> str:

@@ -4,12 +4,11 @@ Virtual eyes, Young's modulus, slices, network and answers for the one; eyes, li
 answers for the other; then the page.
 """
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
-from scleraforce.calibration.files import calibration_as_json, read_posteriors
+from scleraforce.calibration.files import read_posteriors
 from scleraforce.dataset import generate_dataset, open_dataset, read_population_modulus
 from scleraforce.learning.train import train_classifier
 from scleraforce.library.plan import plan_library
@@ -23,12 +22,12 @@ from scleraforce.report.bent import (
     bend_eyes,
     bent_trials,
     calibrate_bent,
-    make_library,
     read_bent,
+    run_library,
     train_bent_model,
     train_force_reader,
 )
-from scleraforce.report.files import write_whole
+from scleraforce.report.calibration_file import write_calibration
 from scleraforce.report.left_out import EPOCHS, read_left_out, write_left_out
 from scleraforce.report.reproduction import Announce, Progress, Run, Stage, run_stages, seconds_so_far
 from scleraforce.report.reproduction_page import FIGURES, write_reproduction_html
@@ -85,7 +84,7 @@ def reproduce(run: Run, announce: Announce) -> Reproduction:
         Stage("evaluate", _trials, evaluate),
         Stage("leave out", _left_out_epochs, leave_out, lambda run: run.left_out),
         Stage("bend", lambda run: len(bent_trials(run.study)), bend_eyes, lambda run: run.bent.recordings),
-        Stage("library", lambda run: plan_library(run.study).units, make_library),
+        Stage("library", lambda run: plan_library(run.study).units, _make_library),
         Stage("calibrate bent", _bent_frames, calibrate_bent, lambda run: run.bent.calibrations),
         Stage("train bent", lambda run: run.study.network.epochs, train_bent_model, lambda run: run.bent.model),
         Stage("train reader", lambda run: run.study.reader.epochs, train_force_reader, lambda run: run.reader),
@@ -137,7 +136,11 @@ def _make_eyes(run: Run, progress: Progress) -> None:
 def _calibrate(run: Run, progress: Progress) -> None:
     opened = [read_recording(path) for path in _recordings(run)[:CALIBRATED]]
     calibration = calibrate_recordings(opened, run.study, study_hash(run.study), library=None, progress=progress)
-    write_whole(json.dumps(calibration_as_json(calibration), indent=1, allow_nan=False) + "\n", run.calibration)
+    write_calibration(calibration, run.calibration)
+
+
+def _make_library(run: Run, progress: Progress) -> None:
+    run_library(run, progress)
 
 
 def _generate(run: Run, progress: Progress) -> None:
