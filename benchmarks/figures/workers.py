@@ -1,19 +1,17 @@
 """Work in processes of their own, one for each piece: what a piece took of memory ends with it, and one may fail."""
 
 import multiprocessing
-import os
-import signal
+from collections import deque
 from collections.abc import Callable, Sequence
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
-from queue import SimpleQueue
 from typing import TypeVar
+
+from scleraforce.processes import no_interrupts, one_thread
 
 __all__ = ["in_processes"]
 
 Piece = TypeVar("Piece")
-
-THREAD_SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def in_processes(
@@ -30,15 +28,12 @@ def in_processes(
         workers: how many at a time, each with one thread of BLAS.
         progress: called with a piece and the exit code of its process as each is done.
     """
-    os.environ.update(dict.fromkeys(THREAD_SETTINGS, "1"))  # for the processes, which read it as they start
-    waiting: SimpleQueue[Piece] = SimpleQueue()
-    for piece in pieces:
-        waiting.put(piece)
+    waiting = deque(pieces)
     running: dict[int, tuple[BaseProcess, Piece]] = {}
     try:
-        while running or not waiting.empty():
-            while len(running) < workers and not waiting.empty():
-                piece = waiting.get()
+        while running or waiting:
+            while len(running) < workers and waiting:
+                piece = waiting.popleft()
                 process = _started(work, piece)
                 running[process.sentinel] = process, piece
             for sentinel in wait(list(running)):
@@ -53,11 +48,7 @@ def in_processes(
 
 
 def _started(work: Callable[[Piece], None], piece: Piece) -> BaseProcess:
-    process = multiprocessing.get_context("spawn").Process(target=_run, args=(work, piece), daemon=True)
-    process.start()
+    process = multiprocessing.get_context("spawn").Process(target=work, args=(piece,), daemon=True)
+    with one_thread(), no_interrupts():
+        process.start()
     return process
-
-
-def _run(work: Callable[[Piece], None], piece: Piece) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group: the parent ends its children
-    work(piece)
