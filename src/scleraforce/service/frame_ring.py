@@ -1,0 +1,50 @@
+"""The last frames, in memory that the monitor's processes share: one writes, the others read."""
+
+import mmap
+import os
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["FrameRing"]
+
+
+class FrameRing:
+    """The last `frames` frames of one size, numbered from 1; 16 bits a pixel, in a file without a name (Linux).
+
+    Memory is taken as frames come. A reader that is too late for a frame gets None, never half of another one.
+    """
+
+    def __init__(self, descriptor: int, frames: int, rows: int, columns: int) -> None:
+        self.descriptor, self.frames, self.shape = descriptor, frames, (rows, columns)
+        memory = mmap.mmap(descriptor, _size(frames, rows, columns))
+        self._numbers = np.frombuffer(memory, dtype=np.int64, count=frames)
+        pixels = np.frombuffer(memory, dtype=np.uint16, offset=8 * frames)
+        self._pixels = pixels.reshape(frames, rows, columns)
+
+    @classmethod
+    def create(cls, frames: int, rows: int, columns: int) -> Self:
+        """Return a new one; `descriptor`, `frames` and `shape` let another process open it with `FrameRing(...)`."""
+        descriptor = os.memfd_create("scleraforce-frames")
+        os.ftruncate(descriptor, _size(frames, rows, columns))
+        return cls(descriptor, frames, rows, columns)
+
+    def put(self, number: int, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
+        """Keep a frame (row, column); the oldest one goes."""
+        slot = number % self.frames
+        self._numbers[slot] = 0
+        self._pixels[slot] = pixels
+        self._numbers[slot] = number
+
+    def get(self, number: int) -> NDArray[np.uint16] | None:
+        """Return a copy of a frame (row, column); None where it is gone, or has not come yet."""
+        slot = number % self.frames
+        if number < 1 or self._numbers[slot] != number:
+            return None
+        pixels = self._pixels[slot].copy()
+        return pixels if self._numbers[slot] == number else None
+
+
+def _size(frames: int, rows: int, columns: int) -> int:
+    return frames * (8 + 2 * rows * columns)
