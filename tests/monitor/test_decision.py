@@ -1,6 +1,7 @@
 """The decision: the table is total, each cause withdraws at once and latches, and noise does not cry wolf."""
 
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -12,10 +13,21 @@ from hypothesis import strategies as st
 
 from scleraforce.errors import InputError
 from scleraforce.monitor.causes import Cause
-from scleraforce.monitor.decision import Decision, MonitorState, decide
-from scleraforce.monitor.events import BadImage, ChecksumError, Event, Failure, FrameRead, QueueLoss, Reset, Tick
+from scleraforce.monitor.decision import Decision, decide
+from scleraforce.monitor.events import (
+    BadImage,
+    ChecksumError,
+    Event,
+    Failure,
+    FrameRead,
+    QueueLoss,
+    Reset,
+    SecondOpinion,
+    Tick,
+)
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.monitor.rate import risen_force
+from scleraforce.monitor.state import MonitorState
 from scleraforce.monitor.transitions import TRANSITIONS, Signal, State, transition_diagram
 
 LIMITS = MonitorLimits()
@@ -38,7 +50,28 @@ def unusable(number: int) -> FrameRead:
     )
 
 
-def play(events: list[Event], state: MonitorState | None = None, limits: MonitorLimits = LIMITS) -> MonitorState:
+def opinion(number: int, force_n: float = 0.01, at_s: float | None = None) -> SecondOpinion:
+    """A sound opinion on a frame, 5 ms after it where no time is given."""
+    seen = frame(number, force_n)
+    return SecondOpinion(
+        seen.at_s + 0.005 if at_s is None else at_s, number, True, None, seen.predicted, seen.probabilities,
+        seen.force_n, seen.interval_n,
+    )  # fmt: skip
+
+
+def no_opinion(number: int) -> SecondOpinion:
+    return replace(
+        opinion(number), usable=False, reason="not the wall of an eye", predicted=2, probabilities=None, force_n=None,
+        interval_n=None,
+    )  # fmt: skip
+
+
+def both(*numbers: int, force_n: float = 0.01) -> list[Event]:
+    """Frames, each with its opinion."""
+    return [event for n in numbers for event in (frame(n, force_n), opinion(n, force_n))]
+
+
+def play(events: Sequence[Event], state: MonitorState | None = None, limits: MonitorLimits = LIMITS) -> MonitorState:
     state = state or MonitorState()
     for event in events:
         state, _ = decide(state, event, limits)
@@ -55,7 +88,11 @@ def withdrawn() -> MonitorState:
     return play([ChecksumError(0.051, "CRC")], watching())
 
 
-STATES = {State.NOT_READY: MonitorState, State.WATCHING: watching, State.WITHDRAW: withdrawn}
+STATES: dict[State, Callable[[], MonitorState]] = {
+    State.NOT_READY: MonitorState,
+    State.WATCHING: watching,
+    State.WITHDRAW: withdrawn,
+}
 ALARMS: dict[str, tuple[Event, Cause]] = {
     "class 2": (replace(frame(6), predicted=2, probabilities=(0.0, 0.0, 1.0)), Cause.DANGEROUS_CLASS),
     "force": (frame(6, 0.031), Cause.BOUND),
@@ -80,6 +117,8 @@ ALARMS: dict[str, tuple[Event, Cause]] = {
     "NaN loss": (QueueLoss(0.06, NAN), Cause.QUEUE_BEHIND),  # type: ignore[arg-type]
     "no event": ("nonsense", Cause.EXCEPTION),  # type: ignore[dict-item]
     "NaN scale": (replace(frame(6), scale_m=(NAN, 5e-6)), Cause.SCALE),
+    "opinion on no frame": (opinion(7, at_s=0.06), Cause.OUT_OF_ORDER),
+    "NaN time of an opinion": (opinion(5, at_s=NAN), Cause.NO_NUMBER),
 }
 AFTER_A_FRAME: dict[str, tuple[Event, Cause]] = {
     "silence": (Tick(0.1501), Cause.SILENCE),
@@ -91,6 +130,16 @@ AFTER_A_FRAME: dict[str, tuple[Event, Cause]] = {
     "time": (Tick(0.03), Cause.OUT_OF_ORDER),
     "size": (replace(frame(6), size=(512, 511)), Cause.SIZE),
     "scale": (replace(frame(6), scale_m=(1.1e-5, 5e-6)), Cause.SCALE),
+}
+OPINIONS: dict[str, tuple[SecondOpinion, Cause]] = {
+    "class 2": (replace(opinion(5), predicted=2, probabilities=(0.0, 0.0, 1.0)), Cause.DANGEROUS_CLASS),
+    "force": (opinion(5, 0.031), Cause.BOUND),
+    "upper end": (opinion(5, 0.0286), Cause.BOUND),
+    "NaN force": (replace(opinion(5), force_n=NAN), Cause.NO_NUMBER),
+    "NaN in what cannot be judged": (replace(no_opinion(5), interval_n=(0.0, NAN)), Cause.NO_NUMBER),
+    "no probabilities": (replace(opinion(5), probabilities=None), Cause.NO_NUMBER),
+    "no force": (replace(opinion(5), force_n=None, interval_n=None), Cause.NO_NUMBER),
+    "time": (opinion(5, at_s=0.03), Cause.OUT_OF_ORDER),
 }
 SIGNALS: dict[Signal, list[Event]] = {
     Signal.HARMLESS: [frame(6)],
@@ -195,6 +244,130 @@ def test_more_unusable_frames_are_tolerated_where_the_limits_say_so() -> None:
     assert play([unusable(8)], state, limits).cause is Cause.UNUSABLE
 
 
+OPINED = MonitorLimits(expects_opinion=True)
+
+
+def not_ready() -> MonitorState:
+    """After frames that cannot be judged."""
+    return play([unusable(n) for n in range(1, 6)])
+
+
+@pytest.mark.parametrize("before", [not_ready, watching, withdrawn])
+@pytest.mark.parametrize("name", OPINIONS)
+def test_a_second_opinion_withdraws_at_once_in_every_state(before: Callable[[], MonitorState], name: str) -> None:
+    event, cause = OPINIONS[name]
+    for limits in (LIMITS, OPINED):
+        state, decision = decide(before(), event, limits)
+        assert (decision.code, decision.cause) == (3, Cause.CHECKSUM if before is withdrawn else cause)
+        assert state.fresh == 0
+
+
+@pytest.mark.parametrize("before", [not_ready, watching, withdrawn])
+def test_a_harmless_opinion_changes_no_state(before: Callable[[], MonitorState]) -> None:
+    state = before()
+    assert play([opinion(5, at_s=0.0505)], state, OPINED).state is state.state
+
+
+def test_an_opinion_that_cannot_judge_withdraws_after_contact_and_waits_before_it() -> None:
+    assert play([no_opinion(5)], watching()).cause is Cause.UNUSABLE
+    before = play([no_opinion(5)], watching(force_n=1e-3))
+    assert before.state is State.NOT_READY
+    assert play([frame(6, 1e-3), frame(7, 1e-3)], before).state is State.NOT_READY, "the network alone is not enough"
+    assert play([frame(6, 1e-3), opinion(6, 1e-3), frame(7, 1e-3)], before).state is State.WATCHING
+
+
+def test_opinions_that_cannot_judge_have_a_count_of_their_own() -> None:
+    limits = MonitorLimits(unusable_frames=2)
+    state = play([no_opinion(5), unusable(6)], watching(), limits)
+    assert state.state is State.WATCHING
+    assert play([replace(no_opinion(6), at_s=0.065)], state, limits).cause is Cause.UNUSABLE
+    again = play([frame(7), opinion(7), frame(8), no_opinion(8)], state, limits)
+    assert again.state is State.WATCHING
+
+
+def test_contact_that_only_the_second_opinion_sees_is_contact() -> None:
+    state = watching(force_n=1e-3)
+    assert play([unusable(6)], state).state is State.NOT_READY
+    assert play([opinion(5, 0.003), unusable(6)], state).cause is Cause.UNUSABLE
+
+
+def test_nothing_is_ok_before_the_first_opinion_where_one_is_expected() -> None:
+    state = play([frame(n) for n in range(1, 300)], limits=OPINED)
+    assert (state.state, state.reason) == (State.NOT_READY, "no second opinion yet")
+    assert play([opinion(299), frame(300)], state, OPINED).state is State.WATCHING
+    assert play([frame(n) for n in range(1, 300)]).state is State.WATCHING
+
+
+@pytest.mark.parametrize("kind", ["frame", "tick"])
+def test_a_second_reader_that_has_gone_is_a_cause(kind: str) -> None:
+    state = play(both(*range(1, 11)), limits=OPINED)
+    assert state.state is State.WATCHING
+    frames: list[Event] = [frame(n) for n in range(11, 61)]  # the first that gets none comes at 0.11 s
+    assert play(frames, state, OPINED).state is State.WATCHING
+    last: Event = frame(61) if kind == "frame" else Tick(0.61)
+    assert play([*frames, last], state, OPINED).cause is Cause.NO_OPINION
+    assert play([*frames, last], state).state is State.WATCHING, "where none is expected"
+
+
+def test_an_opinion_answers_for_all_frames_up_to_its_own() -> None:
+    events: list[Event] = []
+    for n in range(1, 1000):
+        events.append(frame(n))
+        if n % 45 == 0:
+            events.append(opinion(n - 2, at_s=0.01 * n + 0.005))
+    state = play(events, limits=OPINED)
+    assert state.state is State.WATCHING
+    assert state.unanswered[0][0] == 989
+    assert play(events[:-30], limits=OPINED).state is State.WATCHING
+
+
+def test_what_waits_for_an_opinion_does_not_grow() -> None:
+    state = MonitorState()
+    for n in range(1, 2000):
+        state, _ = decide(state, frame(n), OPINED)
+        assert len(state.unanswered) <= 128
+    assert state.unanswered[0][0] == 1
+
+
+def test_a_reset_needs_the_second_opinion_too() -> None:
+    state = play([*both(*range(1, 6)), ChecksumError(0.056, "CRC")], limits=OPINED)
+    alone: list[Event] = [frame(n) for n in range(6, 16)]
+    assert play([*alone, Reset(0.151)], state, OPINED).state is State.WITHDRAW
+    agreed = [*both(*range(6, 12)), Reset(0.116)]
+    assert play(agreed, state, OPINED).state is State.WATCHING
+    assert play([*agreed[:-1], replace(no_opinion(11), at_s=0.1155), agreed[-1]], state, OPINED).state is State.WITHDRAW
+    overdue = [*both(*range(6, 12)), *(frame(n) for n in range(12, 70)), Reset(0.691)]
+    assert play(overdue, state, OPINED).state is State.WITHDRAW
+
+
+def test_a_client_that_starts_counting_again_can_be_reset_with_opinions_too() -> None:
+    state = play([*(frame(n) for n in range(1, 6)), ChecksumError(0.051, "CRC")], limits=OPINED)
+    again: list[Event] = []
+    for n in range(1, 9):
+        at_s = 0.06 + 0.01 * n
+        again += [frame(n, at_s=at_s), opinion(n, at_s=at_s + 0.005)]
+    after = play([*again, Reset(0.146)], state, OPINED)
+    assert (after.state, after.unanswered) == (State.WATCHING, ())
+
+
+def test_a_needle_that_is_lifted_off_may_be_placed_anew() -> None:
+    lifted: list[Event] = [frame(n, 3e-4) for n in range(6, 57)]
+    assert play([*lifted, unusable(57)], watching()).state is State.NOT_READY
+    assert play([*lifted[:-1], unusable(56)], watching()).cause is Cause.UNUSABLE, "half a second is needed"
+    assert play([*lifted[:30], frame(36, 1e-3), *lifted[31:], unusable(57)], watching()).cause is Cause.UNUSABLE
+    seen = opinion(30, 1e-3, at_s=0.305)
+    assert play([*lifted[:25], seen, *lifted[25:], unusable(57)], watching()).cause is Cause.UNUSABLE
+    assert play([*lifted, frame(57), unusable(58)], watching()).cause is Cause.UNUSABLE, "it touches again"
+
+
+def test_a_bad_first_frame_does_not_set_size_and_scale() -> None:
+    small = replace(unusable(1), size=(100, 100), scale_m=(1.0, 1.0))
+    state = play([small, frame(2), frame(3)])
+    assert (state.state, state.size, state.scale_m) == (State.WATCHING, (512, 512), (1e-5, 5e-6))
+    assert play([replace(frame(4), size=(100, 100))], state).cause is Cause.SIZE
+    assert play([replace(frame(1), scale_m=(0.0, 1e-5))]).cause is Cause.SCALE
+
+
 def test_a_classifier_reads_no_force() -> None:
     read = replace(frame(1), force_n=None, interval_n=None)
     limits = MonitorLimits(reads_force=False)
@@ -231,7 +404,7 @@ def test_a_client_that_starts_counting_again_can_be_reset() -> None:
     assert play([*again, Reset(0.131)], withdrawn()).state is State.WATCHING
 
 
-DIRTY = [event for event, _ in (*ALARMS.values(), *AFTER_A_FRAME.values())]
+DIRTY = [event for event, _ in (*ALARMS.values(), *AFTER_A_FRAME.values(), *OPINIONS.values())]
 
 
 @st.composite
@@ -243,7 +416,9 @@ def sequences(draw: st.DrawFn) -> list[Event]:
         now_s += draw(st.sampled_from([0.001, 0.01, 0.01, 0.01, 0.11]))
         force_n = draw(st.sampled_from([0.001, 0.01, 0.01, 0.02, 0.029, NAN]))
         plain = frame(number, force_n, now_s)
-        choices = [plain] * 8 + [replace(unusable(number), at_s=now_s), Tick(now_s), Reset(now_s), QueueLoss(now_s, 1)]
+        seen = [opinion(number - 1, 0.01, now_s), replace(no_opinion(number - 1), at_s=now_s)]
+        choices: list[Event] = [*[plain] * 8, *seen * 2]
+        choices += [replace(unusable(number), at_s=now_s), Tick(now_s), Reset(now_s), QueueLoss(now_s, 1)]
         events.append(draw(st.sampled_from([*choices, draw(st.sampled_from(DIRTY))])))
     return events
 
@@ -253,12 +428,16 @@ def harmless(event: Event) -> bool:
 
 
 @settings(max_examples=150, deadline=None)
-@given(sequences())
-def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_frame(events: list[Event]) -> None:
-    state, good = MonitorState(), False
+@given(sequences(), st.sampled_from([LIMITS, OPINED]))
+def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_frame(
+    events: list[Event], limits: MonitorLimits
+) -> None:
+    state, good, seen = MonitorState(), False, False
     for event in events:
         before = state
-        state, decision = decide(state, event, LIMITS)
+        state, decision = decide(state, event, limits)
+        seen = seen or (isinstance(event, SecondOpinion) and event.usable)
+        assert seen or not limits.expects_opinion or decision.code != 1
         good = good or harmless(event)
         assert good or decision.code != 1
         if before.state is State.WITHDRAW and state.state is not State.WITHDRAW:

@@ -25,3 +25,4 @@ class Cause(Enum):
     QUEUE_BEHIND = 110
     BAD_IMAGE = 111
     EXCEPTION = 112
+    NO_OPINION = 113

@@ -5,40 +5,26 @@ from math import isfinite
 from typing import assert_never
 
 from scleraforce.monitor.causes import Cause
-from scleraforce.monitor.events import BadImage, ChecksumError, Event, Failure, FrameRead, QueueLoss, Reset, Tick
+from scleraforce.monitor.events import (
+    BadImage,
+    ChecksumError,
+    Event,
+    Failure,
+    FrameRead,
+    QueueLoss,
+    Reset,
+    SecondOpinion,
+    Tick,
+)
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.monitor.rate import risen_force
+from scleraforce.monitor.soundness import clear, harm, sound_pixels, touches, unsound, upper_end
+from scleraforce.monitor.state import MonitorState
 from scleraforce.monitor.transitions import TRANSITIONS, Signal, State
 
-__all__ = ["Decision", "MonitorState", "decide"]
+__all__ = ["Decision", "decide"]
 
-PROBABILITY_SLACK = 1e-3  # single precision, summed
-
-
-@dataclass(frozen=True)
-class MonitorState:
-    """All that the monitor remembers; a few dozen numbers, whatever it has met.
-
-    `cause` and `reason` are those of the first cause of a withdrawal, kept until the reset. `history` has (time, force)
-    of the last frames whose numbers are sound, `losses` (time, frames) of those lost within the window, `lost` all that
-    were lost since the start, `lost_in_row` those since the last frame. `fresh` counts the harmless frames in a row.
-    """
-
-    state: State = State.NOT_READY
-    cause: Cause | None = None
-    reason: str = "no good frame yet"
-    at_s: float | None = None
-    frame: FrameRead | None = None
-    size: tuple[int, int] | None = None
-    scale_m: tuple[float, float] | None = None
-    repeats: int = 0
-    touched: bool = False
-    unusable: int = 0
-    history: tuple[tuple[float, float], ...] = ()
-    losses: tuple[tuple[float, int], ...] = ()
-    lost: int = 0
-    lost_in_row: int = 0
-    fresh: int = 0
+MOST_UNANSWERED = 128  # frames whose times are kept; more are thinned
 
 
 @dataclass(frozen=True)
@@ -80,7 +66,11 @@ def decide(state: MonitorState, event: Event, limits: MonitorLimits) -> tuple[Mo
     """
     try:
         remembered = _remember(state, event, limits)
-        finding = _clock(state, event, limits) or _meaning(state, remembered, event, limits)
+        finding = (
+            _clock(state, event, limits)
+            or _waiting(remembered, event, limits)
+            or _meaning(state, remembered, event, limits)
+        )
     except Exception as error:  # any doubt ends in a withdrawal, an event that is none included
         remembered = state
         finding = _alarm(Cause.EXCEPTION, f"{type(error).__name__}: {error}")
@@ -102,26 +92,62 @@ def _remember(state: MonitorState, event: Event, limits: MonitorLimits) -> Monit
         return replace(
             state, losses=losses, lost=state.lost + event.lost, lost_in_row=state.lost_in_row + event.lost
         )  # fmt: skip
+    if isinstance(event, SecondOpinion):
+        return _remember_opinion(state, event, limits)
     return _remember_frame(state, event, limits) if isinstance(event, FrameRead) else state
 
 
 def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
     same = state.frame is not None and state.frame.digest == frame.digest
+    waiting = (*state.unanswered, (frame.frame_id, frame.at_s)) if limits.expects_opinion else ()
     state = replace(
         state,
         frame=frame,
-        size=limits.size or state.size or frame.size,
-        scale_m=limits.scale_m or state.scale_m or frame.scale_m,
+        size=limits.size or state.size,
+        scale_m=limits.scale_m or state.scale_m,
         repeats=state.repeats + 1 if same else 1,
         unusable=0 if frame.usable else state.unusable + 1,
         lost_in_row=0,
+        unanswered=waiting if len(waiting) <= MOST_UNANSWERED else waiting[::2],
     )
-    if not frame.usable or _not_numbers(frame, limits):
-        return state
-    state = replace(state, touched=state.touched or _touches(frame, limits))
+    if not frame.usable or unsound(frame, limits):
+        return replace(state, clear_s=None)
+    if sound_pixels(frame.size, frame.scale_m):
+        state = replace(state, size=state.size or frame.size, scale_m=state.scale_m or frame.scale_m)
+    state = _remember_contact(state, frame, limits)
     if frame.force_n is None:
         return state
     return replace(state, history=(*state.history, (frame.at_s, frame.force_n))[-limits.rate_frames :])
+
+
+def _remember_contact(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
+    """Contact begins with one frame and ends after `lifted_s` of frames that are clear of it."""
+    if not clear(frame, limits):
+        return replace(state, touched=state.touched or touches(frame, limits), clear_s=None)
+    since_s = frame.at_s if state.clear_s is None else state.clear_s
+    return replace(state, touched=state.touched and frame.at_s - since_s < limits.lifted_s, clear_s=since_s)
+
+
+def _remember_opinion(state: MonitorState, opinion: SecondOpinion, limits: MonitorLimits) -> MonitorState:
+    state = replace(
+        state,
+        opinion=opinion,
+        doubted=0 if opinion.usable else state.doubted + 1,
+        unanswered=_unanswered(state.unanswered, opinion.frame_id),
+    )
+    if not opinion.usable or unsound(opinion, limits):
+        return replace(state, clear_s=None)
+    if clear(opinion, limits):
+        return state
+    return replace(state, touched=state.touched or touches(opinion, limits), clear_s=None)
+
+
+def _unanswered(waiting: tuple[tuple[int, float], ...], frame_id: int) -> tuple[tuple[int, float], ...]:
+    """Return the frames that came after the one that is answered; a client may have begun to count again."""
+    places = [place for place, (waiting_id, _) in enumerate(waiting) if waiting_id == frame_id]
+    if places:
+        return waiting[places[-1] + 1 :]
+    return tuple(entry for entry in waiting if entry[0] > frame_id)
 
 
 def _clock(state: MonitorState, event: Event, limits: MonitorLimits) -> Finding | None:
@@ -138,10 +164,22 @@ def _clock(state: MonitorState, event: Event, limits: MonitorLimits) -> Finding 
     return None
 
 
+def _waiting(now: MonitorState, event: Event, limits: MonitorLimits) -> Finding | None:
+    """Return a second reader that has gone; before the first good frame it is awaited without end."""
+    if now.state is State.NOT_READY or not limits.expects_opinion or not now.unanswered:
+        return None
+    waited_s = event.at_s - now.unanswered[0][1]
+    if waited_s < limits.opinion_s or isinstance(event, Reset):
+        return None  # a reset is refused, with its reason
+    return _alarm(Cause.NO_OPINION, f"no second opinion for {waited_s * 1e3:.0f} ms")
+
+
 def _meaning(before: MonitorState, now: MonitorState, event: Event, limits: MonitorLimits) -> Finding:
     match event:
         case FrameRead():
             return _transport(before, now, event, limits) or _reading(now, event, limits)
+        case SecondOpinion():
+            return _opinion(now, event, limits)
         case Tick():
             return QUIET
         case ChecksumError():
@@ -162,11 +200,11 @@ def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits
     """Return what is wrong with how a frame came: its order, its size, its scale, its novelty."""
     if before.frame is not None and not frame.frame_id > before.frame.frame_id:
         return _alarm(Cause.OUT_OF_ORDER, f"frame {frame.frame_id} after {before.frame.frame_id}")
-    if frame.size != now.size:
+    if frame.size != (now.size or frame.size):
         return _alarm(Cause.SIZE, f"a frame of {frame.size} pixels, not {now.size}")
-    if now.scale_m is None or not all(
-        isfinite(found) and found > 0 and abs(found - stated) <= limits.scale_tolerance * stated
-        for found, stated in zip(frame.scale_m, now.scale_m, strict=True)
+    if not sound_pixels(frame.size, frame.scale_m) or not all(
+        abs(found - stated) <= limits.scale_tolerance * stated
+        for found, stated in zip(frame.scale_m, now.scale_m or frame.scale_m, strict=True)
     ):
         return _alarm(Cause.SCALE, f"pixels of {frame.scale_m} m, not {now.scale_m} m")
     if now.repeats >= limits.frozen_frames:
@@ -176,48 +214,52 @@ def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits
 
 def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Finding:
     """Return what a frame's reading means."""
-    wrong = _not_numbers(frame, limits)
+    wrong = unsound(frame, limits)
     if wrong:
         return _alarm(Cause.NO_NUMBER, wrong)
     if not frame.usable:
-        return _unusable(now, frame, limits)
-    if frame.predicted >= limits.withdraw_class:
-        return _alarm(Cause.DANGEROUS_CLASS, f"class {frame.predicted}")
-    if frame.force_n is None or frame.interval_n is None:
-        return Finding(Signal.HARMLESS, "")
-    upper_n = max(frame.force_n, frame.interval_n[1])
-    if upper_n >= limits.bound_n:
-        return _alarm(Cause.BOUND, f"up to {upper_n * 1e3:.1f} mN, the bound is {limits.bound_n * 1e3:.1f} mN")
-    risen_n = risen_force(now.history, limits.reaction_s, limits.rate_deviations)
-    if risen_n is not None and risen_n + upper_n - frame.force_n >= limits.bound_n:
-        return _alarm(Cause.RISING, f"the bound is reached within {limits.reaction_s * 1e3:.0f} ms")
+        return _unusable(now, now.unusable, frame.reason, limits)
+    harmful = harm(frame, limits)
+    if harmful:
+        return _alarm(*harmful)
+    upper_n = upper_end(frame)
+    if upper_n is not None and frame.force_n is not None:
+        risen_n = risen_force(now.history, limits.reaction_s, limits.rate_deviations)
+        if risen_n is not None and risen_n + upper_n - frame.force_n >= limits.bound_n:
+            return _alarm(Cause.RISING, f"the bound is reached within {limits.reaction_s * 1e3:.0f} ms")
+    doubt = _doubt(now, limits)
+    if doubt:
+        return Finding(Signal.TOLERATED if now.touched else Signal.UNJUDGED, doubt)
     return Finding(Signal.HARMLESS, "")
 
 
-def _unusable(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Finding:
-    reason = frame.reason or "the frame cannot be judged"
+def _opinion(now: MonitorState, opinion: SecondOpinion, limits: MonitorLimits) -> Finding:
+    """Return what a second opinion means: a doubt, or nothing new."""
+    if now.frame is None or not opinion.frame_id <= now.frame.frame_id:
+        return _alarm(Cause.OUT_OF_ORDER, f"a second opinion on frame {opinion.frame_id}, which was not read yet")
+    wrong = unsound(opinion, limits)
+    if wrong:
+        return _alarm(Cause.NO_NUMBER, f"second opinion: {wrong}")
+    if not opinion.usable:
+        return _unusable(now, now.doubted, f"second opinion: {opinion.reason or 'cannot be judged'}", limits)
+    harmful = harm(opinion, limits)
+    return _alarm(harmful[0], f"second opinion: {harmful[1]}") if harmful else QUIET
+
+
+def _doubt(now: MonitorState, limits: MonitorLimits) -> str | None:
+    """Return what the last second opinion leaves open; a cause in it has withdrawn already."""
+    if now.opinion is None:
+        return "no second opinion yet" if limits.expects_opinion else None
+    return None if now.opinion.usable else f"second opinion: {now.opinion.reason or 'cannot be judged'}"
+
+
+def _unusable(now: MonitorState, in_row: int, reason: str | None, limits: MonitorLimits) -> Finding:
+    reason = reason or "the frame cannot be judged"
     if not now.touched:
         return Finding(Signal.UNJUDGED, reason)
-    if now.unusable >= limits.unusable_frames:
+    if in_row >= limits.unusable_frames:
         return _alarm(Cause.UNUSABLE, reason)
     return Finding(Signal.TOLERATED, reason)
-
-
-def _not_numbers(frame: FrameRead, limits: MonitorLimits) -> str | None:
-    """Return what in a reading is no number, or missing, or contradicts itself."""
-    interval_n, shares = frame.interval_n, frame.probabilities
-    numbers = (frame.force_n, *(interval_n or ()), *(shares or ()))
-    if not all(number is None or isfinite(number) for number in numbers):
-        return "a reading that is no number"
-    if not frame.usable:
-        return None
-    if shares is None or not 0 <= frame.predicted < len(shares) or not all(0 <= share <= 1 for share in shares):
-        return f"probabilities {shares} of class {frame.predicted}"
-    if not abs(sum(shares) - 1) <= PROBABILITY_SLACK:
-        return f"probabilities that sum to {sum(shares):g}"
-    if (frame.force_n is None) != (interval_n is None) or (limits.reads_force and frame.force_n is None):
-        return "a reading without its force or its interval"
-    return "an interval upside down" if interval_n is not None and not interval_n[0] <= interval_n[1] else None
 
 
 def _loss(now: MonitorState, event: QueueLoss, limits: MonitorLimits) -> Finding:
@@ -230,7 +272,12 @@ def _loss(now: MonitorState, event: QueueLoss, limits: MonitorLimits) -> Finding
 
 
 def _reset(now: MonitorState, event: Reset, limits: MonitorLimits) -> Finding:
-    """Grant a reset only on frames that are fresh: harmless, in a row, the last one recent."""
+    """Grant a reset only on frames that are fresh: harmless to both readers, in a row, the last one recent."""
+    doubt = _doubt(now, limits)
+    if doubt:
+        return Finding(Signal.RESET_REFUSED, f"reset refused: {doubt}")
+    if now.unanswered and not event.at_s - now.unanswered[0][1] < limits.opinion_s:
+        return Finding(Signal.RESET_REFUSED, "reset refused: the second opinion is not recent")
     silent = now.frame is None or not event.at_s - now.frame.at_s < limits.silence_s
     if now.fresh < limits.fresh_frames or silent:
         seen = "none is recent" if silent else f"{now.fresh} of {limits.fresh_frames} came"
@@ -243,6 +290,8 @@ def _move(state: MonitorState, finding: Finding, limits: MonitorLimits) -> Monit
     after = TRANSITIONS[state.state, finding.signal]
     fresh = {Signal.HARMLESS: state.fresh + 1, Signal.QUIET: state.fresh, Signal.RESET_REFUSED: state.fresh}
     moved = replace(state, state=after, fresh=fresh.get(finding.signal, 0))
+    if finding.signal is Signal.ALARM:
+        moved = replace(moved, opinion=None)
     if after is State.WITHDRAW:
         first = state.state is not State.WITHDRAW
         return replace(moved, cause=finding.cause, reason=finding.reason) if first else moved
@@ -257,16 +306,13 @@ def _released(moved: MonitorState, before: MonitorState, limits: MonitorLimits) 
         moved,
         cause=None,
         reason="",
-        touched=before.frame is None or _touches(before.frame, limits),
+        touched=before.frame is None or any(touches(seen, limits) for seen in (before.frame, before.opinion) if seen),
         unusable=0,
+        doubted=0,
         losses=(),
         lost_in_row=0,
         history=before.history[-before.fresh :],
     )
-
-
-def _touches(frame: FrameRead, limits: MonitorLimits) -> bool:
-    return frame.predicted > 0 if frame.force_n is None else frame.force_n > limits.contact_n
 
 
 def _decision(state: MonitorState, finding: Finding) -> Decision:

@@ -2,7 +2,17 @@
 
 from dataclasses import dataclass
 
-__all__ = ["BadImage", "ChecksumError", "Event", "Failure", "FrameRead", "QueueLoss", "Reset", "Tick"]
+__all__ = [
+    "BadImage",
+    "ChecksumError",
+    "Event",
+    "Failure",
+    "FrameRead",
+    "QueueLoss",
+    "Reset",
+    "SecondOpinion",
+    "Tick",
+]
 
 
 @dataclass(frozen=True)
@@ -25,6 +35,23 @@ class FrameRead:
     digest: bytes
     size: tuple[int, int]
     scale_m: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class SecondOpinion:
+    """What another method says of a frame that was read already; it comes later and can only add a doubt.
+
+    The fields are those of `FrameRead`; `at_s` is when it came, `frame_id` the frame that it speaks of.
+    """
+
+    at_s: float
+    frame_id: int
+    usable: bool
+    reason: str | None
+    predicted: int
+    probabilities: tuple[float, ...] | None
+    force_n: float | None
+    interval_n: tuple[float, float] | None
 
 
 @dataclass(frozen=True)
@@ -73,4 +100,4 @@ class Reset:
     at_s: float
 
 
-Event = FrameRead | Tick | ChecksumError | Failure | QueueLoss | BadImage | Reset
+Event = FrameRead | SecondOpinion | Tick | ChecksumError | Failure | QueueLoss | BadImage | Reset

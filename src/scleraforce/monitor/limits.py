@@ -16,15 +16,25 @@ COUNTS = (
     "losses_in_row",
     "losses_in_window",
 )
-POSITIVE = ("bound_n", "contact_n", "reaction_s", "silence_s", "loss_window_s", "scale_tolerance")
+POSITIVE = (
+    "bound_n",
+    "contact_n",
+    "reaction_s",
+    "silence_s",
+    "loss_window_s",
+    "scale_tolerance",
+    "opinion_s",
+    "lifted_s",
+)
 
 
 @dataclass(frozen=True)
 class MonitorLimits:
     """Limits of the decision, in SI; docs/monitor_decision.md explains each.
 
-    `size` and `scale_m` are the study's; None takes those of the first frame. `reads_force` is False with a
-    classifier: then no force is expected, otherwise a frame without one is a cause.
+    `size` and `scale_m` are the study's; None takes those of the first sound frame. `reads_force` is False with a
+    classifier: then no force is expected, otherwise a frame without one is a cause. `expects_opinion` is True where
+    another process gives second opinions: then nothing is OK before the first, and one that stays away is a cause.
 
     Raises:
         InputError: a limit that would let everything pass, or nothing.
@@ -33,6 +43,7 @@ class MonitorLimits:
     withdraw_class: int = 2
     bound_n: float = 0.03
     contact_n: float = 2e-3
+    lifted_s: float = 0.5
     reaction_s: float = 0.05
     rate_frames: int = 10
     rate_deviations: float = 3.0
@@ -47,6 +58,8 @@ class MonitorLimits:
     scale_m: tuple[float, float] | None = None
     scale_tolerance: float = 1e-3
     reads_force: bool = True
+    expects_opinion: bool = False
+    opinion_s: float = 0.5
 
     def __post_init__(self) -> None:
         for name in COUNTS:

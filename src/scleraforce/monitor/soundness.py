@@ -1,0 +1,63 @@
+"""What one reading says by itself: whether its numbers are sound, whether it is harmful, whether the needle touches."""
+
+from math import isfinite
+
+from scleraforce.monitor.causes import Cause
+from scleraforce.monitor.events import FrameRead, SecondOpinion
+from scleraforce.monitor.limits import MonitorLimits
+
+__all__ = ["clear", "harm", "sound_pixels", "touches", "unsound", "upper_end"]
+
+Reading = FrameRead | SecondOpinion
+
+PROBABILITY_SLACK = 1e-3  # single precision, summed
+
+
+def unsound(reading: Reading, limits: MonitorLimits) -> str | None:
+    """Return what in a reading is no number, or missing, or contradicts itself."""
+    interval_n, shares = reading.interval_n, reading.probabilities
+    numbers = (reading.force_n, *(interval_n or ()), *(shares or ()))
+    if not all(number is None or isfinite(number) for number in numbers):
+        return "a reading that is no number"
+    if not reading.usable:
+        return None
+    if shares is None or not 0 <= reading.predicted < len(shares) or not all(0 <= share <= 1 for share in shares):
+        return f"probabilities {shares} of class {reading.predicted}"
+    if not abs(sum(shares) - 1) <= PROBABILITY_SLACK:
+        return f"probabilities that sum to {sum(shares):g}"
+    if (reading.force_n is None) != (interval_n is None) or (limits.reads_force and reading.force_n is None):
+        return "a reading without its force or its interval"
+    return "an interval upside down" if interval_n is not None and not interval_n[0] <= interval_n[1] else None
+
+
+def harm(reading: Reading, limits: MonitorLimits) -> tuple[Cause, str] | None:
+    """Return why a usable, sound reading is a cause of a withdrawal by itself."""
+    if reading.predicted >= limits.withdraw_class:
+        return Cause.DANGEROUS_CLASS, f"class {reading.predicted}"
+    upper_n = upper_end(reading)
+    if upper_n is not None and upper_n >= limits.bound_n:
+        return Cause.BOUND, f"up to {upper_n * 1e3:.1f} mN, the bound is {limits.bound_n * 1e3:.1f} mN"
+    return None
+
+
+def upper_end(reading: Reading) -> float | None:
+    """Return how large the force may be, N; None with a classifier."""
+    if reading.force_n is None or reading.interval_n is None:
+        return None
+    return max(reading.force_n, reading.interval_n[1])
+
+
+def touches(reading: Reading, limits: MonitorLimits) -> bool:
+    """Return whether a usable, sound reading shows contact."""
+    return reading.predicted > 0 if reading.force_n is None else reading.force_n > limits.contact_n
+
+
+def clear(reading: Reading, limits: MonitorLimits) -> bool:
+    """Return whether a usable, sound reading leaves no doubt that there is no contact."""
+    upper_n = upper_end(reading)
+    return reading.predicted == 0 and (upper_n is None or upper_n <= limits.contact_n)
+
+
+def sound_pixels(size: tuple[int, int], scale_m: tuple[float, float]) -> bool:
+    """Return whether a frame has pixels, and these a size."""
+    return all(isfinite(value) and value > 0 for value in (*size, *scale_m))
