@@ -2,10 +2,12 @@
 
 import struct
 import tracemalloc
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from fastcrc.crc64 import ecma_182
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,6 +16,7 @@ from scleraforce.service.openigtlink import (
     BadChecksum,
     Broken,
     Decoder,
+    Event,
     Image,
     Malformed,
     Message,
@@ -27,9 +30,9 @@ from scleraforce.service.openigtlink import (
     Unknown,
     encode,
 )
-from scleraforce.service.openigtlink.crc64 import crc64
+from scleraforce.service.openigtlink.decoder import PASSED_BYTES
 from scleraforce.service.openigtlink.image import pack_image
-from scleraforce.service.openigtlink.wire import Header, pack_header
+from scleraforce.service.openigtlink.wire import HEADER_BYTES, Header, pack_header, unpack_header
 
 DRAW = np.random.default_rng(5)
 PIXELS = {dtype: DRAW.integers(0, 120, (2, 3, 5)).astype(dtype) for dtype in (np.int8, np.uint8, np.int16, np.uint16)}
@@ -46,6 +49,7 @@ MESSAGES: list[Message] = [
     Sensor(()),
     Transform((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 2.5, -3.0, 4.0)),
     Query("STATUS"),
+    Query("TRANSFORM"),
 ]
 VERSIONS = [1, 2, 3]
 
@@ -60,7 +64,7 @@ def same(found: Message, sent: Message) -> bool:
 
 
 def raw(name: str, body: bytes, version: int = 1, crc: int | None = None) -> bytes:
-    return pack_header(Header(version, name, "peer", 1.0, len(body), crc64(body) if crc is None else crc)) + body
+    return pack_header(Header(version, name, "peer", 1.0, len(body), ecma_182(body) if crc is None else crc)) + body
 
 
 @pytest.mark.parametrize("version", VERSIONS)
@@ -94,6 +98,24 @@ def test_both_byte_orders_give_the_same_pixels(pixels: np.ndarray) -> None:
         assert same(event.message, Image(pixels))
 
 
+def bitwise_crc(data: bytes) -> int:
+    """ECMA-182, first bit first, from 0."""
+    crc = 0
+    for byte in data:
+        crc ^= byte << 56
+        for _ in range(8):
+            crc = ((crc << 1) & (2**64 - 1)) ^ (0x42F0E1EBA9EA3693 if crc >> 63 else 0)
+    return crc
+
+
+def test_the_checksum_is_ecma_182_of_the_body() -> None:
+    assert bitwise_crc(b"123456789") == 0x6C40DF5F0B497347
+    for size in (1, 7, 8, 63, 64, 1000):
+        pixels = np.random.default_rng(size).integers(0, 256, (1, 1, size)).astype(np.uint8)
+        data = encode(Image(pixels), "Scanner")
+        assert unpack_header(data[:HEADER_BYTES]).crc == bitwise_crc(data[HEADER_BYTES:])
+
+
 def test_an_image_of_known_bytes() -> None:
     head = bytes([0, 1, 1, 5, 1, 1]) + struct.pack(">3H12f6H", 2, 1, 1, *[1.0] * 12, 0, 0, 0, 2, 1, 1)
     (event,) = Decoder().feed(raw("IMAGE", head + b"\x01\x02\xff\xfe"))
@@ -101,6 +123,92 @@ def test_an_image_of_known_bytes() -> None:
     assert isinstance(event.message, Image)
     assert event.message.pixels.tolist() == [[[0x0102, 0xFFFE]]]
     assert not event.message.pixels.flags.writeable
+
+
+def read_through_spaces(data: bytes, cuts: list[int], decoder: Decoder) -> list[Event]:
+    """As a socket fills what is lent: pieces of the sizes of `cuts` in turn, as far as there is room."""
+    events, place, turn = [], 0, 0
+    while place < len(data) and not decoder.broken:
+        room = decoder.space()
+        assert room
+        piece = data[place : place + min(len(room), cuts[turn % len(cuts)])]
+        room[: len(piece)] = piece
+        events += decoder.received(len(piece))
+        place, turn = place + len(piece), turn + 1
+    return events
+
+
+def told(events: Iterable[Event]) -> list[object]:
+    """What can be compared of events: an image as its bytes and its place."""
+    return [
+        (type(e), {**vars(e), "message": (m.pixels.tobytes(), m.pixels.dtype, *list(vars(m).values())[1:])})
+        if isinstance(e, Received) and isinstance(m := e.message, Image)
+        else (type(e), vars(e))
+        for e in events
+    ]
+
+
+def test_the_pixels_of_a_message_are_the_memory_that_was_lent() -> None:
+    pixels = DRAW.integers(0, 60_000, (1, 512, 512)).astype(np.uint16)
+    data = encode(Image(pixels), "Scanner", version=2, metadata={"eye": "left"})
+    decoder = Decoder()
+    assert decoder.feed(data[:HEADER_BYTES]) == ()
+    lent = np.frombuffer(decoder.space(), dtype=np.uint8)
+    assert lent.size == len(data) - HEADER_BYTES
+    (event,) = read_through_spaces(data[HEADER_BYTES:], [100_000], decoder)
+    assert isinstance(event, Received)
+    assert isinstance(event.message, Image)
+    assert np.array_equal(event.message.pixels, pixels)
+    assert np.shares_memory(event.message.pixels, lent)
+
+
+def test_pixels_at_an_odd_place_are_aligned() -> None:
+    content = pack_image(Image(PIXELS[np.uint16]))
+    (event,) = Decoder().feed(raw("IMAGE", struct.pack(">HHII", 13, 0, 0, 0) + b"\0" + content, version=2))
+    assert isinstance(event, Received)
+    assert same(event.message, Image(PIXELS[np.uint16]))
+    assert event.message.pixels.flags.aligned  # type: ignore[union-attr]
+
+
+def test_received_takes_no_more_than_was_lent() -> None:
+    decoder = Decoder()
+    assert decoder.received(0) == ()
+    for count in (-1, len(decoder.space()) + 1):
+        with pytest.raises(ValueError, match="were lent"):
+            decoder.received(count)
+    decoder.feed(encode(Transform((1.0,) * 12), "peer")[:-1])
+    with pytest.raises(ValueError, match="2 bytes received: 1 were lent"):
+        decoder.received(2)
+
+
+def test_a_body_that_is_passed_over_lends_nothing_beyond_its_end() -> None:
+    decoder = Decoder()
+    decoder.feed(raw("POLYDATA", bytes(PASSED_BYTES + 10), crc=0)[: HEADER_BYTES + 5])
+    assert len(decoder.space()) == PASSED_BYTES
+    decoder.received(PASSED_BYTES)
+    assert len(decoder.space()) == 5
+
+
+def test_the_cap_may_be_lowered_between_messages() -> None:
+    decoder = Decoder()
+    data = encode(Text("x" * 100), "peer")
+    assert decoder.feed(data[:-1]) == ()
+    decoder.max_body_bytes = 103
+    (received,) = decoder.feed(data[-1:])  # its header came before
+    assert isinstance(received, Received)
+    (broken,) = decoder.feed(data)
+    assert isinstance(broken, Broken)
+    assert "body of 104 bytes: at most 103" in broken.reason
+
+
+def test_a_query_names_the_type_that_is_asked_for() -> None:
+    for name, asked in (("GET_STATUS", "STATUS"), ("GET_IMAGE", "IMAGE"), ("GET_TRANS", "TRANSFORM")):
+        (event,) = Decoder().feed(raw(name, b""))
+        assert isinstance(event, Received)
+        assert event.message == Query(asked)
+    for name in ("GET_", "STT_IMAGE", "STP_IMAGE", "RTS_STATUS"):
+        (event,) = Decoder().feed(raw(name, b""))
+        assert isinstance(event, Unknown)
 
 
 def test_a_wrong_checksum_is_an_event_and_the_stream_goes_on() -> None:
@@ -136,6 +244,7 @@ def patched(place: int, value: bytes) -> bytes:
     ("name", "body"),
     [
         ("STATUS", b"\0" * 29),
+        ("STATUS", b"\0" * 30 + b"x" * 65_537),
         ("STRING", b"\0"),
         ("STRING", struct.pack(">HH", 3, 9) + b"12345678"),
         ("SENSOR", b"\2\0" + b"\0" * 16),
@@ -172,6 +281,7 @@ def test_a_body_that_is_not_what_its_type_says_is_an_event(name: str, body: byte
         struct.pack(">HHII", 12, 1, 0, 0) + b"\0",
         struct.pack(">HHII", 12, 0, 2, 0) + b"\0\0",
         struct.pack(">HHII", 12, 10, 3, 0) + struct.pack(">HHHI", 1, 2, 3, 4) + b"abc",
+        struct.pack(">HHII", 12, 2, 16_383, 0) + bytes(4 + 16_385),
     ],
 )
 def test_an_extended_header_that_contradicts_itself_is_an_event(body: bytes) -> None:
@@ -217,18 +327,23 @@ STREAM = b"".join(encode(message, "peer", version=1 + n % 3) for n, message in e
     st.integers(0, len(STREAM)),
     st.lists(st.integers(1, 300), min_size=1, max_size=20),
 )
-def test_a_mutated_stream_gives_events_and_no_exception(
+def test_a_mutated_stream_gives_the_same_events_in_any_pieces_and_no_exception(
     changes: list[tuple[int, int]], end: int, cuts: list[int]
 ) -> None:
-    data = bytearray(STREAM)
+    changed = bytearray(STREAM)
     for place, value in changes:
-        data[place] = value
-    decoder, place, turn = Decoder(max_body_bytes=4096), 0, 0
-    while place < end and decoder.state is not State.ERROR:
-        step = cuts[turn % len(cuts)]
-        for event in decoder.feed(bytes(data[place : min(place + step, end)])):
-            assert isinstance(event, Received | Unknown | BadChecksum | Malformed | Broken)
-        place, turn = place + step, turn + 1
+        changed[place] = value
+    data = bytes(changed[:end])
+    at_once, lent, pieces = Decoder(4096), Decoder(4096), Decoder(4096)
+    events = at_once.feed(data)
+    assert told(read_through_spaces(data, cuts, lent)) == told(events)
+    fed, place = [], 0
+    while place < end and not pieces.broken:
+        step = cuts[len(fed) % len(cuts)]
+        fed.append(pieces.feed(data[place : place + step]))
+        place += step
+    assert told(event for some in fed for event in some) == told(events)
+    assert lent.state is pieces.state is at_once.state
 
 
 @settings(max_examples=300, deadline=None)
@@ -266,6 +381,7 @@ def test_a_long_stream_does_not_grow() -> None:
         Text("x" * 65_536),
         Sensor((0.0,) * 256),
         Status(70_000),
+        Status(1, message="x" * 65_536),
         Status(1, name="x" * 21),
         Transform((1.0,)),
         Query("A_VERY_LONG_TYPE"),
@@ -289,6 +405,8 @@ def test_what_a_message_cannot_carry_is_refused(wrong: Message) -> None:
         {"version": 0},
         {"message_id": 1},
         {"metadata": {"a": "b"}},
+        {"metadata": {"a": "b" * 16_375}, "version": 2},
+        {"message_id": 2**32, "version": 2},
         {"time_s": -1.0},
         {"time_s": float("nan")},
     ],

@@ -3,23 +3,26 @@
 A message that is wrong inside (checksum, content) is an event and the stream goes on, for its size is known. A header
 that cannot be one, or a body over the cap, leaves no place to go on from: the last event is `Broken`, the state is
 ERROR, and further bytes are refused.
+
+A body is received where it will stay: `space` lends the place of the next bytes, `received` says how many came.
 """
 
 from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
+from fastcrc.crc64 import ecma_182
 from numpy.typing import NDArray
 
 from scleraforce.errors import ProtocolError
-from scleraforce.service.openigtlink.crc64 import crc64
-from scleraforce.service.openigtlink.messages import SPOKEN, Message, Query, unpack
+from scleraforce.service.openigtlink.messages import SPOKEN, Message, query_of, unpack
 from scleraforce.service.openigtlink.wire import HEADER_BYTES, Header, split_body, unpack_header
 
 __all__ = ["MAX_BODY_BYTES", "BadChecksum", "Broken", "Decoder", "Event", "Malformed", "Received", "State", "Unknown"]
 
 MAX_BODY_BYTES = 16 * 1024 * 1024  # a 16-bit volume of 2048 x 2048 x 2
-HASH_BYTES = 64 * 1024  # the checksum runs along in pieces of this size, so that little is left after the last byte
+HEADERS_BYTES = 4096  # lent at once where headers are due: the work of one `received` stays below a millisecond
+PASSED_BYTES = 64 * 1024  # lent at once of a body that is passed over
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +80,10 @@ class State(Enum):
 class Decoder:
     """An incremental decoder of one peer's bytes; it holds at most one message of at most `max_body_bytes`.
 
+    Attributes:
+        max_body_bytes: a header that states more breaks the stream; may be changed at any time, for the next headers.
+        state: what the next byte belongs to.
+
     >>> from scleraforce.service.openigtlink.messages import Status, encode
     >>> decoder = Decoder()
     >>> data = encode(Status(1, message="watching"), "ForceMonitor")
@@ -90,15 +97,53 @@ class Decoder:
         self.max_body_bytes = max_body_bytes
         self.state = State.HEADER
         self._head = bytearray()
+        self._scratch = memoryview(bytearray(PASSED_BYTES))
         self._start_body(np.empty(0, dtype=np.uint8), 0)
 
     def _start_body(self, body: NDArray[np.uint8], left: int) -> None:
-        self._body, self._left, self._filled, self._hashed, self._crc = body, left, 0, 0, 0
+        self._body, self._room, self._left, self._crc = body, memoryview(body.data), left, 0
 
     @property
     def broken(self) -> bool:
         """Whether the stream cannot be followed any more."""
         return self.state is State.ERROR
+
+    def space(self) -> memoryview:
+        """Lend the place for the next bytes, never empty; it is good until the next call of another method.
+
+        Raises:
+            ProtocolError: the stream broke earlier.
+
+        >>> decoder = Decoder()
+        >>> decoder.space()[:3] = b"abc"  # or socket.recv_into(decoder.space())
+        >>> decoder.received(3)
+        ()
+        """
+        self._refuse_if_broken()
+        if self.state is State.BODY:
+            return self._room[-self._left :]
+        return self._scratch[: HEADERS_BYTES if self.state is State.HEADER else min(self._left, PASSED_BYTES)]
+
+    def received(self, count: int) -> tuple[Event, ...]:
+        """Take the first bytes of what `space` lent.
+
+        Args:
+            count: how many were written there.
+
+        Returns:
+            What became complete, in order; `Broken` is the last if it occurs.
+
+        Raises:
+            ProtocolError: the stream broke earlier.
+            ValueError: more than was lent.
+        """
+        room = self.space()
+        if not 0 <= count <= len(room):
+            raise ValueError(f"{count} bytes received: {len(room)} were lent")
+        if self.state is not State.BODY:
+            return self._take(room[:count])
+        event = self._advance(count)
+        return () if event is None else (event,)
 
     def feed(self, data: bytes | bytearray | memoryview) -> tuple[Event, ...]:
         """Take the next bytes of the stream, in pieces of any size.
@@ -109,9 +154,15 @@ class Decoder:
         Raises:
             ProtocolError: the stream broke earlier.
         """
+        self._refuse_if_broken()
+        return self._take(memoryview(data))
+
+    def _refuse_if_broken(self) -> None:
         if self.broken:
             raise ProtocolError("the stream is broken: close the connection and start a new decoder")
-        rest, events = memoryview(data), []
+
+    def _take(self, rest: memoryview) -> tuple[Event, ...]:
+        events = []
         while rest and not self.broken:
             used, event = self._step(rest)
             rest = rest[used:]
@@ -127,9 +178,8 @@ class Decoder:
             return used, self._begin() if len(self._head) == HEADER_BYTES else None
         used = min(self._left, len(rest))
         if self.state is State.BODY:
-            self._keep(rest[:used])
-        self._left -= used
-        return used, self._end() if not self._left else None
+            self._room[-self._left :][:used] = rest[:used]
+        return used, self._advance(used)
 
     def _begin(self) -> Event | None:
         """A header is whole; room is taken for its body only now that its size is known to be allowed."""
@@ -139,34 +189,30 @@ class Decoder:
                 raise ProtocolError(f"body of {self._header.body_bytes} bytes: at most {self.max_body_bytes}")
         except ProtocolError as error:
             self.state = State.ERROR
-            self._head.clear()
             return Broken(str(error))
-        self._head.clear()
+        finally:
+            self._head.clear()
         kept = self._header.type in SPOKEN
         self.state = State.BODY if kept else State.PASSING
         size = self._header.body_bytes
         self._start_body(np.empty(size if kept else 0, dtype=np.uint8), size)
         return None if size else self._end()
 
-    def _keep(self, piece: memoryview) -> None:
-        self._body[self._filled : self._filled + len(piece)] = np.frombuffer(piece, dtype=np.uint8)
-        self._filled += len(piece)
-        if self._filled - self._hashed >= HASH_BYTES:
-            self._hash()
-
-    def _hash(self) -> None:
-        self._crc = crc64(self._body[self._hashed : self._filled], self._crc)
-        self._hashed = self._filled
+    def _advance(self, count: int) -> Event | None:
+        """The next bytes of the body are in their place; the checksum runs along, so that none is left at the end."""
+        if self.state is State.BODY and count:
+            self._crc = ecma_182(self._room[-self._left :][:count], self._crc)
+        self._left -= count
+        return None if self._left else self._end()
 
     def _end(self) -> Event:
         """A body is whole; it is let go of, so that only its event holds it."""
-        self._hash()
         header, body, crc, kept = self._header, self._body, self._crc, self.state is State.BODY
         self.state = State.HEADER
         self._start_body(np.empty(0, dtype=np.uint8), 0)
         if not kept:
-            asked = header.type.removeprefix("GET_")
-            return Received(header, Query(asked)) if asked != header.type and asked else Unknown(header)
+            asked = query_of(header.type)
+            return Unknown(header) if asked is None else Received(header, asked)
         if crc != header.crc:
             return BadChecksum(header, crc)
         return _read(header, body)

@@ -70,7 +70,7 @@ def pack_image(image: Image, *, little_endian: bool = True) -> bytes:
 
 
 def unpack_image(body: memoryview) -> Image:
-    """Read the body of an image; pixels in this machine's byte order are not copied.
+    """Read the body of an image; pixels in this machine's byte order, at an even place, are a view into the body.
 
     Raises:
         ProtocolError: cut short, of a type that is not spoken, or sizes that contradict each other.
@@ -91,7 +91,8 @@ def unpack_image(body: memoryview) -> Image:
     if len(body) - HEAD.size != stated:
         raise ProtocolError(f"IMAGE: {len(body) - HEAD.size} bytes of pixels, must be {stated}")
     shape = part[::-1] if components == 1 else (*part[::-1], components)
-    pixels = np.frombuffer(body, dtype=dtype, offset=HEAD.size).astype(SCALARS[code], copy=False).reshape(shape)
+    received = np.frombuffer(body, dtype=dtype, offset=HEAD.size)
+    pixels = np.require(received, SCALARS[code], "A").reshape(shape)
     pixels.flags.writeable = False
     return Image(pixels, matrix, size, offset, coordinates)
 

@@ -6,17 +6,22 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from fastcrc.crc64 import ecma_182
+
 from scleraforce.errors import ProtocolError
-from scleraforce.service.openigtlink.crc64 import crc64
 from scleraforce.service.openigtlink.image import Image, pack_image, unpack_image
 from scleraforce.service.openigtlink.wire import ASCII, UTF_8, Header, pack_header, pack_name, wrap_body
 
-__all__ = ["SPOKEN", "Message", "Query", "Sensor", "Status", "Text", "Transform", "encode", "unpack"]
+__all__ = ["SPOKEN", "Message", "Query", "Sensor", "Status", "Text", "Transform", "encode", "query_of", "unpack"]
 
 STATUS = struct.Struct(">Hq20s")
 STRING = struct.Struct(">HH")
 SENSOR = struct.Struct(">BBQ")
 TRANSFORM = struct.Struct(">12f")
+MAX_TEXT_BYTES = 0xFFFF  # of a STATUS, as of a STRING
+GET = "GET_"
+SHORTENED = {"TRANSFORM": "TRANS"}  # a type has 12 characters
+WHOLE = {short: name for name, short in SHORTENED.items()}
 NO_METADATA: Mapping[str, str] = MappingProxyType({})
 
 
@@ -55,7 +60,7 @@ class Transform:
 
 @dataclass(frozen=True)
 class Query:
-    """GET_...: a peer asks for a message of this type."""
+    """GET_...: a peer asks for a message of this type: "STATUS", "IMAGE", "TRANSFORM" (the wire says GET_TRANS)."""
 
     type: str
 
@@ -90,7 +95,7 @@ def encode(
     """
     name, content = _pack(message)
     body = wrap_body(content, version, message_id, metadata)
-    return pack_header(Header(version, name, device, time_s, len(body), crc64(body))) + body
+    return pack_header(Header(version, name, device, time_s, len(body), ecma_182(body))) + body
 
 
 def _pack(message: Message) -> tuple[str, bytes]:
@@ -100,6 +105,8 @@ def _pack(message: Message) -> tuple[str, bytes]:
             case Image():
                 return "IMAGE", pack_image(message)
             case Status(code, subcode, name, text):
+                if len(text.encode()) > MAX_TEXT_BYTES:
+                    raise ProtocolError(f"STATUS: a message of {len(text.encode())} bytes, at most {MAX_TEXT_BYTES}")
                 return "STATUS", STATUS.pack(code, subcode, pack_name(name, 20)) + text.encode() + b"\0"
             case Text(text):
                 return "STRING", STRING.pack(ASCII if text.isascii() else UTF_8, len(text.encode())) + text.encode()
@@ -108,9 +115,19 @@ def _pack(message: Message) -> tuple[str, bytes]:
             case Transform(matrix):
                 return "TRANSFORM", TRANSFORM.pack(*matrix)
             case Query(name):
-                return f"GET_{name}", b""
+                return GET + SHORTENED.get(name, name), b""
     except (struct.error, OverflowError, UnicodeEncodeError) as error:
         raise ProtocolError(f"{type(message).__name__}: {error}") from error
+
+
+def query_of(name: str) -> Query | None:
+    """What a message of type GET_... asks for; None: the type is no query.
+
+    >>> query_of("GET_TRANS")
+    Query(type='TRANSFORM')
+    """
+    asked = name.removeprefix(GET)
+    return Query(WHOLE.get(asked, asked)) if asked and asked != name else None
 
 
 def unpack(name: str, content: memoryview) -> Message:
@@ -123,7 +140,7 @@ def unpack(name: str, content: memoryview) -> Message:
 
 
 def _status(content: memoryview) -> Status:
-    _need("STATUS", len(content) >= STATUS.size, len(content))
+    _need("STATUS", STATUS.size <= len(content) <= STATUS.size + MAX_TEXT_BYTES + 1, len(content))
     code, subcode, name = STATUS.unpack_from(content)
     return Status(code, subcode, _until_nul(name), _until_nul(bytes(content[STATUS.size :])))
 

@@ -1,0 +1,174 @@
+"""From the IMAGE messages of a scanner to B-scans: what a pixel counts and measures, and parts put together."""
+
+from dataclasses import dataclass, field
+from math import hypot, prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import ProtocolError
+from scleraforce.service.openigtlink import Image
+from scleraforce.service.openigtlink.decoder import MAX_BODY_BYTES
+
+__all__ = ["FrameAssembler", "ScannerFrame"]
+
+Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+COUNTS: dict[np.dtype[Any], np.dtype[Any]] = {
+    np.dtype(sent): np.dtype(counted)
+    for sent, counted in [("int8", "uint8"), ("uint8", "uint8"), ("int16", "uint16"), ("uint16", "uint16")]
+}
+MM = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class ScannerFrame:
+    """A B-scan as the scanner sent it; `lateral_m` and `depth_m` are the size of a pixel as stored.
+
+    `pixels` (row, column) are uint8 or uint16 and read-only.
+    """
+
+    pixels: Pixels
+    lateral_m: float
+    depth_m: float
+
+
+class FrameAssembler:
+    """Makes frames of the images of one scanner; it holds at most one frame of at most `max_frame_bytes`.
+
+    Parts of an image may come in any order behind the one that has its first pixel. That one has to be the first, so
+    that the end of an image whose beginning was lost is not taken for the beginning of the next. Start a new assembler
+    after every message that was lost (`BadChecksum`, `Malformed`): then no frame is put together of two images.
+
+    >>> parts = np.ones((1, 2, 4), dtype=np.int16), np.ones((1, 3, 4), dtype=np.int16)
+    >>> assembler = FrameAssembler()
+    >>> assembler.add(Image(parts[0], size=(4, 5, 1)))
+    >>> assembler.add(Image(parts[1], size=(4, 5, 1), offset=(0, 2, 0))).pixels.shape
+    (5, 4)
+    """
+
+    def __init__(self, max_frame_bytes: int = MAX_BODY_BYTES) -> None:
+        self.max_frame_bytes = max_frame_bytes
+        self._begun: _Begun | None = None
+
+    def add(self, image: Image) -> ScannerFrame | None:
+        """Take the next image of the scanner; a whole one is not copied.
+
+        Returns:
+            The frame that it completes; None: it was a part, and more are to come.
+
+        Raises:
+            ProtocolError: the image is no B-scan, or does not belong to the parts before it. Those are forgotten; if it
+                has the first pixel, a new frame begins with it.
+        """
+        begun, self._begun = self._begun, None
+        frame, place = _frame(image), _Place.of(image)
+        if begun is None and place.whole:
+            return frame
+        if begun is None:
+            return self._put(self._begin(place), frame, place)
+        reason = begun.refusal(place)
+        if reason is None:
+            return self._put(begun, frame, place)
+        if place.first and not place.whole:
+            self._put(self._begin(place), frame, place)
+        raise ProtocolError(f"IMAGE: the part {place} {reason}")
+
+    def _begin(self, place: "_Place") -> "_Begun":
+        if not place.first:
+            raise ProtocolError(f"IMAGE: the part {place} came before that with the first pixel")
+        stated = prod(place.size) * place.dtype.itemsize
+        if stated > self.max_frame_bytes:
+            raise ProtocolError(f"IMAGE: parts of an image of {stated} bytes: at most {self.max_frame_bytes}")
+        return _Begun(place)
+
+    def _put(self, begun: "_Begun", frame: ScannerFrame, place: "_Place") -> ScannerFrame | None:
+        begun.put(frame.pixels, place)
+        if begun.left:
+            self._begun = begun
+            return None
+        begun.pixels.flags.writeable = False
+        return ScannerFrame(begun.pixels, frame.lateral_m, frame.depth_m)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """What a part states of the whole (rows, columns), and where it lies there."""
+
+    size: tuple[int, int]
+    dtype: np.dtype[Any]
+    matrix: tuple[float, ...]
+    coordinates: int
+    rows: slice
+    columns: slice
+
+    @classmethod
+    def of(cls, image: Image) -> "_Place":
+        _, rows, columns = image.pixels.shape
+        whole_columns, whole_rows, _ = image.size or (columns, rows, 1)
+        column, row, _ = image.offset
+        lies = slice(row, row + rows), slice(column, column + columns)
+        return cls((whole_rows, whole_columns), image.pixels.dtype, image.matrix, image.coordinates, *lies)
+
+    @property
+    def first(self) -> bool:
+        return (self.rows.start, self.columns.start) == (0, 0)
+
+    @property
+    def whole(self) -> bool:
+        return (self.rows.stop - self.rows.start, self.columns.stop - self.columns.start) == self.size
+
+    @property
+    def stated(self) -> tuple[object, ...]:
+        return self.size, self.dtype, self.matrix, self.coordinates
+
+    def __str__(self) -> str:
+        rows, columns = self.rows, self.columns
+        return f"rows {rows.start} to {rows.stop}, columns {columns.start} to {columns.stop} of {self.size}"
+
+
+@dataclass(eq=False)
+class _Begun:
+    """A frame of which parts have come; `left` pixels are missing."""
+
+    first: _Place
+    pixels: Pixels = field(init=False)
+    covered: NDArray[np.bool_] = field(init=False)
+    left: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.pixels = np.empty(self.first.size, dtype=COUNTS[self.first.dtype])
+        self.covered = np.zeros(self.first.size, dtype=np.bool_)
+        self.left = self.pixels.size
+
+    def refusal(self, place: _Place) -> str | None:
+        """Why a part does not belong here; None: it does."""
+        if place.stated != self.first.stated:
+            return "states another size, type or matrix than those before it"
+        if self.covered[place.rows, place.columns].any():
+            return "overlaps those before it"
+        return None
+
+    def put(self, pixels: Pixels, place: _Place) -> None:
+        self.pixels[place.rows, place.columns] = pixels
+        self.covered[place.rows, place.columns] = True
+        self.left -= pixels.size
+
+
+def _frame(image: Image) -> ScannerFrame:
+    """The pixels of an image as counts, and their size."""
+    pixels = image.pixels
+    if pixels.dtype not in COUNTS:
+        raise ProtocolError(f"IMAGE: {pixels.dtype} pixels: must be 8 or 16 bit in this machine's byte order")
+    slices = (image.size or (0, 0, pixels.shape[0]))[2]
+    if pixels.ndim != 3 or slices != 1:
+        components = pixels.shape[3] if pixels.ndim == 4 else 1
+        raise ProtocolError(f"IMAGE: {slices} slices, {components} components: a B-scan has one of each")
+    if pixels.dtype.kind == "i" and pixels.min() < 0:
+        raise ProtocolError(f"IMAGE: {pixels.dtype} pixels down to {pixels.min()}: none may be negative")
+    lateral_m, depth_m = (hypot(*image.matrix[n : n + 3]) * MM for n in (0, 3))
+    if not (lateral_m > 0.0 and depth_m > 0.0):
+        raise ProtocolError(f"IMAGE: pixels of {lateral_m} x {depth_m} m: the matrix's columns must have a length")
+    counts = pixels[0].view(COUNTS[pixels.dtype])
+    counts.flags.writeable = False
+    return ScannerFrame(counts, lateral_m, depth_m)
