@@ -190,7 +190,7 @@ def test_pierced_trials_and_those_above_the_largest_force_are_kept_with_the_reas
 def labels_of_the_paper_eyes(study, seed):
     for eye, forces_n in paper_eyes(study):
         plan = plan_phantom(eye, forces_n, study, seed)
-        table = sense(plan.pushes, plan.sensor, 2, -1, plan.pushes[-1].end_s + 1.5, np.random.default_rng(seed))
+        table = sense(plan.motion, plan.sensor, 2, -1, plan.motion[-1].end_s + 1.5, np.random.default_rng(seed))
         frames = [frame.push.frame_s for frame in plan.frames]
         trials = label_frames(recording_of(ForceLog(table[:, 0], table[:, 1:], FORCE_COLUMNS[1:]), *frames), CLASSES)
         yield from zip(plan.frames, trials, strict=True)

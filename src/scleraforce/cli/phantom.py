@@ -39,6 +39,11 @@ class Forces(click.ParamType[tuple[float, ...]]):
 @click.option("--eye", "name", default="eye-1", show_default=True, help="Name of the eye.")
 @click.option("--forces-mn", type=Forces(), default="2,8,14,20,26,34,40,48,56", show_default=True,
               help="True force at each frame, in mN: one step-and-hold push each.")  # fmt: skip
+@click.option("--rate-hz", type=click.FloatRange(0.1, 1000), help="Frames a second of a needle that moves: --forces-mn "
+              "are then the turning points of its force, which begins at 0.")  # fmt: skip
+@click.option("--ramp-mn-per-s", type=click.FloatRange(0.01, 1e5), help="How fast the force changes between them; "
+              "20 by default.")  # fmt: skip
+@click.option("--hold-s", type=click.FloatRange(0, 3600), help="How long it stays at each; 1 by default.")
 @click.option("--thickness-um", type=float, default=600.0, show_default=True, help="Thickness of the wall.")
 @click.option("--youngs-modulus-mpa", type=float, help="Young's modulus of the wall; the study's by default.")
 @click.option("--iop-mmhg", type=float, help="Intraocular pressure; the study's by default.")
@@ -56,6 +61,9 @@ def phantom(
     study_path: Path | None,
     name: str,
     forces_mn: tuple[float, ...],
+    rate_hz: float | None,
+    ramp_mn_per_s: float | None,
+    hold_s: float | None,
     thickness_um: float,
     youngs_modulus_mpa: float | None,
     iop_mmhg: float | None,
@@ -75,11 +83,16 @@ def phantom(
     (finite strain only).
 
     Example: scleraforce phantom --out eye-1 --thickness-um 800 --forces-mn 2,10,40
+
+    A needle that a robot moves, at 100 frames a second:
+    scleraforce phantom --out moving --rate-hz 100 --forces-mn 20,5,35 --ramp-mn-per-s 15
     """
     # Imported here: mechanics takes longer to import than the help to print.
-    from scleraforce.recording.phantom import plan_phantom, write_phantom
+    from scleraforce.recording.phantom import plan_moving_phantom, plan_phantom, write_phantom
     from scleraforce.recording.virtual_eye import PhantomEye, study_sections
 
+    if rate_hz is None and not (ramp_mn_per_s is None and hold_s is None):
+        raise click.UsageError("--ramp-mn-per-s and --hold-s are of a needle that moves; give --rate-hz too")
     study = Study() if study_path is None else read_study(study_path)
     if mechanics is not None:
         study = replace(study, mechanics=replace(study.mechanics, kind=mechanics))
@@ -96,7 +109,15 @@ def phantom(
         direction_rad=radians(direction_deg),
         tilt_rad=radians(tilt_deg),
     )
-    plan = plan_phantom(eye, forces_mn, study, study.phantom.seed if seed is None else seed)
+    seed = study.phantom.seed if seed is None else seed
+    if rate_hz is None:
+        plan = plan_phantom(eye, forces_mn, study, seed)
+    else:
+        ramp_n_per_s = (20.0 if ramp_mn_per_s is None else ramp_mn_per_s) / 1e3
+        hold_s = 1.0 if hold_s is None else hold_s
+        plan = plan_moving_phantom(
+            eye, forces_mn, study, seed, rate_hz=rate_hz, ramp_n_per_s=ramp_n_per_s, hold_s=hold_s
+        )
     with share_bar("load path") as reach:
         sections_at = study_sections(eye, study, reach)
         sections_at([max(plan.forces_n)])  # a load path is computed here, once: frames then come fast

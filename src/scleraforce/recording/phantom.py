@@ -24,29 +24,59 @@ from scleraforce.imaging.bscan import Bscan, render_bscan
 from scleraforce.imaging.optics import BscanOptics, Pose, sample_optics
 from scleraforce.imaging.plane import Section
 from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
-from scleraforce.recording.pushes import Push, Sensor, format_log, plan_pushes, sample_sensor, sense, true_force
+from scleraforce.recording.pushes import (
+    TIME_DIGITS,
+    ForcePath,
+    Motion,
+    Push,
+    Sensor,
+    format_log,
+    motion_end_s,
+    plan_path,
+    plan_pushes,
+    sample_sensor,
+    sense,
+    true_force,
+)
 from scleraforce.recording.virtual_eye import PhantomEye, SectionsAt
 from scleraforce.study import Study, draw, study_hash
 from scleraforce.study.toml import format_record
 
-__all__ = ["PhantomFrame", "PhantomPlan", "plan_phantom", "true_forces", "write_phantom"]
+__all__ = [
+    "PhantomFrame",
+    "PhantomPlan",
+    "plan_moving_phantom",
+    "plan_phantom",
+    "render_frame",
+    "true_forces",
+    "write_phantom",
+]
 
 AXIS, CONTACT_SIGN = "fz", -1
-TAIL_S = 1.5  # of the log, after the last push
+TAIL_S = 1.5  # of the log, after the needle's last motion
+HELD_AVERAGE_S, MOVING_AVERAGE_S = (
+    2.0,
+    0.1,
+)  # of a label: below the time in which a needle that holds, or moves, changes
+FIRST_S = 0.1  # of the first frame of a moving needle: a label needs force samples on both sides
+DRIFT_S = 1.0  # in which a living eye moves from one place to another: between pulse and breath
+
+Times = NDArray[np.float64]
 
 # Streams of random numbers of a recording.
-OPTICS, PUSHES, SENSOR, NOISE, FRAME = range(5)
+OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT = range(6)
 
 
 @dataclass(frozen=True)
 class PhantomFrame:
-    """One frame: its push, where the eye lies in it, its optics, and the key of its random numbers."""
+    """One frame: time, where the eye lies in it, its optics, the key of its random numbers; its push, if it has one."""
 
     file: str
-    push: Push
+    time_s: float
     pose: Pose
     optics: BscanOptics
     seed: tuple[int, ...]
+    push: Push | None = None
 
 
 @dataclass(frozen=True)
@@ -55,19 +85,15 @@ class PhantomPlan:
 
     eye: PhantomEye
     frames: tuple[PhantomFrame, ...]
+    motion: Motion
     sensor: Sensor
     seed: int
 
     @property
-    def pushes(self) -> tuple[Push, ...]:
-        """The pushes, in order."""
-        return tuple(frame.push for frame in self.frames)
-
-    @property
     def forces_n(self) -> list[float]:
         """The true force at each frame's time, in N."""
-        times_s = np.array([push.frame_s for push in self.pushes])
-        return [float(f"{force_n:.12g}") for force_n in true_force(self.pushes, times_s)]
+        times_s = np.array([frame.time_s for frame in self.frames])
+        return [float(f"{force_n:.12g}") for force_n in true_force(self.motion, times_s)]
 
 
 def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed: int) -> PhantomPlan:
@@ -79,12 +105,9 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
     Raises:
         RecordingError: no force is given, or one is not a force.
     """
-    if not forces_n or not all(np.isfinite(force_n) and force_n >= 0.0 for force_n in forces_n):
-        raise RecordingError(f"eye {eye.id}: forces: {list(forces_n)}; give at least one, none negative")
+    _check_forces(eye, forces_n)
     phantom = study.phantom
-    rng = _generator(eye, seed, OPTICS)
-    scanner = sample_optics(phantom, study.oct, rng)
-    surface_m, tilt_rad = draw(phantom.surface_depth_m, rng), draw(phantom.eye_tilt_rad, rng)
+    scanner, place = _draw_scanner(eye, study, seed)
     pushes = plan_pushes(tuple(forces_n), phantom, _generator(eye, seed, PUSHES))
     frames = []
     for index, push in enumerate(pushes):
@@ -94,9 +117,91 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
             scanner, snr_db=of_frame.snr_db, reflection_db=of_frame.reflection_db, shadows=of_frame.shadows
         )
         shift_m = draw(phantom.eye_shift_m, rng)
-        pose = Pose(draw(phantom.eye_shift_m, rng), surface_m + shift_m, tilt_rad)
-        frames.append(PhantomFrame(f"{index + 1:04d}.png", push, pose, optics, _key(eye, seed, FRAME, index, 1)))
-    return PhantomPlan(eye, tuple(frames), sample_sensor(phantom, _generator(eye, seed, SENSOR)), seed)
+        pose = Pose(draw(phantom.eye_shift_m, rng), place.depth_m + shift_m, place.tilt_rad)
+        key = _key(eye, seed, FRAME, index, 1)
+        frames.append(PhantomFrame(f"{index + 1:04d}.png", push.frame_s, pose, optics, key, push))
+    return PhantomPlan(eye, tuple(frames), pushes, sample_sensor(phantom, _generator(eye, seed, SENSOR)), seed)
+
+
+def plan_moving_phantom(
+    eye: PhantomEye,
+    forces_n: Sequence[float],
+    study: Study,
+    seed: int,
+    *,
+    rate_hz: float,
+    ramp_n_per_s: float,
+    hold_s: float,
+) -> PhantomPlan:
+    """Draw a virtual acquisition of a needle that a robot moves while frames are taken at a steady rate.
+
+    Drawn once: all that `plan_phantom` draws once, the shadows, and how long the needle stays off at first. Place of
+    the eye, signal over noise and mirror reflection are drawn every second, and change smoothly from one to the next.
+
+    Args:
+        eye: the eye.
+        forces_n: turning points of the force, N; it begins at 0.
+        study: ranges that are drawn from.
+        seed: of all that is drawn.
+        rate_hz: frames a second.
+        ramp_n_per_s: how fast the force changes between the turning points.
+        hold_s: how long it stays at each.
+
+    Raises:
+        RecordingError: no force is given, or one is not a force; a rate, ramp or hold that is none.
+    """
+    _check_forces(eye, forces_n)
+    given = {"rate": (rate_hz, 0.1, 1000.0), "ramp": (ramp_n_per_s, 1e-5, 100.0), "hold": (hold_s, 0.0, 3600.0)}
+    for name, (value, low, high) in given.items():
+        if not low <= value <= high:
+            raise RecordingError(f"eye {eye.id}: {name}: {value:g} (SI); between {low:g} and {high:g} would do")
+    scanner, place = _draw_scanner(eye, study, seed)
+    path = plan_path(tuple(forces_n), ramp_n_per_s, hold_s, study.phantom, _generator(eye, seed, PUSHES))
+    count = int((motion_end_s(path) - FIRST_S) * rate_hz + 1e-6) + 1
+    times_s = [round(FIRST_S + index / rate_hz, TIME_DIGITS) for index in range(count)]
+    drift = _drift(eye, study, seed, np.array(times_s))
+    digits = max(4, len(str(count)))
+    frames = [
+        PhantomFrame(
+            f"{index + 1:0{digits}d}.png",
+            time_s,
+            Pose(lateral_m, place.depth_m + shift_m, place.tilt_rad),
+            replace(scanner, snr_db=snr_db, reflection_db=reflection_db),
+            _key(eye, seed, FRAME, index, 1),
+        )
+        for index, (time_s, (lateral_m, shift_m, snr_db, reflection_db)) in enumerate(
+            zip(times_s, drift.tolist(), strict=True)
+        )
+    ]
+    sensor = sample_sensor(study.phantom, _generator(eye, seed, SENSOR))
+    return PhantomPlan(eye, tuple(frames), path, sensor, seed)
+
+
+def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
+    if not forces_n or not all(np.isfinite(force_n) and force_n >= 0.0 for force_n in forces_n):
+        raise RecordingError(f"eye {eye.id}: forces: {list(forces_n)}; give at least one, none negative")
+
+
+def _draw_scanner(eye: PhantomEye, study: Study, seed: int) -> tuple[BscanOptics, Pose]:
+    """Draw what stays the same in a recording: the optics, and the eye's depth and tilt."""
+    rng = _generator(eye, seed, OPTICS)
+    scanner = sample_optics(study.phantom, study.oct, rng)
+    surface_m, tilt_rad = draw(study.phantom.surface_depth_m, rng), draw(study.phantom.eye_tilt_rad, rng)
+    return scanner, Pose(0.0, surface_m, tilt_rad)
+
+
+def _drift(eye: PhantomEye, study: Study, seed: int, times_s: Times) -> Times:
+    """Return what changes while the needle moves, (time, 4): shift across and in depth, signal over noise, reflection.
+
+    Independent draws every `DRIFT_S`, joined by half waves of a cosine: no value leaves the range of the draws.
+    """
+    rng, phantom = _generator(eye, seed, DRIFT), study.phantom
+    ranges = (phantom.eye_shift_m, phantom.eye_shift_m, phantom.snr_db, phantom.reflection_db)
+    knots = np.array([[draw(values, rng) for values in ranges] for _ in range(int(times_s[-1] / DRIFT_S) + 2)])
+    before = (times_s / DRIFT_S).astype(np.intp)
+    share = (1.0 - np.cos(np.pi * (times_s / DRIFT_S - before))) / 2
+    changing: Times = knots[before] + share[:, None] * (knots[before + 1] - knots[before])
+    return changing
 
 
 def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
@@ -160,19 +265,20 @@ def true_forces(recording: Path) -> dict[str, float]:
 
 def _write_tables(folder: Path, plan: PhantomPlan, study: Study) -> None:
     comment = f"# A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters.\n\n"
-    (folder / "recording.toml").write_text(comment + format_record(_info(plan.eye, study)), encoding="utf-8")
-    lines = [f"{frame.file},{frame.push.frame_s:.4f}" for frame in plan.frames]
+    (folder / "recording.toml").write_text(comment + format_record(_info(plan, study)), encoding="utf-8")
+    lines = [f"{frame.file},{frame.time_s:.4f}" for frame in plan.frames]
     (folder / "frames.csv").write_text("\n".join(["file,time_s", *lines]) + "\n", encoding="utf-8")
     axis = ("fx", "fy", "fz").index(AXIS)
     noise = _generator(plan.eye, plan.seed, NOISE)
-    log = sense(plan.pushes, plan.sensor, axis, CONTACT_SIGN, plan.pushes[-1].end_s + TAIL_S, noise)
+    log = sense(plan.motion, plan.sensor, axis, CONTACT_SIGN, motion_end_s(plan.motion) + TAIL_S, noise)
     (folder / "forces.csv").write_text(format_log(log), encoding="utf-8")
     truth = json.dumps(_truth(plan, study), indent=1, allow_nan=False)
     (folder / "truth.json").write_text(truth + "\n", encoding="utf-8")
 
 
-def _info(eye: PhantomEye, study: Study) -> RecordingInfo:
-    scanner = study.oct
+def _info(plan: PhantomPlan, study: Study) -> RecordingInfo:
+    scanner, eye = study.oct, plan.eye
+    average_s = MOVING_AVERAGE_S if isinstance(plan.motion, ForcePath) else HELD_AVERAGE_S
     return RecordingInfo(
         EyeInfo(eye.id, eye.thickness_m, eye.iop_pa),
         OctInfo(
@@ -186,7 +292,7 @@ def _info(eye: PhantomEye, study: Study) -> RecordingInfo:
             scanner.refractive_index,
         ),
         NeedleInfo(nearest_gauge(study.needle.outer_diameter_m), eye.gap_m, eye.polar_rad),
-        ForceInfo(AXIS, CONTACT_SIGN),
+        ForceInfo(AXIS, CONTACT_SIGN, average_s),
     )
 
 
@@ -208,13 +314,14 @@ def _truth(plan: PhantomPlan, study: Study) -> dict[str, Any]:
         "thickness_at_contact_m": _thickness_at_contact(plan.eye, study),
         "needle": asdict(study.needle),
         "sensor": asdict(plan.sensor),
+        **({"path": asdict(plan.motion)} if isinstance(plan.motion, ForcePath) else {}),
         "frames": [
             {
                 "file": frame.file,
-                "time_s": frame.push.frame_s,
+                "time_s": frame.time_s,
                 "force_n": force_n,
                 "target": study.classes.classify(force_n),
-                "push": asdict(frame.push),
+                **({"push": asdict(frame.push)} if frame.push else {}),
                 "pose": asdict(frame.pose),
                 "optics": asdict(frame.optics),
                 "seed": list(frame.seed),

@@ -1,4 +1,4 @@
-"""A virtual force log: step-and-hold pushes of a needle on relaxing tissue, and what a force sensor makes of them."""
+"""A virtual force log: what a needle does, in pushes or without a pause, and what a force sensor makes of it."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,19 @@ from numpy.typing import NDArray
 from scleraforce.recording.tables import FORCE_COLUMNS
 from scleraforce.study import PhantomStudy, draw
 
-__all__ = ["Push", "Sensor", "format_log", "plan_pushes", "sample_sensor", "sense", "true_force"]
+__all__ = [
+    "ForcePath",
+    "Motion",
+    "Push",
+    "Sensor",
+    "format_log",
+    "motion_end_s",
+    "plan_path",
+    "plan_pushes",
+    "sample_sensor",
+    "sense",
+    "true_force",
+]
 
 Samples = NDArray[np.float64]
 
@@ -35,6 +47,20 @@ class Push:
     def end_s(self) -> float:
         """When the needle is off again."""
         return self.start_s + 2 * self.ramp_s + self.hold_s
+
+
+@dataclass(frozen=True)
+class ForcePath:
+    """The force of a robot that holds it: straight lines between turning points, both in order, (points,) each.
+
+    It is that of the first point before, and that of the last one after.
+    """
+
+    times_s: tuple[float, ...]
+    forces_n: tuple[float, ...]
+
+
+Motion = tuple[Push, ...] | ForcePath
 
 
 @dataclass(frozen=True)
@@ -69,10 +95,32 @@ def plan_pushes(forces_n: tuple[float, ...], phantom: PhantomStudy, rng: np.rand
     return tuple(pushes)
 
 
-def true_force(pushes: tuple[Push, ...], time_s: Samples) -> Samples:
+def plan_path(
+    forces_n: tuple[float, ...], ramp_n_per_s: float, hold_s: float, phantom: PhantomStudy, rng: np.random.Generator
+) -> ForcePath:
+    """Lay a path through forces: off the eye for a time that is drawn, then by turns a ramp to each and a hold there.
+
+    The robot holds the force, so the tissue's relaxation does not show in it.
+    """
+    times_s, path_n = [0.0, draw(phantom.approach_s, rng)], [0.0, 0.0]
+    for force_n in forces_n:
+        reached_s = times_s[-1] + abs(force_n - path_n[-1]) / ramp_n_per_s
+        times_s += [reached_s, reached_s + hold_s]
+        path_n += [force_n, force_n]
+    return ForcePath(tuple(times_s), tuple(path_n))
+
+
+def motion_end_s(motion: Motion) -> float:
+    """Return when the last push is over, or the path at its last point."""
+    return motion.times_s[-1] if isinstance(motion, ForcePath) else motion[-1].end_s
+
+
+def true_force(motion: Motion, time_s: Samples) -> Samples:
     """Return the true contact force in N at each time, shape of `time_s`."""
+    if isinstance(motion, ForcePath):
+        return np.asarray(np.interp(time_s, motion.times_s, motion.forces_n), dtype=np.float64)
     force_n = np.zeros_like(time_s)
-    for push in pushes:
+    for push in motion:
         hold_s = push.start_s + push.ramp_s
         relaxed = _relaxed(push, np.clip(time_s - hold_s, 0.0, push.hold_s))
         coming = np.clip((time_s - push.start_s) / push.ramp_s, 0.0, 1.0)
@@ -100,13 +148,11 @@ def sample_sensor(phantom: PhantomStudy, rng: np.random.Generator) -> Sensor:
     )
 
 
-def sense(
-    pushes: tuple[Push, ...], sensor: Sensor, axis: int, sign: int, stop_s: float, rng: np.random.Generator
-) -> Samples:
+def sense(motion: Motion, sensor: Sensor, axis: int, sign: int, stop_s: float, rng: np.random.Generator) -> Samples:
     """Return the log of a sensor, shape (samples, 7): time in s, forces in N, torques in N m.
 
     Args:
-        pushes: what the needle does.
+        motion: what the needle does.
         sensor: what is measured with.
         axis: 0, 1 or 2: the force axis along the needle.
         sign: of this axis in contact, 1 or -1.
@@ -114,7 +160,7 @@ def sense(
         rng: source of the noise.
     """
     time_s = np.arange(round(stop_s * sensor.rate_hz)) / sensor.rate_hz
-    force_n = true_force(pushes, time_s)
+    force_n = true_force(motion, time_s)
     log = rng.standard_normal((len(time_s), 7))
     log[:, 0] = time_s
     log[:, 1:4] *= sensor.noise_n

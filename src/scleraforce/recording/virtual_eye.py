@@ -30,6 +30,7 @@ __all__ = [
 SectionsAt = Callable[[Sequence[float]], Sequence[Section]]
 
 FORCES_AT_ONCE = 16  # whose displacements are cut together: 30 MB of them at the default mesh
+WEIGHTS_AT_ONCE = 256  # deformations, as weights of a few modes, that are cut together
 
 
 @dataclass(frozen=True)
@@ -154,7 +155,8 @@ def linear_sections(eye: PhantomEye, study: Study) -> SectionsAt:
 
     def sections_at(forces_n: Sequence[float]) -> Sequence[Section]:
         weights_fk = np.array([[eye.iop_pa, weight_n_m3, force_n] for force_n in forces_n]) / eye.youngs_modulus_pa
-        return cut_sections(wall.mesh, [plane], modes_knc, weights_fk[None])[0]
+        parts = [weights_fk[start : start + WEIGHTS_AT_ONCE] for start in range(0, len(weights_fk), WEIGHTS_AT_ONCE)]
+        return [section for part in parts for section in cut_sections(wall.mesh, [plane], modes_knc, part[None])[0]]
 
     return sections_at
 
