@@ -189,6 +189,17 @@ def test_a_body_that_is_passed_over_lends_nothing_beyond_its_end() -> None:
     assert len(decoder.space()) == 5
 
 
+def test_it_is_between_messages_where_none_has_begun_that_is_not_whole() -> None:
+    for data in (encode(Text("force"), "peer"), raw("POLYDATA", b"abc"), encode(Query("STATUS"), "peer")):
+        decoder = Decoder()
+        assert decoder.between
+        for byte in data[:-1]:
+            decoder.feed(bytes([byte]))
+            assert not decoder.between
+        decoder.feed(data[-1:])
+        assert decoder.between
+
+
 def test_the_cap_may_be_lowered_between_messages() -> None:
     decoder = Decoder()
     data = encode(Text("x" * 100), "peer")
@@ -300,6 +311,9 @@ GOOD = encode(Text("force"), "peer")
         b"\0\4" + GOOD[2:],
         GOOD[:2] + b"\0" * 12 + GOOD[14:],
         GOOD[:2] + b"\xff" * 12 + GOOD[14:],
+        GOOD[:2] + b"STRI\xe4G\0\0\0\0\0\0" + GOOD[14:],
+        GOOD[:2] + b"STRI G\0\0\0\0\0\0" + GOOD[14:],
+        GOOD[:2] + b"STRI\nG\0\0\0\0\0\0" + GOOD[14:],
         GOOD[:42] + struct.pack(">Q", 1_000_001) + GOOD[50:],
         GOOD[:42] + b"\xff" * 8 + GOOD[50:],
     ],

@@ -108,6 +108,11 @@ class Decoder:
         """Whether the stream cannot be followed any more."""
         return self.state is State.ERROR
 
+    @property
+    def between(self) -> bool:
+        """Whether no message has begun that is not whole."""
+        return self.state is State.HEADER and not self._head
+
     def space(self) -> memoryview:
         """Lend the place for the next bytes, never empty; it is good until the next call of another method.
 

@@ -67,13 +67,13 @@ def unpack_header(data: bytes | bytearray | memoryview) -> Header:
         ProtocolError: no header of versions 1 to 3: the place of the next one is unknown.
     """
     version, type_field, device, fixed, body_bytes, crc = HEADER.unpack(data)
-    type_bytes = type_field.split(b"\0")[0]
+    type_name = type_field.split(b"\0")[0].decode("latin-1")
     if version not in VERSIONS:
         raise ProtocolError(f"header version {version}: must be one of {VERSIONS}")
-    if not type_bytes or not all(0x20 < byte < 0x7F for byte in type_bytes):
-        raise ProtocolError(f"message type {type_bytes!r}: must be printable ASCII")
+    if not type_name or not type_name.isascii() or not type_name.isprintable() or " " in type_name:
+        raise ProtocolError(f"message type {type_name!r}: must be printable ASCII")
     name = device.split(b"\0")[0].decode("ascii", "replace")
-    return Header(version, type_bytes.decode("ascii"), name, fixed / FRACTION, body_bytes, crc)
+    return Header(version, type_name, name, fixed / FRACTION, body_bytes, crc)
 
 
 def wrap_body(content: bytes, version: int, message_id: int, metadata: Mapping[str, str]) -> bytes:
