@@ -1,14 +1,13 @@
 """`scleraforce classify`: the force class of single frames, and with a model of kind "reader" the force."""
 
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from scleraforce.cli.known_eye import known_eye, known_eye_options
 from scleraforce.cli.output import print_json, progress_bar
-from scleraforce.errors import InputError
-from scleraforce.units import mmhg_to_pa, n_to_mn
+from scleraforce.units import n_to_mn
 
 if TYPE_CHECKING:
     from scleraforce.imaging.segmentation import PixelScale
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
 __all__ = ["classify"]
 
 LENGTH = click.FloatRange(0.01, 100.0)
-POSITIVE = click.FloatRange(0.0, min_open=True)
 
 
 @click.command()
@@ -33,10 +31,7 @@ POSITIVE = click.FloatRange(0.0, min_open=True)
 @click.option("--depth-mm", type=LENGTH, help="Depth of the frames, as stored; by default likewise.")
 @click.option("--refractive-index", type=click.FloatRange(1.0, 2.0),
               help="By which depth is stretched (1: corrected already); by default the study's.")  # fmt: skip
-@click.option("--youngs-modulus-mpa", type=POSITIVE, help="Of this eye; by default it is not known.")
-@click.option("--iop-mmhg", type=click.FloatRange(0.0), help="Intraocular pressure; likewise.")
-@click.option("--thickness-um", type=POSITIVE, help="Of the wall; likewise.")
-@click.option("--gap-mm", type=click.FloatRange(0.0), help="Distance of the B-scan from the needle axis; likewise.")
+@known_eye_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def classify(
     model: Path,
@@ -67,7 +62,7 @@ def classify(
     reader = load_model(model)
     index = reader.study.oct.refractive_index if refractive_index is None else refractive_index
     segmenter = Segmenter(index)
-    known = _known(youngs_modulus_mpa, iop_mmhg, thickness_um, gap_mm)
+    known = known_eye(youngs_modulus_mpa, iop_mmhg, thickness_um, gap_mm)
     answers = []
     for path in progress_bar(frames, "frames"):
         image = read_frame_image(path)
@@ -79,24 +74,6 @@ def classify(
         print_json({"model": str(model), "kind": reader.kind, "notes": notes, "frames": entries})
     else:
         click.echo("\n".join([*(_line(path, answer) for path, answer in answers), *notes]))
-
-
-def _known(
-    youngs_modulus_mpa: float | None, iop_mmhg: float | None, thickness_um: float | None, gap_mm: float | None
-) -> "Known":
-    from scleraforce.reader.known import Known, Modulus
-
-    given = {"youngs-modulus-mpa": youngs_modulus_mpa, "iop-mmhg": iop_mmhg, "thickness-um": thickness_um,
-             "gap-mm": gap_mm}  # fmt: skip
-    for name, value in given.items():
-        if value is not None and not isfinite(value):
-            raise InputError(f"--{name}: {value} is not a finite number; leave it out where it is not known")
-    return Known(
-        None if youngs_modulus_mpa is None else Modulus.stated(youngs_modulus_mpa * 1e6),
-        None if iop_mmhg is None else mmhg_to_pa(iop_mmhg),
-        None if thickness_um is None else thickness_um / 1e6,
-        None if gap_mm is None else gap_mm / 1e3,
-    )
 
 
 def _notes(reader: "ForceReader | WallReader", known: "Known") -> list[str]:

@@ -26,6 +26,8 @@ COMMANDS = {
     "train": "Train a network on simulated slices.",
     "classify": "Read the force class of single frames.",
     "evaluate": "Compare a model's answers with recordings.",
+    "monitor": "Tell a robot, from live B-scans, when to withdraw.",
+    "monitor-reset": "The operator's reset after a withdrawal.",
     "reproduce": "The whole pipeline, to an HTML report.",
 }
 

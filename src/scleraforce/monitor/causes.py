@@ -26,3 +26,4 @@ class Cause(Enum):
     BAD_IMAGE = 111
     EXCEPTION = 112
     NO_OPINION = 113
+    WATCHDOG = 120  # told by the watchdog alone: the decision never meets it

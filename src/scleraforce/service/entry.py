@@ -55,7 +55,7 @@ class Entry:
     lost: int = 0
 
     def as_json(self) -> dict[str, Any]:
-        """Return the JSON object: the names of the attributes, but `class` for `predicted`; null for what is no number."""
+        """Return the JSON object: the names of the attributes, but `class` for `predicted`; null for no number."""
         record = {name: _finite(value) for name, value in vars(self).items()}
         record["class"] = record.pop("predicted")
         return record

@@ -1,0 +1,214 @@
+"""`scleraforce monitor`: the service in the robot's control loop."""
+
+import secrets
+import signal
+import sys
+from dataclasses import replace
+from datetime import UTC, datetime
+from math import radians
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from scleraforce.cli.known_eye import known_eye, known_eye_options
+from scleraforce.cli.output import print_json
+from scleraforce.errors import InputError
+
+if TYPE_CHECKING:
+    from scleraforce.monitor import MonitorLimits
+    from scleraforce.reader import ForceReader, WallReader
+    from scleraforce.reader.known import Known
+    from scleraforce.service.monitor_service import Address, MonitorSettings
+    from scleraforce.service.server import Server
+
+__all__ = ["monitor"]
+
+LENGTH = click.FloatRange(0.01, 100.0)
+PORT = click.IntRange(0, 65535)
+
+
+@click.command()
+@click.argument("model", type=click.Path(path_type=Path))
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option("--port", type=PORT, default=18944, show_default=True, help="For OpenIGTLink; 0 takes a free one.")
+@click.option("--web-port", type=PORT, help="For the web console, which needs the extra [web].")
+@click.option("--web-host", default="127.0.0.1", show_default=True, help="Address of the web console.")
+@click.option("--calibration", type=click.Path(path_type=Path), help="File of `calibrate`: gives the eye's modulus.")
+@click.option("--eye", help="Name of the eye in the calibration, and in what is recorded.")
+@known_eye_options
+@click.option("--polar-angle-deg", type=click.FloatRange(0.0, 90.0), help="Of the contact, from the pole; likewise.")
+@click.option("--columns", type=click.IntRange(16, 16384), help="Of the frames; by default the model's study's.")
+@click.option("--rows", type=click.IntRange(16, 16384), help="Likewise.")
+@click.option("--width-mm", type=LENGTH, help="Likewise, black bands included.")
+@click.option("--depth-mm", type=LENGTH, help="Likewise, as stored.")
+@click.option("--refractive-index", type=click.FloatRange(1.0, 2.0), help="Likewise (1: corrected already).")
+@click.option("--withdraw-class", type=click.IntRange(1), help="Withdraw from this class on; by default the highest.")
+@click.option("--bound-mn", type=click.FloatRange(0.0, min_open=True),
+              help="Withdraw where the force's interval reaches this; by default the highest class's bound.")  # fmt: skip
+@click.option("--adaptive-bound", is_flag=True,
+              help="Withdraw at the force that stresses this eye's wall as the bound stresses the study's.")  # fmt: skip
+@click.option("--unusable-frames", type=click.IntRange(1), default=1, show_default=True,
+              help="Withdraw after so many in a row that cannot be judged, once there was contact.")  # fmt: skip
+@click.option("--reaction-ms", type=click.FloatRange(0.0, min_open=True), default=50.0, show_default=True,
+              help="The robot's, from the order to its motion.")  # fmt: skip
+@click.option("--second-opinion/--no-second-opinion", default=True, show_default=True,
+              help="Whether another process reads the frames with the fit as well.")  # fmt: skip
+@click.option("--record", type=click.Path(path_type=Path), help="Recording folder for the session; must not exist.")
+@click.option("--black-box", type=click.Path(path_type=Path), help="Folder of the log; by default the user's state.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object at the end.")
+def monitor(
+    model: Path,
+    host: str,
+    port: int,
+    web_port: int | None,
+    web_host: str,
+    calibration: Path | None,
+    eye: str | None,
+    record: Path | None,
+    black_box: Path | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Receive B-scans and tell the robot when to withdraw. Research use only.
+
+    Frames come as OpenIGTLink IMAGEs; every frame is answered with a STATUS
+    `ForceMonitor`, which is also sent every 50 ms. Any code but 1, or 150 ms
+    of silence, means withdraw. After a withdrawal only a reset leads back:
+    `scleraforce monitor-reset`, or the console, with the token that is printed
+    at the start. Ctrl-C ends the monitor.
+
+    Example: scleraforce monitor reader --calibration modulus.json --eye eye-a
+    --iop-mmhg 2 --gap-mm 0.5 --web-port 8080
+    """
+    from scleraforce.reader import load_model
+    from scleraforce.service.monitor_service import Address, MonitorSettings, monitor_service
+
+    reader = load_model(model)
+    settings = MonitorSettings(
+        eye=eye or "eye-1",
+        known=_known(calibration, eye, options),
+        limits=_limits(reader, options),
+        refractive_index=options["refractive_index"] or reader.study.oct.refractive_index,
+        address=Address(host, port),
+        console=None if web_port is None else Address(web_host, web_port),
+        black_box=_new_black_box(black_box),
+        record=_new(record),
+        token=secrets.token_hex(4),
+    )
+    _refuse_untrained(reader, settings.known)
+    with monitor_service(model, reader, settings, _say) as (server, address):
+        _greet(reader, settings, address)
+        interrupted = _run(server)
+    if as_json:
+        print_json({"model": str(model), **server.session.summary()})
+    if interrupted:
+        raise KeyboardInterrupt
+
+
+def _known(calibration: Path | None, eye: str | None, options: dict[str, Any]) -> "Known":
+    """Return what is known of the eye: as told, with the calibration's modulus."""
+    from scleraforce.calibration.summary import read_calibration
+    from scleraforce.reader.known import known_of_eye
+
+    told = {name: options[name] for name in ("youngs_modulus_mpa", "iop_mmhg", "thickness_um", "gap_mm")}
+    polar_deg = options["polar_angle_deg"]
+    known = replace(known_eye(**told), polar_rad=None if polar_deg is None else radians(polar_deg))
+    if calibration is None:
+        return known
+    if told["youngs_modulus_mpa"] is not None:
+        raise InputError("--youngs-modulus-mpa: --calibration gives the modulus already; leave out one of them")
+    if eye is None:
+        raise InputError(f"--eye: missing; say which eye of {calibration} it is (another gets the population's modulus)")
+    return known_of_eye(known, read_calibration(calibration), eye)
+
+
+def _limits(reader: "ForceReader | WallReader", options: dict[str, Any]) -> "MonitorLimits":
+    from scleraforce.monitor import MonitorLimits
+
+    study = reader.study
+    columns, rows = options["columns"] or study.oct.columns, options["rows"] or study.oct.rows
+    width_m = study.oct.width_m if options["width_mm"] is None else options["width_mm"] / 1e3
+    depth_m = study.oct.depth_m if options["depth_mm"] is None else options["depth_mm"] / 1e3
+    bound_mn = options["bound_mn"]
+    return MonitorLimits(
+        withdraw_class=options["withdraw_class"] or reader.classes - 1,
+        bound_n=study.classes.bounds_n[-1] if bound_mn is None else bound_mn / 1e3,
+        unusable_frames=options["unusable_frames"],
+        reaction_s=options["reaction_ms"] / 1e3,
+        size=(rows, columns),
+        scale_m=(width_m / columns, depth_m / rows),
+        reads_force=reader.kind == "reader",
+        expects_opinion=options["second_opinion"] and reader.kind == "reader",
+    )
+
+
+def _refuse_untrained(reader: "ForceReader | WallReader", known: "Known") -> None:
+    """Refuse an eye that the model cannot read: all its frames would be unusable."""
+    from scleraforce.reader.known import outside_training
+
+    reason = outside_training(known, reader.study.reader) if reader.kind == "reader" else None
+    if reason:
+        raise InputError(f"{reader.path}: {reason}")
+
+
+def _new(folder: Path | None) -> Path | None:
+    if folder is not None and folder.exists():
+        raise InputError(f"{folder}: exists already; remove it or choose another name")
+    return folder
+
+
+def _new_black_box(folder: Path | None) -> Path:
+    from platformdirs import user_state_path
+
+    return folder or user_state_path("scleraforce") / "monitor" / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+
+
+def _greet(reader: "ForceReader | WallReader", settings: "MonitorSettings", address: "Address") -> None:
+    limits = settings.limits
+    rows, columns = limits.size or (0, 0)
+    lateral_m, depth_m = limits.scale_m or (0.0, 0.0)
+    forces = f", or where the force's interval reaches {limits.bound_n * 1e3:.1f} mN" if limits.reads_force else ""
+    _say("research use only: not a medical device")
+    _say(f"model      {reader.path} ({reader.kind})")
+    _say(f"eye        {settings.eye}: {_told(settings.known)}")
+    _say(f"frames     {columns} x {rows} px of {lateral_m * 1e6:.2f} x {depth_m * 1e6:.2f} µm")
+    _say(f"withdraws  at class {limits.withdraw_class}{forces}")
+    _say(f"listens    on {address.host}:{address.port} (OpenIGTLink)")
+    _say(f"black box  {settings.black_box}")
+    _say(f"reset      scleraforce monitor-reset --port {address.port} --token {settings.token}")
+
+
+def _told(known: "Known") -> str:
+    modulus = known.modulus
+    words = [
+        f"{modulus.mean_pa / 1e6:.3f} MPa ({modulus.source})" if modulus else "modulus unknown",
+        "IOP unknown" if known.iop_pa is None else f"IOP {known.iop_pa / 133.322:.1f} mmHg",
+        "thickness unknown" if known.thickness_m is None else f"{known.thickness_m * 1e6:.0f} µm thick",
+        "gap unknown" if known.gap_m is None else f"gap {known.gap_m * 1e3:.2f} mm",
+    ]
+    return ", ".join(words)
+
+
+def _run(server: "Server") -> bool:
+    """Serve until Ctrl-C (True) or until the process is told to end (False)."""
+    interrupted = False
+
+    def stop(number: int, _: FrameType | None) -> None:
+        nonlocal interrupted
+        interrupted = number == signal.SIGINT
+        server.stop()
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        server.run()
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    return interrupted
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(f"{text}\n")
+    sys.stderr.flush()

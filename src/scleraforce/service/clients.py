@@ -1,0 +1,106 @@
+"""The clients of the monitor: who is connected, under the eye of the watchdog, and what is sent to all of them."""
+
+import selectors
+import socket
+from collections.abc import Callable, Iterator
+from itertools import count
+
+from scleraforce.service.connection import Connection
+from scleraforce.service.guard import Guard
+from scleraforce.service.telling import Telling
+
+__all__ = ["Clients"]
+
+ACCEPTED_PER_TURN = 16
+STALLED_S = 10.0  # a client that reads nothing for so long is let go
+
+
+class Clients:
+    """Takes in who comes, and keeps the connections; none of them can make another wait.
+
+    Args:
+        listener: listens already.
+        most: connections at once; who comes later is turned away.
+        message_s: within which a message has to come whole.
+        guard: the watchdog, which speaks to them when the monitor cannot.
+        note: called with a line when somebody comes or goes.
+    """
+
+    def __init__(
+        self, listener: socket.socket, most: int, message_s: float, guard: Guard, note: Callable[[str], None]
+    ) -> None:
+        self._most, self._message_s, self._guard, self._note = most, message_s, guard, note
+        self.listener = listener
+        self.listener.setblocking(False)
+        self.selector = selectors.DefaultSelector()
+        self.selector.register(self.listener, selectors.EVENT_READ, None)
+        self._connected: dict[int, Connection] = {}
+        self._numbers = count(1)
+
+    def __iter__(self) -> Iterator[Connection]:
+        return iter(list(self._connected.values()))
+
+    def __contains__(self, client: Connection) -> bool:
+        return client.number in self._connected
+
+    def accept(self) -> list[Connection]:
+        """Take in those who wait to be connected."""
+        came = []
+        for _ in range(ACCEPTED_PER_TURN):
+            try:
+                link, address = self.listener.accept()
+            except OSError:  # nobody waits any more, or too many files are open
+                break
+            if len(self._connected) >= self._most:
+                link.close()
+                continue
+            client = Connection(link, f"{address[0]}:{address[1]}", next(self._numbers))
+            self._connected[client.number] = client
+            self._guard.watch(client)
+            self.selector.register(client, selectors.EVENT_READ, client)
+            self._note(f"client {client.address} came")
+            came.append(client)
+        return came
+
+    def leave(self, client: Connection, why: str) -> None:
+        """Let go of a client, if it is still there."""
+        if self._connected.pop(client.number, None) is None:
+            return
+        self.selector.unregister(client)
+        self._guard.forget(client)
+        client.close()
+        self._note(f"client {client.address} {why}")
+
+    def speaks(self, client: Connection, version: int) -> None:
+        """Answer a client in the header version that it spoke last."""
+        if version != client.version:
+            client.version = version
+            self._guard.version(client)
+
+    def send(self, client: Connection, telling: Telling, now_s: float) -> None:
+        """Send messages to one client."""
+        try:
+            client.send(telling.to(client.version), now_s)
+        except OSError:
+            self.leave(client, "has gone")
+
+    def broadcast(self, telling: Telling, now_s: float) -> None:
+        """Send messages to all clients."""
+        for client in self:
+            self.send(client, telling, now_s)
+
+    def sweep(self, now_s: float, spared: Connection | None) -> None:
+        """Let go of those who hold on to half a message, or read nothing; a scanner need not read."""
+        for client in self:
+            if client.message_since_s is not None and now_s - client.message_since_s > self._message_s:
+                self.leave(client, f"was let go: its message did not come whole within {self._message_s:g} s")
+            unread_s = now_s - (client.unread_since_s or now_s)
+            if unread_s > STALLED_S and client is not spared:
+                self.leave(client, f"was let go: it read nothing for {STALLED_S:g} s")
+
+    def close(self) -> None:
+        """Leave everybody."""
+        for client in self:
+            self.leave(client, "was left: the monitor ends")
+        self.selector.close()
+        self.listener.close()

@@ -1,0 +1,108 @@
+"""The processes beside the monitor, as it sees them: the black box, the console, the second opinion."""
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.service.channel import ChannelClosedError
+from scleraforce.service.child import Child
+from scleraforce.service.entry import Entry
+from scleraforce.service.session import Reading
+
+__all__ = ["BLACK_BOX", "CONSOLE", "OPINION", "Companions"]
+
+BLACK_BOX, CONSOLE, OPINION = "black box", "console", "second opinion"
+NEEDED = (BLACK_BOX, OPINION)  # without these nothing is OK; a console only shows
+OUTLINE_S = 0.04
+OUTLINE_STEP = 4  # columns
+DIED = "it has died"
+KEEPS_UP_S = 2.0  # a companion that takes nothing for longer has failed
+
+
+class Companions:
+    """Tells the companions what happens and hears them; never waits for one.
+
+    Args:
+        children: by name, those of the three that run.
+    """
+
+    def __init__(self, children: dict[str, Child]) -> None:
+        self._children = dict(children)
+        self._faults: dict[str, str] = {}
+        self._full_since_s: dict[str, float] = {}
+        self._outlined_s = 0.0
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._children
+
+    @property
+    def channels(self) -> dict[int, str]:
+        """File descriptors of the channels, with whose they are."""
+        return {child.channel.fileno(): name for name, child in self._children.items()}
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What is wrong with those that are needed, now."""
+        return tuple(f"{name}: {fault}" for name, fault in self._faults.items() if name in NEEDED)
+
+    def entry(self, entry: Entry) -> None:
+        """Tell a decision."""
+        text = f'{{"kind": "entry", "entry": {entry.text}}}'
+        for name in (BLACK_BOX, CONSOLE):
+            self._send_text(name, text, entry.at_s)
+
+    def outline(self, frame: int, reading: Reading, now_s: float) -> None:
+        """Show the console where the wall of a frame was found, some times a second."""
+        if CONSOLE in self._children and now_s - self._outlined_s >= OUTLINE_S:
+            self._outlined_s = now_s
+            outline = {"outer": _rows(reading.outer_row), "inner": _rows(reading.inner_row)}
+            self.tell(CONSOLE, {"kind": "outline", "frame": frame, "step": OUTLINE_STEP, **outline}, now_s)
+
+    def ask_opinion(self, number: int, order: int, now_s: float) -> None:
+        """Ask for a second opinion on a frame in the ring."""
+        self.tell(OPINION, {"number": number, "order": order}, now_s)
+
+    def tell(self, name: str, message: dict[str, Any], now_s: float) -> None:
+        """Send a message to one of them, if it runs."""
+        self._send_text(name, json.dumps(message), now_s)
+
+    def _send_text(self, name: str, text: str, now_s: float) -> None:
+        child = self._children.get(name)
+        if child is None or self.dead(name):
+            return
+        try:
+            if child.channel.send_text(text):
+                self._full_since_s.pop(name, None)
+            elif now_s - self._full_since_s.setdefault(name, now_s) > KEEPS_UP_S:
+                self._faults.setdefault(name, "it does not keep up")
+        except ChannelClosedError:
+            self._faults[name] = DIED
+
+    def hear(self, name: str) -> Iterator[dict[str, Any]]:
+        """Return what one of them says."""
+        try:
+            for message in self._children[name].channel.receive():
+                if message.get("kind") == "fault":
+                    self._faults[name] = str(message.get("detail"))
+                else:
+                    yield message
+        except ChannelClosedError:
+            self._faults[name] = DIED
+
+    def dead(self, name: str) -> bool:
+        """Return whether one of them has ended: its channel says nothing any more."""
+        return self._faults.get(name) == DIED
+
+    def end(self) -> None:
+        """End them all, as planned."""
+        if BLACK_BOX in self._children:
+            self.tell(BLACK_BOX, {"kind": "end"}, 0.0)
+        for child in self._children.values():
+            child.end(within_s=30.0)
+
+
+def _rows(row: NDArray[np.float64]) -> list[float | None]:
+    return [None if value != value else round(value, 1) for value in row[::OUTLINE_STEP].tolist()]

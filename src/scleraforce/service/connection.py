@@ -1,0 +1,100 @@
+"""One client's connection: bytes in through the codec, bytes out without ever waiting."""
+
+import socket
+from contextlib import suppress
+
+from scleraforce.errors import ProtocolError
+from scleraforce.service.openigtlink import Decoder, Event
+from scleraforce.service.scanner_image import FrameAssembler
+
+__all__ = ["Connection"]
+
+TURN_BYTES = 2 * 1024 * 1024  # received at most before others have their turn
+
+
+class Connection:
+    """A client.
+
+    Attributes:
+        number: of the connection since the start; none is used twice.
+        address: of the peer, as text.
+        version: of the header that the peer used last; 1 before it has said anything.
+        frames: puts its images together.
+        unread_since_s: since when it has not read what was sent to it; None where it keeps up.
+        message_since_s: since when a message of it has been incomplete; None between messages.
+    """
+
+    def __init__(self, link: socket.socket, address: str, number: int) -> None:
+        link.setblocking(False)
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.number, self.address, self.version = number, address, 1
+        self.frames = FrameAssembler()
+        self.unread_since_s: float | None = None
+        self.message_since_s: float | None = None
+        self._link, self._decoder, self._rest = link, Decoder(), memoryview(b"")
+
+    def fileno(self) -> int:
+        """Return the socket's descriptor."""
+        return self._link.fileno()
+
+    def receive(self, max_body_bytes: int, now_s: float) -> tuple[list[Event], bool]:
+        """Take what has come, up to a turn's share.
+
+        Args:
+            max_body_bytes: of a message that begins now.
+            now_s: of the monotonic clock.
+
+        Returns:
+            What became complete, and whether the peer is still there.
+        """
+        events: list[Event] = []
+        self._decoder.max_body_bytes = max_body_bytes
+        left, alive = TURN_BYTES, True
+        try:
+            while left > 0 and alive and not self._decoder.broken:
+                space = self._decoder.space()
+                count = self._link.recv_into(space)
+                events += self._decoder.received(count) if count else ()
+                alive, left = count > 0, left - count
+                if count < len(space) and not self._decoder.between:
+                    break
+        except BlockingIOError:
+            pass
+        except (OSError, ProtocolError):
+            alive = False
+        if self._decoder.between:
+            self.message_since_s = None
+        elif self.message_since_s is None or events:
+            self.message_since_s = now_s
+        return events, alive and not self._decoder.broken
+
+    def send(self, data: bytes, now_s: float) -> None:
+        """Send a message, or leave it out where the peer has not read the last one yet.
+
+        Raises:
+            OSError: the peer has gone.
+        """
+        if self._rest:
+            self._flush()
+        if self._rest:
+            return
+        self._rest = memoryview(data)
+        self._flush()
+        if not self._rest:
+            self.unread_since_s = None
+        elif self.unread_since_s is None:
+            self.unread_since_s = now_s
+
+    def _flush(self) -> None:
+        """Go on with a message that was sent in part: a peer must never see half of one."""
+        try:
+            while self._rest:
+                self._rest = self._rest[self._link.send(self._rest) :]
+        except BlockingIOError:
+            pass
+
+    def close(self) -> None:
+        """End the connection, also where another process holds a duplicate of its socket."""
+        with suppress(OSError):  # the peer was quicker
+            self._link.shutdown(socket.SHUT_RDWR)
+        self._link.close()

@@ -1,0 +1,131 @@
+"""The monitor as a whole: its processes are started, it serves, they are ended."""
+
+import gc
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from math import ceil
+from pathlib import Path
+
+import cv2
+
+from scleraforce.errors import InputError
+from scleraforce.imaging.segmentation import PixelScale
+from scleraforce.monitor import MonitorLimits
+from scleraforce.reader import ForceReader, WallReader
+from scleraforce.reader.known import Known
+from scleraforce.reader.live import LiveReader
+from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
+from scleraforce.service.black_box import black_box_settings
+from scleraforce.service.child import Child
+from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
+from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.guard import Guard
+from scleraforce.service.second_opinion import opinion_settings
+from scleraforce.service.server import Server, ServerSettings
+from scleraforce.service.session import Session
+
+__all__ = ["Address", "MonitorSettings", "monitor_service"]
+
+KEPT_S = 10.0
+FRAME_RATE_HZ = 100.0  # for which the ring has room
+BACKLOG = 256
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where to listen; port 0 takes a free one."""
+
+    host: str
+    port: int
+
+
+@dataclass(frozen=True)
+class MonitorSettings:
+    """What a monitor is started with.
+
+    Attributes:
+        eye: its name.
+        known: of the eye.
+        limits: of the decision; `size` and `scale_m` say what frames are expected.
+        refractive_index: by which depth is stretched in the frames.
+        address: of the OpenIGTLink server.
+        console: of the web console; None: there is none.
+        black_box: folder of the log and of what is kept at a withdrawal.
+        record: folder to keep the whole session in; None: it is not kept.
+        token: of the operator's reset.
+    """
+
+    eye: str
+    known: Known
+    limits: MonitorLimits
+    refractive_index: float
+    address: Address
+    console: Address | None
+    black_box: Path
+    record: Path | None
+    token: str
+
+
+@contextmanager
+def monitor_service(
+    model: Path, reader: ForceReader | WallReader, settings: MonitorSettings, note: Callable[[str], None]
+) -> Iterator[tuple[Server, Address]]:
+    """Start all of it, hand over the server and where it listens, and end all of it.
+
+    Its `run` has to follow at once: from here on the watchdog waits for signs of life.
+
+    Args:
+        model: folder of the model, which the second opinion loads on its own.
+        reader: the model.
+        settings: how to serve.
+        note: called with a line for the operator.
+
+    Raises:
+        InputError: the address cannot be listened on.
+    """
+    rows, columns = settings.limits.size or (0, 0)
+    scale = PixelScale(*(settings.limits.scale_m or (0.0, 0.0)))
+    cv2.setNumThreads(1)
+    with ExitStack() as stack:
+        listener = stack.enter_context(_listen(settings.address))
+        live = LiveReader(reader, settings.known, settings.refractive_index)
+        ring = FrameRing.create(ceil(KEPT_S * FRAME_RATE_HZ), rows, columns)
+        children = {BLACK_BOX: _start_black_box(settings, reader, scale, ring)}
+        if settings.limits.expects_opinion:
+            opinion = opinion_settings(model, settings.known, scale, settings.refractive_index, ring)
+            children[OPINION] = Child("scleraforce.service.second_opinion", opinion, [ring.descriptor])
+        if settings.console:
+            children[CONSOLE] = _start_console(settings, reader, scale, ring)
+        companions = Companions(children)
+        stack.callback(companions.end)
+        session = Session(live.read, settings.limits)
+        gc.collect()
+        gc.freeze()  # the model stays: the collector need not look at it again and again
+        guard = Guard()
+        stack.callback(guard.end)
+        server = Server(session, listener, ServerSettings(settings.token), ring, guard, companions, note)
+        stack.callback(server.close)
+        yield server, Address(*listener.getsockname()[:2])
+
+
+def _listen(address: Address) -> socket.socket:
+    try:
+        return socket.create_server((address.host, address.port), backlog=BACKLOG)
+    except OSError as fault:
+        raise InputError(
+            f"{address.host}:{address.port}: {fault.strerror}; give another --port, or end what listens there"
+        ) from fault
+
+
+def _start_black_box(
+    settings: MonitorSettings, reader: ForceReader | WallReader, scale: PixelScale, ring: FrameRing
+) -> Child:
+    raise NotImplementedError
+
+
+def _start_console(
+    settings: MonitorSettings, reader: ForceReader | WallReader, scale: PixelScale, ring: FrameRing
+) -> Child:
+    raise NotImplementedError

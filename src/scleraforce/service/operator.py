@@ -1,0 +1,43 @@
+"""The operator's side of a reset: it is asked for in a STRING `ForceReset` that has the token, and answered in one."""
+
+import json
+import socket
+from time import monotonic, time
+
+from scleraforce.errors import InputError, ProtocolError
+from scleraforce.service.openigtlink import Decoder, Received, Text, encode
+from scleraforce.service.telling import RESET_DEVICE
+
+__all__ = ["ask_reset"]
+
+ANSWER_S = 2.0
+PIECE = 65536
+
+
+def ask_reset(host: str, port: int, token: str) -> tuple[bool, str]:
+    """Ask a monitor to leave a withdrawal; return whether it did, and what it says.
+
+    Raises:
+        InputError: nobody answers there.
+    """
+    try:
+        with socket.create_connection((host, port), timeout=ANSWER_S) as link:
+            link.sendall(encode(Text(token), RESET_DEVICE, time_s=time()))
+            return _answer(link)
+    except (OSError, ProtocolError) as fault:
+        reason = getattr(fault, "strerror", None) or str(fault)
+        raise InputError(f"{host}:{port}: {reason}; is a monitor running there?") from fault
+
+
+def _answer(link: socket.socket) -> tuple[bool, str]:
+    """Wait for the answer among the statuses that the monitor sends to everybody."""
+    decoder, end_s = Decoder(), monotonic() + ANSWER_S
+    while monotonic() < end_s:
+        data = link.recv(PIECE)
+        if not data:
+            break
+        for event in decoder.feed(data):
+            if isinstance(event, Received) and event.header.device == RESET_DEVICE and isinstance(event.message, Text):
+                answer = json.loads(event.message.text)
+                return bool(answer["granted"]), str(answer["message"])
+    raise OSError("no answer to the reset")

@@ -1,0 +1,322 @@
+"""The monitor's server: one thread, one selector; scanners, robots and others speak OpenIGTLink with it."""
+
+import hmac
+import json
+import selectors
+import socket
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import count
+from typing import Any
+
+from scleraforce.errors import ProtocolError
+from scleraforce.monitor.events import BadImage, ChecksumError, Failure, QueueLoss, Reset, SecondOpinion, Tick
+from scleraforce.monitor.events import Event as MonitorEvent
+from scleraforce.service.clients import Clients
+from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
+from scleraforce.service.connection import Connection
+from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.guard import Guard
+from scleraforce.service.openigtlink import BadChecksum, Broken, Event, Image, Malformed, Query, Received, Sensor, Text
+from scleraforce.service.session import Frame, Session
+from scleraforce.service.telling import (
+    READING_DEVICE,
+    RESET_DEVICE,
+    STATUS_DEVICE,
+    Telling,
+    reading_messages,
+    status_message,
+)
+
+__all__ = ["Server", "ServerSettings"]
+
+TICK_S = 0.01
+HEARTBEAT_S = 0.05
+RATES_S = 0.5
+OTHERS_S = 0.002  # for other clients, before the scanner has its turn again
+SMALL_BODY_BYTES = 64 * 1024  # all that a client needs who is not the scanner
+LARGER_FRAMES = 4  # images that are so many times too large are still received, to be refused in words
+WRONG_TOKENS = 3
+
+
+@dataclass(frozen=True)
+class ServerSettings:
+    """Whom to bear.
+
+    Attributes:
+        token: what the operator's reset has to say.
+        clients: at most, at once.
+        message_s: within which a message has to come whole.
+    """
+
+    token: str
+    clients: int = 256
+    message_s: float = 2.0
+
+
+class Server:
+    """Serves clients from `run` until `stop`.
+
+    The scanner is the client that sent the last image; another one becomes the scanner when that has left, or has been
+    silent for longer than the limits bear. What the scanner does wrong, or while there is none whoever sends images, is
+    a cause of a withdrawal. What others do wrong ends or leaves out their message, and is noted.
+
+    Args:
+        session: decides.
+        listener: listens already.
+        settings: whom to bear.
+        ring: where other processes find the frames; of the size that the session reads.
+        guard: the watchdog.
+        companions: other processes that are told.
+        note: called with a line for the operator.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        listener: socket.socket,
+        settings: ServerSettings,
+        ring: FrameRing,
+        guard: Guard,
+        companions: Companions,
+        note: Callable[[str], None],
+    ) -> None:
+        self.session, self.settings = session, settings
+        self._ring, self._guard, self._companions, self._note = ring, guard, companions, note
+        self._clients = Clients(listener, settings.clients, settings.message_s, guard, self._note_client)
+        for descriptor, name in companions.channels.items():
+            self._clients.selector.register(descriptor, selectors.EVENT_READ, name)
+        self._most_bytes = LARGER_FRAMES * 2 * ring.shape[0] * ring.shape[1] + SMALL_BODY_BYTES
+        self._scanner: Connection | None = None
+        self._scanned_s = 0.0
+        self._arrivals = count(1)
+        self._wrong_tokens: dict[int, int] = {}
+        self._counted: tuple[int, float] | None = None
+        self._stopping = False
+
+    def stop(self) -> None:
+        """Let `run` return; from a signal's handler, too."""
+        self._stopping = True
+
+    def run(self) -> None:
+        """Serve until `stop`."""
+        now_s = tick_s = heartbeat_s = rates_s = self.session.clock()
+        while not self._stopping:
+            try:
+                self._turn(max(0.0, min(tick_s, heartbeat_s) - now_s))
+                now_s = self.session.clock()
+                if now_s >= tick_s:
+                    tick_s = now_s + TICK_S
+                    self._tick(now_s)
+                if now_s >= heartbeat_s:
+                    heartbeat_s = max(heartbeat_s + HEARTBEAT_S, now_s)
+                    self._clients.broadcast(self._status(), now_s)
+                if now_s >= rates_s:
+                    rates_s = now_s + RATES_S
+                    self._tell_rates(now_s)
+            except Exception as fault:  # whatever it was, it is a doubt
+                now_s = self.session.clock()
+                self._decide("exception", Failure(now_s, f"{type(fault).__name__}: {fault}"))
+            self._beat(now_s)
+
+    def close(self) -> None:
+        """Tell the clients that nobody watches any more, and leave them."""
+        self._decide("end", Failure(self.session.clock(), "the monitor ends"))
+        self._clients.close()
+
+    def _turn(self, within_s: float) -> None:
+        """Hear those who have something to say: the scanner first, the other clients for a short while."""
+        ready = [key.data for key, _ in self._clients.selector.select(within_s)]
+        clients = sorted(
+            (who for who in ready if isinstance(who, Connection)), key=lambda who: who is not self._scanner
+        )
+        for name in (who for who in ready if isinstance(who, str)):
+            self._hear_companion(name)
+        end_s = self.session.clock() + OTHERS_S
+        for client in clients:
+            if client in self._clients:
+                self._hear(client)
+            if self.session.clock() > end_s:
+                break
+        if None in ready:
+            for client in self._clients.accept():
+                self._clients.send(client, self._status(), self.session.clock())
+
+    # What clients say.
+
+    def _hear(self, client: Connection) -> None:
+        now_s = self.session.clock()
+        may_scan = self._may_scan(client, now_s)
+        events, alive = client.receive(self._most_bytes if may_scan else SMALL_BODY_BYTES, now_s)
+        at_s = self.session.clock()
+        frames = [frame for event in events if (frame := self._hear_event(client, event, at_s, may_scan))]
+        if len(frames) > 1:
+            self._decide("loss", QueueLoss(at_s, len(frames) - 1))
+        if frames:
+            self._take_frame(frames[-1])
+        if not alive:
+            broken = next((event.reason for event in events if isinstance(event, Broken)), None)
+            self._clients.leave(client, f"was let go: {broken}" if broken else "left")
+
+    def _may_scan(self, client: Connection, now_s: float) -> bool:
+        """Return whether a client's images are taken."""
+        scanner = self._scanner
+        vacant = scanner is None or scanner not in self._clients
+        return vacant or client is scanner or now_s - self._scanned_s > self.session.limits.silence_s
+
+    def _hear_event(self, client: Connection, event: Event, at_s: float, may_scan: bool) -> Frame | None:
+        """Take what a client said; return the frame, if it is one."""
+        if not isinstance(event, Broken):
+            self._clients.speaks(client, event.header.version)
+        match event:
+            case Received(message=Image() as image) if may_scan:
+                return self._put_together(client, event, image, at_s)
+            case Received(message=Query(type="STATUS")):
+                self._clients.send(client, self._status(), at_s)
+            case Received(message=Text(text)) if event.header.device == RESET_DEVICE:
+                self._reset_by_client(client, text, at_s)
+            case Received(message=Sensor(values)):
+                force = {"kind": "force", "at_s": at_s, "time_s": self.session.wall_clock(), "values": values}
+                self._companions.tell(BLACK_BOX, {**force, "device": event.header.device}, at_s)
+            case BadChecksum() | Malformed() | Broken():
+                self._take_wrong(client, event, at_s, may_scan)
+        return None
+
+    def _put_together(self, client: Connection, event: Received, image: Image, at_s: float) -> Frame | None:
+        """Return the frame that an image is or completes; whoever sends one is the scanner now."""
+        self._scanner, self._scanned_s = client, at_s
+        try:
+            whole = client.frames.add(image)
+        except ProtocolError as fault:
+            self._decide("bad image", BadImage(at_s, str(fault)))
+            return None
+        if whole is None:
+            return None
+        sender_id = event.message_id or int(event.header.time_s * 1e6) or next(self._arrivals)
+        return self.session.frame(whole, sender_id, client.number, at_s)
+
+    def _take_wrong(
+        self, client: Connection, event: BadChecksum | Malformed | Broken, at_s: float, may_scan: bool
+    ) -> None:
+        """Take a message that is wrong: from a scanner it is a cause."""
+        of_image = not isinstance(event, Broken) and event.header.type == "IMAGE"
+        if client is not self._scanner and not (may_scan and of_image):
+            self._note_client(f"client {client.address}: {_said(event)}")
+            return
+        client.frames = type(client.frames)()  # no frame is put together of what came before and after
+        if isinstance(event, BadChecksum):
+            self._decide("checksum", ChecksumError(at_s, _said(event)))
+        else:
+            self._decide("bad image", BadImage(at_s, _said(event)))
+
+    # What the monitor says.
+
+    def _take_frame(self, frame: Frame) -> None:
+        """Decide on a frame and say so: the status first, on which the robot waits."""
+        session = self.session
+        session.take_frame(frame)
+        self._clients.broadcast(self._status(), frame.at_s)
+        now_s = session.clock()
+        entry = session.entry("frame", now_s, frame, now_s - frame.at_s)
+        self._clients.broadcast(Telling(READING_DEVICE, reading_messages(entry), session.wall_clock), now_s)
+        if frame.image.pixels.shape == self._ring.shape:
+            self._ring.put(frame.number, frame.image.pixels)
+        self._companions.entry(entry)
+        if session.reading is not None:
+            self._companions.ask_opinion(frame.number, frame.order, now_s)
+            self._companions.outline(frame.number, session.reading, now_s)
+
+    def _status(self) -> Telling:
+        return Telling(STATUS_DEVICE, (status_message(self.session.decision),), self.session.wall_clock)
+
+    def _decide(self, name: str, event: MonitorEvent) -> None:
+        """Decide on what is no frame; tell it where that changes something."""
+        if self.session.take(event):
+            self._clients.broadcast(self._status(), event.at_s)
+            self._companions.entry(self.session.entry(name, event.at_s))
+
+    def _note_client(self, text: str) -> None:
+        note = {"kind": "note", "time_s": self.session.wall_clock(), "text": text}
+        self._companions.tell(BLACK_BOX, note, self.session.clock())
+
+    # What happens by itself.
+
+    def _tick(self, now_s: float) -> None:
+        self._decide("tick", Tick(now_s))
+        for fault in self._companions.faults:
+            self._decide("companion", Failure(now_s, fault))
+        self._clients.sweep(now_s, self._scanner)
+
+    def _beat(self, now_s: float) -> None:
+        fault = self._guard.beat(now_s)
+        if fault:
+            self._decide("watchdog", Failure(now_s, fault))
+
+    def _tell_rates(self, now_s: float) -> None:
+        frames, since_s = self._counted or (0, now_s - RATES_S)
+        self._counted = self.session.frames, now_s
+        clients = [
+            {"address": client.address, "role": "scanner" if client is self._scanner else "listener"}
+            for client in self._clients
+        ]
+        rate = (self.session.frames - frames) / (now_s - since_s)
+        rates = {"kind": "rates", "frames_per_second": rate, "lost": self.session.lost, "clients": clients}
+        self._companions.tell(CONSOLE, rates, now_s)
+
+    def _hear_companion(self, name: str) -> None:
+        now_s = self.session.clock()
+        for message in self._companions.hear(name):
+            if name == OPINION:
+                self._decide("opinion", _opinion(message, now_s))
+            elif message.get("kind") == "reset":
+                granted, text = self._reset(str(message.get("token")), now_s)
+                answer = {"kind": "reset-answer", "request": message.get("request"), "granted": granted}
+                self._companions.tell(CONSOLE, {**answer, "message": text}, now_s)
+            elif message.get("kind") == "kept":
+                self._note(f"the last seconds were kept in {message.get('folder')}")
+        if self._companions.dead(name):
+            descriptor = next(key for key, of in self._companions.channels.items() if of == name)
+            self._clients.selector.unregister(descriptor)
+            self._note(f"the {name} has ended")
+
+    # The operator's reset.
+
+    def _reset(self, token: str, now_s: float) -> tuple[bool, str]:
+        """Return whether a reset is granted, and what to say."""
+        if not hmac.compare_digest(token.encode(), self.settings.token.encode()):
+            self._note_client("a reset with a wrong token")
+            return False, "the token is wrong; it stands where the monitor was started"
+        self._decide("reset", Reset(now_s))
+        return self.session.decision.code == 1, self.session.decision.message
+
+    def _reset_by_client(self, client: Connection, token: str, now_s: float) -> None:
+        granted, text = self._reset(token, now_s)
+        answer = Text(json.dumps({"granted": granted, "message": text}))
+        self._clients.send(client, Telling(RESET_DEVICE, (answer,), self.session.wall_clock), now_s)
+        if granted:
+            return
+        self._wrong_tokens[client.number] = self._wrong_tokens.get(client.number, 0) + 1
+        if self._wrong_tokens[client.number] >= WRONG_TOKENS:
+            del self._wrong_tokens[client.number]
+            self._clients.leave(client, f"was let go: {WRONG_TOKENS} resets were refused")
+
+
+def _said(event: BadChecksum | Malformed | Broken) -> str:
+    if isinstance(event, BadChecksum):
+        return f"{event.header.type}: checksum {event.found:016x}, not {event.header.crc:016x}"
+    return event.reason
+
+
+def _opinion(message: Mapping[str, Any], now_s: float) -> SecondOpinion:
+    """Return what the second opinion's process says of a frame."""
+    shares, interval_n = message["probabilities"], message["interval_n"]
+    return SecondOpinion(
+        now_s,
+        message["frame"],
+        message["usable"],
+        message["reason"],
+        message["predicted"],
+        None if shares is None else tuple(shares),
+        message["force_n"],
+        None if interval_n is None else (interval_n[0], interval_n[1]),
+    )

@@ -1,0 +1,176 @@
+"""One session of the monitor, without its connections: frames and events in, decisions out."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import monotonic, time
+from typing import Any, Protocol
+
+import fastcrc
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.imaging.segmentation import PixelScale
+from scleraforce.monitor import MonitorLimits, MonitorState, decide
+from scleraforce.monitor.events import Event, Failure, FrameRead, Tick
+from scleraforce.reader.answers import Answer
+from scleraforce.service.entry import Entry
+from scleraforce.service.scanner_image import ScannerFrame
+from scleraforce.units import n_to_mn
+
+__all__ = ["Frame", "Read", "Reading", "Session", "Withdrawal"]
+
+
+class Reading(Protocol):
+    """What was found in a frame: the answer, and the wall's boundaries in rows, (column,), NaN where there is none."""
+
+    @property
+    def answer(self) -> Answer: ...  # noqa: D102 - described by the class
+    @property
+    def outer_row(self) -> NDArray[np.float64]: ...  # noqa: D102
+    @property
+    def inner_row(self) -> NDArray[np.float64]: ...  # noqa: D102
+
+
+Read = Callable[[NDArray[np.uint8] | NDArray[np.uint16], PixelScale], Reading]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A frame as it came: `number` in this session, `sender_id` as its sender counts, `at_s` when its last byte came.
+
+    `order` rises from frame to frame, also where another sender starts to count anew.
+    """
+
+    number: int
+    order: int
+    sender_id: int
+    at_s: float
+    image: ScannerFrame
+    digest: bytes
+
+
+@dataclass(frozen=True)
+class Withdrawal:
+    """One withdrawal: at which frame of the session, when (s since 1970), and its first cause."""
+
+    frame: int
+    time_s: float
+    cause: str
+    message: str
+
+
+class Session:
+    """What the monitor knows and decides; it never raises.
+
+    Args:
+        read: reads a frame. What it raises is a cause of a withdrawal.
+        limits: of the decision; its size and scale are those of the frames that are read.
+        clock: s, monotonic.
+        wall_clock: s since 1970.
+    """
+
+    def __init__(
+        self,
+        read: Read,
+        limits: MonitorLimits,
+        clock: Callable[[], float] = monotonic,
+        wall_clock: Callable[[], float] = time,
+    ) -> None:
+        self.limits, self.clock, self.wall_clock = limits, clock, wall_clock
+        self.withdrawals: list[Withdrawal] = []
+        self._read = read
+        self._state, self.decision = decide(MonitorState(), Tick(clock()), limits)
+        self._frames = self._entries = 0
+        self._reading: Reading | None = None
+
+    @property
+    def frames(self) -> int:
+        """Frames that were taken since the start."""
+        return self._frames
+
+    @property
+    def lost(self) -> int:
+        """Frames that were lost to the queue since the start."""
+        return self._state.lost
+
+    @property
+    def reading(self) -> Reading | None:
+        """What was found in the last frame; None where that was not read."""
+        return self._reading
+
+    def take(self, event: Event) -> bool:
+        """Decide on an event; return whether what the robot is told has changed."""
+        before = self.decision
+        self._state, self.decision = decide(self._state, event, self.limits)
+        cause = self.decision.cause
+        if cause and not before.cause:
+            self.withdrawals.append(Withdrawal(self._frames, self.wall_clock(), cause.name, self.decision.message))
+        return self.decision != before
+
+    def frame(self, image: ScannerFrame, sender_id: int, sender: int, at_s: float) -> Frame:
+        """Number a frame that came whole at `at_s` from the `sender`-th connection."""
+        self._frames += 1
+        digest = fastcrc.crc64.ecma_182(image.pixels.data).to_bytes(8)
+        return Frame(self._frames, (sender << 64) + sender_id, sender_id, at_s, image, digest)
+
+    def take_frame(self, frame: Frame) -> None:
+        """Read a frame and decide on it."""
+        try:
+            event: Event = self._read_frame(frame)
+        except Exception as fault:  # whatever it was, the frame has not been read
+            self._reading = None
+            event = Failure(frame.at_s, f"frame {frame.number}: {type(fault).__name__}: {fault}")
+        self.take(event)
+
+    def _read_frame(self, frame: Frame) -> FrameRead:
+        """Read a frame, if it is of the study's size and scale: the decision says so where it is not."""
+        image = frame.image
+        size = image.pixels.shape[0], image.pixels.shape[1]
+        self._reading = None
+        if size != self.limits.size:
+            return FrameRead(
+                frame.at_s, frame.order, self.limits.withdraw_class, None, False, "another size", None, None,
+                frame.digest, size, (image.lateral_m, image.depth_m),
+            )  # fmt: skip
+        self._reading = self._read(image.pixels, PixelScale(image.lateral_m, image.depth_m))
+        answer = self._reading.answer
+        return FrameRead(
+            frame.at_s, frame.order, answer.predicted, answer.probabilities, answer.usable, answer.reason,
+            answer.force_n, answer.interval_n, frame.digest, size, (image.lateral_m, image.depth_m),
+        )  # fmt: skip
+
+    def summary(self) -> dict[str, Any]:
+        """Return what happened so far, for JSON."""
+        withdrawals = [vars(withdrawal) for withdrawal in self.withdrawals]
+        return {"frames": self.frames, "lost": self.lost, "withdrawals": withdrawals}
+
+    def entry(self, event: str, at_s: float, frame: Frame | None = None, latency_s: float | None = None) -> Entry:
+        """Return what was decided last, to be told and kept; with what was read where it was on a frame."""
+        self._entries += 1
+        answer = self._reading.answer if frame and self._reading else None
+        decision = self.decision
+        return Entry(
+            number=self._entries,
+            time_s=self.wall_clock(),
+            at_s=at_s,
+            event=event,
+            state=decision.state.name,
+            code=decision.code,
+            sub_code=decision.sub_code,
+            cause=decision.cause.name if decision.cause else None,
+            message=decision.message,
+            frame=frame.number if frame else None,
+            frame_id=frame.sender_id if frame else None,
+            predicted=answer.predicted if answer else None,
+            probabilities=answer.probabilities if answer else None,
+            force_mn=n_to_mn(answer.force_n) if answer and answer.force_n is not None else None,
+            interval_mn=_mn(answer.interval_n) if answer and answer.interval_n is not None else None,
+            usable=answer.usable if answer else False if frame else None,
+            reason=answer.reason if answer else None,
+            latency_ms=None if latency_s is None else 1e3 * latency_s,
+            lost=self.lost,
+        )
+
+
+def _mn(interval_n: tuple[float, float]) -> tuple[float, float]:
+    return n_to_mn(interval_n[0]), n_to_mn(interval_n[1])

@@ -1,0 +1,54 @@
+"""What the monitor tells its clients: STATUS `ForceMonitor`, STRING and SENSOR `ForceReading`."""
+
+from collections.abc import Callable
+from math import nan
+
+from scleraforce.monitor import Decision
+from scleraforce.service.entry import Entry
+from scleraforce.service.openigtlink import Message, Sensor, Status, Text, encode
+
+__all__ = ["READING_DEVICE", "RESET_DEVICE", "STATUS_DEVICE", "Telling", "reading_messages", "status_message"]
+
+STATUS_DEVICE, READING_DEVICE, RESET_DEVICE = "ForceMonitor", "ForceReading", "ForceReset"
+MESSAGE_CHARACTERS = 1000  # of a STATUS: a reason may quote what a peer sent
+
+
+def status_message(decision: Decision) -> Status:
+    """Return the STATUS of a decision; the name of the error is that of the cause, or of the state without one."""
+    name = decision.cause.name if decision.cause else "" if decision.code == 1 else decision.state.name
+    return Status(decision.code, decision.sub_code, name[:20], decision.message[:MESSAGE_CHARACTERS])
+
+
+def reading_messages(entry: Entry) -> tuple[Text, Sensor]:
+    """Return the STRING and the SENSOR of a decision on a frame.
+
+    The SENSOR has: frame, class, probabilities of the classes 0, 1 and 2, force, lower and upper end of its interval
+    (N), usable (1 or 0), code of the STATUS. NaN stands for what there is not.
+    """
+    shares = (entry.probabilities or (nan, nan, nan))[:3]
+    low_mn, high_mn = entry.interval_mn or (nan, nan)
+    force_mn = nan if entry.force_mn is None else entry.force_mn
+    numbers = (
+        nan if entry.frame is None else float(entry.frame),
+        nan if entry.predicted is None else float(entry.predicted),
+        *shares, *(nan,) * (3 - len(shares)),
+        force_mn / 1e3, low_mn / 1e3, high_mn / 1e3,
+        1.0 if entry.usable else 0.0,
+        float(entry.code),
+    )  # fmt: skip
+    return Text(entry.text), Sensor(numbers)
+
+
+class Telling:
+    """Messages to be sent to several clients: encoded once for each header version that is asked for."""
+
+    def __init__(self, device: str, messages: tuple[Message, ...], wall_clock: Callable[[], float]) -> None:
+        self._device, self._messages, self._time_s = device, messages, wall_clock()
+        self._encoded: dict[int, bytes] = {}
+
+    def to(self, version: int) -> bytes:
+        """Return the bytes for a client of a header version."""
+        if version not in self._encoded:
+            parts = [encode(item, self._device, version=version, time_s=self._time_s) for item in self._messages]
+            self._encoded[version] = b"".join(parts)
+        return self._encoded[version]

@@ -1,0 +1,133 @@
+"""The watchdog: a process that tells the clients to withdraw where the monitor hangs or has died.
+
+It holds duplicates of the clients' sockets. Where no sign of life comes for `MISSES` looks of `LOOK_S`, it kills the
+monitor (a monitor that went on later would say OK again) and sends the emergency STATUS to all clients, every
+`REPEAT_S`, until the last one has left. A pause of the whole machine counts as one look. Only the standard library is
+used, so that it is there before the model is loaded.
+
+Messages to it (one datagram each, the first byte tells): `M` version and the STATUS to send, `C` number and with it a
+socket, `V` number and version, `D` number, `B` a sign of life, `Q` the end as planned. It answers `A` when it is ready
+and to each sign of life.
+"""
+
+import os
+import select
+import signal
+import socket
+import struct
+import sys
+import time
+from contextlib import suppress
+
+__all__ = ["ALIVE", "LOOK_S", "MISSES", "Watchdog", "main"]
+
+LOOK_S = 0.02
+MISSES = 5
+REPEAT_S = 0.05
+ALIVE = b"A"
+TIME = slice(34, 42)  # of the header: seconds since 1970, in 2^-32 s
+CHECKED = struct.Struct(">Q")
+
+
+class Watchdog:
+    """What the watchdog knows.
+
+    Args:
+        monitor: the other end: the monitor.
+        monitor_pid: to be killed where it hangs.
+    """
+
+    def __init__(self, monitor: socket.socket, monitor_pid: int) -> None:
+        self._monitor, self._pid = monitor, monitor_pid
+        self._messages: dict[int, bytearray] = {}
+        self._clients: dict[int, socket.socket] = {}
+        self._versions: dict[int, int] = {}
+
+    def watch(self) -> bool:
+        """Watch until the monitor ends as planned; False where it hung or died."""
+        misses = 0
+        self._monitor.send(ALIVE)
+        while misses < MISSES:
+            if not select.select([self._monitor], [], [], LOOK_S)[0]:
+                misses += 1
+                continue
+            misses = 0
+            data, sockets, _, _ = socket.recv_fds(self._monitor, 4096, 1)
+            if not data:
+                return False
+            if data == b"Q":
+                return True
+            self._take(data, sockets)
+        return False
+
+    def _take(self, data: bytes, sockets: list[int]) -> None:
+        kind, words = data[:1], data[1:].split(b" ", 1)
+        if kind == b"B":
+            with suppress(BlockingIOError):
+                self._monitor.send(ALIVE)
+        elif kind == b"M":
+            self._messages[int(words[0])] = bytearray(words[1])
+        elif kind == b"C":
+            self._clients[int(words[0])] = socket.socket(fileno=sockets[0])
+            self._versions[int(words[0])] = 1
+        elif kind == b"V":
+            self._versions[int(words[0])] = int(words[1])
+        elif kind == b"D":
+            self._clients.pop(int(words[0])).close()
+
+    def alarm(self) -> None:
+        """End the monitor and tell the clients to withdraw, until none is left."""
+        started_s = time.monotonic()
+        if os.getppid() == self._pid:
+            with suppress(ProcessLookupError):
+                os.kill(self._pid, signal.SIGKILL)
+        told = len(self._clients)
+        self._tell()
+        sys.stderr.write(f"watchdog: the monitor hung or died and was ended; clients told to withdraw: {told}\n")
+        sys.stderr.flush()
+        due_s = started_s + REPEAT_S
+        while self._clients:
+            self._drain(max(0.0, due_s - time.monotonic()))
+            if time.monotonic() >= due_s:
+                self._tell()
+                due_s += REPEAT_S
+
+    def _tell(self) -> None:
+        """Send the emergency to every client; one that does not read misses it, one that has left is forgotten."""
+        now = CHECKED.pack(int(time.time() * 2**32))
+        for message in self._messages.values():
+            message[TIME] = now
+        for number, client in list(self._clients.items()):
+            try:
+                client.send(self._messages[self._versions[number]])
+            except BlockingIOError:
+                pass
+            except OSError:
+                self._clients.pop(number).close()
+
+    def _drain(self, within_s: float) -> None:
+        """Throw away what clients send: closing a socket with bytes unread would take the last STATUS with it."""
+        ready = select.select(list(self._clients.values()), [], [], within_s)[0]
+        for number, client in list(self._clients.items()):
+            if client not in ready:
+                continue
+            try:
+                gone = not client.recv(1 << 20)
+            except BlockingIOError:
+                gone = False
+            except OSError:
+                gone = True
+            if gone:
+                self._clients.pop(number).close()
+
+
+def main() -> None:
+    """Run as a process: arguments are the descriptor of the channel and the monitor's process id."""
+    channel, pid = int(sys.argv[1]), int(sys.argv[2])
+    watchdog = Watchdog(socket.socket(fileno=channel), pid)
+    if not watchdog.watch():
+        watchdog.alarm()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""A monitor in a process of its own whose reader is a rule: its answer stands in the frame's first pixels.
+
+Started as `python small_monitor.py`: prints `PORT TOKEN` and serves until its standard input closes.
+"""
+
+import socket
+import sys
+import threading
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.imaging.segmentation import PixelScale
+from scleraforce.monitor import MonitorLimits
+from scleraforce.reader.answers import Answer
+from scleraforce.service.companions import Companions
+from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.guard import Guard
+from scleraforce.service.server import Server, ServerSettings
+from scleraforce.service.session import Session
+
+ROWS, COLUMNS = 64, 96
+SCALE_M = (20e-6, 10e-6)
+TOKEN = "c0ffee"
+UNUSABLE, RAISES, NO_NUMBER, HANGS = 60001, 60002, 60003, 60004
+
+
+@dataclass(frozen=True, eq=False)
+class RuledReading:
+    answer: Answer
+    outer_row: NDArray[np.float64]
+    inner_row: NDArray[np.float64]
+
+
+def frame_of(force_un: int, serial: int) -> NDArray[np.uint16]:
+    """A frame that reads as a force in uN; `serial` makes it differ from others."""
+    pixels = np.zeros((ROWS, COLUMNS), dtype=np.uint16)
+    pixels[0, :2] = force_un, serial % 65536
+    return pixels
+
+
+def read(pixels: NDArray[Any], _: PixelScale) -> RuledReading:
+    force_un = int(pixels[0, 0])
+    nowhere = np.full(pixels.shape[1], np.nan)
+    if force_un == RAISES:
+        raise RuntimeError("the reader broke")
+    while force_un == HANGS:
+        pass
+    if force_un == UNUSABLE:
+        return RuledReading(Answer(2, None, False, "no wall was found"), nowhere, nowhere)
+    force_n = float("nan") if force_un == NO_NUMBER else force_un * 1e-6
+    predicted = int(force_n > 5e-3) + int(force_n > 30e-3)
+    shares = tuple(float(number == predicted) for number in range(3))
+    interval_n = (0.95 * force_n - 0.5e-3, 1.05 * force_n + 0.5e-3)
+    return RuledReading(Answer(predicted, shares, True, None, force_n, interval_n), nowhere, nowhere)
+
+
+def main() -> None:
+    limits = MonitorLimits(size=(ROWS, COLUMNS), scale_m=SCALE_M)
+    listener = socket.create_server(("127.0.0.1", 0))
+    guard = Guard()
+    ring = FrameRing.create(100, ROWS, COLUMNS)
+    server = Server(Session(read, limits), listener, ServerSettings(TOKEN), ring, guard, Companions({}), print)
+
+    def wait() -> None:
+        sys.stdin.read()
+        server.stop()
+
+    threading.Thread(target=wait, daemon=True).start()
+    sys.stdout.write(f"{listener.getsockname()[1]} {guard.pid}\n")
+    sys.stdout.flush()
+    server.run()
+    server.close()
+    guard.end()
+
+
+if __name__ == "__main__":
+    main()
