@@ -15,7 +15,6 @@ def test_mutated_messages_give_events_and_no_exception() -> None:
     assert outcome.unexpected == []
     assert set(outcome.events) == {f"Received {kind}" for kind in KINDS} | WITHOUT_A_MESSAGE
     assert min(outcome.events.values()) >= 100
-    assert outcome.grown_bytes < 20e6
 
 
 def test_the_same_seed_gives_the_same_messages_and_an_exception_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

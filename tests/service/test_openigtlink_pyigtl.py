@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from scleraforce.service.openigtlink import Decoder, Image, Received, Text, Transform, encode
+from scleraforce.service.scanner_image import FrameAssembler
 
 pyigtl = pytest.importorskip("pyigtl")
 messages = pytest.importorskip("pyigtl.messages")
@@ -43,6 +44,21 @@ def test_images_go_both_ways(dtype: np.dtype, version: int) -> None:
     theirs = read_by_pyigtl(ours)
     assert theirs.image.dtype.itemsize == pixels.dtype.itemsize
     assert np.array_equal(theirs.image.reshape(pixels.shape), pixels)
+
+
+def test_its_image_becomes_a_frame_with_the_pixels_of_its_matrix() -> None:
+    """Columns 0.003 * 5 mm apart, rows 0.001 * 3 mm, in a plane that lies askew."""
+    matrix = np.eye(4)
+    matrix[:3, 0], matrix[:3, 1] = 0.003 * np.array([3.0, 0.0, 4.0]), 0.001 * np.array([1.0, -2.0, 2.0])
+    pixels = np.arange(60, dtype=np.int16).reshape(1, 6, 10)
+    message = pyigtl.ImageMessage(pixels, ijk_to_world_matrix=matrix, timestamp=1234.5)
+    image = written_by_pyigtl(message, 1).message
+    assert isinstance(image, Image)
+    frame = FrameAssembler().add(image)
+    assert frame is not None
+    assert (frame.lateral_m, frame.depth_m) == pytest.approx((15e-6, 3e-6), rel=1e-6)
+    assert frame.pixels.dtype == np.uint16
+    assert np.array_equal(frame.pixels, pixels[0])
 
 
 @pytest.mark.parametrize("version", VERSIONS)
