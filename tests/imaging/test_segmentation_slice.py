@@ -13,7 +13,7 @@ WINDOW = SliceWindow(-7e-3, 0.0, 140, 40, 0.1e-3)
 
 def segmentation(outer_m: np.ndarray, inner_m: np.ndarray) -> Segmentation:
     rows = [curve / SCALE.depth_m - 0.5 for curve in (outer_m, inner_m)]
-    return Segmentation(rows[0], rows[1], np.zeros((512, 512), np.uint8), True, "", True, 0.5e-3)
+    return Segmentation(rows[0], rows[1], 512, True, "", True, 0.5e-3)
 
 
 def lateral() -> np.ndarray:

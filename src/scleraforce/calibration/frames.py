@@ -24,12 +24,12 @@ def segmented_boundaries(segmentation: Segmentation, scale: PixelScale, refracti
     frame ends before the wall does, where the wall is steep, or would be far from as thick as elsewhere, the inner
     boundary counts as unseen.
     """
-    rows, columns = segmentation.mask.shape
+    rows, columns = segmentation.rows, len(segmentation.outer_row)
     lateral_m = (np.arange(columns) + 0.5 - columns / 2) * scale.lateral_m
     # Row r is centred half a pixel below its upper edge.
     bottom_m = rows * scale.depth_m - BOTTOM_M
-    outer_m = (segmentation.outer_row + 0.5) * scale.depth_m
-    outer_m = np.where(outer_m < bottom_m, outer_m, np.nan)
+    outer_m: Array = (segmentation.outer_row + 0.5) * scale.depth_m
+    outer_m[~(outer_m < bottom_m)] = np.nan
     inner_m = np.full_like(outer_m, np.nan)
     if segmentation.inner_found:
         optical_m = (segmentation.inner_row - segmentation.outer_row) * scale.depth_m

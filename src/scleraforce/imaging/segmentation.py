@@ -4,13 +4,15 @@
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import isnan
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.imaging.segmentation_columns import fine_columns, interpolation, nearest_point, repeated
 from scleraforce.imaging.segmentation_grid import Float, Grid, Pixels, PixelScale, make_grid
-from scleraforce.imaging.segmentation_inner import find_inner, surface_stretch
+from scleraforce.imaging.segmentation_inner import CELLS, GROUP, find_inner, surface_stretch
 from scleraforce.imaging.segmentation_slice import boundary_slice
 from scleraforce.imaging.segmentation_surface import Surface, find_surface, refine_surface
 
@@ -37,19 +39,27 @@ class Segmentation:
     """The wall in one frame.
 
     `outer_row`, `inner_row` (column,): boundaries in rows of pixel centres (the wall covers rows r with
-    outer_row <= r < inner_row), NaN where there is no wall; they may lie beyond the frame's last row. `mask` (row,
-    column): 255 = wall, else 0. `usable`: a wall was found that can be judged; `reason` says why not ('' where it is).
+    outer_row <= r < inner_row), NaN where there is no wall; they may lie beyond the last of the frame's `rows`.
+    `usable`: a wall was found that can be judged; `reason` says why not ('' where it is).
     `inner_found`: where False, the inner boundary cannot be seen and the mask ends 1 mm below the surface.
     `thickness_m`: median thickness along the surface's normal, NaN where the inner boundary was not found.
     """
 
     outer_row: NDArray[np.float64]
     inner_row: NDArray[np.float64]
-    mask: NDArray[np.uint8]
+    rows: int
     usable: bool
     reason: str
     inner_found: bool
     thickness_m: float
+
+    @cached_property
+    def mask(self) -> NDArray[np.uint8]:
+        """255 in the rows whose centre lies in the wall, else 0, shape (row, column); drawn when it is asked for."""
+        row = np.arange(self.rows, dtype=np.float32)[:, None]
+        inside = (row >= self.outer_row) & (row < self.inner_row)  # NaN compares as False: no wall
+        wall: NDArray[np.uint8] = inside.view(np.uint8) * np.uint8(WALL)
+        return wall
 
 
 class Segmenter:
@@ -58,15 +68,13 @@ class Segmenter:
     Args:
         refractive_index: optical over geometric depth below the tissue surface; 1 where the scanner has corrected it.
 
-    It holds nothing of a frame but the buffers for its size; each result owns its arrays.
+    It holds nothing of a frame; each result owns its arrays.
     """
 
     def __init__(self, refractive_index: float = 1.0) -> None:
         if not 1.0 <= refractive_index <= 2.0:
             raise ValueError(f"a refractive index of {refractive_index}: tissue lies between 1 (corrected) and 2")
         self._refractive_index = refractive_index
-        self._depth = np.empty((0, 0), dtype=np.uint16)
-        self._inside = np.empty((0, 0), dtype=np.bool_)
 
     def segment(self, frame: Pixels, scale: PixelScale) -> Segmentation:
         """Find the wall in a frame.
@@ -84,65 +92,45 @@ class Segmenter:
         _check(frame)
         lit = _lit_columns(frame)
         if lit is None:
-            return self._without_wall(frame.shape, "the frame is empty: all pixels are alike")
-        left, hidden = lit
+            return _without_wall(frame.shape, "the frame is empty: all pixels are alike")
+        left, hidden, brightest = lit
         imaged = frame[:, left : left + len(hidden)]
-        if hidden.any():
-            imaged = imaged[:, _nearest(~hidden)]
+        if np.count_nonzero(hidden):
+            imaged = _filled(imaged, hidden)
         grid = make_grid(imaged, scale)
-        fault = _blank(imaged, grid)
+        fault = _blank(grid, brightest)
         if fault:
-            return self._without_wall(frame.shape, fault)
+            return _without_wall(frame.shape, fault)
         surface = refine_surface(imaged, scale, *find_surface(grid))
         present = _present(surface, scale, imaged.shape, hidden)
-        fault = _verdict(surface, present)
-        if present.sum() < LEAST_SHAPE:
-            return self._without_wall(frame.shape, fault or "no wall was found")
+        seen = int(np.count_nonzero(present))
+        fault = _verdict(surface, present, seen)
+        if seen < LEAST_SHAPE:
+            return _without_wall(frame.shape, fault or "no wall was found")
         inner, thickness_m = self._inner(imaged, grid.floor, scale, surface, present)
-        at = np.arange(frame.shape[1]) - left
-        outer_row, inner_row = _at_columns(at, surface.column, present, surface.row, inner)
-        mask = self._mask(outer_row, inner_row, frame.shape[0])
-        return Segmentation(outer_row, inner_row, mask, not fault, fault, not isnan(thickness_m), thickness_m)
+        outer_row, inner_row = _at_columns(frame.shape[1], left, len(hidden), present, surface.row, inner)
+        found = not isnan(thickness_m)
+        return Segmentation(outer_row, inner_row, len(frame), not fault, fault, found, thickness_m)
 
     def _inner(
         self, frame: Pixels, floor: float, scale: PixelScale, surface: Surface, present: NDArray[np.bool_]
     ) -> tuple[Float, float]:
         """Return the inner boundary's rows and the median thickness along the normal (NaN: not found)."""
         tissue = PixelScale(scale.lateral_m, scale.depth_m / self._refractive_index)
-        row = np.interp(surface.column, surface.column[present], surface.row[present]).astype(np.float32)
-        along_rows = surface_stretch(surface.column, row, tissue) / np.float32(tissue.depth_m)
-        points = np.arange(INNER_COLUMNS) * (len(row) - 1) // (INNER_COLUMNS - 1)
-        inner = find_inner(frame, floor, surface.column[points], row[points], present[points], along_rows[points])
+        row = _bridged(surface.row, present)
+        along_rows = surface_stretch(surface.column, row, tissue)
+        along_rows /= np.float32(tissue.depth_m)
+        points, everywhere = interpolation(len(row), INNER_COLUMNS, GROUP)
+        column, seen = repeated(frame.shape[1], CELLS), (row, present, along_rows)
+        if len(row) != INNER_COLUMNS:
+            column, seen = column[:, points], (row[points], present[points], along_rows[points])
+        inner = find_inner(frame, floor, column, *seen)
         if inner.support < FOUND_SHARE:
             return row + np.float32(UNSEEN_DEPTH_M / tissue.depth_m), float("nan")
-        thickness_m = np.interp(surface.column, inner.column, inner.thickness_m)
-        rows: Float = (row + thickness_m * along_rows).astype(np.float32)
-        return rows, _quantile(thickness_m[present], 0.5)
-
-    def _mask(self, outer_row: NDArray[np.float64], inner_row: NDArray[np.float64], rows: int) -> NDArray[np.uint8]:
-        """Return 255 in the rows whose centre lies in the wall, shape (row, column)."""
-        columns = len(outer_row)
-        if self._depth.shape != (rows, columns):
-            self._depth = np.empty((rows, columns), dtype=np.uint16)
-            self._inside = np.empty((rows, columns), dtype=np.bool_)
-        first, end = (np.minimum(np.maximum(np.ceil(edge), 0.0), float(rows)) for edge in (outer_row, inner_row))
-        gone = np.isnan(outer_row)
-        first[gone], end[gone] = rows, 0
-        top, bottom = int(first.min()), max(int(end.max()), int(first.min()))
-        first[gone] = end[gone] = 0
-        mask = np.zeros((rows, columns), dtype=np.uint8)
-        # Unsigned: a row above `first` wraps around to a large number, so one comparison decides both edges.
-        depth, inside = self._depth[top:bottom], self._inside[top:bottom]
-        np.subtract(np.arange(top, bottom, dtype=np.uint16)[:, None], first.astype(np.uint16), out=depth)
-        np.less(depth, (end - first).astype(np.uint16), out=inside)
-        np.multiply(inside.view(np.uint8), np.uint8(WALL), out=mask[top:bottom])
-        return mask
-
-    def _without_wall(self, shape: tuple[int, ...], reason: str) -> Segmentation:
-        nowhere = np.full(shape[1], np.nan)
-        return Segmentation(
-            nowhere, nowhere.copy(), np.zeros(shape, dtype=np.uint8), False, reason, False, float("nan")
-        )
+        thickness_m = everywhere @ inner.thickness_m
+        along_rows *= thickness_m
+        along_rows += row
+        return along_rows, _quantile(thickness_m[present], 0.5)
 
 
 def _check(frame: Pixels) -> None:
@@ -152,30 +140,40 @@ def _check(frame: Pixels) -> None:
         raise ValueError(f"a frame of {frame.shape[0]} x {frame.shape[1]} pixels: give at least 16 x 16")
 
 
-def _lit_columns(frame: Pixels) -> tuple[int, NDArray[np.bool_]] | None:
-    """Return the first imaged column and, from it to the last imaged one, which are missing; None: too few are."""
-    brightest = frame[::LIT_ROWS].max(axis=0)  # an imaged column has light in all its rows
-    lit = np.flatnonzero(brightest > LIT_SHARE * float(brightest.max()))
-    if len(lit) < LEAST_SHAPE:
+def _without_wall(shape: tuple[int, ...], reason: str) -> Segmentation:
+    nowhere = np.full(shape[1], np.nan)
+    return Segmentation(nowhere, nowhere.copy(), shape[0], False, reason, False, float("nan"))
+
+
+def _lit_columns(frame: Pixels) -> tuple[int, NDArray[np.bool_], int] | None:
+    """Return the first imaged column, which are missing from it to the last imaged one, and the largest count seen.
+
+    None: too few are imaged.
+    """
+    columns = frame[::LIT_ROWS].max(axis=0)  # an imaged column has light in all its rows
+    brightest = int(columns.max())
+    dark = columns <= int(LIT_SHARE * brightest)
+    if len(dark) - np.count_nonzero(dark) < LEAST_SHAPE:
         return None
-    hidden = np.ones(lit[-1] - lit[0] + 1, dtype=np.bool_)
-    hidden[lit - lit[0]] = False
-    return int(lit[0]), hidden
+    left, right = int(dark.argmin()), len(dark) - int(dark[::-1].argmin())
+    return left, dark[left:right], brightest
 
 
-def _nearest(there: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return for each place the nearest one that is there; the first and the last are."""
-    places = np.flatnonzero(there)
-    return places[np.rint(np.interp(np.arange(len(there)), places, np.arange(len(places)))).astype(np.intp)]
+def _filled(frame: Pixels, hidden: NDArray[np.bool_]) -> Pixels:
+    """Return a frame with its hidden columns as the nearest ones that are not; the first and the last are not."""
+    places, gone = np.flatnonzero(~hidden), np.flatnonzero(hidden)
+    filled = frame.copy()
+    filled[:, gone] = frame[:, places[np.rint(np.interp(gone, places, np.arange(len(places)))).astype(np.intp)]]
+    return filled
 
 
-def _blank(frame: Pixels, grid: Grid) -> str:
+def _blank(grid: Grid, brightest: int) -> str:
     """Return why nothing can be looked for in a frame, '' where that is not so."""
-    brightest = float(grid.cells.max())
-    if brightest - grid.floor < 1e-3 * max(brightest, 1.0):
+    highest = int(grid.cells.max())
+    if highest - grid.floor < 1e-3 * max(highest, 1):
         return "the frame is empty: all pixels are alike"
     some = grid.cells[::2]
-    if np.count_nonzero(some >= int(SATURATED_LEVEL * int(frame[::4].max()))) > SATURATED_SHARE * some.size:
+    if np.count_nonzero(some >= int(SATURATED_LEVEL * brightest)) > SATURATED_SHARE * some.size:
         return f"the detector is saturated: more than {SATURATED_SHARE:.0%} of the pixels have the largest count"
     return ""
 
@@ -184,13 +182,16 @@ def _present(
     surface: Surface, scale: PixelScale, shape: tuple[int, ...], hidden: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Return which points of a surface show it, or lie in a gap so narrow that it goes on behind it."""
-    rows = shape[0]
-    inside = surface.row < rows - BOTTOM_ROWS
-    seen = inside & ~hidden[surface.column.astype(np.intp)]
-    if not seen.any():
+    inside = surface.row < np.float32(shape[0] - BOTTOM_ROWS)
+    seen = inside
+    if np.count_nonzero(hidden):
+        seen = inside & ~hidden[surface.column.astype(np.intp)]
+    if not np.count_nonzero(seen):
         return seen
     typical = _quantile(surface.contrast[seen], 0.75)
-    present = seen & (surface.contrast > ABSENT_SHARE * max(typical, 1e-6))
+    present = seen & (surface.contrast > np.float32(ABSENT_SHARE * max(typical, 1e-6)))
+    if np.count_nonzero(present) == len(present):
+        return present
     step_m = float(surface.column[1] - surface.column[0]) * scale.lateral_m
     return _close_gaps(present, inside, round(min(GAP_M / step_m, GAP_SHARE * len(present))))
 
@@ -206,9 +207,9 @@ def _close_gaps(present: NDArray[np.bool_], inside: NDArray[np.bool_], widest: i
     return closed
 
 
-def _verdict(surface: Surface, present: NDArray[np.bool_]) -> str:
-    """Return why a surface cannot be judged, '' where it can."""
-    if not present.any():
+def _verdict(surface: Surface, present: NDArray[np.bool_], seen: int) -> str:
+    """Return why a surface of which so many points are present cannot be judged, '' where it can."""
+    if not seen:
         return "no wall was found"
     contrast = _quantile(surface.contrast[present], 0.5)
     if contrast < LEAST_CONTRAST * surface.noise:
@@ -216,22 +217,40 @@ def _verdict(surface: Surface, present: NDArray[np.bool_]) -> str:
             f"the signal is too weak: the surface stands out by {contrast / surface.noise:.1f} times the noise, "
             f"not {LEAST_CONTRAST}"
         )
-    cover = float(present.mean())
+    cover = seen / len(present)
     if cover < LEAST_COVER:
         return f"the wall covers {cover:.0%} of the imaged width, not {LEAST_COVER:.0%}"
     return ""
 
 
+def _bridged(row: Float, there: NDArray[np.bool_]) -> Float:
+    """Return a curve with straight lines over what is not there."""
+    if np.count_nonzero(there) == len(there):
+        return row
+    at = np.arange(len(row))
+    bridged: Float = np.interp(at, at[there], row[there]).astype(np.float32)
+    return bridged
+
+
 def _at_columns(
-    at: NDArray[np.intp], column: Float, there: NDArray[np.bool_], *curves: Float
+    columns: int, left: int, width: int, there: NDArray[np.bool_], *curves: Float
 ) -> tuple[NDArray[np.float64], ...]:
-    """Return curves at columns of the frame; NaN outside their ends, and where the nearest point is not there."""
-    nearest = np.rint(np.interp(at, column, np.arange(len(column)))).astype(np.intp)
-    nowhere = ~there[nearest] | (at < column[0]) | (at > column[-1])
-    filled = tuple(np.interp(at, column[there], rows[there]) for rows in curves)
-    for curve in filled:
-        curve[nowhere] = np.nan
-    return filled
+    """Return curves at the columns of a frame whose imaged part starts at `left` and is so wide.
+
+    NaN outside of that part, and where the nearest point is not there.
+    """
+    fine, (at, nearest) = fine_columns(width), nearest_point(width)
+    known = there[nearest]
+    whole = np.count_nonzero(known) == width
+    filled = []
+    for rows in curves:
+        curve = np.empty(columns)
+        curve[:left] = curve[left + width :] = np.nan
+        curve[left : left + width] = np.interp(at, fine, rows) if whole else np.interp(at, fine[there], rows[there])
+        if not whole:
+            curve[left : left + width][~known] = np.nan
+        filled.append(curve)
+    return tuple(filled)
 
 
 def _quantile(values: NDArray[np.floating], share: float) -> float:

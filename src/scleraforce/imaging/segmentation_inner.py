@@ -9,11 +9,14 @@ of the largest jumps is then moved, column by column, to where the light crosses
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import cast
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.imaging.segmentation_columns import slope_differences
 from scleraforce.imaging.segmentation_grid import Float, Pixels, PixelScale
 from scleraforce.imaging.segmentation_path import best_path
 
@@ -37,23 +40,32 @@ LEAST_JUMP = 0.06  # of the level at the surface: less is no sign of the boundar
 SURE_JUMP = 2.5  # ... nor is less than this many times the median jump
 SURE_SPREAD, SPREAD_CELLS = 1.3, 21  # ... nor this many standard deviations of jumps at about that depth
 
+_EDGES = slice(LEAST_CELLS, CELLS - LINE_CELLS - SKIP_EDGE + 1)  # between cells, where a jump is looked for
+_ABOVE = slice(_EDGES.start - SKIP_EDGE - LINE_CELLS, _EDGES.stop - SKIP_EDGE - LINE_CELLS)  # first cells of the lines
+_BELOW = slice(_EDGES.start + SKIP_EDGE, _EDGES.stop + SKIP_EDGE)
+_DEEPEST = slice(_BELOW.start + LINE_CELLS - 1, _BELOW.stop + LINE_CELLS - 1)  # last cells of the lines below
 _LAYER = np.ones((1, LAYER_CELLS[1] - LAYER_CELLS[0] + 1), dtype=np.uint8)
 # Makes the path unique where nothing is seen.
 _ROW_COST = np.linspace(0.0, 1e-3, CELLS + 1, dtype=np.float32)
 _THICKNESS_M = (np.arange(CELLS, dtype=np.float32) + np.float32(0.5)) * np.float32(CELL_M)
+_ROW_AND_DEPTH = np.stack([np.ones_like(_THICKNESS_M), _THICKNESS_M], axis=1)
+_LEVEL = np.zeros(CELLS, dtype=np.float32)
+_LEVEL[SKIP_CELLS:LEVEL_CELLS] = 1.0
+_REACH = LINE_CELLS / 2 + SKIP_EDGE  # from the middle of a line to the jump
 _OFFSET = np.arange(-REFINE_CELLS, REFINE_CELLS)
-_FROM_MIDDLE = (_OFFSET + 0.5 + SKIP_EDGE + LINE_CELLS / 2).astype(np.float32)
+_FROM_MIDDLE = ((_OFFSET + 0.5) / _REACH + 1.0).astype(np.float32)
 _SUMS = np.triu(np.ones((2 * REFINE_CELLS, 2 * REFINE_CELLS + 1), dtype=np.float32), 1)
 _RAMP = np.arange(LINE_CELLS) - (LINE_CELLS - 1) / 2
-_SLOPE = (_RAMP / np.square(_RAMP).sum()).astype(np.float32)[None]  # of a straight line, least squares
+_BEND = (_REACH * _RAMP / np.square(_RAMP).sum()).astype(np.float32)[
+    None
+]  # of a straight line, least squares, over _REACH
 _MEAN = np.full((1, LINE_CELLS), 1.0 / LINE_CELLS, dtype=np.float32)
 
 
 @dataclass(frozen=True)
 class InnerBoundary:
-    """Thickness along the normal at some columns, m, shape (point,), and the share of those that show the boundary."""
+    """Thickness along the normal at each group of points, m, (point / GROUP,), and the share that show the boundary."""
 
-    column: Float
     thickness_m: Float
     support: float
 
@@ -66,11 +78,13 @@ def surface_stretch(column: Float, row: Float, scale: PixelScale) -> Float:
         row: its rows, no NaN.
         scale: size of the frame's pixel, in tissue.
     """
-    step_m = (column[1] - column[0]) * scale.lateral_m
+    step_m = float(column[1] - column[0]) * scale.lateral_m
     reach = min(max(1, round(0.15e-3 / step_m)), (len(column) - 1) // 2)
-    padded = np.concatenate([2 * row[0] - row[reach:0:-1], row, 2 * row[-1] - row[-2 : -2 - reach : -1]])
-    slope = (padded[2 * reach :] - padded[: -2 * reach]) * np.float32(scale.depth_m / (2 * reach * step_m))
-    stretch: Float = np.sqrt(1.0 + np.minimum(np.square(slope), np.float32(9.0)))
+    slope = slope_differences(len(column), reach) @ (row * np.float32(scale.depth_m / (2 * reach * step_m)))
+    np.square(slope, slope)
+    np.minimum(slope, np.float32(9.0), out=slope)
+    slope += np.float32(1.0)
+    stretch: Float = np.sqrt(slope, slope)
     return stretch
 
 
@@ -82,8 +96,8 @@ def find_inner(
     Args:
         frame: counts, shape (row, column).
         floor: count of its noise floor.
-        column: columns of the surface in the frame, shape (point,); their number a multiple of 8.
-        row: its rows in the frame, no NaN.
+        column: columns of the surface in the frame, once for each of CELLS rows, shape (CELLS, point); a multiple of 8.
+        row: its rows in the frame, no NaN, shape (point,).
         there: whether there is a surface.
         along_rows: rows of the frame along a column for 1 m of thickness along the normal, shape (point,).
 
@@ -91,70 +105,77 @@ def find_inner(
         The boundary; its `support` is 0 where none is seen.
     """
     wall, seen = _unroll(frame, floor, column, row, there, along_rows)
-    mean, slope, jump = _jumps(wall, seen)
+    mean, bend, jump = _jumps(wall, seen)
     least = _least_jump(jump)
-    gain = np.maximum(jump - least, np.float32(0.0))
+    gain = jump - least
+    cv2.threshold(gain, 0.0, 0.0, cv2.THRESH_TOZERO, gain)
     gain /= gain + np.float32(HALF_JUMP)
     score = gain - _ROW_COST
     near, far = LAYER_CELLS
-    upper = cv2.dilate(gain, _LAYER, anchor=(far - near, 0))  # of the jumps `far - near` cells above, down to here
-    score[:, near:] -= np.float32(UPPER_COST) * upper[:, :-near]
+    # The largest of the jumps `far - near` cells above, down to here.
+    upper = cast(Float, cv2.dilate(gain, _LAYER, anchor=(far - near, 0)))
+    upper *= np.float32(UPPER_COST)
+    score[:, near:] -= upper[:, :-near]
     path = best_path(score, REACH_CELLS)
-    point = np.arange(len(path))
-    first = np.maximum(path - SKIP_EDGE - LINE_CELLS, 0)
-    boundary = _cross(wall, path, mean[point, first], slope[point, first], np.maximum(jump[point, path], 0))
+    point = _numbers(len(path))
+    first = np.maximum(path - (SKIP_EDGE + LINE_CELLS), 0)
+    size = jump[point, path]
+    boundary = _cross(wall, path, mean[point, first], bend[point, first], np.maximum(size, np.float32(0.0)))
     testable = seen[point, np.minimum(path + SKIP_EDGE, CELLS - 1)] > 0
-    shown = (jump[point, path] > least[path]) & testable
-    weight = (shown.astype(np.float32) + np.float32(1e-3))[None]
-    smooth = cv2.blur(boundary[None] * weight, (5, 1)) / cv2.blur(weight, (5, 1))
-    support = float(shown.sum() / max(1, testable.sum()))
-    return InnerBoundary(_grouped(column[None])[0], smooth[0] * np.float32(CELL_M), support)
-
-
-def _grouped(values: Float) -> Float:
-    """Average groups of neighbouring columns, (row, column) -> (row, column / GROUP)."""
-    size = (values.shape[1] // GROUP, values.shape[0])
-    return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
+    shown = (size > least[path]) & testable
+    weight = shown + np.float32(1e-3)
+    smooth = cv2.blur((boundary * weight)[None], (5, 1))[0]
+    smooth /= cv2.blur(weight[None], (5, 1))[0]
+    smooth *= np.float32(CELL_M)
+    return InnerBoundary(cast(Float, smooth), int(np.count_nonzero(shown)) / max(1, int(np.count_nonzero(testable))))
 
 
 def _unroll(
     frame: Pixels, floor: float, column: Float, row: Float, there: NDArray[np.bool_], along_rows: Float
 ) -> tuple[Float, Float]:
-    """Return the wall as (point, cell), surface level 1 and floor 0, and where it is measured (1 or 0)."""
-    map_row = row + _THICKNESS_M[:, None] * along_rows
-    map_column = np.ascontiguousarray(np.broadcast_to(column, map_row.shape))
-    sampled = cv2.remap(frame, map_column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    light = np.ascontiguousarray(_grouped(sampled.astype(np.float32)).T)
-    inside = (map_row <= len(frame) - 1) & there
-    seen = (inside[:, ::GROUP] & inside[:, GROUP - 1 :: GROUP]).T.astype(np.float32)
-    light = np.maximum(light - np.float32(floor), np.float32(0.0)) * seen
-    top = slice(SKIP_CELLS, LEVEL_CELLS)
-    count = seen[:, top].sum(axis=1, keepdims=True)
-    level = cv2.blur(light[:, top].sum(axis=1, keepdims=True) / np.maximum(count, 1.0), (1, 3))
-    seen *= level > 1e-3 * max(float(level.max()), 1e-6)
-    return np.minimum(light / np.maximum(level, np.float32(1e-6)), np.float32(1.5)), seen
+    """Return the wall as (group, cell), surface level 1 and floor 0, and where it is measured (1 or 0)."""
+    map_row = _ROW_AND_DEPTH @ np.concatenate((row, along_rows)).reshape(2, -1)
+    sampled = cv2.remap(frame, column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float32)
+    light = cast(Float, cv2.transpose(cv2.resize(sampled, (len(row) // GROUP, CELLS), interpolation=cv2.INTER_AREA)))
+    seen = _measured((len(frame) - 1 - row) / along_rows, there)
+    light -= np.float32(floor)
+    cv2.threshold(light, 0.0, 0.0, cv2.THRESH_TOZERO, light)
+    light *= seen
+    level = (light @ _LEVEL) / np.maximum(seen @ _LEVEL, np.float32(1.0))
+    level = cast(Float, cv2.blur(level[:, None], (1, 3)))
+    seen *= level > max(1e-3 * float(level.max()), 1e-9)
+    light *= seen / np.maximum(level, np.float32(1e-6))
+    cv2.threshold(light, 1.5, 0.0, cv2.THRESH_TRUNC, light)
+    return light, seen
+
+
+def _measured(deepest_m: Float, there: NDArray[np.bool_]) -> Float:
+    """Return 1 in the cells, (group, cell), above the deepest thickness at the outer points of a group, else 0."""
+    deepest_m *= there
+    ends = np.minimum(deepest_m[::GROUP], deepest_m[GROUP - 1 :: GROUP])
+    return (ends[:, None] >= _THICKNESS_M).astype(np.float32)
 
 
 def _jumps(wall: Float, seen: Float) -> tuple[Float, Float, Float]:
-    """Return, for the lines that start at each cell, their mean and slope, and the jump at each edge between cells.
+    """Return what straight lines through the cells say, and the jump at each edge between cells.
 
-    Shapes (point, cell), (point, cell), (point, cell + 1); neighbouring points are pooled.
+    For the lines that start at each cell: their mean, and by how much they fall from their middle to the jump, both
+    (group, cell); jump (group, cell + 1). Neighbouring groups are pooled.
     """
     share = cv2.blur(seen, (1, POOLED))
-    pooled = cv2.blur(wall * seen, (1, POOLED)) / np.maximum(share, np.float32(1e-3))
-    mean = np.asarray(cv2.filter2D(pooled, -1, _MEAN, anchor=(0, 0)), dtype=np.float32)
-    tilt = np.asarray(cv2.filter2D(pooled, -1, _SLOPE, anchor=(0, 0)), dtype=np.float32)
-    slope = np.minimum(tilt, np.float32(0.0))
-    reach = np.float32(LINE_CELLS / 2 + SKIP_EDGE)
-    edges = slice(LEAST_CELLS, CELLS - LINE_CELLS - SKIP_EDGE + 1)
-    above = slice(edges.start - SKIP_EDGE - LINE_CELLS, edges.stop - SKIP_EDGE - LINE_CELLS)
-    below = slice(edges.start + SKIP_EDGE, edges.stop + SKIP_EDGE)
+    pooled = cast(Float, cv2.blur(wall, (1, POOLED)))
+    pooled /= np.maximum(share, np.float32(1e-3))
+    mean = cast(Float, cv2.filter2D(pooled, -1, _MEAN, anchor=(0, 0)))
+    bend = cast(Float, cv2.filter2D(pooled, -1, _BEND, anchor=(0, 0)))
+    cv2.threshold(bend, 0.0, 0.0, cv2.THRESH_TRUNC, bend)
     jump = np.zeros((len(wall), CELLS + 1), dtype=np.float32)
-    jump[:, edges] = np.maximum(mean[:, above] + slope[:, above] * reach, np.float32(0.0))
-    jump[:, edges] -= mean[:, below] - slope[:, below] * reach
-    deepest = slice(edges.start + SKIP_EDGE + LINE_CELLS - 1, edges.stop + SKIP_EDGE + LINE_CELLS - 1)
-    jump[:, edges] *= share[:, deepest] > 0.3
-    return mean, slope, jump
+    inside = jump[:, _EDGES]
+    np.add(mean[:, _ABOVE], bend[:, _ABOVE], inside)
+    np.maximum(inside, np.float32(0.0), out=inside)
+    inside -= mean[:, _BELOW]
+    inside += bend[:, _BELOW]
+    inside *= share[:, _DEEPEST] > np.float32(0.3)
+    return mean, bend, jump
 
 
 def _least_jump(jump: Float) -> Float:
@@ -163,21 +184,38 @@ def _least_jump(jump: Float) -> Float:
     Their jumps are told by their median size (the wall's end is rare), and by how much jumps at one depth differ from
     place to place (the wall's end does not).
     """
-    sizes = np.abs(jump[:, LEAST_CELLS : CELLS - LINE_CELLS : 2]).ravel()
+    sizes = np.abs(jump[::2, LEAST_CELLS : CELLS - LINE_CELLS : 2]).ravel()
     sizes = sizes[sizes > 0]
     typical = float(np.partition(sizes, len(sizes) // 2)[len(sizes) // 2]) if len(sizes) else 0.0
     change = jump[POOLED:] - jump[:-POOLED]
-    spread = cv2.blur(np.sqrt(np.square(change).mean(axis=0) / 2)[None], (SPREAD_CELLS, 1))[0]
-    least: Float = np.maximum(max(LEAST_JUMP, SURE_JUMP * typical), SURE_SPREAD * spread).astype(np.float32)
+    np.square(change, change)
+    spread = _half_mean(len(change)) @ change
+    np.sqrt(spread, spread)
+    least: Float = cv2.blur(spread[None], (SPREAD_CELLS, 1))[0]
+    least *= np.float32(SURE_SPREAD)
+    np.maximum(least, np.float32(max(LEAST_JUMP, SURE_JUMP * typical)), out=least)
     return least
 
 
-def _cross(wall: Float, path: NDArray[np.intp], mean: Float, slope: Float, jump: Float) -> Float:
-    """Return the edge near a path, in cells, shape (point,), that best parts light above and below a jump's middle."""
-    cell = np.minimum(np.maximum(path[:, None] + _OFFSET, 0), CELLS - 1)
-    smooth = cv2.blur(wall, (1, 3))[np.arange(len(path))[:, None], cell]
-    threshold = mean[:, None] + slope[:, None] * _FROM_MIDDLE - jump[:, None] / 2
-    limit = np.maximum(jump[:, None], np.float32(1e-3))
-    sums = np.minimum(np.maximum(smooth - threshold, -limit), limit) @ _SUMS
-    edge: Float = (path + sums.argmax(axis=1) - REFINE_CELLS).astype(np.float32)
+def _cross(wall: Float, path: NDArray[np.intp], mean: Float, bend: Float, jump: Float) -> Float:
+    """Return the edge near a path, in cells, shape (group,), that best parts light above and below a jump's middle."""
+    path = np.minimum(np.maximum(path, REFINE_CELLS), CELLS - REFINE_CELLS)
+    above = cv2.blur(wall, (1, 3))[_numbers(len(path))[:, None], path[:, None] + _OFFSET]
+    above -= bend[:, None] * _FROM_MIDDLE
+    above -= (mean - jump / 2)[:, None]
+    limit = np.maximum(jump, np.float32(1e-3))[:, None]
+    np.minimum(np.maximum(above, -limit, out=above), limit, out=above)
+    edge: Float = (path + (above @ _SUMS).argmax(axis=1)).astype(np.float32)
+    edge -= np.float32(REFINE_CELLS)
     return edge
+
+
+@lru_cache(maxsize=8)
+def _numbers(count: int) -> NDArray[np.intp]:
+    return np.arange(count)
+
+
+@lru_cache(maxsize=8)
+def _half_mean(count: int) -> Float:
+    """Return the weights, (count,), whose product is half the mean: the variance of one of two, from differences."""
+    return np.full(count, 0.5 / count, dtype=np.float32)

@@ -1,5 +1,8 @@
 """The best path through a map of scores, one row for each column: exact dynamic programming."""
 
+from functools import lru_cache
+from itertools import pairwise
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -28,16 +31,17 @@ def best_path(score_cr: Float, reach: int) -> NDArray[np.intp]:
     array([1, 1, 1])
     """
     columns, rows = score_cr.shape
-    steps = np.empty((columns, 2, rows), dtype=np.float32)
-    steps[:, 0], steps[:, 1] = score_cr, score_cr[::-1]
-    total = np.empty_like(steps)
-    total[0] = steps[0]
-    window = np.ones((1, 2 * reach + 1), dtype=np.uint8)
-    before = total[0]
-    for after, step in zip(total[1:], steps[1:], strict=True):
-        cv2.dilate(before, window, after)
-        np.add(after, step, after)
-        before = after
+    total = np.empty((columns, 2, rows), dtype=np.float32)
+    total[:, 0], total[:, 1] = score_cr, score_cr[::-1]
+    window, moved = _window(reach), np.empty((2, rows), dtype=np.float32)
+    dilate, add = cv2.dilate, np.add
+    for before, after in pairwise(total):
+        add(after, dilate(before, window, moved), after)
     through: Float = total[:, 0] + total[::-1, 1] - score_cr
     rows_c: NDArray[np.intp] = through.argmax(axis=1)
     return rows_c
+
+
+@lru_cache(maxsize=16)
+def _window(reach: int) -> NDArray[np.uint8]:
+    return np.ones((1, 2 * reach + 1), dtype=np.uint8)

@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.imaging.segmentation_columns import continuation, fine_columns, repeated
 from scleraforce.imaging.segmentation_grid import Float, Grid, Pixels, PixelScale, rows_of
 from scleraforce.imaging.segmentation_path import best_path
 
@@ -35,7 +36,6 @@ HALF_STEP = 0.25  # a step of this size (over LEAST_STEP) earns half of what the
 LEAST_EXCESS = 0.15  # of the bright tissue's level: less is haze, not tissue
 EXCESS_COST, EXCESS_CAP = 0.5, 1.5  # cost of tissue above the path, in steps of full depth
 STRIP_PIXELS, STRIP_M = 24.0, 0.15e-3  # half height of the strip in which the boundary is refined
-FINE_COLUMNS = 128
 BLACK_SHARE = 0.25  # of the noise floor: less light than that is no measurement
 
 
@@ -51,37 +51,37 @@ class Surface:
 
 def find_surface(grid: Grid) -> tuple[Float, Float]:
     """Return the surface on a coarse grid: columns and rows of the frame, each shape (point,)."""
-    tissue, columns = _without_lines(grid)
-    depth_m = ROWS * grid.scale.depth_m
-    spacing = columns[1] - columns[0]
+    tissue = _without_lines(grid)
+    column, _ = _pairs(grid.cells.shape[1], grid.step_columns)
     score = _score(tissue, rows_of(STEP_PIXELS / ROWS, STEP_M / ROWS, grid, 3))
-    reach = ceil(MAX_SLOPE * spacing * grid.scale.lateral_m / depth_m)
+    spacing_m = float(column[1] - column[0]) / grid.step_columns * grid.scale.lateral_m
+    reach = ceil(MAX_SLOPE * spacing_m / (ROWS * grid.scale.depth_m))
     path = _best_rows(score, min(max(2, reach), score.shape[1] // 3))
-    column = (columns + 1.0) * grid.step_columns - 0.5  # the middle of two columns
-    return column.astype(np.float32), (path * (ROWS * grid.step_rows) - 0.5).astype(np.float32)
+    row = path.astype(np.float32)
+    row *= np.float32(ROWS * grid.step_rows)
+    row -= np.float32(0.5)
+    return column, row
 
 
-def _without_lines(grid: Grid) -> tuple[Float, NDArray[np.intp]]:
-    """Return pairs of the grid's columns, opened along depth, over the noise floor, and the first of each pair.
+def _without_lines(grid: Grid) -> Float:
+    """Return pairs of the grid's columns, opened along depth, over the noise floor.
 
     Shape (pair, row / ROWS). The opening comes before neighbours are averaged: that would thicken a line at a slope.
     """
-    columns = np.arange(0, grid.cells.shape[1] - 1, max(2, ceil(grid.cells.shape[1] / PATH_COLUMNS)))
-    pairs = np.repeat(columns, 2)
-    pairs[1::2] += 1
-    cells = np.ascontiguousarray(grid.cells.take(pairs, axis=1).T)
-    thin = np.ones((1, rows_of(LINE_PIXELS, LINE_M, grid, 1) + 2), dtype=np.uint8)  # a line touches one row more
-    floor = np.asarray(round(grid.floor), dtype=cells.dtype)
+    _, pairs = _pairs(grid.cells.shape[1], grid.step_columns)
+    cells = cv2.transpose(grid.cells).take(pairs, axis=0)
+    thin = _line(1, rows_of(LINE_PIXELS, LINE_M, grid, 1) + 2)  # a line touches one row more
+    floor = cells.dtype.type(grid.floor)
     opened = cv2.morphologyEx(np.maximum(cells, floor), cv2.MORPH_OPEN, thin) - floor
     _extend_upwards(opened, cells, BLACK_SHARE * grid.floor, thin.shape[1])
-    size = (opened.shape[1] // ROWS, len(columns))
+    size = (opened.shape[1] // ROWS, len(pairs) // 2)
     halved = cv2.resize(opened[:, : ROWS * size[0]], size, interpolation=cv2.INTER_AREA)
-    return halved.astype(np.float32), columns
+    return halved.astype(np.float32)
 
 
 def _extend_upwards(opened: NDArray[Any], cells: NDArray[Any], black: float, margin: int) -> None:
     """Continue what lies at the upper edge of the measured part into the black above it: that edge is no surface."""
-    if not (cells[:, 0] <= black).any():
+    if not np.count_nonzero(cells[:, 0] <= int(black)):
         return
     first = (cells > black).argmax(axis=1)
     for column in np.flatnonzero(first):
@@ -92,23 +92,29 @@ def _extend_upwards(opened: NDArray[Any], cells: NDArray[Any], black: float, mar
 def _score(tissue: Float, depth: int) -> Float:
     """Return what a surface gains at the upper edge of each cell, shape (column, row)."""
     rows = tissue.shape[1]
-    sample = tissue[:, ::2].ravel()
+    sample = tissue[:, ::4].ravel()
     nth = int(BRIGHT_SHARE * sample.size)
-    bright = np.float32(max(float(np.partition(sample, nth)[nth]), 1e-6))
-    level = np.minimum(tissue / bright, np.float32(1.2))
+    sample.partition(nth)
+    level = tissue * np.float32(1.0 / max(float(sample[nth]), 1e-6))
+    cv2.threshold(level, 1.2, 0.0, cv2.THRESH_TRUNC, level)
     padded = cv2.copyMakeBorder(level, 0, 0, depth, depth, cv2.BORDER_REPLICATE)
     means = cv2.blur(padded, (depth, 1), anchor=(0, 0))
-    step = np.maximum(means[:, depth : depth + rows] - means[:, :rows] - np.float32(LEAST_STEP), np.float32(0.0))
+    step = means[:, depth : depth + rows] - means[:, :rows]
+    step -= np.float32(LEAST_STEP)
+    cv2.threshold(step, 0.0, 0.0, cv2.THRESH_TOZERO, step)
     # The tissue above every other cell will do: it changes slowly.
     coarse = level[:, ::2]
-    darkest = np.minimum.accumulate(coarse, axis=1)
-    bright_cells = np.maximum(coarse - darkest - np.float32(LEAST_EXCESS), np.float32(0.0))
-    above = bright_cells @ _triangle(coarse.shape[1])[:, :-1]
-    excess = np.repeat(above * np.float32(2.0 / depth), 2, axis=1)[:, :rows]
-    score = step / (step + np.float32(HALF_STEP)) - np.float32(EXCESS_COST) * np.minimum(excess, np.float32(EXCESS_CAP))
+    bright_cells = coarse - np.minimum.accumulate(coarse, axis=1)
+    bright_cells -= np.float32(LEAST_EXCESS)
+    cv2.threshold(bright_cells, 0.0, 0.0, cv2.THRESH_TOZERO, bright_cells)
+    above = bright_cells @ _above(coarse.shape[1], EXCESS_COST * 2.0 / depth)
+    cv2.threshold(above, EXCESS_COST * EXCESS_CAP, 0.0, cv2.THRESH_TRUNC, above)
+    score = step / (step + np.float32(HALF_STEP))
+    score[:, ::2] -= above
+    score[:, 1::2] -= above[:, : rows // 2]
     # Where nothing speaks, the path goes down: a wall that cannot be seen has left the window at the bottom.
-    result: Float = score + np.arange(rows, dtype=np.float32) * np.float32(2e-3 / rows)
-    return result
+    score += _downwards(rows)
+    return score
 
 
 def _best_rows(score: Float, reach: int) -> NDArray[np.intp]:
@@ -116,9 +122,10 @@ def _best_rows(score: Float, reach: int) -> NDArray[np.intp]:
     rows = score.shape[1] // 4 * 4
     pairs = np.maximum(score[:, 0:rows:2], score[:, 1:rows:2])
     path = best_path(np.maximum(pairs[:, ::2], pairs[:, 1::2]), ceil(reach / 4))
-    four = score[np.arange(len(path))[:, None], 4 * path[:, None] + np.arange(4)]
-    best: NDArray[np.intp] = 4 * path + four.argmax(axis=1)
-    return best
+    path *= 4
+    four = score[np.arange(len(path))[:, None], path[:, None] + np.arange(4)]
+    path += four.argmax(axis=1)
+    return path
 
 
 def refine_surface(frame: Pixels, scale: PixelScale, column: Float, row: Float) -> Surface:
@@ -138,49 +145,72 @@ def refine_surface(frame: Pixels, scale: PixelScale, column: Float, row: Float) 
     """
     rows, columns = frame.shape
     half = max(4, round(min(STRIP_PIXELS, STRIP_M / scale.depth_m)))
-    fine, map_column, offset = _strip(columns, half)
-    start = np.minimum(np.maximum(_extended(fine, column, row), np.float32(0.0)), np.float32(rows - 1.0))
-    sampled = cv2.remap(frame, map_column, start + offset, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    raw: Float = sampled.astype(np.float32)
-    noise = float(cv2.meanStdDev(raw[: half - 2])[1][0, 0])
-    thin = np.ones((max(2, round(min(LINE_PIXELS, LINE_M / scale.depth_m))), 1), dtype=np.uint8)
-    strip = np.asarray(cv2.morphologyEx(cv2.blur(raw, (3, 3)), cv2.MORPH_OPEN, thin), dtype=np.float32)
-    sums = _triangle(2 * half).T @ strip
-    above = sums[half - 2] / np.float32(half - 2)
-    below = (sums[-1] - sums[half + 2]) / np.float32(half - 2)
-    middle = (above + below) / 2
-    edge = (sums - middle * np.arange(2 * half + 1, dtype=np.float32)[:, None]).argmin(axis=0)
-    found = start + edge.astype(np.float32) - np.float32(half)
+    fine = fine_columns(columns)
+    start = continuation(columns, float(column[0]), float(column[1] - column[0]), len(column)) @ row
+    np.clip(start, np.float32(0.0), np.float32(rows - 1.0), out=start)
+    map_column, map_row = repeated(columns, 2 * half), _strip_rows(half) + start
+    raw = cv2.remap(frame, map_column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float32)
+    noise = cv2.meanStdDev(raw[: half - 2])[1].item()
+    thin = _line(max(2, round(min(LINE_PIXELS, LINE_M / scale.depth_m))), 1)
+    strip = cv2.morphologyEx(cv2.blur(raw, (3, 3)), cv2.MORPH_OPEN, thin)
+    fits = strip.T @ _two_levels(half)
+    found = start + fits[:, :-1].argmin(axis=1).astype(np.float32)
+    found -= np.float32(half)
     # Mirrored in its end points, a slope goes on beyond them.
     longer = np.concatenate([2 * found[0] - found[4:0:-1], found, 2 * found[-1] - found[-2:-6:-1]])
-    smooth = np.asarray(cv2.blur(cv2.medianBlur(longer[None], 5), (5, 1))[0, 4:-4], dtype=np.float32)
-    contrast = np.asarray(cv2.blur((below - above)[None], (5, 1))[0], dtype=np.float32)
-    return Surface(fine, smooth, contrast, noise)
+    smooth = cv2.blur(cv2.medianBlur(longer[None], 5), (5, 1))[0, 4:-4]
+    contrast = cv2.blur(fits[None, :, -1], (5, 1))[0]
+    return Surface(fine, smooth.astype(np.float32), contrast.astype(np.float32), noise)
 
 
-def _extended(at: Float, column: Float, row: Float) -> Float:
-    """Interpolate a curve, and continue it beyond its ends along their slopes (over three points: less ragged)."""
-    inside = np.interp(at, column, row)
-    reach = min(3, len(column) - 1)
-    for end, other in ((0, reach), (-1, -1 - reach)):
-        slope = (row[end] - row[other]) / (column[end] - column[other])
-        beyond = at < column[0] if end == 0 else at > column[-1]
-        inside[beyond] = row[end] + slope * (at[beyond] - column[end])
-    return inside.astype(np.float32)
+@lru_cache(maxsize=64)
+def _pairs(columns: int, step: int) -> tuple[Float, NDArray[np.intp]]:
+    """Return pairs of neighbouring columns of a grid, at most PATH_COLUMNS of them, evenly spaced.
 
-
-@lru_cache(maxsize=8)
-def _strip(columns: int, half: int) -> tuple[Float, Float, Float]:
-    """Return the columns to refine at, (point,), the same for each pixel of a strip, (row, point), and its rows."""
-    fine = np.linspace(0.0, columns - 1.0, min(columns, FINE_COLUMNS), dtype=np.float32)
-    offset = np.arange(-half, half, dtype=np.float32) + np.float32(0.5)
-    return fine, np.repeat(fine[None], 2 * half, axis=0), offset[:, None]
+    First their middles in columns of the frame, (pair,), then their columns in the grid by turns, (2 pair,).
+    """
+    first = np.arange(0, columns - 1, max(2, ceil(columns / PATH_COLUMNS)))
+    middle = ((first + 1.0) * step - 0.5).astype(np.float32)
+    return middle, np.stack([first, first + 1], axis=1).ravel()
 
 
 @lru_cache(maxsize=8)
-def _triangle(size: int) -> Float:
-    """Return the matrix, (size, size + 1), whose product with rows are their sums up to each edge: see `cumsum`.
+def _line(rows: int, columns: int) -> NDArray[np.uint8]:
+    """Return the shape of an opening."""
+    return np.ones((rows, columns), dtype=np.uint8)
+
+
+@lru_cache(maxsize=8)
+def _above(size: int, factor: float) -> Float:
+    """Return the matrix, (size, size), whose product with rows are `factor` times the sums before each cell.
 
     The product takes a third of the time of `cumsum`.
     """
-    return np.triu(np.ones((size, size + 1), dtype=np.float32), 1)
+    return np.triu(np.full((size, size), factor, dtype=np.float32), 1)
+
+
+@lru_cache(maxsize=8)
+def _downwards(rows: int) -> Float:
+    """Return a bonus of each row that is too small to outweigh anything seen."""
+    return np.linspace(0.0, 2e-3, rows, endpoint=False, dtype=np.float32)
+
+
+@lru_cache(maxsize=8)
+def _strip_rows(half: int) -> Float:
+    """Return the rows of a strip from its middle, (row, 1)."""
+    return (np.arange(-half, half, dtype=np.float32) + np.float32(0.5))[:, None]
+
+
+@lru_cache(maxsize=8)
+def _two_levels(half: int) -> Float:
+    """Return the matrix, (row, edge + 1), that a strip's columns are multiplied by.
+
+    For each edge between the rows it gives the sum of (count - middle level) above; last, the level below less that
+    above. The levels are means of the strip's ends.
+    """
+    size, end = 2 * half, half - 2
+    above, below = np.zeros(size), np.zeros(size)
+    above[:end], below[-end:] = 1.0 / end, 1.0 / end
+    sums = np.triu(np.ones((size, size + 1)), 1)
+    edges = sums - np.outer((above + below) / 2, np.arange(size + 1))
+    return np.column_stack([edges, below - above]).astype(np.float32)
