@@ -1,0 +1,124 @@
+"""What the console knows: the monitor's messages in, what a page shows out; no clock and no I/O."""
+
+from collections import deque
+from collections.abc import Mapping
+from statistics import median
+from typing import Any
+
+from scleraforce.service.console.history import STEP_S, History
+from scleraforce.service.console.sentences import detail_of, sentence_of
+
+__all__ = ["Board"]
+
+SILENT_S = 1.2  # without any message: the monitor sends its rates twice a second
+WATCHING_SILENT_S = 0.5  # without a decision while WATCHING: without frames it would have withdrawn long before
+READING_S = 0.5  # an older reading is not shown as one of now
+LATENCY_S = 5.0
+OUTLINE_S = 0.2  # after which a frame is shown without its outline
+READING = ("frame", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason")
+
+
+class Board:
+    """Takes the monitor's messages and says what they come to.
+
+    Args:
+        now_s: the start, on the monotonic clock, as all times here.
+    """
+
+    def __init__(self, now_s: float) -> None:
+        self._entry_s = self._outline_s = self._frame_s = now_s
+        self._heard_s: float | None = None
+        self._entry: Mapping[str, Any] | None = None
+        self._reading: Mapping[str, Any] | None = None
+        self._outline: Mapping[str, Any] | None = None
+        self._rates: Mapping[str, Any] = {}
+        self._lost = 0
+        self._latencies: deque[tuple[float, float]] = deque()
+        self._ended = False
+        self.history = History()
+
+    def take(self, message: Mapping[str, Any], now_s: float) -> bool:
+        """Take a message of the monitor; return whether pages have to learn of it at once."""
+        self._heard_s = now_s
+        match message["kind"]:
+            case "entry":
+                return self._take_entry(message["entry"], now_s)
+            case "outline":
+                self._outline, self._outline_s = message, now_s
+            case "rates":
+                self._rates, self._lost = message, message["lost"]
+        return False
+
+    def _take_entry(self, entry: Mapping[str, Any], now_s: float) -> bool:
+        before, self._entry, self._entry_s = self._entry, entry, now_s
+        self._lost = entry["lost"]
+        self.history.take(entry)
+        if entry["frame"] is not None:
+            self._reading, self._frame_s = entry, now_s
+            if entry["latency_ms"] is not None:
+                self._latencies.append((now_s, entry["latency_ms"]))
+            while self._latencies and now_s - self._latencies[0][0] > LATENCY_S:
+                self._latencies.popleft()
+        return before is None or any(before[name] != entry[name] for name in ("state", "cause"))
+
+    def end(self) -> None:
+        """The monitor has ended, or has died."""
+        self._ended = True
+
+    def monitor(self, now_s: float) -> str:
+        """Return how the monitor is: "ended", "starting", "silent" or "answers"."""
+        if self._ended:
+            return "ended"
+        if self._heard_s is None:
+            return "starting"
+        watching = self._entry is not None and self._entry["state"] == "WATCHING"
+        silent = now_s - self._heard_s > SILENT_S or (watching and now_s - self._entry_s > WATCHING_SILENT_S)
+        return "silent" if silent else "answers"
+
+    def as_json(self, now_s: float, since: int) -> dict[str, Any]:
+        """Return all that a page shows, but the picture.
+
+        Args:
+            now_s: time.
+            since: number of the step of the history from which on the page needs them.
+        """
+        return {
+            "kind": "state",
+            "now": now_s / STEP_S,
+            "monitor": self.monitor(now_s),
+            **self._decision(),
+            "reading": self._shown_reading(now_s),
+            "latency_ms": self._latency_ms(now_s),
+            "frames_per_second": self._rates.get("frames_per_second"),
+            "lost": self._lost,
+            "clients": self._rates.get("clients", []),
+            "steps": [step.as_json() for step in self.history.since(since)],
+        }
+
+    def _decision(self) -> dict[str, Any]:
+        entry = self._entry or {"state": "NOT_READY", "cause": None, "message": ""}
+        cause = entry["cause"]
+        detail = detail_of(entry["message"], entry["state"])
+        return {
+            "state": entry["state"],
+            "cause": cause,
+            "detail": detail,
+            "sentence": sentence_of(cause) if cause else "",
+        }
+
+    def _shown_reading(self, now_s: float) -> dict[str, Any] | None:
+        if self._reading is None or now_s - self._frame_s > READING_S:
+            return None
+        return {name: self._reading[name] for name in READING}
+
+    def _latency_ms(self, now_s: float) -> list[float] | None:
+        found = [latency_ms for at_s, latency_ms in self._latencies if now_s - at_s <= LATENCY_S]
+        return [round(median(found), 2), round(max(found), 2)] if found else None
+
+    def picture(self) -> tuple[int, Mapping[str, Any] | None] | None:
+        """Return the number of the frame to be shown, with its outline; None before the first frame."""
+        outlined = int(self._outline["frame"]) if self._outline else 0
+        newest = int(self._reading["frame"]) if self._reading else 0
+        if newest > outlined and self._frame_s - self._outline_s > OUTLINE_S:
+            return newest, None
+        return (outlined, self._outline) if outlined else None

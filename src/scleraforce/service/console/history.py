@@ -1,0 +1,71 @@
+"""The force of the last half minute, gathered into steps that are as fine as a page's pixels."""
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import takewhile
+from typing import Any
+
+__all__ = ["HISTORY_S", "STEP_S", "History", "Step"]
+
+STEP_S = 0.04
+HISTORY_S = 30.0
+SEVERITY = ("WATCHING", "NOT_READY", "WITHDRAW")
+
+
+@dataclass
+class Step:
+    """What came within one step of time; the worst of it counts, so that no peak is lost.
+
+    `force_mn` is the largest force, the interval the one that holds all; None where no frame could be read.
+    """
+
+    number: int
+    state: str
+    force_mn: float | None = None
+    low_mn: float | None = None
+    high_mn: float | None = None
+    predicted: int | None = None
+
+    def take(self, entry: Mapping[str, Any]) -> None:
+        """Add a decision."""
+        self.state = max(self.state, str(entry["state"]), key=SEVERITY.index)
+        if not entry["usable"]:
+            return
+        self.predicted = _largest(self.predicted, entry["class"])
+        self.force_mn = _largest(self.force_mn, entry["force_mn"])
+        if entry["interval_mn"]:
+            low_mn, high_mn = entry["interval_mn"]
+            self.low_mn = low_mn if self.low_mn is None else min(self.low_mn, low_mn)
+            self.high_mn = _largest(self.high_mn, high_mn)
+
+    def as_json(self) -> list[Any]:
+        """Return it as the page wants it; tenths of a micronewton are more than it shows."""
+        forces = [None if value is None else round(value, 4) for value in (self.force_mn, self.low_mn, self.high_mn)]
+        return [self.number, *forces, self.state, self.predicted]
+
+
+class History:
+    """Steps of `STEP_S`, the last `HISTORY_S` of them; a step in which nothing was decided is absent."""
+
+    def __init__(self) -> None:
+        self._steps: deque[Step] = deque()
+
+    def take(self, entry: Mapping[str, Any]) -> None:
+        """Add a decision (`Entry.as_json`)."""
+        number = int(entry["at_s"] / STEP_S)
+        if not self._steps or number > self._steps[-1].number:
+            self._steps.append(Step(number, str(entry["state"])))
+        self._steps[-1].take(entry)
+        while self._steps[0].number < self._steps[-1].number - HISTORY_S / STEP_S:
+            self._steps.popleft()
+
+    def since(self, number: int) -> list[Step]:
+        """Return the steps from a number on, oldest first; the last of them may still change."""
+        late = list(takewhile(lambda step: step.number >= number, reversed(self._steps)))
+        return late[::-1]
+
+
+def _largest(one: Any, other: Any) -> Any:
+    found = [value for value in (one, other) if value is not None]
+    return max(found, default=None)

@@ -1,0 +1,95 @@
+// State, class, force and rates as words and numbers.
+
+const WORDS = { NOT_READY: "NOT READY", WATCHING: "WATCHING", WITHDRAW: "WITHDRAW" };
+const MARKS = ["M12 1a11 11 0 1 0 0 22a11 11 0 1 0 0-22z", "M2 2h20v20h-20z", "M12 1l11.5 21.5h-23z"];
+const RESTS = { NOT_READY: "No frame can be judged yet. The robot must not push.", WATCHING: "Frames are read, in time, and harmless." };
+
+const element = (id) => document.getElementById(id);
+
+// Writes only what has changed: a screen reader says again what is written again.
+function write(id, text) {
+  const found = element(id);
+  if (found.textContent !== text) found.textContent = text;
+}
+
+const fixed = (value, digits) => (typeof value === "number" ? value.toFixed(digits).replace("-", "−") : "–");
+
+export function classBounds(predicted, bounds) {
+  if (predicted === 0) return `below ${bounds[0]} mN`;
+  if (predicted === bounds.length) return `above ${bounds[bounds.length - 1]} mN`;
+  return `${bounds[predicted - 1]} to ${bounds[predicted]} mN`;
+}
+
+export function showSettings(settings) {
+  write("model", settings.model);
+  write("eye", settings.eye || "not said");
+  write("version", settings.version);
+}
+
+export function showVerdict(view, word, sentence, detail) {
+  if (document.body.dataset.view !== view) document.body.dataset.view = view;
+  write("word", word);
+  write("sentence", sentence);
+  write("detail", detail);
+  const title = `${word} – scleraforce monitor`;
+  if (document.title !== title) document.title = title;
+}
+
+export function showState(message, settings) {
+  const { state } = message;
+  showVerdict(state, WORDS[state], message.sentence || RESTS[state], message.detail);
+  showReading(message.reading, settings);
+  showRates(message);
+}
+
+function showReading(reading, settings) {
+  const usable = reading?.usable === true;
+  const predicted = usable ? reading.class : null;
+  write("class", predicted === null ? "–" : String(predicted));
+  element("mark").setAttribute("d", predicted === null ? "" : MARKS[Math.min(predicted, MARKS.length - 1)]);
+  write("class-bounds", predicted === null ? "" : classBounds(predicted, settings.class_bounds_mn));
+  showShares(usable ? (reading.probabilities ?? []) : []);
+  write("force", usable ? fixed(reading.force_mn, 1) : "–");
+  write("interval", intervalText(reading, usable, settings));
+}
+
+function intervalText(reading, usable, settings) {
+  if (!reading) return "no reading";
+  if (!usable) return reading.reason ? `not judged: ${reading.reason}` : "the frame cannot be judged";
+  if (!settings.reads_force) return "this model reads classes, not forces";
+  const interval = reading.interval_mn;
+  return interval ? `90 % interval ${fixed(interval[0], 1)} to ${fixed(interval[1], 1)} mN` : "no interval";
+}
+
+function showShares(shares) {
+  const list = element("shares");
+  while (list.children.length > shares.length) list.lastChild.remove();
+  shares.forEach((share, index) => {
+    const row = list.children[index] ?? list.appendChild(shareRow(index));
+    row.children[1].style.setProperty("--share", share);
+    row.children[2].textContent = `${Math.round(share * 100)} %`;
+  });
+}
+
+function shareRow(index) {
+  const row = document.createElement("li");
+  for (const name of ["b", "i", "span"]) row.append(document.createElement(name));
+  row.children[0].textContent = String(index);
+  return row;
+}
+
+function showRates(message) {
+  write("rate", fixed(message.frames_per_second, 0));
+  write("latency", fixed(message.latency_ms?.[0], 1));
+  write("worst", fixed(message.latency_ms?.[1], 1));
+  write("lost", fixed(message.lost, 0));
+  write("clients", String(message.clients.length));
+  write("who", message.clients.map((client) => `${client.role} ${client.address}`).join(", "));
+}
+
+// Nothing that could be taken for a live value.
+export function clearNumbers() {
+  showReading(null, null);
+  for (const id of ["rate", "latency", "worst", "lost", "clients"]) write(id, "–");
+  for (const id of ["interval", "who", "answer"]) write(id, "");
+}

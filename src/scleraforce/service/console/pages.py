@@ -1,0 +1,121 @@
+"""One browser page: it is told the newest there is, as fast as it takes it, and never gets a queue."""
+
+import asyncio
+import json
+from contextlib import suppress
+from dataclasses import dataclass
+from time import monotonic
+from typing import Any
+
+from fastapi import WebSocket, WebSocketDisconnect
+
+from scleraforce.service.console.hub import Hub
+
+__all__ = ["show"]
+
+EVERY_S = 1 / 30
+MOST_UNSEEN = 4  # messages under way that the page has not said to have seen
+
+
+@dataclass
+class Progress:
+    """How far a page has come.
+
+    Attributes:
+        sent: number of the last message that it was sent.
+        seen: number of the last that it says to have seen.
+        picture: frame of the last picture that it was sent.
+        drawn: frame of the last that it says to have drawn.
+        step: number of the last step of the history that it was sent.
+    """
+
+    sent: int = 0
+    seen: int = 0
+    picture: int = 0
+    drawn: int = 0
+    step: int = 0
+
+    @property
+    def keeps_up(self) -> bool:
+        """Whether it may be told more."""
+        return self.sent - self.seen < MOST_UNSEEN
+
+
+async def show(socket: WebSocket, hub: Hub, settings: dict[str, Any]) -> None:
+    """Tell a page all it shows, until it leaves.
+
+    A page answers each message with `{"seen": number}` and each picture with `{"drawn": frame}`. One that stalls is
+    told nothing more until it answers, and then the newest.
+
+    Args:
+        socket: accepted already.
+        hub: what there is to tell.
+        settings: of the console, for the page.
+    """
+    progress, wake = Progress(), asyncio.Event()
+    hub.pages.add(wake)
+    tasks: list[asyncio.Task[None]] = []
+    try:
+        await socket.send_text(json.dumps({"kind": "hello", **settings}))
+        tasks = [asyncio.create_task(_tell(socket, hub, progress, wake))]
+        tasks += [asyncio.create_task(_hear(socket, progress, wake))]
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    except WebSocketDisconnect:
+        return
+    finally:
+        hub.pages.discard(wake)
+        for task in tasks:
+            task.cancel()
+    ends = await asyncio.gather(*tasks, return_exceptions=True)
+    for end in ends:
+        if isinstance(end, Exception) and not isinstance(end, WebSocketDisconnect):
+            raise end
+    if ends[1] is None:  # it said something that no page of ours says
+        await socket.close(1008)
+
+
+async def _tell(socket: WebSocket, hub: Hub, progress: Progress, wake: asyncio.Event) -> None:
+    while True:
+        wake.clear()
+        if progress.keeps_up:
+            await _tell_state(socket, hub, progress)
+            await _tell_picture(socket, hub, progress)
+        with suppress(TimeoutError):
+            await asyncio.wait_for(wake.wait(), EVERY_S)
+
+
+async def _tell_state(socket: WebSocket, hub: Hub, progress: Progress) -> None:
+    state = hub.board.as_json(monotonic(), progress.step)
+    if state["steps"]:
+        progress.step = state["steps"][-1][0]  # which may still change
+    progress.sent += 1
+    await socket.send_text(json.dumps({**state, "number": progress.sent}))
+
+
+async def _tell_picture(socket: WebSocket, hub: Hub, progress: Progress) -> None:
+    chosen = hub.board.picture()
+    if chosen is None or progress.drawn != progress.picture or chosen[0] == progress.picture:
+        return
+    picture = hub.pictures.of(*chosen)
+    if picture is not None:
+        progress.picture = chosen[0]
+        await socket.send_bytes(picture)
+
+
+async def _hear(socket: WebSocket, progress: Progress, wake: asyncio.Event) -> None:
+    """Take a page's answers; return where it says something else."""
+    while True:
+        try:
+            answer = json.loads(await socket.receive_text())
+        except (ValueError, KeyError, RecursionError):  # no JSON, or no text
+            return
+        seen, drawn = (answer.get(name) if isinstance(answer, dict) else None for name in ("seen", "drawn"))
+        stalled = not progress.keeps_up
+        if isinstance(seen, int):
+            progress.seen = max(progress.seen, min(seen, progress.sent))
+        elif isinstance(drawn, int):
+            progress.drawn = drawn
+        else:
+            return
+        if stalled and progress.keeps_up:
+            wake.set()

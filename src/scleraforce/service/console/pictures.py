@@ -1,0 +1,51 @@
+"""A frame of the ring as a page gets it: 8 bits, not larger than a screen shows, with the outline of its wall."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.service.frame_ring import FrameRing
+
+__all__ = ["Pictures"]
+
+MOST_PIXELS = 640  # along either side
+WHITE_PERCENTILE = 99.5
+FADING = 0.99  # of the white level from picture to picture, so that a single bright frame does not darken the next ones
+
+
+class Pictures:
+    """Makes pictures of frames: each only once, however many pages show it.
+
+    A picture is the length of its header (4 bytes, little-endian), the header (JSON: `frame`, `rows`, `columns` of the
+    pixels that follow, `outline`), the pixels (row, column), one byte each.
+    """
+
+    def __init__(self, ring: FrameRing) -> None:
+        self._ring = ring
+        self._made: tuple[int, bytes] = (0, b"")
+        self._white = 1.0
+
+    def of(self, frame: int, outline: Mapping[str, Any] | None) -> bytes | None:
+        """Return the picture of a frame; None where it is gone already."""
+        if self._made[0] == frame:
+            return self._made[1]
+        pixels = self._ring.get(frame)
+        if pixels is None:
+            return None
+        self._made = frame, self._picture(frame, pixels, outline)
+        return self._made[1]
+
+    def _picture(self, frame: int, pixels: NDArray[np.uint16], outline: Mapping[str, Any] | None) -> bytes:
+        white = float(np.percentile(pixels[::4, ::4], WHITE_PERCENTILE))
+        self._white = max(white, FADING * self._white, 1.0)
+        rows, columns = (min(length, MOST_PIXELS) for length in pixels.shape)
+        if (rows, columns) != pixels.shape:
+            pixels = cv2.resize(pixels, (columns, rows), interpolation=cv2.INTER_AREA).astype(np.uint16)
+        shown = cv2.convertScaleAbs(pixels, alpha=255 / self._white)
+        lines = {name: outline[name] for name in ("step", "outer", "inner")} if outline else None
+        header = json.dumps({"frame": frame, "rows": rows, "columns": columns, "outline": lines}).encode()
+        return len(header).to_bytes(4, "little") + header + shown.tobytes()

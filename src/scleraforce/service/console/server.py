@@ -1,0 +1,59 @@
+"""The console's process: the web server and the channel in one event loop."""
+
+import asyncio
+import os
+import socket
+
+import uvicorn
+
+from scleraforce.service.channel import Channel
+from scleraforce.service.console.app import console_app
+from scleraforce.service.console.hub import Hub
+from scleraforce.service.console.pictures import Pictures
+from scleraforce.service.console.settings import ConsoleSettings
+from scleraforce.service.frame_ring import FrameRing
+
+__all__ = ["serve"]
+
+LAST_WORDS_S = 1.0  # in which pages learn that the monitor has ended
+NICENESS = 5  # the monitor comes first
+MOST_MESSAGE_BYTES = 4096
+
+
+def serve(channel: Channel, settings: ConsoleSettings) -> int:
+    """Serve until the monitor has ended; return the exit code."""
+    os.nice(NICENESS)
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    try:
+        listener = socket.create_server((settings.host, settings.port), family=family)
+    except OSError as fault:
+        detail = f"console: {settings.host}:{settings.port}: {fault.strerror or fault}; another --web-port would do"
+        channel.send({"kind": "fault", "detail": detail})
+        return 1
+    asyncio.run(_serve(channel, settings, listener))
+    return 0
+
+
+async def _serve(channel: Channel, settings: ConsoleSettings, listener: socket.socket) -> None:
+    loop = asyncio.get_running_loop()
+
+    def end() -> None:
+        loop.call_later(LAST_WORDS_S, setattr, server, "should_exit", True)
+
+    hub = Hub(channel, Pictures(FrameRing(*settings.ring)), end)
+    server = uvicorn.Server(
+        uvicorn.Config(
+            console_app(hub, settings),
+            lifespan="off",
+            log_level="error",
+            access_log=False,
+            server_header=False,
+            proxy_headers=False,
+            ws_max_size=MOST_MESSAGE_BYTES,
+            ws_per_message_deflate=False,
+            timeout_graceful_shutdown=1,
+        )
+    )
+    hub.listen()
+    hub.tell({"kind": "listening", "port": listener.getsockname()[1]})
+    await server.serve([listener])

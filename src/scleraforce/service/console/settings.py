@@ -1,0 +1,102 @@
+"""What the monitor tells its console at the start."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from scleraforce import __version__
+from scleraforce.monitor import MonitorLimits
+from scleraforce.service.frame_ring import FrameRing
+from scleraforce.units import n_to_mn
+
+__all__ = ["ConsoleSettings", "console_settings"]
+
+
+@dataclass(frozen=True)
+class ConsoleSettings:
+    """Where to serve, where the frames are, and what the page has to know beforehand.
+
+    Attributes:
+        host: address to listen on.
+        port: of it; 0 takes any that is free.
+        ring: of the frames: its descriptor, how many frames, rows, columns.
+        pixel_mm: lateral and in depth.
+        class_bounds_mn: between the classes of force.
+        bound_mn: of the interval's upper end, where the robot withdraws.
+        withdraw_class: from which on it does.
+        silence_s: without a frame, after which it does.
+        reads_force: False with a classifier.
+        model: its name.
+        eye: whose eye; "" where that is not said.
+        version: of this package.
+    """
+
+    host: str
+    port: int
+    ring: tuple[int, int, int, int]
+    pixel_mm: tuple[float, float]
+    class_bounds_mn: tuple[float, ...]
+    bound_mn: float
+    withdraw_class: int
+    silence_s: float
+    reads_force: bool
+    model: str
+    eye: str
+    version: str
+
+    @classmethod
+    def from_message(cls, message: Mapping[str, Any]) -> "ConsoleSettings":
+        """Return what `console_settings` has put into a message."""
+        fields: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in message.items()
+        }
+        return cls(**fields)
+
+    def for_page(self) -> dict[str, Any]:
+        """Return what the page is told, as a JSON object."""
+        _, _, rows, columns = self.ring
+        known = ("pixel_mm", "class_bounds_mn", "bound_mn", "withdraw_class", "silence_s", "reads_force")
+        named = {name: getattr(self, name) for name in (*known, "model", "eye", "version")}
+        return {**named, "rows": rows, "columns": columns}
+
+
+def console_settings(
+    *,
+    host: str,
+    port: int,
+    ring: FrameRing,
+    lateral_m: float,
+    depth_m: float,
+    limits: MonitorLimits,
+    class_bounds_n: Sequence[float],
+    model: str,
+    eye: str = "",
+) -> dict[str, Any]:
+    """Return the settings of the console's process, as its first message.
+
+    Args:
+        host: address to listen on.
+        port: of it; 0 takes any that is free: the answer `listening` tells which.
+        ring: the frames; its descriptor has to be inherited.
+        lateral_m: width of a pixel.
+        depth_m: height of a pixel.
+        limits: of the decision.
+        class_bounds_n: between the classes of force.
+        model: its name.
+        eye: whose eye; "" where that is not said.
+    """
+    settings = ConsoleSettings(
+        host=host,
+        port=port,
+        ring=(ring.descriptor, ring.frames, *ring.shape),
+        pixel_mm=(1e3 * lateral_m, 1e3 * depth_m),
+        class_bounds_mn=tuple(n_to_mn(bound_n) for bound_n in class_bounds_n),
+        bound_mn=n_to_mn(limits.bound_n),
+        withdraw_class=limits.withdraw_class,
+        silence_s=limits.silence_s,
+        reads_force=limits.reads_force,
+        model=model,
+        eye=eye,
+        version=__version__,
+    )
+    return vars(settings).copy()

@@ -1,0 +1,153 @@
+"""A monitor for tests of its clients: it answers every image, and does what a test tells it to; a thread for each peer."""
+
+import json
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+from scleraforce.service.openigtlink import (
+    BadChecksum,
+    Decoder,
+    Image,
+    Malformed,
+    Received,
+    Sensor,
+    Status,
+    Text,
+    encode,
+)
+
+HEARTBEAT_S = 0.05
+NOT_READY, OK = Status(13, 0, "NOT_READY", "NOT_READY: no good frame yet"), Status(1, 0, "", "WATCHING: class 0")
+
+
+class FakeMonitor:
+    """Says OK after each image, until `decide` returns another STATUS for it; then that one, for ever.
+
+    Attributes:
+        decide: called with each event of a client's stream (None: it has gone); a STATUS is a withdrawal.
+        received: events that came, in order; of one thread at a time only in tests with one sender.
+        answers: False: it reads, but says nothing any more.
+        reads: False: it reads nothing any more.
+    """
+
+    def __init__(self, decide: Callable[[object], Status | None] = lambda _: None) -> None:
+        self.decide = decide
+        self.received: list[Received | BadChecksum | Malformed | None] = []
+        self.answers = self.reads = True
+        self.status = NOT_READY
+        self.bytes_instead: bytes | None = None
+        self._peers: dict[socket.socket, int] = {}
+        self._lock = threading.RLock()
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._frames = 0
+        self._ended = threading.Event()
+        threading.Thread(target=self._accept, daemon=True).start()
+        threading.Thread(target=self._beat, daemon=True).start()
+
+    @property
+    def port(self) -> int:
+        return self._listener.getsockname()[1]
+
+    def say(self, status: Status) -> None:
+        with self._lock:
+            self.status = status
+            self._tell(self.status, "ForceMonitor")
+
+    def say_bytes(self, data: bytes) -> None:
+        with self._lock:
+            for peer in list(self._peers):
+                with suppress(OSError):
+                    peer.sendall(data)
+
+    def drop(self) -> None:
+        """Close all connections."""
+        with self._lock:
+            for peer in list(self._peers):
+                with suppress(OSError):
+                    peer.shutdown(socket.SHUT_RDWR)
+                peer.close()
+            self._peers.clear()
+
+    def close(self) -> None:
+        self._ended.set()
+        with suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self.drop()
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while not self._ended.is_set():
+                peer, _ = self._listener.accept()
+                with self._lock:
+                    self._peers[peer] = 1
+                threading.Thread(target=self._serve, args=(peer,), daemon=True).start()
+
+    def _beat(self) -> None:
+        while not self._ended.wait(HEARTBEAT_S):
+            with self._lock:
+                self._tell(self.status, "ForceMonitor")
+
+    def _serve(self, peer: socket.socket) -> None:
+        decoder = Decoder()
+        with suppress(OSError):
+            while not decoder.broken and not self._ended.is_set():
+                if not self.reads:
+                    self._ended.wait(0.01)
+                    continue
+                data = peer.recv(1 << 18)
+                if not data:
+                    break
+                for event in decoder.feed(data):
+                    self._take(peer, event)
+        self._take(peer, None)
+        with self._lock:
+            self._peers.pop(peer, None)
+        peer.close()
+
+    def _take(self, peer: socket.socket, event: object) -> None:
+        with self._lock:
+            self.received.append(event)
+            decided = self.decide(event)
+            image = isinstance(event, Received) and isinstance(event.message, Image)
+            if self.status.code != 3:
+                self.status = decided or (OK if image else self.status)
+            if decided:
+                self._tell(self.status, "ForceMonitor")
+            if isinstance(event, Received):
+                self._peers[peer] = event.header.version
+            if image:
+                self._answer(event)
+
+    def _answer(self, event: Received) -> None:
+        self._frames += 1
+        self._tell(self.status, "ForceMonitor")
+        frame_id = event.message_id or int(event.header.time_s * 1e6)
+        reading = {
+            "event": "frame",
+            "frame": self._frames,
+            "frame_id": frame_id,
+            "class": 0,
+            "force_mn": 1.5,
+            "lost": 0,
+        }
+        self._tell(Text(json.dumps(reading)), "ForceReading")
+        self._tell(Sensor((float(self._frames),)), "ForceReading")
+
+    def _tell(self, message: Status | Text | Sensor, device: str) -> None:
+        if not self.answers:
+            return
+        for peer, version in list(self._peers.items()):
+            with suppress(OSError):
+                peer.sendall(encode(message, device, version=version))
+
+
+@contextmanager
+def fake_monitor(decide: Callable[[object], Status | None] = lambda _: None) -> Iterator[FakeMonitor]:
+    monitor = FakeMonitor(decide)
+    try:
+        yield monitor
+    finally:
+        monitor.close()
