@@ -1,6 +1,7 @@
-"""A monitor in a process of its own whose reader is a rule: its answer stands in the frame's first pixels.
+"""A monitor whose reader is a rule: its answer stands in the frame's first pixels. In a process of its own or a thread.
 
-Started as `python small_monitor.py`: prints `PORT TOKEN` and serves until its standard input closes.
+Started as `python small_monitor.py`: prints its port and the watchdog's process id, and serves until its standard input
+closes.
 """
 
 import socket
@@ -57,19 +58,26 @@ def read(pixels: NDArray[Any], _: PixelScale) -> RuledReading:
     return RuledReading(Answer(predicted, shares, True, None, force_n, interval_n), nowhere, nowhere)
 
 
-def main() -> None:
-    limits = MonitorLimits(size=(ROWS, COLUMNS), scale_m=SCALE_M)
+def small_server(guard: Guard, companions: Companions, **settings: Any) -> tuple[Server, int]:
+    """A server of small frames, and its port; it bears half a second of silence, for a test may be held up."""
+    limits = MonitorLimits(size=(ROWS, COLUMNS), scale_m=SCALE_M, silence_s=0.5)
     listener = socket.create_server(("127.0.0.1", 0))
-    guard = Guard()
     ring = FrameRing.create(100, ROWS, COLUMNS)
-    server = Server(Session(read, limits), listener, ServerSettings(TOKEN), ring, guard, Companions({}), print)
+    session = Session(read, limits)
+    server = Server(session, listener, ServerSettings(TOKEN, **settings), ring, guard, companions, lambda _: None)
+    return server, listener.getsockname()[1]
+
+
+def main() -> None:
+    guard = Guard()
+    server, port = small_server(guard, Companions({}))
 
     def wait() -> None:
         sys.stdin.read()
         server.stop()
 
     threading.Thread(target=wait, daemon=True).start()
-    sys.stdout.write(f"{listener.getsockname()[1]} {guard.pid}\n")
+    sys.stdout.write(f"{port} {guard.pid}\n")
     sys.stdout.flush()
     server.run()
     server.close()

@@ -52,7 +52,10 @@ class Watchdog:
                 misses += 1
                 continue
             misses = 0
-            data, sockets, _, _ = socket.recv_fds(self._monitor, 4096, 1)
+            try:
+                data, sockets, _, _ = socket.recv_fds(self._monitor, 4096, 1)
+            except ConnectionResetError:  # it died before it had heard an answer
+                return False
             if not data:
                 return False
             if data == b"Q":

@@ -1,0 +1,291 @@
+"""The server over real sockets, in a process of its own: what clients hear, what withdraws, who disturbs nobody."""
+
+import json
+import os
+import signal
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import numpy as np
+import pytest
+from peer import MATRIX, Peer, Running, serving, small_monitor, wait_until
+from small_monitor import COLUMNS, HANGS, NO_NUMBER, RAISES, ROWS, TOKEN, UNUSABLE, frame_of
+
+from scleraforce.monitor.causes import Cause
+from scleraforce.service.openigtlink import Image, Query, Sensor, Status, Text, Transform, encode
+from scleraforce.service.operator import ask_reset
+
+
+@pytest.fixture
+def port() -> Iterator[int]:
+    with serving() as port:
+        yield port
+
+
+@pytest.fixture
+def scanner(port: int) -> Iterator[Peer]:
+    with Peer(port) as peer:
+        yield peer
+
+
+def test_before_a_good_frame_the_answer_is_not_ready_again_and_again(scanner: Peer) -> None:
+    scanner.hear(0.4)
+    assert len(scanner.statuses()) >= 5
+    assert {status.code for status in scanner.statuses()} == {13}
+
+
+def test_every_frame_is_answered_with_a_status_a_string_and_a_sensor(scanner: Peer) -> None:
+    scanner.watch()
+    scanner.heard.clear()
+    scanner.show(12.345, time_s=2e9)
+    scanner.hear(1.0, lambda peer: len({type(message) for _, message in peer.heard}) == 3)
+    (text,) = [json.loads(message.text) for _, message in scanner.heard if isinstance(message, Text)]
+    assert (text["class"], text["usable"], text["state"], text["frame_id"]) == (
+        1,
+        True,
+        "WATCHING",
+        2_000_000_000_000_000,
+    )
+    assert text["force_mn"] == pytest.approx(12.345)
+    (sensor,) = [message.values for _, message in scanner.heard if isinstance(message, Sensor)]
+    assert sensor == pytest.approx(
+        (text["frame"], 1, 0, 1, 0, 12.345e-3, 0.95 * 12.345e-3 - 0.5e-3, 1.05 * 12.345e-3 + 0.5e-3, 1, 1)
+    )
+    assert "12.3 mN" in scanner.statuses()[-1].message
+
+
+@pytest.mark.parametrize("version", [1, 2, 3])
+def test_a_peer_is_answered_in_the_header_version_that_it_speaks(port: int, version: int) -> None:
+    with Peer(port, version) as peer:
+        peer.hear(0.08)
+        assert peer.versions == {1}
+        peer.say(Query("STATUS"))
+        peer.hear(0.3, lambda peer: version in peer.versions)
+        peer.versions.clear()
+        peer.hear(0.12)
+        assert peer.versions == {version}
+
+
+def test_all_clients_hear_of_every_frame(port: int, scanner: Peer) -> None:
+    with Peer(port) as robot:
+        robot.hear(0.1)
+        scanner.watch()
+        robot.hear(0.2)
+        assert sum(isinstance(message, Text) for _, message in robot.heard) == 12
+
+
+def flood(peer: Peer) -> None:
+    frames = [encode(Image(frame_of(10_000, 1000 + n)[None], MATRIX), "Scanner", time_s=2e9 + n) for n in range(40)]
+    peer.link.sendall(b"".join(frames))
+
+
+def wrong_checksum(peer: Peer) -> None:
+    data = bytearray(encode(Image(frame_of(10_000, 7)[None], MATRIX), "Scanner", time_s=2e9))
+    data[-1] ^= 1
+    peer.link.sendall(data)
+
+
+def cut_short(peer: Peer) -> None:
+    peer.say(Image(np.zeros((1, 2, 2), np.uint16), MATRIX, (COLUMNS, ROWS, 1), (0, 0, 0)))
+    peer.say(Image(np.zeros((1, 2, 2), np.uint16), MATRIX, (COLUMNS, ROWS, 1), (1, 0, 0)))
+
+
+def scaled(peer: Peer) -> None:
+    peer.say(Image(frame_of(10_000, 7)[None], (MATRIX[0] * 1.02, *MATRIX[1:])))
+
+
+def half(peer: Peer) -> None:
+    peer.link.sendall(encode(Image(frame_of(10_000, 7)[None], MATRIX), "Scanner", time_s=2e9)[:500])
+
+
+def fast(peer: Peer) -> None:
+    for number in range(20):
+        peer.show(10.0 + 1.6 * number)
+        peer.hear(0.008)
+
+
+def frozen(peer: Peer) -> None:
+    for _ in range(3):
+        peer.show(10.0, frame_of(10_000, 5))
+        peer.hear(0.01)
+
+
+FAULTS: dict[str, tuple[Callable[[Peer], object], set[Cause]]] = {
+    "class 2": (lambda peer: peer.show(35.0), {Cause.DANGEROUS_CLASS}),
+    "the interval's upper end": (lambda peer: peer.show(29.0), {Cause.BOUND}),
+    "rising fast": (fast, {Cause.RISING}),
+    "not usable": (lambda peer: peer.show(0, frame_of(UNUSABLE, 1)), {Cause.UNUSABLE}),
+    "no number": (lambda peer: peer.show(0, frame_of(NO_NUMBER, 1)), {Cause.NO_NUMBER}),
+    "an exception of the reader": (lambda peer: peer.show(0, frame_of(RAISES, 1)), {Cause.EXCEPTION}),
+    "silence": (lambda peer: peer.hear(0.6), {Cause.SILENCE}),
+    "half a frame": (half, {Cause.SILENCE}),
+    "frozen": (frozen, {Cause.FROZEN}),
+    "out of order": (lambda peer: peer.show(10.0, time_s=1e9), {Cause.OUT_OF_ORDER}),
+    "another size": (lambda peer: peer.show(10.0, frame_of(10_000, 3)[:-1]), {Cause.SIZE}),
+    "another scale": (scaled, {Cause.SCALE}),
+    "checksum": (wrong_checksum, {Cause.CHECKSUM}),
+    "overlapping parts": (cut_short, {Cause.BAD_IMAGE}),
+    "garbage": (lambda peer: peer.link.sendall(b"\xff" * 100), {Cause.BAD_IMAGE}),
+    "too many at once": (flood, {Cause.QUEUE_BEHIND}),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_withdraws_and_says_why_to_everybody(port: int, scanner: Peer, fault: str) -> None:
+    inject, causes = FAULTS[fault]
+    with Peer(port) as robot:
+        robot.hear(0.06)
+        scanner.watch()
+        robot.hear(0.02)
+        assert robot.statuses()[-1].code == 1
+        inject(scanner)
+        status = robot.wait_for_code(3)
+    assert Cause(status.subcode) in causes, status.message
+    assert status.name == Cause(status.subcode).name
+
+
+def test_a_withdrawal_stays_until_the_operators_reset_on_fresh_harmless_frames(port: int, scanner: Peer) -> None:
+    scanner.watch()
+    scanner.show(40.0)
+    scanner.wait_for_code(3)
+    scanner.hear(0.3)
+    assert ask_reset("127.0.0.1", port, TOKEN)[0] is False  # no frame is fresh
+    for _ in range(8):
+        scanner.show(10.0)
+        scanner.hear(0.01)
+    assert {status.code for status in scanner.statuses()[-6:]} == {3}
+    granted, message = ask_reset("127.0.0.1", port, "wrong")
+    assert not granted
+    assert "token" in message
+    assert ask_reset("127.0.0.1", port, TOKEN)[0] is True
+    scanner.heard.clear()
+    scanner.show(10.0)
+    assert scanner.wait_for_code(1).subcode == 0
+
+
+def test_who_fails_three_resets_is_let_go(port: int) -> None:
+    with Peer(port) as peer:
+        for _ in range(3):
+            peer.say(Text("wrong"), "ForceReset")
+        peer.hear(1.0)
+        assert sum(device == "ForceReset" for device, _ in peer.heard) == 3
+        assert not peer.link.recv(1)
+
+
+def test_another_who_sends_images_is_refused_while_the_scanner_sends(port: int, scanner: Peer) -> None:
+    scanner.watch()
+    with Peer(port) as other:
+        other.show(40.0)
+        scanner.watch()
+    assert {status.code for status in scanner.statuses()[-5:]} == {1}
+
+
+def test_another_becomes_the_scanner_when_the_first_has_left(port: int) -> None:
+    with Peer(port) as first:
+        first.show(0.1, time_s=2e9)
+        first.wait_for_code(1)
+    with Peer(port) as second, Peer(port) as robot:
+        second.show(40.0)
+        assert robot.wait_for_code(3)
+
+
+@pytest.mark.parametrize(
+    "rudeness",
+    [b"\xff" * 1000, b"GET / HTTP/1.1\r\n\r\n" * 9, b"\0" * 58, encode(Status(1), "X")[:-1] + b"\0", b"half a header"],
+    ids=["garbage", "http", "zeros", "wrong checksum", "half"],
+)
+def test_what_others_do_wrong_disturbs_nobody(port: int, scanner: Peer, rudeness: bytes) -> None:
+    scanner.watch()
+    with socket.create_connection(("127.0.0.1", port)) as rude:
+        rude.sendall(rudeness)
+        scanner.watch()
+    scanner.watch()
+
+
+def test_half_a_message_does_not_stay_for_ever() -> None:
+    with serving(message_s=0.2) as port, Peer(port) as slow:
+        slow.link.sendall(b"\0\1half")
+        slow.hear(2.0)
+        assert not slow.link.recv(1)
+
+
+def test_other_messages_are_read_over(scanner: Peer) -> None:
+    scanner.watch()
+    for _ in range(6):
+        scanner.say(Transform((1.0,) * 12), "Probe")
+        scanner.say(Sensor((0.01, float("nan"))), "RobotForce")
+        scanner.say(Status(13, message="of the peer"), "Robot")
+        scanner.say(Query("CAPABIL"), "Robot")
+        scanner.show(10.0)
+        scanner.hear(0.01)
+    assert scanner.statuses()[-1].code == 1
+
+
+def test_more_clients_than_are_borne_are_turned_away() -> None:
+    with serving(clients=20) as port, ExitStack() as stack, Peer(port) as scanner:
+        scanner.watch()
+        crowd = [stack.enter_context(socket.create_connection(("127.0.0.1", port), timeout=5.0)) for _ in range(30)]
+        scanner.watch()
+        assert [link.recv(1) == b"" for link in crowd] == [False] * 19 + [True] * 11
+        scanner.watch()
+
+
+def kill(number: signal.Signals) -> Callable[[Running, Peer], None]:
+    return lambda running, _: os.kill(running.process.pid, number)
+
+
+DEATHS: dict[str, Callable[[Running, Peer], None]] = {
+    "killed": kill(signal.SIGKILL),
+    "stopped": kill(signal.SIGSTOP),
+    "a tight loop": lambda _, scanner: scanner.show(0, frame_of(HANGS, 1)),
+}
+
+
+@pytest.mark.parametrize("death", DEATHS)
+def test_the_watchdog_tells_everybody_when_the_monitor_hangs_or_dies(death: str) -> None:
+    with small_monitor() as running:
+        with Peer(running.port) as scanner, Peer(running.port, version=2) as robot:
+            robot.say(Query("STATUS"))
+            robot.hear(0.1)
+            scanner.watch()
+            robot.hear(0.02)
+            DEATHS[death](running, scanner)
+            for peer in (robot, scanner):
+                status = peer.wait_for_code(3)
+                assert (status.subcode, status.name) == (Cause.WATCHDOG.value, "WATCHDOG")
+            robot.hear(0.3)
+            assert [status.code for status in robot.statuses()[-3:]] == [3, 3, 3]  # never OK again
+            assert robot.versions == {1, 2}
+        wait_until(lambda: not alive(running.watchdog_pid))  # it ends when the last client has left
+        assert running.process.wait(5.0) == -signal.SIGKILL
+
+
+def test_a_watchdog_that_dies_is_a_cause_and_no_reset_helps() -> None:
+    with small_monitor() as running, Peer(running.port) as scanner:
+        scanner.watch()
+        os.kill(running.watchdog_pid, signal.SIGKILL)
+        status = scanner.wait_for_code(3)
+        assert "watchdog" in status.message
+        for _ in range(8):
+            scanner.show(10.0)
+            scanner.hear(0.01)
+        assert ask_reset("127.0.0.1", running.port, TOKEN)[0] is False
+
+
+def test_the_end_as_planned_withdraws_and_leaves_no_process() -> None:
+    with small_monitor() as running, Peer(running.port) as scanner:
+        scanner.watch()
+        assert running.process.stdin
+        running.process.stdin.close()
+        assert "the monitor ends" in scanner.wait_for_code(3).message
+        assert running.process.wait(5.0) == 0
+        wait_until(lambda: not alive(running.watchdog_pid))
+
+
+def alive(pid: int) -> bool:
+    try:
+        with open(f"/proc/{pid}/stat", encoding="ascii") as stat:
+            return stat.read().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
