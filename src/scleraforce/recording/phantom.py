@@ -7,6 +7,7 @@ each frame, the seed and the versions.
 import json
 import shutil
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -39,8 +40,8 @@ from scleraforce.recording.pushes import (
     true_force,
 )
 from scleraforce.recording.virtual_eye import PhantomEye, SectionsAt
+from scleraforce.recording.writing import RecordingWriter
 from scleraforce.study import Study, draw, study_hash
-from scleraforce.study.toml import format_record
 
 __all__ = [
     "PhantomFrame",
@@ -234,12 +235,13 @@ def write_phantom(
     partial = out.parent / f".{out.name}.partial"
     try:
         shutil.rmtree(partial, ignore_errors=True)
-        (partial / "frames").mkdir(parents=True)
-        _write_tables(partial, plan, study)
-        for frame, section in zip(plan.frames, sections_at(plan.forces_n), strict=True):
-            (partial / "frames" / frame.file).write_bytes(_png(render_frame(frame, section, study).frame))
-            if progress is not None:
-                progress(1)
+        comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
+        with closing(RecordingWriter(partial, _info(plan, study), comment)) as writer:
+            _write_log_and_truth(partial, plan, study)
+            for frame, section in zip(plan.frames, sections_at(plan.forces_n), strict=True):
+                writer.add(frame.file, frame.time_s, render_frame(frame, section, study).frame)
+                if progress is not None:
+                    progress(1)
         partial.rename(out)
     except OSError as fault:
         raise RecordingError(f"{fault.filename or out}: {fault.strerror}") from fault
@@ -263,11 +265,7 @@ def true_forces(recording: Path) -> dict[str, float]:
         raise RecordingError(f"{path}: not the truth of a virtual acquisition: {fault}") from fault
 
 
-def _write_tables(folder: Path, plan: PhantomPlan, study: Study) -> None:
-    comment = f"# A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters.\n\n"
-    (folder / "recording.toml").write_text(comment + format_record(_info(plan, study)), encoding="utf-8")
-    lines = [f"{frame.file},{frame.time_s:.4f}" for frame in plan.frames]
-    (folder / "frames.csv").write_text("\n".join(["file,time_s", *lines]) + "\n", encoding="utf-8")
+def _write_log_and_truth(folder: Path, plan: PhantomPlan, study: Study) -> None:
     axis = ("fx", "fy", "fz").index(AXIS)
     noise = _generator(plan.eye, plan.seed, NOISE)
     log = sense(plan.motion, plan.sensor, axis, CONTACT_SIGN, motion_end_s(plan.motion) + TAIL_S, noise)
@@ -333,12 +331,6 @@ def _truth(plan: PhantomPlan, study: Study) -> dict[str, Any]:
 
 def _thickness_at_contact(eye: PhantomEye, study: Study) -> float:
     return eye.thickness_m * float(thickness_factor(study.form, eye.plane.contact.normal))
-
-
-def _png(frame: NDArray[np.uint16]) -> bytes:
-    done, data = cv2.imencode(".png", frame)
-    assert done
-    return bytes(data)
 
 
 def _key(eye: PhantomEye, seed: int, *stream: int) -> tuple[int, ...]:

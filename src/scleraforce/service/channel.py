@@ -50,13 +50,17 @@ class Channel:
 
         Raises:
             ChannelClosedError: there is no other end any more.
+            ValueError: it is larger than any message may be.
         """
         return self.send_text(json.dumps(message))
 
     def send_text(self, text: str) -> bool:
         """Send a JSON object that is text already; see `send`."""
+        data = text.encode()
+        if len(data) > MESSAGE_BYTES:
+            raise ValueError(f"a message of {len(data)} bytes; the other end takes {MESSAGE_BYTES}")
         try:
-            self._end.send(text.encode())
+            self._end.send(data)
         except BlockingIOError:
             return False
         except OSError as fault:
@@ -75,6 +79,8 @@ class Channel:
                 data = self._end.recv(MESSAGE_BYTES)
             except BlockingIOError:
                 break
+            except ConnectionResetError:  # said once where the other end left without reading all; ours still wait
+                continue
             except OSError:
                 data = b""
             if not data:

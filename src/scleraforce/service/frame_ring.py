@@ -30,8 +30,15 @@ class FrameRing:
         os.ftruncate(descriptor, _size(frames, rows, columns))
         return cls(descriptor, frames, rows, columns)
 
+    def settings(self) -> dict[str, int]:
+        """Return the arguments with which a child that inherits the descriptor opens it."""
+        rows, columns = self.shape
+        return {"descriptor": self.descriptor, "frames": self.frames, "rows": rows, "columns": columns}
+
     def put(self, number: int, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
         """Keep a frame (row, column); the oldest one goes."""
+        if pixels.shape != self.shape:  # NumPy would repeat a row
+            raise ValueError(f"a frame of {pixels.shape}; the ring has frames of {self.shape}")
         slot = number % self.frames
         self._numbers[slot] = 0
         self._pixels[slot] = pixels

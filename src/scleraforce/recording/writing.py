@@ -1,0 +1,117 @@
+"""Write a recording folder as its frames and forces come, so that it can be read at any time, also after a crash.
+
+Two things make that so. A frame's line comes after the whole file. And every line has a power of two of bytes, right
+aligned: no line lies across two pages of memory, so a process that is killed leaves whole lines only.
+"""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.recording.info import RecordingInfo
+from scleraforce.recording.png import PngBuffer
+from scleraforce.study.toml import format_record
+
+__all__ = ["FORCE_STEP_S", "ForceWriter", "RecordingWriter"]
+
+FORCE_STEP_S = 0.01  # the slowest log that `read_force_log` takes: 100 samples a second
+FIELD_BYTES = 16  # of a table, with the separator
+
+
+class RecordingWriter:
+    """Writes recording.toml, frames/ and frames.csv of a new folder.
+
+    Args:
+        folder: must not exist.
+        info: what recording.toml says.
+        comment: a line at its top.
+
+    Raises:
+        OSError: it exists, or cannot be written; so do the methods.
+    """
+
+    def __init__(self, folder: Path, info: RecordingInfo, comment: str) -> None:
+        self.folder = folder
+        (folder / "frames").mkdir(parents=True)
+        _write(folder / "recording.toml", f"# {comment}\n\n{format_record(info)}".encode())
+        self._png = PngBuffer(info.oct.rows, info.oct.columns)
+        self._table = _Table(folder / "frames.csv", ("file", "time_s"))
+
+    def add(self, file: str, time_s: float, pixels: NDArray[np.uint16]) -> None:
+        """Add a frame (row, column) that comes after the others."""
+        _write(self.folder / "frames" / file, self._png.encode(pixels))
+        self._table.add((file, f"{time_s:.6f}"))
+
+    def close(self) -> None:
+        """Close what is open."""
+        self._table.close()
+
+
+class ForceWriter:
+    """Writes a force log as it comes: `forces.csv` while `read_recording` takes it, else `robot_forces.csv`.
+
+    It takes logs of at least two samples that lie, in the median, `FORCE_STEP_S` apart.
+
+    Args:
+        folder: of the recording.
+        columns: beside the time, like `fz_n`.
+    """
+
+    def __init__(self, folder: Path, columns: Sequence[str]) -> None:
+        self._fast, self._slow = folder / "forces.csv", folder / "robot_forces.csv"
+        self._table = _Table(self._slow, ("time_s", *columns))
+        self._is_fast = False
+        self._steps = self._short_steps = 0
+        self._last_s: float | None = None
+
+    def add(self, time_s: float, values: Sequence[float]) -> None:
+        """Add a sample at a multiple of half of `FORCE_STEP_S` that comes after the others."""
+        self._table.add((f"{time_s:.3f}", *(f"{value:.8g}" for value in values)))
+        if self._last_s is not None:
+            self._steps += 1
+            self._short_steps += time_s - self._last_s < 1.5 * FORCE_STEP_S
+        self._last_s = time_s
+        if (2 * self._short_steps > self._steps) != self._is_fast:
+            self.set_aside() if self._is_fast else self._slow.rename(self._fast)
+            self._is_fast = not self._is_fast
+
+    def set_aside(self) -> None:
+        """Name the file so that `read_recording` leaves it alone."""
+        if self._fast.exists():
+            self._fast.rename(self._slow)
+
+    def close(self) -> None:
+        """Close what is open."""
+        self._table.close()
+
+
+class _Table:
+    """A table to which lines are appended, each by one write."""
+
+    def __init__(self, path: Path, names: Sequence[str]) -> None:
+        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+        self._bytes = 1 << (FIELD_BYTES * len(names) - 1).bit_length()
+        self.add(names)
+
+    def add(self, fields: Sequence[str]) -> None:
+        line = ",".join(field.rjust(FIELD_BYTES - 1) for field in fields)
+        _write_all(self._file, line.ljust(self._bytes - 1).encode() + b"\n")
+
+    def close(self) -> None:
+        os.close(self._file)
+
+
+def _write(path: Path, data: bytes | memoryview) -> None:
+    file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+    try:
+        _write_all(file, data)
+    finally:
+        os.close(file)
+
+
+def _write_all(file: int, data: bytes | memoryview) -> None:
+    while data:
+        data = data[os.write(file, data) :]

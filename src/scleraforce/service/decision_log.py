@@ -1,0 +1,172 @@
+r"""The log of decisions: JSON lines that each carry a checksum, so that a crash at any byte costs one record at most.
+
+A line is `{"kind": ..., ..., "crc32": "89abcdef"}`: the checksum (zlib.crc32) is that of the bytes before `, "crc32"`.
+"""
+
+import errno
+import fcntl
+import json
+import os
+import re
+import threading
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+__all__ = ["DecisionLog", "LogPart", "format_line", "read_log"]
+
+FILE_BYTES = 16 * 2**20
+TOTAL_BYTES = 2**30
+CHECK = re.compile(rb', "crc32": "([0-9a-f]{8})"\}')
+
+
+@dataclass(frozen=True)
+class LogPart:
+    """A part of a log: a whole record, or bytes that are none (`record` is None): torn or damaged.
+
+    Attributes:
+        file: where it stands.
+        offset: of its first byte.
+        data: its bytes.
+        record: what it says, without the checksum.
+    """
+
+    file: Path
+    offset: int
+    data: bytes
+    record: dict[str, Any] | None
+
+
+def format_line(record: Mapping[str, Any]) -> bytes:
+    r"""Return a line of a log.
+
+    >>> format_line({"kind": "note", "text": "hello"})
+    b'{"kind": "note", "text": "hello", "crc32": "4ba5d5e5"}\n'
+    """
+    body = json.dumps(record).encode()[:-1]
+    return b'%s, "crc32": "%08x"}\n' % (body, zlib.crc32(body))
+
+
+def read_log(path: Path) -> Iterator[LogPart]:
+    """Yield the parts of a log in its order: of one file, or of all files of a folder.
+
+    A byte that was changed costs the record that it stands in, and no other one: not even where it was a line's end.
+    """
+    for file in _files(path) if path.is_dir() else [path]:
+        offset = 0
+        with file.open("rb") as lines:
+            for line in lines:
+                yield from _parts(file, offset, line)
+                offset += len(line)
+
+
+class DecisionLog:
+    """Appends records to the numbered files of a folder; what stands there stays, but for old files over a bound.
+
+    Args:
+        folder: made where it is missing; one process at a time.
+        file_bytes: a file that would grow over it is followed by the next one.
+        total_bytes: of all files; the oldest ones go, never the newest.
+
+    Raises:
+        OSError: the folder cannot be used, or another process does; so do the methods.
+    """
+
+    def __init__(self, folder: Path, file_bytes: int = FILE_BYTES, total_bytes: int = TOTAL_BYTES) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._separator = b""
+        self._folder, self._file_bytes, self._total_bytes = folder, file_bytes, total_bytes
+        self._lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        self._turn = threading.Lock()  # another thread may sync
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as fault:
+            os.close(self._lock)
+            raise OSError(fault.errno, "in use by another monitor", str(folder)) from fault
+        files = _files(folder)
+        self._open(files[-1] if files else _file(folder, 1))
+
+    def append(self, record: Mapping[str, Any]) -> bytes:
+        """Append a record by one write; return its line."""
+        line = format_line(record)
+        if self._size and self._size + len(line) > self._file_bytes:
+            with self._turn:
+                self._next_file()
+        written = os.write(self._descriptor, self._separator + line)
+        self._size += written
+        complete = written == len(self._separator) + len(line)
+        self._separator = b"" if complete else b"\n"
+        if not complete:
+            raise OSError(errno.ENOSPC, "a record was cut", str(self._path))
+        return line
+
+    def sync(self) -> None:
+        """Wait until the disk has what was appended.
+
+        Raises:
+            OSError: the disk fails, or the file is gone although it can be written to.
+        """
+        with self._turn:
+            os.fdatasync(self._descriptor)
+            same = os.path.samestat(self._path.stat(), os.fstat(self._descriptor))
+        if not same:
+            raise FileNotFoundError(errno.ENOENT, "replaced by another file", str(self._path))
+
+    def close(self) -> None:
+        """Sync and close."""
+        os.fdatasync(self._descriptor)
+        os.close(self._descriptor)
+        os.close(self._lock)
+
+    def _open(self, path: Path) -> None:
+        self._path = path
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+        self._size = os.fstat(self._descriptor).st_size
+        torn = self._size and os.pread(self._descriptor, 1, self._size - 1) != b"\n"
+        self._separator = b"\n" if torn else b""  # what was torn stays, on a line of its own
+        os.fsync(self._lock)
+
+    def _next_file(self) -> None:
+        before = self._descriptor
+        self._open(_file(self._folder, _number(self._path) + 1))
+        os.fdatasync(before)
+        os.close(before)
+        *old, _ = files = _files(self._folder)
+        total = sum(file.stat().st_size for file in files)
+        for file in old:
+            if total <= self._total_bytes:
+                break
+            total -= file.stat().st_size
+            file.unlink()
+
+
+def _parts(file: Path, offset: int, line: bytes) -> Iterator[LogPart]:
+    """Yield the parts of a line, which is more than one where the end of a line was changed."""
+    at = 0
+    for check in CHECK.finditer(line):
+        begin = next((b for b in (at, at + 1) if zlib.crc32(line[b : check.start()]) == int(check[1], 16)), None)
+        if begin is None:
+            yield LogPart(file, offset + at, line[at : check.end()], None)
+        else:
+            if begin > at:
+                yield LogPart(file, offset + at, line[at:begin], None)
+            record = json.loads(line[begin : check.start()] + b"}")
+            yield LogPart(file, offset + begin, line[begin : check.end()], record)
+        at = check.end()
+    rest = line[at:].removesuffix(b"\n")
+    if rest:
+        yield LogPart(file, offset + at, rest, None)
+
+
+def _file(folder: Path, number: int) -> Path:
+    return folder / f"decisions-{number:06d}.jsonl"
+
+
+def _number(path: Path) -> int:
+    return int(path.stem.removeprefix("decisions-"))
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted((p for p in folder.glob("decisions-*.jsonl") if re.fullmatch(r"decisions-\d+", p.stem)), key=_number)
