@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scleraforce.calibration.observations import Boundaries
 from scleraforce.imaging.segmentation import PixelScale, Segmentation
 
-__all__ = ["segmented_boundaries"]
+__all__ = ["segmented_boundaries", "surface"]
 
 Array = NDArray[np.float64]
 
@@ -24,12 +24,8 @@ def segmented_boundaries(segmentation: Segmentation, scale: PixelScale, refracti
     frame ends before the wall does, where the wall is steep, or would be far from as thick as elsewhere, the inner
     boundary counts as unseen.
     """
-    rows, columns = segmentation.rows, len(segmentation.outer_row)
-    lateral_m = (np.arange(columns) + 0.5 - columns / 2) * scale.lateral_m
-    # Row r is centred half a pixel below its upper edge.
-    bottom_m = rows * scale.depth_m - BOTTOM_M
-    outer_m: Array = (segmentation.outer_row + 0.5) * scale.depth_m
-    outer_m[~(outer_m < bottom_m)] = np.nan
+    lateral_m, outer_m = surface(segmentation, scale)
+    bottom_m = _bottom_m(segmentation, scale)
     inner_m = np.full_like(outer_m, np.nan)
     if segmentation.inner_found:
         optical_m = (segmentation.inner_row - segmentation.outer_row) * scale.depth_m
@@ -39,6 +35,20 @@ def segmented_boundaries(segmentation: Segmentation, scale: PixelScale, refracti
         even = np.abs(optical_m / refractive_index - stretched_m) < UNEVEN_SHARE * stretched_m
         inner_m = np.where(seen & even & (stretch < STEEPEST), outer_m + optical_m / refractive_index, np.nan)
     return Boundaries(lateral_m, np.stack([outer_m, inner_m]), scale.depth_m)
+
+
+def surface(segmentation: Segmentation, scale: PixelScale) -> tuple[Array, Array]:
+    """Return the columns' lateral places from the frame's middle and the surface's depth, (column,), m; NaN: unseen."""
+    columns = len(segmentation.outer_row)
+    lateral_m = (np.arange(columns, dtype=np.float64) + (0.5 - columns / 2)) * scale.lateral_m
+    # Row r is centred half a pixel below its upper edge.
+    outer_m = (segmentation.outer_row + 0.5) * scale.depth_m
+    outer_m[~(outer_m < _bottom_m(segmentation, scale))] = np.nan
+    return lateral_m, outer_m
+
+
+def _bottom_m(segmentation: Segmentation, scale: PixelScale) -> float:
+    return segmentation.rows * scale.depth_m - BOTTOM_M
 
 
 def _stretch(lateral_m: Array, outer_m: Array) -> Array:

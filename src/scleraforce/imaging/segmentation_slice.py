@@ -1,5 +1,6 @@
 """The slice that the network reads, from the boundaries of a segmented frame."""
 
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -39,9 +40,10 @@ def boundary_slice(
         The slice, shape (rows, columns); columns outside the frame or without a wall are 0.
     """
     outer_m, inner_m = boundary_depths(segmentation, scale, slice_study, refractive_index)
-    depth_m = ((np.arange(slice_study.rows) + 0.5) * slice_study.pixel_m)[:, None]
-    inside = (depth_m >= outer_m) & (depth_m < inner_m)  # NaN compares as False: no wall
-    wall: NDArray[np.uint8] = inside.astype(np.uint8) * np.uint8(255)
+    depth_m = _row_depths(slice_study.rows, slice_study.pixel_m)
+    inside = depth_m >= outer_m
+    inside &= depth_m < inner_m  # NaN compares as False: no wall
+    wall: NDArray[np.uint8] = inside.view(np.uint8) * np.uint8(255)
     return wall
 
 
@@ -55,19 +57,41 @@ def boundary_depths(
     Returns:
         Outer and inner boundary, shape (2, columns), m; NaN outside the frame and where there is no wall.
     """
-    columns = len(segmentation.outer_row)
-    centre = np.arange(slice_study.columns) + 0.5 - slice_study.columns / 2
-    at = centre * slice_study.pixel_m / scale.lateral_m + columns / 2 - 0.5
-    outer_m = (_at(at, segmentation.outer_row) + 0.5) * scale.depth_m
-    inner_m = (_at(at, segmentation.inner_row) + 0.5) * scale.depth_m
-    return np.stack([outer_m, outer_m + (inner_m - outer_m) / refractive_index])
+    places = _places(len(segmentation.outer_row), scale.lateral_m, slice_study.columns, slice_study.pixel_m)
+    outer_m = (_at(*places, segmentation.outer_row) + 0.5) * scale.depth_m
+    inner_m = (_at(*places, segmentation.inner_row) + 0.5) * scale.depth_m
+    inner_m -= outer_m
+    inner_m /= refractive_index
+    inner_m += outer_m
+    return np.stack([outer_m, inner_m])
 
 
-def _at(at: NDArray[np.floating], rows: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Interpolate a boundary; NaN outside the frame, and where the nearest column has none."""
+@lru_cache(maxsize=8)
+def _row_depths(rows: int, pixel_m: float) -> NDArray[np.float64]:
+    """Return the depth of the middles of a slice's rows, (row, 1), m."""
+    return (np.arange(rows, dtype=np.float64)[:, None] + 0.5) * pixel_m
+
+
+@lru_cache(maxsize=8)
+def _places(
+    columns: int, lateral_m: float, slice_columns: int, pixel_m: float
+) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.bool_]]:
+    """Return where the middles of a slice's columns lie in a frame, the nearest columns, and which are in the frame."""
+    centre = np.arange(slice_columns, dtype=np.float64) + 0.5 - slice_columns / 2
+    at = centre * pixel_m / lateral_m + columns / 2 - 0.5
+    nearest: NDArray[np.intp] = np.rint(at).astype(np.intp).clip(0, columns - 1)
+    return at, nearest, (at >= -0.5) & (at <= columns - 0.5)
+
+
+def _at(
+    at: NDArray[np.float64], nearest: NDArray[np.intp], inside: NDArray[np.bool_], rows: NDArray[np.floating]
+) -> NDArray[np.float64]:
+    """Interpolate a boundary at places; NaN outside the frame, and where the nearest column has none."""
     there = np.isfinite(rows)
-    nearest = np.rint(at).astype(np.intp).clip(0, len(rows) - 1)
-    known = there[nearest] & (at >= -0.5) & (at <= len(rows) - 0.5)
-    if not known.any():
+    known = there[nearest]
+    known &= inside
+    if not np.count_nonzero(known):
         return np.full(len(at), np.nan)
-    return np.where(known, np.interp(at, np.flatnonzero(there), rows[there]), np.nan)
+    curve: NDArray[np.float64] = np.interp(at, np.flatnonzero(there), rows[there])
+    curve[~known] = np.nan
+    return curve

@@ -14,12 +14,16 @@ from scleraforce.reader.model import ForceReader
 from scleraforce.reader.readings import Reading, disagreement, fit_reading
 from scleraforce.reader.verdicts import allows_calibration, dent_leaves, fit_leaves, no_wall_of_an_eye, too_little_wall
 from scleraforce.reader.wall_reader import WallReader
+from scleraforce.study import SliceStudy
+from scleraforce.units import n_to_mn
 
-__all__ = ["WIDEST_N", "Answer", "answer_frame"]
+__all__ = ["WIDEST_N", "Answer", "Look", "answer_frame", "class_answer", "look", "reading_answer", "unusable"]
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 WIDEST_N = 6e-3  # of the interval of a dent that leaves the window: what its flanks tell must be as sure as this
+
+_NOTHING = np.zeros((0, 0), dtype=np.uint8)  # no slice
 
 
 @dataclass(frozen=True)
@@ -46,19 +50,16 @@ class Answer:
     fit: BoundaryFit | None = None
 
 
-@dataclass(frozen=True)
-class Seen:
-    """What was found in a frame: the segmentation, its slice, and the boundaries in m."""
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What was seen in a frame: its segmentation, and the slice of it where there is a wall to read.
+
+    `reason` says why it cannot be read, None where it can.
+    """
 
     segmentation: Segmentation
     cut: NDArray[np.uint8]
-    boundaries: Boundaries
-
-    def allows_calibration(self, contact_m: float = 0.0) -> bool:
-        """Return whether enough of the wall is in view about a contact."""
-        return not dent_leaves(self.cut) and allows_calibration(
-            self.segmentation, self.boundaries.lateral_m, self.boundaries.depth_m, contact_m
-        )
+    reason: str | None
 
 
 def answer_frame(
@@ -69,93 +70,110 @@ def answer_frame(
     refractive_index: float,
     known: Known | None = None,
 ) -> Answer:
-    """Read one raw frame.
+    """Read one raw frame with all that the model has.
 
     Args:
         reader: the model.
-        segmenter: made for the same refractive index; it keeps its buffers between frames.
+        segmenter: made for the same refractive index.
         frame: raw B-scan (row, column).
         scale: size of a pixel as stored; depth is optical where `refractive_index` is not 1.
         refractive_index: by which depth is stretched in the frame; 1 where the scanner has corrected it.
         known: of the eye; a classifier takes no notice of it.
     """
-    segmentation = segmenter.segment(frame, scale)
-    if not segmentation.usable:
-        return _unusable(reader, segmentation.reason)
-    cut = boundary_slice(segmentation, scale, reader.study.slice, refractive_index)
-    if not cut.any():
-        return _unusable(reader, "the wall lies outside the window of the slice")
-    seen = Seen(segmentation, cut, segmented_boundaries(segmentation, scale, refractive_index))
+    seen = look(segmenter, frame, scale, reader.study.slice, refractive_index)
+    if seen.reason:
+        return unusable(reader, seen.reason)
+    boundaries = segmented_boundaries(seen.segmentation, scale, refractive_index)
     if isinstance(reader, ForceReader):
-        return _class_answer(reader, seen)
-    return _force_answer(reader, seen, known or Known())
+        return replace(class_answer(reader, seen.cut), can_calibrate=_can_calibrate(seen, boundaries))
+    return _force_answer(reader, seen, boundaries, known or Known())
 
 
-def _unusable(reader: ForceReader | WallReader, reason: str, can_calibrate: bool = False) -> Answer:
-    return Answer(reader.classes - 1, None, False, reason, can_calibrate=can_calibrate)
+def look(
+    segmenter: Segmenter, frame: Pixels, scale: PixelScale, slice_study: SliceStudy, refractive_index: float
+) -> Look:
+    """Segment a frame and draw the slice; the other arguments are those of `answer_frame`."""
+    found = segmenter.segment(frame, scale)
+    if not found.usable:
+        return Look(found, _NOTHING, found.reason)
+    cut = boundary_slice(found, scale, slice_study, refractive_index)
+    return Look(found, cut, None if cut.any() else "the wall lies outside the window of the slice")
 
 
-def _class_answer(reader: ForceReader, seen: Seen) -> Answer:
+def unusable(reader: ForceReader | WallReader, reason: str) -> Answer:
+    """Return the answer to a frame that cannot be judged: withdraw."""
+    return Answer(reader.classes - 1, None, False, reason)
+
+
+def class_answer(reader: ForceReader, cut: NDArray[np.uint8]) -> Answer:
     """Ask the paper's network.
 
     One that met few dents leaving the window takes what is left for a wall without force: the most dangerous frames
     would be read as the least. They are withdrawn from instead.
     """
-    if dent_leaves(seen.cut):
-        return _unusable(reader, "the dent leaves the window of the slice")
-    probabilities = reader.probabilities(seen.cut[np.newaxis])[0]
+    if dent_leaves(cut):
+        return unusable(reader, "the dent leaves the window of the slice")
+    probabilities = reader.probabilities(cut[np.newaxis])[0]
     if not np.isfinite(probabilities).all():
-        return _unusable(reader, "the network's answer is no number", seen.allows_calibration())
+        return unusable(reader, "the network's answer is no number")
+    return Answer(int(probabilities.argmax()), tuple(probabilities.tolist()), True, None)
+
+
+def reading_answer(reader: WallReader, reading: Reading, name: str, leaves: bool) -> Answer:
+    """Return the answer that one method gives.
+
+    Args:
+        reader: the model.
+        reading: of the method.
+        name: of the method.
+        leaves: whether the dent leaves the window.
+    """
+    if not reading.finite:
+        return unusable(reader, f"what the {name} reads is no number")
+    if leaves and not reading.width_n < WIDEST_N:
+        return unusable(
+            reader,
+            "the dent leaves the window of the slice, and its flanks leave the force open by "
+            f"{n_to_mn(reading.width_n):.0f} mN",
+        )
     return Answer(
-        int(probabilities.argmax()),
-        tuple(probabilities.tolist()),
-        True,
-        None,
-        can_calibrate=seen.allows_calibration(),
+        reading.predicted, reading.probabilities, True, None, reading.force_n, reading.interval_n, reading.contact_m
     )
 
 
-def _force_answer(reader: WallReader, seen: Seen, known: Known) -> Answer:
+def _force_answer(reader: WallReader, seen: Look, boundaries: Boundaries, known: Known) -> Answer:
     """Ask the network and the fit; the model's default is the answer, the other one its check."""
     reason = outside_training(known, reader.study.reader)
     if reason:
-        return _unusable(reader, reason, seen.allows_calibration())
-    reason = too_little_wall(seen.boundaries.lateral_m, seen.boundaries.depth_m, reader.study.slice)
+        return replace(unusable(reader, reason), can_calibrate=_can_calibrate(seen, boundaries))
+    reason = too_little_wall(boundaries.lateral_m, boundaries.depth_m[0], reader.study.slice)
     if reason:
-        return _unusable(reader, reason)
+        return unusable(reader, reason)
     prior = prior_of(known, reader.study.reader)
     smoothing_m = reader.study.calibration.surface_smoothing_m
     library = reader.library_at(known.polar_rad)
-    fit = fit_boundaries(library, seen.boundaries.lateral_m, seen.boundaries.depth_m, prior, smoothing_m)
+    fit = fit_boundaries(library, boundaries.lateral_m, boundaries.depth_m, prior, smoothing_m)
     if fit is None:
-        return _unusable(reader, "too little of the wall is seen")
+        return unusable(reader, "too little of the wall is seen")
     reason = no_wall_of_an_eye(fit, prior)
     if reason:
-        return replace(_unusable(reader, reason), fit=fit)
+        return replace(unusable(reader, reason), fit=fit)
     readings = {"network": reader.read(seen.cut, known), "fit": fit_reading(fit, reader.study.classes.bounds_n)}
-    read = Answer(
-        reader.classes - 1, None, False, None, readings=tuple(readings.items()), fit=fit,
-        can_calibrate=seen.allows_calibration(fit.contact_m),
-    )  # fmt: skip
     names = (reader.default, reader.other)
-    answer, check = (readings[name] for name in names)
-    if not answer.finite:
-        return replace(read, reason=f"what the {reader.default} reads is no number")
     leaves = dent_leaves(seen.cut) or fit_leaves(fit, reader.study.slice)
-    if leaves and not answer.width_n < WIDEST_N:
-        return replace(
-            read,
-            reason="the dent leaves the window of the slice, and its flanks leave the force open by "
-            f"{answer.width_n * 1e3:.0f} mN",
-        )
-    warning = disagreement(answer, check, names)
+    answer = reading_answer(reader, readings[reader.default], reader.default, leaves)
+    warning = disagreement(readings[reader.default], readings[reader.other], names) if answer.usable else None
     return replace(
-        read,
-        predicted=answer.predicted,
-        probabilities=answer.probabilities,
-        usable=True,
-        force_n=answer.force_n,
-        interval_n=answer.interval_n,
-        contact_m=answer.contact_m,
+        answer,
         warnings=(warning,) if warning else (),
+        can_calibrate=_can_calibrate(seen, boundaries, fit.contact_m),
+        readings=tuple(readings.items()),
+        fit=fit,
+    )
+
+
+def _can_calibrate(seen: Look, boundaries: Boundaries, contact_m: float = 0.0) -> bool:
+    """Return whether enough of the wall is in view about a contact."""
+    return not dent_leaves(seen.cut) and allows_calibration(
+        seen.segmentation, boundaries.lateral_m, boundaries.depth_m, contact_m
     )

@@ -30,12 +30,12 @@ class ForceDistribution:
     @property
     def median_n(self) -> Floats:
         """Median force (sample,), N."""
-        return quantile(self, 0.5)
+        return quantile(self, 0.5)[:, 0]
 
     @property
     def interval_n(self) -> Floats:
         """Ends of the 90 % interval (sample, 2), N: a twentieth lies on either side of it."""
-        return np.stack([quantile(self, share) for share in INTERVAL], axis=1)
+        return quantile(self, *INTERVAL)
 
 
 def ratio_edges(bins: int, max_force_ratio: float) -> Floats:
@@ -64,14 +64,17 @@ def force_distribution(probabilities: NDArray[np.floating], edges_m2: Floats, mo
     return ForceDistribution(np.asarray(modulus_pa, dtype=np.float64)[:, None] * edges_m2, shares)
 
 
-def quantile(distribution: ForceDistribution, share: float) -> Floats:
-    """Return the force that `share` (between 0 and 1) of each distribution lies below (sample,), N."""
-    edges, shares = distribution.edge_n_sk, distribution.share_sk
-    last = np.clip((shares < share).sum(axis=1), 1, shares.shape[1] - 1)
-    sample = np.arange(len(shares))
-    low, high = shares[sample, last - 1], shares[sample, last]
-    part = (share - low) / np.where(high > low, high - low, 1.0)
-    forces: Floats = edges[sample, last - 1] + part * (edges[sample, last] - edges[sample, last - 1])
+def quantile(distribution: ForceDistribution, *shares: float) -> Floats:
+    """Return the forces that these shares (between 0 and 1) of each distribution lie below (sample, share), N."""
+    edges, below = distribution.edge_n_sk, distribution.share_sk
+    wanted = np.array(shares)
+    last = np.count_nonzero(below[:, None, :] < wanted[:, None], axis=2)
+    last = np.minimum(np.maximum(last, 1), below.shape[1] - 1)
+    sample = np.arange(len(below))[:, None]
+    low, high = below[sample, last - 1], below[sample, last]
+    part = (wanted - low) / np.where(high > low, high - low, 1.0)
+    start = edges[sample, last - 1]
+    forces: Floats = start + part * (edges[sample, last] - start)
     return forces
 
 
@@ -82,6 +85,9 @@ def class_probabilities(distribution: ForceDistribution, bounds_n: tuple[float, 
         distribution: of the force.
         bounds_n: increasing bounds between the classes, N.
     """
-    pairs = zip(distribution.edge_n_sk, distribution.share_sk, strict=True)
-    below = np.array([np.interp(bounds_n, edges, shares) for edges, shares in pairs]).reshape(-1, len(bounds_n))
-    return np.diff(below, axis=1, prepend=0.0, append=1.0)
+    below = np.empty((len(distribution.share_sk), len(bounds_n) + 2))
+    below[:, 0], below[:, -1] = 0.0, 1.0
+    for row, edges, shares in zip(below, distribution.edge_n_sk, distribution.share_sk, strict=True):
+        row[1:-1] = np.interp(bounds_n, edges, shares)
+    probabilities: Floats = below[:, 1:] - below[:, :-1]
+    return probabilities

@@ -1,13 +1,20 @@
 """The reader's network: a slice and what is known of the eye in, a histogram of F/E and the contact's place out."""
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from numpy.typing import NDArray
 
 from scleraforce.errors import ModelError
-from scleraforce.reader.force_distribution import class_probabilities, force_distribution, ratio_edges
+from scleraforce.reader.force_distribution import (
+    INTERVAL,
+    class_probabilities,
+    force_distribution,
+    quantile,
+    ratio_edges,
+)
 from scleraforce.reader.given import GIVEN, Told, given_inputs, told_modulus
 from scleraforce.reader.known import Known
 from scleraforce.reader.readings import Reading
@@ -16,7 +23,8 @@ from scleraforce.study import Study
 __all__ = ["CONTACT", "HISTOGRAM", "INPUTS", "OnnxSliceNetwork", "told_of"]
 
 SLICES, TOLD = INPUTS = ("slices", "given")
-HISTOGRAM, CONTACT = "histogram", "contact_m"
+HISTOGRAM, CONTACT = OUTPUTS = ["histogram", "contact_m"]
+EYES = 16  # of which it is kept what the network is told
 
 
 class OnnxSliceNetwork:
@@ -33,6 +41,7 @@ class OnnxSliceNetwork:
     def __init__(self, session: onnxruntime.InferenceSession, study: Study, place: str) -> None:
         self._session, self._study, self._place = session, study, place
         self._edges_m2 = ratio_edges(study.reader.bins, study.reader.max_force_ratio)
+        self._told = lru_cache(maxsize=EYES)(self._prepared)
         self._check()
 
     @property
@@ -43,18 +52,18 @@ class OnnxSliceNetwork:
 
     def read(self, cut: NDArray[np.uint8], known: Known) -> Reading:
         """Return what the network reads in a slice (row, column) of an eye."""
-        told = told_of(known)
-        inputs = {SLICES: np.ascontiguousarray(cut[np.newaxis]), TOLD: given_inputs(told, self._study.reader)}
-        histogram, contact_m = self._session.run([HISTOGRAM, CONTACT], inputs)
-        modulus_pa, _ = told_modulus(told, self._study.reader)
+        given, modulus_pa = self._told(known)
+        inputs = {SLICES: np.ascontiguousarray(cut[np.newaxis]), TOLD: given}
+        histogram, contact_m = self._session.run(OUTPUTS, inputs)
         forces = force_distribution(histogram, self._edges_m2, modulus_pa)
-        low_n, high_n = forces.interval_n[0].tolist()
-        return Reading(
-            tuple(class_probabilities(forces, self._study.classes.bounds_n)[0].tolist()),
-            float(forces.median_n[0]),
-            (low_n, high_n),
-            float(contact_m[0]),
-        )
+        low_n, median_n, high_n = quantile(forces, INTERVAL[0], 0.5, INTERVAL[1])[0].tolist()
+        classes = class_probabilities(forces, self._study.classes.bounds_n)[0]
+        return Reading(tuple(classes.tolist()), median_n, (low_n, high_n), contact_m.item())
+
+    def _prepared(self, known: Known) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Return the network's second input for an eye, (1, len(GIVEN)), and the modulus that it is told, (1,)."""
+        told = told_of(known)
+        return given_inputs(told, self._study.reader), told_modulus(told, self._study.reader)[0]
 
     def _check(self) -> None:
         rows, columns = self._study.slice.rows, self._study.slice.columns

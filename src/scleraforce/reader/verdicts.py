@@ -34,7 +34,9 @@ def dent_leaves(cut: NDArray[np.uint8]) -> bool:
     >>> dent_leaves(dent), dent_leaves(shadow)
     (True, False)
     """
-    columns = np.flatnonzero(cut.any(axis=0))
+    columns = np.flatnonzero(cut.max(axis=0))
+    if not len(columns) or len(columns) == columns[-1] - columns[0] + 1:
+        return False
     deep: NDArray[np.bool_] = np.any(cut[-(len(cut) // 4) :], axis=0)
     before, after = columns[:-1], columns[1:]
     return bool(np.any((after - before > 1) & deep[before] & deep[after]))
@@ -48,19 +50,18 @@ def fit_leaves(fit: BoundaryFit, slice_study: SliceStudy) -> bool:
 
 
 def too_little_wall(
-    lateral_m: NDArray[np.float64], depth_bc: NDArray[np.float64], slice_study: SliceStudy
+    lateral_m: NDArray[np.float64], outer_m: NDArray[np.float64], slice_study: SliceStudy
 ) -> str | None:
     """Return why too little of a wall is seen to read it, None where enough is.
 
     Args:
-        lateral_m: lateral places of a frame's columns from the middle (column,), m.
-        depth_bc: depth of the boundaries there (2, column), m, NaN where unseen.
+        lateral_m: lateral places of a frame's columns from the middle (column,), m, increasing.
+        outer_m: depth of the surface there (column,), m, NaN where unseen.
         slice_study: the slice that is read otherwise.
     """
     width_m = slice_study.columns * slice_study.pixel_m
-    inside = np.abs(lateral_m) <= width_m / 2
-    seen = lateral_m[inside & np.isfinite(depth_bc[0])]
-    extent_m = float(np.ptp(seen)) if len(seen) else 0.0
+    seen = lateral_m[(np.abs(lateral_m) <= width_m / 2) & np.isfinite(outer_m)]
+    extent_m = float(seen[-1] - seen[0]) if len(seen) else 0.0
     if extent_m >= LEAST_WALL_SHARE * width_m:
         return None
     return f"{extent_m * 1e3:.1f} mm of the wall are seen, not {LEAST_WALL_SHARE * width_m * 1e3:.1f} mm"

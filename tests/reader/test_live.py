@@ -1,0 +1,141 @@
+"""The reading in the control loop: the network's answer, with every verdict that needs no fit."""
+
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+
+import numpy as np
+import pytest
+from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_section
+
+from scleraforce.imaging.segmentation import PixelScale, Segmenter
+from scleraforce.reader import load_classifier
+from scleraforce.reader.answers import answer_frame
+from scleraforce.reader.known import Known
+from scleraforce.reader.live import LiveReader, LiveReading
+from scleraforce.reader.readings import Reading
+from scleraforce.reader.wall_reader import WallReader
+from scleraforce.study import SliceStudy, Study
+
+FIVE_MN = Reading((0.1, 0.8, 0.1), 0.005, (0.004, 0.006), 0.3e-3)
+WIDE = Reading((0.1, 0.5, 0.4), 0.025, (0.020, 0.0261), 0.0)
+
+
+class FixedNetwork:
+    """Reads the same whatever it sees, and keeps what it was shown."""
+
+    provenance: dict[str, str] = {}  # noqa: RUF012 - a stand-in
+
+    def __init__(self, reading: Reading) -> None:
+        self.reading = reading
+        self.shown: list[tuple[np.ndarray, Known]] = []
+
+    def read(self, cut: np.ndarray, known: Known) -> Reading:
+        self.shown.append((cut, known))
+        return self.reading
+
+
+def wall_reader(reading: Reading = FIVE_MN, default: str = "network") -> WallReader:
+    return WallReader(Path("model"), STUDY, {}, FixedNetwork(reading), LIBRARY, default)
+
+
+def live(frame: np.ndarray, model: WallReader | None = None, known: Known = KNOWN) -> LiveReading:
+    return LiveReader(model or wall_reader(), known, 1.0).read(frame, SCALE)
+
+
+@pytest.fixture(scope="module")
+def frame() -> np.ndarray:
+    return image(wall_section(tip_of(0.015)))
+
+
+@pytest.mark.parametrize("default", ["fit", "network"])
+def test_the_answer_is_the_networks_whichever_method_is_the_default(frame: np.ndarray, default: str) -> None:
+    answer = live(frame, wall_reader(default=default)).answer
+    assert (answer.usable, answer.reason, answer.predicted) == (True, None, 1)
+    assert (answer.force_n, answer.interval_n) == (FIVE_MN.force_n, FIVE_MN.interval_n)
+    assert (answer.probabilities, answer.contact_m) == (FIVE_MN.probabilities, FIVE_MN.contact_m)
+
+
+def test_what_both_readers_say_of_a_frame_is_the_same_but_for_the_fit(frame: np.ndarray) -> None:
+    whole = answer_frame(wall_reader(), Segmenter(), frame, SCALE, 1.0, KNOWN)
+    assert live(frame).answer == replace(whole, warnings=(), can_calibrate=False, readings=(), fit=None)
+
+
+def test_the_network_is_shown_the_slice_of_the_frame_and_what_is_known(frame: np.ndarray) -> None:
+    alone, beside_the_fit = wall_reader(), wall_reader()
+    live(frame, alone)
+    answer_frame(beside_the_fit, Segmenter(), frame, SCALE, 1.0, KNOWN)
+    (cut, known), (expected, _) = alone._network.shown[-1], beside_the_fit._network.shown[-1]
+    np.testing.assert_array_equal(cut, expected)
+    assert known == KNOWN
+
+
+def test_the_outline_is_that_of_the_segmentation(frame: np.ndarray) -> None:
+    found, reading = Segmenter().segment(frame, SCALE), live(frame)
+    np.testing.assert_array_equal(reading.outer_row, found.outer_row)
+    np.testing.assert_array_equal(reading.inner_row, found.inner_row)
+
+
+def test_a_frame_without_a_wall_is_not_usable_and_has_no_outline() -> None:
+    reading = live(np.full((512, 512), 700, dtype=np.uint16))
+    assert (reading.answer.usable, reading.answer.predicted) == (False, 2)
+    assert "empty" in reading.answer.reason
+    assert np.isnan(reading.outer_row).all()
+    assert np.isnan(reading.inner_row).all()
+
+
+def test_an_eye_outside_the_training_is_withdrawn_from(frame: np.ndarray) -> None:
+    answer = live(frame, known=replace(KNOWN, thickness_m=1.1e-3)).answer
+    assert (answer.usable, answer.predicted, answer.force_n) == (False, 2, None)
+    assert "the model was trained on" in answer.reason
+
+
+def test_a_few_millimetres_of_wall_are_withdrawn_from() -> None:
+    narrow = image(wall_section(tip_of(0.01)), scanner=replace(STUDY.oct, width_m=5e-3))
+    answer = LiveReader(wall_reader(), KNOWN, 1.0).read(narrow, PixelScale(5e-3 / 512, SCALE.depth_m)).answer
+    assert (answer.usable, answer.predicted) == (False, 2)
+    assert "of the wall are seen" in answer.reason
+
+
+def test_a_dent_that_leaves_the_window_is_read_only_where_the_interval_is_narrow() -> None:
+    deep = image(wall_section(4.2e-3, surface_m=0.4e-3))
+    answer = live(deep, wall_reader(WIDE)).answer
+    assert (answer.usable, answer.predicted, answer.force_n) == (False, 2, None)
+    assert "leaves the window" in answer.reason
+    assert live(deep, wall_reader(FIVE_MN)).answer.usable
+    assert live(image(wall_section(tip_of(0.015))), wall_reader(WIDE)).answer.usable
+
+
+@pytest.mark.parametrize("broken", [{"force_n": nan}, {"probabilities": (nan,) * 3}, {"interval_n": (0.004, np.inf)}])
+def test_a_reading_that_is_no_number_never_passes(frame: np.ndarray, broken: dict[str, object]) -> None:
+    answer = live(frame, wall_reader(replace(FIVE_MN, **broken))).answer
+    assert (answer.usable, answer.predicted, answer.probabilities, answer.force_n) == (False, 2, None, None)
+    assert "no number" in answer.reason
+
+
+def test_a_refractive_index_makes_the_wall_thinner(frame: np.ndarray) -> None:
+    thick, thin = wall_reader(), wall_reader()
+    LiveReader(thick, KNOWN, 1.0).read(frame, SCALE)
+    LiveReader(thin, KNOWN, 1.4).read(frame, SCALE)
+    pixels = [np.count_nonzero(model._network.shown[-1][0]) for model in (thick, thin)]
+    assert pixels[1] / pixels[0] == pytest.approx(1 / 1.4, rel=0.03)
+
+
+@pytest.fixture(scope="module")
+def classifier(write_model, tmp_path_factory: pytest.TempPathFactory):
+    path = tmp_path_factory.mktemp("live") / "model"
+    write_model(path, replace(Study(), slice=SliceStudy()))
+    return load_classifier(path)
+
+
+def test_a_classifier_answers_as_it_does_elsewhere(frame: np.ndarray, classifier) -> None:
+    answer = LiveReader(classifier, Known(), 1.0).read(frame, SCALE).answer
+    whole = answer_frame(classifier, Segmenter(), frame, SCALE, 1.0)
+    assert answer == replace(whole, can_calibrate=False)
+    assert (answer.usable, answer.force_n) == (True, None)
+
+
+def test_a_classifier_withdraws_from_a_dent_that_leaves_the_window(classifier) -> None:
+    answer = LiveReader(classifier, Known(), 1.0).read(image(wall_section(4.2e-3, surface_m=0.4e-3)), SCALE).answer
+    assert (answer.usable, answer.predicted, answer.probabilities) == (False, 2, None)
+    assert "leaves the window" in answer.reason
