@@ -11,7 +11,8 @@
     │   ├── CalibrationError     a calibration file, or recordings that cannot be calibrated on
     │   ├── ModelError           a model folder
     │   └── ProtocolError        a peer's bytes, or what cannot be said to it (OpenIGTLink)
-    └── SolverError              a numerical method failed: exit code 1
+    ├── SolverError              a numerical method failed: exit code 1
+    └── LinkError                a connection was lost, or its other end is not what was expected: exit code 1
 
 A message is one line: where (file and field), what was found, what would do.
 """
@@ -21,6 +22,7 @@ __all__ = [
     "DatasetError",
     "FrameError",
     "InputError",
+    "LinkError",
     "ModelError",
     "ProtocolError",
     "RecordingError",
@@ -68,3 +70,7 @@ class ProtocolError(InputError):
 
 class SolverError(ScleraforceError):
     """A numerical method failed on valid input."""
+
+
+class LinkError(ScleraforceError):
+    """A connection that stood was lost, or its other end does not do what it has to."""

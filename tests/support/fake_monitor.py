@@ -1,4 +1,4 @@
-"""A monitor for tests of its clients: it answers every image, and does what a test tells it to; a thread for each peer."""
+"""A monitor for tests of its clients: answers every image and does what a test tells it to; a thread for each peer."""
 
 import json
 import socket

@@ -28,6 +28,7 @@ COMMANDS = {
     "evaluate": "Compare a model's answers with recordings.",
     "monitor": "Tell a robot, from live B-scans, when to withdraw.",
     "monitor-reset": "The operator's reset after a withdrawal.",
+    "replay": "Play a recording to a monitor, as a scanner does.",
     "reproduce": "The whole pipeline, to an HTML report.",
 }
 

@@ -1,0 +1,293 @@
+"""`scleraforce replay`: play a recording to a monitor, and say what came back."""
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from scleraforce.cli.output import print_json
+from scleraforce.errors import InputError, LinkError
+
+if TYPE_CHECKING:
+    from scleraforce.recording.files import Recording
+    from scleraforce.recording.tables import FrameEntry
+    from scleraforce.service.answer_log import AnswerLog, Change
+    from scleraforce.service.faults import FaultReport
+    from scleraforce.service.replay import Player
+
+__all__ = ["replay"]
+
+LIVE_S = 0.1  # between two renewals of the live line
+MN_PER_N, MS_PER_S = 1e3, 1e3
+
+
+def list_faults(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:  # noqa: ARG001
+    """Print the faults and leave, for `--fault list`."""
+    from scleraforce.service.faults import FAULTS
+
+    if value == "list":
+        for name, fault in FAULTS.items():
+            click.echo(f"{name:14}{fault.line}")
+        context.exit()
+    if value is not None and value not in FAULTS:
+        raise click.BadParameter(f"{value!r}; one of these would do: {', '.join(FAULTS)}")
+    return value
+
+
+@click.command()
+@click.argument("recording_path", metavar="RECORDING", type=click.Path(path_type=Path))
+@click.option("--host", default="127.0.0.1", show_default=True, help="Of the monitor.")
+@click.option("--port", type=click.IntRange(1, 65535), default=18944, show_default=True, help="Of the monitor.")
+@click.option("--speed", type=click.FloatRange(0.01, 10_000), help="Recorded seconds in a second; 1 by default.")
+@click.option("--step", is_flag=True, help="Enter sends the next frame, and its answer is printed.")
+@click.option("--version", "header_version", type=click.IntRange(1, 3), default=2, show_default=True,
+              help="Of the OpenIGTLink headers; 1 carries no frame number.")  # fmt: skip
+@click.option("--fault", metavar="NAME", callback=list_faults, is_eager=True,
+              help="Inject a fault of the scanner after contact; `list` names them.")  # fmt: skip
+@click.option("--fault-at-s", type=float, help="When, on the recording's clock; drawn from --seed by default.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the fault.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def replay(
+    recording_path: Path,
+    host: str,
+    port: int,
+    speed: float | None,
+    step: bool,
+    header_version: int,
+    fault: str | None,
+    fault_at_s: float | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Play a recording to a monitor, as a scanner does.
+
+    Frames go out at their times, over OpenIGTLink; forces.csv goes along as
+    SENSOR RobotForce. Each change of what the monitor says is printed, and a
+    summary at the end. With --fault, exit code 1 says that the monitor did not
+    make the robot withdraw.
+
+    Example: scleraforce replay moving-eye --fault frozen
+    """
+    from scleraforce.recording.files import read_recording
+    from scleraforce.service.answer_log import AnswerLog
+    from scleraforce.service.replay import Player
+    from scleraforce.service.scanner_client import ScannerClient
+
+    if step and (fault or speed):
+        raise click.UsageError("--step goes with neither --speed nor --fault")
+    if fault_at_s is not None and not fault:
+        raise click.UsageError("--fault-at-s: of which --fault?")
+    recording = read_recording(recording_path)
+    forces_n = true_frame_forces(recording)
+    log = AnswerLog()
+    show = Show(recording, log, forces_n, quiet=as_json)
+    prepared = prepare_fault(recording, forces_n, fault, fault_at_s, seed, header_version, speed or 1.0)
+    client = ScannerClient(host, port, log.hear, observed=fault is not None)
+    player = Player(recording, client, log, speed=speed or 1.0, version=header_version, watch=show.renew)
+    report: FaultReport | None = None
+    try:
+        if step:
+            player.step(show.wait_for_enter)
+        elif prepared is None:
+            player.play()
+        else:
+            from scleraforce.service.faults import inject
+
+            player.play(prepared.time_s)
+            report = inject(player, prepared)
+    finally:
+        client.close()
+        show.end(player, report, as_json)
+    if report is not None and report.delay_s is None:
+        raise LinkError(f"{client.address}: no withdrawal after the fault {fault}")
+
+
+def true_frame_forces(recording: "Recording") -> Sequence[float] | None:
+    """Return the true force at each frame, N; None where no truth.json tells it."""
+    from scleraforce.recording.phantom import true_forces
+
+    if not (recording.path / "truth.json").exists():
+        return None
+    true = true_forces(recording.path)
+    return [true[entry.file] for entry in recording.frames] if {e.file for e in recording.frames} <= set(true) else None
+
+
+def logged_frame_forces(recording: "Recording") -> Sequence[float] | None:
+    """Return the force at each frame by the force log, N; None without one."""
+    from scleraforce.recording.labels import label_frames
+    from scleraforce.study import ClassesStudy
+
+    trials = label_frames(recording, ClassesStudy())
+    forces_n = [trial.measured_force_n for trial in trials if trial.measured_force_n is not None]
+    return forces_n or None
+
+
+def prepare_fault(
+    recording: "Recording",
+    forces_n: Sequence[float] | None,
+    name: str | None,
+    at_s: float | None,
+    seed: int,
+    version: int,
+    speed: float,
+) -> Any:
+    """Return what `--fault` asks for, ready; None without it."""
+    import numpy as np
+
+    from scleraforce.service.fault_acts import prepare
+    from scleraforce.service.faults import draw_fault_time
+
+    if name is None:
+        return None
+    rng = np.random.default_rng(seed)
+    forces_n = logged_frame_forces(recording) if forces_n is None else forces_n
+    if at_s is None and forces_n is None:
+        raise InputError(f"{recording.path}: --fault: no forces tell when contact is; give --fault-at-s")
+    at_s = draw_fault_time(recording, forces_n or (), rng) if at_s is None else at_s
+    return prepare(name, recording, at_s, rng, version=version, speed=speed, forces_n=forces_n)
+
+
+class Show:
+    """What is printed while a recording plays, and at its end.
+
+    Args:
+        recording: what is played.
+        log: what the monitor has said.
+        forces_n: the force at each frame, where it is known.
+        quiet: print nothing but the JSON object.
+    """
+
+    def __init__(self, recording: "Recording", log: "AnswerLog", forces_n: Sequence[float] | None, quiet: bool) -> None:
+        self._recording, self._log, self._forces_n, self._quiet = recording, log, forces_n, quiet
+        self._shown = 0
+        self._begun_s = self._renewed_s = monotonic()
+        self._live = not quiet and sys.stderr.isatty()
+
+    def renew(self) -> None:
+        """Print changes that are new, and the live line on a terminal."""
+        if self._quiet:
+            return
+        for change in self._log.changes[self._shown :]:
+            self._shown += 1
+            self._clear()
+            click.echo(self._change_line(change))
+        if self._live and monotonic() - self._renewed_s > LIVE_S:
+            self._renewed_s = monotonic()
+            click.echo(f"\r\x1b[K{self._answer_line()}", err=True, nl=False)
+
+    def wait_for_enter(self, entry: "FrameEntry") -> bool:
+        """Print the last answer and wait for Enter; False at the end of the input."""
+        if self._log.frames_sent and not self._quiet:
+            click.echo(self._answer_line())
+        click.echo(f"Enter sends {entry.file} ", err=True, nl=False)
+        return bool(sys.stdin.readline())
+
+    def end(self, player: "Player", report: "FaultReport | None", as_json: bool) -> None:
+        """Print the summary."""
+        result = self._summary(player, report)
+        if as_json:
+            print_json(result)
+            return
+        self.renew()
+        self._clear()
+        for line in summary_lines(result):
+            click.echo(line)
+
+    def _clear(self) -> None:
+        if self._live:
+            click.echo("\r\x1b[K", err=True, nl=False)
+
+    def _answer_line(self) -> str:
+        reading, status = self._log.reading, self._log.status
+        if status is None:
+            return "the monitor has not said anything yet"
+        words = [f"frame {self._log.answered}", str(reading.get("state") or f"code {status.code}")]
+        words += [f"class {reading['class']}"] if reading.get("class") is not None else []
+        words += [f"{reading['force_mn']:.1f} mN"] if isinstance(reading.get("force_mn"), float) else []
+        words += [f"{self._log.latencies_s[-1] * MS_PER_S:.2f} ms"] if self._log.latencies_s else []
+        return ", ".join([*words, status.message])
+
+    def _change_line(self, change: "Change") -> str:
+        frame = "before the first frame" if change.frame is None else f"frame {change.frame}"
+        code = f"code {change.code}" + (f".{change.sub_code} {change.cause or ''}".rstrip() if change.sub_code else "")
+        return f"{change.at_s - self._begun_s:9.3f} s  {frame}  {code}  {change.message}"
+
+    def _summary(self, player: "Player", report: "FaultReport | None") -> dict[str, Any]:
+        import numpy as np
+
+        log = self._log
+        latencies_ms = np.array(log.latencies_s) * MS_PER_S
+        withdrawal = log.first_doubt(0.0, (3,))
+        return {
+            "recording": str(self._recording.path),
+            "monitor": player.client.address,
+            "duration_s": monotonic() - self._begun_s,
+            "frames_sent": log.frames_sent,
+            "frames_answered": len(latencies_ms),
+            "frames_lost": log.reading.get("lost"),
+            "forces_sent": player.forces_sent,
+            "latest_ms": player.latest_s * MS_PER_S,
+            "latency_ms": {
+                "median": float(np.median(latencies_ms)),
+                "p99": float(np.percentile(latencies_ms, 99)),
+                "max": float(latencies_ms.max()),
+            }
+            if len(latencies_ms)
+            else None,
+            "longest_silence_ms": log.longest_silence_s * MS_PER_S,
+            "changes": [self._change_record(change) for change in log.changes],
+            "withdrawal": None if withdrawal is None else self._change_record(withdrawal),
+            "fault": None if report is None else self._fault_record(report),
+        }
+
+    def _change_record(self, change: "Change") -> dict[str, Any]:
+        known = change.frame is not None and 0 < change.frame <= len(self._recording.frames)
+        index = (change.frame or 1) - 1
+        return {
+            "at_s": change.at_s - self._begun_s,
+            "code": change.code,
+            "sub_code": change.sub_code,
+            "cause": change.cause,
+            "message": change.message,
+            "frame": change.frame,
+            "file": self._recording.frames[index].file if known else None,
+            "answers_frame": change.answers,
+            "after_ms": None if change.after_s is None else change.after_s * MS_PER_S,
+            "true_force_mn": self._forces_n[index] * MN_PER_N if known and self._forces_n is not None else None,
+        }
+
+    def _fault_record(self, report: "FaultReport") -> dict[str, Any]:
+        return {
+            "name": report.name,
+            "at_s": report.began_s - self._begun_s,
+            "withdraws": report.delay_s is not None,
+            "delay_ms": None if report.delay_s is None else report.delay_s * MS_PER_S,
+            "code": report.code,
+            "cause": report.cause,
+            "cause_is_of_the_fault": report.expected,
+            "message": report.message,
+        }
+
+
+def summary_lines(result: Mapping[str, Any]) -> list[str]:
+    """Return a summary as lines of text."""
+    lost = f", {result['frames_lost']} lost" if result["frames_lost"] else ""
+    lines = [f"{result['frames_sent']} frames sent, {result['frames_answered']} answered{lost}; "
+             f"{result['forces_sent']} forces sent; at most {result['latest_ms']:.1f} ms late"]  # fmt: skip
+    if result["latency_ms"] is not None:
+        lines += ["latency {median:.2f} ms in the median, {p99:.2f} ms at 99 %, {max:.2f} ms at most".format(
+            **result["latency_ms"])]  # fmt: skip
+    if (found := result["withdrawal"]) is None:
+        lines += ["no withdrawal"]
+    else:
+        force = "" if found["true_force_mn"] is None else f"; force {found['true_force_mn']:.1f} mN"
+        after = "" if found["after_ms"] is None else f", {found['after_ms']:.2f} ms after it was sent"
+        lines += [f"withdrawal at frame {found['frame']} ({found['file']}){after}: {found['cause']}: "
+                  f"{found['message']}{force}"]  # fmt: skip
+    if (fault := result["fault"]) is not None:
+        said = f"the robot withdraws {fault['delay_ms']:.1f} ms later" if fault["withdraws"] else "the robot goes on"
+        lines += [f"fault {fault['name']} at {fault['at_s']:.3f} s: {said}: {fault['cause'] or fault['message']}"]
+    return lines
