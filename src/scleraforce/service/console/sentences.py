@@ -40,4 +40,6 @@ def detail_of(message: str, state: str) -> str:
     ''
     """
     reason = message.removeprefix(state).removeprefix(": ")
-    return READING.sub("", f"; {reason}").removeprefix("; ")
+    if state == "WATCHING":  # there need not be a reason
+        reason = f"; {reason}"
+    return READING.sub("", reason).removeprefix("; ")

@@ -27,7 +27,8 @@ def serve(channel: Channel, settings: ConsoleSettings) -> int:
     try:
         listener = socket.create_server((settings.host, settings.port), family=family)
     except OSError as fault:
-        detail = f"console: {settings.host}:{settings.port}: {fault.strerror or fault}; another --web-port would do"
+        why = str(fault.strerror).partition(" (while")[0]
+        detail = f"console: {settings.host}:{settings.port}: {why}; another --web-port would do"
         channel.send({"kind": "fault", "detail": detail})
         return 1
     asyncio.run(_serve(channel, settings, listener))
@@ -38,7 +39,7 @@ async def _serve(channel: Channel, settings: ConsoleSettings, listener: socket.s
     loop = asyncio.get_running_loop()
 
     def end() -> None:
-        loop.call_later(LAST_WORDS_S, setattr, server, "should_exit", True)
+        loop.call_later(LAST_WORDS_S if hub.pages else 0.0, setattr, server, "should_exit", True)
 
     hub = Hub(channel, Pictures(FrameRing(*settings.ring)), end)
     server = uvicorn.Server(

@@ -1,0 +1,101 @@
+"""A monitor as its console sees it: the other end of the channel, and a ring of frames."""
+
+import select
+import socket
+from collections.abc import Mapping
+from time import monotonic, time
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.monitor import MonitorLimits
+from scleraforce.service.child import Child
+from scleraforce.service.console import console_settings
+from scleraforce.service.entry import Entry
+from scleraforce.service.frame_ring import FrameRing
+
+__all__ = ["ConsoleMonitor", "free_port", "reading"]
+
+CODES = {"NOT_READY": 13, "WATCHING": 1, "WITHDRAW": 3}
+CLIENTS = [{"address": "127.0.0.1:50112", "role": "scanner"}, {"address": "127.0.0.1:50114", "role": "listener"}]
+
+
+def free_port() -> int:
+    """A port that nobody listens on now."""
+    with socket.create_server(("127.0.0.1", 0)) as found:
+        return int(found.getsockname()[1])
+
+
+def reading(force_mn: float, width_mn: float = 2.0) -> dict[str, Any]:
+    """What an entry says of a frame that was read."""
+    predicted = int(force_mn > 5) + int(force_mn > 30)
+    shares = [0.02, 0.02, 0.02]
+    shares[predicted] = 0.96
+    interval = (force_mn - width_mn, force_mn + width_mn)
+    return {
+        "predicted": predicted, "probabilities": tuple(shares), "force_mn": force_mn, "interval_mn": interval,
+        "usable": True, "latency_ms": 1.1,
+    }  # fmt: skip
+
+
+class ConsoleMonitor:
+    """Starts a console and talks to it; `with` ends it."""
+
+    def __init__(self, port: int = 0, rows: int = 64, columns: int = 96, **limits: Any) -> None:
+        self.ring = FrameRing.create(64, rows, columns)
+        settings = console_settings(
+            host="127.0.0.1", port=port, ring=self.ring, lateral_m=15e-3 / columns, depth_m=4e-3 / rows,
+            limits=MonitorLimits(**limits), class_bounds_n=(5e-3, 30e-3), model="reader", eye="eye-a",
+        )  # fmt: skip
+        self.child = Child("scleraforce.service.console", settings, [self.ring.descriptor])
+        self.entries = self.frames = 0
+        try:
+            self.port = int(self.hear("listening")["port"])
+        except AssertionError:
+            self.child.end()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.child.end()
+
+    @property
+    def address(self) -> str:
+        """Where the page is."""
+        return f"http://127.0.0.1:{self.port}/"
+
+    def hear(self, kind: str, within_s: float = 20.0) -> dict[str, Any]:
+        """Wait for a message of the console."""
+        if not select.select([self.child.channel], [], [], within_s)[0]:
+            raise AssertionError(f"the console said nothing, {kind} was awaited; exit code {self.child.exit_code}")
+        (message,) = self.child.channel.receive(1)
+        assert message["kind"] == kind, message
+        return message
+
+    def tell(self, message: Mapping[str, Any]) -> None:
+        """Send a message."""
+        assert self.child.channel.send(message)
+
+    def entry(self, state: str, message: str = "", cause: str | None = None, **said: Any) -> None:
+        """Tell a decision."""
+        self.entries += 1
+        entry = Entry(
+            number=self.entries, time_s=time(), at_s=monotonic(), event="frame" if "frame" in said else "tick",
+            state=state, code=CODES[state], sub_code=0, cause=cause,
+            message=f"{state}: {message}" if message else state, **said,
+        )  # fmt: skip
+        assert self.child.channel.send_text(f'{{"kind": "entry", "entry": {entry.text}}}')
+
+    def frame(self, pixels: NDArray[np.uint16], state: str = "WATCHING", message: str = "", **said: Any) -> int:
+        """Put a frame into the ring and tell the decision on it; return its number."""
+        self.frames += 1
+        self.ring.put(self.frames, pixels)
+        self.entry(state, message, frame=self.frames, frame_id=self.frames, **said)
+        return self.frames
+
+    def rates(self, **changed: Any) -> None:
+        """Tell the rates."""
+        self.tell({"kind": "rates", "frames_per_second": 100.0, "lost": 0, "clients": CLIENTS} | changed)
