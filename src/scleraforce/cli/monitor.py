@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from scleraforce.reader.known import Known
     from scleraforce.service.monitor_service import Address, MonitorSettings
     from scleraforce.service.server import Server
+    from scleraforce.study import Study
 
 __all__ = ["monitor"]
 
@@ -46,9 +47,9 @@ PORT = click.IntRange(0, 65535)
 @click.option("--refractive-index", type=click.FloatRange(1.0, 2.0), help="Likewise (1: corrected already).")
 @click.option("--withdraw-class", type=click.IntRange(1), help="Withdraw from this class on; by default the highest.")
 @click.option("--bound-mn", type=click.FloatRange(0.0, min_open=True),
-              help="Withdraw where the force's interval reaches this; by default the highest class's bound.")  # fmt: skip
+              help="Withdraw where the force's interval reaches this; by default the highest class's.")  # fmt: skip
 @click.option("--adaptive-bound", is_flag=True,
-              help="Withdraw at the force that stresses this eye's wall as the bound stresses the study's.")  # fmt: skip
+              help="Withdraw at the force that stretches this eye's wall as the bound does the study's.")  # fmt: skip
 @click.option("--unusable-frames", type=click.IntRange(1), default=1, show_default=True,
               help="Withdraw after so many in a row that cannot be judged, once there was contact.")  # fmt: skip
 @click.option("--reaction-ms", type=click.FloatRange(0.0, min_open=True), default=50.0, show_default=True,
@@ -86,10 +87,12 @@ def monitor(
     from scleraforce.service.monitor_service import Address, MonitorSettings, monitor_service
 
     reader = load_model(model)
+    known = _known(calibration, eye, options)
+    _refuse_untrained(reader, known)
     settings = MonitorSettings(
         eye=eye or "eye-1",
-        known=_known(calibration, eye, options),
-        limits=_limits(reader, options),
+        known=known,
+        limits=_limits(reader, known, options),
         refractive_index=options["refractive_index"] or reader.study.oct.refractive_index,
         address=Address(host, port),
         console=None if web_port is None else Address(web_host, web_port),
@@ -97,7 +100,6 @@ def monitor(
         record=_new(record),
         token=secrets.token_hex(4),
     )
-    _refuse_untrained(reader, settings.known)
     with monitor_service(model, reader, settings, _say) as (server, address):
         _greet(reader, settings, address)
         interrupted = _run(server)
@@ -120,27 +122,43 @@ def _known(calibration: Path | None, eye: str | None, options: dict[str, Any]) -
     if told["youngs_modulus_mpa"] is not None:
         raise InputError("--youngs-modulus-mpa: --calibration gives the modulus already; leave out one of them")
     if eye is None:
-        raise InputError(f"--eye: missing; say which eye of {calibration} it is (another gets the population's modulus)")
+        raise InputError(
+            f"--eye: missing; say which eye of {calibration} it is (another gets the population's modulus)"
+        )
     return known_of_eye(known, read_calibration(calibration), eye)
 
 
-def _limits(reader: "ForceReader | WallReader", options: dict[str, Any]) -> "MonitorLimits":
+def _limits(reader: "ForceReader | WallReader", known: "Known", options: dict[str, Any]) -> "MonitorLimits":
     from scleraforce.monitor import MonitorLimits
 
     study = reader.study
     columns, rows = options["columns"] or study.oct.columns, options["rows"] or study.oct.rows
     width_m = study.oct.width_m if options["width_mm"] is None else options["width_mm"] / 1e3
     depth_m = study.oct.depth_m if options["depth_mm"] is None else options["depth_mm"] / 1e3
-    bound_mn = options["bound_mn"]
     return MonitorLimits(
         withdraw_class=options["withdraw_class"] or reader.classes - 1,
-        bound_n=study.classes.bounds_n[-1] if bound_mn is None else bound_mn / 1e3,
+        bound_n=_bound_n(study, known, options["bound_mn"], options["adaptive_bound"]),
         unusable_frames=options["unusable_frames"],
         reaction_s=options["reaction_ms"] / 1e3,
         size=(rows, columns),
         scale_m=(width_m / columns, depth_m / rows),
         reads_force=reader.kind == "reader",
         expects_opinion=options["second_opinion"] and reader.kind == "reader",
+    )
+
+
+def _bound_n(study: "Study", known: "Known", bound_mn: float | None, adaptive: bool) -> float:
+    """Return the bound of the force: as given, as it adapts to this eye's wall, or the study's."""
+    if not adaptive:
+        return study.classes.bounds_n[-1] if bound_mn is None else bound_mn / 1e3
+    from scleraforce.mechanics.wall_stress import adaptive_bound_n
+
+    if bound_mn is not None:
+        raise InputError("--bound-mn: --adaptive-bound starts from the study's bound; leave out one of them")
+    if known.modulus is None or known.thickness_m is None or known.iop_pa is None:
+        raise InputError("--adaptive-bound: needs the eye's modulus, thickness and IOP; tell them, or leave it out")
+    return adaptive_bound_n(
+        study, thickness_m=known.thickness_m, youngs_modulus_pa=known.modulus.mean_pa, iop_pa=known.iop_pa
     )
 
 

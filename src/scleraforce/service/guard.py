@@ -79,12 +79,12 @@ class Guard:
     def end(self) -> None:
         """Let it end, before the monitor does."""
         self._send(b"Q")
-        self._channel.close()
         try:
             self._process.wait(5.0)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        self._channel.close()  # not before: closing it with answers unread would take the message away
 
     def _send(self, data: bytes, descriptor: int | None = None) -> None:
         try:

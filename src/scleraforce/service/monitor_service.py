@@ -5,7 +5,6 @@ import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from math import ceil
 from pathlib import Path
 
 import cv2
@@ -16,20 +15,23 @@ from scleraforce.monitor import MonitorLimits
 from scleraforce.reader import ForceReader, WallReader
 from scleraforce.reader.known import Known
 from scleraforce.reader.live import LiveReader
-from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
+from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.service.black_box import black_box_settings
 from scleraforce.service.child import Child
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
+from scleraforce.service.console.settings import console_settings
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.guard import Guard
+from scleraforce.service.priority import MONITOR_PRIORITY, run_in_real_time
 from scleraforce.service.second_opinion import opinion_settings
 from scleraforce.service.server import Server, ServerSettings
 from scleraforce.service.session import Session
+from scleraforce.study import Study
 
 __all__ = ["Address", "MonitorSettings", "monitor_service"]
 
 KEPT_S = 10.0
-FRAME_RATE_HZ = 100.0  # for which the ring has room
+RING_FRAMES = 1200  # at 100 a second two seconds more than are kept, for those who copy them
 BACKLOG = 256
 
 
@@ -91,13 +93,15 @@ def monitor_service(
     with ExitStack() as stack:
         listener = stack.enter_context(_listen(settings.address))
         live = LiveReader(reader, settings.known, settings.refractive_index)
-        ring = FrameRing.create(ceil(KEPT_S * FRAME_RATE_HZ), rows, columns)
-        children = {BLACK_BOX: _start_black_box(settings, reader, scale, ring)}
+        ring = FrameRing.create(RING_FRAMES, rows, columns)
+        info = _recording_info(settings, reader.study, scale)
+        kept = black_box_settings(settings.black_box, ring, info, settings.record, KEPT_S)
+        children = {BLACK_BOX: Child("scleraforce.service.black_box", kept, [ring.descriptor])}
         if settings.limits.expects_opinion:
             opinion = opinion_settings(model, settings.known, scale, settings.refractive_index, ring)
             children[OPINION] = Child("scleraforce.service.second_opinion", opinion, [ring.descriptor])
         if settings.console:
-            children[CONSOLE] = _start_console(settings, reader, scale, ring)
+            children[CONSOLE] = _console_child(settings, settings.console, reader, scale, ring)
         companions = Companions(children)
         stack.callback(companions.end)
         session = Session(live.read, settings.limits)
@@ -105,6 +109,8 @@ def monitor_service(
         gc.freeze()  # the model stays: the collector need not look at it again and again
         guard = Guard()
         stack.callback(guard.end)
+        if not run_in_real_time(MONITOR_PRIORITY):
+            note("no real-time priority: other programs can delay the answers (docs/monitor.md)")
         server = Server(session, listener, ServerSettings(settings.token), ring, guard, companions, note)
         stack.callback(server.close)
         yield server, Address(*listener.getsockname()[:2])
@@ -119,13 +125,25 @@ def _listen(address: Address) -> socket.socket:
         ) from fault
 
 
-def _start_black_box(
-    settings: MonitorSettings, reader: ForceReader | WallReader, scale: PixelScale, ring: FrameRing
-) -> Child:
-    raise NotImplementedError
+def _recording_info(settings: MonitorSettings, study: Study, scale: PixelScale) -> RecordingInfo:
+    """Return what a recording of the session states."""
+    (rows, columns), known = settings.limits.size or (0, 0), settings.known
+    gap_m = study.needle.gap_m if known.gap_m is None else known.gap_m
+    return RecordingInfo(
+        EyeInfo(settings.eye, known.thickness_m, known.iop_pa),
+        OctInfo(
+            columns, rows, study.oct.bits, columns * scale.lateral_m, rows * scale.depth_m,
+            refractive_index=settings.refractive_index,
+        ),
+        NeedleInfo(nearest_gauge(study.needle.outer_diameter_m), gap_m, known.polar_rad),
+    )  # fmt: skip
 
 
-def _start_console(
-    settings: MonitorSettings, reader: ForceReader | WallReader, scale: PixelScale, ring: FrameRing
+def _console_child(
+    settings: MonitorSettings, address: Address, reader: ForceReader | WallReader, scale: PixelScale, ring: FrameRing
 ) -> Child:
-    raise NotImplementedError
+    told = console_settings(
+        host=address.host, port=address.port, ring=ring, lateral_m=scale.lateral_m, depth_m=scale.depth_m,
+        limits=settings.limits, class_bounds_n=reader.study.classes.bounds_n, model=reader.path.name, eye=settings.eye,
+    )  # fmt: skip
+    return Child("scleraforce.service.console", told, [ring.descriptor])

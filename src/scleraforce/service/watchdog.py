@@ -19,6 +19,8 @@ import sys
 import time
 from contextlib import suppress
 
+from scleraforce.service.priority import WATCHDOG_PRIORITY, run_in_real_time
+
 __all__ = ["ALIVE", "LOOK_S", "MISSES", "Watchdog", "main"]
 
 LOOK_S = 0.02
@@ -66,7 +68,7 @@ class Watchdog:
     def _take(self, data: bytes, sockets: list[int]) -> None:
         kind, words = data[:1], data[1:].split(b" ", 1)
         if kind == b"B":
-            with suppress(BlockingIOError):
+            with suppress(BlockingIOError, BrokenPipeError):  # it may have died since: the next look tells
                 self._monitor.send(ALIVE)
         elif kind == b"M":
             self._messages[int(words[0])] = bytearray(words[1])
@@ -127,6 +129,7 @@ class Watchdog:
 def main() -> None:
     """Run as a process: arguments are the descriptor of the channel and the monitor's process id."""
     channel, pid = int(sys.argv[1]), int(sys.argv[2])
+    run_in_real_time(WATCHDOG_PRIORITY)
     watchdog = Watchdog(socket.socket(fileno=channel), pid)
     if not watchdog.watch():
         watchdog.alarm()

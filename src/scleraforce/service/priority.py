@@ -1,0 +1,19 @@
+"""Real-time priority for the processes that a robot waits for, where the system allows it (Linux)."""
+
+import os
+
+__all__ = ["MONITOR_PRIORITY", "WATCHDOG_PRIORITY", "run_in_real_time"]
+
+MONITOR_PRIORITY, WATCHDOG_PRIORITY = 10, 20  # a monitor in a tight loop must not keep its watchdog from running
+
+
+def run_in_real_time(priority: int) -> bool:
+    """Let this process go before all normal ones (SCHED_FIFO), but none that it starts; return whether it may.
+
+    Root may, and users with a limit `rtprio` (man 5 limits.conf).
+    """
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+    except OSError:
+        return False
+    return True
