@@ -11,13 +11,15 @@ from scleraforce.imaging.segmentation_grid import Float
 
 __all__ = ["best_path"]
 
+MARGIN = 1  # columns that are searched on each side of steps that are too large
+
 
 def best_path(score_cr: Float, reach: int) -> NDArray[np.intp]:
     """Return the rows of the path with the largest sum of scores whose steps are at most `reach` rows.
 
-    Both directions are run at once (rows of one array); their sum is, for each column and row, the best score of all
-    paths through there (max-marginals of a Markov chain: Bishop, Pattern Recognition and Machine Learning, sec. 8.4.5),
-    so the path needs no backtracking. OpenCV's dilation is the maximum over a window.
+    Mostly the best rows of the columns make such a path already. Where they do not, the part from the first step that
+    is too large to the last one is searched; if its ends fit to the rest, no path can be better, as each part is at its
+    largest sum. If they do not, all of it is searched.
 
     Args:
         score_cr: scores, shape (column, row). Give each row its own small bonus: the path is unique only if no two
@@ -29,6 +31,27 @@ def best_path(score_cr: Float, reach: int) -> NDArray[np.intp]:
 
     >>> best_path(np.array([[0, 9, 0, 0], [0, 1, 0, 5], [0, 4, 0, 0]], dtype=np.float32), reach=1)
     array([1, 1, 1])
+    """
+    path: NDArray[np.intp] = score_cr.argmax(axis=1)
+    large = _too_large(path, reach)
+    if not len(large):
+        return path
+    part = slice(max(0, large[0] - MARGIN), large[-1] + 2 + MARGIN)
+    path[part] = _searched(score_cr[part], reach)
+    return path if not len(_too_large(path, reach)) else _searched(score_cr, reach)
+
+
+def _too_large(path: NDArray[np.intp], reach: int) -> NDArray[np.intp]:
+    """Return the places of steps that are larger than `reach`."""
+    return np.flatnonzero(np.abs(path[1:] - path[:-1]) > reach)
+
+
+def _searched(score_cr: Float, reach: int) -> NDArray[np.intp]:
+    """Return the best path, by dynamic programming.
+
+    Both directions are run at once (rows of one array); their sum is, for each column and row, the best score of all
+    paths through there (max-marginals of a Markov chain: Bishop, Pattern Recognition and Machine Learning, sec. 8.4.5),
+    so the path needs no backtracking. OpenCV's dilation is the maximum over a window.
     """
     columns, rows = score_cr.shape
     total = np.empty((columns, 2, rows), dtype=np.float32)

@@ -118,7 +118,10 @@ def _score(tissue: Float, depth: int) -> Float:
 
 
 def _best_rows(score: Float, reach: int) -> NDArray[np.intp]:
-    """Return the best path, found on the best rows of each four: a quarter of the states."""
+    """Return the best path; where the best rows make none, it is found on the best of each four: quicker to search."""
+    path: NDArray[np.intp] = score.argmax(axis=1)
+    if not np.count_nonzero(np.abs(path[1:] - path[:-1]) > reach):
+        return path
     rows = score.shape[1] // 4 * 4
     pairs = np.maximum(score[:, 0:rows:2], score[:, 1:rows:2])
     path = best_path(np.maximum(pairs[:, ::2], pairs[:, 1::2]), ceil(reach / 4))

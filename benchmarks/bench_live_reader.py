@@ -1,0 +1,133 @@
+"""The reading in the control loop: segmentation, slice, network, all of it, and the fit that gives a second opinion.
+
+    python benchmarks/bench_live_reader.py MODEL [RECORDING...]
+
+One core. Without a recording, frames are drawn from the model's own library and the study's phantom ranges (forces of 0
+to 60 mN), and beside them such as a bad moment brings: noise, saturation, missing columns, lines, no wall. Each frame
+is copied just before it is read, as a decoder does. `cpu` is the time of this thread's processor, which other work on
+the machine hardly touches; `wall` is what a clock on the wall shows, pauses by other processes included.
+"""
+
+import gc
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter, thread_time
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bench_reader import draw_eye
+from scleraforce.calibration.frames import segmented_boundaries
+from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_slice
+from scleraforce.reader import WallReader, load_model
+from scleraforce.reader.known import Known, known_of_recording
+from scleraforce.reader.library_fit import fit_boundaries, prior_of
+from scleraforce.reader.live import LiveReader
+from scleraforce.recording.files import read_recording
+
+DRAWN, READINGS, FITS = 48, 6000, 200
+
+Frame = NDArray[np.uint16]
+
+
+def disturbed(frame: Frame, rng: np.random.Generator) -> dict[str, Frame]:
+    """Return a frame as it looks when something goes wrong."""
+    missing, lines = frame.copy(), frame.copy()
+    missing[:, 150:180] = 0
+    missing[:, rng.choice(512, 8)] = 0
+    lines[rng.choice(512, 4)] = 4095
+    return {
+        "noise": rng.integers(0, 1500, frame.shape).astype(np.uint16),
+        "nothing": np.zeros_like(frame),
+        "saturated": np.minimum(frame.astype(np.uint32) * 2, 4095).astype(np.uint16),
+        "missing": missing,
+        "lines": lines,
+    }
+
+
+def drawn(reader: WallReader) -> tuple[list[Frame], Known, PixelScale, float]:
+    """Return frames of many eyes, read with what is known of the first."""
+    rng, oct_study = np.random.default_rng(0), reader.study.oct
+    pairs = [draw_eye(reader.library, reader.study, rng) for _ in range(DRAWN)]
+    frames = [frame for frame, _ in pairs]
+    frames += [bad for frame in frames[:4] for bad in disturbed(frame, rng).values()]
+    scale = PixelScale(oct_study.width_m / oct_study.columns, oct_study.depth_m / oct_study.rows)
+    return frames, pairs[0][1], scale, 1.0
+
+
+def recorded(path: Path) -> tuple[list[Frame], Known, PixelScale, float]:
+    """Return the frames of a recording."""
+    recording = read_recording(path)
+    scanner = recording.info.oct
+    frames = [np.asarray(recording.frame(entry), dtype=np.uint16) for entry in recording.frames]
+    scale = PixelScale(scanner.width_m / scanner.columns, scanner.depth_m / scanner.rows)
+    return frames, known_of_recording(recording.info), scale, scanner.refractive_index
+
+
+def times_ms(work: Callable[[int, Frame], object], frames: list[Frame], count: int) -> NDArray[np.float64]:
+    """Return processor and wall time of each call, (2, call)."""
+    taken = np.empty((2, count))
+    for call in range(count):
+        number = call % len(frames)
+        frame = frames[number].copy()
+        wall, cpu = perf_counter(), thread_time()
+        work(number, frame)
+        taken[:, call] = thread_time() - cpu, perf_counter() - wall
+    return 1e3 * taken
+
+
+def table(reader: WallReader, frames: list[Frame], known: Known, scale: PixelScale, index: float) -> None:
+    """Print the times of the stages, and of all of them."""
+    study, segmenter, live = reader.study, Segmenter(index), LiveReader(reader, known, index)
+    found = [segmenter.segment(frame, scale) for frame in frames]
+    cuts = [boundary_slice(entry, scale, study.slice, index) for entry in found]
+    usable = [number for number, entry in enumerate(found) if entry.usable]
+    seen = [segmented_boundaries(found[number], scale, index) for number in usable]
+    library, prior = reader.library_at(known.polar_rad), prior_of(known, study.reader)
+    smoothing_m = study.calibration.surface_smoothing_m
+    gc.collect()
+    gc.freeze()
+    every = range(len(frames))
+    work: dict[str, tuple[Callable[[int, Frame], object], range | list[int], int]] = {
+        "segmentation": (lambda _, frame: segmenter.segment(frame, scale), every, READINGS),
+        "slice": (lambda n, _: boundary_slice(found[n], scale, study.slice, index), every, READINGS),
+        "network": (lambda n, _: reader.read(cuts[n], known), every, READINGS),
+        "all of the reading": (lambda _, frame: live.read(frame, scale), every, READINGS),
+        "fit": (
+            lambda n, _: fit_boundaries(library, seen[n].lateral_m, seen[n].depth_m, prior, smoothing_m),
+            usable,
+            FITS,
+        ),
+    }
+    print(f"{len(frames)} frames, {len(usable)} usable")
+    print(f"{'ms':20}{'cpu median':>12}{'99 %':>8}{'largest':>9}{'wall median':>13}{'99 %':>8}{'largest':>9}")
+    medians = {}
+    for name, (function, numbers, count) in work.items():
+        cpu, wall = times_ms(function, [frames[number] for number in numbers], count)
+        medians[name] = float(np.median(cpu))
+        cells = (np.median(cpu), np.quantile(cpu, 0.99), cpu.max(), np.median(wall), np.quantile(wall, 0.99))
+        print(
+            f"{name:20}{cells[0]:12.3f}{cells[1]:8.3f}{cells[2]:9.3f}{cells[3]:13.3f}{cells[4]:8.3f}{wall.max():9.3f}"
+        )
+    print(f"the fit takes {medians['fit'] / medians['all of the reading']:.1f} times as long as the reading")
+
+
+def main(arguments: list[str]) -> None:
+    """Print a table of drawn frames, or one of each recording."""
+    if not arguments:
+        print("no model given: python benchmarks/bench_live_reader.py MODEL [RECORDING...]")
+        return
+    reader = load_model(Path(arguments[0]))
+    if not isinstance(reader, WallReader):
+        raise SystemExit(f"{arguments[0]}: a {reader.kind}; give a model of kind reader")
+    cv2.setNumThreads(1)
+    recordings: list[str | None] = [*arguments[1:]]
+    for given in recordings or [None]:
+        print(given or "drawn frames")
+        table(reader, *(drawn(reader) if given is None else recorded(Path(given))))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
