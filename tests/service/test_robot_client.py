@@ -1,0 +1,191 @@
+"""The reference client for robots: every doubt is a withdrawal, and OK is none."""
+
+import importlib.util
+import random
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from fake_monitor import OK, FakeMonitor, fake_monitor
+from fastcrc.crc64 import ecma_182
+
+from scleraforce.service.openigtlink import Sensor, Status, Text, encode
+
+SCRIPT = Path(__file__).parents[2] / "examples" / "robot_client.py"
+EMERGENCY = Status(3, 102, "BOUND", "WITHDRAW: up to 31 mN")
+
+
+def load():
+    spec = importlib.util.spec_from_file_location("robot_client", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+robot_client = load()
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch) -> None:
+    """Bear half a second of silence: a test may be held up by its machine."""
+    monkeypatch.setattr(robot_client, "SILENCE_S", 0.5)
+
+
+class Robot:
+    """Runs the client in a thread; `told` has what it was told, in order."""
+
+    def __init__(self, port: int) -> None:
+        self.told: list[tuple[bool, str]] = []
+        self.ended = threading.Thread(target=robot_client.watch, args=("127.0.0.1", port, self._tell), daemon=True)
+        self.ended.start()
+
+    def _tell(self, go_on: bool, why: str) -> None:
+        self.told.append((go_on, why))
+
+    def wait(self, count: int) -> tuple[bool, str]:
+        end_s = time.monotonic() + 5.0
+        while len(self.told) < count:
+            assert time.monotonic() < end_s, self.told
+            time.sleep(0.001)
+        return self.told[count - 1]
+
+
+def ready(monitor: FakeMonitor) -> Robot:
+    """A robot that was told to go on."""
+    monitor.status = OK
+    robot = Robot(monitor.port)
+    assert robot.wait(1) == (True, "code 1, sub-code 0: WATCHING: class 0")
+    return robot
+
+
+def test_ok_goes_on_through_heartbeats_and_other_messages() -> None:
+    with fake_monitor() as monitor:
+        robot = ready(monitor)
+        for message in (Text('{"frame": 1}'), Sensor((float("nan"),) * 10)):
+            monitor.say_bytes(encode(message, "ForceReading"))
+        monitor.say_bytes(encode(Status(3), "AnotherDevice"))
+        time.sleep(0.2)
+        assert robot.told == [(True, "code 1, sub-code 0: WATCHING: class 0")]
+        assert robot.ended.is_alive()
+
+
+@pytest.mark.parametrize(
+    "status", [EMERGENCY, Status(13, 0, "NOT_READY", "no frame"), Status(0), Status(2), Status(65535)]
+)
+def test_any_code_but_1_withdraws_and_a_reset_leads_back(status: Status) -> None:
+    with fake_monitor() as monitor:
+        robot = ready(monitor)
+        monitor.say(status)
+        assert robot.wait(2) == (False, f"code {status.code}, sub-code {status.subcode}: {status.message}")
+        monitor.say(OK)
+        assert robot.wait(3)[0] is True
+
+
+def ends_with(robot: Robot, words: str) -> None:
+    robot.ended.join(5.0)
+    assert not robot.ended.is_alive()
+    go_on, why = robot.told[-1]
+    assert not go_on
+    assert words in why
+
+
+def test_silence_withdraws() -> None:
+    with fake_monitor() as monitor:
+        robot = ready(monitor)
+        monitor.answers = False
+        ends_with(robot, "no STATUS for 150 ms")
+
+
+def test_messages_that_are_no_status_do_not_break_the_silence() -> None:
+    with fake_monitor() as monitor:
+        robot = ready(monitor)
+        monitor.answers = False
+        end_s = time.monotonic() + 5.0
+        while robot.ended.is_alive():
+            assert time.monotonic() < end_s
+            monitor.say_bytes(encode(Text("alive"), "ForceMonitor") + encode(Status(1), "Other"))
+            time.sleep(0.02)
+        ends_with(robot, "no STATUS for 150 ms")
+
+
+def test_half_a_status_withdraws() -> None:
+    with fake_monitor() as monitor:
+        robot = ready(monitor)
+        monitor.answers = False
+        monitor.say_bytes(encode(OK, "ForceMonitor")[:70])
+        ends_with(robot, "no STATUS for 150 ms")
+
+
+def test_a_connection_that_is_closed_withdraws() -> None:
+    with fake_monitor() as monitor:
+        robot = ready(monitor)
+        monitor.drop()
+        ends_with(robot, "")
+
+
+def test_nobody_there_withdraws() -> None:
+    with fake_monitor() as monitor:
+        port = monitor.port
+    ends_with(Robot(port), "refused")
+
+
+def flipped(data: bytes, place: int) -> bytes:
+    return data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :]
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"HTTP/1.1 400 Bad Request\r\n" + bytes(64), "a header of version"),
+        (encode(OK, "ForceMonitor", version=2), "a header of version 2"),
+        (flipped(encode(OK, "ForceMonitor"), 70), "a checksum is wrong"),
+        (flipped(encode(Text("a reading"), "ForceReading"), 65), "a checksum is wrong"),
+        (encode(OK, "ForceMonitor")[:42] + (1 << 40).to_bytes(8, "big") + bytes(8), "a body of 1099511627776 bytes"),
+        (encode(OK, "ForceMonitor")[:42] + (2).to_bytes(8, "big") + ecma_182(b"ab").to_bytes(8, "big") + b"ab",
+         "a STATUS of 2 bytes"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_believed_withdraws(data: bytes, words: str) -> None:
+    with fake_monitor() as monitor:
+        robot = ready(monitor)
+        monitor.answers = False
+        monitor.say_bytes(data)
+        ends_with(robot, words)
+
+
+def test_its_checksum_is_that_of_openigtlink() -> None:
+    rng = random.Random(0)
+    for size in (0, 1, 7, 8, 9, 100, 1000):
+        data = rng.randbytes(size)
+        assert robot_client.crc64(data) == ecma_182(data)
+
+
+def test_as_a_program_it_prints_changes_and_ends_with_exit_code_1(tmp_path) -> None:
+    patient = tmp_path / "robot_client.py"
+    patient.write_text(SCRIPT.read_text().replace("SILENCE_S = 0.150", "SILENCE_S = 5.0"))
+    with fake_monitor() as monitor:
+        monitor.status = OK
+        command = [sys.executable, str(patient), "127.0.0.1", str(monitor.port)]
+        child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert " go on: code 1" in child.stdout.readline()
+        monitor.say(EMERGENCY)
+        assert " WITHDRAW: code 3, sub-code 102: WITHDRAW: up to 31 mN" in child.stdout.readline()
+        monitor.drop()
+        out, err = child.communicate(timeout=10.0)
+    assert " WITHDRAW: " in out
+    assert err == ""
+    assert child.returncode == 1
+
+
+def test_the_robot_bears_150_ms_of_silence() -> None:
+    assert load().SILENCE_S == 0.15
+
+
+def test_it_is_short_and_needs_the_standard_library_only() -> None:
+    source = SCRIPT.read_text()
+    assert len(source.splitlines()) < 120
+    imports = {line.split()[1].split(".")[0] for line in source.splitlines() if line.startswith(("import ", "from "))}
+    assert imports <= set(sys.stdlib_module_names)
