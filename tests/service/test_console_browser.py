@@ -1,0 +1,340 @@
+"""The console's page in a real browser: what a person sees."""
+
+import os
+import shutil
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Event, Thread
+from time import monotonic, sleep
+from typing import Any
+
+import numpy as np
+import pytest
+from console_monitor import ConsoleMonitor, free_port, reading
+from playwright.sync_api import Browser, Dialog, Page, expect, sync_playwright
+
+CHROMIUM = "/usr/bin/chromium"
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(shutil.which(CHROMIUM) is None, reason="needs chromium")]
+NOTHING = "\u2013"  # what stands for a value that is not known
+
+BRIGHT = np.zeros((64, 96), np.uint16)
+BRIGHT[20:40] = 4000
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield started
+        started.close()
+
+
+class Opened:
+    """A page with all that it complained of and all that it asked for."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.complaints: list[str] = []
+        self.asked: list[str] = []
+        page.on("console", lambda message: self.complaints.append(message.text))
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("request", lambda request: self.asked.append(request.url))
+        page.on("websocket", lambda link: self.asked.append(link.url))
+        page.on("dialog", self._refuse)
+
+    def _refuse(self, dialog: Dialog) -> None:
+        self.complaints.append(f"window.{dialog.type}")
+        dialog.dismiss()
+
+    def shows(self, **texts: str) -> None:
+        """Wait until elements show texts, by their id."""
+        for name, text in texts.items():
+            expect(self.page.locator(f"#{name.replace('_', '-')}")).to_have_text(text)
+
+    def view(self) -> str:
+        return str(self.page.evaluate("document.body.dataset.view"))
+
+    def looks_live(self) -> bool:
+        """Whether anything could be taken for a live value: a number, a lit lamp, a picture without its stamp."""
+        return bool(
+            self.page.evaluate(
+                """() => {
+                  const text = (id) => document.getElementById(id).textContent;
+                  const texts = ["force", "class", "class-bounds", "interval", "rate", "latency", "worst", "lost"];
+                  const numbers = [...texts, "clients", "who"].some((id) => /[0-9]/.test(text(id)));
+                  const lights = [...document.querySelectorAll(".light")];
+                  const lit = lights.some((light) => getComputedStyle(light).fill !== "none");
+                  const shown = ["scan-stamp", "graph-stamp"].some((id) => text(id) !== "NOT LIVE");
+                  return numbers || lit || shown || !document.getElementById("ask").disabled;
+                }"""
+            )
+        )
+
+
+@pytest.fixture
+def opened(browser: Browser) -> Iterator[Callable[..., Opened]]:
+    contexts = []
+
+    def open_page(address: str, **options: Any) -> Opened:
+        contexts.append(browser.new_context(**options))
+        found = Opened(contexts[-1].new_page())
+        found.page.set_default_timeout(20_000)
+        found.page.goto(address)
+        return found
+
+    yield open_page
+    for context in contexts:
+        context.close()
+
+
+@contextmanager
+def going_on(tell: Callable[[], object], every_s: float = 0.02) -> Iterator[None]:
+    """Let a monitor tell something again and again meanwhile."""
+    done = Event()
+
+    def run() -> None:
+        while not done.wait(every_s):
+            tell()
+
+    thread = Thread(target=run)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
+
+
+def watching(monitor: ConsoleMonitor, force_mn: float = 12.3) -> Callable[[], None]:
+    """Frames of one force, with their outline and the rates."""
+
+    def tell() -> None:
+        frame = monitor.frame(BRIGHT, "WATCHING", f"class 1; {force_mn} mN", **reading(force_mn))
+        outline = {"step": 4, "outer": [20.0] * 24, "inner": [40.0] * 24}
+        monitor.tell({"kind": "outline", "frame": frame, **outline})
+        monitor.rates()
+
+    return tell
+
+
+def colours_at(page: Page, *rows: float) -> list[list[int]]:
+    """Colours of the B-scan in its middle column, at rows of the frame."""
+    script = """(rows) => { const canvas = document.getElementById("scan");
+      const image = canvas.getContext("2d").getImageData(canvas.width / 2, 0, 1, canvas.height);
+      return rows.map((row) => Math.floor(row / 64 * canvas.height) * 4)
+        .map((at) => [...image.data.slice(at, at + 3)]); }"""
+    return list(page.evaluate(script, rows))
+
+
+def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_gone(opened: Any) -> None:
+    """State, class, force, interval, rates, the picture with its outline, the reason; then nothing that looks live."""
+    monitor = ConsoleMonitor()
+    with monitor:
+        found = opened(monitor.address, viewport={"width": 1280, "height": 720})
+        with going_on(watching(monitor)):
+            found.shows(word="WATCHING", force="12.3", interval="90 % interval 10.3 to 14.3 mN", rate="100", lost="0")
+            found.shows(
+                class_bounds="5 to 30 mN", latency="1.1", worst="1.1", clients="2", scan_stamp="", graph_stamp=""
+            )
+            expect(found.page.locator("#class")).to_have_text("1")
+            assert found.view() == "WATCHING"
+            assert found.looks_live()
+            assert found.page.locator("#ask").is_disabled()
+            wall, above, surface = colours_at(found.page, 30, 10, 20.5)
+            assert min(wall) > 240
+            assert max(above) < 10
+            assert surface == [0xE6, 0x9F, 0x00]
+        monitor.entry("WITHDRAW", "up to 31.0 mN, the bound is 30.0 mN; class 1; 28.0 mN", "BOUND")
+        found.shows(word="WITHDRAW", sentence="The force may have reached the bound.")
+        found.shows(detail="up to 31.0 mN, the bound is 30.0 mN")
+        assert found.page.locator("#ask").is_enabled()
+        scroll = "[document.documentElement.scrollHeight, document.documentElement.scrollWidth]"
+        assert found.page.evaluate(scroll) == [720, 1280]
+        assert found.page.evaluate("document.activeElement.tagName") == "BODY"
+        found.page.keyboard.press("Tab")
+        assert found.page.evaluate("document.activeElement.id") == "ask"
+        assert found.complaints == []
+        assert {url.split("/")[2] for url in found.asked} == {f"127.0.0.1:{monitor.port}"}
+    found.shows(word="NO ANSWER")
+    assert found.view() == "LOST"
+    assert not found.looks_live()
+
+
+def test_a_monitor_that_is_silent_is_as_loud_as_a_withdrawal_and_comes_back(opened: Any) -> None:
+    with ConsoleMonitor() as monitor:
+        found = opened(monitor.address)
+        found.shows(sentence="The monitor has said nothing yet. Treat this as a withdrawal.")
+        for _ in range(2):
+            with going_on(watching(monitor)):
+                found.shows(word="WATCHING", force="12.3")
+            found.shows(word="NO ANSWER", sentence="The monitor does not answer. Treat this as a withdrawal.")
+            assert not found.looks_live()
+        assert found.complaints == []
+
+
+def test_a_server_that_hangs_is_told_within_the_half_second_and_comes_back_by_itself(opened: Any) -> None:
+    """Stopped, the server leaves its connections open: only silence tells."""
+    with ConsoleMonitor() as monitor:
+        found = opened(monitor.address)
+        with going_on(watching(monitor)):
+            found.shows(word="WATCHING")
+        os.kill(monitor.child.pid, signal.SIGSTOP)
+        try:
+            found.shows(word="NO ANSWER", sentence="The console's server does not answer. Treat this as a withdrawal.")
+            assert not found.looks_live()
+            sleep(3.0)  # the page has tried another connection by now
+        finally:
+            os.kill(monitor.child.pid, signal.SIGCONT)
+        with going_on(watching(monitor)):
+            found.shows(word="WATCHING", force="12.3")
+
+
+def test_the_page_survives_a_restart_of_the_server_without_being_loaded_again(opened: Any) -> None:
+    port = free_port()
+    with ConsoleMonitor(port) as first:
+        found = opened(first.address)
+        found.page.evaluate("window.loaded = 'once'")
+        with going_on(watching(first, 12.3)):
+            found.shows(word="WATCHING", force="12.3")
+    found.shows(word="NO ANSWER")
+    with ConsoleMonitor(port, bound_n=0.02) as second:
+        with going_on(watching(second, 7.5)):
+            found.shows(word="WATCHING", force="7.5")
+        assert found.page.evaluate("window.loaded") == "once"
+    unexpected = [text for text in found.complaints if "/live' failed" not in text]
+    assert unexpected == []
+
+
+def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(opened: Any) -> None:
+    with ConsoleMonitor() as monitor:
+        found = opened(monitor.address)
+        page = found.page
+
+        def withdrawn() -> None:
+            monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
+
+        def answer(granted: bool, message: str) -> dict[str, Any]:
+            asked = monitor.hear("reset")
+            told = {"kind": "reset-answer", "request": asked["request"], "granted": granted, "message": message}
+            monitor.tell(told)
+            return asked
+
+        with going_on(withdrawn, 0.1):
+            found.shows(word="WITHDRAW")
+            page.keyboard.press("Tab")
+            page.keyboard.press("Enter")
+            expect(page.locator("#dialog")).to_be_visible()
+            page.keyboard.press("Escape")
+            expect(page.locator("#dialog")).to_be_hidden()
+            page.locator("#ask").click()
+            page.locator("#send").click()  # without a token
+            assert monitor.child.channel.receive() == []
+            page.keyboard.type("wrong")
+            page.keyboard.press("Enter")
+            assert answer(False, "the token is wrong")["token"] == "wrong"
+            found.shows(refusal="Refused: the token is wrong")
+            assert page.locator("#token").input_value() == ""
+            page.keyboard.type("seven of nine")
+            page.keyboard.press("Enter")
+            assert answer(True, "WATCHING")["token"] == "seven of nine"
+            expect(page.locator("#dialog")).to_be_hidden()
+            expect(page.locator("#answer")).to_contain_text("Reset granted at")
+        assert page.locator("#token").input_value() == ""
+        assert page.evaluate("localStorage.length + sessionStorage.length + document.cookie.length") == 0
+        assert found.complaints == []
+
+
+def test_a_reset_that_the_monitor_does_not_answer_says_so(opened: Any) -> None:
+    with ConsoleMonitor() as monitor:
+        found = opened(monitor.address)
+        with going_on(lambda: monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS"), 0.1):
+            found.page.locator("#ask").click()
+            found.page.keyboard.type("seven of nine")
+            found.page.keyboard.press("Enter")
+            found.shows(refusal="Refused: the monitor does not answer")
+
+
+def test_an_open_dialog_does_not_hide_that_the_connection_is_lost(opened: Any) -> None:
+    with ConsoleMonitor() as monitor:
+        found = opened(monitor.address)
+        with going_on(lambda: monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS"), 0.1):
+            found.page.locator("#ask").click()
+            expect(found.page.locator("#dialog")).to_be_visible()
+    found.shows(word="NO ANSWER")
+    expect(found.page.locator("#dialog")).to_be_hidden()
+
+
+@pytest.mark.parametrize(
+    ("event", "script"),
+    [
+        ("an exception", "setTimeout(() => { throw new Error('x'); })"),
+        ("a promise", "void Promise.reject(new Error('x'))"),
+    ],
+)
+def test_a_page_that_fails_shows_nothing_that_looks_live(opened: Any, event: str, script: str) -> None:
+    with ConsoleMonitor() as monitor:
+        found = opened(monitor.address)
+        with going_on(watching(monitor)):
+            found.shows(word="WATCHING")
+            found.page.evaluate(script)
+            found.shows(sentence="This page has failed: load it again. Treat this as a withdrawal.")
+            sleep(0.3)
+            assert found.view() == "LOST", event
+            assert not found.looks_live()
+
+
+def test_frames_that_cannot_be_judged_show_no_force_and_the_reason(opened: Any) -> None:
+    with ConsoleMonitor() as monitor:
+        found = opened(monitor.address)
+
+        def empty() -> None:
+            monitor.frame(BRIGHT, "NOT_READY", "no wall", usable=False, reason="no wall", predicted=2)
+
+        with going_on(empty):
+            found.shows(
+                word="NOT READY", force=NOTHING, interval="not judged: no wall", detail="no wall", scan_stamp=""
+            )
+            assert found.page.locator("#class").inner_text() == NOTHING
+
+
+def test_no_word_of_a_state_leaves_its_place_and_no_screen_scrolls_sideways(opened: Any) -> None:
+    with ConsoleMonitor() as monitor:
+        found = opened(monitor.address)
+        for state, word in (("NOT_READY", "NOT READY"), ("WITHDRAW", "WITHDRAW"), ("WATCHING", "WATCHING")):
+            with going_on(lambda state=state: monitor.entry(state), 0.1):
+                found.shows(word=word)
+                assert fits(found.page)
+        found.shows(word="NO ANSWER")
+        assert fits(found.page)
+
+
+def fits(page: Page) -> bool:
+    """Whether on every screen the word of the state is within its box, and the page as wide as its window."""
+    script = """() => {
+      const range = document.createRange();
+      range.selectNodeContents(document.getElementById("word"));
+      const box = document.querySelector(".verdict").getBoundingClientRect();
+      const wide = document.documentElement.scrollWidth > innerWidth;
+      return range.getBoundingClientRect().right <= box.right && !wide;
+    }"""
+    found = []
+    for width in (320, 390, 768, 961, 1280, 1920):
+        page.set_viewport_size({"width": width, "height": 720})
+        found.append(page.evaluate(script))
+    return all(found)
+
+
+def test_a_hundred_decisions_a_second_over_many_pages_all_reach_each_of_them(opened: Any) -> None:
+    with ConsoleMonitor() as monitor:
+        pages = [opened(monitor.address) for _ in range(4)]
+        end_s = monotonic() + 1.5
+        with going_on(watching(monitor), 0.01):
+            for found in pages:
+                found.shows(word="WATCHING", force="12.3")
+            while monotonic() < end_s:
+                sleep(0.05)
+        monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
+        for found in pages:
+            found.shows(word="WITHDRAW")
+            assert found.complaints == []
