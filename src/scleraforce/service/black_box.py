@@ -38,7 +38,7 @@ ALIVE_S = 0.5
 POLL_S = 0.02
 CHECK_S = 1.0
 LEAST_FREE_BYTES = 10**9
-FORCE = ForceInfo("fz", 1, 0.1)  # a needle that moves: labels average over 0.1 s
+FORCE = ForceInfo("fz", 1, 0.2)  # a needle that moves: labels average over what their filter passes
 
 
 def black_box_settings(
@@ -50,7 +50,7 @@ def black_box_settings(
         folder: of the log and of the withdrawals; made where it is missing.
         ring: of the frames; somewhat longer than `keep_s`, or the oldest frames are gone before they are written.
         info: of the eye and of the frames, as it will stand in each recording.toml. Without `force`, a robot's force
-            is the axis fz, positive in contact, and labels average over 0.1 s.
+            is the axis fz, positive in contact, and labels average over 0.2 s.
         record: folder of the whole session's recording; must not exist. None: only withdrawals are kept.
         keep_s: how much is kept at a withdrawal.
     """

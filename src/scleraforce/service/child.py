@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from select import select
 from typing import Any
 
 from scleraforce.processes import no_interrupts, one_thread
@@ -56,13 +57,14 @@ def settings_of_child(arguments: Sequence[str], within_s: float = 10.0) -> tuple
 
     Raises:
         ChannelClosedError: whoever started it has gone already.
+        RuntimeError: nobody sends settings.
     """
-    from select import select
-
     channel = Channel.inherited(int(arguments[1]))
-    settings: list[dict[str, Any]] = []
-    if select([channel], [], [], within_s)[0]:
-        settings = channel.receive(1)
-    if not settings:
-        raise RuntimeError("no settings came: this module is started by `scleraforce monitor`")
+    try:
+        settings = channel.receive(1) if select([channel], [], [], within_s)[0] else []
+        if not settings:
+            raise RuntimeError("no settings came: this module is started by `scleraforce monitor`")
+    except BaseException:
+        channel.close()
+        raise
     return channel, settings[0]

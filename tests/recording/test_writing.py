@@ -1,0 +1,98 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scleraforce.errors import RecordingError
+from scleraforce.recording.files import read_recording
+from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.tables import read_force_log
+from scleraforce.recording.writing import ForceWriter, RecordingWriter
+
+INFO = RecordingInfo(
+    EyeInfo("eye", 600e-6), OctInfo(20, 16, 16, 15e-3, 4e-3), NeedleInfo(22, 0.5e-3), ForceInfo("fz", -1, 0.2)
+)
+RNG = np.random.default_rng(0)
+FRAMES = RNG.integers(0, 2**16, (9, 16, 20)).astype(np.uint16)
+
+
+def test_a_recording_is_read_back_after_each_frame(tmp_path):
+    writer = RecordingWriter(tmp_path / "a" / "rec", INFO, "A test.")
+    for number, pixels in enumerate(FRAMES):
+        writer.add(f"{number:07d}.png", number / 3, pixels)
+        recording = read_recording(tmp_path / "a" / "rec")
+        assert recording.info == INFO
+        assert [entry.time_s for entry in recording.frames] == [round(n / 3, 6) for n in range(number + 1)]
+        assert (recording.frame(recording.frames[-1]) == pixels).all()
+    writer.close()
+    assert (tmp_path / "a" / "rec" / "recording.toml").read_text().startswith("# A test.\n")
+    with pytest.raises(FileExistsError):
+        RecordingWriter(tmp_path / "a" / "rec", INFO, "Another one.")
+
+
+def test_no_line_lies_across_two_pages(tmp_path):
+    writer = RecordingWriter(tmp_path / "rec", INFO, "A test.")
+    forces = [ForceWriter(tmp_path / "rec", ("fz_n",))]
+    for columns in (("fx_n", "fy_n", "fz_n"), ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")):
+        (tmp_path / str(len(columns))).mkdir()
+        forces.append(ForceWriter(tmp_path / str(len(columns)), columns))
+    for number in range(300):
+        writer.add(f"{number:07d}.png", -1e6 + number / 3, FRAMES[0])
+        for log, count in zip(forces, (1, 3, 6), strict=True):
+            log.add(99999.995 + number * 0.01, [-1.2345678e-5] * count)
+    for path in tmp_path.rglob("*.csv"):
+        lines = path.read_bytes().splitlines(keepends=True)
+        assert len(lines) == 301
+        assert len({len(line) for line in lines}) == 1
+        assert 4096 % len(lines[0]) == 0
+
+
+def test_a_frame_that_cannot_be_written_is_not_listed(tmp_path, monkeypatch):
+    writer = RecordingWriter(tmp_path / "rec", INFO, "A test.")
+    writer.add("0000001.png", 1.0, FRAMES[1])
+    with monkeypatch.context() as disk:
+        disk.setattr("os.write", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+        with pytest.raises(OSError, match="No space"):
+            writer.add("0000002.png", 2.0, FRAMES[2])
+    writer.add("0000003.png", 3.0, FRAMES[3])
+    assert [entry.file for entry in read_recording(tmp_path / "rec").frames] == ["0000001.png", "0000003.png"]
+
+
+def times(gaps):
+    """Middles of steps of 10 ms, so many steps apart."""
+    return (np.cumsum([0, *gaps]) + 0.5) * 0.01
+
+
+@pytest.mark.parametrize("start", [0, -4000, 123_456])
+def test_the_log_has_the_name_under_which_it_is_read_exactly_while_its_reader_takes_it(tmp_path, start):
+    gaps = [1, 1, 2, 2, 2, 1, 1, 1, 1, 3, 3, 3, 3, 3, 1, 1, 1, 1, 1, 1]
+    log = ForceWriter(tmp_path, ("fz_n",))
+    seen = set()
+    for time_s in times(gaps) + start * 0.01:
+        log.add(time_s, [0.001])
+        fast, slow = tmp_path / "forces.csv", tmp_path / "robot_forces.csv"
+        seen.add(fast.exists())
+        if fast.exists():
+            read_force_log(fast, "fz")
+            assert not slow.exists()
+        else:
+            with pytest.raises(RecordingError):
+                read_force_log(slow, "fz")
+    log.close()
+    assert seen == {True, False}
+    assert read_force_log(tmp_path / "forces.csv", "fz").time_s == pytest.approx(times(gaps) + start * 0.01)
+
+
+def test_forces_keep_eight_digits_and_their_columns(tmp_path):
+    writer = RecordingWriter(tmp_path / "rec", replace(INFO, force=ForceInfo("fx", 1, 0.2)), "A test.")
+    writer.add("0000001.png", 0.5, FRAMES[0])
+    log = ForceWriter(tmp_path / "rec", ("fx_n", "fy_n", "fz_n"))
+    values = RNG.standard_normal((100, 3)) * [1e-6, 1e-2, 1e3]
+    for time_s, row in zip(times([1] * 99), values, strict=True):
+        log.add(time_s, row.tolist())
+    forces = read_recording(tmp_path / "rec").forces
+    assert forces.columns == ("fx_n", "fy_n", "fz_n")
+    assert np.allclose(forces.wrench_sc, values, rtol=1e-7, atol=0)
+    log.set_aside()
+    assert read_recording(tmp_path / "rec").forces is None
+    assert (tmp_path / "rec" / "robot_forces.csv").exists()
