@@ -274,6 +274,8 @@ class Server:
                 self._companions.tell(CONSOLE, {**answer, "message": text}, now_s)
             elif message.get("kind") == "kept":
                 self._note(f"the last seconds were kept in {message.get('folder')}")
+            elif message.get("kind") == "listening":
+                self._note(f"console    http://127.0.0.1:{message.get('port')}/")
         if self._companions.dead(name):
             descriptor = next(key for key, of in self._companions.channels.items() if of == name)
             self._clients.selector.unregister(descriptor)

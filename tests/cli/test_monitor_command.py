@@ -1,0 +1,189 @@
+"""`monitor` and `monitor-reset`: the whole service as a user starts it, and what it refuses."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+
+import pytest
+from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
+from calibration_file import calibration_text
+from fixed_reader import write_fixed_reader
+from peer import Peer, wait_until
+
+from scleraforce.cli.main import run
+from scleraforce.recording.files import read_recording
+from scleraforce.service.openigtlink import Image, Sensor
+from scleraforce.units import mmhg_to_pa
+
+pytest.importorskip("torch")
+
+BINS, BIN = 64, 20
+MATRIX = (SCALE.lateral_m * 1e3, 0.0, 0.0, 0.0, SCALE.depth_m * 1e3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+EYE = ["--eye", "mine", "--iop-mmhg", f"{IOP_PA / mmhg_to_pa(1.0):.4f}", "--gap-mm", f"{GAP_M * 1e3}"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A reader whose network always answers the same small force, and whose fit reads; a calibration of one eye."""
+    folder = tmp_path_factory.mktemp("monitor")
+    write_fixed_reader(folder / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)])
+    mpa = MODULUS_PA / 1e6
+    eyes = {"mine": {"mean_mpa": mpa, "sd_mpa": 0.01 * mpa, "thickness_um": THICKNESS_M * 1e6, "frames": ["1.png"]}}
+    text = calibration_text(eyes=eyes, population={"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05})
+    (folder / "calibration.json").write_text(text)
+    return folder
+
+
+@dataclass
+class Started:
+    process: subprocess.Popen[str]
+    port: int
+    token: str
+    lines: list[str]
+
+
+@contextmanager
+def started(folder: Path, *options: str) -> Iterator[Started]:
+    """Start the command, wait until it listens; Ctrl-C ends it."""
+    command = [sys.executable, "-c", "from scleraforce.cli.main import main; main()", "monitor", str(folder / "reader")]
+    process = subprocess.Popen(
+        [*command, "--port", "0", "--json", *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stderr
+    lines: list[str] = []
+    while not lines or not lines[-1].startswith("reset"):
+        lines.append(process.stderr.readline())
+        assert lines[-1], lines
+    words = lines[-1].split()
+    monitor = Started(process, int(words[words.index("--port") + 1]), words[-1], lines)
+    try:
+        yield monitor
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        process.wait(20.0)
+        process.stderr.close()
+        if process.stdout:
+            process.stdout.close()
+
+
+FRAMES = {force_mn: [image(wall_section(tip_of(force_mn / 1e3)), seed) for seed in (1, 2, 3)] for force_mn in (8, 40)}
+IDS = count(1)
+
+
+def push(scanner: Peer, force_mn: int, frames: int, every_s: float = 0.03) -> None:
+    """Send frames of a wall under a force, as a scanner does."""
+    for number in range(frames):
+        scanner.say(Image(FRAMES[force_mn][number % 3][None], MATRIX), message_id=next(IDS))
+        scanner.hear(every_s)
+
+
+@pytest.mark.slow
+def test_a_session_from_the_first_frame_to_the_reset_is_told_kept_and_recorded(folder: Path, tmp_path: Path) -> None:
+    kept = ["--black-box", str(tmp_path / "box"), "--record", str(tmp_path / "session")]
+    with started(folder, "--calibration", str(folder / "calibration.json"), *EYE, *kept) as monitor:
+        assert f"0.300 MPa (own), IOP 2.0 mmHg, {THICKNESS_M * 1e6:.0f} µm thick, gap 0.60 mm" in "".join(monitor.lines)
+        with Peer(monitor.port, version=2) as scanner:
+            scanner.say(Sensor((0.0, 0.0, -0.008, 0.0, 0.0, 0.0)), "RobotForce")
+            scanner.hear(0.05, lambda peer: bool(peer.statuses()))
+            assert scanner.statuses()[0].code == 13
+            wait_until(lambda: _after(scanner, 8).code == 1, within_s=20.0)  # the second opinion has come as well
+            push(scanner, 40, 20)  # which the network, always the same, does not see
+            withdrawal = next(status for status in scanner.statuses() if status.code == 3)
+            assert withdrawal.name in {"BOUND", "DANGEROUS_CLASS"}
+            push(scanner, 8, 20)
+            assert run(["monitor-reset", "--port", str(monitor.port), "--token", "wrong"]) == 2
+            assert {status.code for status in scanner.statuses()[-5:]} == {3}
+            reset = ["monitor-reset", "--port", str(monitor.port), "--token", monitor.token]
+            wait_until(lambda: _after(scanner, 8).code == 3 and run(reset) == 0, within_s=5.0)
+            push(scanner, 8, 5)
+            assert scanner.statuses()[-1].code == 1
+        monitor.process.send_signal(signal.SIGINT)
+        told, _ = monitor.process.communicate(timeout=30.0)
+        assert monitor.process.returncode == 130
+    summary = json.loads(told)
+    assert summary["withdrawals"][0]["cause"] == withdrawal.name
+    session = read_recording(tmp_path / "session")
+    assert (session.info.eye.id, session.info.eye.thickness_m) == ("mine", THICKNESS_M)
+    assert len(session.frames) == summary["frames"] - summary["lost"]
+    assert (session.frame(session.frames[0]) == FRAMES[8][0]).all()
+    (withdrawn, *_) = sorted((tmp_path / "box" / "withdrawals").iterdir())
+    assert read_recording(withdrawn).frames
+
+
+def _after(scanner: Peer, force_mn: int) -> object:
+    push(scanner, force_mn, 3)
+    return scanner.statuses()[-1]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--calibration", "calibration.json"], "--eye: missing"),
+        (["--calibration", "calibration.json", "--eye", "mine", "--youngs-modulus-mpa", "0.3"], "--youngs-modulus-mpa"),
+        (["--calibration", "nowhere.json", "--eye", "mine"], "nowhere.json"),
+        (["--thickness-um", "5000"], "wall thickness 5000"),
+        (["--thickness-um", "nan"], "nan"),
+        (["--adaptive-bound"], "needs the eye's modulus, thickness and IOP"),
+        (["--adaptive-bound", "--bound-mn", "20"], "leave out one"),
+        (["--record", "."], "exists already"),
+        (["--bound-mn", "1"], "must be below bound_n"),
+        (["--host", "203.0.113.7"], "203.0.113.7"),
+    ],
+)
+def test_what_cannot_be_served_is_refused_in_one_line(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, options: list[str], words: str
+) -> None:
+    monkeypatch.chdir(folder)
+    assert run(["monitor", "reader", "--port", "0", "--black-box", "box", *options]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+    assert not (folder / "box").exists()
+
+
+def test_a_model_that_was_changed_never_starts(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "reader").mkdir()
+    for file in (folder / "reader").iterdir():
+        (tmp_path / "reader" / file.name).write_bytes(file.read_bytes())
+    network = tmp_path / "reader" / "model.onnx"
+    network.write_bytes(network.read_bytes()[:-1] + b"\0")
+    assert run(["monitor", str(tmp_path / "reader"), "--port", "0"]) == 2
+    assert "model.onnx" in capsys.readouterr().err
+
+
+def test_a_port_that_is_taken_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        assert run(["monitor", str(folder / "reader"), "--port", str(port)]) == 2
+    assert f"127.0.0.1:{port}" in capsys.readouterr().err
+
+
+def test_a_reset_where_nobody_listens_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    assert run(["monitor-reset", "--token", "x", "--port", str(port)]) == 2
+    assert f"127.0.0.1:{port}" in capsys.readouterr().err
+
+
+def test_pids_are_not_left_behind(folder: Path, tmp_path: Path) -> None:
+    with started(folder, "--black-box", str(tmp_path / "box")) as monitor:
+        children = _children(monitor.process.pid)
+        assert len(children) >= 3  # black box, second opinion, watchdog; Python adds one
+        monitor.process.send_signal(signal.SIGTERM)
+        assert monitor.process.wait(20.0) == 0
+    wait_until(lambda: not any(os.path.exists(f"/proc/{pid}") for pid in children))
+
+
+def _children(pid: int) -> list[int]:
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
