@@ -57,13 +57,24 @@ def boundary_depths(
     Returns:
         Outer and inner boundary, shape (2, columns), m; NaN outside the frame and where there is no wall.
     """
-    places = _places(len(segmentation.outer_row), scale.lateral_m, slice_study.columns, slice_study.pixel_m)
-    outer_m = (_at(*places, segmentation.outer_row) + 0.5) * scale.depth_m
-    inner_m = (_at(*places, segmentation.inner_row) + 0.5) * scale.depth_m
+    outer_row, inner_row = segmentation.outer_row, segmentation.inner_row
+    at, nearest, inside = _places(len(outer_row), scale.lateral_m, slice_study.columns, slice_study.pixel_m)
+    there = np.isfinite(outer_row) & np.isfinite(inner_row)
+    known = there[nearest] & inside
+    depths = np.full((2, len(at)), np.nan)
+    if not np.count_nonzero(known):
+        return depths
+    columns = np.flatnonzero(there)
+    for depth_m, rows in zip(depths, (outer_row, inner_row), strict=True):
+        depth_m[:] = np.interp(at, columns, rows[columns])
+    depths += 0.5
+    depths *= scale.depth_m
+    outer_m, inner_m = depths
     inner_m -= outer_m
     inner_m /= refractive_index
     inner_m += outer_m
-    return np.stack([outer_m, inner_m])
+    depths[:, ~known] = np.nan
+    return depths
 
 
 @lru_cache(maxsize=8)
@@ -81,17 +92,3 @@ def _places(
     at = centre * pixel_m / lateral_m + columns / 2 - 0.5
     nearest: NDArray[np.intp] = np.rint(at).astype(np.intp).clip(0, columns - 1)
     return at, nearest, (at >= -0.5) & (at <= columns - 0.5)
-
-
-def _at(
-    at: NDArray[np.float64], nearest: NDArray[np.intp], inside: NDArray[np.bool_], rows: NDArray[np.floating]
-) -> NDArray[np.float64]:
-    """Interpolate a boundary at places; NaN outside the frame, and where the nearest column has none."""
-    there = np.isfinite(rows)
-    known = there[nearest]
-    known &= inside
-    if not np.count_nonzero(known):
-        return np.full(len(at), np.nan)
-    curve: NDArray[np.float64] = np.interp(at, np.flatnonzero(there), rows[there])
-    curve[~known] = np.nan
-    return curve

@@ -59,7 +59,7 @@ def force_distribution(probabilities: NDArray[np.floating], edges_m2: Floats, mo
         modulus_pa: that the network was told (sample,).
     """
     shares = np.zeros((len(probabilities), len(edges_m2)))
-    np.cumsum(probabilities, axis=1, dtype=np.float64, out=shares[:, 1:])
+    probabilities.cumsum(axis=1, dtype=np.float64, out=shares[:, 1:])
     shares /= shares[:, -1:]
     return ForceDistribution(np.asarray(modulus_pa, dtype=np.float64)[:, None] * edges_m2, shares)
 
@@ -68,7 +68,7 @@ def quantile(distribution: ForceDistribution, *shares: float) -> Floats:
     """Return the forces that these shares (between 0 and 1) of each distribution lie below (sample, share), N."""
     edges, below = distribution.edge_n_sk, distribution.share_sk
     wanted = np.array(shares)
-    last = np.count_nonzero(below[:, None, :] < wanted[:, None], axis=2)
+    last = (below[:, None, :] < wanted[:, None]).sum(axis=2)
     last = np.minimum(np.maximum(last, 1), below.shape[1] - 1)
     sample = np.arange(len(below))[:, None]
     low, high = below[sample, last - 1], below[sample, last]
