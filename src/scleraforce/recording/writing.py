@@ -35,7 +35,8 @@ class RecordingWriter:
 
     def __init__(self, folder: Path, info: RecordingInfo, comment: str) -> None:
         self.folder = folder
-        (folder / "frames").mkdir(parents=True)
+        folder.mkdir(parents=True)
+        (folder / "frames").mkdir()
         _write(folder / "recording.toml", f"# {comment}\n\n{format_record(info)}".encode())
         self._png = PngBuffer(info.oct.rows, info.oct.columns)
         self._table = _Table(folder / "frames.csv", ("file", "time_s"))
