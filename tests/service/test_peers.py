@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import signal
 import subprocess
 import time
 from contextlib import closing
@@ -135,6 +136,16 @@ def test_pyigtl_sends_frames_and_reads_what_is_said_of_them() -> None:
         assert said["force_mn"] == pytest.approx(12.0)
 
 
+@pytest.fixture
+def _own_signals():
+    """Give back the signals that a pyigtl server takes."""
+    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in kept.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("_own_signals")
 def test_a_pyigtl_server_receives_a_replay(tmp_path) -> None:
     pyigtl = pytest.importorskip("pyigtl")
     recording = read_recording(write_small_recording(tmp_path / "rec", frames=20))

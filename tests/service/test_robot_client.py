@@ -2,6 +2,7 @@
 
 import importlib.util
 import random
+import re
 import subprocess
 import sys
 import threading
@@ -12,6 +13,7 @@ import pytest
 from fake_monitor import OK, FakeMonitor, fake_monitor
 from fastcrc.crc64 import ecma_182
 
+from scleraforce.monitor.causes import Cause
 from scleraforce.service.openigtlink import Sensor, Status, Text, encode
 
 SCRIPT = Path(__file__).parents[2] / "examples" / "robot_client.py"
@@ -189,3 +191,9 @@ def test_it_is_short_and_needs_the_standard_library_only() -> None:
     assert len(source.splitlines()) < 120
     imports = {line.split()[1].split(".")[0] for line in source.splitlines() if line.startswith(("import ", "from "))}
     assert imports <= set(sys.stdlib_module_names)
+
+
+def test_the_page_names_every_sub_code_and_no_other() -> None:
+    page = (SCRIPT.parents[1] / "docs" / "robots.md").read_text(encoding="utf-8")
+    rows = {int(code): name for code, name in re.findall(r"^\| (\d+) \| `(\w+)` \| .+ \|$", page, flags=re.MULTILINE)}
+    assert rows == {cause.value: cause.name for cause in Cause}
