@@ -29,7 +29,6 @@ from zlib import crc32
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scleraforce.reader.live import LiveReader
 
 from scleraforce.imaging.bscan import render_bscan
 from scleraforce.imaging.optics import BscanOptics, Pose, sample_optics
@@ -41,6 +40,7 @@ from scleraforce.processes import work_units
 from scleraforce.reader import WallReader, load_model
 from scleraforce.reader.answers import Answer, answer_frame
 from scleraforce.reader.known import Known, Modulus
+from scleraforce.reader.live import LiveReader
 from scleraforce.recording.virtual_eye import PhantomEye, finite_strain_sections
 from scleraforce.study import Study, draw
 
