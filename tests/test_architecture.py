@@ -24,7 +24,10 @@ IMPURE_CALLS = {"print", "open", "input"}
 COPYLEFT = {"felupe", "sksparse", "pyFAI", "PyQt5", "PyQt6", "gmsh", "dolfin", "cholespy", "Sofa"}
 BIG = ["scipy", "skfem", "torch", "zarr", "matplotlib", "pydicom", "tifffile", "tqdm", "onnx", "pandas"]
 # What the runtime in the control loop uses: it must come up with NumPy, OpenCV and ONNX Runtime alone.
-RUNTIME = ["imaging.segmentation", "library", "calibration.summary", "reader", "reader.answers"]
+RUNTIME = [
+    "imaging.segmentation", "library", "calibration.summary", "reader", "reader.answers", "service.monitor_service",
+    "service.second_opinion", "service.black_box", "service.operator", "service.replay",
+]  # fmt: skip
 MODULES = sorted(path for path in ROOT.rglob("*.py"))
 
 

@@ -9,7 +9,7 @@ from scleraforce.service.scanner_image import FrameAssembler
 
 __all__ = ["Connection"]
 
-TURN_BYTES = 2 * 1024 * 1024  # received at most before others have their turn
+TURN_BYTES, TURN_EVENTS = 2 * 1024 * 1024, 16  # received before others have their turn, some more may have come at once
 
 
 class Connection:
@@ -51,7 +51,7 @@ class Connection:
         self._decoder.max_body_bytes = max_body_bytes
         left, alive = TURN_BYTES, True
         try:
-            while left > 0 and alive and not self._decoder.broken:
+            while left > 0 and len(events) < TURN_EVENTS and alive and not self._decoder.broken:
                 space = self._decoder.space()
                 count = self._link.recv_into(space)
                 events += self._decoder.received(count) if count else ()
