@@ -1,5 +1,7 @@
 """What the reader says of a force, against brute force on samples of the same distribution."""
 
+from math import inf, isfinite, nan
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from scleraforce.reader.force_distribution import (
     force_distribution,
     quantile,
     ratio_edges,
+    single_force,
 )
 
 EDGES_M2 = ratio_edges(20, 0.4e-6)
@@ -67,3 +70,37 @@ def test_a_sure_answer_stays_within_its_bin(place: int) -> None:
 def test_a_bound_beyond_the_largest_force_leaves_its_class_empty() -> None:
     found = ForceDistribution(np.array([[0.0, 10e-3]]), np.array([[0.0, 1.0]]))
     np.testing.assert_allclose(class_probabilities(found, (5e-3, 30e-3)), [[0.5, 0.5, 0.0]], atol=1e-12)
+
+
+@pytest.mark.parametrize("concentration", [0.02, 0.3, 5.0])
+def test_a_single_frame_is_judged_as_many_are(concentration: float) -> None:
+    rng = np.random.default_rng(8)
+    histograms = rng.dirichlet(np.full(20, concentration), size=200) * rng.uniform(0.1, 3.0, (200, 1))
+    moduli_pa = rng.uniform(0.2e6, 0.5e6, 200)
+    many = force_distribution(histograms, EDGES_M2, moduli_pa)
+    classes = class_probabilities(many, BOUNDS_N)
+    for number, (histogram, modulus_pa) in enumerate(zip(histograms, moduli_pa, strict=True)):
+        single = single_force(histogram.tolist(), EDGES_M2.tolist(), modulus_pa, BOUNDS_N)
+        np.testing.assert_allclose(single.median_n, many.median_n[number], rtol=1e-9)
+        np.testing.assert_allclose(single.interval_n, many.interval_n[number], rtol=1e-9)
+        np.testing.assert_allclose(single.probabilities, classes[number], atol=1e-12)
+
+
+def test_a_single_frame_without_force_above_the_bounds_leaves_their_class_empty() -> None:
+    single = single_force([1.0], [0.0, 1e-8], 1e6, (5e-3, 30e-3))
+    np.testing.assert_allclose(single.probabilities, [0.5, 0.5, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("wrong", [nan, inf])
+@pytest.mark.parametrize("place", [0, 7, 19])
+def test_a_histogram_that_is_no_number_gives_no_number(wrong: float, place: int) -> None:
+    histogram = [0.05] * 20
+    histogram[place] = wrong
+    single = single_force(histogram, EDGES_M2.tolist(), 0.3e6, BOUNDS_N)
+    assert not isfinite(single.median_n)
+    assert not all(map(isfinite, single.probabilities))
+
+
+def test_an_empty_histogram_gives_no_number() -> None:
+    single = single_force([0.0] * 20, EDGES_M2.tolist(), 0.3e6, BOUNDS_N)
+    assert not any(map(isfinite, (single.median_n, *single.interval_n, single.probabilities[1])))

@@ -43,7 +43,8 @@ def best_path(score_cr: Float, reach: int) -> NDArray[np.intp]:
 
 def _too_large(path: NDArray[np.intp], reach: int) -> NDArray[np.intp]:
     """Return the places of steps that are larger than `reach`."""
-    return np.flatnonzero(np.abs(path[1:] - path[:-1]) > reach)
+    places: NDArray[np.intp] = (np.abs(path[1:] - path[:-1]) > reach).nonzero()[0]
+    return places
 
 
 def _searched(score_cr: Float, reach: int) -> NDArray[np.intp]:

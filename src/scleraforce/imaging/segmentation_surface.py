@@ -150,7 +150,7 @@ def refine_surface(frame: Pixels, scale: PixelScale, column: Float, row: Float) 
     half = max(4, round(min(STRIP_PIXELS, STRIP_M / scale.depth_m)))
     fine = fine_columns(columns)
     start = continuation(columns, float(column[0]), float(column[1] - column[0]), len(column)) @ row
-    np.clip(start, np.float32(0.0), np.float32(rows - 1.0), out=start)
+    np.minimum(np.maximum(start, np.float32(0.0), out=start), np.float32(rows - 1.0), out=start)
     map_column, map_row = repeated(columns, 2 * half), _strip_rows(half) + start
     raw = cv2.remap(frame, map_column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float32)
     noise = cv2.meanStdDev(raw[: half - 2])[1].item()

@@ -8,13 +8,7 @@ import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from numpy.typing import NDArray
 
 from scleraforce.errors import ModelError
-from scleraforce.reader.force_distribution import (
-    INTERVAL,
-    class_probabilities,
-    force_distribution,
-    quantile,
-    ratio_edges,
-)
+from scleraforce.reader.force_distribution import ratio_edges, single_force
 from scleraforce.reader.given import GIVEN, Told, given_inputs, told_modulus
 from scleraforce.reader.known import Known
 from scleraforce.reader.readings import Reading
@@ -40,7 +34,7 @@ class OnnxSliceNetwork:
 
     def __init__(self, session: onnxruntime.InferenceSession, study: Study, place: str) -> None:
         self._session, self._study, self._place = session, study, place
-        self._edges_m2 = ratio_edges(study.reader.bins, study.reader.max_force_ratio)
+        self._edges_m2: list[float] = ratio_edges(study.reader.bins, study.reader.max_force_ratio).tolist()
         self._told = lru_cache(maxsize=EYES)(self._prepared)
         self._check()
 
@@ -55,15 +49,14 @@ class OnnxSliceNetwork:
         given, modulus_pa = self._told(known)
         inputs = {SLICES: np.ascontiguousarray(cut[np.newaxis]), TOLD: given}
         histogram, contact_m = self._session.run(OUTPUTS, inputs)
-        forces = force_distribution(histogram, self._edges_m2, modulus_pa)
-        low_n, median_n, high_n = quantile(forces, INTERVAL[0], 0.5, INTERVAL[1])[0].tolist()
-        classes = class_probabilities(forces, self._study.classes.bounds_n)[0]
-        return Reading(tuple(classes.tolist()), median_n, (low_n, high_n), contact_m.item())
+        force = single_force(histogram[0].tolist(), self._edges_m2, modulus_pa, self._study.classes.bounds_n)
+        return Reading(force.probabilities, force.median_n, force.interval_n, contact_m.item())
 
-    def _prepared(self, known: Known) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Return the network's second input for an eye, (1, len(GIVEN)), and the modulus that it is told, (1,)."""
+    def _prepared(self, known: Known) -> tuple[NDArray[np.float32], float]:
+        """Return the network's second input for an eye, (1, len(GIVEN)), and the modulus that it is told."""
         told = told_of(known)
-        return given_inputs(told, self._study.reader), told_modulus(told, self._study.reader)[0]
+        modulus_pa, _ = told_modulus(told, self._study.reader)
+        return given_inputs(told, self._study.reader), float(modulus_pa[0])
 
     def _check(self) -> None:
         rows, columns = self._study.slice.rows, self._study.slice.columns
