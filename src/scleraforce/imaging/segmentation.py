@@ -161,9 +161,12 @@ def _lit_columns(frame: Pixels) -> tuple[int, NDArray[np.bool_], int] | None:
 
 def _filled(frame: Pixels, hidden: NDArray[np.bool_]) -> Pixels:
     """Return a frame with its hidden columns as the nearest ones that are not; the first and the last are not."""
-    places, gone = np.flatnonzero(~hidden), np.flatnonzero(hidden)
     filled = frame.copy()
-    filled[:, gone] = frame[:, places[np.rint(np.interp(gone, places, np.arange(len(places)))).astype(np.intp)]]
+    change = np.flatnonzero(hidden[1:] != hidden[:-1]) + 1
+    for start, end in zip(change[::2], change[1::2], strict=True):
+        middle = (start + end + 1) // 2
+        filled[:, start:middle] = frame[:, start - 1 : start]
+        filled[:, middle:end] = frame[:, end : end + 1]
     return filled
 
 
