@@ -100,7 +100,7 @@ ALARMS: dict[str, tuple[Event, Cause]] = {
     "checksum": (ChecksumError(0.06, "CRC"), Cause.CHECKSUM),
     "exception": (Failure(0.06, "ValueError"), Cause.EXCEPTION),
     "bad image": (BadImage(0.06, "short"), Cause.BAD_IMAGE),
-    "losses": (QueueLoss(0.06, 3), Cause.QUEUE_BEHIND),
+    "losses": (QueueLoss(0.06, 5), Cause.QUEUE_BEHIND),
     "no loss": (QueueLoss(0.06, 0), Cause.QUEUE_BEHIND),
     "NaN force": (replace(frame(6), force_n=NAN), Cause.NO_NUMBER),
     "NaN interval": (replace(frame(6), interval_n=(0.0, NAN)), Cause.NO_NUMBER),
@@ -296,6 +296,15 @@ def test_nothing_is_ok_before_the_first_opinion_where_one_is_expected() -> None:
     assert (state.state, state.reason) == (State.NOT_READY, "no second opinion yet")
     assert play([opinion(299), frame(300)], state, OPINED).state is State.WATCHING
     assert play([frame(n) for n in range(1, 300)]).state is State.WATCHING
+
+
+def test_after_a_pause_before_contact_an_old_opinion_does_not_count() -> None:
+    """The last frame before the pause got none: that is no cause, but nothing is OK before the next opinion."""
+    before = play([*both(1, 2, force_n=1e-3), unusable(3)], limits=OPINED)
+    assert before.state is State.NOT_READY
+    after: list[Event] = [frame(n) for n in range(1000, 1005)]
+    assert play(after, before, OPINED).state is State.NOT_READY
+    assert play([*after, opinion(1004), frame(1005)], before, OPINED).state is State.WATCHING
 
 
 @pytest.mark.parametrize("kind", ["frame", "tick"])

@@ -18,13 +18,11 @@ from scleraforce.monitor.events import (
 )
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.monitor.rate import risen_force
-from scleraforce.monitor.soundness import clear, harm, sound_pixels, touches, unsound, upper_end
-from scleraforce.monitor.state import MonitorState
+from scleraforce.monitor.soundness import harm, sound_pixels, touches, unsound, upper_end
+from scleraforce.monitor.state import MonitorState, remember
 from scleraforce.monitor.transitions import TRANSITIONS, Signal, State
 
 __all__ = ["Decision", "decide"]
-
-MOST_UNANSWERED = 128  # frames whose times are kept; more are thinned
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,7 @@ def decide(state: MonitorState, event: Event, limits: MonitorLimits) -> tuple[Mo
     (13, 'NOT_READY: no good frame yet')
     """
     try:
-        remembered = _remember(state, event, limits)
+        remembered = remember(state, event, limits)
         finding = (
             _clock(state, event, limits)
             or _waiting(remembered, event, limits)
@@ -80,74 +78,6 @@ def decide(state: MonitorState, event: Event, limits: MonitorLimits) -> tuple[Mo
 
 def _alarm(cause: Cause, reason: str) -> Finding:
     return Finding(Signal.ALARM, reason, cause)
-
-
-def _remember(state: MonitorState, event: Event, limits: MonitorLimits) -> MonitorState:
-    """Take up what an event brings, whatever it will mean."""
-    at_s = max(event.at_s, state.at_s or event.at_s) if isfinite(event.at_s) else state.at_s
-    state = replace(state, at_s=at_s)
-    if isinstance(event, QueueLoss):
-        recent = tuple(loss for loss in state.losses if event.at_s - loss[0] < limits.loss_window_s)
-        losses = (*recent, (event.at_s, event.lost))[-limits.losses_in_window - 1 :]
-        return replace(
-            state, losses=losses, lost=state.lost + event.lost, lost_in_row=state.lost_in_row + event.lost
-        )  # fmt: skip
-    if isinstance(event, SecondOpinion):
-        return _remember_opinion(state, event, limits)
-    return _remember_frame(state, event, limits) if isinstance(event, FrameRead) else state
-
-
-def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
-    same = state.frame is not None and state.frame.digest == frame.digest
-    waiting = (*state.unanswered, (frame.frame_id, frame.at_s)) if limits.expects_opinion else ()
-    state = replace(
-        state,
-        frame=frame,
-        size=limits.size or state.size,
-        scale_m=limits.scale_m or state.scale_m,
-        repeats=state.repeats + 1 if same else 1,
-        unusable=0 if frame.usable else state.unusable + 1,
-        lost_in_row=0,
-        unanswered=waiting if len(waiting) <= MOST_UNANSWERED else waiting[::2],
-    )
-    if not frame.usable or unsound(frame, limits):
-        return replace(state, clear_s=None)
-    if sound_pixels(frame.size, frame.scale_m):
-        state = replace(state, size=state.size or frame.size, scale_m=state.scale_m or frame.scale_m)
-    state = _remember_contact(state, frame, limits)
-    if frame.force_n is None:
-        return state
-    return replace(state, history=(*state.history, (frame.at_s, frame.force_n))[-limits.rate_frames :])
-
-
-def _remember_contact(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
-    """Contact begins with one frame and ends after `lifted_s` of frames that are clear of it."""
-    if not clear(frame, limits):
-        return replace(state, touched=state.touched or touches(frame, limits), clear_s=None)
-    since_s = frame.at_s if state.clear_s is None else state.clear_s
-    return replace(state, touched=state.touched and frame.at_s - since_s < limits.lifted_s, clear_s=since_s)
-
-
-def _remember_opinion(state: MonitorState, opinion: SecondOpinion, limits: MonitorLimits) -> MonitorState:
-    state = replace(
-        state,
-        opinion=opinion,
-        doubted=0 if opinion.usable else state.doubted + 1,
-        unanswered=_unanswered(state.unanswered, opinion.frame_id),
-    )
-    if not opinion.usable or unsound(opinion, limits):
-        return replace(state, clear_s=None)
-    if clear(opinion, limits):
-        return state
-    return replace(state, touched=state.touched or touches(opinion, limits), clear_s=None)
-
-
-def _unanswered(waiting: tuple[tuple[int, float], ...], frame_id: int) -> tuple[tuple[int, float], ...]:
-    """Return the frames that came after the one that is answered; a client may have begun to count again."""
-    places = [place for place, (waiting_id, _) in enumerate(waiting) if waiting_id == frame_id]
-    if places:
-        return waiting[places[-1] + 1 :]
-    return tuple(entry for entry in waiting if entry[0] > frame_id)
 
 
 def _clock(state: MonitorState, event: Event, limits: MonitorLimits) -> Finding | None:
@@ -166,10 +96,8 @@ def _clock(state: MonitorState, event: Event, limits: MonitorLimits) -> Finding 
 
 def _waiting(now: MonitorState, event: Event, limits: MonitorLimits) -> Finding | None:
     """Return a second reader that has gone; before the first good frame it is awaited without end."""
-    if now.state is State.NOT_READY or not limits.expects_opinion or not now.unanswered:
-        return None
-    waited_s = event.at_s - now.unanswered[0][1]
-    if waited_s < limits.opinion_s or isinstance(event, Reset):
+    waited_s = _waited(now, event.at_s)
+    if now.state is State.NOT_READY or waited_s < limits.opinion_s or isinstance(event, Reset):
         return None  # a reset is refused, with its reason
     return _alarm(Cause.NO_OPINION, f"no second opinion for {waited_s * 1e3:.0f} ms")
 
@@ -227,7 +155,7 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Find
         risen_n = risen_force(now.history, limits.reaction_s, limits.rate_deviations)
         if risen_n is not None and risen_n + upper_n - frame.force_n >= limits.bound_n:
             return _alarm(Cause.RISING, f"the bound is reached within {limits.reaction_s * 1e3:.0f} ms")
-    doubt = _doubt(now, limits)
+    doubt = _doubt(now, frame.at_s, limits)
     if doubt:
         return Finding(Signal.TOLERATED if now.touched else Signal.UNJUDGED, doubt)
     return Finding(Signal.HARMLESS, "")
@@ -246,11 +174,18 @@ def _opinion(now: MonitorState, opinion: SecondOpinion, limits: MonitorLimits) -
     return _alarm(harmful[0], f"second opinion: {harmful[1]}") if harmful else QUIET
 
 
-def _doubt(now: MonitorState, limits: MonitorLimits) -> str | None:
-    """Return what the last second opinion leaves open; a cause in it has withdrawn already."""
+def _doubt(now: MonitorState, at_s: float, limits: MonitorLimits) -> str | None:
+    """Return what the second opinions leave open; a cause in the last one has withdrawn already."""
     if now.opinion is None:
         return "no second opinion yet" if limits.expects_opinion else None
-    return None if now.opinion.usable else f"second opinion: {now.opinion.reason or 'cannot be judged'}"
+    if not now.opinion.usable:
+        return f"second opinion: {now.opinion.reason or 'cannot be judged'}"
+    return "the second opinion is not recent" if _waited(now, at_s) >= limits.opinion_s else None
+
+
+def _waited(now: MonitorState, at_s: float) -> float:
+    """Return for how long the first frame without a second opinion has waited, s."""
+    return at_s - now.unanswered[0][1] if now.unanswered else 0.0
 
 
 def _unusable(now: MonitorState, in_row: int, reason: str | None, limits: MonitorLimits) -> Finding:
@@ -273,11 +208,9 @@ def _loss(now: MonitorState, event: QueueLoss, limits: MonitorLimits) -> Finding
 
 def _reset(now: MonitorState, event: Reset, limits: MonitorLimits) -> Finding:
     """Grant a reset only on frames that are fresh: harmless to both readers, in a row, the last one recent."""
-    doubt = _doubt(now, limits)
+    doubt = _doubt(now, event.at_s, limits)
     if doubt:
         return Finding(Signal.RESET_REFUSED, f"reset refused: {doubt}")
-    if now.unanswered and not event.at_s - now.unanswered[0][1] < limits.opinion_s:
-        return Finding(Signal.RESET_REFUSED, "reset refused: the second opinion is not recent")
     silent = now.frame is None or not event.at_s - now.frame.at_s < limits.silence_s
     if now.fresh < limits.fresh_frames or silent:
         seen = "none is recent" if silent else f"{now.fresh} of {limits.fresh_frames} came"

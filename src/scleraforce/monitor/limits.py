@@ -50,8 +50,8 @@ class MonitorLimits:
     unusable_frames: int = 1
     silence_s: float = 0.1
     frozen_frames: int = 3
-    losses_in_row: int = 2
-    losses_in_window: int = 5
+    losses_in_row: int = 4
+    losses_in_window: int = 8
     loss_window_s: float = 1.0
     fresh_frames: int = 5
     size: tuple[int, int] | None = None

@@ -1,12 +1,17 @@
-"""What the monitor remembers between two events."""
+"""What the monitor remembers between two events, and how it takes up the next one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import isfinite
 
 from scleraforce.monitor.causes import Cause
-from scleraforce.monitor.events import FrameRead, SecondOpinion
+from scleraforce.monitor.events import Event, FrameRead, QueueLoss, SecondOpinion
+from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.monitor.soundness import clear, sound_pixels, touches, unsound
 from scleraforce.monitor.transitions import State
 
-__all__ = ["MonitorState"]
+__all__ = ["MonitorState", "remember"]
+
+MOST_UNANSWERED = 128  # frames whose times are kept; more are thinned
 
 
 @dataclass(frozen=True)
@@ -40,3 +45,77 @@ class MonitorState:
     opinion: SecondOpinion | None = None
     doubted: int = 0
     unanswered: tuple[tuple[int, float], ...] = ()
+
+
+def remember(state: MonitorState, event: Event, limits: MonitorLimits) -> MonitorState:
+    """Take up what an event brings, whatever it will mean.
+
+    Args:
+        state: what is remembered.
+        event: what happened.
+        limits: how much is kept, and what is contact.
+    """
+    at_s = max(event.at_s, state.at_s or event.at_s) if isfinite(event.at_s) else state.at_s
+    state = replace(state, at_s=at_s)
+    if isinstance(event, QueueLoss):
+        recent = tuple(loss for loss in state.losses if event.at_s - loss[0] < limits.loss_window_s)
+        losses = (*recent, (event.at_s, event.lost))[-limits.losses_in_window - 1 :]
+        return replace(
+            state, losses=losses, lost=state.lost + event.lost, lost_in_row=state.lost_in_row + event.lost
+        )  # fmt: skip
+    if isinstance(event, SecondOpinion):
+        return _remember_opinion(state, event, limits)
+    return _remember_frame(state, event, limits) if isinstance(event, FrameRead) else state
+
+
+def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
+    same = state.frame is not None and state.frame.digest == frame.digest
+    waiting = (*state.unanswered, (frame.frame_id, frame.at_s)) if limits.expects_opinion else ()
+    state = replace(
+        state,
+        frame=frame,
+        size=limits.size or state.size,
+        scale_m=limits.scale_m or state.scale_m,
+        repeats=state.repeats + 1 if same else 1,
+        unusable=0 if frame.usable else state.unusable + 1,
+        lost_in_row=0,
+        unanswered=waiting if len(waiting) <= MOST_UNANSWERED else waiting[::2],
+    )
+    if not frame.usable or unsound(frame, limits):
+        return replace(state, clear_s=None)
+    if sound_pixels(frame.size, frame.scale_m):
+        state = replace(state, size=state.size or frame.size, scale_m=state.scale_m or frame.scale_m)
+    state = _remember_contact(state, frame, limits)
+    if frame.force_n is None:
+        return state
+    return replace(state, history=(*state.history, (frame.at_s, frame.force_n))[-limits.rate_frames :])
+
+
+def _remember_contact(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
+    """Contact begins with one frame and ends after `lifted_s` of frames that are clear of it."""
+    if not clear(frame, limits):
+        return replace(state, touched=state.touched or touches(frame, limits), clear_s=None)
+    since_s = frame.at_s if state.clear_s is None else state.clear_s
+    return replace(state, touched=state.touched and frame.at_s - since_s < limits.lifted_s, clear_s=since_s)
+
+
+def _remember_opinion(state: MonitorState, opinion: SecondOpinion, limits: MonitorLimits) -> MonitorState:
+    state = replace(
+        state,
+        opinion=opinion,
+        doubted=0 if opinion.usable else state.doubted + 1,
+        unanswered=_unanswered(state.unanswered, opinion.frame_id),
+    )
+    if not opinion.usable or unsound(opinion, limits):
+        return replace(state, clear_s=None)
+    if clear(opinion, limits):
+        return state
+    return replace(state, touched=state.touched or touches(opinion, limits), clear_s=None)
+
+
+def _unanswered(waiting: tuple[tuple[int, float], ...], frame_id: int) -> tuple[tuple[int, float], ...]:
+    """Return the frames that came after the one that is answered; a client may have begun to count again."""
+    places = [place for place, (waiting_id, _) in enumerate(waiting) if waiting_id == frame_id]
+    if places:
+        return waiting[places[-1] + 1 :]
+    return tuple(entry for entry in waiting if entry[0] > frame_id)
