@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from scleraforce.imaging.segmentation_grid import Float
 
-__all__ = ["continuation", "fine_columns", "interpolation", "nearest_point", "repeated", "slope_differences"]
+__all__ = ["continuation", "fine_columns", "interpolation", "nearest_point", "repeated"]
 
 FINE_COLUMNS = 128
 KEPT = 64  # sizes of frames: black bands at both sides may change from frame to frame
@@ -58,15 +58,3 @@ def interpolation(points: int, at: int, group: int) -> tuple[NDArray[np.intp], F
     middle = chosen.reshape(-1, group).mean(axis=1)
     matrix = np.array([np.interp(np.arange(points), middle, unit) for unit in np.eye(len(middle))]).T
     return chosen, matrix.astype(np.float32)
-
-
-@lru_cache(maxsize=KEPT)
-def slope_differences(points: int, reach: int) -> Float:
-    """Return the matrix of the differences between the points `reach` after and before each, (point, point).
-
-    Mirrored in its end points, a slope goes on beyond them.
-    """
-    unit = np.eye(points)
-    longer = np.concatenate([2 * unit[:1] - unit[reach:0:-1], unit, 2 * unit[-1:] - unit[-2 : -2 - reach : -1]])
-    differences: Float = (longer[2 * reach :] - longer[: -2 * reach]).astype(np.float32)
-    return differences

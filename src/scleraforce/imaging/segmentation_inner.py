@@ -16,7 +16,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.imaging.segmentation_columns import slope_differences
 from scleraforce.imaging.segmentation_grid import Float, Pixels, PixelScale
 from scleraforce.imaging.segmentation_path import best_path
 
@@ -80,7 +79,10 @@ def surface_stretch(column: Float, row: Float, scale: PixelScale) -> Float:
     """
     step_m = float(column[1] - column[0]) * scale.lateral_m
     reach = min(max(1, round(0.15e-3 / step_m)), (len(column) - 1) // 2)
-    slope = slope_differences(len(column), reach) @ (row * np.float32(scale.depth_m / (2 * reach * step_m)))
+    # Mirrored in its end points, a slope goes on beyond them.
+    longer = np.concatenate((2 * row[0] - row[reach:0:-1], row, 2 * row[-1] - row[-2 : -2 - reach : -1]))
+    slope = longer[2 * reach :] - longer[: -2 * reach]
+    slope *= np.float32(scale.depth_m / (2 * reach * step_m))
     np.square(slope, slope)
     np.minimum(slope, np.float32(9.0), out=slope)
     slope += np.float32(1.0)
