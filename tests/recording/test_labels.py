@@ -170,6 +170,16 @@ def test_frame_at_the_end_of_the_log_is_labelled_from_what_there_is():
     assert trial.measured_force_n == pytest.approx(0.02, abs=1e-5)
 
 
+def test_half_of_a_window_is_enough_however_the_clock_is_rounded():
+    """One sample of the first eleven is missing; steps a little below 10 ms make the window expect a little over 20."""
+    time_s = np.delete(np.arange(400), 3) * 0.01 * (1 - 1e-12)
+    log = ForceLog(time_s, np.zeros((399, 6)), FORCE_COLUMNS[1:])
+    assert label_frames(recording_of(log, 0.005, average_s=0.2), CLASSES)[0].measured_force_n == 0.0
+    with pytest.raises(RecordingError, match="9 force samples"):
+        label_frames(recording_of(replace(log, time_s=np.delete(time_s, 4), wrench_sc=np.zeros((398, 6))), 0.005,
+                                  average_s=0.2), CLASSES)  # fmt: skip
+
+
 def test_recording_without_a_force_log_has_no_labels():
     trials = label_frames(recording_of(None, 1.0, 2.0), CLASSES)
     assert [(trial.measured_force_n, trial.target) for trial in trials] == [(None, None)] * 2

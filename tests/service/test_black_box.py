@@ -149,7 +149,7 @@ def test_a_withdrawal_keeps_the_last_ten_seconds_without_loss(tmp_path):
     decisions = [part.record["entry"]["number"] for part in read_log(monitor.withdrawals()[0] / "decisions.jsonl")]
     assert decisions == list(range(201, 1202))
     assert recording.forces is None
-    assert any("1001 frames" in note and "0 were overwritten" in note for note in monitor.notes())
+    assert any("1001 frames" in note and "0 were lost" in note for note in monitor.notes())
 
 
 def test_a_withdrawal_while_one_is_written_follows_it_and_only_the_latest_does(tmp_path):
@@ -178,7 +178,7 @@ def test_frames_that_were_overwritten_are_counted_and_never_mixed_up(tmp_path):
     assert [entry.file for entry in recording.frames] == [f"{number:07d}.png" for number in range(47, 62)]
     for entry in recording.frames:
         assert (recording.frame(entry) == frame(int(entry.file[:7]))).all()
-    assert any("15 frames" in note and "5 were overwritten" in note for note in monitor.notes())
+    assert any("15 frames" in note and "5 were lost" in note for note in monitor.notes())
 
 
 def test_a_monitor_that_dies_is_noted_and_its_last_seconds_are_kept(tmp_path):

@@ -168,7 +168,7 @@ def _samples_around(recording: Recording, log: ForceLog, frame: FrameEntry, aver
     time_s = frame.time_s
     start, middle, stop = np.searchsorted(log.time_s, [time_s - average_s / 2, time_s, time_s + average_s / 2 + 1e-9])
     expected = average_s * log.sample_rate_hz
-    if middle in (start, stop) or stop - start < expected / 2:
+    if middle in (start, stop) or stop - start < expected / 2 - 1e-6:  # its clock is rounded
         raise RecordingError(
             f"{recording.path / 'frames.csv'}: {frame.file}: {stop - start} force samples within {average_s / 2:g} s "
             f"of its time {time_s:g} s, about {expected:.0f} are needed; forces.csv spans {log.time_s[0]:g} to "

@@ -109,6 +109,9 @@ def _write(path: Path, data: bytes | memoryview) -> None:
     file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
     try:
         _write_all(file, data)
+    except BaseException:
+        path.unlink()  # on a full disk, what is half makes room for the tables
+        raise
     finally:
         os.close(file)
 

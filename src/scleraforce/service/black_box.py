@@ -246,7 +246,7 @@ class BlackBox:
             return
         try:
             reason = self._finishing.result()
-            self._note(f"kept {kept.taker.written} frames in {kept.folder}; {kept.taker.lost} were overwritten before")
+            self._note(f"kept {kept.taker.written} frames in {kept.folder}; {kept.taker.lost} were lost")
             if reason:
                 self._note(f"{kept.folder}: the robot's force gives no labels: {reason}")
             self._tell({"kind": "kept", "folder": str(kept.folder)})

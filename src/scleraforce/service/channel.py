@@ -23,6 +23,8 @@ class Channel:
     True
     >>> theirs.receive()
     [{'frame': 7}]
+    >>> ours.close()
+    >>> theirs.close()
     """
 
     def __init__(self, end: socket.socket) -> None:

@@ -43,7 +43,7 @@ def format_line(record: Mapping[str, Any]) -> bytes:
     r"""Return a line of a log.
 
     >>> format_line({"kind": "note", "text": "hello"})
-    b'{"kind": "note", "text": "hello", "crc32": "4ba5d5e5"}\n'
+    b'{"kind": "note", "text": "hello", "crc32": "a9112c38"}\n'
     """
     body = json.dumps(record).encode()[:-1]
     return b'%s, "crc32": "%08x"}\n' % (body, zlib.crc32(body))
@@ -133,10 +133,10 @@ class DecisionLog:
         self._open(_file(self._folder, _number(self._path) + 1))
         os.fdatasync(before)
         os.close(before)
-        *old, _ = files = _files(self._folder)
+        files = _files(self._folder)
         total = sum(file.stat().st_size for file in files)
-        for file in old:
-            if total <= self._total_bytes:
+        for file in files:
+            if total <= self._total_bytes:  # the newest one is empty yet: it stays
                 break
             total -= file.stat().st_size
             file.unlink()

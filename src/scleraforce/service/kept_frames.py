@@ -24,7 +24,7 @@ class FrameTaker:
 
     Attributes:
         written: how many are whole.
-        lost: how many were gone before their turn.
+        lost: how many were gone before their turn, or could not be written.
     """
 
     def __init__(self, ring: FrameRing, writer: RecordingWriter) -> None:
@@ -57,7 +57,11 @@ class FrameTaker:
             self.lost += 1
             return
         self._last_s = max(frame.time_s, self._last_s + CLOCK_STEP_S)  # a table has no two frames at one time
-        self._writer.add(f"{frame.number:07d}.png", self._last_s, pixels)
+        try:
+            self._writer.add(f"{frame.number:07d}.png", self._last_s, pixels)
+        except OSError:
+            self.lost += 1
+            raise
         self.written += 1
 
     def close(self) -> None:
