@@ -4,7 +4,7 @@ const SPAN_S = 30;
 const STEP_S = 0.04;
 const SPAN = SPAN_S / STEP_S; // all times in here count steps
 const [NUMBER, FORCE, LOW, HIGH, STATE] = [0, 1, 2, 3, 4];
-const EVERY_MS = 30;
+const EVERY_MS = 60;
 
 export function makeGraph(canvas, stamp) {
   const context = canvas.getContext("2d");

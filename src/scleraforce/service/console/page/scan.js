@@ -46,7 +46,7 @@ export function makeScan(canvas, stamp, frameLabel) {
     const scale = Math.min(canvas.width / width_mm, canvas.height / height_mm);
     const left = (canvas.width - width_mm * scale) / 2;
     const top = (canvas.height - height_mm * scale) / 2;
-    context.imageSmoothingQuality = "high";
+    context.imageSmoothingQuality = "medium";
     context.drawImage(pixels, left, top, width_mm * scale, height_mm * scale);
     const place = (column, row) => [left + (column + 0.5) * lateral * scale, top + (row + 0.5) * depth * scale];
     if (header.outline) {

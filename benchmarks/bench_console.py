@@ -1,0 +1,181 @@
+"""The web console: how long after the monitor has decided a browser shows it, and what that costs.
+
+    python benchmarks/bench_console.py [CHANGES]
+
+A monitor decides 100 times a second on frames of 512 x 512, with 25 outlines a second, as `scleraforce monitor` does,
+and changes its state CHANGES times (default 100) at random moments. Times are from before the entry is sent: until the
+page's text has changed, and until the browser has painted it (the second animation frame after that). "late" counts
+changes that a page had not shown when the next one came, 0.3 to 0.5 s later. Needs chromium.
+"""
+
+import os
+import select
+import sys
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic, sleep, time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from playwright.sync_api import Page, sync_playwright
+
+from scleraforce.monitor import MonitorLimits
+from scleraforce.service.child import Child
+from scleraforce.service.console import console_settings
+from scleraforce.service.entry import Entry
+from scleraforce.service.frame_ring import FrameRing
+
+CHROMIUM = "/usr/bin/chromium"
+SIZE, FRAME_S = 512, 0.01
+OBSERVE = """() => {
+  window.seen = [];
+  const now = () => performance.timeOrigin + performance.now();
+  new MutationObserver(() => {
+    const change = [document.getElementById("word").textContent, now(), null];
+    window.seen.push(change);
+    requestAnimationFrame(() => requestAnimationFrame(() => (change[2] = now())));
+  }).observe(document.getElementById("word"), { childList: true });
+}"""
+
+
+class Session:
+    """The monitor's end of the channel."""
+
+    def __init__(self) -> None:
+        rng = np.random.default_rng(0)
+        self.ring = FrameRing.create(100, SIZE, SIZE)
+        settings = console_settings(
+            host="127.0.0.1", port=0, ring=self.ring, lateral_m=29e-6, depth_m=8e-6, limits=MonitorLimits(),
+            class_bounds_n=(5e-3, 30e-3), model="bench",
+        )  # fmt: skip
+        self.child = Child("scleraforce.service.console", settings, [self.ring.descriptor])
+        select.select([self.child.channel], [], [], 30)
+        self.address = f"http://127.0.0.1:{self.child.channel.receive()[0]['port']}/"
+        self.pictures = [rng.integers(0, 4096, (SIZE, SIZE), dtype=np.uint16) for _ in range(8)]
+        self.curve = np.linspace(100, 140, SIZE // 4).tolist()
+        self.state = "WATCHING"
+        self.frames = self.refused = 0
+        self.sending_s: list[float] = []
+
+    def frame(self) -> float:
+        """Decide on a frame, as the monitor does; return the time before its entry was sent."""
+        self.frames += 1
+        self.ring.put(self.frames, self.pictures[self.frames % 8])
+        entry = Entry(
+            self.frames, time(), monotonic(), "frame", self.state, 1, 0, None, f"{self.state}: class 1; 12.0 mN",
+            self.frames, self.frames, 1, (0.02, 0.96, 0.02), 12.0, (10.0, 14.0), True, None, 1.0,
+        )  # fmt: skip
+        sent_s = time()
+        self.send({"kind": "entry", "entry": entry.as_json()})
+        if self.frames % 4 == 0:
+            outline = {"step": 4, "outer": self.curve, "inner": self.curve}
+            self.send({"kind": "outline", "frame": self.frames, **outline})
+        if self.frames % 50 == 0:
+            self.send({"kind": "rates", "frames_per_second": 100.0, "lost": 0, "clients": []})
+        return sent_s
+
+    def send(self, message: dict[str, Any]) -> None:
+        """Send a message, and note how long that took."""
+        begin_s = monotonic()
+        self.refused += not self.child.channel.send(message)
+        self.sending_s.append(monotonic() - begin_s)
+
+
+def cpu_s(pids: list[int]) -> float:
+    """Processor time of processes."""
+    ticks = 0
+    for pid in pids:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        ticks += int(fields[11]) + int(fields[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def browser_pids() -> list[int]:
+    """All processes of chromium below this one."""
+    parents = {}
+    for entry in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            name, _, rest = entry.read_text().rpartition(")")
+            parents[int(entry.parent.name)] = int(rest.split()[1]), "chrom" in name
+    below = {os.getpid()}
+    while more := {pid for pid, (parent, _) in parents.items() if parent in below} - below:
+        below |= more
+    return [pid for pid in below if parents.get(pid, (0, False))[1]]
+
+
+def run(session: Session, pages: list[Page], changes: int) -> list[NDArray[np.float64]]:
+    """Return for each page the times (change, [shown, painted]) in ms after the entry was sent."""
+    rng = np.random.default_rng(1)
+    begin_s = monotonic()
+    moments = begin_s + 1.0 + np.cumsum(rng.uniform(0.3, 0.5, changes))
+    sent_s: list[float] = []
+    due_s = begin_s
+    while len(sent_s) < changes or monotonic() < moments[-1] + 0.5:
+        change = len(sent_s) < changes and monotonic() >= moments[len(sent_s)]
+        if change:
+            session.state = "WITHDRAW" if session.state == "WATCHING" else "WATCHING"
+        at_s = session.frame()
+        if change:
+            sent_s.append(at_s)
+        due_s = max(due_s + FRAME_S, monotonic() - 0.1)
+        sleep(max(0.0, due_s - monotonic()))
+    return [times_ms(page, sent_s) for page in pages]
+
+
+def times_ms(page: Page, sent_s: list[float]) -> NDArray[np.float64]:
+    """Pair what a page has seen with what was sent; one that it never showed is infinite."""
+    seen = [(text, shown, painted or np.inf) for text, shown, painted in page.evaluate("window.seen")]
+    texts = ("WITHDRAW", "WATCHING")
+    found = []
+    for number, at_s in enumerate(sent_s):
+        until_s = sent_s[number + 1] if number + 1 < len(sent_s) else np.inf
+        matching = [
+            (shown, painted)
+            for text, shown, painted in seen
+            if text == texts[number % 2] and 1e3 * at_s - 1 <= shown < 1e3 * until_s
+        ]
+        shown, painted = matching[0] if matching else (np.inf, np.inf)
+        found.append((shown - 1e3 * at_s, painted - 1e3 * at_s))
+    return np.array(found)
+
+
+def main(changes: int) -> None:
+    """Print the table."""
+    print("| pages | shown: median | 99 % | worst | painted: median | 99 % | worst | late | CPU: console | browser |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    sending: list[str] = []
+    with sync_playwright() as playwright:
+        for count in (1, 4):
+            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+            session = Session()
+            session.frame()
+            pages = [browser.new_page(viewport={"width": 1280, "height": 720}) for _ in range(count)]
+            for page in pages:
+                page.goto(session.address)
+                page.evaluate(OBSERVE)
+            shares = [cpu_s([session.child.pid]), cpu_s(browser_pids()), monotonic()]
+            session.sending_s.clear()
+            found = np.concatenate(run(session, pages, changes))
+            used = np.subtract([cpu_s([session.child.pid]), cpu_s(browser_pids()), monotonic()], shares)
+            cells = [text for column in found.T for text in spread(column[np.isfinite(column)])]
+            late = int(np.isinf(found[:, 0]).sum())
+            shares_used = [f"{100 * part / used[2]:.0f} %" for part in used[:2]]
+            print("| " + " | ".join([str(count), *cells, str(late), *shares_used]) + " |", flush=True)
+            sending_us = 1e6 * np.array(session.sending_s)
+            sending.append(
+                f"pages: {count}. A message to the console took the monitor {np.median(sending_us):.0f} us (median), "
+                f"{sending_us.max():.0f} us at worst; {session.refused} of {len(sending_us)} were not taken"
+            )
+            browser.close()
+            session.child.end()
+    print(*sending, sep="\n")
+
+
+def spread(times: NDArray[np.float64]) -> list[str]:
+    """Median, 99th percentile and maximum."""
+    return [f"{value:.1f} ms" for value in (*np.percentile(times, [50, 99]), times.max())]
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100)
