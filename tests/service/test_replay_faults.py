@@ -18,7 +18,7 @@ from scleraforce.service import fault_acts, faults
 from scleraforce.service.answer_log import AnswerLog
 from scleraforce.service.fault_acts import ACTS, prepare
 from scleraforce.service.faults import FAULTS, FaultReport, draw_fault_time, inject
-from scleraforce.service.openigtlink import BadChecksum, Image, Malformed, Received, Status
+from scleraforce.service.openigtlink import BadChecksum, Image, Malformed, Received, Status, Text, encode
 from scleraforce.service.replay import Player
 from scleraforce.service.scanner_client import ScannerClient
 
@@ -28,10 +28,20 @@ AT_S, SPEED = 1.3, 4.0  # frame 31 of 400 a second
 
 
 @pytest.fixture(autouse=True)
+def _patient(monkeypatch) -> None:
+    """Wait for seconds where something follows a fault: the fake monitor may be held up."""
+    monkeypatch.setattr(faults, "WITHIN_S", 5.0)
+
+
+@pytest.fixture
 def _soon(monkeypatch) -> None:
-    """Wait for less than half a second where nothing follows a fault."""
-    for module in (faults, fault_acts):
-        monkeypatch.setattr(module, "WITHIN_S", 0.25)
+    """Wait for a quarter of a second where nothing follows a fault."""
+    monkeypatch.setattr(faults, "WITHIN_S", 0.25)
+
+
+@pytest.fixture
+def _usual(monkeypatch) -> None:
+    monkeypatch.setattr(faults, "WITHIN_S", fault_acts.WITHIN_S)
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +63,12 @@ def injected(
         ready = prepare(name, recording, AT_S, rng, version=version, speed=SPEED, forces_n=FORCES_N)
         player.play(ready.time_s)
         report = inject(player, ready)
+        if name not in ("half", "garbage", "disconnect"):
+            client.send(encode(Text("end"), "End", version=version))
+            end_s = time.monotonic() + 10.0
+            while not any(isinstance(e, Received) and e.message == Text("end") for e in monitor.received):
+                assert time.monotonic() < end_s
+                time.sleep(0.001)
     return monitor, report
 
 
@@ -99,6 +115,7 @@ def test_out_of_order_sends_one_frame_with_an_older_id(recording, version: int) 
     assert report.expected
 
 
+@pytest.mark.usefixtures("_soon")
 @pytest.mark.parametrize("version", [1, 2])
 def test_checksum_nan_and_bad_image_are_what_they_say_and_the_stream_goes_on(recording, version: int) -> None:
     for name, kind in (("checksum", BadChecksum), ("nan", Malformed), ("bad-image", Malformed)):
@@ -149,23 +166,29 @@ def test_flood_comes_at_once_with_rising_ids(recording) -> None:
     assert all(b > a for a, b in pairwise(ids))
     came_s = [event.header.time_s for event in images(monitor)]
     assert came_s[33] - came_s[30] < 0.001
+    assert len(ids) < 230  # it stops when it is answered
     assert report.expected
 
 
-@pytest.mark.parametrize("name", ["garbage", "disconnect", "half"])
+@pytest.mark.parametrize("name", ["garbage", "disconnect"])
 def test_the_robots_connection_tells_what_follows_a_broken_scanner(recording, name: str) -> None:
     def decide(event):
         return Status(3, 7, "SILENCE", "WITHDRAW: no frame") if event is None else None
 
     monitor, report = injected(recording, name, 2, decide)
     assert len(images(monitor)) == 30
-    if name == "half":  # the connection stands: this monitor sees nothing
-        assert report.delay_s is None
-    else:
-        assert (report.code, report.cause) == (3, "SILENCE")
-        assert report.expected is (name == "disconnect")
+    assert (report.code, report.cause) == (3, "SILENCE")
+    assert report.expected is (name == "disconnect")
 
 
+@pytest.mark.usefixtures("_soon")
+def test_half_a_frame_is_followed_by_nothing(recording) -> None:
+    monitor, report = injected(recording, "half", 2)
+    assert len(images(monitor)) == 30
+    assert report.delay_s is None  # the connection stands: this monitor sees nothing
+
+
+@pytest.mark.usefixtures("_soon")
 def test_silence_sends_nothing_more_and_a_monitor_that_falls_silent_too_is_a_withdrawal(recording) -> None:
     monitor, report = injected(recording, "silence", 2)
     assert len(images(monitor)) == 30
@@ -184,7 +207,7 @@ def test_silence_sends_nothing_more_and_a_monitor_that_falls_silent_too_is_a_wit
         report = inject(player, ready)
         client.close()
     assert (report.code, report.cause, report.message) == (None, None, "no STATUS for 150 ms")
-    assert 0.1 < report.delay_s < 0.16
+    assert report.delay_s <= 0.151
 
 
 def test_a_monitor_that_dies_is_a_withdrawal_by_the_robots_rule(recording) -> None:
@@ -211,11 +234,12 @@ def test_a_monitor_that_does_not_watch_shows_nothing(recording) -> None:
         injected(recording, "silence", 2, WithdrawsAfter(-10, 102))
 
 
+@pytest.mark.usefixtures("_usual")
 def test_the_time_of_a_fault_is_drawn_in_contact_and_clear_of_danger(recording) -> None:
     times_s = {draw_fault_time(recording, FORCES_N, np.random.default_rng(seed)) for seed in range(200)}
     frames_s = np.array([entry.time_s for entry in recording.frames])
     forces_n = [FORCES_N[np.searchsorted(frames_s, time_s - 1e-9)] for time_s in times_s]
-    after_n = [FORCES_N[frames_s <= time_s + 0.25 - 1e-9][-1] for time_s in times_s]
+    after_n = [FORCES_N[frames_s <= time_s + 0.5 - 1e-9][-1] for time_s in times_s]
     assert min(forces_n) > 4e-3
     assert max(after_n) <= 24.1e-3
     assert len(times_s) > 1
@@ -244,6 +268,7 @@ def test_the_table_and_the_acts_name_the_same_faults() -> None:
     assert all(isinstance(cause, Cause) for fault in FAULTS.values() for cause in fault.causes)
 
 
+@pytest.mark.usefixtures("_usual")
 def test_the_command_injects_at_a_drawn_time_and_says_what_followed(recording, capsys) -> None:
     def decide(event):
         return Status(3, 9, "CHECKSUM", "WITHDRAW: checksum") if isinstance(event, BadChecksum) else None
@@ -261,6 +286,7 @@ def test_the_command_injects_at_a_drawn_time_and_says_what_followed(recording, c
     assert result["frames_sent"] >= frames_s.index(drawn_s)
 
 
+@pytest.mark.usefixtures("_soon")
 def test_a_fault_that_nobody_notices_is_exit_code_1(recording, capsys) -> None:
     with fake_monitor() as monitor:
         command = [

@@ -12,7 +12,7 @@ from scleraforce.errors import InputError, LinkError
 from scleraforce.recording.info import OctInfo
 from scleraforce.service import scanner_client
 from scleraforce.service.answer_log import AnswerLog
-from scleraforce.service.openigtlink import Decoder, Image, Received, Sensor, Status, Text
+from scleraforce.service.openigtlink import Decoder, Image, Received, Sensor, Status, Text, encode
 from scleraforce.service.scanner_client import ScannerClient, Unstamped, frame_message
 from scleraforce.service.scanner_image import FrameAssembler
 
@@ -58,6 +58,7 @@ def test_what_the_monitor_says_is_heard_with_its_time(observed: bool) -> None:
     log = AnswerLog()
     with fake_monitor() as monitor:
         client = ScannerClient("127.0.0.1", monitor.port, log.hear, observed=observed)
+        wait_until(client, lambda: log.status is not None)
         message = frame_message(PIXELS, OCT, 7, 2)
         before_s = time.monotonic()
         sent_s = client.send(message.stamped(5.0))
@@ -84,14 +85,15 @@ def test_the_robots_connection_hears_on_when_the_scanners_is_closed() -> None:
 
 
 def test_a_monitor_that_stops_reading_is_an_error_and_no_hang(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scanner_client, "STALL_S", 0.2)
+    monkeypatch.setattr(scanner_client, "STALL_S", 0.5)
     log = AnswerLog()
     with fake_monitor() as monitor:
         client = ScannerClient("127.0.0.1", monitor.port, log.hear)
-        monitor.reads = False
-        with pytest.raises(LinkError, match=r"has read nothing for 0\.2 s"):
-            client.send(bytes(64 * 1024 * 1024))
-        assert log.status is not None  # it was heard meanwhile
+        wait_until(client, lambda: log.status is not None)
+        first_s, monitor.reads = log.status_s, False
+        with pytest.raises(LinkError, match=r"has read nothing for 0\.5 s"):
+            client.send(encode(Image(np.zeros((1, 2048, 2048), np.uint16)), "Scanner") * 8)
+        assert log.status_s > first_s  # it was heard meanwhile
         client.close()
 
 

@@ -37,14 +37,14 @@ class FakeMonitor:
         self.received: list[Received | BadChecksum | Malformed | None] = []
         self.answers = self.reads = True
         self.status = NOT_READY
-        self.bytes_instead: bytes | None = None
         self._peers: dict[socket.socket, int] = {}
         self._lock = threading.RLock()
         self._listener = socket.create_server(("127.0.0.1", 0))
         self._frames = 0
         self._ended = threading.Event()
-        threading.Thread(target=self._accept, daemon=True).start()
-        threading.Thread(target=self._beat, daemon=True).start()
+        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._accept, self._beat)]
+        for thread in self._threads:
+            thread.start()
 
     @property
     def port(self) -> int:
@@ -66,8 +66,7 @@ class FakeMonitor:
         with self._lock:
             for peer in list(self._peers):
                 with suppress(OSError):
-                    peer.shutdown(socket.SHUT_RDWR)
-                peer.close()
+                    peer.shutdown(socket.SHUT_RDWR)  # its thread closes it
             self._peers.clear()
 
     def close(self) -> None:
@@ -75,7 +74,10 @@ class FakeMonitor:
         with suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
+        self._threads[0].join()  # nobody comes any more
         self.drop()
+        for thread in self._threads:
+            thread.join(5.0)
 
     def _accept(self) -> None:
         with suppress(OSError):
@@ -83,7 +85,8 @@ class FakeMonitor:
                 peer, _ = self._listener.accept()
                 with self._lock:
                     self._peers[peer] = 1
-                threading.Thread(target=self._serve, args=(peer,), daemon=True).start()
+                self._threads.append(threading.Thread(target=self._serve, args=(peer,), daemon=True))
+                self._threads[-1].start()
 
     def _beat(self) -> None:
         while not self._ended.wait(HEARTBEAT_S):
@@ -102,10 +105,12 @@ class FakeMonitor:
                     break
                 for event in decoder.feed(data):
                     self._take(peer, event)
-        self._take(peer, None)
-        with self._lock:
-            self._peers.pop(peer, None)
-        peer.close()
+        try:
+            self._take(peer, None)
+        finally:
+            with self._lock:
+                self._peers.pop(peer, None)
+            peer.close()
 
     def _take(self, peer: socket.socket, event: object) -> None:
         with self._lock:
@@ -114,7 +119,7 @@ class FakeMonitor:
             image = isinstance(event, Received) and isinstance(event.message, Image)
             if self.status.code != 3:
                 self.status = decided or (OK if image else self.status)
-            if decided:
+            if decided and not image:
                 self._tell(self.status, "ForceMonitor")
             if isinstance(event, Received):
                 self._peers[peer] = event.header.version

@@ -27,7 +27,7 @@ WITHIN_S = 0.5  # a withdrawal later than this is none
 BOUND_N = MonitorLimits().bound_n
 DANGEROUS_N = BOUND_N + 3e-3  # clear of the bound by what a reading errs
 RISE_N_PER_S = 0.15
-FLOOD = 40
+FLOOD = 100  # a second's worth; what the monitor reads as fast as it comes is no fault
 
 
 @dataclass(frozen=True)
@@ -211,7 +211,7 @@ def _bytes(sending: Sending) -> bytearray:
 def _flood(stage: _Stage) -> list[Act]:
     several = [stage.pixels(index) for index in range(min(4, len(stage.recording.frames) - stage.first))]
     burst = [stage.sending(several[place % len(several)]) for place in range(FLOOD)]
-    return [tuple(replace(sending, late_s=place * 1e-4) for place, sending in enumerate(burst)), *stage.onward(1)]
+    return [tuple(replace(sending, late_s=place * 1e-5) for place, sending in enumerate(burst)), *stage.onward(1)]
 
 
 def _rising(stage: _Stage) -> list[Act]:

@@ -129,6 +129,9 @@ def inject(player: Player, prepared: Prepared) -> FaultReport:
             change = log.first_doubt(since_s)
             if change or _silent(player, began_s) or next_s > began_s + WITHIN_S:
                 break
+        else:
+            client.listen(began_s + WITHIN_S, lambda: log.first_doubt(since_s) is not None)
+            change = log.first_doubt(since_s)
     except LinkError as fault_of_link:
         return FaultReport(prepared.name, began_s, monotonic() - began_s, None, None, str(fault_of_link), False)
     if change is None and _silent(player, began_s):
@@ -152,8 +155,14 @@ def _do(player: Player, act: Act, stamp_s: float) -> float:
     """Do one act; return when its first message's last byte went."""
     if act is None:
         player.client.disconnect()
-    sent_s = [sent_s for sending in act or () if (sent_s := _send(player, sending, stamp_s)) is not None]
-    return sent_s[0] if sent_s else monotonic()
+    begun_s: float | None = None
+    for sending in act or ():
+        sent_s = _send(player, sending, stamp_s)
+        player.client.listen(monotonic())
+        begun_s = sent_s if begun_s is None else begun_s
+        if sent_s is None or not player.log.ok:
+            break
+    return monotonic() if begun_s is None else begun_s
 
 
 def _send(player: Player, sending: Sending, stamp_s: float) -> float | None:
