@@ -278,6 +278,18 @@ def test_a_session_is_recorded_frame_by_frame_and_can_be_read_at_any_time(tmp_pa
     assert f"recorded {monitor.frames} frames in {tmp_path / 'rec'}; 0 were lost" in monitor.notes()
 
 
+def test_of_a_session_and_a_withdrawal_the_older_frame_is_written_first(tmp_path):
+    monitor = Monitor(tmp_path, record=tmp_path / "rec")
+    for _ in range(50):
+        monitor.decide(turns=0)
+    monitor.decide("WITHDRAW", turns=20)
+    (partial,) = monitor.withdrawals()
+    newest = [max(path.name for path in (folder / "frames").iterdir()) for folder in (tmp_path / "rec", partial)]
+    assert newest == ["0000010.png", "0000010.png"]
+    monitor.end()
+    assert len(read_recording(tmp_path / "rec").frames) == len(read_recording(monitor.withdrawals()[0]).frames) == 51
+
+
 def test_a_frame_that_is_named_twice_is_recorded_once_and_two_at_one_time_stay_apart(tmp_path):
     monitor = Monitor(tmp_path, record=tmp_path / "rec")
     monitor.decide()
