@@ -38,7 +38,7 @@ class RobotForce:
         self.refused = 0
         self._info = info
         self._source: tuple[str, int] | None = None
-        self._step = 0
+        self._step = -1
         self._sums: list[float] = []
         self._count = 0
 
