@@ -18,7 +18,7 @@ from scleraforce.service import fault_acts, faults
 from scleraforce.service.answer_log import AnswerLog
 from scleraforce.service.fault_acts import ACTS, prepare
 from scleraforce.service.faults import FAULTS, FaultReport, draw_fault_time, inject
-from scleraforce.service.openigtlink import BadChecksum, Image, Malformed, Received, Status, Text, encode
+from scleraforce.service.openigtlink import BadChecksum, Decoder, Image, Malformed, Received, Status, Text, encode
 from scleraforce.service.replay import Player
 from scleraforce.service.scanner_client import ScannerClient
 
@@ -159,6 +159,13 @@ def test_rising_and_dangerous_take_frames_of_the_forces_that_they_need(recording
     assert report.cause == "DANGEROUS_CLASS"
 
 
+def test_a_dangerous_frame_is_dangerous_whatever_is_drawn(recording) -> None:
+    for seed in range(20):
+        ready = prepare("dangerous", recording, AT_S, np.random.default_rng(seed), forces_n=FORCES_N)
+        (event,) = Decoder().feed(ready.acts[0][0].message.stamped(1.0))
+        assert FORCES_N[event.message.pixels[0, 0, 0]] >= 0.033
+
+
 def test_flood_comes_at_once_with_rising_ids(recording) -> None:
     monitor, report = injected(recording, "flood", 1, WithdrawsAfter(4, 110))
     ids = [int(event.header.time_s * 1e6) for event in images(monitor)]
@@ -243,6 +250,10 @@ def test_the_time_of_a_fault_is_drawn_in_contact_and_clear_of_danger(recording) 
     assert min(forces_n) > 4e-3
     assert max(after_n) <= 24.1e-3
     assert len(times_s) > 1
+    dipping_n = np.where(np.arange(FRAMES) % 20 < 10, 0.0, FORCES_N)  # the needle lifts off again and again
+    for seed in range(50):
+        time_s = draw_fault_time(recording, dipping_n, np.random.default_rng(seed))
+        assert dipping_n[np.searchsorted(frames_s, time_s - 1e-9)] > 4e-3
     with pytest.raises(InputError, match="no room for a fault"):
         draw_fault_time(recording, np.zeros(FRAMES), np.random.default_rng(0))
 

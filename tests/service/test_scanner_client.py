@@ -141,6 +141,7 @@ def test_the_status_before_a_reading_is_that_frames_answer() -> None:
     log.hear(10.002, "ForceMonitor", Status(1))
     log.hear(10.003, "ForceReading", reading(101))
     log.hear(10.011, "ForceMonitor", Status(1))  # a heartbeat
+    log.sent(3, 103, 10.0125)  # before frame 2 is answered
     log.hear(10.013, "ForceMonitor", Status(3, 102, "BOUND", "too much"))
     log.hear(10.014, "ForceReading", reading(102))
     assert log.latencies_s == pytest.approx([0.002, 0.003])
