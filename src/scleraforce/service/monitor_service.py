@@ -32,6 +32,7 @@ __all__ = ["Address", "MonitorSettings", "monitor_service"]
 
 KEPT_S = 10.0
 RING_FRAMES = 1200  # at 100 a second two seconds more than are kept, for those who copy them
+MOST_BITS = 16  # a scanner may use more than the model's study says: what is kept has to be readable
 BACKLOG = 256
 
 
@@ -132,7 +133,7 @@ def _recording_info(settings: MonitorSettings, study: Study, scale: PixelScale) 
     return RecordingInfo(
         EyeInfo(settings.eye, known.thickness_m, known.iop_pa),
         OctInfo(
-            columns, rows, study.oct.bits, columns * scale.lateral_m, rows * scale.depth_m,
+            columns, rows, MOST_BITS, columns * scale.lateral_m, rows * scale.depth_m,
             refractive_index=settings.refractive_index,
         ),
         NeedleInfo(nearest_gauge(study.needle.outer_diameter_m), gap_m, known.polar_rad),
