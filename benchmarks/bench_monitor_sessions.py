@@ -406,7 +406,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=1)
     given = parser.parse_args()
-    for name in ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"):  # of the workers: images are kept, a sixth quicker
+    for name in ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"):  # workers keep their images: a sixth quicker
         os.environ.setdefault(name, "1000000000")
     plan = Plan(given.model, given.sessions, given.seconds, given.seed, min(10, given.sessions))
     print("Random numbers from a pool against new ones, the same frames:")
