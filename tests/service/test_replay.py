@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from itertools import pairwise
 
 import numpy as np
@@ -67,6 +68,24 @@ def test_no_frame_goes_out_before_its_time_and_no_delay_adds_up(tmp_path) -> Non
     assert (late_s >= 0.0).all()
     assert np.diff(due_s) == pytest.approx(0.005)  # twice as fast, whatever came between
     assert player.latest_s <= late_s.max()
+
+
+def test_a_replay_that_is_late_catches_up_at_twice_the_pace_and_in_no_burst(tmp_path) -> None:
+    recording = read_recording(write_small_recording(tmp_path / "rec", frames=40, log=False))
+    log, went_s = AnswerLog(), []
+
+    def watch() -> None:
+        went_s.append(log._last[1])
+        if len(went_s) == 10:
+            time.sleep(0.15)
+
+    with fake_monitor() as monitor:
+        client = ScannerClient("127.0.0.1", monitor.port, log.hear)
+        player = Player(recording, client, log, watch=watch)
+        player.play()
+        client.close()
+    assert min(np.diff(went_s[:40])) >= 0.005 - 1e-9
+    assert player.latest_s >= 0.14
 
 
 def test_the_force_log_goes_along_in_its_time(tmp_path, capsys) -> None:

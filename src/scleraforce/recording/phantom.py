@@ -55,10 +55,7 @@ __all__ = [
 
 AXIS, CONTACT_SIGN = "fz", -1
 TAIL_S = 1.5  # of the log, after the needle's last motion
-HELD_AVERAGE_S, MOVING_AVERAGE_S = (
-    2.0,
-    0.1,
-)  # of a label: below the time in which a needle that holds, or moves, changes
+HELD_AVERAGE_S, MOVING_AVERAGE_S = 2.0, 0.1  # of a label: a needle that moves changes sooner
 FIRST_S = 0.1  # of the first frame of a moving needle: a label needs force samples on both sides
 DRIFT_S = 1.0  # in which a living eye moves from one place to another: between pulse and breath
 

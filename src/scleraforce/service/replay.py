@@ -68,6 +68,7 @@ class Player:
         self.forces_sent, self.latest_s, self.last = 0, 0.0, 0
         self._watch = watch
         self._begun: tuple[float, float, float] | None = None
+        self._frame_went: tuple[float, float] | None = None
 
     def play(self, stop_s: float = float("inf")) -> None:
         """Play until a time of the recording, or its end; then wait a moment for the last answer.
@@ -100,11 +101,21 @@ class Player:
             self._watch()
 
     def send(self, timed: Timed) -> float:
-        """Wait until a message is due and send it, with that time; return when its last byte went."""
+        """Wait until a message is due and send it, with that time; return when its last byte went.
+
+        Where the replay is late, it catches up with half the time between two frames: at once, they would be a flood.
+        """
         due_s, stamp_s = self.due(timed.time_s)
-        self.client.listen(due_s)
+        earliest_s = due_s
+        if timed.number and self._frame_went is not None:
+            time_s, went_s = self._frame_went
+            earliest_s = max(due_s, went_s + (timed.time_s - time_s) / self.speed / 2)
+        self.client.listen(earliest_s)
         self.latest_s = max(self.latest_s, monotonic() - due_s)
-        return self._put(timed, stamp_s)
+        sent_s = self._put(timed, stamp_s)
+        if timed.number:
+            self._frame_went = timed.time_s, sent_s
+        return sent_s
 
     def due(self, time_s: float) -> tuple[float, float]:
         """Return when a time of the recording is due, on the monotonic clock and since 1970; the first one is now."""
