@@ -363,8 +363,8 @@ def test_a_needle_that_is_lifted_off_may_be_placed_anew() -> None:
     lifted: list[Event] = [frame(n, 3e-4) for n in range(6, 57)]
     assert play([*lifted, unusable(57)], watching()).state is State.NOT_READY
     assert play([*lifted[:-1], unusable(56)], watching()).cause is Cause.UNUSABLE, "half a second is needed"
-    assert play([*lifted[:30], frame(36, 1e-3), *lifted[31:], unusable(57)], watching()).cause is Cause.UNUSABLE
-    seen = opinion(30, 1e-3, at_s=0.305)
+    assert play([*lifted[:30], frame(36, 2.1e-3), *lifted[31:], unusable(57)], watching()).cause is Cause.UNUSABLE
+    seen = opinion(30, 2.1e-3, at_s=0.305)
     assert play([*lifted[:25], seen, *lifted[25:], unusable(57)], watching()).cause is Cause.UNUSABLE
     assert play([*lifted, frame(57), unusable(58)], watching()).cause is Cause.UNUSABLE, "it touches again"
 

@@ -6,7 +6,7 @@ from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.events import FrameRead, SecondOpinion
 from scleraforce.monitor.limits import MonitorLimits
 
-__all__ = ["clear", "harm", "sound_pixels", "touches", "unsound", "upper_end"]
+__all__ = ["harm", "sound_pixels", "touches", "unsound", "upper_end"]
 
 Reading = FrameRead | SecondOpinion
 
@@ -50,12 +50,6 @@ def upper_end(reading: Reading) -> float | None:
 def touches(reading: Reading, limits: MonitorLimits) -> bool:
     """Return whether a usable, sound reading shows contact."""
     return reading.predicted > 0 if reading.force_n is None else reading.force_n > limits.contact_n
-
-
-def clear(reading: Reading, limits: MonitorLimits) -> bool:
-    """Return whether a usable, sound reading leaves no doubt that there is no contact."""
-    upper_n = upper_end(reading)
-    return reading.predicted == 0 and (upper_n is None or upper_n <= limits.contact_n)
 
 
 def sound_pixels(size: tuple[int, int], scale_m: tuple[float, float]) -> bool:

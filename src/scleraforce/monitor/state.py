@@ -6,7 +6,7 @@ from math import isfinite
 from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.events import Event, FrameRead, QueueLoss, SecondOpinion
 from scleraforce.monitor.limits import MonitorLimits
-from scleraforce.monitor.soundness import clear, sound_pixels, touches, unsound
+from scleraforce.monitor.soundness import sound_pixels, touches, unsound
 from scleraforce.monitor.transitions import State
 
 __all__ = ["MonitorState", "remember"]
@@ -21,7 +21,7 @@ class MonitorState:
     `cause` and `reason` are those of the first cause of a withdrawal, kept until the reset. `history` has (time, force)
     of the last frames whose numbers are sound, `losses` (time, frames) of those lost within the window, `lost` all that
     were lost since the start, `lost_in_row` those since the last frame. `fresh` counts the harmless frames in a row.
-    `touched` is True after contact, `clear_s` the time of the first of the last frames in a row that are clear of it.
+    `touched` is True after contact, `clear_s` the time of the first of the last frames in a row that show none.
     `opinion` is the last second opinion since the last cause, `doubted` counts those in a row that could not judge,
     `unanswered` has (frame, time) of frames that got none yet, oldest first, thinned where they are many.
     """
@@ -92,9 +92,9 @@ def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits
 
 
 def _remember_contact(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
-    """Contact begins with one frame and ends after `lifted_s` of frames that are clear of it."""
-    if not clear(frame, limits):
-        return replace(state, touched=state.touched or touches(frame, limits), clear_s=None)
+    """Contact begins with one frame and ends after `lifted_s` of frames, each sound, that show none."""
+    if touches(frame, limits):
+        return replace(state, touched=True, clear_s=None)
     since_s = frame.at_s if state.clear_s is None else state.clear_s
     return replace(state, touched=state.touched and frame.at_s - since_s < limits.lifted_s, clear_s=since_s)
 
@@ -108,9 +108,7 @@ def _remember_opinion(state: MonitorState, opinion: SecondOpinion, limits: Monit
     )
     if not opinion.usable or unsound(opinion, limits):
         return replace(state, clear_s=None)
-    if clear(opinion, limits):
-        return state
-    return replace(state, touched=state.touched or touches(opinion, limits), clear_s=None)
+    return replace(state, touched=True, clear_s=None) if touches(opinion, limits) else state
 
 
 def _unanswered(waiting: tuple[tuple[int, float], ...], frame_id: int) -> tuple[tuple[int, float], ...]:
