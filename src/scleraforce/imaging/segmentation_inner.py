@@ -186,7 +186,7 @@ def _least_jump(jump: Float) -> Float:
     Their jumps are told by their median size (the wall's end is rare), and by how much jumps at one depth differ from
     place to place (the wall's end does not).
     """
-    sizes = np.abs(jump[::2, LEAST_CELLS : CELLS - LINE_CELLS : 2]).ravel()
+    sizes = np.abs(jump[:, LEAST_CELLS : CELLS - LINE_CELLS : 2]).ravel()
     sizes = sizes[sizes > 0]
     typical = float(np.partition(sizes, len(sizes) // 2)[len(sizes) // 2]) if len(sizes) else 0.0
     change = jump[POOLED:] - jump[:-POOLED]
