@@ -1,0 +1,1 @@
+"""The monitor as it runs, from outside: `benchmarks/bench_monitor.py` runs its parts."""

@@ -1,0 +1,310 @@
+"""Each fault, many times at random moments: does the monitor withdraw, how soon, and what does it say?
+
+The faults of a scanner and its line are those of `replay --fault`, injected one after the other into one monitor, with
+the operator's reset in between. Faults of the monitor's own processes need a new monitor each time; the tests' small
+monitor, which starts quickly, takes most of the deaths, the real one some.
+"""
+
+import os
+import signal
+from argparse import ArgumentParser, Namespace
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from time import monotonic
+from typing import Any
+
+import numpy as np
+
+from scleraforce.errors import InputError, LinkError
+from scleraforce.service.answer_log import AnswerLog
+from scleraforce.service.fault_acts import prepare
+from scleraforce.service.faults import FAULTS, FaultReport, inject
+from scleraforce.service.openigtlink import Message
+from scleraforce.service.replay import Player, Timed
+from scleraforce.service.scanner_client import ScannerClient, Unstamped
+
+from .figures import QUANTILES, Progress, print_table, quantiles_ms
+from .monitors import Monitor, real_monitor
+from .scanner import CONTACT_N, OK, WITHDRAW, Frames, Operator, Pace, be_the_peer
+from .small import SmallFrames, small_monitor
+
+__all__ = ["add_options", "run"]
+
+RUN_IN = 25  # frames of the way to a fault: within them the reset has to be granted
+ASKED_FROM = 11  # of them: the last ten, by which the force's rise is told, are in order
+MORE = 12  # frames, at most, beyond those
+TRIES = 20
+WITHIN_S = 3.0
+BREAKING = {"half", "garbage", "disconnect"}  # these need another connection afterwards
+AT_ONCE = 2
+
+
+@dataclass
+class Row:
+    """What became of one kind of fault."""
+
+    name: str
+    of: str
+    times: int = 0
+    delays_s: list[float] = field(default_factory=list)
+    causes: Counter[str] = field(default_factory=Counter)
+    missed: list[str] = field(default_factory=list)
+    unexpected: int = 0
+
+    def add(self, delay_s: float | None, cause: str, code: int | None, expected: bool = True) -> None:
+        """Take one fault: a silence of 150 ms makes the robot withdraw as well, but counts as missed here."""
+        self.times += 1
+        self.causes[cause] += 1
+        self.unexpected += not expected
+        if delay_s is None or code != WITHDRAW:
+            self.missed.append(cause)
+        else:
+            self.delays_s.append(delay_s)
+
+
+def add_options(parser: ArgumentParser) -> None:
+    """Add the options of this part."""
+    parser.add_argument("--times", type=int, default=100, help="each fault of the scanner, and each death of the small")
+    parser.add_argument("--deaths", type=int, default=20, help="each death of the real monitor's processes")
+    parser.add_argument("--only", nargs="*", default=None, metavar="NAME", help="only these")
+
+
+def run(given: Namespace) -> dict[str, Any]:
+    """Inject all of them."""
+    frames = Frames(given.recording)
+    names = [name for name in (*FAULTS, *DEATHS, *SMALL_DEATHS) if given.only is None or name in given.only]
+    be_the_peer()
+    rows = scanner_faults(frames, given, [name for name in names if name in FAULTS])
+    rows += small_deaths(given, [name for name in names if name in SMALL_DEATHS])
+    rows += real_deaths(frames, given, [name for name in names if name in DEATHS])
+    show(rows)
+    return {
+        "rows": [
+            {**vars(row), "delays_s": None, "delay_ms": quantiles_ms(row.delays_s)} for row in rows
+        ]
+    }  # fmt: skip
+
+
+def show(rows: list[Row]) -> None:
+    """Print the table."""
+    columns = ["fault", "of", "times", "withdrawn", *(f"{name}, ms" for name in QUANTILES[1:]), "other cause", "causes"]
+    found = []
+    for row in rows:
+        delays = quantiles_ms(row.delays_s)
+        causes = ", ".join(f"{cause} {times}" for cause, times in row.causes.most_common())
+        numbers = [delays[name] for name in QUANTILES[1:]]
+        found.append([row.name, row.of, row.times, len(row.delays_s), *numbers, row.unexpected, causes])
+    print_table("from the fault's last byte, or the signal, to code 3", columns, found)
+
+
+# Faults of the scanner and its line.
+
+
+def scanner_faults(frames: Frames, given: Namespace, names: list[str]) -> list[Row]:
+    """Inject them in a random order into one monitor."""
+    rows = {name: Row(name, "scanner") for name in names}
+    if not names:
+        return []
+    rng = np.random.default_rng(given.seed)
+    order = rng.permutation([name for name in names for _ in range(given.times)])
+    progress = Progress("faults", len(order))
+    with real_monitor(given.model, given.recording) as monitor:
+        line = Line(monitor, frames, rng)
+        try:
+            for done, name in enumerate(order):
+                try:
+                    report = line.fault(str(name))
+                except (InputError, LinkError) as fault:
+                    raise SystemExit(f"{name}, number {done}: {fault}\n{monitor.said}") from fault
+                rows[name].add(report.delay_s, report.cause or report.message, report.code, report.expected)
+                progress.show(done + 1, str(name))
+                monitor.prune()
+        finally:
+            progress.end()
+            line.close()
+    print(f"faults of the scanner: {len(order)}, {line.cycle_s / max(1, len(order)):.2f} s each; resets granted "
+          f"{line.operator.granted}, refused {line.operator.refused}; withdrawn on the way "
+          f"{dict(line.on_the_way)}")  # fmt: skip
+    return list(rows.values())
+
+
+class Line:
+    """The scanner's line to one monitor, over many faults."""
+
+    def __init__(self, monitor: Monitor, frames: Frames, rng: np.random.Generator) -> None:
+        self._port, self._frames, self._rng = monitor.port, frames, rng
+        self.operator = Operator(monitor.port, monitor.token)
+        self.on_the_way: Counter[str] = Counter()
+        self.cycle_s = 0.0
+        touched = (frames.force_n > CONTACT_N) & (np.arange(len(frames.force_n)) < frames.harmless)
+        touched[: RUN_IN + MORE + 12] = False
+        self._places = np.flatnonzero(touched & np.roll(touched, RUN_IN + MORE))
+        self.log, self._client = AnswerLog(), self._connect()
+
+    def _connect(self) -> ScannerClient:
+        return ScannerClient("127.0.0.1", self._port, self._hear, observed=True)
+
+    def _hear(self, at_s: float, device: str, message: Message) -> None:
+        self.log.hear(at_s, device, message)
+
+    def close(self) -> None:
+        """Leave."""
+        self._client.close()
+        self.operator.close()
+
+    def fault(self, name: str) -> FaultReport:
+        """Reset the monitor on the way to a random place of the recording, and inject there."""
+        begun_s = monotonic()
+        place = int(self._rng.choice(self._places))
+        recording = self._frames.recording
+        at_s = recording.frames[place].time_s
+        prepared = prepare(name, recording, at_s, self._rng, version=1, forces_n=list(self._frames.force_n))
+        for _ in range(TRIES):
+            player = self._go(place)
+            if player is not None:
+                break
+        else:
+            raise InputError(f"no reset in {TRIES} tries: {self.log.status}")
+        report = inject(player, prepared)
+        if name in BREAKING:
+            self._client.close()
+            self._client = self._connect()
+        self.cycle_s += monotonic() - begun_s
+        return report
+
+    def _go(self, place: int) -> Player | None:
+        """Play the frames before a place; None where the monitor does not watch by then."""
+        self.log = AnswerLog()
+        player = Player(self._frames.recording, self._client, self.log, version=1)
+        first = place - RUN_IN - int(self._rng.integers(MORE))
+        granted = False
+        for index in range(first, place):
+            player.send(Timed(self._frames.recording.frames[index].time_s, index + 1, self._frames.messages[index]))
+            if self.log.ok:
+                granted = True
+            elif granted and self.log.status and self.log.status.code == WITHDRAW:
+                self.on_the_way[self.log.status.name] += 1
+                granted = False
+            elif index - first >= ASKED_FROM and self.operator.settled() is not True:
+                self.operator.reset()
+        while self.operator.busy:
+            self.operator.settled()
+            self._client.listen(monotonic() + 1e-3)
+        return player if self.log.ok else None
+
+
+# Deaths of processes.
+
+
+@dataclass(frozen=True)
+class Death:
+    """A signal to one of the monitor's processes, or a frame that hangs its reader, and the cause that is told."""
+
+    role: str
+    signal: signal.Signals
+    cause: str
+    hangs: bool = False
+
+
+WATCHED, FAILED = "WATCHDOG", "EXCEPTION"
+DEATHS = {
+    "monitor stopped": Death("monitor", signal.SIGSTOP, WATCHED),
+    "monitor killed": Death("monitor", signal.SIGKILL, WATCHED),
+    "watchdog killed": Death("watchdog", signal.SIGKILL, FAILED),
+    "watchdog stopped": Death("watchdog", signal.SIGSTOP, FAILED),
+    "black box killed": Death("black box", signal.SIGKILL, FAILED),
+    "second opinion killed": Death("second opinion", signal.SIGKILL, FAILED),
+    "second opinion stopped": Death("second opinion", signal.SIGSTOP, "NO_OPINION"),
+}
+SMALL_DEATHS = {
+    "a tight loop": Death("monitor", signal.SIGCONT, WATCHED, hangs=True),
+    "stopped": Death("monitor", signal.SIGSTOP, WATCHED),
+    "killed": Death("monitor", signal.SIGKILL, WATCHED),
+    "its watchdog killed": Death("watchdog", signal.SIGKILL, FAILED),
+}
+
+
+def real_deaths(frames: Frames, given: Namespace, names: list[str]) -> list[Row]:
+    """Start a monitor for each; signal at a random moment while it watches."""
+    rng = np.random.default_rng((given.seed, 1))
+    rows = []
+    progress = Progress("deaths", given.deaths * len(names))
+    for place, name in enumerate(names):
+        row, death = Row(name, "real"), DEATHS[name]
+        for number in range(given.deaths):
+            with real_monitor(given.model, given.recording) as monitor:
+                pace = Pace(monitor.port, frames, 100.0)
+                try:
+                    pace.warm_up(10 + int(rng.integers(30)))
+                    _die(pace, monitor.pids[death.role], death, rng, row)
+                finally:
+                    pace.client.close()
+                    _wake(monitor.pids[death.role])
+            progress.show(given.deaths * place + number + 1, name)
+        rows.append(row)
+    progress.end()
+    return rows
+
+
+def small_deaths(given: Namespace, names: list[str]) -> list[Row]:
+    """Do the same to small monitors, some at once."""
+    rows = {name: Row(name, "small") for name in names}
+    orders = [(name, number) for name in names for number in range(given.times)]
+    frames, progress = SmallFrames(), Progress("small deaths", len(orders))
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        try:
+            for done, _ in enumerate(pool.map(lambda order: _small_death(frames, given.seed, *order, rows), orders)):
+                progress.show(done + 1)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    progress.end()
+    return list(rows.values())
+
+
+def _small_death(frames: SmallFrames, seed: int, name: str, number: int, rows: dict[str, Row]) -> None:
+    death, rng = SMALL_DEATHS[name], np.random.default_rng((seed, 2, number))
+    with small_monitor() as small:
+        pace = Pace(small.port, frames, 100.0)
+        try:
+            pace.warm_up(10 + int(rng.integers(10)))
+            pid = small.process.pid if death.role == "monitor" else small.watchdog_pid
+            _die(pace, pid, death, rng, rows[name], frames.hanging if death.hangs else None)
+        finally:
+            pace.client.close()
+
+
+def _die(
+    pace: Pace, pid: int, death: Death, rng: np.random.Generator, row: Row, hanging: Unstamped | None = None
+) -> None:
+    """Send the signal, or the frame that hangs, at a random moment, and go on with frames until a withdrawal."""
+    pace.send()
+    pace.client.listen(monotonic() + rng.uniform(0.0, 0.01))
+    if pace.answers.code != OK:
+        row.add(None, f"code {pace.answers.code} before", None)
+        return
+    begun_s = monotonic()
+    if hanging:
+        begun_s = pace.send(hanging)
+    else:
+        os.kill(pid, death.signal)
+    try:
+        while pace.answers.code != WITHDRAW and monotonic() < begun_s + WITHIN_S:
+            pace.rest(done=lambda: pace.answers.code == WITHDRAW)
+            if pace.answers.code != WITHDRAW:
+                pace.send()
+    except LinkError as fault:
+        row.add(None, str(fault), None)
+        return
+    if pace.answers.code != WITHDRAW or pace.answers.status is None:
+        row.add(None, f"code {pace.answers.code} after {WITHIN_S:g} s", None)
+        return
+    cause = pace.answers.status.name
+    row.add(pace.answers.withdrawn_s - begun_s, cause, WITHDRAW, cause == death.cause)
+
+
+def _wake(pid: int) -> None:
+    with suppress(ProcessLookupError):
+        os.kill(pid, signal.SIGCONT)

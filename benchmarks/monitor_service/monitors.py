@@ -1,0 +1,174 @@
+"""The monitor that is measured: as users start it, on a core of its own."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from math import degrees
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import monotonic, sleep
+
+from scleraforce.processes import no_interrupts
+from scleraforce.units import mmhg_to_pa
+
+__all__ = ["Monitor", "Resources", "cores", "pin", "real_monitor", "resources"]
+
+START_S = 60.0
+PRUNE_S = 5.0
+CORES = sorted(os.sched_getaffinity(0))
+ROLES = {"black_box": "black box", "second_opinion": "second opinion", "watchdog": "watchdog", "console": "console"}
+
+
+@dataclass(frozen=True)
+class Resources:
+    """What a process holds: memory in kB (RSS, of it its own, and its share of what is shared), open descriptors."""
+
+    rss_kb: int
+    own_kb: int
+    pss_kb: int
+    descriptors: int
+
+
+class Monitor:
+    """A monitor that `scleraforce monitor` runs; `pids` are its processes by what they do."""
+
+    def __init__(self, process: subprocess.Popen[bytes], said: Path, black_box: Path) -> None:
+        self.process, self._said, self._black_box, self._pruned_s = process, said, black_box, monotonic()
+        words = self._await_reset_line().split()
+        self.port, self.token = int(words[words.index("--port") + 1]), words[-1]
+        self.pids = {"monitor": process.pid, **_children(process.pid)}
+
+    def _await_reset_line(self) -> str:
+        """Wait until it listens: the line that tells how to reset comes last."""
+        end_s = monotonic() + START_S
+        while monotonic() < end_s and self.process.poll() is None:
+            lines = self._said.read_text(encoding="utf-8").splitlines(keepends=True)
+            if lines and lines[-1].startswith("reset") and lines[-1].endswith("\n"):
+                return lines[-1]
+            sleep(0.02)
+        raise SystemExit(f"the monitor did not start:\n{self.said}")
+
+    @property
+    def said(self) -> str:
+        """All that it has written for the operator."""
+        return self._said.read_text(encoding="utf-8")
+
+    @property
+    def alive(self) -> bool:
+        """Whether its process runs."""
+        return self.process.poll() is None
+
+    def prune(self) -> None:
+        """Remove what the black box has kept, now and then: a withdrawal every second would fill any disk."""
+        if monotonic() - self._pruned_s < PRUNE_S:
+            return
+        self._pruned_s = monotonic()
+        folders = [str(path) for path in (self._black_box / "withdrawals").glob("*Z-*") if path.name[0] != "."]
+        if folders:
+            subprocess.Popen(["rm", "-rf", *folders], start_new_session=True)
+
+
+@contextmanager
+def real_monitor(model: Path, recording: Path, *options: str, pinned: bool = True) -> Iterator[Monitor]:
+    """Start `scleraforce monitor` for the eye of a virtual recording; end all its processes.
+
+    Args:
+        model: folder of the model.
+        recording: folder; its truth.json says what is known of the eye.
+        options: further ones of the command.
+        pinned: the monitor to the first core, its companions to the others.
+    """
+    eye = json.loads((recording / "truth.json").read_text(encoding="utf-8"))["eye"]
+    told = {
+        "--iop-mmhg": eye["iop_pa"] / mmhg_to_pa(1.0),
+        "--thickness-um": eye["thickness_m"] * 1e6,
+        "--youngs-modulus-mpa": eye["youngs_modulus_pa"] / 1e6,
+        "--gap-mm": eye["gap_m"] * 1e3,
+        "--polar-angle-deg": degrees(eye["polar_rad"]),
+    }
+    known = [text for name, value in told.items() for text in (name, f"{value:.6g}")]
+    with TemporaryDirectory(prefix="bench-monitor-", ignore_cleanup_errors=True) as folder:
+        said, black_box = Path(folder, "said"), Path(folder, "box")
+        command = [sys.executable, "-c", "from scleraforce.cli.main import main; main()", "monitor", str(model)]
+        command += [*known, "--port", "0", "--black-box", str(black_box), *options]
+        with said.open("wb") as errors, no_interrupts():
+            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors)
+        pids: dict[str, int] = {}
+        try:
+            monitor = Monitor(process, said, black_box)
+            pids = monitor.pids
+            if pinned:
+                first, others = cores()
+                for role, pid in pids.items():
+                    pin(pid, first if role == "monitor" else others)
+            yield monitor
+        finally:
+            _end(process, pids)
+
+
+def _end(process: subprocess.Popen[bytes], pids: dict[str, int]) -> None:
+    """End a monitor as planned; kill what is left of it after a while."""
+    with suppress(ProcessLookupError):
+        os.kill(process.pid, signal.SIGCONT)
+        process.send_signal(signal.SIGTERM)
+    try:
+        process.wait(20.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    end_s = monotonic() + 10.0
+    left = {role: pid for role, pid in pids.items() if role != "monitor"}
+    while left and monotonic() < end_s:
+        left = {role: pid for role, pid in left.items() if _module(pid) == role}
+        sleep(0.02 if left else 0.0)
+    for pid in left.values():
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+
+
+def _children(pid: int) -> dict[str, int]:
+    found = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
+    return {role: int(child) for child in found if (role := _module(int(child)))}
+
+
+def _module(pid: int) -> str | None:
+    """Return what a process does, by the module that it runs; None where it has ended, or is none of ours."""
+    try:
+        words = Path(f"/proc/{pid}/cmdline").read_text(encoding="utf-8").split("\0")
+    except OSError:
+        return None
+    names = [word.rsplit(".", 1)[1] for word in words if word.startswith("scleraforce.service.")]
+    return ROLES.get(names[0]) if names else None
+
+
+def cores() -> tuple[set[int], set[int]]:
+    """Return the monitor's core and those of all others; the same where there is but one."""
+    return {CORES[0]}, set(CORES[1:] or CORES)
+
+
+def pin(pid: int, to: set[int]) -> None:
+    """Keep a process, with its threads, on some cores."""
+    for thread in Path(f"/proc/{pid}/task").iterdir():
+        with suppress(ProcessLookupError):
+            os.sched_setaffinity(int(thread.name), to)
+
+
+def resources(pid: int) -> Resources | None:
+    """Return what a process holds; None where it has ended."""
+    try:
+        fields = dict(line.split(":", 1) for line in Path(f"/proc/{pid}/status").read_text("utf-8").splitlines())
+        mapped = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii").splitlines()
+        pss_kb = next(int(line.split()[1]) for line in mapped if line.startswith("Pss:"))
+        descriptors = len(os.listdir(f"/proc/{pid}/fd"))
+        return Resources(_kb(fields["VmRSS"]), _kb(fields["RssAnon"]), pss_kb, descriptors)
+    except (OSError, KeyError, StopIteration):
+        return None
+
+
+def _kb(text: str) -> int:
+    return int(text.split()[0])

@@ -1,0 +1,265 @@
+"""A scanner that sends a recording to and fro, with what a benchmark wants to know of each answer."""
+
+import gc
+import json
+import os
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from time import monotonic, time
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError
+from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.images import Pixels
+from scleraforce.recording.phantom import true_forces
+from scleraforce.recording.tables import FrameEntry
+from scleraforce.service.openigtlink import Message, Status, Text
+from scleraforce.service.operator import ask_reset
+from scleraforce.service.priority import run_in_real_time
+from scleraforce.service.scanner_client import ScannerClient, Unstamped, frame_message
+from scleraforce.service.telling import READING_DEVICE, STATUS_DEVICE
+
+from .monitors import cores
+
+__all__ = ["Answer", "Answers", "Frames", "Operator", "Pace", "be_the_peer"]
+
+HIGHEST_N = 25e-3  # below this nothing withdraws
+CONTACT_N = 4e-3  # clear of the monitor's bound of contact
+DANGEROUS_N = 33e-3  # clear over the bound
+SCANNER_PRIORITY = 5
+LOST_S = 1.0  # a frame without an answer for so long was lost to a newer one
+OK, WITHDRAW = 1, 3
+WARM_UP_S = 30.0
+
+
+def be_the_peer() -> bool:
+    """Let this process measure: beside the monitor's core, before normal processes; return whether it may be so."""
+    os.sched_setaffinity(0, cores()[1])
+    gc.collect()
+    gc.freeze()
+    return run_in_real_time(SCANNER_PRIORITY)
+
+
+class Frames:
+    """A virtual recording in memory: `messages` are its frames, encoded; `to_and_fro` is an endless way through them.
+
+    Headers are of version 1: the time is the frame's id, so that a frame may be sent again.
+    """
+
+    def __init__(self, path: Path, most: int | None = None) -> None:
+        self.recording = preloaded(read_recording(path), most)
+        entries, true_n = self.recording.frames, true_forces(path)
+        self.force_n = np.array([true_n[entry.file] for entry in entries])
+        over = np.flatnonzero(self.force_n >= HIGHEST_N)
+        self.harmless = int(over[0]) if len(over) else len(entries)
+        if self.harmless < 20:
+            raise InputError(f"{path}: {self.harmless} frames before {HIGHEST_N * 1e3:g} mN; 20 are needed")
+        oct_info = self.recording.info.oct
+        self.messages = [
+            frame_message(self.recording.frame(entry), oct_info, number, 1)
+            for number, entry in enumerate(entries, start=1)
+        ]
+
+    def to_and_fro(self) -> Iterator[int]:
+        """Yield indices of harmless frames: the force never jumps."""
+        while True:
+            yield from range(self.harmless)
+            yield from range(self.harmless - 2, 0, -1)
+
+    def dangerous(self) -> NDArray[np.intp]:
+        """Return indices of the frames that are clear over the bound, by what a reading errs."""
+        return np.flatnonzero(self.force_n >= DANGEROUS_N)
+
+
+@dataclass(frozen=True)
+class _Preloaded(Recording):
+    """A recording whose frames are in memory."""
+
+    pixels: dict[str, Pixels]
+
+    def frame(self, entry: FrameEntry) -> Pixels:
+        """Return a frame."""
+        return self.pixels[entry.file]
+
+
+def preloaded(recording: Recording, most: int | None = None) -> Recording:
+    """Read the frames of a recording, or the first so many."""
+    entries = tuple(islice(recording.frames, most))
+    with ThreadPoolExecutor() as pool:
+        pixels = dict(zip((entry.file for entry in entries), pool.map(recording.frame, entries), strict=True))
+    return _Preloaded(recording.path, recording.info, entries, recording.forces, pixels)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What came back for a frame: how long that took here, as the monitor says, and the code; `at_s` when it came."""
+
+    at_s: float
+    took_s: float
+    server_ms: float | None
+    code: int
+    cause: str | None
+
+
+class Answers:
+    """Matches frames with their answers: a frame's STATUS comes right before its reading. `hear` is for a client.
+
+    Attributes:
+        status: the last one.
+        status_s: when it came.
+        withdrawn_s: when the first one of the present withdrawal came.
+        all: the answers of frames, however late.
+        last: the answer to the frame that was sent last; None as long as there is none.
+    """
+
+    def __init__(self) -> None:
+        self.status: Status | None = None
+        self.status_s = self.withdrawn_s = 0.0
+        self.all: list[Answer] = []
+        self.last: Answer | None = None
+        self._waiting: OrderedDict[int, float] = OrderedDict()
+
+    @property
+    def code(self) -> int | None:
+        """Of the last STATUS."""
+        return self.status.code if self.status else None
+
+    def sent(self, frame_id: int, at_s: float) -> None:
+        """Take a frame that was sent."""
+        self.last = None
+        self._waiting[frame_id] = at_s
+        while self._waiting and at_s - next(iter(self._waiting.values())) > LOST_S:
+            self._waiting.popitem(last=False)
+
+    def hear(self, at_s: float, device: str, message: Message) -> None:
+        """Take a message of the monitor."""
+        if isinstance(message, Status) and device == STATUS_DEVICE:
+            if message.code == WITHDRAW and self.code != WITHDRAW:
+                self.withdrawn_s = at_s
+            self.status, self.status_s = message, at_s
+        elif isinstance(message, Text) and device == READING_DEVICE and self.status:
+            reading = json.loads(message.text)
+            sent_s = self._waiting.pop(reading["frame_id"], None)
+            if sent_s is not None:
+                took_s = self.status_s - sent_s
+                answer = Answer(self.status_s, took_s, reading["latency_ms"], self.status.code, reading["cause"])
+                self.all.append(answer)
+                self.last = None if self._waiting else answer
+
+
+class Way(Protocol):
+    """Frames, encoded, and an endless way through them."""
+
+    messages: list[Unstamped]
+
+    def to_and_fro(self) -> Iterator[int]:
+        """Yield indices."""
+
+
+class Sent(Protocol):
+    """A message that a scanner sends: a frame, or something like it."""
+
+    def stamped(self, time_s: float) -> bytearray:
+        """Return its bytes with a time, s since 1970."""
+
+    @property
+    def frame_id(self) -> int:
+        """What the monitor calls it."""
+
+
+class Pace:
+    """Sends harmless frames at their times, and keeps the answers.
+
+    Args:
+        port: of the monitor.
+        frames: what is sent.
+        rate_hz: how often.
+
+    Attributes:
+        answers: what came back.
+        latest_s: how late the latest frame went out.
+        sent: frames.
+        data: the last one, as it was sent.
+    """
+
+    def __init__(self, port: int, frames: Way, rate_hz: float) -> None:
+        self.answers, self.latest_s, self.sent = Answers(), 0.0, 0
+        self.client = ScannerClient("127.0.0.1", port, self.answers.hear)
+        self._frames, self._interval_s, self._wall_s = frames, 1.0 / rate_hz, time() - monotonic()
+        self._way, self._due_s, self.data = frames.to_and_fro(), monotonic(), bytearray()
+
+    def warm_up(self, frames: int) -> None:
+        """Send frames until so many were answered with OK."""
+        end_s = monotonic() + WARM_UP_S
+        while frames and monotonic() < end_s:
+            self.send()
+            self.rest()
+            frames -= self.answers.code == OK
+        if frames:
+            said = self.answers.status.message if self.answers.status else "nothing"
+            raise InputError(f"the monitor does not say OK to harmless frames: {said}")
+        self.answers.all.clear()
+        self.latest_s, self.sent = 0.0, 0
+
+    def send(self, message: Sent | None = None) -> float:
+        """Wait until the next frame is due and send it, or another message in its place; return when its end went."""
+        self.client.listen(self._due_s)
+        now_s = monotonic()
+        self.latest_s = max(self.latest_s, now_s - self._due_s)
+        place = next(self._way)
+        message = message or self._frames.messages[place]
+        self.data = message.stamped(self._wall_s + self._due_s)  # times only rise, whatever the wall clock does
+        sent_s = self.client.send(self.data)
+        self.answers.sent(message.frame_id, sent_s)
+        self.sent += 1
+        return sent_s
+
+    def rest(self, share: float = 1.0, done: Callable[[], bool] = lambda: False) -> None:
+        """Hear the monitor, until a share of the interval has passed, or until `done`."""
+        self.client.listen(self._due_s + share * self._interval_s, done)
+        if share == 1.0:
+            self._due_s += self._interval_s
+            if self._due_s < monotonic() - 0.5:  # after a pause of this process: no frames in a row to make up for it
+                self._due_s = monotonic()
+
+
+class Operator:
+    """Asks for a reset, beside what goes on."""
+
+    def __init__(self, port: int, token: str) -> None:
+        self._port, self._token, self._pool = port, token, ThreadPoolExecutor(1)
+        self._asked: Future[tuple[bool, str]] | None = None
+        self.granted = self.refused = 0
+
+    def reset(self) -> None:
+        """Ask, if no answer is due."""
+        if self._asked is None:
+            self._asked = self._pool.submit(ask_reset, "127.0.0.1", self._port, self._token)
+
+    @property
+    def busy(self) -> bool:
+        """Whether an answer is due."""
+        return self._asked is not None
+
+    def settled(self) -> bool | None:
+        """Return whether the reset was granted; None where no answer has come."""
+        if self._asked is None or not self._asked.done():
+            return None
+        asked, self._asked = self._asked, None
+        granted = False
+        with suppress(InputError):
+            granted, _ = asked.result()
+        self.granted, self.refused = self.granted + granted, self.refused + (not granted)
+        return granted
+
+    def close(self) -> None:
+        """End the thread."""
+        self._pool.shutdown()
