@@ -156,6 +156,19 @@ def test_text_has_a_line_for_each_change_and_a_summary(tmp_path, capsys) -> None
     assert lines[-1].endswith("after it was sent: BOUND: WITHDRAW: up to 31 mN; force 11.0 mN")
 
 
+def test_a_terminal_shows_a_live_line_that_the_summary_replaces(tmp_path, capsys, monkeypatch) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=10, log=False)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setattr("scleraforce.cli.replay.LIVE_S", 0.0)
+    with fake_monitor() as monitor:
+        assert run(["replay", str(path), "--port", str(monitor.port)]) == 0
+    out, err = capsys.readouterr()
+    assert "\r\x1b[Kframe 10, code 1, class 0, 1.5 mN, " in err
+    assert " ms, WATCHING: class 0" in err
+    assert err.endswith("\r\x1b[K")
+    assert "\x1b" not in out
+
+
 def test_a_frame_that_cannot_be_read_ends_it_with_the_files_name(tmp_path) -> None:
     path = write_small_recording(tmp_path / "rec", frames=10, log=False)
     (path / "frames" / "0006.png").write_bytes(b"no png")

@@ -2,10 +2,10 @@
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from heapq import merge
-from itertools import pairwise
+from itertools import islice, pairwise
 from math import ceil
 from time import monotonic, time
 
@@ -85,15 +85,15 @@ class Player:
             self.client.listen(monotonic() + ANSWER_S, lambda: self.log.answered == self.last)
             self._watch()
 
-    def step(self, wait: Callable[[FrameEntry], bool]) -> None:
-        """Send a frame each time that `wait` returns, until it returns False, and wait for its answer; no forces.
+    def step(self, asked: Callable[[FrameEntry], bool]) -> None:
+        """Send a frame each time that `asked` returns, until it returns False, and wait for its answer; no forces.
 
         Raises:
             LinkError: the connection was lost.
             FrameError: a frame cannot be read.
         """
         for entry, timed in zip(self.recording.frames, self.frames(self.recording.frames), strict=True):
-            if not wait(entry):
+            if not asked(entry):
                 return
             self.client.listen(monotonic())
             self._put(timed, time())
@@ -136,18 +136,19 @@ class Player:
         return sent_s
 
     def frames(self, entries: tuple[FrameEntry, ...] | list[FrameEntry]) -> Iterator[Timed]:
-        """Read frames in their order, `AHEAD` of them before they are asked for."""
+        """Read frames in their order, `AHEAD` of them before they are asked for, and before the first one is given."""
         numbers = {entry.file: number for number, entry in enumerate(self.recording.frames, start=1)}
         with ThreadPoolExecutor(READERS) as pool:
             waiting: deque[Future[Timed]] = deque()
             left = iter(entries)
             try:
-                while True:
-                    while len(waiting) < AHEAD and (entry := next(left, None)) is not None:
-                        waiting.append(pool.submit(self._read, entry, numbers[entry.file]))
-                    if not waiting:
-                        return
+                for entry in islice(left, AHEAD):
+                    waiting.append(pool.submit(self._read, entry, numbers[entry.file]))
+                wait(waiting)
+                while waiting:
                     yield waiting.popleft().result()
+                    for entry in islice(left, 1):
+                        waiting.append(pool.submit(self._read, entry, numbers[entry.file]))
             finally:
                 pool.shutdown(cancel_futures=True)
 
