@@ -289,7 +289,7 @@ def test_frames_that_cannot_be_judged_show_no_force_and_the_reason(opened: Any) 
         found = opened(monitor.address)
 
         def empty() -> None:
-            monitor.frame(BRIGHT, "NOT_READY", "no wall", usable=False, reason="no wall", predicted=2)
+            monitor.frame(BRIGHT, "NOT_READY", "no wall", usable=False, reason="no wall", predicted=2, force_mn=9.0)
 
         with going_on(empty):
             found.shows(

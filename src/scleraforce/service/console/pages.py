@@ -67,8 +67,10 @@ async def show(socket: WebSocket, hub: Hub, settings: dict[str, Any]) -> None:
         for task in tasks:
             task.cancel()
     ends = await asyncio.gather(*tasks, return_exceptions=True)
+    if any(isinstance(end, WebSocketDisconnect) for end in ends):
+        return  # whatever the other task met then
     for end in ends:
-        if isinstance(end, Exception) and not isinstance(end, WebSocketDisconnect):
+        if isinstance(end, Exception):
             raise end
     if ends[1] is None:  # it said something that no page of ours says
         await socket.close(1008)

@@ -46,7 +46,7 @@ async def _serve(channel: Channel, settings: ConsoleSettings, listener: socket.s
         uvicorn.Config(
             console_app(hub, settings),
             lifespan="off",
-            log_level="error",
+            log_level="critical",  # what strangers send is not to fill the terminal
             access_log=False,
             server_header=False,
             proxy_headers=False,
