@@ -140,6 +140,8 @@ def test_a_withdrawal_is_told_with_its_frame_cause_and_true_force(tmp_path, caps
     assert found["message"] == "WITHDRAW: up to 31 mN"
     assert found["after_ms"] > 0.0
     assert [change["code"] for change in result["changes"]][-2:] == [1, 3]
+    assert found["at_s"] >= 0.11  # since the first frame
+    assert found["at_s"] <= result["duration_s"]
 
 
 def test_text_has_a_line_for_each_change_and_a_summary(tmp_path, capsys) -> None:
@@ -167,6 +169,22 @@ def test_a_terminal_shows_a_live_line_that_the_summary_replaces(tmp_path, capsys
     assert " ms, WATCHING: class 0" in err
     assert err.endswith("\r\x1b[K")
     assert "\x1b" not in out
+
+
+def test_with_preload_every_frame_is_read_before_the_first_goes_out(tmp_path, capsys) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=100, log=False)
+    read = []
+    original = Player._read
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            Player, "_read", lambda player, *a: (read.append(player.log.frames_sent), original(player, *a))[1]
+        )
+        _, result = played(path, capsys, "--preload", "--speed", "10")
+        assert result["frames_sent"] == 100
+        assert read == [0] * 100
+        read.clear()
+        played(path, capsys, "--speed", "10")
+        assert max(read) > 0
 
 
 def test_a_frame_that_cannot_be_read_ends_it_with_the_files_name(tmp_path) -> None:

@@ -43,6 +43,8 @@ def list_faults(context: click.Context, parameter: click.Parameter, value: str |
 @click.option("--port", type=click.IntRange(1, 65535), default=18944, show_default=True, help="Of the monitor.")
 @click.option("--speed", type=click.FloatRange(0.01, 10_000), help="Recorded seconds in a second; 1 by default.")
 @click.option("--step", is_flag=True, help="Enter sends the next frame, and its answer is printed.")
+@click.option("--preload", is_flag=True, help="Read all frames before the first goes out, where memory allows: then "
+              "reading takes no time from a monitor on the same machine.")  # fmt: skip
 @click.option("--version", "header_version", type=click.IntRange(1, 3), default=2, show_default=True,
               help="Of the OpenIGTLink headers; 1 carries no frame number.")  # fmt: skip
 @click.option("--fault", metavar="NAME", callback=list_faults, is_eager=True,
@@ -56,6 +58,7 @@ def replay(
     port: int,
     speed: float | None,
     step: bool,
+    preload: bool,
     header_version: int,
     fault: str | None,
     fault_at_s: float | None,
@@ -73,7 +76,7 @@ def replay(
     """
     from scleraforce.recording.files import read_recording
     from scleraforce.service.answer_log import AnswerLog
-    from scleraforce.service.replay import Player
+    from scleraforce.service.replay import AHEAD, Player
     from scleraforce.service.scanner_client import ScannerClient
 
     if step and (fault or speed):
@@ -86,7 +89,10 @@ def replay(
     show = Show(recording, log, forces_n, quiet=as_json)
     prepared = prepare_fault(recording, forces_n, fault, fault_at_s, seed, header_version, speed or 1.0)
     client = ScannerClient(host, port, log.hear, observed=fault is not None)
-    player = Player(recording, client, log, speed=speed or 1.0, version=header_version, watch=show.renew)
+    ahead = len(recording.frames) if preload else AHEAD
+    player = Player(
+        recording, client, log, speed=speed or 1.0, version=header_version, ahead=ahead, watch=show.renew
+    )  # fmt: skip
     report: FaultReport | None = None
     try:
         if step:
@@ -163,7 +169,7 @@ class Show:
     def __init__(self, recording: "Recording", log: "AnswerLog", forces_n: Sequence[float] | None, quiet: bool) -> None:
         self._recording, self._log, self._forces_n, self._quiet = recording, log, forces_n, quiet
         self._shown = 0
-        self._begun_s = self._renewed_s = monotonic()
+        self._renewed_s = monotonic()
         self._live = not quiet and sys.stderr.isatty()
 
     def renew(self) -> None:
@@ -196,6 +202,10 @@ class Show:
         for line in summary_lines(result):
             click.echo(line)
 
+    def _time_s(self, at_s: float) -> float:
+        """Return the time since the first frame."""
+        return at_s - (at_s if self._log.begun_s is None else self._log.begun_s)
+
     def _clear(self) -> None:
         if self._live:
             click.echo("\r\x1b[K", err=True, nl=False)
@@ -213,7 +223,7 @@ class Show:
     def _change_line(self, change: "Change") -> str:
         frame = "before the first frame" if change.frame is None else f"frame {change.frame}"
         code = f"code {change.code}" + (f".{change.sub_code} {change.cause or ''}".rstrip() if change.sub_code else "")
-        return f"{change.at_s - self._begun_s:9.3f} s  {frame}  {code}  {change.message}"
+        return f"{self._time_s(change.at_s):9.3f} s  {frame}  {code}  {change.message}"
 
     def _summary(self, player: "Player", report: "FaultReport | None") -> dict[str, Any]:
         import numpy as np
@@ -224,7 +234,7 @@ class Show:
         return {
             "recording": str(self._recording.path),
             "monitor": player.client.address,
-            "duration_s": monotonic() - self._begun_s,
+            "duration_s": self._time_s(monotonic()),
             "frames_sent": log.frames_sent,
             "frames_answered": len(latencies_ms),
             "frames_lost": log.reading.get("lost"),
@@ -247,7 +257,7 @@ class Show:
         known = change.frame is not None and 0 < change.frame <= len(self._recording.frames)
         index = (change.frame or 1) - 1
         return {
-            "at_s": change.at_s - self._begun_s,
+            "at_s": self._time_s(change.at_s),
             "code": change.code,
             "sub_code": change.sub_code,
             "cause": change.cause,
@@ -262,7 +272,7 @@ class Show:
     def _fault_record(self, report: "FaultReport") -> dict[str, Any]:
         return {
             "name": report.name,
-            "at_s": report.began_s - self._begun_s,
+            "at_s": self._time_s(report.began_s),
             "withdraws": report.delay_s is not None,
             "delay_ms": None if report.delay_s is None else report.delay_s * MS_PER_S,
             "code": report.code,

@@ -53,6 +53,7 @@ class AnswerLog:
         changes: of the STATUS, in order; the first one heard is one.
         latencies_s: from a frame's last byte to its STATUS, for each that was answered.
         frames_sent: how many frames were sent.
+        begun_s: when the first frame was sent; None before.
         reading: the last STRING `ForceReading`, parsed.
         status_s: when the last STATUS came.
         longest_silence_s: between two STATUS.
@@ -62,6 +63,7 @@ class AnswerLog:
         self.changes: list[Change] = []
         self.latencies_s: list[float] = []
         self.frames_sent = 0
+        self.begun_s: float | None = None
         self.reading: Mapping[str, Any] = {}
         self.status: Status | None = None
         self.status_s: float | None = None
@@ -73,6 +75,7 @@ class AnswerLog:
     def sent(self, number: int, frame_id: int, at_s: float) -> None:
         """Take a frame that was sent: its number in the recording, its id, when its last byte went."""
         self.frames_sent += 1
+        self.begun_s = at_s if self.begun_s is None else self.begun_s
         self._last = self._waiting[frame_id] = number, at_s
         if len(self._waiting) > WAITING:
             self._waiting.popitem(last=False)

@@ -17,7 +17,7 @@ from scleraforce.service.answer_log import AnswerLog
 from scleraforce.service.openigtlink import Sensor
 from scleraforce.service.scanner_client import ScannerClient, Unstamped, frame_message
 
-__all__ = ["FORCE_DEVICE", "Player", "Timed", "median_interval_s"]
+__all__ = ["AHEAD", "FORCE_DEVICE", "Player", "Timed", "median_interval_s"]
 
 FORCE_DEVICE = "RobotForce"
 UNIT = 0  # of the protocol: none is stated, for forces and torques stand in one message
@@ -45,6 +45,7 @@ class Player:
         log: told of each frame that goes out.
         speed: recorded seconds in a second.
         version: of the headers, 1 to 3.
+        ahead: frames that are read before they are due, and before the first one goes out.
         watch: called after each message that went out.
 
     Attributes:
@@ -61,10 +62,11 @@ class Player:
         *,
         speed: float = 1.0,
         version: int = 1,
+        ahead: int = AHEAD,
         watch: Callable[[], object] = lambda: None,
     ) -> None:
         self.recording, self.client, self.log = recording, client, log
-        self.speed, self.version = speed, version
+        self.speed, self.version, self.ahead = speed, version, ahead
         self.forces_sent, self.latest_s, self.last = 0, 0.0, 0
         self._watch = watch
         self._begun: tuple[float, float, float] | None = None
@@ -136,13 +138,13 @@ class Player:
         return sent_s
 
     def frames(self, entries: tuple[FrameEntry, ...] | list[FrameEntry]) -> Iterator[Timed]:
-        """Read frames in their order, `AHEAD` of them before they are asked for, and before the first one is given."""
+        """Read frames in their order, `ahead` of them before they are asked for, and before the first one is given."""
         numbers = {entry.file: number for number, entry in enumerate(self.recording.frames, start=1)}
         with ThreadPoolExecutor(READERS) as pool:
             waiting: deque[Future[Timed]] = deque()
             left = iter(entries)
             try:
-                for entry in islice(left, AHEAD):
+                for entry in islice(left, self.ahead):
                     waiting.append(pool.submit(self._read, entry, numbers[entry.file]))
                 wait(waiting)
                 while waiting:
