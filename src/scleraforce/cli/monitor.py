@@ -15,6 +15,7 @@ import click
 from scleraforce.cli.known_eye import known_eye, known_eye_options
 from scleraforce.cli.output import print_json
 from scleraforce.errors import InputError
+from scleraforce.processes import one_thread
 
 if TYPE_CHECKING:
     from scleraforce.monitor import MonitorLimits
@@ -83,8 +84,9 @@ def monitor(
     Example: scleraforce monitor reader --calibration modulus.json --eye eye-a
     --iop-mmhg 2 --gap-mm 0.5 --web-port 8080
     """
-    from scleraforce.reader import load_model
-    from scleraforce.service.monitor_service import Address, MonitorSettings, monitor_service
+    with one_thread():  # the second core is for the other processes
+        from scleraforce.reader import load_model
+        from scleraforce.service.monitor_service import Address, MonitorSettings, monitor_service
 
     reader = load_model(model)
     known = _known(calibration, eye, options)
