@@ -5,7 +5,8 @@
 A monitor decides 100 times a second on frames of 512 x 512, with 25 outlines a second, as `scleraforce monitor` does,
 and changes its state CHANGES times (default 100) at random moments. Times are from before the entry is sent: until the
 page's text has changed, and until the browser has painted it (the second animation frame after that). "late" counts
-changes that a page had not shown when the next one came, 0.3 to 0.5 s later. Needs chromium.
+changes that a page had not shown when the next one came, 0.3 to 0.5 s later. Needs chromium. Beside it, for the machine
+of this moment: how late this process itself wakes from a sleep.
 """
 
 import os
@@ -57,6 +58,7 @@ class Session:
         self.state = "WATCHING"
         self.frames = self.refused = 0
         self.sending_s: list[float] = []
+        self.late_s: list[float] = []
 
     def frame(self) -> float:
         """Decide on a frame, as the monitor does; return the time before its entry was sent."""
@@ -120,6 +122,7 @@ def run(session: Session, pages: list[Page], changes: int) -> list[NDArray[np.fl
             sent_s.append(at_s)
         due_s = max(due_s + FRAME_S, monotonic() - 0.1)
         sleep(max(0.0, due_s - monotonic()))
+        session.late_s.append(monotonic() - due_s)
     return [times_ms(page, sent_s) for page in pages]
 
 
@@ -163,9 +166,12 @@ def main(changes: int) -> None:
             shares_used = [f"{100 * part / used[2]:.0f} %" for part in used[:2]]
             print("| " + " | ".join([str(count), *cells, str(late), *shares_used]) + " |", flush=True)
             sending_us = 1e6 * np.array(session.sending_s)
+            late_ms = 1e3 * np.array(session.late_s)
             sending.append(
                 f"pages: {count}. A message to the console took the monitor {np.median(sending_us):.0f} us (median), "
-                f"{sending_us.max():.0f} us at worst; {session.refused} of {len(sending_us)} were not taken"
+                f"{session.refused} of {len(sending_us)} were not taken. "
+                f"Sleeps ended late by {np.median(late_ms):.1f} ms (median), "
+                f"{np.percentile(late_ms, 99):.1f} ms (99 %), {late_ms.max():.1f} ms (worst)"
             )
             browser.close()
             session.child.end()
