@@ -20,6 +20,8 @@ class Connection:
         address: of the peer, as text.
         version: of the header that the peer used last; 1 before it has said anything.
         frames: puts its images together.
+        heard_s: when it was heard last; 0 before.
+        refused: resets that it asked for and did not get.
         unread_since_s: since when it has not read what was sent to it; None where it keeps up.
         message_since_s: since when a message of it has been incomplete; None between messages.
     """
@@ -29,6 +31,7 @@ class Connection:
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.number, self.address, self.version = number, address, 1
         self.frames = FrameAssembler()
+        self.heard_s, self.refused = 0.0, 0
         self.unread_since_s: float | None = None
         self.message_since_s: float | None = None
         self._link, self._decoder, self._rest = link, Decoder(), memoryview(b"")
@@ -48,6 +51,7 @@ class Connection:
             What became complete, and whether the peer is still there.
         """
         events: list[Event] = []
+        self.heard_s = now_s
         self._decoder.max_body_bytes = max_body_bytes
         left, alive = TURN_BYTES, True
         try:

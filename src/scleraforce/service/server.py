@@ -90,7 +90,6 @@ class Server:
         self._scanner: Connection | None = None
         self._scanned_s = 0.0
         self._arrivals = count(1)
-        self._wrong_tokens: dict[int, int] = {}
         self._counted: tuple[int, float] | None = None
         self._stopping = False
 
@@ -125,10 +124,11 @@ class Server:
         self._clients.close()
 
     def _turn(self, within_s: float) -> None:
-        """Hear those who have something to say: the scanner first, the other clients for a short while."""
+        """Hear those who have something to say: the scanner first, then for a short while who has waited longest."""
         ready = [key.data for key, _ in self._clients.selector.select(within_s)]
         clients = sorted(
-            (who for who in ready if isinstance(who, Connection)), key=lambda who: who is not self._scanner
+            (who for who in ready if isinstance(who, Connection)),
+            key=lambda who: (who is not self._scanner, who.heard_s),
         )
         for name in (who for who in ready if isinstance(who, str)):
             self._hear_companion(name)
@@ -297,9 +297,8 @@ class Server:
         self._clients.send(client, Telling(RESET_DEVICE, (answer,), self.session.wall_clock), now_s)
         if granted:
             return
-        self._wrong_tokens[client.number] = self._wrong_tokens.get(client.number, 0) + 1
-        if self._wrong_tokens[client.number] >= WRONG_TOKENS:
-            del self._wrong_tokens[client.number]
+        client.refused += 1
+        if client.refused >= WRONG_TOKENS:
             self._clients.leave(client, f"was let go: {WRONG_TOKENS} resets were refused")
 
 
