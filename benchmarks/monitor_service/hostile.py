@@ -1,6 +1,196 @@
-def add_options(p):
-    pass
+"""Ten thousand hostile connections while a scanner sends and a robot listens: is anybody else disturbed?
+
+The robot's lateness is what is between two STATUS beyond 50 ms; it is taken with nobody else there, with the scanner
+alone, under attack, and under attack without a scanner, when nothing but the heartbeat is told.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from scleraforce.errors import LinkError
+from scleraforce.processes import no_interrupts
+from scleraforce.service.openigtlink import Message, Status
+
+from .figures import QUANTILES, Progress, print_table, quantiles_ms
+from .monitors import Monitor, cores, pin, real_monitor, resources
+from .scanner import Frames, Operator, Pace, be_the_peer
+
+__all__ = ["add_options", "run"]
+
+BEAT_S = 0.05
+HANG_S = 0.5  # without a STATUS
+ASK_S = 1.0  # between two resets that the operator asks for, to see how long that takes
+AFTER_S = 3.0  # until the last of them is forgotten
 
 
-def run(g):
-    return {}
+def add_options(parser: ArgumentParser) -> None:
+    """Add the options of this part."""
+    parser.add_argument("--connections", type=int, default=10_000)
+    parser.add_argument("--at-once", type=int, default=200)
+    parser.add_argument("--kinds", nargs="*", default=[], metavar="KIND", help="only these (attackers.py)")
+    parser.add_argument("--alone-s", type=float, default=60.0, help="how long the quiet phases take")
+
+
+def run(given: Namespace) -> dict[str, Any]:
+    """Go through the phases."""
+    frames = Frames(given.recording)
+    be_the_peer()
+    with real_monitor(given.model, given.recording) as monitor:
+        scene = Scene(monitor, frames)
+        try:
+            result = scene.play(given)
+        except LinkError as fault:
+            print(f"the robot's connection: {fault}; the monitor {'runs' if monitor.alive else 'has died'}")
+            print(monitor.said)
+            raise
+        finally:
+            scene.close()
+    show(result)
+    return result
+
+
+class Scene:
+    """A robot and a scanner beside a monitor; the robot's connection is the one that is heard."""
+
+    def __init__(self, monitor: Monitor, frames: Frames) -> None:
+        self._monitor, self._operator = monitor, Operator(monitor.port, monitor.token)
+        self._gaps_s: list[float] = []
+        self._heard_s: float | None = None
+        self._pace = Pace(monitor.port, frames, 100.0, observed=True, also=self._hear)
+        self._codes: list[str] = []
+
+    def close(self) -> None:
+        """Leave."""
+        self._pace.client.close()
+        self._operator.close()
+
+    def _hear(self, at_s: float, message: Message) -> None:
+        if not isinstance(message, Status):
+            return
+        if self._heard_s is not None:
+            self._gaps_s.append(at_s - self._heard_s)
+        self._heard_s = at_s
+        said = f"{message.code} {message.name}: {message.message}"
+        if not self._codes or self._codes[-1].split(":")[0] != said.split(":")[0]:
+            self._codes.append(said)
+
+    def play(self, given: Namespace) -> dict[str, Any]:
+        """Play the phases; each returns its figures."""
+        few = max(20, given.connections // 10)
+        phases: dict[str, Any] = {}
+        phases["robot alone"] = self._phase(None, False, given.alone_s)
+        self._pace.warm_up(100)
+        phases["with the scanner"] = self._phase(None, True, given.alone_s)
+        before = self._held()
+        with attackers(self._monitor.port, given.connections, given.at_once, given.seed, given.kinds) as attack:
+            phases["under attack"] = self._phase(attack, True, 0.0, given.connections)
+        self._phase(None, True, AFTER_S)
+        after = self._held()
+        with attackers(self._monitor.port, few, given.at_once, given.seed + 1, given.kinds) as attack:
+            phases["under attack, without the scanner"] = self._phase(attack, False, 0.0, few)
+        died = [role for role in before if role not in after]
+        return {"phases": phases, "before": before, "after": after, "died": died, "said": self._monitor.said}
+
+    def _held(self) -> dict[str, Any]:
+        held = {role: resources(pid) for role, pid in self._monitor.pids.items()}
+        return {role: asdict(found) for role, found in held.items() if found}
+
+    def _phase(
+        self, attack: "subprocess.Popen[str] | None", scanning: bool, for_s: float, total: int = 1
+    ) -> dict[str, Any]:
+        """Go on for a time, or until the attack is over; return the figures."""
+        begun_s = asked_s = monotonic()
+        self._gaps_s, self._heard_s, self._codes = [], None, []
+        self._pace.answers.all.clear()
+        self._operator.took_s.clear()
+        self._pace.latest_s = 0.0
+        sent, progress, ends = self._pace.sent, Progress("hostile", total), dict[str, int]()
+        while not ends and (attack is not None or monotonic() - begun_s < for_s):
+            if scanning:
+                self._pace.send()
+            self._pace.rest()
+            self._monitor.prune()
+            if monotonic() - asked_s > ASK_S:
+                self._operator.settled()
+                self._operator.reset()
+                asked_s = monotonic()
+            if attack is not None and (line := _line(attack)):
+                ends = json.loads(line) if line[0] == "{" else {}
+                progress.show(int(line) if not ends else total)
+            if attack is not None and attack.poll() not in (None, 0):
+                raise SystemExit("the attackers died")
+        progress.end()
+        return {
+            "seconds": monotonic() - begun_s,
+            "late_ms": quantiles_ms(max(0.0, gap_s - BEAT_S) for gap_s in self._gaps_s),
+            "gap_ms": quantiles_ms(self._gaps_s),
+            "latest_frame_ms": 1e3 * self._pace.latest_s,
+            "hangs": sum(gap_s > HANG_S for gap_s in self._gaps_s),
+            "answers_ms": quantiles_ms(answer.took_s for answer in self._pace.answers.all),
+            "unanswered": self._pace.sent - sent - len(self._pace.answers.all),
+            "resets_ms": quantiles_ms(self._operator.took_s),
+            "codes": self._codes,
+            "ends": ends,
+        }
+
+
+def _line(process: "subprocess.Popen[str]") -> str:
+    """Return a line that has come; nothing where there is none."""
+    assert process.stdout is not None
+    return process.stdout.readline()
+
+
+@contextmanager
+def attackers(
+    port: int, connections: int, at_once: int, seed: int, kinds: list[str]
+) -> "Iterator[subprocess.Popen[str]]":
+    """Run the hostile clients in a process of their own; its output does not block."""
+    words = [*map(str, (port, connections, at_once, seed)), *kinds]
+    with no_interrupts():
+        process = subprocess.Popen(
+            [sys.executable, "-m", "monitor_service.attackers", *words], stdout=subprocess.PIPE, text=True,
+            cwd=Path(__file__).parents[1],
+        )  # fmt: skip
+    assert process.stdout is not None
+    os.set_blocking(process.stdout.fileno(), False)
+    pin(process.pid, cores()[1])
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print the tables."""
+    phases = result["phases"]
+    for title, key in (
+        ("STATUS later than 50 ms after the one before, at the robot: by, ms", "late_ms"),
+        ("between two STATUS, ms", "gap_ms"),
+        ("a frame's answer, ms", "answers_ms"),
+        ("a reset's answer, ms", "resets_ms"),
+    ):
+        rows = [[name, *(phase[key][column] for column in QUANTILES)] for name, phase in phases.items()]
+        print_table(title, ["", *QUANTILES], rows)
+    print_table(
+        "what the monitor said", ["", "s", f"silences over {HANG_S:g} s", "frames without an answer", "latest frame, ms", "codes"],
+        [[name, round(phase["seconds"]), phase["hangs"], phase["unanswered"], phase["latest_frame_ms"], " / ".join(phase["codes"][:6])]
+         for name, phase in phases.items()],
+    )  # fmt: skip
+    print_table(
+        "held before the attack and after it", ["process", "own kB", "then", "pss kB", "then", "descriptors", "then"],
+        [[role, held["own_kb"], now["own_kb"], held["pss_kb"], now["pss_kb"], held["descriptors"], now["descriptors"]]
+         for role, held in result["before"].items() if (now := result["after"].get(role))],
+    )  # fmt: skip
+    print(f"  died: {', '.join(result['died']) or 'none'}")
+    print_table("hostile clients", ["kind", "connections"], list(phases["under attack"]["ends"].items()))

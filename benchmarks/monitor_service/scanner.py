@@ -155,6 +155,9 @@ class Answers:
                 self.last = None if self._waiting else answer
 
 
+Heard = Callable[[float, Message], object]
+
+
 class Way(Protocol):
     """Frames, encoded, and an endless way through them."""
 
@@ -182,6 +185,8 @@ class Pace:
         port: of the monitor.
         frames: what is sent.
         rate_hz: how often.
+        observed: hear through a robot's connection, beside the scanner's.
+        also: called with the time and the message for each that comes.
 
     Attributes:
         answers: what came back.
@@ -190,11 +195,18 @@ class Pace:
         data: the last one, as it was sent.
     """
 
-    def __init__(self, port: int, frames: Way, rate_hz: float) -> None:
+    def __init__(
+        self, port: int, frames: Way, rate_hz: float, *, observed: bool = False, also: Heard = lambda *_: None
+    ) -> None:
         self.answers, self.latest_s, self.sent = Answers(), 0.0, 0
-        self.client = ScannerClient("127.0.0.1", port, self.answers.hear)
+        self.client = ScannerClient("127.0.0.1", port, self._hear, observed=observed)
+        self._also = also
         self._frames, self._interval_s, self._wall_s = frames, 1.0 / rate_hz, time() - monotonic()
         self._way, self._due_s, self.data = frames.to_and_fro(), monotonic(), bytearray()
+
+    def _hear(self, at_s: float, device: str, message: Message) -> None:
+        self.answers.hear(at_s, device, message)
+        self._also(at_s, message)
 
     def warm_up(self, frames: int) -> None:
         """Send frames until so many were answered with OK."""
@@ -232,17 +244,25 @@ class Pace:
 
 
 class Operator:
-    """Asks for a reset, beside what goes on."""
+    """Asks for a reset, beside what goes on; `took_s` is how long each answer took."""
 
     def __init__(self, port: int, token: str) -> None:
         self._port, self._token, self._pool = port, token, ThreadPoolExecutor(1)
-        self._asked: Future[tuple[bool, str]] | None = None
+        self._asked: Future[bool] | None = None
         self.granted = self.refused = 0
+        self.took_s: list[float] = []
 
     def reset(self) -> None:
         """Ask, if no answer is due."""
         if self._asked is None:
-            self._asked = self._pool.submit(ask_reset, "127.0.0.1", self._port, self._token)
+            self._asked = self._pool.submit(self._ask)
+
+    def _ask(self) -> bool:
+        begun_s, granted = monotonic(), False
+        with suppress(InputError):  # nobody answered in time
+            granted, _ = ask_reset("127.0.0.1", self._port, self._token)
+        self.took_s.append(monotonic() - begun_s)
+        return granted
 
     @property
     def busy(self) -> bool:
@@ -253,10 +273,7 @@ class Operator:
         """Return whether the reset was granted; None where no answer has come."""
         if self._asked is None or not self._asked.done():
             return None
-        asked, self._asked = self._asked, None
-        granted = False
-        with suppress(InputError):
-            granted, _ = asked.result()
+        granted, self._asked = self._asked.result(), None
         self.granted, self.refused = self.granted + granted, self.refused + (not granted)
         return granted
 
