@@ -38,7 +38,7 @@ Read = Callable[[NDArray[np.uint8] | NDArray[np.uint16], PixelScale], Reading]
 class Frame:
     """A frame as it came: `number` in this session, `sender_id` as its sender counts, `at_s` when its last byte came.
 
-    `order` rises from frame to frame, also where another sender starts to count anew.
+    `order` rises from frame to frame as `sender_id` does, and goes on rising where another sender counts anew.
     """
 
     number: int
@@ -81,6 +81,7 @@ class Session:
         self._read = read
         self._state, self.decision = decide(MonitorState(), Tick(clock()), limits)
         self._frames = self._entries = 0
+        self._sender = self._offset = self._order = 0
         self._reading: Reading | None = None
 
     @property
@@ -110,8 +111,12 @@ class Session:
     def frame(self, image: ScannerFrame, sender_id: int, sender: int, at_s: float) -> Frame:
         """Number a frame that came whole at `at_s` from the `sender`-th connection."""
         self._frames += 1
+        if sender != self._sender:
+            self._sender, self._offset = sender, self._order + 1 - sender_id if self._sender else 0
+        order = self._offset + sender_id
+        self._order = max(self._order, order)
         digest = fastcrc.crc64.ecma_182(image.pixels.data).to_bytes(8)
-        return Frame(self._frames, (sender << 64) + sender_id, sender_id, at_s, image, digest)
+        return Frame(self._frames, order, sender_id, at_s, image, digest)
 
     def take_frame(self, frame: Frame) -> None:
         """Read a frame and decide on it."""

@@ -1,0 +1,90 @@
+"""Frames to decisions without sockets: numbers, orders, what raises, what is counted."""
+
+from dataclasses import replace
+
+import numpy as np
+from small_monitor import COLUMNS, RAISES, ROWS, SCALE_M, frame_of, read
+
+from scleraforce.monitor import MonitorLimits
+from scleraforce.monitor.events import QueueLoss
+from scleraforce.service.scanner_image import ScannerFrame
+from scleraforce.service.session import Session
+
+LIMITS = MonitorLimits(size=(ROWS, COLUMNS), scale_m=SCALE_M)
+
+
+class Clock:
+    """A clock that a test turns."""
+
+    now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def take(session: Session, clock: Clock, force_un: int, sender_id: int, sender: int = 1) -> None:
+    clock.now_s += 0.01
+    image = ScannerFrame(frame_of(force_un, sender_id), *SCALE_M)
+    session.take_frame(session.frame(image, sender_id, sender, clock.now_s))
+
+
+def test_a_sender_that_counts_back_is_out_of_order_and_one_that_takes_over_counts_anew() -> None:
+    clock = Clock()
+    session = Session(read, LIMITS, clock, clock)
+    for sender_id in (70, 71, 80):
+        take(session, clock, 10_000, sender_id)
+    take(session, clock, 10_010, 5, sender=2)
+    take(session, clock, 10_020, 6, sender=2)
+    assert session.decision.code == 1
+    take(session, clock, 10_030, 6, sender=2)
+    assert session.decision.cause.name == "OUT_OF_ORDER"
+    first = Session(read, LIMITS, clock, clock)
+    take(first, clock, 10_000, 71)
+    take(first, clock, 10_000, 70)
+    assert "frame 70 after 71" in first.decision.message
+
+
+def test_a_reader_that_raises_is_a_withdrawal_with_its_words_and_no_reading() -> None:
+    clock = Clock()
+    session = Session(read, LIMITS, clock, clock)
+    take(session, clock, 10_000, 1)
+    take(session, clock, RAISES, 2)
+    assert (session.decision.code, session.decision.cause.name) == (3, "EXCEPTION")
+    assert "RuntimeError: the reader broke" in session.decision.message
+    assert session.reading is None
+
+
+def test_a_frame_of_another_size_is_not_read() -> None:
+    def never(*_: object) -> None:
+        raise AssertionError
+
+    clock = Clock()
+    session = Session(never, LIMITS, clock, clock)  # type: ignore[arg-type]
+    image = ScannerFrame(np.zeros((ROWS, COLUMNS + 1), np.uint16), *SCALE_M)
+    session.take_frame(session.frame(image, 1, 1, 100.01))
+    assert session.decision.cause.name == "SIZE"
+
+
+def test_the_summary_counts_frames_losses_and_withdrawals() -> None:
+    clock = Clock()
+    session = Session(read, LIMITS, clock, clock)
+    take(session, clock, 10_000, 1)
+    session.take(QueueLoss(clock.now_s, 2))
+    take(session, clock, 40_000, 4)
+    take(session, clock, 41_000, 5)
+    summary = session.summary()
+    assert (summary["frames"], summary["lost"]) == (3, 2)
+    (withdrawal,) = summary["withdrawals"]
+    assert (withdrawal["frame"], withdrawal["cause"]) == (2, "DANGEROUS_CLASS")
+
+
+def test_an_entry_has_the_reading_of_its_frame_only() -> None:
+    clock = Clock()
+    session = Session(read, LIMITS, clock, clock)
+    clock.now_s += 0.01
+    frame = session.frame(ScannerFrame(frame_of(10_000, 1), *SCALE_M), 9, 1, clock.now_s)
+    session.take_frame(frame)
+    told = session.entry("frame", clock.now_s, frame, 0.002)
+    assert (told.number, told.frame, told.frame_id, told.force_mn, told.latency_ms) == (1, 1, 9, 10.0, 2.0)
+    later = session.entry("tick", clock.now_s)
+    assert later == replace(later, number=2, frame=None, force_mn=None, usable=None, predicted=None)
