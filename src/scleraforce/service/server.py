@@ -262,6 +262,9 @@ class Server:
         rate = (self.session.frames - frames) / (now_s - since_s)
         rates = {"kind": "rates", "frames_per_second": rate, "lost": self.session.lost, "clients": clients}
         self._companions.tell(CONSOLE, rates, now_s)
+        if not rate:  # a console that has missed something must not show an old state for long
+            entry = self.session.entry("tick", now_s).as_json()
+            self._companions.tell(CONSOLE, {"kind": "entry", "entry": entry}, now_s)
 
     def _hear_companion(self, name: str) -> None:
         now_s = self.session.clock()
