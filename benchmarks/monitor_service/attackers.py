@@ -18,7 +18,7 @@ from time import monotonic, time
 
 import numpy as np
 
-from scleraforce.service.openigtlink import Image, Query, Sensor, Status, Text, encode
+from scleraforce.service.openigtlink import Image, Message, Query, Sensor, Status, Text, encode
 from scleraforce.service.openigtlink.wire import Header, pack_header
 from scleraforce.service.telling import RESET_DEVICE
 
@@ -38,7 +38,7 @@ class Link:
     def __init__(self, link: socket.socket, rng: random.Random) -> None:
         self.link, self.rng, self._loop = link, rng, asyncio.get_running_loop()
 
-    async def send(self, data: bytes) -> None:
+    async def send(self, data: bytes | bytearray) -> None:
         """Send, as long as the other end reads."""
         await self._loop.sock_sendall(self.link, data)
 
@@ -104,9 +104,9 @@ async def garbage(link: Link) -> None:
 async def wrong_crc(link: Link) -> None:
     """Good messages but for their checksums."""
     for _ in range(20):
-        message = link.rng.choice(
-            [Status(1), Text("{}"), Sensor((1.0,) * 6), Image(np.zeros((1, 64, 64), np.uint16), MATRIX)]
-        )
+        image = Image(np.zeros((1, 64, 64), np.uint16), MATRIX)
+        kinds: tuple[Message, ...] = (Status(1), Text("{}"), Sensor((1.0,) * 6), image)
+        message = link.rng.choice(kinds)
         data = bytearray(encode(message, "Scanner", time_s=time()))
         data[-1] ^= 1
         await link.send(data)
@@ -205,5 +205,5 @@ async def main(port: int, connections: int, at_once: int, seed: int, names: list
 
 if __name__ == "__main__":
     os.nice(15)  # they would be elsewhere, and take no time from the monitor's companions
-    numbers = [int(word) for word in sys.argv[1:5]]
-    asyncio.run(main(*numbers, sys.argv[5:]))
+    port, connections, at_once, seed = map(int, sys.argv[1:5])
+    asyncio.run(main(port, connections, at_once, seed, sys.argv[5:]))

@@ -12,6 +12,7 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from time import monotonic
 from typing import Any
 
@@ -255,7 +256,7 @@ def small_deaths(given: Namespace, names: list[str]) -> list[Row]:
     frames, progress = SmallFrames(), Progress("small deaths", len(orders))
     with ThreadPoolExecutor(AT_ONCE) as pool:
         try:
-            for done, _ in enumerate(pool.map(lambda order: _small_death(frames, given.seed, *order, rows), orders)):
+            for done, _ in enumerate(pool.map(partial(_small_death, frames, given.seed, rows), orders)):
                 progress.show(done + 1)
         except BaseException:
             pool.shutdown(cancel_futures=True)
@@ -264,7 +265,8 @@ def small_deaths(given: Namespace, names: list[str]) -> list[Row]:
     return list(rows.values())
 
 
-def _small_death(frames: SmallFrames, seed: int, name: str, number: int, rows: dict[str, Row]) -> None:
+def _small_death(frames: SmallFrames, seed: int, rows: dict[str, Row], order: tuple[str, int]) -> None:
+    name, number = order
     death, rng = SMALL_DEATHS[name], np.random.default_rng((seed, 2, number))
     with small_monitor() as small:
         pace = Pace(small.port, frames, 100.0)

@@ -91,12 +91,12 @@ class Scene:
         self._pace.warm_up(100)
         phases["with the scanner"] = self._phase(None, True, given.alone_s)
         before = self._held()
-        with attackers(self._monitor.port, given.connections, given.at_once, given.seed, given.kinds) as attack:
-            phases["under attack"] = self._phase(attack, True, 0.0, given.connections)
+        with attackers(self._monitor.port, given.connections, given.seed, given) as attack:
+            phases["under attack"] = self._phase(attack, True)
         self._phase(None, True, AFTER_S)
         after = self._held()
-        with attackers(self._monitor.port, few, given.at_once, given.seed + 1, given.kinds) as attack:
-            phases["under attack, without the scanner"] = self._phase(attack, False, 0.0, few)
+        with attackers(self._monitor.port, few, given.seed + 1, given) as attack:
+            phases["under attack, without the scanner"] = self._phase(attack, False)
         died = [role for role in before if role not in after]
         return {"phases": phases, "before": before, "after": after, "died": died, "said": self._monitor.said}
 
@@ -104,17 +104,15 @@ class Scene:
         held = {role: resources(pid) for role, pid in self._monitor.pids.items()}
         return {role: asdict(found) for role, found in held.items() if found}
 
-    def _phase(
-        self, attack: "subprocess.Popen[str] | None", scanning: bool, for_s: float, total: int = 1
-    ) -> dict[str, Any]:
+    def _phase(self, attack: "Attack | None", scanning: bool, for_s: float = 0.0) -> dict[str, Any]:
         """Go on for a time, or until the attack is over; return the figures."""
         begun_s = asked_s = monotonic()
         self._gaps_s, self._heard_s, self._codes = [], None, []
         self._pace.answers.all.clear()
         self._operator.took_s.clear()
         self._pace.latest_s = 0.0
-        sent, progress, ends = self._pace.sent, Progress("hostile", total), dict[str, int]()
-        while not ends and (attack is not None or monotonic() - begun_s < for_s):
+        sent, progress = self._pace.sent, Progress("hostile", attack.total if attack else 1)
+        while not attack.ends if attack else monotonic() - begun_s < for_s:
             if scanning:
                 self._pace.send()
             self._pace.rest()
@@ -123,11 +121,9 @@ class Scene:
                 self._operator.settled()
                 self._operator.reset()
                 asked_s = monotonic()
-            if attack is not None and (line := _line(attack)):
-                ends = json.loads(line) if line[0] == "{" else {}
-                progress.show(int(line) if not ends else total)
-            if attack is not None and attack.poll() not in (None, 0):
-                raise SystemExit("the attackers died")
+            if attack is not None:
+                attack.look()
+                progress.show(attack.done)
         progress.end()
         return {
             "seconds": monotonic() - begun_s,
@@ -139,32 +135,51 @@ class Scene:
             "unanswered": self._pace.sent - sent - len(self._pace.answers.all),
             "resets_ms": quantiles_ms(self._operator.took_s),
             "codes": self._codes,
-            "ends": ends,
+            "ends": attack.ends if attack else {},
         }
 
 
-def _line(process: "subprocess.Popen[str]") -> str:
-    """Return a line that has come; nothing where there is none."""
-    assert process.stdout is not None
-    return process.stdout.readline()
+class Attack:
+    """The process of the hostile clients, as it goes on.
+
+    Attributes:
+        done: connections that have ended.
+        ends: how many of each kind ended how; nothing before the last.
+    """
+
+    def __init__(self, process: "subprocess.Popen[bytes]", total: int) -> None:
+        assert process.stdout is not None
+        self._process, self._pipe, self._rest, self.total = process, process.stdout.fileno(), b"", total
+        self.done, self.ends = 0, dict[str, int]()
+        os.set_blocking(self._pipe, False)
+
+    def look(self) -> None:
+        """Take what it has said, without waiting."""
+        try:
+            said = os.read(self._pipe, 1 << 16)
+        except BlockingIOError:
+            return
+        if not said and not self.ends:
+            raise SystemExit(f"the attackers died: {self._process.wait()}")
+        *lines, self._rest = (self._rest + said).split(b"\n")
+        for line in lines:
+            if line.startswith(b"{"):
+                self.ends = json.loads(line)
+            else:
+                self.done = int(line)
 
 
 @contextmanager
-def attackers(
-    port: int, connections: int, at_once: int, seed: int, kinds: list[str]
-) -> "Iterator[subprocess.Popen[str]]":
-    """Run the hostile clients in a process of their own; its output does not block."""
-    words = [*map(str, (port, connections, at_once, seed)), *kinds]
+def attackers(port: int, connections: int, seed: int, given: Namespace) -> Iterator[Attack]:
+    """Run the hostile clients in a process of their own."""
+    words = [*map(str, (port, connections, given.at_once, seed)), *given.kinds]
+    command = [sys.executable, "-m", "monitor_service.attackers", *words]
     with no_interrupts():
-        process = subprocess.Popen(
-            [sys.executable, "-m", "monitor_service.attackers", *words], stdout=subprocess.PIPE, text=True,
-            cwd=Path(__file__).parents[1],
-        )  # fmt: skip
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[1])
     assert process.stdout is not None
-    os.set_blocking(process.stdout.fileno(), False)
     pin(process.pid, cores()[1])
     try:
-        yield process
+        yield Attack(process, connections)
     finally:
         process.kill()
         process.wait()
@@ -182,14 +197,17 @@ def show(result: dict[str, Any]) -> None:
     ):
         rows = [[name, *(phase[key][column] for column in QUANTILES)] for name, phase in phases.items()]
         print_table(title, ["", *QUANTILES], rows)
-    print_table(
-        "what the monitor said", ["", "s", f"silences over {HANG_S:g} s", "frames without an answer", "latest frame, ms", "codes"],
-        [[name, round(phase["seconds"]), phase["hangs"], phase["unanswered"], phase["latest_frame_ms"], " / ".join(phase["codes"][:6])]
-         for name, phase in phases.items()],
-    )  # fmt: skip
+    columns = ["", "s", f"silences over {HANG_S:g} s", "frames unanswered", "latest frame, ms", "codes"]
+    rows = [
+        [name, *(phase[key] for key in ("seconds", "hangs", "unanswered", "latest_frame_ms")), len(phase["codes"])]
+        for name, phase in phases.items()
+    ]
+    print_table("what happened", columns, rows)
+    for name, phase in phases.items():
+        print(f"  {name}: {' / '.join(phase['codes'][:8])}")
     print_table(
         "held before the attack and after it", ["process", "own kB", "then", "pss kB", "then", "descriptors", "then"],
-        [[role, held["own_kb"], now["own_kb"], held["pss_kb"], now["pss_kb"], held["descriptors"], now["descriptors"]]
+        [[role, *(each[kind] for kind in ("own_kb", "pss_kb", "descriptors") for each in (held, now))]
          for role, held in result["before"].items() if (now := result["after"].get(role))],
     )  # fmt: skip
     print(f"  died: {', '.join(result['died']) or 'none'}")

@@ -116,8 +116,8 @@ def show(name: str, result: dict[str, Any]) -> None:
         for column in QUANTILES[1:]
     ]
     print(f"  client / echo: {', '.join('-' if each is None else f'{each:.2f}' for each in ratio)}")
-    print(f"  OK {result['ok']}, without an answer {result['unanswered']}, "
-          f"withdrawals {len(result['withdrawals'])}, latest frame {result['latest_frame_ms']:.2f} ms late")  # fmt: skip
+    print(f"  OK {result['ok']}, without an answer {result['unanswered']}, withdrawals {len(result['withdrawals'])}, "
+          f"latest frame {result['latest_frame_ms']:.2f} ms late")  # fmt: skip
     for message in result["withdrawals"][:5]:
         print(f"    {message}")
 
@@ -130,7 +130,8 @@ def echo_server() -> Iterator[int]:
             [sys.executable, "-m", __name__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
             cwd=Path(__file__).parents[1],
         )  # fmt: skip
-    assert process.stdin and process.stdout
+    assert process.stdin is not None
+    assert process.stdout is not None
     try:
         port = int(process.stdout.readline())
         pin(process.pid, cores()[0])

@@ -168,14 +168,16 @@ class Soak:
         )  # fmt: skip
         delays = quantiles_ms(tally.delays_s)
         print_table("from the last byte to code 3, ms", QUANTILES, [list(delays.values())])
-        print(f"  lost {len(tally.lost)}, left without a reset {len(tally.unlatched)}, resets not granted {tally.stuck}, "
-              f"withdrawals that nothing called for {len(tally.uncalled)}, of {injected} in {self._pace.sent} frames; "
-              f"frames without an answer {self._pace.sent - len(answers)} "
-              f"(of them {injected - tally.injected['over the bound']} injected)")  # fmt: skip
+        figures = {
+            "lost": len(tally.lost), "left without a reset": len(tally.unlatched), "resets not granted": tally.stuck,
+            "withdrawals that nothing called for": len(tally.uncalled), "injected": injected, "frames": self._pace.sent,
+            "frames without an answer (those that are none have none)": self._pace.sent - len(answers),
+        }  # fmt: skip
+        print_table("all in all", ["", ""], list(figures.items()))
         for line in (*tally.lost, *tally.unlatched, *tally.uncalled)[:20]:
             print(f"    {line}")
         return {
-            "frames": self._pace.sent, "growth": growth, "tally": vars(tally), "delays_ms": delays,
+            "counts": figures, "growth": growth, "tally": vars(tally), "delays_ms": delays,
             "answers_ms": quantiles_ms(answer.took_s for answer in answers),
             "samples": [{"frames": s.frames, **{role: asdict(held) for role, held in s.held.items()}}
                         for s in self._samples[:: max(1, len(self._samples) // 200)]],
