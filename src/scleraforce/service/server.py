@@ -7,6 +7,7 @@ import socket
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import count
+from select import select
 from typing import Any
 
 from scleraforce.errors import ProtocolError
@@ -34,6 +35,7 @@ TICK_S = 0.01
 HEARTBEAT_S = 0.05
 RATES_S = 0.5
 OTHERS_S = 0.002  # for other clients, before the scanner has its turn again
+REST_S = 0.001  # after that: Linux pauses what runs in real time for 50 ms where it leaves nothing of a second
 SMALL_BODY_BYTES = 64 * 1024  # all that a client needs who is not the scanner
 LARGER_FRAMES = 4  # images that are so many times too large are still received, to be refused in words
 WRONG_TOKENS = 3
@@ -137,10 +139,16 @@ class Server:
             if client in self._clients:
                 self._hear(client)
             if self.session.clock() > end_s:
+                self._rest()
                 break
         if None in ready:
             for client in self._clients.accept():
                 self._clients.send(client, self._status(), self.session.clock())
+
+    def _rest(self) -> None:
+        """Do nothing for a moment, unless the scanner has something to say."""
+        scanner = self._scanner if self._scanner is not None and self._scanner in self._clients else None
+        select([] if scanner is None else [scanner], [], [], REST_S)
 
     # What clients say.
 
