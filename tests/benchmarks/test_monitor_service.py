@@ -1,0 +1,156 @@
+"""The benchmarks of the monitor: their arithmetic; and each part, for some seconds, on a reader that knows one force."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
+from fixed_reader import write_fixed_reader
+
+from monitor_service.figures import quantiles
+from monitor_service.monitors import Resources
+from monitor_service.scanner import Answers, Frames
+from monitor_service.soak import Sample, grown
+from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.writing import RecordingWriter
+from scleraforce.service.openigtlink import Status, Text
+
+BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "bench_monitor.py"
+BINS, BIN = 64, 20
+FRAMES, FORCE_N = 150, 8e-3
+PARTS: dict[str, list[str]] = {
+    "latency": ["--frames", "60"],
+    "soak": ["--frames", "1700", "--rate-hz", "200", "--withdrawal-every", "100"],
+    "faults": ["--times", "1", "--deaths", "1", "--only", "silence", "checksum", "garbage", "a tight loop",
+               "monitor killed", "second opinion killed"],
+    "hostile": ["--connections", "100", "--at-once", "20", "--alone-s", "1"],
+}  # fmt: skip
+
+
+def test_quantiles_are_those_of_the_sorted_values_and_nothing_has_none() -> None:
+    found = quantiles(float(value) for value in range(1001))
+    assert found == {"n": 1001, "median": 500.0, "99 %": 990.0, "99.9 %": 999.0, "max": 1000.0}
+    assert quantiles([]) == {"n": 0, "median": None, "99 %": None, "99.9 %": None, "max": None}
+
+
+def test_growth_is_told_from_a_level() -> None:
+    samples = [
+        Sample(frames, {"grows": Resources(5000 + frames // 10, 7, 9, 4), "stays": Resources(600, 6, 8, 3)})
+        for frames in range(0, 10_000, 100)
+    ]
+    assert grown(samples, "grows")["rss"] == [pytest.approx(5045), pytest.approx(5945), pytest.approx(100.0)]
+    assert grown(samples, "stays")["rss"] == [600, 600, pytest.approx(0.0, abs=1e-9)]
+    assert grown(samples, "stays")["descriptors"] == 3
+    assert grown(samples, "nobody") == {}
+
+
+def test_a_heartbeat_is_not_taken_for_the_answer_to_a_frame() -> None:
+    answers = Answers()
+
+    def tell(at_s: float, code: int, frame_id: int | None = None) -> None:
+        answers.hear(at_s, "ForceMonitor", Status(code, 0, "", ""))
+        if frame_id:
+            text = json.dumps({"frame_id": frame_id, "latency_ms": 1.5, "cause": None})
+            answers.hear(at_s + 1e-4, "ForceReading", Text(text))
+
+    answers.sent(7, 1.000)
+    tell(1.001, 1)
+    assert answers.last is None
+    tell(1.003, 3, frame_id=7)
+    assert answers.last is not None
+    assert (answers.last.took_s, answers.last.code) == (pytest.approx(3e-3), 3)
+    answers.sent(8, 1.010)
+    answers.sent(9, 1.020)
+    tell(1.021, 3, frame_id=9)
+    tell(1.500, 3, frame_id=8)
+    assert [answer.took_s for answer in answers.all] == pytest.approx([3e-3, 1e-3, 0.49])
+    assert answers.withdrawn_s == 1.003
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A reader whose network always says the same small force, and a recording of a wall under such a force."""
+    pytest.importorskip("torch")
+    folder = tmp_path_factory.mktemp("benchmark")
+    write_fixed_reader(folder / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)])
+    shown = [image(wall_section(tip_of(FORCE_N)), seed) for seed in range(6)]
+    rows, columns = shown[0].shape
+    scanner = OctInfo(columns, rows, 12, columns * SCALE.lateral_m, rows * SCALE.depth_m, refractive_index=1.0)
+    info = RecordingInfo(EyeInfo("mine", THICKNESS_M, IOP_PA), scanner, NeedleInfo(22, GAP_M, 0.6))
+    writer = RecordingWriter(folder / "eye", info, "Of a test.")
+    for number in range(FRAMES):
+        writer.add(f"{number:04}.png", 0.01 * number, shown[number % len(shown)])
+    writer.close()
+    eye = {"thickness_m": THICKNESS_M, "iop_pa": IOP_PA, "youngs_modulus_pa": MODULUS_PA, "gap_m": GAP_M}
+    frames = [{"file": f"{number:04}.png", "force_n": FORCE_N} for number in range(FRAMES)]
+    (folder / "eye" / "truth.json").write_text(json.dumps({"eye": {**eye, "polar_rad": 0.6}, "frames": frames}))
+    return folder
+
+
+@pytest.mark.slow
+def test_the_way_to_and_fro_never_shows_a_frame_twice_in_a_row(folder: Path) -> None:
+    frames = Frames(folder / "eye", most=40)
+    way = frames.to_and_fro()
+    steps = np.diff([next(way) for _ in range(200)])
+    assert set(np.abs(steps)) == {1}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", PARTS)
+def test_a_part_runs_and_writes_its_figures(folder: Path, tmp_path: Path, part: str) -> None:
+    command = [sys.executable, str(BENCHMARK), part, str(folder / "reader"), str(folder / "eye"), *PARTS[part]]
+    done = subprocess.run(
+        [*command, "--json", str(tmp_path / "figures.json")], capture_output=True, text=True, check=False, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    figures = json.loads((tmp_path / "figures.json").read_text(encoding="utf-8"))
+    CHECKS[part](figures)
+    assert not left_behind(str(folder)), "processes were left behind"
+
+
+def left_behind(folder: str) -> list[str]:
+    """Command lines of processes that name the folder."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            found.append(path.read_text(encoding="utf-8"))
+        except OSError:
+            continue
+    return [line for line in found if folder in line and "bench_monitor" not in line and "pytest" not in line]
+
+
+def check_latency(figures: dict[str, Any]) -> None:
+    for variant in ("without the second opinion", "with the second opinion"):
+        result = figures[variant]
+        assert result["client"]["n"] + result["unanswered"] == 60
+        assert result["client"]["median"] > result["server"]["median"] > 0.0
+        assert result["echo"]["n"] == 6
+
+
+def check_soak(figures: dict[str, Any]) -> None:
+    tally = figures["tally"]
+    assert sum(tally["injected"].values()) == sum(tally["answered"].values()) + len(tally["lost"]) > 0
+    assert tally["unlatched"] == []
+    assert {"monitor", "watchdog", "black box", "second opinion"} == set(figures["growth"])
+
+
+def check_faults(figures: dict[str, Any]) -> None:
+    rows = {row["name"]: row for row in figures["rows"]}
+    assert len(rows) == 6
+    for row in rows.values():
+        assert (row["times"], row["missed"]) == (1, []), row
+        assert row["delay_ms"]["n"] == 1
+    assert list(rows["a tight loop"]["causes"]) == ["WATCHDOG"]
+
+
+def check_hostile(figures: dict[str, Any]) -> None:
+    assert figures["died"] == []
+    assert sum(figures["phases"]["under attack"]["ends"].values()) == 100
+    assert figures["phases"]["robot alone"]["gap_ms"]["median"] == pytest.approx(50.0, rel=0.5)
+
+
+CHECKS = {"latency": check_latency, "soak": check_soak, "faults": check_faults, "hostile": check_hostile}
