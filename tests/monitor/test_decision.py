@@ -453,7 +453,7 @@ def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_fr
             assert isinstance(event, Reset)
             assert before.fresh >= LIMITS.fresh_frames
         assert (decision.code == 3) == (decision.cause is not None)
-        assert len(state.history) <= LIMITS.rate_frames
+        assert len(state.history) <= 5 * LIMITS.rate_frames
         assert len(state.losses) <= LIMITS.losses_in_window + 1
         if isinstance(event, FrameRead) and not harmless(event):
             assert decision.code != 1
@@ -509,9 +509,19 @@ def test_a_steep_ramp_is_foreseen() -> None:
 def test_one_wild_frame_does_not_turn_the_slope() -> None:
     ramp = [(0.01 * n, 0.05 * 0.01 * n) for n in range(10)]
     ramp[4] = (0.04, 0.025)
-    assert risen_force(tuple(ramp), 0.1, 3.0) == pytest.approx(0.05 * 0.19)
-    assert risen_force(tuple((t, -f) for t, f in ramp), 0.1, 3.0) is None
-    assert risen_force(((0.0, 1.0),) * 10, 0.1, 3.0) is None, "no time passes"
+    assert risen_force(tuple(ramp), 0.1, 3.0, 10) == pytest.approx(0.05 * 0.19)
+    assert risen_force(tuple((t, -f) for t, f in ramp), 0.1, 3.0, 10) is None
+    assert risen_force(((0.0, 1.0),) * 10, 0.1, 3.0, 10) is None, "no time passes"
+
+
+def test_ten_frames_in_a_line_by_chance_are_no_steep_rise_where_the_frames_before_were_rough() -> None:
+    rng = np.random.default_rng(0)
+    line = tuple((0.4 + 0.01 * n, 0.02 + 0.05 * 0.01 * n) for n in range(10))
+    rough = tuple((0.01 * n, 0.02 + float(rng.normal(0.0, 0.9e-3))) for n in range(40))
+    alone, after = risen_force(line, 0.05, 3.0, 10), risen_force(rough + line, 0.05, 3.0, 10)
+    assert alone == pytest.approx(0.027)
+    assert after is None or after < 0.0265
+    assert risen_force(line[:9], 0.05, 3.0, 10) is None, "too few frames"
 
 
 @pytest.mark.parametrize(

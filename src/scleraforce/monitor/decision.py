@@ -152,7 +152,7 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Find
         return _alarm(*harmful)
     upper_n = upper_end(frame)
     if upper_n is not None and frame.force_n is not None:
-        risen_n = risen_force(now.history, limits.reaction_s, limits.rate_deviations)
+        risen_n = risen_force(now.history, limits.reaction_s, limits.rate_deviations, limits.rate_frames)
         if risen_n is not None and risen_n + upper_n - frame.force_n >= limits.bound_n:
             return _alarm(Cause.RISING, f"the bound is reached within {limits.reaction_s * 1e3:.0f} ms")
     doubt = _doubt(now, frame.at_s, limits)

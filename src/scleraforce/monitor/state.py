@@ -6,6 +6,7 @@ from math import isfinite
 from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.events import Event, FrameRead, QueueLoss, SecondOpinion
 from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.monitor.rate import NOISE_WINDOWS
 from scleraforce.monitor.soundness import sound_pixels, touches, unsound
 from scleraforce.monitor.transitions import State
 
@@ -88,7 +89,7 @@ def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits
     state = _remember_contact(state, frame, limits)
     if frame.force_n is None:
         return state
-    return replace(state, history=(*state.history, (frame.at_s, frame.force_n))[-limits.rate_frames :])
+    return replace(state, history=(*state.history, (frame.at_s, frame.force_n))[-NOISE_WINDOWS * limits.rate_frames :])
 
 
 def _remember_contact(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
