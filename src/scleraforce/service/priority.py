@@ -2,9 +2,10 @@
 
 import os
 
-__all__ = ["MONITOR_PRIORITY", "WATCHDOG_PRIORITY", "run_in_real_time"]
+__all__ = ["MONITOR_PRIORITY", "OPINION_PRIORITY", "WATCHDOG_PRIORITY", "run_in_real_time"]
 
-MONITOR_PRIORITY, WATCHDOG_PRIORITY = 10, 20  # a monitor in a tight loop must not keep its watchdog from running
+# The second opinion waits for the monitor, and a monitor in a tight loop must not keep its watchdog from running.
+OPINION_PRIORITY, MONITOR_PRIORITY, WATCHDOG_PRIORITY = 5, 10, 20
 
 
 def run_in_real_time(priority: int) -> bool:

@@ -1,16 +1,16 @@
 """The second opinion: a process that reads the monitor's frames again, on its own, with all that a model has.
 
 The monitor answers with the network, within a millisecond; here the whole chain runs on the raw frame, the fit to the
-response library included, which takes some times as long. It reads the newest frame, and leaves out those that come
-meanwhile.
+response library included, which takes some times as long. It reads the newest frame, at most 50 a second, and leaves
+out those that come meanwhile.
 """
 
-import os
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from select import select
+from time import monotonic, sleep
 from typing import Any
 
 from scleraforce.imaging.segmentation import PixelScale, Segmenter
@@ -20,10 +20,11 @@ from scleraforce.reader.known import Known, Modulus
 from scleraforce.service.channel import Channel, ChannelClosedError
 from scleraforce.service.child import settings_of_child
 from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.priority import OPINION_PRIORITY, run_in_real_time
 
 __all__ = ["main", "opinion_settings"]
 
-NICENESS = 10  # the monitor goes first
+LEAST_S = 0.02  # from frame to frame: other programs need the core as well
 
 
 def opinion_settings(
@@ -41,7 +42,7 @@ def opinion_settings(
 
 def main(arguments: Sequence[str]) -> None:
     """Read the frames that the monitor names, until its channel closes."""
-    os.nice(NICENESS)
+    run_in_real_time(OPINION_PRIORITY)
     channel, settings = settings_of_child(arguments)
     try:
         _serve(channel, settings)
@@ -59,11 +60,13 @@ def _serve(channel: Channel, settings: Mapping[str, Any]) -> None:
     segmenter, ring = Segmenter(index), FrameRing(**settings["ring"])
     while True:
         select([channel], [], [])
+        begun_s = monotonic()
         frame = channel.receive()[-1]
         pixels = ring.get(frame["number"])
         if pixels is not None:
             answer = answer_frame(reader, segmenter, pixels, scale, index, known)
             channel.send(_told(frame["order"], answer))
+        sleep(max(0.0, begun_s + LEAST_S - monotonic()))
 
 
 def _known(record: Mapping[str, Any]) -> Known:
