@@ -9,10 +9,8 @@ import os
 import signal
 from argparse import ArgumentParser, Namespace
 from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
 from time import monotonic
 from typing import Any
 
@@ -39,7 +37,7 @@ MORE = 12  # frames, at most, beyond those
 TRIES = 20
 WITHIN_S = 3.0
 BREAKING = {"half", "garbage", "disconnect"}  # these need another connection afterwards
-AT_ONCE = 2
+RESTARTS = 20  # of monitors that did not come to watch, for each death
 
 
 @dataclass
@@ -53,6 +51,7 @@ class Row:
     causes: Counter[str] = field(default_factory=Counter)
     missed: list[str] = field(default_factory=list)
     unexpected: int = 0
+    restarts: int = 0
 
     def add(self, delay_s: float | None, cause: str, code: int | None, expected: bool = True) -> None:
         """Take one fault: a silence of 150 ms makes the robot withdraw as well, but counts as missed here."""
@@ -78,6 +77,7 @@ def run(given: Namespace) -> dict[str, Any]:
     names = [name for name in (*FAULTS, *DEATHS, *SMALL_DEATHS) if given.only is None or name in given.only]
     be_the_peer()
     rows = scanner_faults(frames, given, [name for name in names if name in FAULTS])
+    show(rows)
     rows += small_deaths(given, [name for name in names if name in SMALL_DEATHS])
     rows += real_deaths(frames, given, [name for name in names if name in DEATHS])
     show(rows)
@@ -89,7 +89,9 @@ def run(given: Namespace) -> dict[str, Any]:
 
 
 def show(rows: list[Row]) -> None:
-    """Print the table."""
+    """Print the table of what is done."""
+    if not rows:
+        return
     columns = ["fault", "of", "times", "withdrawn", *(f"{name}, ms" for name in QUANTILES[1:]), "other cause", "causes"]
     found = []
     for row in rows:
@@ -234,53 +236,51 @@ def real_deaths(frames: Frames, given: Namespace, names: list[str]) -> list[Row]
     progress = Progress("deaths", given.deaths * len(names))
     for place, name in enumerate(names):
         row, death = Row(name, "real"), DEATHS[name]
-        for number in range(given.deaths):
+        while row.times < given.deaths and row.restarts <= RESTARTS:
             with real_monitor(given.model, given.recording) as monitor:
-                pace = Pace(monitor.port, frames, 100.0)
-                try:
-                    pace.warm_up(10 + int(rng.integers(30)))
-                    _die(pace, monitor.pids[death.role], death, rng, row)
-                finally:
-                    pace.client.close()
-                    _wake(monitor.pids[death.role])
-            progress.show(given.deaths * place + number + 1, name)
+                pid = monitor.pids[death.role]
+                _watch_and_die(Pace(monitor.port, frames, 100.0), pid, death, rng, row)
+            progress.show(given.deaths * place + row.times, name)
         rows.append(row)
     progress.end()
     return rows
 
 
 def small_deaths(given: Namespace, names: list[str]) -> list[Row]:
-    """Do the same to small monitors, some at once."""
-    rows = {name: Row(name, "small") for name in names}
-    orders = [(name, number) for name in names for number in range(given.times)]
-    frames, progress = SmallFrames(), Progress("small deaths", len(orders))
-    with ThreadPoolExecutor(AT_ONCE) as pool:
-        try:
-            for done, _ in enumerate(pool.map(partial(_small_death, frames, given.seed, rows), orders)):
-                progress.show(done + 1)
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    """Do the same to small monitors."""
+    rng = np.random.default_rng((given.seed, 2))
+    rows, frames, progress = [], SmallFrames(), Progress("small deaths", given.times * len(names))
+    for place, name in enumerate(names):
+        row, death = Row(name, "small"), SMALL_DEATHS[name]
+        while row.times < given.times and row.restarts <= RESTARTS:
+            with small_monitor() as small:
+                pid = small.process.pid if death.role == "monitor" else small.watchdog_pid
+                hanging = frames.hanging if death.hangs else None
+                _watch_and_die(Pace(small.port, frames, 100.0), pid, death, rng, row, hanging)
+            progress.show(given.times * place + row.times, name)
+        rows.append(row)
     progress.end()
-    return list(rows.values())
+    return rows
 
 
-def _small_death(frames: SmallFrames, seed: int, rows: dict[str, Row], order: tuple[str, int]) -> None:
-    name, number = order
-    death, rng = SMALL_DEATHS[name], np.random.default_rng((seed, 2, number))
-    with small_monitor() as small:
-        pace = Pace(small.port, frames, 100.0)
-        try:
-            pace.warm_up(10 + int(rng.integers(10)))
-            pid = small.process.pid if death.role == "monitor" else small.watchdog_pid
-            _die(pace, pid, death, rng, rows[name], frames.hanging if death.hangs else None)
-        finally:
-            pace.client.close()
-
-
-def _die(
+def _watch_and_die(
     pace: Pace, pid: int, death: Death, rng: np.random.Generator, row: Row, hanging: Unstamped | None = None
 ) -> None:
+    """Let a monitor watch for a while, and then die; where it does not come to watch, it is not counted."""
+    try:
+        pace.warm_up(10 + int(rng.integers(20)))
+    except (InputError, LinkError) as fault:
+        row.restarts += 1
+        print(f"{row.name}: another monitor is started: {fault}", flush=True)
+        return
+    else:
+        _die(pace, pid, death, rng, row, hanging)
+    finally:
+        pace.client.close()
+        _wake(pid)
+
+
+def _die(pace: Pace, pid: int, death: Death, rng: np.random.Generator, row: Row, hanging: Unstamped | None) -> None:
     """Send the signal, or the frame that hangs, at a random moment, and go on with frames until a withdrawal."""
     pace.send()
     pace.client.listen(monotonic() + rng.uniform(0.0, 0.01))

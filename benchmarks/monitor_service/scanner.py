@@ -211,7 +211,7 @@ class Pace:
     def warm_up(self, frames: int) -> None:
         """Send frames until so many were answered with OK."""
         end_s = monotonic() + WARM_UP_S
-        while frames and monotonic() < end_s:
+        while frames and monotonic() < end_s and self.answers.code != WITHDRAW:
             self.send()
             self.rest()
             frames -= self.answers.code == OK
@@ -239,7 +239,7 @@ class Pace:
         self.client.listen(self._due_s + share * self._interval_s, done)
         if share == 1.0:
             self._due_s += self._interval_s
-            if self._due_s < monotonic() - 0.5:  # after a pause of this process: no frames in a row to make up for it
+            if self._due_s < monotonic() - self._interval_s:  # this process was held up: a scanner would lose frames
                 self._due_s = monotonic()
 
 

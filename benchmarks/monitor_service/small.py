@@ -1,9 +1,10 @@
 """The tests' small monitor, whose reader is a rule: it starts quickly, and hangs where a frame says so."""
 
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
@@ -13,7 +14,10 @@ from numpy.typing import NDArray
 
 from scleraforce.processes import no_interrupts
 from scleraforce.service.openigtlink import Image
+from scleraforce.service.priority import MONITOR_PRIORITY
 from scleraforce.service.scanner_client import SCANNER_DEVICE, Unstamped
+
+from .monitors import cores, pin
 
 __all__ = ["Small", "SmallFrames", "small_monitor"]
 
@@ -47,6 +51,9 @@ def small_monitor() -> Iterator[Small]:
     assert process.stdout is not None
     try:
         port, watchdog_pid = map(int, process.stdout.readline().split())
+        pin(process.pid, cores()[0])
+        with suppress(OSError):  # as the real one does by itself
+            os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(MONITOR_PRIORITY))
         yield Small(process, port, watchdog_pid)
     finally:
         process.stdin.close()

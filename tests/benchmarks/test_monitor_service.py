@@ -1,4 +1,4 @@
-"""The benchmarks of the monitor: their arithmetic; and each part, for some seconds, on a reader that knows one force."""
+"""The benchmarks of the monitor: their arithmetic; and each part for some seconds, on a reader that knows one force."""
 
 import json
 import subprocess
