@@ -25,6 +25,7 @@ from .scanner import OK, WITHDRAW, Frames, Operator, Pace, be_the_peer
 __all__ = ["add_options", "run"]
 
 RING_FRAMES = 1300  # until the ring of frames is full, memory grows as it should
+LATE_FRAMES = 10  # within so many a withdrawal is late, after them it is lost
 HELD_FRAMES = 25  # a withdrawal is looked at for so long before the reset is asked for
 RESET_FRAMES = 500  # within which it has to be granted
 SAMPLE_S = 2.0
@@ -43,6 +44,7 @@ class Tally:
 
     injected: Counter[str] = field(default_factory=Counter)
     answered: Counter[str] = field(default_factory=Counter)
+    late: Counter[str] = field(default_factory=Counter)
     lost: list[str] = field(default_factory=list)
     unlatched: list[str] = field(default_factory=list)
     uncalled: list[str] = field(default_factory=list)
@@ -119,10 +121,14 @@ class Soak:
         tally.injected[name] += 1
         begun_s = self._injections[name](self._pace)
         self._pace.rest()
+        in_time = answers.code == WITHDRAW
+        for _ in range(LATE_FRAMES):
+            if answers.code != WITHDRAW:
+                self._frame()
         if answers.code != WITHDRAW:
             tally.lost.append(f"frame {self._pace.sent}: {name}: code {answers.code}")
         else:
-            tally.answered[name] += 1
+            (tally.answered if in_time else tally.late)[name] += 1
             tally.causes[answers.status.name if answers.status else ""] += 1
             tally.delays_s.append(answers.withdrawn_s - begun_s)
             for _ in range(HELD_FRAMES):
@@ -163,8 +169,8 @@ class Soak:
              for role in growth if growth[role] for kind in ("rss", "own", "pss")],
         )  # fmt: skip
         print_table(
-            "withdrawals", ["injected", "times", "answered with 3 before the next frame"],
-            [[name, count, tally.answered[name]] for name, count in sorted(tally.injected.items())],
+            "withdrawals", ["injected", "times", "code 3 before the next frame", "later"],
+            [[name, count, tally.answered[name], tally.late[name]] for name, count in sorted(tally.injected.items())],
         )  # fmt: skip
         delays = quantiles_ms(tally.delays_s)
         print_table("from the last byte to code 3, ms", QUANTILES, [list(delays.values())])

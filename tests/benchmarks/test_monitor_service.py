@@ -133,7 +133,8 @@ def check_latency(figures: dict[str, Any]) -> None:
 
 def check_soak(figures: dict[str, Any]) -> None:
     tally = figures["tally"]
-    assert sum(tally["injected"].values()) == sum(tally["answered"].values()) + len(tally["lost"]) > 0
+    assert sum(tally["injected"].values()) == sum(tally["answered"].values()) + sum(tally["late"].values()) > 0
+    assert tally["lost"] == []
     assert tally["unlatched"] == []
     assert {"monitor", "watchdog", "black box", "second opinion"} == set(figures["growth"])
 
