@@ -514,6 +514,18 @@ def test_one_wild_frame_does_not_turn_the_slope() -> None:
     assert risen_force(((0.0, 1.0),) * 10, 0.1, 3.0, 10) is None, "no time passes"
 
 
+def test_a_rise_that_slows_down_is_not_foretold_from_how_it_began() -> None:
+    slowing = tuple((0.01 * n, 0.02 + 0.05 * 0.01 * min(n, 5)) for n in range(10))  # 50 mN/s, then a hold
+    assert risen_force(slowing, 0.05, 3.0, 10) is None
+    bending = tuple((0.01 * n, 0.02 + 1e-3 * n - 4e-5 * n * n) for n in range(10))  # 100, in the end 32 mN/s
+    steady = tuple((0.01 * n, 0.02 + 1e-3 * n) for n in range(10))
+    assert risen_force(steady, 0.05, 0.0, 10) == pytest.approx(0.034)
+    last = bending[-6:]  # the median of these parabola's chords is the slope at their middle, 0.065 s
+    slope = 0.1 - 2 * 4e-3 / 1e-2 * 0.065
+    level = float(np.median([force - slope * (at - 0.09) for at, force in last]))
+    assert risen_force(bending, 0.05, 0.0, 10) == pytest.approx(level + 0.05 * slope)
+
+
 def test_ten_frames_in_a_line_by_chance_are_no_steep_rise_where_the_frames_before_were_rough() -> None:
     rng = np.random.default_rng(0)
     line = tuple((0.4 + 0.01 * n, 0.02 + 0.05 * 0.01 * n) for n in range(10))

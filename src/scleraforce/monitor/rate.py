@@ -3,6 +3,7 @@
 In plain Python: for ten points that takes a tenth of what NumPy's calls cost, and the robot waits.
 """
 
+from dataclasses import dataclass
 from itertools import combinations
 from math import sqrt
 from statistics import fmean, median
@@ -22,7 +23,8 @@ def risen_force(
     The slope is the median of those between all pairs (Theil 1950, Sen 1968): a single wild frame does not turn it.
     Its standard deviation is a straight line's; `deviations` of them are taken off. Ten residuals tell too little of
     the noise, by chance much too little now and then: it is no less than that of the second differences (which a
-    steady rise leaves out) of all that is kept.
+    steady rise leaves out) of all that is kept. Where the force slows down, a line through all of them foretells too
+    much: the last of them, half and one, have a line of their own, and the smaller force counts.
 
     Args:
         history: (time, force) of the last frames, s and N, oldest first.
@@ -38,6 +40,31 @@ def risen_force(
         return None
     now_s = history[-1][0]
     points = [(at_s - now_s, force_n) for at_s, force_n in history[-frames:]]
+    line, latest = _line(points), _line(points[-(frames // 2 + 1) :])
+    if line is None or latest is None or min(line.slope, latest.slope) <= 0.0:
+        return None
+    forces_n = [force_n for _, force_n in history]
+    bends_n = [abs(a - 2.0 * b + c) for a, b, c in zip(forces_n, forces_n[1:], forces_n[2:], strict=False)]
+    sd_n = MAD_TO_SD * max(line.off_n, median(bends_n) / sqrt(6.0))  # a second difference has six variances
+    middle_s = fmean([at_s for at_s, _ in points])
+    spread = sqrt(sum((at_s - middle_s) ** 2 for at_s, _ in points))
+    least = line.slope - deviations * sd_n / spread
+    if least <= 0.0:
+        return None
+    return min(line.now_n + least * ahead_s, latest.now_n + latest.slope * ahead_s)
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A robust line: its slope, its force now (time 0), the median distance of the points from it."""
+
+    slope: float
+    now_n: float
+    off_n: float
+
+
+def _line(points: list[tuple[float, float]]) -> _Line | None:
+    """Return the line whose slope is the median of all pairs'; None where too few of them have different times."""
     slopes = [
         (later_n - earlier_n) / (later_s - earlier_s)
         for (earlier_s, earlier_n), (later_s, later_n) in combinations(points, 2)
@@ -46,15 +73,6 @@ def risen_force(
     if len(slopes) < LEAST_PAIRS:
         return None
     slope = median(slopes)
-    if slope <= 0.0:
-        return None
     offsets = [force_n - slope * at_s for at_s, force_n in points]
     now_n = median(offsets)
-    off_n = median([abs(offset - now_n) for offset in offsets])
-    forces_n = [force_n for _, force_n in history]
-    bends_n = [abs(a - 2.0 * b + c) for a, b, c in zip(forces_n, forces_n[1:], forces_n[2:], strict=False)]
-    sd_n = MAD_TO_SD * max(off_n, median(bends_n) / sqrt(6.0))  # a second difference has six variances
-    middle_s = fmean([at_s for at_s, _ in points])
-    spread = sqrt(sum((at_s - middle_s) ** 2 for at_s, _ in points))
-    least = slope - deviations * sd_n / spread
-    return now_n + least * ahead_s if least > 0 else None
+    return _Line(slope, now_n, median([abs(offset - now_n) for offset in offsets]))
