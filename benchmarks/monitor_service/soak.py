@@ -18,7 +18,7 @@ import numpy as np
 from scleraforce.service.openigtlink.wire import HEADER_BYTES
 from scleraforce.service.scanner_client import Unstamped, frame_message, image_matrix
 
-from .figures import QUANTILES, Progress, print_table, quantiles_ms
+from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms
 from .monitors import Monitor, Resources, real_monitor, resources
 from .scanner import OK, WITHDRAW, Frames, Operator, Pace, be_the_peer
 
@@ -174,6 +174,14 @@ class Soak:
         )  # fmt: skip
         delays = quantiles_ms(tally.delays_s)
         print_table("from the last byte to code 3, ms", QUANTILES, [list(delays.values())])
+        latencies = {
+            "last byte sent to STATUS received": quantiles_ms(answer.took_s for answer in answers),
+            "last byte received to STATUS sent": quantiles(
+                answer.server_ms for answer in answers if answer.server_ms is not None
+            ),
+        }
+        rows = [[line, *found.values()] for line, found in latencies.items()]
+        print_table("all frames, ms", ["", *QUANTILES], rows)
         figures = {
             "lost": len(tally.lost), "left without a reset": len(tally.unlatched), "resets not granted": tally.stuck,
             "withdrawals that nothing called for": len(tally.uncalled), "injected": injected, "frames": self._pace.sent,
@@ -184,7 +192,7 @@ class Soak:
             print(f"    {line}")
         return {
             "counts": figures, "growth": growth, "tally": vars(tally), "delays_ms": delays,
-            "answers_ms": quantiles_ms(answer.took_s for answer in answers),
+            "latencies_ms": latencies,
             "samples": [{"frames": s.frames, **{role: asdict(held) for role, held in s.held.items()}}
                         for s in self._samples[:: max(1, len(self._samples) // 200)]],
         }  # fmt: skip

@@ -21,7 +21,7 @@ class Connection:
         version: of the header that the peer used last; 1 before it has said anything.
         frames: puts its images together.
         heard_s: when it was heard last; 0 before.
-        refused: resets that it asked for and did not get.
+        wrong_tokens: how many resets it asked for with one.
         unread_since_s: since when it has not read what was sent to it; None where it keeps up.
         message_since_s: since when a message of it has been incomplete; None between messages.
     """
@@ -31,7 +31,7 @@ class Connection:
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.number, self.address, self.version = number, address, 1
         self.frames = FrameAssembler()
-        self.heard_s, self.refused = 0.0, 0
+        self.heard_s, self.wrong_tokens = 0.0, 0
         self.unread_since_s: float | None = None
         self.message_since_s: float | None = None
         self._link, self._decoder, self._rest = link, Decoder(), memoryview(b"")

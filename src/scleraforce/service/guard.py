@@ -15,7 +15,7 @@ from scleraforce.service.watchdog import ALIVE
 __all__ = ["Guard"]
 
 BEAT_S = 0.01
-SILENT_S = 1.0  # a watchdog that answers later than this guards nothing
+SILENT_S = 0.5  # a watchdog that answers later than this guards nothing
 START_S = 20.0
 EMERGENCY = Status(3, Cause.WATCHDOG.value, Cause.WATCHDOG.name, "WITHDRAW: the monitor hung or died")
 
