@@ -289,3 +289,16 @@ def alive(pid: int) -> bool:
             return stat.read().rsplit(")", 1)[1].split()[0] != "Z"
     except OSError:
         return False
+
+
+def test_the_operator_is_told_of_each_change_of_state_once() -> None:
+    lines: list[str] = []
+    with serving(note=lines.append) as port, Peer(port) as scanner:
+        scanner.watch()
+        scanner.show(40.0)
+        scanner.wait_for_code(3)
+        scanner.show(41.0)
+        scanner.hear(0.1)
+    states = [line.split()[1] for line in lines]
+    assert states == ["WATCHING:", "WITHDRAW:"]
+    assert "class 2" in lines[1]

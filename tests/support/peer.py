@@ -10,6 +10,7 @@ from itertools import count
 from pathlib import Path
 from threading import Thread
 from time import monotonic, sleep, time
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +42,7 @@ class NoGuard:
 
 
 @contextmanager
-def serving(companions: Companions | None = None, **settings: float) -> Iterator[int]:
+def serving(companions: Companions | None = None, **settings: Any) -> Iterator[int]:
     """Run a small server in a thread until the block ends; what it gives is its port."""
     server, port = small_server(NoGuard(), companions or Companions({}), **settings)  # type: ignore[arg-type]
     thread = Thread(target=server.run)

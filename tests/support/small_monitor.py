@@ -7,6 +7,7 @@ closes.
 import socket
 import sys
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,13 +59,15 @@ def read(pixels: NDArray[Any], _: PixelScale) -> RuledReading:
     return RuledReading(Answer(predicted, shares, True, None, force_n, interval_n), nowhere, nowhere)
 
 
-def small_server(guard: Guard, companions: Companions, **settings: Any) -> tuple[Server, int]:
+def small_server(
+    guard: Guard, companions: Companions, note: Callable[[str], None] = lambda _: None, **settings: Any
+) -> tuple[Server, int]:
     """A server of small frames, and its port; it bears half a second of silence, for a test may be held up."""
     limits = MonitorLimits(size=(ROWS, COLUMNS), scale_m=SCALE_M, silence_s=0.5)
     listener = socket.create_server(("127.0.0.1", 0))
     ring = FrameRing.create(100, ROWS, COLUMNS)
     session = Session(read, limits)
-    server = Server(session, listener, ServerSettings(TOKEN, **settings), ring, guard, companions, lambda _: None)
+    server = Server(session, listener, ServerSettings(TOKEN, **settings), ring, guard, companions, note)
     return server, listener.getsockname()[1]
 
 

@@ -105,8 +105,10 @@ def monitor(
     with monitor_service(model, reader, settings, _say) as (server, address):
         _greet(reader, settings, address)
         interrupted = _run(server)
+        summary = server.session.summary()
+        _say("ends; the black box writes what it has to keep")
     if as_json:
-        print_json({"model": str(model), **server.session.summary()})
+        print_json({"model": str(model), **summary})
     if interrupted:
         raise KeyboardInterrupt
 

@@ -6,6 +6,7 @@ import selectors
 import socket
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from itertools import count
 from select import select
 from typing import Any
@@ -93,6 +94,7 @@ class Server:
         self._scanned_s = 0.0
         self._arrivals = count(1)
         self._counted: tuple[int, float] | None = None
+        self._noted = session.decision.state
         self._stopping = False
 
     def stop(self) -> None:
@@ -227,6 +229,7 @@ class Server:
         now_s = session.clock()
         entry = session.entry("frame", now_s, frame, now_s - frame.at_s)
         self._clients.broadcast(Telling(READING_DEVICE, reading_messages(entry), session.wall_clock), now_s)
+        self._note_state()
         if frame.image.pixels.shape == self._ring.shape:
             self._ring.put(frame.number, frame.image.pixels)
         self._companions.entry(entry)
@@ -242,6 +245,15 @@ class Server:
         if self.session.take(event):
             self._clients.broadcast(self._status(), event.at_s)
             self._companions.entry(self.session.entry(name, event.at_s))
+            self._note_state()
+
+    def _note_state(self) -> None:
+        """Tell the operator where the state has changed."""
+        decision = self.session.decision
+        if decision.state is not self._noted:
+            self._noted = decision.state
+            at = datetime.fromtimestamp(self.session.wall_clock()).astimezone()
+            self._note(f"{at:%H:%M:%S.%f}"[:-3] + f"  {decision.message}")
 
     def _note_client(self, text: str) -> None:
         note = {"kind": "note", "time_s": self.session.wall_clock(), "text": text}
