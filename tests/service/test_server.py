@@ -145,6 +145,23 @@ def test_a_fault_withdraws_and_says_why_to_everybody(port: int, scanner: Peer, f
     assert status.name == Cause(status.subcode).name
 
 
+MISFITS = {
+    Cause.SIZE: lambda: encode(Image(frame_of(10_000, 3)[None, :-1], MATRIX), "Scanner", time_s=2e9),
+    Cause.SCALE: lambda: encode(
+        Image(frame_of(10_000, 3)[None], (1.02 * MATRIX[0], *MATRIX[1:])), "Scanner", time_s=2e9
+    ),
+    Cause.OUT_OF_ORDER: lambda: encode(Image(frame_of(10_000, 3)[None], MATRIX), "Scanner", time_s=1e9),
+}
+
+
+@pytest.mark.parametrize("cause", MISFITS)
+def test_a_frame_that_cannot_be_right_counts_also_where_a_newer_one_came_with_it(scanner: Peer, cause: Cause) -> None:
+    scanner.watch()
+    newer = encode(Image(frame_of(10_010, 4)[None], MATRIX), "Scanner", time_s=2e9 + 1)
+    scanner.link.sendall(MISFITS[cause]() + newer)
+    assert scanner.wait_for_code(3).subcode == cause.value
+
+
 def test_a_withdrawal_stays_until_the_operators_reset_on_fresh_harmless_frames(port: int, scanner: Peer) -> None:
     scanner.watch()
     scanner.show(40.0)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from small_monitor import SCALE_M, frame_of, small_server
 
 from scleraforce.service.companions import Companions
-from scleraforce.service.openigtlink import Decoder, Image, Message, Received, Status, encode
+from scleraforce.service.openigtlink import Decoder, Image, Message, Received, Status, Text, encode
 
 MATRIX = (SCALE_M[0] * 1e3, 0.0, 0.0, 0.0, SCALE_M[1] * 1e3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 SERIALS = count(1)
@@ -113,6 +113,10 @@ class Peer:
     def statuses(self) -> list[Status]:
         return [message for _, message in self.heard if isinstance(message, Status)]
 
+    def readings(self) -> int:
+        """Return how many frames were read so far."""
+        return sum(isinstance(message, Text) for _, message in self.heard)
+
     def wait_for_code(self, code: int, within_s: float = 3.0) -> Status:
         """Return the first STATUS of a code that comes from now on."""
         since = len(self.statuses())
@@ -122,10 +126,11 @@ class Peer:
         return found[0]
 
     def watch(self, force_mn: float = 10.0, frames: int = 12) -> None:
-        """Send harmless frames in contact, as a scanner does, until the monitor watches."""
+        """Send harmless frames in contact, each when the last one was answered, until the monitor watches."""
         for number in range(frames):
+            read = self.readings()
             self.show(force_mn + 0.01 * (number % 3))
-            self.hear(0.01)
+            self.hear(2.0, lambda peer: peer.readings() > read)  # noqa: B023 - called at once
         assert self.statuses()[-1].code == 1, self.statuses()[-1]
 
 

@@ -160,10 +160,11 @@ class Server:
         events, alive = client.receive(self._most_bytes if may_scan else SMALL_BODY_BYTES, now_s)
         at_s = self.session.clock()
         frames = [frame for event in events if (frame := self._hear_event(client, event, at_s, may_scan))]
-        if len(frames) > 1:
-            self._decide("loss", QueueLoss(at_s, len(frames) - 1))
-        if frames:
-            self._take_frame(frames[-1])
+        taken = [frame for frame in frames if frame.misfit or frame is frames[-1]]
+        if len(frames) > len(taken):
+            self._decide("loss", QueueLoss(at_s, len(frames) - len(taken)))
+        for frame in taken:
+            self._take_frame(frame)
         if not alive:
             broken = next((event.reason for event in events if isinstance(event, Broken)), None)
             self._clients.leave(client, f"was let go: {broken}" if broken else "left")

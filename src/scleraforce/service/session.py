@@ -38,6 +38,7 @@ Read = Callable[[NDArray[np.uint8] | NDArray[np.uint16], PixelScale], Reading]
 class Frame:
     """A frame as it came: `number` in this session, `sender_id` as its sender counts, `at_s` when its last byte came.
 
+    `misfit` says that it is wrong before it is read, by its size, scale or order: such a frame is never left out.
     `order` rises from frame to frame as `sender_id` does, and goes on rising where another sender counts anew.
     """
 
@@ -47,6 +48,7 @@ class Frame:
     at_s: float
     image: ScannerFrame
     digest: bytes
+    misfit: bool
 
 
 @dataclass(frozen=True)
@@ -114,9 +116,18 @@ class Session:
         if sender != self._sender:
             self._sender, self._offset = sender, self._order + 1 - sender_id if self._sender else 0
         order = self._offset + sender_id
+        misfit = order <= self._order or not self._fits(image)
         self._order = max(self._order, order)
         digest = fastcrc.crc64.ecma_182(image.pixels.data).to_bytes(8)
-        return Frame(self._frames, order, sender_id, at_s, image, digest)
+        return Frame(self._frames, order, sender_id, at_s, image, digest, misfit)
+
+    def _fits(self, image: ScannerFrame) -> bool:
+        """Return whether an image is of the expected size and scale."""
+        limits, scale_m = self.limits, (image.lateral_m, image.depth_m)
+        return image.pixels.shape == limits.size and all(
+            abs(found - stated) <= limits.scale_tolerance * stated
+            for found, stated in zip(scale_m, limits.scale_m or scale_m, strict=True)
+        )
 
     def take_frame(self, frame: Frame) -> None:
         """Read a frame and decide on it."""
