@@ -3,6 +3,7 @@
 import secrets
 import signal
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from math import radians
@@ -87,6 +88,7 @@ def monitor(
     with one_thread():  # the second core is for the other processes
         from scleraforce.reader import load_model
         from scleraforce.service.monitor_service import Address, MonitorSettings, monitor_service
+        from scleraforce.service.notes import Notes
 
     reader = load_model(model)
     known = _known(calibration, eye, options)
@@ -102,11 +104,13 @@ def monitor(
         record=_new(record),
         token=secrets.token_hex(4),
     )
-    with monitor_service(model, reader, settings, _say) as (server, address):
-        _greet(reader, settings, address)
+    notes = Notes(_say)
+    with monitor_service(model, reader, settings, notes) as (server, address):
+        _greet(reader, settings, address, notes)
         interrupted = _run(server)
         summary = server.session.summary()
-        _say("ends; the black box writes what it has to keep")
+        notes("ends; the black box writes what it has to keep")
+    notes.close()
     if as_json:
         print_json({"model": str(model), **summary})
     if interrupted:
@@ -187,19 +191,21 @@ def _new_black_box(folder: Path | None) -> Path:
     return folder or user_state_path("scleraforce") / "monitor" / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
 
 
-def _greet(reader: "ForceReader | WallReader", settings: "MonitorSettings", address: "Address") -> None:
+def _greet(
+    reader: "ForceReader | WallReader", settings: "MonitorSettings", address: "Address", say: Callable[[str], None]
+) -> None:
     limits = settings.limits
     rows, columns = limits.size or (0, 0)
     lateral_m, depth_m = limits.scale_m or (0.0, 0.0)
     forces = f", or where the force's interval reaches {limits.bound_n * 1e3:.1f} mN" if limits.reads_force else ""
-    _say("research use only: not a medical device")
-    _say(f"model      {reader.path} ({reader.kind})")
-    _say(f"eye        {settings.eye}: {_told(settings.known)}")
-    _say(f"frames     {columns} x {rows} px of {lateral_m * 1e6:.2f} x {depth_m * 1e6:.2f} µm")
-    _say(f"withdraws  at class {limits.withdraw_class}{forces}")
-    _say(f"listens    on {address.host}:{address.port} (OpenIGTLink)")
-    _say(f"black box  {settings.black_box}")
-    _say(f"reset      scleraforce monitor-reset --port {address.port} --token {settings.token}")
+    say("research use only: not a medical device")
+    say(f"model      {reader.path} ({reader.kind})")
+    say(f"eye        {settings.eye}: {_told(settings.known)}")
+    say(f"frames     {columns} x {rows} px of {lateral_m * 1e6:.2f} x {depth_m * 1e6:.2f} µm")
+    say(f"withdraws  at class {limits.withdraw_class}{forces}")
+    say(f"listens    on {address.host}:{address.port} (OpenIGTLink)")
+    say(f"black box  {settings.black_box}")
+    say(f"reset      scleraforce monitor-reset --port {address.port} --token {settings.token}")
 
 
 def _told(known: "Known") -> str:
