@@ -284,8 +284,8 @@ def _die(pace: Pace, pid: int, death: Death, rng: np.random.Generator, row: Row,
     """Send the signal, or the frame that hangs, at a random moment, and go on with frames until a withdrawal."""
     pace.send()
     pace.client.listen(monotonic() + rng.uniform(0.0, 0.01))
-    if pace.answers.code != OK:
-        row.add(None, f"code {pace.answers.code} before", None)
+    if pace.log.code != OK:
+        row.add(None, f"code {pace.log.code} before", None)
         return
     begun_s = monotonic()
     if hanging:
@@ -293,18 +293,18 @@ def _die(pace: Pace, pid: int, death: Death, rng: np.random.Generator, row: Row,
     else:
         os.kill(pid, death.signal)
     try:
-        while pace.answers.code != WITHDRAW and monotonic() < begun_s + WITHIN_S:
-            pace.rest(done=lambda: pace.answers.code == WITHDRAW)
-            if pace.answers.code != WITHDRAW:
+        while pace.log.code != WITHDRAW and monotonic() < begun_s + WITHIN_S:
+            pace.rest(done=lambda: pace.log.code == WITHDRAW)
+            if pace.log.code != WITHDRAW:
                 pace.send()
     except LinkError as fault:
         row.add(None, str(fault), None)
         return
-    if pace.answers.code != WITHDRAW or pace.answers.status is None:
-        row.add(None, f"code {pace.answers.code} after {WITHIN_S:g} s", None)
+    if pace.log.code != WITHDRAW or pace.log.status is None:
+        row.add(None, f"code {pace.log.code} after {WITHIN_S:g} s", None)
         return
-    cause = pace.answers.status.name
-    row.add(pace.answers.withdrawn_s - begun_s, cause, WITHDRAW, cause == death.cause)
+    cause = pace.log.status.name
+    row.add(pace.log.withdrawn_s - begun_s, cause, WITHDRAW, cause == death.cause)
 
 
 def _wake(pid: int) -> None:

@@ -108,7 +108,7 @@ class Scene:
         """Go on for a time, or until the attack is over; return the figures."""
         begun_s = asked_s = monotonic()
         self._gaps_s, self._heard_s, self._codes = [], None, []
-        self._pace.answers.all.clear()
+        self._pace.log.answers.clear()
         self._operator.took_s.clear()
         self._pace.latest_s = 0.0
         sent, progress = self._pace.sent, Progress("hostile", attack.total if attack else 1)
@@ -131,8 +131,8 @@ class Scene:
             "gap_ms": quantiles_ms(self._gaps_s),
             "latest_frame_ms": 1e3 * self._pace.latest_s,
             "hangs": sum(gap_s > HANG_S for gap_s in self._gaps_s),
-            "answers_ms": quantiles_ms(answer.took_s for answer in self._pace.answers.all),
-            "unanswered": self._pace.sent - sent - len(self._pace.answers.all),
+            "answers_ms": quantiles_ms(answer.took_s for answer in self._pace.log.answers),
+            "unanswered": self._pace.sent - sent - len(self._pace.log.answers),
             "resets_ms": quantiles_ms(self._operator.took_s),
             "codes": self._codes,
             "ends": attack.ends if attack else {},

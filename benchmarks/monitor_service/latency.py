@@ -67,22 +67,22 @@ def measure(monitor: Monitor, echo_port: int, frames: Frames, given: Namespace, 
             if number % CONTROL_EVERY == 0:
                 control_s.append(_echo(echo, echoes, pace.data))
             pace.rest()
-            if pace.answers.code != WITHDRAW:
+            if pace.log.code != WITHDRAW:
                 since_withdrawal = 0
             elif since_withdrawal == 0:
-                withdrawals.append(pace.answers.status.message if pace.answers.status else "")
-            since_withdrawal += pace.answers.code == WITHDRAW
+                withdrawals.append(pace.log.status.message if pace.log.status else "")
+            since_withdrawal += pace.log.code == WITHDRAW
             if since_withdrawal > RESET_AFTER and operator.settled() is not True:
                 operator.reset()
             progress.show(number + 1)
             monitor.prune()
-        pace.client.listen(monotonic() + 1.0, lambda: pace.answers.last is not None)
+        pace.client.listen(monotonic() + 1.0, lambda: pace.log.last is not None)
     finally:
         progress.end()
         pace.client.close()
         echo.close()
         operator.close()
-    found = pace.answers.all
+    found = pace.log.answers
     return {
         "client": quantiles_ms(answer.took_s for answer in found),
         "server": quantiles(answer.server_ms for answer in found if answer.server_ms is not None),

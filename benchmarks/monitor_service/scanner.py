@@ -1,9 +1,7 @@
 """A scanner that sends a recording to and fro, with what a benchmark wants to know of each answer."""
 
 import gc
-import json
 import os
-from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
@@ -21,21 +19,20 @@ from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.images import Pixels
 from scleraforce.recording.phantom import true_forces
 from scleraforce.recording.tables import FrameEntry
-from scleraforce.service.openigtlink import Message, Status, Text
+from scleraforce.service.answer_log import AnswerLog
+from scleraforce.service.openigtlink import Message
 from scleraforce.service.operator import ask_reset
 from scleraforce.service.priority import run_in_real_time
 from scleraforce.service.scanner_client import ScannerClient, Unstamped, frame_message
-from scleraforce.service.telling import READING_DEVICE, STATUS_DEVICE
 
 from .monitors import cores
 
-__all__ = ["Answer", "Answers", "Frames", "Operator", "Pace", "be_the_peer"]
+__all__ = ["Answers", "Frames", "Operator", "Pace", "be_the_peer"]
 
 HIGHEST_N = 25e-3  # below this nothing withdraws
 CONTACT_N = 4e-3  # clear of the monitor's bound of contact
 DANGEROUS_N = 33e-3  # clear over the bound
-SCANNER_PRIORITY = 5
-LOST_S = 1.0  # a frame without an answer for so long was lost to a newer one
+SCANNER_PRIORITY = 15  # above the second opinion, with which it shares a core: a scanner is another machine
 OK, WITHDRAW = 1, 3
 WARM_UP_S = 30.0
 
@@ -98,61 +95,22 @@ def preloaded(recording: Recording, most: int | None = None) -> Recording:
     return _Preloaded(recording.path, recording.info, entries, recording.forces, pixels)
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What came back for a frame: how long that took here, as the monitor says, and the code; `at_s` when it came."""
+class Answers(AnswerLog):
+    """What came back; `withdrawn_s` is when the first STATUS of the present withdrawal came."""
 
-    at_s: float
-    took_s: float
-    server_ms: float | None
-    code: int
-    cause: str | None
-
-
-class Answers:
-    """Matches frames with their answers: a frame's STATUS comes right before its reading. `hear` is for a client.
-
-    Attributes:
-        status: the last one.
-        status_s: when it came.
-        withdrawn_s: when the first one of the present withdrawal came.
-        all: the answers of frames, however late.
-        last: the answer to the frame that was sent last; None as long as there is none.
-    """
-
-    def __init__(self) -> None:
-        self.status: Status | None = None
-        self.status_s = self.withdrawn_s = 0.0
-        self.all: list[Answer] = []
-        self.last: Answer | None = None
-        self._waiting: OrderedDict[int, float] = OrderedDict()
+    withdrawn_s = 0.0
 
     @property
     def code(self) -> int | None:
         """Of the last STATUS."""
         return self.status.code if self.status else None
 
-    def sent(self, frame_id: int, at_s: float) -> None:
-        """Take a frame that was sent."""
-        self.last = None
-        self._waiting[frame_id] = at_s
-        while self._waiting and at_s - next(iter(self._waiting.values())) > LOST_S:
-            self._waiting.popitem(last=False)
-
     def hear(self, at_s: float, device: str, message: Message) -> None:
         """Take a message of the monitor."""
-        if isinstance(message, Status) and device == STATUS_DEVICE:
-            if message.code == WITHDRAW and self.code != WITHDRAW:
-                self.withdrawn_s = at_s
-            self.status, self.status_s = message, at_s
-        elif isinstance(message, Text) and device == READING_DEVICE and self.status:
-            reading = json.loads(message.text)
-            sent_s = self._waiting.pop(reading["frame_id"], None)
-            if sent_s is not None:
-                took_s = self.status_s - sent_s
-                answer = Answer(self.status_s, took_s, reading["latency_ms"], self.status.code, reading["cause"])
-                self.all.append(answer)
-                self.last = None if self._waiting else answer
+        before = self.code
+        super().hear(at_s, device, message)
+        if self.code == WITHDRAW and before != WITHDRAW:
+            self.withdrawn_s = at_s
 
 
 Heard = Callable[[float, Message], object]
@@ -189,7 +147,7 @@ class Pace:
         also: called with the time and the message for each that comes.
 
     Attributes:
-        answers: what came back.
+        log: what came back.
         latest_s: how late the latest frame went out.
         sent: frames.
         data: the last one, as it was sent.
@@ -198,27 +156,27 @@ class Pace:
     def __init__(
         self, port: int, frames: Way, rate_hz: float, *, observed: bool = False, also: Heard = lambda *_: None
     ) -> None:
-        self.answers, self.latest_s, self.sent = Answers(), 0.0, 0
+        self.log, self.latest_s, self.sent = Answers(), 0.0, 0
         self.client = ScannerClient("127.0.0.1", port, self._hear, observed=observed)
         self._also = also
         self._frames, self._interval_s, self._wall_s = frames, 1.0 / rate_hz, time() - monotonic()
         self._way, self._due_s, self.data = frames.to_and_fro(), monotonic(), bytearray()
 
     def _hear(self, at_s: float, device: str, message: Message) -> None:
-        self.answers.hear(at_s, device, message)
+        self.log.hear(at_s, device, message)
         self._also(at_s, message)
 
     def warm_up(self, frames: int) -> None:
         """Send frames until so many were answered with OK."""
         end_s = monotonic() + WARM_UP_S
-        while frames and monotonic() < end_s and self.answers.code != WITHDRAW:
+        while frames and monotonic() < end_s and self.log.code != WITHDRAW:
             self.send()
             self.rest()
-            frames -= self.answers.code == OK
+            frames -= self.log.code == OK
         if frames:
-            said = self.answers.status.message if self.answers.status else "nothing"
+            said = self.log.status.message if self.log.status else "nothing"
             raise InputError(f"the monitor does not say OK to harmless frames: {said}")
-        self.answers.all.clear()
+        self.log.answers.clear()
         self.latest_s, self.sent = 0.0, 0
 
     def send(self, message: Sent | None = None) -> float:
@@ -230,7 +188,7 @@ class Pace:
         message = message or self._frames.messages[place]
         self.data = message.stamped(self._wall_s + self._due_s)  # times only rise, whatever the wall clock does
         sent_s = self.client.send(self.data)
-        self.answers.sent(message.frame_id, sent_s)
+        self.log.sent(message.frame_id, message.frame_id, sent_s)
         self.sent += 1
         return sent_s
 

@@ -102,8 +102,8 @@ class Soak:
                 self._withdraw_and_reset()
                 continue
             self._frame()
-            if self._pace.answers.code == WITHDRAW:
-                status = self._pace.answers.status
+            if self._pace.log.code == WITHDRAW:
+                status = self._pace.log.status
                 self.tally.uncalled.append(f"frame {self._pace.sent}: {status.message if status else ''}")
                 self._reset()
         self._sample(at_once=True)
@@ -117,24 +117,24 @@ class Soak:
 
     def _withdraw_and_reset(self) -> None:
         name = str(self._rng.choice(list(self._injections)))
-        tally, answers = self.tally, self._pace.answers
+        tally, log = self.tally, self._pace.log
         tally.injected[name] += 1
         begun_s = self._injections[name](self._pace)
         self._pace.rest()
-        in_time = answers.code == WITHDRAW
+        in_time = log.code == WITHDRAW
         for _ in range(LATE_FRAMES):
-            if answers.code != WITHDRAW:
+            if log.code != WITHDRAW:
                 self._frame()
-        if answers.code != WITHDRAW:
-            tally.lost.append(f"frame {self._pace.sent}: {name}: code {answers.code}")
+        if log.code != WITHDRAW:
+            tally.lost.append(f"frame {self._pace.sent}: {name}: code {log.code}")
         else:
             (tally.answered if in_time else tally.late)[name] += 1
-            tally.causes[answers.status.name if answers.status else ""] += 1
-            tally.delays_s.append(answers.withdrawn_s - begun_s)
+            tally.causes[log.status.name if log.status else ""] += 1
+            tally.delays_s.append(log.withdrawn_s - begun_s)
             for _ in range(HELD_FRAMES):
                 self._frame()
-                if answers.code != WITHDRAW:
-                    tally.unlatched.append(f"frame {self._pace.sent}: {name}: code {answers.code}")
+                if log.code != WITHDRAW:
+                    tally.unlatched.append(f"frame {self._pace.sent}: {name}: code {log.code}")
                     break
             self._reset()
 
@@ -144,7 +144,7 @@ class Soak:
             if number % 5 == 0 and self._operator.settled() is not True:
                 self._operator.reset()
             self._frame()
-            if self._pace.answers.code == OK:
+            if self._pace.log.code == OK:
                 return
         self.tally.stuck += 1
 
@@ -158,7 +158,7 @@ class Soak:
 
     def result(self) -> dict[str, Any]:
         """Print the tables; return the figures."""
-        tally, answers = self.tally, self._pace.answers.all
+        tally, answers = self.tally, self._pace.log.answers
         injected = sum(tally.injected.values())
         growth = {role: grown(self._samples, role) for role in self._monitor.pids}
         first = self._samples[0].frames if self._samples else 0

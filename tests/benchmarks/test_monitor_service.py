@@ -60,17 +60,17 @@ def test_a_heartbeat_is_not_taken_for_the_answer_to_a_frame() -> None:
             text = json.dumps({"frame_id": frame_id, "latency_ms": 1.5, "cause": None})
             answers.hear(at_s + 1e-4, "ForceReading", Text(text))
 
-    answers.sent(7, 1.000)
+    answers.sent(7, 7, 1.000)
     tell(1.001, 1)
     assert answers.last is None
     tell(1.003, 3, frame_id=7)
     assert answers.last is not None
     assert (answers.last.took_s, answers.last.code) == (pytest.approx(3e-3), 3)
-    answers.sent(8, 1.010)
-    answers.sent(9, 1.020)
+    answers.sent(8, 8, 1.010)
+    answers.sent(9, 9, 1.020)
     tell(1.021, 3, frame_id=9)
     tell(1.500, 3, frame_id=8)
-    assert [answer.took_s for answer in answers.all] == pytest.approx([3e-3, 1e-3, 0.49])
+    assert [answer.took_s for answer in answers.answers] == pytest.approx([3e-3, 1e-3, 0.49])
     assert answers.withdrawn_s == 1.003
 
 

@@ -19,6 +19,7 @@ from analytic_frames import (
     tip_of,
     wall_section,
 )  # fmt: skip
+from fixed_network import FIVE_MN, wall_reader
 
 from scleraforce.imaging.plane import Section
 from scleraforce.imaging.segmentation import PixelScale, Segmenter
@@ -28,29 +29,9 @@ from scleraforce.reader.readings import Reading
 from scleraforce.reader.wall_reader import WallReader
 from scleraforce.study import Range
 
-FIVE_MN = Reading((0.1, 0.8, 0.1), 0.005, (0.004, 0.006), 0.0)
-
-
-class FixedNetwork:
-    """Reads the same whatever it sees, and keeps what it was shown."""
-
-    provenance: dict[str, str] = {}  # noqa: RUF012 - a stand-in
-
-    def __init__(self, reading: Reading) -> None:
-        self.reading = reading
-        self.shown: list[tuple[np.ndarray, Known]] = []
-
-    def read(self, cut: np.ndarray, known: Known) -> Reading:
-        self.shown.append((cut, known))
-        return self.reading
-
-
-def reader(reading: Reading = FIVE_MN, default: str = "fit") -> WallReader:
-    return WallReader(Path("model"), STUDY, {}, FixedNetwork(reading), LIBRARY, default)
-
 
 def answer(frame: np.ndarray, known: Known | None = KNOWN, model: WallReader | None = None) -> Answer:
-    return answer_frame(model or reader(), Segmenter(), frame, SCALE, 1.0, known)
+    return answer_frame(model or wall_reader(), Segmenter(), frame, SCALE, 1.0, known)
 
 
 def plate(depth_m: float, thickness_m: float = 0.6e-3, slope: float = 0.0) -> Section:
@@ -81,7 +62,7 @@ def test_a_frame_of_known_force_is_read_with_force_interval_and_contact(force_n:
 
 def test_the_default_method_answers_and_the_other_one_checks_it() -> None:
     frame = image(wall_section(tip_of(0.015)))
-    by_fit, by_network = (answer(frame, model=reader(default=name)) for name in ("fit", "network"))
+    by_fit, by_network = (answer(frame, model=wall_reader(default=name)) for name in ("fit", "network"))
     assert (by_network.force_n, by_network.interval_n, by_network.predicted) == (0.005, (0.004, 0.006), 1)
     assert by_fit.force_n == pytest.approx(0.015, abs=1e-3)
     for found in (by_fit, by_network):
@@ -90,11 +71,11 @@ def test_the_default_method_answers_and_the_other_one_checks_it() -> None:
         assert "more apart than their intervals allow" in found.warnings[0]
         assert found.usable
     agreeing = Reading((0.0, 1.0, 0.0), 0.0152, (0.014, 0.0165), 0.0)
-    assert answer(frame, model=reader(agreeing)).warnings == ()
+    assert answer(frame, model=wall_reader(agreeing)).warnings == ()
 
 
 def test_the_network_is_shown_the_slice_and_what_is_known() -> None:
-    model = reader()
+    model = wall_reader()
     answer(image(wall_section(tip_of(0.02))), KNOWN, model)
     ((cut, known),) = model._network.shown
     assert known == KNOWN
@@ -159,7 +140,7 @@ def test_a_shell_of_another_radius_is_never_read_as_harmless(radius_m: float) ->
 
 @pytest.mark.parametrize("stated_m", [0.85e-3, 0.4e-3 - 60e-6])
 def test_a_wall_that_is_not_as_thick_as_stated_is_withdrawn_from(stated_m: float) -> None:
-    model = reader()
+    model = wall_reader()
     model.study = replace(STUDY, reader=replace(STUDY.reader, thickness_m=Range(0.3e-3, 0.9e-3)))
     found = answer(image(wall_section(tip_of(0.01))), replace(KNOWN, thickness_m=stated_m), model)
     assert (found.usable, found.predicted) == (False, 2)
@@ -170,7 +151,7 @@ def test_a_frame_that_shows_a_few_millimetres_of_wall_is_withdrawn_from() -> Non
     section = wall_section(tip_of(0.01))
     close = PixelScale(5e-3 / 512, SCALE.depth_m)
     frame = image(section, scanner=replace(STUDY.oct, width_m=5e-3))
-    found = answer_frame(reader(), Segmenter(), frame, close, 1.0, KNOWN)
+    found = answer_frame(wall_reader(), Segmenter(), frame, close, 1.0, KNOWN)
     assert (found.usable, found.predicted) == (False, 2)
     assert "of the wall" in found.reason
 
@@ -187,21 +168,21 @@ def test_real_scans_of_a_few_millimetres_are_withdrawn_from(folder: str, pixel_m
     for path in files:
         pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
         grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if pixels.ndim == 3 else pixels
-        found = answer_frame(reader(), Segmenter(), grey, PixelScale(pixel_m, pixel_m), 1.0, KNOWN)
+        found = answer_frame(wall_reader(), Segmenter(), grey, PixelScale(pixel_m, pixel_m), 1.0, KNOWN)
         assert (found.usable, found.predicted) == (False, 2), path.name
 
 
 @pytest.mark.parametrize("field", ["force_n", "probabilities", "interval_n"])
 def test_a_reading_that_is_no_number_never_passes(field: str) -> None:
     broken = {"force_n": nan, "probabilities": (nan, nan, nan), "interval_n": (nan, 0.006)}
-    model = reader(replace(FIVE_MN, **{field: broken[field]}), "network")
+    model = wall_reader(replace(FIVE_MN, **{field: broken[field]}), "network")
     found = answer(image(wall_section(tip_of(0.015))), model=model)
     assert (found.usable, found.predicted, found.probabilities, found.force_n) == (False, 2, None, None)
     assert "no number" in found.reason
 
 
 def test_a_check_that_is_no_number_is_a_warning() -> None:
-    found = answer(image(wall_section(tip_of(0.015))), model=reader(replace(FIVE_MN, force_n=nan)))
+    found = answer(image(wall_section(tip_of(0.015))), model=wall_reader(replace(FIVE_MN, force_n=nan)))
     assert found.usable
     assert "no number" in found.warnings[0]
 

@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 from math import nan
-from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_section
+from analytic_frames import KNOWN, SCALE, STUDY, image, tip_of, wall_section
+from fixed_network import FIVE_MN, wall_reader
 
 from scleraforce.imaging.segmentation import PixelScale, Segmenter
 from scleraforce.reader import load_classifier
@@ -17,26 +17,7 @@ from scleraforce.reader.readings import Reading
 from scleraforce.reader.wall_reader import WallReader
 from scleraforce.study import SliceStudy, Study
 
-FIVE_MN = Reading((0.1, 0.8, 0.1), 0.005, (0.004, 0.006), 0.3e-3)
 WIDE = Reading((0.1, 0.5, 0.4), 0.025, (0.020, 0.0261), 0.0)
-
-
-class FixedNetwork:
-    """Reads the same whatever it sees, and keeps what it was shown."""
-
-    provenance: dict[str, str] = {}  # noqa: RUF012 - a stand-in
-
-    def __init__(self, reading: Reading) -> None:
-        self.reading = reading
-        self.shown: list[tuple[np.ndarray, Known]] = []
-
-    def read(self, cut: np.ndarray, known: Known) -> Reading:
-        self.shown.append((cut, known))
-        return self.reading
-
-
-def wall_reader(reading: Reading = FIVE_MN, default: str = "network") -> WallReader:
-    return WallReader(Path("model"), STUDY, {}, FixedNetwork(reading), LIBRARY, default)
 
 
 def live(frame: np.ndarray, model: WallReader | None = None, known: Known = KNOWN) -> LiveReading:
@@ -57,7 +38,7 @@ def test_the_answer_is_the_networks_whichever_method_is_the_default(frame: np.nd
 
 
 def test_what_both_readers_say_of_a_frame_is_the_same_but_for_the_fit(frame: np.ndarray) -> None:
-    whole = answer_frame(wall_reader(), Segmenter(), frame, SCALE, 1.0, KNOWN)
+    whole = answer_frame(wall_reader(default="network"), Segmenter(), frame, SCALE, 1.0, KNOWN)
     assert live(frame).answer == replace(whole, warnings=(), can_calibrate=False, readings=(), fit=None)
 
 

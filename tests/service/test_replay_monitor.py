@@ -76,4 +76,4 @@ def test_a_whole_recording_is_answered_and_withdrawn_at_its_force(recording) -> 
     if withdrawal.cause not in ("QUEUE_BEHIND", "SILENCE"):  # of a machine that stalls
         assert withdrawal.cause in ("BOUND", "RISING")
         assert 20e-3 < FORCES_N[withdrawal.frame - 1] < 30e-3
-    assert len(log.latencies_s) + log.reading["lost"] == len(FORCES_N)
+    assert len(log.answers) + log.reading["lost"] == len(FORCES_N)

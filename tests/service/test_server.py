@@ -9,10 +9,12 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
+from fake_companion import FakeCompanion
 from peer import MATRIX, Peer, Running, serving, small_monitor, wait_until
 from small_monitor import COLUMNS, HANGS, NO_NUMBER, RAISES, ROWS, TOKEN, UNUSABLE, frame_of
 
 from scleraforce.monitor.causes import Cause
+from scleraforce.service.companions import BLACK_BOX, CONSOLE, Companions
 from scleraforce.service.openigtlink import Image, Query, Sensor, Status, Text, Transform, encode
 from scleraforce.service.operator import ask_reset
 
@@ -319,3 +321,21 @@ def test_the_operator_is_told_of_each_change_of_state_once() -> None:
     states = [line.split()[1] for line in lines]
     assert states == ["WATCHING:", "WITHDRAW:"]
     assert "class 2" in lines[1]
+
+
+def test_while_no_frames_come_the_console_is_told_the_state_again_and_the_log_has_no_gaps() -> None:
+    children = {name: FakeCompanion() for name in (BLACK_BOX, CONSOLE)}
+    with serving(Companions(children)) as port, Peer(port) as scanner:  # type: ignore[arg-type]  # stand-ins
+        scanner.watch()
+        scanner.hear(1.7)
+        logged, shown = (
+            [message["entry"] for message in children[name].theirs.receive() if message["kind"] == "entry"]
+            for name in (BLACK_BOX, CONSOLE)
+        )
+    for child in children.values():
+        child.end()
+    assert [entry["number"] for entry in logged] == list(range(1, len(logged) + 1))
+    assert logged[-1]["state"] == "WITHDRAW"
+    assert sum(entry["event"] == "tick" for entry in logged) == 1  # a silence is told once, however long it lasts
+    again = [entry for entry in shown if entry["event"] == "again"]
+    assert (again[-1]["state"], again[-1]["number"], again[-1]["frame"]) == ("WITHDRAW", logged[-1]["number"], None)

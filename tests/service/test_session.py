@@ -88,3 +88,13 @@ def test_an_entry_has_the_reading_of_its_frame_only() -> None:
     assert (told.number, told.frame, told.frame_id, told.force_mn, told.latency_ms) == (1, 1, 9, 10.0, 2.0)
     later = session.entry("tick", clock.now_s)
     assert later == replace(later, number=2, frame=None, force_mn=None, usable=None, predicted=None)
+
+
+def test_what_is_told_again_has_no_number_of_its_own_and_no_frame() -> None:
+    clock = Clock()
+    session = Session(read, LIMITS, clock, clock)
+    take(session, clock, 10_000, 1)
+    first = session.entry("tick", clock.now_s)
+    again = session.entry_again(clock.now_s)
+    assert again == replace(first, event="again")
+    assert session.entry("tick", clock.now_s).number == first.number + 1

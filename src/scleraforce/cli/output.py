@@ -4,11 +4,12 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from math import isfinite
 from typing import Any, TypeVar
 
 import click
 from tqdm import tqdm
+
+from scleraforce.plain_json import finite
 
 __all__ = ["print_json", "progress_bar", "share_bar"]
 
@@ -17,7 +18,7 @@ Item = TypeVar("Item")
 
 def print_json(result: Mapping[str, Any]) -> None:
     """Print one JSON object; numbers that are not finite become null."""
-    click.echo(json.dumps(_finite(result), indent=2, allow_nan=False))
+    click.echo(json.dumps(finite(result), indent=2, allow_nan=False))
 
 
 def progress_bar(items: Iterable[Item], title: str, total: int | None = None) -> "tqdm[Item]":
@@ -35,15 +36,3 @@ def share_bar(title: str) -> Iterator[Callable[[float], None]]:
             bar.update(max(int(100.0 * share) - bar.n, 0))
 
         yield reach
-
-
-def _finite(value: Any) -> Any:
-    match value:
-        case Mapping():
-            return {key: _finite(entry) for key, entry in value.items()}
-        case list() | tuple():
-            return [_finite(entry) for entry in value]
-        case float() if not isfinite(value):
-            return None
-        case _:
-            return value

@@ -217,7 +217,7 @@ class Show:
         words = [f"frame {self._log.answered}", str(reading.get("state") or f"code {status.code}")]
         words += [f"class {reading['class']}"] if reading.get("class") is not None else []
         words += [f"{reading['force_mn']:.1f} mN"] if isinstance(reading.get("force_mn"), float) else []
-        words += [f"{self._log.latencies_s[-1] * MS_PER_S:.2f} ms"] if self._log.latencies_s else []
+        words += [f"{self._log.answers[-1].took_s * MS_PER_S:.2f} ms"] if self._log.answers else []
         return ", ".join([*words, status.message])
 
     def _change_line(self, change: "Change") -> str:
@@ -229,7 +229,7 @@ class Show:
         import numpy as np
 
         log = self._log
-        latencies_ms = np.array(log.latencies_s) * MS_PER_S
+        latencies_ms = np.array([answer.took_s for answer in log.answers]) * MS_PER_S
         withdrawal = log.first_doubt(0.0, (3,))
         return {
             "recording": str(self._recording.path),

@@ -18,7 +18,7 @@ from scleraforce.monitor.events import (
 )
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.monitor.rate import risen_force
-from scleraforce.monitor.soundness import harm, sound_pixels, touches, unsound, upper_end
+from scleraforce.monitor.soundness import harm, of_scale, sound_pixels, touches, unsound, upper_end
 from scleraforce.monitor.state import MonitorState, remember
 from scleraforce.monitor.transitions import TRANSITIONS, Signal, State
 
@@ -90,7 +90,7 @@ def _clock(state: MonitorState, event: Event, limits: MonitorLimits) -> Finding 
     if state.state is not State.NOT_READY and not silent_s < limits.silence_s:
         if state.state is State.WITHDRAW and isinstance(event, Reset):
             return None  # refused, with its reason
-        return _alarm(Cause.SILENCE, f"no frame for {silent_s * 1e3:.0f} ms")
+        return _alarm(Cause.SILENCE, f"no frame for {limits.silence_s * 1e3:.0f} ms")
     return None
 
 
@@ -99,7 +99,7 @@ def _waiting(now: MonitorState, event: Event, limits: MonitorLimits) -> Finding 
     waited_s = _waited(now, event.at_s)
     if now.state is State.NOT_READY or waited_s < limits.opinion_s or isinstance(event, Reset):
         return None  # a reset is refused, with its reason
-    return _alarm(Cause.NO_OPINION, f"no second opinion for {waited_s * 1e3:.0f} ms")
+    return _alarm(Cause.NO_OPINION, f"no second opinion for {limits.opinion_s * 1e3:.0f} ms")
 
 
 def _meaning(before: MonitorState, now: MonitorState, event: Event, limits: MonitorLimits) -> Finding:
@@ -130,10 +130,8 @@ def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits
         return _alarm(Cause.OUT_OF_ORDER, f"frame {frame.frame_id} after {before.frame.frame_id}")
     if frame.size != (now.size or frame.size):
         return _alarm(Cause.SIZE, f"a frame of {frame.size} pixels, not {now.size}")
-    if not sound_pixels(frame.size, frame.scale_m) or not all(
-        abs(found - stated) <= limits.scale_tolerance * stated
-        for found, stated in zip(frame.scale_m, now.scale_m or frame.scale_m, strict=True)
-    ):
+    stated_m = now.scale_m or frame.scale_m
+    if not sound_pixels(frame.size, frame.scale_m) or not of_scale(frame.scale_m, stated_m, limits):
         return _alarm(Cause.SCALE, f"pixels of {frame.scale_m} m, not {now.scale_m} m")
     if now.repeats >= limits.frozen_frames:
         return _alarm(Cause.FROZEN, f"the same picture {now.repeats} times")

@@ -6,7 +6,7 @@ from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.events import FrameRead, SecondOpinion
 from scleraforce.monitor.limits import MonitorLimits
 
-__all__ = ["harm", "sound_pixels", "touches", "unsound", "upper_end"]
+__all__ = ["harm", "of_scale", "sound_pixels", "touches", "unsound", "upper_end"]
 
 Reading = FrameRead | SecondOpinion
 
@@ -50,6 +50,13 @@ def upper_end(reading: Reading) -> float | None:
 def touches(reading: Reading, limits: MonitorLimits) -> bool:
     """Return whether a usable, sound reading shows contact."""
     return reading.predicted > 0 if reading.force_n is None else reading.force_n > limits.contact_n
+
+
+def of_scale(scale_m: tuple[float, float], stated_m: tuple[float, float], limits: MonitorLimits) -> bool:
+    """Return whether pixels have the size that is stated; never where a number is none."""
+    return all(
+        abs(found - stated) <= limits.scale_tolerance * stated for found, stated in zip(scale_m, stated_m, strict=True)
+    )
 
 
 def sound_pixels(size: tuple[int, int], scale_m: tuple[float, float]) -> bool:

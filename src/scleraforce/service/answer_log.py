@@ -11,7 +11,7 @@ from scleraforce.monitor.transitions import State
 from scleraforce.service.openigtlink import Message, Status, Text
 from scleraforce.service.telling import READING_DEVICE, STATUS_DEVICE
 
-__all__ = ["AnswerLog", "Change"]
+__all__ = ["AnswerLog", "Change", "FrameAnswer"]
 
 WAITING = 1000  # frames without an answer that are remembered
 SUB_CODES = {cause.value: cause.name for cause in Cause}
@@ -46,12 +46,29 @@ class Change:
         return SUB_CODES.get(self.sub_code)
 
 
+@dataclass(frozen=True, slots=True)
+class FrameAnswer:
+    """The STATUS that answers a frame.
+
+    Attributes:
+        at_s: when it came (s, monotonic).
+        took_s: since the frame's last byte.
+        server_ms: how long it took by the monitor's own clock; None where it does not say.
+        code: of the STATUS.
+    """
+
+    at_s: float
+    took_s: float
+    server_ms: float | None
+    code: int
+
+
 class AnswerLog:
     """Takes what was sent and what was heard, and keeps what a summary needs; no socket, no clock.
 
     Attributes:
         changes: of the STATUS, in order; the first one heard is one.
-        latencies_s: from a frame's last byte to its STATUS, for each that was answered.
+        answers: to frames, in order.
         frames_sent: how many frames were sent.
         begun_s: when the first frame was sent; None before.
         reading: the last STRING `ForceReading`, parsed.
@@ -61,7 +78,7 @@ class AnswerLog:
 
     def __init__(self) -> None:
         self.changes: list[Change] = []
-        self.latencies_s: list[float] = []
+        self.answers: list[FrameAnswer] = []
         self.frames_sent = 0
         self.begun_s: float | None = None
         self.reading: Mapping[str, Any] = {}
@@ -86,6 +103,11 @@ class AnswerLog:
             self._hear_status(at_s, message)
         elif isinstance(message, Text) and device == READING_DEVICE:
             self._hear_reading(message.text)
+
+    @property
+    def last(self) -> FrameAnswer | None:
+        """The answer to the frame that was sent last; None as long as there is none."""
+        return self.answers[-1] if self.answers and self._last and self.answered == self._last[0] else None
 
     @property
     def ok(self) -> bool:
@@ -116,11 +138,11 @@ class AnswerLog:
         if not isinstance(reading, dict):
             return
         self.reading = reading
-        frame_id, at_s = reading.get("frame_id"), self.status_s
-        if not isinstance(frame_id, int) or at_s is None or frame_id not in self._waiting:
+        frame_id, at_s, status = reading.get("frame_id"), self.status_s, self.status
+        if not isinstance(frame_id, int) or at_s is None or status is None or frame_id not in self._waiting:
             return
         number, sent_s = self._waiting.pop(frame_id)
         self.answered = number
-        self.latencies_s.append(at_s - sent_s)
+        self.answers.append(FrameAnswer(at_s, at_s - sent_s, reading.get("latency_ms"), status.code))
         if self.changes and self.changes[-1].at_s == at_s:
             self.changes[-1] = replace(self.changes[-1], frame=number, after_s=at_s - sent_s, answers=True)

@@ -95,7 +95,7 @@ class BlackBox:
         self._finish_s = 0.0
         self._wanted: tuple[str, dict[str, Any]] | None = None
         self._lost_told = 0
-        self._faults: set[str] = set()
+        self._faults: dict[str, str] = {}
         self._alive_s = self._check_s = 0.0
         self._record = None if settings["record"] is None else Path(settings["record"])
         self._session: SessionRecording | None = None
@@ -109,14 +109,14 @@ class BlackBox:
         self._log.close()
 
     def turn(self) -> None:
-        """Hear the monitor, write one frame, say that all is well; wait where there is nothing to do."""
+        """Hear the monitor, write one frame, say now and then that it lives; wait where there is nothing to do."""
         self._hear(0.0 if self._next_taker() else self._pause_s())
         self._write_one()
         self._finish_withdrawal()
         now_s = time.monotonic()
         if now_s >= self._alive_s:
             self._alive_s = now_s + ALIVE_S
-            self._tell({"kind": "alive"})
+            self._tell({"kind": "alive", "faults": list(self._faults.values())})
         if now_s >= self._check_s:
             self._check_s = now_s + CHECK_S
             self._check_disk()
@@ -266,14 +266,15 @@ class BlackBox:
 
     def _check_disk(self) -> None:
         """Ask the disk to keep the log, and look how the last request went."""
-        self._room("disk")
+        if self._room("disk"):
+            self._faults.pop("withdrawal", None)  # the next one can be kept
         if self._sync is not None:
             if not self._sync.done():
                 return
             if (fault := self._sync.exception()) is not None:
                 self._fault("log on disk", fault)
             else:
-                self._faults.discard("log on disk")
+                self._faults.pop("log on disk", None)
         self._sync = self._threads.submit(self._log.sync)
 
     def _room(self, what: str) -> bool:
@@ -288,7 +289,7 @@ class BlackBox:
         if free_bytes < LEAST_FREE_BYTES:
             self._fault(what, OSError(f"{place}: {free_bytes / 1e9:.2f} GB free; below 1 GB nothing is kept"))
             return False
-        self._faults.discard(what)
+        self._faults.pop(what, None)
         return True
 
     def _append(self, record: dict[str, Any]) -> bytes:
@@ -297,7 +298,7 @@ class BlackBox:
         except OSError as fault:
             self._fault("log", fault)
             return format_line(record)
-        self._faults.discard("log")
+        self._faults.pop("log", None)
         return line
 
     def _note(self, text: str) -> None:
@@ -317,8 +318,7 @@ class BlackBox:
         """Tell the monitor what is not kept, once until it is kept again."""
         if what in self._faults:
             return
-        self._faults.add(what)
-        detail = f"{what}: {fault}"
+        self._faults[what] = detail = f"{what}: {fault}"
         if not what.startswith("log"):
             self._note(detail)
         self._tell({"kind": "fault", "detail": detail})

@@ -18,8 +18,9 @@ BLACK_BOX, CONSOLE, OPINION = "black box", "console", "second opinion"
 NEEDED = (BLACK_BOX, OPINION)  # without these nothing is OK; a console only shows
 OUTLINE_S = 0.04
 OUTLINE_STEP = 4  # columns
-DIED = "it has died"
 KEEPS_UP_S = 2.0  # a companion that takes nothing for longer has failed
+STARTS_S = 30.0  # within which the black box first says that it lives
+SILENT_S = 5.0  # it does so every 0.5 s; a disk may keep it for longer
 
 
 class Companions:
@@ -32,6 +33,8 @@ class Companions:
     def __init__(self, children: dict[str, Child]) -> None:
         self._children = dict(children)
         self._faults: dict[str, str] = {}
+        self._dead: set[str] = set()
+        self._alive_until_s: float | None = None
         self._full_since_s: dict[str, float] = {}
         self._outlined_s = 0.0
 
@@ -43,10 +46,20 @@ class Companions:
         """File descriptors of the channels, with whose they are."""
         return {child.channel.fileno(): name for name, child in self._children.items()}
 
-    @property
-    def faults(self) -> tuple[str, ...]:
-        """What is wrong with those that are needed, now."""
-        return tuple(f"{name}: {fault}" for name, fault in self._faults.items() if name in NEEDED)
+    def faults(self, now_s: float) -> tuple[str, ...]:
+        """Return what is wrong with those that are needed; to be called every few ms, after they were heard."""
+        if self._alive_until_s is None:
+            self._alive_until_s = now_s + STARTS_S
+        found = {name: self._fault(name, now_s) for name in NEEDED if name in self._children}
+        return tuple(f"{name}: {fault}" for name, fault in found.items() if fault)
+
+    def _fault(self, name: str, now_s: float) -> str | None:
+        if name in self._faults or name in self._dead:
+            return self._faults.get(name, "it has died")
+        if now_s - self._full_since_s.get(name, now_s) > KEEPS_UP_S:
+            return "it does not keep up"
+        silent = name == BLACK_BOX and now_s > (self._alive_until_s or now_s)
+        return "it does not answer" if silent else None
 
     def entry(self, entry: Entry) -> None:
         """Tell a decision."""
@@ -76,25 +89,36 @@ class Companions:
         try:
             if child.channel.send_text(text):
                 self._full_since_s.pop(name, None)
-            elif now_s - self._full_since_s.setdefault(name, now_s) > KEEPS_UP_S:
-                self._faults.setdefault(name, "it does not keep up")
+            else:
+                self._full_since_s.setdefault(name, now_s)
         except ChannelClosedError:
-            self._faults[name] = DIED
+            self._dead.add(name)
 
-    def hear(self, name: str) -> Iterator[dict[str, Any]]:
-        """Return what one of them says."""
+    def hear(self, name: str, now_s: float) -> Iterator[dict[str, Any]]:
+        """Return what one of them says, but for what it says of itself."""
         try:
             for message in self._children[name].channel.receive():
-                if message.get("kind") == "fault":
-                    self._faults[name] = str(message.get("detail"))
-                else:
-                    yield message
+                match message.get("kind"):
+                    case "fault":
+                        self._faults[name] = str(message.get("detail"))
+                    case "alive":
+                        self._take_alive(name, message["faults"], now_s)
+                    case _:
+                        yield message
         except ChannelClosedError:
-            self._faults[name] = DIED
+            self._dead.add(name)
+
+    def _take_alive(self, name: str, faults: list[str], now_s: float) -> None:
+        """Take what is wrong with one of them by its own account, and forget what is no longer."""
+        self._alive_until_s = now_s + SILENT_S
+        if faults:
+            self._faults[name] = "; ".join(faults)
+        else:
+            self._faults.pop(name, None)
 
     def dead(self, name: str) -> bool:
         """Return whether one of them has ended: its channel says nothing any more."""
-        return self._faults.get(name) == DIED
+        return name in self._dead
 
     def end(self) -> None:
         """End them all, as planned."""

@@ -2,8 +2,9 @@
 
 import json
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any
+
+from scleraforce.plain_json import finite
 
 __all__ = ["Entry"]
 
@@ -16,7 +17,7 @@ class Entry:
         number: of the decision, from 1.
         time_s: since 1970.
         at_s: of the monotonic clock.
-        event: what was decided on: "frame", "tick", "reset", "opinion", ...
+        event: what was decided on: "frame", "tick", "reset", "opinion", ...; "again": told once more, under its number.
         state: NOT_READY, WATCHING or WITHDRAW.
         code: of the STATUS.
         sub_code: of the STATUS.
@@ -56,7 +57,7 @@ class Entry:
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON object: the names of the attributes, but `class` for `predicted`; null for no number."""
-        record = {name: _finite(value) for name, value in vars(self).items()}
+        record: dict[str, Any] = finite(vars(self))
         record["class"] = record.pop("predicted")
         return record
 
@@ -64,9 +65,3 @@ class Entry:
     def text(self) -> str:
         """Return the JSON object in one line."""
         return json.dumps(self.as_json())
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not isfinite(value) else value

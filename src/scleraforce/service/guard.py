@@ -73,7 +73,7 @@ class Guard:
         self._send(b"B")
         self._hear(now_s)
         if self._fault is None and now_s - self._answered_s > SILENT_S:
-            return f"the watchdog has not answered for {now_s - self._answered_s:.1f} s"
+            return f"the watchdog has not answered for {SILENT_S:g} s"
         return self._fault
 
     def end(self) -> None:

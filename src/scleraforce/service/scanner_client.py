@@ -4,13 +4,13 @@ import socket
 from collections.abc import Callable
 from contextlib import suppress
 from select import select
-from struct import Struct
 from time import monotonic
 
 from scleraforce.errors import InputError, LinkError
 from scleraforce.recording.images import Pixels
 from scleraforce.recording.info import OctInfo
 from scleraforce.service.openigtlink import Broken, Decoder, Image, Message, Received, encode
+from scleraforce.service.stamp import stamp, stamped_s
 
 __all__ = ["SCANNER_DEVICE", "ScannerClient", "Unstamped", "frame_message", "image_matrix"]
 
@@ -18,8 +18,6 @@ SCANNER_DEVICE = "Scanner"
 CONNECT_S = 5.0
 STALL_S = 5.0  # a monitor that reads nothing for so long does not read
 LAST_BYTES = 4096
-TIME_BYTES = slice(34, 42)  # of a header
-FIXED = Struct(">Q")  # seconds since 1970, in 2^-32 s
 MM_PER_M = 1e3
 
 Hear = Callable[[float, str, Message], object]
@@ -35,13 +33,13 @@ class Unstamped:
 
     def stamped(self, time_s: float) -> bytearray:
         """Return the message with a time, s since 1970; valid until the next call."""
-        self._bytes[TIME_BYTES] = FIXED.pack(int(time_s * 2**32))
+        stamp(self._bytes, time_s)
         return self._bytes
 
     @property
     def frame_id(self) -> int:
         """What a monitor calls the frame: the message id, or without one the time in microseconds."""
-        return self._message_id or int(FIXED.unpack(self._bytes[TIME_BYTES])[0] / 2**32 * 1e6)
+        return self._message_id or int(stamped_s(self._bytes) * 1e6)
 
 
 def frame_message(

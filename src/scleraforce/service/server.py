@@ -264,7 +264,7 @@ class Server:
 
     def _tick(self, now_s: float) -> None:
         self._decide("tick", Tick(now_s))
-        for fault in self._companions.faults:
+        for fault in self._companions.faults(now_s):
             self._decide("companion", Failure(now_s, fault))
         self._clients.sweep(now_s, self._scanner)
 
@@ -284,12 +284,12 @@ class Server:
         rates = {"kind": "rates", "frames_per_second": rate, "lost": self.session.lost, "clients": clients}
         self._companions.tell(CONSOLE, rates, now_s)
         if not rate:  # a console that has missed something must not show an old state for long
-            entry = self.session.entry("tick", now_s).as_json()
+            entry = self.session.entry_again(now_s).as_json()
             self._companions.tell(CONSOLE, {"kind": "entry", "entry": entry}, now_s)
 
     def _hear_companion(self, name: str) -> None:
         now_s = self.session.clock()
-        for message in self._companions.hear(name):
+        for message in self._companions.hear(name, now_s):
             if name == OPINION:
                 self._decide("opinion", _opinion(message, now_s))
             elif message.get("kind") == "reset":

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scleraforce.imaging.segmentation import PixelScale
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
 from scleraforce.monitor.events import Event, Failure, FrameRead, Tick
+from scleraforce.monitor.soundness import of_scale
 from scleraforce.reader.answers import Answer
 from scleraforce.service.entry import Entry
 from scleraforce.service.scanner_image import ScannerFrame
@@ -124,10 +125,7 @@ class Session:
     def _fits(self, image: ScannerFrame) -> bool:
         """Return whether an image is of the expected size and scale."""
         limits, scale_m = self.limits, (image.lateral_m, image.depth_m)
-        return image.pixels.shape == limits.size and all(
-            abs(found - stated) <= limits.scale_tolerance * stated
-            for found, stated in zip(scale_m, limits.scale_m or scale_m, strict=True)
-        )
+        return image.pixels.shape == limits.size and of_scale(scale_m, limits.scale_m or scale_m, limits)
 
     def take_frame(self, frame: Frame) -> None:
         """Read a frame and decide on it."""
@@ -163,6 +161,13 @@ class Session:
     def entry(self, event: str, at_s: float, frame: Frame | None = None, latency_s: float | None = None) -> Entry:
         """Return what was decided last, to be told and kept; with what was read where it was on a frame."""
         self._entries += 1
+        return self._entry(event, at_s, frame, latency_s)
+
+    def entry_again(self, at_s: float) -> Entry:
+        """Return what was decided last for somebody who may have missed it: with no number of its own, and no frame."""
+        return self._entry("again", at_s)
+
+    def _entry(self, event: str, at_s: float, frame: Frame | None = None, latency_s: float | None = None) -> Entry:
         answer = self._reading.answer if frame and self._reading else None
         decision = self.decision
         return Entry(

@@ -14,12 +14,12 @@ import os
 import select
 import signal
 import socket
-import struct
 import sys
 import time
 from contextlib import suppress
 
 from scleraforce.service.priority import WATCHDOG_PRIORITY, run_in_real_time
+from scleraforce.service.stamp import stamp
 
 __all__ = ["ALIVE", "LOOK_S", "MISSES", "Watchdog", "main"]
 
@@ -27,8 +27,6 @@ LOOK_S = 0.02
 MISSES = 5
 REPEAT_S = 0.05
 ALIVE = b"A"
-TIME = slice(34, 42)  # of the header: seconds since 1970, in 2^-32 s
-CHECKED = struct.Struct(">Q")
 
 
 class Watchdog:
@@ -99,9 +97,9 @@ class Watchdog:
 
     def _tell(self) -> None:
         """Send the emergency to every client; one that does not read misses it, one that has left is forgotten."""
-        now = CHECKED.pack(int(time.time() * 2**32))
+        now_s = time.time()
         for message in self._messages.values():
-            message[TIME] = now
+            stamp(message, now_s)
         for number, client in list(self._clients.items()):
             try:
                 client.send(self._messages[self._versions[number]])

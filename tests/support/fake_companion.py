@@ -1,0 +1,19 @@
+"""A companion of the monitor without a process."""
+
+from typing import Any
+
+from scleraforce.service.channel import Channel
+
+
+class FakeCompanion:
+    """In place of a `Child`: `theirs` is its end of the channel."""
+
+    def __init__(self) -> None:
+        self.channel, self.theirs = Channel.pair()
+
+    def says(self, **message: Any) -> None:
+        assert self.theirs.send(message)
+
+    def end(self) -> None:
+        self.channel.close()
+        self.theirs.close()

@@ -1,0 +1,30 @@
+"""A wall reader whose network reads the same whatever it sees, beside a real fit."""
+
+from pathlib import Path
+
+import numpy as np
+from analytic_frames import LIBRARY, STUDY
+
+from scleraforce.reader.known import Known
+from scleraforce.reader.readings import Reading
+from scleraforce.reader.wall_reader import WallReader
+
+FIVE_MN = Reading((0.1, 0.8, 0.1), 0.005, (0.004, 0.006), 0.3e-3)
+
+
+class FixedNetwork:
+    """Reads the same whatever it sees, and keeps what it was shown."""
+
+    provenance: dict[str, str] = {}  # noqa: RUF012 - a stand-in
+
+    def __init__(self, reading: Reading) -> None:
+        self.reading = reading
+        self.shown: list[tuple[np.ndarray, Known]] = []
+
+    def read(self, cut: np.ndarray, known: Known) -> Reading:
+        self.shown.append((cut, known))
+        return self.reading
+
+
+def wall_reader(reading: Reading = FIVE_MN, default: str = "fit") -> WallReader:
+    return WallReader(Path("model"), STUDY, {}, FixedNetwork(reading), LIBRARY, default)
