@@ -1,8 +1,10 @@
+import errno
 import os
 
 import numpy as np
 import pytest
 
+from scleraforce.errors import InputError
 from scleraforce.service.frame_ring import FrameRing
 
 
@@ -72,3 +74,22 @@ def test_a_descriptor_of_a_smaller_ring_is_refused():
     ring = FrameRing.create(2, 3, 5)
     with pytest.raises(ValueError, match="mmap"):
         FrameRing(os.dup(ring.descriptor), 3, 3, 5)
+
+
+def test_all_memory_is_taken_at_once():
+    ring = FrameRing.create(40, 64, 64)
+    assert os.fstat(ring.descriptor).st_blocks * 512 >= 40 * 2 * 64 * 64
+
+
+def test_too_little_memory_is_said_before_the_first_frame(monkeypatch):
+    descriptors = []
+
+    def none_left(descriptor, *_):
+        descriptors.append(descriptor)
+        raise OSError(errno.ENOMEM, "Cannot allocate memory")
+
+    monkeypatch.setattr(os, "posix_fallocate", none_left)
+    with pytest.raises(InputError, match=r"memory: Cannot allocate memory for the last 1200 frames .* 630 MB; end"):
+        FrameRing.create(1200, 512, 513)
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(descriptors[0])

@@ -7,28 +7,44 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.errors import InputError
+
 __all__ = ["FrameRing"]
 
 
 class FrameRing:
     """The last `frames` frames of one size, numbered from 1; 16 bits a pixel, in a file without a name (Linux).
 
-    Memory is taken as frames come. A reader that is too late for a frame gets None, never half of another one.
+    Who makes it takes all of its memory at once: taken page by page, as frames come, each of the first ones would have
+    to wait for it, and a system that has none left would end the process. A reader that is too late for a frame gets
+    None, never half of another one.
     """
 
-    def __init__(self, descriptor: int, frames: int, rows: int, columns: int) -> None:
+    def __init__(self, descriptor: int, frames: int, rows: int, columns: int, *, prepared: bool = False) -> None:
         self.descriptor, self.frames, self.shape = descriptor, frames, (rows, columns)
-        memory = mmap.mmap(descriptor, _size(frames, rows, columns))
+        how = mmap.MAP_SHARED | (mmap.MAP_POPULATE if prepared else 0)
+        memory = mmap.mmap(descriptor, _size(frames, rows, columns), how)
         self._numbers = np.frombuffer(memory, dtype=np.int64, count=frames)
         pixels = np.frombuffer(memory, dtype=np.uint16, offset=8 * frames)
         self._pixels = pixels.reshape(frames, rows, columns)
 
     @classmethod
     def create(cls, frames: int, rows: int, columns: int) -> Self:
-        """Return a new one; `descriptor`, `frames` and `shape` let another process open it with `FrameRing(...)`."""
-        descriptor = os.memfd_create("scleraforce-frames")
-        os.ftruncate(descriptor, _size(frames, rows, columns))
-        return cls(descriptor, frames, rows, columns)
+        """Return a new one; `descriptor`, `frames` and `shape` let another process open it with `FrameRing(...)`.
+
+        Raises:
+            InputError: there is not so much memory.
+        """
+        descriptor, size = os.memfd_create("scleraforce-frames"), _size(frames, rows, columns)
+        try:
+            os.posix_fallocate(descriptor, 0, size)
+        except OSError as fault:
+            os.close(descriptor)
+            raise InputError(
+                f"memory: {fault.strerror} for the last {frames} frames of {rows} x {columns} pixels, {size / 1e6:.0f} "
+                "MB; end other programs"
+            ) from fault
+        return cls(descriptor, frames, rows, columns, prepared=True)
 
     def settings(self) -> dict[str, int]:
         """Return the arguments with which a child that inherits the descriptor opens it."""
