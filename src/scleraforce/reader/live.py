@@ -1,4 +1,4 @@
-"""The reading in the control loop: the answer to a frame within a millisecond.
+"""The reading in the control loop: the answer to a frame within a millisecond or two.
 
 The network alone answers, with every verdict that needs no fit to the response library; that fit takes some times as
 long and gives its opinion afterwards, in a process of its own (`answers.answer_frame`, `service.second_opinion`).
