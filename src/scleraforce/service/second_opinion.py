@@ -1,8 +1,8 @@
 """The second opinion: a process that reads the monitor's frames again, on its own, with all that a model has.
 
-The monitor answers with the network, in a millisecond or two; here the whole chain runs on the raw frame, the fit to the
-response library included, which takes some times as long. It reads the newest frame, at most 50 a second, and leaves
-out those that come meanwhile.
+The monitor answers with the network, in a millisecond or two; here the whole chain runs on the raw frame, the fit to
+the response library included, which takes some times as long. It reads the newest frame, at most 50 a second, and
+leaves out those that come meanwhile.
 """
 
 import sys
