@@ -385,6 +385,23 @@ def test_a_log_that_cannot_be_written_is_told_once_until_it_can(tmp_path, monkey
     assert sum(record["kind"] == "entry" for record in monitor.records()) == 2
 
 
+def test_alive_says_what_is_wrong_until_it_is_no_longer(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "CHECK_S", 0.0)
+    monitor = Monitor(tmp_path)
+    usage = shutil.disk_usage(tmp_path)
+    monitor.decide()
+    assert monitor.heard("alive")[-1]["faults"] == []
+    with monkeypatch.context() as disk:
+        disk.setattr(shutil, "disk_usage", lambda _: usage._replace(free=10**6))
+        monitor.decide("WITHDRAW")
+        disk_fault, withdrawal_fault = sorted(monitor.heard("alive")[-1]["faults"])
+        assert disk_fault.startswith("disk: ")
+        assert withdrawal_fault.startswith("withdrawal: ")
+    monitor.decide()
+    assert monitor.heard("alive")[-1]["faults"] == []
+    monitor.end()
+
+
 def test_a_log_whose_folder_is_gone_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "CHECK_S", 0.0)
     monitor = Monitor(tmp_path)
