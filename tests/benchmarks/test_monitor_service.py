@@ -67,6 +67,7 @@ def test_a_heartbeat_is_not_taken_for_the_answer_to_a_frame() -> None:
     assert answers.last is not None
     assert (answers.last.took_s, answers.last.code) == (pytest.approx(3e-3), 3)
     answers.sent(8, 8, 1.010)
+    assert answers.last is None
     answers.sent(9, 9, 1.020)
     tell(1.021, 3, frame_id=9)
     tell(1.500, 3, frame_id=8)

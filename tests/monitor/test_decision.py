@@ -27,6 +27,7 @@ from scleraforce.monitor.events import (
 )
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.monitor.rate import risen_force
+from scleraforce.monitor.soundness import of_scale
 from scleraforce.monitor.state import MonitorState
 from scleraforce.monitor.transitions import TRANSITIONS, Signal, State, transition_diagram
 
@@ -130,6 +131,7 @@ AFTER_A_FRAME: dict[str, tuple[Event, Cause]] = {
     "time": (Tick(0.03), Cause.OUT_OF_ORDER),
     "size": (replace(frame(6), size=(512, 511)), Cause.SIZE),
     "scale": (replace(frame(6), scale_m=(1.1e-5, 5e-6)), Cause.SCALE),
+    "scale of depth": (replace(frame(6), scale_m=(1e-5, 5.1e-6)), Cause.SCALE),
 }
 OPINIONS: dict[str, tuple[SecondOpinion, Cause]] = {
     "class 2": (replace(opinion(5), predicted=2, probabilities=(0.0, 0.0, 1.0)), Cause.DANGEROUS_CLASS),
@@ -551,3 +553,17 @@ def test_the_page_shows_exactly_the_diagram_and_every_cause_and_limit() -> None:
     assert re.findall(r"^```mermaid\n(.*?)\n```$", page, flags=re.DOTALL | re.MULTILINE) == [transition_diagram()]
     assert all(f"`{cause.name}`" in page and str(cause.value) in page for cause in Cause)
     assert all(f"`{name}`" in page for name in MonitorLimits.__dataclass_fields__)
+
+
+@pytest.mark.parametrize("place", [0, 1])
+def test_a_scale_within_the_tolerance_is_the_stated_one_and_no_number_never_is(place: int) -> None:
+    def changed(share: float) -> tuple[float, float]:
+        scale_m = [1e-5, 5e-6]
+        scale_m[place] *= share
+        return scale_m[0], scale_m[1]
+
+    limits = MonitorLimits(scale_tolerance=0.01)
+    assert of_scale(changed(1.009), (1e-5, 5e-6), limits)
+    assert of_scale(changed(0.991), (1e-5, 5e-6), limits)
+    for share in (1.011, 0.989, -1.0, NAN, float("inf")):
+        assert not of_scale(changed(share), (1e-5, 5e-6), limits)

@@ -184,3 +184,24 @@ def test_a_process_that_is_killed_while_it_writes_leaves_every_record_that_it_ha
         last = len(runs) - 1 - runs[::-1].index(0)  # where this child began
         assert runs[last:] in (list(range(said + 1)), list(range(said + 2)))
         assert len(torn(tmp_path)) <= 2  # one each: of a line across two pages of memory, half may have been written
+
+
+def test_the_disk_is_asked_for_the_folder_when_a_file_is_made_and_for_the_file_with_each_sync(tmp_path, monkeypatch):
+    asked = []
+
+    def note(kind):
+        return lambda descriptor: asked.append((kind, os.readlink(f"/proc/self/fd/{descriptor}")))
+
+    for kind in ("fsync", "fdatasync"):
+        monkeypatch.setattr(os, kind, note(kind))
+    folder = tmp_path / "log"
+    log = DecisionLog(folder, file_bytes=200)
+    assert asked == [("fsync", str(folder))]
+    log.append(RECORDS[0])
+    log.sync()
+    first, second = (str(folder / f"decisions-00000{number}.jsonl") for number in (1, 2))
+    assert asked[1:] == [("fdatasync", first)]
+    log.append(RECORDS[0])
+    assert asked[2:] == [("fsync", str(folder)), ("fdatasync", first)]
+    log.close()
+    assert asked[4:] == [("fdatasync", second)]

@@ -6,12 +6,13 @@ import signal
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from itertools import count
 
 import numpy as np
 import pytest
 from fake_companion import FakeCompanion
-from peer import MATRIX, Peer, Running, serving, small_monitor, wait_until
-from small_monitor import COLUMNS, HANGS, NO_NUMBER, RAISES, ROWS, TOKEN, UNUSABLE, frame_of
+from peer import MATRIX, NoGuard, Peer, Running, serving, small_monitor, wait_until
+from small_monitor import COLUMNS, HANGS, NO_NUMBER, RAISES, ROWS, TOKEN, UNUSABLE, frame_of, small_server
 
 from scleraforce.monitor.causes import Cause
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, Companions
@@ -222,6 +223,23 @@ def test_what_others_do_wrong_disturbs_nobody(port: int, scanner: Peer, rudeness
     scanner.watch()
 
 
+def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first(monkeypatch) -> None:
+    server, port = small_server(NoGuard(), Companions({}))  # type: ignore[arg-type]  # a stand-in
+    heard, now_s, hear = [], count(10.0, 1.1e-3), server._hear
+    monkeypatch.setattr(server.session, "clock", lambda: next(now_s))
+    monkeypatch.setattr(server, "_hear", lambda client: (heard.append(client.number), hear(client)))
+    with ExitStack() as stack:
+        peers = [stack.enter_context(Peer(port)) for _ in range(5)]
+        wait_until(lambda: server._turn(0.1) or len(list(server._clients)) == 5)
+        for _ in range(3):
+            for peer in peers:
+                peer.say(Query("STATUS"))
+            server._turn(0.1)
+        assert len(heard) == 3  # each takes two looks at this clock, 2.2 ms
+        assert len(set(heard)) == 3
+        server.close()
+
+
 def test_half_a_message_does_not_stay_for_ever() -> None:
     with serving(message_s=0.2) as port, Peer(port) as slow:
         slow.link.sendall(b"\0\1half")
@@ -290,6 +308,20 @@ def test_a_watchdog_that_dies_is_a_cause_and_no_reset_helps() -> None:
             scanner.show(10.0)
             scanner.hear(0.01)
         assert ask_reset("127.0.0.1", running.port, TOKEN)[0] is False
+
+
+def test_a_watchdog_that_is_stopped_is_a_cause() -> None:
+    with small_monitor() as running, Peer(running.port) as scanner:
+        scanner.watch()
+        os.kill(running.watchdog_pid, signal.SIGSTOP)
+        try:
+            for _ in range(30):
+                scanner.show(10.0)
+                scanner.hear(0.05)
+            assert any("the watchdog has not answered" in status.message for status in scanner.statuses())
+            assert scanner.statuses()[-1].code == 3
+        finally:
+            os.kill(running.watchdog_pid, signal.SIGCONT)
 
 
 def test_the_end_as_planned_withdraws_and_leaves_no_process() -> None:
