@@ -1,0 +1,59 @@
+"""A client that does not read: it misses messages, never gets half of one, and is let go in the end."""
+
+import socket
+from collections.abc import Iterator
+
+import pytest
+from peer import NoGuard
+
+from scleraforce.service.clients import STALLED_S, Clients
+from scleraforce.service.connection import Connection
+from scleraforce.service.openigtlink import Decoder, Received, Text, encode
+
+
+@pytest.fixture
+def listener() -> Iterator[socket.socket]:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        yield listener
+
+
+def test_a_peer_that_reads_late_gets_whole_messages_and_misses_others(listener: socket.socket) -> None:
+    with socket.create_connection(listener.getsockname()) as peer:
+        connection = Connection(listener.accept()[0], "peer", 1)
+        sent = [encode(Text(f"{number:04d}" * 1000), "ForceReading") for number in range(5000)]
+        for number, message in enumerate(sent):
+            connection.send(message, 100.0 + number)
+        assert connection.unread_since_s is not None
+        since_s = connection.unread_since_s
+        heard, decoder = [], Decoder()
+        peer.settimeout(0.2)
+        for number in range(5000, 5003):
+            try:
+                while data := peer.recv(1 << 20):
+                    heard += decoder.feed(data)
+            except TimeoutError:
+                pass
+            connection.send(encode(Text(f"{number:04d}" * 1000), "ForceReading"), 100.0 + number)
+        connection.close()
+    texts = [event.message.text for event in heard if isinstance(event, Received)]  # type: ignore[union-attr] # a Text
+    assert len(texts) == len(heard)
+    assert all(text == text[:4] * 1000 for text in texts)
+    numbers = [int(text[:4]) for text in texts]
+    missed = int(since_s - 100.0) + 1
+    assert numbers == [*range(missed), 5000, 5001]
+    assert connection.unread_since_s is None
+
+
+def test_who_reads_nothing_for_ten_seconds_is_let_go_but_for_the_scanner(listener: socket.socket) -> None:
+    notes: list[str] = []
+    clients = Clients(listener, 10, 2.0, NoGuard(), notes.append)  # type: ignore[arg-type]  # a stand-in
+    with socket.create_connection(listener.getsockname()):
+        (client,) = clients.accept()
+        client.unread_since_s = 100.0
+        clients.sweep(100.0 + STALLED_S - 0.1, None)
+        clients.sweep(100.0 + STALLED_S + 0.1, client)
+        assert client in clients
+        clients.sweep(100.0 + STALLED_S + 0.1, None)
+        assert client not in clients
+    clients.close()
+    assert "read nothing for 10 s" in notes[-1]
