@@ -3,7 +3,7 @@
     python benchmarks/bench_monitor_sessions.py MODEL [--sessions 50] [--seconds 60] [--seed 0] [--workers 1]
 
 MODEL is of kind "reader". Ten eyes are bent in 3-D with finite strain, as `phantom` does. Every frame is a raw B-scan
-(`render_bscan`) that goes through the live reader (segmentation, slice, network) and `decide`; every tenth goes to the
+(`render_bscan`) that goes through the live reader (segmentation, slice, network) and `decide`; every second one goes to the
 library's fit as well, whose answer comes 15 ms later as a second opinion. One second after a withdrawal the operator
 asks for a reset, again and again until it is granted.
 
@@ -51,7 +51,7 @@ Frame = NDArray[np.uint16]
 FRAME_S = 0.01
 JITTER_S = 1e-3
 LOSS = 1e-3  # of the frames
-OPINION_EVERY, OPINION_AFTER_S = 10, 0.015
+OPINION_EVERY, OPINION_AFTER_S = 2, 0.015  # as the monitor asks for them
 RESET_AFTER_S = 1.0
 HIGHEST_N = 25e-3
 PATH_N, STATES = 45e-3, 128

@@ -270,8 +270,11 @@ def test_a_harmless_opinion_changes_no_state(before: Callable[[], MonitorState])
     assert play([opinion(5, at_s=0.0505)], state, OPINED).state is state.state
 
 
-def test_an_opinion_that_cannot_judge_withdraws_after_contact_and_waits_before_it() -> None:
-    assert play([no_opinion(5)], watching()).cause is Cause.UNUSABLE
+def test_opinions_that_cannot_judge_withdraw_after_contact_and_wait_before_it() -> None:
+    state = play([no_opinion(5), frame(6), no_opinion(6), frame(7)], watching())
+    assert state.state is State.WATCHING
+    assert play([no_opinion(7)], state).cause is Cause.UNUSABLE
+    assert play([opinion(7), frame(8), no_opinion(8)], state).state is State.WATCHING
     before = play([no_opinion(5)], watching(force_n=1e-3))
     assert before.state is State.NOT_READY
     assert play([frame(6, 1e-3), frame(7, 1e-3)], before).state is State.NOT_READY, "the network alone is not enough"
@@ -279,7 +282,7 @@ def test_an_opinion_that_cannot_judge_withdraws_after_contact_and_waits_before_i
 
 
 def test_opinions_that_cannot_judge_have_a_count_of_their_own() -> None:
-    limits = MonitorLimits(unusable_frames=2)
+    limits = MonitorLimits(unusable_frames=2, unusable_opinions=2)
     state = play([no_opinion(5), unusable(6)], watching(), limits)
     assert state.state is State.WATCHING
     assert play([replace(no_opinion(6), at_s=0.065)], state, limits).cause is Cause.UNUSABLE
@@ -519,13 +522,22 @@ def test_one_wild_frame_does_not_turn_the_slope() -> None:
 def test_a_rise_that_slows_down_is_not_foretold_from_how_it_began() -> None:
     slowing = tuple((0.01 * n, 0.02 + 0.05 * 0.01 * min(n, 5)) for n in range(10))  # 50 mN/s, then a hold
     assert risen_force(slowing, 0.05, 3.0, 10) is None
-    bending = tuple((0.01 * n, 0.02 + 1e-3 * n - 4e-5 * n * n) for n in range(10))  # 100, in the end 32 mN/s
+    bending = tuple((0.01 * n, 0.02 + 1e-3 * n - 4e-5 * n * n) for n in range(10))  # 100, in the end 28 mN/s
     steady = tuple((0.01 * n, 0.02 + 1e-3 * n) for n in range(10))
     assert risen_force(steady, 0.05, 0.0, 10) == pytest.approx(0.034)
-    last = bending[-6:]  # the median of these parabola's chords is the slope at their middle, 0.065 s
-    slope = 0.1 - 2 * 4e-3 / 1e-2 * 0.065
-    level = float(np.median([force - slope * (at - 0.09) for at, force in last]))
-    assert risen_force(bending, 0.05, 0.0, 10) == pytest.approx(level + 0.05 * slope)
+    assert risen_force(bending, 0.05, 0.0, 10) == pytest.approx(0.02 + 12.5e-3 - 4e-5 * 12.5**2)  # the parabola's top
+    assert risen_force(bending, 0.02, 0.0, 10) == pytest.approx(0.02 + 11e-3 - 4e-5 * 11**2)  # on the way to it
+
+
+def test_a_rise_that_quickens_is_foretold_by_its_line_and_one_wild_frame_hides_no_rise() -> None:
+    quickening = tuple((0.01 * n, 0.02 + 2e-4 * n + 4e-5 * n * n) for n in range(10))
+    line = risen_force(quickening, 0.05, 0.0, 10)
+    assert line is not None
+    assert line > quickening[-1][1] + 0.05 * 0.03
+    steep = [(0.01 * n, 0.02 + 1e-3 * n) for n in range(10)]
+    for place in range(10):
+        wild = [(at_s, force_n - 8e-3 * (n == place)) for n, (at_s, force_n) in enumerate(steep)]
+        assert risen_force(tuple(wild), 0.05, 0.0, 10) == pytest.approx(0.034, abs=0.3e-3)
 
 
 def test_ten_frames_in_a_line_by_chance_are_no_steep_rise_where_the_frames_before_were_rough() -> None:

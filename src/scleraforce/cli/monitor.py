@@ -54,6 +54,8 @@ PORT = click.IntRange(0, 65535)
               help="Withdraw at the force that stretches this eye's wall as the bound does the study's.")  # fmt: skip
 @click.option("--unusable-frames", type=click.IntRange(1), default=1, show_default=True,
               help="Withdraw after so many in a row that cannot be judged, once there was contact.")  # fmt: skip
+@click.option("--unusable-opinions", type=click.IntRange(1), default=3, show_default=True,
+              help="Likewise, of the second opinions.")  # fmt: skip
 @click.option("--reaction-ms", type=click.FloatRange(0.0, min_open=True), default=50.0, show_default=True,
               help="The robot's, from the order to its motion.")  # fmt: skip
 @click.option("--second-opinion/--no-second-opinion", default=True, show_default=True,
@@ -147,6 +149,7 @@ def _limits(reader: "ForceReader | WallReader", known: "Known", options: dict[st
         withdraw_class=options["withdraw_class"] or reader.classes - 1,
         bound_n=_bound_n(study, known, options["bound_mn"], options["adaptive_bound"]),
         unusable_frames=options["unusable_frames"],
+        unusable_opinions=options["unusable_opinions"],
         reaction_s=options["reaction_ms"] / 1e3,
         size=(rows, columns),
         scale_m=(width_m / columns, depth_m / rows),

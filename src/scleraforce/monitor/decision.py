@@ -144,7 +144,7 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Find
     if wrong:
         return _alarm(Cause.NO_NUMBER, wrong)
     if not frame.usable:
-        return _unusable(now, now.unusable, frame.reason, limits)
+        return _unusable(now, frame.reason, now.unusable, limits.unusable_frames)
     harmful = harm(frame, limits)
     if harmful:
         return _alarm(*harmful)
@@ -167,7 +167,8 @@ def _opinion(now: MonitorState, opinion: SecondOpinion, limits: MonitorLimits) -
     if wrong:
         return _alarm(Cause.NO_NUMBER, f"second opinion: {wrong}")
     if not opinion.usable:
-        return _unusable(now, now.doubted, f"second opinion: {opinion.reason or 'cannot be judged'}", limits)
+        reason = f"second opinion: {opinion.reason or 'cannot be judged'}"
+        return _unusable(now, reason, now.doubted, limits.unusable_opinions)
     harmful = harm(opinion, limits)
     return _alarm(harmful[0], f"second opinion: {harmful[1]}") if harmful else QUIET
 
@@ -186,11 +187,11 @@ def _waited(now: MonitorState, at_s: float) -> float:
     return at_s - now.unanswered[0][1] if now.unanswered else 0.0
 
 
-def _unusable(now: MonitorState, in_row: int, reason: str | None, limits: MonitorLimits) -> Finding:
+def _unusable(now: MonitorState, reason: str | None, in_row: int, most: int) -> Finding:
     reason = reason or "the frame cannot be judged"
     if not now.touched:
         return Finding(Signal.UNJUDGED, reason)
-    if in_row >= limits.unusable_frames:
+    if in_row >= most:
         return _alarm(Cause.UNUSABLE, reason)
     return Finding(Signal.TOLERATED, reason)
 

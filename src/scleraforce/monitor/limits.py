@@ -10,6 +10,7 @@ __all__ = ["MonitorLimits"]
 COUNTS = (
     "withdraw_class",
     "unusable_frames",
+    "unusable_opinions",
     "frozen_frames",
     "rate_frames",
     "fresh_frames",
@@ -48,6 +49,7 @@ class MonitorLimits:
     rate_frames: int = 10
     rate_deviations: float = 3.0
     unusable_frames: int = 1
+    unusable_opinions: int = 3
     silence_s: float = 0.1
     frozen_frames: int = 3
     losses_in_row: int = 4

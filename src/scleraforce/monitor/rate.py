@@ -3,9 +3,8 @@
 In plain Python: for ten points that takes a tenth of what NumPy's calls cost, and the robot waits.
 """
 
-from dataclasses import dataclass
 from itertools import combinations
-from math import sqrt
+from math import inf, sqrt
 from statistics import fmean, median
 
 __all__ = ["NOISE_WINDOWS", "risen_force"]
@@ -23,8 +22,8 @@ def risen_force(
     The slope is the median of those between all pairs (Theil 1950, Sen 1968): a single wild frame does not turn it.
     Its standard deviation is a straight line's; `deviations` of them are taken off. Ten residuals tell too little of
     the noise, by chance much too little now and then: it is no less than that of the second differences (which a
-    steady rise leaves out) of all that is kept. Where the force slows down, a line through all of them foretells too
-    much: the last of them, half and one, have a line of their own, and the smaller force counts.
+    steady rise leaves out) of all that is kept. Where the force slows down, a line foretells too much: then what a
+    parabola through the slopes of the two halves foretells counts, if that is less.
 
     Args:
         history: (time, force) of the last frames, s and N, oldest first.
@@ -40,39 +39,48 @@ def risen_force(
         return None
     now_s = history[-1][0]
     points = [(at_s - now_s, force_n) for at_s, force_n in history[-frames:]]
-    line, latest = _line(points), _line(points[-(frames // 2 + 1) :])
-    if line is None or latest is None or min(line.slope, latest.slope) <= 0.0:
+    slope = _slope(points)
+    if slope is None or slope <= 0.0:
         return None
+    offsets_n = [force_n - slope * at_s for at_s, force_n in points]
+    now_n = median(offsets_n)
+    off_n = median([abs(offset_n - now_n) for offset_n in offsets_n])
     forces_n = [force_n for _, force_n in history]
     bends_n = [abs(a - 2.0 * b + c) for a, b, c in zip(forces_n, forces_n[1:], forces_n[2:], strict=False)]
-    sd_n = MAD_TO_SD * max(line.off_n, median(bends_n) / sqrt(6.0))  # a second difference has six variances
+    sd_n = MAD_TO_SD * max(off_n, median(bends_n) / sqrt(6.0))  # a second difference has six variances
     middle_s = fmean([at_s for at_s, _ in points])
     spread = sqrt(sum((at_s - middle_s) ** 2 for at_s, _ in points))
-    least = line.slope - deviations * sd_n / spread
+    least = slope - deviations * sd_n / spread
     if least <= 0.0:
         return None
-    return min(line.now_n + least * ahead_s, latest.now_n + latest.slope * ahead_s)
+    slowing_n = _slowing_force(points, ahead_s)
+    return None if slowing_n is None else min(now_n + least * ahead_s, slowing_n)
 
 
-@dataclass(frozen=True)
-class _Line:
-    """A robust line: its slope, its force now (time 0), the median distance of the points from it."""
+def _slowing_force(points: list[tuple[float, float]], ahead_s: float) -> float | None:
+    """Return what a rise that slows down comes to: its top, if that is near; infinity where it does not slow down.
 
-    slope: float
-    now_n: float
-    off_n: float
+    None: it has passed its top. Times are from now on, so those of the points are negative.
+    """
+    half = len(points) // 2 + 1
+    early, late = _slope(points[:half]), _slope(points[-half:])
+    if early is None or late is None or late >= early:
+        return inf
+    early_s, late_s = (fmean([at_s for at_s, _ in part]) for part in (points[:half], points[-half:]))
+    bend = (late - early) / (late_s - early_s)
+    slope = late - bend * late_s
+    if slope <= 0.0:
+        return None
+    now_n = median([force_n - slope * at_s - 0.5 * bend * at_s**2 for at_s, force_n in points[-half:]])
+    rising_s = min(ahead_s, -slope / bend)
+    return now_n + slope * rising_s + 0.5 * bend * rising_s**2
 
 
-def _line(points: list[tuple[float, float]]) -> _Line | None:
-    """Return the line whose slope is the median of all pairs'; None where too few of them have different times."""
+def _slope(points: list[tuple[float, float]]) -> float | None:
+    """Return the median slope of all pairs; None where too few of them have different times."""
     slopes = [
         (later_n - earlier_n) / (later_s - earlier_s)
         for (earlier_s, earlier_n), (later_s, later_n) in combinations(points, 2)
         if later_s > earlier_s
     ]
-    if len(slopes) < LEAST_PAIRS:
-        return None
-    slope = median(slopes)
-    offsets = [force_n - slope * at_s for at_s, force_n in points]
-    now_n = median(offsets)
-    return _Line(slope, now_n, median([abs(offset - now_n) for offset in offsets]))
+    return median(slopes) if len(slopes) >= LEAST_PAIRS else None
