@@ -3,9 +3,9 @@
     python benchmarks/bench_monitor_sessions.py MODEL [--sessions 50] [--seconds 60] [--seed 0] [--workers 1]
 
 MODEL is of kind "reader". Ten eyes are bent in 3-D with finite strain, as `phantom` does. Every frame is a raw B-scan
-(`render_bscan`) that goes through the live reader (segmentation, slice, network) and `decide`; every second one goes to the
-library's fit as well, whose answer comes 15 ms later as a second opinion. One second after a withdrawal the operator
-asks for a reset, again and again until it is granted.
+(`render_bscan`) that goes through the live reader (segmentation, slice, network) and `decide`; every second one goes to
+the library's fit as well, whose answer comes 15 ms later as a second opinion. One second after a withdrawal the
+operator asks for a reset, again and again until it is granted.
 
 - Sessions: forces of 0 to 25 mN that hold, swing, rise slowly, step as a robot does, lift off and come back; the eye
   shifts (drift, breathing, pulse), the signal swings, the scanner's clock jitters, a frame in 1000 is lost.
