@@ -10,15 +10,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
+from math import radians
 from pathlib import Path
 
 import pytest
 from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
 from calibration_file import calibration_text
-from fixed_reader import write_fixed_reader
+from fixed_reader import fixed_study, write_fixed_reader
 from peer import Peer, wait_until
 
 from scleraforce.cli.main import run
+from scleraforce.errors import InputError
+from scleraforce.monitor import MonitorLimits
 from scleraforce.recording.files import read_recording
 from scleraforce.service.openigtlink import Image, Sensor
 from scleraforce.units import mmhg_to_pa
@@ -187,3 +190,50 @@ def test_pids_are_not_left_behind(folder: Path, tmp_path: Path) -> None:
 
 def _children(pid: int) -> list[int]:
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def test_each_option_arrives_where_it_belongs(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import scleraforce.service.monitor_service as module
+
+    taken: list[module.MonitorSettings] = []
+
+    def take(_model: Path, _reader: object, settings: module.MonitorSettings, _note: object) -> None:
+        taken.append(settings)
+        raise InputError("far enough")
+
+    monkeypatch.setattr(module, "monitor_service", take)
+    monitor = ["monitor", str(folder / "reader"), "--black-box", str(tmp_path)]
+    assert run(monitor) == 2
+    other = {
+        "--host": "127.0.0.2", "--port": "1", "--web-port": "2", "--web-host": "127.0.0.3", "--eye": "yours",
+        "--polar-angle-deg": "30", "--columns": "400", "--rows": "300", "--width-mm": "8", "--depth-mm": "6",
+        "--refractive-index": "1.3", "--withdraw-class": "1", "--bound-mn": "20", "--unusable-frames": "4",
+        "--unusable-opinions": "5", "--reaction-ms": "70", "--iop-mmhg": "3", "--thickness-um": "700",
+        "--youngs-modulus-mpa": "0.3", "--gap-mm": "0.6", "--record": str(tmp_path / "session"),
+    }  # fmt: skip
+    assert run([*monitor, "--no-second-opinion", *(word for pair in other.items() for word in pair)]) == 2
+    assert "far enough" in capsys.readouterr().err
+    plain, settings = taken
+    limits, study = settings.limits, fixed_study(BINS)
+    assert (settings.address, settings.console) == (module.Address("127.0.0.2", 1), module.Address("127.0.0.3", 2))
+    assert (settings.eye, settings.record, settings.black_box) == ("yours", tmp_path / "session", tmp_path)
+    assert settings.refractive_index == 1.3
+    assert settings.known.polar_rad == pytest.approx(radians(30.0))
+    assert settings.known.iop_pa == pytest.approx(mmhg_to_pa(3.0))
+    assert settings.known.thickness_m == pytest.approx(700e-6)
+    assert settings.known.gap_m == pytest.approx(0.6e-3)
+    assert settings.known.modulus is not None
+    assert settings.known.modulus.mean_pa == pytest.approx(0.3e6)
+    assert (limits.size, limits.scale_m) == ((300, 400), pytest.approx((20e-6, 20e-6)))
+    assert (limits.withdraw_class, limits.unusable_frames, limits.unusable_opinions) == (1, 4, 5)
+    assert (limits.bound_n, limits.reaction_s) == (pytest.approx(0.02), pytest.approx(0.07))
+    assert (limits.expects_opinion, limits.reads_force) == (False, True)
+    assert settings.token != plain.token
+    assert plain.limits == MonitorLimits(
+        size=(study.oct.rows, study.oct.columns),
+        scale_m=(study.oct.width_m / study.oct.columns, study.oct.depth_m / study.oct.rows),
+        expects_opinion=True,
+    )
+    assert (plain.address, plain.console, plain.record) == (module.Address("127.0.0.1", 18944), None, None)
