@@ -553,6 +553,7 @@ def test_ten_frames_in_a_line_by_chance_are_no_steep_rise_where_the_frames_befor
 @pytest.mark.parametrize(
     ("field", "value"),
     [("bound_n", NAN), ("bound_n", 0.0), ("bound_n", 1e-3), ("fresh_frames", 0), ("unusable_frames", 0),
+     ("unusable_opinions", 0),
      ("silence_s", -1.0), ("reaction_s", float("inf")), ("frozen_frames", 1), ("size", (0, 512))],
 )  # fmt: skip
 def test_limits_that_pass_everything_or_nothing_are_refused(field: str, value: float) -> None:

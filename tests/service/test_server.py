@@ -7,6 +7,7 @@ import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from itertools import count
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from peer import MATRIX, NoGuard, Peer, Running, serving, small_monitor, wait_un
 from small_monitor import COLUMNS, HANGS, NO_NUMBER, RAISES, ROWS, TOKEN, UNUSABLE, frame_of, small_server
 
 from scleraforce.monitor.causes import Cause
-from scleraforce.service.companions import BLACK_BOX, CONSOLE, Companions
+from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
 from scleraforce.service.openigtlink import Image, Query, Sensor, Status, Text, Transform, encode
 from scleraforce.service.operator import ask_reset
 
@@ -353,6 +354,39 @@ def test_the_operator_is_told_of_each_change_of_state_once() -> None:
     states = [line.split()[1] for line in lines]
     assert states == ["WATCHING:", "WITHDRAW:"]
     assert "class 2" in lines[1]
+
+
+def test_the_second_opinion_is_asked_about_each_frame_and_what_it_says_counts() -> None:
+    companions = {OPINION: FakeCompanion()}
+    with serving(Companions(companions)) as port, Peer(port) as scanner:  # type: ignore[arg-type]  # a stand-in
+        scanner.watch(frames=12)
+        asked: list[dict[str, Any]] = []
+        wait_until(lambda: asked.extend(companions[OPINION].theirs.receive()) or len(asked) >= 12)
+        assert [message["number"] for message in asked] == list(range(1, 13))
+        opinion = {"kind": "opinion", "frame": asked[-1]["order"], "usable": True, "reason": None, "predicted": 2}
+        companions[OPINION].says(**opinion, probabilities=[0.0, 0.0, 1.0], force_n=0.031, interval_n=[0.03, 0.032])
+        status = scanner.wait_for_code(3)
+        assert (status.name, "second opinion" in status.message) == ("DANGEROUS_CLASS", True)
+    companions[OPINION].end()
+
+
+@pytest.mark.parametrize("name", [BLACK_BOX, OPINION])
+def test_a_companion_that_fails_is_a_cause_until_it_says_that_this_is_over(name: str) -> None:
+    companions = {name: FakeCompanion()}
+    with serving(Companions(companions)) as port, Peer(port) as scanner:  # type: ignore[arg-type]  # a stand-in
+        scanner.watch()
+        companions[name].says(kind="fault", detail="log: no space left")
+        status = scanner.wait_for_code(3)
+        assert (status.name, f"{name}: log: no space left" in status.message) == ("EXCEPTION", True)
+        for over in (False, True):
+            if over:
+                companions[name].says(kind="alive", faults=[])
+            for _ in range(8):
+                scanner.show(10.0)
+                scanner.hear(0.02)
+            granted, _ = ask_reset("127.0.0.1", port, TOKEN)
+            assert granted is over
+    companions[name].end()
 
 
 def test_while_no_frames_come_the_console_is_told_the_state_again_and_the_log_has_no_gaps() -> None:
