@@ -22,11 +22,11 @@ from analytic_frames import (
 from fixed_network import FIVE_MN, wall_reader
 
 from scleraforce.imaging.plane import Section
-from scleraforce.imaging.segmentation import PixelScale, Segmenter
+from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_slice
 from scleraforce.reader.answers import Answer, answer_frame
 from scleraforce.reader.known import Known, Modulus
 from scleraforce.reader.readings import Reading
-from scleraforce.reader.wall_reader import WallReader
+from scleraforce.reader.wall_reader import SHIFTS, WallReader
 from scleraforce.study import Range
 
 
@@ -74,13 +74,19 @@ def test_the_default_method_answers_and_the_other_one_checks_it() -> None:
     assert answer(frame, model=wall_reader(agreeing)).warnings == ()
 
 
-def test_the_network_is_shown_the_slice_and_what_is_known() -> None:
+def test_the_network_is_shown_shifted_slices_and_what_is_known() -> None:
     model = wall_reader()
-    answer(image(wall_section(tip_of(0.02))), KNOWN, model)
-    ((cut, known),) = model._network.shown
+    frame = image(wall_section(tip_of(0.02)))
+    answer(frame, KNOWN, model)
+    ((cuts, known),) = model._network.shown
     assert known == KNOWN
-    assert cut.shape == (40, 140)
-    assert set(np.unique(cut)) == {0, 255}
+    seen = Segmenter().segment(frame, SCALE)
+    np.testing.assert_array_equal(cuts[0], boundary_slice(seen, SCALE, STUDY.slice))
+    for cut, shift in zip(cuts, SHIFTS, strict=True):
+        up = -shift * STUDY.slice.pixel_m / SCALE.depth_m  # a window that starts lower shows the wall higher
+        moved = replace(seen, outer_row=seen.outer_row + up, inner_row=seen.inner_row + up)
+        np.testing.assert_array_equal(cut, boundary_slice(moved, SCALE, STUDY.slice))
+    assert len({cut.tobytes() for cut in cuts}) == len(SHIFTS)
 
 
 @pytest.mark.parametrize(

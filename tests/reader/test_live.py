@@ -42,7 +42,7 @@ def test_what_both_readers_say_of_a_frame_is_the_same_but_for_the_fit(frame: np.
     assert live(frame).answer == replace(whole, warnings=(), can_calibrate=False, readings=(), fit=None)
 
 
-def test_the_network_is_shown_the_slice_of_the_frame_and_what_is_known(frame: np.ndarray) -> None:
+def test_the_network_is_shown_the_slices_of_the_frame_and_what_is_known(frame: np.ndarray) -> None:
     alone, beside_the_fit = wall_reader(), wall_reader()
     live(frame, alone)
     answer_frame(beside_the_fit, Segmenter(), frame, SCALE, 1.0, KNOWN)

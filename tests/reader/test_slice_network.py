@@ -19,7 +19,7 @@ from scleraforce.reader.slice_network import told_of
 pytest.importorskip("torch")
 
 SHARES = (0.0, 0.0, 0.25, 0.5, 0.25, 0.0, 0.0, 0.0)
-CUT = np.zeros((40, 140), dtype=np.uint8)
+CUTS = np.zeros((4, 40, 140), dtype=np.uint8)
 LIBRARY = analytic_library(thicknesses=4, ratios=4, tips=6)
 
 
@@ -42,7 +42,7 @@ def test_force_and_interval_scale_with_the_modulus_that_it_is_told(folder: Path)
     assert isinstance(reader, WallReader)
     edges = ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
     for modulus_pa in (0.2e6, 0.5e6):
-        read = reader.read(CUT, Known(Modulus(modulus_pa, 5e3, "own")))
+        read = reader.read(CUTS, Known(Modulus(modulus_pa, 5e3, "own")))
         # A quarter lies below edge 3, half in bin 3, a quarter above edge 4.
         assert read.force_n == pytest.approx(modulus_pa * (edges[3] + edges[4]) / 2, rel=1e-5)
         ends = edges[2] + 0.2 * (edges[3] - edges[2]), edges[5] - 0.2 * (edges[5] - edges[4])
@@ -51,10 +51,33 @@ def test_force_and_interval_scale_with_the_modulus_that_it_is_told(folder: Path)
         assert sum(read.probabilities) == pytest.approx(1.0)
 
 
+def test_the_reading_of_several_slices_is_that_of_the_mean_of_their_histograms(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    histograms = np.array([[0, 1, 0, 0, 0, 0, 0, 0], [0, 0, 0.5, 0, 0.5, 0, 0, 0]], dtype=np.float32)
+    fed: list[dict[str, np.ndarray]] = []
+
+    class Session:
+        def run(self, _: object, inputs: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+            fed.append(inputs)
+            return histograms, np.array([0.1e-3, 0.4e-3], dtype=np.float32)
+
+    reader = load_model(folder)
+    assert isinstance(reader, WallReader)
+    edges = ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
+    monkeypatch.setattr(reader._network, "_session", Session())
+    read = reader.read(CUTS[:2], Known(Modulus(0.3e6, 5e3, "own"), 250.0))
+    assert read.force_n == pytest.approx(0.3e6 * edges[2], rel=1e-5)  # half of the mean lies below
+    assert read.contact_m == pytest.approx(0.25e-3)
+    (inputs,) = fed
+    assert inputs["slices"].shape == (2, 40, 140)
+    np.testing.assert_array_equal(inputs["given"][0], inputs["given"][1])
+
+
 def test_an_unknown_modulus_is_the_middle_of_the_training(folder: Path) -> None:
     reader = load_model(folder)
     mean_pa, _ = unknown_modulus(reader.study.reader)
-    assert reader.read(CUT, Known()).force_n == reader.read(CUT, Known(Modulus(mean_pa, 1e3, "own"))).force_n
+    assert reader.read(CUTS, Known()).force_n == reader.read(CUTS, Known(Modulus(mean_pa, 1e3, "own"))).force_n
 
 
 def test_what_is_not_known_is_told_as_not_known() -> None:

@@ -21,8 +21,8 @@ class FixedNetwork:
         self.reading = reading
         self.shown: list[tuple[np.ndarray, Known]] = []
 
-    def read(self, cut: np.ndarray, known: Known) -> Reading:
-        self.shown.append((cut, known))
+    def read(self, cuts: np.ndarray, known: Known) -> Reading:
+        self.shown.append((cuts, known))
         return self.reading
 
 

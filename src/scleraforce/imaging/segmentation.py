@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scleraforce.imaging.segmentation_columns import fine_columns, interpolation, nearest_point, repeated
 from scleraforce.imaging.segmentation_grid import Float, Grid, Pixels, PixelScale, make_grid
 from scleraforce.imaging.segmentation_inner import CELLS, GROUP, find_inner, surface_stretch
-from scleraforce.imaging.segmentation_slice import boundary_slice
+from scleraforce.imaging.segmentation_slice import boundary_slice, boundary_slices
 from scleraforce.imaging.segmentation_surface import Surface, find_surface, refine_surface
 
-__all__ = ["PixelScale", "Segmentation", "Segmenter", "boundary_slice"]
+__all__ = ["PixelScale", "Segmentation", "Segmenter", "boundary_slice", "boundary_slices"]
 
 WALL = 255
 UNSEEN_DEPTH_M = 1e-3  # below the surface: the mask ends here where the inner boundary cannot be seen

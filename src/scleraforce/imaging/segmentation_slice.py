@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scleraforce.imaging.segmentation_grid import PixelScale
 from scleraforce.study import SliceStudy
 
-__all__ = ["Boundaries", "boundary_depths", "boundary_slice"]
+__all__ = ["Boundaries", "boundary_depths", "boundary_slice", "boundary_slices"]
 
 
 class Boundaries(Protocol):
@@ -39,12 +39,35 @@ def boundary_slice(
     Returns:
         The slice, shape (rows, columns); columns outside the frame or without a wall are 0.
     """
+    wall: NDArray[np.uint8] = boundary_slices(segmentation, scale, slice_study, refractive_index, (0.0,))[0]
+    return wall
+
+
+def boundary_slices(
+    segmentation: Boundaries,
+    scale: PixelScale,
+    slice_study: SliceStudy,
+    refractive_index: float,
+    shifts: tuple[float, ...],
+) -> NDArray[np.uint8]:
+    """Draw the wall of a frame several times, into windows that start lower by shares of a slice's pixel.
+
+    Args:
+        segmentation: as of `boundary_slice`, like the next three.
+        scale: size of the frame's pixel.
+        slice_study: size of the slice and of its pixel.
+        refractive_index: optical over geometric depth below the surface.
+        shifts: of the windows, in rows of the slice.
+
+    Returns:
+        The slices, shape (shift, rows, columns).
+    """
     outer_m, inner_m = boundary_depths(segmentation, scale, slice_study, refractive_index)
-    depth_m = _row_depths(slice_study.rows, slice_study.pixel_m)
+    depth_m = _row_depths(slice_study.rows, slice_study.pixel_m, shifts)
     inside = depth_m >= outer_m
     inside &= depth_m < inner_m  # NaN compares as False: no wall
-    wall: NDArray[np.uint8] = inside.view(np.uint8) * np.uint8(255)
-    return wall
+    walls: NDArray[np.uint8] = inside.view(np.uint8) * np.uint8(255)
+    return walls
 
 
 def boundary_depths(
@@ -78,9 +101,11 @@ def boundary_depths(
 
 
 @lru_cache(maxsize=8)
-def _row_depths(rows: int, pixel_m: float) -> NDArray[np.float64]:
-    """Return the depth of the middles of a slice's rows, (row, 1), m."""
-    return (np.arange(rows, dtype=np.float64)[:, None] + 0.5) * pixel_m
+def _row_depths(rows: int, pixel_m: float, shifts: tuple[float, ...]) -> NDArray[np.float64]:
+    """Return the depth of the middles of shifted slices' rows, (shift, row, 1), m."""
+    middles = np.arange(rows, dtype=np.float64) + 0.5
+    depths: NDArray[np.float64] = (middles[None, :, None] + np.array(shifts)[:, None, None]) * pixel_m
+    return depths
 
 
 @lru_cache(maxsize=8)

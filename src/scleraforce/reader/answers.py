@@ -7,14 +7,13 @@ from numpy.typing import NDArray
 
 from scleraforce.calibration.frames import segmented_boundaries
 from scleraforce.calibration.observations import Boundaries
-from scleraforce.imaging.segmentation import PixelScale, Segmentation, Segmenter, boundary_slice
+from scleraforce.imaging.segmentation import PixelScale, Segmentation, Segmenter, boundary_slices
 from scleraforce.reader.known import Known, outside_training
 from scleraforce.reader.library_fit import BoundaryFit, fit_boundaries, prior_of
 from scleraforce.reader.model import ForceReader
 from scleraforce.reader.readings import Reading, disagreement, fit_reading
 from scleraforce.reader.verdicts import allows_calibration, dent_leaves, fit_leaves, no_wall_of_an_eye, too_little_wall
-from scleraforce.reader.wall_reader import WallReader
-from scleraforce.study import SliceStudy
+from scleraforce.reader.wall_reader import SHIFTS, WallReader
 from scleraforce.units import n_to_mn
 
 __all__ = ["WIDEST_N", "Answer", "Look", "answer_frame", "class_answer", "look", "reading_answer", "unusable"]
@@ -23,7 +22,7 @@ Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 WIDEST_N = 6e-3  # of the interval of a dent that leaves the window: what its flanks tell must be as sure as this
 
-_NOTHING = np.zeros((0, 0), dtype=np.uint8)  # no slice
+_NOTHING = np.zeros((1, 0, 0), dtype=np.uint8)  # no slice
 
 
 @dataclass(frozen=True)
@@ -52,14 +51,21 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What was seen in a frame: its segmentation, and the slice of it where there is a wall to read.
+    """What was seen in a frame: its segmentation, and slices of it where there is a wall to read.
 
-    `reason` says why it cannot be read, None where it can.
+    `cuts` (slice, row, column): a classifier's one slice; for a reader several, shifted in depth by `SHIFTS`. `reason`
+    says why it cannot be read, None where it can.
     """
 
     segmentation: Segmentation
-    cut: NDArray[np.uint8]
+    cuts: NDArray[np.uint8]
     reason: str | None
+
+    @property
+    def cut(self) -> NDArray[np.uint8]:
+        """The slice that is not shifted."""
+        first: NDArray[np.uint8] = self.cuts[0]
+        return first
 
 
 def answer_frame(
@@ -80,7 +86,7 @@ def answer_frame(
         refractive_index: by which depth is stretched in the frame; 1 where the scanner has corrected it.
         known: of the eye; a classifier takes no notice of it.
     """
-    seen = look(segmenter, frame, scale, reader.study.slice, refractive_index)
+    seen = look(segmenter, frame, scale, reader, refractive_index)
     if seen.reason:
         return unusable(reader, seen.reason)
     boundaries = segmented_boundaries(seen.segmentation, scale, refractive_index)
@@ -90,14 +96,19 @@ def answer_frame(
 
 
 def look(
-    segmenter: Segmenter, frame: Pixels, scale: PixelScale, slice_study: SliceStudy, refractive_index: float
+    segmenter: Segmenter,
+    frame: Pixels,
+    scale: PixelScale,
+    reader: ForceReader | WallReader,
+    refractive_index: float,
 ) -> Look:
-    """Segment a frame and draw the slice; the other arguments are those of `answer_frame`."""
+    """Segment a frame and draw the slices that a model reads; the arguments are those of `answer_frame`."""
     found = segmenter.segment(frame, scale)
     if not found.usable:
         return Look(found, _NOTHING, found.reason)
-    cut = boundary_slice(found, scale, slice_study, refractive_index)
-    return Look(found, cut, None if cut.any() else "the wall lies outside the window of the slice")
+    shifts = SHIFTS if isinstance(reader, WallReader) else (0.0,)
+    cuts = boundary_slices(found, scale, reader.study.slice, refractive_index, shifts)
+    return Look(found, cuts, None if cuts[0].any() else "the wall lies outside the window of the slice")
 
 
 def unusable(reader: ForceReader | WallReader, reason: str) -> Answer:
@@ -158,7 +169,7 @@ def _force_answer(reader: WallReader, seen: Look, boundaries: Boundaries, known:
     reason = no_wall_of_an_eye(fit, prior)
     if reason:
         return replace(unusable(reader, reason), fit=fit)
-    readings = {"network": reader.read(seen.cut, known), "fit": fit_reading(fit, reader.study.classes.bounds_n)}
+    readings = {"network": reader.read(seen.cuts, known), "fit": fit_reading(fit, reader.study.classes.bounds_n)}
     names = (reader.default, reader.other)
     leaves = dent_leaves(seen.cut) or fit_leaves(fit, reader.study.slice)
     answer = reading_answer(reader, readings[reader.default], reader.default, leaves)

@@ -62,7 +62,7 @@ class LiveReader:
         Returns:
             The reading; `can_calibrate` of its answer is False, as it is not asked in the loop.
         """
-        seen = look(self._segmenter, frame, scale, self._reader.study.slice, self._refractive_index)
+        seen = look(self._segmenter, frame, scale, self._reader, self._refractive_index)
         return LiveReading(self._answer(seen, scale), seen.segmentation.outer_row, seen.segmentation.inner_row)
 
     def _answer(self, seen: Look, scale: PixelScale) -> Answer:
@@ -74,7 +74,7 @@ class LiveReader:
         reason = self._outside or too_little_wall(*surface(seen.segmentation, scale), reader.study.slice)
         if reason:
             return unusable(reader, reason)
-        return reading_answer(reader, reader.read(seen.cut, self._known), "network", dent_leaves(seen.cut))
+        return reading_answer(reader, reader.read(seen.cuts, self._known), "network", dent_leaves(seen.cut))
 
 
 def _warming_frame(scanner: OctStudy) -> tuple[NDArray[np.uint16], PixelScale]:

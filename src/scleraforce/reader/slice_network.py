@@ -44,13 +44,14 @@ class OnnxSliceNetwork:
         metadata: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
         return metadata
 
-    def read(self, cut: NDArray[np.uint8], known: Known) -> Reading:
-        """Return what the network reads in a slice (row, column) of an eye."""
+    def read(self, cuts: NDArray[np.uint8], known: Known) -> Reading:
+        """Return what the network reads in slices of one wall (slice, row, column): the mean of its histograms."""
         given, modulus_pa = self._told(known)
-        inputs = {SLICES: np.ascontiguousarray(cut[np.newaxis]), TOLD: given}
+        inputs = {SLICES: np.ascontiguousarray(cuts), TOLD: np.repeat(given, len(cuts), axis=0)}
         histogram, contact_m = self._session.run(OUTPUTS, inputs)
-        force = single_force(histogram[0].tolist(), self._edges_m2, modulus_pa, self._study.classes.bounds_n)
-        return Reading(force.probabilities, force.median_n, force.interval_n, contact_m.item())
+        mean = histogram.mean(axis=0).tolist()
+        force = single_force(mean, self._edges_m2, modulus_pa, self._study.classes.bounds_n)
+        return Reading(force.probabilities, force.median_n, force.interval_n, float(contact_m.mean()))
 
     def _prepared(self, known: Known) -> tuple[NDArray[np.float32], float]:
         """Return the network's second input for an eye, (1, len(GIVEN)), and the modulus that it is told."""

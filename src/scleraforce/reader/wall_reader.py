@@ -13,10 +13,13 @@ from scleraforce.reader.known import Known
 from scleraforce.reader.readings import METHODS, Reading
 from scleraforce.study import Study
 
-__all__ = ["SliceNetwork", "WallReader"]
+__all__ = ["SHIFTS", "SliceNetwork", "WallReader"]
 
 
 CONTACTS = 32  # polar angles whose libraries are kept
+# Of the slices that the network reads of one frame, in rows: the first is the slice itself. A slice of black and white
+# says nothing of where in its pixels a boundary lies; a reading of one jumps when a drifting eye crosses a row.
+SHIFTS = (0.0, 0.25, -0.25, 0.5)
 
 
 class SliceNetwork(Protocol):
@@ -24,7 +27,7 @@ class SliceNetwork(Protocol):
 
     @property
     def provenance(self) -> Mapping[str, str]: ...  # noqa: D102 - described by the class
-    def read(self, cut: NDArray[np.uint8], known: Known) -> Reading: ...  # noqa: D102
+    def read(self, cuts: NDArray[np.uint8], known: Known) -> Reading: ...  # noqa: D102
 
 
 class WallReader:
@@ -72,11 +75,11 @@ class WallReader:
             return self.library
         return self._library_of(min(max(polar_rad, 0.0), float(self.library.polar_rad[-1])))
 
-    def read(self, cut: NDArray[np.uint8], known: Known) -> Reading:
+    def read(self, cuts: NDArray[np.uint8], known: Known) -> Reading:
         """Return what the network reads.
 
         Args:
-            cut: slice of the study's size (row, column), 255 where wall is, 0 elsewhere.
+            cuts: slices of one wall, of the study's size (slice, row, column), 255 where wall is, 0 elsewhere.
             known: of the eye.
         """
-        return self._network.read(cut, known)
+        return self._network.read(cuts, known)
