@@ -19,7 +19,7 @@ __all__ = ["SHIFTS", "SliceNetwork", "WallReader"]
 CONTACTS = 32  # polar angles whose libraries are kept
 # Of the slices that the network reads of one frame, in rows: the first is the slice itself. A slice of black and white
 # says nothing of where in its pixels a boundary lies; a reading of one jumps when a drifting eye crosses a row.
-SHIFTS = (0.0, 0.25, -0.25, 0.5)
+SHIFTS = (0.0, 0.5)
 
 
 class SliceNetwork(Protocol):
