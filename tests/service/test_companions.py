@@ -44,6 +44,8 @@ def test_a_black_box_that_says_nothing_for_five_seconds_is_at_fault_until_it_doe
     children[BLACK_BOX].says(kind="alive", faults=[])
     hear(companions, BLACK_BOX, 129.0)
     assert companions.faults(133.9) == ()
+    children[OPINION].says(kind="alive", faults=[])  # speaks for itself only
+    hear(companions, OPINION, 134.0)
     assert companions.faults(134.1) == ("black box: it does not answer",)
     children[BLACK_BOX].says(kind="alive", faults=[])
     hear(companions, BLACK_BOX, 135.0)

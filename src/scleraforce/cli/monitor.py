@@ -4,6 +4,7 @@ import secrets
 import signal
 import sys
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, datetime
 from math import radians
@@ -106,13 +107,11 @@ def monitor(
         record=_new(record),
         token=secrets.token_hex(4),
     )
-    notes = Notes(_say)
-    with monitor_service(model, reader, settings, notes) as (server, address):
+    with closing(Notes(_say)) as notes, monitor_service(model, reader, settings, notes) as (server, address):
         _greet(reader, settings, address, notes)
         interrupted = _run(server)
         summary = server.session.summary()
         notes("ends; the black box writes what it has to keep")
-    notes.close()
     if as_json:
         print_json({"model": str(model), **summary})
     if interrupted:

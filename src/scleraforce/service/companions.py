@@ -110,7 +110,8 @@ class Companions:
 
     def _take_alive(self, name: str, faults: list[str], now_s: float) -> None:
         """Take what is wrong with one of them by its own account, and forget what is no longer."""
-        self._alive_until_s = now_s + SILENT_S
+        if name == BLACK_BOX:
+            self._alive_until_s = now_s + SILENT_S
         if faults:
             self._faults[name] = "; ".join(faults)
         else:
