@@ -117,7 +117,7 @@ class Peer:
         """Return how many frames were read so far."""
         return sum(isinstance(message, Text) for _, message in self.heard)
 
-    def wait_for_code(self, code: int, within_s: float = 3.0) -> Status:
+    def wait_for_code(self, code: int, within_s: float = 10.0) -> Status:
         """Return the first STATUS of a code that comes from now on."""
         since = len(self.statuses())
         self.hear(within_s, lambda peer: any(status.code == code for status in peer.statuses()[since:]))
@@ -130,11 +130,11 @@ class Peer:
         for number in range(frames):
             read = self.readings()
             self.show(force_mn + 0.01 * (number % 3))
-            self.hear(2.0, lambda peer: peer.readings() > read)  # noqa: B023 - called at once
+            self.hear(10.0, lambda peer: peer.readings() > read)  # noqa: B023 - called at once
         assert self.statuses()[-1].code == 1, self.statuses()[-1]
 
 
-def wait_until(holds: Callable[[], bool], within_s: float = 3.0) -> None:
+def wait_until(holds: Callable[[], bool], within_s: float = 10.0) -> None:
     end_s = monotonic() + within_s
     while not holds():
         assert monotonic() < end_s, "it did not come about"
