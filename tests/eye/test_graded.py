@@ -95,6 +95,7 @@ def test_a_globe_has_no_base_and_is_closed() -> None:
     assert len(upper.cells_en) < len(mesh.cells_en) < 2 * len(upper.cells_en)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thickness_m", [0.4e-3, 0.8e-3])
 @pytest.mark.parametrize("polar_deg", [0.0, 50.0])
 def test_the_linear_tip_is_within_half_a_percent_of_a_fine_mesh(thickness_m: float, polar_deg: float) -> None:

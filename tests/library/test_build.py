@@ -164,6 +164,7 @@ def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path):
     assert missing_units(tmp_path / "library", plan) == [n for n in range(plan.units) if n != 6]
 
 
+@pytest.mark.slow
 def test_the_real_library_is_the_same_on_any_number_of_workers(tmp_path):
     study = Study(
         library=LibraryStudy(

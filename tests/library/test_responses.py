@@ -15,7 +15,8 @@ def library():
 
 
 def test_the_nodes_of_the_grid_are_met(library):
-    t, p, d = (array.ravel() for array in np.meshgrid(library.thickness_m, library.iop_ratio, library.tip_m))
+    nodes = np.stack([array.ravel() for array in np.meshgrid(library.thickness_m, library.iop_ratio, library.tip_m)])
+    t, p, d = nodes[:, ::7]
     found = library.at_tip(t, p, d)
     assert found.curves_sbnc == pytest.approx(curves(t, p, d), abs=5e-9)
     assert found.force_ratio == pytest.approx(force_ratio(t, p, d), abs=1e-15)

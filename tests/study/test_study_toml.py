@@ -76,7 +76,7 @@ def studies(draw: st.DrawFn) -> Study:
     return study
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(studies())
 def test_a_study_survives_being_written_and_read(study: Study) -> None:
     again = parse_study(format_study(study))
