@@ -162,6 +162,25 @@ def test_a_wrong_stretch_does_not_pull_the_fit() -> None:
     assert damaged.outliers > 0.05 > clean.outliers
 
 
+@pytest.mark.parametrize(
+    ("boundary", "off_m", "outliers"),
+    [(1, 0.13e-3, 0.0), (1, 0.5e-3, 0.12), (1, -0.13e-3, 0.12), (0, 0.13e-3, 0.12), (0, -0.13e-3, 0.12)],
+    ids=["choroid", "deeper than that", "inner above", "outer below", "outer above"],
+)
+def test_stretches_where_the_choroid_is_taken_for_the_walls_end_say_nothing_against_an_eye(
+    boundary: int, off_m: float, outliers: float
+) -> None:
+    truth = eye(0.1e-3)
+    depth = boundaries(truth, 3e-6, np.random.default_rng(7))
+    for stretch in (slice(20, 50), slice(200, 232)):
+        depth[boundary, stretch] += off_m
+    found = fitted(truth, depth)
+    assert found.force_n == pytest.approx(
+        fitted(truth, boundaries(truth, 3e-6, np.random.default_rng(7))).force_n, abs=3e-4
+    )
+    assert found.outliers == pytest.approx(outliers, abs=0.01)
+
+
 def test_a_dent_that_leaves_the_window_is_read_from_its_flanks() -> None:
     rng = np.random.default_rng(7)
     truth = eye(4.2e-3, depth_m=0.6e-3)

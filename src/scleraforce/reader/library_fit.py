@@ -49,6 +49,7 @@ CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
 CAUCHY = 2.5  # standard deviations at which a column's weight is halved
 UNSEEN_LOSS = 3.0  # of a column that the wall does not reach: as one that is 4 CAUCHY off
 OUTLIER_SD = 8.0
+LAYER_M = 0.3e-3  # so far below the wall the choroid may end, which stretches of the inner boundary may follow
 FREE_SD = {TIP: 10e-3, LATERAL: 2e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.03, INNER: 15e-6}
 INNER_CAUCHY = 2.0  # standard deviations: now and then another layer is taken for the inner boundary
 KNOWN_SD = {GAP: 30e-6, THICKNESS: 15e-6, IOP: 0.05}  # of what is stated
@@ -82,7 +83,7 @@ class BoundaryFit:
     `force_n` is the median, `interval_n` holds 90 %; `draws_n` (draw,) are forces drawn from the posterior.
     `contact_m` is the contact's lateral place from the frame's middle, `tip_m` its depth of indentation. `misfit_m` is
     the robust root mean square distance from the wall, `outliers` the share of columns farther off than that of a
-    segmented wall ever is. `wall_bmc` (boundary, point, 2) is the wall in the frame, m; `unknown` and `sd` (unknown,)
+    segmented wall ever is; an inner boundary at the end of a layer below the wall is none. `wall_bmc` (boundary, point, 2) is the wall in the frame, m; `unknown` and `sd` (unknown,)
     are the values in the order of `NAMES`.
     """
 
@@ -256,8 +257,11 @@ class _Problem:
 
     def result(self, unknown: Array, predicted: Predicted) -> BoundaryFit:
         """Return the fit with its uncertainty: the curvature's, scaled by the misfit where that is large (Birge)."""
-        residual = np.where(predicted.seen, np.abs(self.scaled(predicted)), np.inf)
+        signed = self.scaled(predicted)
+        residual = np.where(predicted.seen, np.abs(signed), np.inf)
         misfit = 1.4826 * float(np.median(residual))
+        below_m = signed * POINT_SD_M[1]
+        layer = (self.places.boundary == 1) & predicted.seen & (below_m > 0.0) & (below_m < LAYER_M)
         normal, _ = self.normal_equations(unknown, predicted, max(1.0, min(misfit, 1e3)))
         covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
         draws_n = self._drawn_forces(unknown, covariance)
@@ -269,7 +273,7 @@ class _Problem:
             contact_m=float(unknown[LATERAL]),
             tip_m=float(unknown[TIP]),
             misfit_m=misfit * float(POINT_SD_M[0]),
-            outliers=float(np.mean(residual > OUTLIER_SD * max(1.0, misfit))),
+            outliers=float(np.mean((residual > OUTLIER_SD * max(1.0, misfit)) & ~layer)),
             wall_bmc=place_walls(self.library, unknown[None])[0],
             unknown=unknown,
             sd=np.sqrt(np.diag(covariance)),
