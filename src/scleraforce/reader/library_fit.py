@@ -83,8 +83,8 @@ class BoundaryFit:
     `force_n` is the median, `interval_n` holds 90 %; `draws_n` (draw,) are forces drawn from the posterior.
     `contact_m` is the contact's lateral place from the frame's middle, `tip_m` its depth of indentation. `misfit_m` is
     the robust root mean square distance from the wall, `outliers` the share of columns farther off than that of a
-    segmented wall ever is; an inner boundary at the end of a layer below the wall is none. `wall_bmc` (boundary, point, 2) is the wall in the frame, m; `unknown` and `sd` (unknown,)
-    are the values in the order of `NAMES`.
+    segmented wall ever is; an inner boundary at the end of a layer below the wall is none. `wall_bmc` (boundary,
+    point, 2) is the wall in the frame, m; `unknown` and `sd` (unknown,) are the values in the order of `NAMES`.
     """
 
     force_n: float
