@@ -102,6 +102,19 @@ def test_thickness_along_the_normal_is_that_of_the_wall(segmenter: Segmenter, th
     assert found.thickness_m == pytest.approx(thickness_m, rel=0.04)
 
 
+@pytest.mark.parametrize("choroid_m", [100e-6, 130e-6, 250e-6])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_wall_ends_where_the_choroid_begins_however_thin_that_is(segmenter: Segmenter, seed: int, choroid_m: float):
+    optics = {"choroid_thickness_m": choroid_m, "choroid_level_db": -8.5, "display_range_db": 40.0}
+    bright = {"snr_db": 33.0, "attenuation_per_m": 900.0, "shadows": (), "lines": (), "covers": ()}
+    bscan = phantom(wall(0.76e-3), seed, **optics, **bright)
+    found, truth = segmenter.segment(bscan.frame, SCALE), bscan.truth_mask > 0
+    last = len(truth) - truth[::-1].argmax(axis=0) - 0.5
+    seen = truth.any(axis=0) & np.isfinite(found.inner_row) & (last < len(truth) - 10)
+    assert found.thickness_m == pytest.approx(0.76e-3, rel=0.02)
+    assert np.mean(np.abs(found.inner_row - last)[seen] * SCALE.depth_m > 60e-6) < 0.02
+
+
 def test_boundaries_lie_within_a_pixel_or_two_of_the_truth(segmenter: Segmenter, bscan: Bscan):
     found, truth = segmenter.segment(bscan.frame, SCALE), bscan.truth_mask > 0
     there = truth.any(axis=0) & np.isfinite(found.outer_row)

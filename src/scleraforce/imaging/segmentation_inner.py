@@ -2,10 +2,11 @@
 
 The wall is unrolled along its surface into (column, thickness), thickness measured along the surface's normal, so that
 a wall of even thickness is a straight band whatever its dents. In it light falls steadily (linearly on a logarithmic
-scale in an even medium: Beer-Lambert), and the wall's end is a jump: the distance between a straight line through the
-cells above and one through the cells below. A mere change of slope is none. Below the wall there may be a thin weaker
-layer, the choroid, whose own lower edge jumps further; so a jump with another one close above it counts less. The path
-of the largest jumps is then moved, column by column, to where the light crosses the middle of the jump.
+scale in an even medium: Beer-Lambert), and the wall's end is a jump: the few cells below lie lower than a straight line
+through the cells above would go on. Below the wall there may be a thin weaker layer, the choroid, whose own lower edge
+jumps further; so a jump with another one close above it counts less. The cells below are few because that layer is
+thin: a mean over both its edges would hide the upper one. The path of the largest jumps is then moved, column by
+column, to where the light crosses the middle of the jump.
 """
 
 from dataclasses import dataclass
@@ -22,13 +23,14 @@ from scleraforce.imaging.segmentation_path import best_path
 __all__ = ["InnerBoundary", "find_inner", "surface_stretch"]
 
 CELL_M = 20e-6  # of thickness in the unrolled wall
-CELLS = 75  # 1.5 mm: the boundary is looked for down to 1.36 mm
+CELLS = 72  # 1.44 mm: the boundary is looked for down to 1.36 mm
 GROUP = 4  # columns sampled for one point
 SKIP_CELLS = 3  # mirror reflection and blur of the surface
 LEVEL_CELLS = 12  # below the surface: these give a column's own level (shadows)
 LEAST_CELLS = 11  # a wall is thicker than this: 0.22 mm
 POOLED = 3  # points whose mean makes a jump stand out of the speckle
-LINE_CELLS = 6  # for the straight line on each side of a jump
+LINE_CELLS = 6  # for the straight line above a jump
+LOW_CELLS = 3  # for the mean below it
 SKIP_EDGE = 1  # on each side of a jump: transition
 HALF_JUMP = 0.08  # of the level at the surface: a jump of this size earns half of what the largest one can
 UPPER_COST = 1.2  # share of an upper jump's gain that a jump below it loses
@@ -39,10 +41,10 @@ LEAST_JUMP = 0.06  # of the level at the surface: less is no sign of the boundar
 SURE_JUMP = 2.5  # ... nor is less than this many times the median jump
 SURE_SPREAD, SPREAD_CELLS = 1.3, 21  # ... nor this many standard deviations of jumps at about that depth
 
-_EDGES = slice(LEAST_CELLS, CELLS - LINE_CELLS - SKIP_EDGE + 1)  # between cells, where a jump is looked for
+_EDGES = slice(LEAST_CELLS, CELLS - LOW_CELLS - SKIP_EDGE + 1)  # between cells, where a jump is looked for
 _ABOVE = slice(_EDGES.start - SKIP_EDGE - LINE_CELLS, _EDGES.stop - SKIP_EDGE - LINE_CELLS)  # first cells of the lines
-_BELOW = slice(_EDGES.start + SKIP_EDGE, _EDGES.stop + SKIP_EDGE)
-_DEEPEST = slice(_BELOW.start + LINE_CELLS - 1, _BELOW.stop + LINE_CELLS - 1)  # last cells of the lines below
+_BELOW = slice(_EDGES.start + SKIP_EDGE, _EDGES.stop + SKIP_EDGE)  # first cells below
+_DEEPEST = slice(_BELOW.start + LOW_CELLS - 1, _BELOW.stop + LOW_CELLS - 1)  # last cells below
 _LAYER = np.ones((1, LAYER_CELLS[1] - LAYER_CELLS[0] + 1), dtype=np.uint8)
 # Makes the path unique where nothing is seen.
 _ROW_COST = np.linspace(0.0, 1e-3, CELLS + 1, dtype=np.float32)
@@ -59,6 +61,9 @@ _BEND = (_REACH * _RAMP / np.square(_RAMP).sum()).astype(np.float32)[
     None
 ]  # of a straight line, least squares, over _REACH
 _MEAN = np.full((1, LINE_CELLS), 1.0 / LINE_CELLS, dtype=np.float32)
+_LOW_MEAN = np.full((1, LOW_CELLS), 1.0 / LOW_CELLS, dtype=np.float32)
+# `_BEND` goes from a line's middle to the jump; so many times that, it goes on to the middle of the cells below.
+_BEND_TO_LOW = np.float32(1.0 + (LOW_CELLS / 2 + SKIP_EDGE) / _REACH)
 
 
 @dataclass(frozen=True)
@@ -162,7 +167,8 @@ def _jumps(wall: Float, seen: Float) -> tuple[Float, Float, Float]:
     """Return what straight lines through the cells say, and the jump at each edge between cells.
 
     For the lines that start at each cell: their mean, and by how much they fall from their middle to the jump, both
-    (group, cell); jump (group, cell + 1). Neighbouring groups are pooled.
+    (group, cell); jump (group, cell + 1): by how much the cells below lie lower than the line above goes on to there.
+    Neighbouring groups are pooled.
     """
     share = cv2.blur(seen, (1, POOLED))
     pooled = cast(Float, cv2.blur(wall, (1, POOLED)))
@@ -170,12 +176,13 @@ def _jumps(wall: Float, seen: Float) -> tuple[Float, Float, Float]:
     mean = cast(Float, cv2.filter2D(pooled, -1, _MEAN, anchor=(0, 0)))
     bend = cast(Float, cv2.filter2D(pooled, -1, _BEND, anchor=(0, 0)))
     cv2.threshold(bend, 0.0, 0.0, cv2.THRESH_TRUNC, bend)
+    low = cast(Float, cv2.filter2D(pooled, -1, _LOW_MEAN, anchor=(0, 0)))
     jump = np.zeros((len(wall), CELLS + 1), dtype=np.float32)
     inside = jump[:, _EDGES]
-    np.add(mean[:, _ABOVE], bend[:, _ABOVE], inside)
+    np.multiply(bend[:, _ABOVE], _BEND_TO_LOW, inside)
+    inside += mean[:, _ABOVE]
     np.maximum(inside, np.float32(0.0), out=inside)
-    inside -= mean[:, _BELOW]
-    inside += bend[:, _BELOW]
+    inside -= low[:, _BELOW]
     inside *= share[:, _DEEPEST] > np.float32(0.3)
     return mean, bend, jump
 
@@ -186,7 +193,7 @@ def _least_jump(jump: Float) -> Float:
     Their jumps are told by their median size (the wall's end is rare), and by how much jumps at one depth differ from
     place to place (the wall's end does not).
     """
-    sizes = np.abs(jump[:, LEAST_CELLS : CELLS - LINE_CELLS : 2]).ravel()
+    sizes = np.abs(jump[:, _EDGES.start : _EDGES.stop : 2]).ravel()
     sizes = sizes[sizes > 0]
     typical = float(np.partition(sizes, len(sizes) // 2)[len(sizes) // 2]) if len(sizes) else 0.0
     change = jump[POOLED:] - jump[:-POOLED]
