@@ -20,6 +20,7 @@ from scleraforce.monitor.events import (
     Event,
     Failure,
     FrameRead,
+    OvertakenRead,
     QueueLoss,
     Reset,
     SecondOpinion,
@@ -143,6 +144,13 @@ OPINIONS: dict[str, tuple[SecondOpinion, Cause]] = {
     "no force": (replace(opinion(5), force_n=None, interval_n=None), Cause.NO_NUMBER),
     "time": (opinion(5, at_s=0.03), Cause.OUT_OF_ORDER),
 }
+OVERTAKEN: dict[str, tuple[FrameRead, Cause]] = {
+    "class 2": (replace(frame(4), predicted=2, probabilities=(0.0, 0.0, 1.0)), Cause.DANGEROUS_CLASS),
+    "force": (frame(4, 0.031), Cause.BOUND),
+    "upper end": (frame(4, 0.0286), Cause.BOUND),
+    "NaN force": (replace(frame(4), force_n=NAN), Cause.NO_NUMBER),
+    "no probabilities": (replace(frame(4), probabilities=None), Cause.NO_NUMBER),
+}
 SIGNALS: dict[Signal, list[Event]] = {
     Signal.HARMLESS: [frame(6)],
     Signal.TOLERATED: [frame(6), unusable(7)],
@@ -262,6 +270,32 @@ def test_a_second_opinion_withdraws_at_once_in_every_state(before: Callable[[], 
         state, decision = decide(before(), event, limits)
         assert (decision.code, decision.cause) == (3, Cause.CHECKSUM if before is withdrawn else cause)
         assert state.fresh == 0
+
+
+@pytest.mark.parametrize("before", [not_ready, watching, withdrawn])
+@pytest.mark.parametrize("name", OVERTAKEN)
+def test_an_overtaken_frame_withdraws_at_once_in_every_state(before: Callable[[], MonitorState], name: str) -> None:
+    read, cause = OVERTAKEN[name]
+    state, decision = decide(before(), OvertakenRead(0.0505, read), LIMITS)
+    assert (decision.code, decision.cause) == (3, Cause.CHECKSUM if before is withdrawn else cause)
+    assert state.fresh == 0
+    assert before is withdrawn or "frame 4, overtaken" in decision.message
+
+
+def test_an_overtaken_frame_that_cannot_be_judged_counts_with_those_that_were_answered() -> None:
+    late = OvertakenRead(0.0755, unusable(4))
+    twice = replace(LIMITS, unusable_frames=2)
+    assert play([late], watching()).cause is Cause.UNUSABLE
+    assert play([late], not_ready()).state is State.NOT_READY
+    assert play([late], watching(), twice).state is State.WATCHING
+    assert play([unusable(6), late], watching(), twice).cause is Cause.UNUSABLE
+
+
+@pytest.mark.parametrize("before", [not_ready, watching, withdrawn])
+def test_a_harmless_overtaken_frame_changes_nothing_but_the_time(before: Callable[[], MonitorState]) -> None:
+    state = before()
+    after = play([OvertakenRead(0.0515, frame(4))], state)
+    assert after == replace(state, at_s=0.0515)
 
 
 @pytest.mark.parametrize("before", [not_ready, watching, withdrawn])
@@ -419,6 +453,7 @@ def test_a_client_that_starts_counting_again_can_be_reset() -> None:
 
 
 DIRTY = [event for event, _ in (*ALARMS.values(), *AFTER_A_FRAME.values(), *OPINIONS.values())]
+DIRTY += [OvertakenRead(0.06, read) for read, _ in OVERTAKEN.values()]
 
 
 @st.composite
@@ -433,6 +468,7 @@ def sequences(draw: st.DrawFn) -> list[Event]:
         seen = [opinion(number - 1, 0.01, now_s), replace(no_opinion(number - 1), at_s=now_s)]
         choices: list[Event] = [*[plain] * 8, *seen * 2]
         choices += [replace(unusable(number), at_s=now_s), Tick(now_s), Reset(now_s), QueueLoss(now_s, 1)]
+        choices += [OvertakenRead(now_s, frame(number - 1)), OvertakenRead(now_s, unusable(number - 1))]
         events.append(draw(st.sampled_from([*choices, draw(st.sampled_from(DIRTY))])))
     return events
 

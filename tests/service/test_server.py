@@ -16,9 +16,11 @@ from peer import MATRIX, NoGuard, Peer, Running, serving, small_monitor, wait_un
 from small_monitor import COLUMNS, HANGS, NO_NUMBER, RAISES, ROWS, TOKEN, UNUSABLE, frame_of, small_server
 
 from scleraforce.monitor.causes import Cause
+from scleraforce.monitor.events import Tick
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
 from scleraforce.service.openigtlink import Image, Query, Sensor, Status, Text, Transform, encode
 from scleraforce.service.operator import ask_reset
+from scleraforce.service.session import Session
 
 
 @pytest.fixture
@@ -79,9 +81,9 @@ def test_all_clients_hear_of_every_frame(port: int, scanner: Peer) -> None:
         assert sum(isinstance(message, Text) for _, message in robot.heard) == 12
 
 
-def flood(peer: Peer) -> None:
-    frames = [encode(Image(frame_of(10_000, 1000 + n)[None], MATRIX), "Scanner", time_s=2e9 + n) for n in range(40)]
-    peer.link.sendall(b"".join(frames))
+def send_together(peer: Peer, forces_un: list[int]) -> None:
+    images = [Image(frame_of(force_un, 1000 + n)[None], MATRIX) for n, force_un in enumerate(forces_un)]
+    peer.link.sendall(b"".join(encode(image, "Scanner", time_s=2e9 + n) for n, image in enumerate(images)))
 
 
 def wrong_checksum(peer: Peer) -> None:
@@ -131,7 +133,7 @@ FAULTS: dict[str, tuple[Callable[[Peer], object], set[Cause]]] = {
     "checksum": (wrong_checksum, {Cause.CHECKSUM}),
     "overlapping parts": (cut_short, {Cause.BAD_IMAGE}),
     "garbage": (lambda peer: peer.link.sendall(b"\xff" * 100), {Cause.BAD_IMAGE}),
-    "too many at once": (flood, {Cause.QUEUE_BEHIND}),
+    "too many at once": (lambda peer: send_together(peer, [10_000] * 40), {Cause.QUEUE_BEHIND}),
 }
 
 
@@ -164,6 +166,38 @@ def test_a_frame_that_cannot_be_right_counts_also_where_a_newer_one_came_with_it
     newer = encode(Image(frame_of(10_010, 4)[None], MATRIX), "Scanner", time_s=2e9 + 1)
     scanner.link.sendall(MISFITS[cause]() + newer)
     assert scanner.wait_for_code(3).subcode == cause.value
+
+
+OVERTAKEN = {
+    Cause.DANGEROUS_CLASS: 35_000,
+    Cause.BOUND: 29_000,
+    Cause.UNUSABLE: UNUSABLE,
+    Cause.NO_NUMBER: NO_NUMBER,
+    Cause.EXCEPTION: RAISES,
+}
+
+
+@pytest.mark.parametrize("cause", OVERTAKEN)
+def test_a_frame_that_newer_ones_overtook_is_read_after_them(scanner: Peer, cause: Cause) -> None:
+    scanner.watch()
+    read = scanner.readings()
+    send_together(scanner, [OVERTAKEN[cause], 10_010, 10_020])
+    assert scanner.wait_for_code(3).subcode == cause.value
+    assert scanner.readings() == read + 1  # the newest is answered, and first
+    answers = [json.loads(message.text) for _, message in scanner.heard if isinstance(message, Text)]
+    assert (answers[-1]["state"], answers[-1]["lost"]) == ("WATCHING", 2)
+
+
+def test_of_many_frames_that_were_overtaken_only_the_last_ones_are_read(
+    scanner: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    late: list[int] = []
+    monkeypatch.setattr(Session, "overtaken", lambda session, frame: late.append(frame.number) or Tick(session.clock()))
+    scanner.watch()
+    send_together(scanner, [10_000 + n for n in range(7)])  # frames 13 to 19
+    assert scanner.wait_for_code(3).subcode == Cause.QUEUE_BEHIND.value
+    scanner.hear(0.05)
+    assert late == [15, 16, 17, 18]
 
 
 def test_a_withdrawal_stays_until_the_operators_reset_on_fresh_harmless_frames(port: int, scanner: Peer) -> None:

@@ -11,6 +11,7 @@ from scleraforce.monitor.events import (
     Event,
     Failure,
     FrameRead,
+    OvertakenRead,
     QueueLoss,
     Reset,
     SecondOpinion,
@@ -108,6 +109,8 @@ def _meaning(before: MonitorState, now: MonitorState, event: Event, limits: Moni
             return _transport(before, now, event, limits) or _reading(now, event, limits)
         case SecondOpinion():
             return _opinion(now, event, limits)
+        case OvertakenRead(read=read):
+            return _overtaken(now, read, limits)
         case Tick():
             return QUIET
         case ChecksumError():
@@ -171,6 +174,18 @@ def _opinion(now: MonitorState, opinion: SecondOpinion, limits: MonitorLimits) -
         return _unusable(now, reason, now.doubted, limits.unusable_opinions)
     harmful = harm(opinion, limits)
     return _alarm(harmful[0], f"second opinion: {harmful[1]}") if harmful else QUIET
+
+
+def _overtaken(now: MonitorState, read: FrameRead, limits: MonitorLimits) -> Finding:
+    """Return what a frame means that newer ones overtook: a cause that lies in it alone, or nothing new."""
+    wrong = unsound(read, limits)
+    if wrong:
+        return _alarm(Cause.NO_NUMBER, f"frame {read.frame_id}, overtaken: {wrong}")
+    if not read.usable:
+        reason = f"frame {read.frame_id}, overtaken: {read.reason or 'cannot be judged'}"
+        return _unusable(now, reason, now.unusable + 1, limits.unusable_frames)
+    harmful = harm(read, limits)
+    return _alarm(harmful[0], f"frame {read.frame_id}, overtaken: {harmful[1]}") if harmful else QUIET
 
 
 def _doubt(now: MonitorState, at_s: float, limits: MonitorLimits) -> str | None:

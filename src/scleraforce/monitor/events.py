@@ -8,6 +8,7 @@ __all__ = [
     "Event",
     "Failure",
     "FrameRead",
+    "OvertakenRead",
     "QueueLoss",
     "Reset",
     "SecondOpinion",
@@ -55,6 +56,14 @@ class SecondOpinion:
 
 
 @dataclass(frozen=True)
+class OvertakenRead:
+    """What was read, after newer frames, in one of those that they overtook; it can only add a doubt."""
+
+    at_s: float
+    read: FrameRead
+
+
+@dataclass(frozen=True)
 class Tick:
     """Time passes."""
 
@@ -79,7 +88,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class QueueLoss:
-    """Frames were dropped unread because newer ones came."""
+    """Frames were overtaken: newer ones came before their turn, and got the answer."""
 
     at_s: float
     lost: int
@@ -100,4 +109,4 @@ class Reset:
     at_s: float
 
 
-Event = FrameRead | SecondOpinion | Tick | ChecksumError | Failure | QueueLoss | BadImage | Reset
+Event = FrameRead | SecondOpinion | OvertakenRead | Tick | ChecksumError | Failure | QueueLoss | BadImage | Reset

@@ -160,11 +160,15 @@ class Server:
         events, alive = client.receive(self._most_bytes if may_scan else SMALL_BODY_BYTES, now_s)
         at_s = self.session.clock()
         frames = [frame for event in events if (frame := self._hear_event(client, event, at_s, may_scan))]
-        taken = [frame for frame in frames if frame.misfit or frame is frames[-1]]
-        if len(frames) > len(taken):
-            self._decide("loss", QueueLoss(at_s, len(frames) - len(taken)))
-        for frame in taken:
-            self._take_frame(frame)
+        overtaken = [frame for frame in frames[:-1] if not frame.misfit]
+        if overtaken:
+            self._decide("loss", QueueLoss(at_s, len(overtaken)))
+        for frame in frames:
+            if frame not in overtaken:
+                self._take_frame(frame)
+        most = self.session.limits.losses_in_row  # one more in a row is a cause anyway
+        for frame in overtaken[max(0, len(overtaken) - most) :]:
+            self._decide("overtaken", self.session.overtaken(frame))
         if not alive:
             broken = next((event.reason for event in events if isinstance(event, Broken)), None)
             self._clients.leave(client, f"was let go: {broken}" if broken else "left")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scleraforce.imaging.segmentation import PixelScale
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
-from scleraforce.monitor.events import Event, Failure, FrameRead, Tick
+from scleraforce.monitor.events import Event, Failure, FrameRead, OvertakenRead, Tick
 from scleraforce.monitor.soundness import of_scale
 from scleraforce.reader.answers import Answer
 from scleraforce.service.entry import Entry
@@ -129,26 +129,34 @@ class Session:
 
     def take_frame(self, frame: Frame) -> None:
         """Read a frame and decide on it."""
+        self._reading = None
         try:
-            event: Event = self._read_frame(frame)
+            self._reading, read = self._read_frame(frame)
         except Exception as fault:  # whatever it was, the frame has not been read
-            self._reading = None
-            event = Failure(frame.at_s, f"frame {frame.number}: {type(fault).__name__}: {fault}")
-        self.take(event)
+            self.take(_failure(frame, fault, frame.at_s))
+        else:
+            self.take(read)
 
-    def _read_frame(self, frame: Frame) -> FrameRead:
+    def overtaken(self, frame: Frame) -> Event:
+        """Read a frame after newer ones that have overtaken it; return what that is, to be decided on."""
+        try:
+            _, read = self._read_frame(frame)
+        except Exception as fault:
+            return _failure(frame, fault, self.clock())
+        return OvertakenRead(self.clock(), read)
+
+    def _read_frame(self, frame: Frame) -> tuple[Reading | None, FrameRead]:
         """Read a frame, if it is of the study's size and scale: the decision says so where it is not."""
         image = frame.image
         size = image.pixels.shape[0], image.pixels.shape[1]
-        self._reading = None
         if size != self.limits.size:
-            return FrameRead(
+            return None, FrameRead(
                 frame.at_s, frame.order, self.limits.withdraw_class, None, False, "another size", None, None,
                 frame.digest, size, (image.lateral_m, image.depth_m),
             )  # fmt: skip
-        self._reading = self._read(image.pixels, PixelScale(image.lateral_m, image.depth_m))
-        answer = self._reading.answer
-        return FrameRead(
+        reading = self._read(image.pixels, PixelScale(image.lateral_m, image.depth_m))
+        answer = reading.answer
+        return reading, FrameRead(
             frame.at_s, frame.order, answer.predicted, answer.probabilities, answer.usable, answer.reason,
             answer.force_n, answer.interval_n, frame.digest, size, (image.lateral_m, image.depth_m),
         )  # fmt: skip
@@ -191,6 +199,10 @@ class Session:
             latency_ms=None if latency_s is None else 1e3 * latency_s,
             lost=self.lost,
         )
+
+
+def _failure(frame: Frame, fault: Exception, at_s: float) -> Event:
+    return Failure(at_s, f"frame {frame.number}: {type(fault).__name__}: {fault}")
 
 
 def _mn(interval_n: tuple[float, float]) -> tuple[float, float]:
