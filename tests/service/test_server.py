@@ -194,10 +194,10 @@ def test_of_many_frames_that_were_overtaken_only_the_last_ones_are_read(
     late: list[int] = []
     monkeypatch.setattr(Session, "overtaken", lambda session, frame: late.append(frame.number) or Tick(session.clock()))
     scanner.watch()
-    send_together(scanner, [10_000 + n for n in range(7)])  # frames 13 to 19
+    send_together(scanner, [10_000 + n for n in range(12)])  # frames 13 to 24
     assert scanner.wait_for_code(3).subcode == Cause.QUEUE_BEHIND.value
     scanner.hear(0.05)
-    assert late == [15, 16, 17, 18]
+    assert late == [16, 17, 18, 19, 20, 21, 22, 23]
 
 
 def test_a_withdrawal_stays_until_the_operators_reset_on_fresh_harmless_frames(port: int, scanner: Peer) -> None:

@@ -4,6 +4,7 @@ import hmac
 import json
 import selectors
 import socket
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
@@ -92,6 +93,7 @@ class Server:
         self._most_bytes = LARGER_FRAMES * 2 * ring.shape[0] * ring.shape[1] + SMALL_BODY_BYTES
         self._scanner: Connection | None = None
         self._scanned_s = 0.0
+        self._overtaken = deque[Frame](maxlen=session.limits.losses_in_window)  # one more is a cause anyway
         self._arrivals = count(1)
         self._counted: tuple[int, float] | None = None
         self._noted = session.decision.state
@@ -129,7 +131,7 @@ class Server:
 
     def _turn(self, within_s: float) -> None:
         """Hear those who have something to say: the scanner first, then for a short while who has waited longest."""
-        ready = [key.data for key, _ in self._clients.selector.select(within_s)]
+        ready = [key.data for key, _ in self._clients.selector.select(0.0 if self._overtaken else within_s)]
         clients = sorted(
             (who for who in ready if isinstance(who, Connection)),
             key=lambda who: (who is not self._scanner, who.heard_s),
@@ -143,6 +145,8 @@ class Server:
             if self.session.clock() > end_s:
                 self._rest()
                 break
+        if self._overtaken and self._scanner not in ready:
+            self._decide("overtaken", self.session.overtaken(self._overtaken.popleft()))
         if None in ready:
             for client in self._clients.accept():
                 self._clients.send(client, self._status(), self.session.clock())
@@ -166,9 +170,7 @@ class Server:
         for frame in frames:
             if frame not in overtaken:
                 self._take_frame(frame)
-        most = self.session.limits.losses_in_row  # one more in a row is a cause anyway
-        for frame in overtaken[max(0, len(overtaken) - most) :]:
-            self._decide("overtaken", self.session.overtaken(frame))
+        self._overtaken.extend(overtaken)
         if not alive:
             broken = next((event.reason for event in events if isinstance(event, Broken)), None)
             self._clients.leave(client, f"was let go: {broken}" if broken else "left")
