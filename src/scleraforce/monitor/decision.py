@@ -166,26 +166,26 @@ def _opinion(now: MonitorState, opinion: SecondOpinion, limits: MonitorLimits) -
     """Return what a second opinion means: a doubt, or nothing new."""
     if now.frame is None or not opinion.frame_id <= now.frame.frame_id:
         return _alarm(Cause.OUT_OF_ORDER, f"a second opinion on frame {opinion.frame_id}, which was not read yet")
-    wrong = unsound(opinion, limits)
-    if wrong:
-        return _alarm(Cause.NO_NUMBER, f"second opinion: {wrong}")
-    if not opinion.usable:
-        reason = f"second opinion: {opinion.reason or 'cannot be judged'}"
-        return _unusable(now, reason, now.doubted, limits.unusable_opinions)
-    harmful = harm(opinion, limits)
-    return _alarm(harmful[0], f"second opinion: {harmful[1]}") if harmful else QUIET
+    return _only_doubts(now, opinion, "second opinion", now.doubted, limits.unusable_opinions, limits)
 
 
 def _overtaken(now: MonitorState, read: FrameRead, limits: MonitorLimits) -> Finding:
     """Return what a frame means that newer ones overtook: a cause that lies in it alone, or nothing new."""
-    wrong = unsound(read, limits)
+    name = f"frame {read.frame_id}, overtaken"
+    return _only_doubts(now, read, name, now.unusable + 1, limits.unusable_frames, limits)
+
+
+def _only_doubts(
+    now: MonitorState, reading: FrameRead | SecondOpinion, name: str, in_row: int, most: int, limits: MonitorLimits
+) -> Finding:
+    """Return what a reading means that can only add a doubt; `in_row` were not usable, this one included."""
+    wrong = unsound(reading, limits)
     if wrong:
-        return _alarm(Cause.NO_NUMBER, f"frame {read.frame_id}, overtaken: {wrong}")
-    if not read.usable:
-        reason = f"frame {read.frame_id}, overtaken: {read.reason or 'cannot be judged'}"
-        return _unusable(now, reason, now.unusable + 1, limits.unusable_frames)
-    harmful = harm(read, limits)
-    return _alarm(harmful[0], f"frame {read.frame_id}, overtaken: {harmful[1]}") if harmful else QUIET
+        return _alarm(Cause.NO_NUMBER, f"{name}: {wrong}")
+    if not reading.usable:
+        return _unusable(now, f"{name}: {reading.reason or 'cannot be judged'}", in_row, most)
+    harmful = harm(reading, limits)
+    return _alarm(harmful[0], f"{name}: {harmful[1]}") if harmful else QUIET
 
 
 def _doubt(now: MonitorState, at_s: float, limits: MonitorLimits) -> str | None:
