@@ -20,7 +20,7 @@ from scleraforce.monitor.events import Tick
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
 from scleraforce.service.openigtlink import Image, Query, Sensor, Status, Text, Transform, encode
 from scleraforce.service.operator import ask_reset
-from scleraforce.service.session import Session
+from scleraforce.service.session import Frame, Session
 
 
 @pytest.fixture
@@ -186,6 +186,28 @@ def test_a_frame_that_newer_ones_overtook_is_read_after_them(scanner: Peer, caus
     assert scanner.readings() == read + 1  # the newest is answered, and first
     answers = [json.loads(message.text) for _, message in scanner.heard if isinstance(message, Text)]
     assert (answers[-1]["state"], answers[-1]["lost"]) == ("WATCHING", 2)
+
+
+def test_overtaken_frames_wait_while_a_newer_one_does(scanner: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
+    order: list[tuple[str, int]] = []
+    take_frame = Session.take_frame
+
+    def take(session: Session, frame: Frame) -> None:
+        order.append(("answered", frame.number))
+        take_frame(session, frame)
+        if frame.number == 15:
+            scanner.show(10.03, time_s=3e9)  # it waits when the server looks next
+
+    def overtaken(session: Session, frame: Frame) -> Tick:
+        order.append(("overtaken", frame.number))
+        return Tick(session.clock())
+
+    scanner.watch()
+    monkeypatch.setattr(Session, "take_frame", take)
+    monkeypatch.setattr(Session, "overtaken", overtaken)
+    send_together(scanner, [10_000, 10_010, 10_020])  # frames 13 to 15
+    wait_until(lambda: len(order) == 4)
+    assert order == [("answered", 15), ("answered", 16), ("overtaken", 13), ("overtaken", 14)]
 
 
 def test_of_many_frames_that_were_overtaken_only_the_last_ones_are_read(
