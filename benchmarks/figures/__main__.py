@@ -22,9 +22,10 @@ from figures.scores import AnsweredFrame, score
 from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
 from scleraforce.cli.output import progress_bar
 from scleraforce.errors import ScleraforceError
-from scleraforce.report.files import write_figure, write_whole
+from scleraforce.report.files import write_figure
 from scleraforce.study import Study
 from scleraforce.units import n_to_mn
+from scleraforce.whole_files import write_whole
 
 ERROR_FRAMES = (CALIBRATED_FRAMES, 5)  # after which the error of E is stated
 

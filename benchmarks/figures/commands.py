@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from scleraforce.errors import ScleraforceError
-from scleraforce.report.files import write_whole
+from scleraforce.whole_files import write_whole
 
 __all__ = ["answers", "made_by"]
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from scleraforce.errors import InputError
-from scleraforce.report.files import write_whole
+from scleraforce.whole_files import write_whole
 
 __all__ = ["BEGIN", "END", "insert_tables"]
 

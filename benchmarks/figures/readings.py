@@ -13,9 +13,9 @@ from figures.recordings import read_made
 from figures.scores import AnsweredFrame, answered_frame
 from scleraforce.calibration.summary import EyeSummary, read_calibration
 from scleraforce.reader.folder import RECORD_FILE
-from scleraforce.report.files import write_whole
 from scleraforce.report.framing import framed_for_laboratory
 from scleraforce.study import Range, Study, format_study
+from scleraforce.whole_files import write_whole
 
 __all__ = ["CALIBRATED_FRAMES", "Method", "calibrated_eyes", "make_methods", "read_frames"]
 

@@ -13,8 +13,8 @@ from figures.sections import compute_eye
 from figures.workers import in_processes
 from scleraforce.imaging.plane import Section
 from scleraforce.recording.phantom import PhantomFrame, plan_phantom, write_phantom
-from scleraforce.report.files import renamed_when_whole
 from scleraforce.study import Study
+from scleraforce.whole_files import renamed_when_whole
 
 __all__ = ["MadeEye", "make_eye", "make_recordings", "read_made"]
 

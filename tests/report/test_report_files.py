@@ -1,4 +1,4 @@
-"""Files are written whole or not at all, under names that can be written."""
+"""Files are written whole or not at all, under names that say their kind."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from scleraforce.errors import InputError
-from scleraforce.report.files import renamed_when_whole, write_figure, write_whole
+from scleraforce.report.files import write_figure
 
 
 @pytest.mark.parametrize(("name", "start"), [("a.png", b"\x89PNG"), ("a.svg", b"<?xml"), ("a.PDF", b"%PDF")])
@@ -20,18 +20,3 @@ def test_an_ending_that_is_no_picture_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"a\.xlsx: give a name that ends in \.png, \.svg, \.pdf"):
         write_figure(Figure(), tmp_path / "a.xlsx")
     assert not list(tmp_path.iterdir())
-
-
-def test_what_is_interrupted_leaves_nothing_and_the_old_file_stays(tmp_path: Path) -> None:
-    path = tmp_path / "a.txt"
-    write_whole("old", path)
-
-    def interrupted() -> None:
-        with renamed_when_whole(path) as part:
-            part.write_text("half")
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path]

@@ -184,7 +184,7 @@ def test_a_missing_file_is_named_with_a_way_out(tmp_path: Path) -> None:
 
 
 def test_a_binary_file_is_named(tmp_path: Path) -> None:
-    (tmp_path / "study.toml").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "study.toml").write_bytes(b"\xff\x00\xfe")
     with pytest.raises(StudyError, match="not UTF-8 text"):
         read_study(tmp_path / "study.toml")
 

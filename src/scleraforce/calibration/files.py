@@ -12,6 +12,7 @@ from scleraforce.calibration.registration import PoseBelief
 from scleraforce.calibration.roukf import Posterior
 from scleraforce.calibration.summary import FORMAT, parse_content
 from scleraforce.errors import CalibrationError
+from scleraforce.whole_files import KINDS, read_text
 
 __all__ = ["calibration_as_json", "parse_calibration", "read_posteriors"]
 
@@ -67,12 +68,7 @@ def read_posteriors(path: Path) -> Calibration:
     Raises:
         CalibrationError: the file cannot be read, or is none of `calibrate`.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as fault:
-        reason = getattr(fault, "strerror", None) or "not UTF-8 text"
-        raise CalibrationError(f"{path}: {reason}; `scleraforce calibrate` writes this file") from fault
-    return parse_calibration(text, str(path))
+    return parse_calibration(read_text(path, KINDS["calibration"]), str(path))
 
 
 def parse_calibration(text: str, name: str = "calibration") -> Calibration:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from scleraforce.errors import CalibrationError
+from scleraforce.whole_files import KINDS, read_bytes
 
 __all__ = ["FORMAT", "MECHANICS", "CalibrationSummary", "EyeSummary", "parse_content", "read_calibration"]
 
@@ -67,10 +68,7 @@ def read_calibration(path: Path) -> CalibrationSummary:
     Raises:
         CalibrationError: the file is missing, is not JSON, or lacks something; names the file and the key.
     """
-    try:
-        text = path.read_bytes()
-    except OSError as fault:
-        raise CalibrationError(f"{path}: {fault.strerror}; `scleraforce calibrate` writes this file") from fault
+    text = read_bytes(path, KINDS["calibration"])
     content = parse_content(text, str(path))
     population = _table(content, "population", f"{path}: population")
     eyes = _table(content, "eyes", f"{path}: eyes")

@@ -11,6 +11,7 @@ import numpy as np
 from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.errors import FrameError, InputError
 from scleraforce.study import OctStudy
+from scleraforce.whole_files import write_whole
 
 if TYPE_CHECKING:
     from scleraforce.imaging.segmentation import Segmentation, Segmenter
@@ -205,17 +206,10 @@ def _write(path: Path, picture: "Pixels", force: bool) -> None:
     import cv2
 
     data = cv2.imencode(".png", np.ascontiguousarray(picture))[1].tobytes()
-    part = path.with_name(f".{path.name}.part")
-    try:
-        if not force and path.exists() and path.read_bytes() != data:
-            raise InputError(f"{path}: exists already and differs; choose another --out, or --force to replace it")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(data)
-        part.replace(path)
-    except OSError as fault:
-        raise InputError(f"{path}: {fault.strerror}") from fault
-    finally:
-        part.unlink(missing_ok=True)
+    if not force and path.exists() and path.read_bytes() != data:
+        raise InputError(f"{path}: exists already and differs; choose another --out, or --force to replace it")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(data, path)
 
 
 def _line(entry: Mapping[str, Any]) -> str:

@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from scleraforce.errors import ModelError
+from scleraforce.whole_files import KINDS, read_bytes
 
 __all__ = [
     "CARD_FILE",
@@ -59,25 +60,15 @@ def read_folder(path: Path) -> ModelFolder:
     if not path.is_dir():
         raise ModelError(f"{path}: no such folder; `scleraforce train DATASET --out MODEL` makes one")
     record = _read_record(path / RECORD_FILE)
-    files = {name: _read_bytes(path / name) for name in FILES[record["kind"]]}
+    files = {name: read_bytes(path / name, KINDS["model file"]) for name in FILES[record["kind"]]}
     for name, content in files.items():
         _check_hash(path, name, content, record["files"])
     return ModelFolder(path, MappingProxyType(files), MappingProxyType(record))
 
 
-def _read_bytes(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as fault:
-        raise ModelError(
-            f"{path}: {fault.strerror}; a model folder has model.onnx, study.toml, card.md and model.json, a reader's "
-            "library.npz as well"
-        ) from fault
-
-
 def _read_record(path: Path) -> dict[str, Any]:
     try:
-        record = json.loads(_read_bytes(path))
+        record = json.loads(read_bytes(path, KINDS["model record"]))
     except ValueError as fault:
         raise ModelError(f"{path}: not JSON: {fault}") from fault
     if not isinstance(record, dict) or record.get("format") != FORMAT:

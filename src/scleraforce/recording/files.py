@@ -11,6 +11,7 @@ from scleraforce.recording.images import Pixels, check_frame, read_frame
 from scleraforce.recording.info import RecordingInfo
 from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, read_frame_list
 from scleraforce.study.toml import parse_record
+from scleraforce.whole_files import KINDS, read_text
 
 __all__ = ["Recording", "read_frame", "read_recording"]
 
@@ -60,11 +61,7 @@ def _read_info(path: Path) -> RecordingInfo:
     if not path.parent.is_dir():
         raise RecordingError(f"{path.parent}: no such folder; give a recording folder")
     try:
-        return parse_record(RecordingInfo, path.read_text(encoding="utf-8"), str(path))
-    except OSError as fault:
-        raise RecordingError(f"{path}: {fault.strerror}; a recording folder has a recording.toml") from fault
-    except UnicodeDecodeError as fault:
-        raise RecordingError(f"{path}: not UTF-8 text") from fault
+        return parse_record(RecordingInfo, read_text(path, KINDS["recording"]), str(path))
     except StudyError as fault:
         raise RecordingError(str(fault)) from fault
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
+from scleraforce.whole_files import KINDS, read_bytes
 
 if TYPE_CHECKING:
     import pydicom
@@ -51,10 +52,7 @@ def read_frame_image(path: Path) -> FrameImage:
     Raises:
         FrameError: naming the file, what was found and what would do.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as fault:
-        raise FrameError(f"{path}: {fault.strerror}") from fault
+    data = read_bytes(path, KINDS["frame"])
     if data.startswith((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")):
         return FrameImage(_grey(_read_tiff(path, data), path))
     if data[128:132] == b"DICM":

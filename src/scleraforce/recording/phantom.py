@@ -42,6 +42,7 @@ from scleraforce.recording.pushes import (
 from scleraforce.recording.virtual_eye import PhantomEye, SectionsAt
 from scleraforce.recording.writing import RecordingWriter
 from scleraforce.study import Study, draw, study_hash
+from scleraforce.whole_files import KINDS, read_text
 
 __all__ = [
     "PhantomFrame",
@@ -254,10 +255,8 @@ def true_forces(recording: Path) -> dict[str, float]:
     """
     path = recording / "truth.json"
     try:
-        frames = json.loads(path.read_text(encoding="utf-8"))["frames"]
+        frames = json.loads(read_text(path, KINDS["truth"]))["frames"]
         return {frame["file"]: float(frame["force_n"]) for frame in frames}
-    except OSError as fault:
-        raise RecordingError(f"{path}: {fault.strerror}; virtual acquisitions have it") from fault
     except (ValueError, KeyError, TypeError) as fault:
         raise RecordingError(f"{path}: not the truth of a virtual acquisition: {fault}") from fault
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import RecordingError
+from scleraforce.whole_files import KINDS, read_text
 
 __all__ = ["FORCE_COLUMNS", "MIN_SAMPLE_RATE_HZ", "ForceLog", "FrameEntry", "read_force_log", "read_frame_list"]
 
@@ -52,7 +53,7 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     Raises:
         RecordingError: naming the file, the line and the field.
     """
-    lines = _read_text(path).splitlines()
+    lines = read_text(path, KINDS["frames"]).splitlines()
     header = _header(path, lines, FRAME_COLUMNS, ("file", "time_s"))
     entries: list[FrameEntry] = []
     seen: dict[str, int] = {}
@@ -82,7 +83,7 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
     Raises:
         RecordingError: naming the file, the line and the field.
     """
-    text = _read_text(path)
+    text = read_text(path, KINDS["forces"])
     header = _header(path, text.split("\n", 1)[0:1], FORCE_COLUMNS, ("time_s", f"{axis}_n"))
     lines = text.split("\n")[1:]
     if not any(map(str.strip, lines)):
@@ -166,12 +167,3 @@ def _raise_bad_number(path: Path, text: str, header: list[str]) -> None:
 def _line_of_sample(text: str, sample: int) -> int:
     lines = [number for number, line in enumerate(text.split("\n"), start=1) if line.strip()]
     return lines[sample + 1]
-
-
-def _read_text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as fault:
-        raise RecordingError(f"{path}: {fault.strerror}") from fault
-    except UnicodeDecodeError as fault:
-        raise RecordingError(f"{path}: not UTF-8 text") from fault

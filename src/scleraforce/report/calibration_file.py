@@ -6,7 +6,7 @@ from typing import Any
 
 from scleraforce.calibration.calibrate import Calibration
 from scleraforce.calibration.files import calibration_as_json
-from scleraforce.report.files import write_whole
+from scleraforce.whole_files import write_whole
 
 __all__ = ["write_calibration"]
 

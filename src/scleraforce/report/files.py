@@ -1,16 +1,14 @@
-"""Write a file whole or not at all."""
+"""Write figures and pages, whole or not at all."""
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from scleraforce.errors import InputError
 from scleraforce.report.html import Html
+from scleraforce.whole_files import renamed_when_whole, write_whole
 
-__all__ = ["check_figure_path", "renamed_when_whole", "write_figure", "write_page", "write_whole"]
+__all__ = ["check_figure_path", "write_figure", "write_page"]
 
 FIGURE_KINDS = (".png", ".svg", ".pdf")
 
@@ -47,30 +45,3 @@ def check_figure_path(path: Path) -> None:
     """
     if path.suffix.lower() not in FIGURE_KINDS:
         raise InputError(f"{path}: give a name that ends in {', '.join(FIGURE_KINDS)}")
-
-
-def write_whole(content: str, path: Path) -> None:
-    """Write text whole or not at all.
-
-    Raises:
-        InputError: its folder cannot be written to.
-    """
-    with renamed_when_whole(path) as part:
-        part.write_text(content, encoding="utf-8")
-
-
-@contextmanager
-def renamed_when_whole(path: Path) -> Iterator[Path]:
-    """Give a temporary name beside `path`; what is written there gets its own name when it is finished.
-
-    Raises:
-        InputError: the folder cannot be written to.
-    """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        yield part
-        part.replace(path)
-    except OSError as fault:
-        raise InputError(f"{path}: {fault.strerror}") from fault
-    finally:
-        part.unlink(missing_ok=True)

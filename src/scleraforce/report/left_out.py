@@ -21,7 +21,7 @@ from scleraforce.learning.training import fit
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import Proportion
 from scleraforce.report.answered_frame import look_at
-from scleraforce.report.files import write_whole
+from scleraforce.whole_files import KINDS, read_text, write_whole
 
 __all__ = ["EPOCHS", "LeftOut", "read_left_out", "read_left_out_file", "write_left_out"]
 
@@ -74,7 +74,7 @@ def write_left_out(results: Sequence[LeftOut], path: Path) -> None:
 
 def read_left_out_file(path: Path) -> tuple[LeftOut, ...]:
     """Read what `write_left_out` wrote."""
-    rows = json.loads(path.read_text(encoding="utf-8"))
+    rows = json.loads(read_text(path, KINDS["result"]))
     return tuple(LeftOut(row["eye"], row["youngs_modulus_pa"], Proportion(row["right"], row["of"])) for row in rows)
 
 

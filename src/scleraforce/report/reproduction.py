@@ -14,8 +14,8 @@ from pathlib import Path
 
 from scleraforce import __version__
 from scleraforce.errors import InputError
-from scleraforce.report.files import write_whole
 from scleraforce.study import Study, format_study, study_hash
+from scleraforce.whole_files import KINDS, read_text, write_whole
 
 __all__ = ["Announce", "Progress", "Run", "Stage", "open_run", "run_stages", "seconds_so_far"]
 
@@ -177,11 +177,11 @@ def seconds_so_far(run: Run) -> dict[str, float]:
 
 def _read_state(folder: Path) -> dict[str, dict[str, float]]:
     path = folder / STATE_FILE
+    if not path.exists():
+        raise InputError(f"{folder}: not empty, and not made by `reproduce`; give a new folder")
     try:
-        state: dict[str, dict[str, float]] = json.loads(path.read_text(encoding="utf-8"))
+        state: dict[str, dict[str, float]] = json.loads(read_text(path, KINDS["result"]))
         return {"seconds": dict(state["seconds"]), "made_from": dict(state["made_from"])}
-    except FileNotFoundError as fault:
-        raise InputError(f"{folder}: not empty, and not made by `reproduce`; give a new folder") from fault
     except (ValueError, KeyError, TypeError) as fault:
         raise InputError(f"{path}: cannot be read; remove {folder} or give a new folder") from fault
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import meshio  # type: ignore[import-untyped]  # comes without types
 
-from scleraforce.report.files import renamed_when_whole
 from scleraforce.report.simulation import SimulatedEye
+from scleraforce.whole_files import renamed_when_whole
 
 __all__ = ["write_vtu"]
 

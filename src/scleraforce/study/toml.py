@@ -14,6 +14,7 @@ from scleraforce.errors import StudyError
 from scleraforce.study.fields import field_key, field_unit, map_numbers
 from scleraforce.study.records import Study
 from scleraforce.study.sampled import Choice, Range
+from scleraforce.whole_files import KINDS, read_text
 
 __all__ = [
     "PAPER_STUDY_TOML",
@@ -36,12 +37,7 @@ def read_study(path: Path) -> Study:
     Raises:
         StudyError: the file is missing or not TOML, or a key or value in it cannot be used.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as fault:
-        reason = getattr(fault, "strerror", None) or "not UTF-8 text"
-        raise StudyError(f"{path}: {reason}; `scleraforce init DIR` writes a study file") from fault
-    return parse_study(text, str(path))
+    return parse_study(read_text(path, KINDS["study"]), str(path))
 
 
 def parse_study(text: str, name: str = "study") -> Study:

@@ -1,0 +1,166 @@
+"""Read regular files whole, within a size for each kind; write files whole or not at all.
+
+A name that somebody gives may stand for a pipe, a device or a file of 100 GB. So a file is opened without waiting, must
+be a regular one, and is read no further than its kind allows (`KINDS`, which docs/files.md states).
+"""
+
+import codecs
+import os
+import secrets
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from scleraforce.errors import CalibrationError, FrameError, InputError, ModelError, RecordingError, StudyError
+
+__all__ = ["KINDS", "FileKind", "check_regular", "read_bytes", "read_text", "renamed_when_whole", "write_whole"]
+
+MIB = 2**20
+# What editors on Windows write; UTF-32 stands before UTF-16, whose mark is the beginning of its own.
+BYTE_ORDER_MARKS = {
+    codecs.BOM_UTF8: "utf-8",
+    codecs.BOM_UTF32_LE: "utf-32-le",
+    codecs.BOM_UTF32_BE: "utf-32-be",
+    codecs.BOM_UTF16_LE: "utf-16-le",
+    codecs.BOM_UTF16_BE: "utf-16-be",
+}
+
+
+@dataclass(frozen=True)
+class FileKind:
+    """One kind of file that scleraforce reads.
+
+    Attributes:
+        noun: what messages and the docs call it.
+        max_bytes: a larger file is refused.
+        hint: what a user without such a file does; may be empty.
+        error: the exception that is raised.
+    """
+
+    noun: str
+    max_bytes: int
+    hint: str
+    error: type[InputError]
+
+
+MODEL_HINT = (
+    "a model folder has model.onnx, study.toml, card.md and model.json, and a reader's folder has library.npz as well"
+)
+KINDS = {
+    "study": FileKind("study file", MIB, "`scleraforce init DIR` writes a study file", StudyError),
+    "recording": FileKind("recording.toml", MIB, "a recording folder has a recording.toml", RecordingError),
+    "frames": FileKind("frames.csv", 64 * MIB, "a recording folder has a frames.csv", RecordingError),
+    "forces": FileKind("forces.csv", 1024 * MIB, "", RecordingError),
+    "frame": FileKind("frame", 256 * MIB, "", FrameError),
+    "calibration": FileKind("calibration file", 64 * MIB, "`scleraforce calibrate` writes this file", CalibrationError),
+    "model record": FileKind("model.json", MIB, MODEL_HINT, ModelError),
+    "model file": FileKind("file of a model folder", 256 * MIB, MODEL_HINT, ModelError),
+    "truth": FileKind("truth.json", 64 * MIB, "virtual acquisitions have it", RecordingError),
+    "result": FileKind("JSON result of an earlier run", 64 * MIB, "", InputError),
+}
+
+
+def read_bytes(path: Path, kind: FileKind) -> bytes:
+    """Read a regular file.
+
+    Raises:
+        InputError: `kind.error`: there is none, it is no regular file, it is too large, or it cannot be read.
+    """
+    hint = f"; {kind.hint}" if kind.hint else ""
+    try:
+        # A pipe that nobody writes to would hold up a plain open() for ever.
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        try:
+            check_regular(path, os.fstat(descriptor), kind)
+            with open(descriptor, "rb", closefd=False) as file:
+                data = file.read(kind.max_bytes + 1)
+        finally:
+            os.close(descriptor)
+    except OSError as fault:
+        raise kind.error(f"{path}: {fault.strerror}{hint}") from fault
+    except ValueError as fault:  # a name with a null character
+        raise kind.error(f"{str(path)!r}: {fault}") from fault
+    if len(data) > kind.max_bytes:
+        raise kind.error(f"{path}: {_too_large(kind)}")
+    return data
+
+
+def check_regular(path: Path, found: os.stat_result, kind: FileKind) -> None:
+    """Check that what was found under a name is a regular file of a size that is read.
+
+    Raises:
+        InputError: `kind.error`: it is not.
+    """
+    if not stat.S_ISREG(found.st_mode):
+        raise kind.error(f"{path}: {_noun(found.st_mode)}; give a regular file")
+    if found.st_size > kind.max_bytes:
+        raise kind.error(f"{path}: {_too_large(kind)}")
+
+
+def read_text(path: Path, kind: FileKind) -> str:
+    """Read a regular file as text: UTF-8, or UTF-16 and UTF-32 with their byte order mark, which is left out.
+
+    Raises:
+        InputError: `kind.error`: as `read_bytes`, or it is no such text.
+    """
+    data = read_bytes(path, kind)
+    for mark, encoding in BYTE_ORDER_MARKS.items():
+        if data.startswith(mark):
+            return _decode(path, data[len(mark) :], encoding, kind)
+    return _decode(path, data, "utf-8", kind)
+
+
+def _decode(path: Path, data: bytes, encoding: str, kind: FileKind) -> str:
+    try:
+        return data.decode(encoding).replace("\r\n", "\n")
+    except UnicodeDecodeError as fault:
+        line = data[: fault.start].count(b"\n") + 1
+        byte = f"byte 0x{data[fault.start]:02x}"
+        raise kind.error(f"{path}:{line}: not {encoding.upper()} text ({byte}); save the file as UTF-8") from fault
+
+
+def _too_large(kind: FileKind) -> str:
+    return f"more than {kind.max_bytes // MIB} MiB, which is more than a {kind.noun} may have (docs/files.md)"
+
+
+def _noun(mode: int) -> str:
+    if stat.S_ISDIR(mode):
+        return "a folder"
+    if stat.S_ISFIFO(mode):
+        return "a named pipe"
+    if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+        return "a device"
+    return "no regular file"
+
+
+def write_whole(content: str | bytes, path: Path) -> None:
+    """Write a file whole or not at all; one of that name is replaced.
+
+    Raises:
+        InputError: its folder cannot be written to, or the disk is full.
+    """
+    with renamed_when_whole(path) as part:
+        part.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def renamed_when_whole(path: Path) -> Iterator[Path]:
+    """Give a temporary file beside `path`; it gets that name when it is finished, and is removed when it is not.
+
+    The file is made exclusively, under a name that nobody can foresee: a link that was planted is not followed.
+
+    Raises:
+        InputError: the folder cannot be written to, or the disk is full.
+    """
+    part = path.with_name(f".scleraforce-{secrets.token_hex(8)}.part")
+    try:
+        os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666))
+        yield part
+        part.replace(path)
+    except OSError as fault:
+        raise InputError(f"{path}: {fault.strerror}") from fault
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
