@@ -16,10 +16,10 @@ from scleraforce.cli.main import COMMANDS
 ROOT = Path(scleraforce.__file__).parent
 ORDER = [
     "units", "errors", "plain_json", "processes", "checked_store", "whole_files", "study", "eye", "mechanics",
-    "imaging", "library", "recording", "calibration", "dataset", "reader", "learning", "monitor", "service", "report",
-    "cli",
+    "imaging", "library", "fitting", "recording", "calibration", "dataset", "reader", "learning", "monitor", "service",
+    "report", "cli",
 ]  # fmt: skip
-PURE = ["eye", "mechanics", "imaging", "calibration", "monitor"]
+PURE = ["eye", "mechanics", "imaging", "fitting", "calibration", "monitor"]
 IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}
 IMPURE_CALLS = {"print", "open", "input"}
 COPYLEFT = {"felupe", "sksparse", "pyFAI", "PyQt5", "PyQt6", "gmsh", "dolfin", "cholespy", "Sofa"}

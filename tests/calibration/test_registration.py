@@ -4,8 +4,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scleraforce.calibration.placement import DEPTH, LATERAL, POLAR, ROTATION, Places, place_curves, predict
+from scleraforce.calibration.placement import DEPTH, LATERAL, POLAR, ROTATION, place_section, predict
 from scleraforce.calibration.registration import first_belief, frame_prior, register, updated_belief
+from scleraforce.fitting.placement import Places
 from scleraforce.imaging.optics import Pose
 from scleraforce.imaging.plane import Section
 from scleraforce.recording.virtual_eye import PhantomEye
@@ -43,7 +44,7 @@ def test_a_section_is_placed_as_the_virtual_scanner_places_it() -> None:
     rng = np.random.default_rng(2)
     outer, inner = rng.normal(size=(2, 7, 2))
     pose = Pose(0.3, -0.2, 0.4)
-    placed = place_curves(np.stack([outer, inner]), np.array([pose.lateral_m, pose.depth_m, pose.tilt_rad, 0.0, 0.0]))
+    placed = place_section(np.stack([outer, inner]), np.array([pose.lateral_m, pose.depth_m, pose.tilt_rad, 0.0, 0.0]))
     np.testing.assert_allclose(placed[1], pose.place(Section(outer, inner)).inner)
 
 
@@ -60,5 +61,5 @@ def test_derivatives_of_what_a_frame_shows_are_those_of_differences(laboratory: 
             ends.append(predict(model, 0.27e6, 0.03, moved, places).depth_m)
         difference = (ends[1] - ends[0]) / (2 * step)
         scale = np.abs(difference).max()
-        np.testing.assert_allclose(placed.by_nuisance[:, index], difference, atol=0.03 * scale)
-    assert not placed.by_nuisance[:, POLAR].any()
+        np.testing.assert_allclose(placed.jacobian[:, index], difference, atol=0.03 * scale)
+    assert not placed.jacobian[:, POLAR].any()

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from analytic_library import RADIUS_M, analytic_library
 
+from scleraforce.fitting.placement import Places
 from scleraforce.reader.fit_prediction import (
     DEPTH,
     GAP,
@@ -19,7 +20,6 @@ from scleraforce.reader.fit_prediction import (
     SIZE,
     THICKNESS,
     TIP,
-    Places,
     cut_by_plane,
     force_n,
     predict,

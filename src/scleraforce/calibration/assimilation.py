@@ -18,12 +18,10 @@ from scleraforce.calibration.parameters import Parameter, ParameterSpace
 from scleraforce.calibration.placement import (
     INNER,
     LATERAL,
+    LOG_MODULUS,
     POLAR,
-    Placed,
-    Places,
-    curve_depths,
     force_derivative,
-    place_curves,
+    place_section,
     polar_derivative,
     predict,
 )
@@ -37,6 +35,7 @@ from scleraforce.calibration.registration import (
 )
 from scleraforce.calibration.roukf import FilterParams, Posterior, StepResult, filter_step, initial_posterior
 from scleraforce.calibration.sigma_points import sigma_points
+from scleraforce.fitting.placement import Placed, Places, curve_depths
 from scleraforce.study import CalibrationStudy
 
 __all__ = [
@@ -178,7 +177,7 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
     if placed.seen.sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
     by_force, by_polar = force_derivative(*at), polar_derivative(*at)
-    expected = placed.by_nuisance @ (prior.mean - fit.nuisance)
+    expected = placed.jacobian[:, :LOG_MODULUS] @ (prior.mean - fit.nuisance)
 
     def observe(states_rp: Array) -> Array:
         return _depths(eye, states_rp, frame.force_n, fit.nuisance, places) + expected
@@ -217,9 +216,10 @@ def observation_noise(
     A point that the model's section does not reach says nothing.
     """
     sd_m = np.where(placed.seen, observation.sd_m, UNREACHED_SD_M)
+    by_nuisance = placed.jacobian[:, :LOG_MODULUS]
     noise: Array = (
         np.diag(sd_m**2)
-        + placed.by_nuisance @ prior.covariance @ placed.by_nuisance.T
+        + by_nuisance @ prior.covariance @ by_nuisance.T
         + LABEL_SD_N**2 * np.outer(by_force, by_force)
         + eye.model.constants.polar_sd_rad**2 * np.outer(by_polar, by_polar)
     )
@@ -259,7 +259,7 @@ def _depths(eye: EyeFilter, states_rp: Array, force_n: float, nuisance: Array, p
     depths = np.full((len(values), len(places.lateral_m)), np.nan)
     if sound.any():
         curves = parameter_sections(eye.model, eye.space.names, values[sound], force_n, float(nuisance[POLAR]))
-        placed = place_curves(curves, nuisance)
-        inner = nuisance[INNER] * (places.boundary == 1)
+        placed = place_section(curves, nuisance)
+        inner = nuisance[INNER] * places.is_inner
         depths[sound] = [curve_depths(curve, places)[0] + inner for curve in placed]
     return depths

@@ -1,27 +1,15 @@
-"""A section laid on a frame: what the frame then shows at given lateral places, and how that turns with the pose."""
-
-from dataclasses import dataclass
+"""What a frame shows of an eye at a pose, a modulus and a force, and how that turns with each of them."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.calibration.eye_model import EyeModel, stated_wall
+from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
 
 __all__ = [
-    "DEPTH",
-    "INNER",
-    "LATERAL",
-    "NUISANCES",
-    "POLAR",
-    "ROTATION",
-    "Placed",
-    "Places",
-    "curve_depths",
-    "force_derivative",
-    "place_curves",
-    "polar_derivative",
-    "predict",
-]
+    "DEPTH", "INNER", "LATERAL", "LOG_MODULUS", "NUISANCES", "POLAR", "ROTATION", "force_derivative", "place_section",
+    "polar_derivative", "predict",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -29,63 +17,15 @@ Array = NDArray[np.float64]
 # segmentation's, or a wall that is not as thick as stated).
 NUISANCES = ("lateral_m", "depth_m", "rotation_rad", "polar_rad", "inner_m")
 LATERAL, DEPTH, ROTATION, POLAR, INNER = range(5)
+LOG_MODULUS = 5  # comes after the nuisances among the unknowns of a frame
 
 MODULUS_STEP = 0.01
 FORCE_STEP_N = 1e-4
 
 
-@dataclass(frozen=True, eq=False)
-class Places:
-    """Where a frame is looked at: lateral places (place,) in m; boundaries (place,), first the outer's, 0, then 1."""
-
-    lateral_m: Array
-    boundary: NDArray[np.intp]
-
-
-@dataclass(frozen=True, eq=False)
-class Placed:
-    """What a frame shows at places, (place,) or (place, quantity), in m and SI per unit.
-
-    `by_nuisance` (place, 5) in the order of `NUISANCES`, `by_log_modulus` (place,). `seen`: whether the section reaches
-    the place at all.
-    """
-
-    depth_m: Array
-    slope: Array
-    by_nuisance: Array
-    by_log_modulus: Array
-    seen: NDArray[np.bool_]
-
-
-def place_curves(curves_rbsc: Array, nuisance: Array) -> Array:
-    """Return sections (..., sample, 2) in the frame: turned about the section's origin, then shifted (`Pose.place`)."""
-    c, s = np.cos(nuisance[ROTATION]), np.sin(nuisance[ROTATION])
-    placed: Array = curves_rbsc @ np.array([[c, s], [-s, c]]) + nuisance[[LATERAL, DEPTH]]
-    return placed
-
-
-def curve_depths(curves_bsc: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return depth, slope and whether it is reached, each (place,), of placed curves (boundary, sample, 2).
-
-    Where a wall folds over, the part that comes first in the order of the material counts.
-    """
-    split = int(np.searchsorted(places.boundary, 1))
-    parts = [
-        _depths_along(curve[:, 0], curve[:, 1], lateral)
-        for curve, lateral in zip(curves_bsc, (places.lateral_m[:split], places.lateral_m[split:]), strict=True)
-    ]
-    depth, slope, seen = (np.concatenate(pair) for pair in zip(*parts, strict=True))
-    return depth, slope, seen
-
-
-def _depths_along(lateral_s: Array, down_s: Array, at: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    if (lateral_s[1:] <= lateral_s[:-1]).any():
-        ahead = np.concatenate([[True], lateral_s[1:] > np.maximum.accumulate(lateral_s)[:-1]])
-        lateral_s, down_s = lateral_s[ahead], down_s[ahead]
-    segment = np.minimum(np.maximum(lateral_s.searchsorted(at) - 1, 0), len(lateral_s) - 2)
-    left, top = lateral_s[segment], down_s[segment]
-    slope = (down_s[segment + 1] - top) / (lateral_s[segment + 1] - left)
-    return top + slope * (at - left), slope, (at >= lateral_s[0]) & (at <= lateral_s[-1])
+def place_section(curves: Array, nuisance: Array) -> Array:
+    """Return sections (..., sample, 2) in the frame at the pose of `nuisance` (5,)."""
+    return place_curves(curves, nuisance[LATERAL], nuisance[DEPTH], nuisance[ROTATION])
 
 
 def polar_derivative(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Array:
@@ -94,13 +34,13 @@ def polar_derivative(model: EyeModel, modulus_pa: float, force_n: float, nuisanc
     if low == high:
         return np.zeros(len(places.lateral_m))
     ends = model.curves([stated_wall(model.constants, modulus_pa, force_n, polar) for polar in (low, high)])
-    below, above = (curve_depths(curves, places)[0] for curves in place_curves(ends, nuisance))
+    below, above = (curve_depths(curves, places)[0] for curves in place_section(ends, nuisance))
     slope: Array = (above - below) / (high - low)
     return slope
 
 
 def predict(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Placed:
-    """Return what a frame shows at places, with its derivatives.
+    """Return what a frame shows at places; derivatives by the `NUISANCES` and by ln E, (place, 6).
 
     Args:
         model: the eye.
@@ -111,19 +51,19 @@ def predict(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array,
     """
     moduli = (modulus_pa, modulus_pa * (1 + MODULUS_STEP))
     states = [stated_wall(model.constants, modulus, force_n, nuisance[POLAR]) for modulus in moduli]
-    curves = place_curves(model.curves(states), nuisance)
+    curves = place_section(model.curves(states), nuisance)
     (depth, slope, seen), stiffer = (curve_depths(curve, places) for curve in curves)
-    lateral, down = places.lateral_m - nuisance[LATERAL], depth - nuisance[DEPTH]
-    inner = (places.boundary == 1).astype(np.float64)
-    fixed = np.zeros_like(depth)  # the polar angle, see `polar_derivative`
-    by_nuisance = np.stack([-slope, np.ones_like(depth), lateral + slope * down, fixed, inner], axis=1)
-    return Placed(depth + nuisance[INNER] * inner, slope, by_nuisance, (stiffer[0] - depth) / MODULUS_STEP, seen)
+    by_pose = pose_derivatives(places, depth, slope, (nuisance[LATERAL], nuisance[DEPTH]))
+    by_polar = np.zeros_like(depth)  # held while a frame is fitted, see `polar_derivative`
+    by_modulus = (stiffer[0] - depth) / MODULUS_STEP
+    jacobian = np.stack([*by_pose, by_polar, places.is_inner, by_modulus], axis=1)
+    return Placed(depth + nuisance[INNER] * places.is_inner, slope, jacobian, seen)
 
 
 def force_derivative(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Array:
     """Return how the depths at places turn with the force, (place,) in m/N."""
     forces = (force_n - FORCE_STEP_N, force_n + FORCE_STEP_N)
     states = [stated_wall(model.constants, modulus_pa, force, nuisance[POLAR]) for force in forces]
-    less, more = (curve_depths(curve, places)[0] for curve in place_curves(model.curves(states), nuisance))
+    less, more = (curve_depths(curve, places)[0] for curve in place_section(model.curves(states), nuisance))
     slope: Array = (more - less) / (2 * FORCE_STEP_N)
     return slope

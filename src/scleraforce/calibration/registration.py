@@ -5,7 +5,7 @@ moves, so no part of it is a fixed reference. The pose about which the eye of a 
 frame as a belief; a frame's pose is a draw about it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 
 import numpy as np
@@ -13,18 +13,9 @@ from numpy.typing import NDArray
 
 from scleraforce.calibration.eye_model import EyeModel, stated_wall
 from scleraforce.calibration.observations import Boundaries
-from scleraforce.calibration.placement import (
-    DEPTH,
-    INNER,
-    LATERAL,
-    POLAR,
-    ROTATION,
-    Placed,
-    Places,
-    curve_depths,
-    place_curves,
-    predict,
-)
+from scleraforce.calibration.placement import DEPTH, INNER, LATERAL, POLAR, ROTATION, place_section, predict
+from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
+from scleraforce.fitting.placement import Placed, Places, curve_depths
 from scleraforce.study import CalibrationStudy
 
 __all__ = ["PoseBelief", "Registered", "first_belief", "frame_prior", "register", "updated_belief"]
@@ -34,12 +25,9 @@ Array = NDArray[np.float64]
 FIRST_SD = {LATERAL: 2e-3, DEPTH: 1.5e-3, ROTATION: 0.1}  # of a recording's pose, before its first frame
 COLUMNS = 48  # of each boundary that are fitted
 COLUMN_SD_M = 10e-6
-CAUCHY = 2.5  # standard deviations at which a column's weight is halved; far ones hardly count at all
 INNER_FRAMES = 25  # the offset of the inner boundary is common to all: so many frames then say as much of it as one
-UNSEEN_LOSS = 3.0  # of a column that the section does not reach: as one that is 4 CAUCHY off
 LOG_MODULUS_SD = 1.0  # a frame's own modulus is free: the pose must not follow what the filter believes
-MOST_ITERATIONS = 25
-CONVERGED_SD = 0.1
+STOPPING = Stopping(iterations=25, converged_sd=0.1)
 START_LATERAL_M = np.linspace(-2.5e-3, 2.5e-3, 11)
 START_MODULUS = (0.15, 0.3, 0.6, 1.0, 2.0)  # of the modulus that is given
 
@@ -105,25 +93,13 @@ def register(
         modulus_pa: from where the frame's modulus is sought.
         prior: what is known of the frame's nuisances.
     """
-    places, observed = _thinned(boundaries)
-    fit = _Fit(model, places, observed, force_n, prior, log(modulus_pa))
-    unknown = fit.start()
-    placed, cost, damping = *fit.evaluate(unknown), 1e-3
-    for _ in range(MOST_ITERATIONS):
-        normal, gradient = fit.normal_equations(unknown, placed)
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
-        if float(step @ normal @ step) < CONVERGED_SD**2:
-            break
-        trial_placed, trial_cost = fit.evaluate(unknown + step)
-        if trial_cost < cost:
-            unknown, placed, cost, damping = unknown + step, trial_placed, trial_cost, damping / 10
-        else:
-            damping *= 10
+    fit = _Fit(model, _thinned(boundaries), force_n, prior, log(modulus_pa))
+    unknown, placed, _ = gauss_newton(fit, fit.start(), STOPPING)
     return fit.result(unknown, placed)
 
 
-def _thinned(boundaries: Boundaries) -> tuple[Places, Array]:
-    """Return at most COLUMNS places of each boundary, evenly among the columns that are seen, and their depths."""
+def _thinned(boundaries: Boundaries) -> Columns:
+    """Return at most COLUMNS places of each boundary, evenly among the columns that are seen."""
     columns = []
     for depth in boundaries.depth_m:
         seen = np.flatnonzero(np.isfinite(depth))
@@ -132,16 +108,17 @@ def _thinned(boundaries: Boundaries) -> tuple[Places, Array]:
         )
     boundary = np.repeat([0, 1], [len(part) for part in columns]).astype(np.intp)
     column = np.concatenate(columns)
-    return Places(boundaries.lateral_m[column], boundary), boundaries.depth_m[boundary, column]
+    places = Places(boundaries.lateral_m[column], boundary)
+    return Columns(places, boundaries.depth_m[boundary, column], np.full(len(column), COLUMN_SD_M))
 
 
 class _Fit:
     """The least-squares problem of one frame; unknown (6,): the nuisances and ln E. What is certain stays fixed."""
 
     def __init__(
-        self, model: EyeModel, places: Places, observed: Array, force_n: float, prior: PoseBelief, log_modulus: float
+        self, model: EyeModel, columns: Columns, force_n: float, prior: PoseBelief, log_modulus: float
     ) -> None:
-        self.model, self.places, self.observed, self.force_n = model, places, observed, force_n
+        self.model, self.columns, self.force_n = model, columns, force_n
         self.mean = np.append(prior.mean, log_modulus)
         self.free = np.append(np.diag(prior.covariance) > 0, True)
         covariance = np.zeros((6, 6))
@@ -163,7 +140,8 @@ class _Fit:
             for lateral in START_LATERAL_M:
                 nuisance = self.mean[:5].copy()
                 nuisance[LATERAL] = lateral
-                rest = self.observed - curve_depths(place_curves(curve, nuisance), self.places)[0]
+                depth = curve_depths(place_section(curve, nuisance), self.columns.places)[0]
+                rest = self.columns.depth_m - depth
                 shift = float(np.median(rest))
                 cost = float(np.abs(rest - shift).sum())
                 if cost < best:
@@ -173,35 +151,32 @@ class _Fit:
 
     def evaluate(self, unknown: Array) -> tuple[Placed, float]:
         """Return the prediction and the cost."""
-        placed = predict(self.model, float(np.exp(unknown[5])), self.force_n, unknown[:5], self.places)
-        size = np.abs(self._scaled(placed))[placed.seen]
-        loss = CAUCHY**2 * (np.log1p((size / CAUCHY) ** 2).sum() + UNSEEN_LOSS * (~placed.seen).sum())
+        modulus_pa = float(np.exp(unknown[5]))
+        placed = predict(self.model, modulus_pa, self.force_n, unknown[:5], self.columns.places)
         away = unknown - self.mean
-        return placed, float(loss + away @ self.precision @ away)
+        return placed, self.columns.loss(placed) + float(away @ self.precision @ away)
 
     def normal_equations(self, unknown: Array, placed: Placed) -> tuple[Array, Array]:
-        """Return the weighted normal matrix (6, 6) and the gradient (6,); fixed unknowns do not move."""
-        sd = COLUMN_SD_M * np.sqrt(1 + placed.slope**2)
-        jacobian = np.column_stack([placed.by_nuisance, placed.by_log_modulus]) / sd[:, None]
-        jacobian[:, ~self.free] = 0
-        residual = self._scaled(placed)
-        weight = np.where(placed.seen, 1 / (1 + (residual / CAUCHY) ** 2), 0.0)
-        normal = jacobian.T @ (weight[:, None] * jacobian) + self.precision
+        """Return the normal matrix (6, 6) and the gradient (6,); fixed unknowns do not move."""
+        normal, gradient = self.columns.normal_equations(self._free(placed))
+        normal += self.precision
         normal[~self.free, ~self.free] = 1.0
-        gradient = jacobian.T @ (weight * residual) - self.precision @ (unknown - self.mean)
-        return normal, gradient
+        return normal, gradient - self.precision @ (unknown - self.mean)
+
+    def inside(self, unknown: Array) -> Array:
+        """Return the unknowns as they are: a section goes on smoothly beyond what the mechanics holds for."""
+        return unknown
+
+    def _free(self, placed: Placed) -> Placed:
+        """Return a prediction that fixed unknowns do not move."""
+        return replace(placed, jacobian=placed.jacobian * self.free)
 
     def result(self, unknown: Array, placed: Placed) -> Registered:
         """Return the fit, its covariance scaled by the misfit (Birge 1932)."""
-        normal, _ = self.normal_equations(unknown, placed)
-        residual = self._scaled(placed)[placed.seen]
-        scale = max(1.0, 1.4826 * float(np.median(np.abs(residual)))) if len(residual) else 1.0
-        data = normal - self.precision
+        size = np.abs(self.columns.residual(placed)[placed.seen])
+        scale = max(1.0, robust_spread(size)) if len(size) else 1.0
+        data, _ = self.columns.normal_equations(self._free(placed), scale)
         covariance = np.zeros((6, 6))
         free = np.ix_(self.free, self.free)
-        covariance[free] = np.linalg.inv((data / scale**2 + self.precision)[free])
+        covariance[free] = np.linalg.inv((data + self.precision)[free])
         return Registered(unknown[:5].copy(), covariance[:5, :5], float(np.exp(unknown[5])))
-
-    def _scaled(self, placed: Placed) -> Array:
-        scaled: Array = (self.observed - placed.depth_m) / (COLUMN_SD_M * np.sqrt(1 + placed.slope**2))
-        return scaled

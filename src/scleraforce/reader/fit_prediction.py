@@ -6,17 +6,15 @@ is larger by a factor is the same eye at another length unit: thickness and dent
 by its square.
 """
 
-from dataclasses import dataclass
-from math import sqrt
-
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
 from scleraforce.library.responses import Library
 
 __all__ = [
-    "DEPTH", "GAP", "INNER", "IOP", "LATERAL", "MODULUS", "NAMES", "ROTATION", "SIZE", "THICKNESS", "TIP", "Places",
-    "Predicted", "force_n", "place_walls", "predict",
+    "DEPTH", "GAP", "INNER", "IOP", "LATERAL", "MODULUS", "NAMES", "ROTATION", "SIZE", "THICKNESS", "TIP", "force_n",
+    "place_walls", "predict",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -32,33 +30,6 @@ TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS, MODULUS, IOP, SIZE, INNER = range
 TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP = 20e-6, 10e-6, 5e-6, 0.05
 
 
-@dataclass(frozen=True, eq=False)
-class Places:
-    """Where a frame was looked at, (place,): lateral m from its middle, and the boundary (0 outer, 1 inner).
-
-    The outer boundary's come first. `smoothing_m`: over which it was smoothed (a Gaussian's standard deviation).
-    """
-
-    lateral_m: Array
-    boundary: NDArray[np.intp]
-    smoothing_m: float = 0.0
-
-    @property
-    def outer(self) -> int:
-        """How many lie on the outer boundary."""
-        return int(np.searchsorted(self.boundary, 1))
-
-
-@dataclass(frozen=True, eq=False)
-class Predicted:
-    """What a frame shows at places: depth in m and slope (place,), derivatives (place, unknown), whether reached."""
-
-    depth_m: Array
-    slope: Array
-    jacobian: Array
-    seen: NDArray[np.bool_]
-
-
 def force_n(library: Library, unknown_su: Array) -> Array:
     """Return the needle's force for each set of unknowns (sample, unknown), (sample,) in N."""
     size, modulus = np.exp(unknown_su[:, SIZE]), np.exp(unknown_su[:, MODULUS])
@@ -71,10 +42,11 @@ def place_walls(library: Library, unknown_su: Array) -> Array:
 
     All lie at the first sample's pose.
     """
-    return _placed(_cut_walls(library, unknown_su), unknown_su[0])
+    pose = unknown_su[0]
+    return place_curves(_cut_walls(library, unknown_su), pose[LATERAL], pose[DEPTH], pose[ROTATION])
 
 
-def predict(library: Library, unknown: Array, places: Places) -> Predicted:
+def predict(library: Library, unknown: Array, places: Places) -> Placed:
     """Return what a frame shows at places.
 
     Args:
@@ -86,21 +58,20 @@ def predict(library: Library, unknown: Array, places: Places) -> Predicted:
     varied = np.repeat(unknown[None], 5, axis=0)
     varied[1:, [TIP, GAP, THICKNESS, IOP]] += np.diag(_inward(library, unknown, steps))
     moved = varied[1:, [TIP, GAP, THICKNESS, IOP]].diagonal() - unknown[[TIP, GAP, THICKNESS, IOP]]
-    found = [_depths(curves, places) for curves in place_walls(library, varied)]
+    found = [curve_depths(curves, places) for curves in place_walls(library, varied)]
     (depth, slope, seen), others = found[0], found[1:]
     by_tip, by_gap, by_thickness, by_pressure = (
         (other[0] - depth) / step for other, step in zip(others, moved, strict=True)
     )
-    across, down = places.lateral_m - unknown[LATERAL], depth - unknown[DEPTH]
-    inner = (places.boundary == 1).astype(np.float64)
-    by_size = down - slope * across
+    by_lateral, by_depth, by_rotation = pose_derivatives(places, depth, slope, (unknown[LATERAL], unknown[DEPTH]))
+    by_size = depth - unknown[DEPTH] - slope * (places.lateral_m - unknown[LATERAL])
     by_size -= unknown[TIP] * by_tip + unknown[GAP] * by_gap + unknown[THICKNESS] * by_thickness
     jacobian = np.stack(
-        [by_tip, -slope, np.ones_like(depth), across + slope * down, by_gap, by_thickness, -by_pressure, by_pressure,
-         by_size, inner], axis=1,
+        [by_tip, by_lateral, by_depth, by_rotation, by_gap, by_thickness, -by_pressure, by_pressure, by_size,
+         places.is_inner], axis=1,
     )  # fmt: skip
     jacobian[~seen] = 0.0
-    return Predicted(depth + unknown[INNER] * inner, slope, jacobian, seen)
+    return Placed(depth + unknown[INNER] * places.is_inner, slope, jacobian, seen)
 
 
 def _inward(library: Library, unknown: Array, steps: Array) -> Array:
@@ -160,40 +131,3 @@ def cut_by_plane(curves_sbnc: Array, gap_s: Array) -> Array:
         [np.concatenate([-lateral[..., ::-1], lateral], axis=2), np.concatenate([down[..., ::-1], down], axis=2)],
         axis=3,
     )
-
-
-def _placed(curves_sbmc: Array, unknown: Array) -> Array:
-    """Return curves in the frame: turned about the undeformed contact, then shifted."""
-    c, s = np.cos(unknown[ROTATION]), np.sin(unknown[ROTATION])
-    placed: Array = curves_sbmc @ np.array([[c, s], [-s, c]]) + unknown[[LATERAL, DEPTH]]
-    return placed
-
-
-def _depths(curves_bmc: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return depth, slope and whether it is reached, each (place,), of placed curves."""
-    outer, inner = places.lateral_m[: places.outer], places.lateral_m[places.outer :]
-    parts = (_smoothed(curves_bmc[0], outer, places.smoothing_m), _depths_along(curves_bmc[1], inner))
-    depth, slope, seen = (np.concatenate(pair) for pair in zip(*parts, strict=True))
-    return depth, slope, seen
-
-
-def _smoothed(curve_mc: Array, at: Array, sd_m: float) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return the same of a curve under a Gaussian: the three-point rule of Gauss and Hermite."""
-    if not sd_m:
-        return _depths_along(curve_mc, at)
-    apart = sqrt(3.0) * sd_m
-    found = _depths_along(curve_mc, (at + np.array([[-apart], [0.0], [apart]])).ravel())
-    depth, slope = (np.array([1.0, 4.0, 1.0]) @ part.reshape(3, -1) / 6.0 for part in found[:2])
-    return depth, slope, found[2].reshape(3, -1)[1]
-
-
-def _depths_along(curve_mc: Array, at: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Interpolate a polyline; of a part that folds back under itself, what comes first counts: light sees that."""
-    lateral, down = curve_mc.T
-    reached = np.maximum.accumulate(lateral)
-    ahead = np.concatenate([[True], lateral[1:] > reached[:-1]])
-    lateral, down = lateral[ahead], down[ahead]
-    segment = np.minimum(np.maximum(lateral.searchsorted(at) - 1, 0), len(lateral) - 2)
-    left, top = lateral[segment], down[segment]
-    slope = (down[segment + 1] - top) / (lateral[segment + 1] - left)
-    return top + slope * (at - left), slope, (at >= lateral[0]) & (at <= lateral[-1])

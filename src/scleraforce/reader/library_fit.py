@@ -16,6 +16,8 @@ from math import log, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
+from scleraforce.fitting.placement import Placed, Places
 from scleraforce.library.responses import Library
 from scleraforce.reader.fit_prediction import (
     DEPTH,
@@ -29,8 +31,6 @@ from scleraforce.reader.fit_prediction import (
     SIZE,
     THICKNESS,
     TIP,
-    Places,
-    Predicted,
     force_n,
     place_walls,
     predict,
@@ -46,8 +46,6 @@ Array = NDArray[np.float64]
 COLUMNS = 110  # of each boundary that are fitted
 POINT_SD_M = np.array([5e-6, 9e-6])  # of the outer and the inner boundary along their normal
 CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
-CAUCHY = 2.5  # standard deviations at which a column's weight is halved
-UNSEEN_LOSS = 3.0  # of a column that the wall does not reach: as one that is 4 CAUCHY off
 OUTLIER_SD = 8.0
 LAYER_M = 0.3e-3  # so far below the wall the choroid may end, which stretches of the inner boundary may follow
 FREE_SD = {TIP: 10e-3, LATERAL: 2e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.03, INNER: 15e-6}
@@ -58,8 +56,7 @@ FORCE_BY_LOG_THICKNESS, FORCE_BY_LOG_IOP = 2.0, 1.0 / 3.0
 MODEL_SD = 0.01  # relative, of the force: real walls against the library's
 MODEL_SD_N = 0.1e-3
 STARTS = 2
-MOST_ITERATIONS = 20
-CONVERGED_SD = 0.05
+STOPPING = Stopping(iterations=20, converged_sd=0.05, retry_damping=1e-2)
 DRAWS = 512
 INTERVAL = (0.05, 0.95)
 
@@ -166,28 +163,30 @@ def fit_boundaries(
     Returns:
         The fit; None where less is seen than there are unknowns.
     """
-    places, observed = _thinned(lateral_m, depth_bc, smoothing_m)
-    outer = places.boundary == 0
-    if outer.sum() < 2 * len(NAMES):
+    columns = _thinned(lateral_m, depth_bc, smoothing_m)
+    outer = columns.places.outer
+    if outer < 2 * len(NAMES):
         return None
-    problem = _Problem(library, places, observed, prior, _columns_as_one(places))
-    begun = starts(library, prior.mean, places.lateral_m[outer], observed[outer], STARTS)
-    unknown, predicted, _ = min((problem.refined(start) for start in begun), key=lambda found: found[2])
-    return problem.result(unknown, predicted)
+    problem = _Problem(library, columns, prior)
+    begun = starts(library, prior.mean, columns.places.lateral_m[:outer], columns.depth_m[:outer], STARTS)
+    fits = (gauss_newton(problem, start, STOPPING) for start in begun)
+    unknown, placed, _ = min(fits, key=lambda fit: fit[2])
+    return problem.result(unknown, placed)
 
 
-def _thinned(lateral_m: Array, depth_bc: Array, smoothing_m: float) -> tuple[Places, Array]:
-    """Return at most COLUMNS places of each boundary, evenly among the columns, where they are seen; and depths."""
+def _thinned(lateral_m: Array, depth_bc: Array, smoothing_m: float) -> Columns:
+    """Return at most COLUMNS places of each boundary, evenly among the columns, where they are seen."""
     step = max(1, -(-len(lateral_m) // COLUMNS))
     boundary, column = np.nonzero(np.isfinite(depth_bc[:, ::step]))
     column = column * step
-    return Places(lateral_m[column], boundary, smoothing_m), depth_bc[boundary, column]
+    places = Places(lateral_m[column], boundary, smoothing_m)
+    return Columns(places, depth_bc[boundary, column], POINT_SD_M[boundary], _columns_as_one(places))
 
 
 def _columns_as_one(places: Places) -> float:
     """Return how many neighbouring places share one error."""
-    outer = places.lateral_m[places.boundary == 0]
-    return max(1.0, CORRELATED_M / float(np.median(np.diff(outer))))
+    outer = places.lateral_m[: places.outer]
+    return max(1.0, CORRELATED_M / float(np.median(np.diff(outer)))) if len(outer) > 1 else 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,74 +194,38 @@ class _Problem:
     """The least-squares problem of one frame."""
 
     library: Library
-    places: Places
-    observed: Array
+    columns: Columns
     prior: Prior
-    columns_as_one: float
 
-    def refined(self, start: Array) -> tuple[Array, Predicted, float]:
-        """Return the unknowns, what they predict and their cost, from where a step would change nothing."""
-        unknown, damping = start, 1e-3
-        predicted = predict(self.library, unknown, self.places)
-        cost = self.cost(unknown, predicted)
-        for _ in range(MOST_ITERATIONS):
-            normal, gradient = self.normal_equations(unknown, predicted)
-            step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
-            trial = self._inside(unknown + step)
-            step = trial - unknown
-            if float(step @ normal @ step) < CONVERGED_SD**2:
-                break
-            trial_predicted = predict(self.library, trial, self.places)
-            trial_cost = self.cost(trial, trial_predicted)
-            if trial_cost < cost:
-                unknown, predicted, cost, damping = trial, trial_predicted, trial_cost, damping / 10
-            else:
-                damping = max(10 * damping, 1e-2)
-        return unknown, predicted, cost
-
-    def _inside(self, unknown: Array) -> Array:
-        """Keep the dent within what the library holds: outside it nothing would lead back."""
-        unknown[TIP] = np.clip(unknown[TIP], 0.0, self.library.tip_m[-1] * np.exp(unknown[SIZE]))
-        return unknown
-
-    def cost(self, unknown: Array, predicted: Predicted) -> float:
-        """Return the loss of the columns, so many of which count as one, and of leaving the prior."""
-        size = self.scaled(predicted)[predicted.seen]
-        loss = np.log1p((size / CAUCHY) ** 2).sum() + UNSEEN_LOSS * np.count_nonzero(~predicted.seen)
+    def evaluate(self, unknown: Array) -> tuple[Placed, float]:
+        """Return the prediction and its cost: the loss of the columns, and of leaving the prior."""
+        placed = predict(self.library, unknown, self.columns.places)
         away = unknown - self.prior.mean
         inner = away[INNER] / (INNER_CAUCHY * self.prior.sd[INNER])
         away[INNER] = 0.0
         known = away @ self.prior.precision @ away + INNER_CAUCHY**2 * np.log1p(inner**2)
-        return float(CAUCHY**2 * loss / self.columns_as_one + known)
+        return placed, self.columns.loss(placed) + float(known)
 
-    def normal_equations(self, unknown: Array, predicted: Predicted, scale: float = 1.0) -> tuple[Array, Array]:
-        """Return the weighted normal matrix (unknown, unknown) and the gradient (unknown,)."""
-        jacobian = predicted.jacobian / self.sd_m(predicted)[:, None]
-        residual = self.scaled(predicted)
-        weight = np.where(predicted.seen, 1 / (1 + (residual / CAUCHY) ** 2), 0.0) / (self.columns_as_one * scale**2)
-        weighted = jacobian * weight[:, None]
+    def normal_equations(self, unknown: Array, placed: Placed, scale: float = 1.0) -> tuple[Array, Array]:
+        """Return the normal matrix (unknown, unknown) and the gradient (unknown,)."""
+        normal, gradient = self.columns.normal_equations(placed, scale)
         precision, away = self.prior.precision.copy(), unknown - self.prior.mean
         precision[INNER, INNER] /= 1 + (away[INNER] / (INNER_CAUCHY * self.prior.sd[INNER])) ** 2
-        return jacobian.T @ weighted + precision, weighted.T @ residual - precision @ away
+        return normal + precision, gradient - precision @ away
 
-    def scaled(self, predicted: Predicted) -> Array:
-        """Return the residuals along the normal, in standard deviations (place,)."""
-        scaled: Array = (self.observed - predicted.depth_m) / self.sd_m(predicted)
-        return scaled
+    def inside(self, unknown: Array) -> Array:
+        """Keep the dent within what the library holds: outside it nothing would lead back."""
+        unknown[TIP] = np.clip(unknown[TIP], 0.0, self.library.tip_m[-1] * np.exp(unknown[SIZE]))
+        return unknown
 
-    def sd_m(self, predicted: Predicted) -> Array:
-        """Return the standard deviation of an observed depth (place,), m: that along the normal, seen down a column."""
-        sd: Array = POINT_SD_M[self.places.boundary] * np.sqrt(1 + predicted.slope**2)
-        return sd
-
-    def result(self, unknown: Array, predicted: Predicted) -> BoundaryFit:
+    def result(self, unknown: Array, placed: Placed) -> BoundaryFit:
         """Return the fit with its uncertainty: the curvature's, scaled by the misfit where that is large (Birge)."""
-        signed = self.scaled(predicted)
-        residual = np.where(predicted.seen, np.abs(signed), np.inf)
-        misfit = 1.4826 * float(np.median(residual))
+        signed = self.columns.residual(placed)
+        residual = np.where(placed.seen, np.abs(signed), np.inf)
+        misfit = robust_spread(residual)
         below_m = signed * POINT_SD_M[1]
-        layer = (self.places.boundary == 1) & predicted.seen & (below_m > 0.0) & (below_m < LAYER_M)
-        normal, _ = self.normal_equations(unknown, predicted, max(1.0, min(misfit, 1e3)))
+        layer = (self.columns.places.boundary == 1) & placed.seen & (below_m > 0.0) & (below_m < LAYER_M)
+        normal, _ = self.normal_equations(unknown, placed, max(1.0, min(misfit, 1e3)))
         covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
         draws_n = self._drawn_forces(unknown, covariance)
         low_n, force, high_n = np.quantile(draws_n, [INTERVAL[0], 0.5, INTERVAL[1]])

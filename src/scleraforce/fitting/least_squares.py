@@ -1,0 +1,123 @@
+"""Robust least squares: a damped Gauss-Newton method on Cauchy's loss of the columns of a frame.
+
+The loss of a column that lies r standard deviations off is c² ln(1 + (r/c)²): it grows like r² near 0 and hardly at all
+far away, so a stretch that follows something else than the wall does not pull the wall along (Huber and Ronchetti,
+Robust Statistics, 2009, sec. 7.8). The damping is Marquardt's (1963), relative to the diagonal of the normal matrix.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.fitting.placement import Placed, Places
+
+__all__ = ["CAUCHY", "Columns", "Problem", "Stopping", "gauss_newton", "robust_spread"]
+
+Array = NDArray[np.float64]
+
+CAUCHY = 2.5  # standard deviations at which a column's weight is halved
+UNSEEN_LOSS = 3.0  # of a column that the wall does not reach: as one that is 4 CAUCHY off
+FIRST_DAMPING = 1e-3
+NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over the median of its size
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """What a frame shows: its places, their depth and the standard deviation along the normal, (place,) in m.
+
+    `as_one` neighbouring places share one error.
+    """
+
+    places: Places
+    depth_m: Array
+    sd_m: Array
+    as_one: float = 1.0
+
+    def residual(self, placed: Placed) -> Array:
+        """Return how far the columns lie off along the normal, in standard deviations (place,)."""
+        residual: Array = (self.depth_m - placed.depth_m) / self._depth_sd_m(placed)
+        return residual
+
+    def loss(self, placed: Placed) -> float:
+        """Return Cauchy's loss of all columns."""
+        size = self.residual(placed)[placed.seen]
+        lost = np.log1p((size / CAUCHY) ** 2).sum() + UNSEEN_LOSS * np.count_nonzero(~placed.seen)
+        return float(CAUCHY**2 * lost / self.as_one)
+
+    def normal_equations(self, placed: Placed, scale: float = 1.0) -> tuple[Array, Array]:
+        """Return the weighted normal matrix (unknown, unknown) and the gradient (unknown,).
+
+        Args:
+            placed: the prediction.
+            scale: by which the standard deviations are larger than stated.
+        """
+        jacobian = placed.jacobian / self._depth_sd_m(placed)[:, None]
+        residual = self.residual(placed)
+        weight = np.where(placed.seen, 1 / (1 + (residual / CAUCHY) ** 2), 0.0) / (self.as_one * scale**2)
+        weighted = jacobian * weight[:, None]
+        return jacobian.T @ weighted, weighted.T @ residual
+
+    def _depth_sd_m(self, placed: Placed) -> Array:
+        """Return the standard deviation of the depths (place,): that along the normal, seen down a column."""
+        sd: Array = self.sd_m * np.sqrt(1 + placed.slope**2)
+        return sd
+
+
+class Problem(Protocol):
+    """What is fitted to a frame: unknowns (unknown,), each held by what is known of it before."""
+
+    def evaluate(self, unknown: Array) -> tuple[Placed, float]:
+        """Return the prediction and its cost."""
+        ...
+
+    def normal_equations(self, unknown: Array, placed: Placed) -> tuple[Array, Array]:
+        """Return the normal matrix (unknown, unknown) and the gradient (unknown,), with what is known before."""
+        ...
+
+    def inside(self, unknown: Array) -> Array:
+        """Return the nearest unknowns that can be predicted for."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stopping:
+    """When a fit ends: after so many steps, or when a step is shorter than `converged_sd` standard deviations.
+
+    `retry_damping` is the least damping after a step that made things worse.
+    """
+
+    iterations: int
+    converged_sd: float
+    retry_damping: float = 0.0
+
+
+def gauss_newton(problem: Problem, start: Array, stopping: Stopping) -> tuple[Array, Placed, float]:
+    """Return the unknowns, what they predict and their cost, from where a step would change nothing.
+
+    Args:
+        problem: what is fitted.
+        start: unknowns to begin from (unknown,).
+        stopping: when to end.
+    """
+    unknown, damping = start, FIRST_DAMPING
+    placed, cost = problem.evaluate(unknown)
+    for _ in range(stopping.iterations):
+        normal, gradient = problem.normal_equations(unknown, placed)
+        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
+        trial = problem.inside(unknown + step)
+        step = trial - unknown
+        if float(step @ normal @ step) < stopping.converged_sd**2:
+            break
+        trial_placed, trial_cost = problem.evaluate(trial)
+        if trial_cost < cost:
+            unknown, placed, cost, damping = trial, trial_placed, trial_cost, damping / 10
+        else:
+            damping = max(10 * damping, stopping.retry_damping)
+    return unknown, placed, cost
+
+
+def robust_spread(size: Array) -> float:
+    """Return the standard deviation of residuals from the median of their size, which outliers do not move."""
+    return NORMAL_MEDIAN * float(np.median(size))
