@@ -119,7 +119,7 @@ def read_frames(folder: FiguresFolder, eyes: Sequence[FigureEye], method: Method
 
     The frames that any eye is calibrated on are left out, also where the method does not use that calibration.
     """
-    used = {(eye, file) for eye, entry in calibrated_eyes(folder, eyes).items() for file in entry.frames}
+    used = {(eye, frame.file) for eye, entry in calibrated_eyes(folder, eyes).items() for frame in entry.frames}
     halves = _halves(eyes)
     frames: list[AnsweredFrame] = []
     for number, half in enumerate(halves):

@@ -37,7 +37,7 @@ def test_modulus_from_raw_frames_is_within_3_percent(calibration: Calibration, e
     assert found.mean_pa == pytest.approx(eye.youngs_modulus_pa, rel=0.03)
     assert abs(found.mean_pa - eye.youngs_modulus_pa) < 3 * found.sd_pa
     assert found.status == "ok"
-    assert calibration.population == (found.mean_pa, 0.0)
+    assert calibration.population == (found.mean_pa, None)
 
 
 def test_poses_of_raw_frames_are_within_50_um(calibration: Calibration, recording: Recording) -> None:
@@ -79,7 +79,9 @@ def test_file_has_the_keys_that_others_read(calibration: Calibration) -> None:
     content = json.loads(json.dumps(calibration_as_json(calibration), allow_nan=False))
     entry = content["eyes"]["virtual"]
     assert entry["updates"] == 5
-    assert entry["frames"] == ["0002.png", "0003.png", "0004.png", "0005.png", "0006.png"]
+    assert [frame["file"] for frame in entry["frames"]] == [f"000{number}.png" for number in range(2, 7)]
+    assert len({frame["sha256"] for frame in entry["frames"]}) == 5
+    assert content["population"]["sd_mpa"] is None
     assert content["population"]["mean_mpa"] == entry["mean_mpa"]
     assert content["study_sha256"] == "hash"
     assert len(entry["recordings"][0]["sha256"]) == 64
@@ -125,8 +127,8 @@ def test_an_earlier_file_of_other_parameters_is_refused(
     [
         ("{", "not JSON"),
         ("[]", "format"),
-        ('{"format": 2, "mechanics": "linear"}', "missing"),
-        ('{"format": 2, "mechanics": "linear", "eyes": {"a": {}}}', "state"),
+        ('{"format": 3, "mechanics": "linear"}', "eyes: missing"),
+        ('{"format": 3, "mechanics": "linear", "eyes": {"a": {}}}', "eyes.a.frames: expected"),
     ],
 )
 def test_a_file_that_is_no_calibration_is_refused_in_one_line(text: str, message: str) -> None:

@@ -39,7 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("monitor")
     write_fixed_reader(folder / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)])
     mpa = MODULUS_PA / 1e6
-    eyes = {"mine": {"mean_mpa": mpa, "sd_mpa": 0.01 * mpa, "thickness_um": THICKNESS_M * 1e6, "frames": ["1.png"]}}
+    eyes = {"mine": {"mean_mpa": mpa, "sd_mpa": 0.01 * mpa, "thickness_um": THICKNESS_M * 1e6, "frames": []}}
     text = calibration_text(eyes=eyes, population={"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05})
     (folder / "calibration.json").write_text(text)
     return folder

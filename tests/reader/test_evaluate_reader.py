@@ -15,6 +15,7 @@ from scleraforce.cli.main import run
 from scleraforce.errors import CalibrationError
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
+from scleraforce.recording.files import frame_digest, read_frame
 from scleraforce.units import n_to_mn
 
 pytest.importorskip("torch")
@@ -40,12 +41,12 @@ contact_sign = -1
 """
 
 
-def write_recording(path: Path, eye: str, gap_m: float = GAP_M) -> Path:
+def write_recording(path: Path, eye: str, gap_m: float = GAP_M, seed: int = 0) -> Path:
     """Four frames of the analytic wall under known forces, and one that shows nothing."""
     (path / "frames").mkdir(parents=True)
     (path / "recording.toml").write_text(RECORDING_TOML.format(eye=eye, gap=gap_m))
     forces_n = (*FORCES_N, 0.010)
-    images = [image(wall_section(tip_of(force_n)), seed) for seed, force_n in enumerate(FORCES_N)]
+    images = [image(wall_section(tip_of(force_n)), seed + k) for k, force_n in enumerate(FORCES_N)]
     images.append(np.full_like(images[0], 600))
     for number, pixels in enumerate(images):
         cv2.imwrite(str(path / "frames" / f"{number}.png"), pixels)
@@ -65,7 +66,9 @@ def places(tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("reader")
     write_fixed_reader(folder / "model", LIBRARY, (0.0, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
     mpa = MODULUS_PA / 1e6
-    eyes = {"mine": {"mean_mpa": mpa, "sd_mpa": 0.01 * mpa, "thickness_um": THICKNESS_M * 1e6, "frames": ["1.png"]}}
+    mine = write_recording(folder / "mine", "mine")
+    used = [{"file": "1.png", "sha256": frame_digest(read_frame(mine / "frames" / "1.png"))}]
+    eyes = {"mine": {"mean_mpa": mpa, "sd_mpa": 0.01 * mpa, "thickness_um": THICKNESS_M * 1e6, "frames": used}}
     population = {"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05}
     (folder / "calibration.json").write_text(calibration_text(eyes=eyes, population=population))
     (folder / "linear.json").write_text(calibration_text(mechanics="linear"))
@@ -73,8 +76,8 @@ def places(tmp_path_factory) -> dict[str, Path]:
         "model": folder / "model",
         "calibration": folder / "calibration.json",
         "linear": folder / "linear.json",
-        "mine": write_recording(folder / "mine", "mine"),
-        "other": write_recording(folder / "other", "stranger"),
+        "mine": mine,
+        "other": write_recording(folder / "other", "stranger", seed=100),
         "far": write_recording(folder / "far", "far", gap_m=1.5e-3),
     }
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scleraforce.calibration.assimilation import EyeFilter, EyeState, FrameStep, Skipped, moments
 from scleraforce.calibration.eye_model import EyeConstants
@@ -17,22 +18,29 @@ from scleraforce.calibration.session import EyeSession, begin, refer, update
 from scleraforce.errors import CalibrationError
 from scleraforce.imaging.segmentation import PixelScale, Segmenter
 from scleraforce.library import Library
-from scleraforce.recording.files import Recording
-from scleraforce.recording.labels import Trial, label_frames
+from scleraforce.recording.files import Recording, frame_digest
+from scleraforce.recording.labels import label_frames
 from scleraforce.study import Study
+from scleraforce.whole_files import KINDS, read_bytes
 
 __all__ = ["Calibration", "EyeCalibration", "FrameRecord", "UsedRecording", "calibrate_recordings", "eye_constants"]
+
+Array = NDArray[np.float64]
+
+SAME_MODULUS = 0.01  # relative; what else is stated of the eye moves the mean of a lognormal by less
 
 
 @dataclass(frozen=True)
 class FrameRecord:
     """What became of a frame: estimate of E after it, or the reason why it was not used.
 
+    `sha256` is the frame's content (`recording.files.frame_digest`), by which it is known again under any name.
     `force_n` is what the filter took, the label freed of offset and drift. `own_modulus_pa`: what the frame alone says.
     """
 
     recording: str
     file: str
+    sha256: str
     force_n: float
     mean_pa: float
     sd_pa: float
@@ -113,7 +121,7 @@ class EyeCalibration:
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """All eyes; the population is the mean of their means, its `sd` their spread (0 for one eye).
+    """All eyes; the population is the mean of their means, its `sd` their spread (None for one eye).
 
     `mechanics`: "linear" or "finite-strain", what the wall was taken to do.
     """
@@ -124,8 +132,8 @@ class Calibration:
     mechanics: str
 
     @property
-    def population(self) -> tuple[float, float]:
-        """Mean and spread of the eyes' mean moduli, in Pa."""
+    def population(self) -> tuple[float, float | None]:
+        """Mean and spread of the eyes' mean moduli, in Pa; one eye has no spread."""
         return spread([eye.mean_pa for eye in self.eyes.values()])
 
     def left_out(self, eye_id: str) -> float:
@@ -215,18 +223,24 @@ def _calibrate(
     session = begin(study, eye_constants(recording, study), library, parameters, forces.zero_covariance)
     run = _begin(session.filter, session.state, recording, forces, earlier)
     session = replace(session, state=run.state)
-    seen = {frame.file for frame in run.frames if frame.recording == str(recording.path)}
+    seen = {frame.sha256 for frame in run.frames}
     segmenter = Segmenter(recording.info.oct.refractive_index)
     scale = PixelScale(
         recording.info.oct.width_m / recording.info.oct.columns, recording.info.oct.depth_m / recording.info.oct.rows
     )
     left = len(trials) if frames is None else frames
     for index, (entry, trial) in enumerate(zip(recording.frames, trials, strict=True)):
-        if left > 0 and trial.file not in seen and trial.excluded is None:
-            segmentation = segmenter.segment(recording.frame(entry), scale)
+        pixels = recording.frame(entry) if left > 0 and trial.excluded is None else None
+        if pixels is not None and (sha256 := frame_digest(pixels)) not in seen:
+            segmentation = segmenter.segment(pixels, scale)
             reason = "" if segmentation.usable else f"not usable: {segmentation.reason}"
             boundaries = segmented_boundaries(segmentation, scale, recording.info.oct.refractive_index)
-            session, run = _step(session, run, str(recording.path), trial, forces, index, boundaries, reason)
+            record = FrameRecord(
+                str(recording.path), trial.file, sha256, float(forces.force_n[index]), run.mean_pa, run.sd_pa,
+                skipped=reason or None,
+            )  # fmt: skip
+            since_s = float(forces.since_start_s[index])
+            session, run = _step(session, run, record, trial.measured_force_n or 0.0, since_s, boundaries)
             left -= int(run.frames[-1].skipped is None)
         if progress is not None:
             progress(1)
@@ -256,11 +270,11 @@ def _begin(
             f"{', '.join(eye.space.names)}; begin anew or name the same"
         )
     if earlier is not None:
-        again = used in earlier.recordings
+        again = used.sha256 in {entry.sha256 for entry in earlier.recordings}
         state = earlier.state if again else replace(earlier.state, belief=first_belief(eye.model))
         recordings = earlier.recordings if again else (*earlier.recordings, used)
         frames = earlier.frames
-    means, sds = moments(eye, state)
+    means, sds = _moments(eye, state, earlier)
     steps = () if earlier is None else earlier.steps
     return EyeCalibration(
         recording.info.eye.id, eye.space.names, tuple(means.tolist()), tuple(sds.tolist()),
@@ -268,25 +282,35 @@ def _begin(
     )  # fmt: skip
 
 
+def _moments(eye: EyeFilter, state: EyeState, earlier: EyeCalibration | None) -> tuple[Array, Array]:
+    """Return means and standard deviations of the parameters; an earlier calibration's E must come out again."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        means, sds = moments(eye, state)
+    modulus_pa = means[eye.space.names.index("youngs_modulus_pa")]
+    same = earlier is None or abs(modulus_pa / earlier.mean_pa - 1.0) < SAME_MODULUS
+    if earlier is not None and not (same and np.isfinite((means, sds)).all()):
+        raise CalibrationError(
+            f"{earlier.id}: the state of the earlier calibration is not that of its parameters under this study; begin "
+            "anew, or give the study that it was made with"
+        )
+    return means, sds
+
+
 def _step(
     session: EyeSession,
     run: EyeCalibration,
-    path: str,
-    trial: Trial,
-    forces: FrameForces,
-    index: int,
+    record: FrameRecord,
+    label_n: float,
+    since_s: float,
     boundaries: Boundaries,
-    reason: str,
 ) -> tuple[EyeSession, EyeCalibration]:
-    """Return the eye after one more frame, used or not."""
-    force_n = float(forces.force_n[index])
-    record = FrameRecord(path, trial.file, force_n, run.mean_pa, run.sd_pa, skipped=reason or None)
-    if reason:
+    """Return the eye after one more frame, used or not; its record is as it stands before."""
+    if record.skipped:
         return session, replace(run, frames=(*run.frames, record))
-    if (trial.measured_force_n or 0.0) <= session.filter.study.min_force_n:
-        session = refer(session, boundaries, force_n)
+    if label_n <= session.filter.study.min_force_n:
+        session = refer(session, boundaries, record.force_n)
     else:
-        session = update(session, boundaries, force_n, float(forces.since_start_s[index]))
+        session = update(session, boundaries, record.force_n, since_s)
     if isinstance(session.last, FrameStep):
         return session, _used(run, record, session.last)
     skipped = session.last.reason if isinstance(session.last, Skipped) else None
@@ -323,6 +347,6 @@ def _used(run: EyeCalibration, record: FrameRecord, step: FrameStep) -> EyeCalib
 def recording_hash(recording: Recording) -> str:
     """Return the SHA-256 of a recording's tables, in hexadecimal."""
     digest = hashlib.sha256()
-    for name in ("recording.toml", "frames.csv", "forces.csv"):
-        digest.update((recording.path / name).read_bytes())
+    for kind, name in (("recording", "recording.toml"), ("frames", "frames.csv"), ("forces", "forces.csv")):
+        digest.update(read_bytes(recording.path / name, KINDS[kind]))
     return digest.hexdigest()

@@ -1,20 +1,43 @@
 """The file that `calibrate` writes: JSON, with all that is needed to go on from it."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scleraforce import __version__
 from scleraforce.calibration.assimilation import SHARED, EyeState
 from scleraforce.calibration.calibrate import Calibration, EyeCalibration, FrameRecord, UsedRecording
+from scleraforce.calibration.placement import NUISANCES
 from scleraforce.calibration.registration import PoseBelief
 from scleraforce.calibration.roukf import Posterior
-from scleraforce.calibration.summary import FORMAT, parse_content
+from scleraforce.calibration.summary import (
+    FORMAT,
+    WRITER,
+    number_of,
+    parse_content,
+    summary_of_eye,
+    table_of,
+    text_of,
+)
 from scleraforce.errors import CalibrationError
 from scleraforce.whole_files import KINDS, read_text
 
 __all__ = ["calibration_as_json", "parse_calibration", "read_posteriors"]
+
+Array = NDArray[np.float64]
+
+LARGEST = 1e15  # of what is only carried on; squares of it are still numbers
+LONGEST_RECENT = 100
+# What may be uncertain, and between which values (SI) it can be.
+PARAMETERS = {
+    "youngs_modulus_pa": (1e3, 100e6),
+    "iop_pa": (-1e5, 1e5),
+    "thickness_m": (1e-6, 10e-3),
+    "gap_m": (-0.1, 0.1),
+}
 
 
 def calibration_as_json(calibration: Calibration) -> dict[str, Any]:
@@ -25,7 +48,11 @@ def calibration_as_json(calibration: Calibration) -> dict[str, Any]:
         "scleraforce": __version__,
         "mechanics": calibration.mechanics,
         "study_sha256": calibration.study_sha256,
-        "population": {"mean_mpa": mean_pa / 1e6, "sd_mpa": sd_pa / 1e6, "eyes": len(calibration.eyes)},
+        "population": {
+            "mean_mpa": mean_pa / 1e6,
+            "sd_mpa": None if sd_pa is None else sd_pa / 1e6,
+            "eyes": len(calibration.eyes),
+        },
         "class_bounds_n": list(calibration.bounds_n),
         "eyes": {name: _eye(eye, calibration.bounds_n) for name, eye in calibration.eyes.items()},
     }
@@ -41,7 +68,7 @@ def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
         "status": eye.status,
         "by_class_mpa": [None if value is None else value / 1e6 for value in eye.by_class(bounds_n)],
         "recording": eye.recordings[0].path,
-        "frames": [frame.file for frame in eye.used],
+        "frames": [{"file": frame.file, "sha256": frame.sha256} for frame in eye.used],
         "parameters": {
             name: {"mean": mean, "sd": sd} for name, mean, sd in zip(eye.names, eye.means, eye.sds, strict=True)
         },
@@ -78,47 +105,130 @@ def parse_calibration(text: str, name: str = "calibration") -> Calibration:
         CalibrationError: naming the file and the key.
     """
     content = parse_content(text, name)
-    try:
-        eyes = {eye_id: _parse_eye(eye_id, entry) for eye_id, entry in content["eyes"].items()}
-        bounds_n = tuple(float(bound) for bound in content["class_bounds_n"])
-        return Calibration(eyes, content["study_sha256"], bounds_n, content["mechanics"])
-    except KeyError as fault:
-        raise CalibrationError(f"{name}: {fault.args[0]}: missing; give a file of `scleraforce calibrate`") from fault
-    except (TypeError, ValueError, AttributeError) as fault:
-        raise CalibrationError(f"{name}: {fault}; give a file of `scleraforce calibrate`") from fault
+    eyes = {eye: _parse_eye(eye, entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()}
+    bounds_n = _numbers(content, "class_bounds_n", name, 1)
+    if not (np.diff(bounds_n) > 0.0).all() or not len(bounds_n):
+        raise CalibrationError(f"{name}: class_bounds_n: expected bounds that increase; {WRITER}")
+    return Calibration(eyes, text_of(content, "study_sha256", name), tuple(bounds_n.tolist()), content["mechanics"])
 
 
-def _parse_eye(eye_id: str, entry: dict[str, Any]) -> EyeCalibration:
-    state, parameters = entry["state"], entry["parameters"]
-    posterior = Posterior(
-        _array(state, "mean"),
-        _array(state, "factor"),
-        _array(state, "precision"),
-        int(state["updates"]),
-        tuple((float(nis), int(count)) for nis, count in state["recent"]),
-    )
-    size = len(parameters)
-    shapes = (posterior.mean.shape, posterior.factor.shape, posterior.precision.shape)
-    if shapes != ((size,), (size, size), (size, size)):
-        raise ValueError(f"eyes.{eye_id}.state: its arrays do not fit {size} parameters")
-    if tuple(state["shared"]) != SHARED:
-        raise ValueError(f"eyes.{eye_id}.state.shared: expected {', '.join(SHARED)}")
-    belief = PoseBelief(_array(state, "belief_mean"), _array(state, "belief_covariance"))
-    frames = [FrameRecord(**{**step, "gated": tuple(step["gated"])}) for step in entry["steps"]]
-    return EyeCalibration(
+def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
+    summary = summary_of_eye(entry, place)
+    parameters = table_of(entry, "parameters", place)
+    if not parameters or set(parameters) - set(PARAMETERS) or "youngs_modulus_pa" not in parameters:
+        known = ", ".join(PARAMETERS)
+        raise CalibrationError(f"{place}.parameters: expected youngs_modulus_pa, and of {known} what else; {WRITER}")
+    moments = {name: _moments(parameters, name, f"{place}.parameters") for name in parameters}
+    found = EyeCalibration(
         eye_id,
-        tuple(parameters),
-        tuple(float(value["mean"]) for value in parameters.values()),
-        tuple(float(value["sd"]) for value in parameters.values()),
-        1e-6 * float(entry["thickness_um"]),
-        EyeState(posterior, belief, _array(state, "sensitivity"), _array(state, "zero_covariance")),
-        tuple(UsedRecording(**recording) for recording in entry["recordings"]),
-        tuple(frames),
+        tuple(moments),
+        tuple(mean for mean, _ in moments.values()),
+        tuple(sd for _, sd in moments.values()),
+        summary.thickness_m,
+        _parse_state(table_of(entry, "state", place), len(parameters), f"{place}.state"),
+        tuple(_parse_recording(*named) for named in _entries(entry, "recordings", place)),
+        tuple(_parse_frame(*named) for named in _entries(entry, "steps", place)),
+    )
+    if not np.allclose((found.mean_pa, found.sd_pa), (summary.mean_pa, summary.sd_pa), rtol=1e-6):
+        raise CalibrationError(f"{place}.parameters.youngs_modulus_pa: is not that of mean_mpa and sd_mpa; {WRITER}")
+    return found
+
+
+def _moments(parameters: dict[str, Any], name: str, place: str) -> tuple[float, float]:
+    entry, (low, high) = table_of(parameters, name, place), PARAMETERS[name]
+    return number_of(entry, "mean", f"{place}.{name}", low, high), number_of(entry, "sd", f"{place}.{name}", 0.0, high)
+
+
+def _parse_state(state: dict[str, Any], size: int, place: str) -> EyeState:
+    if state.get("shared") != list(SHARED):
+        raise CalibrationError(f"{place}.shared: expected {', '.join(SHARED)}; {WRITER}")
+    posterior = Posterior(
+        _numbers(state, "mean", place, 1),
+        _numbers(state, "factor", place, 2),
+        _positive(state, "precision", place),
+        round(number_of(state, "updates", place, 0.0, 1e9)),
+        tuple((float(nis), round(count)) for nis, count in _pairs(state, "recent", place)),
+    )
+    belief = PoseBelief(_numbers(state, "belief_mean", place, 1), _positive(state, "belief_covariance", place))
+    sensitivity = _numbers(state, "sensitivity", place, 2)
+    zero = _positive(state, "zero_covariance", place)
+    pose = len(NUISANCES)
+    expected = ((size,), (size, size), (size, size), (pose,), (pose, pose), (size, len(SHARED)), (2, 2))
+    arrays = (posterior.mean, posterior.factor, posterior.precision, *vars(belief).values(), sensitivity, zero)
+    if tuple(array.shape for array in arrays) != expected:
+        raise CalibrationError(f"{place}: its arrays do not fit {size} parameters; {WRITER}")
+    if np.linalg.eigvalsh(posterior.precision).min() <= 0.0:
+        raise CalibrationError(f"{place}.precision: is not positive definite; {WRITER}")
+    return EyeState(posterior, belief, sensitivity, zero)
+
+
+def _parse_recording(entry: Mapping[str, Any], place: str) -> UsedRecording:
+    return UsedRecording(
+        _text(entry, "path", place),
+        text_of(entry, "sha256", place),
+        number_of(entry, "zero_n", place, -LARGEST, LARGEST),
+        number_of(entry, "drift_n_per_s", place, -LARGEST, LARGEST),
     )
 
 
-def _array(state: dict[str, Any], key: str) -> "np.ndarray[Any, np.dtype[np.float64]]":
-    array = np.array(state[key], dtype=np.float64)
-    if not np.isfinite(array).all():
-        raise ValueError(f"state.{key}: a number that is not finite")
-    return array
+def _parse_frame(entry: Mapping[str, Any], place: str) -> FrameRecord:
+    own, gated, skipped = entry.get("own_modulus_pa"), entry.get("gated"), entry.get("skipped")
+    if not isinstance(gated, list) or not all(type(index) is int and index >= 0 for index in gated):
+        raise CalibrationError(f"{place}.gated: expected a list of indices; {WRITER}")
+    return FrameRecord(
+        _text(entry, "recording", place),
+        text_of(entry, "file", place),
+        text_of(entry, "sha256", place),
+        number_of(entry, "force_n", place, -LARGEST, LARGEST),
+        number_of(entry, "mean_pa", place, 0.0, LARGEST),
+        number_of(entry, "sd_pa", place, 0.0, LARGEST),
+        None if own is None else number_of(entry, "own_modulus_pa", place, 0.0, LARGEST),
+        round(number_of(entry, "points", place, 0.0, LARGEST)),
+        tuple(gated),
+        number_of(entry, "nis", place, 0.0, LARGEST),
+        number_of(entry, "inflation", place, 0.0, LARGEST),
+        text_of(entry, "status", place),
+        None if skipped is None else text_of(entry, "skipped", place),
+    )
+
+
+def _entries(entry: Mapping[str, Any], key: str, place: str) -> list[tuple[Mapping[str, Any], str]]:
+    """Return the objects of a list, each with its place."""
+    found = entry.get(key)
+    if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
+        raise CalibrationError(f"{place}.{key}: expected a list of objects; {WRITER}")
+    return [(each, f"{place}.{key}[{index}]") for index, each in enumerate(found)]
+
+
+def _text(entry: Mapping[str, Any], key: str, place: str) -> str:
+    value = entry.get(key)
+    if not isinstance(value, str):
+        raise CalibrationError(f"{place}.{key}: expected a text, found {value!r:.40}; {WRITER}")
+    return value
+
+
+def _pairs(state: Mapping[str, Any], key: str, place: str) -> Array:
+    found = _numbers(state, key, place, 2) if state.get(key) else np.empty((0, 2))
+    if found.shape[1] != 2 or (found < 0.0).any() or len(found) > LONGEST_RECENT:
+        raise CalibrationError(f"{place}.{key}: expected at most {LONGEST_RECENT} pairs of numbers; {WRITER}")
+    return found
+
+
+def _positive(state: Mapping[str, Any], key: str, place: str) -> Array:
+    """Return a symmetric matrix that is nowhere negative."""
+    found = _numbers(state, key, place, 2)
+    slack = 1e-9 * np.abs(found).max()
+    square = found.shape[0] == found.shape[1]
+    if not square or np.abs(found - found.T).max() > slack or np.linalg.eigvalsh(found).min() < -slack:
+        raise CalibrationError(f"{place}.{key}: is no covariance or precision; {WRITER}")
+    return found
+
+
+def _numbers(state: Mapping[str, Any], key: str, place: str, axes: int) -> Array:
+    try:
+        found = np.array(state.get(key), dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        found = np.empty(0)
+    if found.ndim != axes or not found.size or not (np.abs(found) <= LARGEST).all():
+        raise CalibrationError(f"{place}.{key}: expected numbers within +-{LARGEST:g} along {axes} axes; {WRITER}")
+    return found

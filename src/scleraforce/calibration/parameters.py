@@ -85,7 +85,7 @@ class ParameterSpace:
         return np.array([entry.mean for entry in self.parameters])
 
 
-def spread(values: Sequence[float]) -> tuple[float, float]:
-    """Return mean and sample standard deviation (0 for a single value)."""
+def spread(values: Sequence[float]) -> tuple[float, float | None]:
+    """Return mean and sample standard deviation; a single value says nothing of a spread: None."""
     mean = sum(values) / len(values)
-    return mean, sqrt(sum((v - mean) ** 2 for v in values) / (len(values) - 1)) if len(values) > 1 else 0.0
+    return mean, sqrt(sum((v - mean) ** 2 for v in values) / (len(values) - 1)) if len(values) > 1 else None

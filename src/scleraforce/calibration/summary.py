@@ -4,27 +4,49 @@ The one place that opens and checks that JSON; NumPy and SciPy stay out of it, f
 """
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from scleraforce.errors import CalibrationError
+from scleraforce.plain_json import parse_json
+from scleraforce.recording.info import eye_id_fault
 from scleraforce.whole_files import KINDS, read_bytes
 
-__all__ = ["FORMAT", "MECHANICS", "CalibrationSummary", "EyeSummary", "parse_content", "read_calibration"]
+__all__ = [
+    "FORMAT",
+    "MECHANICS",
+    "WRITER",
+    "CalibrationSummary",
+    "EyeSummary",
+    "UsedFrame",
+    "number_of",
+    "parse_content",
+    "read_calibration",
+    "summary_of_eye",
+    "table_of",
+    "text_of",
+]
 
-FORMAT = 2
+FORMAT = 3
 MECHANICS = ("finite-strain", "linear")
 SOFTEST_MPA, STIFFEST_MPA = 0.001, 100.0
+THINNEST_UM, THICKEST_UM = 1.0, 10e3
 WRITER = "give a file of `scleraforce calibrate`"
 
 
 @dataclass(frozen=True)
+class UsedFrame:
+    """A frame that a calibration rests on: its name, and `recording.files.frame_digest` of its pixels."""
+
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True)
 class EyeSummary:
-    """Young's modulus of one eye: posterior mean and standard deviation, and the names of the frames it rests on.
+    """Young's modulus of one eye: posterior mean and standard deviation, and the frames that it rests on.
 
     `thickness_m` is the wall's as the eye was calibrated with it, estimated along with E where that was asked for.
     `status` is "ok", or says that the filter diverged: the standard deviation then means nothing.
@@ -32,7 +54,7 @@ class EyeSummary:
 
     mean_pa: float
     sd_pa: float
-    frames: tuple[str, ...]
+    frames: tuple[UsedFrame, ...]
     thickness_m: float
     status: str = "ok"
 
@@ -44,22 +66,23 @@ class EyeSummary:
 
 @dataclass(frozen=True)
 class CalibrationSummary:
-    """Eyes by id, the population (`population_sd_pa`: spread of the eyes' means, 0 for one eye), and where it is from.
+    """Eyes by id, the population, and where it is from.
 
+    `population_sd_pa` is the spread of the eyes' means, None for one eye: it says nothing of how eyes differ.
     `mechanics` is what the moduli were fitted with; an E of the linear wall does not fit the other at high forces.
     """
 
     eyes: Mapping[str, EyeSummary]
     population_mean_pa: float
-    population_sd_pa: float
+    population_sd_pa: float | None
     mechanics: str
     path: str
     sha256: str
 
     @property
-    def frames(self) -> frozenset[tuple[str, str]]:
-        """The frames that were used, as (eye, file name)."""
-        return frozenset((eye, file) for eye, entry in self.eyes.items() for file in entry.frames)
+    def digests(self) -> frozenset[str]:
+        """What the frames that were used are known by, whatever their files are called (`UsedFrame.sha256`)."""
+        return frozenset(frame.sha256 for eye in self.eyes.values() for frame in eye.frames)
 
 
 def read_calibration(path: Path) -> CalibrationSummary:
@@ -70,71 +93,113 @@ def read_calibration(path: Path) -> CalibrationSummary:
     """
     text = read_bytes(path, KINDS["calibration"])
     content = parse_content(text, str(path))
-    population = _table(content, "population", f"{path}: population")
-    eyes = _table(content, "eyes", f"{path}: eyes")
+    population = table_of(content, "population", str(path))
     return CalibrationSummary(
-        {eye: _eye(entry, f"{path}: eyes.{eye}") for eye, entry in eyes.items()},
-        _modulus_pa(population, "mean_mpa", f"{path}: population"),
-        1e6 * _number(population, "sd_mpa", f"{path}: population", 0.0, STIFFEST_MPA, "MPa"),
+        {eye: summary_of_eye(entry, f"{path}: eyes.{eye}") for eye, entry in content["eyes"].items()},
+        1e6 * number_of(population, "mean_mpa", f"{path}: population", SOFTEST_MPA, STIFFEST_MPA, "MPa"),
+        _spread_pa(population, f"{path}: population"),
         content["mechanics"],
         str(path),
         hashlib.sha256(text).hexdigest(),
     )
 
 
+def _spread_pa(population: Mapping[str, Any], place: str) -> float | None:
+    if "sd_mpa" in population and population["sd_mpa"] is None:
+        return None
+    return 1e6 * number_of(population, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa")
+
+
 def parse_content(text: bytes | str, name: str) -> dict[str, Any]:
-    """Return the JSON object of a calibration file whose format and mechanics are known; `name` stands in messages.
+    """Return the JSON object of a calibration file whose format, mechanics and ids of eyes are known.
+
+    Args:
+        text: of the file.
+        name: of the file, for messages.
 
     Raises:
         CalibrationError: it is not JSON, or no file of `calibrate`.
     """
     try:
-        content = json.loads(text)
+        content = parse_json(text)
     except ValueError as fault:
-        raise CalibrationError(f"{name}: not JSON: {fault}") from fault
+        raise CalibrationError(f"{name}: {fault}") from fault
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise CalibrationError(f"{name}: format: expected a JSON object with format {FORMAT}; {WRITER}")
+        found = f"found {content.get('format')!r:.40}" if isinstance(content, dict) else "found no object"
+        raise CalibrationError(
+            f"{name}: format: expected a JSON object with format {FORMAT}, {found}; {WRITER} of this version"
+        )
     if content.get("mechanics") not in MECHANICS:
-        found = content.get("mechanics")
-        raise CalibrationError(f"{name}: mechanics: expected {' or '.join(MECHANICS)}, found {found!r}; {WRITER}")
+        found = f"{content.get('mechanics')!r:.40}"
+        raise CalibrationError(f"{name}: mechanics: expected {' or '.join(MECHANICS)}, found {found}; {WRITER}")
+    for eye in table_of(content, "eyes", name):
+        wrong = eye_id_fault(eye)
+        if wrong:
+            raise CalibrationError(f"{name}: eyes: {wrong}")
     return content
 
 
-def _eye(entry: Any, place: str) -> EyeSummary:
+def summary_of_eye(entry: Any, place: str) -> EyeSummary:
+    """Return one entry of `eyes`; `place` stands in messages.
+
+    Raises:
+        CalibrationError: naming the key.
+    """
     if not isinstance(entry, dict):
         raise CalibrationError(f"{place}: expected an object; {WRITER}")
-    files = entry.get("frames")
-    if not isinstance(files, list) or not all(isinstance(file, str) for file in files):
-        raise CalibrationError(f"{place}.frames: expected the names of the frames that were used")
-    status = entry.get("status")
-    if not isinstance(status, str):
-        raise CalibrationError(f"{place}.status: expected a text, found {status!r}; {WRITER}")
+    frames = entry.get("frames")
+    if not isinstance(frames, list):
+        raise CalibrationError(f"{place}.frames: expected a list of the frames that were used; {WRITER}")
     return EyeSummary(
-        _modulus_pa(entry, "mean_mpa", place),
-        1e6 * _number(entry, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa"),
-        tuple(files),
-        1e-6 * _number(entry, "thickness_um", place, 1.0, 10e3, "um"),
-        status,
+        1e6 * number_of(entry, "mean_mpa", place, SOFTEST_MPA, STIFFEST_MPA, "MPa"),
+        1e6 * number_of(entry, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa"),
+        tuple(_frame(frame, f"{place}.frames[{index}]") for index, frame in enumerate(frames)),
+        1e-6 * number_of(entry, "thickness_um", place, THINNEST_UM, THICKEST_UM, "um"),
+        text_of(entry, "status", place),
     )
 
 
-def _table(content: dict[str, Any], key: str, place: str) -> dict[str, Any]:
+def _frame(entry: Any, place: str) -> UsedFrame:
+    if not isinstance(entry, dict):
+        raise CalibrationError(f"{place}: expected an object with file and sha256; {WRITER}")
+    return UsedFrame(text_of(entry, "file", place), text_of(entry, "sha256", place))
+
+
+def table_of(content: Mapping[str, Any], key: str, place: str) -> dict[str, Any]:
+    """Return the object under a key; `place` stands in messages.
+
+    Raises:
+        CalibrationError: there is none.
+    """
     table = content.get(key)
     if not isinstance(table, dict):
-        raise CalibrationError(f"{place}: missing; {WRITER}")
+        raise CalibrationError(f"{place}: {key}: missing, or no object; {WRITER}")
     return table
 
 
-def _modulus_pa(entry: dict[str, Any], key: str, place: str) -> float:
-    return 1e6 * _number(entry, key, place, SOFTEST_MPA, STIFFEST_MPA, "MPa")
+def text_of(entry: Mapping[str, Any], key: str, place: str) -> str:
+    """Return the text of one line under a key; `place` stands in messages.
+
+    Raises:
+        CalibrationError: there is none.
+    """
+    value = entry.get(key)
+    if not isinstance(value, str) or not value.isprintable():
+        raise CalibrationError(f"{place}.{key}: expected a text of one line, found {value!r:.40}; {WRITER}")
+    return value
 
 
-def _number(entry: dict[str, Any], key: str, place: str, low: float, high: float, unit: str) -> float:
+def number_of(entry: Mapping[str, Any], key: str, place: str, low: float, high: float, unit: str = "") -> float:
+    """Return the number under a key; `place` stands in messages.
+
+    Raises:
+        CalibrationError: there is none, or it is not between the bounds.
+    """
     if key not in entry:
         raise CalibrationError(f"{place}.{key} is missing; {WRITER}")
     value = entry[key]
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise CalibrationError(f"{place}.{key}: expected a number, found {value!r}")
-    if not isfinite(value) or not low <= value <= high:
-        raise CalibrationError(f"{place}.{key}: {value:g} is not between {low:g} and {high:g} {unit}")
+        raise CalibrationError(f"{place}.{key}: expected a number, found {value!r:.40}")
+    if not low <= value <= high:  # true of NaN as well
+        raise CalibrationError(f"{place}.{key}: {value:g} is not between {low:g} and {high:g} {unit}".rstrip())
     return float(value)

@@ -58,7 +58,7 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
     result = {
         "report": str(run.report),
         **{key: answer[key] for key in ("accuracy", "confusion", "recall", "precision", "intervals", "scored")},
-        "youngs_modulus_mpa": {"mean_mpa": mean_pa / 1e6, "sd_mpa": spread_pa / 1e6},
+        "youngs_modulus_mpa": {"mean_mpa": mean_pa / 1e6, "sd_mpa": None if spread_pa is None else spread_pa / 1e6},
         "finite_strain": {
             "paper": _metrics(found.bent_paper),
             "reader": _metrics(found.bent_reader),

@@ -1,6 +1,7 @@
 """What a model says about recordings, beside what their force logs say."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +10,16 @@ from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.imaging.segmentation import PixelScale, Segmenter
 from scleraforce.reader.answers import Answer, answer_frame
 from scleraforce.reader.evaluation import Evaluation, FrameAnswer
-from scleraforce.reader.known import Known, known_of_eye, known_of_recording
+from scleraforce.reader.known import Known, foreign_modulus, known_of_eye, known_of_recording
 from scleraforce.reader.limits import limits
 from scleraforce.reader.model import ForceReader
 from scleraforce.reader.wall_reader import WallReader
-from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.files import Recording, frame_digest, read_recording
 from scleraforce.recording.labels import label_frames
 
 __all__ = ["Evaluation", "FrameAnswer", "evaluate_recordings"]
+
+FOREIGN = ("the modulus is the population's, not this eye's own",)
 
 
 def evaluate_recordings(
@@ -90,6 +93,16 @@ def _notes(
         )
     for path, recording in zip(paths, recordings, strict=True):
         yield from limits(reader, path, recording)
+        foreign = _foreign(reader, recording, summary)
+        if foreign:
+            yield f"{path}: {foreign}"
+
+
+def _foreign(reader: ForceReader | WallReader, recording: Recording, summary: CalibrationSummary | None) -> str | None:
+    """Return a sentence where a recording's eye is read with the modulus of others, although a calibration is given."""
+    if summary is None or isinstance(reader, ForceReader):
+        return None
+    return foreign_modulus(summary, recording.info.eye.id)
 
 
 def _answers(
@@ -107,20 +120,23 @@ def _answers(
     if summary is not None:
         known = known_of_eye(known, summary, eye)
     modulus_pa, source = _modulus(reader, known)
+    digests = frozenset[str]() if summary is None else summary.digests
+    foreign = FOREIGN if _foreign(reader, recording, summary) else ()
     trials = label_frames(recording, study.classes, study.needle.max_force_n)
     for entry, trial in zip(recording.frames, trials, strict=True):
-        answer = answer_frame(reader, segmenter, recording.frame(entry), scale, oct_info.refractive_index, known)
+        pixels = recording.frame(entry)
+        answer = answer_frame(reader, segmenter, pixels, scale, oct_info.refractive_index, known)
         yield FrameAnswer(
             recording=given,
             eye=eye,
             file=entry.file,
             measured_force_n=trial.measured_force_n,
             target=trial.target,
-            calibration=summary is not None and (eye, entry.file) in summary.frames,
+            calibration=frame_digest(pixels) in digests,
             excluded=trial.excluded,
             youngs_modulus_pa=modulus_pa,
             modulus_source=source,
-            **_read(answer),
+            **_read(replace(answer, warnings=(*answer.warnings, *foreign))),
         )
         if progress:
             progress(1)

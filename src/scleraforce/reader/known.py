@@ -1,6 +1,7 @@
 """What is known of an eye beside its frame: modulus, IOP, thickness, gap. Each may be missing."""
 
 from dataclasses import dataclass, replace
+from math import sqrt
 
 from scleraforce.calibration.summary import CalibrationSummary
 from scleraforce.recording.info import RecordingInfo
@@ -12,6 +13,7 @@ __all__ = [
     "Known",
     "Modulus",
     "calibrated_modulus",
+    "foreign_modulus",
     "known_of_eye",
     "known_of_recording",
     "outside_training",
@@ -20,6 +22,7 @@ __all__ = [
 STATED_MODULUS_SD = 0.03  # relative, of a modulus that comes without its uncertainty
 POPULATION_SD = 0.12  # relative: eyes differ by so much (paper, Table 2), also where a file knows too few to tell
 LEAST_MODULUS_SD = 0.01  # relative: below it mechanics and segmentation are what is uncertain
+NAMED_EYES = 8  # of a calibration file, in a sentence
 SLACK = 1e-6  # of a bound: 0.45 mm that came through another unit is still 0.45 mm
 
 
@@ -78,12 +81,36 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
 
 
 def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus:
-    """Return an eye's own modulus where a calibration found it, else its population's with the spread of eyes."""
+    """Return an eye's own modulus where a calibration found it, else its population's with the spread of eyes.
+
+    The spread is at least the paper's. A single eye says nothing of it, and may itself lie off the mean by as much: the
+    eye that is read then differs from it by the spread of two eyes.
+    """
     own = summary.eyes.get(eye)
     if own is not None and own.usable:
         return Modulus(own.mean_pa, own.sd_pa, "own")
     mean_pa = summary.population_mean_pa
+    if summary.population_sd_pa is None:
+        return Modulus(mean_pa, sqrt(2.0) * POPULATION_SD * mean_pa, "population")
     return Modulus(mean_pa, max(summary.population_sd_pa, POPULATION_SD * mean_pa), "population")
+
+
+def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
+    """Return a sentence where an eye is read with the population's modulus instead of its own, None where it is not.
+
+    It names the eye and the file's eyes, for the id may be mistyped.
+    """
+    own = summary.eyes.get(eye)
+    if own is not None and own.usable:
+        return None
+    there = "is not in" if own is None else f"is not usable ({own.status}) in"
+    names = ", ".join(list(summary.eyes)[:NAMED_EYES]) + (", ..." if len(summary.eyes) > NAMED_EYES else "")
+    modulus = calibrated_modulus(summary, eye)
+    count = "1 eye" if len(summary.eyes) == 1 else f"{len(summary.eyes)} eyes"
+    return (
+        f"{eye} {there} {summary.path}, which has {count} ({names}): read with the "
+        f"population's modulus, {modulus.mean_pa / 1e6:.3g} MPa +- {100 * modulus.relative_sd:.0f} %"
+    )
 
 
 def outside_training(known: Known, trained: ReaderStudy) -> str | None:

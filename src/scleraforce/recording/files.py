@@ -3,6 +3,8 @@
 `docs/recordings.md` describes the folder. Frames are read one at a time, by `Recording.frame`.
 """
 
+import hashlib
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +15,7 @@ from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, r
 from scleraforce.study.toml import parse_record
 from scleraforce.whole_files import KINDS, read_text
 
-__all__ = ["Recording", "read_frame", "read_recording"]
+__all__ = ["Recording", "frame_digest", "read_frame", "read_recording"]
 
 
 @dataclass(frozen=True)
@@ -50,11 +52,23 @@ def read_recording(path: Path) -> Recording:
     info = _read_info(path / "recording.toml")
     frames = read_frame_list(path / "frames.csv")
     _check_files(path, frames)
-    if not (path / "forces.csv").exists():
+    if not os.path.lexists(path / "forces.csv"):
         return Recording(path, info, frames, None)
     if info.force is None:
         raise RecordingError(f"{path / 'recording.toml'}: force: missing; forces.csv needs [force] axis, contact_sign")
     return Recording(path, info, frames, read_force_log(path / "forces.csv", info.force.axis))
+
+
+def frame_digest(pixels: Pixels) -> str:
+    """Return what a frame is known by, whatever its file is called: the SHA-256 of its size and pixels, hexadecimal.
+
+    >>> import numpy as np
+    >>> frame_digest(np.zeros((2, 3), np.uint8)) == frame_digest(np.zeros((2, 3), np.uint16))
+    True
+    """
+    digest = hashlib.sha256(f"{pixels.shape[0]} x {pixels.shape[1]}\n".encode())
+    digest.update(pixels.astype("<u2").tobytes())
+    return digest.hexdigest()
 
 
 def _read_info(path: Path) -> RecordingInfo:
@@ -70,7 +84,13 @@ def _check_files(path: Path, frames: tuple[FrameEntry, ...]) -> None:
     folder = (path / "frames").resolve()
     for entry in frames:
         file = path / "frames" / entry.file
-        if not file.resolve().is_relative_to(folder):
-            raise RecordingError(f"{path / 'frames.csv'}: file: {entry.file} leads out of {path / 'frames'}")
-        if not file.is_file():
-            raise RecordingError(f"{path / 'frames.csv'}: file: {file} does not exist")
+        place = f"{path / 'frames.csv'}: file"
+        try:
+            inside, there = file.resolve().is_relative_to(folder), file.is_file()
+        except (OSError, RuntimeError) as fault:  # a name that is too long, links that go round
+            reason = fault.strerror if isinstance(fault, OSError) else fault
+            raise RecordingError(f"{place}: {entry.file}: {reason}") from fault
+        if not inside:
+            raise RecordingError(f"{place}: {entry.file} leads out of {path / 'frames'}")
+        if not there:
+            raise RecordingError(f"{place}: {file} does not exist")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, quantity, required
 
-__all__ = ["EyeInfo", "ForceInfo", "NeedleInfo", "OctInfo", "RecordingInfo", "nearest_gauge"]
+__all__ = ["EyeInfo", "ForceInfo", "NeedleInfo", "OctInfo", "RecordingInfo", "eye_id_fault", "nearest_gauge"]
 
 # Outer diameters of hypodermic needles, ISO 9626 (normal wall).
 GAUGE_DIAMETER_M = {
@@ -28,6 +28,9 @@ GAUGE_DIAMETER_M = {
 }
 
 
+LONGEST_ID = 200
+
+
 @dataclass(frozen=True)
 class EyeInfo:
     """The eye: a name, and what was measured on it (None: not measured)."""
@@ -38,8 +41,9 @@ class EyeInfo:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        if not self.id.strip():
-            raise StudyError("id: empty; give the eye a name")
+        fault = eye_id_fault(self.id)
+        if fault:
+            raise StudyError(f"id: {fault}")
 
 
 @dataclass(frozen=True)
@@ -93,6 +97,22 @@ class RecordingInfo:
     oct: OctInfo
     needle: NeedleInfo
     force: ForceInfo | None = None
+
+
+def eye_id_fault(name: str) -> str | None:
+    r"""Return why a text cannot name an eye, None where it can: it stands in tables, logs and messages, in one line.
+
+    >>> eye_id_fault("eye\nE = 0.3 MPa")
+    "'eye\\nE = 0.3 MPa' has a line break or another unprintable character; give a name of one line"
+    >>> eye_id_fault("Auge 3 (links), ö")
+    """
+    if not name.strip():
+        return "empty; give the eye a name"
+    if not name.isprintable():
+        return f"{name[:LONGEST_ID]!r} has a line break or another unprintable character; give a name of one line"
+    if len(name) > LONGEST_ID:
+        return f"{len(name)} characters; give the eye a name of at most {LONGEST_ID}"
+    return None
 
 
 def nearest_gauge(outer_diameter_m: float) -> int:

@@ -1,6 +1,5 @@
 """The two tables of a recording folder, `frames.csv` and `forces.csv`: read fast, and say where a fault is."""
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -8,13 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import RecordingError
-from scleraforce.whole_files import KINDS, read_text
+from scleraforce.recording.delimited import Table, fields_of, number, read_table
+from scleraforce.whole_files import KINDS
 
 __all__ = ["FORCE_COLUMNS", "MIN_SAMPLE_RATE_HZ", "ForceLog", "FrameEntry", "read_force_log", "read_frame_list"]
 
 FORCE_COLUMNS = ("time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
 FRAME_COLUMNS = ("file", "time_s", "pierced")
 MIN_SAMPLE_RATE_HZ = 100.0
+# Beyond, a number is damage: 300 years (clocks may count from 1970), and a thousand times what such a sensor bears.
+LARGEST_TIME_S, LARGEST_FORCE_N = 1e10, 1e6
 
 
 @dataclass(frozen=True)
@@ -53,24 +55,22 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     Raises:
         RecordingError: naming the file, the line and the field.
     """
-    lines = read_text(path, KINDS["frames"]).splitlines()
-    header = _header(path, lines, FRAME_COLUMNS, ("file", "time_s"))
+    table = read_table(path, KINDS["frames"], FRAME_COLUMNS, ("file", "time_s"))
     entries: list[FrameEntry] = []
-    seen: dict[str, int] = {}
-    for number, row in enumerate(csv.reader(lines[1:]), start=2):
-        if not row:
+    seen: dict[str, str] = {}
+    for index, line in enumerate(table.lines):
+        if not line:
             continue
-        if len(row) != len(header):
-            raise RecordingError(f"{path}:{number}: {len(row)} fields; the header has {len(header)}")
-        entry = _frame_entry(f"{path}:{number}", dict(zip(header, (field.strip() for field in row), strict=True)))
+        place = table.place(index)
+        entry = _frame_entry(place, _row(table, index), table.separator)
         if entry.file in seen:
-            raise RecordingError(f"{path}:{number}: file: {entry.file} stands in line {seen[entry.file]} already")
+            raise RecordingError(f"{place}: file: {entry.file} stands in line {seen[entry.file]} already")
         if entries and entry.time_s <= entries[-1].time_s:
             raise RecordingError(
-                f"{path}:{number}: time_s: {entry.time_s:g} does not come after {entries[-1].time_s:g}; "
+                f"{place}: time_s: {entry.time_s:g} does not come after {entries[-1].time_s:g}; "
                 "frames stand in the order of their times, and no two at one time"
             )
-        seen[entry.file] = number
+        seen[entry.file] = place.rsplit(":", 1)[1]
         entries.append(entry)
     if not entries:
         raise RecordingError(f"{path}: no frames; give a line for each frame")
@@ -83,87 +83,112 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
     Raises:
         RecordingError: naming the file, the line and the field.
     """
-    text = read_text(path, KINDS["forces"])
-    header = _header(path, text.split("\n", 1)[0:1], FORCE_COLUMNS, ("time_s", f"{axis}_n"))
-    lines = text.split("\n")[1:]
-    if not any(map(str.strip, lines)):
-        raise RecordingError(f"{path}: no samples below the header")
+    table = read_table(path, KINDS["forces"], FORCE_COLUMNS, ("time_s", f"{axis}_n"))
+    values_sc = _numbers(table)
+    time = table.columns.index("time_s")
+    _check_range(table, values_sc, time)
+    _check_clock(table, values_sc[:, time])
+    columns = tuple(name for name in table.columns if name != "time_s")
+    return ForceLog(values_sc[:, time].copy(), np.delete(values_sc, time, axis=1), columns)
+
+
+def _numbers(table: Table) -> NDArray[np.float64]:
+    """Return the numbers of a table (sample, column); NumPy reads them, ten times as fast as Python would."""
+    lines = table.lines
+    if not any(lines):
+        raise RecordingError(f"{table.path}: no samples below the header")
+    if table.separator != "," and any("," in line for line in lines):
+        lines = _with_points(table)
     try:
-        table = np.loadtxt(lines, delimiter=",", ndmin=2, comments=None)
-    except ValueError:
-        _raise_bad_number(path, text, header)
-        raise
-    if table.shape[0] < 2 or table.shape[1] != len(header):
-        raise RecordingError(f"{path}: {len(table)} samples of {table.shape[1]} fields; the header has {len(header)}")
-    if not np.isfinite(table).all():
-        sample, column = np.argwhere(~np.isfinite(table))[0]
-        place = f"{path}:{_line_of_sample(text, int(sample))}: {header[column]}"
-        raise RecordingError(f"{place}: {table[sample, column]} is not a finite number")
-    time = header.index("time_s")
-    _check_clock(path, text, table[:, time])
-    columns = tuple(name for name in header if name != "time_s")
-    return ForceLog(table[:, time].copy(), np.delete(table, time, axis=1), columns)
+        found = np.loadtxt(lines, delimiter=table.separator, ndmin=2, comments=None, quotechar='"')
+    except ValueError as fault:
+        _raise_bad_number(table)
+        raise RecordingError(f"{table.path}: {fault}") from fault
+    if found.shape[0] < 2 or found.shape[1] != len(table.columns):
+        shape = f"{found.shape[0]} samples of {found.shape[1]} fields"
+        raise RecordingError(f"{table.path}: {shape}; the header has {len(table.columns)}{_of_commas(table)}")
+    return np.asarray(found, dtype=np.float64)
 
 
-def _check_clock(path: Path, text: str, time_s: NDArray[np.float64]) -> None:
+def _with_points(table: Table) -> tuple[str, ...]:
+    """Return lines with decimal commas as lines with decimal points."""
+    for index, line in enumerate(table.lines):
+        if "." in line:
+            raise RecordingError(
+                f"{table.place(index)}: a decimal point, where other numbers of the file have decimal commas; "
+                "write all numbers alike, without signs between thousands"
+            )
+    return tuple(line.replace(",", ".") for line in table.lines)
+
+
+def _check_range(table: Table, values_sc: NDArray[np.float64], time: int) -> None:
+    largest_c = np.full(values_sc.shape[1], LARGEST_FORCE_N)
+    largest_c[time] = LARGEST_TIME_S
+    bad = ~(np.abs(values_sc) <= largest_c)  # a NaN is bad as well
+    if not bad.any():
+        return
+    sample, column = np.argwhere(bad)[0]
+    value = values_sc[sample, column]
+    fault = f"is beyond {largest_c[column]:g}" if np.isfinite(value) else "is not a finite number"
+    raise RecordingError(f"{_place_of_sample(table, int(sample))}: {table.columns[column]}: {value:g} {fault}")
+
+
+def _check_clock(table: Table, time_s: NDArray[np.float64]) -> None:
     steps_s = np.diff(time_s)
     if (steps_s <= 0.0).any():
         sample = int(np.argmax(steps_s <= 0.0)) + 1
         found = f"{time_s[sample]:g} does not come after {time_s[sample - 1]:g}"
-        raise RecordingError(f"{path}:{_line_of_sample(text, sample)}: time_s: {found}; the clock must run forward")
+        raise RecordingError(f"{_place_of_sample(table, sample)}: time_s: {found}; the clock must run forward")
     rate_hz = 1.0 / float(np.median(steps_s))
     if rate_hz < MIN_SAMPLE_RATE_HZ * 0.999:
         raise RecordingError(
-            f"{path}: time_s: {rate_hz:.4g} samples a second; at least {MIN_SAMPLE_RATE_HZ:g} are needed"
+            f"{table.path}: time_s: {rate_hz:.4g} samples a second; at least {MIN_SAMPLE_RATE_HZ:g} are needed "
+            "(times are in seconds)"
         )
 
 
-def _frame_entry(place: str, row: dict[str, str]) -> FrameEntry:
+def _row(table: Table, index: int) -> dict[str, str]:
+    """Return the fields of a line by their columns."""
+    fields = fields_of(table.lines[index], table.separator, table.place(index))
+    # A separator at the end of a line is taken for a spreadsheet's: what may be missing there is empty.
+    missing = len(table.columns) - len(fields)
+    if missing < 0 or any(name != "pierced" for name in table.columns[len(fields) :]):
+        found = f"{len(fields)} fields; the header has {len(table.columns)}"
+        raise RecordingError(f"{table.place(index)}: {found}{_of_commas(table)}")
+    return dict(zip(table.columns, (*fields, *[""] * missing), strict=True))
+
+
+def _of_commas(table: Table) -> str:
+    return "; with decimal commas, columns are separated by semicolons" if table.separator == "," else ""
+
+
+def _frame_entry(place: str, row: dict[str, str], separator: str) -> FrameEntry:
     file = row["file"]
-    if not file or "\\" in file or PurePosixPath(file).is_absolute() or ".." in PurePosixPath(file).parts:
+    inside = not PurePosixPath(file).is_absolute() and ".." not in PurePosixPath(file).parts
+    if not file or "\\" in file or not file.isprintable() or not inside:
         raise RecordingError(f"{place}: file: {file!r} is not a name below frames/")
     pierced = row.get("pierced", "0")
     if pierced not in ("", "0", "1"):
         raise RecordingError(f"{place}: pierced: {pierced!r}; give 0 or 1")
-    try:
-        time_s = float(row["time_s"])
-    except ValueError:
-        time_s = float("nan")
-    if not np.isfinite(time_s):
-        raise RecordingError(f"{place}: time_s: {row['time_s']!r} is not a finite number")
+    time_s = number(row["time_s"], separator)
+    if time_s is None or not abs(time_s) <= LARGEST_TIME_S:
+        raise RecordingError(f"{place}: time_s: {row['time_s']!r} is not a finite number of seconds")
     return FrameEntry(file, time_s, pierced == "1")
 
 
-def _header(path: Path, lines: list[str], known: tuple[str, ...], required: tuple[str, ...]) -> list[str]:
-    names = [name.strip() for name in lines[0].split(",")] if lines and lines[0].strip() else []
-    if not names:
-        raise RecordingError(f"{path}: empty; the first line names the columns: {','.join(known)}")
-    for name in names:
-        if name not in known:
-            raise RecordingError(f"{path}:1: unknown column {name!r}; known: {', '.join(known)}")
-        if names.count(name) > 1:
-            raise RecordingError(f"{path}:1: column {name} stands there twice")
-    for name in required:
-        if name not in names:
-            raise RecordingError(f"{path}:1: column {name} is missing; found: {', '.join(names)}")
-    return names
-
-
-def _raise_bad_number(path: Path, text: str, header: list[str]) -> None:
+def _raise_bad_number(table: Table) -> None:
     """Find what NumPy could not read, and name its line and column."""
-    for number, line in enumerate(text.split("\n")[1:], start=2):
-        fields = line.split(",")
-        if not line.strip():
+    for index, line in enumerate(table.lines):
+        if not line:
             continue
-        if len(fields) != len(header):
-            raise RecordingError(f"{path}:{number}: {len(fields)} fields; the header has {len(header)}")
-        for name, field in zip(header, fields, strict=True):
-            try:
-                float(field)
-            except ValueError:
-                raise RecordingError(f"{path}:{number}: {name}: {field.strip()!r} is not a number") from None
+        fields = fields_of(line, table.separator, table.place(index))
+        if len(fields) != len(table.columns):
+            found = f"{len(fields)} fields; the header has {len(table.columns)}"
+            raise RecordingError(f"{table.place(index)}: {found}{_of_commas(table)}")
+        for name, field in zip(table.columns, fields, strict=True):
+            if number(field, table.separator) is None:
+                raise RecordingError(f"{table.place(index)}: {name}: {field!r} is not a number")
 
 
-def _line_of_sample(text: str, sample: int) -> int:
-    lines = [number for number, line in enumerate(text.split("\n"), start=1) if line.strip()]
-    return lines[sample + 1]
+def _place_of_sample(table: Table, sample: int) -> str:
+    return table.place([index for index, line in enumerate(table.lines) if line][sample])

@@ -138,7 +138,8 @@ def modulus_table(calibration: Calibration, truth_pa: Mapping[str, float] | None
             row.append(f"{truth_pa[name] * MPA:.3f}" if name in truth_pa else NOTHING)
         rows.append(row)
     mean_pa, sd_pa = calibration.population
-    mean_row: list[object] = ["mean, spread", f"{mean_pa * MPA:.3f}", f"{sd_pa * MPA:.4f}", "", "0.25", "0.0311"]
+    spread = NOTHING if sd_pa is None else f"{sd_pa * MPA:.4f}"
+    mean_row: list[object] = ["mean, spread", f"{mean_pa * MPA:.3f}", spread, "", "0.25", "0.0311"]
     rows.append([*mean_row, *([""] * bool(truth_pa))])
     return table(head, rows, "Table 2: Young's modulus of each eye; last row: mean and spread of the means.")
 

@@ -31,9 +31,10 @@ def calibration_section(run: Run, evaluation: Evaluation, drawn: Callable[[Html]
     calibration = read_posteriors(run.calibration)
     first = _with_points(run, next(iter(calibration.eyes)))
     mean_pa, spread_pa = calibration.population
+    spread = "not known from one eye" if spread_pa is None else f"{spread_pa / 1e6:.3f} MPa"
     words = (
         "A reduced-order unscented Kalman filter with two sigma points starts from the paper's prior, 0.49 ± 0.34 MPa. "
-        f"Mean of the means: {mean_pa / 1e6:.3f} MPa, spread {spread_pa / 1e6:.3f} MPa (the paper: "
+        f"Mean of the means: {mean_pa / 1e6:.3f} MPa, spread {spread} (the paper: "
         f"{MEAN_MODULUS_PA / 1e6:.2f} MPa). The network is trained with it, whatever eye it reads."
     )
     return section(
