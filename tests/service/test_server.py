@@ -7,6 +7,7 @@ import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from itertools import count
+from time import time
 from typing import Any
 
 import numpy as np
@@ -117,6 +118,18 @@ def frozen(peer: Peer) -> None:
         peer.hear(0.01)
 
 
+def double_buffer(peer: Peer) -> None:
+    old = [frame_of(10_000 + n, n) for n in range(2)]
+    for number in range(6):
+        peer.show(10.0, old[number % 2])
+        peer.hear(0.01)
+
+
+def stale(peer: Peer) -> None:
+    peer.hear(0.2)
+    peer.show(10.0, time_s=time() - 0.15)
+
+
 FAULTS: dict[str, tuple[Callable[[Peer], object], set[Cause]]] = {
     "class 2": (lambda peer: peer.show(35.0), {Cause.DANGEROUS_CLASS}),
     "the interval's upper end": (lambda peer: peer.show(29.0), {Cause.BOUND}),
@@ -127,6 +140,8 @@ FAULTS: dict[str, tuple[Callable[[Peer], object], set[Cause]]] = {
     "silence": (lambda peer: peer.hear(0.6), {Cause.SILENCE}),
     "half a frame": (half, {Cause.SILENCE}),
     "frozen": (frozen, {Cause.FROZEN}),
+    "a stuck double buffer": (double_buffer, {Cause.FROZEN}),
+    "stale": (stale, {Cause.STALE}),
     "out of order": (lambda peer: peer.show(10.0, time_s=1e9), {Cause.OUT_OF_ORDER}),
     "another size": (lambda peer: peer.show(10.0, frame_of(10_000, 3)[:-1]), {Cause.SIZE}),
     "another scale": (scaled, {Cause.SCALE}),

@@ -210,7 +210,7 @@ class Server:
         if whole is None:
             return None
         sender_id = event.message_id or int(event.header.time_s * 1e6) or next(self._arrivals)
-        return self.session.frame(whole, sender_id, client.number, at_s)
+        return self.session.frame(whole, sender_id, client.number, at_s, event.header.time_s or None)
 
     def _take_wrong(
         self, client: Connection, event: BadChecksum | Malformed | Broken, at_s: float, may_scan: bool
