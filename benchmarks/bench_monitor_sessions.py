@@ -360,9 +360,7 @@ def optics_at(scanner: BscanOptics, path: Trajectory, n: int) -> BscanOptics:
     return replace(scanner, snr_db=scanner.snr_db + path.snr_db[n], shadows=shadows)
 
 
-def frame_read(
-    answer: Answer, at_s: float, number: int, frame: Frame, scale: PixelScale, shown_back: int
-) -> FrameRead:
+def frame_read(answer: Answer, at_s: float, number: int, frame: Frame, scale: PixelScale, shown_back: int) -> FrameRead:
     """Return a frame's reading as an event."""
     return FrameRead(
         at_s, number, answer.predicted, answer.probabilities, answer.usable, answer.reason, answer.force_n,

@@ -331,13 +331,41 @@ def test_other_messages_are_read_over(scanner: Peer) -> None:
     assert scanner.statuses()[-1].code == 1
 
 
-def test_more_clients_than_are_borne_are_turned_away() -> None:
-    with serving(clients=20) as port, ExitStack() as stack, Peer(port) as scanner:
-        scanner.watch()
-        crowd = [stack.enter_context(socket.create_connection(("127.0.0.1", port), timeout=5.0)) for _ in range(30)]
-        scanner.watch()
-        assert [link.recv(1) == b"" for link in crowd] == [False] * 19 + [True] * 11
-        scanner.watch()
+def test_a_crowd_that_says_nothing_locks_out_neither_the_operator_nor_a_scanner() -> None:
+    with serving(clients=20) as port, ExitStack() as stack:
+        crowd = [stack.enter_context(Peer(port)) for _ in range(30)]
+        for peer in crowd:
+            peer.hear(0.02)
+        with Peer(port) as scanner:
+            scanner.watch()
+            scanner.show(40.0)
+            scanner.wait_for_code(3)
+            for _ in range(8):
+                scanner.show(10.0)
+                scanner.hear(0.01)
+            crowd += [stack.enter_context(Peer(port)) for _ in range(30)]
+            scanner.show(10.0)
+            assert ask_reset("127.0.0.1", port, TOKEN)[0] is True
+            scanner.watch()
+        assert all(peer.statuses()[0].code == 13 for peer in crowd[:18])
+
+
+def gone(peer: Peer) -> bool:
+    """Read what has come; return whether nothing comes any more."""
+    peer.hear(0.01)
+    peer.link.settimeout(5.0)
+    return not peer.link.recv(1)
+
+
+def test_who_was_there_first_and_the_scanner_keep_their_places() -> None:
+    with serving(clients=20) as port, ExitStack() as stack:
+        first = [stack.enter_context(Peer(port)) for _ in range(17)]
+        with Peer(port) as scanner:
+            scanner.watch()
+            crowd = [stack.enter_context(Peer(port)) for _ in range(30)]
+            scanner.watch()
+            assert not any(map(gone, first))
+            assert [gone(peer) for peer in crowd] == [True] * 28 + [False] * 2
 
 
 def kill(number: signal.Signals) -> Callable[[Running, Peer], None]:

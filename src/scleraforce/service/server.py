@@ -148,7 +148,7 @@ class Server:
         if self._overtaken and self._scanner not in ready:
             self._decide("overtaken", self.session.overtaken(self._overtaken.popleft()))
         if None in ready:
-            for client in self._clients.accept():
+            for client in self._clients.accept(self._scanner):
                 self._clients.send(client, self._status(), self.session.clock())
 
     def _rest(self) -> None:

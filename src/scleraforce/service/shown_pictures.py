@@ -51,7 +51,7 @@ class ShownPictures:
         else:
             checksum = fastcrc.crc64.ecma_182(pixels.data)
             alike = np.array([shown == checksum for shown in self._checksums])
-        back = min(((self._count - slot - 1) % self._most + 1 for slot in np.flatnonzero(alike)), default=0)
+        back = min(((self._count - slot - 1) % self._most + 1 for slot in np.flatnonzero(alike).tolist()), default=0)
         slot = self._count % self._most
         self._words_mp[slot] = np.where(textured, words, NOTHING)
         self._checksums[slot] = checksum
