@@ -126,8 +126,10 @@ def double_buffer(peer: Peer) -> None:
 
 
 def stale(peer: Peer) -> None:
-    peer.hear(0.2)
-    peer.show(10.0, time_s=time() - 0.15)
+    begin_s = time()
+    for number in range(20):
+        peer.show(10.0, time_s=begin_s + 0.001 * number)
+        peer.hear(0.05)
 
 
 FAULTS: dict[str, tuple[Callable[[Peer], object], set[Cause]]] = {
@@ -284,7 +286,7 @@ def test_another_becomes_the_scanner_when_the_first_has_left(port: int) -> None:
 
 @pytest.mark.parametrize(
     "rudeness",
-    [b"\xff" * 1000, b"GET / HTTP/1.1\r\n\r\n" * 9, b"\0" * 58, encode(Status(1), "X")[:-1] + b"\0", b"half a header"],
+    [b"\xff" * 1000, b"GET / HTTP/1.1\r\n\r\n" * 9, b"\0" * 58, encode(Status(1), "X")[:-1] + b"\1", b"half a header"],
     ids=["garbage", "http", "zeros", "wrong checksum", "half"],
 )
 def test_what_others_do_wrong_disturbs_nobody(port: int, scanner: Peer, rudeness: bytes) -> None:
@@ -486,6 +488,25 @@ def test_a_companion_that_fails_is_a_cause_until_it_says_that_this_is_over(name:
             granted, _ = ask_reset("127.0.0.1", port, TOKEN)
             assert granted is over
     companions[name].end()
+
+
+def test_clients_that_flood_the_log_take_nothing_of_the_decisions_and_the_log_says_what_it_left_out() -> None:
+    box = FakeCompanion()
+    wrong = encode(Status(1), "X")[:-1] + b"\1"
+    heard: list[dict[str, Any]] = []
+    with serving(Companions({BLACK_BOX: box})) as port, Peer(port) as scanner, Peer(port) as rude:  # type: ignore[arg-type]  # a stand-in
+        for _ in range(20):
+            rude.link.sendall((encode(Sensor((0.01,)), "RobotForce") * 20 + wrong) * 5)
+            scanner.watch(frames=3)
+            heard += box.theirs.receive()
+        wait_until(lambda: heard.extend(box.theirs.receive()) or any("left out" in str(m) for m in heard))
+    box.end()
+    entries = [message["entry"]["number"] for message in heard if message["kind"] == "entry"]
+    assert entries == list(range(1, len(entries) + 1))
+    assert len(entries) >= 60
+    checksums = [message for message in heard if "checksum" in message.get("text", "")]
+    assert 10 <= len(checksums) < 40
+    assert sum(message["kind"] == "force" for message in heard) >= 100
 
 
 def test_while_no_frames_come_the_console_is_told_the_state_again_and_the_log_has_no_gaps() -> None:

@@ -7,12 +7,15 @@ import termios
 from contextlib import suppress
 
 from scleraforce.errors import ProtocolError
+from scleraforce.service.allowance import Allowance
 from scleraforce.service.openigtlink import Decoder, Event
 from scleraforce.service.scanner_image import FrameAssembler
 
 __all__ = ["Connection"]
 
 WAITING_BYTES = 8192  # that a peer has not taken yet: a tenth of a second; what is sent behind them is old when heard
+NOTES_PER_S, NOTES_AT_ONCE = 1.0, 10
+FORCES_PER_S, FORCES_AT_ONCE = 1200.0, 120  # a robot sends 1000 a second at most
 TURN_BYTES, TURN_EVENTS = 2 * 1024 * 1024, 16  # received before others have their turn, some more may have come at once
 
 
@@ -28,6 +31,8 @@ class Connection:
         wrong_tokens: how many resets it asked for with one.
         unread_since_s: since when messages to it are left out, for it does not read; None where it keeps up.
         message_since_s: since when a message of it has been incomplete; None between messages.
+        notes: how often what it does wrong is noted.
+        forces: how often a force of it is kept.
     """
 
     def __init__(self, link: socket.socket, address: str, number: int) -> None:
@@ -38,6 +43,7 @@ class Connection:
         self.heard_s, self.wrong_tokens = 0.0, 0
         self.unread_since_s: float | None = None
         self.message_since_s: float | None = None
+        self.notes, self.forces = Allowance(NOTES_PER_S, NOTES_AT_ONCE), Allowance(FORCES_PER_S, FORCES_AT_ONCE)
         self._link, self._decoder, self._rest = link, Decoder(), memoryview(b"")
 
     def fileno(self) -> int:
