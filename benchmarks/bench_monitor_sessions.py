@@ -25,7 +25,6 @@ from functools import cache, lru_cache, partial
 from math import pi, radians
 from pathlib import Path
 from time import perf_counter
-from zlib import crc32
 
 import cv2
 import numpy as np
@@ -43,6 +42,7 @@ from scleraforce.reader.answers import Answer, answer_frame
 from scleraforce.reader.known import Known, Modulus
 from scleraforce.reader.live import LiveReader
 from scleraforce.recording.virtual_eye import PhantomEye, finite_strain_sections
+from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.study import Study, draw
 
 Floats = NDArray[np.float64]
@@ -278,10 +278,11 @@ class Bench:
         """Play one trajectory through reader and decision; a ramp ends with its withdrawal."""
         known = told(eye, rng)
         live = LiveReader(self.reader, known, 1.0)
-        state, asked_s = MonitorState(), 0.0
+        state, asked_s, shown = MonitorState(), 0.0, ShownPictures(self.limits.shown_frames)
         decision: Decision | None = None
         pending: list[SecondOpinion] = []
         for n, frame in enumerate(self.frames(eye, path, rng)):
+            shown_back = shown.back(frame)
             at_s = FRAME_S * (n + 1) + float(np.clip(rng.normal(0.0, JITTER_S), -4e-3, 4e-3))
             events: list[Event] = []
             while pending and pending[0].at_s <= at_s:
@@ -290,7 +291,7 @@ class Bench:
                 events.append(QueueLoss(at_s, 1))
             else:
                 answer = live.read(frame, self.scale).answer
-                events.append(frame_read(answer, at_s, n, frame, self.scale))
+                events.append(frame_read(answer, at_s, n, frame, self.scale, shown_back))
                 note(outcome, answer, path.force_n[n])
                 if n % OPINION_EVERY == 0:
                     pending.append(self.opinion(frame, known, at_s + OPINION_AFTER_S, n))
@@ -359,11 +360,11 @@ def optics_at(scanner: BscanOptics, path: Trajectory, n: int) -> BscanOptics:
     return replace(scanner, snr_db=scanner.snr_db + path.snr_db[n], shadows=shadows)
 
 
-def frame_read(answer: Answer, at_s: float, number: int, frame: Frame, scale: PixelScale) -> FrameRead:
+def frame_read(answer: Answer, at_s: float, number: int, frame: Frame, scale: PixelScale, shown_back: int) -> FrameRead:
     """Return a frame's reading as an event."""
     return FrameRead(
         at_s, number, answer.predicted, answer.probabilities, answer.usable, answer.reason, answer.force_n,
-        answer.interval_n, crc32(frame.data).to_bytes(4), (frame.shape[0], frame.shape[1]),
+        answer.interval_n, shown_back, (frame.shape[0], frame.shape[1]),
         (scale.lateral_m, scale.depth_m),
     )  # fmt: skip
 

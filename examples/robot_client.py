@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A robot's side of the monitor: when may the needle move on? docs/robots.md has the rule; copy this file and adapt it.
 
-Any STATUS code of `ForceMonitor` but 1, 150 ms without a STATUS, or any error means: withdraw. Run as
+Any STATUS code of `ForceMonitor` but 1, 150 ms without a fresh STATUS, or any error means: withdraw. Run as
 `robot_client.py [HOST [PORT]]`, it prints what a robot would do. Standard library only. Research use only.
 """
 # ruff: noqa: T201 - a program that prints
@@ -16,6 +16,8 @@ HEADER = struct.Struct(">H12s20sQQQ")  # version, type, device, time, bytes of t
 STATUS = struct.Struct(">Hq20s")  # code, sub-code, name; the message follows
 OK = 1
 SILENCE_S = 0.150
+OLD_S = 0.100  # an OK that comes so much later after its time than the quickest STATUS is no news
+DRIFT = 1e-4  # of this clock and the monitor's, which need not agree
 MAX_BODY_BYTES = 64 * 1024  # the monitor's messages are far smaller
 DEVICE = "ForceMonitor"
 
@@ -65,10 +67,10 @@ def receive(link: socket.socket, count: int, until_s: float) -> bytes:
     return data
 
 
-def next_status(link: socket.socket, until_s: float) -> tuple[int, int, str]:
-    """Return code, sub-code and message of the next STATUS; other messages are checked and passed over."""
+def next_status(link: socket.socket, until_s: float) -> tuple[int, int, str, float]:
+    """Return code, sub-code, message and time (s) of the next STATUS; others are checked and passed over."""
     while True:
-        version, kind, device, _, size, crc = HEADER.unpack(receive(link, HEADER.size, until_s))
+        version, kind, device, time_s32, size, crc = HEADER.unpack(receive(link, HEADER.size, until_s))
         if version != 1:  # a client that has sent nothing is spoken to in version 1
             raise DoubtError(f"a header of version {version}")
         if size > MAX_BODY_BYTES:
@@ -81,7 +83,7 @@ def next_status(link: socket.socket, until_s: float) -> tuple[int, int, str]:
         if size < STATUS.size:
             raise DoubtError(f"a STATUS of {size} bytes")
         code, sub_code, _ = STATUS.unpack_from(body)
-        return code, sub_code, body[STATUS.size :].split(b"\0")[0].decode("utf-8", "replace")
+        return code, sub_code, body[STATUS.size :].split(b"\0")[0].decode("utf-8", "replace"), time_s32 / 2**32
 
 
 def watch(host: str, port: int, tell: Callable[[bool, str], None]) -> None:
@@ -92,10 +94,15 @@ def watch(host: str, port: int, tell: Callable[[bool, str], None]) -> None:
     told: tuple[int, int] | None = None
     try:
         with socket.create_connection((host, port), timeout=SILENCE_S) as link:
-            until_s = time.monotonic() + SILENCE_S
+            heard_s, least_s = time.monotonic(), float("inf")
+            until_s = heard_s + SILENCE_S
             while True:
-                code, sub_code, message = next_status(link, until_s)
-                until_s = time.monotonic() + SILENCE_S  # only a STATUS counts, no other message
+                code, sub_code, message, said_s = next_status(link, until_s)
+                before_s, heard_s = heard_s, time.monotonic()
+                least_s = min(least_s + DRIFT * (heard_s - before_s), heard_s - said_s)
+                if code == OK and heard_s - said_s > least_s + OLD_S:
+                    continue  # it has waited somewhere: what is true now may be a withdrawal
+                until_s = heard_s + SILENCE_S  # only a STATUS counts, no other message
                 if (code, sub_code) != told:
                     told = code, sub_code
                     tell(code == OK, f"code {code}, sub-code {sub_code}: {message}")

@@ -48,6 +48,7 @@ def be_the_peer() -> bool:
 class Frames:
     """A virtual recording in memory: `messages` are its frames, encoded; `to_and_fro` is an endless way through them.
 
+    On the way back the pictures are moved by a column: no scanner shows the last ones again.
     Headers are of version 1: the time is the frame's id, so that a frame may be sent again.
     """
 
@@ -64,12 +65,17 @@ class Frames:
             frame_message(self.recording.frame(entry), oct_info, number, 1)
             for number, entry in enumerate(entries, start=1)
         ]
+        self.messages += [
+            frame_message(np.roll(self.recording.frame(entry), 1, axis=1), oct_info, number, 1)
+            for number, entry in enumerate(entries[: self.harmless], start=1)
+        ]
 
     def to_and_fro(self) -> Iterator[int]:
         """Yield indices of harmless frames: the force never jumps."""
         while True:
             yield from range(self.harmless)
-            yield from range(self.harmless - 2, 0, -1)
+            moved = len(self.force_n)
+            yield from range(moved + self.harmless - 2, moved, -1)
 
     def dangerous(self) -> NDArray[np.intp]:
         """Return indices of the frames that are clear over the bound, by what a reading errs."""

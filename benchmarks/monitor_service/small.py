@@ -66,10 +66,10 @@ def small_monitor() -> Iterator[Small]:
 
 
 class SmallFrames:
-    """Frames of 10 mN, and one that makes the reader hang."""
+    """Frames of 10 mN, more than the monitor remembers, and one that makes the reader hang."""
 
     def __init__(self) -> None:
-        self.messages = [_message(frame_of(10_000 + serial, serial)) for serial in range(1, 10)]
+        self.messages = [_message(frame_of(10_000 + serial, serial)) for serial in range(1, 61)]
         self.hanging = _message(frame_of(HANGS, 0))
 
     def to_and_fro(self) -> Iterator[int]:

@@ -42,7 +42,7 @@ def frame(number: int, force_n: float = 0.01, at_s: float | None = None, half_n:
     shares = (1.0, 0.0, 0.0) if force_n < 5e-3 else (0.0, 1.0, 0.0)
     return FrameRead(
         0.01 * number if at_s is None else at_s, number, 0 if force_n < 5e-3 else 1, shares, True, None, force_n,
-        (force_n - half_n, force_n + half_n), number.to_bytes(8, "big"), (512, 512), (1e-5, 5e-6),
+        (force_n - half_n, force_n + half_n), 0, (512, 512), (1e-5, 5e-6),
     )  # fmt: skip
 
 
@@ -217,10 +217,72 @@ def test_the_sub_codes_of_timeout_and_checksum_are_those_of_openigtlink() -> Non
     assert len({cause.value for cause in Cause}) == len(Cause)
 
 
+def shown(backs: Sequence[int]) -> list[Event]:
+    """Frames from 6 on, each with how many frames ago its picture was shown last."""
+    return [replace(frame(6 + n), shown_back=back) for n, back in enumerate(backs)]
+
+
 def test_the_same_picture_three_times_is_frozen() -> None:
-    same = [replace(frame(n), digest=b"same") for n in (6, 7, 8)]
-    assert play(same[:2], watching()).state is State.WATCHING
-    assert play(same, watching()).cause is Cause.FROZEN
+    assert play(shown([0, 1]), watching()).state is State.WATCHING
+    assert play(shown([0, 1, 1]), watching()).cause is Cause.FROZEN
+    assert play(shown([0, 1] * 40), watching()).state is State.WATCHING  # each twice: a scanner of half the rate
+
+
+@pytest.mark.parametrize("pictures", [2, 3, 10, 49])
+def test_old_pictures_in_turns_are_frozen_with_the_second_one(pictures: int) -> None:
+    assert play(shown([0] * 60 + [pictures]), watching()).state is State.WATCHING
+    assert play(shown([0] * 60 + [pictures] * 2), watching()).cause is Cause.FROZEN
+
+
+def test_an_old_picture_between_live_ones_is_frozen_the_second_time_within_the_window() -> None:
+    assert play(shown([0, 2, 0, 2]), watching()).cause is Cause.FROZEN
+    assert play(shown([0, 2, *[0] * 47, 2]), watching()).cause is Cause.FROZEN
+    assert play(shown([0, 2, *[0] * 50, 2, 0]), watching()).state is State.WATCHING
+
+
+def late(lags_s: Sequence[float], ahead_s: float = 1.8e9, rate_hz: float = 100.0) -> list[Event]:
+    """Frames from 6 on, each so long after the time that its sender states, whose clock is ahead."""
+    times_s = [0.05 + (n + 1) / rate_hz for n in range(len(lags_s))]
+    return [
+        replace(frame(6 + n, at_s=at_s), sent_s=at_s - lag_s + ahead_s)
+        for n, (at_s, lag_s) in enumerate(zip(times_s, lags_s, strict=True))
+    ]
+
+
+@pytest.mark.parametrize("ahead_s", [0.0, 1.8e9, -1e6])
+def test_frames_that_come_much_later_than_the_quickest_one_are_stale(ahead_s: float) -> None:
+    jitter = [0.003, 0.02, 0.08, 0.002, 0.1, 0.004]
+    assert play(late(jitter * 50, ahead_s), watching()).state is State.WATCHING
+    assert play(late([*jitter, 0.103], ahead_s), watching()).cause is Cause.STALE
+    queue = [0.005 + 0.001 * n for n in range(120)]
+    assert play(late(queue[:98], ahead_s), watching()).state is State.WATCHING
+    assert play(late(queue, ahead_s), watching()).cause is Cause.STALE
+
+
+def test_a_clock_may_drift_for_hours_and_a_queue_that_grows_faster_is_stale() -> None:
+    patient = replace(LIMITS, silence_s=2.0)
+
+    def hours(drift: float, count: float) -> MonitorState:
+        lags_s = [drift * second for second in range(round(3600 * count))]
+        return play(late(lags_s, rate_hz=1.0), watching(), patient)
+
+    for drift in (0.9e-4, -0.9e-4, -0.5):
+        assert hours(drift, 2.0).state is State.WATCHING
+    assert hours(3e-4, 0.1).state is State.WATCHING  # 72 ms
+    assert hours(3e-4, 0.2).cause is Cause.STALE
+
+
+def test_what_stays_late_gets_no_reset_and_a_clock_set_ahead_is_the_new_measure() -> None:
+    state = play(late([0.005] * 5 + [3.0] * 20), watching())
+    _, refused = decide(state, Reset(state.at_s or 0.0), LIMITS)
+    assert (refused.code, refused.sub_code) == (3, Cause.STALE.value)
+    assert play(late([0.005] * 5 + [-2.0] * 20), watching()).state is State.WATCHING
+    assert play(late([0.005] * 5 + [-2.0] * 20 + [-1.89]), watching()).cause is Cause.STALE
+
+
+def test_frames_that_state_no_time_are_never_stale_and_no_number_is() -> None:
+    assert play([frame(n) for n in range(6, 40)], watching()).state is State.WATCHING
+    assert play([*late([0.005] * 5), replace(frame(12), sent_s=NAN)], watching()).cause is Cause.STALE
 
 
 def test_losses_add_up_within_the_window_and_are_forgotten_after_it() -> None:

@@ -468,6 +468,26 @@ def test_the_process_keeps_a_withdrawal_ignores_sigterm_and_ends_when_told(tmp_p
     assert len(read_recording(tmp_path / "box" / "withdrawals" / folder).frames) == 100
 
 
+def test_what_the_process_writes_is_readable_by_its_owner_only(tmp_path):
+    (tmp_path / "box" / "log").mkdir(parents=True)
+    (tmp_path / "box" / "log" / "decisions-000001.jsonl").touch(mode=0o644)  # of an earlier version
+    process = Process(tmp_path, tmp_path / "rec")
+    process.wait_for("alive")
+    for number in range(1, 20):
+        for step in range(3):
+            force = {"kind": "force", "values": [0.01], "device": "Robot", "time_s": time.time()}
+            process.child.channel.send({**force, "at_s": time.monotonic() + 0.03 * number + 0.01 * step})
+        process.frames([number])
+    process.frames([20], "WITHDRAW")
+    process.wait_for("kept")
+    process.child.channel.send({"kind": "end"})
+    assert process.child.end() == 0
+    inside = [*(tmp_path / "box").rglob("*"), tmp_path / "rec", *(tmp_path / "rec").rglob("*")]
+    inside.remove(tmp_path / "box" / "log")  # made before
+    assert {"frames.csv", "decisions.jsonl", "forces.csv", "0000020.png"} <= {path.name for path in inside}
+    assert {path: oct(path.stat().st_mode & 0o077) for path in inside} == dict.fromkeys(inside, "0o0")
+
+
 def test_a_black_box_that_is_killed_leaves_a_session_and_a_log_that_can_be_read(tmp_path):
     process = Process(tmp_path, tmp_path / "rec")
     process.wait_for("alive")

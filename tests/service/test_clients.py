@@ -7,7 +7,7 @@ import pytest
 from peer import NoGuard
 
 from scleraforce.service.clients import STALLED_S, Clients
-from scleraforce.service.connection import Connection
+from scleraforce.service.connection import WAITING_BYTES, Connection
 from scleraforce.service.openigtlink import Decoder, Received, Text, encode
 
 
@@ -39,9 +39,28 @@ def test_a_peer_that_reads_late_gets_whole_messages_and_misses_others(listener: 
     assert len(texts) == len(heard)
     assert all(text == text[:4] * 1000 for text in texts)
     numbers = [int(text[:4]) for text in texts]
-    missed = int(since_s - 100.0) + 1
-    assert numbers == [*range(missed), 5000, 5001]
+    missed = int(since_s - 100.0)
+    assert numbers == [*range(missed), 5000, 5001, 5002]
     assert connection.unread_since_s is None
+
+
+def test_hardly_more_than_a_tenth_of_a_second_waits_for_a_peer_that_does_not_read(listener: socket.socket) -> None:
+    with socket.socket() as peer:
+        peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        peer.connect(listener.getsockname())
+        connection = Connection(listener.accept()[0], "peer", 1)
+        message = encode(Text("x" * 500), "ForceReading")
+        for number in range(5000):
+            connection.send(message, 100.0 + number)
+        newest = encode(Text("newest"), "ForceReading")
+        peer.settimeout(0.1)
+        heard = b""
+        while newest not in heard:
+            connection.send(newest, 6000.0)
+            heard += peer.recv(100)  # slowly
+        own_bytes = peer.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+        assert len(heard) < WAITING_BYTES + len(message) + own_bytes
+        connection.close()
 
 
 def test_who_reads_nothing_for_ten_seconds_is_let_go_but_for_the_scanner(listener: socket.socket) -> None:

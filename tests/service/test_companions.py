@@ -7,6 +7,7 @@ import pytest
 from fake_companion import FakeCompanion
 
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
+from scleraforce.service.entry import Entry
 
 
 @pytest.fixture
@@ -83,6 +84,39 @@ def test_one_that_takes_nothing_for_two_seconds_does_not_keep_up_until_it_does(c
     children[OPINION].theirs.receive()
     companions.tell(OPINION, message, 12.2)
     assert companions.faults(12.2) == ()
+
+
+def entry(number: int) -> Entry:
+    return Entry(number, 1.8e9, 10.0, "tick", "WATCHING", 1, 0, None, "x" * 1000)
+
+
+def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_else(companions, children):
+    for _ in range(5000):
+        companions.tell(BLACK_BOX, {"kind": "force", "text": "x" * 1000}, 10.0)
+    for number in range(1, 501):
+        companions.entry(entry(number))
+        companions.tell(BLACK_BOX, {"kind": "note", "number": number}, 10.0)
+    heard: list[dict[str, Any]] = []
+    while messages := children[BLACK_BOX].theirs.receive(50):
+        heard += messages
+        companions.faults(10.1)
+    assert [message["entry"]["number"] for message in heard if message["kind"] == "entry"] == list(range(1, 501))
+    assert not [message for message in heard if message["kind"] == "note"]
+    companions.tell(BLACK_BOX, {"kind": "note"}, 10.2)
+    assert children[BLACK_BOX].theirs.receive() == [{"kind": "note"}]
+    assert companions.faults(10.3) == ()
+
+
+def test_a_black_box_that_loses_a_decision_is_at_fault_at_once(companions, children):
+    for number in range(1, 200):
+        companions.entry(entry(number))
+    assert companions.faults(10.1) == ()
+    for number in range(200, 5000):
+        companions.entry(entry(number))
+    assert companions.faults(10.1) == ("black box: it does not keep up",)
+    while children[BLACK_BOX].theirs.receive(50):
+        companions.faults(10.2)
+    assert companions.faults(10.3) == ()
 
 
 def test_what_one_says_of_the_frames_is_passed_on(companions, children):

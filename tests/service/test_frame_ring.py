@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import InputError
+from scleraforce.service import frame_ring
 from scleraforce.service.frame_ring import FrameRing
 
 
@@ -22,6 +23,23 @@ def test_the_last_frames_are_there_and_no_others():
                 assert (found == frame(number)).all()
             else:
                 assert found is None
+
+
+def test_more_than_there_is_is_refused_before_any_is_taken(monkeypatch):
+    monkeypatch.setattr(os, "memfd_create", lambda _: pytest.fail("it was taken"))
+    with pytest.raises(InputError, match=r"1200 frames of 16384 x 16384 pixels take 644,245 MB .* MB are there"):
+        FrameRing.create(1200, 16384, 16384)
+
+
+def test_memory_is_left_to_the_processes_beside_it(monkeypatch):
+    need = 4 * (8 + 2 * 1000 * 1000)
+    monkeypatch.setattr(frame_ring, "available_bytes", lambda: need + frame_ring.SPARED_BYTES - 1)
+    with pytest.raises(InputError, match="MB are there"):
+        FrameRing.create(4, 1000, 1000)
+    monkeypatch.setattr(frame_ring, "available_bytes", lambda: need + frame_ring.SPARED_BYTES)
+    assert FrameRing.create(4, 1000, 1000).shape == (1000, 1000)
+    monkeypatch.setattr(frame_ring, "available_bytes", lambda: None)
+    assert FrameRing.create(4, 1000, 1000).shape == (1000, 1000)
 
 
 def test_another_process_with_the_descriptor_sees_the_same_frames():

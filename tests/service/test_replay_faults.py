@@ -105,6 +105,39 @@ def test_frozen_sends_the_same_picture_with_new_ids_and_times(recording, version
     assert report.delay_s is not None
 
 
+def test_double_buffer_sends_the_last_pictures_in_turns_with_new_ids(recording) -> None:
+    drawn = set()
+    for seed in range(4):
+        monitor, report = injected(recording, "double-buffer", 2, WithdrawsAfter(12, 105), seed)
+        turns = numbers(monitor)[30:42]
+        buffers = 30 - turns[0]
+        assert turns == [30 - buffers + place % buffers for place in range(12)]
+        assert [event.message_id for event in images(monitor)] == list(range(1, len(images(monitor)) + 1))
+        assert report.expected
+        drawn.add(buffers)
+    assert drawn <= set(range(2, 11))
+    assert len(drawn) > 1
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_burned_in_clock_sends_one_picture_of_which_a_corner_changes(recording, seed: int) -> None:
+    monitor, report = injected(recording, "burned-in-clock", 2, WithdrawsAfter(5, 105), seed)
+    last, *burned_in = [event.message.pixels[0] for event in images(monitor)[29:35]]
+    for before, after in pairwise(burned_in):
+        assert 1 <= np.count_nonzero(before != after) <= 4
+        assert np.array_equal(after[1:], last[1:])
+    assert report.expected
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_stale_sends_the_next_pictures_with_times_that_fall_behind(recording, version: int) -> None:
+    monitor, report = injected(recording, "stale", version, WithdrawsAfter(12, 114))
+    assert numbers(monitor)[:42] == list(range(42))
+    times_s = [event.header.time_s for event in images(monitor)][29:42]
+    assert [b - a for a, b in pairwise(times_s)] == pytest.approx([0.2 * 0.01 / SPEED] * 12, abs=1e-6)
+    assert (report.cause, report.expected) == ("STALE", True)
+
+
 @pytest.mark.parametrize("version", [1, 2])
 def test_out_of_order_sends_one_frame_with_an_older_id(recording, version: int) -> None:
     monitor, report = injected(recording, "out-of-order", version, WithdrawsAfter(1, 106))

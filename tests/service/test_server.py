@@ -7,6 +7,7 @@ import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from itertools import count
+from time import time
 from typing import Any
 
 import numpy as np
@@ -117,6 +118,20 @@ def frozen(peer: Peer) -> None:
         peer.hear(0.01)
 
 
+def double_buffer(peer: Peer) -> None:
+    old = [frame_of(10_000 + n, n) for n in range(2)]
+    for number in range(6):
+        peer.show(10.0, old[number % 2])
+        peer.hear(0.01)
+
+
+def stale(peer: Peer) -> None:
+    begin_s = time()
+    for number in range(20):
+        peer.show(10.0, time_s=begin_s + 0.001 * number)
+        peer.hear(0.05)
+
+
 FAULTS: dict[str, tuple[Callable[[Peer], object], set[Cause]]] = {
     "class 2": (lambda peer: peer.show(35.0), {Cause.DANGEROUS_CLASS}),
     "the interval's upper end": (lambda peer: peer.show(29.0), {Cause.BOUND}),
@@ -127,6 +142,8 @@ FAULTS: dict[str, tuple[Callable[[Peer], object], set[Cause]]] = {
     "silence": (lambda peer: peer.hear(0.6), {Cause.SILENCE}),
     "half a frame": (half, {Cause.SILENCE}),
     "frozen": (frozen, {Cause.FROZEN}),
+    "a stuck double buffer": (double_buffer, {Cause.FROZEN}),
+    "stale": (stale, {Cause.STALE}),
     "out of order": (lambda peer: peer.show(10.0, time_s=1e9), {Cause.OUT_OF_ORDER}),
     "another size": (lambda peer: peer.show(10.0, frame_of(10_000, 3)[:-1]), {Cause.SIZE}),
     "another scale": (scaled, {Cause.SCALE}),
@@ -269,7 +286,7 @@ def test_another_becomes_the_scanner_when_the_first_has_left(port: int) -> None:
 
 @pytest.mark.parametrize(
     "rudeness",
-    [b"\xff" * 1000, b"GET / HTTP/1.1\r\n\r\n" * 9, b"\0" * 58, encode(Status(1), "X")[:-1] + b"\0", b"half a header"],
+    [b"\xff" * 1000, b"GET / HTTP/1.1\r\n\r\n" * 9, b"\0" * 58, encode(Status(1), "X")[:-1] + b"\1", b"half a header"],
     ids=["garbage", "http", "zeros", "wrong checksum", "half"],
 )
 def test_what_others_do_wrong_disturbs_nobody(port: int, scanner: Peer, rudeness: bytes) -> None:
@@ -316,13 +333,41 @@ def test_other_messages_are_read_over(scanner: Peer) -> None:
     assert scanner.statuses()[-1].code == 1
 
 
-def test_more_clients_than_are_borne_are_turned_away() -> None:
-    with serving(clients=20) as port, ExitStack() as stack, Peer(port) as scanner:
-        scanner.watch()
-        crowd = [stack.enter_context(socket.create_connection(("127.0.0.1", port), timeout=5.0)) for _ in range(30)]
-        scanner.watch()
-        assert [link.recv(1) == b"" for link in crowd] == [False] * 19 + [True] * 11
-        scanner.watch()
+def test_a_crowd_that_says_nothing_locks_out_neither_the_operator_nor_a_scanner() -> None:
+    with serving(clients=20) as port, ExitStack() as stack:
+        crowd = [stack.enter_context(Peer(port)) for _ in range(30)]
+        for peer in crowd:
+            peer.hear(0.02)
+        with Peer(port) as scanner:
+            scanner.watch()
+            scanner.show(40.0)
+            scanner.wait_for_code(3)
+            for _ in range(8):
+                scanner.show(10.0)
+                scanner.hear(0.01)
+            crowd += [stack.enter_context(Peer(port)) for _ in range(30)]
+            scanner.show(10.0)
+            assert ask_reset("127.0.0.1", port, TOKEN)[0] is True
+            scanner.watch()
+        assert all(peer.statuses()[0].code == 13 for peer in crowd[:18])
+
+
+def gone(peer: Peer) -> bool:
+    """Read what has come; return whether nothing comes any more."""
+    peer.hear(0.01)
+    peer.link.settimeout(5.0)
+    return not peer.link.recv(1)
+
+
+def test_who_was_there_first_and_the_scanner_keep_their_places() -> None:
+    with serving(clients=20) as port, ExitStack() as stack:
+        first = [stack.enter_context(Peer(port)) for _ in range(17)]
+        with Peer(port) as scanner:
+            scanner.watch()
+            crowd = [stack.enter_context(Peer(port)) for _ in range(30)]
+            scanner.watch()
+            assert not any(map(gone, first))
+            assert [gone(peer) for peer in crowd] == [True] * 28 + [False] * 2
 
 
 def kill(number: signal.Signals) -> Callable[[Running, Peer], None]:
@@ -443,6 +488,25 @@ def test_a_companion_that_fails_is_a_cause_until_it_says_that_this_is_over(name:
             granted, _ = ask_reset("127.0.0.1", port, TOKEN)
             assert granted is over
     companions[name].end()
+
+
+def test_clients_that_flood_the_log_take_nothing_of_the_decisions_and_the_log_says_what_it_left_out() -> None:
+    box = FakeCompanion()
+    wrong = encode(Status(1), "X")[:-1] + b"\1"
+    heard: list[dict[str, Any]] = []
+    with serving(Companions({BLACK_BOX: box})) as port, Peer(port) as scanner, Peer(port) as rude:  # type: ignore[arg-type]  # a stand-in
+        for _ in range(20):
+            rude.link.sendall((encode(Sensor((0.01,)), "RobotForce") * 20 + wrong) * 5)
+            scanner.watch(frames=3)
+            heard += box.theirs.receive()
+        wait_until(lambda: heard.extend(box.theirs.receive()) or any("left out" in str(m) for m in heard))
+    box.end()
+    entries = [message["entry"]["number"] for message in heard if message["kind"] == "entry"]
+    assert entries == list(range(1, len(entries) + 1))
+    assert len(entries) >= 60
+    checksums = [message for message in heard if "checksum" in message.get("text", "")]
+    assert 10 <= len(checksums) < 40
+    assert sum(message["kind"] == "force" for message in heard) >= 100
 
 
 def test_while_no_frames_come_the_console_is_told_the_state_again_and_the_log_has_no_gaps() -> None:

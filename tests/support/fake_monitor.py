@@ -5,6 +5,7 @@ import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from time import time
 
 from scleraforce.service.openigtlink import (
     BadChecksum,
@@ -146,7 +147,7 @@ class FakeMonitor:
             return
         for peer, version in list(self._peers.items()):
             with suppress(OSError):
-                peer.sendall(encode(message, device, version=version))
+                peer.sendall(encode(message, device, version=version, time_s=time()))
 
 
 @contextmanager

@@ -30,7 +30,7 @@ def list_faults(context: click.Context, parameter: click.Parameter, value: str |
 
     if value == "list":
         for name, fault in FAULTS.items():
-            click.echo(f"{name:14}{fault.line}")
+            click.echo(f"{name:17}{fault.line}")
         context.exit()
     if value is not None and value not in FAULTS:
         raise click.BadParameter(f"{value!r}; one of these would do: {', '.join(FAULTS)}")

@@ -26,4 +26,5 @@ class Cause(Enum):
     BAD_IMAGE = 111
     EXCEPTION = 112
     NO_OPINION = 113
+    STALE = 114
     WATCHDOG = 120  # told by the watchdog alone: the decision never meets it

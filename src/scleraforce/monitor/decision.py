@@ -19,7 +19,7 @@ from scleraforce.monitor.events import (
 )
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.monitor.rate import risen_force
-from scleraforce.monitor.soundness import harm, of_scale, sound_pixels, touches, unsound, upper_end
+from scleraforce.monitor.soundness import harm, lag_of, of_scale, sound_pixels, touches, unsound, upper_end
 from scleraforce.monitor.state import MonitorState, remember
 from scleraforce.monitor.transitions import TRANSITIONS, Signal, State
 
@@ -128,7 +128,7 @@ def _meaning(before: MonitorState, now: MonitorState, event: Event, limits: Moni
 
 
 def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Finding | None:
-    """Return what is wrong with how a frame came: its order, its size, its scale, its novelty."""
+    """Return what is wrong with how a frame came: its order, its size, its scale, its novelty, its delay."""
     if before.frame is not None and not frame.frame_id > before.frame.frame_id:
         return _alarm(Cause.OUT_OF_ORDER, f"frame {frame.frame_id} after {before.frame.frame_id}")
     if frame.size != (now.size or frame.size):
@@ -138,7 +138,18 @@ def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits
         return _alarm(Cause.SCALE, f"pixels of {frame.scale_m} m, not {now.scale_m} m")
     if now.repeats >= limits.frozen_frames:
         return _alarm(Cause.FROZEN, f"the same picture {now.repeats} times")
-    return None
+    if now.returns[-1] and sum(now.returns) >= limits.frozen_frames - 1:
+        return _alarm(Cause.FROZEN, f"a picture of {frame.shown_back} frames ago")
+    return _stale(now, frame, limits)
+
+
+def _stale(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Finding | None:
+    """Return that a frame came much later after its stated time than the quickest one did."""
+    lag_s = lag_of(frame)
+    if lag_s is None or now.least_lag is None:
+        return None
+    late_s = lag_s - now.least_lag[1]
+    return None if late_s < limits.lag_s else _alarm(Cause.STALE, f"the frame is {late_s * 1e3:.0f} ms late")
 
 
 def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Finding:

@@ -20,7 +20,9 @@ __all__ = [
 class FrameRead:
     """A frame and what was read in it.
 
-    `size` is (rows, columns), `scale_m` (lateral, depth) of a pixel as stored; `digest` is of the frame's pixels.
+    `size` is (rows, columns), `scale_m` (lateral, depth) of a pixel as stored. `shown_back` says how many frames ago
+    its picture was shown last, 0 that it is new. `sent_s` is the time that its sender states, by the sender's own
+    clock; None where it states none.
     Where the frame is not `usable`, `reason` says why and `predicted` counts for nothing. `force_n` and its
     `interval_n` are None with a classifier.
     """
@@ -33,9 +35,10 @@ class FrameRead:
     reason: str | None
     force_n: float | None
     interval_n: tuple[float, float] | None
-    digest: bytes
+    shown_back: int
     size: tuple[int, int]
     scale_m: tuple[float, float]
+    sent_s: float | None = None
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ COUNTS = (
     "unusable_frames",
     "unusable_opinions",
     "frozen_frames",
+    "shown_frames",
     "rate_frames",
     "fresh_frames",
     "losses_in_row",
@@ -26,6 +27,7 @@ POSITIVE = (
     "scale_tolerance",
     "opinion_s",
     "lifted_s",
+    "lag_s",
 )
 
 
@@ -52,6 +54,9 @@ class MonitorLimits:
     unusable_opinions: int = 3
     silence_s: float = 0.1
     frozen_frames: int = 3
+    shown_frames: int = 50
+    lag_s: float = 0.1
+    lag_drift: float = 1e-4
     losses_in_row: int = 4
     losses_in_window: int = 8
     loss_window_s: float = 1.0
@@ -69,6 +74,7 @@ class MonitorLimits:
         for name in POSITIVE:
             _check(name, getattr(self, name), 0, strictly=True)
         _check("rate_deviations", self.rate_deviations, 0)
+        _check("lag_drift", self.lag_drift, 0)
         _check("rate_frames", self.rate_frames, 4)
         _check("frozen_frames", self.frozen_frames, 2)
         if self.contact_n >= self.bound_n:

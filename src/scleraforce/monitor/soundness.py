@@ -6,7 +6,7 @@ from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.events import FrameRead, SecondOpinion
 from scleraforce.monitor.limits import MonitorLimits
 
-__all__ = ["harm", "of_scale", "sound_pixels", "touches", "unsound", "upper_end"]
+__all__ = ["harm", "lag_of", "of_scale", "sound_pixels", "touches", "unsound", "upper_end"]
 
 Reading = FrameRead | SecondOpinion
 
@@ -50,6 +50,11 @@ def upper_end(reading: Reading) -> float | None:
 def touches(reading: Reading, limits: MonitorLimits) -> bool:
     """Return whether a usable, sound reading shows contact."""
     return reading.predicted > 0 if reading.force_n is None else reading.force_n > limits.contact_n
+
+
+def lag_of(frame: FrameRead) -> float | None:
+    """Return how long after its stated time a frame came, s, by two clocks that need not agree; None without one."""
+    return None if frame.sent_s is None else frame.at_s - frame.sent_s
 
 
 def of_scale(scale_m: tuple[float, float], stated_m: tuple[float, float], limits: MonitorLimits) -> bool:

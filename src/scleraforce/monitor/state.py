@@ -7,7 +7,7 @@ from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.events import Event, FrameRead, QueueLoss, SecondOpinion
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.monitor.rate import NOISE_WINDOWS
-from scleraforce.monitor.soundness import sound_pixels, touches, unsound
+from scleraforce.monitor.soundness import lag_of, sound_pixels, touches, unsound
 from scleraforce.monitor.transitions import State
 
 __all__ = ["MonitorState", "remember"]
@@ -20,11 +20,14 @@ class MonitorState:
     """All that the monitor remembers; a few hundred numbers at most, whatever it has met.
 
     `cause` and `reason` are those of the first cause of a withdrawal, kept until the reset. `history` has (time, force)
-    of the last frames whose numbers are sound, `losses` (time, frames) of those lost within the window, `lost` all that
-    were lost since the start, `lost_in_row` those since the last frame. `fresh` counts the harmless frames in a row.
-    `touched` is True after contact, `clear_s` the time of the first of the last frames in a row that show none.
-    `opinion` is the last second opinion since the last cause, `doubted` counts those in a row that could not judge,
-    `unanswered` has (frame, time) of frames that got none yet, oldest first, thinned where they are many.
+    of the last frames whose numbers are sound. `repeats` counts the frames in a row with one picture, `returns` says of
+    each of the last frames whether its picture came back after others. `least_lag` is (time, lag) of the frame that
+    came soonest after the time that its sender states, by two clocks that need not agree. `losses` has (time, frames)
+    of those lost within the window, `lost` all that were lost since the start, `lost_in_row` those since the last
+    frame. `fresh` counts the harmless frames in a row. `touched` is True after contact, `clear_s` the time of the first
+    of the last frames in a row that show none. `opinion` is the last second opinion since the last cause, `doubted`
+    counts those in a row that could not judge, `unanswered` has (frame, time) of frames that got none yet, oldest
+    first, thinned where they are many.
     """
 
     state: State = State.NOT_READY
@@ -35,6 +38,8 @@ class MonitorState:
     size: tuple[int, int] | None = None
     scale_m: tuple[float, float] | None = None
     repeats: int = 0
+    returns: tuple[bool, ...] = ()
+    least_lag: tuple[float, float] | None = None
     touched: bool = False
     clear_s: float | None = None
     unusable: int = 0
@@ -70,14 +75,15 @@ def remember(state: MonitorState, event: Event, limits: MonitorLimits) -> Monito
 
 
 def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
-    same = state.frame is not None and state.frame.digest == frame.digest
     waiting = (*state.unanswered, (frame.frame_id, frame.at_s)) if limits.expects_opinion else ()
     state = replace(
         state,
         frame=frame,
         size=limits.size or state.size,
         scale_m=limits.scale_m or state.scale_m,
-        repeats=state.repeats + 1 if same else 1,
+        repeats=state.repeats + 1 if frame.shown_back == 1 else 1,
+        returns=(*state.returns, frame.shown_back > 1)[-limits.shown_frames :],
+        least_lag=_least_lag(state.least_lag, frame, limits),
         unusable=0 if frame.usable else state.unusable + 1,
         lost_in_row=0,
         unanswered=waiting if len(waiting) <= MOST_UNANSWERED else waiting[::2],
@@ -90,6 +96,18 @@ def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits
     if frame.force_n is None:
         return state
     return replace(state, history=(*state.history, (frame.at_s, frame.force_n))[-NOISE_WINDOWS * limits.rate_frames :])
+
+
+def _least_lag(
+    least: tuple[float, float] | None, frame: FrameRead, limits: MonitorLimits
+) -> tuple[float, float] | None:
+    """Return the least lag so far; it rises by what two clocks may drift apart."""
+    lag_s = lag_of(frame)
+    if lag_s is None or not isfinite(lag_s):
+        return least
+    if least is None:
+        return frame.at_s, lag_s
+    return frame.at_s, min(lag_s, least[1] + limits.lag_drift * max(0.0, frame.at_s - least[0]))
 
 
 def _remember_contact(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:

@@ -331,6 +331,7 @@ class BlackBox:
 def main(arguments: Sequence[str]) -> None:
     """Be the black box of the monitor that started this process, until it ends."""
     os.nice(NICENESS)
+    os.umask(0o077)  # what is kept is of a patient: for the owner only
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it ends when the monitor does, and not before
     channel, settings = settings_of_child(arguments)
     try:

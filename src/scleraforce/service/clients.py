@@ -12,15 +12,19 @@ from scleraforce.service.telling import Telling
 __all__ = ["Clients"]
 
 ACCEPTED_PER_TURN = 16
+CHANGING = 32  # of the places: twice what is accepted in a turn, so that who has something to say is heard
 STALLED_S = 10.0  # a client that reads nothing for so long is let go
 
 
 class Clients:
-    """Takes in who comes, and keeps the connections; none of them can make another wait.
+    """Takes in who comes, and keeps the connections; none of them can make another wait, or take all places.
+
+    Who comes when all places are taken gets one of those that came last, an eighth of all (`CHANGING` at most), from
+    whom had it longest: an operator and a scanner always have a place, and who was there before keeps theirs.
 
     Args:
         listener: listens already.
-        most: connections at once; who comes later is turned away.
+        most: connections at once.
         message_s: within which a message has to come whole.
         guard: the watchdog, which speaks to them when the monitor cannot.
         note: called with a line when somebody comes or goes.
@@ -43,8 +47,8 @@ class Clients:
     def __contains__(self, client: Connection) -> bool:
         return client.number in self._connected
 
-    def accept(self) -> list[Connection]:
-        """Take in those who wait to be connected."""
+    def accept(self, spared: Connection | None = None) -> list[Connection]:
+        """Take in those who wait to be connected; `spared` keeps its place."""
         came = []
         for _ in range(ACCEPTED_PER_TURN):
             try:
@@ -52,15 +56,20 @@ class Clients:
             except OSError:  # nobody waits any more, or too many files are open
                 break
             if len(self._connected) >= self._most:
-                link.close()
-                continue
+                self._make_room(spared)
             client = Connection(link, f"{address[0]}:{address[1]}", next(self._numbers))
             self._connected[client.number] = client
             self._guard.watch(client)
             self.selector.register(client, selectors.EVENT_READ, client)
             self._note(f"client {client.address} came")
             came.append(client)
-        return came
+        return [client for client in came if client in self]
+
+    def _make_room(self, spared: Connection | None) -> None:
+        """Let go of one of the last who came."""
+        others = [client for client in self if client is not spared]
+        changing = others[-max(1, min(CHANGING, self._most // 8)) :]
+        self.leave(changing[0], "was let go: all places are taken, and another client came")
 
     def leave(self, client: Connection, why: str) -> None:
         """Let go of a client, if it is still there."""
@@ -78,7 +87,9 @@ class Clients:
             self._guard.version(client)
 
     def send(self, client: Connection, telling: Telling, now_s: float) -> None:
-        """Send messages to one client."""
+        """Send messages to one client, if it is still there."""
+        if client not in self:
+            return
         try:
             client.send(telling.to(client.version), now_s)
         except OSError:

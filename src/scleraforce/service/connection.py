@@ -1,14 +1,21 @@
 """One client's connection: bytes in through the codec, bytes out without ever waiting."""
 
+import fcntl
 import socket
+import sys
+import termios
 from contextlib import suppress
 
 from scleraforce.errors import ProtocolError
+from scleraforce.service.allowance import Allowance
 from scleraforce.service.openigtlink import Decoder, Event
 from scleraforce.service.scanner_image import FrameAssembler
 
 __all__ = ["Connection"]
 
+WAITING_BYTES = 8192  # that a peer has not taken yet: a tenth of a second; what is sent behind them is old when heard
+NOTES_PER_S, NOTES_AT_ONCE = 1.0, 10
+FORCES_PER_S, FORCES_AT_ONCE = 1200.0, 120  # a robot sends 1000 a second at most
 TURN_BYTES, TURN_EVENTS = 2 * 1024 * 1024, 16  # received before others have their turn, some more may have come at once
 
 
@@ -22,8 +29,10 @@ class Connection:
         frames: puts its images together.
         heard_s: when it was heard last; 0 before.
         wrong_tokens: how many resets it asked for with one.
-        unread_since_s: since when it has not read what was sent to it; None where it keeps up.
+        unread_since_s: since when messages to it are left out, for it does not read; None where it keeps up.
         message_since_s: since when a message of it has been incomplete; None between messages.
+        notes: how often what it does wrong is noted.
+        forces: how often a force of it is kept.
     """
 
     def __init__(self, link: socket.socket, address: str, number: int) -> None:
@@ -34,6 +43,7 @@ class Connection:
         self.heard_s, self.wrong_tokens = 0.0, 0
         self.unread_since_s: float | None = None
         self.message_since_s: float | None = None
+        self.notes, self.forces = Allowance(NOTES_PER_S, NOTES_AT_ONCE), Allowance(FORCES_PER_S, FORCES_AT_ONCE)
         self._link, self._decoder, self._rest = link, Decoder(), memoryview(b"")
 
     def fileno(self) -> int:
@@ -73,21 +83,25 @@ class Connection:
         return events, alive and not self._decoder.broken
 
     def send(self, data: bytes, now_s: float) -> None:
-        """Send a message, or leave it out where the peer has not read the last one yet.
+        """Send a message, or leave it out where too much waits that the peer has not taken yet.
+
+        What it hears is at most as old as that, and what it has let wait in its own buffer.
 
         Raises:
             OSError: the peer has gone.
         """
         if self._rest:
             self._flush()
-        if self._rest:
+        if self._rest or self._waiting_bytes() > WAITING_BYTES:
+            self.unread_since_s = now_s if self.unread_since_s is None else self.unread_since_s
             return
+        self.unread_since_s = None
         self._rest = memoryview(data)
         self._flush()
-        if not self._rest:
-            self.unread_since_s = None
-        elif self.unread_since_s is None:
-            self.unread_since_s = now_s
+
+    def _waiting_bytes(self) -> int:
+        """Return how much was sent that has not arrived in the peer's own buffer (Linux: SIOCOUTQ)."""
+        return int.from_bytes(fcntl.ioctl(self._link, termios.TIOCOUTQ, bytes(4)), sys.byteorder)
 
     def _flush(self) -> None:
         """Go on with a message that was sent in part: a peer must never see half of one."""

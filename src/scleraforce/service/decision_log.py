@@ -75,7 +75,7 @@ class DecisionLog:
     """
 
     def __init__(self, folder: Path, file_bytes: int = FILE_BYTES, total_bytes: int = TOTAL_BYTES) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         self._separator = b""
         self._folder, self._file_bytes, self._total_bytes = folder, file_bytes, total_bytes
         self._lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
@@ -122,7 +122,8 @@ class DecisionLog:
 
     def _open(self, path: Path) -> None:
         self._path = path
-        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
+        os.fchmod(self._descriptor, 0o600)  # one of an earlier version, too
         self._size = os.fstat(self._descriptor).st_size
         torn = self._size and os.pread(self._descriptor, 1, self._size - 1) != b"\n"
         self._separator = b"\n" if torn else b""  # what was torn stays, on a line of its own

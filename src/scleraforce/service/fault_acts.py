@@ -28,6 +28,9 @@ BOUND_N = MonitorLimits().bound_n
 DANGEROUS_N = BOUND_N + 3e-3  # clear of the bound by what a reading errs
 RISE_N_PER_S = 0.15
 FLOOD = 100  # a second's worth; what the monitor reads as fast as it comes is no fault
+MOST_BUFFERS = 10  # pictures that a stuck buffer shows in turns
+CLOCK_ROWS, CLOCK_COLUMNS = 1 / 32, 1 / 8  # of the frame, where a time is burned in
+LATER = 0.8  # of each interval is waited longer than of the one before
 
 
 @dataclass(frozen=True)
@@ -131,12 +134,14 @@ class _Stage:
         return forces_n
 
     def nearest(self, wanted_n: Sequence[float] | NDArray[np.float64], least_n: float) -> list[Pixels]:
-        """Return pixels of the frames whose forces are nearest, none twice in a row."""
-        forces_n, chosen = self.forces_n(least_n), [-1]
+        """Return pixels of the frames whose forces are nearest; as long as there are others, none that was shown."""
+        forces_n, shown = self.forces_n(least_n), MonitorLimits().shown_frames
+        chosen = list(range(max(0, self.first - shown), self.first))
         for force_n in wanted_n:
             order = np.argsort(np.abs(forces_n - force_n), kind="stable")
-            chosen.append(int(order[0] if order[0] != chosen[-1] else order[1]))
-        return [self.recording.frame(self.recording.frames[index]) for index in chosen[1:]]
+            recent = set(chosen[-shown:])
+            chosen.append(int(next((index for index in order if index not in recent), order[0])))
+        return [self.recording.frame(self.recording.frames[index]) for index in chosen[-len(wanted_n) :]]
 
 
 def _unusable(stage: _Stage) -> list[Act]:
@@ -156,6 +161,39 @@ def _silence(stage: _Stage) -> list[Act]:
 def _frozen(stage: _Stage) -> list[Act]:
     last = stage.pixels(-1)
     return [(stage.sending(last),) for _ in range(stage.count)]
+
+
+def _double_buffer(stage: _Stage) -> list[Act]:
+    """The last pictures in turns, as a buffer sends them that nobody fills."""
+    most = min(MOST_BUFFERS, stage.first)
+    buffers = int(stage.rng.integers(2, most + 1))
+    old = [stage.pixels(back - buffers) for back in range(buffers)]
+    return [(stage.sending(old[place % buffers]),) for place in range(stage.count)]
+
+
+def _burned_in_clock(stage: _Stage) -> list[Act]:
+    """The last picture, in a corner of which something changes: a time, or a single pixel."""
+    last = stage.pixels(-1)
+    rows, columns = ceil(len(last) * CLOCK_ROWS), ceil(last.shape[1] * CLOCK_COLUMNS)
+    if stage.rng.random() < 0.5:
+        rows, columns = 1, 1
+    acts: list[Act] = []
+    for place in range(stage.count):
+        burned_in = last.copy()
+        digits = stage.rng.integers(0, 2, (rows, columns)) * (2**stage.recording.info.oct.bits - 1)
+        burned_in[:rows, :columns] = digits ^ (place & 1)
+        acts.append((stage.sending(burned_in),))
+    return acts
+
+
+def _stale(stage: _Stage) -> list[Act]:
+    """A queue before the line grows: each frame has waited longer than the one before."""
+    waited = [
+        replace(sending, late_s=-LATER * place * stage.interval_s)
+        for place, act in enumerate(stage.onward(0), start=1)
+        for sending in act or ()
+    ]
+    return [(sending,) for sending in waited]
 
 
 def _out_of_order(stage: _Stage) -> list[Act]:
@@ -209,7 +247,7 @@ def _bytes(sending: Sending) -> bytearray:
 
 
 def _flood(stage: _Stage) -> list[Act]:
-    several = [stage.pixels(index) for index in range(min(4, len(stage.recording.frames) - stage.first))]
+    several = [stage.pixels(index) for index in range(min(FLOOD, len(stage.recording.frames) - stage.first))]
     burst = [stage.sending(several[place % len(several)]) for place in range(FLOOD)]
     return [tuple(replace(sending, late_s=place * 1e-5) for place, sending in enumerate(burst)), *stage.onward(1)]
 
@@ -243,7 +281,8 @@ def _disconnect(stage: _Stage) -> list[Act]:
 
 ACTS: Mapping[str, Callable[[_Stage], list[Act]]] = MappingProxyType(
     {
-        "unusable": _unusable, "silence": _silence, "frozen": _frozen, "out-of-order": _out_of_order, "size": _size,
+        "unusable": _unusable, "silence": _silence, "frozen": _frozen, "double-buffer": _double_buffer,
+        "burned-in-clock": _burned_in_clock, "stale": _stale, "out-of-order": _out_of_order, "size": _size,
         "scale": _scale, "checksum": _checksum, "nan": _nan, "bad-image": _bad_image, "flood": _flood,
         "rising": _rising, "dangerous": _dangerous, "half": _half, "garbage": _garbage, "disconnect": _disconnect,
     }

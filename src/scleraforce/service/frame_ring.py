@@ -8,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
+from scleraforce.service.memory import available_bytes
 
 __all__ = ["FrameRing"]
+
+SPARED_BYTES = 512 * 2**20  # for the processes beside the monitor: models, library, what is written
 
 
 class FrameRing:
@@ -33,9 +36,16 @@ class FrameRing:
         """Return a new one; `descriptor`, `frames` and `shape` let another process open it with `FrameRing(...)`.
 
         Raises:
-            InputError: there is not so much memory.
+            InputError: there is not so much memory, or taking it would leave none to other processes.
         """
-        descriptor, size = os.memfd_create("scleraforce-frames"), _size(frames, rows, columns)
+        size, available = _size(frames, rows, columns), available_bytes()
+        if available is not None and size > available - SPARED_BYTES:
+            raise InputError(
+                f"memory: the last {frames} frames of {rows} x {columns} pixels take {size / 1e6:,.0f} MB and other "
+                f"processes {SPARED_BYTES / 1e6:.0f} MB; {available / 1e6:,.0f} MB are there; give the scanner's own "
+                "--rows and --columns, or end other programs"
+            )
+        descriptor = os.memfd_create("scleraforce-frames")
         try:
             os.posix_fallocate(descriptor, 0, size)
         except OSError as fault:

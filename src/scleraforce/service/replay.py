@@ -24,6 +24,7 @@ UNIT = 0  # of the protocol: none is stated, for forces and torques stand in one
 AHEAD = 48  # frames that are read before they are due: half a second at 100 a second, 25 MB
 READERS = 2
 FORCES_PER_S = 1000.0  # that are sent at most; of a faster log, every n-th sample
+STATED_S = 0.05  # of a delay at most stands in the header: it is the replay's, not the scanner's
 ANSWER_S = 1.0  # how long a step, and the end, wait for the answer
 
 
@@ -113,8 +114,9 @@ class Player:
             time_s, went_s = self._frame_went
             earliest_s = max(due_s, went_s + (timed.time_s - time_s) / self.speed / 2)
         self.client.listen(earliest_s)
-        self.latest_s = max(self.latest_s, monotonic() - due_s)
-        sent_s = self._put(timed, stamp_s)
+        late_s = max(0.0, monotonic() - due_s)
+        self.latest_s = max(self.latest_s, late_s)
+        sent_s = self._put(timed, stamp_s + max(0.0, late_s - STATED_S))
         if timed.number:
             self._frame_went = timed.time_s, sent_s
         return sent_s

@@ -15,6 +15,7 @@ from typing import Any
 from scleraforce.errors import ProtocolError
 from scleraforce.monitor.events import BadImage, ChecksumError, Failure, QueueLoss, Reset, SecondOpinion, Tick
 from scleraforce.monitor.events import Event as MonitorEvent
+from scleraforce.service.allowance import Allowance
 from scleraforce.service.clients import Clients
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
 from scleraforce.service.connection import Connection
@@ -41,6 +42,8 @@ REST_S = 0.001  # after that: Linux pauses what runs in real time for 50 ms wher
 SMALL_BODY_BYTES = 64 * 1024  # all that a client needs who is not the scanner
 LARGER_FRAMES = 4  # images that are so many times too large are still received, to be refused in words
 WRONG_TOKENS = 3
+NOTES_PER_S, NOTES_AT_ONCE = 10.0, 100  # of all clients, in the log: a fiftieth of what decisions take
+FORCES_PER_S, FORCES_AT_ONCE = 2400.0, 240
 
 
 @dataclass(frozen=True)
@@ -97,6 +100,8 @@ class Server:
         self._arrivals = count(1)
         self._counted: tuple[int, float] | None = None
         self._noted = session.decision.state
+        self._notes, self._forces = Allowance(NOTES_PER_S, NOTES_AT_ONCE), Allowance(FORCES_PER_S, FORCES_AT_ONCE)
+        self._left_out = 0
         self._stopping = False
 
     def stop(self) -> None:
@@ -148,7 +153,7 @@ class Server:
         if self._overtaken and self._scanner not in ready:
             self._decide("overtaken", self.session.overtaken(self._overtaken.popleft()))
         if None in ready:
-            for client in self._clients.accept():
+            for client in self._clients.accept(self._scanner):
                 self._clients.send(client, self._status(), self.session.clock())
 
     def _rest(self) -> None:
@@ -193,11 +198,18 @@ class Server:
             case Received(message=Text(text)) if event.header.device == RESET_DEVICE:
                 self._reset_by_client(client, text, at_s)
             case Received(message=Sensor(values)):
-                force = {"kind": "force", "at_s": at_s, "time_s": self.session.wall_clock(), "values": values}
-                self._companions.tell(BLACK_BOX, {**force, "device": event.header.device}, at_s)
+                self._keep_force(client, event.header.device, values, at_s)
             case BadChecksum() | Malformed() | Broken():
                 self._take_wrong(client, event, at_s, may_scan)
         return None
+
+    def _keep_force(self, client: Connection, device: str, values: tuple[float, ...], at_s: float) -> None:
+        """Let the black box have a force; what comes faster than a robot measures would be in the decisions' way."""
+        if not (client.forces.take(at_s) and self._forces.take(at_s)):
+            self._left_out += 1
+            return
+        force = {"kind": "force", "at_s": at_s, "time_s": self.session.wall_clock(), "values": values, "device": device}
+        self._companions.tell(BLACK_BOX, force, at_s)
 
     def _put_together(self, client: Connection, event: Received, image: Image, at_s: float) -> Frame | None:
         """Return the frame that an image is or completes; whoever sends one is the scanner now."""
@@ -210,7 +222,7 @@ class Server:
         if whole is None:
             return None
         sender_id = event.message_id or int(event.header.time_s * 1e6) or next(self._arrivals)
-        return self.session.frame(whole, sender_id, client.number, at_s)
+        return self.session.frame(whole, sender_id, client.number, at_s, event.header.time_s or None)
 
     def _take_wrong(
         self, client: Connection, event: BadChecksum | Malformed | Broken, at_s: float, may_scan: bool
@@ -218,7 +230,7 @@ class Server:
         """Take a message that is wrong: from a scanner it is a cause."""
         of_image = not isinstance(event, Broken) and event.header.type == "IMAGE"
         if client is not self._scanner and not (may_scan and of_image):
-            self._note_client(f"client {client.address}: {_said(event)}")
+            self._note_client(f"client {client.address}: {_said(event)}", client)
             return
         client.frames = type(client.frames)()  # no frame is put together of what came before and after
         if isinstance(event, BadChecksum):
@@ -262,9 +274,17 @@ class Server:
             at = datetime.fromtimestamp(self.session.wall_clock()).astimezone()
             self._note(f"{at:%H:%M:%S.%f}"[:-3] + f"  {decision.message}")
 
-    def _note_client(self, text: str) -> None:
+    def _note_client(self, text: str, client: Connection | None = None) -> None:
+        """Let the log have a note, unless there are too many; `client`: of what it does wrong."""
+        now_s = self.session.clock()
+        if (client is None or client.notes.take(now_s)) and self._notes.take(now_s):
+            self._log_note(text, now_s)
+        else:
+            self._left_out += 1
+
+    def _log_note(self, text: str, now_s: float) -> None:
         note = {"kind": "note", "time_s": self.session.wall_clock(), "text": text}
-        self._companions.tell(BLACK_BOX, note, self.session.clock())
+        self._companions.tell(BLACK_BOX, note, now_s)
 
     # What happens by itself.
 
@@ -280,6 +300,9 @@ class Server:
             self._decide("watchdog", Failure(now_s, fault))
 
     def _tell_rates(self, now_s: float) -> None:
+        if self._left_out:
+            self._log_note(f"{self._left_out} notes and forces of clients were left out: there were too many", now_s)
+            self._left_out = 0
         frames, since_s = self._counted or (0, now_s - RATES_S)
         self._counted = self.session.frames, now_s
         clients = [

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from time import monotonic, time
 from typing import Any, Protocol
 
-import fastcrc
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +15,7 @@ from scleraforce.monitor.soundness import of_scale
 from scleraforce.reader.answers import Answer
 from scleraforce.service.entry import Entry
 from scleraforce.service.scanner_image import ScannerFrame
+from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import n_to_mn
 
 __all__ = ["Frame", "Read", "Reading", "Session", "Withdrawal"]
@@ -41,6 +41,8 @@ class Frame:
 
     `misfit` says that it is wrong before it is read, by its size, scale or order: such a frame is never left out.
     `order` rises from frame to frame as `sender_id` does, and goes on rising where another sender counts anew.
+    `shown_back` says how many frames ago its picture was shown last, 0 that it is new; `sent_s` is the time in its
+    header, None without one.
     """
 
     number: int
@@ -48,8 +50,9 @@ class Frame:
     sender_id: int
     at_s: float
     image: ScannerFrame
-    digest: bytes
+    shown_back: int
     misfit: bool
+    sent_s: float | None
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,7 @@ class Session:
         self._frames = self._entries = 0
         self._sender = self._offset = self._order = 0
         self._reading: Reading | None = None
+        self._shown = ShownPictures(limits.shown_frames)
 
     @property
     def frames(self) -> int:
@@ -111,16 +115,17 @@ class Session:
             self.withdrawals.append(Withdrawal(self._frames, self.wall_clock(), cause.name, self.decision.message))
         return self.decision != before
 
-    def frame(self, image: ScannerFrame, sender_id: int, sender: int, at_s: float) -> Frame:
-        """Number a frame that came whole at `at_s` from the `sender`-th connection."""
+    def frame(
+        self, image: ScannerFrame, sender_id: int, sender: int, at_s: float, sent_s: float | None = None
+    ) -> Frame:
+        """Number a frame that came whole at `at_s` from the `sender`-th connection; it states `sent_s`."""
         self._frames += 1
         if sender != self._sender:
             self._sender, self._offset = sender, self._order + 1 - sender_id if self._sender else 0
         order = self._offset + sender_id
         misfit = order <= self._order or not self._fits(image)
         self._order = max(self._order, order)
-        digest = fastcrc.crc64.ecma_182(image.pixels.data).to_bytes(8)
-        return Frame(self._frames, order, sender_id, at_s, image, digest, misfit)
+        return Frame(self._frames, order, sender_id, at_s, image, self._shown.back(image.pixels), misfit, sent_s)
 
     def _fits(self, image: ScannerFrame) -> bool:
         """Return whether an image is of the expected size and scale."""
@@ -152,13 +157,13 @@ class Session:
         if size != self.limits.size:
             return None, FrameRead(
                 frame.at_s, frame.order, self.limits.withdraw_class, None, False, "another size", None, None,
-                frame.digest, size, (image.lateral_m, image.depth_m),
+                frame.shown_back, size, (image.lateral_m, image.depth_m), frame.sent_s,
             )  # fmt: skip
         reading = self._read(image.pixels, PixelScale(image.lateral_m, image.depth_m))
         answer = reading.answer
         return reading, FrameRead(
             frame.at_s, frame.order, answer.predicted, answer.probabilities, answer.usable, answer.reason,
-            answer.force_n, answer.interval_n, frame.digest, size, (image.lateral_m, image.depth_m),
+            answer.force_n, answer.interval_n, frame.shown_back, size, (image.lateral_m, image.depth_m), frame.sent_s,
         )  # fmt: skip
 
     def summary(self) -> dict[str, Any]:

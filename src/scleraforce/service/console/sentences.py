@@ -11,7 +11,7 @@ SENTENCES = {
     "BOUND": "The force may have reached the bound.",
     "RISING": "The force rises so fast that the bound would be reached before the robot reacts.",
     "UNUSABLE": "The frame cannot be judged while the needle touches the eye.",
-    "FROZEN": "The scanner sends the same picture again and again.",
+    "FROZEN": "The scanner sends old pictures again.",
     "OUT_OF_ORDER": "Frames or times came out of order.",
     "SIZE": "A frame has another size than the model was made for.",
     "SCALE": "A frame has pixels of another size than the model was made for.",
@@ -20,6 +20,7 @@ SENTENCES = {
     "BAD_IMAGE": "The scanner sent something that is not an image.",
     "EXCEPTION": "A part of the monitor failed.",
     "NO_OPINION": "The second reader has not answered for too long.",
+    "STALE": "Frames arrive too long after they were taken.",
     "WATCHDOG": "The monitor hung or died, and the watchdog ended it.",
 }
 
