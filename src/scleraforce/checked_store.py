@@ -40,6 +40,7 @@ class CheckedStore:
         schema: of its format; another one is refused.
         required: attributes that it must have beside the schema.
         same: attributes that a run must share with the one that it continues.
+        others: by the beginning of their schemas, what other stores are and what they are for.
         error: the exception that is raised.
     """
 
@@ -49,6 +50,7 @@ class CheckedStore:
     schema: str
     required: frozenset[str]
     same: tuple[str, ...]
+    others: Mapping[str, str]
     error: type[InputError]
 
     def attributes(self, path: Path) -> dict[str, Any]:
@@ -61,6 +63,8 @@ class CheckedStore:
             raise self.error(f"{path}: not a {self.noun} of scleraforce")
         if attributes.get("schema") != self.schema:
             found = str(attributes.get("schema"))[:60]
+            if other := next((text for schema, text in self.others.items() if found.startswith(schema)), None):
+                raise self.error(f"{path}: {other}")
             raise self.error(f"{path}: schema {found!r}; this version reads {self.schema!r}")
         if missing := self.required - attributes.keys():
             raise self.error(f"{path}: attributes {', '.join(sorted(missing))} are missing; {self.verb} it again")
@@ -160,7 +164,8 @@ class CheckedStore:
 
     def _json(self, path: Path) -> Any:
         try:
-            return parse_json(read_bytes(path, replace(KINDS["store metadata"], error=self.error)))
+            hint = f"a {self.noun} of scleraforce has this file"
+            return parse_json(read_bytes(path, replace(KINDS["store metadata"], error=self.error, hint=hint)))
         except ValueError as fault:
             raise self.error(f"{path}: not a {self.noun} of scleraforce: {fault}") from fault
 

@@ -309,7 +309,7 @@ def test_a_worker_that_dies_is_an_error_and_not_a_hang(monkeypatch):
     monkeypatch.setattr(processes, "_start", lambda *args: started.append(start(*args)) or started[-1])
     with closing(workers.simulate_units(small_study(), MODULUS_PA, [0, 1], 1)) as results:
         next(results)
-        started[0][0].kill()
+        started[0].process.kill()
         with pytest.raises(SolverError, match="worker ended"):
             next(results)
 

@@ -32,6 +32,7 @@ STORE = CheckedStore(
     schema="scleraforce-dataset-2",
     required=frozenset({"complete", "study", "study_hash", "youngs_modulus_pa", "calibration", "versions"}),
     same=("study_hash", "youngs_modulus_pa", "mechanics", "calibration", "versions"),
+    others={"scleraforce-library": "a response library and no data set; `train --kind reader` learns from it"},
     error=DatasetError,
 )
 SLICES = "slices"

@@ -145,7 +145,8 @@ def parse_plan(recipe: str, name: str) -> LibraryPlan:
     """
     try:
         given = parse_json(recipe)
-        grid = {key: _sampled(value) if isinstance(value, dict) else value for key, value in given["grid"].items()}
+        entries = given["grid"].items()
+        grid: dict[str, Any] = {key: _sampled(entry) if isinstance(entry, dict) else entry for key, entry in entries}
         plan = LibraryPlan(**{**given, "grid": LibraryStudy(**grid)})
     except (InputError, ValueError, TypeError, LookupError, AttributeError) as fault:
         raise InputError(f"{name}: not the plan of a library ({fault})") from fault

@@ -30,6 +30,7 @@ STORE = CheckedStore(
     schema="scleraforce-library-2",
     required=frozenset({"complete", "plan", "plan_hash", "key", "seed", "versions"}),
     same=("plan", "key", "versions"),
+    others={"scleraforce-dataset": "a data set and no response library; `train --kind classifier` learns from it"},
     error=InputError,
 )
 
