@@ -2,6 +2,8 @@
 
 import signal
 
+import scleraforce  # noqa: F401 - before ONNX Runtime, which tests import too: it switches off what that sends
+
 # A shell without job control starts background jobs with SIGINT ignored, and children inherit that: the tests that send
 # Ctrl-C to a child would wait for ever where CI runs that way.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

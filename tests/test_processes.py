@@ -1,8 +1,17 @@
 """How units are handed out to processes; `tests/dataset` and `tests/library` show the processes at work."""
 
+import multiprocessing
 from collections import deque
+from functools import partial
+from multiprocessing import resource_tracker, spawn
 
-from scleraforce.processes import next_unit, split_runs
+import pytest
+from pieces_of_work import fails_oddly, no_preparation, tripled
+
+from scleraforce.errors import InputError, SolverError
+from scleraforce.processes import next_unit, split_runs, work_in_order, work_units
+
+HEAVY = partial(tripled, bytes(2**20))  # more than a pipe holds
 
 
 def test_units_are_handed_out_in_contiguous_runs_and_the_idle_help_at_the_far_end():
@@ -10,3 +19,36 @@ def test_units_are_handed_out_in_contiguous_runs_and_the_idle_help_at_the_far_en
     assert [next_unit(runs, 0) for _ in range(5)] == [0, 1, 2, 5, 4]
     assert [next_unit(runs, 1), next_unit(runs, 1)] == [3, None]
     assert split_runs([7], 4) == [deque([7])]
+
+
+@pytest.fixture
+def no_interpreter():
+    """Where workers cannot be started: another user's interpreter, for one, cannot be read."""
+    resource_tracker.ensure_running()
+    before = spawn.get_executable()
+    spawn.set_executable("/bin/false")
+    yield
+    spawn.set_executable(before)
+
+
+@pytest.mark.parametrize("work", [work_units, partial(work_in_order, ahead=2)], ids=["any order", "in order"])
+@pytest.mark.usefixtures("no_interpreter")
+def test_workers_that_die_at_their_start_are_an_error_and_not_a_hang(work):
+    with pytest.raises(SolverError, match="a worker ended with code 1"):
+        list(work(HEAVY, range(3), 2))
+    assert not multiprocessing.active_children()
+
+
+def test_what_a_preparation_raises_reaches_the_caller():
+    with pytest.raises(InputError, match="this eye is too small"):
+        list(work_units(no_preparation, range(3), 1))
+
+
+def test_an_exception_that_cannot_be_sent_is_told():
+    with pytest.raises(SolverError, match="OddError in a worker: 7 and this"):
+        list(work_units(fails_oddly, [7], 1))
+
+
+def test_results_come_in_order_whatever_the_workers_do():
+    assert list(work_in_order(HEAVY, range(5, 12), 2, ahead=3)) == [3 * unit for unit in range(5, 12)]
+    assert list(work_in_order(HEAVY, [], 2, ahead=3)) == []

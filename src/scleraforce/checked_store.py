@@ -1,23 +1,33 @@
 """Zarr 3 groups that are written part by part, resumable, and checked when they are read.
 
-Every array has a CRC-32C. Zarr writes a chunk to a temporary name and renames it, so a chunk that exists is whole, and
-a killed run still has to do what is missing. A group is marked as complete at the end.
+Zarr writes a chunk to a temporary name and renames it, so a chunk that exists is whole, and a killed run still has to
+do what is missing. At the end the SHA-256 of every chunk goes into the group's attributes, in the order of the chunks:
+a chunk that stands in the place of another one is found, which its own checksum cannot tell.
+
+Zarr itself never reads what somebody gives: files are read as regular ones within a size, checked, and then decoded
+from memory.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import stat
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-import numpy as np
 import zarr
 from numpy.typing import NDArray
-from zarr.abc.codec import BytesBytesCodec
-from zarr.codecs import Crc32cCodec
 
 from scleraforce.errors import InputError
+from scleraforce.plain_json import parse_json
+from scleraforce.stored_array import METADATA_FILE, StoredArray
+from scleraforce.whole_files import KINDS, MIB, read_bytes
 
-__all__ = ["CheckedStore", "create_array", "is_readable"]
+__all__ = ["MAX_ARRAY_SIZE", "CheckedStore"]
+
+HASHES = "sha256"  # the attribute with the hashes of an array's chunks, for each array
+MAX_ARRAY_SIZE = 8192 * MIB
 
 
 @dataclass(frozen=True)
@@ -30,6 +40,7 @@ class CheckedStore:
         schema: of its format; another one is refused.
         required: attributes that it must have beside the schema.
         same: attributes that a run must share with the one that it continues.
+        others: by the beginning of their schemas, what other stores are and what they are for.
         error: the exception that is raised.
     """
 
@@ -39,81 +50,107 @@ class CheckedStore:
     schema: str
     required: frozenset[str]
     same: tuple[str, ...]
+    others: Mapping[str, str]
     error: type[InputError]
 
-    def open_group(self, path: Path, mode: Literal["r", "r+"] = "r") -> zarr.Group:
-        """Open a store that exists; nothing but its being a Zarr group is checked."""
+    def attributes(self, path: Path) -> dict[str, Any]:
+        """Return the metadata of a store, complete or not."""
         if not path.is_dir():
             raise self.error(f"{path}: no such {self.noun}; `scleraforce {self.command} --out {path}` makes one")
-        try:
-            return zarr.open_group(path.absolute(), mode=mode, zarr_format=3)
-        except (OSError, ValueError, KeyError, TypeError) as fault:
-            raise self.error(f"{path}: not a {self.noun} of scleraforce: {fault}") from fault
-
-    def attributes(self, group: zarr.Group, path: Path) -> dict[str, Any]:
-        """Return the metadata of a store, complete or not."""
-        attributes = dict(group.attrs)
+        record = self._json(path / METADATA_FILE)
+        attributes = record.get("attributes") if isinstance(record, dict) else None
+        if not isinstance(attributes, dict) or record.get("node_type") != "group":
+            raise self.error(f"{path}: not a {self.noun} of scleraforce")
         if attributes.get("schema") != self.schema:
-            raise self.error(f"{path}: schema {attributes.get('schema')!r}; this version reads {self.schema!r}")
+            found = str(attributes.get("schema"))[:60]
+            if other := next((text for schema, text in self.others.items() if found.startswith(schema)), None):
+                raise self.error(f"{path}: {other}")
+            raise self.error(f"{path}: schema {found!r}; this version reads {self.schema!r}")
         if missing := self.required - attributes.keys():
             raise self.error(f"{path}: attributes {', '.join(sorted(missing))} are missing; {self.verb} it again")
         return attributes
 
-    def complete_attributes(self, group: zarr.Group, path: Path) -> dict[str, Any]:
+    def complete_attributes(self, path: Path) -> dict[str, Any]:
         """Return the metadata of a store that is complete."""
-        attributes = self.attributes(group, path)
+        attributes = self.attributes(path)
         if attributes["complete"] is not True:
             raise self.error(f"{path}: not complete; the same `scleraforce {self.command}` completes it")
         return attributes
 
     def begin(self, path: Path, attributes: Mapping[str, Any]) -> zarr.Group:
         """Create a store that is not complete, or open what a killed run with the same attributes has left."""
-        if _occupied(path):
-            return self._continued(path, attributes)
-        try:
+        with self.writing(path):
+            if _occupied(path):
+                return self._continued(path, attributes)
             path.mkdir(parents=True, exist_ok=True)
             described = {"schema": self.schema, "complete": False, **attributes}
             return zarr.create_group(path.absolute(), zarr_format=3, attributes=described)
-        except OSError as fault:
-            raise self.error(f"{path}: {fault.strerror}") from fault
 
-    def finish(self, path: Path) -> None:
-        """Mark a store as complete, and clear what killed runs have left beside their chunks."""
-        for leftover in path.rglob("*.partial"):
-            leftover.unlink(missing_ok=True)
-        self.open_group(path, "r+").attrs["complete"] = True
+    def write(self, path: Path, array: StoredArray, part: Any, values: NDArray[Any]) -> None:
+        """Write a part of an array: whole chunks."""
+        with self.writing(path):
+            found = zarr.open_array(path.absolute() / array.name, mode="r+", zarr_format=3)
+            found.with_config({"write_empty_chunks": True})[part] = values  # what is missing is not done yet
 
-    def array(self, group: zarr.Group, path: Path, name: str) -> zarr.Array[Any]:
-        """Return an array of a store, with a checksum; its values are read later."""
+    def finish(self, path: Path, arrays: Sequence[StoredArray]) -> None:
+        """Mark a store as complete, with the hashes of its chunks, and clear what killed runs have left beside them."""
+        hashes = {array.name: [sha256(self._chunk(path, array, at)).hexdigest() for at in array.places]
+                  for array in arrays}  # fmt: skip
+        with self.writing(path):
+            for leftover in path.rglob("*.partial"):
+                leftover.unlink(missing_ok=True)
+            group = zarr.open_group(path.absolute(), mode="r+", zarr_format=3)
+            group.update_attributes({HASHES: hashes, "complete": True})
+
+    def check_array(self, path: Path, attributes: Mapping[str, Any], array: StoredArray) -> None:
+        """Check that an array of a complete store is what it must be and that none of its chunks is missing."""
+        if array.size > MAX_ARRAY_SIZE:
+            raise self.error(f"{path / array.name}: {array.size // MIB} MiB of values, at most "
+                             f"{MAX_ARRAY_SIZE // MIB} are read (docs/files.md)")  # fmt: skip
+        if wrong := array.difference(self._json(path / array.name / METADATA_FILE)):
+            raise self.error(f"{path / array.name}: {wrong}; {self.verb} it again")
+        count = len(self._hashes(path, attributes, array))
+        missing = sum(not (path / array.file(index)).exists() for index in array.places)
+        if missing:
+            raise self.error(f"{path / array.name}: {missing} of {count} chunks are missing; {self.verb} it again")
+
+    def read(self, path: Path, attributes: Mapping[str, Any], array: StoredArray) -> NDArray[Any]:
+        """Return the values of an array; the message names the chunk that is damaged."""
+        self.check_array(path, attributes, array)
+        again = f"{self.verb} the {self.noun} again"
+        chunks = {}
+        for index, expected in zip(array.places, self._hashes(path, attributes, array), strict=True):
+            chunks[index] = self._chunk(path, array, index)
+            if sha256(chunks[index]).hexdigest() != expected:
+                raise self.error(f"{path / array.file(index)}: damaged (it is not the chunk of this place); {again}")
         try:
-            array = group[name]
-        except (OSError, ValueError, KeyError, TypeError) as fault:
-            raise self.error(f"{path / name}: the array is missing or its zarr.json is damaged") from fault
-        if not isinstance(array, zarr.Array):
-            raise self.error(f"{path / name}: not an array")
-        if not any(isinstance(codec, Crc32cCodec) for codec in array.compressors):
-            raise self.error(f"{path / name}: without checksums; {self.verb} it again")
-        return array
-
-    def whole_array(self, group: zarr.Group, path: Path, name: str) -> zarr.Array[Any]:
-        """Return an array none of whose chunks is missing (Zarr would read it as zeros)."""
-        array = self.array(group, path, name)
-        if array.nchunks_initialized != array.nchunks:
-            missing = array.nchunks - array.nchunks_initialized
-            raise self.error(f"{path / name}: {missing} of {array.nchunks} chunks are missing; {self.verb} it again")
-        return array
-
-    def read(self, array: zarr.Array[Any], place: Path) -> NDArray[Any]:
-        """Return the values of an array that stands at `place`; the message names the chunk that is damaged."""
-        try:
-            return np.asarray(array[:])
+            return array.decode(chunks)
         except Exception as fault:  # whatever a codec raises, the array cannot be read
-            again = f"{self.verb} the {self.noun} again"
-            raise self.error(f"{_damaged(array, place)}: damaged ({fault}); {again}") from fault
+            bad = next((index for index, data in chunks.items() if not array.decodes(data)), ())
+            raise self.error(f"{path / array.file(bad)}: damaged ({fault}); {again}") from fault
+
+    def is_readable(self, path: Path, array: StoredArray, index: tuple[int, ...]) -> bool:
+        """Return whether a chunk is there and can be read; indices that are left out are 0."""
+        try:
+            return array.decodes(self._chunk(path, array, index))
+        except self.error:
+            return False
+
+    @contextmanager
+    def writing(self, path: Path) -> Iterator[None]:
+        """Turn what the system says while a store is written into one line.
+
+        Raises:
+            InputError: `error`: the folder cannot be written to, or the disk is full.
+        """
+        try:
+            yield
+        except OSError as fault:
+            raise self.error(f"{path}: {fault.strerror or fault}") from fault
 
     def _continued(self, path: Path, attributes: Mapping[str, Any]) -> zarr.Group:
         try:
-            found = self.attributes(self.open_group(path), path)
+            found = self.attributes(path)
         except self.error as fault:
             raise self.error(f"{path}: holds something else than a {self.noun}; choose another path") from fault
         if found["complete"]:
@@ -121,44 +158,28 @@ class CheckedStore:
         for name in self.same:
             if found.get(name) != attributes[name]:
                 raise self.error(f"{path}: begun with another {name}; remove it or choose another path")
-        return self.open_group(path, "r+")
+        if special := next((entry for entry in path.rglob("*") if not _ordinary(entry)), None):
+            raise self.error(f"{special}: neither a regular file nor a folder; remove {path} or choose another path")
+        return zarr.open_group(path.absolute(), mode="r+", zarr_format=3)
 
+    def _json(self, path: Path) -> Any:
+        try:
+            hint = f"a {self.noun} of scleraforce has this file"
+            return parse_json(read_bytes(path, replace(KINDS["store metadata"], error=self.error, hint=hint)))
+        except ValueError as fault:
+            raise self.error(f"{path}: not a {self.noun} of scleraforce: {fault}") from fault
 
-def create_array(
-    group: zarr.Group,
-    name: str,
-    shape: tuple[int, ...],
-    chunks: tuple[int, ...],
-    dtype: str,
-    *compressors: BytesBytesCodec,
-) -> zarr.Array[Any]:
-    """Create an array with a checksum, or replace it; chunks of zeros are written, too: what is missing is not done."""
-    return group.create_array(
-        name,
-        shape=shape,
-        chunks=chunks,
-        dtype=dtype,
-        filters=None,
-        compressors=[*compressors, Crc32cCodec()],
-        config={"write_empty_chunks": True},
-        overwrite=True,
-    )
+    def _hashes(self, path: Path, attributes: Mapping[str, Any], array: StoredArray) -> list[Any]:
+        hashes = attributes.get(HASHES)
+        found = hashes.get(array.name) if isinstance(hashes, dict) else None
+        count = sum(1 for _ in array.places)
+        if not isinstance(found, list) or len(found) != count:
+            raise self.error(f"{path}: {HASHES}: not those of the {count} chunks of {array.name}; {self.verb} it again")
+        return found
 
-
-def _chunk_path(array: zarr.Array[Any], place: Path, index: tuple[int, ...]) -> Path:
-    """Return the file of a chunk, where the indices that are left out are 0 (Zarr 3 specification, default keys)."""
-    return place.joinpath("c", *map(str, index), *["0"] * (array.ndim - len(index)))
-
-
-def is_readable(array: zarr.Array[Any], place: Path, index: tuple[int, ...], part: Any) -> bool:
-    """Return whether a chunk is there and the part of the array that it holds can be read."""
-    if not _chunk_path(array, place, index).exists():
-        return False
-    try:
-        array[part]
-    except Exception:  # whatever a codec raises, the part has to be made again
-        return False
-    return True
+    def _chunk(self, path: Path, array: StoredArray, index: tuple[int, ...]) -> bytes:
+        kind = replace(KINDS["store chunk"], error=self.error, max_bytes=array.max_file_size)
+        return read_bytes(path / array.file(index), kind)
 
 
 def _occupied(path: Path) -> bool:
@@ -168,11 +189,9 @@ def _occupied(path: Path) -> bool:
     return not path.is_dir() or any(entry.suffix != ".partial" for entry in path.iterdir())
 
 
-def _damaged(array: zarr.Array[Any], place: Path) -> Path:
-    """Return the file of the first chunk that cannot be read."""
-    for index in np.ndindex(array.cdata_shape):
-        try:
-            array.blocks[index]
-        except Exception:  # as above
-            return _chunk_path(array, place, index)
-    return place
+def _ordinary(path: Path) -> bool:
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:  # a link to nowhere, or a temporary file that has gone
+        return not path.is_symlink()
+    return stat.S_ISREG(mode) or stat.S_ISDIR(mode)

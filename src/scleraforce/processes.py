@@ -6,19 +6,22 @@ from the end of the longest other run only when its own is done.
 
 import multiprocessing
 import os
+import pickle
 import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from itertools import pairwise
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from multiprocessing.reduction import ForkingPickler
 from typing import Any, TypeVar
 
 from scleraforce.errors import SolverError
 
-__all__ = ["available_cores", "next_unit", "no_interrupts", "one_thread", "split_runs", "work_units"]
+__all__ = ["available_cores", "next_unit", "no_interrupts", "one_thread", "split_runs", "work_in_order", "work_units"]
 
 Result = TypeVar("Result")
 
@@ -44,31 +47,54 @@ def work_units(
         workers: processes, at most.
 
     Raises:
-        ScleraforceError: what a worker raised; SolverError where a worker died.
+        ScleraforceError: what a worker raised; SolverError where a worker died or could not be started.
     """
     runs = split_runs(units, workers)
-    lanes: list[tuple[BaseProcess, Connection]] = []
-    try:
-        lanes += [_start(prepare) for _ in runs]
-        busy: dict[object, int] = {}
-        for number, (_, connection) in enumerate(lanes):
-            _ask(connection, next_unit(runs, number))
-            busy[connection] = number
+    with _started(prepare, len(runs)) as lanes:
+        busy = {lane.connection: number for number, lane in enumerate(lanes)}
+        for lane, number in zip(lanes, busy.values(), strict=True):
+            _ask(lane, next_unit(runs, number))
         while busy:
-            for ready in wait([lanes[number][1] for number in busy.values()]):
-                number = busy[ready]
-                unit, result = _receive(*lanes[number])
-                following = next_unit(runs, number)
+            for ready in wait(list(busy)):
+                lane = lanes[busy[ready]]  # type: ignore[index]  # `wait` returns what it was given
+                unit, result = _receive(lane)
+                following = next_unit(runs, busy[lane.connection])
                 if following is None:
-                    del busy[ready]
+                    del busy[lane.connection]
                 else:
-                    _ask(lanes[number][1], following)
+                    _ask(lane, following)
                 yield unit, result
-    finally:
-        for process, connection in lanes:
-            process.terminate()
-            process.join()
-            connection.close()
+
+
+def work_in_order(
+    prepare: Callable[[], Callable[[int], Result]], units: Sequence[int], workers: int, ahead: int
+) -> Generator[Result, None, None]:
+    """Work on units in `workers` processes; yield the results in the order of the units.
+
+    Args:
+        prepare: as of `work_units`, and so are the next two.
+        units: numbers of the units.
+        workers: processes, at most.
+        ahead: units, at most, that are done or worked on before they are asked for.
+
+    Raises:
+        ScleraforceError: as `work_units`.
+    """
+    with _started(prepare, min(workers, len(units))) as lanes:
+        idle, busy = deque(lanes), dict[object, _Lane]()
+        coming, done = deque(units), dict[int, Result]()
+        for place, unit in enumerate(units):
+            while unit not in done:
+                while idle and coming and len(units) - len(coming) < place + ahead:
+                    lane = idle.popleft()
+                    busy[lane.connection] = lane
+                    _ask(lane, coming.popleft())
+                for ready in wait([lane.connection for lane in busy.values()]):
+                    lane = busy.pop(ready)
+                    number, result = _receive(lane)
+                    done[number] = result
+                    idle.append(lane)
+            yield done.pop(unit)
 
 
 def split_runs(units: Sequence[int], workers: int) -> list[deque[int]]:
@@ -90,44 +116,89 @@ def next_unit(runs: Sequence[deque[int]], number: int) -> int | None:
     return longest.pop() if longest else None
 
 
-def _start(prepare: Callable[[], Callable[[int], Any]]) -> tuple[BaseProcess, Connection]:
+@dataclass(frozen=True, eq=False)
+class _Lane:
+    """A worker and the connection to it."""
+
+    process: BaseProcess
+    connection: Connection
+
+
+@contextmanager
+def _started(prepare: Callable[[], Callable[[int], Any]], workers: int) -> Iterator[list[_Lane]]:
+    """Start workers and hand them their work; end them in the end.
+
+    What they do goes to them when they run, and not with their start: the start of a process waits for ever where that
+    is more than a pipe holds and the process has died before it read it (CPython's `multiprocessing.popen_spawn_posix`
+    keeps the pipe's other end open meanwhile).
+    """
+    lanes: list[_Lane] = []
+    try:
+        lanes += [_start() for _ in range(workers)]
+        work = ForkingPickler.dumps(prepare)
+        for lane in lanes:
+            with suppress(OSError):  # where the worker has died, receiving its answer says so
+                lane.connection.send_bytes(work)
+        yield lanes
+    finally:
+        for lane in lanes:
+            lane.process.terminate()
+            lane.process.join()
+            lane.connection.close()
+
+
+def _start() -> _Lane:
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=_work, args=(theirs, prepare), daemon=True)
-    with one_thread(), no_interrupts():
-        process.start()
-    theirs.close()
-    return process, ours
-
-
-def _ask(connection: Connection, unit: int | None) -> None:
-    with suppress(OSError):  # where the worker has died, receiving its answer says so
-        connection.send(unit)
-
-
-def _receive(process: BaseProcess, connection: Connection) -> tuple[int, Any]:
+    process = context.Process(target=_work, args=(theirs,), daemon=True)
     try:
-        answer = connection.recv()
+        with one_thread(), no_interrupts():
+            process.start()
+    except OSError as fault:
+        raise SolverError(f"a worker could not be started ({fault.strerror or fault})") from fault
+    finally:
+        theirs.close()
+    return _Lane(process, ours)
+
+
+def _ask(lane: _Lane, unit: int | None) -> None:
+    with suppress(OSError):  # as above
+        lane.connection.send(unit)
+
+
+def _receive(lane: _Lane) -> tuple[int, Any]:
+    try:
+        answer = lane.connection.recv()
     except (EOFError, OSError) as fault:
-        process.join()
-        raise SolverError(f"a worker ended with code {process.exitcode}; fewer --workers need less memory") from fault
+        lane.process.join()
+        found = f"a worker ended with code {lane.process.exitcode}; fewer --workers need less memory"
+        raise SolverError(found) from fault
     if isinstance(answer, Exception):
         raise answer
     unit, result = answer
     return unit, result
 
 
-def _work(connection: Connection, prepare: Callable[[], Callable[[int], Any]]) -> None:
-    """Answer unit numbers with results, in a worker, until the other end closes."""
-    work = prepare()
-    while True:
-        try:
+def _work(connection: Connection) -> None:
+    """Get what is to be done, and answer unit numbers with results, in a worker, until the other end closes."""
+    try:
+        work = connection.recv()()
+        while True:
             unit = connection.recv()
             connection.send((unit, work(unit)))
-        except (EOFError, BrokenPipeError):
-            return
-        except Exception as fault:  # the parent raises it
-            connection.send(fault)
+    except (EOFError, BrokenPipeError):
+        return
+    except Exception as fault:  # the parent raises it
+        connection.send(_portable(fault))
+
+
+def _portable(fault: Exception) -> Exception:
+    """Return an exception that can be sent to another process: itself, if that can be read there."""
+    try:
+        pickle.loads(pickle.dumps(fault))
+    except Exception:  # whatever its making asks for
+        return SolverError(f"{type(fault).__name__} in a worker: {fault}")
+    return fault
 
 
 @contextmanager

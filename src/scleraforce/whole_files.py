@@ -57,6 +57,8 @@ KINDS = {
     "calibration": FileKind("calibration file", 64 * MIB, "`scleraforce calibrate` writes this file", CalibrationError),
     "model record": FileKind("model.json", MIB, MODEL_HINT, ModelError),
     "model file": FileKind("file of a model folder", 256 * MIB, MODEL_HINT, ModelError),
+    "store metadata": FileKind("zarr.json of a data set or library", 16 * MIB, "", InputError),
+    "store chunk": FileKind("chunk of a data set or library", 1024 * MIB, "", InputError),
     "truth": FileKind("truth.json", 64 * MIB, "virtual acquisitions have it", RecordingError),
     "result": FileKind("JSON result of an earlier run", 64 * MIB, "", InputError),
 }

@@ -1,6 +1,7 @@
 """The data set on disk, made by processes: identical, resumable, checked, and right."""
 
 import multiprocessing
+import os
 import shutil
 from contextlib import closing
 from dataclasses import replace
@@ -9,6 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zarr
+from numcodecs import Zstd
+from numcodecs.checksum32 import CRC32C
+from rehash import rehash_store
 
 from scleraforce import processes
 from scleraforce.dataset import workers
@@ -135,6 +139,71 @@ def test_a_flipped_byte_is_found_and_named(copy, file, where):
         open_dataset(copy).read(file.split("/")[0])
 
 
+def test_chunks_in_each_others_place_are_found(copy):
+    swap(copy / "slices/c/0/0/0", copy / "slices/c/1/0/0")
+    with pytest.raises(DatasetError, match="slices/c/0/0/0: damaged"):
+        _ = open_dataset(copy).slices
+
+
+@pytest.mark.parametrize(("one", "other"), [("gap_m", "force_n"), ("tilt_rad", "framing_depth_m")])
+def test_arrays_in_each_others_place_are_found(copy, one, other):
+    swap(copy / one, copy / other)
+    with pytest.raises(DatasetError, match=f"{one}/c/0: damaged"):
+        open_dataset(copy).read(one)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("force_n", np.nan, "not finite"),
+        ("force_n", -1e-3, "-1 to .* mN; its study asks for 0 to 60 mN"),
+        ("force_n", 0.1, "100 mN; its study asks for 0 to 60 mN"),
+        ("thickness_m", np.inf, "not finite"),
+        ("target", 3, "a class above 2"),
+        ("slices", 128, "a pixel other than 0"),
+    ],
+)
+def test_values_that_no_study_asks_for_are_refused_even_where_the_hashes_agree(copy, name, value, message):
+    zarr.open_array(copy / name, mode="r+")[7] = value
+    rehash_store(copy)
+    with pytest.raises(DatasetError, match=f"{name}: .*{message}"):
+        open_dataset(copy).read(name)
+
+
+@pytest.mark.parametrize("file", ["zarr.json", "force_n/zarr.json", "slices/c/1/0/0"])
+def test_a_pipe_or_a_device_within_a_data_set_is_refused(copy, file):
+    (copy / file).unlink()
+    os.mkfifo(copy / file)
+    with pytest.raises(DatasetError, match=f"{file}: a named pipe"):
+        _ = open_dataset(copy).slices
+    (copy / file).unlink()
+    (copy / file).symlink_to("/dev/zero")
+    with pytest.raises(DatasetError, match=f"{file}: a device"):
+        _ = open_dataset(copy).slices
+
+
+def test_a_pipe_in_what_a_kill_has_left_is_refused(tmp_path):
+    partial_store(tmp_path / "d")
+    os.mkfifo(tmp_path / "d" / "slices" / "c")
+    with pytest.raises(DatasetError, match="slices/c: neither a regular file nor a folder"):
+        partial_store(tmp_path / "d")
+
+
+def test_a_chunk_that_would_decode_to_more_than_a_chunk_takes_no_memory(copy):
+    bomb = CRC32C(location="end").encode(Zstd().encode(np.zeros(2**28, np.uint8)))
+    (copy / "slices/c/1/0/0").write_bytes(bomb)
+    rehash_store(copy)
+    with pytest.raises(DatasetError, match=r"slices/c/1/0/0: damaged .*would decode to 268435456"):
+        _ = open_dataset(copy).slices
+
+
+def swap(one, other):
+    between = one.with_name("between")
+    one.rename(between)
+    other.rename(one)
+    between.rename(other)
+
+
 def test_a_missing_chunk_is_found(copy):
     (copy / "slices" / "c" / "2" / "0" / "0").unlink()
     with pytest.raises(DatasetError, match="slices: 1 of 3 chunks are missing"):
@@ -146,7 +215,7 @@ def test_a_missing_chunk_is_found(copy):
     [
         ("zarr.json", '"complete": true', '"complete": false', "not complete"),
         ("zarr.json", "max_force_mn = 45.0", "max_force_mn = 46.0", "hash"),
-        ("zarr.json", "scleraforce-dataset-1", "scleraforce-dataset-9", "schema"),
+        ("zarr.json", "scleraforce-dataset-2", "scleraforce-dataset-9", "schema"),
         ("zarr.json", "{", "", "not a data set"),
         ("force_n/zarr.json", "float64", "float32", "float32"),
         ("force_n/zarr.json", "{", "", "force_n"),
@@ -198,17 +267,17 @@ def test_what_a_kill_leaves_is_taken_up(tmp_path):
     path = tmp_path / "d"
     plan = partial_store(path)
     for unit in range(plan.units):
-        write_unit(path, plan, unit, np.zeros((len(plan.force_n[plan.unit(unit)]), 40, 140), np.uint8))
+        write_unit(path, plan, small_study(), unit, np.zeros((len(plan.force_n[plan.unit(unit)]), 40, 140), np.uint8))
     chunk = path / "slices" / "c" / "1" / "0" / "0"
     chunk.write_bytes(chunk.read_bytes()[:50])  # a disk that lost power
     chunk.with_suffix(".1234.partial").write_bytes(b"half")
     shutil.rmtree(path / "force_n")  # killed while the metadata was written
     assert partial_store(path).units == plan.units
-    assert missing_units(path, plan) == [1]
+    assert missing_units(path, plan, small_study()) == [1]
     with pytest.raises(DatasetError, match="1 of 3 parts"):
-        complete_store(path, plan)
-    write_unit(path, plan, 1, np.zeros((200, 40, 140), np.uint8))
-    complete_store(path, plan)
+        complete_store(path, plan, small_study())
+    write_unit(path, plan, small_study(), 1, np.zeros((200, 40, 140), np.uint8))
+    complete_store(path, plan, small_study())
     assert not list(path.rglob("*.partial"))
     assert open_dataset(path).images == 465
 
@@ -240,7 +309,7 @@ def test_a_worker_that_dies_is_an_error_and_not_a_hang(monkeypatch):
     monkeypatch.setattr(processes, "_start", lambda *args: started.append(start(*args)) or started[-1])
     with closing(workers.simulate_units(small_study(), MODULUS_PA, [0, 1], 1)) as results:
         next(results)
-        started[0][0].kill()
+        started[0].process.kill()
         with pytest.raises(SolverError, match="worker ended"):
             next(results)
 

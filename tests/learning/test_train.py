@@ -44,8 +44,8 @@ def store(tmp_path_factory) -> Path:
     row = np.arange(8)[:, None]
     bars = np.broadcast_to((row >= top[:, None, None]) & (row < top[:, None, None] + 2), (plan.images, 8, 10))
     for unit in range(plan.units):
-        write_unit(path, plan, unit, bars[plan.unit(unit)].astype(np.uint8) * np.uint8(255))
-    complete_store(path, plan)
+        write_unit(path, plan, STUDY, unit, bars[plan.unit(unit)].astype(np.uint8) * np.uint8(255))
+    complete_store(path, plan, STUDY)
     return path
 
 

@@ -11,7 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zarr
 from analytic_library import no_solution, no_worker, solve_analytic
+from rehash import rehash_store
 
 from scleraforce.errors import InputError, SolverError
 from scleraforce.library.build import build_library, solve_path
@@ -110,6 +112,25 @@ def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
         open_library(path)
     with pytest.raises(InputError, match="1 of 116 load paths are missing"):
         complete_store(path, plan_library(STUDY))
+
+
+def test_load_paths_in_each_others_place_are_found(made, tmp_path):
+    path = Path(shutil.copytree(made, tmp_path / "copy"))
+    one, other = (path / "force_ratio" / "c" / "2" / place / "0" for place in "34")
+    content = one.read_bytes()
+    one.write_bytes(other.read_bytes())
+    other.write_bytes(content)
+    with pytest.raises(InputError, match="force_ratio/c/2/3/0: damaged"):
+        open_library(path)
+
+
+def test_a_library_of_impossible_values_is_refused_even_where_the_hashes_agree(made, tmp_path):
+    for name, value in (("force_ratio", np.nan), ("curves", np.inf), ("thickness_m", 1.0)):
+        path = Path(shutil.copytree(made, tmp_path / name))
+        zarr.open_array(path / name, mode="r+")[1] = value
+        rehash_store(path)
+        with pytest.raises(InputError):
+            open_library(path)
 
 
 def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):

@@ -4,7 +4,9 @@ import os
 import time
 from pathlib import Path
 
-__all__ = ["leave_a_mark_or_fail", "leave_a_mark_or_wait"]
+from scleraforce.errors import InputError
+
+__all__ = ["fails_oddly", "leave_a_mark_or_fail", "leave_a_mark_or_wait", "no_preparation", "tripled"]
 
 
 def leave_a_mark_or_fail(path: Path) -> None:
@@ -19,3 +21,34 @@ def leave_a_mark_or_wait(path: Path) -> None:
     path.touch()
     if path.name == "waits":
         time.sleep(60)
+
+
+def tripled(weight: bytes):
+    """Work that triples a number, some of them late; `weight` is only carried along."""
+
+    def work(unit: int) -> int:
+        time.sleep(0.05 * (unit % 2))
+        return 3 * unit + 0 * len(weight)
+
+    return work
+
+
+def no_preparation():
+    """A preparation that fails."""
+    raise InputError("this eye is too small")
+
+
+class OddError(Exception):
+    """One that cannot be made from its arguments alone."""
+
+    def __init__(self, one, other):
+        super().__init__(f"{one} and {other}")
+
+
+def fails_oddly():
+    """Work that fails with an exception that does not survive the way to another process."""
+
+    def work(unit: int) -> int:
+        raise OddError(unit, "this")
+
+    return work

@@ -70,7 +70,7 @@ def generate_dataset(
     study = parse_study(format_study(study))  # as the store keeps it: rounded to 15 digits in human units
     plan = plan_dataset(study)
     create_store(out, study, modulus, calibration, plan, "linear" if library is None else "finite-strain")
-    todo = missing_units(out, plan)
+    todo = missing_units(out, plan, study)
     missing = sum(len(range(*plan.unit(unit).indices(plan.images))) for unit in todo)
     report(plan.images - missing)
     with closing(
@@ -79,7 +79,7 @@ def generate_dataset(
         else draw_units(study, modulus, plan, todo, library)
     ) as results:
         for unit, images in results:
-            write_unit(out, plan, unit, images)
+            write_unit(out, plan, study, unit, images)
             report(len(images))
-    complete_store(out, plan)
+    complete_store(out, plan, study)
     return Generation(plan.images, missing, perf_counter() - start)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scleraforce.study import Choice, DatasetGroup, Sampled, Study
 
-__all__ = ["DatasetPlan", "plan_dataset", "sample_draws"]
+__all__ = ["DatasetPlan", "plan_dataset", "sample_draws", "unit_images"]
 
 UNIT_IMAGES = 200  # about this many samples are simulated and stored together
 DRAWS = ("force", "gap", "tilt", "direction", "framing_lateral", "framing_depth")
@@ -80,7 +80,7 @@ def plan_dataset(study: Study) -> DatasetPlan:
     first_contact = np.cumsum([0, *(_contacts(study, group) for group in groups)])
     parts = [_plan_group(study, group, int(first), rng) for group, first in zip(groups, first_contact, strict=False)]
     joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    return DatasetPlan(unit_images=_unit_images(study), **joined)
+    return DatasetPlan(unit_images=unit_images(study), **joined)
 
 
 def sample_draws(seed: NDArray[np.uint32]) -> dict[str, NDArray[np.float64]]:
@@ -140,7 +140,7 @@ def _spread(images: int, contacts: int) -> NDArray[np.intp]:
     return images // contacts + (np.arange(contacts) < images % contacts)
 
 
-def _unit_images(study: Study) -> int:
+def unit_images(study: Study) -> int:
     """Return the samples in a unit: whole contacts in every group where a common multiple near `UNIT_IMAGES` exists."""
     even = [group.images // _contacts(study, group) for group in study.dataset.group]
     whole = lcm(*even)

@@ -1,6 +1,7 @@
 """The data set on disk, written unit by unit, resumable, every array checked (`checked_store`).
 
-The metadata of all samples is written first; a unit of work is one chunk of `slices`.
+The metadata of all samples is written first; a unit of work is one chunk of `slices`. What is read has to be possible:
+forces that the study asks for, their classes, slices of wall and no wall.
 """
 
 from collections.abc import Mapping
@@ -13,13 +14,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from zarr.codecs import ZstdCodec
 
-from scleraforce.checked_store import CheckedStore, create_array, is_readable
+from scleraforce.checked_store import CheckedStore
 from scleraforce.dataset.modulus import CalibratedModulus
-from scleraforce.dataset.plan import DatasetPlan
+from scleraforce.dataset.plan import DatasetPlan, unit_images
 from scleraforce.errors import DatasetError
+from scleraforce.stored_array import StoredArray
 from scleraforce.study import Study, format_study, parse_study, study_hash
+from scleraforce.units import n_to_mn
 
 __all__ = ["Dataset", "complete_store", "create_store", "missing_units", "open_dataset", "write_unit"]
 
@@ -27,12 +29,15 @@ STORE = CheckedStore(
     noun="data set",
     command="generate",
     verb="generate",
-    schema="scleraforce-dataset-1",
+    schema="scleraforce-dataset-2",
     required=frozenset({"complete", "study", "study_hash", "youngs_modulus_pa", "calibration", "versions"}),
     same=("study_hash", "youngs_modulus_pa", "mechanics", "calibration", "versions"),
+    others={"scleraforce-library": "a response library and no data set; `train --kind reader` learns from it"},
     error=DatasetError,
 )
 SLICES = "slices"
+MAX_MODULUS_PA = 1e12
+SLACK = 1e-12
 DTYPES = {
     "force_n": "float64",
     "target": "uint8",
@@ -95,9 +100,15 @@ class Dataset:
         """Read a whole array: `slices` or a name of the metadata.
 
         Raises:
-            DatasetError: there is no such array, or a part of it is missing or damaged.
+            DatasetError: there is no such array, a part of it is missing or damaged, or it has impossible values.
         """
-        return STORE.read(STORE.array(STORE.open_group(self.path), self.path, name), self.path / name)
+        arrays = {array.name: array for array in _arrays(self.study)}
+        if name not in arrays:
+            raise DatasetError(f"{self.path}: no array {name!r}; there are {', '.join(arrays)}")
+        values = STORE.read(self.path, self.attributes, arrays[name])
+        if wrong := _impossible(name, values, self.study):
+            raise DatasetError(f"{self.path / name}: {wrong}; generate the data set again")
+        return values
 
 
 def open_dataset(path: Path) -> Dataset:
@@ -105,21 +116,45 @@ def open_dataset(path: Path) -> Dataset:
 
     Raises:
         DatasetError: nothing there, not a data set, not complete, or not consistent.
+        StudyError: its study cannot be used.
     """
-    group = STORE.open_group(path)
-    attributes = STORE.complete_attributes(group, path)
-    study = parse_study(str(attributes["study"]), f"{path}: study")
+    attributes = STORE.complete_attributes(path)
+    text, modulus_pa = attributes["study"], attributes["youngs_modulus_pa"]
     # Of the text as it was written: a later version may know more keys, and format the same study differently.
-    if sha256(attributes["study"].encode()).hexdigest() != attributes["study_hash"]:
+    if not isinstance(text, str) or sha256(text.encode()).hexdigest() != attributes["study_hash"]:
         raise DatasetError(f"{path}: its study does not match its hash: the store is damaged; generate it again")
+    if isinstance(modulus_pa, bool) or not isinstance(modulus_pa, int | float) or not 0.0 < modulus_pa < MAX_MODULUS_PA:
+        raise DatasetError(f"{path}: youngs_modulus_pa: {str(modulus_pa)[:60]}; a number of Pa above 0 would do")
+    study = parse_study(text, f"{path}: study")
+    for array in _arrays(study):
+        STORE.check_array(path, attributes, array)
+    return Dataset(path, study, float(modulus_pa), attributes)
+
+
+def _arrays(study: Study) -> tuple[StoredArray, ...]:
+    """Return the arrays of a data set: the slices, a unit of work in each chunk, and the metadata of all samples."""
     images = sum(part.images for part in study.dataset.group)
-    shapes = {SLICES: (images, study.slice.rows, study.slice.columns)} | dict.fromkeys(DTYPES, (images,))
-    for name, shape in shapes.items():
-        array = STORE.whole_array(group, path, name)
-        dtype = DTYPES.get(name, "uint8")
-        if array.shape != shape or array.dtype != np.dtype(dtype):
-            raise DatasetError(f"{path / name}: {array.dtype} {array.shape}, expected {dtype} {shape}")
-    return Dataset(path, study, float(attributes["youngs_modulus_pa"]), attributes)
+    size = (study.slice.rows, study.slice.columns)
+    slices = StoredArray(SLICES, (images, *size), (min(unit_images(study), images), *size), "uint8", compressed=True)
+    return (slices, *(StoredArray(name, (images,), (images,), dtype) for name, dtype in DTYPES.items()))
+
+
+def _impossible(name: str, values: NDArray[Any], study: Study) -> str | None:
+    """Return what no sample of a study has; None where all is possible."""
+    if name == SLICES:
+        return "a pixel other than 0 (no wall) and 255 (wall)" if (values + np.uint8(1) > 1).any() else None
+    if name == "validation":
+        return "a value other than true and false" if (values.view(np.uint8) > 1).any() else None
+    if name == "target":
+        return f"a class above {len(study.classes.bounds_n)}" if values.max() > len(study.classes.bounds_n) else None
+    if not np.isfinite(values).all():
+        return "a value that is not finite"
+    if name == "force_n":
+        largest_n = max(group.max_force_n for group in study.dataset.group)
+        if values.min() < 0.0 or values.max() > largest_n * (1.0 + SLACK):
+            found = f"{n_to_mn(values.min()):g} to {n_to_mn(values.max()):g} mN"
+            return f"{found}; its study asks for 0 to {n_to_mn(largest_n):g} mN"
+    return None
 
 
 def create_store(
@@ -136,35 +171,39 @@ def create_store(
         DatasetError: `path` holds something else, another run, or a complete data set.
     """
     group = STORE.begin(path, _describe(study, youngs_modulus_pa, calibration, mechanics))
-    for name, values in plan.columns.items():  # the same bytes each time, so a run killed right here does no harm
-        create_array(group, name, values.shape, values.shape, DTYPES[name])[:] = values
-    if SLICES not in group:
-        size = (study.slice.rows, study.slice.columns)
-        chunk = (min(plan.unit_images, plan.images), *size)
-        create_array(group, SLICES, (plan.images, *size), chunk, "uint8", ZstdCodec(level=3))
+    slices, *columns = _arrays(study)
+    with STORE.writing(path):
+        for array in columns:  # the same bytes each time, so a run killed right here does no harm
+            array.create(group)[:] = plan.columns[array.name]
+        if slices.name not in group:
+            slices.create(group)
 
 
-def missing_units(path: Path, plan: DatasetPlan) -> list[int]:
+def missing_units(path: Path, plan: DatasetPlan, study: Study) -> list[int]:
     """Return the units of work whose slices are not in the store, or cannot be read there."""
-    slices, place = STORE.array(STORE.open_group(path), path, SLICES), path / SLICES
-    return [unit for unit in range(plan.units) if not is_readable(slices, place, (unit,), plan.unit(unit))]
+    slices, *_ = _arrays(study)
+    return [unit for unit in range(plan.units) if not STORE.is_readable(path, slices, (unit,))]
 
 
-def write_unit(path: Path, plan: DatasetPlan, unit: int, images: NDArray[np.uint8]) -> None:
-    """Write the slices of one unit of work, shape (samples of the unit, rows, columns)."""
-    slices = STORE.array(STORE.open_group(path, "r+"), path, SLICES)
-    slices.with_config({"write_empty_chunks": True})[plan.unit(unit)] = images  # what is missing is not done yet
+def write_unit(path: Path, plan: DatasetPlan, study: Study, unit: int, images: NDArray[np.uint8]) -> None:
+    """Write the slices of one unit of work, shape (samples of the unit, rows, columns).
+
+    Raises:
+        DatasetError: the folder cannot be written to, or the disk is full.
+    """
+    slices, *_ = _arrays(study)
+    STORE.write(path, slices, plan.unit(unit), images)
 
 
-def complete_store(path: Path, plan: DatasetPlan) -> None:
+def complete_store(path: Path, plan: DatasetPlan, study: Study) -> None:
     """Mark the store as complete, and clear what killed runs have left beside their chunks.
 
     Raises:
         DatasetError: units are missing.
     """
-    if missing := missing_units(path, plan):
+    if missing := missing_units(path, plan, study):
         raise DatasetError(f"{path}: {len(missing)} of {plan.units} parts are missing; generate it again")
-    STORE.finish(path)
+    STORE.finish(path, _arrays(study))
 
 
 def _describe(

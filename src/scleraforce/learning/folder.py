@@ -5,23 +5,29 @@ import os
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
+from tempfile import mkdtemp
 from types import MappingProxyType
 from typing import Any
 
 from scleraforce.errors import ModelError
 from scleraforce.reader.folder import CARD_FILE, FORMAT, NETWORK_FILE, RECORD_FILE, STUDY_FILE, sha256
 
-__all__ = ["refuse_existing", "write_folder"]
+__all__ = ["check_place", "write_folder"]
 
 
-def refuse_existing(out: Path) -> None:
-    """Refuse to write where something is, before any work is done.
+def check_place(out: Path) -> None:
+    """Check, before any work is done, that a model folder can be made.
 
     Raises:
-        ModelError: `out` exists.
+        ModelError: `out` exists, or the folder that it is to stand in cannot be written to.
     """
     if out.exists() or out.is_symlink():
         raise ModelError(f"{out}: exists already; remove it or choose another folder")
+    above = next(folder for folder in out.absolute().parents if folder.exists())
+    try:
+        Path(mkdtemp(prefix=".scleraforce-", dir=above)).rmdir()  # permissions alone do not tell, for some file systems
+    except OSError as fault:
+        raise ModelError(f"{out}: cannot be made: {above}: {fault.strerror}; choose another folder") from fault
 
 
 def write_folder(
@@ -45,7 +51,7 @@ def write_folder(
     Raises:
         ModelError: `out` exists, or cannot be written.
     """
-    refuse_existing(out)
+    check_place(out)
     files = {NETWORK_FILE: network, STUDY_FILE: study_toml.encode(), CARD_FILE: card.encode(), **more}
     hashes = {name: sha256(content) for name, content in files.items()}
     record_json = json.dumps({"format": FORMAT, **record, "files": hashes}, indent=2, allow_nan=False)

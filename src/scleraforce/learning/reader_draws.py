@@ -1,19 +1,14 @@
 """Training samples, drawn ahead in other processes: the same whatever their number."""
 
-import signal
-from collections import deque
-from collections.abc import Generator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
-from multiprocessing import get_context
+from functools import partial
 
 import numpy as np
 
-from scleraforce.errors import SolverError
 from scleraforce.learning.reader_samples import ReaderSamples, draw_samples
 from scleraforce.library import Library
-from scleraforce.processes import no_interrupts, one_thread
+from scleraforce.processes import work_in_order
 from scleraforce.study import ReaderStudy, SliceStudy
 
 __all__ = ["CHUNK", "Source", "chunks_ahead"]
@@ -21,8 +16,6 @@ __all__ = ["CHUNK", "Source", "chunks_ahead"]
 CHUNK = 2000  # samples that are drawn together, from a generator of their own
 AHEAD = 4  # chunks for each process that are drawn or wait
 BEYOND_SLICE_M = 0.5e-3  # of the wall that is kept: a tilted or turned section reaches a little farther
-
-_source: list["Source"] = []  # of a worker
 
 
 @dataclass(frozen=True)
@@ -55,26 +48,9 @@ def chunks_ahead(source: Source, numbers: Sequence[int], workers: int) -> Genera
     Raises:
         InputError: what drawing raises; SolverError where a worker died.
     """
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), _take_source, (source,))
-    coming: deque[Future[ReaderSamples]] = deque()
-    try:
-        for number in numbers:
-            with one_thread(), no_interrupts():  # the first starts the processes
-                coming.append(pool.submit(_draw, number))
-            if len(coming) > AHEAD * workers:
-                yield coming.popleft().result()
-        while coming:
-            yield coming.popleft().result()
-    except BrokenProcessPool as fault:
-        raise SolverError("a process that draws training samples ended; is there enough memory?") from fault
-    finally:
-        pool.shutdown(cancel_futures=True)
+    return work_in_order(partial(_drawing, source), numbers, workers, ahead=AHEAD * workers)
 
 
-def _take_source(source: Source) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group: the parent ends its workers
-    _source[:] = [source]
-
-
-def _draw(number: int) -> ReaderSamples:
-    return _source[0].chunk(number)
+def _drawing(source: Source) -> Callable[[int], ReaderSamples]:
+    """Return what draws a chunk, in its process."""
+    return source.chunk

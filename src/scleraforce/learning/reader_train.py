@@ -12,7 +12,7 @@ import numpy as np
 
 from scleraforce import __version__
 from scleraforce.errors import InputError
-from scleraforce.learning.folder import refuse_existing, write_folder
+from scleraforce.learning.folder import check_place, write_folder
 from scleraforce.learning.framework import onnx, torch
 from scleraforce.learning.reader_card import reader_card
 from scleraforce.learning.reader_draws import CHUNK, Source
@@ -59,7 +59,7 @@ def train_reader(
         InputError: the library is of other eyes than the study, or does not hold those of `[reader]`.
         SolverError: the training diverged.
     """
-    refuse_existing(out)
+    check_place(out)
     _check_library(library, study)
     source = Source.of(library, study.reader, study.slice)
     fitted = fit_reader(study, source, workers or max(1, available_cores() - 1), progress)

@@ -12,7 +12,7 @@ from scleraforce import __version__
 from scleraforce.dataset.store import Dataset
 from scleraforce.errors import DatasetError
 from scleraforce.learning.card import model_card
-from scleraforce.learning.folder import refuse_existing, write_folder
+from scleraforce.learning.folder import check_place, write_folder
 from scleraforce.learning.framework import onnx, torch
 from scleraforce.learning.graph import onnx_bytes
 from scleraforce.learning.samples import Samples, classes_at_modulus, content_hash
@@ -59,7 +59,7 @@ def train_classifier(
         DatasetError: there is nothing to train or to validate on.
         SolverError: the training diverged.
     """
-    refuse_existing(out)
+    check_place(out)
     modulus_pa = dataset.youngs_modulus_pa if youngs_modulus_pa is None else youngs_modulus_pa
     study = _trained_study(dataset, network, modulus_pa)
     classes = len(study.classes.bounds_n) + 1

@@ -5,16 +5,19 @@ needle axis or farther from it (`library.base_plane` needs them).
 """
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from hashlib import sha256
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.study import LibraryStudy, Study
+from scleraforce.errors import InputError
+from scleraforce.plain_json import parse_json
+from scleraforce.study import Choice, LibraryStudy, Range, Sampled, Study
 
-__all__ = ["LibraryPlan", "plan_library"]
+__all__ = ["LibraryPlan", "parse_plan", "plan_library"]
 
 Floats = NDArray[np.float64]
 
@@ -132,6 +135,34 @@ def plan_library(study: Study) -> LibraryPlan:
     middle_rad = min(0.5 * sum(needle.polar_angle_rad.bounds), float(np.radians(LARGEST_POLAR_DEG)))
     sizes = (eye.radius_m, eye.poisson_ratio, 0.5 * needle.outer_diameter_m)
     return LibraryPlan(*sizes, contact_polar_rad=middle_rad, grid=study.library)
+
+
+def parse_plan(recipe: str, name: str) -> LibraryPlan:
+    """Return the plan whose recipe somebody gives; `name` stands in the messages.
+
+    Raises:
+        InputError: it is no recipe of a plan.
+    """
+    try:
+        given = parse_json(recipe)
+        entries = given["grid"].items()
+        grid: dict[str, Any] = {key: _sampled(entry) if isinstance(entry, dict) else entry for key, entry in entries}
+        plan = LibraryPlan(**{**given, "grid": LibraryStudy(**grid)})
+    except (InputError, ValueError, TypeError, LookupError, AttributeError) as fault:
+        raise InputError(f"{name}: not the plan of a library ({fault})") from fault
+    sizes = (plan.radius_m, plan.poisson_ratio, plan.needle_radius_m)
+    if plan.recipe != recipe or not _numbers(plan) or not _numbers(plan.grid) or not min(sizes) > 0.0:
+        raise InputError(f"{name}: not the plan of a library")
+    return plan
+
+
+def _numbers(record: LibraryPlan | LibraryStudy) -> bool:
+    """Whether every field that is to be a number is one, of its own type."""
+    return all(type(getattr(record, item.name)) is item.type for item in fields(record) if item.type in (int, float))
+
+
+def _sampled(value: dict[str, Any]) -> Sampled:
+    return Range(**value) if "min" in value else Choice(tuple(value["values"]))
 
 
 def _spread(count: int) -> NDArray[np.intp]:

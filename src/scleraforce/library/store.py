@@ -3,21 +3,20 @@
 A load path is a chunk of each array that it has a part in.
 """
 
-import json
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zarr
 from numpy.typing import NDArray
 
-from scleraforce.checked_store import CheckedStore, create_array, is_readable
+from scleraforce.checked_store import CheckedStore
 from scleraforce.errors import InputError
 from scleraforce.library.base_plane import base_stiffness
-from scleraforce.library.plan import LibraryPlan
+from scleraforce.library.plan import LibraryPlan, parse_plan
 from scleraforce.library.responses import Library
+from scleraforce.stored_array import StoredArray
 
 __all__ = ["complete_store", "create_store", "missing_units", "open_library", "write_unit"]
 
@@ -28,9 +27,10 @@ STORE = CheckedStore(
     noun="library",
     command="library",
     verb="make",
-    schema="scleraforce-library-1",
+    schema="scleraforce-library-2",
     required=frozenset({"complete", "plan", "plan_hash", "key", "seed", "versions"}),
     same=("plan", "key", "versions"),
+    others={"scleraforce-dataset": "a data set and no response library; `train --kind classifier` learns from it"},
     error=InputError,
 )
 
@@ -42,37 +42,36 @@ def create_store(path: Path, plan: LibraryPlan) -> None:
         InputError: `path` holds something else, another library, or a complete one.
     """
     group = STORE.begin(path, _describe(plan))
-    for name in AXES:  # the same bytes each time, so a run killed right here does no harm
-        values = getattr(plan, name)
-        create_array(group, name, values.shape, values.shape, "float64")[:] = values
-    shape = (len(plan.thickness_m), len(plan.iop_ratio), len(plan.tip_m))
-    curves = (*shape, 2, plan.nodes, 2)
-    supports = (*plan.support_shape, plan.support_tips)
-    for name, size, dtype in (
-        (CURVES, curves, "float32"),
-        (FORCES, shape, "float64"),
-        (SUPPORT_FORCES, supports, "float64"),
-    ):
-        if name not in group:
-            axes = len(plan.place(_first_unit(plan, name)))
-            create_array(group, name, size, (1,) * axes + size[axes:], dtype)
+    with STORE.writing(path):
+        for array in _arrays(plan).values():
+            if array.name in AXES:  # the same bytes each time, so a run killed right here does no harm
+                array.create(group)[:] = getattr(plan, array.name)
+            elif array.name not in group:
+                array.create(group)
 
 
 def missing_units(path: Path, plan: LibraryPlan) -> list[int]:
     """Return the numbers of the load paths that are not in the store, or cannot be read there."""
-    group = STORE.open_group(path)
-    return [unit for unit in range(plan.units) if not _done(group, path, plan, unit)]
+    arrays = _arrays(plan)
+    return [
+        unit
+        for unit in range(plan.units)
+        if not all(STORE.is_readable(path, arrays[name], plan.place(unit)) for name in _arrays_of(plan, unit))
+    ]
 
 
 def write_unit(
     path: Path, plan: LibraryPlan, unit: int, force_d: NDArray[np.float64], curves_dbnc: NDArray[np.float32]
 ) -> None:
-    """Write one load path: F/E (tip,), m^2, and the boundaries (tip, boundary, node, 2), m, where they are kept."""
-    group = STORE.open_group(path, "r+")
+    """Write one load path: F/E (tip,), m^2, and the boundaries (tip, boundary, node, 2), m, where they are kept.
+
+    Raises:
+        InputError: the folder cannot be written to, or the disk is full.
+    """
+    arrays = _arrays(plan)
     values: dict[str, NDArray[Any]] = {FORCES: force_d, CURVES: curves_dbnc, SUPPORT_FORCES: force_d}
     for name in _arrays_of(plan, unit):
-        array = STORE.array(group, path, name)
-        array.with_config({"write_empty_chunks": True})[plan.place(unit)] = values[name]
+        STORE.write(path, arrays[name], plan.place(unit), values[name])
 
 
 def complete_store(path: Path, plan: LibraryPlan) -> None:
@@ -83,7 +82,7 @@ def complete_store(path: Path, plan: LibraryPlan) -> None:
     """
     if missing := missing_units(path, plan):
         raise InputError(f"{path}: {len(missing)} of {plan.units} load paths are missing; make it again")
-    STORE.finish(path)
+    STORE.finish(path, tuple(_arrays(plan).values()))
 
 
 def open_library(path: Path) -> Library:
@@ -92,13 +91,18 @@ def open_library(path: Path) -> Library:
     Raises:
         InputError: nothing there, no library, not complete, or damaged.
     """
-    group = STORE.open_group(path)
-    attributes = STORE.complete_attributes(group, path)
-    if sha256(str(attributes["plan"]).encode()).hexdigest() != attributes["plan_hash"]:
+    attributes = STORE.complete_attributes(path)
+    text = attributes["plan"]
+    if not isinstance(text, str) or sha256(text.encode()).hexdigest() != attributes["plan_hash"]:
         raise InputError(f"{path}: its plan does not match its hash: the store is damaged; make it again")
-    plan = json.loads(attributes["plan"])
-    names = (*AXES, FORCES, CURVES, SUPPORT_FORCES)
-    arrays = {name: STORE.read(STORE.whole_array(group, path, name), path / name) for name in names}
+    plan = parse_plan(text, f"{path}: plan")
+    stored = _arrays(plan).values()
+    for array in stored:
+        STORE.check_array(path, attributes, array)
+    arrays = {array.name: STORE.read(path, attributes, array) for array in stored}
+    for name in AXES:
+        if not np.allclose(arrays[name], getattr(plan, name), rtol=1e-12, atol=0.0):
+            raise InputError(f"{path / name}: not the values of its plan: the store is damaged; make it again")
     thickness_m, iop_ratio, tip_m = (arrays[name] for name in AXES)
     polar_rad, stiffness_atpd = base_stiffness(thickness_m, iop_ratio, tip_m, arrays[FORCES], arrays[SUPPORT_FORCES])
     return Library(
@@ -107,13 +111,13 @@ def open_library(path: Path) -> Library:
         tip_m=tip_m,
         force_ratio_tpd=arrays[FORCES],
         curves_tpdbnc=arrays[CURVES],
-        radius_m=float(plan["radius_m"]),
-        poisson_ratio=float(plan["poisson_ratio"]),
-        needle_radius_m=float(plan["needle_radius_m"]),
-        max_force_ratio=float(plan["grid"]["max_force_ratio_m2"]),
+        radius_m=plan.radius_m,
+        poisson_ratio=plan.poisson_ratio,
+        needle_radius_m=plan.needle_radius_m,
+        max_force_ratio=plan.grid.max_force_ratio_m2,
         polar_rad=polar_rad,
         stiffness_atpd=stiffness_atpd,
-        contact_polar_rad=float(plan["contact_polar_rad"]),
+        contact_polar_rad=plan.contact_polar_rad,
     )
 
 
@@ -132,12 +136,14 @@ def _arrays_of(plan: LibraryPlan, unit: int) -> tuple[str, ...]:
     return (CURVES, FORCES) if unit < plan.paths else (SUPPORT_FORCES,)
 
 
-def _first_unit(plan: LibraryPlan, name: str) -> int:
-    return plan.paths if name == SUPPORT_FORCES else 0
-
-
-def _done(group: zarr.Group, path: Path, plan: LibraryPlan, unit: int) -> bool:
-    """Whether all chunks of a path are there and can be read."""
-    place = plan.place(unit)
-    arrays = {name: STORE.array(group, path, name) for name in _arrays_of(plan, unit)}
-    return all(is_readable(array, path / name, place, place) for name, array in arrays.items())
+def _arrays(plan: LibraryPlan) -> dict[str, StoredArray]:
+    """Return the arrays of a library by name: the axes, and what a load path has a chunk of."""
+    shape = (len(plan.thickness_m), len(plan.iop_ratio), len(plan.tip_m))
+    supports = (*plan.support_shape, plan.support_tips)
+    axes = [StoredArray(name, (size,), (size,), "float64") for name, size in zip(AXES, shape, strict=True)]
+    paths = (
+        StoredArray(CURVES, (*shape, 2, plan.nodes, 2), (1, 1, *shape[2:], 2, plan.nodes, 2), "float32"),
+        StoredArray(FORCES, shape, (1, 1, *shape[2:]), "float64"),
+        StoredArray(SUPPORT_FORCES, supports, (1, 1, 1, *supports[3:]), "float64"),
+    )
+    return {array.name: array for array in (*axes, *paths)}

@@ -29,6 +29,9 @@ __all__ = ["ForceReader", "load_classifier", "load_model"]
 
 INPUT, OUTPUT = "slices", "probabilities"
 
+# `scleraforce` has switched it off before ONNX Runtime was imported; this is for those who imported that first.
+onnxruntime.disable_telemetry_events()
+
 
 class ForceReader:
     """A model of kind "classifier": reads the force class from slices.

@@ -1,0 +1,93 @@
+"""Where results cannot be written: one line and exit code 2, before the work where that can be told."""
+
+import json
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from analytic_library import solve_analytic
+
+from scleraforce.cli.main import run
+from scleraforce.errors import ModelError
+from scleraforce.learning.folder import check_place
+from scleraforce.library import build
+
+LIBRARY = "[library]\nthicknesses = 4\niop_ratios = 4\ntips = 6\nelements = 16\n"
+DATASET = "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um = 500.0\nimages = 200\n"
+NETWORK = "[network]\nhidden = [200]\nepochs = 1\n"
+
+
+@contextmanager
+def files_up_to(size: int) -> Iterator[None]:
+    """No file may grow beyond `size` bytes, as on a disk that is full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """Run a command; it ends with exit code 2 and one line, which is returned."""
+    code = run([str(argument) for argument in arguments])
+    err = capsys.readouterr().err
+    assert code == 2, err
+    assert err.count("\n") == 1
+    assert err.startswith("error: ")
+    return err
+
+
+@pytest.mark.parametrize("size", [200, 3000], ids=["at the start", "at a chunk"])
+@pytest.mark.parametrize("command", ["library", "generate"])
+def test_a_store_on_a_full_disk_is_one_line(tmp_path: Path, capsys, monkeypatch, command: str, size: int) -> None:
+    monkeypatch.setattr(build, "solve_path", solve_analytic)
+    study, out = tmp_path / "study.toml", tmp_path / "out"
+    study.write_text(LIBRARY + DATASET)
+    with files_up_to(size):
+        err = refused(capsys, command, "--study", study, "--out", out, "--workers", 1)
+    assert str(out) in err
+    assert "File too large" in err
+
+
+@pytest.mark.slow
+def test_a_model_on_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path, capsys) -> None:
+    pytest.importorskip("torch")
+    (tmp_path / "study.toml").write_text(DATASET + NETWORK)
+    assert (
+        run(["generate", "--study", str(tmp_path / "study.toml"), "--out", str(tmp_path / "data"), "--workers", "1"])
+        == 0
+    )
+    capsys.readouterr()
+    with files_up_to(100_000):
+        assert "File too large" in refused(capsys, "train", tmp_path / "data", "--out", tmp_path / "model")
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["data", "study.toml"]
+
+
+def test_a_model_that_cannot_be_written_is_refused_before_any_work(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for place in (tmp_path / "file" / "model", Path("/proc/model")):  # not even root may write there
+        with pytest.raises(ModelError, match="cannot be made"):
+            check_place(place)
+    check_place(tmp_path / "new" / "model")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize(
+    ("schema", "options", "said"),
+    [
+        ("scleraforce-library-2", [], "a response library and no data set; `train --kind reader` learns from it"),
+        (
+            "scleraforce-dataset-2",
+            ["--kind", "reader"],
+            "a data set and no response library; `train --kind classifier`",
+        ),
+    ],
+)
+def test_training_on_a_store_of_another_kind_names_the_option(tmp_path: Path, capsys, schema, options, said) -> None:
+    pytest.importorskip("torch")
+    metadata = {"zarr_format": 3, "node_type": "group", "attributes": {"schema": schema}}
+    (tmp_path / "zarr.json").write_text(json.dumps(metadata))
+    assert said in refused(capsys, "train", tmp_path, *options, "--out", tmp_path / "model")

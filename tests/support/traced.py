@@ -1,0 +1,68 @@
+"""Commands under `strace`: which addresses they spoke to, and which files they opened to write."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["SCLERAFORCE", "STRACE", "Traced", "fresh_home", "traced"]
+
+STRACE = shutil.which("strace")
+SCLERAFORCE = (sys.executable, "-c", "from scleraforce.cli.main import main; main()")
+# Of the calls that name another host, or a file: what they were given is shown in full, descriptors with their paths.
+CALLS = "connect,bind,sendto,sendmsg,sendmmsg,open,openat,creat,mkdir,mkdirat,rename,renameat,renameat2,link,symlink"
+ADDRESS = re.compile(r'sin6?_addr=inet_(?:addr|pton)\((?:AF_INET6, )?"([^"]+)"')
+OPENED = re.compile(r'\bopenat\(AT_FDCWD<([^>]*)>, "([^"]*)", ([A-Z_|]+)[^)]*\)\s*= \d')
+OPENED_IN = re.compile(r'\bopenat\(\d+<([^>]*)>, "([^"]*)", ([A-Z_|]+)[^)]*\)\s*= \d')
+
+
+@dataclass(frozen=True)
+class Traced:
+    """What a command did: exit code, error output, addresses (IP) that it named, files that it opened to write."""
+
+    code: int
+    err: str
+    addresses: frozenset[str]
+    written: frozenset[Path]
+
+
+def fresh_home(folder: Path) -> dict[str, str]:
+    """Return an environment whose home, caches and temporary files are below a folder."""
+    places = {"HOME": folder / "home", "TMPDIR": folder / "temporary"}
+    for place in places.values():
+        place.mkdir(parents=True, exist_ok=True)
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ORT_", "MPL"))}
+    return kept | {name: str(place) for name, place in places.items()} | {"PYTHONDONTWRITEBYTECODE": "1"}
+
+
+def traced(folder: Path, *arguments: object, until: Callable[[str], bool] | None = None) -> Traced:
+    """Run a command of scleraforce in a folder; with `until`, Ctrl-C ends it after that line on standard error."""
+    assert STRACE
+    log = folder / "strace.log"
+    command = [STRACE, "-f", "--seccomp-bpf", "-qq", "-y", "-s", "4096", "-e", f"trace={CALLS}", "-o", str(log)]
+    process = subprocess.Popen(
+        [*command, *SCLERAFORCE, *map(str, arguments)],
+        cwd=folder, env=fresh_home(folder), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        start_new_session=True,
+    )  # fmt: skip
+    assert process.stderr
+    with process.stderr:
+        lines = []
+        while until and not (lines and until(lines[-1])):
+            lines.append(process.stderr.readline())
+            assert lines[-1], lines
+        if until:
+            time.sleep(5.0)  # what sends things in the background begins after some seconds
+            os.killpg(process.pid, signal.SIGINT)
+        lines.append(process.stderr.read())
+    text = log.read_text()
+    log.unlink()
+    files = {Path(base, name) for base, name, flags in [*OPENED.findall(text), *OPENED_IN.findall(text)]
+             if {"O_WRONLY", "O_RDWR", "O_CREAT"} & set(flags.split("|"))}  # fmt: skip
+    return Traced(process.wait(), "".join(lines), frozenset(ADDRESS.findall(text)), frozenset(files))
