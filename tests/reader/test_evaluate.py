@@ -170,6 +170,13 @@ def test_a_recording_without_a_force_log_is_read_but_not_scored(places) -> None:
     assert "no forces.csv" in found.notes[0]
 
 
+def test_model_and_recordings_given_as_strings_give_the_same_answers(places) -> None:
+    by_strings = evaluate_recordings(load_model(str(places["model"])), [str(places["a"])])
+    assert by_strings == evaluate_recordings(load_model(places["model"]), [places["a"]])
+    with pytest.raises(RecordingError, match="given twice"):
+        evaluate_recordings(load_model(places["model"]), [str(places["a"]), places["a"]])
+
+
 def test_a_recording_given_twice_is_refused(places) -> None:
     with pytest.raises(RecordingError, match="twice"):
         evaluate_recordings(load_model(places["model"]), [places["a"], places["a"] / "." / "frames" / ".."])

@@ -8,6 +8,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -62,13 +63,13 @@ class CalibrationSummary:
         return frozenset((eye, file) for eye, entry in self.eyes.items() for file in entry.frames)
 
 
-def read_calibration(path: Path) -> CalibrationSummary:
+def read_calibration(path: str | PathLike[str]) -> CalibrationSummary:
     """Read the moduli from the file that `scleraforce calibrate` writes.
 
     Raises:
         CalibrationError: the file is missing, is not JSON, or lacks something; names the file and the key.
     """
-    text = read_bytes(path, KINDS["calibration"])
+    text = read_bytes(Path(path), KINDS["calibration"])
     content = parse_content(text, str(path))
     population = _table(content, "population", f"{path}: population")
     eyes = _table(content, "eyes", f"{path}: eyes")

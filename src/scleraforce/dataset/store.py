@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from hashlib import sha256
 from importlib.metadata import version
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -100,12 +101,13 @@ class Dataset:
         return STORE.read(STORE.array(STORE.open_group(self.path), self.path, name), self.path / name)
 
 
-def open_dataset(path: Path) -> Dataset:
+def open_dataset(path: str | PathLike[str]) -> Dataset:
     """Open a data set that `generate_dataset` has completed.
 
     Raises:
         DatasetError: nothing there, not a data set, not complete, or not consistent.
     """
+    path = Path(path)
     group = STORE.open_group(path)
     attributes = STORE.complete_attributes(group, path)
     study = parse_study(str(attributes["study"]), f"{path}: study")

@@ -6,6 +6,7 @@ A load path is a chunk of each array that it has a part in.
 import json
 from hashlib import sha256
 from importlib.metadata import version
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -86,12 +87,13 @@ def complete_store(path: Path, plan: LibraryPlan) -> None:
     STORE.finish(path)
 
 
-def open_library(path: Path) -> Library:
+def open_library(path: str | PathLike[str]) -> Library:
     """Read a complete library; every chunk's checksum is checked.
 
     Raises:
         InputError: nothing there, no library, not complete, or damaged.
     """
+    path = Path(path)
     group = STORE.open_group(path)
     attributes = STORE.complete_attributes(group, path)
     if sha256(str(attributes["plan"]).encode()).hexdigest() != attributes["plan_hash"]:
