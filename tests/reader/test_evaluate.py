@@ -170,6 +170,13 @@ def test_a_recording_without_a_force_log_is_read_but_not_scored(places) -> None:
     assert "no forces.csv" in found.notes[0]
 
 
+def test_model_and_recordings_given_as_strings_give_the_same_answers(places) -> None:
+    by_strings = evaluate_recordings(load_model(str(places["model"])), [str(places["a"])])
+    assert by_strings == evaluate_recordings(load_model(places["model"]), [places["a"]])
+    with pytest.raises(RecordingError, match="given twice"):
+        evaluate_recordings(load_model(places["model"]), [str(places["a"]), places["a"]])
+
+
 def test_a_recording_given_twice_is_refused(places) -> None:
     with pytest.raises(RecordingError, match="twice"):
         evaluate_recordings(load_model(places["model"]), [places["a"], places["a"] / "." / "frames" / ".."])
@@ -198,6 +205,15 @@ def test_the_commands_text_fits_80_columns_and_shows_the_confusion(places, capsy
     assert max(map(len, lines)) <= 80
     assert any(line.startswith("accuracy") and "of 4" in line for line in lines)
     assert any("3.png" in line and "not usable" in line for line in lines)
+
+
+def test_the_page_shows_every_frame_with_what_was_found_in_it(places, tmp_path: Path, capsys) -> None:
+    page = tmp_path / "page.html"
+    assert run(["evaluate", str(places["model"]), str(places["a"]), "--html", str(page)]) == 0
+    source = page.read_text(encoding="utf-8")
+    assert source.count("data:image/jpeg;base64,") == 6
+    assert "All 6 frames are shown." in source
+    assert " UTC. Research use only: not a medical device." in source
 
 
 def test_an_existing_page_is_refused_before_any_frame_is_read(places, tmp_path: Path, capsys) -> None:

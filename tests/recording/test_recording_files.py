@@ -48,6 +48,12 @@ def change(path, old, new):
     path.write_text(text.replace(old, new, 1))
 
 
+def test_a_folder_given_as_a_string_is_the_same_recording(folder):
+    recording, same = read_recording(str(folder)), read_recording(folder)
+    assert (recording.path, recording.info, recording.frames) == (same.path, same.info, same.frames)
+    assert recording.frame(recording.frames[0]).shape == (16, 32)
+
+
 def test_recording_is_read_as_written(folder):
     recording = read_recording(folder)
     assert recording.info.eye.thickness_m == 7e-4

@@ -1,15 +1,19 @@
 """The page of an evaluation: what stands in it, that it is one file, that nothing is lost or written by halves."""
 
 from dataclasses import replace
+from datetime import UTC, datetime
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from scleraforce import __version__
 from scleraforce.errors import InputError
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.report.evaluation_page import write_evaluation_html
+
+MADE_AT = datetime(2026, 3, 1, 0, 30, tzinfo=UTC)
 
 
 def answers() -> Evaluation:
@@ -59,7 +63,7 @@ class Page(HTMLParser):
 
 
 def write_and_read(folder: Path, evaluation: Evaluation) -> str:
-    write_evaluation_html(evaluation, folder / "page.html")
+    write_evaluation_html(evaluation, (), folder / "page.html", MADE_AT)
     return (folder / "page.html").read_text(encoding="utf-8")
 
 
@@ -98,6 +102,16 @@ def test_every_frame_is_listed_with_its_remark(page: Page) -> None:
     assert rows["20.0"][2:4] == ["1", "2"]
 
 
+def test_the_page_says_what_made_it_when_and_that_it_is_for_research_only(page: Page) -> None:
+    assert f"scleraforce {__version__}, 2026-03-01 00:30 UTC. Research use only: not a medical device." in page.said
+
+
+def test_the_same_evaluation_at_another_time_differs_in_its_date_only(tmp_path: Path) -> None:
+    first = write_and_read(tmp_path, answers())
+    write_evaluation_html(answers(), (), tmp_path / "later.html", MADE_AT.replace(year=2027))
+    assert (tmp_path / "later.html").read_text().replace("2027-03-01", "2026-03-01") == first
+
+
 def test_what_limits_the_result_is_said(page: Page) -> None:
     assert "the gap is another" in page.said
 
@@ -119,21 +133,21 @@ def test_an_existing_page_is_kept_unless_told_otherwise(tmp_path: Path) -> None:
     path = tmp_path / "page.html"
     path.write_text("mine")
     with pytest.raises(InputError, match="exists already"):
-        write_evaluation_html(answers(), path)
+        write_evaluation_html(answers(), (), path, MADE_AT)
     assert path.read_text() == "mine"
-    write_evaluation_html(answers(), path, overwrite=True)
+    write_evaluation_html(answers(), (), path, MADE_AT, overwrite=True)
     assert path.read_text().startswith("<!DOCTYPE html>")
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_missing_folder_is_one_clear_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no/page\.html: No such file or directory"):
-        write_evaluation_html(answers(), tmp_path / "no" / "page.html")
+        write_evaluation_html(answers(), (), tmp_path / "no" / "page.html", MADE_AT)
 
 
 def test_the_same_evaluation_gives_the_same_bytes(tmp_path: Path) -> None:
     for name in ("one.html", "two.html"):
-        write_evaluation_html(answers(), tmp_path / name)
+        write_evaluation_html(answers(), (), tmp_path / name, MADE_AT)
     assert (tmp_path / "one.html").read_bytes() == (tmp_path / "two.html").read_bytes()
 
 

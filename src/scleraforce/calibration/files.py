@@ -1,6 +1,7 @@
 """The file that `calibrate` writes: JSON, with all that is needed to go on from it."""
 
 from collections.abc import Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -89,13 +90,13 @@ def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
     }
 
 
-def read_posteriors(path: Path) -> Calibration:
+def read_posteriors(path: str | PathLike[str]) -> Calibration:
     """Read a calibration file whole, to go on from it or to report it.
 
     Raises:
         CalibrationError: the file cannot be read, or is none of `calibrate`.
     """
-    return parse_calibration(read_text(path, KINDS["calibration"]), str(path))
+    return parse_calibration(read_text(Path(path), KINDS["calibration"]), str(path))
 
 
 def parse_calibration(text: str, name: str = "calibration") -> Calibration:

@@ -6,6 +6,7 @@ The one place that opens and checks that JSON; NumPy and SciPy stay out of it, f
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -85,13 +86,13 @@ class CalibrationSummary:
         return frozenset(frame.sha256 for eye in self.eyes.values() for frame in eye.frames)
 
 
-def read_calibration(path: Path) -> CalibrationSummary:
+def read_calibration(path: str | PathLike[str]) -> CalibrationSummary:
     """Read the moduli from the file that `scleraforce calibrate` writes.
 
     Raises:
         CalibrationError: the file is missing, is not JSON, or lacks something; names the file and the key.
     """
-    text = read_bytes(path, KINDS["calibration"])
+    text = read_bytes(Path(path), KINDS["calibration"])
     content = parse_content(text, str(path))
     population = table_of(content, "population", str(path))
     return CalibrationSummary(

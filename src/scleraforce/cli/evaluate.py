@@ -1,5 +1,6 @@
 """`scleraforce evaluate`: a model's answers beside the force logs of recordings."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING
@@ -45,9 +46,12 @@ def evaluate(
     with progress_bar(range(count), "frames") as bar:
         evaluation = evaluate_recordings(reader, recordings, calibration, bar.update)
     if html is not None:
+        from scleraforce.report.answered_frame import look_at_all
         from scleraforce.report.evaluation_page import write_evaluation_html
+        from scleraforce.report.frame_pictures import shown_frames
 
-        write_evaluation_html(evaluation, html)
+        looks = look_at_all(shown_frames(evaluation.frames))
+        write_evaluation_html(evaluation, looks, html, datetime.now(UTC))
     if as_json:
         print_json(evaluation.as_json())
     else:

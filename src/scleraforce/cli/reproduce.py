@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,7 +52,7 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
 
     study = framed_for_laboratory(Study()) if study_path is None else read_study(study_path)
     run = open_run(out, study, workers or len(os.sched_getaffinity(0)))
-    found = reproduce_all(run, _bar)
+    found = reproduce_all(run, _bar, datetime.now(UTC))
     evaluation, seconds = found.evaluation, found.seconds
     mean_pa, spread_pa = found.calibration.population
     answer = evaluation.as_json()

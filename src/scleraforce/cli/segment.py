@@ -14,7 +14,7 @@ from scleraforce.study import OctStudy
 from scleraforce.whole_files import write_whole
 
 if TYPE_CHECKING:
-    from scleraforce.imaging.segmentation import Segmentation, Segmenter
+    from scleraforce.imaging.segmentation import Segmenter
     from scleraforce.recording.images import FrameImage, Pixels
 
 __all__ = ["segment"]
@@ -132,6 +132,7 @@ def segment_frame(
     source: Source, geometry: Geometry, segmenters: "dict[float, Segmenter]", overlay: bool, force: bool
 ) -> dict[str, Any]:
     """Segment one frame, write its mask and, where asked for, its overlay; return what is to be told about it."""
+    from scleraforce.imaging.overlay import draw_overlay
     from scleraforce.imaging.segmentation import PixelScale, Segmenter
     from scleraforce.recording.images import read_frame_image
 
@@ -181,24 +182,6 @@ def _scale(source: Source, image: "FrameImage", geometry: Geometry) -> tuple[flo
     if geometry.depth_mm is not None:
         depth_m = geometry.depth_mm / 1e3 / rows
     return lateral_m, depth_m, index if geometry.refractive_index is None else geometry.refractive_index
-
-
-def draw_overlay(pixels: "Pixels", found: "Segmentation") -> "Pixels":
-    """Return the frame as a colour picture with its boundaries: surface red, inner green, or blue where not seen."""
-    import cv2
-
-    lit = pixels[pixels > 0]
-    low, high = np.percentile(lit, [1.0, 99.7]) if len(lit) else (0.0, 1.0)
-    grey = np.clip((pixels - low) * (255.0 / max(high - low, 1.0)), 0, 255).astype(np.uint8)
-    picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
-    width = max(1, min(pixels.shape) // 300)
-    inner = (0, 255, 0) if found.inner_found else (255, 128, 0)
-    for rows, colour in ((found.inner_row, inner), (found.outer_row, (0, 0, 255))):
-        there = np.flatnonzero(np.isfinite(rows))
-        for run in np.split(there, np.flatnonzero(np.diff(there) > 1) + 1):
-            points = np.rint(np.stack([run, rows[run]], axis=1)).astype(np.int32)
-            cv2.polylines(picture, [points], isClosed=False, color=colour, thickness=width, lineType=cv2.LINE_AA)
-    return np.asarray(picture, dtype=np.uint8)
 
 
 def _write(path: Path, picture: "Pixels", force: bool) -> None:

@@ -1,7 +1,7 @@
 """Young's modulus for a data set, from a calibration file."""
 
 from dataclasses import dataclass
-from pathlib import Path
+from os import PathLike
 
 from scleraforce.calibration.summary import read_calibration
 
@@ -18,7 +18,7 @@ class CalibratedModulus:
     sha256: str
 
 
-def read_population_modulus(path: Path) -> CalibratedModulus:
+def read_population_modulus(path: str | PathLike[str]) -> CalibratedModulus:
     """Read the population's mean from the file that `scleraforce calibrate` writes.
 
     Raises:

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from hashlib import sha256
 from importlib.metadata import version
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -111,13 +112,14 @@ class Dataset:
         return values
 
 
-def open_dataset(path: Path) -> Dataset:
+def open_dataset(path: str | PathLike[str]) -> Dataset:
     """Open a data set that `generate_dataset` has completed.
 
     Raises:
         DatasetError: nothing there, not a data set, not complete, or not consistent.
         StudyError: its study cannot be used.
     """
+    path = Path(path)
     attributes = STORE.complete_attributes(path)
     text, modulus_pa = attributes["study"], attributes["youngs_modulus_pa"]
     # Of the text as it was written: a later version may know more keys, and format the same study differently.

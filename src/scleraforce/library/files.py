@@ -2,6 +2,7 @@
 
 from dataclasses import fields
 from io import BytesIO
+from os import PathLike
 from pathlib import Path
 from typing import IO, Any
 from zipfile import BadZipFile, ZipFile, ZipInfo
@@ -23,7 +24,7 @@ def save_library(library: Library, path: Path | IO[bytes]) -> None:
                 write_array(file, np.asarray(getattr(library, item.name)), allow_pickle=False)
 
 
-def load_library(path: Path, content: bytes | None = None) -> Library:
+def load_library(path: str | PathLike[str], content: bytes | None = None) -> Library:
     """Read a library that `save_library` has written.
 
     Args:

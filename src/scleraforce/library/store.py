@@ -5,6 +5,7 @@ A load path is a chunk of each array that it has a part in.
 
 from hashlib import sha256
 from importlib.metadata import version
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -85,12 +86,13 @@ def complete_store(path: Path, plan: LibraryPlan) -> None:
     STORE.finish(path, tuple(_arrays(plan).values()))
 
 
-def open_library(path: Path) -> Library:
+def open_library(path: str | PathLike[str]) -> Library:
     """Read a complete library; every chunk's checksum is checked.
 
     Raises:
         InputError: nothing there, no library, not complete, or damaged.
     """
+    path = Path(path)
     attributes = STORE.complete_attributes(path)
     text = attributes["plan"]
     if not isinstance(text, str) or sha256(text.encode()).hexdigest() != attributes["plan_hash"]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,8 @@ FOREIGN = ("the modulus is the population's, not this eye's own",)
 
 def evaluate_recordings(
     reader: ForceReader | WallReader,
-    paths: Sequence[Path],
-    calibration: Path | None = None,
+    paths: Sequence[str | PathLike[str]],
+    calibration: str | PathLike[str] | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> Evaluation:
     """Read every frame of recordings and compare with their force logs.
@@ -42,11 +43,12 @@ def evaluate_recordings(
         FrameError: a frame cannot be read.
         CalibrationError: the calibration file cannot be used, or not with this model.
     """
-    _refuse_twice(paths)
-    summary = None if calibration is None else _calibration(reader, calibration)
-    recordings = [read_recording(path) for path in paths]
+    folders = [Path(path) for path in paths]
+    _refuse_twice(folders)
+    summary = None if calibration is None else _calibration(reader, Path(calibration))
+    recordings = [read_recording(path) for path in folders]
     frames: list[FrameAnswer] = []
-    for path, recording in zip(paths, recordings, strict=True):
+    for path, recording in zip(folders, recordings, strict=True):
         frames += _answers(reader, str(path), recording, summary, progress)
     study = reader.study
     return Evaluation(
@@ -55,7 +57,7 @@ def evaluate_recordings(
         max_force_n=study.needle.max_force_n,
         youngs_modulus_pa=study.eye.youngs_modulus_pa,
         frames=tuple(frames),
-        notes=tuple(_notes(reader, paths, recordings, summary)),
+        notes=tuple(_notes(reader, folders, recordings, summary)),
         kind=reader.kind,
     )
 

@@ -1,6 +1,7 @@
 """A trained model, ready to read slices (ONNX Runtime only; PyTorch is not needed)."""
 
 from collections.abc import Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +91,7 @@ class ForceReader:
         return result
 
 
-def load_model(path: Path, threads: int = 1) -> ForceReader | WallReader:
+def load_model(path: str | PathLike[str], threads: int = 1) -> ForceReader | WallReader:
     """Load a model folder.
 
     Args:
@@ -100,7 +101,7 @@ def load_model(path: Path, threads: int = 1) -> ForceReader | WallReader:
     Raises:
         ModelError: a file is missing, was changed, or does not fit the study beside it.
     """
-    folder = read_folder(path)
+    folder = read_folder(Path(path))
     study = _study(folder)
     session = _session(folder, threads)
     if folder.record["kind"] == ForceReader.kind:
@@ -112,7 +113,7 @@ def load_model(path: Path, threads: int = 1) -> ForceReader | WallReader:
     return WallReader(folder.path, study, folder.record, network, _library(folder), _default(folder))
 
 
-def load_classifier(path: Path, threads: int = 1) -> ForceReader:
+def load_classifier(path: str | PathLike[str], threads: int = 1) -> ForceReader:
     """Load a model folder of kind "classifier"; arguments and errors of `load_model`.
 
     Raises:

@@ -6,6 +6,7 @@
 import hashlib
 import os
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 from scleraforce.errors import RecordingError, StudyError
@@ -43,12 +44,13 @@ class Recording:
         return pixels
 
 
-def read_recording(path: Path) -> Recording:
+def read_recording(path: str | PathLike[str]) -> Recording:
     """Read and check a recording folder; its frames are looked for, but not opened.
 
     Raises:
         RecordingError: naming the file, the line and the field.
     """
+    path = Path(path)
     info = _read_info(path / "recording.toml")
     frames = read_frame_list(path / "frames.csv")
     _check_files(path, frames)

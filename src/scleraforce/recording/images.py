@@ -3,6 +3,7 @@
 import io
 import zlib
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,7 +36,7 @@ class FrameImage:
     lateral_pixel_m: float | None = None
 
 
-def read_frame(path: Path) -> Pixels:
+def read_frame(path: str | PathLike[str]) -> Pixels:
     """Read the pixels of one frame, uint8 or uint16 (rows, columns); colour is turned into grey.
 
     Raises:
@@ -44,7 +45,7 @@ def read_frame(path: Path) -> Pixels:
     return read_frame_image(path).pixels
 
 
-def read_frame_image(path: Path) -> FrameImage:
+def read_frame_image(path: str | PathLike[str]) -> FrameImage:
     """Read one frame with the size of its pixels where its tags know it (DICOM).
 
     The kind of file is told by its content, not by its name. Signed DICOM values are shifted so that the smallest is 0.
@@ -52,6 +53,7 @@ def read_frame_image(path: Path) -> FrameImage:
     Raises:
         FrameError: naming the file, what was found and what would do.
     """
+    path = Path(path)
     data = read_bytes(path, KINDS["frame"])
     if data.startswith((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")):
         return FrameImage(_grey(_read_tiff(path, data), path))

@@ -1,7 +1,7 @@
 """A frame that was answered, looked at again: raw pixels, the wall found in it, its slice."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.study import SliceStudy
 
-__all__ = ["AnsweredFrame", "look_at"]
+__all__ = ["AnsweredFrame", "look_at", "look_at_all"]
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,17 @@ def look_at(answer: FrameAnswer) -> AnsweredFrame:
         RecordingError: its recording is gone.
         FrameError: its file cannot be read.
     """
-    recording = read_recording(Path(answer.recording))
+    return _looked_at(answer, read_recording(answer.recording))
+
+
+def look_at_all(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
+    """Do the same with many answers; each recording is read once."""
+    answers = tuple(answers)
+    recordings = {name: read_recording(name) for name in dict.fromkeys(answer.recording for answer in answers)}
+    return tuple(_looked_at(answer, recordings[answer.recording]) for answer in answers)
+
+
+def _looked_at(answer: FrameAnswer, recording: Recording) -> AnsweredFrame:
     entry = next(entry for entry in recording.frames if entry.file == answer.file)
     frame = np.asarray(recording.frame(entry), dtype=np.uint16)
     found = Segmenter(recording.info.oct.refractive_index).segment(frame, _scale(recording))

@@ -1,12 +1,17 @@
 """The page of `evaluate --html`: a model's answers to recordings (the paper's Table 3 and Fig. 10)."""
 
+from collections.abc import Sequence
+from datetime import datetime
 from math import isnan
 from pathlib import Path
 
 from scleraforce.reader.evaluate import Evaluation
+from scleraforce.report.answered_frame import AnsweredFrame
 from scleraforce.report.files import write_page
 from scleraforce.report.force_figures import draw_trial_forces
+from scleraforce.report.frame_pictures import frame_pictures
 from scleraforce.report.html import Html, bullets, cards, figure, page, paragraph, section
+from scleraforce.report.provenance import stamp
 from scleraforce.report.reading_figure import draw_read_forces
 from scleraforce.report.style import data_uri
 from scleraforce.report.tables import NOTHING, confusion_table, frame_table
@@ -21,22 +26,31 @@ NAMES_REMARK = (
 )
 
 
-def write_evaluation_html(evaluation: Evaluation, path: Path, *, overwrite: bool = False) -> None:
+def write_evaluation_html(
+    evaluation: Evaluation,
+    looks: Sequence[AnsweredFrame],
+    path: Path,
+    made_at: datetime,
+    *,
+    overwrite: bool = False,
+) -> None:
     """Write an evaluation as one self-contained page.
 
     Args:
         evaluation: the answers and what was measured.
+        looks: the frames to show (`shown_frames`), looked at again.
         path: the file to write.
+        made_at: what the page gives as its date.
         overwrite: whether an existing file may be replaced.
 
     Raises:
         InputError: the file exists already, or cannot be written.
     """
-    sections = [_result(evaluation), _frames(evaluation)]
-    if evaluation.notes:
-        sections.insert(1, section("What limits the result", bullets(evaluation.notes)))
+    limits = [section("What limits the result", bullets(evaluation.notes))] if evaluation.notes else []
+    pictures = [frame_pictures(evaluation, looks)] if looks else []
+    sections = [_result(evaluation), *limits, *pictures, _frames(evaluation)]
     title = "Forces of recordings" if evaluation.kind == "reader" else "Force classes of recordings"
-    write_page(page(title, _lead(evaluation), *sections), path, overwrite=overwrite)
+    write_page(page(title, _lead(evaluation), stamp(made_at), *sections), path, overwrite=overwrite)
 
 
 def _lead(evaluation: Evaluation) -> str:
@@ -75,7 +89,7 @@ def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
         return []
     return [
         (f"{n_to_mn(evaluation.mae_n):.2f} mN", "mean error of the force", f"{covered.total} usable trials"),
-        (_percent(covered.value), "in the 90 % interval", _of(covered.hits, covered.total)),
+        (_percent(covered.value), "of logged forces in their 90 % interval", _of(covered.hits, covered.total)),
     ]
 
 
@@ -83,8 +97,8 @@ def read_forces_figure(evaluation: Evaluation) -> Html:
     """Return the read forces with their intervals over the measured ones."""
     drawn = draw_read_forces(evaluation.scored, evaluation.bounds_n, evaluation.max_force_n)
     caption = (
-        "Read force with its 90 % interval over the measured force. Dashed: class bounds. Misread trials are ringed; "
-        "those that are not usable stand at the upper edge and count as class 2."
+        "Read force with its 90 % interval over the measured force. Dashed: class bounds. Misread trials are ringed "
+        "and named; those that are not usable stand at the upper edge and count as class 2."
     )
     return figure(data_uri(drawn, "svg"), "read force of each trial over its measured force", caption)
 
@@ -94,7 +108,7 @@ def forces_figure(evaluation: Evaluation) -> Html:
     drawn = draw_trial_forces(evaluation.scored, evaluation.bounds_n, evaluation.max_force_n)
     caption = (
         "Measured forces of the trials that count, and the class bounds (Fig. 10). Colour and marker say what was "
-        "read; misread trials are ringed."
+        "read; misread trials are ringed. Each trial has the name of its frame where there is room."
     )
     return figure(data_uri(drawn, "svg"), "measured force of each trial against the class bounds", caption)
 

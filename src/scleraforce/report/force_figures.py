@@ -15,6 +15,7 @@ from scleraforce.units import n_to_mn
 __all__ = ["draw_force_log", "draw_trial_forces", "draw_trials"]
 
 POINTS_DRAWN = 6000
+MOST_NAMES, NAME_LENGTH = 60, 14  # of trials whose frames are named, and characters of a name
 
 
 @styled
@@ -59,20 +60,24 @@ def draw_force_log(
 def draw_trial_forces(frames: Sequence[FrameAnswer], bounds_n: Sequence[float], max_force_n: float) -> Figure:
     """Draw the measured force of every trial with the class bounds; misread trials are ringed.
 
+    Up to 60 trials carry the names of their frames, more of them only numbers.
+
     Args:
         frames: the trials that count, in the order of their recordings.
         bounds_n: the class bounds.
         max_force_n: the study's largest force.
     """
-    figure = Figure(figsize=inches(170, 78))
-    draw_trials(figure, frames, bounds_n, max_force_n)
+    figure = Figure(figsize=inches(170, 84))
+    axes = draw_trials(figure, frames, bounds_n, max_force_n)
+    if len(frames) <= MOST_NAMES:
+        _name_trials(axes, frames)
     return figure
 
 
 def draw_trials(
     figure: FigureBase, frames: Sequence[FrameAnswer], bounds_n: Sequence[float], max_force_n: float
-) -> None:
-    """Draw the trials on a figure, or on a part of one."""
+) -> Axes:
+    """Draw the trials on a figure, or on a part of one; return the axes."""
     axes = figure.subplots()
     known = [(x, frame) for x, frame in enumerate(frames, start=1) if frame.measured_force_n is not None]
     for x, frame in known:
@@ -85,6 +90,14 @@ def draw_trials(
     axes.set_xlabel("trial")
     axes.set_ylabel("measured force [mN]")
     figure.legend(handles=_trial_legend(), loc="outside upper center", ncols=5)
+    return axes
+
+
+def _name_trials(axes: Axes, frames: Sequence[FrameAnswer]) -> None:
+    """Put the name of its frame below each trial; of a long name, its end."""
+    names = [frame.file if len(frame.file) <= NAME_LENGTH else f"…{frame.file[-NAME_LENGTH:]}" for frame in frames]
+    axes.set_xticks(range(1, len(frames) + 1), names, rotation=90, fontsize=5.5)
+    axes.set_xlabel("frame")
 
 
 def _draw_trial(axes: Axes, x: int, frame: FrameAnswer) -> None:

@@ -3,15 +3,16 @@
 A page is one file: the style sheet and all images stand inside, there is no script, and it prints.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from typing import NewType
 
-__all__ = ["Html", "bullets", "cards", "figure", "notice", "page", "paragraph", "section", "table", "text"]
+__all__ = ["Html", "bullets", "cards", "figure", "gallery", "notice", "page", "paragraph", "section", "table", "text"]
 
 Html = NewType("Html", str)
 
+STACKED_COLUMNS, STACKED_SENTENCES = 7, 3  # from as many columns, a table's rows become blocks on a narrow screen
 STYLE_SHEET = files("scleraforce.report").joinpath("page.css").read_text(encoding="utf-8")
 
 
@@ -42,8 +43,9 @@ def table(
     marked: Iterable[tuple[int, int]] = (),
     *,
     prose: bool = False,
+    remarks: bool = False,
 ) -> Html:
-    """Return a table; the first column names the rows.
+    """Return a table; the first column names the rows. Where a screen is too narrow for columns, rows become blocks.
 
     Args:
         head: the columns' titles.
@@ -51,21 +53,37 @@ def table(
         caption: what the table shows.
         marked: cells (row, column) that stand out.
         prose: whether the cells hold sentences, to be set flush left.
+        remarks: whether those of the last column do.
     """
-    stand_out = set(marked)
-    top = "".join(f'<th scope="col">{text(entry)}</th>' for entry in head)
-    body = "".join(_row(row, {c for r, c in stand_out if r == number}) for number, row in enumerate(rows))
-    kind = ' class="prose"' if prose else ""
+    classes = dict.fromkeys(marked, "marked")
+    if remarks:
+        classes |= {(number, len(head) - 1): "words" for number in range(len(rows))}
+    top = "".join(
+        f'<th scope="col"{_class("words" if remarks and entry is head[-1] else "")}>{text(entry)}</th>'
+        for entry in head
+    )
+    body = "".join(_row(number, row, head, classes) for number, row in enumerate(rows))
+    stacked = "stacked" if len(head) >= (STACKED_SENTENCES if prose else STACKED_COLUMNS) else ""
     return Html(
-        f'<div class="table"><table{kind}><caption>{text(caption)}</caption>'
+        f'<div class="table"><table{_class("prose" if prose else "", stacked)}><caption>{text(caption)}</caption>'
         f"<thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>"
     )
 
 
-def _row(row: Sequence[object], marked: set[int]) -> str:
+def _row(number: int, row: Sequence[object], head: Sequence[str], classes: Mapping[tuple[int, int], str]) -> str:
+    """Return a row; each cell carries its column's title, for where the row becomes a block."""
     first, *rest = (text(entry) for entry in row)
-    cells = (f"<td{' class=marked' if n in marked else ''}>{entry}</td>" for n, entry in enumerate(rest, start=1))
+    cells = (
+        f'<td data-title="{escape(title)}"{_class(classes.get((number, column), ""))}>{entry}</td>'
+        for column, (title, entry) in enumerate(zip(head[1:], rest, strict=True), start=1)
+    )
     return f'<tr><th scope="row">{first}</th>{"".join(cells)}</tr>'
+
+
+def _class(*names: str) -> str:
+    """Return the attribute of the names that are not empty."""
+    chosen = " ".join(name for name in names if name)
+    return f' class="{chosen}"' if chosen else ""
 
 
 def figure(source: str, alternative: str, caption: str) -> Html:
@@ -74,6 +92,23 @@ def figure(source: str, alternative: str, caption: str) -> Html:
         f'<figure><img src="{escape(source)}" alt="{escape(alternative)}">'
         f"<figcaption>{text(caption)}</figcaption></figure>"
     )
+
+
+def gallery(pictures: Iterable[tuple[str, str, str]], marked: Iterable[int] = ()) -> Html:
+    """Return small pictures side by side.
+
+    Args:
+        pictures: the data URI of each, its name, and what is to be said of it.
+        marked: numbers of the pictures that stand out.
+    """
+    stand_out = set(marked)
+    items = (
+        f"<figure{_class('marked' if number in stand_out else '')}>"
+        f'<img src="{escape(source)}" alt="{escape(f"{name}: {words}")}">'
+        f"<figcaption><b>{text(name)}</b> {text(words)}</figcaption></figure>"
+        for number, (source, name, words) in enumerate(pictures)
+    )
+    return Html(f'<div class="gallery">{"".join(items)}</div>')
 
 
 def cards(entries: Iterable[tuple[str, str, str]]) -> Html:
@@ -90,13 +125,19 @@ def section(title: str, *blocks: Html) -> Html:
     return Html(f"<section><h2>{text(title)}</h2>{''.join(blocks)}</section>")
 
 
-def page(title: str, lead: str, *sections: Html) -> Html:
-    """Return a whole page."""
+def page(title: str, lead: str, stamp: str, *sections: Html) -> Html:
+    """Return a whole page.
+
+    Args:
+        title: its heading.
+        lead: what it is about, in a sentence or two.
+        stamp: what made it, and when.
+        sections: what follows.
+    """
     return Html(
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{text(title)}</title><style>\n{STYLE_SHEET}</style></head>\n"
-        f"<body><main><header><h1>{text(title)}</h1><p>{text(lead)}</p></header>\n"
-        + "\n".join(sections)
-        + "</main></body></html>\n"
+        f"<body><main><header><h1>{text(title)}</h1><p>{text(lead)}</p>"
+        f'<p class="stamp">{text(stamp)}</p></header>\n' + "\n".join(sections) + "</main></body></html>\n"
     )

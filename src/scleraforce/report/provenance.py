@@ -1,13 +1,17 @@
 """What a page was made from: versions, seeds, hashes, so that it can be made again."""
 
 import platform
+from datetime import UTC, datetime
 from importlib.metadata import version
 
+from scleraforce import __version__
 from scleraforce.reader.model import ForceReader
 from scleraforce.report.html import Html, table
 from scleraforce.study import Study, study_hash
 
-__all__ = ["provenance_table"]
+__all__ = ["provenance_table", "stamp"]
+
+RESEARCH_USE = "Research use only: not a medical device."
 
 PACKAGES = (
     "scleraforce",
@@ -18,6 +22,21 @@ PACKAGES = (
     "zarr",
     "matplotlib",
 )
+
+
+def stamp(made_at: datetime) -> str:
+    """Return which version made a page, when, and what it may be used for.
+
+    >>> from datetime import timedelta, timezone
+    >>> stamp(datetime(2026, 3, 1, 0, 30, tzinfo=timezone(timedelta(hours=1)))).partition(", ")[2]
+    '2026-02-28 23:30 UTC. Research use only: not a medical device.'
+
+    Raises:
+        ValueError: `made_at` has no time zone.
+    """
+    if made_at.tzinfo is None:
+        raise ValueError("made_at: a time without a time zone; give one, like datetime.now(UTC)")
+    return f"scleraforce {__version__}, {made_at.astimezone(UTC):%Y-%m-%d %H:%M} UTC. {RESEARCH_USE}"
 
 
 def provenance_table(study: Study, reader: ForceReader) -> Html:

@@ -15,7 +15,9 @@ __all__ = ["draw_force_against_force", "draw_read_forces"]
 
 @styled
 def draw_read_forces(frames: Sequence[FrameAnswer], bounds_n: Sequence[float], max_force_n: float) -> Figure:
-    """Draw the read force of every usable frame with its interval over the measured one; misread frames are ringed.
+    """Draw the read force of every usable frame with its interval over the measured one.
+
+    Misread frames are ringed and named.
 
     Args:
         frames: trials; those without a measured or a read force are left out, unusable ones stand at the upper edge.
@@ -61,6 +63,7 @@ def _draw_frame(axes: Axes, frame: FrameAnswer, measured_mn: float, top_mn: floa
         axes.plot(
             measured_mn, read_mn, "o", color="none", markeredgecolor=BLACK, markersize=9, zorder=5, label="misread"
         )
+        axes.annotate(frame.file, (measured_mn, read_mn), (6, -6), textcoords="offset points", fontsize=6, va="top")
 
 
 def _legend(classes: int) -> list[Line2D]:

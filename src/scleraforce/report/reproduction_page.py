@@ -1,6 +1,7 @@
 """The page of `reproduce`: every table and figure of the paper, from the run in its folder."""
 
 from collections.abc import Mapping
+from datetime import datetime
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from scleraforce.report.files import write_figure, write_page
 from scleraforce.report.html import Html, figure, notice, page, paragraph, section, table
 from scleraforce.report.left_out import read_left_out_file
 from scleraforce.report.paper import CONFUSION, EYES, PAPER_TITLE, SECONDS_A_SLICE
-from scleraforce.report.provenance import provenance_table
+from scleraforce.report.provenance import provenance_table, stamp
 from scleraforce.report.reproduction import Progress, Run
 from scleraforce.report.reproduction_figures import (
     force_log_figure,
@@ -51,6 +52,7 @@ def write_reproduction_html(
     bent_paper: Evaluation,
     bent_reader: Evaluation,
     seconds: Mapping[str, float],
+    made_at: datetime,
     progress: Progress,
 ) -> None:
     """Write the page of a run; a page that is there is replaced.
@@ -61,6 +63,7 @@ def write_reproduction_html(
         bent_paper: those of the paper's method to the eyes of finite strain.
         bent_reader: those of the force reader to the same.
         seconds: what the stages took.
+        made_at: what the page gives as its date.
         progress: called with 1 after each figure.
     """
     reader = load_classifier(run.model)
@@ -101,7 +104,7 @@ def write_reproduction_html(
         section("Time and provenance", _times(seconds), provenance_table(run.study, reader)),
     )
     lead = f"The method of {PAPER_TITLE}, run from end to end, beside what the paper reports."
-    write_page(page("Force from a single OCT slice", lead, *sections), run.report, overwrite=True)
+    write_page(page("Force from a single OCT slice", lead, stamp(made_at), *sections), run.report, overwrite=True)
 
 
 def _overview(run: Run, evaluation: Evaluation) -> Html:

@@ -5,6 +5,7 @@ answers for the other; then the page.
 """
 
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
@@ -51,12 +52,13 @@ class Reproduction:
     seconds: dict[str, float]
 
 
-def reproduce(run: Run, announce: Announce) -> Reproduction:
+def reproduce(run: Run, announce: Announce, started_at: datetime) -> Reproduction:
     """Do the whole of the paper, as far as it is not done, and write the page.
 
     Args:
         run: where and on what.
         announce: opens a progress bar.
+        started_at: what the page gives as its date.
     """
     answers: list[Evaluation] = []
 
@@ -74,7 +76,7 @@ def reproduce(run: Run, announce: Announce) -> Reproduction:
 
     def report(run: Run, progress: Progress) -> None:
         evaluation, bent_paper, bent_reader = answers
-        write_reproduction_html(run, evaluation, bent_paper, bent_reader, seconds_so_far(run), progress)
+        write_reproduction_html(run, evaluation, bent_paper, bent_reader, seconds_so_far(run), started_at, progress)
 
     stages = (
         Stage("phantom", _trials, _make_eyes, lambda run: run.recordings),

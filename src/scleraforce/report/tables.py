@@ -74,7 +74,8 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
     wrong = [(r, 3) for r, f in enumerate(frames) if f.target is not None and f.predicted != f.target]
     classes = [f"p({number})" for number in range(len(evaluation.bounds_n) + 1)]
     read = ["read [mN]", "90 % [mN]"] if with_force else []
-    return table(["frame", "force [mN]", "target", "predicted", *read, *classes, "remark"], rows, caption, wrong)
+    head = ["frame", "force [mN]", "target", "predicted", *read, *classes, "remark"]
+    return table(head, rows, caption, wrong, remarks=True)
 
 
 def _read_force(frame: FrameAnswer) -> list[str]:

@@ -12,6 +12,7 @@ import threading
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -49,11 +50,12 @@ def format_line(record: Mapping[str, Any]) -> bytes:
     return b'%s, "crc32": "%08x"}\n' % (body, zlib.crc32(body))
 
 
-def read_log(path: Path) -> Iterator[LogPart]:
+def read_log(path: str | PathLike[str]) -> Iterator[LogPart]:
     """Yield the parts of a log in its order: of one file, or of all files of a folder.
 
     A byte that was changed costs the record that it stands in, and no other one: not even where it was a line's end.
     """
+    path = Path(path)
     for file in _files(path) if path.is_dir() else [path]:
         offset = 0
         with file.open("rb") as lines:

@@ -6,6 +6,7 @@ import tomllib
 from collections import Counter
 from dataclasses import MISSING, fields, is_dataclass
 from importlib.resources import files
+from os import PathLike
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
@@ -31,13 +32,13 @@ Record = TypeVar("Record")
 PAPER_STUDY_TOML = files("scleraforce.study").joinpath("paper.toml").read_text(encoding="utf-8")
 
 
-def read_study(path: Path) -> Study:
+def read_study(path: str | PathLike[str]) -> Study:
     """Read a study file.
 
     Raises:
         StudyError: the file is missing or not TOML, or a key or value in it cannot be used.
     """
-    return parse_study(read_text(path, KINDS["study"]), str(path))
+    return parse_study(read_text(Path(path), KINDS["study"]), str(path))
 
 
 def parse_study(text: str, name: str = "study") -> Study:

@@ -1,0 +1,85 @@
+"""The pictures of an evaluation's page: which frames are shown, what is drawn in them, what stands below."""
+
+import base64
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from looked_at import looked_at_frames
+
+from scleraforce.reader.evaluation import Evaluation, FrameAnswer
+from scleraforce.report.frame_pictures import MOST_PICTURES, frame_pictures, shown_frames
+
+
+def many(count: int, misread: tuple[int, ...] = ()) -> tuple[FrameAnswer, ...]:
+    return tuple(
+        FrameAnswer("rec", "eye", f"{n:04d}.png", 0.02, 1, 2 if n in misread else 1, (0.0, 1.0, 0.0), True)
+        for n in range(count)
+    )
+
+
+def evaluation(frames: tuple[FrameAnswer, ...]) -> Evaluation:
+    return Evaluation("model", (0.005, 0.03), 0.06, 0.25e6, frames)
+
+
+def pictures(html: str) -> list[np.ndarray]:
+    found = re.findall(r'src="data:image/jpeg;base64,([^"]*)"', html)
+    return [cv2.imdecode(np.frombuffer(base64.b64decode(one), np.uint8), cv2.IMREAD_COLOR) for one in found]
+
+
+def test_few_frames_are_all_shown() -> None:
+    frames = many(MOST_PICTURES)
+    assert shown_frames(frames) == frames
+
+
+def test_of_many_frames_those_that_were_misread_come_first_and_the_others_in_even_steps() -> None:
+    frames = many(1001, misread=(3, 4, 997))
+    shown = shown_frames(frames, 14)
+    assert [frame.file for frame in shown[:3]] == ["0000.png", "0003.png", "0004.png"]
+    numbers = [frames.index(frame) for frame in shown]
+    assert numbers == sorted(numbers)
+    steps = np.diff([number for number in numbers if number not in (3, 4, 997)])
+    assert len(shown) == 14
+    assert steps.min() > 95
+
+
+def test_even_of_misread_frames_no_more_are_shown_than_fit() -> None:
+    assert len(shown_frames(many(500, misread=tuple(range(400))))) == MOST_PICTURES
+
+
+def test_a_picture_is_to_scale_and_has_surface_and_inner_boundary_where_they_were_found(tmp_path: Path) -> None:
+    looks = looked_at_frames(tmp_path, 1)
+    (picture,) = pictures(frame_pictures(evaluation((looks[0].answer,)), looks))
+    rows, columns = picture.shape[:2]
+    width_m, depth_m = looks[0].extent_m
+    assert abs(rows / columns - depth_m / width_m) < 0.5 / columns
+    blue, green, red = (picture[:, columns // 2, channel].astype(int) for channel in range(3))
+    scale = rows / len(looks[0].frame)
+    middle = looks[0].frame.shape[1] // 2
+    for colour, other, boundary in ((red, green, looks[0].found.outer_row), (green, red, looks[0].found.inner_row)):
+        assert abs(int(np.argmax(colour - other)) - (boundary[middle] + 0.5) * scale) < 2.0
+    assert (blue - green).max() < 60
+
+
+def test_below_a_picture_stands_what_was_measured_and_read_and_the_misread_stand_out(tmp_path: Path) -> None:
+    first, second, third = looked_at_frames(tmp_path, 3)
+    read = replace(first.answer, predicted=2, predicted_force_n=0.031, interval_n=(0.029, 0.033))
+    lost = replace(second.answer, usable=False, reason="no wall found", probabilities=None, predicted=2, target=2)
+    bare = replace(third.answer, measured_force_n=None, target=None, predicted=0)
+    looks = [
+        replace(look, answer=answer) for look, answer in zip((first, second, third), (read, lost, bare), strict=True)
+    ]
+    html = frame_pictures(evaluation((read, lost, bare)), looks)
+    assert html.count('<figure class="marked">') == 1
+    assert "measured 20.0 mN (class 1); read 31.0 mN (29.0 to 33.0; class 2)" in html
+    assert "not usable: no wall found" in html
+    assert "not measured; read class 0" in html
+    assert "All 3 frames are shown." in html
+
+
+def test_frames_that_are_left_out_are_counted(tmp_path: Path) -> None:
+    looks = looked_at_frames(tmp_path, 2)
+    html = frame_pictures(evaluation((*(look.answer for look in looks), *many(98))), looks)
+    assert "2 of the 100 frames are shown" in html
