@@ -9,7 +9,7 @@ import os
 import pickle
 import signal
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,7 +21,16 @@ from typing import Any, TypeVar
 
 from scleraforce.errors import SolverError
 
-__all__ = ["available_cores", "next_unit", "no_interrupts", "one_thread", "split_runs", "work_in_order", "work_units"]
+__all__ = [
+    "available_cores",
+    "next_unit",
+    "no_interrupts",
+    "one_thread",
+    "own_modules",
+    "split_runs",
+    "work_in_order",
+    "work_units",
+]
 
 Result = TypeVar("Result")
 
@@ -152,7 +161,7 @@ def _start() -> _Lane:
     ours, theirs = context.Pipe()
     process = context.Process(target=_work, args=(theirs,), daemon=True)
     try:
-        with one_thread(), no_interrupts():
+        with one_thread(), own_modules(), no_interrupts():
             process.start()
     except OSError as fault:
         raise SolverError(f"a worker could not be started ({fault.strerror or fault})") from fault
@@ -204,8 +213,24 @@ def _portable(fault: Exception) -> Exception:
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Let processes that start meanwhile use one thread of BLAS each: there is one process for every core."""
-    before = {name: os.environ.get(name) for name in THREAD_SETTINGS}
-    os.environ.update(dict.fromkeys(THREAD_SETTINGS, "1"))
+    with _environment(dict.fromkeys(THREAD_SETTINGS, "1")):
+        yield
+
+
+@contextmanager
+def own_modules() -> Iterator[None]:
+    """Let Python processes that start meanwhile not look for modules in the current folder, which may be anybody's.
+
+    A worker is started by `python -c`, which would take a `signal.py` that lies there for the standard library's.
+    """
+    with _environment({"PYTHONSAFEPATH": "1"}):
+        yield
+
+
+@contextmanager
+def _environment(settings: Mapping[str, str]) -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in settings}
+    os.environ.update(settings)
     try:
         yield
     finally:
@@ -219,7 +244,8 @@ def one_thread() -> Iterator[None]:
 @contextmanager
 def no_interrupts() -> Iterator[None]:
     """Let processes that start meanwhile never see Ctrl-C, which reaches the whole group: the parent ends them."""
-    resource_tracker.ensure_running()  # starting it later would unblock the signal again
+    with own_modules():
+        resource_tracker.ensure_running()  # starting it later would unblock the signal again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
