@@ -1,4 +1,6 @@
+import struct
 import warnings
+import zlib
 from pathlib import Path
 
 import cv2
@@ -6,34 +8,15 @@ import numpy as np
 import pydicom
 import pytest
 import tifffile
+from dicom_file import write_dicom
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydicom.dataset import FileDataset, FileMetaDataset
-from pydicom.uid import ExplicitVRLittleEndian, SecondaryCaptureImageStorage
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.images import check_frame, read_frame, read_frame_image
 
 REAL = Path(__file__).parents[3] / "shared" / "real-oct"
 RAMP = np.arange(40 * 60, dtype=np.uint16).reshape(40, 60)
-
-
-def write_dicom(path, pixels, **tags):
-    meta = FileMetaDataset()
-    meta.MediaStorageSOPClassUID = SecondaryCaptureImageStorage
-    meta.MediaStorageSOPInstanceUID = "1.2.3"
-    meta.TransferSyntaxUID = ExplicitVRLittleEndian
-    dataset = FileDataset(path, {}, file_meta=meta, preamble=b"\0" * 128)
-    dataset.Rows, dataset.Columns = pixels.shape[-2:]
-    dataset.SamplesPerPixel, dataset.PhotometricInterpretation = 1, "MONOCHROME2"
-    dataset.BitsAllocated = dataset.BitsStored = 16
-    dataset.HighBit, dataset.PixelRepresentation = 15, int(pixels.dtype == np.int16)
-    if pixels.ndim == 3:
-        dataset.NumberOfFrames = len(pixels)
-    for name, value in tags.items():
-        setattr(dataset, name, value)
-    dataset.PixelData = pixels.tobytes()
-    dataset.save_as(path)
 
 
 def test_png_of_8_and_16_bits_is_read_as_it_was_written(tmp_path):
@@ -97,7 +80,7 @@ def test_odd_dicom_tags_are_read_without_a_warning(tmp_path):
     [
         (lambda path: path.write_bytes(b""), "an empty file; give a PNG"),
         (lambda path: path.write_bytes(b"file,time_s\n"), "not an image that can be read; give a PNG"),
-        (lambda path: path.mkdir(), "Is a directory"),
+        (lambda path: path.mkdir(), "a folder; give a regular file"),
         (lambda _: None, "No such file"),
         (lambda path: tifffile.imwrite(path, np.stack([RAMP, RAMP])), "2 pages; give a file for each frame"),
         (lambda path: tifffile.imwrite(path, np.full((9, 9), np.nan)), "81 pixels that are NaN or infinite"),
@@ -180,3 +163,33 @@ def test_every_real_image_can_be_read():
     assert len(files) == 35
     shapes = {path.suffix: read_frame(path).shape for path in files}
     assert shapes[".dcm"] == (1024, 512)
+
+
+def png_that_says(rows, columns):
+    header = b"IHDR" + struct.pack(">IIBBBBB", columns, rows, 16, 2, 0, 0, 0)
+    chunks = [header, b"IDAT" + zlib.compress(bytes(1000)), b"IEND"]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk)) for chunk in chunks
+    )
+
+
+def jpeg_that_says(rows, columns):
+    data = bytearray(cv2.imencode(".jpg", np.zeros((40, 60), np.uint8))[1].tobytes())
+    at = data.index(b"\xff\xc0") + 5
+    data[at : at + 4] = struct.pack(">HH", rows, columns)
+    return bytes(data)
+
+
+@pytest.mark.parametrize("content", [png_that_says(48_000, 48_000), jpeg_that_says(48_000, 48_000)])
+def test_the_size_is_checked_before_memory_is_taken(tmp_path, content):
+    (tmp_path / "a").write_bytes(content)
+    with pytest.raises(FrameError, match="48000 x 48000 pixels; a frame may have 64 million"):
+        read_frame(tmp_path / "a")
+
+
+def test_an_animated_png_is_refused(tmp_path):
+    image = pytest.importorskip("PIL.Image")
+    frames = [image.fromarray(np.full((40, 60), level, np.uint8)) for level in (10, 200)]
+    frames[0].save(tmp_path / "a.png", save_all=True, append_images=frames[1:])
+    with pytest.raises(FrameError, match="an animated PNG; give a file for each frame"):
+        read_frame(tmp_path / "a.png")

@@ -1,0 +1,131 @@
+"""The pixels of one frame, whatever file they come from: their type and size, colour turned into grey."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import FrameError
+
+__all__ = ["MAX_PIXELS", "FrameImage", "Pixels", "check_size", "grey_pixels", "inverted", "jpeg_size", "unpacked_bytes"]
+
+Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+
+MAX_PIXELS = 64 * 2**20
+MAX_SAMPLES = 4  # of a pixel: colour and transparency
+# JPEG markers that begin a frame: all but tables (C4, CC) and the JPEG extension (C8); F7 is that of JPEG-LS.
+FRAME_MARKERS = (set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}) | {0xF7}
+STANDALONE_MARKERS = {0x01, *range(0xD0, 0xD9)}
+JPEG_2000 = b"\xff\x4f\xff\x51"
+
+
+@dataclass(frozen=True)
+class FrameImage:
+    """A frame: `pixels` uint8 or uint16 (rows, columns); sizes of a pixel where the file says so, else None."""
+
+    pixels: Pixels
+    depth_pixel_m: float | None = None
+    lateral_pixel_m: float | None = None
+
+
+def check_size(path: Path, rows: int, columns: int, samples: int = 1) -> None:
+    """Check the size that a file states, before memory is taken for its pixels.
+
+    Raises:
+        FrameError: it is no frame's, or larger than what is read.
+    """
+    if min(rows, columns) < 2:
+        raise FrameError(f"{path}: an image of {rows} x {columns} pixels; give one frame, rows x columns")
+    if rows * columns > MAX_PIXELS or not 1 <= samples <= MAX_SAMPLES:
+        many = f" with {samples} samples each" if samples > 1 else ""
+        raise FrameError(
+            f"{path}: {rows} x {columns} pixels{many}; a frame may have {MAX_PIXELS // 2**20} million pixels "
+            "(docs/recordings.md)"
+        )
+
+
+def grey_pixels(pixels: NDArray[Any], path: Path, colour: int = cv2.COLOR_RGB2GRAY) -> Pixels:
+    """Return grey uint8 or uint16 pixels (rows, columns).
+
+    Args:
+        pixels: (rows, columns), or (rows, columns, 1, 3 or 4) of which the fourth is not looked at.
+        path: of the file, for the error.
+        colour: OpenCV's code for the order of the colours.
+
+    Raises:
+        FrameError: other shapes or types.
+    """
+    if np.issubdtype(pixels.dtype, np.floating):
+        lost = int(np.count_nonzero(~np.isfinite(pixels)))
+        found = f"{lost} pixels that are NaN or infinite" if lost else f"{pixels.dtype} pixels"
+        raise FrameError(f"{path}: {found}; give whole numbers of 8 or 16 bits")
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise FrameError(f"{path}: {pixels.dtype} pixels; give whole numbers of 8 or 16 bits")
+    if pixels.ndim == 3 and pixels.shape[-1] in (3, 4):
+        pixels = np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels[..., :3]), colour))
+    elif pixels.ndim == 3 and pixels.shape[-1] == 1:
+        pixels = pixels[..., 0]
+    if pixels.ndim != 2:
+        raise FrameError(f"{path}: an image of shape {pixels.shape}; give one frame, rows x columns")
+    check_size(path, *pixels.shape)
+    return pixels
+
+
+def inverted(pixels: NDArray[Any], bits: int, path: Path) -> NDArray[Any]:
+    """Return pixels of which the smallest was the brightest the other way round.
+
+    Raises:
+        FrameError: a pixel has more than `bits` bits.
+    """
+    top = 2**bits - 1
+    if int(pixels.max()) > top:
+        raise FrameError(f"{path}: damaged: a pixel of {int(pixels.max())} is more than {bits} bits")
+    turned: NDArray[Any] = pixels.dtype.type(top) - pixels
+    return turned
+
+
+def jpeg_size(data: bytes) -> tuple[int, int] | None:
+    """Return rows and columns that a JPEG, JPEG-LS or JPEG 2000 stream states, None where there are none.
+
+    >>> jpeg_size(bytes.fromhex("ffd8 ffe0 0002 ffc0 0008 08 0010 0020 01"))
+    (16, 32)
+    """
+    begin = data.find(JPEG_2000)
+    if begin >= 0 and not data.startswith(b"\xff\xd8"):
+        right, bottom, left, top = (int.from_bytes(data[begin + at : begin + at + 4], "big") for at in (8, 12, 16, 20))
+        return bottom - top, right - left
+    at = 2
+    while at + 9 <= len(data):
+        if data[at] != 0xFF:
+            return None
+        marker = data[at + 1]
+        if marker in FRAME_MARKERS:
+            return int.from_bytes(data[at + 5 : at + 7], "big"), int.from_bytes(data[at + 7 : at + 9], "big")
+        if marker == 0xFF:  # a fill byte
+            at += 1
+        elif marker in STANDALONE_MARKERS:
+            at += 2
+        else:
+            at += 2 + max(2, int.from_bytes(data[at + 2 : at + 4], "big"))
+    return None
+
+
+def unpacked_bytes(packed: bytes, most: int) -> int:
+    """Return how many bytes PackBits data (TIFF, DICOM's RLE) gives, or a number above `most` once there are more.
+
+    >>> unpacked_bytes(bytes([2, 1, 2, 3, 255, 7, 128]), 100)
+    5
+    """
+    at, count = 0, 0
+    while at < len(packed) and count <= most:
+        code = packed[at]
+        if code < 128:
+            count += min(code + 1, len(packed) - at - 1)
+            at += code + 2
+        else:
+            count += 257 - code if code > 128 else 0
+            at += 2 if code > 128 else 1
+    return count
