@@ -9,16 +9,19 @@ PIP := .venv/bin/python -m pip --disable-pip-version-check -qq
 FIND_PYTHON = for python in python3.11 python3 python3.12 python3.13; do \
 	$$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$python; exit; }; done
 
-help:  ## this list
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1|\2/p' Makefile | column -t -s '|'
+help:  ## this list (the default)
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
 
-reproduce: .venv/installed  ## the whole pipeline, to $(OUT)/report.html
+install: .venv/installed  ## the environment alone, in .venv, and how to call the command
+	@echo "scleraforce is in .venv: call .venv/bin/scleraforce, or run 'source .venv/bin/activate' and call scleraforce"
+
+reproduce: .venv/installed  ## the whole pipeline, to out/reproduce/report.html (OUT=... for another folder)
 	.venv/bin/scleraforce reproduce --out $(OUT)
 
-test: .venv/installed  ## the default tests (under 3 minutes)
+test: .venv/installed  ## the default tests
 	.venv/bin/pytest $(PYTEST_ARGS)
 
-slow: .venv/installed  ## the tests that take longer
+slow: .venv/installed  ## the tests that take longer (some need Chromium, CalculiX or g++)
 	.venv/bin/pytest $(PYTEST_ARGS) -m slow
 
 lint: .venv/installed  ## ruff (rules and format) and mypy
@@ -29,7 +32,7 @@ lint: .venv/installed  ## ruff (rules and format) and mypy
 bench: .venv/installed  ## the benchmarks, as tables
 	.venv/bin/python benchmarks/bench.py
 
-figures: .venv/installed  ## forces read on 40 virtual eyes that no training has seen, to $(FIGURES)/figures.md
+figures: .venv/installed  ## forces read on 40 virtual eyes that no training has seen, to out/figures/figures.md (FIGURES=...)
 	PYTHONPATH=benchmarks .venv/bin/python -m figures --out $(FIGURES)
 
 lock:  ## requirements.lock anew, from pyproject.toml
@@ -38,7 +41,7 @@ lock:  ## requirements.lock anew, from pyproject.toml
 	{ sed -n '/^#/p' requirements.lock; "$$folder"/bin/pip freeze --all --exclude pip --exclude-editable | sed 's/+cpu//'; } \
 	  > requirements.lock.new && mv requirements.lock.new requirements.lock
 
-clean:  ## remove .venv and what the tools left
+clean:  ## remove .venv and what the tools left; out/ stays
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist
 
 # The environment is made anew when the lock changes; another pyproject.toml only installs the project again.
@@ -50,4 +53,4 @@ clean:  ## remove .venv and what the tools left
 .venv/installed: .venv/locked pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
 
-.PHONY: help reproduce test slow lint bench figures lock clean
+.PHONY: help install reproduce test slow lint bench figures lock clean

@@ -65,6 +65,23 @@ def pages_with_commands() -> list[object]:
     return found
 
 
+WRITTEN = re.compile(r"(?:--(?:out|html|plot|black-box)[ =]|(?<![0-9&]) > )([^\s&]+)")
+
+
+def ignored(name: str) -> bool:
+    """Whether git ignores a file of this name in the project's folder."""
+    return subprocess.run(["git", "check-ignore", "-q", name], cwd=ROOT, check=False).returncode == 0
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a git checkout")
+def test_what_the_examples_of_the_readme_write_is_ignored_by_git() -> None:
+    commands = [example.command for example in examples(ROOT / "README.md")]
+    names = {name.split("/")[0] for command in commands for name in WRITTEN.findall(command)}
+    assert {"eye-a", "reader", "answers.html", "box", "monitor.txt", "eye.png"} <= names
+    assert [name for name in sorted(names) if not ignored(name)] == []
+    assert not ignored("src/scleraforce/reader/model.py")
+
+
 @pytest.mark.parametrize("page", pages_with_commands())
 def test_the_commands_of_a_page_run_and_print_what_it_shows(page: Path, tmp_path: Path) -> None:
     environment = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "80"}
@@ -82,6 +99,8 @@ def test_the_commands_of_a_page_run_and_print_what_it_shows(page: Path, tmp_path
             assert checker.check_output(example.output + "\n", done.stdout, flags), (
                 f"{page.name}: $ {example.command}\nprinted:\n{done.stdout}\nthe page shows:\n{example.output}"
             )
+    if page.name == "README.md" and (ROOT / ".git").exists():
+        assert [path.name for path in tmp_path.iterdir() if path.name != "docs" and not ignored(path.name)] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -121,6 +140,14 @@ def test_the_toml_of_the_pages_is_toml() -> None:
     for page in PAGES:
         for body in blocks(page, "toml"):
             tomllib.loads(body)
+
+
+def test_make_help_lists_every_target_that_is_a_task() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    tasks = set(re.search(r"^\.PHONY: (.*)$", makefile, flags=re.MULTILINE).group(1).split())
+    listed = subprocess.run(["make", "-s", "help"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert {line.split()[1] for line in listed.splitlines()} == tasks
+    assert "$" not in listed
 
 
 def test_the_readme_shows_every_command() -> None:

@@ -207,7 +207,7 @@ def test_the_commands_text_fits_80_columns_and_shows_the_confusion(places, capsy
     assert any("3.png" in line and "not usable" in line for line in lines)
 
 
-def test_the_page_shows_every_frame_with_what_was_found_in_it(places, tmp_path: Path, capsys) -> None:
+def test_the_page_shows_every_frame_with_what_was_found_in_it(places, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     assert run(["evaluate", str(places["model"]), str(places["a"]), "--html", str(page)]) == 0
     source = page.read_text(encoding="utf-8")
