@@ -130,7 +130,7 @@ def withdraws_at(number: int):
     return decide
 
 
-def test_a_withdrawal_is_told_with_its_frame_cause_and_true_force(tmp_path, capsys) -> None:
+def test_a_withdrawal_is_told_with_its_frame_cause_reading_and_true_force(tmp_path, capsys) -> None:
     path = write_small_recording(tmp_path / "rec", frames=20, forces_mn=[float(n) for n in range(20)])
     _, result = played(path, capsys, decide=withdraws_at(12))
     found = result["withdrawal"]
@@ -138,6 +138,7 @@ def test_a_withdrawal_is_told_with_its_frame_cause_and_true_force(tmp_path, caps
         "code": 3, "sub_code": 102, "cause": "BOUND", "frame": 12, "file": "0011.png", "true_force_mn": 11.0,
     }  # fmt: skip
     assert found["message"] == "WITHDRAW: up to 31 mN"
+    assert (found["force_mn"], found["interval_mn"]) == (1.5, [0.5, 2.5])
     assert found["after_ms"] > 0.0
     assert [change["code"] for change in result["changes"]][-2:] == [1, 3]
     assert found["at_s"] >= 0.11  # since the first frame
@@ -155,7 +156,8 @@ def test_text_has_a_line_for_each_change_and_a_summary(tmp_path, capsys) -> None
     assert lines[-3].startswith("20 frames sent, 20 answered; 38 forces sent; at most ")
     assert lines[-2].startswith("latency ")
     assert lines[-1].startswith("withdrawal at frame 12 (0011.png), ")
-    assert lines[-1].endswith("after it was sent: BOUND: WITHDRAW: up to 31 mN; force 11.0 mN")
+    said = "BOUND: WITHDRAW: up to 31 mN; read 1.5 mN (0.5 to 2.5 mN); true force 11.0 mN"
+    assert lines[-1].endswith(f"after it was sent: {said}")
 
 
 def test_a_terminal_shows_a_live_line_that_the_summary_replaces(tmp_path, capsys, monkeypatch) -> None:

@@ -14,7 +14,7 @@ from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.monitor.causes import Cause
 from scleraforce.recording.files import read_recording
-from scleraforce.service import fault_acts, faults
+from scleraforce.service import fault_acts, faults, replay
 from scleraforce.service.answer_log import AnswerLog
 from scleraforce.service.fault_acts import ACTS, prepare
 from scleraforce.service.faults import FAULTS, FaultReport, draw_fault_time, inject
@@ -31,6 +31,8 @@ AT_S, SPEED = 1.3, 4.0  # frame 31 of 400 a second
 def _patient(monkeypatch) -> None:
     """Wait for seconds where something follows a fault: the fake monitor may be held up."""
     monkeypatch.setattr(faults, "WITHIN_S", 5.0)
+    for module in (faults, replay):  # times are exact also where the machine is late
+        monkeypatch.setattr(module, "STATED_S", float("inf"))
 
 
 @pytest.fixture

@@ -137,6 +137,7 @@ class FakeMonitor:
             "frame_id": frame_id,
             "class": 0,
             "force_mn": 1.5,
+            "interval_mn": [0.5, 2.5],
             "lost": 0,
         }
         self._tell(Text(json.dumps(reading)), "ForceReading")

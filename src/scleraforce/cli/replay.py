@@ -265,6 +265,8 @@ class Show:
             "frame": change.frame,
             "file": self._recording.frames[index].file if known else None,
             "answers_frame": change.answers,
+            "force_mn": change.force_mn,
+            "interval_mn": change.interval_mn,
             "after_ms": None if change.after_s is None else change.after_s * MS_PER_S,
             "true_force_mn": self._forces_n[index] * MN_PER_N if known and self._forces_n is not None else None,
         }
@@ -293,10 +295,12 @@ def summary_lines(result: Mapping[str, Any]) -> list[str]:
     if (found := result["withdrawal"]) is None:
         lines += ["no withdrawal"]
     else:
-        force = "" if found["true_force_mn"] is None else f"; force {found['true_force_mn']:.1f} mN"
+        read = "" if found["force_mn"] is None else f"; read {found['force_mn']:.1f} mN"
+        read += "" if found["interval_mn"] is None else " ({:.1f} to {:.1f} mN)".format(*found["interval_mn"])
+        force = "" if found["true_force_mn"] is None else f"; true force {found['true_force_mn']:.1f} mN"
         after = "" if found["after_ms"] is None else f", {found['after_ms']:.2f} ms after it was sent"
         lines += [f"withdrawal at frame {found['frame']} ({found['file']}){after}: {found['cause']}: "
-                  f"{found['message']}{force}"]  # fmt: skip
+                  f"{found['message']}{read}{force}"]  # fmt: skip
     if (fault := result["fault"]) is not None:
         said = f"the robot withdraws {fault['delay_ms']:.1f} ms later" if fault["withdraws"] else "the robot goes on"
         lines += [f"fault {fault['name']} at {fault['at_s']:.3f} s: {said}: {fault['cause'] or fault['message']}"]

@@ -30,6 +30,8 @@ class Change:
         frame: number of the frame that it answers, or of the last that was sent; None: none was.
         after_s: how long after that frame's last byte.
         answers: whether it is the answer to that frame.
+        force_mn: what was read in that frame, where this is its answer; None where no force was.
+        interval_mn: its interval, likewise.
     """
 
     at_s: float
@@ -39,6 +41,8 @@ class Change:
     frame: int | None = None
     after_s: float | None = None
     answers: bool = False
+    force_mn: float | None = None
+    interval_mn: tuple[float, float] | None = None
 
     @property
     def cause(self) -> str | None:
@@ -145,4 +149,16 @@ class AnswerLog:
         self.answered = number
         self.answers.append(FrameAnswer(at_s, at_s - sent_s, reading.get("latency_ms"), status.code))
         if self.changes and self.changes[-1].at_s == at_s:
-            self.changes[-1] = replace(self.changes[-1], frame=number, after_s=at_s - sent_s, answers=True)
+            self.changes[-1] = replace(
+                self.changes[-1], frame=number, after_s=at_s - sent_s, answers=True,
+                force_mn=_number(reading.get("force_mn")), interval_mn=_interval(reading.get("interval_mn")),
+            )  # fmt: skip
+
+
+def _number(value: object) -> float | None:
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def _interval(value: object) -> tuple[float, float] | None:
+    ends = [_number(end) for end in value] if isinstance(value, list) else []
+    return (ends[0], ends[1]) if len(ends) == 2 and ends[0] is not None and ends[1] is not None else None

@@ -12,7 +12,7 @@ from scleraforce.monitor.causes import Cause
 from scleraforce.recording.files import Recording
 from scleraforce.service.answer_log import Change
 from scleraforce.service.fault_acts import BOUND_N, FLOOD, WITHIN_S, Act, Prepared, Sending
-from scleraforce.service.replay import Player, median_interval_s
+from scleraforce.service.replay import STATED_S, Player, median_interval_s
 from scleraforce.service.scanner_client import Unstamped
 
 __all__ = ["FAULTS", "Fault", "FaultReport", "draw_fault_time", "inject"]
@@ -121,6 +121,8 @@ def inject(player: Player, prepared: Prepared) -> FaultReport:
         raise InputError(
             f"{player.recording.path}: the monitor was not watching when the fault was due; it said: {said}"
         )
+    held_s = max(0.0, monotonic() - due_s - STATED_S)  # what the replay is late is not the fault
+    due_s, stamp_s = due_s + held_s, stamp_s + held_s
     began_s = since_s = monotonic()
     change: Change | None = None
     try:

@@ -17,7 +17,7 @@ from scleraforce.service.answer_log import AnswerLog
 from scleraforce.service.openigtlink import Sensor
 from scleraforce.service.scanner_client import ScannerClient, Unstamped, frame_message
 
-__all__ = ["AHEAD", "FORCE_DEVICE", "Player", "Timed", "median_interval_s"]
+__all__ = ["AHEAD", "FORCE_DEVICE", "STATED_S", "Player", "Timed", "median_interval_s"]
 
 FORCE_DEVICE = "RobotForce"
 UNIT = 0  # of the protocol: none is stated, for forces and torques stand in one message
