@@ -1,6 +1,7 @@
 """Recordings in, posterior out: whole virtual recordings, the file, going on from it, and what cannot be used."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -134,6 +135,58 @@ def test_an_earlier_file_of_other_parameters_is_refused(
 def test_a_file_that_is_no_calibration_is_refused_in_one_line(text: str, message: str) -> None:
     with pytest.raises(CalibrationError, match=message):
         parse_calibration(text, "c.json")
+
+
+HOSTILE = {
+    "mean_mpa": ([1e300, "0.2", True, None, [], 10**35], "mean_mpa"),
+    "sd_mpa": ([-1, 1e300], "sd_mpa"),
+    "parameters": ([{}, [], {"youngs_modulus_pa": {"mean": 1e300, "sd": 1.0}}, {"weight": {}}], "parameters"),
+    "recordings": ([None, [3], [{}]], "recordings"),
+    "steps": ([{}, [{}], ["x"]], "steps"),
+    "state.mean": ([[1e300], [[0.1]], "x", [None], [0.0, 1.0], {}], "state"),
+    "state.factor": ([[[1e300]], [1.0]], "state.factor"),
+    "state.precision": ([[[0.0]], [[-4.0]]], "state.precision"),
+    "state.recent": ([[[1, 2, 3]], [["a", 1]], [[-1.0, 2]], 7], "state.recent"),
+    "state.updates": ([-1, 1e300, "5"], "state.updates"),
+    "state.belief_covariance": ([[[1.0]], "x"], "state"),
+    "state.zero_covariance": ([[[-1.0, 0.0], [0.0, 1.0]], [[1.0, 2.0], [0.0, 1.0]]], "state.zero_covariance"),
+}
+
+
+@pytest.mark.parametrize("key", HOSTILE)
+def test_hostile_values_are_refused_by_their_key_before_they_are_used(calibration: Calibration, key: str) -> None:
+    values, place = HOSTILE[key]
+    for value in values:
+        content = json.loads(json.dumps(calibration_as_json(calibration)))
+        *path, last = key.split(".")
+        target = content["eyes"]["virtual"]
+        for step in path:
+            target = target[step]
+        assert last in target
+        target[last] = value
+        with pytest.raises(CalibrationError, match=rf"^c\.json: eyes\.virtual(\.|: ){place}") as fault:
+            parse_calibration(json.dumps(content), "c.json")
+        assert "\n" not in str(fault.value)
+
+
+def test_a_state_that_is_not_that_of_its_parameters_is_refused(
+    laboratory: Any, recording: Recording, calibration: Calibration
+) -> None:
+    content = json.loads(json.dumps(calibration_as_json(calibration)))
+    content["eyes"]["virtual"]["state"]["mean"] = [900.0]
+    with pytest.raises(CalibrationError, match="is not that of its parameters"):
+        calibrate_recordings([recording], laboratory.study, "", None, earlier=parse_calibration(json.dumps(content)))
+
+
+def test_frames_that_were_seen_are_left_out_under_any_name_and_path(
+    laboratory: Any, recording: Recording, calibration: Calibration, tmp_path: Path
+) -> None:
+    moved = shutil.copytree(recording.path, tmp_path / "moved")
+    (moved / "frames" / "0003.png").rename(moved / "frames" / "x.png")
+    (moved / "frames.csv").write_text((moved / "frames.csv").read_text().replace("0003.png", "x.png"))
+    again = calibrate_recordings([read_recording(moved)], laboratory.study, "", None, earlier=calibration)
+    assert again.eyes["virtual"].mean_pa == pytest.approx(calibration.eyes["virtual"].mean_pa, rel=1e-12)
+    assert len(again.eyes["virtual"].frames) == 6
 
 
 def test_a_missing_file_names_the_command_that_writes_it(tmp_path: Path) -> None:

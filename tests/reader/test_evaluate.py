@@ -1,6 +1,7 @@
 """An evaluation of recordings: every frame's answer, what counts, and what is said about the rest."""
 
 import json
+import shutil
 from dataclasses import replace
 from math import isnan
 from pathlib import Path
@@ -16,6 +17,7 @@ from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_sli
 from scleraforce.reader import load_model
 from scleraforce.reader.answers import answer_frame
 from scleraforce.reader.evaluate import evaluate_recordings
+from scleraforce.recording.files import frame_digest, read_frame
 from scleraforce.study import Study
 
 FORCES_N = (0.002, 0.010, 0.020, 0.040, 0.080, 0.050)  # classes 0 1 1 2, over the largest force, pierced
@@ -131,11 +133,48 @@ def test_a_dent_that_leaves_the_window_is_withdrawn_from_instead_of_read(places)
 
 def test_frames_that_calibrated_the_modulus_are_marked_and_not_scored(places, tmp_path: Path) -> None:
     file = tmp_path / "calibration.json"
-    file.write_text(calibration_text(eyes={"eye a": {"frames": ["1.png", "2.png"]}}))
+    digests = {name: frame_digest(read_frame(places["a"] / "frames" / name)) for name in ("1.png", "2.png")}
+    used = [{"file": name, "sha256": digest} for name, digest in digests.items()]
+    file.write_text(calibration_text(eyes={"eye a": {"frames": used}}))
     reader = load_model(places["model"])
-    found = evaluate_recordings(reader, [places["a"], places["far"]], file)
-    assert [frame.calibration for frame in found.frames] == [False, True, True] + [False] * 9
-    assert len(found.scored) == 2 + 4
+    found = evaluate_recordings(reader, [places["a"]], file)
+    assert [frame.calibration for frame in found.frames] == [False, True, True] + [False] * 3
+    assert len(found.scored) == 2
+
+
+def test_frames_that_calibrated_are_known_by_their_content_and_not_their_name(places, tmp_path: Path) -> None:
+    """A renamed copy is marked; another recording's frame of the same eye and name is not."""
+    digest = frame_digest(read_frame(places["a"] / "frames" / "1.png"))
+    file = tmp_path / "calibration.json"
+    file.write_text(calibration_text(eyes={"eye a": {"frames": [{"file": "1.png", "sha256": digest}]}}))
+    copy, other = shutil.copytree(places["a"], tmp_path / "copy"), shutil.copytree(places["a"], tmp_path / "other")
+    (copy / "frames" / "1.png").rename(copy / "frames" / "renamed.png")
+    (copy / "frames.csv").write_text((copy / "frames.csv").read_text().replace("1.png", "renamed.png"))
+    changed = read_frame(other / "frames" / "1.png")
+    changed[0, 0] += 1
+    cv2.imwrite(str(other / "frames" / "1.png"), changed)
+    found = evaluate_recordings(load_model(places["model"]), [copy, other], file)
+    assert [(frame.recording, frame.file) for frame in found.frames if frame.calibration] == [
+        (str(copy), "renamed.png")
+    ]
+
+
+def test_a_log_in_millinewtons_is_refused(places, tmp_path: Path, capsys) -> None:
+    path = shutil.copytree(places["a"], tmp_path / "milli")
+    log = np.loadtxt(path / "forces.csv", delimiter=",", skiprows=1)
+    log[:, 1:] *= 1e3
+    header = (path / "forces.csv").read_text().splitlines()[0]
+    np.savetxt(path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments="")
+    assert run(["evaluate", str(places["model"]), str(path)]) == 2
+    assert "forces.csv: fz_n: 79.99 N under 4.png, more than 3 N; the columns are in N: multi" in capsys.readouterr().err
+
+
+def test_a_force_axis_across_the_needle_is_noted(places, tmp_path: Path) -> None:
+    path = shutil.copytree(places["a"], tmp_path / "across")
+    text = (path / "recording.toml").read_text()
+    (path / "recording.toml").write_text(text.replace('"fz"', '"fy"'))
+    found = evaluate_recordings(load_model(places["model"]), [path])
+    assert any("mN along fz under the frames, but 0.0 mN along fy: check [force] axis" in note for note in found.notes)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Evaluations with a model of kind "reader": moduli from a calibration, force errors and coverage, the commands."""
 
 import json
+import shutil
 from math import isnan
 from pathlib import Path
 
@@ -112,6 +113,29 @@ def test_errors_and_coverage_are_those_of_the_usable_frames_that_count(both) -> 
     assert (both.accuracy.total, both.usable.accuracy.total) == (9, 7)
     assert both.accuracy.hits == 7
     assert both.usable.accuracy.value == 1.0
+
+
+def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warnings(places, both, capsys) -> None:
+    (note,) = [note for note in both.notes if "population's modulus" in note]
+    assert f"stranger is not in {places['calibration']}, which has 1 eye (mine): read with the pop" in note
+    mine, other = both.frames[:5], both.frames[5:]
+    assert not any("population" in warning for frame in mine for warning in frame.warnings)
+    assert all("the modulus is the population's, not this eye's own" in frame.warnings for frame in other)
+    assert (
+        run(["evaluate", str(places["model"]), str(places["other"]), "--calibration", str(places["calibration"])]) == 0
+    )
+    assert "note: " in (printed := capsys.readouterr().out)
+    assert "stranger is not in" in " ".join(printed.split())
+
+
+def test_forces_of_another_size_than_those_read_are_noted(places, tmp_path: Path) -> None:
+    path = shutil.copytree(places["mine"], tmp_path / "kilogram-force")
+    log = np.loadtxt(path / "forces.csv", delimiter=",", skiprows=1)
+    log[:, 1:] /= 9.80665
+    header = (path / "forces.csv").read_text().splitlines()[0]
+    np.savetxt(path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments="")
+    found = evaluate_recordings(load_model(places["model"]), [path], places["calibration"])
+    assert "forces.csv has 0.098 times the force that the frames show" in " ".join(found.notes)
 
 
 def test_without_a_calibration_the_modulus_is_unknown_and_the_interval_says_so(places, both) -> None:

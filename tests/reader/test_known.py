@@ -46,6 +46,8 @@ def test_the_spread_of_one_eye_is_not_zero(tmp_path: Path) -> None:
     file = tmp_path / "calibration.json"
     file.write_text(calibration_text(0.25, {"mine": {}}, population={"mean_mpa": 0.25, "sd_mpa": 0.0}))
     assert calibrated_modulus(read_calibration(file), "stranger").relative_sd == pytest.approx(0.12)
+    file.write_text(calibration_text(0.25, {"mine": {}}, population={"mean_mpa": 0.25, "sd_mpa": None}))
+    assert calibrated_modulus(read_calibration(file), "stranger").relative_sd == pytest.approx(0.12 * 2**0.5)
 
 
 def test_an_eye_inside_the_training_is_inside_also_on_its_bounds() -> None:

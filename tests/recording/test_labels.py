@@ -231,3 +231,53 @@ def test_sample_recordings_have_labels_in_all_classes_and_none_near_a_bound():
         trials = label_frames(read_recording(SHARED / name), CLASSES, 0.06)
         assert np.bincount([trial.target for trial in trials]).tolist() == counts
         assert all(trial.excluded is None for trial in trials)
+
+
+@pytest.mark.parametrize("average_s", [0.1, 2.0])
+def test_millinewtons_in_columns_of_newtons_are_refused_and_the_unit_is_asked_for(average_s):
+    rng = np.random.default_rng(0)
+    log = log_of(sensed(-step_and_hold(0.02), rng))
+    good = recording_of(log, 8.0, average_s=average_s)
+    assert label_frames(good, CLASSES)[0].measured_force_n == pytest.approx(0.02, abs=5e-3)
+    milli = replace(good, forces=replace(log, wrench_sc=1e3 * log.wrench_sc))
+    with pytest.raises(RecordingError, match=r"rec/forces.csv: fz_n: \d+.* N under 0.png, more than 3 N; .* by 0.001"):
+        label_frames(milli, CLASSES)
+    quiet = log_of(sensed(-step_and_hold(1e-3), rng))
+    milli = recording_of(replace(quiet, wrench_sc=1e3 * quiet.wrench_sc), 8.0)
+    with pytest.raises(RecordingError, match=r"fz_n: a noise of 4\.?\d* N, more than the 300 mN .* by 0.001"):
+        label_frames(milli, CLASSES)
+
+
+def test_overloads_and_knocks_are_no_other_unit():
+    force_n = step_and_hold(0.9)
+    force_n[600] += 50.0  # something fell on the table before the frame
+    trial = label_frames(recording_of(log_of(-force_n), 8.0), CLASSES, 0.06)[0]
+    assert trial.measured_force_n == pytest.approx(0.9, abs=0.02)
+    assert "above the largest force" in trial.excluded
+
+
+def test_work_grows_with_the_samples_and_not_with_the_time_that_they_span():
+    time_s = np.arange(2000) / 200.0
+    far_s = np.r_[time_s, 1e9 + time_s, 2e9]  # an even clock would have 4e11 samples
+    force_n = np.r_[np.sin(time_s), np.cos(time_s), 0.3]
+    smooth_n = low_pass(force_n, far_s)
+    assert smooth_n[:2000] == pytest.approx(low_pass(np.sin(time_s), time_s))
+    assert smooth_n[2000:4000] == pytest.approx(low_pass(np.cos(time_s), time_s), abs=1e-4)
+    assert smooth_n[4000] == 0.3
+
+
+def test_labels_on_both_sides_of_a_gap_are_those_without_it():
+    log = log_of(-step_and_hold(0.02))
+    gap = replace(log, time_s=np.where(log.time_s > 7.0, log.time_s + 1e6, log.time_s))
+    whole, parted = (label_frames(recording_of(found, 5.0, last), CLASSES) for found, last in
+                     ((log, 9.0), (gap, 9.0 + 1e6)))  # fmt: skip
+    assert [trial.measured_force_n for trial in parted] == pytest.approx(
+        [trial.measured_force_n for trial in whole], abs=1e-5
+    )
+
+
+def test_a_clock_in_bursts_is_filtered_on_as_many_samples_as_it_has():
+    rng = np.random.default_rng(0)
+    time_s = np.cumsum(np.where(rng.random(20_000) < 0.6, 1e-6, 0.19))
+    smooth_n = low_pass(np.ones(20_000), time_s)
+    assert smooth_n == pytest.approx(1.0)

@@ -105,6 +105,10 @@ def test_excel_writes_a_byte_order_mark_and_carriage_returns_which_do_no_harm(fo
         ("recording.toml", '"fz"', '"tz"', r"recording.toml:14: force.axis: 'tz' is not one of fx, fy, fz"),
         ("recording.toml", "-1", "0", r"recording.toml:15: force.contact_sign: 0 is no sign"),
         ("recording.toml", '"eye"', '" "', r"recording.toml:2: eye.id: empty"),
+        ("recording.toml", '"eye"', r'"eye\nE = 1"', r"recording.toml:2: eye.id: 'eye\\nE = 1' has a line break"),
+        ("recording.toml", '"eye"', r'"eye\u001b[2J"', r"recording.toml:2: eye.id: .* unprintable character"),
+        ("recording.toml", '"eye"', f'"{"e" * 300}"', r"recording.toml:2: eye.id: 300 characters"),
+        ("frames.csv", "b.png", "b" * 300, r"frames.csv: file: b{300}: File name too long"),
         ("recording.toml", "[oct]", "[oct", r"recording.toml: not TOML"),
         (
             "recording.toml",
@@ -162,6 +166,13 @@ def test_missing_folder_or_file_is_named(folder):
         read_recording(folder / "nowhere")
     (folder / "frames.csv").unlink()
     with pytest.raises(RecordingError, match=r"frames.csv: No such file"):
+        read_recording(folder)
+
+
+def test_a_force_log_that_is_a_dangling_link_is_not_taken_for_none(folder):
+    (folder / "forces.csv").unlink()
+    (folder / "forces.csv").symlink_to(folder / "nowhere.csv")
+    with pytest.raises(RecordingError, match=r"forces.csv: No such file"):
         read_recording(folder)
 
 

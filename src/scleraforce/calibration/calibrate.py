@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scleraforce.calibration.assimilation import EyeFilter, EyeState, FrameStep, Skipped, moments
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
-from scleraforce.calibration.frames import segmented_boundaries
+from scleraforce.calibration.frames import dent, segmented_boundaries
 from scleraforce.calibration.observations import Boundaries
 from scleraforce.calibration.parameters import spread
 from scleraforce.calibration.registration import first_belief
@@ -18,6 +18,7 @@ from scleraforce.calibration.session import EyeSession, begin, refer, update
 from scleraforce.errors import CalibrationError
 from scleraforce.imaging.segmentation import PixelScale, Segmenter
 from scleraforce.library import Library
+from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest
 from scleraforce.recording.labels import label_frames
 from scleraforce.study import Study
@@ -55,12 +56,16 @@ class FrameRecord:
 
 @dataclass(frozen=True)
 class UsedRecording:
-    """A recording that was calibrated on: path as given, SHA-256 of its tables, zero of its force taken off."""
+    """A recording that was calibrated on: path as given, SHA-256 of its tables, zero of its force taken off.
+
+    `doubts` are sentences on a log that does not go with the frames (`recording.agreement`).
+    """
 
     path: str
     sha256: str
     zero_n: float
     drift_n_per_s: float
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,12 +234,14 @@ def _calibrate(
         recording.info.oct.width_m / recording.info.oct.columns, recording.info.oct.depth_m / recording.info.oct.rows
     )
     left = len(trials) if frames is None else frames
+    shown = [float("nan")] * len(trials)
     for index, (entry, trial) in enumerate(zip(recording.frames, trials, strict=True)):
         pixels = recording.frame(entry) if left > 0 and trial.excluded is None else None
         if pixels is not None and (sha256 := frame_digest(pixels)) not in seen:
             segmentation = segmenter.segment(pixels, scale)
             reason = "" if segmentation.usable else f"not usable: {segmentation.reason}"
             boundaries = segmented_boundaries(segmentation, scale, recording.info.oct.refractive_index)
+            shown[index] = dent(boundaries) if segmentation.usable else float("nan")
             record = FrameRecord(
                 str(recording.path), trial.file, sha256, float(forces.force_n[index]), run.mean_pa, run.sd_pa,
                 skipped=reason or None,
@@ -244,12 +251,15 @@ def _calibrate(
             left -= int(run.frames[-1].skipped is None)
         if progress is not None:
             progress(1)
+    doubts = log_doubts(recording, study.classes, shown)
     if not run.used:
         raise CalibrationError(
             f"{recording.path}: none of its {len(trials)} frames can be calibrated on ({_first_reason(run)}); frames "
             f"with a wall in view and more than {study.calibration.min_force_n * 1e3:g} mN would do"
+            + "".join(f"; {doubt}" for doubt in doubts)
         )
-    return run
+    *others, last = run.recordings
+    return replace(run, recordings=(*others, replace(last, doubts=doubts or last.doubts)))
 
 
 def _first_reason(run: EyeCalibration) -> str:

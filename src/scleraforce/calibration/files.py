@@ -169,6 +169,7 @@ def _parse_recording(entry: Mapping[str, Any], place: str) -> UsedRecording:
         text_of(entry, "sha256", place),
         number_of(entry, "zero_n", place, -LARGEST, LARGEST),
         number_of(entry, "drift_n_per_s", place, -LARGEST, LARGEST),
+        tuple(text_of({"doubts": doubt}, "doubts", place) for doubt in _list(entry, "doubts", place)),
     )
 
 
@@ -195,10 +196,17 @@ def _parse_frame(entry: Mapping[str, Any], place: str) -> FrameRecord:
 
 def _entries(entry: Mapping[str, Any], key: str, place: str) -> list[tuple[Mapping[str, Any], str]]:
     """Return the objects of a list, each with its place."""
-    found = entry.get(key)
-    if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
+    found = _list(entry, key, place)
+    if not all(isinstance(each, dict) for each in found):
         raise CalibrationError(f"{place}.{key}: expected a list of objects; {WRITER}")
     return [(each, f"{place}.{key}[{index}]") for index, each in enumerate(found)]
+
+
+def _list(entry: Mapping[str, Any], key: str, place: str) -> list[Any]:
+    found = entry.get(key)
+    if not isinstance(found, list):
+        raise CalibrationError(f"{place}.{key}: expected a list; {WRITER}")
+    return found
 
 
 def _text(entry: Mapping[str, Any], key: str, place: str) -> str:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scleraforce.calibration.observations import Boundaries
 from scleraforce.imaging.segmentation import PixelScale, Segmentation
 
-__all__ = ["segmented_boundaries", "surface"]
+__all__ = ["dent", "segmented_boundaries", "surface"]
 
 Array = NDArray[np.float64]
 
@@ -14,6 +14,7 @@ BOTTOM_M = 0.1e-3  # a boundary this near to the last row is where the frame end
 HIDDEN_SHARE = 0.25  # of the thickness: so far above the bottom the inner boundary must be expected to be seen
 UNEVEN_SHARE = 0.2  # of the thickness: bending hardly changes it, so more is not the wall's inner boundary
 STEEPEST = 1.25  # stretch, 37 degrees: the inner boundary is sought down the columns, and lost on steeper parts
+MIDDLE_M, ASIDE_M, FLANK_M = 1.2e-3, 3e-3, 0.3e-3  # where a dent is, and where the wall beside it
 SLOPE_M = 0.3e-3  # over which the surface's slope is taken
 
 
@@ -45,6 +46,20 @@ def surface(segmentation: Segmentation, scale: PixelScale) -> tuple[Array, Array
     outer_m = (segmentation.outer_row + 0.5) * scale.depth_m
     outer_m[~(outer_m < _bottom_m(segmentation, scale))] = np.nan
     return lateral_m, outer_m
+
+
+def dent(boundaries: Boundaries) -> float:
+    """Return how deep the surface lies below the line through its flanks, m; NaN where it is not seen there.
+
+    It grows with the force and says so without a model; its zero depends on the eye.
+    """
+    lateral_m, depth_m = boundaries.lateral_m, boundaries.depth_m[0]
+    middle = (np.abs(lateral_m) < MIDDLE_M) & np.isfinite(depth_m)
+    flanks = [(np.abs(lateral_m - side) < FLANK_M) & np.isfinite(depth_m) for side in (-ASIDE_M, ASIDE_M)]
+    if not (middle.any() and flanks[0].any() and flanks[1].any()):
+        return float("nan")
+    line_m = np.interp(lateral_m[middle], [-ASIDE_M, ASIDE_M], [float(depth_m[flank].mean()) for flank in flanks])
+    return float((depth_m[middle] - line_m).max())
 
 
 def _bottom_m(segmentation: Segmentation, scale: PixelScale) -> float:

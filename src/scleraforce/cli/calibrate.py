@@ -100,10 +100,12 @@ def _draw(result: "Calibration", path: Path) -> None:
 def _lines(result: "Calibration") -> list[str]:
     lines = [f"{'eye':<16}{'E/MPa':>8}{'sd/MPa':>9}{'updates':>9}  remark"]
     lines += [_line(name, eye, result.bounds_n) for name, eye in result.eyes.items()]
+    notes = [f"note: {entry.path}: {doubt}" for eye in result.eyes.values() for entry in eye.recordings
+             for doubt in entry.doubts]  # fmt: skip
     mean_pa, sd_pa = result.population
     unknown = f"{'-':>9}{'':>9}  one eye says nothing of how eyes differ"
     spread = unknown if sd_pa is None else f"{sd_pa / 1e6:>9.4f}"
-    return [*lines, f"{'population':<16}{mean_pa / 1e6:>8.3f}{spread}"]
+    return [*lines, f"{'population':<16}{mean_pa / 1e6:>8.3f}{spread}", *notes]
 
 
 def _line(name: str, eye: "EyeCalibration", bounds_n: tuple[float, ...]) -> str:

@@ -15,6 +15,7 @@ from scleraforce.reader.known import Known, foreign_modulus, known_of_eye, known
 from scleraforce.reader.limits import limits
 from scleraforce.reader.model import ForceReader
 from scleraforce.reader.wall_reader import WallReader
+from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, read_recording
 from scleraforce.recording.labels import label_frames
 
@@ -48,8 +49,11 @@ def evaluate_recordings(
     summary = None if calibration is None else _calibration(reader, Path(calibration))
     recordings = [read_recording(path) for path in folders]
     frames: list[FrameAnswer] = []
+    notes = list(_notes(reader, folders, recordings, summary))
     for path, recording in zip(folders, recordings, strict=True):
-        frames += _answers(reader, str(path), recording, summary, progress)
+        answers = tuple(_answers(reader, str(path), recording, summary, progress))
+        notes += (f"{path}: {doubt}" for doubt in _doubts(reader, recording, answers))
+        frames += answers
     study = reader.study
     return Evaluation(
         model=str(reader.path),
@@ -57,9 +61,17 @@ def evaluate_recordings(
         max_force_n=study.needle.max_force_n,
         youngs_modulus_pa=study.eye.youngs_modulus_pa,
         frames=tuple(frames),
-        notes=tuple(_notes(reader, folders, recordings, summary)),
+        notes=tuple(notes),
         kind=reader.kind,
     )
+
+
+def _doubts(reader: ForceReader | WallReader, recording: Recording, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
+    """Return sentences on a force log that does not go with what a model reads."""
+    classes = reader.study.classes
+    if isinstance(reader, WallReader):
+        return log_doubts(recording, classes, [frame.predicted_force_n for frame in answers], in_newtons=True)
+    return log_doubts(recording, classes, [frame.predicted if frame.usable else None for frame in answers])
 
 
 def _refuse_twice(paths: Sequence[Path]) -> None:

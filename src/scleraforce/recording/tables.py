@@ -99,6 +99,9 @@ def _numbers(table: Table) -> NDArray[np.float64]:
         raise RecordingError(f"{table.path}: no samples below the header")
     if table.separator != "," and any("," in line for line in lines):
         lines = _with_points(table)
+    open_quote = next((index for index, line in enumerate(lines) if '"' in line and line.count('"') % 2), None)
+    if open_quote is not None:  # NumPy would read on to the next one, over lines
+        fields_of(lines[open_quote], table.separator, table.place(open_quote))
     try:
         found = np.loadtxt(lines, delimiter=table.separator, ndmin=2, comments=None, quotechar='"')
     except ValueError as fault:
