@@ -97,7 +97,9 @@ def test_a_file_that_is_no_network_is_refused(tiny_model) -> None:
 @pytest.mark.parametrize(
     ("content", "field"),
     [("{", "not JSON"), ("[]", "format"), ('{"format": 99}', "format"), ('{"format": 1, "kind": "oracle"}', "kind"),
-     ('{"format": 1, "kind": "classifier"}', "files")],
+     ('{"format": 1, "kind": "classifier"}', "files"), ('{"format": 1, "kind": {}}', "kind"),
+     ('{"format": [1]}', "format"), ("[" * 100_000, "nested too deep"), ('{"format": NaN}', "no number of JSON"),
+     ('{"format": ' + "9" * 5000 + "}", "not JSON")],
 )  # fmt: skip
 def test_a_record_that_cannot_be_used_is_refused(tiny_model, content: str, field: str) -> None:
     (tiny_model.path / "model.json").write_text(content)
@@ -108,3 +110,26 @@ def test_a_record_that_cannot_be_used_is_refused(tiny_model, content: str, field
 def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="no such folder"):
         load_model(tmp_path / "nothing")
+
+
+def test_a_network_that_asks_for_other_files_is_refused(tiny_model) -> None:
+    import onnx
+
+    path = tiny_model.path / "model.onnx"
+    model = onnx.load(path)
+    onnx.save(model, path, save_as_external_data=True, location="weights.bin", size_threshold=0)
+    rehash(tiny_model.path, "model.onnx")
+    with pytest.raises(ModelError, match="asks for data in other files"):
+        load_model(tiny_model.path)
+
+
+def test_a_network_that_answers_no_numbers_is_an_error(tiny_model) -> None:
+    import onnx
+
+    path = tiny_model.path / "model.onnx"
+    model = onnx.load(path)
+    model.graph.initializer[0].raw_data = b"\xff" * len(model.graph.initializer[0].raw_data)
+    onnx.save(model, path)
+    rehash(tiny_model.path, "model.onnx")
+    with pytest.raises(ModelError, match="not finite"):
+        load_model(tiny_model.path).probabilities(slices(1))

@@ -165,6 +165,11 @@ BAD = [
     ),
     ("[network]\nhidden = [600, 0]", 2, "network.hidden: 0 is below the smallest allowed value 1"),
     ("[eye]\nradius_mm = 12\n[eye]", 3, "not TOML"),
+    ("[eye]\nradius_mm = 1" + "0" * 400, 2, "eye.radius_mm: a number of more than 15 digits"),
+    ("[mesh]\norder = -1" + "0" * 400, 2, "mesh.order: a number of more than 15 digits"),
+    ("[eye]\nradius_mm.a" + ".a" * 2000 + " = 1", 1, "eye.radius_mm: expected a number, found {'a': {'a': "),
+    ("[eye]\nthickness_um = [" + "1," * 1001 + "]", 2, "eye.thickness_um: 1001 entries; at most 1000"),
+    ("[[dataset.group]]\n" * 1001, 1, "dataset.group: 1001 entries; at most 1000"),
 ]
 
 
@@ -176,6 +181,12 @@ def test_what_cannot_be_used_is_named_with_its_line(text: str, line: int, messag
     assert message in said
     assert said.startswith(f"my.toml:{line}: ") or f"line {line}" in said
     assert "\n" not in said
+
+
+@pytest.mark.parametrize("text", ["a = " + "[" * 100_000, "a = " + "9" * 5000], ids=["deep", "long"])
+def test_text_that_tomllib_cannot_take_is_one_error(text: str) -> None:
+    with pytest.raises(StudyError, match=r"my\.toml: not TOML"):
+        parse_study(text, "my.toml")
 
 
 def test_a_missing_file_is_named_with_a_way_out(tmp_path: Path) -> None:

@@ -85,7 +85,14 @@ class Library:
         for axis in (self.polar_rad, self.thickness_m, self.iop_ratio, self.tip_m):
             if not (np.diff(axis) > 0.0).all():
                 raise InputError("library: an axis that does not increase")
-        values = (self.force_ratio_tpd, self.curves_tpdbnc, self.stiffness_atpd)
+        if self.curves_tpdbnc.shape[4] < 2 or self.curves_tpdbnc.shape[5:] != (2,):
+            raise InputError(f"library: curves {self.curves_tpdbnc.shape}; at least two points of two coordinates")
+        sizes = (self.radius_m, self.needle_radius_m, self.max_force_ratio, self.thickness_m[0], self.iop_ratio[0])
+        if not all(0.0 < size < np.inf for size in sizes) or not 0.0 <= self.poisson_ratio < 0.5:
+            raise InputError(f"library: radius, needle radius, largest F/E, first thickness and IOP ratio {sizes}, "
+                             f"Poisson's ratio {self.poisson_ratio}: impossible")  # fmt: skip
+        axes = (self.thickness_m, self.iop_ratio, self.tip_m, self.polar_rad)
+        values = (*axes, self.force_ratio_tpd, self.curves_tpdbnc, self.stiffness_atpd)
         if not all(np.isfinite(array).all() for array in values):
             raise InputError("library: values that are not finite")
 

@@ -7,7 +7,7 @@ study that it was not trained with.
 """
 
 import hashlib
-import json
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from scleraforce.errors import ModelError
+from scleraforce.plain_json import parse_json
 from scleraforce.whole_files import KINDS, read_bytes
 
 __all__ = [
@@ -68,14 +69,15 @@ def read_folder(path: Path) -> ModelFolder:
 
 def _read_record(path: Path) -> dict[str, Any]:
     try:
-        record = json.loads(read_bytes(path, KINDS["model record"]))
+        record = parse_json(read_bytes(path, KINDS["model record"]))
     except ValueError as fault:
-        raise ModelError(f"{path}: not JSON: {fault}") from fault
+        raise ModelError(f"{path}: {fault}") from fault
     if not isinstance(record, dict) or record.get("format") != FORMAT:
-        found = record.get("format") if isinstance(record, dict) else None
-        raise ModelError(f"{path}: format: found {found!r}, this version reads {FORMAT}; train the model again")
-    if record.get("kind") not in FILES:
-        raise ModelError(f"{path}: kind: found {record.get('kind')!r}, this version reads {', '.join(FILES)}")
+        found = reprlib.repr(record.get("format") if isinstance(record, dict) else None)
+        raise ModelError(f"{path}: format: found {found}, this version reads {FORMAT}; train the model again")
+    if record.get("kind") not in list(FILES):
+        found = reprlib.repr(record.get("kind"))
+        raise ModelError(f"{path}: kind: found {found}, this version reads {', '.join(FILES)}")
     if not isinstance(record.get("files"), dict):
         raise ModelError(f"{path}: files: expected the SHA-256 of each file by name")
     return record

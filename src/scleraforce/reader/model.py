@@ -1,5 +1,6 @@
 """A trained model, ready to read slices (ONNX Runtime only; PyTorch is not needed)."""
 
+import reprlib
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
@@ -22,13 +23,14 @@ from scleraforce.reader.folder import (
     sha256,
 )
 from scleraforce.reader.readings import METHODS
-from scleraforce.reader.slice_network import OnnxSliceNetwork
+from scleraforce.reader.slice_network import OnnxSliceNetwork, run_network
 from scleraforce.reader.wall_reader import WallReader
 from scleraforce.study import Study, parse_study
 
 __all__ = ["ForceReader", "load_classifier", "load_model"]
 
 INPUT, OUTPUT = "slices", "probabilities"
+EXTERNAL = b"location"  # the key of data in other files (onnx.proto, TensorProto.external_data); none of ours has it
 
 # `scleraforce` has switched it off before ONNX Runtime was imported; this is for those who imported that first.
 onnxruntime.disable_telemetry_events()
@@ -83,7 +85,9 @@ class ForceReader:
             raise ModelError(f"{self.path}: slices: a value other than 0 (no wall) and 255 (wall)")
         if not len(slices):
             return np.empty((0, self.classes))
-        (answer,) = self._session.run([OUTPUT], {INPUT: np.ascontiguousarray(slices)})
+        (answer,) = run_network(self._session, [OUTPUT], {INPUT: np.ascontiguousarray(slices)}, str(self.path))
+        if answer.shape != (len(slices), self.classes):
+            raise ModelError(f"{self.path}: the network answers {answer.shape} to {len(slices)} slices")
         # float32 leaves the sum at 1 to some 1e-7; double makes it exact to the last digits that are printed.
         result: NDArray[np.float64] = answer.astype(np.float64)
         result /= result.sum(axis=1, keepdims=True)
@@ -140,7 +144,7 @@ def _default(folder: ModelFolder) -> str:
     default = folder.record.get("default")
     if default not in METHODS:
         place = folder.path / RECORD_FILE
-        raise ModelError(f"{place}: default: found {default!r}, expected {' or '.join(METHODS)}")
+        raise ModelError(f"{place}: default: found {reprlib.repr(default)}, expected {' or '.join(METHODS)}")
     return str(default)
 
 
@@ -156,6 +160,8 @@ def _session(folder: ModelFolder, threads: int) -> onnxruntime.InferenceSession:
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
     options.log_severity_level = 4
+    if EXTERNAL in folder.files[NETWORK_FILE]:
+        raise ModelError(f"{folder.path / NETWORK_FILE}: asks for data in other files; ours have all in this one")
     try:
         return onnxruntime.InferenceSession(folder.files[NETWORK_FILE], options, providers=["CPUExecutionProvider"])
     except Exception as fault:  # ONNX Runtime's exceptions have no common base of their own

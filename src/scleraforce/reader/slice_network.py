@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
@@ -14,7 +15,7 @@ from scleraforce.reader.known import Known
 from scleraforce.reader.readings import Reading
 from scleraforce.study import Study
 
-__all__ = ["CONTACT", "HISTOGRAM", "INPUTS", "OnnxSliceNetwork", "told_of"]
+__all__ = ["CONTACT", "HISTOGRAM", "INPUTS", "OnnxSliceNetwork", "run_network", "told_of"]
 
 SLICES, TOLD = INPUTS = ("slices", "given")
 HISTOGRAM, CONTACT = OUTPUTS = ["histogram", "contact_m"]
@@ -47,8 +48,13 @@ class OnnxSliceNetwork:
     def read(self, cuts: NDArray[np.uint8], known: Known) -> Reading:
         """Return what the network reads in slices of one wall (slice, row, column): the mean of its histograms."""
         given, modulus_pa = self._told(known)
-        inputs = {SLICES: np.ascontiguousarray(cuts), TOLD: np.repeat(given, len(cuts), axis=0)}
-        histogram, contact_m = self._session.run(OUTPUTS, inputs)
+        inputs: dict[str, NDArray[Any]] = {
+            SLICES: np.ascontiguousarray(cuts),
+            TOLD: np.repeat(given, len(cuts), axis=0),
+        }
+        histogram, contact_m = run_network(self._session, OUTPUTS, inputs, self._place)
+        if histogram.shape != (len(cuts), len(self._edges_m2) - 1) or contact_m.shape != (len(cuts),):
+            raise ModelError(f"{self._place}: answers {histogram.shape} and {contact_m.shape} to {len(cuts)} slices")
         mean = histogram.mean(axis=0).tolist()
         force = single_force(mean, self._edges_m2, modulus_pa, self._study.classes.bounds_n)
         return Reading(force.probabilities, force.median_n, force.interval_n, float(contact_m.mean()))
@@ -69,6 +75,23 @@ class OnnxSliceNetwork:
         wanted = {HISTOGRAM: ("tensor(float)", [self._study.reader.bins]), CONTACT: ("tensor(float)", [])}
         if outputs != wanted:
             raise ModelError(f"{self._place}: outputs: found {outputs}, its study asks for {wanted}")
+
+
+def run_network(
+    session: onnxruntime.InferenceSession, outputs: list[str], inputs: dict[str, NDArray[Any]], place: str
+) -> list[NDArray[Any]]:
+    """Run a network; return its outputs.
+
+    Raises:
+        ModelError: it cannot be run, or answers with numbers that are not finite; names `place`.
+    """
+    try:
+        answers: list[NDArray[Any]] = session.run(outputs, inputs)
+    except Exception as fault:  # ONNX Runtime's exceptions have no common base of their own
+        raise ModelError(f"{place}: the network cannot be run: {fault}") from fault
+    if not all(np.isfinite(answer).all() for answer in answers):
+        raise ModelError(f"{place}: the network answers with numbers that are not finite")
+    return answers
 
 
 def told_of(known: Known) -> Told:

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+import reprlib
 import tomllib
 from collections import Counter
 from dataclasses import MISSING, fields, is_dataclass
@@ -28,6 +29,9 @@ __all__ = [
 ]
 
 Record = TypeVar("Record")
+
+MAX_ENTRIES = 1000  # of a list
+MAX_WHOLE = 10**15  # what a float holds exactly
 
 PAPER_STUDY_TOML = files("scleraforce.study").joinpath("paper.toml").read_text(encoding="utf-8")
 
@@ -63,8 +67,10 @@ def parse_record(kind: type[Record], text: str, name: str) -> Record:
     """
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as fault:
+    except ValueError as fault:  # tomllib.TOMLDecodeError, and what Python says of numbers of thousands of digits
         raise StudyError(f"{name}: not TOML: {fault}") from fault
+    except RecursionError as fault:
+        raise StudyError(f"{name}: not TOML: nested too deep") from fault
     record = _record(kind, table, (), text, name)
     assert isinstance(record, kind)
     return record
@@ -122,6 +128,7 @@ def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], text: str,
 def _records(kind: Any, value: Any, path: tuple[str, ...], text: str, name: str, place: str) -> tuple[object, ...]:
     if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value):
         raise StudyError(f"{place}: expected a list of tables [[{'.'.join(path)}]]")
+    _check_length(value, place)
     return tuple(_record(kind, entry, path, text, name, nth) for nth, entry in enumerate(value, start=1))
 
 
@@ -140,6 +147,7 @@ def _value(hint: Any, value: Any, place: str) -> Any:
     if get_origin(hint) is tuple:
         if not isinstance(value, list):
             raise StudyError(f"{place}: expected a list")
+        _check_length(value, place)
         return tuple(_scalar(get_args(hint)[0], entry, place) for entry in value)
     return _scalar(hint, value, place)
 
@@ -150,15 +158,23 @@ def _sampled(value: Any, place: str) -> Choice | Range:
             raise StudyError(f"{place}: a range is {{ min = a, max = b }}")
         return Range(_scalar(float, value["min"], place), _scalar(float, value["max"], place))
     entries = value if isinstance(value, list) else [value]
+    _check_length(entries, place)
     return Choice(tuple(_scalar(float, entry, place) for entry in entries))
 
 
+def _check_length(entries: list[Any], place: str) -> None:
+    if len(entries) > MAX_ENTRIES:
+        raise StudyError(f"{place}: {len(entries)} entries; at most {MAX_ENTRIES} would do")
+
+
 def _scalar(kind: type, value: Any, place: str) -> Any:
+    if isinstance(value, int) and abs(value) > MAX_WHOLE:
+        raise StudyError(f"{place}: a number of more than {len(str(MAX_WHOLE)) - 1} digits")
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         names = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
-        raise StudyError(f"{place}: expected {names.get(kind, kind.__name__)}, found {value!r}")
+        raise StudyError(f"{place}: expected {names.get(kind, kind.__name__)}, found {reprlib.repr(value)}")
     return value
 
 
