@@ -13,7 +13,7 @@ import numpy as np
 from scleraforce.errors import SolverError
 from scleraforce.learning.reader_samples import ReaderSamples, draw_samples
 from scleraforce.library import Library
-from scleraforce.processes import no_interrupts, one_thread, own_modules
+from scleraforce.processes import no_interrupts, one_thread
 from scleraforce.study import ReaderStudy, SliceStudy
 
 __all__ = ["CHUNK", "Source", "chunks_ahead"]
@@ -59,7 +59,7 @@ def chunks_ahead(source: Source, numbers: Sequence[int], workers: int) -> Genera
     coming: deque[Future[ReaderSamples]] = deque()
     try:
         for number in numbers:
-            with one_thread(), own_modules(), no_interrupts():  # the first starts the processes
+            with one_thread(), no_interrupts():  # the first starts the processes
                 coming.append(pool.submit(_draw, number))
             if len(coming) > AHEAD * workers:
                 yield coming.popleft().result()
