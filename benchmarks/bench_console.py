@@ -49,8 +49,8 @@ class Session:
         self.ring = FrameRing.create(100, SIZE, SIZE)
         listener = listen("127.0.0.1", 0)
         settings = console_settings(
-            host="127.0.0.1", listener=listener, token="", ring=self.ring, lateral_m=29e-6, depth_m=8e-6, limits=MonitorLimits(),
-            class_bounds_n=(5e-3, 30e-3), model="bench",
+            host="127.0.0.1", listener=listener, token="", ring=self.ring, lateral_m=29e-6, depth_m=8e-6,
+            limits=MonitorLimits(), class_bounds_n=(5e-3, 30e-3), model="bench",
         )  # fmt: skip
         self.child = Child("scleraforce.service.console", settings, [self.ring.descriptor, listener.fileno()])
         listener.close()

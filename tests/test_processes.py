@@ -1,9 +1,13 @@
 """How units are handed out to processes; `tests/dataset` and `tests/library` show the processes at work."""
 
 import multiprocessing
+import os
+import subprocess
+import sys
 from collections import deque
 from functools import partial
 from multiprocessing import resource_tracker, spawn
+from pathlib import Path
 
 import pytest
 from pieces_of_work import fails_oddly, no_preparation, tripled
@@ -12,6 +16,16 @@ from scleraforce.errors import InputError, SolverError
 from scleraforce.processes import next_unit, split_runs, work_in_order, work_units
 
 HEAVY = partial(tripled, bytes(2**20))  # more than a pipe holds
+
+PROGRAM = """
+from scleraforce.processes import work_units
+
+def double():
+    return lambda unit: 2 * unit
+
+if __name__ == "__main__":
+    print(sorted(work_units(double, range(3), 1)))
+"""
 
 
 def test_units_are_handed_out_in_contiguous_runs_and_the_idle_help_at_the_far_end():
@@ -52,3 +66,15 @@ def test_an_exception_that_cannot_be_sent_is_told():
 def test_results_come_in_order_whatever_the_workers_do():
     assert list(work_in_order(HEAVY, range(5, 12), 2, ahead=3)) == [3 * unit for unit in range(5, 12)]
     assert list(work_in_order(HEAVY, [], 2, ahead=3)) == []
+def test_no_module_of_the_current_folder_runs_in_a_worker(tmp_path: Path) -> None:
+    (tmp_path / "here").mkdir()
+    for name in ("signal", "json", "numpy", "multiprocessing", "pickle", "struct"):
+        (tmp_path / "here" / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\n")
+    program = tmp_path / "program.py"
+    program.write_text(PROGRAM)
+    safe = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
+    done = subprocess.run(
+        [sys.executable, str(program)], cwd=tmp_path / "here", env=safe, capture_output=True, text=True, timeout=60
+    )
+    assert (done.stdout, done.stderr) == ("[(0, 0), (1, 2), (2, 4)]\n", "")
+    assert not (tmp_path / "ran").exists()

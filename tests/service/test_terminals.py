@@ -1,10 +1,10 @@
-"""Terminals that were stopped or closed: nothing of the monitor waits for them, and none of its companions hears them."""
+"""Terminals that were stopped or closed: nobody waits for them, and no companion of the monitor hears of them."""
 
 import os
 import pty
 import signal
 import termios
-from collections.abc import Callable
+from contextlib import suppress
 
 import pytest
 from peer import Peer, small_monitor
@@ -12,40 +12,36 @@ from peer import Peer, small_monitor
 from scleraforce.monitor.causes import Cause
 
 
-def stopped(ours: int, theirs: int) -> None:
-    termios.tcflow(theirs, termios.TCOOFF)  # as Ctrl-S
+def spoil(how: str, ours: int, theirs: int) -> None:
+    match how:
+        case "stopped":
+            termios.tcflow(theirs, termios.TCOOFF)  # as Ctrl-S
+        case "full":
+            os.set_blocking(theirs, False)
+            with suppress(BlockingIOError):
+                while os.write(theirs, b"x" * 4096):  # nobody reads
+                    pass
+            os.set_blocking(theirs, True)
+        case "closed":
+            os.close(ours)
 
 
-def full(ours: int, theirs: int) -> None:
-    os.set_blocking(theirs, False)
-    try:
-        while os.write(theirs, b"x" * 4096):  # nobody reads
-            pass
-    except BlockingIOError:
-        os.set_blocking(theirs, True)
-
-
-def closed(ours: int, theirs: int) -> None:
-    os.close(ours)
-
-
-@pytest.mark.parametrize("terminal", [stopped, full, closed])
-def test_the_emergency_goes_on_whatever_becomes_of_the_terminal(terminal: Callable[[int, int], None]) -> None:
+@pytest.mark.parametrize("how", ["stopped", "full", "closed"])
+def test_the_emergency_goes_on_whatever_becomes_of_the_terminal(how: str) -> None:
     ours, theirs = pty.openpty()
     with small_monitor(errors=theirs) as running, Peer(running.port) as robot:
         robot.hear(0.1)
-        terminal(ours, theirs)
+        spoil(how, ours, theirs)
         os.kill(running.process.pid, signal.SIGKILL)
-        emergencies = 10
-        robot.hear(10.0, lambda peer: count(peer) >= emergencies)
-        assert count(robot) >= emergencies
+        robot.hear(10.0, lambda peer: emergencies(peer) >= 10)
+        assert emergencies(robot) >= 10
     os.close(theirs)
-    if terminal is not closed:
+    if how != "closed":
         os.close(ours)
 
 
-def count(peer: Peer) -> int:
-    """Of emergencies that the watchdog sent."""
+def emergencies(peer: Peer) -> int:
+    """How many the watchdog sent."""
     return sum(status.subcode == Cause.WATCHDOG.value for status in peer.statuses())
 
 

@@ -42,7 +42,7 @@ def load_library(path: str | PathLike[str], content: bytes | None = None) -> Lib
     Raises:
         InputError: the file is missing, damaged, or no library.
     """
-    data = read_bytes(path, replace(KINDS["model file"], error=InputError)) if content is None else content
+    data = read_bytes(Path(path), replace(KINDS["model file"], error=InputError)) if content is None else content
     try:
         with ZipFile(BytesIO(data)) as archive:
             found: dict[str, Any] = {item.name: _read(archive, item.name, len(data)) for item in fields(Library)}
