@@ -166,7 +166,7 @@ def test_a_log_in_millinewtons_is_refused(places, tmp_path: Path, capsys) -> Non
     header = (path / "forces.csv").read_text().splitlines()[0]
     np.savetxt(path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments="")
     assert run(["evaluate", str(places["model"]), str(path)]) == 2
-    assert "forces.csv: fz_n: 79.99 N under 4.png, more than 3 N; the columns are in N: multi" in capsys.readouterr().err
+    assert "forces.csv: fz_n: 79.99 N under 4.png, more than 3 N; the columns are in N" in capsys.readouterr().err
 
 
 def test_a_force_axis_across_the_needle_is_noted(places, tmp_path: Path) -> None:
