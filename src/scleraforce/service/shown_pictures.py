@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 
 __all__ = ["ShownPictures"]
 
-PLACES = 512  # pairs of neighbours that are looked at, spread over the frame
-LEAST_TOLD = 32  # places with texture; with fewer, only pictures that are the same to the last bit are the same
-SAME_SHARE = 0.75  # of the places with texture
-NOTHING = 0  # a pair without texture, as it is kept
-NO_MATCH = (1 << 16) | 1  # and as it is compared: two neighbours that are alike, which is never kept
+PLACES = 256  # pairs of neighbours that are looked at, spread over the frame
+LEAST_TOLD = 32  # pairs with texture; with fewer, only pictures that are the same to the last bit are the same
+SAME_SHARE = 0.75  # of the pairs with texture
+NO_TEXTURE = 0xA5C35A3C  # kept in place of a pair whose pixels are alike: no such pair is equal to it
 
 
 class ShownPictures:
@@ -40,20 +39,21 @@ class ShownPictures:
         """
         if self._size != (pixels.size, pixels.dtype):
             self._begin(pixels)
-        pairs = pixels.reshape(-1)[self._places_pn].astype(np.uint32)
-        textured = pairs[0] != pairs[1]
-        told = int(textured.sum())
-        words = (pairs[0] << 16) | pairs[1]
-        if told >= LEAST_TOLD:
-            checksum = None
-            same_mp = self._words_mp == np.where(textured, words, NO_MATCH)
-            alike = same_mp.sum(axis=1, dtype=np.uint16) >= SAME_SHARE * told
+        pairs_pn = pixels.reshape(-1).take(self._places_pn)
+        words_p = pairs_pn.view(self._words_mp.dtype)[:, 0]
+        textured_p = pairs_pn[:, 0] != pairs_pn[:, 1]
+        told = int(np.count_nonzero(textured_p))
+        checksum = None if told >= LEAST_TOLD else fastcrc.crc64.ecma_182(pixels.data)
+        if checksum is None:
+            alike_m = (self._words_mp == words_p).sum(axis=1, dtype=np.uint16) >= SAME_SHARE * told
         else:
-            checksum = fastcrc.crc64.ecma_182(pixels.data)
-            alike = np.array([shown == checksum for shown in self._checksums])
-        back = min(((self._count - slot - 1) % self._most + 1 for slot in np.flatnonzero(alike).tolist()), default=0)
+            alike_m = np.array([shown == checksum for shown in self._checksums])
         slot = self._count % self._most
-        self._words_mp[slot] = np.where(textured, words, NOTHING)
+        back = 0
+        if alike_m.any():
+            back = min((slot - one - 1) % self._most + 1 for one in np.flatnonzero(alike_m).tolist())
+        self._words_mp[slot] = words_p
+        np.putmask(self._words_mp[slot], ~textured_p, self._no_texture)
         self._checksums[slot] = checksum
         self._count += 1
         return back
@@ -62,9 +62,10 @@ class ShownPictures:
         """Forget all, and choose the places in pictures of this size: one at random in each of as many equal parts."""
         count = max(1, min(PLACES, pixels.size // 2))
         part = max(1, (pixels.size - 1) // count)
-        offsets = np.random.default_rng(0).integers(0, part, count)
-        left = np.minimum(np.arange(count) * part + offsets, max(0, pixels.size - 2))
-        self._places_pn = np.stack([left, np.minimum(left + 1, pixels.size - 1)])
-        self._words_mp = np.full((self._most, count), NOTHING, dtype=np.uint32)
+        left_p = np.arange(count) * part + np.random.default_rng(0).integers(0, part, count)
+        self._places_pn = np.minimum(np.stack([left_p, left_p + 1], axis=1), pixels.size - 1)
+        word = np.dtype(np.uint16 if pixels.dtype == np.uint8 else np.uint32)
+        self._no_texture = word.type(NO_TEXTURE & (256**word.itemsize - 1))
+        self._words_mp = np.full((self._most, count), self._no_texture)
         self._checksums: list[int | None] = [None] * self._most
         self._size, self._count = (pixels.size, pixels.dtype), 0
