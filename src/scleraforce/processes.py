@@ -8,7 +8,7 @@ import multiprocessing
 import os
 import signal
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from itertools import pairwise
 from multiprocessing import resource_tracker
@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 from scleraforce.errors import SolverError
 
-__all__ = ["available_cores", "next_unit", "no_interrupts", "one_thread", "split_runs", "work_units"]
+__all__ = ["available_cores", "next_unit", "no_interrupts", "one_thread", "own_modules", "split_runs", "work_units"]
 
 Result = TypeVar("Result")
 
@@ -94,7 +94,7 @@ def _start(prepare: Callable[[], Callable[[int], Any]]) -> tuple[BaseProcess, Co
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_work, args=(theirs, prepare), daemon=True)
-    with one_thread(), no_interrupts():
+    with one_thread(), own_modules(), no_interrupts():
         process.start()
     theirs.close()
     return process, ours
@@ -133,8 +133,24 @@ def _work(connection: Connection, prepare: Callable[[], Callable[[int], Any]]) -
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Let processes that start meanwhile use one thread of BLAS each: there is one process for every core."""
-    before = {name: os.environ.get(name) for name in THREAD_SETTINGS}
-    os.environ.update(dict.fromkeys(THREAD_SETTINGS, "1"))
+    with _environment(dict.fromkeys(THREAD_SETTINGS, "1")):
+        yield
+
+
+@contextmanager
+def own_modules() -> Iterator[None]:
+    """Let Python processes that start meanwhile not look for modules in the current folder, which may be anybody's.
+
+    A worker is started by `python -c`, which would take a `signal.py` that lies there for the standard library's.
+    """
+    with _environment({"PYTHONSAFEPATH": "1"}):
+        yield
+
+
+@contextmanager
+def _environment(settings: Mapping[str, str]) -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in settings}
+    os.environ.update(settings)
     try:
         yield
     finally:
@@ -148,7 +164,8 @@ def one_thread() -> Iterator[None]:
 @contextmanager
 def no_interrupts() -> Iterator[None]:
     """Let processes that start meanwhile never see Ctrl-C, which reaches the whole group: the parent ends them."""
-    resource_tracker.ensure_running()  # starting it later would unblock the signal again
+    with own_modules():
+        resource_tracker.ensure_running()  # starting it later would unblock the signal again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
