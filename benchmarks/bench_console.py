@@ -26,6 +26,7 @@ from scleraforce.service.child import Child
 from scleraforce.service.console import console_settings
 from scleraforce.service.entry import Entry
 from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.listening import listen
 
 CHROMIUM = "/usr/bin/chromium"
 SIZE, FRAME_S = 512, 0.01
@@ -46,13 +47,15 @@ class Session:
     def __init__(self) -> None:
         rng = np.random.default_rng(0)
         self.ring = FrameRing.create(100, SIZE, SIZE)
+        listener = listen("127.0.0.1", 0)
         settings = console_settings(
-            host="127.0.0.1", port=0, ring=self.ring, lateral_m=29e-6, depth_m=8e-6, limits=MonitorLimits(),
-            class_bounds_n=(5e-3, 30e-3), model="bench",
+            host="127.0.0.1", listener=listener, token="", ring=self.ring, lateral_m=29e-6, depth_m=8e-6,
+            limits=MonitorLimits(), class_bounds_n=(5e-3, 30e-3), model="bench",
         )  # fmt: skip
-        self.child = Child("scleraforce.service.console", settings, [self.ring.descriptor])
+        self.child = Child("scleraforce.service.console", settings, [self.ring.descriptor, listener.fileno()])
+        listener.close()
         select.select([self.child.channel], [], [], 30)
-        self.address = f"http://127.0.0.1:{self.child.channel.receive()[0]['port']}/"
+        self.address = self.child.channel.receive()[0]["url"]
         self.pictures = [rng.integers(0, 4096, (SIZE, SIZE), dtype=np.uint16) for _ in range(8)]
         self.curve = np.linspace(100, 140, SIZE // 4).tolist()
         self.state = "WATCHING"

@@ -4,19 +4,14 @@ import json
 import os
 import signal
 import socket
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
 from itertools import count
 from math import radians
 from pathlib import Path
 
 import pytest
-from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
-from calibration_file import calibration_text
-from fixed_reader import fixed_study, write_fixed_reader
+from analytic_frames import GAP_M, IOP_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
+from fixed_reader import fixed_study
+from monitor_command import BINS, monitor_folder, started
 from peer import Peer, wait_until
 
 from scleraforce.cli.main import run
@@ -28,54 +23,13 @@ from scleraforce.units import mmhg_to_pa
 
 pytest.importorskip("torch")
 
-BINS, BIN = 64, 20
 MATRIX = (SCALE.lateral_m * 1e3, 0.0, 0.0, 0.0, SCALE.depth_m * 1e3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 EYE = ["--eye", "mine", "--iop-mmhg", f"{IOP_PA / mmhg_to_pa(1.0):.4f}", "--gap-mm", f"{GAP_M * 1e3}"]
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A reader whose network always answers the same small force, and whose fit reads; a calibration of one eye."""
-    folder = tmp_path_factory.mktemp("monitor")
-    write_fixed_reader(folder / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)])
-    mpa = MODULUS_PA / 1e6
-    eyes = {"mine": {"mean_mpa": mpa, "sd_mpa": 0.01 * mpa, "thickness_um": THICKNESS_M * 1e6, "frames": ["1.png"]}}
-    text = calibration_text(eyes=eyes, population={"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05})
-    (folder / "calibration.json").write_text(text)
-    return folder
-
-
-@dataclass
-class Started:
-    process: subprocess.Popen[str]
-    port: int
-    token: str
-    lines: list[str]
-
-
-@contextmanager
-def started(folder: Path, *options: str) -> Iterator[Started]:
-    """Start the command, wait until it listens; Ctrl-C ends it."""
-    command = [sys.executable, "-c", "from scleraforce.cli.main import main; main()", "monitor", str(folder / "reader")]
-    process = subprocess.Popen(
-        [*command, "--port", "0", "--json", *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    assert process.stderr
-    lines: list[str] = []
-    while not lines or not lines[-1].startswith("reset"):
-        lines.append(process.stderr.readline())
-        assert lines[-1], lines
-    words = lines[-1].split()
-    monitor = Started(process, int(words[words.index("--port") + 1]), words[-1], lines)
-    try:
-        yield monitor
-    finally:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-        process.wait(20.0)
-        process.stderr.close()
-        if process.stdout:
-            process.stdout.close()
+    return monitor_folder(tmp_path_factory.mktemp("monitor"))
 
 
 FRAMES = {force_mn: [image(wall_section(tip_of(force_mn / 1e3)), seed) for seed in (1, 2, 3)] for force_mn in (8, 40)}
@@ -111,7 +65,7 @@ def test_a_session_from_the_first_frame_to_the_reset_is_told_kept_and_recorded(f
             assert scanner.statuses()[-1].code == 1
         monitor.process.send_signal(signal.SIGINT)
         told, _ = monitor.process.communicate(timeout=30.0)
-        assert monitor.process.returncode == 130
+        assert monitor.process.returncode == 0
     summary = json.loads(told)
     assert summary["withdrawals"][0]["cause"] == withdrawal.name
     session = read_recording(tmp_path / "session")
@@ -138,6 +92,17 @@ def _after(scanner: Peer, force_mn: int) -> object:
         (["--adaptive-bound"], "needs the eye's modulus, thickness and IOP"),
         (["--adaptive-bound", "--bound-mn", "20"], "leave out one"),
         (["--record", "."], "exists already"),
+        (["--record", "calibration.json/session"], "calibration.json/session: Not a directory"),
+        (["--record", "box"], "the black box is to be there"),
+        (["--black-box", "calibration.json/box"], "--black-box calibration.json/box: Not a directory"),
+        (["--eye", "a\nb"], "--eye 'a\\nb': no name"),
+        (["--eye", "\x1b[2J"], "--eye '\\x1b[2J': no name"),
+        (["--eye", ""], "--eye '': no name"),
+        (["--host", ""], "--host: empty"),
+        (["--host", "no-such-host.invalid"], "--host 'no-such-host.invalid'"),
+        (["--web-port", "0", "--web-host", ""], "--web-host: empty"),
+        (["--web-port", "0", "--web-host", "203.0.113.7"], "--web-host '203.0.113.7'"),
+        (["--web-port", "65536"], "--web-port"),
         (["--bound-mn", "1"], "must be below bound_n"),
         (["--host", "203.0.113.7"], "203.0.113.7"),
     ],
@@ -169,7 +134,17 @@ def test_a_port_that_is_taken_is_named(folder: Path, capsys: pytest.CaptureFixtu
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         assert run(["monitor", str(folder / "reader"), "--port", str(port)]) == 2
-    assert f"127.0.0.1:{port}" in capsys.readouterr().err
+        assert run(["monitor", str(folder / "reader"), "--port", "0", "--web-port", str(port)]) == 2
+    port_line, web_line = capsys.readouterr().err.splitlines()
+    assert f"127.0.0.1:{port}: Address already in use; give another --port" in port_line
+    assert f"127.0.0.1:{port}: Address already in use; give another --web-port" in web_line
+
+
+@pytest.mark.parametrize(("option", "value"), [("--host", ""), ("--host", "x" * 64), ("--token", "\udcff")])
+def test_a_reset_that_cannot_be_sent_is_one_line(capsys: pytest.CaptureFixture[str], option: str, value: str) -> None:
+    options = {"--token": "x", "--host": "127.0.0.1", option: value}
+    assert run(["monitor-reset", *(word for pair in options.items() for word in pair)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_a_reset_where_nobody_listens_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
@@ -182,7 +157,7 @@ def test_a_reset_where_nobody_listens_is_one_line(capsys: pytest.CaptureFixture[
 def test_pids_are_not_left_behind(folder: Path, tmp_path: Path) -> None:
     with started(folder, "--black-box", str(tmp_path / "box")) as monitor:
         children = _children(monitor.process.pid)
-        assert len(children) >= 3  # black box, second opinion, watchdog; Python adds one
+        assert len(children) == 3  # black box, second opinion, watchdog
         monitor.process.send_signal(signal.SIGTERM)
         assert monitor.process.wait(20.0) == 0
     wait_until(lambda: not any(os.path.exists(f"/proc/{pid}") for pid in children))

@@ -6,6 +6,7 @@ import pytest
 
 from scleraforce.service.channel import Channel, ChannelClosedError
 from scleraforce.service.child import Child, settings_of_child
+from scleraforce.service.guard import Guard
 
 MODULE = """
 import os, signal, sys, time
@@ -71,3 +72,29 @@ def test_a_child_whose_monitor_has_gone_or_says_nothing_does_not_start():
     with pytest.raises(ChannelClosedError):
         settings_of_child(["x", str(os.dup(theirs.fileno()))])
     theirs.close()
+
+
+def test_no_module_of_the_current_folder_runs_in_a_child(tmp_path, monkeypatch):
+    """Those of PYTHONPATH do, as in the process that starts it."""
+    here = tmp_path / "here"
+    here.mkdir()
+    for name in ("numpy", "signal", "json", "socket", "sitecustomize", "some_child"):
+        (here / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\nraise SystemExit\n")
+    monkeypatch.chdir(here)
+    child = Child("some_child", {"ends": 3})
+    assert answer(child)["threads"] == "1"
+    assert child.end() == 3
+    guard = Guard()
+    guard.end()
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGQUIT, signal.SIGINT, signal.SIGTERM])
+def test_a_child_does_not_hear_of_a_terminal_that_is_closed(number):
+    child = Child("some_child", {"ends": 5})
+    answer(child)
+    assert os.getsid(child.pid) == child.pid
+    os.kill(child.pid, number)
+    time.sleep(0.05)
+    assert child.exit_code is None
+    assert child.end() == 5

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from console_monitor import ConsoleMonitor, free_port, reading
+from console_monitor import TOKEN, ConsoleMonitor, free_port, reading
 from playwright.sync_api import Browser, Dialog, Page, expect, sync_playwright
 
 CHROMIUM = "/usr/bin/chromium"
@@ -232,12 +232,12 @@ def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(op
             assert monitor.child.channel.receive() == []
             page.keyboard.type("wrong")
             page.keyboard.press("Enter")
-            assert answer(False, "the token is wrong")["token"] == "wrong"
-            found.shows(refusal="Refused: the token is wrong")
+            found.shows(refusal="Refused: the token is wrong; it stands where the monitor was started")
+            assert monitor.hear("wrong-tokens")["count"] == 1
             assert page.locator("#token").input_value() == ""
-            page.keyboard.type("seven of nine")
+            page.keyboard.type(TOKEN)
             page.keyboard.press("Enter")
-            assert answer(True, "WATCHING")["token"] == "seven of nine"
+            assert answer(True, "WATCHING")["token"] == TOKEN
             expect(page.locator("#dialog")).to_be_hidden()
             expect(page.locator("#answer")).to_contain_text("Reset granted at")
         assert page.locator("#token").input_value() == ""
@@ -250,7 +250,7 @@ def test_a_reset_that_the_monitor_does_not_answer_says_so(opened: Any) -> None:
         found = opened(monitor.address)
         with going_on(lambda: monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS"), 0.1):
             found.page.locator("#ask").click()
-            found.page.keyboard.type("seven of nine")
+            found.page.keyboard.type(TOKEN)
             found.page.keyboard.press("Enter")
             found.shows(refusal="Refused: the monitor does not answer")
 

@@ -14,8 +14,11 @@ from scleraforce.service.child import Child
 from scleraforce.service.console import console_settings
 from scleraforce.service.entry import Entry
 from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.listening import listen
 
-__all__ = ["ConsoleMonitor", "free_port", "reading"]
+__all__ = ["TOKEN", "ConsoleMonitor", "free_port", "reading"]
+
+TOKEN = "seven of nine"
 
 CODES = {"NOT_READY": 13, "WATCHING": 1, "WITHDRAW": 3}
 CLIENTS = [{"address": "127.0.0.1:50112", "role": "scanner"}, {"address": "127.0.0.1:50114", "role": "listener"}]
@@ -44,14 +47,18 @@ class ConsoleMonitor:
 
     def __init__(self, port: int = 0, rows: int = 64, columns: int = 96, **limits: Any) -> None:
         self.ring = FrameRing.create(64, rows, columns)
+        listener = listen("127.0.0.1", port)
+        self.port = int(listener.getsockname()[1])
         settings = console_settings(
-            host="127.0.0.1", port=port, ring=self.ring, lateral_m=15e-3 / columns, depth_m=4e-3 / rows,
-            limits=MonitorLimits(**limits), class_bounds_n=(5e-3, 30e-3), model="reader", eye="eye-a",
+            host="127.0.0.1", listener=listener, token=TOKEN, ring=self.ring,
+            lateral_m=15e-3 / columns, depth_m=4e-3 / rows, limits=MonitorLimits(**limits),
+            class_bounds_n=(5e-3, 30e-3), model="reader", eye="eye-a",
         )  # fmt: skip
-        self.child = Child("scleraforce.service.console", settings, [self.ring.descriptor])
+        self.child = Child("scleraforce.service.console", settings, [self.ring.descriptor, listener.fileno()])
+        listener.close()
         self.entries = self.frames = 0
         try:
-            self.port = int(self.hear("listening")["port"])
+            assert self.hear("listening")["url"] == self.address
         except AssertionError:
             self.child.end()
             raise

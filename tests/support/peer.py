@@ -56,10 +56,12 @@ def serving(companions: Companions | None = None, **settings: Any) -> Iterator[i
 
 
 @contextmanager
-def small_monitor() -> Iterator[Running]:
-    """Run a small monitor, with its watchdog, in a process of its own until the block ends."""
+def small_monitor(errors: int | None = None) -> Iterator[Running]:
+    """Run a small monitor, with its watchdog, in a process of its own until the block ends; `errors` is its fd 2."""
     script = Path(__file__).with_name("small_monitor.py")
-    process = subprocess.Popen([sys.executable, str(script)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, str(script)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, text=True
+    )
     assert process.stdin
     assert process.stdout
     try:

@@ -1,15 +1,13 @@
 """`scleraforce monitor`: the service in the robot's control loop."""
 
-import secrets
+import os
 import signal
-import sys
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from math import radians
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -24,13 +22,13 @@ if TYPE_CHECKING:
     from scleraforce.reader import ForceReader, WallReader
     from scleraforce.reader.known import Known
     from scleraforce.service.monitor_service import Address, MonitorSettings
-    from scleraforce.service.server import Server
     from scleraforce.study import Study
 
 __all__ = ["monitor"]
 
 LENGTH = click.FloatRange(0.01, 100.0)
 PORT = click.IntRange(0, 65535)
+MOST_NAME = 100  # characters
 
 
 @click.command()
@@ -83,39 +81,42 @@ def monitor(
     `ForceMonitor`, which is also sent every 50 ms. Any code but 1, or 150 ms
     of silence, means withdraw. After a withdrawal only a reset leads back:
     `scleraforce monitor-reset`, or the console, with the token that is printed
-    at the start. Ctrl-C ends the monitor.
+    at the start. Ctrl-C ends the monitor, with exit code 0.
 
     Example: scleraforce monitor reader --calibration modulus.json --eye eye-a
     --iop-mmhg 2 --gap-mm 0.5 --web-port 8080
     """
+    _fill_standard_files()
     with one_thread():  # the second core is for the other processes
         from scleraforce.reader import load_model
         from scleraforce.service.monitor_service import Address, MonitorSettings, monitor_service
         from scleraforce.service.notes import Notes
+        from scleraforce.service.reset_token import new_token
 
     reader = load_model(model)
     known = _known(calibration, eye, options)
     _refuse_untrained(reader, known)
     settings = MonitorSettings(
-        eye=eye or "eye-1",
+        eye="eye-1" if eye is None else _printable(eye),
         known=known,
         limits=_limits(reader, known, options),
         refractive_index=options["refractive_index"] or reader.study.oct.refractive_index,
         address=Address(host, port),
         console=None if web_port is None else Address(web_host, web_port),
         black_box=_new_black_box(black_box),
-        record=_new(record),
-        token=secrets.token_hex(4),
+        record=record,
+        token=new_token(),
     )
-    with closing(Notes(_say)) as notes, monitor_service(model, reader, settings, notes) as (server, address):
-        _greet(reader, settings, address, notes)
-        interrupted = _run(server)
-        summary = server.session.summary()
-        notes("ends; the black box writes what it has to keep")
+    with closing(Notes(_say)) as notes:
+        with ExitStack() as until_ended, monitor_service(model, reader, settings, notes) as (server, address):
+            until_ended.enter_context(_ended_by_signals(server.stop))
+            _greet(reader, settings, address, notes)
+            server.run()
+            summary = server.session.summary()
+            notes("ends; the black box writes what it has to keep")
+        notes(f"ended after {summary['frames']} frames and {len(summary['withdrawals'])} withdrawals")
     if as_json:
         print_json({"model": str(model), **summary})
-    if interrupted:
-        raise KeyboardInterrupt
 
 
 def _known(calibration: Path | None, eye: str | None, options: dict[str, Any]) -> "Known":
@@ -181,10 +182,13 @@ def _refuse_untrained(reader: "ForceReader | WallReader", known: "Known") -> Non
         raise InputError(f"{reader.path}: {reason}")
 
 
-def _new(folder: Path | None) -> Path | None:
-    if folder is not None and folder.exists():
-        raise InputError(f"{folder}: exists already; remove it or choose another name")
-    return folder
+def _printable(eye: str) -> str:
+    """Return an eye's name: one line, for it stands in files, in a terminal and on a page."""
+    if not eye.strip() or not eye.isprintable() or len(eye) > MOST_NAME:
+        raise InputError(
+            f"--eye {eye[:MOST_NAME]!a}: no name; 1 to {MOST_NAME} characters would do, without line breaks or controls"
+        )
+    return eye
 
 
 def _new_black_box(folder: Path | None) -> Path:
@@ -221,24 +225,34 @@ def _told(known: "Known") -> str:
     return ", ".join(words)
 
 
-def _run(server: "Server") -> bool:
-    """Serve until Ctrl-C (True) or until the process is told to end (False)."""
-    interrupted = False
+@contextmanager
+def _ended_by_signals(stop: Callable[[], None]) -> Iterator[None]:
+    """Let Ctrl-C, a terminal that is closed and whoever tells the process to end call `stop`, and no more.
 
-    def stop(number: int, _: FrameType | None) -> None:
-        nonlocal interrupted
-        interrupted = number == signal.SIGINT
-        server.stop()
-
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    Those that were ignored at the start, as `nohup` does, stay ignored. Writing to a terminal from the background is
+    never to stop the process.
+    """
+    ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+    heard = [number for number in ends if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, lambda *_: stop()) for number in heard}
+    before[signal.SIGTTOU] = signal.signal(signal.SIGTTOU, signal.SIG_IGN)
     try:
-        server.run()
+        yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    return interrupted
+
+
+def _fill_standard_files() -> None:
+    """Open what was closed of the three standard files, or a socket would become one of them."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
 
 
 def _say(text: str) -> None:
-    sys.stderr.write(f"{text}\n")
-    sys.stderr.flush()
+    """Write a line to standard error, past Python's buffer: a terminal that is stopped must not hold its lock."""
+    plain = "".join(letter if letter.isprintable() else "?" for letter in text)  # it may quote what a peer sent
+    os.write(2, f"{plain}\n".encode())

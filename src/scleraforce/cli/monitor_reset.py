@@ -19,7 +19,7 @@ def monitor_reset(token: str, host: str, port: int, as_json: bool) -> None:
     It is granted only while fresh frames come that are usable and harmless;
     otherwise the exit code is 2, and the answer says why.
 
-    Example: scleraforce monitor-reset --token 4f9c-02ad
+    Example: scleraforce monitor-reset --token 3f0c52e6b91d4a78a1c6e0972bd85f14
     """
     from scleraforce.service.operator import ask_reset
 

@@ -121,6 +121,10 @@ class Companions:
         """Return whether one of them has ended: its channel says nothing any more."""
         return name in self._dead
 
+    def last_words(self, name: str) -> str:
+        """Return what one of them said was wrong with it, after a colon; "" where it said nothing."""
+        return f": {self._faults[name]}" if name in self._faults else ""
+
     def end(self) -> None:
         """End them all, as planned."""
         if BLACK_BOX in self._children:

@@ -3,10 +3,9 @@
 import os
 import socket
 import subprocess
-import sys
 
 from scleraforce.monitor.causes import Cause
-from scleraforce.processes import no_interrupts
+from scleraforce.service.child import start_companion
 from scleraforce.service.connection import Connection
 from scleraforce.service.openigtlink import Status, encode
 from scleraforce.service.telling import STATUS_DEVICE
@@ -29,9 +28,8 @@ class Guard:
 
     def __init__(self) -> None:
         self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        command = [sys.executable, "-m", "scleraforce.service.watchdog", str(theirs.fileno()), str(os.getpid())]
-        with no_interrupts():
-            self._process = subprocess.Popen(command, pass_fds=(theirs.fileno(),))
+        arguments = [str(theirs.fileno()), str(os.getpid())]
+        self._process = start_companion("scleraforce.service.watchdog", arguments, [theirs.fileno()])
         theirs.close()
         self._fault: str | None = None
         self._beaten_s = self._answered_s = 0.0

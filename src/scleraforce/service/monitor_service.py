@@ -5,6 +5,7 @@ import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import cv2
@@ -20,8 +21,10 @@ from scleraforce.service.black_box import black_box_settings
 from scleraforce.service.child import Child
 from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
 from scleraforce.service.console.settings import console_settings
+from scleraforce.service.folders import try_folders
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.guard import Guard
+from scleraforce.service.listening import listen
 from scleraforce.service.priority import MONITOR_PRIORITY, run_in_real_time
 from scleraforce.service.second_opinion import opinion_settings
 from scleraforce.service.server import Server, ServerSettings
@@ -33,7 +36,7 @@ __all__ = ["Address", "MonitorSettings", "monitor_service"]
 KEPT_S = 10.0
 RING_FRAMES = 1200  # at 100 a second two seconds more than are kept, for those who copy them
 MOST_BITS = 16  # a scanner may use more than the model's study says: what is kept has to be readable
-BACKLOG = 256
+WEB_NEEDS = ("fastapi", "uvicorn", "websockets")
 
 
 @dataclass(frozen=True)
@@ -86,23 +89,26 @@ def monitor_service(
         note: called with a line for the operator.
 
     Raises:
-        InputError: the address cannot be listened on.
+        InputError: an address cannot be listened on, a folder cannot be written, or there is too little memory.
     """
     rows, columns = settings.limits.size or (0, 0)
     scale = PixelScale(*(settings.limits.scale_m or (0.0, 0.0)))
     cv2.setNumThreads(1)
     with ExitStack() as stack:
-        listener = stack.enter_context(_listen(settings.address))
+        listener = stack.enter_context(listen(settings.address.host, settings.address.port))
+        console = None if settings.console is None else stack.enter_context(_listen_for_pages(settings.console))
         live = LiveReader(reader, settings.known, settings.refractive_index)
         ring = FrameRing.create(RING_FRAMES, rows, columns)
         info = _recording_info(settings, reader.study, scale)
+        try_folders(settings.black_box, settings.record)
         kept = black_box_settings(settings.black_box, ring, info, settings.record, KEPT_S)
         children = {BLACK_BOX: Child("scleraforce.service.black_box", kept, [ring.descriptor])}
         if settings.limits.expects_opinion:
             opinion = opinion_settings(model, settings.known, scale, settings.refractive_index, ring)
             children[OPINION] = Child("scleraforce.service.second_opinion", opinion, [ring.descriptor])
-        if settings.console:
-            children[CONSOLE] = _console_child(settings, settings.console, reader, scale, ring)
+        if settings.console and console:
+            children[CONSOLE] = _console_child(settings, settings.console, console, reader, scale, ring)
+            console.close()  # nobody listens when the console has ended
         companions = Companions(children)
         stack.callback(companions.end)
         session = Session(live.read, settings.limits)
@@ -117,13 +123,11 @@ def monitor_service(
         yield server, Address(*listener.getsockname()[:2])
 
 
-def _listen(address: Address) -> socket.socket:
-    try:
-        return socket.create_server((address.host, address.port), backlog=BACKLOG)
-    except OSError as fault:
-        raise InputError(
-            f"{address.host}:{address.port}: {fault.strerror}; give another --port, or end what listens there"
-        ) from fault
+def _listen_for_pages(address: Address) -> socket.socket:
+    missing = [name for name in WEB_NEEDS if find_spec(name) is None]
+    if missing:
+        raise InputError(f"--web-port: {missing[0]} is not installed; pip install 'scleraforce[web]' would do")
+    return listen(address.host, address.port, "web-")
 
 
 def _recording_info(settings: MonitorSettings, study: Study, scale: PixelScale) -> RecordingInfo:
@@ -141,10 +145,16 @@ def _recording_info(settings: MonitorSettings, study: Study, scale: PixelScale) 
 
 
 def _console_child(
-    settings: MonitorSettings, address: Address, reader: ForceReader | WallReader, scale: PixelScale, ring: FrameRing
+    settings: MonitorSettings,
+    address: Address,
+    listener: socket.socket,
+    reader: ForceReader | WallReader,
+    scale: PixelScale,
+    ring: FrameRing,
 ) -> Child:
     told = console_settings(
-        host=address.host, port=address.port, ring=ring, lateral_m=scale.lateral_m, depth_m=scale.depth_m,
+        host=address.host, listener=listener, token=settings.token, ring=ring,
+        lateral_m=scale.lateral_m, depth_m=scale.depth_m,
         limits=settings.limits, class_bounds_n=reader.study.classes.bounds_n, model=reader.path.name, eye=settings.eye,
     )  # fmt: skip
-    return Child("scleraforce.service.console", told, [ring.descriptor])
+    return Child("scleraforce.service.console", told, [ring.descriptor, listener.fileno()])

@@ -1,6 +1,7 @@
 """Lines for the operator, written by a thread of their own: a terminal that was stopped must not stop the monitor."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from queue import SimpleQueue
 from threading import Thread
 
@@ -33,4 +34,5 @@ class Notes:
 
     def _run(self) -> None:
         while (text := self._lines.get()) is not None:
-            self._write(text)
+            with suppress(OSError):  # a terminal that was closed: nobody reads any more
+                self._write(text)

@@ -18,13 +18,17 @@ def ask_reset(host: str, port: int, token: str) -> tuple[bool, str]:
     """Ask a monitor to leave a withdrawal; return whether it did, and what it says.
 
     Raises:
-        InputError: nobody answers there.
+        InputError: nobody answers there, or the token cannot be sent.
     """
+    if not host.strip():
+        raise InputError("--host: empty; say where the monitor listens, 127.0.0.1 for this machine")
+    if not token.isprintable():  # also what is no text
+        raise InputError("--token: has characters that no token has; copy it from where the monitor was started")
     try:
         with socket.create_connection((host, port), timeout=ANSWER_S) as link:
             link.sendall(encode(Text(token), RESET_DEVICE, time_s=time()))
             return _answer(link)
-    except (OSError, ProtocolError) as fault:
+    except (OSError, UnicodeError, ProtocolError) as fault:
         reason = getattr(fault, "strerror", None) or str(fault)
         raise InputError(f"{host}:{port}: {reason}; is a monitor running there?") from fault
 

@@ -1,6 +1,5 @@
 """The monitor's server: one thread, one selector; scanners, robots and others speak OpenIGTLink with it."""
 
-import hmac
 import json
 import selectors
 import socket
@@ -21,6 +20,7 @@ from scleraforce.service.connection import Connection
 from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.guard import Guard
 from scleraforce.service.openigtlink import BadChecksum, Broken, Event, Image, Malformed, Query, Received, Sensor, Text
+from scleraforce.service.reset_token import ResetToken, token_digest
 from scleraforce.service.session import Frame, Session
 from scleraforce.service.telling import (
     READING_DEVICE,
@@ -97,6 +97,7 @@ class Server:
         self._arrivals = count(1)
         self._counted: tuple[int, float] | None = None
         self._noted = session.decision.state
+        self._token = ResetToken(token_digest(settings.token))
         self._stopping = False
 
     def stop(self) -> None:
@@ -163,7 +164,12 @@ class Server:
         may_scan = self._may_scan(client, now_s)
         events, alive = client.receive(self._most_bytes if may_scan else SMALL_BODY_BYTES, now_s)
         at_s = self.session.clock()
-        frames = [frame for event in events if (frame := self._hear_event(client, event, at_s, may_scan))]
+        frames: list[Frame] = []
+        for event in events:
+            if (frame := self._hear_event(client, event, at_s, may_scan)) is not None:
+                frames.append(frame)
+            if client.wrong_tokens >= WRONG_TOKENS:  # it was let go: what it said after that does not count
+                break
         overtaken = [frame for frame in frames[:-1] if not frame.misfit]
         if overtaken:
             self._decide("loss", QueueLoss(at_s, len(overtaken)))
@@ -305,33 +311,35 @@ class Server:
             elif message.get("kind") == "kept":
                 self._note(f"the last seconds were kept in {message.get('folder')}")
             elif message.get("kind") == "listening":
-                self._note(f"console    http://127.0.0.1:{message.get('port')}/")
+                self._note(f"console    {message.get('url')}")
+            elif message.get("kind") == "wrong-tokens":
+                self._note_client(f"console: {message.get('count')} resets with a wrong token")
         if self._companions.dead(name):
             descriptor = next(key for key, of in self._companions.channels.items() if of == name)
             self._clients.selector.unregister(descriptor)
-            self._note(f"the {name} has ended")
+            self._note(f"the {name} has ended{self._companions.last_words(name)}")
 
     # The operator's reset.
 
-    def _knows(self, token: str) -> bool:
-        """Return whether a token is the right one, in a time that does not tell how much of it is."""
-        return hmac.compare_digest(token.encode(), self.settings.token.encode())
-
     def _reset(self, token: str, now_s: float) -> tuple[bool, str]:
         """Return whether a reset is granted, and what to say."""
-        if not self._knows(token):
+        if not self._token.knows(token):
             self._note_client("a reset with a wrong token")
             return False, "the token is wrong; it stands where the monitor was started"
         self._decide("reset", Reset(now_s))
         return self.session.decision.code == 1, self.session.decision.message
 
     def _reset_by_client(self, client: Connection, token: str, now_s: float) -> None:
-        granted, text = self._reset(token, now_s)
-        answer = Text(json.dumps({"granted": granted, "message": text}))
-        self._clients.send(client, Telling(RESET_DEVICE, (answer,), self.session.wall_clock), now_s)
-        client.wrong_tokens += not self._knows(token)
+        wrong = not self._token.knows(token)
+        if wrong and not self._token.answers_wrong(now_s):
+            client.wrong_tokens = WRONG_TOKENS
+        else:
+            client.wrong_tokens += wrong
+            granted, text = self._reset(token, now_s)
+            answer = Text(json.dumps({"granted": granted, "message": text}))
+            self._clients.send(client, Telling(RESET_DEVICE, (answer,), self.session.wall_clock), now_s)
         if client.wrong_tokens >= WRONG_TOKENS:
-            self._clients.leave(client, f"was let go: {WRONG_TOKENS} wrong tokens")
+            self._clients.leave(client, "was let go: wrong tokens")
 
 
 def _said(event: BadChecksum | Malformed | Broken) -> str:

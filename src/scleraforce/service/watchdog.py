@@ -86,8 +86,9 @@ class Watchdog:
                 os.kill(self._pid, signal.SIGKILL)
         told = len(self._clients)
         self._tell()
-        sys.stderr.write(f"watchdog: the monitor hung or died and was ended; clients told to withdraw: {told}\n")
-        sys.stderr.flush()
+        said = f"watchdog: the monitor hung or died and was ended; clients told to withdraw: {told}\n"
+        with suppress(OSError):  # `start_companion` sees to it that this never waits
+            os.write(2, said.encode())
         due_s = started_s + REPEAT_S
         while self._clients:
             self._drain(max(0.0, due_s - time.monotonic()))

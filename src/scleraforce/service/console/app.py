@@ -13,7 +13,6 @@ from scleraforce.service.console.settings import ConsoleSettings
 
 __all__ = ["console_app"]
 
-MOST_PAGES = 32
 TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 
 
@@ -55,9 +54,6 @@ def console_app(hub: Hub, settings: ConsoleSettings) -> OwnPagesOnly:
     @app.websocket("/live")
     async def live(socket: WebSocket) -> None:
         await socket.accept()
-        if len(hub.pages) >= MOST_PAGES:
-            await socket.close(1013, "too many pages")
-            return
         await show(socket, hub, settings.for_page())
 
     return OwnPagesOnly(app, settings.host)

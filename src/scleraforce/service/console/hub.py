@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from itertools import count
 from time import monotonic
 from typing import Any
@@ -9,13 +10,30 @@ from typing import Any
 from scleraforce.service.channel import Channel, ChannelClosedError
 from scleraforce.service.console.board import Board
 from scleraforce.service.console.pictures import Pictures
+from scleraforce.service.reset_token import ResetToken
 
-__all__ = ["Hub", "ResetAnswer"]
+__all__ = ["Hub", "PagePlace", "ResetAnswer"]
 
 ANSWER_S = 3.0
-REFUSED_S = 0.5  # until the next try: a token is not to be guessed
+WRONG_S = 0.5  # until a wrong token is answered
+MOST_PAGES = 32
 
 ResetAnswer = tuple[bool, str]
+
+
+@dataclass(eq=False)
+class PagePlace:
+    """The place of one page.
+
+    Attributes:
+        wake: set where the page has to be told at once.
+        gone: set where it has to leave.
+        heard_s: when it said something last.
+    """
+
+    wake: asyncio.Event = field(default_factory=asyncio.Event)
+    gone: asyncio.Event = field(default_factory=asyncio.Event)
+    heard_s: float = field(default_factory=monotonic)
 
 
 class Hub:
@@ -24,17 +42,17 @@ class Hub:
     Args:
         channel: to the monitor.
         pictures: of its frames.
+        token: of the operator's reset.
         when_ended: called once, when the monitor has ended or died.
     """
 
-    def __init__(self, channel: Channel, pictures: Pictures, when_ended: Callable[[], None]) -> None:
+    def __init__(self, channel: Channel, pictures: Pictures, token: ResetToken, when_ended: Callable[[], None]) -> None:
         self.board, self.pictures = Board(monotonic()), pictures
-        self.pages: set[asyncio.Event] = set()  # of each page, to be set where it has to be told at once
-        self._channel, self._when_ended = channel, when_ended
+        self.pages: set[PagePlace] = set()
+        self._channel, self._token, self._when_ended = channel, token, when_ended
         self._numbers = count(1)
         self._waiting: dict[int, asyncio.Future[ResetAnswer]] = {}
-        self._one_reset = asyncio.Lock()
-        self._next_reset_s = 0.0
+        self._wrong_tokens = 0
 
     def listen(self) -> None:
         """Read the channel from now on."""
@@ -75,7 +93,17 @@ class Hub:
 
     def _wake(self) -> None:
         for page in self.pages:
-            page.set()
+            page.wake.set()
+
+    def enter(self) -> PagePlace:
+        """Return a place for a page; where all are taken, the page that was heard longest ago loses its own."""
+        if len(self.pages) >= MOST_PAGES:
+            silent = min(self.pages, key=lambda page: page.heard_s)
+            silent.gone.set()
+            self.pages.discard(silent)
+        place = PagePlace()
+        self.pages.add(place)
+        return place
 
     def _answer(self, message: dict[str, Any]) -> None:
         future = self._waiting.pop(message["request"], None)
@@ -83,18 +111,30 @@ class Hub:
             future.set_result((bool(message["granted"]), str(message["message"])))
 
     async def reset(self, token: str) -> ResetAnswer:
-        """Ask the monitor for a reset; return whether it was granted, and what the monitor says."""
-        async with self._one_reset:
-            await asyncio.sleep(max(0.0, self._next_reset_s - monotonic()))
-            number = next(self._numbers)
-            future = self._waiting[number] = asyncio.get_running_loop().create_future()
-            self.tell({"kind": "reset", "request": number, "token": token})
-            try:
-                granted, said = await asyncio.wait_for(future, ANSWER_S)
-            except TimeoutError:
-                granted, said = False, "the monitor does not answer"
-            finally:
-                self._waiting.pop(number, None)
-            if not granted:
-                self._next_reset_s = monotonic() + REFUSED_S
-            return granted, said
+        """Ask the monitor for a reset; return whether it was granted, and what the monitor says.
+
+        Only the right token gets there: so no number of wrong ones can keep the operator waiting.
+        """
+        if not self._token.knows(token):
+            self._count_wrong()
+            await asyncio.sleep(WRONG_S)
+            return False, "the token is wrong; it stands where the monitor was started"
+        number = next(self._numbers)
+        future = self._waiting[number] = asyncio.get_running_loop().create_future()
+        self.tell({"kind": "reset", "request": number, "token": token})
+        try:
+            return await asyncio.wait_for(future, ANSWER_S)
+        except TimeoutError:
+            return False, "the monitor does not answer"
+        finally:
+            self._waiting.pop(number, None)
+
+    def _count_wrong(self) -> None:
+        """Tell the monitor of wrong tokens: of all in `WRONG_S` together."""
+        self._wrong_tokens += 1
+        if self._wrong_tokens == 1:
+            asyncio.get_running_loop().call_later(WRONG_S, self._tell_wrong)
+
+    def _tell_wrong(self) -> None:
+        self.tell({"kind": "wrong-tokens", "count": self._wrong_tokens})
+        self._wrong_tokens = 0

@@ -9,7 +9,7 @@ from typing import Any
 
 from fastapi import WebSocket, WebSocketDisconnect
 
-from scleraforce.service.console.hub import Hub
+from scleraforce.service.console.hub import Hub, PagePlace
 
 __all__ = ["show"]
 
@@ -45,25 +45,25 @@ async def show(socket: WebSocket, hub: Hub, settings: dict[str, Any]) -> None:
     """Tell a page all it shows, until it leaves.
 
     A page answers each message with `{"seen": number}` and each picture with `{"drawn": frame}`. One that stalls is
-    told nothing more until it answers, and then the newest.
+    told nothing more until it answers, and then the newest; where all places are taken, it is closed for another.
 
     Args:
         socket: accepted already.
         hub: what there is to tell.
         settings: of the console, for the page.
     """
-    progress, wake = Progress(), asyncio.Event()
-    hub.pages.add(wake)
-    tasks: list[asyncio.Task[None]] = []
+    progress, place = Progress(), hub.enter()
+    tasks: list[asyncio.Task[Any]] = []
     try:
         await socket.send_text(json.dumps({"kind": "hello", **settings}))
-        tasks = [asyncio.create_task(_tell(socket, hub, progress, wake))]
-        tasks += [asyncio.create_task(_hear(socket, progress, wake))]
+        tasks = [asyncio.create_task(_tell(socket, hub, progress, place))]
+        tasks += [asyncio.create_task(_hear(socket, progress, place))]
+        tasks += [asyncio.create_task(place.gone.wait())]
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     except WebSocketDisconnect:
         return
     finally:
-        hub.pages.discard(wake)
+        hub.pages.discard(place)
         for task in tasks:
             task.cancel()
     ends = await asyncio.gather(*tasks, return_exceptions=True)
@@ -72,18 +72,20 @@ async def show(socket: WebSocket, hub: Hub, settings: dict[str, Any]) -> None:
     for end in ends:
         if isinstance(end, Exception):
             raise end
-    if ends[1] is None:  # it said something that no page of ours says
+    if place.gone.is_set():
+        await socket.close(1013, "too many pages")
+    elif ends[1] is None:  # it said something that no page of ours says
         await socket.close(1008)
 
 
-async def _tell(socket: WebSocket, hub: Hub, progress: Progress, wake: asyncio.Event) -> None:
+async def _tell(socket: WebSocket, hub: Hub, progress: Progress, place: PagePlace) -> None:
     while True:
-        wake.clear()
+        place.wake.clear()
         if progress.keeps_up:
             await _tell_state(socket, hub, progress)
             await _tell_picture(socket, hub, progress)
         with suppress(TimeoutError):
-            await asyncio.wait_for(wake.wait(), EVERY_S)
+            await asyncio.wait_for(place.wake.wait(), EVERY_S)
 
 
 async def _tell_state(socket: WebSocket, hub: Hub, progress: Progress) -> None:
@@ -104,13 +106,14 @@ async def _tell_picture(socket: WebSocket, hub: Hub, progress: Progress) -> None
         await socket.send_bytes(picture)
 
 
-async def _hear(socket: WebSocket, progress: Progress, wake: asyncio.Event) -> None:
+async def _hear(socket: WebSocket, progress: Progress, place: PagePlace) -> None:
     """Take a page's answers; return where it says something else."""
     while True:
         try:
             answer = json.loads(await socket.receive_text())
         except (ValueError, KeyError, RecursionError):  # no JSON, or no text
             return
+        place.heard_s = monotonic()
         seen, drawn = (answer.get(name) if isinstance(answer, dict) else None for name in ("seen", "drawn"))
         stalled = not progress.keeps_up
         if isinstance(seen, int):
@@ -120,4 +123,4 @@ async def _hear(socket: WebSocket, progress: Progress, wake: asyncio.Event) -> N
         else:
             return
         if stalled and progress.keeps_up:
-            wake.set()
+            place.wake.set()

@@ -8,10 +8,12 @@ import uvicorn
 
 from scleraforce.service.channel import Channel
 from scleraforce.service.console.app import console_app
+from scleraforce.service.console.connections import NewestConnections
 from scleraforce.service.console.hub import Hub
 from scleraforce.service.console.pictures import Pictures
 from scleraforce.service.console.settings import ConsoleSettings
 from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.reset_token import ResetToken
 
 __all__ = ["serve"]
 
@@ -23,15 +25,7 @@ MOST_MESSAGE_BYTES = 4096
 def serve(channel: Channel, settings: ConsoleSettings) -> int:
     """Serve until the monitor has ended; return the exit code."""
     os.nice(NICENESS)
-    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
-    try:
-        listener = socket.create_server((settings.host, settings.port), family=family)
-    except OSError as fault:
-        why = str(fault.strerror).partition(" (while")[0]
-        detail = f"console: {settings.host}:{settings.port}: {why}; another --web-port would do"
-        channel.send({"kind": "fault", "detail": detail})
-        return 1
-    asyncio.run(_serve(channel, settings, listener))
+    asyncio.run(_serve(channel, settings, socket.socket(fileno=settings.listener)))
     return 0
 
 
@@ -41,10 +35,11 @@ async def _serve(channel: Channel, settings: ConsoleSettings, listener: socket.s
     def end() -> None:
         loop.call_later(LAST_WORDS_S if hub.pages else 0.0, setattr, server, "should_exit", True)
 
-    hub = Hub(channel, Pictures(FrameRing(*settings.ring)), end)
+    hub = Hub(channel, Pictures(FrameRing(*settings.ring)), ResetToken(settings.token_digest), end)
     server = uvicorn.Server(
         uvicorn.Config(
             console_app(hub, settings),
+            http=NewestConnections,
             lifespan="off",
             log_level="critical",  # what strangers send is not to fill the terminal
             access_log=False,
@@ -56,5 +51,9 @@ async def _serve(channel: Channel, settings: ConsoleSettings, listener: socket.s
         )
     )
     hub.listen()
-    hub.tell({"kind": "listening", "port": listener.getsockname()[1]})
+    hub.tell({"kind": "listening", "url": _url(settings.host, listener.getsockname()[1])})
     await server.serve([listener])
+
+
+def _url(host: str, port: int) -> str:
+    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"

@@ -1,5 +1,6 @@
 """What the monitor tells its console at the start."""
 
+import socket
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 from scleraforce import __version__
 from scleraforce.monitor import MonitorLimits
 from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.reset_token import token_digest
 from scleraforce.units import n_to_mn
 
 __all__ = ["ConsoleSettings", "console_settings"]
@@ -17,8 +19,9 @@ class ConsoleSettings:
     """Where to serve, where the frames are, and what the page has to know beforehand.
 
     Attributes:
-        host: address to listen on.
-        port: of it; 0 takes any that is free.
+        host: address that is listened on.
+        listener: descriptor of the socket that listens there.
+        token_digest: of the token of the operator's reset.
         ring: of the frames: its descriptor, how many frames, rows, columns.
         pixel_mm: lateral and in depth.
         class_bounds_mn: between the classes of force.
@@ -32,7 +35,8 @@ class ConsoleSettings:
     """
 
     host: str
-    port: int
+    listener: int
+    token_digest: str
     ring: tuple[int, int, int, int]
     pixel_mm: tuple[float, float]
     class_bounds_mn: tuple[float, ...]
@@ -63,7 +67,8 @@ class ConsoleSettings:
 def console_settings(
     *,
     host: str,
-    port: int,
+    listener: socket.socket,
+    token: str,
     ring: FrameRing,
     lateral_m: float,
     depth_m: float,
@@ -75,8 +80,9 @@ def console_settings(
     """Return the settings of the console's process, as its first message.
 
     Args:
-        host: address to listen on.
-        port: of it; 0 takes any that is free: the answer `listening` tells which.
+        host: address that is listened on.
+        listener: the socket that listens there; its descriptor has to be inherited.
+        token: of the operator's reset; the console is told its digest.
         ring: the frames; its descriptor has to be inherited.
         lateral_m: width of a pixel.
         depth_m: height of a pixel.
@@ -87,7 +93,8 @@ def console_settings(
     """
     settings = ConsoleSettings(
         host=host,
-        port=port,
+        listener=listener.fileno(),
+        token_digest=token_digest(token),
         ring=(ring.descriptor, ring.frames, *ring.shape),
         pixel_mm=(1e3 * lateral_m, 1e3 * depth_m),
         class_bounds_mn=tuple(n_to_mn(bound_n) for bound_n in class_bounds_n),

@@ -1,0 +1,39 @@
+"""The console's connections: a bound on them, within which the newest one always has its place."""
+
+import asyncio
+from collections import deque
+
+import h11
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+__all__ = ["NewestConnections"]
+
+MOST = 128  # of each kind; of WebSockets more than have a place as pages, for some are being closed
+
+_requests, _sockets = deque[asyncio.Transport](), deque[asyncio.Transport]()  # oldest first; of the console's process
+
+
+class NewestConnections(H11Protocol):
+    """Takes every new connection; the oldest of too many is cut off, whatever it waits for.
+
+    A server that refuses the newest one instead would be full of those who say nothing.
+    """
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # as uvicorn's own
+        """Take a connection."""
+        super().connection_made(transport)
+        _enter(_requests, transport)
+
+    def handle_websocket_upgrade(self, event: h11.Request) -> None:
+        """Let a connection become a WebSocket."""
+        _requests.remove(self.transport)
+        _enter(_sockets, self.transport)
+        super().handle_websocket_upgrade(event)
+
+
+def _enter(connections: deque[asyncio.Transport], newest: asyncio.Transport) -> None:
+    for closed in [transport for transport in connections if transport.is_closing()]:
+        connections.remove(closed)
+    connections.append(newest)
+    if len(connections) > MOST:
+        connections.popleft().abort()

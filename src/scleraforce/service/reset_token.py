@@ -1,0 +1,48 @@
+"""The token of the operator's reset: who knows it, and how many wrong ones are answered."""
+
+import hmac
+from collections import deque
+from hashlib import sha256
+from secrets import token_hex
+
+__all__ = ["ResetToken", "new_token", "token_digest"]
+
+TOKEN_BYTES = 16
+ANSWERED, WITHIN_S = 10, 10.0  # wrong ones, of all who send them together
+
+
+def new_token() -> str:
+    """Return a token that cannot be guessed: 128 bits as 32 hexadecimal digits."""
+    return token_hex(TOKEN_BYTES)
+
+
+def token_digest(token: str) -> str:
+    """Return the SHA-256 of a token, in hexadecimal digits: whoever has it can check a token, and not make one."""
+    return sha256(token.encode(errors="surrogatepass")).hexdigest()
+
+
+class ResetToken:
+    """Knows the right token by its digest, and counts the wrong ones.
+
+    The right one is known at any time, however many wrong ones came: it is too long to be guessed, and a bound on
+    those who try must not keep the operator out.
+
+    >>> token = ResetToken(token_digest("right"))
+    >>> token.knows("right"), token.knows("wrong")
+    (True, False)
+    """
+
+    def __init__(self, digest: str) -> None:
+        self._digest = digest
+        self._answered_s = deque[float](maxlen=ANSWERED)
+
+    def knows(self, token: str) -> bool:
+        """Return whether a token is the right one, in a time that does not tell how much of it is."""
+        return hmac.compare_digest(token_digest(token), self._digest)
+
+    def answers_wrong(self, now_s: float) -> bool:
+        """Count a wrong token; return whether it is to be answered: so many are within so many seconds."""
+        if len(self._answered_s) == ANSWERED and now_s - self._answered_s[0] < WITHIN_S:
+            return False
+        self._answered_s.append(now_s)
+        return True

@@ -1,0 +1,55 @@
+"""Resets by those who do not know the token: they end their own connection, and keep the operator from nothing."""
+
+from contextlib import ExitStack
+
+from peer import Peer, serving
+from small_monitor import TOKEN
+
+from scleraforce.service.openigtlink import Text, encode
+from scleraforce.service.operator import ask_reset
+from scleraforce.service.reset_token import ANSWERED
+
+
+def withdrawn_but_harmless(scanner: Peer) -> None:
+    """Bring the monitor to where a reset with the right token is granted."""
+    scanner.watch()
+    scanner.show(40.0)
+    scanner.wait_for_code(3)
+    for _ in range(8):
+        read = scanner.readings()
+        scanner.show(10.0)
+        scanner.hear(10.0, lambda peer: peer.readings() > read)  # noqa: B023 - called at once
+    assert scanner.statuses()[-1].code == 3
+
+
+def answers(peer: Peer) -> int:
+    return sum(device == "ForceReset" for device, _ in peer.heard)
+
+
+def say_at_once(peer: Peer, tokens: list[str]) -> None:
+    peer.link.sendall(b"".join(encode(Text(token), "ForceReset", time_s=2e9) for token in tokens))
+
+
+def test_after_three_wrong_tokens_the_right_one_in_the_same_bytes_is_not_obeyed() -> None:
+    with serving() as port, Peer(port) as scanner, Peer(port) as guesser:
+        withdrawn_but_harmless(scanner)
+        say_at_once(guesser, ["wrong"] * 3 + [TOKEN])
+        guesser.hear(5.0)
+        assert answers(guesser) == 3
+        assert not guesser.link.recv(1)
+        scanner.heard.clear()
+        scanner.show(10.0)
+        scanner.hear(5.0, lambda peer: peer.readings() > 0)
+        assert {status.code for status in scanner.statuses()} == {3}
+
+
+def test_wrong_tokens_of_many_are_counted_together_and_the_right_one_is_granted_all_the_same() -> None:
+    with serving() as port, ExitStack() as stack, Peer(port) as scanner:
+        guessers = [stack.enter_context(Peer(port)) for _ in range(ANSWERED)]
+        for guesser in guessers:
+            say_at_once(guesser, ["wrong"] * 2)
+        for guesser in guessers:
+            guesser.hear(0.3)
+        assert sum(answers(guesser) for guesser in guessers) == ANSWERED
+        withdrawn_but_harmless(scanner)
+        assert ask_reset("127.0.0.1", port, TOKEN)[0] is True

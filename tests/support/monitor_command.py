@@ -1,0 +1,67 @@
+"""The command `monitor` as a user starts it, on a model that is made in a moment."""
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from analytic_frames import LIBRARY, MODULUS_PA, THICKNESS_M
+from calibration_file import calibration_text
+from fixed_reader import write_fixed_reader
+
+__all__ = ["BINS", "Started", "monitor_folder", "program", "started"]
+
+BINS, BIN = 64, 20
+
+
+def monitor_folder(folder: Path) -> Path:
+    """A reader whose network always answers the same small force, and whose fit reads; a calibration of one eye."""
+    write_fixed_reader(folder / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)])
+    mpa = MODULUS_PA / 1e6
+    eyes = {"mine": {"mean_mpa": mpa, "sd_mpa": 0.01 * mpa, "thickness_um": THICKNESS_M * 1e6, "frames": ["1.png"]}}
+    text = calibration_text(eyes=eyes, population={"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05})
+    (folder / "calibration.json").write_text(text)
+    return folder
+
+
+def program(folder: Path) -> Path:
+    """A program as an installation makes it: the current folder is not where its modules come from."""
+    found = folder / "scleraforce-program"
+    found.write_text("from scleraforce.cli.main import main\n\nif __name__ == '__main__':\n    main()\n")
+    return found
+
+
+@dataclass
+class Started:
+    process: subprocess.Popen[str]
+    port: int
+    token: str
+    lines: list[str]
+
+
+@contextmanager
+def started(folder: Path, *options: str, here: Path | None = None) -> Iterator[Started]:
+    """Start the command, wait until it listens; Ctrl-C ends it."""
+    command = [sys.executable, str(program(folder)), "monitor", str(folder / "reader"), "--port", "0", "--json"]
+    process = subprocess.Popen(
+        [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=here
+    )
+    assert process.stderr
+    lines: list[str] = []
+    while not lines or not lines[-1].startswith("reset"):
+        lines.append(process.stderr.readline())
+        assert lines[-1], lines
+    words = lines[-1].split()
+    monitor = Started(process, int(words[words.index("--port") + 1]), words[-1], lines)
+    try:
+        yield monitor
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        process.wait(20.0)
+        process.stderr.close()
+        if process.stdout:
+            process.stdout.close()
