@@ -13,7 +13,7 @@ from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, r
 from scleraforce.study.toml import parse_record
 from scleraforce.whole_files import KINDS, read_text
 
-__all__ = ["Recording", "read_frame", "read_recording"]
+__all__ = ["Recording", "read_frame", "read_info", "read_recording"]
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def read_recording(path: Path) -> Recording:
     Raises:
         RecordingError: naming the file, the line and the field.
     """
-    info = _read_info(path / "recording.toml")
+    info = read_info(path / "recording.toml")
     frames = read_frame_list(path / "frames.csv")
     _check_files(path, frames)
     if not (path / "forces.csv").exists():
@@ -57,7 +57,12 @@ def read_recording(path: Path) -> Recording:
     return Recording(path, info, frames, read_force_log(path / "forces.csv", info.force.axis))
 
 
-def _read_info(path: Path) -> RecordingInfo:
+def read_info(path: Path) -> RecordingInfo:
+    """Read and check a recording.toml.
+
+    Raises:
+        RecordingError: naming the file, the line and the field.
+    """
     if not path.parent.is_dir():
         raise RecordingError(f"{path.parent}: no such folder; give a recording folder")
     try:
