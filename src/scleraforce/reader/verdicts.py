@@ -19,8 +19,8 @@ ROUGH_M, ROUGH_OUTLIERS = 8e-6, 0.1  # ... in one that is less good they say tha
 DEVIATION_SD = 4.0  # of thickness and size from what they are known to be
 # A layer below the wall may be taken for a part of it (the choroid); hardly anything makes it look thinner.
 THINNER_M, THICKER_M = 40e-6, 200e-6
-# Of contacts up to the edge of the training, the network placed none more than 0.10 mm beyond it (and was 0.27 mm off at
-# most, from 8 mN on), the fit none more than 1.9 of its own standard deviations: 400 frames, docs/reader.md.
+# Of contacts up to the edge of the training, the network placed none more than 0.15 mm beyond it; the fit none more
+# than 0.09 mm where there was a dent, and 1.9 of its own standard deviations where there was hardly any.
 CONTACT_SLACK_M, CONTACT_SD = 0.25e-3, 3.0
 DENT_M = 1e-3  # to either side of the contact: the dent's deepest part
 CALIBRATED_SPAN_M = 4e-3  # to either side of the contact
