@@ -66,6 +66,8 @@ def test_an_exception_that_cannot_be_sent_is_told():
 def test_results_come_in_order_whatever_the_workers_do():
     assert list(work_in_order(HEAVY, range(5, 12), 2, ahead=3)) == [3 * unit for unit in range(5, 12)]
     assert list(work_in_order(HEAVY, [], 2, ahead=3)) == []
+
+
 def test_no_module_of_the_current_folder_runs_in_a_worker(tmp_path: Path) -> None:
     (tmp_path / "here").mkdir()
     for name in ("signal", "json", "numpy", "multiprocessing", "pickle", "struct"):

@@ -42,6 +42,9 @@ def fails(monkeypatch: pytest.MonkeyPatch):
         (KeyboardInterrupt(), 130, "error: interrupted"),
         (ZeroDivisionError("division by zero"), 1, "error: internal fault: ZeroDivisionError: division by zero"),
         (ValueError("two\nlines"), 1, "error: internal fault: ValueError: two lines"),
+        (OSError(36, "File name too long", "xxx"), 2, "error: xxx: File name too long"),
+        (OSError(28, "No space left on device"), 2, "error: No space left on device"),
+        (ConnectionRefusedError(111, "Connection refused"), 1, "error: internal fault: ConnectionRefusedError: "),
         (click.UsageError("no such thing"), 2, "error: no such thing"),
     ],
 )

@@ -127,5 +127,41 @@ def test_what_is_no_frame_is_one_line(tmp_path: Path, capsys) -> None:
     tiny = tmp_path / "tiny.png"
     cv2.imwrite(str(tiny), np.zeros((4, 4), np.uint8))
     assert "at least 16 x 16" in refused(capsys, tiny, "--out", tmp_path / "out")
-    assert "no such file" in refused(capsys, tmp_path / "nothing.png", "--out", tmp_path / "out")
+    assert "No such file" in refused(capsys, tmp_path / "nothing.png", "--out", tmp_path / "out")
     assert "recording.toml" in refused(capsys, tmp_path, "--out", tmp_path / "out")
+
+
+def test_a_scale_that_nobody_states_is_assumed_and_told(recordings, tmp_path: Path, capsys) -> None:
+    frame, loose = recordings[0] / "frames" / "0001.png", tmp_path / "loose.png"
+    loose.write_bytes(frame.read_bytes())
+    stated, assumed = segmented(capsys, frame, loose, "--out", tmp_path / "a")["frames"]
+    assert {size["source"] for size in stated["scale"].values()} == {"recording.toml"}
+    assert {size["source"] for size in assumed["scale"].values()} == {"assumed"}
+    assert run(["segment", str(frame), str(loose), "--out", str(tmp_path / "a")]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "note: the scale of 1 of 2 frames is not known" in text
+    assert run(["segment", str(frame), "--out", str(tmp_path / "a")]) == 0
+    assert "note" not in capsys.readouterr().out
+
+
+def test_a_bad_file_is_told_and_the_others_are_segmented(recordings, tmp_path: Path, capsys) -> None:
+    frame, empty, long = recordings[0] / "frames" / "0001.png", tmp_path / "empty.png", tmp_path / ("x" * 300)
+    empty.write_bytes(b"")
+    given = [str(empty), str(frame), str(long)]
+    assert run(["segment", *given, "--out", str(tmp_path / "out"), "--json"]) == 2
+    told = capsys.readouterr()
+    entries = json.loads(told.out)["frames"]
+    assert [entry["file"] for entry in entries] == given
+    assert [entry["usable"] for entry in entries] == [False, True, False]
+    assert ["error" in entry for entry in entries] == [True, False, True]
+    assert told.err.splitlines() == [
+        f"error: {empty}: an empty file; give a PNG, TIFF, JPEG or a single DICOM image",
+        f"error: {long}: File name too long",
+    ]
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["0001.png"]
+
+
+def test_a_frame_that_is_not_what_its_recording_says_is_refused(tmp_path: Path, capsys) -> None:
+    eye = make_recording(tmp_path / "eye-3")
+    cv2.imwrite(str(eye / "frames" / "0001.png"), np.zeros((100, 120), np.uint16))
+    assert "recording.toml says 512 x 512" in refused(capsys, eye / "frames" / "0001.png", "--out", tmp_path / "out")

@@ -74,6 +74,29 @@ def test_the_default_method_answers_and_the_other_one_checks_it() -> None:
     assert answer(frame, model=wall_reader(agreeing)).warnings == ()
 
 
+@pytest.mark.parametrize("lateral_m", [-2.5e-3, 1.6e-3])
+def test_a_contact_outside_the_training_is_withdrawn_from(lateral_m: float) -> None:
+    found = answer(image(wall_section(tip_of(0.015), lateral_m=lateral_m)))
+    assert (found.usable, found.predicted, found.force_n) == (False, 2, None)
+    place = f"contact {lateral_m * 1e3:.1f} mm from the frame's middle"
+    assert found.reason == f"{place}, the model was trained on -1 to 1 mm"
+
+
+@pytest.mark.parametrize("default", ["fit", "network"])
+def test_a_contact_counts_as_outside_whichever_method_sees_it_there(default: str) -> None:
+    frame = image(wall_section(tip_of(0.015)))
+    far = wall_reader(replace(FIVE_MN, contact_m=1.3e-3), default)
+    assert answer(frame, model=far).reason.startswith("contact 1.3 mm from the frame's middle")
+    near = wall_reader(replace(FIVE_MN, contact_m=1.2e-3), default)  # the network is as unsure as that
+    assert answer(frame, model=near).usable
+
+
+@pytest.mark.parametrize("lateral_m", [-1e-3, 1e-3])
+@pytest.mark.parametrize("force_n", [0.0005, 0.003, 0.02])
+def test_a_contact_at_the_edge_of_the_training_is_read(lateral_m: float, force_n: float) -> None:
+    assert answer(image(wall_section(tip_of(force_n), lateral_m=lateral_m))).usable
+
+
 def test_the_network_is_shown_shifted_slices_and_what_is_known() -> None:
     model = wall_reader()
     frame = image(wall_section(tip_of(0.02)))

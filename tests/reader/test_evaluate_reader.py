@@ -185,21 +185,23 @@ def test_the_commands_text_has_forces_and_fits_80_columns(places, capsys, monkey
     assert any("90 % interval holds the force" in line for line in lines)
 
 
-def test_classify_reads_more_the_more_it_is_told(places, capsys) -> None:
-    frame = str(places["mine"] / "frames" / "2.png")
+def test_classify_reads_more_the_more_it_is_told(places, capsys, tmp_path) -> None:
+    alone = tmp_path / "2.png"  # no recording states what is known of its eye
+    alone.write_bytes((places["mine"] / "frames" / "2.png").read_bytes())
+    frame, size = str(alone), ["--width-mm", "15", "--depth-mm", "4"]
     told = [
         "--youngs-modulus-mpa", str(MODULUS_PA / 1e6), "--iop-mmhg", str(IOP_PA / 133.322),
         "--thickness-um", str(THICKNESS_M * 1e6), "--gap-mm", str(GAP_M * 1e3),
     ]  # fmt: skip
     widths = []
     for options in (told, told[2:], []):
-        assert run(["classify", str(places["model"]), frame, "--json", *options]) == 0
+        assert run(["classify", str(places["model"]), frame, *size, "--json", *options]) == 0
         (entry,) = json.loads(capsys.readouterr().out)["frames"]
         low, high = entry["interval_mn"]
         assert low < 22.0 < high
         widths.append(high - low)
     assert widths == sorted(widths)
-    assert run(["classify", str(places["model"]), frame, *told]) == 0
+    assert run(["classify", str(places["model"]), frame, *size, *told]) == 0
     assert "mN (90 %:" in capsys.readouterr().out
 
 

@@ -71,6 +71,12 @@ def test_an_eye_outside_the_training_is_withdrawn_from(frame: np.ndarray) -> Non
     assert "the model was trained on" in answer.reason
 
 
+def test_a_contact_outside_the_training_is_withdrawn_from(frame: np.ndarray) -> None:
+    answer = live(frame, wall_reader(replace(FIVE_MN, contact_m=-1.4e-3))).answer
+    assert (answer.usable, answer.predicted, answer.force_n) == (False, 2, None)
+    assert answer.reason == "contact -1.4 mm from the frame's middle, the model was trained on -1 to 1 mm"
+
+
 def test_a_few_millimetres_of_wall_are_withdrawn_from() -> None:
     narrow = image(wall_section(tip_of(0.01)), scanner=replace(STUDY.oct, width_m=5e-3))
     answer = LiveReader(wall_reader(), KNOWN, 1.0).read(narrow, PixelScale(5e-3 / 512, SCALE.depth_m)).answer

@@ -115,6 +115,11 @@ def test_nothing_half_written_is_left_and_nothing_is_overwritten(written, tmp_pa
         write_phantom(tmp_path / "file" / "rec", plan, dented_sections, STUDY)
 
 
+def test_a_force_that_no_study_may_hold_is_refused_with_the_largest():
+    with pytest.raises(RecordingError, match=r"eye eye-x: forces: 1e\+09 mN; up to 1000 mN can be simulated"):
+        plan_phantom(EYE, (0.01, 1e6), STUDY, 0)
+
+
 @pytest.mark.parametrize("forces_n", [(), (-0.01,), (float("nan"),)])
 def test_forces_that_are_none_are_an_error(forces_n):
     with pytest.raises(RecordingError, match=r"eye eye-x: forces: .*; give at least one, none negative"):

@@ -1,36 +1,39 @@
 """`scleraforce classify`: the force class of single frames, and with a model of kind "reader" the force."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.known_eye import known_eye, known_eye_options
-from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.cli.known_eye import known_entry, known_eye, known_eye_options, known_words
+from scleraforce.cli.output import print_json, wrapped
+from scleraforce.cli.single_frames import (
+    each_of,
+    end_with_faults,
+    is_folder,
+    scale_entry,
+    scanner_options,
+    segmenter_of,
+    size_words,
+    told_scanner,
+)
+from scleraforce.errors import FrameError, InputError
 from scleraforce.units import n_to_mn
 
 if TYPE_CHECKING:
-    from scleraforce.imaging.segmentation import PixelScale
     from scleraforce.reader import ForceReader, WallReader
     from scleraforce.reader.answers import Answer
     from scleraforce.reader.known import Known
-    from scleraforce.recording.images import FrameImage
-    from scleraforce.study import OctStudy
+    from scleraforce.recording.scaled_frame import Scanner
 
 __all__ = ["classify"]
-
-LENGTH = click.FloatRange(0.01, 100.0)
 
 
 @click.command()
 @click.argument("model", type=click.Path(path_type=Path))
 @click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option(
-    "--width-mm", type=LENGTH, help="Width of the frames; by default their own (DICOM), or the model's study."
-)
-@click.option("--depth-mm", type=LENGTH, help="Depth of the frames, as stored; by default likewise.")
-@click.option("--refractive-index", type=click.FloatRange(1.0, 2.0),
-              help="By which depth is stretched (1: corrected already); by default the study's.")  # fmt: skip
+@scanner_options
 @known_eye_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def classify(
@@ -39,6 +42,7 @@ def classify(
     width_mm: float | None,
     depth_mm: float | None,
     refractive_index: float | None,
+    transpose: bool,
     youngs_modulus_mpa: float | None,
     iop_mmhg: float | None,
     thickness_um: float | None,
@@ -51,29 +55,68 @@ def classify(
     known of the eye; one of kind "classifier" knows one modulus only. A frame
     that cannot be judged is class 2 (withdraw) and not usable.
 
+    How large a frame is, and what is known of its eye, stands in the
+    recording.toml beside its folder, in the file, or in the options, which come
+    first. `evaluate` reads whole recordings.
+
     Example: scleraforce classify reader frames/0001.png
     --youngs-modulus-mpa 0.27 --iop-mmhg 2 --thickness-um 650 --gap-mm 0.5
     """
-    from scleraforce.imaging.segmentation import Segmenter
     from scleraforce.reader import load_model
-    from scleraforce.reader.answers import answer_frame
-    from scleraforce.recording.images import read_frame_image
 
+    for path in filter(is_folder, frames):
+        raise InputError(f"{path}: a folder; `scleraforce evaluate {model} {path}` reads a recording, this one frames")
     reader = load_model(model)
-    index = reader.study.oct.refractive_index if refractive_index is None else refractive_index
-    segmenter = Segmenter(index)
+    told = told_scanner(width_mm, depth_mm, refractive_index)
     known = known_eye(youngs_modulus_mpa, iop_mmhg, thickness_um, gap_mm)
-    answers = []
-    for path in progress_bar(frames, "frames"):
-        image = read_frame_image(path)
-        scale = _scale(image, reader.study.oct, width_mm, depth_mm)
-        answers.append((path, answer_frame(reader, segmenter, image.pixels, scale, index, known)))
-    notes = _notes(reader, known)
+    found = list(each_of(frames, lambda path: _read(reader, path, told, known, transpose)))
+    read = [(path, answer) for path, answer in found if not isinstance(answer, InputError)]
+    notes = [*_notes(reader, known), *_limits(read)]
     if as_json:
-        entries = [_entry(path, answer) for path, answer in answers]
+        entries = [_entry(path, answer, reader) for path, answer in found]
         print_json({"model": str(model), "kind": reader.kind, "notes": notes, "frames": entries})
     else:
-        click.echo("\n".join([*(_line(path, answer) for path, answer in answers), *notes]))
+        for line in [*(_line(path, one.answer) for path, one in read), *_read_as(read)]:
+            click.echo(line)
+        for note in notes:
+            click.echo(wrapped(note, "note: "))
+    end_with_faults(answer for _, answer in found)
+
+
+@dataclass(frozen=True)
+class FrameRead:
+    """The answer to a frame, with what it was read with: for JSON (`read_with`), in words, and where it is limited."""
+
+    answer: "Answer"
+    read_with: dict[str, Any]
+    words: str
+    limits: tuple[str, ...]
+
+
+def _read(
+    reader: "ForceReader | WallReader", path: Path, told: "Scanner", known: "Known", transpose: bool
+) -> FrameRead:
+    """Read one frame with what was told and what else its recording and its file state."""
+    from scleraforce.reader.answers import answer_frame
+    from scleraforce.reader.known import Known, completed, known_of_recording
+    from scleraforce.reader.limits import limits_of
+    from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame, recording_of
+
+    assumed = Scanner(refractive_index=reader.study.oct.refractive_index)
+    frame = read_scaled_frame(path, told, (assumed, "model's study"), transpose)
+    stated = Known() if frame.info is None else known_of_recording(frame.info)
+    used, index = completed(known, stated), frame.refractive_index.value
+    try:
+        answer = answer_frame(reader, segmenter_of(index), frame.pixels, frame.scale, index, used)
+    except ValueError as fault:
+        raise FrameError(f"{path}: {fault}") from fault
+    place = str(recording_of(path) or path)
+    return FrameRead(
+        answer,
+        {"scale": scale_entry(frame), "known": known_entry(known, stated)},
+        f"{size_words(frame)}; {known_words(known, stated)}",
+        () if frame.info is None else limits_of(reader, place, used, frame.info.oct),
+    )
 
 
 def _notes(reader: "ForceReader | WallReader", known: "Known") -> list[str]:
@@ -83,25 +126,34 @@ def _notes(reader: "ForceReader | WallReader", known: "Known") -> list[str]:
     if reader.kind == "reader" or known == Known():
         return []
     modulus_mpa = reader.study.eye.youngs_modulus_pa / 1e6
-    return [
-        f"note: a classifier takes no notice of what is known of an eye; it reads each as one of {modulus_mpa:g} MPa"
-    ]
+    return [f"a classifier takes no notice of what is known of an eye; it reads each as one of {modulus_mpa:g} MPa"]
 
 
-def _scale(image: "FrameImage", oct_study: "OctStudy", width_mm: float | None, depth_mm: float | None) -> "PixelScale":
-    """Return the size of a pixel: as given, else as the file says, else as the model's study says."""
-    from scleraforce.imaging.segmentation import PixelScale
-
-    rows, columns = image.pixels.shape
-    lateral_m = image.lateral_pixel_m or oct_study.width_m / columns
-    depth_m = image.depth_pixel_m or oct_study.depth_m / rows
-    return PixelScale(
-        lateral_m if width_mm is None else width_mm / 1e3 / columns,
-        depth_m if depth_mm is None else depth_mm / 1e3 / rows,
-    )
+def _limits(read: "list[tuple[Path, FrameRead]]") -> list[str]:
+    """Return once what limits the answers to a recording's frames."""
+    return list(dict.fromkeys(sentence for _, one in read for sentence in one.limits))
 
 
-def _entry(path: Path, answer: "Answer") -> dict[str, Any]:
+def _read_as(read: "list[tuple[Path, FrameRead]]") -> list[str]:
+    """Return what frames were read with, those that are alike together."""
+    alike: dict[str, list[Path]] = {}
+    for path, one in read:
+        alike.setdefault(one.words, []).append(path)
+    names = {words: f"{paths[0]} and {len(paths) - 1} more" if paths[1:] else str(paths[0])
+             for words, paths in alike.items()}  # fmt: skip
+    return [wrapped(f"{names[words]}: {words}", "read with: ") for words in alike]
+
+
+def _entry(path: Path, found: FrameRead | InputError, reader: "ForceReader | WallReader") -> dict[str, Any]:
+    """Return a frame as it stands in JSON; one that could not be read is withdrawn from, and has an `error`."""
+    if isinstance(found, InputError):
+        from scleraforce.reader.answers import unusable
+
+        return {**_answered(path, unusable(reader, str(found))), "error": str(found)}
+    return {**_answered(path, found.answer), **found.read_with}
+
+
+def _answered(path: Path, answer: "Answer") -> dict[str, Any]:
     return {
         "file": str(path),
         "predicted": answer.predicted,

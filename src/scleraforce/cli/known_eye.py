@@ -1,7 +1,7 @@
 """The options by which a user tells what is known of an eye, shared by the commands that read its frames."""
 
 from collections.abc import Callable
-from math import isfinite
+from math import degrees, isfinite
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -12,7 +12,7 @@ from scleraforce.units import mmhg_to_pa
 if TYPE_CHECKING:
     from scleraforce.reader.known import Known
 
-__all__ = ["known_eye", "known_eye_options"]
+__all__ = ["known_entry", "known_eye", "known_eye_options", "known_words"]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -53,3 +53,45 @@ def known_eye(
         None if thickness_um is None else thickness_um / 1e6,
         None if gap_mm is None else gap_mm / 1e3,
     )
+
+
+def known_entry(told: "Known", stated: "Known") -> dict[str, Any]:
+    """Return what a frame was read with, each value with who states it, for JSON."""
+    return {name: {"value": value, "source": source} for name, _, value, source in _sourced(told, stated)}
+
+
+def known_words(told: "Known", stated: "Known") -> str:
+    """Return the same for people: "modulus 0.3 MPa (option), IOP unknown"."""
+    return ", ".join(
+        f"{name} unknown" if value is None else f"{name} {value:.4g}{unit} ({source})"
+        for _, (name, unit), value, source in _sourced(told, stated)
+    )
+
+
+Words = tuple[str, str]  # name and unit
+
+
+def _sourced(told: "Known", stated: "Known") -> list[tuple[str, Words, float | None, str]]:
+    """Return key, words, value and source of all that may be known: what was told comes first."""
+    return [
+        (key, words, second, "unknown" if second is None else "recording.toml")
+        if first is None
+        else (key, words, first, "option")
+        for (key, words, first), (_, _, second) in zip(_values(told), _values(stated), strict=True)
+    ]
+
+
+def _values(known: "Known") -> list[tuple[str, Words, float | None]]:
+    """Return key, words and value, in the unit of both, of all that may be known of an eye."""
+    modulus_pa = known.modulus.mean_pa if known.modulus else None
+    return [
+        ("youngs_modulus_mpa", ("modulus", " MPa"), _times(modulus_pa, 1e-6)),
+        ("iop_mmhg", ("IOP", " mmHg"), _times(known.iop_pa, 1.0 / mmhg_to_pa(1.0))),
+        ("thickness_um", ("thickness", " µm"), _times(known.thickness_m, 1e6)),
+        ("gap_mm", ("gap", " mm"), _times(known.gap_m, 1e3)),
+        ("polar_angle_deg", ("polar angle", "°"), _times(known.polar_rad, degrees(1.0))),
+    ]
+
+
+def _times(value: float | None, factor: float) -> float | None:
+    return None if value is None else float(f"{value * factor:.12g}")

@@ -3,6 +3,7 @@
 Exit codes: 0 done, 1 an internal fault, 2 bad input or usage, 130 interrupted.
 """
 
+import errno
 import os
 import sys
 from importlib import import_module
@@ -12,7 +13,9 @@ import click
 from scleraforce import __version__
 from scleraforce.errors import InputError, ScleraforceError
 
-__all__ = ["cli", "main"]
+__all__ = ["cli", "fail", "main"]
+
+FULL_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # comes without the file's name
 
 # Command -> one line of help. `reproduce-all` lives in `cli/reproduce_all.py` as the function `reproduce_all`.
 COMMANDS = {
@@ -69,11 +72,12 @@ def main() -> None:
 
 
 def run(arguments: list[str]) -> int:
-    """Run one command; return its exit code. Failures are one line on standard error."""
+    """Run one command; return its exit code. Failures are one line on standard error.
+
+    What the system says of a file or of a full disk is the user's to mend, wherever it comes from: exit code 2.
+    """
     try:
-        cli.main(arguments, prog_name="scleraforce", standalone_mode=False)
-    except click.exceptions.Exit as done:
-        return done.exit_code
+        done = cli.main(arguments, prog_name="scleraforce", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as usage:
         click.echo(usage.format_message())
         return 2
@@ -91,8 +95,10 @@ def run(arguments: list[str]) -> int:
     except Exception as fault:
         if os.environ.get("SCLERAFORCE_TRACEBACK"):
             raise
+        if isinstance(fault, OSError) and (fault.filename or fault.errno in FULL_DISK):
+            return fail(": ".join(str(part) for part in (fault.filename, fault.strerror) if part), 2)
         return fail(f"internal fault: {type(fault).__name__}: {fault} (SCLERAFORCE_TRACEBACK=1 shows where)", 1)
-    return 0
+    return done if isinstance(done, int) else 0
 
 
 def fail(message: str, code: int) -> int:

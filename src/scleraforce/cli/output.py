@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from textwrap import fill
 from typing import Any, TypeVar
 
 import click
@@ -11,7 +12,7 @@ from tqdm import tqdm
 
 from scleraforce.plain_json import finite
 
-__all__ = ["print_json", "progress_bar", "share_bar"]
+__all__ = ["print_json", "progress_bar", "share_bar", "wrapped"]
 
 Item = TypeVar("Item")
 
@@ -19,6 +20,16 @@ Item = TypeVar("Item")
 def print_json(result: Mapping[str, Any]) -> None:
     """Print one JSON object; numbers that are not finite become null."""
     click.echo(json.dumps(finite(result), indent=2, allow_nan=False))
+
+
+def wrapped(text: str, start: str = "") -> str:
+    """Return a text at 80 columns, behind what starts its line."""
+    if not text:
+        return start.rstrip()
+    return fill(
+        text, 80, initial_indent=start, subsequent_indent=" " * len(start), break_long_words=False,
+        break_on_hyphens=False,
+    )  # fmt: skip
 
 
 def progress_bar(items: Iterable[Item], title: str, total: int | None = None) -> "tqdm[Item]":

@@ -10,12 +10,10 @@ import click
 from scleraforce.cli.output import print_json, share_bar
 from scleraforce.errors import InputError
 from scleraforce.study import Choice, Study, fixed, read_study
-from scleraforce.study.fields import Unit, check_number
+from scleraforce.study.fields import NEEDLE_FORCE, check_number
 from scleraforce.units import mmhg_to_pa, n_to_mn
 
 __all__ = ["simulate"]
-
-FORCE = Unit("mn", 0.0, 1000.0)
 
 
 @click.command()
@@ -60,7 +58,7 @@ def simulate(
     study = _with_options(study, thickness_um, youngs_modulus_mpa, iop_mmhg, polar_angle_deg, gap_mm)
     if mechanics is not None:
         study = replace(study, mechanics=replace(study.mechanics, kind=mechanics))
-    check_number("force_mn", force_mn, FORCE)
+    check_number("force_mn", force_mn, NEEDLE_FORCE)
     for path in filter(None, (vtu, plot)):
         if path.exists():
             raise InputError(f"{path}: exists already; remove it or choose another name")
@@ -72,7 +70,7 @@ def simulate(
     start = perf_counter()
     contact = Contact(sum(study.needle.polar_angle_rad.bounds) / 2)
     with share_bar("load path") as reach:
-        eye = simulate_eye(study, study.eye.thickness_m.bounds[0], FORCE.to_si(force_mn), contact, reach)
+        eye = simulate_eye(study, study.eye.thickness_m.bounds[0], NEEDLE_FORCE.to_si(force_mn), contact, reach)
     seconds = perf_counter() - start
     if vtu is not None:
         from scleraforce.report.simulation_files import write_vtu

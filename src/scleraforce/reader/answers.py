@@ -12,7 +12,14 @@ from scleraforce.reader.known import Known, outside_training
 from scleraforce.reader.library_fit import BoundaryFit, fit_boundaries, prior_of
 from scleraforce.reader.model import ForceReader
 from scleraforce.reader.readings import Reading, disagreement, fit_reading
-from scleraforce.reader.verdicts import allows_calibration, dent_leaves, fit_leaves, no_wall_of_an_eye, too_little_wall
+from scleraforce.reader.verdicts import (
+    allows_calibration,
+    contact_outside,
+    dent_leaves,
+    fit_leaves,
+    no_wall_of_an_eye,
+    too_little_wall,
+)
 from scleraforce.reader.wall_reader import SHIFTS, WallReader
 from scleraforce.units import n_to_mn
 
@@ -141,6 +148,9 @@ def reading_answer(reader: WallReader, reading: Reading, name: str, leaves: bool
     """
     if not reading.finite:
         return unusable(reader, f"what the {name} reads is no number")
+    reason = contact_outside(reading, reader.study.reader)
+    if reason:
+        return unusable(reader, reason)
     if leaves and not reading.width_n < WIDEST_N:
         return unusable(
             reader,
@@ -173,6 +183,9 @@ def _force_answer(reader: WallReader, seen: Look, boundaries: Boundaries, known:
     names = (reader.default, reader.other)
     leaves = dent_leaves(seen.cut) or fit_leaves(fit, reader.study.slice)
     answer = reading_answer(reader, readings[reader.default], reader.default, leaves)
+    elsewhere = contact_outside(readings[reader.other], reader.study.reader)
+    if answer.usable and elsewhere:
+        answer = unusable(reader, elsewhere)
     warning = disagreement(readings[reader.default], readings[reader.other], names) if answer.usable else None
     return replace(
         answer,

@@ -1,6 +1,6 @@
 """What is known of an eye beside its frame: modulus, IOP, thickness, gap. Each may be missing."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import sqrt
 
 from scleraforce.calibration.summary import CalibrationSummary
@@ -13,6 +13,7 @@ __all__ = [
     "Known",
     "Modulus",
     "calibrated_modulus",
+    "completed",
     "foreign_modulus",
     "known_of_eye",
     "known_of_recording",
@@ -67,6 +68,16 @@ def known_of_recording(info: RecordingInfo) -> Known:
     """Return what a recording states about its eye; it never states the modulus, which a calibration may add."""
     needle = info.needle
     return Known(None, info.eye.iop_pa, info.eye.thickness_m, needle.slice_gap_m, needle.polar_angle_rad)
+
+
+def completed(told: Known, stated: Known) -> Known:
+    """Return what was told of an eye, and what else was stated.
+
+    >>> completed(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0))
+    Known(modulus=None, iop_pa=266.0, thickness_m=None, gap_m=0.0004, polar_rad=None)
+    """
+    pairs = ((getattr(told, item.name), getattr(stated, item.name)) for item in fields(Known))
+    return Known(*(second if first is None else first for first, second in pairs))
 
 
 def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from math import hypot, isfinite
 
+from scleraforce.reader.fit_prediction import LATERAL
 from scleraforce.reader.library_fit import BoundaryFit
 from scleraforce.units import n_to_mn
 
@@ -13,12 +14,17 @@ METHODS = ("network", "fit")
 
 @dataclass(frozen=True)
 class Reading:
-    """Class probabilities, force (median) with its 90 % interval, and the contact's place from the frame's middle."""
+    """Class probabilities, force (median) with its 90 % interval, and the contact's place from the frame's middle.
+
+    `contact_sd_m` is how sure that place is where the method knows it (a standard deviation); without a dent the fit
+    can hardly tell where the needle is.
+    """
 
     probabilities: tuple[float, ...]
     force_n: float
     interval_n: tuple[float, float]
     contact_m: float
+    contact_sd_m: float = 0.0
 
     @property
     def predicted(self) -> int:
@@ -34,13 +40,13 @@ class Reading:
     def finite(self) -> bool:
         """Whether every number is one, and the interval holds the force."""
         low, high = self.interval_n
-        numbers = (*self.probabilities, self.force_n, low, high, self.contact_m)
+        numbers = (*self.probabilities, self.force_n, low, high, self.contact_m, self.contact_sd_m)
         return all(map(isfinite, numbers)) and low <= self.force_n <= high
 
 
 def fit_reading(fit: BoundaryFit, bounds_n: tuple[float, ...]) -> Reading:
     """Return what a fit says."""
-    return Reading(fit.probabilities(bounds_n), fit.force_n, fit.interval_n, fit.contact_m)
+    return Reading(fit.probabilities(bounds_n), fit.force_n, fit.interval_n, fit.contact_m, float(fit.sd[LATERAL]))
 
 
 def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str | None:

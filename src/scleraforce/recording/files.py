@@ -16,7 +16,7 @@ from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, r
 from scleraforce.study.toml import parse_record
 from scleraforce.whole_files import KINDS, read_text
 
-__all__ = ["Recording", "frame_digest", "read_frame", "read_recording"]
+__all__ = ["Recording", "frame_digest", "read_frame", "read_info", "read_recording"]
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def read_recording(path: str | PathLike[str]) -> Recording:
         RecordingError: naming the file, the line and the field.
     """
     path = Path(path)
-    info = _read_info(path / "recording.toml")
+    info = read_info(path / "recording.toml")
     frames = read_frame_list(path / "frames.csv")
     _check_files(path, frames)
     if not os.path.lexists(path / "forces.csv"):
@@ -73,7 +73,12 @@ def frame_digest(pixels: Pixels) -> str:
     return digest.hexdigest()
 
 
-def _read_info(path: Path) -> RecordingInfo:
+def read_info(path: Path) -> RecordingInfo:
+    """Read and check a recording.toml.
+
+    Raises:
+        RecordingError: naming the file, the line and the field.
+    """
     if not path.parent.is_dir():
         raise RecordingError(f"{path.parent}: no such folder; give a recording folder")
     try:

@@ -42,6 +42,7 @@ from scleraforce.recording.pushes import (
 from scleraforce.recording.virtual_eye import PhantomEye, SectionsAt
 from scleraforce.recording.writing import RecordingWriter
 from scleraforce.study import Study, draw, study_hash
+from scleraforce.study.fields import NEEDLE_FORCE
 from scleraforce.whole_files import KINDS, read_text
 
 __all__ = [
@@ -102,7 +103,7 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
     shift of the eye, signal over noise, mirror reflection, shadows, and timing for each frame anew.
 
     Raises:
-        RecordingError: no force is given, or one is not a force.
+        RecordingError: no force is given, or one is not a force that can be simulated.
     """
     _check_forces(eye, forces_n)
     phantom = study.phantom
@@ -147,7 +148,7 @@ def plan_moving_phantom(
         hold_s: how long it stays at each.
 
     Raises:
-        RecordingError: no force is given, or one is not a force; a rate, ramp or hold that is none.
+        RecordingError: no force is given, or one that cannot be simulated; a rate, ramp or hold that is none.
     """
     _check_forces(eye, forces_n)
     given = {"rate": (rate_hz, 0.1, 1000.0), "ramp": (ramp_n_per_s, 1e-5, 100.0), "hold": (hold_s, 0.0, 3600.0)}
@@ -179,6 +180,12 @@ def plan_moving_phantom(
 def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
     if not forces_n or not all(np.isfinite(force_n) and force_n >= 0.0 for force_n in forces_n):
         raise RecordingError(f"eye {eye.id}: forces: {list(forces_n)}; give at least one, none negative")
+    largest_mn = NEEDLE_FORCE.from_si(max(forces_n))
+    if largest_mn > (NEEDLE_FORCE.high or 0.0):
+        raise RecordingError(
+            f"eye {eye.id}: forces: {largest_mn:g} mN; up to {NEEDLE_FORCE.high:g} mN can be simulated, "
+            "more than a wall bears"
+        )
 
 
 def _draw_scanner(eye: PhantomEye, study: Study, seed: int) -> tuple[BscanOptics, Pose]:

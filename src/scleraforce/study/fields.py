@@ -13,7 +13,17 @@ from scleraforce.errors import StudyError
 from scleraforce.study.sampled import Choice, Range
 from scleraforce.units import SI_PER_UNIT
 
-__all__ = ["Unit", "check_fields", "field_key", "field_unit", "option", "quantity", "required"]
+__all__ = [
+    "NEEDLE_FORCE",
+    "Unit",
+    "check_fields",
+    "check_number",
+    "field_key",
+    "field_unit",
+    "option",
+    "quantity",
+    "required",
+]
 
 
 @dataclass(frozen=True)
@@ -37,6 +47,10 @@ class Unit:
     def from_si(self, value: float) -> float:
         """Return an SI value in the human unit, free of the rounding of `to_si`: 58 deg come back as 58 deg."""
         return float(f"{value / self.si_factor:.14g}") if self.name else value
+
+
+# Of a needle's force: what every force of a study may be at most, and more than a sclera bears before it is pierced.
+NEEDLE_FORCE = Unit("mn", 0.0, 1000.0)
 
 
 def quantity(default: Any, unit: str | None = None, low: float | None = None, high: float | None = None) -> Any:

@@ -1,0 +1,119 @@
+"""What the commands that read single frames share: the options of their scale, and what happens to a bad file."""
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from scleraforce.cli.main import fail
+from scleraforce.cli.output import progress_bar
+from scleraforce.errors import InputError
+
+if TYPE_CHECKING:
+    from scleraforce.imaging.segmentation import Segmenter
+    from scleraforce.recording.scaled_frame import ScaledFrame, Scanner
+
+__all__ = [
+    "ASSUMED",
+    "each_of",
+    "end_with_faults",
+    "is_folder",
+    "scale_entry",
+    "scanner_options",
+    "segmenter_of",
+    "size_words",
+    "told_scanner",
+]
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+ASSUMED = "assumed"  # the source of a value that nobody states
+LENGTH = click.FloatRange(0.01, 100.0)
+OPTIONS = (
+    click.option("--width-mm", type=LENGTH, help="Width of the frames; by default their recording's or their own "
+                 "(DICOM, TIFF)."),
+    click.option("--depth-mm", type=LENGTH, help="Depth of the frames, as stored; by default likewise."),
+    click.option("--refractive-index", type=click.FloatRange(1.0, 2.0),
+                 help="By which depth is stretched (1: corrected already); by default the recording's, else "
+                 "that of the model's study (classify) or 1."),
+    click.option("--transpose", is_flag=True, help="The frames' depth runs along their rows, from left to right."),
+)  # fmt: skip
+
+
+def scanner_options(command: Command) -> Command:
+    """Add the options to a command: the arguments of `told_scanner`, and `transpose`."""
+    for option in reversed(OPTIONS):
+        command = option(command)
+    return command
+
+
+def told_scanner(width_mm: float | None, depth_mm: float | None, refractive_index: float | None) -> "Scanner":
+    """Return what the options say of the frames."""
+    from scleraforce.recording.scaled_frame import Scanner
+
+    return Scanner(
+        None if width_mm is None else width_mm / 1e3, None if depth_mm is None else depth_mm / 1e3, refractive_index
+    )
+
+
+def each_of(items: Iterable[Item], read: Callable[[Item], Result]) -> Iterator[tuple[Item, Result | InputError]]:
+    """Read one frame after the other, behind a progress bar: a bad one is an error in its place, the others go on."""
+    for item in progress_bar(items, "frames"):
+        try:
+            yield item, read(item)
+        except InputError as fault:
+            yield item, fault
+        except OSError as fault:  # a name that is too long, a disk that is full
+            yield item, InputError(f"{fault.filename}: {fault.strerror}")
+
+
+def end_with_faults(found: Iterable[object]) -> None:
+    """Tell the errors that stand among results, a line each, and end the command with code 2 where there is one."""
+    faults = [fault for fault in found if isinstance(fault, InputError)]
+    for fault in faults:
+        fail(str(fault), 2)
+    if faults:
+        raise click.exceptions.Exit(2)
+
+
+@lru_cache
+def segmenter_of(refractive_index: float) -> "Segmenter":
+    """Return the segmenter of a refractive index, made once."""
+    from scleraforce.imaging.segmentation import Segmenter
+
+    return Segmenter(refractive_index)
+
+
+def is_folder(path: Path) -> bool:
+    """Return whether a folder is there; a name that no file can have is none."""
+    return os.path.isdir(path)
+
+
+def scale_entry(frame: "ScaledFrame") -> dict[str, Any]:
+    """Return the scale that a frame was read with, and who states it, for JSON."""
+    width, depth, index = frame.width_m, frame.depth_m, frame.refractive_index
+    return {
+        "width_mm": {"value": width.value * 1e3, "source": width.source},
+        "depth_mm": {"value": depth.value * 1e3, "source": depth.source},
+        "refractive_index": {"value": index.value, "source": index.source},
+    }
+
+
+def size_words(frame: "ScaledFrame") -> str:
+    """Return the same for people.
+
+    Sources that are alike stand once: "15 x 4 mm (recording.toml), refractive index 1 (option)".
+    """
+    width, depth, index = frame.width_m, frame.depth_m, frame.refractive_index
+    mm = [f"{extent.value * 1e3:.4g}" for extent in (width, depth)]
+    sizes = (
+        f"{mm[0]} x {mm[1]} mm ({width.source})"
+        if width.source == depth.source
+        else f"{mm[0]} mm ({width.source}) x {mm[1]} mm ({depth.source})"
+    )
+    return f"{sizes}, refractive index {index.value:g} ({index.source})"

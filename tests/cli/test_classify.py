@@ -1,0 +1,180 @@
+"""`classify`: where the scale of a frame and what is known of its eye come from; what happens to bad files."""
+
+import json
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, SCALE, STUDY, THICKNESS_M, image, tip_of, wall_section
+from fixed_reader import write_fixed_reader
+
+from scleraforce.cli.main import run
+
+pytest.importorskip("torch")
+
+SIZE = ["--width-mm", "15", "--depth-mm", "4"]
+STATED = f"""
+[eye]
+id = "mine"
+thickness_m = {THICKNESS_M}
+iop_pa = {IOP_PA}
+[oct]
+columns = {STUDY.oct.columns}
+rows = {STUDY.oct.rows}
+bits = {STUDY.oct.bits}
+width_m = {STUDY.oct.width_m}
+depth_m = {STUDY.oct.depth_m}
+plane_tilt_rad = 0.2
+[needle]
+gauge = 22
+slice_gap_m = {GAP_M}
+polar_angle_rad = 0.6
+"""
+
+
+@pytest.fixture(scope="module")
+def pixels() -> np.ndarray:
+    return image(wall_section(tip_of(0.015)))
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("model") / "reader"
+    write_fixed_reader(path, LIBRARY, (0.0, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
+    return path
+
+
+@pytest.fixture
+def frame(tmp_path: Path, pixels: np.ndarray) -> Path:
+    """A frame in a recording."""
+    path = tmp_path / "session" / "frames" / "1.png"
+    path.parent.mkdir(parents=True)
+    (path.parents[1] / "recording.toml").write_text(STATED)
+    cv2.imwrite(str(path), pixels)
+    return path
+
+
+@pytest.fixture
+def loose(tmp_path: Path, pixels: np.ndarray) -> Path:
+    """The same frame, in no recording."""
+    cv2.imwrite(str(tmp_path / "loose.png"), pixels)
+    return tmp_path / "loose.png"
+
+
+def classified(capsys: pytest.CaptureFixture[str], *arguments: object, code: int = 0) -> list[dict]:
+    assert run(["classify", *map(str, arguments), "--json"]) == code
+    return json.loads(capsys.readouterr().out)["frames"]
+
+
+def test_scale_and_eye_come_from_the_recording_beside_the_frame(model, frame, capsys) -> None:
+    (entry,) = classified(capsys, model, frame, "--youngs-modulus-mpa", MODULUS_PA / 1e6)
+    assert entry["predicted_force_mn"] == pytest.approx(15.0, abs=1.0)
+    assert entry["scale"] == {
+        "width_mm": {"value": 15.0, "source": "recording.toml"},
+        "depth_mm": {"value": 4.0, "source": "recording.toml"},
+        "refractive_index": {"value": 1.0, "source": "recording.toml"},
+    }
+    assert {name: told["source"] for name, told in entry["known"].items()} == {
+        "youngs_modulus_mpa": "option", "iop_mmhg": "recording.toml", "thickness_um": "recording.toml",
+        "gap_mm": "recording.toml", "polar_angle_deg": "recording.toml",
+    }  # fmt: skip
+    assert entry["known"]["thickness_um"]["value"] == 650.0
+
+
+def test_options_come_before_the_recording(model, frame, capsys) -> None:
+    (entry,) = classified(capsys, model, frame, "--width-mm", 14, "--gap-mm", 0.5, "--refractive-index", 1.1)
+    assert entry["scale"]["width_mm"] == {"value": 14.0, "source": "option"}
+    assert entry["scale"]["depth_mm"] == {"value": 4.0, "source": "recording.toml"}
+    assert entry["scale"]["refractive_index"] == {"value": 1.1, "source": "option"}
+    assert entry["known"]["gap_mm"] == {"value": 0.5, "source": "option"}
+    (refused,) = classified(capsys, model, frame, "--iop-mmhg", 30)
+    assert refused["reason"].startswith("IOP 30 mmHg")
+
+
+def test_a_frame_of_unknown_scale_is_refused_and_the_options_are_named(model, loose, capsys) -> None:
+    assert run(["classify", str(model), str(loose)]) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    place = f"error: {loose}: how large it is stands neither in it nor in a recording.toml"
+    assert told.err == f"{place}; give --width-mm and --depth-mm\n"
+    (entry,) = classified(capsys, model, loose, *SIZE)
+    assert entry["usable"]
+    assert {size["source"] for size in entry["scale"].values()} == {"option", "model's study"}
+
+
+def test_the_scale_of_a_tiff_is_used(model, loose, pixels, tmp_path, capsys) -> None:
+    (expected,) = classified(capsys, model, loose, *SIZE)
+    per_cm = (0.01 / SCALE.lateral_m, 0.01 / SCALE.depth_m)
+    tifffile.imwrite(tmp_path / "a.tif", pixels, resolution=per_cm, resolutionunit="CENTIMETER")
+    (entry,) = classified(capsys, model, tmp_path / "a.tif")
+    assert entry["scale"]["width_mm"] == {"value": pytest.approx(15.0, rel=1e-5), "source": "file"}
+    assert entry["predicted_force_mn"] == pytest.approx(expected["predicted_force_mn"], rel=1e-3)
+
+
+def test_a_scale_that_no_scan_has_is_refused(model, pixels, tmp_path, capsys) -> None:
+    options = {"resolution": (1.0, 2.0), "resolutionunit": "CENTIMETER"}
+    tifffile.imwrite(tmp_path / "a.tif", pixels, **options)
+    (entry,) = classified(capsys, model, tmp_path / "a.tif", code=2)
+    assert "5120 mm wide (file); no B-scan is: tell its size with --width-mm" in entry["error"]
+
+
+def test_a_frame_that_is_not_what_its_recording_says_is_refused(model, frame, capsys) -> None:
+    cv2.imwrite(str(frame), np.zeros((100, 120), np.uint16))
+    (entry,) = classified(capsys, model, frame, code=2)
+    assert "100 x 120 pixels (rows x columns); recording.toml says 512 x 512" in entry["error"]
+
+
+def test_text_says_what_was_read_with_and_where_the_recording_is_outside_the_training(model, frame, capsys) -> None:
+    assert run(["classify", str(model), str(frame), "--gap-mm", "0.5"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    text = " ".join(" ".join(lines).split())
+    assert "15 x 4 mm (recording.toml), refractive index 1 (recording.toml); modulus unknown, IOP 2.025 mmHg" in text
+    assert "gap 0.5 mm (option), polar angle 34.38° (recording.toml)" in text
+    assert f"{frame.parents[1]}: tilt of the B-scan 11.46 °, the model was trained on -5 to 5 °" in text
+    assert max(len(line) for line in lines if str(frame.parents[1]) not in line) <= 80
+
+
+def test_a_transposed_frame_is_read_as_the_upright_one(model, loose, pixels, tmp_path, capsys) -> None:
+    cv2.imwrite(str(tmp_path / "turned.png"), pixels.T)
+    (upright,) = classified(capsys, model, loose, *SIZE)
+    (turned,) = classified(capsys, model, tmp_path / "turned.png", *SIZE, "--transpose")
+    assert turned["predicted_force_mn"] == upright["predicted_force_mn"]
+    assert turned["contact_mm"] == upright["contact_mm"]
+
+
+def test_a_bad_file_is_told_and_the_others_are_answered(model, frame, tmp_path, capsys) -> None:
+    empty, missing = tmp_path / "empty.png", tmp_path / ("x" * 300)
+    empty.write_bytes(b"")
+    os.mkfifo(tmp_path / "pipe.png")
+    given = [empty, frame, missing, tmp_path / "pipe.png"]
+    entries = classified(capsys, model, *given, code=2)
+    assert [entry["file"] for entry in entries] == [str(path) for path in given]
+    assert ["error" in entry for entry in entries] == [True, False, True, True]
+    assert all((entry["predicted"], entry["usable"]) == (2, False) for entry in entries if "error" in entry)
+    assert run(["classify", str(model), *map(str, given)]) == 2
+    told = capsys.readouterr()
+    assert told.out.startswith(f"{frame}: class 1")
+    assert told.err.splitlines() == [
+        f"error: {empty}: an empty file; give a PNG, TIFF, JPEG or a single DICOM image",
+        f"error: {missing}: File name too long",
+        f"error: {tmp_path / 'pipe.png'}: a named pipe; give a regular file",
+    ]
+
+
+def test_a_folder_is_an_error_that_names_evaluate(model, frame, capsys) -> None:
+    folder = frame.parents[1]
+    assert run(["classify", str(model), str(folder)]) == 2
+    assert f"a folder; `scleraforce evaluate {model} {folder}` reads a recording" in capsys.readouterr().err
+
+
+OCT = Path(__file__).parents[3] / "shared" / "real-oct" / "anterior-segment" / "107.jpg"
+
+
+@pytest.mark.real
+@pytest.mark.skipif(not OCT.is_file(), reason="no ../shared")
+def test_a_scan_without_a_needle_is_not_read_as_a_force(model, capsys) -> None:
+    assert run(["classify", str(model), str(OCT)]) == 2
+    assert "give --width-mm and --depth-mm" in capsys.readouterr().err
