@@ -7,11 +7,11 @@ needle axis or farther from it (`library.base_plane` needs them).
 import json
 from dataclasses import asdict, dataclass
 from hashlib import sha256
-from importlib.resources import files
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.source_hash import PACKAGE, hash_files
 from scleraforce.study import LibraryStudy, Study
 
 __all__ = ["LibraryPlan", "plan_library"]
@@ -117,13 +117,9 @@ class LibraryPlan:
     @property
     def key(self) -> str:
         """SHA-256, in hexadecimal, of the recipe and of the source code that turns it into load paths."""
-        digest = sha256(self.recipe.encode())
-        package = files("scleraforce")
-        sources = [package / "library" / f"{name}.py" for name in ("plan", "build", "base_plane")]
-        sources += [entry for entry in (package / "mechanics").iterdir() if entry.name.endswith(".py")]
-        for source in sorted(sources, key=lambda entry: entry.name):
-            digest.update(source.name.encode() + b"\0" + source.read_bytes())
-        return digest.hexdigest()
+        sources = [PACKAGE / "library" / f"{name}.py" for name in ("plan", "build", "base_plane")]
+        sources += (PACKAGE / "mechanics").glob("*.py")
+        return sha256((self.recipe + hash_files(sources)).encode()).hexdigest()
 
 
 def plan_library(study: Study) -> LibraryPlan:
