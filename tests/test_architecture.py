@@ -15,8 +15,8 @@ from scleraforce.cli.main import COMMANDS
 
 ROOT = Path(scleraforce.__file__).parent
 ORDER = [
-    "units", "errors", "plain_json", "processes", "whole_files", "stored_array", "checked_store", "study", "eye",
-    "mechanics", "imaging", "library", "fitting", "recording", "calibration", "dataset", "reader", "learning",
+    "units", "errors", "plain_json", "processes", "whole_files", "source_hash", "stored_array", "checked_store", "study",
+    "eye", "mechanics", "imaging", "library", "fitting", "recording", "calibration", "dataset", "reader", "learning",
     "monitor", "service", "report", "cli",
 ]  # fmt: skip
 PURE = ["eye", "mechanics", "imaging", "fitting", "calibration", "monitor"]

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from scleraforce.errors import InputError
+from scleraforce.report import reproduction
 from scleraforce.report.reproduction import Progress, Run, Stage, open_run, run_stages
 from scleraforce.study import NetworkStudy, Study
 
@@ -103,14 +104,54 @@ def test_a_reproduction_of_another_study_is_left_alone(tmp_path: Path) -> None:
         open_run(tmp_path, Study(network=NetworkStudy(seed=7)), 1)
 
 
-def test_a_reproduction_by_another_version_is_left_alone(tmp_path: Path) -> None:
-    open_run(tmp_path, Study(), 1)
+def other_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The sources change."""
+    monkeypatch.setattr(reproduction, "hash_sources", lambda *_, **__: "0" * 64)
+    reproduction._sources.cache_clear()
+
+
+@pytest.fixture(autouse=True)
+def _own_sources() -> Iterator[None]:
+    """Forget the sources of another test."""
+    yield
+    reproduction._sources.cache_clear()
+
+
+def test_results_of_other_code_are_made_again_and_one_line_says_so(tmp_path: Path, monkeypatch) -> None:
+    def write(run: Run, _progress: Progress) -> None:
+        assert not (run.folder / "b").exists()
+        (run.folder / "b").write_text("")
+        DONE.append("b")
+
+    stages, lines = (stage("a", resumes=True), stage("b", write)), []
+    run_stages(open_run(tmp_path, Study(), 1), stages, announce, lines.append)
+    (tmp_path / "a" / "old").write_text("")
+    other_code(monkeypatch)
+    run_stages(open_run(tmp_path, Study(), 1), stages, announce, lines.append)
+    assert DONE == ["a", "b", "a", "b"]
+    assert not (tmp_path / "a" / "old").exists()
+    assert lines == [f"{tmp_path}: the code has changed since these results were made; all stages are done again"]
+    run_stages(open_run(tmp_path, Study(), 1), stages, announce, lines.append)
+    assert (len(DONE), len(lines)) == (4, 1)
+
+
+def test_after_control_c_what_the_new_code_has_made_stands(tmp_path: Path, monkeypatch) -> None:
+    run_stages(open_run(tmp_path, Study(), 1), (stage("a"), stage("b")), announce)
+    other_code(monkeypatch)
+    with pytest.raises(KeyboardInterrupt):
+        run_stages(open_run(tmp_path, Study(), 1), (stage("a"), stage("b", interrupted)), announce)
+    run_stages(open_run(tmp_path, Study(), 1), (stage("a"), stage("b")), announce)
+    assert DONE == ["a", "b", "a", "b"]
+
+
+def test_a_folder_from_before_the_sources_were_kept_is_done_again(tmp_path: Path) -> None:
+    run_stages(open_run(tmp_path, Study(), 1), (stage("a"),), announce)
     path = tmp_path / "reproduce.json"
     state = json.loads(path.read_text())
-    state["made_from"]["version of scleraforce"] = "0.0.0"
+    del state["made_from"]["sources"]
     path.write_text(json.dumps(state))
-    with pytest.raises(InputError, match="another version of scleraforce"):
-        open_run(tmp_path, Study(), 1)
+    run_stages(open_run(tmp_path, Study(), 1), (stage("a"),), announce)
+    assert DONE == ["a", "a"]
 
 
 @pytest.mark.parametrize("content", ["{", "[]", '{"seconds": 3}'])

@@ -44,6 +44,11 @@ dropout = 0.2
 epochs = 3
 """
 
+STAGES = [
+    "phantom", "calibrate", "generate", "train", "evaluate", "leave out",
+    "bend", "library", "calibrate bent", "train bent", "train reader", "read bent", "report",
+]  # fmt: skip
+
 pytestmark = pytest.mark.slow
 
 
@@ -72,15 +77,16 @@ def done(study: Path) -> tuple[Path, dict]:
     out = study.parent / "out"
     result = run("reproduce", "--out", str(out), "--study", str(study), "--json")
     assert result.returncode == 0, result.stderr
-    assert result.stderr == ""
+    lines = result.stderr.splitlines()  # no terminal: a line for each stage
+    assert [re.sub(r"[\d.]+ s$", "... s", line) for line in lines] == [
+        f"{number}/{len(STAGES)} {name}: ... s" for number, name in enumerate(STAGES, start=1)
+    ]
     return out, json.loads(result.stdout)
 
 
 def test_every_stage_is_timed_and_the_answers_count_45_trials(done) -> None:
     _, printed = done
-    stages = ["phantom", "calibrate", "generate", "train", "evaluate", "leave out"]
-    stages += ["bend", "library", "calibrate bent", "train bent", "train reader", "read bent", "report", "total"]
-    assert list(printed["seconds"]) == stages
+    assert list(printed["seconds"]) == [*STAGES, "total"]
     assert all(seconds >= 0.0 for seconds in printed["seconds"].values())
     assert printed["scored"] == sum(map(sum, printed["confusion"])) == 45
     right = sum(printed["confusion"][k][k] for k in range(3))
@@ -139,7 +145,9 @@ def test_control_c_leaves_a_folder_that_the_same_command_finishes(study: Path, t
     printed, said = child.communicate(timeout=120)
     assert child.returncode == 130
     assert printed == ""
-    assert said.strip() == "error: interrupted"
+    *stages, last = said.splitlines()
+    assert last == "error: interrupted"
+    assert [line.split(":")[0] for line in stages[:2]] == ["1/13 phantom", "2/13 calibrate"][: len(stages)]
     result = run(*command[len(SCLERAFORCE) :])
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout)["confusion"] == done[1]["confusion"]

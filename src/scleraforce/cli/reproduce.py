@@ -1,6 +1,8 @@
 """`scleraforce reproduce`: the whole pipeline, to an HTML report."""
 
 import os
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -11,6 +13,7 @@ import click
 
 from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.study import Study, read_study
+from scleraforce.study.unused import refuse_unused
 
 if TYPE_CHECKING:
     from scleraforce.reader.evaluate import Evaluation
@@ -37,8 +40,14 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
     Five virtual eyes in the paper's design (45 trials), the simulated slices,
     the network, its answers to the raw frames, and a page that shows them
     beside the paper's; then the same eyes computed at finite strain, read by
-    the paper's method and by the force reader. Interrupted with Ctrl-C, the
-    same command goes on.
+    the paper's method and by the force reader.
+
+    Interrupted with Ctrl-C, the same command goes on. Results that other code
+    has made, before an update, are not taken up: the command says so, and does
+    all stages again. A folder of another study is refused.
+
+    On a terminal each stage has a progress bar; anywhere else it is a line on
+    standard error when it is done, with its time.
 
     Without --study it is the paper's study, its data set framed as the virtual
     laboratory frames its eyes; a study of your own is taken as it is.
@@ -51,8 +60,9 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
     from scleraforce.report.stages import reproduce as reproduce_all
 
     study = framed_for_laboratory(Study()) if study_path is None else read_study(study_path)
+    refuse_unused(study, "reproduce", file=study_path)
     run = open_run(out, study, workers or len(os.sched_getaffinity(0)))
-    found = reproduce_all(run, _bar, datetime.now(UTC))
+    found = reproduce_all(run, _stage, datetime.now(UTC), lambda line: click.echo(line, err=True))
     evaluation, seconds = found.evaluation, found.seconds
     mean_pa, spread_pa = found.calibration.population
     answer = evaluation.as_json()
@@ -84,11 +94,14 @@ def _metrics(evaluation: "Evaluation") -> dict[str, object]:
 
 
 @contextmanager
-def _bar(title: str, length: int) -> "Iterator[Progress]":
-    """Open a progress bar of a stage."""
+def _stage(title: str, length: int) -> "Iterator[Progress]":
+    """Show a stage: a progress bar on a terminal, a line with its time when it is done anywhere else."""
+    start = time.perf_counter()
     with progress_bar(range(length), title, total=length) as bar:
 
         def advance(steps: int) -> None:
             bar.update(steps)
 
         yield advance
+    if not sys.stderr.isatty():
+        click.echo(f"{title}: {time.perf_counter() - start:.1f} s", err=True)

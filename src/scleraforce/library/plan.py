@@ -7,7 +7,6 @@ needle axis or farther from it (`library.base_plane` needs them).
 import json
 from dataclasses import asdict, dataclass, fields
 from hashlib import sha256
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
 from scleraforce.plain_json import parse_json
+from scleraforce.source_hash import PACKAGE, hash_files
 from scleraforce.study import Choice, LibraryStudy, Range, Sampled, Study
 
 __all__ = ["LibraryPlan", "parse_plan", "plan_library"]
@@ -120,13 +120,9 @@ class LibraryPlan:
     @property
     def key(self) -> str:
         """SHA-256, in hexadecimal, of the recipe and of the source code that turns it into load paths."""
-        digest = sha256(self.recipe.encode())
-        package = files("scleraforce")
-        sources = [package / "library" / f"{name}.py" for name in ("plan", "build", "base_plane")]
-        sources += [entry for entry in (package / "mechanics").iterdir() if entry.name.endswith(".py")]
-        for source in sorted(sources, key=lambda entry: entry.name):
-            digest.update(source.name.encode() + b"\0" + source.read_bytes())
-        return digest.hexdigest()
+        sources = [PACKAGE / "library" / f"{name}.py" for name in ("plan", "build", "base_plane")]
+        sources += (PACKAGE / "mechanics").glob("*.py")
+        return sha256((self.recipe + hash_files(sources)).encode()).hexdigest()
 
 
 def plan_library(study: Study) -> LibraryPlan:

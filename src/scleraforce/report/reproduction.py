@@ -1,7 +1,8 @@
 """The whole pipeline in one folder: virtual eyes, slices, network, answers, page (the paper from end to end).
 
-Each stage leaves its result in the folder, and `reproduce.json` says which are finished. A later run with the same
-study and version takes up what is finished and does the rest, so Ctrl-C loses one stage at most.
+Each stage leaves its result in the folder, and `reproduce.json` says which are finished, and by what code. A later run
+with the same study takes up what is finished and does the rest, so Ctrl-C loses one stage at most. What other code has
+made is not taken up: all stages are done again.
 """
 
 import json
@@ -10,10 +11,13 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 from scleraforce import __version__
 from scleraforce.errors import InputError
+from scleraforce.source_hash import hash_sources
 from scleraforce.study import Study, format_study, study_hash
 from scleraforce.whole_files import KINDS, read_text, write_whole
 
@@ -23,6 +27,8 @@ Progress = Callable[[int], None]
 Announce = Callable[[str, int], AbstractContextManager[Progress]]  # title and length of a bar -> its progress
 
 STATE_FILE = "reproduce.json"
+STAGES = "scleraforce.report.stages"
+PAGE = "scleraforce.report.reproduction_page"  # drawn in every run: its sources decide no result that is kept
 
 
 @dataclass(frozen=True)
@@ -130,7 +136,7 @@ def open_run(folder: Path, study: Study, workers: int) -> Run:
     """Make or take up the folder of a reproduction.
 
     Raises:
-        InputError: the folder holds something else, or was made from another study or by another version.
+        InputError: the folder holds something else, or was made from another study.
     """
     run = Run(folder, study, workers)
     try:
@@ -145,23 +151,28 @@ def open_run(folder: Path, study: Study, workers: int) -> Run:
     return run
 
 
-def run_stages(run: Run, stages: tuple[Stage, ...], announce: Announce) -> dict[str, float]:
-    """Do the stages that are not finished, in order.
+def run_stages(
+    run: Run, stages: tuple[Stage, ...], announce: Announce, tell: Callable[[str], object] = lambda _: None
+) -> dict[str, float]:
+    """Do the stages that are not finished, in order; all of them where other code has made what is there.
 
     Args:
         run: where and on what.
         stages: what to do.
         announce: opens a progress bar.
+        tell: called with a line for the user, where results of other code are removed.
 
     Returns:
         Seconds of each stage; those of a finished stage are the ones that it took when it was done.
     """
+    if _read_state(run.folder)["made_from"].get("sources") != _sources():
+        _start_anew(run, stages, tell)
     seconds = seconds_so_far(run)
     for number, stage in enumerate(stages, start=1):
         if stage.name in seconds and stage.leaves and stage.leaves(run).exists():
             continue
         if stage.leaves and not stage.resumes:
-            shutil.rmtree(stage.leaves(run), ignore_errors=True)
+            _remove(stage.leaves(run))
         start = time.perf_counter()
         with announce(f"{number}/{len(stages)} {stage.name}", stage.length(run)) as progress:
             stage.work(run, progress)
@@ -170,26 +181,47 @@ def run_stages(run: Run, stages: tuple[Stage, ...], announce: Announce) -> dict[
     return {stage.name: seconds[stage.name] for stage in stages}
 
 
+def _start_anew(run: Run, stages: tuple[Stage, ...], tell: Callable[[str], object]) -> None:
+    """Remove the results of other code; the last page stays until there is a new one."""
+    tell(f"{run.folder}: the code has changed since these results were made; all stages are done again")
+    for stage in stages:
+        if stage.leaves:
+            _remove(stage.leaves(run))
+    _write_state(run, {})
+
+
 def seconds_so_far(run: Run) -> dict[str, float]:
     """Return the seconds that each finished stage took."""
-    return _read_state(run.folder)["seconds"]
+    seconds: dict[str, float] = _read_state(run.folder)["seconds"]
+    return seconds
 
 
-def _read_state(folder: Path) -> dict[str, dict[str, float]]:
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+@cache
+def _sources() -> str:
+    return hash_sources(STAGES, apart_from=[PAGE])
+
+
+def _read_state(folder: Path) -> dict[str, dict[str, Any]]:
     path = folder / STATE_FILE
     if not path.exists():
         raise InputError(f"{folder}: not empty, and not made by `reproduce`; give a new folder")
     try:
-        state: dict[str, dict[str, float]] = json.loads(read_text(path, KINDS["result"]))
+        state: dict[str, dict[str, Any]] = json.loads(read_text(path, KINDS["result"]))
         return {"seconds": dict(state["seconds"]), "made_from": dict(state["made_from"])}
     except (ValueError, KeyError, TypeError) as fault:
         raise InputError(f"{path}: cannot be read; remove {folder} or give a new folder") from fault
 
 
 def _check_state(run: Run, state: Mapping[str, Mapping[str, object]]) -> None:
-    for name, value in _made_from(run).items():
-        if state["made_from"].get(name) != value:
-            raise InputError(f"{run.folder}: made from another {name}; remove it or give a new folder")
+    if state["made_from"].get("study") != study_hash(run.study):
+        raise InputError(f"{run.folder}: made from another study; remove it or give a new folder")
 
 
 def _write_state(run: Run, seconds: Mapping[str, float]) -> None:
@@ -198,4 +230,4 @@ def _write_state(run: Run, seconds: Mapping[str, float]) -> None:
 
 
 def _made_from(run: Run) -> dict[str, str]:
-    return {"study": study_hash(run.study), "version of scleraforce": __version__}
+    return {"study": study_hash(run.study), "sources": _sources(), "version of scleraforce": __version__}

@@ -4,6 +4,7 @@ Virtual eyes, Young's modulus, slices, network and answers for the one; eyes, li
 answers for the other; then the page.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -52,13 +53,16 @@ class Reproduction:
     seconds: dict[str, float]
 
 
-def reproduce(run: Run, announce: Announce, started_at: datetime) -> Reproduction:
+def reproduce(
+    run: Run, announce: Announce, started_at: datetime, tell: Callable[[str], object] = lambda _: None
+) -> Reproduction:
     """Do the whole of the paper, as far as it is not done, and write the page.
 
     Args:
         run: where and on what.
         announce: opens a progress bar.
         started_at: what the page gives as its date.
+        tell: called with a line for the user, where results of other code are removed.
     """
     answers: list[Evaluation] = []
 
@@ -93,7 +97,7 @@ def reproduce(run: Run, announce: Announce, started_at: datetime) -> Reproductio
         Stage("read bent", _bent_answers, read_bent_eyes),
         Stage("report", lambda _: FIGURES, report),
     )
-    seconds = run_stages(run, stages, announce)
+    seconds = run_stages(run, stages, announce, tell)
     evaluation, bent_paper, bent_reader = answers
     return Reproduction(read_posteriors(run.calibration), evaluation, bent_paper, bent_reader, seconds)
 
