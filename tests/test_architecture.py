@@ -15,9 +15,9 @@ from scleraforce.cli.main import COMMANDS
 
 ROOT = Path(scleraforce.__file__).parent
 ORDER = [
-    "units", "errors", "plain_json", "processes", "whole_files", "source_hash", "stored_array", "checked_store", "study",
-    "eye", "mechanics", "imaging", "library", "fitting", "recording", "calibration", "dataset", "reader", "learning",
-    "monitor", "service", "report", "cli",
+    "units", "errors", "plain_json", "processes", "whole_files", "source_hash", "stored_array", "checked_store",
+    "study", "eye", "mechanics", "imaging", "library", "fitting", "recording", "calibration", "dataset", "reader",
+    "learning", "monitor", "service", "report", "cli",
 ]  # fmt: skip
 PURE = ["eye", "mechanics", "imaging", "fitting", "calibration", "monitor"]
 IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}
