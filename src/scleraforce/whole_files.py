@@ -75,17 +75,18 @@ def read_bytes(path: Path, kind: FileKind) -> bytes:
         # A pipe that nobody writes to would hold up a plain open() for ever.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         try:
-            check_regular(path, os.fstat(descriptor), kind)
+            found = os.fstat(descriptor)
+            check_regular(path, found, kind)
             with open(descriptor, "rb", closefd=False) as file:
-                data = file.read(kind.max_bytes + 1)
+                data = file.read(found.st_size + 1)  # one more byte tells of a file that grows meanwhile
         finally:
             os.close(descriptor)
     except OSError as fault:
         raise kind.error(f"{path}: {fault.strerror}{hint}") from fault
     except ValueError as fault:  # a name with a null character
         raise kind.error(f"{str(path)!r}: {fault}") from fault
-    if len(data) > kind.max_bytes:
-        raise kind.error(f"{path}: {_too_large(kind)}")
+    if len(data) > found.st_size:
+        raise kind.error(f"{path}: grows while it is read; give it when it is whole")
     return data
 
 

@@ -95,9 +95,9 @@ def _after(scanner: Peer, force_mn: int) -> object:
         (["--record", "calibration.json/session"], "calibration.json/session: Not a directory"),
         (["--record", "box"], "the black box is to be there"),
         (["--black-box", "calibration.json/box"], "--black-box calibration.json/box: Not a directory"),
-        (["--eye", "a\nb"], "--eye 'a\\nb': no name"),
-        (["--eye", "\x1b[2J"], "--eye '\\x1b[2J': no name"),
-        (["--eye", ""], "--eye '': no name"),
+        (["--eye", "a\nb"], "--eye: 'a\\nb' has a line break"),
+        (["--eye", "\x1b[2J"], "--eye: '\\x1b[2J' has a line break or another unprintable"),
+        (["--eye", ""], "--eye: empty; give the eye a name"),
         (["--host", ""], "--host: empty"),
         (["--host", "no-such-host.invalid"], "--host 'no-such-host.invalid'"),
         (["--web-port", "0", "--web-host", ""], "--web-host: empty"),
@@ -165,6 +165,15 @@ def test_pids_are_not_left_behind(folder: Path, tmp_path: Path) -> None:
 
 def _children(pid: int) -> list[int]:
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def test_an_eye_that_is_not_in_the_calibration_is_named_at_the_start(folder: Path, tmp_path: Path) -> None:
+    told = ["--calibration", str(folder / "calibration.json"), "--black-box", str(tmp_path / "box")]
+    with started(folder, "--eye", "mein", *told, "--iop-mmhg", "2") as monitor:
+        warned = [line for line in monitor.lines if line.startswith("warning")]
+    assert len(warned) == 1
+    assert "mein is not in" in warned[0]
+    assert "(mine): read with the population's modulus" in warned[0]
 
 
 def test_each_option_arrives_where_it_belongs(

@@ -2,12 +2,11 @@
 
 from datetime import UTC, datetime
 from pathlib import Path
-from textwrap import fill
 from typing import TYPE_CHECKING
 
 import click
 
-from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.cli.output import print_json, progress_bar, wrapped
 from scleraforce.errors import InputError
 from scleraforce.units import n_to_mn
 
@@ -75,9 +74,9 @@ def _frame(frame: "FrameAnswer", with_force: bool) -> str:
     share = "-" if frame.probabilities is None else f"{max(frame.probabilities):.3f}"
     figures = f"  {frame.file:<16}{force:>9}{target:>7}{frame.predicted:>5}{share:>7}"
     if not with_force:
-        return _wrapped(f"{figures}  ", _remark(frame))
+        return wrapped(_remark(frame), f"{figures}  ")
     lines = [f"{figures}{_read_force(frame)}"]
-    return "\n".join(lines + [_wrapped("    ", remark) for remark in [_remark(frame)] if remark])
+    return "\n".join(lines + [wrapped(remark, "    ") for remark in [_remark(frame)] if remark])
 
 
 def _read_force(frame: "FrameAnswer") -> str:
@@ -136,14 +135,4 @@ def _share(share: "Proportion") -> str:
 
 
 def _notes(evaluation: "Evaluation") -> list[str]:
-    return [_wrapped("note: ", note) for note in evaluation.notes]
-
-
-def _wrapped(start: str, text: str) -> str:
-    """Return a text at 80 columns, behind what starts its line."""
-    if not text:
-        return start.rstrip()
-    indent = " " * len(start)
-    return fill(
-        text, 80, initial_indent=start, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
-    )
+    return [wrapped(note, "note: ") for note in evaluation.notes]

@@ -28,7 +28,6 @@ __all__ = ["monitor"]
 
 LENGTH = click.FloatRange(0.01, 100.0)
 PORT = click.IntRange(0, 65535)
-MOST_NAME = 100  # characters
 
 
 @click.command()
@@ -94,7 +93,7 @@ def monitor(
         from scleraforce.service.reset_token import new_token
 
     reader = load_model(model)
-    known = _known(calibration, eye, options)
+    known, doubt = _known(calibration, eye, options)
     _refuse_untrained(reader, known)
     settings = MonitorSettings(
         eye="eye-1" if eye is None else _printable(eye),
@@ -110,7 +109,7 @@ def monitor(
     with closing(Notes(_say)) as notes:
         with ExitStack() as until_ended, monitor_service(model, reader, settings, notes) as (server, address):
             until_ended.enter_context(_ended_by_signals(server.stop))
-            _greet(reader, settings, address, notes)
+            _greet(reader, settings, address, doubt, notes)
             server.run()
             summary = server.session.summary()
             notes("ends; the black box writes what it has to keep")
@@ -119,23 +118,24 @@ def monitor(
         print_json({"model": str(model), **summary})
 
 
-def _known(calibration: Path | None, eye: str | None, options: dict[str, Any]) -> "Known":
-    """Return what is known of the eye: as told, with the calibration's modulus."""
+def _known(calibration: Path | None, eye: str | None, options: dict[str, Any]) -> "tuple[Known, str | None]":
+    """Return what is known of the eye, as told, with the calibration's modulus; and what is doubtful about that."""
     from scleraforce.calibration.summary import read_calibration
-    from scleraforce.reader.known import known_of_eye
+    from scleraforce.reader.known import foreign_modulus, known_of_eye
 
     told = {name: options[name] for name in ("youngs_modulus_mpa", "iop_mmhg", "thickness_um", "gap_mm")}
     polar_deg = options["polar_angle_deg"]
     known = replace(known_eye(**told), polar_rad=None if polar_deg is None else radians(polar_deg))
     if calibration is None:
-        return known
+        return known, None
     if told["youngs_modulus_mpa"] is not None:
         raise InputError("--youngs-modulus-mpa: --calibration gives the modulus already; leave out one of them")
     if eye is None:
         raise InputError(
             f"--eye: missing; say which eye of {calibration} it is (another gets the population's modulus)"
         )
-    return known_of_eye(known, read_calibration(calibration), eye)
+    summary = read_calibration(calibration)
+    return known_of_eye(known, summary, eye), foreign_modulus(summary, eye)
 
 
 def _limits(reader: "ForceReader | WallReader", known: "Known", options: dict[str, Any]) -> "MonitorLimits":
@@ -184,10 +184,10 @@ def _refuse_untrained(reader: "ForceReader | WallReader", known: "Known") -> Non
 
 def _printable(eye: str) -> str:
     """Return an eye's name: one line, for it stands in files, in a terminal and on a page."""
-    if not eye.strip() or not eye.isprintable() or len(eye) > MOST_NAME:
-        raise InputError(
-            f"--eye {eye[:MOST_NAME]!a}: no name; 1 to {MOST_NAME} characters would do, without line breaks or controls"
-        )
+    from scleraforce.recording.info import eye_id_fault
+
+    if fault := eye_id_fault(eye):
+        raise InputError(f"--eye: {fault}")
     return eye
 
 
@@ -198,7 +198,11 @@ def _new_black_box(folder: Path | None) -> Path:
 
 
 def _greet(
-    reader: "ForceReader | WallReader", settings: "MonitorSettings", address: "Address", say: Callable[[str], None]
+    reader: "ForceReader | WallReader",
+    settings: "MonitorSettings",
+    address: "Address",
+    doubt: str | None,
+    say: Callable[[str], None],
 ) -> None:
     limits = settings.limits
     rows, columns = limits.size or (0, 0)
@@ -207,6 +211,8 @@ def _greet(
     say("research use only: not a medical device")
     say(f"model      {reader.path} ({reader.kind})")
     say(f"eye        {settings.eye}: {_told(settings.known)}")
+    if doubt:
+        say(f"warning    {doubt}")
     say(f"frames     {columns} x {rows} px of {lateral_m * 1e6:.2f} x {depth_m * 1e6:.2f} µm")
     say(f"withdraws  at class {limits.withdraw_class}{forces}")
     say(f"listens    on {address.host}:{address.port} (OpenIGTLink)")
