@@ -29,7 +29,15 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_hundreds_of_mutations_end_well_or_in_one_line(whole: Path, kind: str) -> None:
-    seeds = SLOW.get(kind, SEEDS)
+    check(whole, kind, SLOW.get(kind, SEEDS))
+
+
+@pytest.mark.parametrize("kind", ["study", "png", "model record"])
+def test_a_few_mutations_end_well_or_in_one_line(whole: Path, kind: str) -> None:
+    check(whole, kind, 3)
+
+
+def check(whole: Path, kind: str, seeds: int) -> None:
     program = Path(__file__).parent / "support" / "hostile.py"
     done = subprocess.run([sys.executable, program, whole, kind, "0", str(seeds)], capture_output=True, text=True,
                           check=False)  # fmt: skip

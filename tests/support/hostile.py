@@ -1,7 +1,7 @@
 """Damaged and hostile files: whole ones of each kind that is read, seeded mutations, and a judge of what reading does.
 
-Started as `python hostile.py FOLDER KIND FIRST LAST`: prints a JSON line for every seed and every fault. Reading may end
-well or in an `InputError`, within some seconds and some memory, and writes nothing.
+Started as `python hostile.py FOLDER KIND FIRST LAST`: prints a JSON line for every seed and every fault. Reading may
+end well or in an `InputError`, within some seconds and some memory, and writes nothing.
 """
 
 import json
@@ -32,8 +32,8 @@ __all__ = ["KINDS", "SPECIAL", "damage", "judge", "write_whole_ones"]
 SECONDS, MEMORY = 20, 3 * 2**30
 SPECIAL = ("pipe", "endless", "folder", "empty", "nothing")
 SMALL_LIBRARY = LibraryStudy(thicknesses=4, iop_ratios=4, tips=6, elements=16)
-NASTY = ["1e308", "-1e308", "1e999", "nan", "inf", "-1", "0", "1_000", "9" * 5000, "", "null", "true", "[]", "{}", '"x"',
-         "[" * 3000, '{"a":' * 3000, "\x00", "\ufeff", "١٢", "1000000000", "../../etc/passwd", "/dev/zero"]  # fmt: skip
+NASTY = ["1e308", "-1e308", "1e999", "nan", "inf", "-1", "0", "1_000", "9" * 5000, "", "null", "true", "[]", "{}",
+         '"x"', "[" * 3000, '{"a":' * 3000, "\x00", "\ufeff", "١٢", "1000000000", "../../etc/passwd", "/dev/zero"]  # fmt: skip
 VALUES: list[Any] = [None, True, -1, 0, 10**30, 1e308, float("nan"), float("inf"), "", "x", "/dev/zero", [], {}, [[]],
                      {"a": {}}, [1, 2, 3], "9" * 5000]  # fmt: skip
 
@@ -265,7 +265,7 @@ def _listing(folder: Path) -> list[tuple[str, int]]:
 
 def main() -> None:
     whole, kind, first, last = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
-    copy = whole.with_name(f"{whole.name}-{kind.replace(' ', '-')}")
+    copy = whole.with_name(f"{whole.name}-{kind.replace(' ', '-')}-{last}")
     top = KINDS[kind][0].partition("/")[0]
     copy.mkdir()
     _copy(whole / top, copy / top)
