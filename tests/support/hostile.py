@@ -33,7 +33,8 @@ SECONDS, MEMORY = 20, 3 * 2**30
 SPECIAL = ("pipe", "endless", "folder", "empty", "nothing")
 SMALL_LIBRARY = LibraryStudy(thicknesses=4, iop_ratios=4, tips=6, elements=16)
 NASTY = ["1e308", "-1e308", "1e999", "nan", "inf", "-1", "0", "1_000", "9" * 5000, "", "null", "true", "[]", "{}",
-         '"x"', "[" * 3000, '{"a":' * 3000, "\x00", "\ufeff", "١٢", "1000000000", "../../etc/passwd", "/dev/zero"]  # fmt: skip
+         '"x"', "[" * 3000, '{"a":' * 3000, "\x00", "\ufeff", "١٢", "1000000000",
+         "../../etc/passwd", "/dev/zero"]  # fmt: skip
 VALUES: list[Any] = [None, True, -1, 0, 10**30, 1e308, float("nan"), float("inf"), "", "x", "/dev/zero", [], {}, [[]],
                      {"a": {}}, [1, 2, 3], "9" * 5000]  # fmt: skip
 
