@@ -185,7 +185,10 @@ def _check_network(folder: ModelFolder, study: Study, session: onnxruntime.Infer
 
 def _check_provenance(folder: ModelFolder, session: onnxruntime.InferenceSession) -> None:
     """Check that the network was made with the study beside it."""
-    stated = session.get_modelmeta().custom_metadata_map.get("study_sha256")
+    try:
+        stated = session.get_modelmeta().custom_metadata_map.get("study_sha256")
+    except ValueError as fault:  # names that are no text
+        raise ModelError(f"{folder.path / NETWORK_FILE}: metadata: {fault}") from fault
     if stated != sha256(folder.files[STUDY_FILE]):
         place = folder.path / NETWORK_FILE
         raise ModelError(f"{place}: study_sha256: {stated} is not the study in {STUDY_FILE}; train the model again")

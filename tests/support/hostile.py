@@ -1,0 +1,305 @@
+"""Damaged and hostile files: whole ones of each kind that is read, seeded mutations, and a judge of what reading does.
+
+Started as `python hostile.py FOLDER KIND FIRST LAST`: prints a JSON line for every seed and every fault. Reading may
+end well or in an `InputError`, within some seconds and some memory, and writes nothing.
+"""
+
+import json
+import os
+import random
+import re
+import resource
+import shutil
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from analytic_library import analytic_library, solve_analytic
+from calibration_file import calibration_text
+from fixed_reader import write_fixed_reader
+from rehash import rehash_model, rehash_store
+from small_recording import write_small_recording
+
+from scleraforce.errors import InputError
+from scleraforce.study import LibraryStudy, Study, format_study
+
+__all__ = ["KINDS", "SPECIAL", "damage", "judge", "write_whole_ones"]
+
+SECONDS, MEMORY = 20, 3 * 2**30
+SPECIAL = ("pipe", "endless", "folder", "empty", "nothing")
+SMALL_LIBRARY = LibraryStudy(thicknesses=4, iop_ratios=4, tips=6, elements=16)
+NASTY = ["1e308", "-1e308", "1e999", "nan", "inf", "-1", "0", "1_000", "9" * 5000, "", "null", "true", "[]", "{}",
+         '"x"', "[" * 3000, '{"a":' * 3000, "\x00", "\ufeff", "١٢", "1000000000",
+         "../../etc/passwd", "/dev/zero"]  # fmt: skip
+VALUES: list[Any] = [None, True, -1, 0, 10**30, 1e308, float("nan"), float("inf"), "", "x", "/dev/zero", [], {}, [[]],
+                     {"a": {}}, [1, 2, 3], "9" * 5000]  # fmt: skip
+
+
+def write_whole_ones(folder: Path) -> None:
+    """Write a file or folder of every kind."""
+    from scleraforce.dataset.plan import plan_dataset
+    from scleraforce.dataset.store import complete_store, create_store, write_unit
+    from scleraforce.library.build import build_library
+    from scleraforce.study import DatasetGroup, DatasetStudy, SliceStudy
+
+    group = DatasetGroup(images=20)
+    study = Study(slice=SliceStudy(rows=8, columns=10), dataset=DatasetStudy(contacts=2, group=(group,)))
+    (folder / "study.toml").write_text(format_study(study))
+    write_small_recording(folder / "recording", frames=4)
+    (folder / "calibration.json").write_text(calibration_text(eyes={"eye-1": {}}))
+    write_fixed_reader(folder / "model", analytic_library(thicknesses=4, ratios=4, tips=5), [1.0] * 8)
+    plan = plan_dataset(study)
+    create_store(folder / "dataset", study, 3e5, None, plan)
+    rows = np.arange(8)[:, None] > np.arange(10) // 2
+    for unit in range(plan.units):
+        write_unit(folder / "dataset", plan, study, unit, np.repeat(np.uint8(255) * rows[None], 20, axis=0))
+    complete_store(folder / "dataset", plan, study)
+    build_library(Study(library=SMALL_LIBRARY), folder / "library", workers=1, solve=solve_analytic)
+    picture = np.random.default_rng(0).integers(0, 255, (24, 32), dtype=np.uint8)
+    (folder / "frames").mkdir()
+    for suffix in ("png", "tif", "jpg"):
+        cv2.imwrite(str(folder / "frames" / f"frame.{suffix}"), picture)
+    _write_dicom(folder / "frames" / "frame.dcm", picture)
+
+
+def _write_dicom(path: Path, picture: np.ndarray) -> None:
+    from pydicom.dataset import FileDataset, FileMetaDataset
+    from pydicom.uid import ExplicitVRLittleEndian, generate_uid
+
+    meta = FileMetaDataset()
+    meta.TransferSyntaxUID, meta.MediaStorageSOPClassUID = ExplicitVRLittleEndian, "1.2.840.10008.5.1.4.1.1.77.1.5.4"
+    meta.MediaStorageSOPInstanceUID = generate_uid(entropy_srcs=["hostile"])
+    dataset = FileDataset(str(path), {}, file_meta=meta, preamble=bytes(128))
+    dataset.Rows, dataset.Columns = picture.shape
+    dataset.BitsAllocated = dataset.BitsStored = 8
+    dataset.HighBit, dataset.SamplesPerPixel, dataset.PixelRepresentation = 7, 1, 0
+    dataset.PhotometricInterpretation, dataset.PixelSpacing = "MONOCHROME2", [0.01, 0.01]
+    dataset.PixelData = picture.tobytes()
+    dataset.save_as(path, enforce_file_format=True)
+
+
+def _read_study(folder: Path) -> None:
+    from scleraforce.study import read_study
+
+    read_study(folder / "study.toml")
+
+
+def _read_recording(folder: Path) -> None:
+    from scleraforce.recording.files import read_recording
+    from scleraforce.recording.labels import label_frames
+
+    label_frames(read_recording(folder / "recording"), Study().classes)
+
+
+def _read_frames(folder: Path) -> None:
+    from scleraforce.recording.images import read_frame_image
+
+    for path in sorted((folder / "frames").iterdir()):
+        read_frame_image(path)
+
+
+def _read_calibration(folder: Path) -> None:
+    from scleraforce.calibration.files import read_posteriors
+    from scleraforce.calibration.summary import read_calibration
+
+    read_calibration(folder / "calibration.json")
+    read_posteriors(folder / "calibration.json")
+
+
+def _read_model(folder: Path) -> None:
+    from scleraforce.reader.known import Known
+    from scleraforce.reader.model import load_model
+
+    model = load_model(folder / "model")
+    model.read(np.zeros((1, model.study.slice.rows, model.study.slice.columns), np.uint8), Known())
+
+
+def _read_dataset(folder: Path) -> None:
+    from scleraforce.dataset.store import DTYPES, open_dataset
+
+    dataset = open_dataset(folder / "dataset")
+    for name in ("slices", *DTYPES):
+        dataset.read(name)
+
+
+def _read_library(folder: Path) -> None:
+    from scleraforce.library.store import open_library
+
+    open_library(folder / "library")
+
+
+# Of each kind: the file, or the files of which a seed takes one; what reads it; what makes hashes agree.
+Reader = Callable[[Path], None]
+KINDS: dict[str, tuple[str, Reader, Callable[[Path], None] | None]] = {
+    "study": ("study.toml", _read_study, None),
+    "recording": ("recording/recording.toml", _read_recording, None),
+    "frame list": ("recording/frames.csv", _read_recording, None),
+    "force log": ("recording/forces.csv", _read_recording, None),
+    "png": ("frames/frame.png", _read_frames, None),
+    "tiff": ("frames/frame.tif", _read_frames, None),
+    "jpeg": ("frames/frame.jpg", _read_frames, None),
+    "dicom": ("frames/frame.dcm", _read_frames, None),
+    "calibration": ("calibration.json", _read_calibration, None),
+    "model record": ("model/model.json", _read_model, None),
+    "network": ("model/model.onnx", _read_model, lambda folder: rehash_model(folder / "model", "model.onnx")),
+    "npz": ("model/library.npz", _read_model, lambda folder: rehash_model(folder / "model", "library.npz")),
+    "dataset": ("dataset/**/*", _read_dataset, lambda folder: rehash_store(folder / "dataset")),
+    "library": ("library/**/*", _read_library, lambda folder: rehash_store(folder / "library")),
+}
+
+
+def damage(folder: Path, kind: str, seed: int | str) -> Path:
+    """Damage a file of a kind: as the seed has it, or by putting something special in its place. Return it."""
+    rng = random.Random(f"{kind} {seed}")
+    pattern, _, rehash = KINDS[kind]
+    path = rng.choice(sorted(file for file in folder.glob(pattern) if file.is_file()))
+    if isinstance(seed, str):
+        _replace(path, seed)
+        return path
+    content = path.read_bytes()
+    if path.suffix == ".json" and rng.random() < 0.5:
+        path.write_text(json.dumps(_changed(json.loads(content), rng)))
+    else:
+        for _ in range(rng.choice((1, 1, 2, 5))):
+            content = rng.choice(MUTATIONS)(content, rng)
+        path.write_bytes(content)
+    if rehash and rng.random() < 0.7:
+        try:
+            rehash(folder)
+        except (ValueError, KeyError, TypeError, AttributeError):
+            return path  # the hashes themselves are damaged
+    return path
+
+
+def _replace(path: Path, special: str) -> None:
+    path.unlink()
+    match special:
+        case "pipe":
+            os.mkfifo(path)
+        case "endless":
+            path.symlink_to("/dev/zero")
+        case "folder":
+            path.mkdir()
+        case "empty":
+            path.touch()
+
+
+def _changed(value: Any, rng: random.Random) -> Any:
+    """Put a nasty value in some place of a JSON value."""
+    if isinstance(value, dict | list) and value and rng.random() < 0.85:
+        keys = list(value) if isinstance(value, dict) else list(range(len(value)))
+        key = rng.choice(keys)
+        if rng.random() < 0.1:
+            del value[key]
+        else:
+            value[key] = _changed(value[key], rng)
+        return value
+    return rng.choice(VALUES)
+
+
+def _flip(content: bytes, rng: random.Random) -> bytes:
+    if not content:
+        return b"\xff"
+    at = rng.randrange(len(content))
+    return content[:at] + bytes([content[at] ^ (1 << rng.randrange(8))]) + content[at + 1 :]
+
+
+def _cut(content: bytes, rng: random.Random) -> bytes:
+    low, high = sorted(rng.randrange(len(content) + 1) for _ in range(2))
+    return content[:low] + content[high:]
+
+
+def _doubled(content: bytes, rng: random.Random) -> bytes:
+    low, high = sorted(rng.randrange(len(content) + 1) for _ in range(2))
+    return content[:high] + content[low:]
+
+
+def _inserted(content: bytes, rng: random.Random) -> bytes:
+    at = rng.randrange(len(content) + 1)
+    return content[:at] + rng.choice([rng.choice(NASTY).encode(), rng.randbytes(8), b"\xff" * 8]) + content[at:]
+
+
+def _token(content: bytes, rng: random.Random) -> bytes:
+    """Put something nasty for a word or a number."""
+    tokens = list(re.finditer(rb"[A-Za-z0-9_.+-]+", content[:100_000]))
+    if not tokens:
+        return content
+    token = rng.choice(tokens)
+    return content[: token.start()] + rng.choice(NASTY).encode() + content[token.end() :]
+
+
+def _overwritten(content: bytes, rng: random.Random) -> bytes:
+    at = rng.randrange(len(content) + 1)
+    return content[:at] + rng.choice([b"\xff\xff\xff\xff", b"\x00\x00\x00\x00", rng.randbytes(4)]) + content[at + 4 :]
+
+
+MUTATIONS = (_flip, _flip, _cut, _doubled, _inserted, _token, _token, _overwritten)
+
+
+def judge(folder: Path, kind: str) -> str | None:
+    """Read what was damaged; return what is wrong with how that ended, None where all is well."""
+    before = _listing(folder)
+    signal.signal(signal.SIGALRM, _too_long)
+    signal.alarm(SECONDS)
+    try:
+        KINDS[kind][1](folder)
+    except InputError:
+        pass
+    except Exception as fault:
+        return f"{type(fault).__name__}: {str(fault)[:200]}"
+    finally:
+        signal.alarm(0)
+    return None if _listing(folder) == before else "something was written"
+
+
+def _too_long(*_: object) -> None:
+    raise TimeoutError(f"more than {SECONDS} s")
+
+
+def _listing(folder: Path) -> list[tuple[str, int]]:
+    return sorted((str(path), path.lstat().st_mtime_ns) for path in folder.rglob("*"))
+
+
+def main() -> None:
+    whole, kind, first, last = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
+    copy = whole.with_name(f"{whole.name}-{kind.replace(' ', '-')}-{last}")
+    top = KINDS[kind][0].partition("/")[0]
+    copy.mkdir()
+    _copy(whole / top, copy / top)
+    assert judge(copy, kind) is None, "what is whole cannot be read"
+    resource.setrlimit(resource.RLIMIT_AS, (_address_space() + MEMORY,) * 2)
+    for seed in (*SPECIAL, *range(first, last)):
+        print(json.dumps([seed, None, None]), flush=True)  # noqa: T201 - a crash is of the last seed that stands here
+        path = damage(copy, kind, seed)
+        if found := judge(copy, kind):
+            print(json.dumps([seed, str(path.relative_to(copy)), found]), flush=True)  # noqa: T201 - as above
+        beside = {copy / top / name for name in ("zarr.json", "model.json") if (whole / top / name).exists()}
+        for changed in {path} | beside:
+            _restore(whole / changed.relative_to(copy), changed)
+
+
+def _restore(whole: Path, path: Path) -> None:
+    if path.is_dir():
+        path.rmdir()
+    path.unlink(missing_ok=True)
+    if whole.exists():
+        shutil.copyfile(whole, path)
+
+
+def _copy(whole: Path, path: Path) -> None:
+    if whole.is_dir():
+        shutil.copytree(whole, path)
+    else:
+        shutil.copyfile(whole, path)
+
+
+def _address_space() -> int:
+    return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+
+
+if __name__ == "__main__":
+    main()
