@@ -21,7 +21,7 @@ def monitor_folder(folder: Path) -> Path:
     """A reader whose network always answers the same small force, and whose fit reads; a calibration of one eye."""
     write_fixed_reader(folder / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)])
     mpa = MODULUS_PA / 1e6
-    eyes = {"mine": {"mean_mpa": mpa, "sd_mpa": 0.01 * mpa, "thickness_um": THICKNESS_M * 1e6, "frames": ["1.png"]}}
+    eyes = {"mine": {"mean_mpa": mpa, "sd_mpa": 0.01 * mpa, "thickness_um": THICKNESS_M * 1e6}}
     text = calibration_text(eyes=eyes, population={"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05})
     (folder / "calibration.json").write_text(text)
     return folder
