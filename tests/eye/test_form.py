@@ -36,8 +36,6 @@ def test_a_plain_form_leaves_the_wall_as_it_is() -> None:
     eye = form_mesh(mesh, FormStudy(), CONTACT)
     np.testing.assert_allclose(eye.mesh.points_nc, mesh.points_nc, atol=1e-16)
     np.testing.assert_array_equal(eye.modulus_factor(gauss_points(3, 3)[0]), 1.0)
-    assert FormStudy().is_plain
-    assert not WAVY.is_plain
 
 
 def test_the_outer_nodes_lie_on_the_ellipsoid_and_the_wall_is_as_thick_as_asked_for() -> None:

@@ -9,6 +9,7 @@ from scleraforce.cli.library import study_library
 from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study, study_hash
+from scleraforce.study.unused import refuse_unused
 
 if TYPE_CHECKING:
     from scleraforce.calibration.calibrate import Calibration, EyeCalibration
@@ -74,6 +75,7 @@ def calibrate(
     if plot is not None:
         check_figure_path(plot)
     study = Study() if study_path is None else read_study(study_path)
+    refuse_unused(study, "calibrate", mechanics, study_path)
     earlier = None if resume is None else read_posteriors(resume)
     opened = [read_recording(path) for path in recordings]
     library = None if mechanics == "linear" else study_library(study)

@@ -8,6 +8,7 @@ from scleraforce.cli.library import study_library
 from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.dataset import generate_dataset, read_population_modulus
 from scleraforce.study import read_study
+from scleraforce.study.unused import refuse_unused
 
 __all__ = ["generate"]
 
@@ -34,6 +35,7 @@ def generate(
     data set is the same for any number of workers.
     """
     study = read_study(study_path)
+    refuse_unused(study, "generate", mechanics or study.mechanics.kind, study_path)
     modulus = read_population_modulus(calibration) if calibration else None
     kind = mechanics or study.mechanics.kind
     if modulus and modulus.mechanics != kind:

@@ -8,6 +8,7 @@ from tqdm import tqdm
 from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.library import Library
 from scleraforce.study import Study, read_study
+from scleraforce.study.unused import refuse_unused
 
 __all__ = ["library", "study_library"]
 
@@ -30,6 +31,7 @@ def library(study_path: Path | None, out: Path, scheduler: str | None, workers: 
     from scleraforce.library.plan import plan_library
 
     study = Study() if study_path is None else read_study(study_path)
+    refuse_unused(study, "library", file=study_path)
     paths = plan_library(study).units
     done: list[int] = []
     with progress_bar(range(paths), "library", total=paths) as bar:

@@ -9,6 +9,7 @@ import click
 from scleraforce.cli.output import print_json, progress_bar, share_bar
 from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study
+from scleraforce.study.unused import refuse_unused
 from scleraforce.units import mmhg_to_pa
 
 __all__ = ["phantom"]
@@ -96,6 +97,7 @@ def phantom(
     study = Study() if study_path is None else read_study(study_path)
     if mechanics is not None:
         study = replace(study, mechanics=replace(study.mechanics, kind=mechanics))
+    refuse_unused(study, "phantom", study.mechanics.kind, study_path)
     if out.exists():
         raise InputError(f"{out}: exists already; remove it or choose another folder")
     eye = PhantomEye(

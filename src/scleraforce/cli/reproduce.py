@@ -12,6 +12,7 @@ import click
 
 from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.study import Study, read_study
+from scleraforce.study.unused import refuse_unused
 
 if TYPE_CHECKING:
     from scleraforce.reader.evaluate import Evaluation
@@ -58,6 +59,7 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
     from scleraforce.report.stages import reproduce as reproduce_all
 
     study = framed_for_laboratory(Study()) if study_path is None else read_study(study_path)
+    refuse_unused(study, "reproduce", file=study_path)
     run = open_run(out, study, workers or len(os.sched_getaffinity(0)))
     found = reproduce_all(run, _stage, lambda line: click.echo(line, err=True))
     evaluation, seconds = found.evaluation, found.seconds

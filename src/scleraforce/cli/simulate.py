@@ -11,6 +11,7 @@ from scleraforce.cli.output import print_json, share_bar
 from scleraforce.errors import InputError
 from scleraforce.study import Choice, Study, fixed, read_study
 from scleraforce.study.fields import Unit, check_number
+from scleraforce.study.unused import refuse_unused
 from scleraforce.units import mmhg_to_pa, n_to_mn
 
 __all__ = ["simulate"]
@@ -60,6 +61,7 @@ def simulate(
     study = _with_options(study, thickness_um, youngs_modulus_mpa, iop_mmhg, polar_angle_deg, gap_mm)
     if mechanics is not None:
         study = replace(study, mechanics=replace(study.mechanics, kind=mechanics))
+    refuse_unused(study, "simulate", study.mechanics.kind, study_path)
     check_number("force_mn", force_mn, FORCE)
     for path in filter(None, (vtu, plot)):
         if path.exists():

@@ -8,6 +8,7 @@ import click
 
 from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.study import Study, read_study
+from scleraforce.study.unused import refuse_unused
 from scleraforce.units import n_to_mn
 
 if TYPE_CHECKING:
@@ -49,13 +50,14 @@ def train(dataset_path: Path, out: Path, kind: str, search: bool, study_path: Pa
 
 def _train_reader(library_path: Path, out: Path, search: bool, study_path: Path | None, as_json: bool) -> None:
     start = time.perf_counter()
+    if search:
+        raise click.UsageError("--search is for --kind classifier: a reader has the sizes of [reader]")
+    study = Study() if study_path is None else read_study(study_path)
+    refuse_unused(study, "train --kind reader", file=study_path)
     # Imported here: PyTorch takes seconds, and only this command needs it.
     from scleraforce.learning.reader_train import train_reader
     from scleraforce.library.store import open_library
 
-    if search:
-        raise click.UsageError("--search is for --kind classifier: a reader has the sizes of [reader]")
-    study = Study() if study_path is None else read_study(study_path)
     library = open_library(library_path)
     with progress_bar(range(study.reader.epochs), "epochs") as bar:
         trained = train_reader(library, study, out, progress=bar.update)

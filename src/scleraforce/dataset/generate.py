@@ -15,6 +15,7 @@ from scleraforce.errors import DatasetError
 from scleraforce.library import Library
 from scleraforce.processes import available_cores
 from scleraforce.study import Study, format_study, parse_study
+from scleraforce.study.unused import refuse_unused
 
 __all__ = ["Generation", "generate_dataset"]
 
@@ -60,16 +61,19 @@ def generate_dataset(
 
     Raises:
         DatasetError: `out` holds something else, another run, or a complete data set.
+        StudyError: the study has keys that its mechanics does not use (`study.unused`).
         ScleraforceError: the study cannot be simulated.
     """
     start = perf_counter()
     if workers is not None and workers < 1:
         raise DatasetError(f"workers: {workers}; at least 1 would do")
+    mechanics = "linear" if library is None else "finite-strain"
+    refuse_unused(study, "generate", mechanics)
     modulus = youngs_modulus_pa or (calibration.youngs_modulus_pa if calibration else study.eye.youngs_modulus_pa)
     report = progress or (lambda _: None)
     study = parse_study(format_study(study))  # as the store keeps it: rounded to 15 digits in human units
     plan = plan_dataset(study)
-    create_store(out, study, modulus, calibration, plan, "linear" if library is None else "finite-strain")
+    create_store(out, study, modulus, calibration, plan, mechanics)
     todo = missing_units(out, plan)
     missing = sum(len(range(*plan.unit(unit).indices(plan.images))) for unit in todo)
     report(plan.images - missing)

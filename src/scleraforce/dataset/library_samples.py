@@ -31,7 +31,7 @@ def draw_units(
         library: of the study's eye and needle.
 
     Raises:
-        DatasetError: the library is one of another eye or needle, or the study's mechanics is not the library's.
+        DatasetError: the library is one of another eye or needle.
         InputError: a sample lies outside the library; names the value and the range.
     """
     _check(study, library)
@@ -67,10 +67,6 @@ def _reach(study: Study, plan: DatasetPlan) -> float:
 
 
 def _check(study: Study, library: Library) -> None:
-    if study.mechanics.sealed or not study.mechanics.follower:
-        key = "sealed" if study.mechanics.sealed else "follower"
-        raise DatasetError(f"mechanics.{key}: in the response library the pressure is constant and follows the wall; "
-                           "leave the key out")  # fmt: skip
     eye, needle = study.eye, study.needle
     wanted = (eye.radius_m, eye.poisson_ratio, 0.5 * needle.outer_diameter_m)
     found = (library.radius_m, library.poisson_ratio, library.needle_radius_m)

@@ -15,12 +15,12 @@ from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.springs import study_springs
 from scleraforce.mechanics.study_path import BentEye, bend_eye
 from scleraforce.study import Study
+from scleraforce.study.unused import refuse_unused
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
 __all__ = [
     "PhantomEye",
     "SectionsAt",
-    "check_linear",
     "finite_strain_sections",
     "linear_sections",
     "paper_eyes",
@@ -74,26 +74,11 @@ def study_sections(eye: PhantomEye, study: Study, progress: Callable[[float], ob
     `progress` is for a load path: called with the share of it that is done.
 
     Raises:
-        InputError: linear mechanics for an eye that it does not know.
+        StudyError: linear mechanics for an eye that it does not know.
     """
     if study.mechanics.kind == "linear":
         return linear_sections(eye, study)
     return finite_strain_sections(eye, study, progress)
-
-
-def check_linear(study: Study) -> None:
-    """Check that a study's eye is one that linear mechanics knows.
-
-    Raises:
-        InputError: it has a form, or the needle leans, or the globe is sealed.
-    """
-    found = {
-        "[form]": not study.form.is_plain,
-        "[needle] tilt_deg": study.needle.tilt_rad != 0.0,
-        "[mechanics] sealed": study.mechanics.sealed,
-    }
-    for name in (name for name, given in found.items() if given):
-        raise InputError(f'mechanics: "linear" does not know {name}; "finite-strain" would do')
 
 
 def finite_strain_sections(
@@ -142,9 +127,9 @@ def linear_sections(eye: PhantomEye, study: Study) -> SectionsAt:
     The wall is factored here, once. Radius, Poisson's ratio, density, mesh and needle are the study's.
 
     Raises:
-        InputError: the study's eye is one that linear mechanics does not know.
+        StudyError: the study's eye is one that linear mechanics does not know (`study.unused`).
     """
-    check_linear(study)
+    refuse_unused(study, "phantom", "linear")
     plane = eye.plane
     mesh = supported_mesh(study, eye.thickness_m, plane.contact)
     springs = study_springs(study.supports, mesh)

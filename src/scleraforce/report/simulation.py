@@ -15,8 +15,8 @@ from scleraforce.imaging.slices import fill_section, slice_window
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.springs import study_springs
 from scleraforce.mechanics.study_path import bend_eye
-from scleraforce.recording.virtual_eye import check_linear
 from scleraforce.study import Study
+from scleraforce.study.unused import refuse_unused
 
 __all__ = ["SimulatedEye", "simulate_eye"]
 
@@ -105,7 +105,7 @@ def _bend(
 
 
 def _bend_linearly(study: Study, thickness_m: float, force_n: float, contact: Contact) -> _Bent:
-    check_linear(study)
+    refuse_unused(study, "simulate", "linear")
     eye = study.eye
     mesh = supported_mesh(study, thickness_m, contact)
     springs = study_springs(study.supports, mesh)

@@ -61,9 +61,3 @@ class FormStudy:
             raise StudyError("semi_axes: give three ratios, like [1.0, 1.0, 1.0]")
         if sum(abs(wave.amplitude_fraction) for wave in self.wave) > MOST_UNEVEN:
             raise StudyError(f"wave: the amplitudes add up to more than {MOST_UNEVEN:.0%}")
-
-    @property
-    def is_plain(self) -> bool:
-        """Whether this is the even half-sphere of one material."""
-        even = all(wave.amplitude_fraction == 0.0 for wave in self.wave)
-        return self.semi_axes == (1.0, 1.0, 1.0) and even and all(region.modulus_ratio == 1.0 for region in self.region)

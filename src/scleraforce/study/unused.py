@@ -1,0 +1,94 @@
+"""What a command does not use of a study's physics, and refuses where it is set: no input is dropped without a word.
+
+A study file serves all commands, so keys for other work than a command's own are no error: `generate` does not mind
+`[reader]`. `UNUSED` has what would change the eye that a command computes, if its mechanics knew of it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from scleraforce.errors import StudyError
+from scleraforce.study.fields import field_key
+from scleraforce.study.records import Study
+
+__all__ = ["UNUSED", "refuse_unused"]
+
+FINITE_STRAIN_ONLY = (
+    "form.semi_axes", "form.wave", "form.region", "needle.tilt_deg", "needle.tilt_direction_deg", "mechanics.sealed",
+    "mechanics.follower",
+)  # fmt: skip
+SUPPORTS = (
+    "supports.kind", "supports.bed_stiffness_kpa_per_mm", "supports.bed_shear_stiffness_kpa_per_mm",
+    "supports.strap_stiffness_n_per_m", "supports.medial_azimuth_deg",
+)  # fmt: skip
+SHARED_WALL = (*FINITE_STRAIN_ONLY, *SUPPORTS)  # walls that serve many contacts: even, clamped at the base
+LIBRARY = (*SHARED_WALL, "eye.density_kg_m3")  # walls of revolution about the needle, without weight
+
+# Command, and mechanics where it has a choice: the keys that it does not use.
+UNUSED: dict[tuple[str, str | None], tuple[str, ...]] = {
+    ("simulate", "linear"): FINITE_STRAIN_ONLY,
+    ("simulate", "finite-strain"): (),
+    ("phantom", "linear"): FINITE_STRAIN_ONLY,
+    ("phantom", "finite-strain"): (),
+    ("generate", "linear"): SHARED_WALL,
+    ("generate", "finite-strain"): LIBRARY,
+    ("calibrate", "linear"): SHARED_WALL,
+    ("calibrate", "finite-strain"): LIBRARY,
+    ("library", None): LIBRARY,
+    ("train --kind reader", None): LIBRARY,
+    ("reproduce", None): SHARED_WALL,
+}
+
+
+def refuse_unused(study: Study, command: str, mechanics: str | None = None, file: Path | None = None) -> None:
+    """Check that a study asks for nothing that a command would drop: its physics has such keys at their defaults.
+
+    Args:
+        study: the study.
+        command: what is run, with its mechanics where it has a choice: a key of `UNUSED`.
+        mechanics: "linear" or "finite-strain".
+        file: the study file, for the message.
+
+    Raises:
+        StudyError: a key is set that the command does not use, or one that another key of the study switches off.
+    """
+    place = "study" if file is None else file
+    changed = set(_changed(study))
+    if found := [key for key in UNUSED[command, mechanics] if key in changed]:
+        wall = f" with {mechanics} mechanics" if mechanics else ""
+        remedy = f"leave {'it' if len(found) == 1 else 'them'} out{_other_mechanics(command, found)}"
+        raise StudyError(f"{place}: {', '.join(found)}: not used by `{command}`{wall}; {remedy}")
+    for key, cause, remedy in _switched_off(study):
+        if key in changed:
+            raise StudyError(f"{place}: {key}: has no effect with {cause}; leave it out, or give {remedy}")
+
+
+def _changed(study: Study) -> Iterator[str]:
+    """Yield the keys that are not at their default."""
+    for section in fields(study):
+        record: Any = getattr(study, section.name)
+        default = getattr(Study(), section.name)
+        for item in fields(record):
+            if getattr(record, item.name) != getattr(default, item.name):
+                yield f"{section.name}.{field_key(item)}"
+
+
+def _other_mechanics(command: str, keys: list[str]) -> str:
+    """Return the option of a command that uses all of these keys, as the end of a sentence; empty without one."""
+    others = [kind for name, kind in UNUSED if name == command and kind and not set(keys) & set(UNUSED[name, kind])]
+    return f", or give --mechanics {others[0]}" if others else ""
+
+
+def _switched_off(study: Study) -> Iterator[tuple[str, str, str]]:
+    """Yield keys that another one makes idle, with that one and what would change it."""
+    kind = f'supports.kind = "{study.supports.kind}"'
+    if not study.supports.has_bed:
+        yield SUPPORTS[1], kind, '"bed" or "bed-and-straps"'
+        yield SUPPORTS[2], kind, '"bed" or "bed-and-straps"'
+    if not study.supports.has_straps:
+        yield SUPPORTS[3], kind, '"straps" or "bed-and-straps"'
+        yield SUPPORTS[4], kind, '"straps" or "bed-and-straps"'
+    if study.needle.tilt_rad == 0.0:
+        yield "needle.tilt_direction_deg", "needle.tilt_deg = 0", "a tilt"

@@ -1,0 +1,208 @@
+"""What the table of unused keys says is true of the code, and every command keeps to it."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from analytic_library import analytic_library
+
+from scleraforce.calibration.eye_model import EyeConstants, WallState
+from scleraforce.calibration.session import eye_model
+from scleraforce.cli.main import run
+from scleraforce.dataset.library_samples import draw_units
+from scleraforce.dataset.plan import plan_dataset
+from scleraforce.dataset.samples import SampleSimulator
+from scleraforce.eye.contact import Contact
+from scleraforce.library.build import solve_path
+from scleraforce.library.plan import plan_library
+from scleraforce.recording.virtual_eye import PhantomEye, study_sections
+from scleraforce.report.simulation import simulate_eye
+from scleraforce.study import Study, parse_study
+from scleraforce.study.fields import field_key
+from scleraforce.study.unused import UNUSED
+
+PHYSICS = ("eye", "needle", "form", "mechanics", "supports")
+# Of these sections, what commands are told in another way: options, recordings, groups of a data set, a library's axes.
+ELSEWHERE = {
+    "eye.thickness_um", "eye.youngs_modulus_mpa", "eye.iop_mmhg", "needle.gap_mm", "needle.polar_angle_deg",
+    "needle.max_force_mn", "mechanics.kind",
+}  # fmt: skip
+BOOKKEEPING = {"scleraforce.study.toml", "scleraforce.study.fields", "scleraforce.study.unused", "dataclasses"}
+
+SMALL = """
+[mesh]
+kind = "KIND"
+divisions = 4
+level = 0
+core = 4
+rings = 6
+[library]
+thicknesses = 4
+iop_ratios = 4
+tips = 4
+max_tip_mm = 0.5
+elements = 16
+[dataset]
+contacts = 2
+[[dataset.group]]
+thickness_um = 500.0
+images = 4
+max_force_mn = 10.0
+"""
+HEXAHEDRA, GRADED = SMALL.replace("KIND", "hexahedra"), SMALL.replace("KIND", "graded")
+HELD = '[supports]\nkind = "bed-and-straps"\n'
+BENT = HELD + '[mechanics]\nkind = "finite-strain"\nsealed = true\n[needle]\ntilt_deg = 2.0\n'
+EVERYTHING = """
+[eye]
+density_kg_m3 = 1000.0
+[needle]
+tilt_deg = 3.0
+tilt_direction_deg = 40.0
+[form]
+semi_axes = [1.05, 1.0, 1.0]
+[[form.wave]]
+degree = 2
+[[form.region]]
+modulus_ratio = 0.7
+[mechanics]
+sealed = true
+follower = false
+[supports]
+kind = "bed-and-straps"
+bed_stiffness_kpa_per_mm = 2.0
+bed_shear_stiffness_kpa_per_mm = 0.1
+strap_stiffness_n_per_m = 30.0
+medial_azimuth_deg = 20.0
+"""
+EYE = PhantomEye("eye-x", 800e-6, 0.3e6, 266.0, 0.5e-3, 0.6)
+STATED = EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.5, 0.0)
+STATE = WallState(0.3e6, 0.01, 266.0, 0.7e-3, 0.5e-3, 0.5)
+
+
+def phantom(study: Study) -> None:
+    study_sections(EYE, study)([0.002])
+
+
+def simulate(study: Study) -> None:
+    simulate_eye(study, 800e-6, 0.002, Contact(0.6))
+
+
+def generate_linear(study: Study) -> None:
+    SampleSimulator(study, 0.3e6, plan_dataset(study)).slices(slice(0, 4))
+
+
+def generate(study: Study) -> None:
+    next(draw_units(study, 0.3e6, plan_dataset(study), [0], analytic_library()))
+
+
+def calibrate_linear(study: Study) -> None:
+    eye_model(study, STATED, None).curves([STATE])
+
+
+def calibrate(study: Study) -> None:
+    eye_model(study, STATED, analytic_library()).curves([STATE])
+
+
+def library(study: Study) -> None:
+    solve_path(plan_library(study), 0)
+
+
+WORK = {
+    ("simulate", "linear"): (simulate, GRADED + HELD),
+    ("simulate", "finite-strain"): (simulate, GRADED + BENT),
+    ("phantom", "linear"): (phantom, GRADED + HELD),
+    ("phantom", "finite-strain"): (phantom, GRADED + BENT),
+    ("generate", "linear"): (generate_linear, HEXAHEDRA),
+    ("generate", "finite-strain"): (generate, HEXAHEDRA),
+    ("calibrate", "linear"): (calibrate_linear, GRADED),
+    ("calibrate", "finite-strain"): (calibrate, HEXAHEDRA),
+    ("library", None): (library, HEXAHEDRA),
+}
+
+
+@pytest.fixture
+def read(monkeypatch: pytest.MonkeyPatch) -> set[str]:
+    """The keys of the physics that the code reads from here on; not where a study is checked, compared or written."""
+    seen: set[str] = set()
+
+    def watch(section: str) -> None:
+        kind = type(getattr(Study(), section))
+        keys = {name: f"{section}.{field_key(item)}" for name, item in kind.__dataclass_fields__.items()}
+
+        def spy(record: object, name: str) -> object:
+            caller = sys._getframe(1)
+            if caller.f_globals["__name__"] not in BOOKKEEPING and not caller.f_code.co_name.startswith("__"):
+                seen.update({keys[name]} if name in keys else ())
+            return object.__getattribute__(record, name)
+
+        monkeypatch.setattr(kind, "__getattribute__", spy)
+
+    for section in PHYSICS:
+        watch(section)
+    return seen
+
+
+def slow_where_a_path_is_solved() -> list[Any]:
+    slow = {work for work, (done, _) in WORK.items() if done in (simulate, phantom) and work[1] == "finite-strain"}
+    return [pytest.param(*work, marks=[pytest.mark.slow] * (work in slow)) for work in WORK]
+
+
+@pytest.mark.parametrize(("command", "mechanics"), slow_where_a_path_is_solved())
+def test_the_table_names_what_a_command_does_not_read(command: str, mechanics: str | None, read: set[str]) -> None:
+    work, text = WORK[command, mechanics]
+    study = parse_study(text)
+    every = {
+        f"{section}.{field_key(item)}"
+        for section in PHYSICS
+        for item in type(getattr(study, section)).__dataclass_fields__.values()
+    }
+    read.clear()
+    work(study)
+    assert every - read - ELSEWHERE == set(UNUSED[command, mechanics])
+
+
+def test_reproduce_refuses_what_its_linear_slices_do_and_the_reader_what_its_library_does() -> None:
+    assert UNUSED["reproduce", None] == UNUSED["generate", "linear"]
+    assert set(UNUSED["phantom", "linear"]) < set(UNUSED["reproduce", None])
+    assert UNUSED["train --kind reader", None] == UNUSED["library", None]
+
+
+ARGUMENTS = {
+    "simulate": "--thickness-um 500 --force-mn 10",
+    "phantom": "--out OUT",
+    "generate": "--out OUT",
+    "calibrate": "no-recording --out OUT",
+    "library": "--out OUT",
+    "train --kind reader": "no-library --out OUT",
+    "reproduce": "--out OUT",
+}
+
+
+@pytest.mark.parametrize(("command", "mechanics"), [work for work, keys in UNUSED.items() if keys])
+def test_a_command_refuses_by_name_what_it_does_not_use(command, mechanics, tmp_path: Path, capsys) -> None:
+    study, out = tmp_path / "all.toml", tmp_path / "out"
+    study.write_text(EVERYTHING)
+    options = f" --mechanics {mechanics}" if mechanics else ""
+    line = f"{command} {ARGUMENTS[command]}{options} --study STUDY"
+    assert run([{"OUT": str(out), "STUDY": str(study)}.get(word, word) for word in line.split()]) == 2
+    said = capsys.readouterr().err
+    keys = said.removeprefix(f"error: {study}: ").partition(": not used by")[0]
+    assert keys.split(", ") == list(UNUSED[command, mechanics])
+    assert said.count("\n") == 1
+    assert not out.exists()
+
+
+def not_refused(*_: object, **__: object) -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("command", ["simulate", "phantom"])
+def test_an_eye_of_finite_strain_takes_all_keys(command: str, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr("scleraforce.report.simulation.simulate_eye", not_refused)
+    monkeypatch.setattr("scleraforce.recording.virtual_eye.study_sections", not_refused)
+    study = tmp_path / "all.toml"
+    study.write_text(EVERYTHING)
+    line = f"{command} {ARGUMENTS[command]} --mechanics finite-strain --study STUDY"
+    words = {"OUT": str(tmp_path / "out"), "STUDY": str(study)}
+    assert run([words.get(word, word) for word in line.split()]) == 130

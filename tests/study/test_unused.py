@@ -1,0 +1,90 @@
+"""Keys of a study that a command does not use are refused by name; those for other work are no error."""
+
+from dataclasses import replace
+from math import radians
+from pathlib import Path
+
+import pytest
+
+from scleraforce.errors import StudyError
+from scleraforce.study import (
+    EyeStudy,
+    FormStudy,
+    MechanicsStudy,
+    MeshStudy,
+    NeedleStudy,
+    NetworkStudy,
+    RegionStudy,
+    Study,
+    SupportsStudy,
+    WaveStudy,
+)
+from scleraforce.study.unused import UNUSED, refuse_unused
+
+BED = SupportsStudy(kind="bed-and-straps")
+CHANGED = {
+    "eye.density_kg_m3": Study(eye=EyeStudy(density_kg_m3=1000.0)),
+    "form.semi_axes": Study(form=FormStudy(semi_axes=(1.1, 1.0, 1.0))),
+    "form.wave": Study(form=FormStudy(wave=(WaveStudy(),))),
+    "form.region": Study(form=FormStudy(region=(RegionStudy(modulus_ratio=0.7),))),
+    "needle.tilt_deg": Study(needle=NeedleStudy(tilt_rad=radians(5.0))),
+    "needle.tilt_direction_deg": Study(needle=NeedleStudy(tilt_rad=0.1, tilt_direction_rad=1.0)),
+    "mechanics.sealed": Study(mechanics=MechanicsStudy(sealed=True)),
+    "mechanics.follower": Study(mechanics=MechanicsStudy(follower=False)),
+    "supports.kind": Study(supports=SupportsStudy(kind="straps")),
+    "supports.bed_stiffness_kpa_per_mm": Study(supports=replace(BED, bed_stiffness_pa_per_m=1e6)),
+    "supports.bed_shear_stiffness_kpa_per_mm": Study(supports=replace(BED, bed_shear_stiffness_pa_per_m=1e5)),
+    "supports.strap_stiffness_n_per_m": Study(supports=replace(BED, strap_stiffness_n_per_m=40.0)),
+    "supports.medial_azimuth_deg": Study(supports=replace(BED, medial_azimuth_rad=1.0)),
+}
+EVERY = sorted((command, mechanics or "", key) for command, mechanics in UNUSED for key in CHANGED)
+
+
+@pytest.mark.parametrize(("command", "mechanics", "key"), EVERY)
+def test_a_key_is_refused_by_the_commands_that_do_not_use_it_and_by_no_other(command, mechanics, key) -> None:
+    work = command, mechanics or None
+    if key in UNUSED[work]:
+        with pytest.raises(StudyError, match=rf"^my\.toml: .*{key}.*: not used by `{command}`"):
+            refuse_unused(CHANGED[key], *work, Path("my.toml"))
+    else:
+        refuse_unused(CHANGED[key], *work)
+
+
+def test_every_key_of_the_table_is_tried() -> None:
+    assert {key for keys in UNUSED.values() for key in keys} == set(CHANGED)
+
+
+@pytest.mark.parametrize(("command", "mechanics"), UNUSED)
+def test_the_paper_and_keys_of_other_work_are_no_error(command, mechanics) -> None:
+    refuse_unused(Study(), command, mechanics)
+    other = Study(network=NetworkStudy(epochs=3), mesh=MeshStudy(core=8), mechanics=MechanicsStudy("finite-strain"))
+    refuse_unused(replace(other, eye=EyeStudy(iop_pa=400.0, radius_m=11e-3)), command, mechanics)
+
+
+def test_one_line_names_all_keys_and_other_mechanics_only_where_it_uses_them() -> None:
+    both = replace(CHANGED["form.wave"], needle=NeedleStudy(tilt_rad=0.1))
+    with pytest.raises(StudyError) as found:
+        refuse_unused(both, "simulate", "linear", Path("a.toml"))
+    assert str(found.value) == (
+        "a.toml: form.wave, needle.tilt_deg: not used by `simulate` with linear mechanics; leave them out, or give "
+        "--mechanics finite-strain"
+    )
+    with pytest.raises(StudyError, match=r"with linear mechanics; leave it out$"):
+        refuse_unused(CHANGED["form.wave"], "generate", "linear")
+    with pytest.raises(StudyError, match=r"with finite-strain mechanics; leave it out, or give --mechanics linear$"):
+        refuse_unused(CHANGED["eye.density_kg_m3"], "generate", "finite-strain")
+
+
+@pytest.mark.parametrize(
+    ("study", "message"),
+    [
+        (Study(supports=SupportsStudy(bed_stiffness_pa_per_m=1e6)), r"bed_stiffness_kpa_per_mm: has no effect"),
+        (Study(supports=SupportsStudy("straps", bed_shear_stiffness_pa_per_m=1e5)), r'"straps"; .* give "bed" or'),
+        (Study(supports=SupportsStudy("bed", strap_stiffness_n_per_m=9.0)), r'strap_stiffness_n.*kind = "bed"'),
+        (Study(supports=SupportsStudy(medial_azimuth_rad=1.0)), r'medial_azimuth_deg: has no .*kind = "clamped"'),
+        (Study(needle=NeedleStudy(tilt_direction_rad=1.0)), r"tilt_direction_deg: has no effect with needle\.tilt"),
+    ],
+)  # fmt: skip
+def test_a_key_that_another_one_switches_off_is_refused(study: Study, message: str) -> None:
+    with pytest.raises(StudyError, match=message):
+        refuse_unused(study, "simulate", "finite-strain")
