@@ -1,7 +1,7 @@
 """`make figures`: virtual eyes that no training has seen, through the released commands, to one table.
 
 Nothing is tuned here: the eyes are drawn from fixed seeds, computed in three dimensions at finite strain, imaged by the
-virtual laboratory of the paper's study, and read. Whatever is in the folder is taken up.
+virtual laboratory of the paper's study, and read. What is in the folder is taken up, as far as this code has made it.
 """
 
 import json
@@ -41,7 +41,7 @@ class Group:
 
 @click.command()
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/figures"), show_default=True,
-              help="Folder of the results; what it holds is taken up.")  # fmt: skip
+              help="Folder of the results; what this code has made there is taken up.")  # fmt: skip
 @click.option("--eyes", "count", type=click.IntRange(2), default=20, show_default=True, help="Of each group.")
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True, help="Processes that compute eyes.")
 @click.option("--reader", type=click.Path(path_type=Path), help="A trained reader; otherwise one is trained.")

@@ -1,25 +1,74 @@
-"""The commands that anyone would type, run in order: what a finished one has left is taken up."""
+"""The commands that anyone would type, run in order: what a finished one has left is taken up while its key holds.
+
+The key of a result is a hash of the sources that make it, of the words of its command and of what it is made from. It
+stands in a hidden file beside the result. A result with another key, or none, is made anew.
+"""
 
 import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from scleraforce.errors import ScleraforceError
+from scleraforce.source_hash import hash_sources
 from scleraforce.whole_files import write_whole
 
-__all__ = ["answers", "made_by"]
+__all__ = ["answers", "content_key", "is_made", "made", "made_by", "note_stale", "remove", "source_key", "write_key"]
+
+HERE = Path(__file__).parent
 
 
 class CommandError(ScleraforceError):
     """A command of this project failed; the message is its own."""
 
 
+@cache
+def source_key(*modules: str) -> str:
+    """Return the hash of the sources of modules, of this benchmark too (see `source_hash.sources`)."""
+    return hash_sources(*modules, packages={"figures": HERE})
+
+
+def is_made(out: Path, key: str) -> bool:
+    """Return whether a result is there, made under this key."""
+    note = _note(out)
+    return out.exists() and note.exists() and note.read_text(encoding="utf-8") == key
+
+
+def note_stale(out: Path) -> None:
+    """Say of a result that is there that it is made anew."""
+    if out.exists():
+        print(f"{out}: made by other code, or from something else; made anew", file=sys.stderr)
+
+
+def write_key(out: Path, key: str) -> None:
+    """Note the key of a result."""
+    write_whole(key, _note(out))
+
+
+def made(out: Path, key: str, make: Callable[[Path], object]) -> Path:
+    """Return a file or folder that `make` writes where it is told, unless it is there under the same key.
+
+    What was made under another key, or was left unfinished, is removed first.
+    """
+    if not is_made(out, key):
+        part = out.with_name(f".{out.name}.partial")
+        note_stale(out)
+        remove(part)
+        remove(out)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        make(part)
+        part.rename(out)
+        write_key(out, key)
+    return out
+
+
 def made_by(out: Path, command: Sequence[str | Path]) -> Path:
-    """Run a command that writes `out`, where that is not there yet; what it left unfinished is removed first.
+    """Return what a command writes, see `made`.
 
     Args:
         out: the file or folder.
@@ -28,26 +77,47 @@ def made_by(out: Path, command: Sequence[str | Path]) -> Path:
     Raises:
         CommandError: it failed.
     """
-    if not out.exists():
-        part = out.with_name(f".{out.name}.partial")
-        _remove(part)
-        out.parent.mkdir(parents=True, exist_ok=True)
-        _run([*command, "--out", part])
-        part.rename(out)
-    return out
+    return made(out, _command_key(command), lambda part: _run([*command, "--out", part]))
 
 
 def answers(out: Path, command: Sequence[str | Path]) -> dict[str, Any]:
-    """Return what a command prints with `--json`, kept in `out`.
+    """Return what a command prints with `--json`, kept in `out`, see `made`.
 
     Raises:
         CommandError: it failed.
     """
-    if not out.exists():
-        out.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(_run([*command, "--json"]), out)
+    made(out, _command_key(command), lambda part: write_whole(_run([*command, "--json"]), part))
     found: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
     return found
+
+
+def content_key(path: Path) -> str:
+    """Return the key of what a result is made from: the one it was made under, or else a hash of what it holds."""
+    if _note(path).exists():
+        return _note(path).read_text(encoding="utf-8")
+    files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
+    digest = sha256()
+    for file in filter(Path.is_file, files):
+        digest.update(f"{file.relative_to(path)}\0".encode() + sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def remove(path: Path) -> None:
+    """Remove a file or folder and its key."""
+    _note(path).unlink(missing_ok=True)
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _command_key(command: Sequence[str | Path]) -> str:
+    words = [f"{word.name} {content_key(word)}" if isinstance(word, Path) else word for word in command]
+    return sha256("\0".join([source_key(f"scleraforce.cli.{command[0]}"), *words]).encode()).hexdigest()
+
+
+def _note(out: Path) -> Path:
+    return out.with_name(f".{out.name}.key")
 
 
 def _run(command: Sequence[str | Path]) -> str:
@@ -59,10 +129,3 @@ def _run(command: Sequence[str | Path]) -> str:
     if done.returncode != 0:
         raise CommandError(f"scleraforce {' '.join(words[:1])}: exit code {done.returncode}; its message stands above")
     return done.stdout
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)

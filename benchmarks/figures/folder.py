@@ -1,4 +1,4 @@
-"""Where the figures keep what they have made: every part is taken up by a later run."""
+"""Where the figures keep what they have made: every part is taken up by a later run of the same code."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from figures.commands import answers, made_by
+from figures.commands import answers, content_key, made, made_by
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.recordings import read_made
@@ -64,23 +64,20 @@ def make_methods(folder: FiguresFolder, plain: Sequence[FigureEye], study: Study
 
 def _reader(folder: FiguresFolder, study: Study) -> Path:
     path = folder.work("study.toml")
-    if not path.exists():
-        write_whole(format_study(study), path)
+    write_whole(format_study(study), path)
     library = made_by(folder.work("library.zarr"), ["library", "--study", path])
     return made_by(folder.work("reader"), ["train", library, "--study", path, "--kind", "reader"])
 
 
 def _answering(folder: FiguresFolder, reader: Path, way: str) -> Path:
     """Return a copy of a reader whose default is one of its two ways."""
-    copy = folder.work(f"reader-{way}")
-    if not copy.exists():
-        part = folder.work(f".reader-{way}.partial")
-        shutil.rmtree(part, ignore_errors=True)
+
+    def copy(part: Path) -> None:
         shutil.copytree(reader, part)
         record = json.loads((part / RECORD_FILE).read_text(encoding="utf-8"))
         write_whole(json.dumps({**record, "default": way}, indent=2) + "\n", part / RECORD_FILE)
-        part.rename(copy)
-    return copy
+
+    return made(folder.work(f"reader-{way}"), f"{content_key(reader)} {way}", copy)
 
 
 def _classifier(folder: FiguresFolder, plain: Sequence[FigureEye], study: Study) -> Path:
@@ -90,9 +87,8 @@ def _classifier(folder: FiguresFolder, plain: Sequence[FigureEye], study: Study)
     will see; IOP is the study's.
     """
     path = folder.work("linear.toml")
-    if not path.exists():
-        framed = framed_for_laboratory(study)
-        write_whole(format_study(replace(framed, dataset=replace(framed.dataset, gap_m=GAP_M))), path)
+    framed = framed_for_laboratory(study)
+    write_whole(format_study(replace(framed, dataset=replace(framed.dataset, gap_m=GAP_M))), path)
     modulus = made_by(
         folder.work("calibrations") / "linear.json",
         ["calibrate", *_recordings(folder, plain), "--frames", str(CALIBRATED_FRAMES), "--mechanics", "linear"],

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
+from figures.commands import is_made, note_stale, remove, source_key, write_key
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.sections import compute_eye
@@ -16,7 +18,7 @@ from scleraforce.recording.phantom import PhantomFrame, plan_phantom, write_phan
 from scleraforce.study import Study
 from scleraforce.whole_files import renamed_when_whole
 
-__all__ = ["MadeEye", "make_eye", "make_recordings", "read_made"]
+__all__ = ["MadeEye", "make_eye", "make_recordings", "read_made", "recording_key"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +45,7 @@ class MadeEye:
 def make_recordings(
     folder: FiguresFolder, eyes: Sequence[FigureEye], workers: int, progress: Callable[[int], object]
 ) -> tuple[str, ...]:
-    """Compute and image the eyes that the folder does not hold yet.
+    """Compute and image the eyes that the folder does not hold yet, or holds as other sources have made them.
 
     Args:
         folder: where they go.
@@ -54,7 +56,9 @@ def make_recordings(
     Returns:
         The names of the eyes that failed; what they said stands on standard error.
     """
-    missing = [(folder, eye) for eye in eyes if not folder.recording(eye).exists()]
+    missing = [(folder, eye) for eye in eyes if not is_made(folder.recording(eye), recording_key(eye))]
+    for _, eye in missing:
+        note_stale(folder.recording(eye))
     progress(len(eyes) - len(missing))
     failed = []
 
@@ -95,8 +99,16 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
         _write_made(folder, drawn, made)
         return sections
 
-    folder.recording(drawn).parent.mkdir(parents=True, exist_ok=True)
-    write_phantom(folder.recording(drawn), plan, sections_at, drawn.study)
+    recording = folder.recording(drawn)
+    recording.parent.mkdir(parents=True, exist_ok=True)
+    remove(recording)
+    write_phantom(recording, plan, sections_at, drawn.study)
+    write_key(recording, recording_key(drawn))
+
+
+def recording_key(drawn: FigureEye) -> str:
+    """Return the key of an eye's recording: the sources that compute and image it, and all that is drawn of it."""
+    return sha256(f"{source_key(__name__)} {drawn!r}".encode()).hexdigest()
 
 
 def lowest_m(frame: PhantomFrame, section: Section, study: Study) -> tuple[float, float]:

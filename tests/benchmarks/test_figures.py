@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 from pieces_of_work import leave_a_mark_or_fail, leave_a_mark_or_wait
 
+from figures import commands, recordings
 from figures.commands import answers, made_by
 from figures.eyes import GROUPS, draw_eyes
+from figures.folder import FiguresFolder
 from figures.page import BEGIN, END, insert_tables
 from figures.recordings import MadeEye, lowest_m
 from figures.scores import AnsweredFrame, answered_frame, score
@@ -144,22 +146,68 @@ def test_processes_end_with_whoever_waits_for_them(tmp_path):
     assert time.perf_counter() - start < 30
 
 
-def test_a_command_is_run_once_and_what_it_left_unfinished_is_removed(tmp_path):
+def test_a_result_is_made_anew_with_other_sources_other_words_or_another_input(tmp_path, monkeypatch):
+    runs = []
+    monkeypatch.setattr(commands, "_run", lambda words: runs.append(words) or '{"frames": []}')
+    given, out = tmp_path / "given", tmp_path / "answers" / "kept.json"
+    given.mkdir()
+    (given / "model.json").write_text("one")
+
+    def runs_after(*words):
+        answers(out, ["evaluate", given, *words])
+        return len(runs)
+
+    assert [runs_after(), runs_after()] == [1, 1]
+    assert [runs_after("--more"), runs_after("--more")] == [2, 2]
+    (given / "model.json").write_text("two")
+    assert [runs_after("--more"), runs_after("--more")] == [3, 3]
+    commands.write_key(given, "made by other sources")
+    assert [runs_after("--more"), runs_after("--more")] == [4, 4]
+    monkeypatch.setattr(commands, "source_key", lambda *_: "other sources")
+    assert [runs_after("--more"), runs_after("--more")] == [5, 5]
+
+
+def test_an_eye_is_computed_anew_when_the_sources_that_compute_it_have_changed(tmp_path, monkeypatch):
+    folder, eyes, made = FiguresFolder(tmp_path), draw_eyes("plain", 3, STUDY), []
+
+    def keep(_work, pieces, _workers, _progress):
+        for place, eye in pieces:
+            made.append(eye.eye.id)
+            place.recording(eye).mkdir(parents=True, exist_ok=True)
+            commands.write_key(place.recording(eye), recordings.recording_key(eye))
+
+    monkeypatch.setattr(recordings, "in_processes", keep)
+    recordings.make_recordings(folder, eyes[:2], 1, lambda _: None)
+    recordings.make_recordings(folder, eyes, 1, lambda _: None)
+    assert made == ["plain-01", "plain-02", "plain-03"]
+    monkeypatch.setattr(recordings, "source_key", lambda *_: "other sources")
+    recordings.make_recordings(folder, eyes, 1, lambda _: None)
+    assert made == ["plain-01", "plain-02", "plain-03"] * 2
+
+
+def test_a_command_is_run_once_and_what_it_left_unfinished_is_removed(tmp_path, capsys):
     out = tmp_path / "made" / "recording"
     (out.parent / ".recording.partial").mkdir(parents=True)
     small = ["--forces-mn", "2", "--thickness-um", "500"]
     with pytest.raises(ScleraforceError, match="phantom: exit code 2"):
         made_by(out, ["phantom", "--forces-mn", "-2"])
     assert not out.exists()
+    assert not (out.parent / ".recording.partial").exists()
     out.mkdir()
+    (out / "old").write_text("")
+    made_by(out, ["phantom", *small])  # nobody knows by what it was made: it is made anew
+    assert not (out / "old").exists()
+    assert "made anew" in capsys.readouterr().err
+    (out / "mark").write_text("")
     assert made_by(out, ["phantom", *small]) == out  # it is there: nothing is run
-    assert list(out.iterdir()) == []
+    assert (out / "mark").exists()
 
 
 def test_what_a_command_prints_is_kept(tmp_path):
     out = tmp_path / "answers" / "kept.json"
     out.parent.mkdir()
     out.write_text('{"frames": []}')
+    commands.write_key(out, commands._command_key(["evaluate", "no-model"]))
     assert answers(out, ["evaluate", "no-model"]) == {"frames": []}
     with pytest.raises(ScleraforceError, match="evaluate: exit code"):
         answers(tmp_path / "other.json", ["evaluate", tmp_path / "no-model", tmp_path])
