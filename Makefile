@@ -29,8 +29,8 @@ lint: .venv/installed  ## ruff (rules and format) and mypy
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
 
-bench: .venv/installed  ## the benchmarks, as tables
-	.venv/bin/python benchmarks/bench.py
+bench: .venv/installed  ## the benchmarks, as tables; BENCH='--model MODEL --recording RECORDING' for those that read
+	.venv/bin/python benchmarks/bench.py $(BENCH)
 
 figures: .venv/installed  ## forces read on 40 virtual eyes that no training has seen, to out/figures/figures.md (FIGURES=...)
 	PYTHONPATH=benchmarks .venv/bin/python -m figures --out $(FIGURES)

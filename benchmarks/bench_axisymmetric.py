@@ -1,13 +1,13 @@
 """Accuracy and speed of the wall of revolution: the tables of docs/physics.md.
 
-    python benchmarks/bench_axisymmetric.py [--solid]
+    python benchmarks/bench_axisymmetric.py [--solid] [--rows N]
 
-`--solid` compares it with 3-D finite strain, needles at 0 to 50 deg and dents to 4 mm: some 20 s an eye. Times are of
-one core.
+`--solid` compares it with 3-D finite strain, needles at 0 to 50 deg and dents to 4 mm: some 20 s an eye; `--rows`
+keeps the first N rows of each table. Times are of one core.
 """
 
 import argparse
-from itertools import product
+from itertools import islice, product
 from time import process_time
 
 import numpy as np
@@ -48,11 +48,12 @@ R2_TIPS_MM = {
 }
 
 
-def print_paths() -> None:
+def print_paths(rows: int | None) -> None:
     """Time of a path of 30 states to 7.5 mm, and how far its forces are from those of a fine mesh."""
     tips_m = np.linspace(0.25e-3, 7.5e-3, 30)
     print("one path: t mm, E MPa, IOP Pa, elements, s, largest F/E mm^2, largest error of the force %")
-    for thickness_mm, modulus_mpa, iop_pa in ((0.35, 0.2, 0.0), (0.35, 0.2, 266.0), *EYES, (0.9, 0.2, 533.0)):
+    walls = ((0.35, 0.2, 0.0), (0.35, 0.2, 266.0), *EYES, (0.9, 0.2, 533.0))
+    for thickness_mm, modulus_mpa, iop_pa in walls[:rows]:
         forces: dict[int, Floats] = {}
         for elements in (200, 64, 48, 32):
             start = process_time()
@@ -65,10 +66,10 @@ def print_paths() -> None:
             print(f"  {thickness_mm} {modulus_mpa} {iop_pa:3g} {elements:4d} {seconds:.3f} {largest:.3f} {error:.3f}")
 
 
-def print_r2() -> None:
+def print_r2(rows: int | None) -> None:
     """Tips of reference problem R2, dead pressure and Gaussian, needle at the pole."""
     print("R2: t mm, E MPa, polar angle of the 3-D figure; tip in mm, and % from the figure")
-    for (thickness_mm, modulus_mpa, polar_deg), expected_mm in R2_TIPS_MM.items():
+    for (thickness_mm, modulus_mpa, polar_deg), expected_mm in islice(R2_TIPS_MM.items(), rows):
         mesh = meridian_mesh(RADIUS_M, 1e-3 * thickness_mm, NEEDLE_RADIUS_M, 0.5 * np.pi, MeridianSize())
         wall = AxisymmetricWall(mesh, NU, follower=False, spread=lambda d: np.exp(-0.5 * (d / 0.35e-3) ** 2))
         pressure = 266e-6 / modulus_mpa
@@ -80,11 +81,11 @@ def print_r2() -> None:
         print(f"  {thickness_mm} {modulus_mpa} {polar_deg:2d}  {np.round(tips_mm, 3)}  {np.round(off, 1)}")
 
 
-def print_sealed() -> None:
+def print_sealed(rows: int | None) -> None:
     """Pressure and force of a sealed globe over those of an open one."""
     tips_m = np.array([1e-3, 2e-3, 3e-3])
     print("sealed: t mm, E MPa, IOP Pa, support deg; pressure / IOP and force / force of the open globe at 1, 2, 3 mm")
-    for (thickness_mm, modulus_mpa, iop_pa), support_deg in product(EYES, (90.0, 170.0)):
+    for (thickness_mm, modulus_mpa, iop_pa), support_deg in islice(product(EYES, (90.0, 170.0)), rows):
         sizes = (RADIUS_M, 1e-3 * thickness_mm, NU, NEEDLE_RADIUS_M, 1e-6 * iop_pa / modulus_mpa)
         support_rad, size = np.radians(support_deg), MeridianSize(80)
         opened, sealed = (
@@ -145,10 +146,10 @@ def distance_m(points: Floats, curve: Floats) -> float:
     return max(float(np.linalg.norm(dense - point, axis=1).min()) for point in shown[::4])
 
 
-def print_solid() -> None:
+def print_solid(rows: int | None) -> None:
     """Tips at equal force and sections, with neither, either and both corrections of `polar`."""
     print("3-D: t mm, E MPa, IOP Pa, polar deg; without, with stiffening, with shift, with both: tip %, section mm")
-    for (thickness_mm, modulus_mpa, iop_pa), polar_deg in product(EYES + OTHERS, POLAR_DEG):
+    for (thickness_mm, modulus_mpa, iop_pa), polar_deg in islice(product(EYES + OTHERS, POLAR_DEG), rows):
         contact = Contact(float(np.radians(polar_deg)))
         wall, solid = solid_path(thickness_mm, modulus_mpa, iop_pa, contact)
         sizes = (RADIUS_M, 1e-3 * thickness_mm, NU, NEEDLE_RADIUS_M)
@@ -172,11 +173,13 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--solid", action="store_true")
-    print_paths()
-    print_r2()
-    print_sealed()
-    if parser.parse_args().solid:
-        print_solid()
+    parser.add_argument("--rows", type=int, help="only the first N of each table")
+    given = parser.parse_args()
+    print_paths(given.rows)
+    print_r2(given.rows)
+    print_sealed(given.rows)
+    if given.solid:
+        print_solid(given.rows)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,13 @@
 """Errors of the segmentation's boundaries on rendered frames, beside those that `learning.boundary_errors` makes.
 
-    python benchmarks/bench_boundary_errors.py [EYES [SEED]]
+    python benchmarks/bench_boundary_errors.py [EYES [SEED]] [--frames 12] [--study FILE]
 
-Each eye has 12 frames with even forces from 0 to 60 mN, from the user's library (built where there is none).
+Each eye has frames with even forces from 0 to 60 mN, from the user's library of the study (built where there is none).
 """
 
-import sys
+import argparse
 from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 
@@ -14,23 +15,27 @@ from scleraforce.learning.boundary_errors import disturb
 from scleraforce.learning.boundary_statistics import BoundaryStatistics, boundary_statistics
 from scleraforce.learning.segmented import random_eyes, segmented_boundaries
 from scleraforce.library.cache import cached_library
-from scleraforce.study import Study
-
-FRAMES = 12
+from scleraforce.study import Study, read_study
 
 
 def main() -> None:
     """Print the table."""
-    eyes, seed = (int(text) for text in [*sys.argv[1:], "16", "1"][:2])
-    study = Study()
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("eyes", type=int, nargs="?", default=16)
+    parser.add_argument("seed", type=int, nargs="?", default=1)
+    parser.add_argument("--frames", type=int, default=12, help="of each eye")
+    parser.add_argument("--study", type=Path, help="the paper's where none is given")
+    given = parser.parse_args()
+    study = read_study(given.study) if given.study else Study()
+    forces_n = np.linspace(0.0, 60e-3, given.frames).tolist()
     library = cached_library(study)
     pairs = [
-        segmented_boundaries(library, study, eye, np.linspace(0.0, 60e-3, FRAMES).tolist(), seed)
-        for eye in random_eyes(study, eyes, seed)
+        segmented_boundaries(library, study, eye, forces_n, given.seed)
+        for eye in random_eyes(study, given.eyes, given.seed)
     ]
     true, seen = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
-    made = disturb(true, study.slice, np.random.default_rng(seed))
-    print(f"{len(true)} frames of {eyes} eyes")
+    made = disturb(true, study.slice, np.random.default_rng(given.seed))
+    print(f"{len(true)} frames of {given.eyes} eyes")
     print(f"{'':<26}{'segmented':>22}{'made':>22}")
     _table(boundary_statistics(true, seen, study.slice), boundary_statistics(true, made, study.slice))
 

@@ -1,17 +1,18 @@
 """The figures of a calibration: step time, errors of what is stated wrongly, honesty over many eyes.
 
-    python benchmarks/bench_calibration.py [LINEAR EYES, 50] [BENT EYES, 5]
+    python benchmarks/bench_calibration.py [LINEAR EYES, 50] [BENT EYES, 5] [--frames 24] [--study FILE]
 
 The eyes are virtual: sections of the deformed mesh, boundaries with the roughness of speckle (5 um along the normal),
-eyes that shift by up to 0.2 mm between 24 frames of 6 to 58 mN. Linear eyes are calibrated with the linear wall, bent
+eyes that shift by up to 0.2 mm between the frames, of 6 to 58 mN. Linear eyes are calibrated with the linear wall, bent
 ones (three-dimensional finite strain, half a minute each) with the response library of the user's cache.
 """
 
-import sys
+import argparse
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
@@ -25,47 +26,45 @@ from scleraforce.imaging.optics import Pose
 from scleraforce.library.cache import cached_library
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.recording.virtual_eye import PhantomEye, SectionsAt, finite_strain_sections
-from scleraforce.study import Study
-
-STUDY = Study()
-FRAMES = 24
+from scleraforce.study import Study, read_study
 
 
 @cache
-def wall(thickness_m: float) -> LinearWall:
+def wall(study: Study, thickness_m: float) -> LinearWall:
     """Return the factored wall of a thickness, at the study's mesh."""
-    mesh = STUDY.mesh
-    built = build_mesh(STUDY.eye.radius_m, thickness_m, mesh.divisions, mesh.level, mesh.layers, mesh.order)
-    return LinearWall(built, STUDY.eye.poisson_ratio)
+    mesh = study.mesh
+    built = build_mesh(study.eye.radius_m, thickness_m, mesh.divisions, mesh.level, mesh.layers, mesh.order)
+    return LinearWall(built, study.eye.poisson_ratio)
 
 
-def frames(rng: np.random.Generator, sections_at: SectionsAt) -> list[FrameInput]:
+def frames(study: Study, count: int, rng: np.random.Generator, sections_at: SectionsAt) -> list[FrameInput]:
     """Return the frames of a virtual eye."""
-    forces = rng.uniform(6e-3, 58e-3, FRAMES).tolist()
+    forces = rng.uniform(6e-3, 58e-3, count).tolist()
     made = []
     for force_n, section in zip(forces, sections_at(forces), strict=True):
         lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
-        pose, smoothing_m = Pose(lateral_m, 0.5e-3 + depth_m), STUDY.calibration.surface_smoothing_m
-        boundaries = ideal_boundaries(section, pose, STUDY.oct, 5e-6, rng, smoothing_m)
+        pose, smoothing_m = Pose(lateral_m, 0.5e-3 + depth_m), study.calibration.surface_smoothing_m
+        boundaries = ideal_boundaries(section, pose, study.oct, 5e-6, rng, smoothing_m)
         made.append(FrameInput(boundaries, force_n, 0.0, np.diag([1e-18, 1e-18])))
     return made
 
 
-def linear_frames(eye: PhantomEye, rng: np.random.Generator) -> list[FrameInput]:
+def linear_frames(study: Study, count: int, eye: PhantomEye, rng: np.random.Generator) -> list[FrameInput]:
     """Return the frames of an eye of linear mechanics, whose wall may serve several."""
-    return frames(rng, lambda forces: virtual_sections(wall(eye.thickness_m), eye, forces, STUDY))
+    built = wall(study, eye.thickness_m)
+    return frames(study, count, rng, lambda forces: virtual_sections(built, eye, forces, study))
 
 
-def stated(eye: PhantomEye) -> EyeConstants:
+def stated(study: Study, eye: PhantomEye) -> EyeConstants:
     """Return what a recording would state; the contact's angle is not known."""
-    low, high = STUDY.needle.polar_angle_rad.bounds
+    low, high = study.needle.polar_angle_rad.bounds
     angle = ((low + high) / 2, (high - low) / 12**0.5)
     return EyeConstants(eye.iop_pa, eye.thickness_m, eye.gap_m, *angle, eye.direction_rad)
 
 
-def calibrated(model: EyeModel, inputs: list[FrameInput]) -> tuple[float, float, list[float]]:
+def calibrated(study: Study, model: EyeModel, inputs: list[FrameInput]) -> tuple[float, float, list[float]]:
     """Return mean and standard deviation of E, and the time of each step in s."""
-    filtered = eye_filter(model, STUDY.calibration)
+    filtered = eye_filter(model, study.calibration)
     state, mean, sd, seconds = first_state(filtered), np.nan, np.nan, []
     for frame in inputs:
         start = time.perf_counter()
@@ -76,13 +75,13 @@ def calibrated(model: EyeModel, inputs: list[FrameInput]) -> tuple[float, float,
     return mean, sd, seconds
 
 
-def print_step_time(model: EyeModel, inputs: list[FrameInput]) -> None:
+def print_step_time(study: Study, model: EyeModel, inputs: list[FrameInput]) -> None:
     """Print the time of a step: registration, observation, two sigma points, correction."""
-    seconds = np.array(calibrated(model, inputs)[2][1:])
+    seconds = np.array(calibrated(study, model, inputs)[2][1:])
     print(f"step (one frame): {1e3 * seconds.min():.1f} ms at best, {1e3 * np.median(seconds):.1f} ms in the median")
 
 
-def print_wrong_statements(eye: PhantomEye, right: EyeConstants, inputs: list[FrameInput]) -> None:
+def print_wrong_statements(study: Study, eye: PhantomEye, right: EyeConstants, inputs: list[FrameInput]) -> None:
     """Print what E becomes where thickness, gap or IOP are stated 10 % wrong."""
     changes: dict[str, Callable[[float], EyeConstants]] = {
         "thickness": lambda share: replace(right, thickness_m=share * right.thickness_m),
@@ -96,12 +95,13 @@ def print_wrong_statements(eye: PhantomEye, right: EyeConstants, inputs: list[Fr
     print(f"{'':<16}{'-10 %':>10}{'+10 %':>10}")
     for name, change in changes.items():
         errors = [
-            calibrated(linear_eye(STUDY, change(share)), inputs)[0] / eye.youngs_modulus_pa - 1 for share in (0.9, 1.1)
+            calibrated(study, linear_eye(study, change(share)), inputs)[0] / eye.youngs_modulus_pa - 1
+            for share in (0.9, 1.1)
         ]
         print(f"{name:<16}" + "".join(f"{100 * error:>+9.1f}%" for error in errors))
 
 
-def print_honesty(count: int) -> None:
+def print_honesty(study: Study, count: int, frame_count: int) -> None:
     """Print how far E is off over many eyes, and how often it lies within what the posterior says."""
     rng, errors, scores, sds = np.random.default_rng(0), [], [], []
     for number in range(count):
@@ -114,11 +114,13 @@ def print_honesty(count: int) -> None:
             float(rng.uniform(0.436, 0.785)),
             float(rng.uniform(0.0, 6.28)),
         )
-        mean, sd, _ = calibrated(linear_eye(STUDY, stated(eye)), linear_frames(eye, rng))
+        mean, sd, _ = calibrated(
+            study, linear_eye(study, stated(study, eye)), linear_frames(study, frame_count, eye, rng)
+        )
         errors.append(mean / eye.youngs_modulus_pa - 1)
         scores.append(abs(mean - eye.youngs_modulus_pa) / sd)
         sds.append(sd)
-    print(f"\n{count} eyes, {FRAMES} frames each, contact angle unknown (25 to 45 degrees):")
+    print(f"\n{count} eyes, {frame_count} frames each, contact angle unknown (25 to 45 degrees):")
     rms, largest = np.sqrt(np.mean(np.square(errors))), np.abs(errors).max()
     print(f"error of E: mean {100 * np.mean(errors):+.2f} %, rms {100 * rms:.2f} %, largest {100 * largest:.2f} %")
     honest = np.mean(np.array(scores) < 2)
@@ -138,36 +140,36 @@ def draw_bent_eye(number: int, rng: np.random.Generator) -> PhantomEye:
     )
 
 
-def print_bent(count: int) -> None:
+def print_bent(study: Study, count: int, frame_count: int) -> None:
     """Print how far E of bent eyes is off after 3, 5 and all frames, and what low and high forces say on their own."""
-    library, rng = cached_library(STUDY), np.random.default_rng(0)
+    library, rng = cached_library(study), np.random.default_rng(0)
     print(f"\n{count} eyes of three-dimensional finite strain, contact angle unknown; error of E in % (sd):")
     print(f"{'t/um':>6}{'E/MPa':>7}{'mmHg':>6}{'angle':>6}" + "".join(f"{n:>16}" for n in ("3 frames", "5", "all"))
           + f"{'below 20 mN':>14}{'above 35 mN':>13}{'step/ms':>9}")  # fmt: skip
     found = []
     for number in range(count):
         eye = draw_bent_eye(number, rng)
-        inputs = frames(rng, finite_strain_sections(eye, STUDY))
-        model = library_eye(STUDY, stated(eye), library)
-        runs = [calibrated(model, inputs[:used]) for used in (3, 5, FRAMES)]
+        inputs = frames(study, frame_count, rng, finite_strain_sections(eye, study))
+        model = library_eye(study, stated(study, eye), library)
+        runs = [calibrated(study, model, inputs[:used]) for used in (3, 5, frame_count)]
         found.append([((mean / eye.youngs_modulus_pa - 1), sd / eye.youngs_modulus_pa) for mean, sd, _ in runs])
-        low, high = own_moduli(model, inputs, eye)
+        low, high = own_moduli(study, model, inputs, eye)
         print(f"{eye.thickness_m * 1e6:>6.0f}{eye.youngs_modulus_pa / 1e6:>7.3f}{eye.iop_pa / 133.3:>6.1f}"
               f"{np.degrees(eye.polar_rad):>6.0f}"
               + "".join(f"{100 * error:>+9.2f} ({100 * sd:.1f})" for error, sd in found[-1])
               + f"{100 * low:>+14.1f}{100 * high:>+13.1f}{1e3 * np.median(runs[-1][2][1:]):>9.1f}",
               flush=True)  # fmt: skip
     errors = np.array(found)
-    for used, (error, sd) in zip((3, 5, FRAMES), np.moveaxis(errors, 0, 2), strict=True):
+    for used, (error, sd) in zip((3, 5, frame_count), np.moveaxis(errors, 0, 2), strict=True):
         honest = 100 * np.mean(np.abs(error) < 2 * sd)
         rms, largest = np.sqrt(np.mean(error**2)), np.abs(error).max()
         print(f"after {used} frames: mean {100 * error.mean():+.2f} %, rms {100 * rms:.2f} %, largest "
               f"{100 * largest:.2f} %; within two sd: {honest:.0f} %")  # fmt: skip
 
 
-def own_moduli(model: EyeModel, inputs: list[FrameInput], eye: PhantomEye) -> tuple[float, float]:
+def own_moduli(study: Study, model: EyeModel, inputs: list[FrameInput], eye: PhantomEye) -> tuple[float, float]:
     """Return the median error of what single frames below 20 mN and above 35 mN say of E."""
-    filtered = eye_filter(model, STUDY.calibration)
+    filtered = eye_filter(model, study.calibration)
     state, alone = first_state(filtered), []
     for frame in inputs:
         step = assimilate(filtered, state, frame)
@@ -179,23 +181,29 @@ def own_moduli(model: EyeModel, inputs: list[FrameInput], eye: PhantomEye) -> tu
     return float(np.median(low)) if low else np.nan, float(np.median(high)) if high else np.nan
 
 
-def print_linear(count: int) -> None:
+def print_linear(study: Study, count: int, frame_count: int) -> None:
     """Print the figures of the linear wall."""
     eye = PhantomEye("eye-1", 0.8e-3, 0.27e6, 266.6, 0.5e-3, 0.611, 1.0)
-    inputs = linear_frames(eye, np.random.default_rng(1))
-    right = replace(stated(eye), polar_rad=eye.polar_rad)
-    print_step_time(linear_eye(STUDY, right), inputs)
-    print_wrong_statements(eye, right, inputs)
-    print_honesty(count)
+    inputs = linear_frames(study, frame_count, eye, np.random.default_rng(1))
+    right = replace(stated(study, eye), polar_rad=eye.polar_rad)
+    print_step_time(study, linear_eye(study, right), inputs)
+    print_wrong_statements(study, eye, right, inputs)
+    print_honesty(study, count, frame_count)
 
 
 def main() -> None:
     """Print all figures."""
-    linear_eyes, bent_eyes = (int(count) for count in (sys.argv[1:] + ["50", "5"][len(sys.argv) - 1 :]))
-    if linear_eyes:
-        print_linear(linear_eyes)
-    if bent_eyes:
-        print_bent(bent_eyes)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("linear_eyes", type=int, nargs="?", default=50)
+    parser.add_argument("bent_eyes", type=int, nargs="?", default=5)
+    parser.add_argument("--frames", type=int, default=24, help="of each eye")
+    parser.add_argument("--study", type=Path, help="the paper's where none is given")
+    given = parser.parse_args()
+    study = read_study(given.study) if given.study else Study()
+    if given.linear_eyes:
+        print_linear(study, given.linear_eyes, given.frames)
+    if given.bent_eyes:
+        print_bent(study, given.bent_eyes, given.frames)
 
 
 if __name__ == "__main__":

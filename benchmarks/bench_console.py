@@ -182,7 +182,9 @@ def main(changes: int) -> None:
 
 
 def spread(times: NDArray[np.float64]) -> list[str]:
-    """Median, 99th percentile and maximum."""
+    """Median, 99th percentile and maximum; dashes where there is nothing."""
+    if not len(times):
+        return ["-"] * 3
     return [f"{value:.1f} ms" for value in (*np.percentile(times, [50, 99]), times.max())]
 
 

@@ -1,14 +1,17 @@
 """Accuracy and speed of finite-strain mechanics in 3-D: the tables of docs/physics.md.
 
-    python benchmarks/bench_finite_strain.py [--fine]
+    python benchmarks/bench_finite_strain.py [--fine] [--rows N] [--loads N] [--quads 20] [--core 6] [--rings 14]
 
 R2 is the project's reference problem: 12 mm, nu 0.45, 266 Pa as a dead load by Voronoi areas, a Gaussian of 0.35 mm as
 nodal weights, 20 equiangular quads, no weight; tips were read at the node nearest to the load. Times are of one core.
+`--rows` and `--loads` keep the first N walls and the first N forces or dents of each table.
 """
 
 import argparse
 import resource
 from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import islice
 from time import process_time
 from typing import Any
 
@@ -36,6 +39,22 @@ R2_TIPS_MM = {
     (0.8e-3, 0.38e6, 0.0): (0.106, 0.222, 0.353, 0.503, 0.680, 0.897, 1.528, 2.393, 3.233),
     (0.8e-3, 0.38e6, 50.0): (0.102, 0.215, 0.342, 0.487, 0.657, 0.865, 1.456, 2.265, 3.057),
 }
+WALLS = ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6))
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How much is computed: finer meshes too, the first so many walls and loads, and how fine the meshes are.
+
+    `quads` are those along an edge of even meshes, `core` and `rings` those of graded ones.
+    """
+
+    fine: bool
+    rows: int | None
+    loads: int | None
+    quads: int
+    core: int
+    rings: int
 
 
 def row(values: list[float], digits: int = 3) -> str:
@@ -70,11 +89,13 @@ def reference_path(mesh: HexMesh, youngs_modulus_pa: float, contact: Contact, ma
     return wall.load_path(needle, **loads, max_force_n=max_force_n)
 
 
-def reference_problem() -> None:
+def reference_problem(sizes: Sizes) -> None:
     """Print every row of R2 as it should be and as it is, at the node and at the load's centre."""
-    print("\nR2 on its own mesh and loads: tip [mm]" + row([float(force) for force in FORCES_MN], 0) + " mN   worst")
-    for (thickness_m, modulus_pa, polar_deg), expected_mm in R2_TIPS_MM.items():
-        mesh, contact = build_mesh(RADIUS_M, thickness_m, divisions=20, level=0), Contact(np.radians(polar_deg))
+    forces = row([float(force) for force in FORCES_MN[: sizes.loads]], 0)
+    print(f"\nR2 on its own mesh and loads: tip [mm]{forces} mN   worst")
+    for (thickness_m, modulus_pa, polar_deg), all_mm in islice(R2_TIPS_MM.items(), sizes.rows):
+        expected_mm = all_mm[: sizes.loads]
+        mesh, contact = build_mesh(RADIUS_M, thickness_m, sizes.quads, level=0), Contact(np.radians(polar_deg))
         forces_n = np.array(FORCES_MN[: len(expected_mm)]) * 1e-3
         start = process_time()
         path = reference_path(mesh, modulus_pa, contact, forces_n[-1])
@@ -90,52 +111,53 @@ def reference_problem() -> None:
         print(f"{'':22s}{'at the centre':16s}" + row([1e3 * path.tip_m(force) for force in forces_n]), flush=True)
 
 
-def meshes(contact: Contact, thickness_m: float, fine: bool) -> dict[str, HexMesh]:
+def meshes(contact: Contact, thickness_m: float, sizes: Sizes) -> dict[str, HexMesh]:
     """Return the meshes that are compared; the last is the finest."""
     kinds: dict[str, dict[str, Any]] = {
-        "graded, 6 core, 14 rings (default)": {},
-        "graded, 6 core, 24 rings": {"core": 6, "rings": 24},
+        f"graded, {sizes.core} core, {rings} rings": {"core": sizes.core, "rings": rings}
+        for rings in (sizes.rings, sizes.rings + 10)
     }
-    if fine:
+    if sizes.fine:
         kinds["graded, 8 core, 32 rings, 2 layers"] = {"core": 8, "rings": 32, "layers": 2}
     graded = {name: graded_mesh(RADIUS_M, thickness_m, contact, **kind) for name, kind in kinds.items()}
-    return {"default, 20 quads": build_mesh(RADIUS_M, thickness_m)} | graded
+    return {f"even, {sizes.quads} quads": build_mesh(RADIUS_M, thickness_m, sizes.quads // 2)} | graded
 
 
-def product_paths(fine: bool) -> None:
+def product_paths(sizes: Sizes) -> None:
     """Print paths under the product's own needle, pressure and weight on several meshes, sealed and not."""
     contact = Contact(np.radians(35.0))
     print("\nDisc of 0.7 mm, pressure that follows, weight; 35 deg: tip [mm]")
-    forces = row([float(force) for force in FORCES_MN], 0)
+    forces_mn = FORCES_MN[: sizes.loads]
+    forces = row([float(force) for force in forces_mn], 0)
     print(f"{'wall, mesh':58s}{'elements':>9s}{'seconds':>8s}{'states':>7s}{forces} mN")
-    for thickness_m, modulus_pa in ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6)):
+    for thickness_m, modulus_pa in WALLS[: sizes.rows]:
         loads: dict[str, Any] = {"youngs_modulus_pa": modulus_pa, "iop_pa": IOP_PA, "density_kg_m3": 1100.0}
-        for name, mesh in meshes(contact, thickness_m, fine).items():
+        for name, mesh in meshes(contact, thickness_m, sizes).items():
             wall, needle = FiniteWall(mesh, NU), needle_at(mesh, contact, NEEDLE_RADIUS_M)
             start = process_time()
-            path = wall.load_path(needle, **loads, max_force_n=60e-3)
+            path = wall.load_path(needle, **loads, max_force_n=1e-3 * forces_mn[-1])
             seconds = process_time() - start
-            tips = row([1e3 * path.tip_m(force * 1e-3) for force in FORCES_MN])
+            tips = row([1e3 * path.tip_m(force * 1e-3) for force in forces_mn])
             name = f"{thickness_m * 1e3:.1f} mm, {modulus_pa / 1e6:.2f} MPa, {name}"
             print(f"{name:58s}{len(mesh.cells_en):9d}{seconds:8.1f}{len(path.tips_m):7d}{tips}", flush=True)
     print(f"largest memory of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB")
 
 
-def sealed_globes() -> None:
+def sealed_globes(sizes: Sizes) -> None:
     """Print how the pressure rises in a sealed eye, half and clamped or a globe on a bed, and the forces of both."""
-    contact, dents_mm = Contact(np.radians(35.0)), np.array([0.5, 1.0, 2.0, 3.0, 4.0])
+    contact, dents_mm = Contact(np.radians(35.0)), np.array([0.5, 1.0, 2.0, 3.0, 4.0])[: sizes.loads]
     supports = SupportsStudy(kind="bed")
     print("\nSealed and open eyes, 2 mmHg at rest: by dent [mm]" + row(list(dents_mm), 1))
-    for thickness_m, modulus_pa in ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6)):
-        half = graded_mesh(RADIUS_M, thickness_m, contact)
-        globe = graded_globe(RADIUS_M, thickness_m, contact)
+    for thickness_m, modulus_pa in WALLS[: sizes.rows]:
+        half = graded_mesh(RADIUS_M, thickness_m, contact, sizes.core, sizes.rings)
+        globe = graded_globe(RADIUS_M, thickness_m, contact, sizes.core, sizes.rings)
         for name, wall in (
             ("half, clamped", FiniteWall(half, NU)),
             ("globe, bed", FiniteWall(globe, NU, springs=study_springs(supports, globe))),
         ):
             needle = needle_at(wall.mesh, contact, NEEDLE_RADIUS_M)
             loads: dict[str, Any] = {"youngs_modulus_pa": modulus_pa, "iop_pa": IOP_PA, "density_kg_m3": 1100.0}
-            loads |= {"max_force_n": np.inf, "max_tip_m": 4e-3}
+            loads |= {"max_force_n": np.inf, "max_tip_m": 1e-3 * float(dents_mm[-1])}
             paths = {kind: wall.load_path(needle, **loads, sealed=kind == "sealed") for kind in ("open", "sealed")}
             rise = np.interp(dents_mm, 1e3 * paths["sealed"].tips_m, paths["sealed"].pressures_pa) / IOP_PA - 1.0
             title = f"{thickness_m * 1e3:.1f} mm, {modulus_pa / 1e6:.2f} MPa, {name}"
@@ -145,9 +167,9 @@ def sealed_globes() -> None:
                 print(f"{'':36s}{f'force, {kind} [mN]':22s}" + row(list(forces_mn), 2), flush=True)
 
 
-def parts() -> None:
-    """Print what one Newton step takes on the default mesh."""
-    mesh = build_mesh(RADIUS_M, 0.8e-3)
+def parts(sizes: Sizes) -> None:
+    """Print what one Newton step takes."""
+    mesh = build_mesh(RADIUS_M, 0.8e-3, sizes.quads // 2)
     start = process_time()
     wall = FiniteWall(mesh, NU)
     marks = {"all that is found once": process_time() - start}
@@ -170,7 +192,7 @@ def parts() -> None:
             call()
             times.append(process_time() - start)
         marks[name] = min(times)
-    print(f"\nOne Newton step, default mesh, {len(wall.free)} free unknowns")
+    print(f"\nOne Newton step, {sizes.quads} quads, {len(wall.free)} free unknowns")
     for name, seconds in marks.items():
         print(f"{name:34s}{1e3 * seconds:9.1f} ms")
 
@@ -179,11 +201,17 @@ def main() -> None:
     """Print all tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--fine", action="store_true", help="also a fine mesh of two layers (minutes)")
-    fine = parser.parse_args().fine
-    parts()
-    product_paths(fine)
-    sealed_globes()
-    reference_problem()
+    parser.add_argument("--rows", type=int, help="only the first N walls of each table")
+    parser.add_argument("--loads", type=int, help="only the first N forces or dents")
+    parser.add_argument("--quads", type=int, default=20, help="along an edge of the even meshes; 4, 8, 12, ...")
+    parser.add_argument("--core", type=int, default=6, help="quads along the side of the graded meshes' core")
+    parser.add_argument("--rings", type=int, default=14, help="around the core; the second mesh has ten more")
+    given = parser.parse_args()
+    sizes = Sizes(given.fine, given.rows, given.loads, given.quads, given.core, given.rings)
+    parts(sizes)
+    product_paths(sizes)
+    sealed_globes(sizes)
+    reference_problem(sizes)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,14 @@
 """The graded mesh against finer ones, and what the form of an eye, its pressure and the needle's tilt do to a dent.
 
-    python benchmarks/bench_forms.py [--fine]
+    python benchmarks/bench_forms.py [--fine] [--rows N] [--forces N] [--finest CORE RINGS]
 
-prints the tables of docs/physics.md ("Eyes that are not spheres"); `--fine` adds load paths on finer meshes.
+prints the tables of docs/physics.md ("Eyes that are not spheres"); `--fine` adds load paths on finer meshes,
+`--rows` and `--forces` keep the first N walls or eyes and the first N forces.
 """
 
 import argparse
 from dataclasses import replace
+from itertools import islice, product
 from math import radians
 from resource import RUSAGE_SELF, getrusage
 from time import process_time
@@ -78,47 +80,51 @@ def tips_mm(eye: BentEye, forces_mn: tuple[float, ...]) -> list[float]:
     return [eye.path.tip_m(force_mn / 1e3) * 1e3 for force_mn in forces_mn]
 
 
-def print_linear() -> None:
+def print_linear(rows: int | None, finest: tuple[int, int]) -> None:
     """Linear tips of several grids over that of a very fine one."""
-    print("linear tip, per cent off 12 x 28;", " ".join(f"{core} x {rings}" for core, rings in GRIDS))
-    for thickness_m in (0.4e-3, 0.5e-3, 0.8e-3):
-        for polar_deg in (0.0, 35.0, 50.0):
-            contact = Contact(radians(polar_deg), 0.3)
-            fine = linear_tip(graded_mesh(RADIUS_M, thickness_m, contact, 12, 28), contact)
-            tips = [linear_tip(graded_mesh(RADIUS_M, thickness_m, contact, *grid), contact) for grid in GRIDS]
-            print(f"{thickness_m * 1e3:.1f} mm, {polar_deg:.0f} deg:", np.round((np.array(tips) / fine - 1) * 100, 2))
+    print(
+        f"linear tip, per cent off {finest[0]} x {finest[1]};", " ".join(f"{core} x {rings}" for core, rings in GRIDS)
+    )
+    for thickness_m, polar_deg in islice(product((0.4e-3, 0.5e-3, 0.8e-3), (0.0, 35.0, 50.0)), rows):
+        contact = Contact(radians(polar_deg), 0.3)
+        fine = linear_tip(graded_mesh(RADIUS_M, thickness_m, contact, *finest), contact)
+        tips = [linear_tip(graded_mesh(RADIUS_M, thickness_m, contact, *grid), contact) for grid in GRIDS]
+        print(f"{thickness_m * 1e3:.1f} mm, {polar_deg:.0f} deg:", np.round((np.array(tips) / fine - 1) * 100, 2))
 
 
-def print_paths(fine: bool) -> None:
-    """Paths to 60 mN: unknowns, states, processor time, memory, tips."""
-    for thickness_m, modulus_pa in ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6)):
+def print_paths(fine: bool, rows: int | None, forces_mn: tuple[float, ...]) -> None:
+    """Paths to the last force: unknowns, states, processor time, memory, tips."""
+    for thickness_m, modulus_pa in ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6))[:rows]:
         for core, rings in GRIDS[1:] if fine else GRIDS[1:2]:
             start = process_time()
-            eye = bent(Study(mesh=MeshStudy(core=core, rings=rings)), thickness_m, modulus_pa, PATH_FORCES_MN[-1])
+            eye = bent(Study(mesh=MeshStudy(core=core, rings=rings)), thickness_m, modulus_pa, forces_mn[-1])
             seconds, memory_gb = process_time() - start, getrusage(RUSAGE_SELF).ru_maxrss / 1e6
             print(
                 f"{thickness_m * 1e3:.1f} mm, {modulus_pa / 1e6} MPa, {core} x {rings}:",
                 f"{eye.mesh.points_nc.size} unknowns,",
                 f"{len(eye.path.tips_m)} states, {seconds:.1f} s, {memory_gb:.2f} GB;",
-                np.round(tips_mm(eye, PATH_FORCES_MN), 3),
+                np.round(tips_mm(eye, forces_mn), 3),
             )
 
 
-def print_effects() -> None:
+def print_effects(rows: int | None, forces_mn: tuple[float, ...]) -> None:
     """Tips of a wall of 0.65 mm, 0.25 MPa, 2 mmHg, with one thing changed at a time."""
     plain = None
-    for name, changes in EFFECTS.items():
-        eye = bent(replace(Study(), **changes), 0.65e-3, 0.25e6, EFFECT_FORCES_MN[-1])
-        tips = np.array(tips_mm(eye, EFFECT_FORCES_MN))
+    for name, changes in islice(EFFECTS.items(), rows):
+        eye = bent(replace(Study(), **changes), 0.65e-3, 0.25e6, forces_mn[-1])
+        tips = np.array(tips_mm(eye, forces_mn))
         plain = tips if plain is None else plain
         cells = [f"{tip:.2f} ({100 * (tip / of - 1):+.1f} %)" for tip, of in zip(tips, plain, strict=True)]
-        print(f"| {name} |", " | ".join(cells), f"| {eye.path.pressure_pa(EFFECT_FORCES_MN[-1] / 1e3):.0f} Pa")
+        print(f"| {name} |", " | ".join(cells), f"| {eye.path.pressure_pa(forces_mn[-1] / 1e3):.0f} Pa")
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--fine", action="store_true")
+    parser.add_argument("--rows", type=int, help="only the first N of each table")
+    parser.add_argument("--forces", type=int, help="only the first N")
+    parser.add_argument("--finest", type=int, nargs=2, default=(12, 28), metavar=("CORE", "RINGS"))
     options = parser.parse_args()
-    print_linear()
-    print_paths(options.fine)
-    print_effects()
+    print_linear(options.rows, tuple(options.finest))
+    print_paths(options.fine, options.rows, PATH_FORCES_MN[: options.forces])
+    print_effects(options.rows, EFFECT_FORCES_MN[: options.forces])

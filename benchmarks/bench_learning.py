@@ -1,12 +1,12 @@
 """Speed of training and reading, and what each part of the training brings.
 
-    python benchmarks/bench_learning.py [DATASET...]
+    python benchmarks/bench_learning.py [DATASET...] [--slices 17280] [--readings 2000] [--epochs N]
 
 Without data sets: processor seconds of an epoch of the paper's size, and the time of one reading. With data sets (of
 `scleraforce generate`): the accuracy that the study's training reaches on each, and without each of its parts in turn.
 """
 
-import sys
+import argparse
 import tempfile
 import time
 from dataclasses import replace
@@ -23,8 +23,7 @@ from scleraforce.learning.training import THREADS, Fitted, fit
 from scleraforce.reader import load_classifier
 from scleraforce.study import NetworkStudy, Study, format_study, study_hash
 
-PAPER_TRAINING, VALIDATION = 17_280, 1_920
-READINGS = 2_000
+PAPER_TRAINING, VALIDATION_SHARE = 17_280, 1 / 9
 
 VARIANTS: dict[str, dict[str, float | int | bool]] = {
     "the study's training": {},
@@ -43,7 +42,7 @@ def random_samples(count: int, rng: np.random.Generator) -> Samples:
 
 def print_epoch_times(training: Samples, validation: Samples) -> Fitted:
     """Print what an epoch costs; return a network."""
-    print(f"{'an epoch of ' + str(PAPER_TRAINING) + ' slices':<40}{'processor s':>12}{'clock s':>10}")
+    print(f"{'an epoch of ' + str(len(training)) + ' slices':<40}{'processor s':>12}{'clock s':>10}")
     for masks in (4, 2, 1):
         processor, clock = time.process_time(), time.perf_counter()
         fitted = fit(NetworkStudy(epochs=1, dropout_masks=masks), training, validation)
@@ -52,7 +51,7 @@ def print_epoch_times(training: Samples, validation: Samples) -> Fitted:
     return fitted
 
 
-def print_reading_times(fitted: Fitted, validation: Samples) -> None:
+def print_reading_times(fitted: Fitted, validation: Samples, readings: int) -> None:
     """Print the time of one slice through ONNX Runtime, one thread."""
     study = Study()
     with tempfile.TemporaryDirectory() as folder:
@@ -61,7 +60,7 @@ def print_reading_times(fitted: Fitted, validation: Samples) -> None:
         write_folder(out, graph, format_study(study), "", {"kind": "classifier"})
         reader = load_classifier(out)
     times = []
-    for number in range(READINGS):
+    for number in range(readings):
         start = time.perf_counter()
         reader.probabilities(validation.slices[number % len(validation)][None])
         times.append(time.perf_counter() - start)
@@ -71,25 +70,32 @@ def print_reading_times(fitted: Fitted, validation: Samples) -> None:
     )
 
 
-def print_accuracies(path: Path) -> None:
+def print_accuracies(path: Path, network: NetworkStudy) -> None:
     """Print what the study's training reaches on a data set, and without each of its parts."""
     dataset = open_dataset(path)
     training, validation = split_samples(dataset, dataset.youngs_modulus_pa)
     print(f"\n{path!s:<40}{'validation':>12}{'loss':>10}{'clock s':>10}")
     for name, changes in VARIANTS.items():
         start = time.perf_counter()
-        curves = fit(replace(NetworkStudy(), **changes), training, validation).curves  # type: ignore[arg-type]  # by name
+        curves = fit(replace(network, **changes), training, validation).curves  # type: ignore[arg-type]  # by name
         seconds = time.perf_counter() - start
         print(f"{name:<40}{curves.validation_accuracy[-1]:>12.2%}{curves.validation_loss[-1]:>10.4f}{seconds:>10.0f}")
 
 
 def main() -> None:
     """Print all tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("dataset", type=Path, nargs="*")
+    parser.add_argument("--slices", type=int, default=PAPER_TRAINING, help="of an epoch")
+    parser.add_argument("--readings", type=int, default=2_000)
+    parser.add_argument("--epochs", type=int, default=NetworkStudy().epochs, help="of a training on a data set")
+    given = parser.parse_args()
     rng = np.random.default_rng(0)
-    validation = random_samples(VALIDATION, rng)
-    print_reading_times(print_epoch_times(random_samples(PAPER_TRAINING, rng), validation), validation)
-    for path in sys.argv[1:]:
-        print_accuracies(Path(path))
+    validation = random_samples(round(VALIDATION_SHARE * given.slices), rng)
+    fitted = print_epoch_times(random_samples(given.slices, rng), validation)
+    print_reading_times(fitted, validation, given.readings)
+    for path in given.dataset:
+        print_accuracies(path, NetworkStudy(epochs=given.epochs))
 
 
 if __name__ == "__main__":

@@ -1,16 +1,17 @@
 """The response library: what it takes to build, what its interpolation is worth, how fast slices come out of it.
 
-    python benchmarks/bench_library.py [HELD_OUT]
+    python benchmarks/bench_library.py [HELD_OUT] [--study FILE]
 
 Interpolation is compared with HELD_OUT load paths (40 by default) of walls anywhere in the library's ranges, none on
 its grid, at 53 dents each: tip and visible boundaries (0.3 to 9 mm from the needle axis) at the force, force at the
-tip.
+tip. Of a study only its own grid is built, else also three others.
 """
 
+import argparse
 import resource
-import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,26 +29,26 @@ from scleraforce.library.store import open_library
 from scleraforce.mechanics.axisymmetric import AxisymmetricPath, axisymmetric_path
 from scleraforce.mechanics.axisymmetric_mesh import MeridianSize
 from scleraforce.processes import available_cores
-from scleraforce.study import Study
+from scleraforce.study import Study, read_study
 
-STUDY = Study()
 GRIDS = ((6, 6, 40), (8, 8, 56), (10, 10, 56), (12, 12, 72))  # thicknesses, IOP ratios, tips
 VISIBLE_M = (0.3e-3, 9e-3)  # of the needle axis
 SLICES, ROUNDS = 2000, 5
 
 Floats = NDArray[np.float64]
+Grid = tuple[int, int, int]
 
 
-def draw_walls(count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def draw_walls(study: Study, count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Thickness (wall,), m, and IOP ratio (wall,), the latter with its logarithm evenly spread."""
-    grid = STUDY.library
+    grid = study.library
     low, high = np.log(grid.iop_ratio.bounds)
     return rng.uniform(*grid.thickness_m.bounds, count), np.exp(rng.uniform(low, high, count))
 
 
-def held_out_path(wall: tuple[float, float]) -> AxisymmetricPath:
+def held_out_path(study: Study, wall: tuple[float, float]) -> AxisymmetricPath:
     """Solve a path at dents that the library does not hold."""
-    plan = plan_library(STUDY)
+    plan = plan_library(study)
     tips_m = np.concatenate([[1e-5, 3e-5, 6e-5], np.linspace(0.1e-3, 0.99 * plan.grid.max_tip_m, 50)])
     size = MeridianSize(plan.grid.elements, plan.grid.layers)
     return axisymmetric_path(
@@ -69,11 +70,11 @@ def errors(library: Library, wall: tuple[float, float], path: AxisymmetricPath) 
     return np.abs(of_force), np.abs(found.tip_m / tips_m[asked] - 1.0), off_m
 
 
-def build(grid: tuple[int, int, int]) -> tuple[Library, float, float]:
+def build(paper: Study, grid: Grid) -> tuple[Library, float, float]:
     """Build a library; return it, the seconds it took and those of all its processes."""
     thicknesses, iop_ratios, tips = grid
-    finer = replace(STUDY.library, thicknesses=thicknesses, iop_ratios=iop_ratios, tips=tips)
-    study = replace(STUDY, library=finer)
+    finer = replace(paper.library, thicknesses=thicknesses, iop_ratios=iop_ratios, tips=tips)
+    study = replace(paper, library=finer)
     with TemporaryDirectory() as folder:
         before = cpu_seconds()
         seconds = build_library(study, Path(folder) / "library.zarr").seconds
@@ -86,32 +87,37 @@ def cpu_seconds() -> float:
     return process_time() + children.ru_utime + children.ru_stime
 
 
-def print_accuracy(held_out: int) -> Library:
-    """Build libraries of several grids and print their errors; return the default one."""
-    walls = list(zip(*draw_walls(held_out, np.random.default_rng(0)), strict=True))
+def print_accuracy(study: Study, grids: tuple[Grid, ...], held_out: int) -> Library:
+    """Build libraries of several grids and print their errors; return that of the study."""
+    walls = list(zip(*draw_walls(study, held_out, np.random.default_rng(0)), strict=True))
     with ProcessPoolExecutor(available_cores(), get_context("spawn")) as pool:
-        paths = list(pool.map(held_out_path, walls))
+        paths = list(pool.map(partial(held_out_path, study), walls))
     print(f"{'grid':>10} {'build':>7} {'CPU':>6}   error at {held_out} other walls: median, 99 %, largest")
     print(f"{'t x p x d':>10} {'s':>7} {'s':>6}   {'force at tip, %':>23}  {'tip at force, %':>23}  {'curves, um':>20}")
-    default = None
-    for grid in GRIDS:
-        library, seconds, cpu = build(grid)
+    own = None
+    for grid in grids:
+        library, seconds, cpu = build(study, grid)
         found = zip(*(errors(library, *pair) for pair in zip(walls, paths, strict=True)), strict=True)
         force, tip, curve = (np.percentile(np.concatenate(part), [50.0, 99.0, 100.0]) for part in found)
         cells = [" ".join(f"{100 * value:7.4f}" for value in part) for part in (force, tip)]
         micrometres = " ".join(f"{1e6 * value:6.2f}" for value in curve)
         name = "x".join(map(str, grid))
         print(f"{name:>10} {seconds:7.1f} {cpu:6.1f}   {cells[0]}  {cells[1]}  {micrometres}", flush=True)
-        if grid == (STUDY.library.thicknesses, STUDY.library.iop_ratios, STUDY.library.tips):
-            default = library
-    assert default is not None
-    return default
+        if grid == grid_of(study):
+            own = library
+    assert own is not None
+    return own
 
 
-def print_rates(library: Library) -> None:
+def grid_of(study: Study) -> Grid:
+    """Return how many thicknesses, IOP ratios and tips the study asks for."""
+    return study.library.thicknesses, study.library.iop_ratios, study.library.tips
+
+
+def print_rates(study: Study, library: Library) -> None:
     """Print the time that each step from eyes to labelled slices takes of one core."""
     near, rng = library.within(VISIBLE_M[1]), np.random.default_rng(1)
-    thickness, ratio = draw_walls(SLICES, rng)
+    thickness, ratio = draw_walls(study, SLICES, rng)
     force = rng.uniform(0.0, 0.999, SLICES) * near.largest_force_ratio(thickness, ratio)
     gap, tilt = rng.uniform(0.35e-3, 1e-3, SLICES), rng.uniform(-0.09, 0.09, SLICES)
     print("\n         framing   curves  unloaded top  boundaries  filling  us of one core a slice")
@@ -129,9 +135,9 @@ def print_rates(library: Library) -> None:
             times.append(process_time())
             highest_depths(near.at_tip(thickness, ratio, np.zeros(SLICES)).curves_sbnc[:, 0], gap, tilt)
             times.append(process_time())
-            boundaries = wall_boundaries(walls, gap, tilt, framing, STUDY.slice)
+            boundaries = wall_boundaries(walls, gap, tilt, framing, study.slice)
             times.append(process_time())
-            fill_boundaries(boundaries.depth_sbc, STUDY.slice)
+            fill_boundaries(boundaries.depth_sbc, study.slice)
             times.append(process_time())
             taken.append(np.diff(times))
         steps = np.min(taken, axis=0) / SLICES * 1e6
@@ -141,7 +147,12 @@ def print_rates(library: Library) -> None:
 
 def main() -> None:
     """Print the tables."""
-    print_rates(print_accuracy(int(sys.argv[1]) if len(sys.argv) > 1 else 40))
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("held_out", type=int, nargs="?", default=40)
+    parser.add_argument("--study", type=Path, help="the paper's where none is given, and three other grids")
+    given = parser.parse_args()
+    study = read_study(given.study) if given.study else Study()
+    print_rates(study, print_accuracy(study, (grid_of(study),) if given.study else GRIDS, given.held_out))
 
 
 if __name__ == "__main__":

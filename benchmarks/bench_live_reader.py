@@ -1,6 +1,6 @@
 """The reading in the control loop: segmentation, slice, network, all of it, and the fit that gives a second opinion.
 
-    python benchmarks/bench_live_reader.py MODEL [RECORDING...]
+    python benchmarks/bench_live_reader.py MODEL [RECORDING...] [--drawn 48] [--readings 6000] [--fits 200]
 
 One core. Without a recording, frames are drawn from the model's own library and the study's phantom ranges (forces of 0
 to 60 mN), and beside them such as a bad moment brings: noise, saturation, missing columns, lines, no wall. Each frame
@@ -8,8 +8,8 @@ is copied just before it is read, as a decoder does. `cpu` is the time of this t
 the machine hardly touches; `wall` is what a clock on the wall shows, pauses by other processes included.
 """
 
+import argparse
 import gc
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter, thread_time
@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 
 from bench_reader import draw_eye
 from scleraforce.calibration.frames import segmented_boundaries
-from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_slice
+from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_slices
 from scleraforce.reader import WallReader, load_model
 from scleraforce.reader.known import Known, known_of_recording
 from scleraforce.reader.library_fit import fit_boundaries, prior_of
 from scleraforce.reader.live import LiveReader
+from scleraforce.reader.wall_reader import SHIFTS
 from scleraforce.recording.files import read_recording
-
-DRAWN, READINGS, FITS = 48, 6000, 200
 
 Frame = NDArray[np.uint16]
 
@@ -47,10 +46,10 @@ def disturbed(frame: Frame, rng: np.random.Generator) -> dict[str, Frame]:
     }
 
 
-def drawn(reader: WallReader) -> tuple[list[Frame], Known, PixelScale, float]:
+def drawn(reader: WallReader, count: int) -> tuple[list[Frame], Known, PixelScale, float]:
     """Return frames of many eyes, read with what is known of the first."""
     rng, oct_study = np.random.default_rng(0), reader.study.oct
-    pairs = [draw_eye(reader.library, reader.study, rng) for _ in range(DRAWN)]
+    pairs = [draw_eye(reader.library, reader.study, rng) for _ in range(count)]
     frames = [frame for frame, _ in pairs]
     frames += [bad for frame in frames[:4] for bad in disturbed(frame, rng).values()]
     scale = PixelScale(oct_study.width_m / oct_study.columns, oct_study.depth_m / oct_study.rows)
@@ -78,11 +77,20 @@ def times_ms(work: Callable[[int, Frame], object], frames: list[Frame], count: i
     return 1e3 * taken
 
 
-def table(reader: WallReader, frames: list[Frame], known: Known, scale: PixelScale, index: float) -> None:
+def table(
+    reader: WallReader,
+    frames: list[Frame],
+    known: Known,
+    scale: PixelScale,
+    index: float,
+    *,
+    readings: int,
+    fits: int,
+) -> None:
     """Print the times of the stages, and of all of them."""
     study, segmenter, live = reader.study, Segmenter(index), LiveReader(reader, known, index)
     found = [segmenter.segment(frame, scale) for frame in frames]
-    cuts = [boundary_slice(entry, scale, study.slice, index) for entry in found]
+    cuts = [boundary_slices(entry, scale, study.slice, index, SHIFTS) for entry in found]
     usable = [number for number, entry in enumerate(found) if entry.usable]
     seen = [segmented_boundaries(found[number], scale, index) for number in usable]
     library, prior = reader.library_at(known.polar_rad), prior_of(known, study.reader)
@@ -91,14 +99,14 @@ def table(reader: WallReader, frames: list[Frame], known: Known, scale: PixelSca
     gc.freeze()
     every = range(len(frames))
     work: dict[str, tuple[Callable[[int, Frame], object], range | list[int], int]] = {
-        "segmentation": (lambda _, frame: segmenter.segment(frame, scale), every, READINGS),
-        "slice": (lambda n, _: boundary_slice(found[n], scale, study.slice, index), every, READINGS),
-        "network": (lambda n, _: reader.read(cuts[n], known), every, READINGS),
-        "all of the reading": (lambda _, frame: live.read(frame, scale), every, READINGS),
+        "segmentation": (lambda _, frame: segmenter.segment(frame, scale), every, readings),
+        "slice": (lambda n, _: boundary_slices(found[n], scale, study.slice, index, SHIFTS), every, readings),
+        "network": (lambda n, _: reader.read(cuts[n], known), every, readings),
+        "all of the reading": (lambda _, frame: live.read(frame, scale), every, readings),
         "fit": (
             lambda n, _: fit_boundaries(library, seen[n].lateral_m, seen[n].depth_m, prior, smoothing_m),
             usable,
-            FITS,
+            fits,
         ),
     }
     print(f"{len(frames)} frames, {len(usable)} usable")
@@ -114,20 +122,27 @@ def table(reader: WallReader, frames: list[Frame], known: Known, scale: PixelSca
     print(f"the fit takes {medians['fit'] / medians['all of the reading']:.1f} times as long as the reading")
 
 
-def main(arguments: list[str]) -> None:
+def main() -> None:
     """Print a table of drawn frames, or one of each recording."""
-    if not arguments:
-        print("no model given: python benchmarks/bench_live_reader.py MODEL [RECORDING...]")
-        return
-    reader = load_model(Path(arguments[0]))
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("model", type=Path)
+    parser.add_argument("recording", type=Path, nargs="*")
+    parser.add_argument("--drawn", type=int, default=48, help="frames of so many eyes, where no recording is given")
+    parser.add_argument("--readings", type=int, default=6000)
+    parser.add_argument("--fits", type=int, default=200)
+    given = parser.parse_args()
+    reader = load_model(given.model)
     if not isinstance(reader, WallReader):
-        raise SystemExit(f"{arguments[0]}: a {reader.kind}; give a model of kind reader")
+        raise SystemExit(f"{given.model}: a {reader.kind}; give a model of kind reader")
     cv2.setNumThreads(1)
-    recordings: list[str | None] = [*arguments[1:]]
-    for given in recordings or [None]:
-        print(given or "drawn frames")
-        table(reader, *(drawn(reader) if given is None else recorded(Path(given))))
+    counts = {"readings": given.readings, "fits": given.fits}
+    if not given.recording:
+        print("drawn frames")
+        table(reader, *drawn(reader, given.drawn), **counts)
+    for path in given.recording:
+        print(path)
+        table(reader, *recorded(path), **counts)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

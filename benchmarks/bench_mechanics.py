@@ -1,13 +1,15 @@
 """Accuracy and speed of the linear mechanics: the tables of docs/physics.md.
 
-    python benchmarks/bench_mechanics.py [--fine]
+    python benchmarks/bench_mechanics.py [--fine] [--rows N] [--quads 20]
 
 R1 is the project's reference problem: 12 mm, 0.25 MPa, nu 0.45, 30 mN at 35 degrees with a Gaussian of 0.35 mm.
 Times are the least of three, in seconds of one core; on a shared machine only their ratios mean something.
+`--rows` keeps the first N rows of each table of meshes.
 """
 
 import argparse
 from collections.abc import Callable
+from itertools import islice
 from time import process_time
 from typing import Any
 
@@ -61,11 +63,11 @@ def gaussian_load(mesh: HexMesh, contact: Contact, spread_m: float) -> NDArray[n
     )
 
 
-def reference_problem(meshes: dict[str, dict[str, Any]]) -> None:
+def reference_problem(meshes: dict[str, dict[str, Any]], rows: int | None) -> None:
     """Print R1 on several meshes, at the load centre and at the corner nearest to it."""
     print("\nR1: inward displacement along the load [mm], and its ratio to the converged one")
     print(f"{'mesh':38s}{'dofs':>8s}{'t [mm]':>8s}{'centre':>8s}{'ratio':>7s}{'corner':>8s}{'seconds':>9s}")
-    for name, kind in meshes.items():
+    for name, kind in islice(meshes.items(), rows):
         for thickness_m, converged in CONVERGED_MM.items():
             start = process_time()
             mesh = build_mesh(RADIUS_M, thickness_m, **kind)
@@ -82,7 +84,7 @@ def reference_problem(meshes: dict[str, dict[str, Any]]) -> None:
             )
 
 
-def convergence() -> None:
+def convergence(rows: int | None) -> None:
     """Print the order of the strain energy for a smooth load on a whole sphere, and under a clamped base."""
     print("\nOrder of the strain energy from three meshes (2 mm wall, push on the pole)")
     print(f"{'element':12s}{'quads':>14s}{'symmetric base':>16s}{'clamped base':>14s}")
@@ -91,7 +93,7 @@ def convergence() -> None:
         "20 nodes": ((4, 8, 16), {"serendipity": True}),
         "27 nodes": ((4, 8, 16), {}),
     }
-    for name, (quads, kind) in families.items():
+    for name, (quads, kind) in islice(families.items(), rows):
         orders = [observed_order(quads, kind, symmetric) for symmetric in (True, False)]
         print(f"{name:12s}{quads!s:>14s}{orders[0]:16.2f}{orders[1]:14.2f}")
 
@@ -107,9 +109,9 @@ def observed_order(quads: tuple[int, ...], kind: dict[str, Any], symmetric: bool
     return float(np.log2((energies[1] - energies[0]) / (energies[2] - energies[1])))
 
 
-def timings() -> None:
-    """Print the parts of a solution on the default mesh, and what else could do them."""
-    mesh = build_mesh(RADIUS_M, 0.5e-3)
+def timings(quads: int) -> None:
+    """Print the parts of a solution on a mesh, and what else could do them."""
+    mesh = build_mesh(RADIUS_M, 0.5e-3, quads // 2)
     points = volume_points(mesh)
     element = element_stiffness(points, *lame_constants(1.0, NU))
     wall = LinearWall(mesh, NU)
@@ -127,7 +129,7 @@ def timings() -> None:
     mesh.locator  # noqa: B018 - made on first use
     loads = needle_loads(mesh, contacts, NEEDLE_RADIUS_M)
     rows: dict[str, float] = {
-        "mesh": least(lambda: build_mesh(RADIUS_M, 0.5e-3)),
+        "mesh": least(lambda: build_mesh(RADIUS_M, 0.5e-3, quads // 2)),
         "Gauss points": least(lambda: volume_points(mesh)),
         "element matrices": least(lambda: element_stiffness(points, *lame_constants(1.0, NU))),
         "sparse matrix": least(lambda: stiffness_matrix(mesh, element)),
@@ -139,7 +141,7 @@ def timings() -> None:
         "one contact, one at a time": least(lambda: wall.solve_one(loads[0])),
         "one direction located": least(lambda: locate(mesh, directions)) / len(directions),
     }
-    print(f"\nDefault mesh, {len(free)} free unknowns, {K.nnz / 1e6:.1f} M non-zeros")
+    print(f"\nMesh of {quads} quads, {len(free)} free unknowns, {K.nnz / 1e6:.1f} M non-zeros")
     for name, seconds in rows.items():
         print(f"{name:36s}{seconds * 1e3:12.4f} ms{seconds / rows['one contact, 32 at once']:12.4g} contacts")
 
@@ -161,10 +163,12 @@ def main() -> None:
     """Print all tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--fine", action="store_true", help="also the meshes of 40 quads (a minute each)")
-    fine = parser.parse_args().fine
-    reference_problem(MESHES | FINE_MESHES if fine else MESHES)
-    convergence()
-    timings()
+    parser.add_argument("--rows", type=int, help="only the first N meshes of each table")
+    parser.add_argument("--quads", type=int, default=20, help="along an edge of the mesh that is timed; 4, 8, 12, ...")
+    given = parser.parse_args()
+    reference_problem(MESHES | FINE_MESHES if given.fine else MESHES, given.rows)
+    convergence(given.rows)
+    timings(given.quads)
 
 
 if __name__ == "__main__":

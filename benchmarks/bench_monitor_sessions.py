@@ -1,6 +1,7 @@
 """Whether the monitor cries wolf, and how soon it withdraws: whole sessions of virtual eyes, without sockets.
 
     python benchmarks/bench_monitor_sessions.py MODEL [--sessions 50] [--seconds 60] [--seed 0] [--workers 1]
+        [--compared 100] [--rates-mn-s 5 10 20 50 100]
 
 MODEL is of kind "reader". Ten eyes are bent in 3-D with finite strain, as `phantom` does. Every frame is a raw B-scan
 (`render_bscan`) that goes through the live reader (segmentation, slice, network) and `decide`; every second one goes to
@@ -9,8 +10,8 @@ operator asks for a reset, again and again until it is granted.
 
 - Sessions: forces of 0 to 25 mN that hold, swing, rise slowly, step as a robot does, lift off and come back; the eye
   shifts (drift, breathing, pulse), the signal swings, the scanner's clock jitters, a frame in 1000 is lost.
-- Ramps: from 0 at 5 to 100 mN/s, until the withdrawal.
-- Before that: 100 frames with random numbers from a pool, which makes them quick, against 100 with new ones.
+- Ramps: from 0 at several rates, until the withdrawal.
+- Before that: frames with random numbers from a pool, which makes them quick, against as many with new ones.
 
 What is known of an eye is off by what a caliper and a calibration are off: 10 um of the wall, 20 um of the gap, 3 % of
 the IOP, and E so that forces are off by 1.5 %.
@@ -55,9 +56,8 @@ OPINION_EVERY, OPINION_AFTER_S = 2, 0.015  # as the monitor asks for them
 RESET_AFTER_S = 1.0
 HIGHEST_N = 25e-3
 PATH_N, STATES = 45e-3, 128
-RATES_N_S = (5e-3, 10e-3, 20e-3, 50e-3, 100e-3)
+RATES_MN_S = (5.0, 10.0, 20.0, 50.0, 100.0)
 POOL = 1536
-COMPARED = 100
 SESSION, RAMPS = range(2)
 
 
@@ -88,6 +88,7 @@ class Plan:
     seconds: float
     seed: int
     eyes: int
+    rates_n_s: tuple[float, ...]
 
     def unit(self, number: int) -> tuple[int, int, int]:
         """Return the eye, the kind and the number of a unit: all of one eye follow each other."""
@@ -244,7 +245,7 @@ class Bench:
             path = trajectory(*moving_forces(int(self.plan.seconds / FRAME_S), rng), self.study, rng)
             self.play(eye, path, rng, outcome, f"session {session}")
         else:
-            for rate in RATES_N_S:
+            for rate in self.plan.rates_n_s:
                 before = np.zeros(int(rng.uniform(0.5, 1.0) / FRAME_S))
                 rising = np.arange(0.0, PATH_N, rate * FRAME_S)
                 forces = np.concatenate([before, rising + rng.random() * rate * FRAME_S])
@@ -327,7 +328,7 @@ class Bench:
             answer.interval_n,
         )  # fmt: skip
 
-    def compared(self) -> dict[str, list[float]]:
+    def compared(self, count: int) -> dict[str, list[float]]:
         """Return the errors of the live reader, N, on frames with pooled and with new random numbers."""
         errors: dict[str, list[float]] = {"pooled": [], "new": []}
         took_s = dict.fromkeys(errors, 0.0)
@@ -339,7 +340,7 @@ class Bench:
             rng = np.random.default_rng((self.plan.seed, 4))  # the same eyes, poses and optics for both
             pooled = PooledGenerator((self.plan.seed, 5))
             new = np.random.default_rng((self.plan.seed, 6))
-            for _ in range(COMPARED):
+            for _ in range(count):
                 force_n = float(rng.uniform(0.0, HIGHEST_N))
                 optics = sample_optics(self.study.phantom, self.study.oct, rng)
                 pose = Pose(rng.uniform(-2e-4, 2e-4), draw(self.study.phantom.surface_depth_m, rng))
@@ -350,7 +351,7 @@ class Bench:
                 answer = live.read(frame, self.scale).answer
                 if answer.force_n is not None:
                     found.append(answer.force_n - force_n)
-            print(f"  {name}: {1e3 * took_s[name] / COMPARED:.1f} ms a frame")
+            print(f"  {name}: {1e3 * took_s[name] / count:.1f} ms a frame")
         return errors
 
 
@@ -386,10 +387,8 @@ def prepare(plan: Plan) -> Callable[[int], Outcome]:
 def print_ramps(ramps: list[tuple[float, float, float, str]]) -> None:
     """Print the table of the ramps."""
     print(f"\n{'mN/s':>6}{'ramps':>7}{'withdrawn at, mN (true)':>26}{'after crossing 30 mN, ms':>28}  causes")
-    for rate in RATES_N_S:
+    for rate in sorted({row[0] for row in ramps}):
         rows = [row for row in ramps if row[0] == rate]
-        if not rows:
-            continue
         force_mn, delay_ms = 1e3 * np.array([row[1] for row in rows]), 1e3 * np.array([row[2] for row in rows])
         causes = ", ".join(f"{name} {count}" for name, count in Counter(row[3] for row in rows).most_common())
         spread = [
@@ -406,12 +405,15 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--compared", type=int, default=100, help="frames, of each kind")
+    parser.add_argument("--rates-mn-s", type=float, nargs="+", default=RATES_MN_S, help="of the ramps")
     given = parser.parse_args()
     for name in ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"):  # workers keep their images: a sixth quicker
         os.environ.setdefault(name, "1000000000")
-    plan = Plan(given.model, given.sessions, given.seconds, given.seed, min(10, given.sessions))
+    rates_n_s = tuple(1e-3 * rate for rate in given.rates_mn_s)
+    plan = Plan(given.model, given.sessions, given.seconds, given.seed, min(10, given.sessions), rates_n_s)
     print("Random numbers from a pool against new ones, the same frames:")
-    for name, errors_n in Bench(plan).compared().items():
+    for name, errors_n in Bench(plan).compared(given.compared).items():
         off = 1e3 * np.array(errors_n)
         print(f"  {name}: {len(off)} read, off by {off.mean():+.3f} ± {off.std() / np.sqrt(len(off)):.3f} mN, "
               f"spread {off.std():.3f} mN")  # fmt: skip

@@ -1,12 +1,12 @@
 """How long a frame takes with a model of kind "reader": segmentation, slice, network, fit, all of it; one core.
 
-    python benchmarks/bench_reader.py MODEL
+    python benchmarks/bench_reader.py MODEL [--frames 24] [--rounds 8]
 
 Frames are drawn from the model's own library and the study's phantom ranges, forces of 0 to 60 mN. Times are those of
 this thread's processor, so that other work on the machine counts little; `answer` is what `classify` does per frame.
 """
 
-import sys
+import argparse
 from collections.abc import Callable
 from math import exp, log
 from pathlib import Path
@@ -20,16 +20,15 @@ from scleraforce.calibration.frames import segmented_boundaries
 from scleraforce.imaging.bscan import render_bscan
 from scleraforce.imaging.optics import sample_optics
 from scleraforce.imaging.plane import Section
-from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_slice
+from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_slices
 from scleraforce.library import Library
 from scleraforce.reader import WallReader, load_model
 from scleraforce.reader.answers import answer_frame
 from scleraforce.reader.fit_prediction import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP, place_walls
 from scleraforce.reader.known import Known, Modulus
 from scleraforce.reader.library_fit import fit_boundaries, prior_of
+from scleraforce.reader.wall_reader import SHIFTS
 from scleraforce.study import Study
-
-FRAMES, ROUNDS = 24, 8
 
 Frame = NDArray[np.uint16]
 
@@ -50,11 +49,11 @@ def draw_eye(library: Library, study: Study, rng: np.random.Generator) -> tuple[
     return frame, Known(Modulus(exp(log(modulus_pa)), 0.015 * modulus_pa, "own"), iop_pa, thickness_m, gap_m)
 
 
-def times_ms(work: Callable[[int], object]) -> NDArray[np.float64]:
+def times_ms(work: Callable[[int], object], frames: int, rounds: int) -> NDArray[np.float64]:
     """Return the processor time of each call."""
     taken = []
-    for _ in range(ROUNDS):
-        for number in range(FRAMES):
+    for _ in range(rounds):
+        for number in range(frames):
             start = thread_time()
             work(number)
             taken.append((thread_time() - start) * 1e3)
@@ -63,29 +62,34 @@ def times_ms(work: Callable[[int], object]) -> NDArray[np.float64]:
 
 def main() -> None:
     """Print the table."""
-    reader = load_model(Path(sys.argv[1]))
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("model", type=Path)
+    parser.add_argument("--frames", type=int, default=24)
+    parser.add_argument("--rounds", type=int, default=8, help="each frame is read so often")
+    given = parser.parse_args()
+    reader = load_model(given.model)
     if not isinstance(reader, WallReader):
-        raise SystemExit(f"{sys.argv[1]}: a {reader.kind}; give a model of kind reader")
+        raise SystemExit(f"{given.model}: a {reader.kind}; give a model of kind reader")
     cv2.setNumThreads(1)
     study, rng = reader.study, np.random.default_rng(0)
-    drawn = [draw_eye(reader.library, study, rng) for _ in range(FRAMES)]
+    drawn = [draw_eye(reader.library, study, rng) for _ in range(given.frames)]
     scale = PixelScale(study.oct.width_m / study.oct.columns, study.oct.depth_m / study.oct.rows)
     segmenter = Segmenter()
     found = [segmenter.segment(frame, scale) for frame, _ in drawn]
-    cuts = [boundary_slice(entry, scale, study.slice) for entry in found]
+    cuts = [boundary_slices(entry, scale, study.slice, 1.0, SHIFTS) for entry in found]
     seen = [segmented_boundaries(entry, scale, 1.0) for entry in found]
     priors = [prior_of(known, study.reader) for _, known in drawn]
     smoothing_m = study.calibration.surface_smoothing_m
     work: dict[str, Callable[[int], object]] = {
         "segment": lambda n: segmenter.segment(drawn[n][0], scale),
-        "slice": lambda n: boundary_slice(found[n], scale, study.slice),
+        "slice": lambda n: boundary_slices(found[n], scale, study.slice, 1.0, SHIFTS),
         "network": lambda n: reader.read(cuts[n], drawn[n][1]),
         "fit": lambda n: fit_boundaries(reader.library, seen[n].lateral_m, seen[n].depth_m, priors[n], smoothing_m),
         "answer": lambda n: answer_frame(reader, segmenter, drawn[n][0], scale, 1.0, drawn[n][1]),
     }
     print(f"{'ms':12}{'least':>8}{'median':>8}{'99 %':>8}{'largest':>9}")
     for name, function in work.items():
-        taken = times_ms(function)
+        taken = times_ms(function, given.frames, given.rounds)
         print(f"{name:12}{taken.min():8.2f}{np.median(taken):8.2f}{np.quantile(taken, 0.99):8.2f}{taken.max():9.2f}")
 
 

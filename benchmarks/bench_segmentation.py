@@ -1,11 +1,12 @@
 """Speed of the segmentation: one 512 x 512, 16-bit frame on one core, cold (another frame each time) and in a row.
 
-    python benchmarks/bench_segmentation.py
+    python benchmarks/bench_segmentation.py [--frames 24] [--rounds 40]
 
 Frames are drawn from the study's phantom ranges. Beside it: how long the crudest segmentation takes on this machine at
 this moment (crop, resize, median filter, Otsu, contours; 0.25 ms on an idle core), so that times can be compared.
 """
 
+import argparse
 from collections.abc import Callable
 from time import perf_counter
 
@@ -19,19 +20,19 @@ from scleraforce.imaging.plane import Section
 from scleraforce.imaging.segmentation import PixelScale, Segmenter
 from scleraforce.study import Study
 
-FRAMES, ROUNDS = 24, 40
+REPEATS = 8  # in a row
 STUDY = Study()
 SCALE = PixelScale(STUDY.oct.width_m / STUDY.oct.columns, STUDY.oct.depth_m / STUDY.oct.rows)
 
 Frame = NDArray[np.uint16]
 
 
-def draw_frames() -> list[Frame]:
+def draw_frames(count: int) -> list[Frame]:
     """Frames of spherical walls with dents of 0 to 3 mm."""
     rng = np.random.default_rng(0)
     lateral = np.linspace(-8.5e-3, 8.5e-3, 800)
     frames = []
-    for dent_m in np.linspace(0.0, 3e-3, FRAMES):
+    for dent_m in np.linspace(0.0, 3e-3, count):
         depth = 12e-3 - np.sqrt(12e-3**2 - lateral**2) + dent_m * np.exp(-(lateral**2) / (2 * 1.6e-3**2))
         outer = np.stack([lateral, depth], axis=1)
         section = Section(outer, outer + np.array([0.0, rng.uniform(0.4e-3, 0.9e-3)]))
@@ -47,10 +48,10 @@ def crudest(frame: Frame) -> None:
     cv2.findContours(cv2.threshold(smooth, 0, 255, cv2.THRESH_OTSU)[1], cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
 
 
-def times_ms(work: Callable[[Frame], object], frames: list[Frame], repeats: int = 1) -> NDArray[np.float64]:
+def times_ms(work: Callable[[Frame], object], frames: list[Frame], rounds: int, repeats: int) -> NDArray[np.float64]:
     """Return the time of each call, the mean of `repeats` on the same frame."""
     taken = []
-    for _ in range(ROUNDS // repeats):
+    for _ in range(rounds // repeats):
         for frame in frames:
             start = perf_counter()
             for _ in range(repeats):
@@ -61,13 +62,18 @@ def times_ms(work: Callable[[Frame], object], frames: list[Frame], repeats: int 
 
 def main() -> None:
     """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--frames", type=int, default=24)
+    parser.add_argument("--rounds", type=int, default=40, help=f"each frame is segmented so often, {REPEATS} at least")
+    given = parser.parse_args()
+    rounds = max(given.rounds, REPEATS)
     cv2.setNumThreads(1)
-    frames, segmenter = draw_frames(), Segmenter()
+    frames, segmenter = draw_frames(given.frames), Segmenter()
     work = {"crudest": crudest, "segment": lambda frame: segmenter.segment(frame, SCALE)}
     print(f"{'':24}{'least':>8}{'10 %':>8}{'median':>8}{'99 %':>8}  ms")
     for name, function in work.items():
-        for kind, repeats in (("cold", 1), ("in a row", 8)):
-            taken = times_ms(function, frames, repeats)
+        for kind, repeats in (("cold", 1), ("in a row", REPEATS)):
+            taken = times_ms(function, frames, rounds, repeats)
             shares = "".join(f"{part:8.3f}" for part in np.quantile(taken, [0.0, 0.1, 0.5, 0.99]))
             print(f"{f'{name}, {kind}':24}{shares}")
 

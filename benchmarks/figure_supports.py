@@ -1,8 +1,10 @@
 """The effect of the supports on the slice: docs/images/supports.png and the table in docs/physics.md.
 
-python benchmarks/figure_supports.py
+python benchmarks/figure_supports.py [--out FILE] [--study FILE]
 """
 
+import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,7 @@ from scleraforce.imaging.plane import ScanPlane, Section
 from scleraforce.imaging.section import cut_sections
 from scleraforce.mechanics.study_path import bend_eye
 from scleraforce.report.style import BLUE, GREY, RED, inches, styled
-from scleraforce.study import Study, SupportsStudy
+from scleraforce.study import Study, SupportsStudy, read_study
 
 Floats = NDArray[np.float64]
 
@@ -26,9 +28,9 @@ KINDS = {"clamped": (GREY, "-"), "straps": (RED, "--"), "bed": (BLUE, "-"), "bed
 LATERAL_MM = np.linspace(-6.5, 6.5, 261)
 
 
-def sections(kind: str) -> tuple[list[Section], list[float]]:
+def sections(given: Study, kind: str) -> tuple[list[Section], list[float]]:
     """Return an eye's sections at all forces with one kind of supports, and its tips in mm."""
-    study = Study(supports=SupportsStudy(kind=kind))
+    study = replace(given, supports=SupportsStudy(kind=kind))
     contact = Contact(np.radians(35.0))
     bent = bend_eye(
         study,
@@ -85,18 +87,23 @@ def draw_section(axes: Axes, section: Section, colour: str, dashes: str) -> None
 
 def main() -> None:
     """Compute, print the tips and draw."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--out", type=Path, default=IMAGE, help="the picture")
+    parser.add_argument("--study", type=Path, help="the paper's where none is given")
+    given = parser.parse_args()
+    study = read_study(given.study) if given.study else Study()
     found: dict[str, list[Section]] = {}
     print(
         f"tip [mm] at {', '.join(f'{force:g}' for force in FORCES_MN[1:])} mN; whole section deeper than clamped [um]"
     )
     for kind in KINDS:
-        found[kind], tips_mm = sections(kind)
+        found[kind], tips_mm = sections(study, kind)
         shifts = [1e3 * np.mean(depths_mm(own) - depths_mm(reference))
                   for own, reference in zip(found[kind], found["clamped"], strict=True)]  # fmt: skip
         print(f"{kind:16s}" + "".join(f"{tip:8.3f}" for tip in tips_mm) + "   "
               + "".join(f"{shift:8.1f}" for shift in shifts), flush=True)  # fmt: skip
-    IMAGE.parent.mkdir(exist_ok=True)
-    draw(found).savefig(IMAGE, dpi=150)
+    given.out.parent.mkdir(exist_ok=True)
+    draw(found).savefig(given.out, dpi=150)
 
 
 if __name__ == "__main__":

@@ -88,7 +88,7 @@ class Scene:
         few = max(20, given.connections // 10)
         phases: dict[str, Any] = {}
         phases["robot alone"] = self._phase(None, False, given.alone_s)
-        self._pace.warm_up(100)
+        self._pace.warm_up(100, self._operator)
         phases["with the scanner"] = self._phase(None, True, given.alone_s)
         before = self._held()
         with attackers(self._monitor.port, given.connections, given.seed, given) as attack:

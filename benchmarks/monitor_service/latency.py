@@ -60,7 +60,7 @@ def measure(monitor: Monitor, echo_port: int, frames: Frames, given: Namespace, 
     echo = ScannerClient("127.0.0.1", echo_port, lambda at_s, *_: echoes.append(at_s))
     withdrawals, since_withdrawal = list[str](), 0
     try:
-        pace.warm_up(WARM_UP)
+        pace.warm_up(WARM_UP, operator)
         for number in range(given.frames):
             pace.send()
             pace.rest(0.5)

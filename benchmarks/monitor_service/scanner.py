@@ -34,7 +34,7 @@ CONTACT_N = 4e-3  # clear of the monitor's bound of contact
 DANGEROUS_N = 33e-3  # clear over the bound
 SCANNER_PRIORITY = 15  # above the second opinion, with which it shares a core: a scanner is another machine
 OK, WITHDRAW = 1, 3
-WARM_UP_S = 30.0
+WARM_UP_S = 120.0  # other work may keep the scanner from its frames for a while; each time the monitor withdraws
 
 
 def be_the_peer() -> bool:
@@ -172,13 +172,19 @@ class Pace:
         self.log.hear(at_s, device, message)
         self._also(at_s, message)
 
-    def warm_up(self, frames: int) -> None:
-        """Send frames until so many were answered with OK."""
+    def warm_up(self, frames: int, operator: "Operator | None" = None) -> None:
+        """Send frames until so many were answered with OK; an operator resets the monitor where it has withdrawn.
+
+        Raises:
+            InputError: the monitor has withdrawn and there is no operator, or it does not say OK within two minutes.
+        """
         end_s = monotonic() + WARM_UP_S
-        while frames and monotonic() < end_s and self.log.code != WITHDRAW:
+        while frames and monotonic() < end_s and (operator or self.log.code != WITHDRAW):
             self.send()
             self.rest()
             frames -= self.log.code == OK
+            if operator and self.log.code == WITHDRAW and operator.settled() is not True:
+                operator.reset()
         if frames:
             said = self.log.status.message if self.log.status else "nothing"
             raise InputError(f"the monitor does not say OK to harmless frames: {said}")

@@ -96,7 +96,7 @@ class Soak:
 
     def go(self) -> None:
         """Send all frames."""
-        self._pace.warm_up(100)
+        self._pace.warm_up(100, self._operator)
         while self._pace.sent < self._given.frames:
             if self._rng.random() < 1.0 / self._given.withdrawal_every:
                 self._withdraw_and_reset()

@@ -1,5 +1,6 @@
 """A reader's answers to raw frames: forces of walls that are known, and what it must not be made to read."""
 
+import json
 from dataclasses import replace
 from math import nan
 from pathlib import Path
@@ -20,6 +21,7 @@ from analytic_frames import (
     wall_section,
 )  # fmt: skip
 from fixed_network import FIVE_MN, wall_reader
+from tifffile import TiffFile
 
 from scleraforce.imaging.plane import Section
 from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_slice
@@ -188,17 +190,66 @@ def test_a_frame_that_shows_a_few_millimetres_of_wall_is_withdrawn_from() -> Non
 REAL = Path(__file__).parents[3] / "shared" / "real-oct"
 
 
+OUTSIDE = {"DIVF_endo_metric_20_Slice28.tif", "DSLong4_Slice29.tif", "DSWSlipLongNaN_Slice195.tif",
+           "DS_Coverslip_Slice44.tif", "035.jpeg"}  # fmt: skip
+
+
+def reason_of(name: str, known: Known | None) -> str:
+    if name in OUTSIDE:
+        return "the wall lies outside the window"
+    return "the wall looks 99" if name == "107.jpg" and known else "not the wall of an eye"
+
+
+def real_scans() -> list[Path]:
+    """Of tissue and of eyes, without the masks beside them."""
+    if not REAL.exists():
+        return []
+    files = [path for folder in ("tissue-surface", "anterior-segment") for path in sorted((REAL / folder).iterdir())]
+    return [path for path in files if "mask" not in path.name]
+
+
+def grey(path: Path) -> np.ndarray:
+    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    return cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if pixels.ndim == 3 else pixels
+
+
+def true_scale(path: Path) -> PixelScale:
+    """Of a TIFF what its tag says; of a JPEG the 5 um of the folder's README."""
+    if path.suffix != ".tif":
+        return PixelScale(5e-6, 5e-6)
+    with TiffFile(path) as file:
+        axes = json.loads(file.pages[0].tags["Software"].value)["metadata"]
+    steps_mm = [np.ptp(axes[name]["values"]) / (len(axes[name]["values"]) - 1) for name in ("x", "z")]
+    assert {axes[name]["units"] for name in ("x", "z")} == {"mm"}
+    return PixelScale(*(1e-3 * step for step in steps_mm))
+
+
 @pytest.mark.real
 @pytest.mark.skipif(not REAL.exists(), reason="no real images here")
-@pytest.mark.parametrize(("folder", "pixel_m"), [("tissue-surface", 1e-6), ("anterior-segment", 5e-6)])
-def test_real_scans_of_a_few_millimetres_are_withdrawn_from(folder: str, pixel_m: float) -> None:
-    files = [path for path in sorted((REAL / folder).iterdir()) if "mask" not in path.name]
-    assert len(files) > 8
-    for path in files:
-        pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-        grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if pixels.ndim == 3 else pixels
-        found = answer_frame(wall_reader(), Segmenter(), grey, PixelScale(pixel_m, pixel_m), 1.0, KNOWN)
-        assert (found.usable, found.predicted) == (False, 2), path.name
+def test_the_real_scans_are_there() -> None:
+    assert len(real_scans()) == 25
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("path", real_scans(), ids=lambda path: path.name)
+@pytest.mark.parametrize("known", [KNOWN, None], ids=["known", "unknown"])
+def test_a_real_scan_at_its_true_scale_shows_too_little_of_a_wall(path: Path, known: Known | None) -> None:
+    found = answer_frame(wall_reader(), Segmenter(), grey(path), true_scale(path), 1.0, known)
+    assert (found.usable, found.predicted, found.force_n) == (False, 2, None)
+    assert "mm of the wall are seen, not 9.8 mm" in found.reason
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("path", real_scans(), ids=lambda path: path.name)
+@pytest.mark.parametrize("known", [KNOWN, None], ids=["known", "unknown"])
+def test_a_real_scan_taken_for_one_as_wide_as_the_product_s_is_no_wall_of_an_eye(
+    path: Path, known: Known | None
+) -> None:
+    pixels = grey(path)
+    pixel_m = STUDY.oct.width_m / pixels.shape[1]  # wide enough, so that the other rules have to refuse it
+    found = answer_frame(wall_reader(), Segmenter(), pixels, PixelScale(pixel_m, pixel_m), 1.0, known)
+    assert (found.usable, found.predicted, found.force_n) == (False, 2, None)
+    assert found.reason.startswith(reason_of(path.name, known))
 
 
 @pytest.mark.parametrize("field", ["force_n", "probabilities", "interval_n"])

@@ -1,0 +1,93 @@
+"""What the benchmarks are given in tests: a reader that knows one force, a recording, a coarse study and a data set."""
+
+import fcntl
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
+from fixed_reader import write_fixed_reader
+
+from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.writing import RecordingWriter
+
+BINS, BIN = 64, 20
+FRAMES, FORCE_N = 150, 8e-3
+COARSE_STUDY = """
+[mesh]
+divisions = 4
+level = 0
+core = 2
+rings = 6
+
+[dataset]
+contacts = 4
+
+[[dataset.group]]
+thickness_um = 600
+images = 40
+max_force_mn = 60
+
+[library]
+thicknesses = 4
+iop_ratios = 4
+tips = 12
+elements = 16
+"""
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A reader whose network always says the same small force, and a recording of a wall under such a force."""
+    pytest.importorskip("torch")
+    folder = tmp_path_factory.mktemp("benchmark")
+    write_fixed_reader(folder / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)])
+    shown = [image(wall_section(tip_of(FORCE_N)), seed) for seed in range(6)]
+    rows, columns = shown[0].shape
+    scanner = OctInfo(columns, rows, 12, columns * SCALE.lateral_m, rows * SCALE.depth_m, refractive_index=1.0)
+    info = RecordingInfo(EyeInfo("mine", THICKNESS_M, IOP_PA), scanner, NeedleInfo(22, GAP_M, 0.6))
+    writer = RecordingWriter(folder / "eye", info, "Of a test.")
+    for number in range(FRAMES):
+        writer.add(f"{number:04}.png", 0.01 * number, shown[number % len(shown)])
+    writer.close()
+    eye = {"thickness_m": THICKNESS_M, "iop_pa": IOP_PA, "youngs_modulus_pa": MODULUS_PA, "gap_m": GAP_M}
+    frames = [{"file": f"{number:04}.png", "force_n": FORCE_N} for number in range(FRAMES)]
+    (folder / "eye" / "truth.json").write_text(json.dumps({"eye": {**eye, "polar_rad": 0.6}, "frames": frames}))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def study_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study on coarse meshes, with a coarse library and a few slices."""
+    path = tmp_path_factory.mktemp("study") / "study.toml"
+    path.write_text(COARSE_STUDY)
+    return path
+
+
+@pytest.fixture(scope="session")
+def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """An environment whose cache of libraries is a test's own."""
+    return {**os.environ, "XDG_CACHE_HOME": str(tmp_path_factory.mktemp("cache"))}
+
+
+@pytest.fixture(scope="session")
+def dataset(study_file: Path, environment: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The slices of the coarse study."""
+    path = tmp_path_factory.mktemp("dataset") / "dataset.zarr"
+    command = "from scleraforce.cli.main import main; main()"
+    options = ["generate", "--study", str(study_file), "--out", str(path), "--mechanics", "linear"]
+    subprocess.run([sys.executable, "-c", command, *options], check=True, capture_output=True, env=environment)
+    return path
+
+
+@pytest.fixture
+def alone() -> Iterator[None]:
+    """Two monitors that run in real time would keep each other from their core."""
+    with open(Path(tempfile.gettempdir()) / "scleraforce-benchmark.lock", "w", encoding="utf-8") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield

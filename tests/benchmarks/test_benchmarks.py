@@ -1,0 +1,92 @@
+"""Every benchmark of the folder runs, at its smallest size, and prints figures that are numbers."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+FOUND = sorted(path.stem for kind in ("bench_*.py", "figure_*.py") for path in FOLDER.glob(kind))
+
+# What each is given. `test_monitor_service.py` runs the other parts of the monitor's benchmark.
+SMALLEST = {
+    "bench_axisymmetric": "--rows 1 --solid",
+    "bench_boundary_errors": "1 1 --frames 3 --study {study}",
+    "bench_calibration": "1 1 --frames 8 --study {study}",
+    "bench_console": "2",
+    "bench_dataset": "--workers 1 --study {study}",
+    "bench_finite_strain": "--rows 1 --loads 1 --quads 4 --core 2 --rings 4",
+    "bench_forms": "--rows 1 --forces 1 --finest 6 20",
+    "bench_learning": "{dataset} --slices 900 --readings 20 --epochs 2",
+    "bench_library": "1 --study {study}",
+    "bench_live_reader": "{model} {recording} --readings 10 --fits 2",
+    "bench_mechanics": "--rows 1 --quads 8",
+    "bench_monitor": "latency {model} {recording} --frames 20 --without",
+    "bench_monitor_sessions": "{model} --sessions 1 --seconds 1 --compared 2 --rates-mn-s 100",
+    "bench_openigtlink": "--messages 1000",
+    "bench_reader": "{model} --frames 2 --rounds 2",
+    "bench_segmentation": "--frames 2 --rounds 8",
+    "figure_supports": "--study {study} --out {out}",
+}
+NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?")
+
+
+def test_every_benchmark_has_a_smallest_size() -> None:
+    assert sorted(SMALLEST) == FOUND
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FOUND)
+def test_a_benchmark_prints_a_table_of_finite_numbers(
+    name: str, request: pytest.FixtureRequest, environment: dict[str, str], tmp_path: Path
+) -> None:
+    words = [word.format_map(Given(request, tmp_path)) for word in SMALLEST[name].split()]
+    done = ran(name, words, environment)
+    assert done.returncode == 0, done.stderr
+    rows = [line for line in done.stdout.splitlines() if len(NUMBER.findall(line)) >= 2]
+    assert rows, f"no table in:\n{done.stdout}"
+    assert not re.search(r"\b(nan|inf)\b", done.stdout, re.IGNORECASE), done.stdout
+    assert not done.stderr, done.stderr
+    if name.startswith("figure_"):
+        assert (tmp_path / "picture.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_drawn_frames_are_read_where_no_recording_is_given(folder: Path, environment: dict[str, str]) -> None:
+    words = [str(folder / "reader"), "--drawn", "4", "--readings", "4", "--fits", "1"]
+    done = ran("bench_live_reader", words, environment)
+    assert done.returncode == 0, done.stderr
+    assert "drawn frames\n24 frames, " in done.stdout
+
+
+@pytest.mark.slow
+def test_all_at_once_leaves_out_by_name_what_lacks_a_model(folder: Path, environment: dict[str, str]) -> None:
+    done = ran("bench", ["reader", "monitor", "--model", str(folder / "reader")], environment)
+    assert done.returncode == 0, done.stderr
+    assert "== reader ==" in done.stdout
+    assert "left out, for what they need is not given: monitor (MODEL RECORDING)" in done.stdout
+    assert ran("bench", ["reader", "--model", str(folder / "none")], environment).returncode == 1
+    unknown = ran("bench", ["nothing"], environment)
+    assert unknown.returncode == 2
+    assert "nothing: no such benchmark" in unknown.stderr
+
+
+def ran(name: str, words: list[str], environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    """Run a benchmark to its end."""
+    command = [sys.executable, str(FOLDER / f"{name}.py"), *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, timeout=600)
+
+
+class Given(dict[str, Path]):
+    """What stands for the words in braces; made when it is asked for."""
+
+    def __init__(self, request: pytest.FixtureRequest, folder: Path) -> None:
+        self._request, self._folder = request, folder
+
+    def __missing__(self, key: str) -> Path:
+        fixture = self._request.getfixturevalue
+        if key in ("model", "recording"):
+            return fixture("folder") / {"model": "reader", "recording": "eye"}[key]
+        return self._folder / "picture.png" if key == "out" else fixture({"study": "study_file"}.get(key, key))
