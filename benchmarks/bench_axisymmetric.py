@@ -16,14 +16,14 @@ from scipy.interpolate import CubicSpline
 
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.graded import graded_mesh
-from scleraforce.imaging.plane import ScanPlane, Section
-from scleraforce.imaging.section import cut_section
-from scleraforce.mechanics.axisymmetric import AxisymmetricPath, AxisymmetricWall, axisymmetric_path
-from scleraforce.mechanics.axisymmetric_mesh import MeridianSize, meridian_mesh
+from scleraforce.mechanics.axisymmetric.mesh import MeridianSize, meridian_mesh
+from scleraforce.mechanics.axisymmetric.path import AxisymmetricPath, AxisymmetricWall, axisymmetric_path
 from scleraforce.mechanics.continuation import pressurise, trace
 from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
 from scleraforce.mechanics.needle import needle_at
 from scleraforce.mechanics.polar import BaseShift, base_shift, polar_path
+from scleraforce.section.cut import cut_section
+from scleraforce.section.plane import ScanPlane, Section
 
 Floats = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from scleraforce.learning.boundary_errors import disturb
-from scleraforce.learning.boundary_statistics import BoundaryStatistics, boundary_statistics
-from scleraforce.learning.segmented import random_eyes, segmented_boundaries
+from boundary_errors.segmented import random_eyes, segmented_boundaries
+from boundary_errors.statistics import BoundaryStatistics, boundary_statistics
+from scleraforce.learning.reader.boundary_errors import disturb
 from scleraforce.library.cache import cached_library
 from scleraforce.study import Study, read_study
 

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from playwright.sync_api import Page, sync_playwright
 
 from scleraforce.monitor import MonitorLimits
-from scleraforce.service.child import Child
+from scleraforce.service.companions.child import Child
+from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.console import console_settings
 from scleraforce.service.entry import Entry
-from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.listening import listen
 
 CHROMIUM = "/usr/bin/chromium"

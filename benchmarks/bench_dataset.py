@@ -23,10 +23,10 @@ from scleraforce.dataset.generate import generate_dataset
 from scleraforce.dataset.plan import plan_dataset
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import build_mesh
-from scleraforce.imaging.plane import ScanPlane
-from scleraforce.imaging.section import cut_sections
-from scleraforce.imaging.slices import fill_section, slice_window
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.section.cut import cut_sections
+from scleraforce.section.plane import ScanPlane
+from scleraforce.section.slices import fill_section, slice_window
 from scleraforce.study import Range, Study, read_study
 
 IMAGES = 20  # of one contact, as in the paper's study

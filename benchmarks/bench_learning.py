@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from scleraforce.dataset.store import open_dataset
-from scleraforce.learning.folder import write_folder
-from scleraforce.learning.graph import onnx_bytes
-from scleraforce.learning.samples import Samples
-from scleraforce.learning.train import split_samples
-from scleraforce.learning.training import THREADS, Fitted, fit
+from scleraforce.learning.classifier.graph import onnx_bytes
+from scleraforce.learning.classifier.samples import Samples
+from scleraforce.learning.classifier.train import split_samples
+from scleraforce.learning.classifier.training import THREADS, Fitted, fit
+from scleraforce.models.writing import write_folder
 from scleraforce.reader import load_classifier
 from scleraforce.study import NetworkStudy, Study, format_study, study_hash
 

@@ -19,14 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench_reader import draw_eye
-from scleraforce.calibration.frames import segmented_boundaries
-from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_slices
+from scleraforce.fitting.library_fit import fit_boundaries, prior_of
+from scleraforce.known.eye import Known, known_of_recording
 from scleraforce.reader import WallReader, load_model
-from scleraforce.reader.known import Known, known_of_recording
-from scleraforce.reader.library_fit import fit_boundaries, prior_of
 from scleraforce.reader.live import LiveReader
 from scleraforce.reader.wall_reader import SHIFTS
 from scleraforce.recording.files import read_recording
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.observed import segmented_boundaries
+from scleraforce.segmentation.wall import Segmenter, boundary_slices
 
 Frame = NDArray[np.uint16]
 

@@ -31,18 +31,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.imaging.bscan import render_bscan
-from scleraforce.imaging.optics import BscanOptics, Pose, sample_optics
-from scleraforce.imaging.plane import Section
-from scleraforce.imaging.segmentation import PixelScale, Segmenter
+from scleraforce.known.eye import Known, Modulus
+from scleraforce.laboratory.bscan import render_bscan
+from scleraforce.laboratory.optics import BscanOptics, Pose, sample_optics
+from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections
 from scleraforce.monitor import Decision, MonitorLimits, MonitorState, decide
 from scleraforce.monitor.events import Event, FrameRead, QueueLoss, Reset, SecondOpinion
 from scleraforce.processes import work_units
 from scleraforce.reader import WallReader, load_model
 from scleraforce.reader.answers import Answer, answer_frame
-from scleraforce.reader.known import Known, Modulus
 from scleraforce.reader.live import LiveReader
-from scleraforce.recording.virtual_eye import PhantomEye, finite_strain_sections
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.section.plane import Section
+from scleraforce.segmentation.wall import Segmenter
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.study import Study, draw
 

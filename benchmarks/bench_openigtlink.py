@@ -29,7 +29,7 @@ import numpy as np
 from fastcrc.crc64 import ecma_182
 
 from scleraforce.errors import ProtocolError
-from scleraforce.service.openigtlink import (
+from scleraforce.openigtlink import (
     Decoder,
     Event,
     Image,
@@ -42,7 +42,7 @@ from scleraforce.service.openigtlink import (
     Transform,
     encode,
 )
-from scleraforce.service.openigtlink.wire import HEADER_BYTES
+from scleraforce.openigtlink.wire import HEADER_BYTES
 from scleraforce.service.scanner_image import FrameAssembler
 
 MESSAGES_A_CONNECTION = (1, 1, 1, 2, 3, 8)

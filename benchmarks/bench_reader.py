@@ -16,18 +16,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.frames import segmented_boundaries
-from scleraforce.imaging.bscan import render_bscan
-from scleraforce.imaging.optics import sample_optics
-from scleraforce.imaging.plane import Section
-from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_slices
+from scleraforce.fitting.fit_prediction import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP, place_walls
+from scleraforce.fitting.library_fit import fit_boundaries, prior_of
+from scleraforce.known.eye import Known, Modulus
+from scleraforce.laboratory.bscan import render_bscan
+from scleraforce.laboratory.optics import sample_optics
 from scleraforce.library import Library
 from scleraforce.reader import WallReader, load_model
 from scleraforce.reader.answers import answer_frame
-from scleraforce.reader.fit_prediction import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP, place_walls
-from scleraforce.reader.known import Known, Modulus
-from scleraforce.reader.library_fit import fit_boundaries, prior_of
 from scleraforce.reader.wall_reader import SHIFTS
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.section.plane import Section
+from scleraforce.segmentation.observed import segmented_boundaries
+from scleraforce.segmentation.wall import Segmenter, boundary_slices
 from scleraforce.study import Study
 
 Frame = NDArray[np.uint16]

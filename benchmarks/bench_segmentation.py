@@ -14,10 +14,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.imaging.bscan import render_bscan
-from scleraforce.imaging.optics import sample_optics, sample_pose
-from scleraforce.imaging.plane import Section
-from scleraforce.imaging.segmentation import PixelScale, Segmenter
+from scleraforce.laboratory.bscan import render_bscan
+from scleraforce.laboratory.optics import sample_optics, sample_pose
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.section.plane import Section
+from scleraforce.segmentation.wall import Segmenter
 from scleraforce.study import Study
 
 REPEATS = 8  # in a row

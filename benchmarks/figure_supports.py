@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from scleraforce.eye.contact import Contact
-from scleraforce.imaging.plane import ScanPlane, Section
-from scleraforce.imaging.section import cut_sections
 from scleraforce.mechanics.study_path import bend_eye
 from scleraforce.report.style import BLUE, GREY, RED, inches, styled
+from scleraforce.section.cut import cut_sections
+from scleraforce.section.plane import ScanPlane, Section
 from scleraforce.study import Study, SupportsStudy, read_study
 
 Floats = NDArray[np.float64]

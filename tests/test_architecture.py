@@ -16,51 +16,26 @@ from scleraforce.cli.main import COMMANDS
 ROOT = Path(scleraforce.__file__).parent
 ORDER = [
     "units", "errors", "plain_json", "processes", "whole_files", "source_hash", "stored_array", "checked_store",
-    "study", "eye", "mechanics", "imaging", "library", "fitting", "recording", "calibration", "dataset", "reader",
-    "learning", "monitor", "service", "report", "cli",
+    "study", "models", "monitor", "openigtlink", "eye", "recording", "known", "segmentation", "mechanics", "section",
+    "library", "fitting", "laboratory", "calibration", "dataset", "reader", "learning", "service", "replay", "report",
+    "reproduction", "cli",
 ]  # fmt: skip
-PURE = ["eye", "mechanics", "imaging", "fitting", "calibration", "monitor"]
+PURE = ["eye", "segmentation", "mechanics", "section", "fitting", "calibration", "monitor"]
 IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}
 IMPURE_CALLS = {"print", "open", "input"}
 # Of paths, NumPy and OpenCV, whatever stands before the dot.
-FILE_CALLS = set(
-    [
-        "read_text",
-        "read_bytes",
-        "write_text",
-        "write_bytes",
-        "open",
-        "mkdir",
-        "unlink",
-        "touch",
-        "iterdir",
-        "glob",
-        "rglob",
-        "exists",
-        "is_file",
-        "is_dir",
-        "stat",
-        "load",
-        "save",
-        "savez",
-        "savez_compressed",
-        "loadtxt",
-        "savetxt",
-        "genfromtxt",
-        "fromfile",
-        "tofile",
-        "memmap",
-        "imread",
-        "imwrite",
-    ]
-)
+FILE_CALLS = {
+    "read_text", "read_bytes", "write_text", "write_bytes", "open", "mkdir", "unlink", "touch", "iterdir", "glob",
+    "rglob", "exists", "is_file", "is_dir", "stat", "load", "save", "savez", "savez_compressed", "loadtxt", "savetxt",
+    "genfromtxt", "fromfile", "tofile", "memmap", "imread", "imwrite",
+}  # fmt: skip
 FILE_MODULES = {"scleraforce.whole_files", "scleraforce.checked_store", "os", "shutil", "tempfile", "tifffile", "zarr"}
 COPYLEFT = {"felupe", "sksparse", "pyFAI", "PyQt5", "PyQt6", "gmsh", "dolfin", "cholespy", "Sofa"}
 BIG = ["scipy", "skfem", "torch", "zarr", "matplotlib", "pydicom", "tifffile", "tqdm", "onnx", "pandas"]
 # What the runtime in the control loop uses: it must come up with NumPy, OpenCV and ONNX Runtime alone.
 RUNTIME = [
-    "imaging.segmentation", "library", "calibration.summary", "reader", "reader.answers", "service.monitor_service",
-    "service.second_opinion", "service.black_box", "service.operator", "service.replay",
+    "segmentation.wall", "library", "known.calibration_file", "reader", "reader.answers", "service.monitor_service",
+    "service.companions.second_opinion", "service.black_box.process", "service.operator", "replay.player",
 ]  # fmt: skip
 MODULES = sorted(path for path in ROOT.rglob("*.py"))
 

@@ -5,7 +5,7 @@ from math import pi, radians
 
 import numpy as np
 
-from scleraforce.recording.virtual_eye import PhantomEye
+from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.study import FormStudy, MechanicsStudy, MeshStudy, RegionStudy, Study, WaveStudy
 from scleraforce.units import mmhg_to_pa
 

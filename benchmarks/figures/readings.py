@@ -11,9 +11,9 @@ from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.recordings import read_made
 from figures.scores import AnsweredFrame, answered_frame
-from scleraforce.calibration.summary import EyeSummary, read_calibration
-from scleraforce.reader.folder import RECORD_FILE
-from scleraforce.report.framing import framed_for_laboratory
+from scleraforce.known.calibration_file import EyeSummary, read_calibration
+from scleraforce.models.folder import RECORD_FILE
+from scleraforce.reproduction.framing import framed_for_laboratory
 from scleraforce.study import Range, Study, format_study
 from scleraforce.whole_files import write_whole
 

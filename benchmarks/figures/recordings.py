@@ -13,8 +13,8 @@ from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.sections import compute_eye
 from figures.workers import in_processes
-from scleraforce.imaging.plane import Section
-from scleraforce.recording.phantom import PhantomFrame, plan_phantom, write_phantom
+from scleraforce.laboratory.phantom import PhantomFrame, plan_phantom, write_phantom
+from scleraforce.section.plane import Section
 from scleraforce.study import Study
 from scleraforce.whole_files import renamed_when_whole
 

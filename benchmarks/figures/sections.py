@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from figures.eyes import FigureEye
 from scleraforce.errors import SolverError
-from scleraforce.imaging.plane import Section
-from scleraforce.imaging.section import cut_section
+from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.mechanics.study_path import BentEye, bend_eye
-from scleraforce.recording.virtual_eye import PhantomEye
+from scleraforce.section.cut import cut_section
+from scleraforce.section.plane import Section
 
 __all__ = ["ComputedEye", "compute_eye"]
 

@@ -18,8 +18,8 @@ from time import monotonic, time
 
 import numpy as np
 
-from scleraforce.service.openigtlink import Image, Message, Query, Sensor, Status, Text, encode
-from scleraforce.service.openigtlink.wire import Header, pack_header
+from scleraforce.openigtlink import Image, Message, Query, Sensor, Status, Text, encode
+from scleraforce.openigtlink.wire import Header, pack_header
 from scleraforce.service.telling import RESET_DEVICE
 
 MATRIX = (0.03, 0.0, 0.0, 0.0, 0.008, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from scleraforce.errors import InputError, LinkError
-from scleraforce.service.answer_log import AnswerLog
-from scleraforce.service.fault_acts import prepare
-from scleraforce.service.faults import FAULTS, FaultReport, inject
-from scleraforce.service.openigtlink import Message
-from scleraforce.service.replay import Player, Timed
-from scleraforce.service.scanner_client import ScannerClient, Unstamped
+from scleraforce.openigtlink import Message
+from scleraforce.replay.answer_log import AnswerLog
+from scleraforce.replay.fault_acts import prepare
+from scleraforce.replay.faults import FAULTS, FaultReport, inject
+from scleraforce.replay.player import Player, Timed
+from scleraforce.replay.scanner_client import ScannerClient, Unstamped
 
 from .figures import QUANTILES, Progress, print_table, quantiles_ms
 from .monitors import Monitor, real_monitor

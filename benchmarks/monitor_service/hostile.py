@@ -17,8 +17,8 @@ from time import monotonic
 from typing import Any
 
 from scleraforce.errors import LinkError
+from scleraforce.openigtlink import Message, Status
 from scleraforce.processes import no_interrupts
-from scleraforce.service.openigtlink import Message, Status
 
 from .figures import QUANTILES, Progress, print_table, quantiles_ms
 from .monitors import Monitor, cores, pin, real_monitor, resources

@@ -14,10 +14,10 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from scleraforce.openigtlink import Status, encode
 from scleraforce.processes import no_interrupts
-from scleraforce.service.openigtlink import Status, encode
+from scleraforce.replay.scanner_client import ScannerClient
 from scleraforce.service.priority import MONITOR_PRIORITY, run_in_real_time
-from scleraforce.service.scanner_client import ScannerClient
 
 from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms
 from .monitors import Monitor, cores, pin, real_monitor

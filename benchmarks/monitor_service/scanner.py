@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
+from scleraforce.laboratory.phantom import true_forces
+from scleraforce.openigtlink import Message
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.images import Pixels
-from scleraforce.recording.phantom import true_forces
 from scleraforce.recording.tables import FrameEntry
-from scleraforce.service.answer_log import AnswerLog
-from scleraforce.service.openigtlink import Message
+from scleraforce.replay.answer_log import AnswerLog
+from scleraforce.replay.scanner_client import ScannerClient, Unstamped, frame_message
 from scleraforce.service.operator import ask_reset
 from scleraforce.service.priority import run_in_real_time
-from scleraforce.service.scanner_client import ScannerClient, Unstamped, frame_message
 
 from .monitors import cores
 

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.openigtlink import Image
 from scleraforce.processes import no_interrupts
-from scleraforce.service.openigtlink import Image
+from scleraforce.replay.scanner_client import SCANNER_DEVICE, Unstamped
 from scleraforce.service.priority import MONITOR_PRIORITY
-from scleraforce.service.scanner_client import SCANNER_DEVICE, Unstamped
 
 from .monitors import cores, pin
 

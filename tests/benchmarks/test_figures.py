@@ -14,8 +14,8 @@ from figures.recordings import MadeEye, lowest_m
 from figures.scores import AnsweredFrame, answered_frame, score
 from figures.workers import in_processes
 from scleraforce.errors import ScleraforceError
-from scleraforce.imaging.plane import Section
-from scleraforce.recording.phantom import plan_phantom
+from scleraforce.laboratory.phantom import plan_phantom
+from scleraforce.section.plane import Section
 from scleraforce.study import Study
 from scleraforce.units import mmhg_to_pa
 

@@ -14,7 +14,7 @@ from monitor_service.monitors import Resources
 from monitor_service.scanner import Answers, Frames, Pace
 from monitor_service.soak import Sample, grown
 from scleraforce.errors import InputError
-from scleraforce.service.openigtlink import Status, Text
+from scleraforce.openigtlink import Status, Text
 
 BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "bench_monitor.py"
 PARTS: dict[str, list[str]] = {

@@ -9,11 +9,11 @@ import pytest
 from scleraforce.calibration.assimilation import FrameInput
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.linear_eye import LinearEye, linear_eye
-from scleraforce.calibration.virtual import ideal_boundaries, virtual_sections
 from scleraforce.eye.mesh import build_mesh
-from scleraforce.imaging.optics import Pose
+from scleraforce.laboratory.ideal_boundaries import ideal_boundaries, virtual_sections
+from scleraforce.laboratory.optics import Pose
+from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.recording.virtual_eye import PhantomEye
 from scleraforce.study import MeshStudy, Study
 
 STUDY = replace(Study(), mesh=MeshStudy(divisions=6))

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from scleraforce.calibration.assimilation import assimilate, eye_filter, first_state, moments, predicted_points
-from scleraforce.calibration.observations import Boundaries
-from scleraforce.recording.virtual_eye import PhantomEye
+from scleraforce.laboratory.virtual_eye import PhantomEye
+from scleraforce.segmentation.observations import Boundaries
 
 FORCES = [float(force) for force in np.random.default_rng(0).uniform(6e-3, 58e-3, 24)]
 

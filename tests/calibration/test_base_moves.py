@@ -10,7 +10,7 @@ from scleraforce.calibration.base_moves import SIZE, base_moves
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.graded import graded_mesh
-from scleraforce.mechanics.axisymmetric_mesh import meridian_mesh
+from scleraforce.mechanics.axisymmetric.mesh import meridian_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.polar import base_shift
 from scleraforce.study import Study

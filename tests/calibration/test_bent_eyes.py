@@ -10,10 +10,10 @@ import pytest
 from scleraforce.calibration import session
 from scleraforce.calibration.assimilation import FrameStep
 from scleraforce.calibration.eye_model import EyeConstants
-from scleraforce.calibration.virtual import ideal_boundaries
-from scleraforce.imaging.optics import Pose
+from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
+from scleraforce.laboratory.optics import Pose
+from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections
 from scleraforce.library.cache import cached_library
-from scleraforce.recording.virtual_eye import PhantomEye, finite_strain_sections
 from scleraforce.study import LibraryStudy, Study
 from scleraforce.study.sampled import Range
 

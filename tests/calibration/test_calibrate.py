@@ -11,11 +11,11 @@ import pytest
 
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
 from scleraforce.calibration.files import calibration_as_json, parse_calibration, read_posteriors
-from scleraforce.calibration.virtual import virtual_sections
 from scleraforce.errors import CalibrationError
+from scleraforce.laboratory.ideal_boundaries import virtual_sections
+from scleraforce.laboratory.phantom import plan_phantom, write_phantom
+from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.recording.files import Recording, read_recording
-from scleraforce.recording.phantom import plan_phantom, write_phantom
-from scleraforce.recording.virtual_eye import PhantomEye
 
 FORCES = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
 

@@ -10,13 +10,13 @@ import pytest
 from analytic_library import analytic_library
 
 from scleraforce.calibration.calibrate import calibrate_recordings
-from scleraforce.calibration.summary import read_calibration
-from scleraforce.calibration.virtual import virtual_sections
 from scleraforce.cli.main import run
+from scleraforce.known.calibration_file import read_calibration
+from scleraforce.laboratory.ideal_boundaries import virtual_sections
+from scleraforce.laboratory.phantom import plan_phantom, write_phantom
+from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library, cache
 from scleraforce.recording.files import read_recording
-from scleraforce.recording.phantom import plan_phantom, write_phantom
-from scleraforce.recording.virtual_eye import PhantomEye
 from scleraforce.report.calibration_figures import (
     draw_modulus_by_force,
     draw_modulus_over_frames,

@@ -12,11 +12,11 @@ from scleraforce.calibration import session
 from scleraforce.calibration.assimilation import FrameStep, Skipped
 from scleraforce.calibration.eye_model import EyeConstants, parameter_sections, stated_wall
 from scleraforce.calibration.library_eye import library_eye, section_depths
-from scleraforce.calibration.virtual import ideal_boundaries
 from scleraforce.errors import CalibrationError
-from scleraforce.imaging.optics import Pose
-from scleraforce.imaging.plane import Section
+from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
+from scleraforce.laboratory.optics import Pose
 from scleraforce.library import Library
+from scleraforce.section.plane import Section
 from scleraforce.study import Study
 
 STUDY = Study()

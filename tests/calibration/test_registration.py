@@ -7,9 +7,9 @@ import pytest
 from scleraforce.calibration.placement import DEPTH, LATERAL, POLAR, ROTATION, place_section, predict
 from scleraforce.calibration.registration import first_belief, frame_prior, register, updated_belief
 from scleraforce.fitting.placement import Places
-from scleraforce.imaging.optics import Pose
-from scleraforce.imaging.plane import Section
-from scleraforce.recording.virtual_eye import PhantomEye
+from scleraforce.laboratory.optics import Pose
+from scleraforce.laboratory.virtual_eye import PhantomEye
+from scleraforce.section.plane import Section
 
 
 def test_poses_are_found_to_50_um_with_the_contact_angle_unknown(laboratory: Any, eye: PhantomEye) -> None:

@@ -7,8 +7,8 @@ import pytest
 
 from scleraforce.calibration.eye_model import EyeConstants, WallState, lagrange, parameter_sections, stated_wall
 from scleraforce.eye.contact import Contact
-from scleraforce.imaging.plane import ScanPlane
-from scleraforce.imaging.section import cut_section
+from scleraforce.section.cut import cut_section
+from scleraforce.section.plane import ScanPlane
 
 
 @pytest.mark.parametrize(("direction", "tilt", "force_n"), [(0.0, 0.0, 0.03), (0.5, 0.0, 0.05), (0.3, 0.05, 0.03)])

@@ -11,18 +11,19 @@ from scleraforce.calibration import session
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings, eye_constants
 from scleraforce.calibration.files import calibration_as_json, parse_calibration
 from scleraforce.calibration.forces import FrameForces, frame_forces
-from scleraforce.calibration.frames import segmented_boundaries
-from scleraforce.calibration.observations import Boundaries
-from scleraforce.calibration.virtual import ideal_boundaries
 from scleraforce.errors import CalibrationError
-from scleraforce.imaging.optics import Pose
-from scleraforce.imaging.segmentation import PixelScale, Segmenter
+from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
+from scleraforce.laboratory.optics import Pose
+from scleraforce.laboratory.phantom import plan_phantom, write_phantom
+from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.labels import label_frames
-from scleraforce.recording.phantom import plan_phantom, write_phantom
-from scleraforce.recording.virtual_eye import PhantomEye
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.observations import Boundaries
+from scleraforce.segmentation.observed import segmented_boundaries
+from scleraforce.segmentation.wall import Segmenter
 from scleraforce.study import Study
 
 STUDY = Study()

@@ -17,8 +17,8 @@ from peer import Peer, wait_until
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.monitor import MonitorLimits
+from scleraforce.openigtlink import Image, Sensor
 from scleraforce.recording.files import read_recording
-from scleraforce.service.openigtlink import Image, Sensor
 from scleraforce.units import mmhg_to_pa
 
 pytest.importorskip("torch")

@@ -15,7 +15,7 @@ import pytest
 from monitor_command import monitor_folder, program, started
 from peer import Peer, wait_until
 
-from scleraforce.service.decision_log import read_log
+from scleraforce.service.black_box.decision_log import read_log
 
 pytest.importorskip("torch")
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from scleraforce.cli.main import run
-from scleraforce.recording.phantom import plan_phantom, write_phantom
-from scleraforce.recording.virtual_eye import PhantomEye, linear_sections
+from scleraforce.laboratory.phantom import plan_phantom, write_phantom
+from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.study import parse_study
 
 STUDY = parse_study("[mesh]\ndivisions = 6\nlevel = 0\n", "study")

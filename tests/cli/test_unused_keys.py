@@ -14,10 +14,10 @@ from scleraforce.dataset.library_samples import draw_units
 from scleraforce.dataset.plan import plan_dataset
 from scleraforce.dataset.samples import SampleSimulator
 from scleraforce.eye.contact import Contact
+from scleraforce.laboratory.simulation import simulate_eye
+from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
 from scleraforce.library.build import solve_path
 from scleraforce.library.plan import plan_library
-from scleraforce.recording.virtual_eye import PhantomEye, study_sections
-from scleraforce.report.simulation import simulate_eye
 from scleraforce.study import Study, parse_study
 from scleraforce.study.fields import field_key
 from scleraforce.study.unused import UNUSED
@@ -199,8 +199,8 @@ def not_refused(*_: object, **__: object) -> None:
 
 @pytest.mark.parametrize("command", ["simulate", "phantom"])
 def test_an_eye_of_finite_strain_takes_all_keys(command: str, tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr("scleraforce.report.simulation.simulate_eye", not_refused)
-    monkeypatch.setattr("scleraforce.recording.virtual_eye.study_sections", not_refused)
+    monkeypatch.setattr("scleraforce.laboratory.simulation.simulate_eye", not_refused)
+    monkeypatch.setattr("scleraforce.laboratory.virtual_eye.study_sections", not_refused)
     study = tmp_path / "all.toml"
     study.write_text(EVERYTHING)
     line = f"{command} {ARGUMENTS[command]} --mechanics finite-strain --study STUDY"

@@ -23,10 +23,10 @@ from scleraforce.dataset.store import complete_store, create_store, missing_unit
 from scleraforce.errors import DatasetError, SolverError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import build_mesh
-from scleraforce.imaging.plane import ScanPlane
-from scleraforce.imaging.section import cut_section
-from scleraforce.imaging.slices import fill_section, slice_window
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.section.cut import cut_section
+from scleraforce.section.plane import ScanPlane
+from scleraforce.section.slices import fill_section, slice_window
 from scleraforce.study import DatasetGroup, MeshStudy, Range, Study, format_study, parse_study
 
 MODULUS_PA = 0.3e6

@@ -12,8 +12,8 @@ from scleraforce.dataset.library_samples import draw_units
 from scleraforce.dataset.plan import plan_dataset
 from scleraforce.dataset.store import open_dataset
 from scleraforce.errors import DatasetError, InputError, StudyError
-from scleraforce.imaging.slices import fill_section, slice_window
 from scleraforce.library.sections import cut_surfaces
+from scleraforce.section.slices import fill_section, slice_window
 from scleraforce.study import DatasetGroup, MechanicsStudy, Range, Study, format_study, parse_study
 
 MODULUS_PA = 0.3e6

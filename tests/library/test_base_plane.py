@@ -9,7 +9,7 @@ from scleraforce.library.base_plane import base_stiffness
 from scleraforce.library.build import build_library
 from scleraforce.library.plan import LARGEST_POLAR_DEG, SUPPORTS_DEG, plan_library
 from scleraforce.library.store import open_library
-from scleraforce.mechanics.axisymmetric_mesh import MeridianSize
+from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
 from scleraforce.mechanics.polar import polar_path
 from scleraforce.study import LibraryStudy, Range, Study
 

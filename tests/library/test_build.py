@@ -19,8 +19,8 @@ from scleraforce.errors import InputError, SolverError
 from scleraforce.library.build import build_library, solve_path
 from scleraforce.library.plan import plan_library
 from scleraforce.library.store import complete_store, create_store, missing_units, open_library, write_unit
-from scleraforce.mechanics.axisymmetric import axisymmetric_path
-from scleraforce.mechanics.axisymmetric_mesh import MeridianSize
+from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
+from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
 from scleraforce.study import LibraryStudy, NeedleStudy, Range, Study
 
 UNITS = 20 + 6 * 4 * 4  # paths, and those with other supports

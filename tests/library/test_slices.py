@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from analytic_library import curves
 
-from scleraforce.imaging.plane import Section, SliceWindow
-from scleraforce.imaging.slices import fill_section
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.library.slices import Framing, column_laterals, draw_slices, fill_boundaries, wall_boundaries
+from scleraforce.section.plane import Section, SliceWindow
+from scleraforce.section.slices import fill_section
 from scleraforce.study import SliceStudy
 
 STUDY = SliceStudy()

@@ -8,14 +8,14 @@ from scleraforce.errors import InputError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.graded import graded_mesh
 from scleraforce.eye.mesh import locate, surface_weights
-from scleraforce.imaging.plane import ScanPlane
-from scleraforce.imaging.section import cut_section
-from scleraforce.mechanics.axisymmetric import axisymmetric_path
-from scleraforce.mechanics.axisymmetric_mesh import MeridianSize
+from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
+from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
 from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.needle import needle_at
 from scleraforce.mechanics.polar import base_angle, base_shift, polar_path
+from scleraforce.section.cut import cut_section
+from scleraforce.section.plane import ScanPlane
 
 Floats = NDArray[np.float64]
 

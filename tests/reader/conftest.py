@@ -22,9 +22,9 @@ class TinyModel:
 def write_tiny_model(path: Path, study: Study, hidden: int = 40) -> TinyModel:
     """Write a model with random weights for a study; its validation figures are made up."""
     pytest.importorskip("torch")
-    from scleraforce.learning.folder import write_folder
-    from scleraforce.learning.graph import onnx_bytes
-    from scleraforce.learning.network import Layer, TrainedNetwork
+    from scleraforce.learning.classifier.graph import onnx_bytes
+    from scleraforce.learning.classifier.network import Layer, TrainedNetwork
+    from scleraforce.models.writing import write_folder
 
     rng = np.random.default_rng(5)
     pixels = study.slice.rows * study.slice.columns

@@ -23,12 +23,13 @@ from analytic_frames import (
 from fixed_network import FIVE_MN, wall_reader
 from tifffile import TiffFile
 
-from scleraforce.imaging.plane import Section
-from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_slice
+from scleraforce.known.eye import Known, Modulus
 from scleraforce.reader.answers import Answer, answer_frame
-from scleraforce.reader.known import Known, Modulus
 from scleraforce.reader.readings import Reading
 from scleraforce.reader.wall_reader import SHIFTS, WallReader
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.section.plane import Section
+from scleraforce.segmentation.wall import Segmenter, boundary_slice
 from scleraforce.study import Range
 
 

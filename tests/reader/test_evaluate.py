@@ -13,11 +13,12 @@ from calibration_file import calibration_text
 
 from scleraforce.cli.main import run
 from scleraforce.errors import CalibrationError, RecordingError
-from scleraforce.imaging.segmentation import PixelScale, Segmenter, boundary_slice
 from scleraforce.reader import load_model
 from scleraforce.reader.answers import answer_frame
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.recording.files import frame_digest, read_frame
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.wall import Segmenter, boundary_slice
 from scleraforce.study import Study
 
 FORCES_N = (0.002, 0.010, 0.020, 0.040, 0.080, 0.050)  # classes 0 1 1 2, over the largest force, pierced

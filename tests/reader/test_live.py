@@ -8,13 +8,14 @@ import pytest
 from analytic_frames import KNOWN, SCALE, STUDY, image, tip_of, wall_section
 from fixed_network import FIVE_MN, wall_reader
 
-from scleraforce.imaging.segmentation import PixelScale, Segmenter
+from scleraforce.known.eye import Known
 from scleraforce.reader import load_classifier
 from scleraforce.reader.answers import answer_frame
-from scleraforce.reader.known import Known
 from scleraforce.reader.live import LiveReader, LiveReading
 from scleraforce.reader.readings import Reading
 from scleraforce.reader.wall_reader import WallReader
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.wall import Segmenter
 from scleraforce.study import SliceStudy, Study
 
 WIDE = Reading((0.1, 0.5, 0.4), 0.025, (0.020, 0.0261), 0.0)

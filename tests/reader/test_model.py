@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import ModelError
+from scleraforce.models.folder import sha256
 from scleraforce.reader import load_model
-from scleraforce.reader.folder import sha256
 
 
 def slices(count: int, shape: tuple[int, int] = (8, 10)) -> np.ndarray:

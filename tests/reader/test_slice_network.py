@@ -9,11 +9,11 @@ from analytic_library import analytic_library
 from fixed_reader import write_fixed_reader
 
 from scleraforce.errors import ModelError
+from scleraforce.known.eye import Known, Modulus
+from scleraforce.models.folder import sha256
 from scleraforce.reader import WallReader, load_classifier, load_model
-from scleraforce.reader.folder import sha256
 from scleraforce.reader.force_distribution import ratio_edges
 from scleraforce.reader.given import unknown_modulus
-from scleraforce.reader.known import Known, Modulus
 from scleraforce.reader.slice_network import told_of
 
 pytest.importorskip("torch")

@@ -7,13 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scleraforce.errors import RecordingError
+from scleraforce.laboratory.phantom import plan_phantom
+from scleraforce.laboratory.pushes import sense
+from scleraforce.laboratory.virtual_eye import paper_eyes
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.labels import contact_force, first_contact, label_frames, low_pass
-from scleraforce.recording.phantom import plan_phantom
-from scleraforce.recording.pushes import sense
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
-from scleraforce.recording.virtual_eye import paper_eyes
 from scleraforce.study import ClassesStudy, PhantomStudy, Study, fixed
 
 SHARED = Path(__file__).parents[3] / "shared" / "recordings"

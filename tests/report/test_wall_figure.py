@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from scleraforce.imaging.plane import Section
 from scleraforce.report.wall_figure import ComputedWall, FrameWithWalls, draw_walls, laid_on_surface
+from scleraforce.section.plane import Section
 
 WIDTH_M, COLUMNS = 15e-3, 512
 LATERAL_M = (np.arange(COLUMNS) + 0.5) * WIDTH_M / COLUMNS

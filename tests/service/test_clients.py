@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import pytest
 from peer import NoGuard
 
+from scleraforce.openigtlink import Decoder, Received, Text, encode
 from scleraforce.service.clients import STALLED_S, Clients
 from scleraforce.service.connection import WAITING_BYTES, Connection
-from scleraforce.service.openigtlink import Decoder, Received, Text, encode
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from scleraforce.errors import InputError
-from scleraforce.service.decision_log import DecisionLog
+from scleraforce.service.black_box.decision_log import DecisionLog
 from scleraforce.service.folders import try_folders
 
 

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from peer import Peer, serving
 from small_monitor import TOKEN
 
-from scleraforce.service.openigtlink import Text, encode
+from scleraforce.openigtlink import Text, encode
 from scleraforce.service.operator import ask_reset
 from scleraforce.service.reset_token import ANSWERED
 

@@ -14,7 +14,7 @@ from fake_monitor import OK, FakeMonitor, fake_monitor
 from fastcrc.crc64 import ecma_182
 
 from scleraforce.monitor.causes import Cause
-from scleraforce.service.openigtlink import Sensor, Status, Text, encode
+from scleraforce.openigtlink import Sensor, Status, Text, encode
 
 SCRIPT = Path(__file__).parents[2] / "examples" / "robot_client.py"
 EMERGENCY = Status(3, 102, "BOUND", "WITHDRAW: up to 31 mN")

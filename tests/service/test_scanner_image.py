@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scleraforce.errors import ProtocolError
-from scleraforce.service.openigtlink import Image
-from scleraforce.service.openigtlink.image import pack_image, unpack_image
+from scleraforce.openigtlink import Image
+from scleraforce.openigtlink.image import pack_image, unpack_image
 from scleraforce.service.scanner_image import FrameAssembler, ScannerFrame
 
 DRAW = np.random.default_rng(11)

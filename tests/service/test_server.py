@@ -18,8 +18,8 @@ from small_monitor import COLUMNS, HANGS, NO_NUMBER, RAISES, ROWS, TOKEN, UNUSAB
 
 from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.events import Tick
-from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
-from scleraforce.service.openigtlink import Image, Query, Sensor, Status, Text, Transform, encode
+from scleraforce.openigtlink import Image, Query, Sensor, Status, Text, Transform, encode
+from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
 from scleraforce.service.operator import ask_reset
 from scleraforce.service.session import Frame, Session
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from scleraforce.service.openigtlink import Status, encode
-from scleraforce.service.openigtlink.wire import HEADER_BYTES, VERSIONS, unpack_header
+from scleraforce.openigtlink import Status, encode
+from scleraforce.openigtlink.wire import HEADER_BYTES, VERSIONS, unpack_header
 from scleraforce.service.stamp import stamp, stamped_s
 
 

@@ -6,12 +6,12 @@ from math import log
 import numpy as np
 from analytic_library import analytic_library
 
-from scleraforce.imaging.bscan import render_bscan
-from scleraforce.imaging.optics import sample_optics
-from scleraforce.imaging.plane import Section
-from scleraforce.imaging.segmentation import PixelScale
-from scleraforce.reader.fit_prediction import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP, place_walls
-from scleraforce.reader.known import Known, Modulus
+from scleraforce.fitting.fit_prediction import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP, place_walls
+from scleraforce.known.eye import Known, Modulus
+from scleraforce.laboratory.bscan import render_bscan
+from scleraforce.laboratory.optics import sample_optics
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.section.plane import Section
 from scleraforce.study import OctStudy, Study, fixed
 
 LIBRARY = analytic_library()

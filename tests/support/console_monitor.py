@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.monitor import MonitorLimits
-from scleraforce.service.child import Child
+from scleraforce.service.companions.child import Child
+from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.console import console_settings
 from scleraforce.service.entry import Entry
-from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.listening import listen
 
 __all__ = ["TOKEN", "ConsoleMonitor", "free_port", "reading"]

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from scleraforce.service.channel import Channel
+from scleraforce.service.companions.channel import Channel
 
 
 class FakeCompanion:

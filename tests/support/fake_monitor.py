@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from time import time
 
-from scleraforce.service.openigtlink import (
+from scleraforce.openigtlink import (
     BadChecksum,
     Decoder,
     Image,

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from analytic_frames import LIBRARY, STUDY
 
-from scleraforce.reader.known import Known
+from scleraforce.known.eye import Known
 from scleraforce.reader.readings import Reading
 from scleraforce.reader.wall_reader import WallReader
 

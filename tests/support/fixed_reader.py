@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from scleraforce.library import Library, save_library
-from scleraforce.reader.folder import LIBRARY_FILE
+from scleraforce.models.folder import LIBRARY_FILE
 from scleraforce.reader.given import GIVEN
 from scleraforce.reader.slice_network import CONTACT, HISTOGRAM, INPUTS
 from scleraforce.study import Study, format_study, study_hash
@@ -24,8 +24,8 @@ def write_fixed_reader(
     """Write the folder; returns its study."""
     import onnx
 
-    from scleraforce.learning.folder import write_folder
-    from scleraforce.learning.graph import constant, model_bytes, node
+    from scleraforce.learning.classifier.graph import constant, model_bytes, node
+    from scleraforce.models.writing import write_folder
 
     study = fixed_study(len(shares))
     slices, told = INPUTS

@@ -104,14 +104,14 @@ def _read_frames(folder: Path) -> None:
 
 def _read_calibration(folder: Path) -> None:
     from scleraforce.calibration.files import read_posteriors
-    from scleraforce.calibration.summary import read_calibration
+    from scleraforce.known.calibration_file import read_calibration
 
     read_calibration(folder / "calibration.json")
     read_posteriors(folder / "calibration.json")
 
 
 def _read_model(folder: Path) -> None:
-    from scleraforce.reader.known import Known
+    from scleraforce.known.eye import Known
     from scleraforce.reader.model import load_model
 
     model = load_model(folder / "model")

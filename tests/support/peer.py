@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from small_monitor import SCALE_M, frame_of, small_server
 
-from scleraforce.service.companions import Companions
-from scleraforce.service.openigtlink import Decoder, Image, Message, Received, Status, Text, encode
+from scleraforce.openigtlink import Decoder, Image, Message, Received, Status, Text, encode
+from scleraforce.service.companions.companions import Companions
 
 MATRIX = (SCALE_M[0] * 1e3, 0.0, 0.0, 0.0, SCALE_M[1] * 1e3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 SERIALS = count(1)

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.imaging.segmentation import PixelScale
 from scleraforce.monitor import MonitorLimits
 from scleraforce.reader.answers import Answer
-from scleraforce.service.companions import Companions
-from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.guard import Guard
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.service.companions.companions import Companions
+from scleraforce.service.companions.frame_ring import FrameRing
+from scleraforce.service.companions.guard import Guard
 from scleraforce.service.server import Server, ServerSettings
 from scleraforce.service.session import Session
 

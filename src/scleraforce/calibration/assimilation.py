@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from scleraforce.calibration.eye_model import EyeModel, parameter_sections, stated_wall
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
-from scleraforce.calibration.observations import Boundaries, Observation, observe_points
 from scleraforce.calibration.parameters import Parameter, ParameterSpace
 from scleraforce.calibration.placement import (
     INNER,
@@ -36,6 +35,7 @@ from scleraforce.calibration.registration import (
 from scleraforce.calibration.roukf import FilterParams, Posterior, StepResult, filter_step, initial_posterior
 from scleraforce.calibration.sigma_points import sigma_points
 from scleraforce.fitting.placement import Placed, Places, curve_depths
+from scleraforce.segmentation.observations import Boundaries, Observation, observe_points
 from scleraforce.study import CalibrationStudy
 
 __all__ = [

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.calibration.eye_model import EyeConstants
-from scleraforce.mechanics.axisymmetric_mesh import MeridianSize, meridian_mesh
+from scleraforce.mechanics.axisymmetric.mesh import MeridianSize, meridian_mesh
 from scleraforce.mechanics.polar import LARGEST_POLAR_RAD, BaseShift, base_shift
 from scleraforce.study import Study
 

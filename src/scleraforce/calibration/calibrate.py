@@ -10,17 +10,18 @@ from numpy.typing import NDArray
 from scleraforce.calibration.assimilation import EyeFilter, EyeState, FrameStep, Skipped, moments
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
-from scleraforce.calibration.frames import dent, segmented_boundaries
-from scleraforce.calibration.observations import Boundaries
 from scleraforce.calibration.parameters import spread
 from scleraforce.calibration.registration import first_belief
 from scleraforce.calibration.session import EyeSession, begin, refer, update
 from scleraforce.errors import CalibrationError
-from scleraforce.imaging.segmentation import PixelScale, Segmenter
 from scleraforce.library import Library
 from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest
 from scleraforce.recording.labels import label_frames
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.observations import Boundaries
+from scleraforce.segmentation.observed import dent, segmented_boundaries
+from scleraforce.segmentation.wall import Segmenter
 from scleraforce.study import Study
 from scleraforce.whole_files import KINDS, read_bytes
 

@@ -14,7 +14,8 @@ from scleraforce.calibration.calibrate import Calibration, EyeCalibration, Frame
 from scleraforce.calibration.placement import NUISANCES
 from scleraforce.calibration.registration import PoseBelief
 from scleraforce.calibration.roukf import Posterior
-from scleraforce.calibration.summary import (
+from scleraforce.errors import CalibrationError
+from scleraforce.known.calibration_file import (
     FORMAT,
     WRITER,
     number_of,
@@ -23,7 +24,6 @@ from scleraforce.calibration.summary import (
     table_of,
     text_of,
 )
-from scleraforce.errors import CalibrationError
 from scleraforce.whole_files import KINDS, read_text
 
 __all__ = ["calibration_as_json", "parse_calibration", "read_posteriors"]

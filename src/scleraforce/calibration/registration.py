@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.calibration.eye_model import EyeModel, stated_wall
-from scleraforce.calibration.observations import Boundaries
 from scleraforce.calibration.placement import DEPTH, INNER, LATERAL, POLAR, ROTATION, place_section, predict
 from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
 from scleraforce.fitting.placement import Placed, Places, curve_depths
+from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import CalibrationStudy
 
 __all__ = ["PoseBelief", "Registered", "first_belief", "frame_prior", "register", "updated_belief"]

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scleraforce.calibration.eye_model import SAMPLE_STEP_M, WallState, smoothed
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, locate, surface_weights
-from scleraforce.imaging.plane import Section
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.section.plane import Section
 
 __all__ = ["WallResponse", "lateral_samples", "response_fields"]
 

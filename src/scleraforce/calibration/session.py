@@ -25,9 +25,9 @@ from scleraforce.calibration.eye_model import EyeConstants, EyeModel
 from scleraforce.calibration.forces import ZERO_PRIOR
 from scleraforce.calibration.library_eye import library_eye
 from scleraforce.calibration.linear_eye import linear_eye
-from scleraforce.calibration.observations import Boundaries
 from scleraforce.calibration.registration import frame_prior, register, updated_belief
 from scleraforce.library import Library
+from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study
 
 __all__ = ["EyeSession", "begin", "eye_model", "refer", "step", "update"]

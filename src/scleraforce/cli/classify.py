@@ -22,9 +22,9 @@ from scleraforce.errors import FrameError, InputError
 from scleraforce.units import n_to_mn
 
 if TYPE_CHECKING:
+    from scleraforce.known.eye import Known
     from scleraforce.reader import ForceReader, WallReader
     from scleraforce.reader.answers import Answer
-    from scleraforce.reader.known import Known
     from scleraforce.recording.scaled_frame import Scanner
 
 __all__ = ["classify"]
@@ -97,8 +97,8 @@ def _read(
     reader: "ForceReader | WallReader", path: Path, told: "Scanner", known: "Known", transpose: bool
 ) -> FrameRead:
     """Read one frame with what was told and what else its recording and its file state."""
+    from scleraforce.known.eye import Known, completed, known_of_recording
     from scleraforce.reader.answers import answer_frame
-    from scleraforce.reader.known import Known, completed, known_of_recording
     from scleraforce.reader.limits import limits_of
     from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame, recording_of
 
@@ -121,7 +121,7 @@ def _read(
 
 def _notes(reader: "ForceReader | WallReader", known: "Known") -> list[str]:
     """Return what was told and not used."""
-    from scleraforce.reader.known import Known
+    from scleraforce.known.eye import Known
 
     if reader.kind == "reader" or known == Known():
         return []

@@ -10,7 +10,7 @@ from scleraforce.errors import InputError
 from scleraforce.units import mmhg_to_pa
 
 if TYPE_CHECKING:
-    from scleraforce.reader.known import Known
+    from scleraforce.known.eye import Known
 
 __all__ = ["known_entry", "known_eye", "known_eye_options", "known_words"]
 
@@ -40,7 +40,7 @@ def known_eye(
     Raises:
         InputError: a value that is no number.
     """
-    from scleraforce.reader.known import Known, Modulus
+    from scleraforce.known.eye import Known, Modulus
 
     given = {"youngs-modulus-mpa": youngs_modulus_mpa, "iop-mmhg": iop_mmhg, "thickness-um": thickness_um,
              "gap-mm": gap_mm}  # fmt: skip

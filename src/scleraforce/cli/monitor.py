@@ -18,9 +18,9 @@ from scleraforce.errors import InputError
 from scleraforce.processes import one_thread
 
 if TYPE_CHECKING:
+    from scleraforce.known.eye import Known
     from scleraforce.monitor import MonitorLimits
     from scleraforce.reader import ForceReader, WallReader
-    from scleraforce.reader.known import Known
     from scleraforce.service.monitor_service import Address, MonitorSettings
     from scleraforce.study import Study
 
@@ -120,8 +120,8 @@ def monitor(
 
 def _known(calibration: Path | None, eye: str | None, options: dict[str, Any]) -> "tuple[Known, str | None]":
     """Return what is known of the eye, as told, with the calibration's modulus; and what is doubtful about that."""
-    from scleraforce.calibration.summary import read_calibration
-    from scleraforce.reader.known import foreign_modulus, known_of_eye
+    from scleraforce.known.calibration_file import read_calibration
+    from scleraforce.known.eye import foreign_modulus, known_of_eye
 
     told = {name: options[name] for name in ("youngs_modulus_mpa", "iop_mmhg", "thickness_um", "gap_mm")}
     polar_deg = options["polar_angle_deg"]
@@ -175,7 +175,7 @@ def _bound_n(study: "Study", known: "Known", bound_mn: float | None, adaptive: b
 
 def _refuse_untrained(reader: "ForceReader | WallReader", known: "Known") -> None:
     """Refuse an eye that the model cannot read: all its frames would be unusable."""
-    from scleraforce.reader.known import outside_training
+    from scleraforce.known.eye import outside_training
 
     reason = outside_training(known, reader.study.reader) if reader.kind == "reader" else None
     if reason:

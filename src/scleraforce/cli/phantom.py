@@ -89,8 +89,8 @@ def phantom(
     scleraforce phantom --out moving --rate-hz 100 --forces-mn 20,5,35 --ramp-mn-per-s 15
     """
     # Imported here: mechanics takes longer to import than the help to print.
-    from scleraforce.recording.phantom import plan_moving_phantom, plan_phantom, write_phantom
-    from scleraforce.recording.virtual_eye import PhantomEye, study_sections
+    from scleraforce.laboratory.phantom import plan_moving_phantom, plan_phantom, write_phantom
+    from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
 
     if rate_hz is None and not (ramp_mn_per_s is None and hold_s is None):
         raise click.UsageError("--ramp-mn-per-s and --hold-s are of a needle that moves; give --rate-hz too")

@@ -14,9 +14,9 @@ from scleraforce.errors import InputError, LinkError
 if TYPE_CHECKING:
     from scleraforce.recording.files import Recording
     from scleraforce.recording.tables import FrameEntry
-    from scleraforce.service.answer_log import AnswerLog, Change
-    from scleraforce.service.faults import FaultReport
-    from scleraforce.service.replay import Player
+    from scleraforce.replay.answer_log import AnswerLog, Change
+    from scleraforce.replay.faults import FaultReport
+    from scleraforce.replay.player import Player
 
 __all__ = ["replay"]
 
@@ -26,7 +26,7 @@ MN_PER_N, MS_PER_S = 1e3, 1e3
 
 def list_faults(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:  # noqa: ARG001
     """Print the faults and leave, for `--fault list`."""
-    from scleraforce.service.faults import FAULTS
+    from scleraforce.replay.faults import FAULTS
 
     if value == "list":
         for name, fault in FAULTS.items():
@@ -75,9 +75,9 @@ def replay(
     Example: scleraforce replay moving-eye --fault frozen
     """
     from scleraforce.recording.files import read_recording
-    from scleraforce.service.answer_log import AnswerLog
-    from scleraforce.service.replay import AHEAD, Player
-    from scleraforce.service.scanner_client import ScannerClient
+    from scleraforce.replay.answer_log import AnswerLog
+    from scleraforce.replay.player import AHEAD, Player
+    from scleraforce.replay.scanner_client import ScannerClient
 
     if step and (fault or speed):
         raise click.UsageError("--step goes with neither --speed nor --fault")
@@ -100,7 +100,7 @@ def replay(
         elif prepared is None:
             player.play()
         else:
-            from scleraforce.service.faults import inject
+            from scleraforce.replay.faults import inject
 
             player.play(prepared.time_s)
             report = inject(player, prepared)
@@ -113,7 +113,7 @@ def replay(
 
 def true_frame_forces(recording: "Recording") -> Sequence[float] | None:
     """Return the true force at each frame, N; None where no truth.json tells it."""
-    from scleraforce.recording.phantom import true_forces
+    from scleraforce.laboratory.phantom import true_forces
 
     if not (recording.path / "truth.json").exists():
         return None
@@ -143,8 +143,8 @@ def prepare_fault(
     """Return what `--fault` asks for, ready; None without it."""
     import numpy as np
 
-    from scleraforce.service.fault_acts import prepare
-    from scleraforce.service.faults import draw_fault_time
+    from scleraforce.replay.fault_acts import prepare
+    from scleraforce.replay.faults import draw_fault_time
 
     if name is None:
         return None

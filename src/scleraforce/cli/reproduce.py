@@ -17,7 +17,7 @@ from scleraforce.study.unused import refuse_unused
 
 if TYPE_CHECKING:
     from scleraforce.reader.evaluate import Evaluation
-    from scleraforce.report.reproduction import Progress
+    from scleraforce.reproduction.run import Progress
 
 __all__ = ["reproduce"]
 
@@ -55,9 +55,9 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
     Example: scleraforce reproduce --out out/reproduce
     """
     # Imported here: mechanics and training take longer to import than the help to print.
-    from scleraforce.report.framing import framed_for_laboratory
-    from scleraforce.report.reproduction import open_run
-    from scleraforce.report.stages import reproduce as reproduce_all
+    from scleraforce.reproduction.framing import framed_for_laboratory
+    from scleraforce.reproduction.run import open_run
+    from scleraforce.reproduction.stages import reproduce as reproduce_all
 
     study = framed_for_laboratory(Study()) if study_path is None else read_study(study_path)
     refuse_unused(study, "reproduce", file=study_path)

@@ -128,8 +128,8 @@ def _check_names(sources: list[Source]) -> None:
 
 def segment_frame(source: Source, asked: Asked) -> dict[str, Any]:
     """Segment one frame, write its mask and, where asked for, its overlay; return what is to be told about it."""
-    from scleraforce.imaging.overlay import draw_overlay
     from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame
+    from scleraforce.segmentation.overlay import draw_overlay
 
     scanner = OctStudy()
     assumed = Scanner(scanner.width_m, scanner.depth_m, scanner.refractive_index)

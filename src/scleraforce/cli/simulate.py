@@ -53,7 +53,7 @@ def simulate(
     """
     # Imported here: mechanics and figures take longer to import than the help to print.
     from scleraforce.eye.contact import Contact
-    from scleraforce.report.simulation import simulate_eye
+    from scleraforce.laboratory.simulation import simulate_eye
 
     study = Study() if study_path is None else read_study(study_path)
     study = _with_options(study, thickness_um, youngs_modulus_mpa, iop_mmhg, polar_angle_deg, gap_mm)
@@ -75,7 +75,7 @@ def simulate(
         eye = simulate_eye(study, study.eye.thickness_m.bounds[0], NEEDLE_FORCE.to_si(force_mn), contact, reach)
     seconds = perf_counter() - start
     if vtu is not None:
-        from scleraforce.report.simulation_files import write_vtu
+        from scleraforce.laboratory.simulation_files import write_vtu
 
         write_vtu(eye, vtu)
     if plot is not None:

@@ -13,8 +13,8 @@ from scleraforce.cli.output import progress_bar
 from scleraforce.errors import InputError
 
 if TYPE_CHECKING:
-    from scleraforce.imaging.segmentation import Segmenter
     from scleraforce.recording.scaled_frame import ScaledFrame, Scanner
+    from scleraforce.segmentation.wall import Segmenter
 
 __all__ = [
     "ASSUMED",
@@ -84,7 +84,7 @@ def end_with_faults(found: Iterable[object]) -> None:
 @lru_cache
 def segmenter_of(refractive_index: float) -> "Segmenter":
     """Return the segmenter of a refractive index, made once."""
-    from scleraforce.imaging.segmentation import Segmenter
+    from scleraforce.segmentation.wall import Segmenter
 
     return Segmenter(refractive_index)
 

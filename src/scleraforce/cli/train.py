@@ -12,7 +12,7 @@ from scleraforce.study.unused import refuse_unused
 from scleraforce.units import n_to_mn
 
 if TYPE_CHECKING:
-    from scleraforce.learning.train import Trained
+    from scleraforce.learning.classifier.train import Trained
 
 __all__ = ["train"]
 
@@ -55,7 +55,7 @@ def _train_reader(library_path: Path, out: Path, search: bool, study_path: Path 
     study = Study() if study_path is None else read_study(study_path)
     refuse_unused(study, "train --kind reader", file=study_path)
     # Imported here: PyTorch takes seconds, and only this command needs it.
-    from scleraforce.learning.reader_train import train_reader
+    from scleraforce.learning.reader.train import train_reader
     from scleraforce.library.store import open_library
 
     library = open_library(library_path)
@@ -90,8 +90,8 @@ def _train_classifier(dataset_path: Path, out: Path, search: bool, study_path: P
     start = time.perf_counter()
     # Imported here: PyTorch takes seconds, and only this command needs it.
     from scleraforce.dataset.store import open_dataset
-    from scleraforce.learning.search import grid
-    from scleraforce.learning.train import train_classifier
+    from scleraforce.learning.classifier.search import grid
+    from scleraforce.learning.classifier.train import train_classifier
 
     dataset = open_dataset(dataset_path)
     network = dataset.study.network if study_path is None else read_study(study_path).network

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from os import PathLike
 
-from scleraforce.calibration.summary import read_calibration
+from scleraforce.known.calibration_file import read_calibration
 
 __all__ = ["CalibratedModulus", "read_population_modulus"]
 

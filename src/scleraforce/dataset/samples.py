@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 from scleraforce.dataset.plan import DatasetPlan
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.study_mesh import study_mesh
-from scleraforce.imaging.plane import ScanPlane, Section
-from scleraforce.imaging.section import cut_sections
-from scleraforce.imaging.slices import fill_section, slice_window
 from scleraforce.mechanics.linear import LinearWall
+from scleraforce.section.cut import cut_sections
+from scleraforce.section.plane import ScanPlane, Section
+from scleraforce.section.slices import fill_section, slice_window
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 

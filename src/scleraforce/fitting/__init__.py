@@ -1,1 +1,1 @@
-"""Fitting: a wall laid on a frame, by least squares that a wrong stretch of a boundary cannot pull."""
+"""Fitting: the wall of the response library that lies best on a frame."""

@@ -14,8 +14,8 @@ from scleraforce.errors import InputError
 from scleraforce.library.cluster import work_on_cluster
 from scleraforce.library.plan import LibraryPlan, plan_library
 from scleraforce.library.store import complete_store, create_store, missing_units, write_unit
-from scleraforce.mechanics.axisymmetric import axisymmetric_path
-from scleraforce.mechanics.axisymmetric_mesh import MeridianSize
+from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
+from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
 from scleraforce.processes import available_cores, work_units
 from scleraforce.study import Study
 

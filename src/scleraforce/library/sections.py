@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.imaging.plane import Section
 from scleraforce.library.responses import INNER, OUTER
+from scleraforce.section.plane import Section
 
 __all__ = ["cut_rings", "cut_surfaces", "highest_depths", "section_curve"]
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.imaging.plane import Section, SliceWindow
-from scleraforce.imaging.slices import SNAP, WALL, fill_section
 from scleraforce.library.columns import depths_at_columns
 from scleraforce.library.sections import cut_rings, cut_surfaces
+from scleraforce.section.plane import Section, SliceWindow
+from scleraforce.section.slices import SNAP, WALL, fill_section
 from scleraforce.study import SliceStudy
 
 __all__ = ["Framing", "WallBoundaries", "column_laterals", "draw_slices", "fill_boundaries", "wall_boundaries"]

@@ -24,8 +24,8 @@ from scleraforce.errors import InputError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.graded import graded_mesh
 from scleraforce.eye.mesh import HexMesh, locate, surface_weights
-from scleraforce.mechanics.axisymmetric import AxisymmetricPath, AxisymmetricWall, axisymmetric_path
-from scleraforce.mechanics.axisymmetric_mesh import MeridianSize, meridian_mesh
+from scleraforce.mechanics.axisymmetric.mesh import MeridianSize, meridian_mesh
+from scleraforce.mechanics.axisymmetric.path import AxisymmetricPath, AxisymmetricWall, axisymmetric_path
 from scleraforce.mechanics.linear import LinearWall
 
 __all__ = ["BaseShift", "base_angle", "base_shift", "polar_path"]

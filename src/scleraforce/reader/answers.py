@@ -5,11 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.frames import segmented_boundaries
-from scleraforce.calibration.observations import Boundaries
-from scleraforce.imaging.segmentation import PixelScale, Segmentation, Segmenter, boundary_slices
-from scleraforce.reader.known import Known, outside_training
-from scleraforce.reader.library_fit import BoundaryFit, fit_boundaries, prior_of
+from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries, prior_of
+from scleraforce.known.eye import Known, outside_training
 from scleraforce.reader.model import ForceReader
 from scleraforce.reader.readings import Reading, disagreement, fit_reading
 from scleraforce.reader.verdicts import (
@@ -21,6 +18,10 @@ from scleraforce.reader.verdicts import (
     too_little_wall,
 )
 from scleraforce.reader.wall_reader import SHIFTS, WallReader
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.observations import Boundaries
+from scleraforce.segmentation.observed import segmented_boundaries
+from scleraforce.segmentation.wall import Segmentation, Segmenter, boundary_slices
 from scleraforce.units import n_to_mn
 
 __all__ = ["WIDEST_N", "Answer", "Look", "answer_frame", "class_answer", "look", "reading_answer", "unusable"]

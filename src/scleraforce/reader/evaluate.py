@@ -6,18 +6,19 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from scleraforce.calibration.summary import CalibrationSummary, read_calibration
 from scleraforce.errors import CalibrationError, RecordingError
-from scleraforce.imaging.segmentation import PixelScale, Segmenter
+from scleraforce.known.calibration_file import CalibrationSummary, read_calibration
+from scleraforce.known.eye import Known, foreign_modulus, known_of_eye, known_of_recording
 from scleraforce.reader.answers import Answer, answer_frame
 from scleraforce.reader.evaluation import Evaluation, FrameAnswer
-from scleraforce.reader.known import Known, foreign_modulus, known_of_eye, known_of_recording
 from scleraforce.reader.limits import limits
 from scleraforce.reader.model import ForceReader
 from scleraforce.reader.wall_reader import WallReader
 from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, read_recording
 from scleraforce.recording.labels import label_frames
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.wall import Segmenter
 
 __all__ = ["Evaluation", "FrameAnswer", "evaluate_recordings"]
 

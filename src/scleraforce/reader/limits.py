@@ -3,7 +3,7 @@
 from math import degrees
 from pathlib import Path
 
-from scleraforce.reader.known import Known, known_of_recording
+from scleraforce.known.eye import Known, known_of_recording
 from scleraforce.reader.model import ForceReader
 from scleraforce.reader.wall_reader import WallReader
 from scleraforce.recording.files import Recording

@@ -9,13 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.frames import surface
-from scleraforce.imaging.segmentation import PixelScale, Segmenter
+from scleraforce.known.eye import Known, outside_training
 from scleraforce.reader.answers import Answer, Look, Pixels, class_answer, look, reading_answer, unusable
-from scleraforce.reader.known import Known, outside_training
 from scleraforce.reader.model import ForceReader
 from scleraforce.reader.verdicts import dent_leaves, too_little_wall
 from scleraforce.reader.wall_reader import WallReader
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.observed import surface
+from scleraforce.segmentation.wall import Segmenter
 from scleraforce.study import OctStudy
 
 __all__ = ["LiveReader", "LiveReading"]

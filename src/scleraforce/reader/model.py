@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scleraforce.errors import InputError, ModelError, StudyError
 from scleraforce.library.files import load_library
 from scleraforce.library.responses import Library
-from scleraforce.reader.folder import (
+from scleraforce.models.folder import (
     LIBRARY_FILE,
     NETWORK_FILE,
     RECORD_FILE,

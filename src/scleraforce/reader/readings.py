@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from math import hypot, isfinite
 
-from scleraforce.reader.fit_prediction import LATERAL
-from scleraforce.reader.library_fit import BoundaryFit
+from scleraforce.fitting.fit_prediction import LATERAL
+from scleraforce.fitting.library_fit import BoundaryFit
 from scleraforce.units import n_to_mn
 
 __all__ = ["METHODS", "Reading", "disagreement", "fit_reading"]

@@ -9,9 +9,9 @@ import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from numpy.typing import NDArray
 
 from scleraforce.errors import ModelError
+from scleraforce.known.eye import Known
 from scleraforce.reader.force_distribution import ratio_edges, single_force
 from scleraforce.reader.given import GIVEN, Told, given_inputs, told_modulus
-from scleraforce.reader.known import Known
 from scleraforce.reader.readings import Reading
 from scleraforce.study import Study
 

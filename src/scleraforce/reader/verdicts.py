@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.imaging.segmentation import Segmentation
-from scleraforce.reader.fit_prediction import INNER, SIZE, THICKNESS
-from scleraforce.reader.library_fit import BoundaryFit, Prior
+from scleraforce.fitting.fit_prediction import INNER, SIZE, THICKNESS
+from scleraforce.fitting.library_fit import BoundaryFit, Prior
 from scleraforce.reader.readings import Reading
+from scleraforce.segmentation.wall import Segmentation
 from scleraforce.study import ReaderStudy, SliceStudy
 
 __all__ = ["allows_calibration", "contact_outside", "dent_leaves", "fit_leaves", "no_wall_of_an_eye", "too_little_wall"]

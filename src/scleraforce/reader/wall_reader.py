@@ -8,8 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.known.eye import Known
 from scleraforce.library.responses import Library
-from scleraforce.reader.known import Known
 from scleraforce.reader.readings import METHODS, Reading
 from scleraforce.study import Study
 

@@ -10,7 +10,17 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 
-__all__ = ["MAX_PIXELS", "FrameImage", "Pixels", "check_size", "grey_pixels", "inverted", "jpeg_size", "unpacked_bytes"]
+__all__ = [
+    "MAX_PIXELS",
+    "FrameImage",
+    "PixelScale",
+    "Pixels",
+    "check_size",
+    "grey_pixels",
+    "inverted",
+    "jpeg_size",
+    "unpacked_bytes",
+]
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -20,6 +30,18 @@ MAX_SAMPLES = 4  # of a pixel: colour and transparency
 FRAME_MARKERS = (set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}) | {0xF7}
 STANDALONE_MARKERS = {0x01, *range(0xD0, 0xD9)}
 JPEG_2000 = b"\xff\x4f\xff\x51"
+
+
+@dataclass(frozen=True)
+class PixelScale:
+    """The size of a frame's pixel: along a row (lateral) and along a column (optical depth), m."""
+
+    lateral_m: float
+    depth_m: float
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.lateral_m < 1.0 and 0.0 < self.depth_m < 1.0):
+            raise ValueError(f"a pixel of {self.lateral_m} m x {self.depth_m} m: give its size in metres, above 0")
 
 
 @dataclass(frozen=True)

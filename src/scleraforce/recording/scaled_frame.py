@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scleraforce.errors import FrameError
-from scleraforce.imaging.segmentation import PixelScale
 from scleraforce.recording.files import read_info
 from scleraforce.recording.images import Pixels, check_frame, read_frame_image
 from scleraforce.recording.info import RecordingInfo
+from scleraforce.recording.pixels import PixelScale
 
 __all__ = ["ScaledFrame", "Scanner", "Sourced", "read_scaled_frame", "recording_of"]
 

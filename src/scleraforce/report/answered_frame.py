@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.imaging.segmentation import PixelScale, Segmentation, Segmenter, boundary_slice
 from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.wall import Segmentation, Segmenter, boundary_slice
 from scleraforce.study import SliceStudy
 
 __all__ = ["AnsweredFrame", "look_at", "look_at_all"]

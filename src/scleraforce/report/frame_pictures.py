@@ -6,10 +6,10 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from scleraforce.imaging.overlay import draw_overlay
 from scleraforce.reader.evaluation import Evaluation, FrameAnswer
 from scleraforce.report.answered_frame import AnsweredFrame
 from scleraforce.report.html import Html, gallery, paragraph, section
+from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.units import n_to_mn
 
 __all__ = ["MOST_PICTURES", "frame_pictures", "shown_frames"]

@@ -8,7 +8,7 @@ from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]  # matpl
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]  # as above
 from numpy.typing import NDArray
 
-from scleraforce.report.simulation import SimulatedEye
+from scleraforce.laboratory.simulation import SimulatedEye
 from scleraforce.report.style import RED, SCAN_COLOURS, inches, styled
 from scleraforce.units import n_to_mn
 

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from scleraforce.imaging.plane import Section
 from scleraforce.report.style import AMBER, SCAN_COLOURS, inches, styled
+from scleraforce.section.plane import Section
 
 __all__ = ["ComputedWall", "FrameWithWalls", "draw_walls", "laid_on_surface"]
 

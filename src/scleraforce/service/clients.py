@@ -5,8 +5,8 @@ import socket
 from collections.abc import Callable, Iterator
 from itertools import count
 
+from scleraforce.service.companions.guard import Guard
 from scleraforce.service.connection import Connection
-from scleraforce.service.guard import Guard
 from scleraforce.service.telling import Telling
 
 __all__ = ["Clients"]

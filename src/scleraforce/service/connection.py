@@ -7,8 +7,8 @@ import termios
 from contextlib import suppress
 
 from scleraforce.errors import ProtocolError
+from scleraforce.openigtlink import Decoder, Event
 from scleraforce.service.allowance import Allowance
-from scleraforce.service.openigtlink import Decoder, Event
 from scleraforce.service.scanner_image import FrameAssembler
 
 __all__ = ["Connection"]

@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 
 from scleraforce.errors import InputError
-from scleraforce.service.decision_log import DecisionLog
+from scleraforce.service.black_box.decision_log import DecisionLog
 
 __all__ = ["try_folders"]
 

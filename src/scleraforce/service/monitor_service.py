@@ -11,22 +11,22 @@ from pathlib import Path
 import cv2
 
 from scleraforce.errors import InputError
-from scleraforce.imaging.segmentation import PixelScale
+from scleraforce.known.eye import Known
 from scleraforce.monitor import MonitorLimits
 from scleraforce.reader import ForceReader, WallReader
-from scleraforce.reader.known import Known
 from scleraforce.reader.live import LiveReader
 from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
-from scleraforce.service.black_box import black_box_settings
-from scleraforce.service.child import Child
-from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.service.black_box.process import black_box_settings
+from scleraforce.service.companions.child import Child
+from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
+from scleraforce.service.companions.frame_ring import FrameRing
+from scleraforce.service.companions.guard import Guard
+from scleraforce.service.companions.second_opinion import opinion_settings
 from scleraforce.service.console.settings import console_settings
 from scleraforce.service.folders import try_folders
-from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.guard import Guard
 from scleraforce.service.listening import listen
 from scleraforce.service.priority import MONITOR_PRIORITY, run_in_real_time
-from scleraforce.service.second_opinion import opinion_settings
 from scleraforce.service.server import Server, ServerSettings
 from scleraforce.service.session import Session
 from scleraforce.study import Study
@@ -102,10 +102,10 @@ def monitor_service(
         info = _recording_info(settings, reader.study, scale)
         try_folders(settings.black_box, settings.record)
         kept = black_box_settings(settings.black_box, ring, info, settings.record, KEPT_S)
-        children = {BLACK_BOX: Child("scleraforce.service.black_box", kept, [ring.descriptor])}
+        children = {BLACK_BOX: Child("scleraforce.service.black_box.process", kept, [ring.descriptor])}
         if settings.limits.expects_opinion:
             opinion = opinion_settings(model, settings.known, scale, settings.refractive_index, ring)
-            children[OPINION] = Child("scleraforce.service.second_opinion", opinion, [ring.descriptor])
+            children[OPINION] = Child("scleraforce.service.companions.second_opinion", opinion, [ring.descriptor])
         if settings.console and console:
             children[CONSOLE] = _console_child(settings, settings.console, console, reader, scale, ring)
             console.close()  # nobody listens when the console has ended

@@ -5,7 +5,7 @@ import socket
 from time import monotonic, time
 
 from scleraforce.errors import InputError, ProtocolError
-from scleraforce.service.openigtlink import Decoder, Received, Text, encode
+from scleraforce.openigtlink import Decoder, Received, Text, encode
 from scleraforce.service.telling import RESET_DEVICE
 
 __all__ = ["ask_reset"]

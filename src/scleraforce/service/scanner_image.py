@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import ProtocolError
-from scleraforce.service.openigtlink import Image
-from scleraforce.service.openigtlink.decoder import MAX_BODY_BYTES
+from scleraforce.openigtlink import Image
+from scleraforce.openigtlink.decoder import MAX_BODY_BYTES
 
 __all__ = ["FrameAssembler", "ScannerFrame"]
 

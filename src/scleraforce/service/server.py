@@ -14,13 +14,13 @@ from typing import Any
 from scleraforce.errors import ProtocolError
 from scleraforce.monitor.events import BadImage, ChecksumError, Failure, QueueLoss, Reset, SecondOpinion, Tick
 from scleraforce.monitor.events import Event as MonitorEvent
+from scleraforce.openigtlink import BadChecksum, Broken, Event, Image, Malformed, Query, Received, Sensor, Text
 from scleraforce.service.allowance import Allowance
 from scleraforce.service.clients import Clients
-from scleraforce.service.companions import BLACK_BOX, CONSOLE, OPINION, Companions
+from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
+from scleraforce.service.companions.frame_ring import FrameRing
+from scleraforce.service.companions.guard import Guard
 from scleraforce.service.connection import Connection
-from scleraforce.service.frame_ring import FrameRing
-from scleraforce.service.guard import Guard
-from scleraforce.service.openigtlink import BadChecksum, Broken, Event, Image, Malformed, Query, Received, Sensor, Text
 from scleraforce.service.reset_token import ResetToken, token_digest
 from scleraforce.service.session import Frame, Session
 from scleraforce.service.telling import (

@@ -8,11 +8,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.imaging.segmentation import PixelScale
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
 from scleraforce.monitor.events import Event, Failure, FrameRead, OvertakenRead, Tick
 from scleraforce.monitor.soundness import of_scale
 from scleraforce.reader.answers import Answer
+from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.entry import Entry
 from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.shown_pictures import ShownPictures

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from math import nan
 
 from scleraforce.monitor import Decision
+from scleraforce.openigtlink import Message, Sensor, Status, Text, encode
 from scleraforce.service.entry import Entry
-from scleraforce.service.openigtlink import Message, Sensor, Status, Text, encode
 
 __all__ = ["READING_DEVICE", "RESET_DEVICE", "STATUS_DEVICE", "Telling", "reading_messages", "status_message"]
 

@@ -2,7 +2,7 @@
 
 import sys
 
-from scleraforce.service.child import settings_of_child
+from scleraforce.service.companions.child import settings_of_child
 
 __all__ = ["main"]
 

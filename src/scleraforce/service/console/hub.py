@@ -7,7 +7,7 @@ from itertools import count
 from time import monotonic
 from typing import Any
 
-from scleraforce.service.channel import Channel, ChannelClosedError
+from scleraforce.service.companions.channel import Channel, ChannelClosedError
 from scleraforce.service.console.board import Board
 from scleraforce.service.console.pictures import Pictures
 from scleraforce.service.reset_token import ResetToken

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.companions.frame_ring import FrameRing
 
 __all__ = ["Pictures"]
 

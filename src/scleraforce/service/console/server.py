@@ -6,13 +6,13 @@ import socket
 
 import uvicorn
 
-from scleraforce.service.channel import Channel
+from scleraforce.service.companions.channel import Channel
+from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.console.app import console_app
 from scleraforce.service.console.connections import NewestConnections
 from scleraforce.service.console.hub import Hub
 from scleraforce.service.console.pictures import Pictures
 from scleraforce.service.console.settings import ConsoleSettings
-from scleraforce.service.frame_ring import FrameRing
 from scleraforce.service.reset_token import ResetToken
 
 __all__ = ["serve"]

@@ -7,7 +7,7 @@ from typing import Any
 
 from scleraforce import __version__
 from scleraforce.monitor import MonitorLimits
-from scleraforce.service.frame_ring import FrameRing
+from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.reset_token import token_digest
 from scleraforce.units import n_to_mn
 

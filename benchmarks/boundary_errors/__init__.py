@@ -1,0 +1,1 @@
+"""What the segmentation does to boundaries, measured on drawn eyes."""

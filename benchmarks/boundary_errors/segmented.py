@@ -1,0 +1,83 @@
+"""Boundaries that the segmentation finds in rendered frames, beside the true ones: to measure its errors."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.laboratory.phantom import plan_phantom, render_frame
+from scleraforce.laboratory.virtual_eye import PhantomEye
+from scleraforce.library import Library
+from scleraforce.library.sections import cut_surfaces
+from scleraforce.library.slices import column_laterals
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.section.plane import Section
+from scleraforce.segmentation.slice import boundary_depths
+from scleraforce.segmentation.wall import Segmenter
+from scleraforce.study import Study
+
+__all__ = ["random_eyes", "segmented_boundaries"]
+
+Floats = NDArray[np.float64]
+
+
+def random_eyes(study: Study, count: int, seed: int) -> tuple[PhantomEye, ...]:
+    """Draw virtual eyes from the middle of the ranges of `[reader]`."""
+    rng = np.random.default_rng(seed)
+    reader = study.reader
+
+    def drawn(bounds: tuple[float, float]) -> Floats:
+        low, high = bounds
+        return rng.uniform(low + 0.1 * (high - low), high - 0.1 * (high - low), count)
+
+    values = zip(
+        *(drawn(s.bounds) for s in (reader.thickness_m, reader.youngs_modulus_pa, reader.iop_pa, reader.gap_m,
+                                    study.needle.polar_angle_rad, reader.tilt_rad)),
+        strict=True,
+    )  # fmt: skip
+    return tuple(
+        PhantomEye(f"eye-{seed}-{number}", thickness, modulus, iop, gap, polar, tilt_rad=tilt)
+        for number, (thickness, modulus, iop, gap, polar, tilt) in enumerate(values)
+    )
+
+
+def segmented_boundaries(
+    library: Library, study: Study, eye: PhantomEye, forces_n: Sequence[float], seed: int
+) -> tuple[Floats, Floats]:
+    """Render frames of an eye, segment them, and return its boundaries at the slice's columns.
+
+    Args:
+        library: that the eye's walls are taken from.
+        study: virtual laboratory, scanner and slice.
+        eye: the eye.
+        forces_n: of the needle, one for each frame, N; those beyond the library are left out.
+        seed: of the laboratory.
+
+    Returns:
+        True and found depths, each (frame, boundary, column), m below the frame's upper edge; NaN: no wall.
+    """
+    one = np.ones(len(forces_n))
+    ratios = np.asarray(forces_n) / eye.youngs_modulus_pa
+    wall = eye.thickness_m * one, eye.iop_pa / eye.youngs_modulus_pa * one
+    held = library.covers(*wall, ratios)
+    states = library.curves(wall[0][held], wall[1][held], ratios[held])
+    plan = plan_phantom(eye, tuple(np.asarray(forces_n)[held]), study, seed)
+    scale = PixelScale(study.oct.width_m / study.oct.columns, study.oct.depth_m / study.oct.rows)
+    segmenter = Segmenter(study.oct.refractive_index)
+    true, seen = [], []
+    for frame, curves_bnc in zip(plan.frames, states.curves_sbnc, strict=True):
+        section = cut_surfaces(curves_bnc, eye.gap_m, eye.tilt_rad)
+        found = segmenter.segment(render_frame(frame, section, study).frame, scale)
+        true.append(_at_columns(frame.pose.place(section), column_laterals(study.slice)))
+        seen.append(boundary_depths(found, scale, study.slice, study.oct.refractive_index))
+    return np.array(true), np.array(seen)
+
+
+def _at_columns(section: Section, laterals_m: Floats) -> Floats:
+    """Return the depth of both curves (boundary, column), m, where they do not fold over; NaN beyond their ends."""
+    return np.stack(
+        [
+            np.interp(laterals_m, curve[:, 0], curve[:, 1], left=np.nan, right=np.nan)
+            for curve in (section.outer, section.inner)
+        ]
+    )

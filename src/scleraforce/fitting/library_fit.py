@@ -1,0 +1,260 @@
+"""The force from the wall's boundaries alone: the wall of the response library that lies best on them.
+
+Least squares with a loss that a wrong stretch cannot pull (Cauchy's), by a damped Gauss-Newton method. Unknown are the
+dent and the pose; thickness, gap, E, IOP and the eye's size are unknown too, held by what is known of them, so that
+what is not known widens the force's interval by as much as it should. The force follows from the dent: F = E f(dent,
+wall).
+
+`docs/reader.md` says where the noise and the other constants come from.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from math import log, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.fitting.fit_prediction import (
+    DEPTH,
+    GAP,
+    INNER,
+    IOP,
+    LATERAL,
+    MODULUS,
+    NAMES,
+    ROTATION,
+    SIZE,
+    THICKNESS,
+    TIP,
+    force_n,
+    place_walls,
+    predict,
+)
+from scleraforce.fitting.fit_start import starts
+from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
+from scleraforce.fitting.placement import Placed, Places
+from scleraforce.known.eye import Known
+from scleraforce.library.responses import Library
+from scleraforce.study import ReaderStudy
+
+__all__ = ["BoundaryFit", "Prior", "fit_boundaries", "prior_of"]
+
+Array = NDArray[np.float64]
+
+COLUMNS = 110  # of each boundary that are fitted
+POINT_SD_M = np.array([5e-6, 9e-6])  # of the outer and the inner boundary along their normal
+CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
+OUTLIER_SD = 8.0
+LAYER_M = 0.3e-3  # so far below the wall the choroid may end, which stretches of the inner boundary may follow
+FREE_SD = {TIP: 10e-3, LATERAL: 2e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.03, INNER: 15e-6}
+INNER_CAUCHY = 2.0  # standard deviations: now and then another layer is taken for the inner boundary
+KNOWN_SD = {GAP: 30e-6, THICKNESS: 15e-6, IOP: 0.05}  # of what is stated
+# At a given dent a force goes as E t^2 IOP^(1/3), in the middle of the library (per power of E).
+FORCE_BY_LOG_THICKNESS, FORCE_BY_LOG_IOP = 2.0, 1.0 / 3.0
+MODEL_SD = 0.01  # relative, of the force: real walls against the library's
+MODEL_SD_N = 0.1e-3
+STARTS = 2
+STOPPING = Stopping(iterations=20, converged_sd=0.05, retry_damping=1e-2)
+DRAWS = 512
+INTERVAL = (0.05, 0.95)
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What is known before a frame, in the order of NAMES.
+
+    `mean` and `sd` (unknown,) of each unknown; `precision` (unknown, unknown), the inverse of their covariance.
+    """
+
+    mean: Array
+    sd: Array
+    precision: Array
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryFit:
+    """The wall of the library that lies best on a frame's boundaries.
+
+    `force_n` is the median, `interval_n` holds 90 %; `draws_n` (draw,) are forces drawn from the posterior.
+    `contact_m` is the contact's lateral place from the frame's middle, `tip_m` its depth of indentation. `misfit_m` is
+    the robust root mean square distance from the wall, `outliers` the share of columns farther off than that of a
+    segmented wall ever is; an inner boundary at the end of a layer below the wall is none. `wall_bmc` (boundary,
+    point, 2) is the wall in the frame, m; `unknown` and `sd` (unknown,) are the values in the order of `NAMES`.
+    """
+
+    force_n: float
+    interval_n: tuple[float, float]
+    draws_n: Array
+    contact_m: float
+    tip_m: float
+    misfit_m: float
+    outliers: float
+    wall_bmc: Array
+    unknown: Array
+    sd: Array
+
+    def probabilities(self, bounds_n: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the probability of each class: no class is ever certain, as the draws are so many."""
+        above = [(int((self.draws_n > bound).sum()) + 0.5) / (len(self.draws_n) + 1.0) for bound in bounds_n]
+        edges = (1.0, *above, 0.0)
+        return tuple(high - low for high, low in pairwise(edges))
+
+
+def prior_of(known: Known, trained: ReaderStudy) -> Prior:
+    """Return the prior of a frame's unknowns: what is known of the eye, else what the model was trained on.
+
+    Args:
+        known: of the eye.
+        trained: the study's ranges.
+    """
+    mean, sd = np.zeros(len(NAMES)), np.zeros(len(NAMES))
+    for place, value in FREE_SD.items():
+        sd[place] = value
+    mean[GAP], sd[GAP] = _stated(known.gap_m, trained.gap_m.bounds, KNOWN_SD[GAP])
+    mean[THICKNESS], sd[THICKNESS] = _stated(known.thickness_m, trained.thickness_m.bounds, KNOWN_SD[THICKNESS])
+    iop = None if known.iop_pa is None else log(max(known.iop_pa, 1.0))
+    mean[IOP], sd[IOP] = _stated(iop, _logs(trained.iop_pa.bounds), KNOWN_SD[IOP])
+    modulus = None if known.modulus is None else log(known.modulus.mean_pa)
+    modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
+    mean[MODULUS], sd[MODULUS] = _stated(modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd)
+    return Prior(mean, sd, _precision(mean, sd, own=known.modulus is not None and known.modulus.source == "own"))
+
+
+def _precision(mean: Array, sd: Array, own: bool) -> Array:
+    """Return the inverse covariance of the prior.
+
+    An eye's own modulus was fitted to its dents and forces at the stated thickness and IOP. Where these are wrong, so
+    is the modulus, and the force that belongs to a dent is right all the same: it is that force which is known.
+    """
+    precision = np.diag(sd**-2.0)
+    if own:
+        along = np.zeros(len(sd))
+        along[[MODULUS, THICKNESS, IOP]] = 1.0, FORCE_BY_LOG_THICKNESS / mean[THICKNESS], FORCE_BY_LOG_IOP
+        precision[MODULUS, MODULUS] = 0.0
+        precision += np.outer(along, along) / sd[MODULUS] ** 2
+    return precision
+
+
+def _stated(value: float | None, bounds: tuple[float, float], sd: float) -> tuple[float, float]:
+    """Return mean and standard deviation of what is stated, else of the range that it lies in."""
+    low, high = bounds
+    return ((low + high) / 2, max((high - low) / sqrt(12), sd)) if value is None else (value, sd)
+
+
+def _logs(bounds: tuple[float, float]) -> tuple[float, float]:
+    return log(max(bounds[0], 1.0)), log(max(bounds[1], 1.0))
+
+
+def fit_boundaries(
+    library: Library, lateral_m: Array, depth_bc: Array, prior: Prior, smoothing_m: float = 0.0
+) -> BoundaryFit | None:
+    """Fit the library to the boundaries of a frame.
+
+    Args:
+        library: responses of walls.
+        lateral_m: lateral places of the frame's columns from its middle (column,), m.
+        depth_bc: depth of the outer and the inner boundary below the frame's top (2, column), m, free of refraction;
+            NaN where a boundary is not seen.
+        prior: what is known.
+        smoothing_m: over which the segmentation smooths the outer boundary (a Gaussian's standard deviation).
+
+    Returns:
+        The fit; None where less is seen than there are unknowns.
+    """
+    columns = _thinned(lateral_m, depth_bc, smoothing_m)
+    outer = columns.places.outer
+    if outer < 2 * len(NAMES):
+        return None
+    problem = _Problem(library, columns, prior)
+    begun = starts(library, prior.mean, columns.places.lateral_m[:outer], columns.depth_m[:outer], STARTS)
+    fits = (gauss_newton(problem, start, STOPPING) for start in begun)
+    unknown, placed, _ = min(fits, key=lambda fit: fit[2])
+    return problem.result(unknown, placed)
+
+
+def _thinned(lateral_m: Array, depth_bc: Array, smoothing_m: float) -> Columns:
+    """Return at most COLUMNS places of each boundary, evenly among the columns, where they are seen."""
+    step = max(1, -(-len(lateral_m) // COLUMNS))
+    boundary, column = np.nonzero(np.isfinite(depth_bc[:, ::step]))
+    column = column * step
+    places = Places(lateral_m[column], boundary, smoothing_m)
+    return Columns(places, depth_bc[boundary, column], POINT_SD_M[boundary], _columns_as_one(places))
+
+
+def _columns_as_one(places: Places) -> float:
+    """Return how many neighbouring places share one error."""
+    outer = places.lateral_m[: places.outer]
+    return max(1.0, CORRELATED_M / float(np.median(np.diff(outer)))) if len(outer) > 1 else 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """The least-squares problem of one frame."""
+
+    library: Library
+    columns: Columns
+    prior: Prior
+
+    def evaluate(self, unknown: Array) -> tuple[Placed, float]:
+        """Return the prediction and its cost: the loss of the columns, and of leaving the prior."""
+        placed = predict(self.library, unknown, self.columns.places)
+        away = unknown - self.prior.mean
+        inner = away[INNER] / (INNER_CAUCHY * self.prior.sd[INNER])
+        away[INNER] = 0.0
+        known = away @ self.prior.precision @ away + INNER_CAUCHY**2 * np.log1p(inner**2)
+        return placed, self.columns.loss(placed) + float(known)
+
+    def normal_equations(self, unknown: Array, placed: Placed, scale: float = 1.0) -> tuple[Array, Array]:
+        """Return the normal matrix (unknown, unknown) and the gradient (unknown,)."""
+        normal, gradient = self.columns.normal_equations(placed, scale)
+        precision, away = self.prior.precision.copy(), unknown - self.prior.mean
+        precision[INNER, INNER] /= 1 + (away[INNER] / (INNER_CAUCHY * self.prior.sd[INNER])) ** 2
+        return normal + precision, gradient - precision @ away
+
+    def inside(self, unknown: Array) -> Array:
+        """Keep the dent within what the library holds: outside it nothing would lead back."""
+        unknown[TIP] = np.clip(unknown[TIP], 0.0, self.library.tip_m[-1] * np.exp(unknown[SIZE]))
+        return unknown
+
+    def result(self, unknown: Array, placed: Placed) -> BoundaryFit:
+        """Return the fit with its uncertainty: the curvature's, scaled by the misfit where that is large (Birge)."""
+        signed = self.columns.residual(placed)
+        residual = np.where(placed.seen, np.abs(signed), np.inf)
+        misfit = robust_spread(residual)
+        below_m = signed * POINT_SD_M[1]
+        layer = (self.columns.places.boundary == 1) & placed.seen & (below_m > 0.0) & (below_m < LAYER_M)
+        normal, _ = self.normal_equations(unknown, placed, max(1.0, min(misfit, 1e3)))
+        covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+        draws_n = self._drawn_forces(unknown, covariance)
+        low_n, force, high_n = np.quantile(draws_n, [INTERVAL[0], 0.5, INTERVAL[1]])
+        return BoundaryFit(
+            force_n=float(force),
+            interval_n=(float(low_n), float(high_n)),
+            draws_n=draws_n,
+            contact_m=float(unknown[LATERAL]),
+            tip_m=float(unknown[TIP]),
+            misfit_m=misfit * float(POINT_SD_M[0]),
+            outliers=float(np.mean((residual > OUTLIER_SD * max(1.0, misfit)) & ~layer)),
+            wall_bmc=place_walls(self.library, unknown[None])[0],
+            unknown=unknown,
+            sd=np.sqrt(np.diag(covariance)),
+        )
+
+    def _drawn_forces(self, unknown: Array, covariance: Array) -> Array:
+        """Return forces drawn from the posterior; what the library does not know of real walls comes on top."""
+        normal = _standard_normal(len(NAMES) + 2)
+        drawn = unknown + normal[:, :-2] @ np.linalg.cholesky(covariance).T
+        drawn[:, TIP] = np.maximum(drawn[:, TIP], 0.0)
+        forces = force_n(self.library, drawn) * np.exp(MODEL_SD * normal[:, -2]) + MODEL_SD_N * normal[:, -1]
+        return np.maximum(forces, 0.0)
+
+
+@lru_cache(maxsize=4)
+def _standard_normal(size: int) -> Array:
+    """Return DRAWS points of a standard normal distribution (draw, size), always the same, symmetric about 0."""
+    half = np.random.default_rng(0).standard_normal((DRAWS // 2, size))
+    both = np.concatenate([half, -half])
+    exact: Array = both / both.std(axis=0)
+    return exact

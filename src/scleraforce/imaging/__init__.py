@@ -1,1 +1,0 @@
-"""Imaging: section of the deformed wall, binary slice, raw B-scan, segmentation."""

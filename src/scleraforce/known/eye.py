@@ -1,0 +1,153 @@
+"""What is known of an eye beside its frame: modulus, IOP, thickness, gap. Each may be missing."""
+
+from dataclasses import dataclass, fields, replace
+from math import sqrt
+
+from scleraforce.known.calibration_file import CalibrationSummary
+from scleraforce.recording.info import RecordingInfo
+from scleraforce.study import ReaderStudy
+from scleraforce.units import mmhg_to_pa
+
+__all__ = [
+    "STATED_MODULUS_SD",
+    "Known",
+    "Modulus",
+    "calibrated_modulus",
+    "completed",
+    "foreign_modulus",
+    "known_of_eye",
+    "known_of_recording",
+    "outside_training",
+]
+
+STATED_MODULUS_SD = 0.03  # relative, of a modulus that comes without its uncertainty
+POPULATION_SD = 0.12  # relative: eyes differ by so much (paper, Table 2), also where a file knows too few to tell
+LEAST_MODULUS_SD = 0.01  # relative: below it mechanics and segmentation are what is uncertain
+NAMED_EYES = 8  # of a calibration file, in a sentence
+SLACK = 1e-6  # of a bound: 0.45 mm that came through another unit is still 0.45 mm
+
+
+@dataclass(frozen=True)
+class Modulus:
+    """Young's modulus with its standard deviation, Pa, and where it comes from ("own", "population", "stated")."""
+
+    mean_pa: float
+    sd_pa: float
+    source: str
+
+    @property
+    def relative_sd(self) -> float:
+        """Standard deviation over mean, never less than 1 %.
+
+        >>> Modulus(250e3, 10e3, "own").relative_sd
+        0.04
+        """
+        return max(self.sd_pa / self.mean_pa, LEAST_MODULUS_SD)
+
+    @classmethod
+    def stated(cls, mean_pa: float) -> "Modulus":
+        """A modulus that someone gives, without saying how sure it is."""
+        return cls(mean_pa, STATED_MODULUS_SD * mean_pa, "stated")
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of an eye and of the B-scan's place; None: unknown.
+
+    `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact.
+    """
+
+    modulus: Modulus | None = None
+    iop_pa: float | None = None
+    thickness_m: float | None = None
+    gap_m: float | None = None
+    polar_rad: float | None = None
+
+
+def known_of_recording(info: RecordingInfo) -> Known:
+    """Return what a recording states about its eye; it never states the modulus, which a calibration may add."""
+    needle = info.needle
+    return Known(None, info.eye.iop_pa, info.eye.thickness_m, needle.slice_gap_m, needle.polar_angle_rad)
+
+
+def completed(told: Known, stated: Known) -> Known:
+    """Return what was told of an eye, and what else was stated.
+
+    >>> completed(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0))
+    Known(modulus=None, iop_pa=266.0, thickness_m=None, gap_m=0.0004, polar_rad=None)
+    """
+    pairs = ((getattr(told, item.name), getattr(stated, item.name)) for item in fields(Known))
+    return Known(*(second if first is None else first for first, second in pairs))
+
+
+def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
+    """Return what is known of an eye once a calibration adds its modulus.
+
+    A modulus of its own goes with the wall's thickness that it was calibrated with.
+    """
+    modulus = calibrated_modulus(summary, eye)
+    if modulus.source != "own":
+        return replace(known, modulus=modulus)
+    return replace(known, modulus=modulus, thickness_m=summary.eyes[eye].thickness_m)
+
+
+def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus:
+    """Return an eye's own modulus where a calibration found it, else its population's with the spread of eyes.
+
+    The spread is at least the paper's. A single eye says nothing of it, and may itself lie off the mean by as much: the
+    eye that is read then differs from it by the spread of two eyes.
+    """
+    own = summary.eyes.get(eye)
+    if own is not None and own.usable:
+        return Modulus(own.mean_pa, own.sd_pa, "own")
+    mean_pa = summary.population_mean_pa
+    if summary.population_sd_pa is None:
+        return Modulus(mean_pa, sqrt(2.0) * POPULATION_SD * mean_pa, "population")
+    return Modulus(mean_pa, max(summary.population_sd_pa, POPULATION_SD * mean_pa), "population")
+
+
+def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
+    """Return a sentence where an eye is read with the population's modulus instead of its own, None where it is not.
+
+    It names the eye and the file's eyes, for the id may be mistyped.
+    """
+    own = summary.eyes.get(eye)
+    if own is not None and own.usable:
+        return None
+    there = "is not in" if own is None else f"is not usable ({own.status}) in"
+    names = ", ".join(list(summary.eyes)[:NAMED_EYES]) + (", ..." if len(summary.eyes) > NAMED_EYES else "")
+    modulus = calibrated_modulus(summary, eye)
+    count = "1 eye" if len(summary.eyes) == 1 else f"{len(summary.eyes)} eyes"
+    return (
+        f"{eye} {there} {summary.path}, which has {count} ({names}): read with the "
+        f"population's modulus, {modulus.mean_pa / 1e6:.3g} MPa +- {100 * modulus.relative_sd:.0f} %"
+    )
+
+
+def outside_training(known: Known, trained: ReaderStudy) -> str | None:
+    """Return why a model cannot read an eye: what is known of it lies outside what it was trained on; None: inside.
+
+    A value that is not a number is outside.
+
+    Args:
+        known: of the eye.
+        trained: the study's ranges.
+
+    >>> outside_training(Known(thickness_m=1.0e-3), ReaderStudy())
+    'wall thickness 1000 µm, the model was trained on 380 to 900 µm'
+    """
+    modulus_pa = known.modulus.mean_pa if known.modulus else None
+    stated = (
+        ("Young's modulus", modulus_pa, trained.youngs_modulus_pa, 1e-6, "MPa"),
+        ("IOP", known.iop_pa, trained.iop_pa, 1 / mmhg_to_pa(1.0), "mmHg"),
+        ("wall thickness", known.thickness_m, trained.thickness_m, 1e6, "µm"),
+        ("gap between B-scan and needle axis", known.gap_m, trained.gap_m, 1e3, "mm"),
+    )
+    for words, value, sampled, factor, unit in stated:
+        if value is None:
+            continue
+        low, high = sampled.bounds
+        if not low * (1 - SLACK) <= value <= high * (1 + SLACK):
+            covered = f"{low * factor:.4g} to {high * factor:.4g} {unit}"
+            return f"{words} {value * factor:.4g} {unit}, the model was trained on {covered}"
+    return None

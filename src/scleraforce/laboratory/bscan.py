@@ -1,0 +1,286 @@
+"""Raw B-scans: how a spectral-domain scanner would see a section of the wall.
+
+The tissue is a field of complex circular Gaussian scatterers (fully developed speckle: Goodman, Speckle Phenomena in
+Optics, ch. 3), weighted by the root of the light that comes back from there, seen through a Gaussian point spread
+function, plus mirror reflections and complex Gaussian detector noise; its intensity is shown on a logarithmic scale.
+
+Simplifications: rays run straight down the columns (no bending at the surface), light is scattered once, the
+sensitivity does not fall off with depth, and everything below the first surface of a column is stretched by
+`refractive_index`, also an air pocket under a fold.
+"""
+
+from dataclasses import dataclass
+from math import ceil, log, sqrt
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.laboratory.optics import BscanOptics
+from scleraforce.section.plane import Section
+from scleraforce.study import OctStudy
+
+__all__ = ["Bscan", "column_crossings", "render_bscan"]
+
+Float = NDArray[np.float32]
+Complex = NDArray[np.complex64]
+
+
+@dataclass(frozen=True)
+class Bscan:
+    """A raw frame and the truth: `frame` uint16 (rows, columns), `truth_mask` uint8 (rows, columns), 255 = wall."""
+
+    frame: NDArray[np.uint16]
+    truth_mask: NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Tissue:
+    """What lies in each pixel: all (rows, columns) but `surface_row` (column,), NaN where there is no tissue.
+
+    `wall` and `choroid` are the filled fractions of the pixel, `wall_path_m` and `choroid_path_m` the lengths of tissue
+    that light has passed, one way, down to the pixel's middle. `surface_row` counts from the top edge, in rows.
+    """
+
+    wall: Float
+    choroid: Float
+    wall_path_m: Float
+    choroid_path_m: Float
+    surface_row: Float
+
+
+def render_bscan(section: Section, oct_study: OctStudy, optics: BscanOptics, rng: np.random.Generator) -> Bscan:
+    """Form one raw frame of a section.
+
+    Args:
+        section: the wall in the frame's coordinates (see `Pose.place`): lateral from the middle of the frame, depth
+            from its top edge, in m. It may fold over and may leave the frame.
+        oct_study: size, pixels, bits and refractive index of the frame.
+        optics: the optics of this frame.
+        rng: source of the speckle and the noise.
+
+    Returns:
+        The frame (`bits` used of 16) and the mask of the wall, in the frame's optical depth, 0 in the bands.
+    """
+    pixel_m = oct_study.depth_m / oct_study.rows
+    tissue = fill_columns(section, oct_study, optics.choroid_thickness_m)
+    field = np.sqrt(backscatter(tissue, oct_study, optics)) * circular_gaussian(tissue.wall.shape, rng)
+    sigma_rows = amplitude_sigma(optics.axial_resolution_m) / pixel_m
+    sigma_columns = amplitude_sigma(optics.lateral_resolution_m) / (oct_study.width_m / oct_study.columns)
+    field = blur(field, sigma_rows, sigma_columns)
+    add_reflection(field, tissue.surface_row, oct_study, optics, sigma_rows, rng)
+    add_lines(field, tissue.surface_row, oct_study, optics, rng)
+    field += circular_gaussian(field.shape, rng)
+    frame = compress(field, oct_study.bits, optics)
+    mask = np.where(tissue.wall >= 0.5, 255, 0).astype(np.uint8)
+    band = round(optics.band_m / oct_study.width_m * oct_study.columns)
+    for image in (frame, mask):
+        image[:, :band] = 0
+        image[:, oct_study.columns - band :] = 0
+    return Bscan(frame, mask)
+
+
+def column_crossings(curve: NDArray[np.float64], columns_m: NDArray[np.float64]) -> Float:
+    """Return where vertical lines enter and leave, by turns, the region that a curve encloses.
+
+    The region is where the winding number is not 0, so a wall that overlaps itself stays filled. Exact for polylines.
+
+    Args:
+        curve: (points, 2) lateral and depth, closed, or open with ends outside of the lines: then it bounds what lies
+            below it.
+        columns_m: increasing, evenly spaced lateral positions.
+
+    Returns:
+        Depths, sorted, shape (crossings, columns), inf where there are none.
+
+    >>> column_crossings(np.array([[0.0, 1.0], [2.0, 3.0]]), np.array([-0.5, 0.5, 1.5]))
+    array([[inf, 1.5, 2.5]], dtype=float32)
+    """
+    column, depth_m, turn = curve_crossings(curve, columns_m)
+    order = np.lexsort((depth_m, column))
+    column, depth_m, turn = column[order], depth_m[order], turn[order]
+    first = np.searchsorted(column, column)
+    total = np.concatenate([[0], np.cumsum(turn)])
+    start = total[first]
+    boundary = (total[1:] == start) != (total[:-1] == start)
+    column, depth_m = column[boundary], depth_m[boundary]
+    rank = np.arange(len(column)) - np.searchsorted(column, column)
+    crossings = np.full((rank.max(initial=-1) + 1, len(columns_m)), np.inf, dtype=np.float32)
+    crossings[rank, column] = depth_m
+    return crossings
+
+
+def curve_crossings(
+    curve: NDArray[np.float64], columns_m: NDArray[np.float64]
+) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.intp]]:
+    """Return column, depth and sense (+1 to the right, -1 to the left) of all crossings of a polyline with columns."""
+    step_m = columns_m[1] - columns_m[0]
+    ends = np.ceil((curve[:, 0] - columns_m[0]) / step_m).clip(0, len(columns_m)).astype(np.intp)
+    count = np.abs(np.diff(ends))
+    segment = np.repeat(np.arange(len(count)), count)
+    column = (
+        np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.minimum(ends[:-1], ends[1:])[segment]
+    )
+    (x0, y0), (x1, y1) = curve[:-1][segment].T, curve[1:][segment].T
+    return column, y0 + (columns_m[column] - x0) * (y1 - y0) / (x1 - x0), np.sign(np.diff(ends))[segment]
+
+
+def fill_columns(section: Section, oct_study: OctStudy, choroid_thickness_m: float) -> Tissue:
+    """Return what lies in each pixel of the frame, from the exact crossings of every column with the contour."""
+    pixel_m = oct_study.depth_m / oct_study.rows
+    columns_m = (np.arange(oct_study.columns) + 0.5) / oct_study.columns * oct_study.width_m - oct_study.width_m / 2
+    wall_m = column_crossings(np.concatenate([section.contour, section.outer[:1]]), columns_m)
+    inside_m = column_crossings(section.inner, columns_m)
+    surface_m = wall_m[0] if len(wall_m) else np.full(oct_study.columns, np.inf, dtype=np.float32)
+    # Light needs n times the depth below the surface: the row edges of the image, back in geometric depth.
+    edges_m = np.arange(oct_study.rows + 1, dtype=np.float32)[:, None] * np.float32(pixel_m)
+    below_m = np.maximum(edges_m - surface_m, 0.0)
+    edges_m = (edges_m - below_m * (1.0 - 1.0 / oct_study.refractive_index)).astype(np.float32)
+    wall_path_m = length_above(edges_m, wall_m)
+    choroid_path_m = length_above(edges_m, layer_crossings(inside_m, choroid_thickness_m))
+    wall_part_m, choroid_part_m = np.diff(wall_path_m, axis=0), np.diff(choroid_path_m, axis=0)
+    row_m = np.diff(edges_m, axis=0)
+    hair_m = 1e-4 * row_m.max()  # what rounding leaves
+    surface_row = np.where(np.isfinite(surface_m), surface_m / pixel_m, np.nan)
+    return Tissue(
+        wall=as_float32(np.where(wall_part_m > hair_m, wall_part_m, 0.0) / row_m),
+        choroid=as_float32(np.where(choroid_part_m > hair_m, choroid_part_m, 0.0) / row_m),
+        wall_path_m=as_float32(wall_path_m[1:] - wall_part_m / 2),
+        choroid_path_m=as_float32(choroid_path_m[1:] - choroid_part_m / 2),
+        surface_row=as_float32(surface_row),
+    )
+
+
+def as_float32(values: NDArray[np.floating]) -> Float:
+    """Return single precision values: half the memory traffic, and far finer than a pixel."""
+    return values.astype(np.float32, copy=False)
+
+
+def length_above(edges_m: Float, crossings_m: Float) -> Float:
+    """Return the length of a column that is filled above each edge; crossings enter and leave by turns."""
+    length_m = np.zeros(np.broadcast_shapes(edges_m.shape, crossings_m.shape[1:]), dtype=np.float32)
+    for rank, depth_m in enumerate(crossings_m):
+        passed_m = np.maximum(edges_m - depth_m, 0.0)
+        length_m += passed_m if rank % 2 == 0 else -passed_m
+    return length_m
+
+
+def layer_crossings(inside_m: Float, thickness_m: float) -> Float:
+    """Return the crossings of a layer of given depth along the column, below each entry into the inside of the eye."""
+    layer_m = np.full((len(inside_m) + len(inside_m) % 2, inside_m.shape[1]), np.inf, dtype=np.float32)
+    layer_m[: len(inside_m)] = inside_m
+    layer_m[1::2] = np.minimum(layer_m[1::2], layer_m[::2] + np.float32(thickness_m))
+    return layer_m
+
+
+def backscatter(tissue: Tissue, oct_study: OctStudy, optics: BscanOptics) -> Float:
+    """Return the mean intensity that comes back from each pixel, over the mean noise, shape (rows, columns)."""
+    depth = optics.attenuation_per_m * tissue.wall_path_m + optics.choroid_attenuation_per_m * tissue.choroid_path_m
+    scatter = tissue.wall + decibel(optics.choroid_level_db) * tissue.choroid
+    light = decibel(optics.snr_db) * transmission(oct_study, optics)
+    intensity: Float = (scatter * np.exp(-2.0 * depth) * light).astype(np.float32)
+    return intensity
+
+
+def transmission(oct_study: OctStudy, optics: BscanOptics) -> Float:
+    """Return the share of the light that the shadows leave in each column, shape (columns,)."""
+    columns_m = (np.arange(oct_study.columns) + 0.5) / oct_study.columns * oct_study.width_m - oct_study.width_m / 2
+    left = np.ones(oct_study.columns)
+    for shadow in optics.shadows:
+        across = (columns_m - shadow.centre_m) / (shadow.width_m / 2)
+        left *= 1.0 - shadow.loss_fraction * np.exp(-log(2.0) * across**4)  # flat bottom, soft edges
+    return left.astype(np.float32)
+
+
+def add_reflection(
+    field: Complex,
+    surface_row: Float,
+    oct_study: OctStudy,
+    optics: BscanOptics,
+    sigma_rows: float,
+    rng: np.random.Generator,
+) -> None:
+    """Add the mirror (Fresnel) reflection of the first surface of each column to the field."""
+    pixel_ratio = (oct_study.depth_m / oct_study.rows) / (oct_study.width_m / oct_study.columns)
+    slope = np.arctan(np.gradient(surface_row) * pixel_ratio)
+    share = np.exp(-((slope / optics.reflection_angle_rad) ** 2))
+    intensity = decibel(optics.snr_db + optics.reflection_db) * share * transmission(oct_study, optics)
+    add_ridge(field, surface_row, np.sqrt(intensity), sigma_rows, rng)
+
+
+def add_lines(
+    field: Complex, surface_row: Float, oct_study: OctStudy, optics: BscanOptics, rng: np.random.Generator
+) -> None:
+    """Add the horizontal reflection lines, and the covers above the tissue, to the field."""
+    pixel_m = oct_study.depth_m / oct_study.rows
+    lateral_m = (np.arange(oct_study.columns) + 0.5) / oct_study.columns * oct_study.width_m - oct_study.width_m / 2
+    ones = np.ones(oct_study.columns)
+    for line in optics.lines:
+        sigma_rows = amplitude_sigma(line.thickness_m) / pixel_m
+        add_ridge(field, ones * line.depth_m / pixel_m, ones * sqrt(decibel(line.level_db)), sigma_rows, rng)
+    top_m = float(np.nanmin(surface_row)) * pixel_m if np.isfinite(surface_row).any() else oct_study.depth_m
+    for cover in optics.covers:
+        rows = (top_m - cover.height_m + np.tan(cover.tilt_rad) * lateral_m) / pixel_m
+        sigma_rows = amplitude_sigma(cover.thickness_m) / pixel_m
+        add_ridge(field, rows, ones * sqrt(decibel(cover.level_db)), sigma_rows, rng)
+
+
+def add_ridge(
+    field: Complex,
+    depth_rows: NDArray[np.floating],
+    amplitude: NDArray[np.floating],
+    sigma_rows: float,
+    rng: np.random.Generator,
+) -> None:
+    """Add a thin bright curve with a random phase in each column to the field; NaN depths are left out."""
+    sigma = max(sigma_rows, 0.4)  # not narrower than a pixel shows
+    column = np.flatnonzero(np.isfinite(depth_rows) & np.isfinite(amplitude) & (np.abs(depth_rows) < 2 * len(field)))
+    depth, strength = depth_rows[column], amplitude[column] * np.exp(2j * np.pi * rng.random(len(column)))
+    reach = ceil(4 * sigma)
+    row = np.floor(depth).astype(int) + np.arange(-reach, reach + 1)[:, None]
+    profile = np.exp(-(((row + 0.5 - depth) / sigma) ** 2) / 2)
+    seen = (row >= 0) & (row < len(field))
+    field[row[seen], np.broadcast_to(column, row.shape)[seen]] += (profile * strength)[seen].astype(np.complex64)
+
+
+def circular_gaussian(shape: tuple[int, ...], rng: np.random.Generator) -> Complex:
+    """Return independent complex circular Gaussian values of mean intensity 1."""
+    pairs = rng.standard_normal((*shape, 2), dtype=np.float32) * np.float32(sqrt(0.5))
+    values: Complex = pairs.view(np.complex64)[..., 0]
+    return values
+
+
+def blur(field: Complex, sigma_rows: float, sigma_columns: float) -> Complex:
+    """See a field of independent scatterers through a Gaussian point spread function that keeps the mean intensity."""
+    parts = np.ascontiguousarray(field).view(np.float32).reshape(*field.shape, 2)
+    seen = cv2.sepFilter2D(parts, -1, kernel(sigma_columns), kernel(sigma_rows), borderType=cv2.BORDER_REFLECT_101)
+    values: Complex = np.ascontiguousarray(seen, dtype=np.float32).view(np.complex64)[..., 0]
+    return values
+
+
+def kernel(sigma: float) -> NDArray[np.float64]:
+    """Return a sampled Gaussian of unit energy, shape (2 reach + 1,)."""
+    reach = ceil(3.5 * sigma)
+    values = np.exp(-((np.arange(-reach, reach + 1) / max(sigma, 1e-6)) ** 2) / 2)
+    unit: NDArray[np.float64] = values / np.sqrt((values**2).sum())
+    return unit
+
+
+def amplitude_sigma(intensity_width_m: float) -> float:
+    """Return the standard deviation of a Gaussian amplitude from the full width at half maximum of its intensity."""
+    return intensity_width_m / (2.0 * sqrt(log(2.0)))
+
+
+def compress(field: Complex, bits: int, optics: BscanOptics) -> NDArray[np.uint16]:
+    """Return the counts of a field on the display's logarithmic scale; what is brighter than it saturates."""
+    intensity = np.square(field.real) + np.square(field.imag)
+    level_db = np.float32(10.0) * np.log10(np.maximum(intensity, np.float32(1e-12)))
+    top = 2**bits - 1
+    counts = (level_db - np.float32(optics.display_floor_db)) * np.float32(top / optics.display_range_db)
+    frame: NDArray[np.uint16] = np.rint(counts).clip(0, top).astype(np.uint16)
+    return frame
+
+
+def decibel(level_db: float) -> float:
+    """Return a ratio of intensities from dB."""
+    return float(10.0 ** (level_db / 10.0))

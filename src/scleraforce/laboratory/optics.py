@@ -1,0 +1,131 @@
+"""What a raw B-scan looks like apart from the wall's shape: concrete values, and their draw from a study."""
+
+from dataclasses import dataclass
+from math import cos, sin
+
+import numpy as np
+
+from scleraforce.section.plane import Section
+from scleraforce.study import OctStudy, PhantomStudy, draw
+
+__all__ = ["BscanOptics", "Cover", "Line", "Pose", "Shadow", "sample_optics", "sample_pose"]
+
+
+@dataclass(frozen=True)
+class Shadow:
+    """A loss of light below the surface, as of a vessel: centre from the middle column, full width at half loss."""
+
+    centre_m: float
+    width_m: float
+    loss_fraction: float
+
+
+@dataclass(frozen=True)
+class Line:
+    """A horizontal reflection line across the frame: depth below the top edge, level over the noise, full width."""
+
+    depth_m: float
+    level_db: float
+    thickness_m: float
+
+
+@dataclass(frozen=True)
+class Cover:
+    """A straight bright line above the tissue (coverslip): height over the highest tissue, level over the noise."""
+
+    height_m: float
+    level_db: float
+    thickness_m: float
+    tilt_rad: float
+
+
+@dataclass(frozen=True)
+class BscanOptics:
+    """The optics of one frame. Levels are ratios of detected intensity; depths in tissue are geometric.
+
+    `snr_db`: mean speckle intensity at the wall's surface over the mean noise. `attenuation_per_m` (mu) is the wall's
+    attenuation coefficient; light passes twice, so the detected intensity falls as exp(-2 mu z).
+    `axial_resolution_m` and `lateral_resolution_m`: full width at half maximum of the intensity point spread function;
+    axially, a Gaussian source of 840 nm and 80 nm width has a coherence length of 2 ln 2/pi lambda^2/width = 3.9 um.
+    `reflection_db`: mirror reflection of the surface at normal incidence over the speckle there, which falls with the
+    slope as exp(-(slope/reflection_angle)^2). `choroid_*`: a layer below the wall; its level is the backscatter against
+    the wall's. `display_floor_db`: intensity of count 0 over the mean noise; `display_range_db`: from there to the
+    largest count. `band_m`: width of the black band on each side.
+    """
+
+    snr_db: float
+    attenuation_per_m: float
+    axial_resolution_m: float
+    lateral_resolution_m: float
+    reflection_db: float
+    reflection_angle_rad: float
+    choroid_level_db: float
+    choroid_attenuation_per_m: float
+    choroid_thickness_m: float
+    display_floor_db: float
+    display_range_db: float
+    band_m: float
+    shadows: tuple[Shadow, ...] = ()
+    lines: tuple[Line, ...] = ()
+    covers: tuple[Cover, ...] = ()
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where the section's origin lies in the frame: from the middle column, below the top edge; and its rotation."""
+
+    lateral_m: float
+    depth_m: float
+    tilt_rad: float = 0.0
+
+    def place(self, section: Section) -> Section:
+        """Return the section in the frame's own coordinates (lateral from the middle, depth from the top edge)."""
+        c, s = cos(self.tilt_rad), sin(self.tilt_rad)
+        turn = np.array([[c, s], [-s, c]])
+        return Section(section.outer @ turn, section.inner @ turn).shifted(self.lateral_m, self.depth_m)
+
+
+def sample_optics(phantom: PhantomStudy, oct_study: OctStudy, rng: np.random.Generator) -> BscanOptics:
+    """Draw the optics of one frame, every effect independently."""
+    half_width_m = oct_study.width_m / 2
+    return BscanOptics(
+        snr_db=draw(phantom.snr_db, rng),
+        attenuation_per_m=draw(phantom.attenuation_per_m, rng),
+        axial_resolution_m=draw(phantom.axial_resolution_m, rng),
+        lateral_resolution_m=draw(phantom.lateral_resolution_m, rng),
+        reflection_db=draw(phantom.reflection_db, rng),
+        reflection_angle_rad=draw(phantom.reflection_angle_rad, rng),
+        choroid_level_db=draw(phantom.choroid_level_db, rng),
+        choroid_attenuation_per_m=draw(phantom.choroid_attenuation_per_m, rng),
+        choroid_thickness_m=draw(phantom.choroid_thickness_m, rng),
+        display_floor_db=draw(phantom.display_floor_db, rng),
+        display_range_db=draw(phantom.display_range_db, rng),
+        band_m=draw(phantom.band_m, rng),
+        shadows=tuple(
+            Shadow(
+                float(rng.uniform(-half_width_m, half_width_m)),
+                draw(phantom.shadow_width_m, rng),
+                draw(phantom.shadow_loss_fraction, rng),
+            )
+            for _ in range(int(draw(phantom.shadow_count, rng)))
+        ),
+        lines=tuple(
+            Line(draw(phantom.line_depth_m, rng), draw(phantom.line_level_db, rng), draw(phantom.line_thickness_m, rng))
+            for _ in range(int(draw(phantom.line_count, rng)))
+        ),
+        covers=tuple(
+            Cover(
+                draw(phantom.cover_height_m, rng),
+                draw(phantom.cover_level_db, rng),
+                draw(phantom.line_thickness_m, rng),
+                draw(phantom.cover_tilt_rad, rng),
+            )
+            for _ in range(int(draw(phantom.cover_count, rng)))
+        ),
+    )
+
+
+def sample_pose(phantom: PhantomStudy, rng: np.random.Generator) -> Pose:
+    """Draw where the eye lies in one frame: the recording's depth and tilt, and the frame's shift, all anew."""
+    depth_m = draw(phantom.surface_depth_m, rng) + draw(phantom.eye_shift_m, rng)
+    return Pose(draw(phantom.eye_shift_m, rng), depth_m, draw(phantom.eye_tilt_rad, rng))

@@ -1,0 +1,345 @@
+"""The virtual laboratory: a recording folder of a virtual eye, as a scanner and a force sensor would write it.
+
+Beside the recording's own files stands `truth.json`: every parameter that was drawn, the true force and the pose of
+each frame, the seed and the versions.
+"""
+
+import json
+import shutil
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+import cv2
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from scleraforce import __version__
+from scleraforce.errors import RecordingError
+from scleraforce.eye.form import thickness_factor
+from scleraforce.laboratory.bscan import Bscan, render_bscan
+from scleraforce.laboratory.optics import BscanOptics, Pose, sample_optics
+from scleraforce.laboratory.pushes import (
+    TIME_DIGITS,
+    ForcePath,
+    Motion,
+    Push,
+    Sensor,
+    format_log,
+    motion_end_s,
+    plan_path,
+    plan_pushes,
+    sample_sensor,
+    sense,
+    true_force,
+)
+from scleraforce.laboratory.virtual_eye import PhantomEye, SectionsAt
+from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
+from scleraforce.recording.writing import RecordingWriter
+from scleraforce.section.plane import Section
+from scleraforce.study import Study, draw, study_hash
+from scleraforce.study.fields import NEEDLE_FORCE
+from scleraforce.whole_files import KINDS, read_text
+
+__all__ = [
+    "PhantomFrame",
+    "PhantomPlan",
+    "plan_moving_phantom",
+    "plan_phantom",
+    "render_frame",
+    "true_forces",
+    "write_phantom",
+]
+
+AXIS, CONTACT_SIGN = "fz", -1
+TAIL_S = 1.5  # of the log, after the needle's last motion
+HELD_AVERAGE_S, MOVING_AVERAGE_S = 2.0, 0.1  # of a label: a needle that moves changes sooner
+FIRST_S = 0.1  # of the first frame of a moving needle: a label needs force samples on both sides
+DRIFT_S = 1.0  # in which a living eye moves from one place to another: between pulse and breath
+
+Times = NDArray[np.float64]
+
+# Streams of random numbers of a recording.
+OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT = range(6)
+
+
+@dataclass(frozen=True)
+class PhantomFrame:
+    """One frame: time, where the eye lies in it, its optics, the key of its random numbers; its push, if it has one."""
+
+    file: str
+    time_s: float
+    pose: Pose
+    optics: BscanOptics
+    seed: tuple[int, ...]
+    push: Push | None = None
+
+
+@dataclass(frozen=True)
+class PhantomPlan:
+    """A virtual acquisition, before anything is computed: all that was drawn."""
+
+    eye: PhantomEye
+    frames: tuple[PhantomFrame, ...]
+    motion: Motion
+    sensor: Sensor
+    seed: int
+
+    @property
+    def forces_n(self) -> list[float]:
+        """The true force at each frame's time, in N."""
+        times_s = np.array([frame.time_s for frame in self.frames])
+        return [float(f"{force_n:.12g}") for force_n in true_force(self.motion, times_s)]
+
+
+def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed: int) -> PhantomPlan:
+    """Draw a virtual acquisition.
+
+    The scanner, the wall's optics, the eye's place in the frame, the sensor and the tissue's relaxation are drawn once;
+    shift of the eye, signal over noise, mirror reflection, shadows, and timing for each frame anew.
+
+    Raises:
+        RecordingError: no force is given, or one is not a force that can be simulated.
+    """
+    _check_forces(eye, forces_n)
+    phantom = study.phantom
+    scanner, place = _draw_scanner(eye, study, seed)
+    pushes = plan_pushes(tuple(forces_n), phantom, _generator(eye, seed, PUSHES))
+    frames = []
+    for index, push in enumerate(pushes):
+        rng = _generator(eye, seed, FRAME, index)
+        of_frame = sample_optics(phantom, study.oct, rng)
+        optics = replace(
+            scanner, snr_db=of_frame.snr_db, reflection_db=of_frame.reflection_db, shadows=of_frame.shadows
+        )
+        shift_m = draw(phantom.eye_shift_m, rng)
+        pose = Pose(draw(phantom.eye_shift_m, rng), place.depth_m + shift_m, place.tilt_rad)
+        key = _key(eye, seed, FRAME, index, 1)
+        frames.append(PhantomFrame(f"{index + 1:04d}.png", push.frame_s, pose, optics, key, push))
+    return PhantomPlan(eye, tuple(frames), pushes, sample_sensor(phantom, _generator(eye, seed, SENSOR)), seed)
+
+
+def plan_moving_phantom(
+    eye: PhantomEye,
+    forces_n: Sequence[float],
+    study: Study,
+    seed: int,
+    *,
+    rate_hz: float,
+    ramp_n_per_s: float,
+    hold_s: float,
+) -> PhantomPlan:
+    """Draw a virtual acquisition of a needle that a robot moves while frames are taken at a steady rate.
+
+    Drawn once: all that `plan_phantom` draws once, the shadows, and how long the needle stays off at first. Place of
+    the eye, signal over noise and mirror reflection are drawn every second, and change smoothly from one to the next.
+
+    Args:
+        eye: the eye.
+        forces_n: turning points of the force, N; it begins at 0.
+        study: ranges that are drawn from.
+        seed: of all that is drawn.
+        rate_hz: frames a second.
+        ramp_n_per_s: how fast the force changes between the turning points.
+        hold_s: how long it stays at each.
+
+    Raises:
+        RecordingError: no force is given, or one that cannot be simulated; a rate, ramp or hold that is none.
+    """
+    _check_forces(eye, forces_n)
+    given = {"rate": (rate_hz, 0.1, 1000.0), "ramp": (ramp_n_per_s, 1e-5, 100.0), "hold": (hold_s, 0.0, 3600.0)}
+    for name, (value, low, high) in given.items():
+        if not low <= value <= high:
+            raise RecordingError(f"eye {eye.id}: {name}: {value:g} (SI); between {low:g} and {high:g} would do")
+    scanner, place = _draw_scanner(eye, study, seed)
+    path = plan_path(tuple(forces_n), ramp_n_per_s, hold_s, study.phantom, _generator(eye, seed, PUSHES))
+    count = int((motion_end_s(path) - FIRST_S) * rate_hz + 1e-6) + 1
+    times_s = [round(FIRST_S + index / rate_hz, TIME_DIGITS) for index in range(count)]
+    drift = _drift(eye, study, seed, np.array(times_s))
+    digits = max(4, len(str(count)))
+    frames = [
+        PhantomFrame(
+            f"{index + 1:0{digits}d}.png",
+            time_s,
+            Pose(lateral_m, place.depth_m + shift_m, place.tilt_rad),
+            replace(scanner, snr_db=snr_db, reflection_db=reflection_db),
+            _key(eye, seed, FRAME, index, 1),
+        )
+        for index, (time_s, (lateral_m, shift_m, snr_db, reflection_db)) in enumerate(
+            zip(times_s, drift.tolist(), strict=True)
+        )
+    ]
+    sensor = sample_sensor(study.phantom, _generator(eye, seed, SENSOR))
+    return PhantomPlan(eye, tuple(frames), path, sensor, seed)
+
+
+def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
+    if not forces_n or not all(np.isfinite(force_n) and force_n >= 0.0 for force_n in forces_n):
+        raise RecordingError(f"eye {eye.id}: forces: {list(forces_n)}; give at least one, none negative")
+    largest_mn = NEEDLE_FORCE.from_si(max(forces_n))
+    if largest_mn > (NEEDLE_FORCE.high or 0.0):
+        raise RecordingError(
+            f"eye {eye.id}: forces: {largest_mn:g} mN; up to {NEEDLE_FORCE.high:g} mN can be simulated, "
+            "more than a wall bears"
+        )
+
+
+def _draw_scanner(eye: PhantomEye, study: Study, seed: int) -> tuple[BscanOptics, Pose]:
+    """Draw what stays the same in a recording: the optics, and the eye's depth and tilt."""
+    rng = _generator(eye, seed, OPTICS)
+    scanner = sample_optics(study.phantom, study.oct, rng)
+    surface_m, tilt_rad = draw(study.phantom.surface_depth_m, rng), draw(study.phantom.eye_tilt_rad, rng)
+    return scanner, Pose(0.0, surface_m, tilt_rad)
+
+
+def _drift(eye: PhantomEye, study: Study, seed: int, times_s: Times) -> Times:
+    """Return what changes while the needle moves, (time, 4): shift across and in depth, signal over noise, reflection.
+
+    Independent draws every `DRIFT_S`, joined by half waves of a cosine: no value leaves the range of the draws.
+    """
+    rng, phantom = _generator(eye, seed, DRIFT), study.phantom
+    ranges = (phantom.eye_shift_m, phantom.eye_shift_m, phantom.snr_db, phantom.reflection_db)
+    knots = np.array([[draw(values, rng) for values in ranges] for _ in range(int(times_s[-1] / DRIFT_S) + 2)])
+    before = (times_s / DRIFT_S).astype(np.intp)
+    share = (1.0 - np.cos(np.pi * (times_s / DRIFT_S - before))) / 2
+    changing: Times = knots[before] + share[:, None] * (knots[before + 1] - knots[before])
+    return changing
+
+
+def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
+    """Form one frame of a plan, from the section under its force."""
+    rng = np.random.default_rng(frame.seed)
+    return render_bscan(frame.pose.place(section), study.oct, frame.optics, rng)
+
+
+def write_phantom(
+    out: Path,
+    plan: PhantomPlan,
+    sections_at: SectionsAt,
+    study: Study,
+    progress: Callable[[int], object] | None = None,
+) -> None:
+    """Write a virtual acquisition as a recording folder with `truth.json`; equal plans give equal bytes.
+
+    Args:
+        out: the folder; it appears when it is complete, and must not exist yet (an empty one may).
+        plan: what to acquire.
+        sections_at: the eye's sections for needle forces in N (`study_sections`).
+        study: frame size, classes, needle; the one that the plan was drawn from.
+        progress: called with 1 after each frame.
+
+    Raises:
+        RecordingError: `out` exists, or cannot be written.
+    """
+    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
+        raise RecordingError(f"{out}: exists already; remove it or choose another folder")
+    partial = out.parent / f".{out.name}.partial"
+    try:
+        shutil.rmtree(partial, ignore_errors=True)
+        comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
+        with closing(RecordingWriter(partial, _info(plan, study), comment)) as writer:
+            _write_log_and_truth(partial, plan, study)
+            for frame, section in zip(plan.frames, sections_at(plan.forces_n), strict=True):
+                writer.add(frame.file, frame.time_s, render_frame(frame, section, study).frame)
+                if progress is not None:
+                    progress(1)
+        partial.rename(out)
+    except OSError as fault:
+        raise RecordingError(f"{fault.filename or out}: {fault.strerror}") from fault
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def true_forces(recording: Path) -> dict[str, float]:
+    """Return the true force at each frame of a virtual acquisition, N, by the frame's file.
+
+    Raises:
+        RecordingError: the recording has no `truth.json`, or it cannot be read.
+    """
+    path = recording / "truth.json"
+    try:
+        frames = json.loads(read_text(path, KINDS["truth"]))["frames"]
+        return {frame["file"]: float(frame["force_n"]) for frame in frames}
+    except (ValueError, KeyError, TypeError) as fault:
+        raise RecordingError(f"{path}: not the truth of a virtual acquisition: {fault}") from fault
+
+
+def _write_log_and_truth(folder: Path, plan: PhantomPlan, study: Study) -> None:
+    axis = ("fx", "fy", "fz").index(AXIS)
+    noise = _generator(plan.eye, plan.seed, NOISE)
+    log = sense(plan.motion, plan.sensor, axis, CONTACT_SIGN, motion_end_s(plan.motion) + TAIL_S, noise)
+    (folder / "forces.csv").write_text(format_log(log), encoding="utf-8")
+    truth = json.dumps(_truth(plan, study), indent=1, allow_nan=False)
+    (folder / "truth.json").write_text(truth + "\n", encoding="utf-8")
+
+
+def _info(plan: PhantomPlan, study: Study) -> RecordingInfo:
+    scanner, eye = study.oct, plan.eye
+    average_s = MOVING_AVERAGE_S if isinstance(plan.motion, ForcePath) else HELD_AVERAGE_S
+    return RecordingInfo(
+        EyeInfo(eye.id, eye.thickness_m, eye.iop_pa),
+        OctInfo(
+            scanner.columns,
+            scanner.rows,
+            scanner.bits,
+            scanner.width_m,
+            scanner.depth_m,
+            eye.direction_rad,
+            eye.tilt_rad,
+            scanner.refractive_index,
+        ),
+        NeedleInfo(nearest_gauge(study.needle.outer_diameter_m), eye.gap_m, eye.polar_rad),
+        ForceInfo(AXIS, CONTACT_SIGN, average_s),
+    )
+
+
+def _truth(plan: PhantomPlan, study: Study) -> dict[str, Any]:
+    versions = {
+        "scleraforce": __version__,
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "opencv": cv2.__version__,
+    }
+    return {
+        "simulated": True,
+        "versions": versions,
+        "study_hash": study_hash(study),
+        "seed": plan.seed,
+        "mechanics": asdict(study.mechanics),
+        "eye": asdict(plan.eye),
+        "form": asdict(study.form),
+        "thickness_at_contact_m": _thickness_at_contact(plan.eye, study),
+        "needle": asdict(study.needle),
+        "sensor": asdict(plan.sensor),
+        **({"path": asdict(plan.motion)} if isinstance(plan.motion, ForcePath) else {}),
+        "frames": [
+            {
+                "file": frame.file,
+                "time_s": frame.time_s,
+                "force_n": force_n,
+                "target": study.classes.classify(force_n),
+                **({"push": asdict(frame.push)} if frame.push else {}),
+                "pose": asdict(frame.pose),
+                "optics": asdict(frame.optics),
+                "seed": list(frame.seed),
+            }
+            for frame, force_n in zip(plan.frames, plan.forces_n, strict=True)
+        ],
+    }
+
+
+def _thickness_at_contact(eye: PhantomEye, study: Study) -> float:
+    return eye.thickness_m * float(thickness_factor(study.form, eye.plane.contact.normal))
+
+
+def _key(eye: PhantomEye, seed: int, *stream: int) -> tuple[int, ...]:
+    """Return the entropy of a stream: eyes of different names differ, also under one seed."""
+    return seed, crc32(eye.id.encode()), *stream
+
+
+def _generator(eye: PhantomEye, seed: int, *stream: int) -> np.random.Generator:
+    return np.random.default_rng(_key(eye, seed, *stream))

@@ -1,0 +1,125 @@
+"""One simulated eye under one force: what `simulate` shows, and the deformed mesh of the paper's Fig. 1b."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.eye.contact import Contact
+from scleraforce.eye.mesh import HexMesh
+from scleraforce.eye.study_mesh import supported_mesh
+from scleraforce.mechanics.linear import LinearWall, tip_displacement
+from scleraforce.mechanics.springs import study_springs
+from scleraforce.mechanics.study_path import bend_eye
+from scleraforce.section.cut import cut_sections
+from scleraforce.section.plane import ScanPlane, SliceWindow
+from scleraforce.section.slices import fill_section, slice_window
+from scleraforce.study import Study
+from scleraforce.study.unused import refuse_unused
+
+__all__ = ["SimulatedEye", "simulate_eye"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedEye:
+    """A wall with the needle on it.
+
+    `displacement_nc` (node, 3) in m, from the unloaded wall; `needle_nc` (node, 3) the needle's part of it, from the
+    state under IOP and gravity. `tip_m`: inward displacement of the outer surface at the contact along the needle axis
+    from that state. `slice` (rows, columns): 255 = wall, in `window`.
+    """
+
+    mesh: HexMesh
+    contact: Contact
+    force_n: float
+    displacement_nc: Floats
+    needle_nc: Floats
+    tip_m: float
+    slice: NDArray[np.uint8]
+    window: SliceWindow
+
+
+@dataclass(frozen=True, eq=False)
+class _Bent:
+    """A wall without and with the needle: displacements (node, 3) from the unloaded wall, and the tip's."""
+
+    mesh: HexMesh
+    resting_nc: Floats
+    displacement_nc: Floats
+    tip_m: float
+
+
+def simulate_eye(
+    study: Study,
+    thickness_m: float,
+    force_n: float,
+    contact: Contact,
+    progress: Callable[[float], object] | None = None,
+) -> SimulatedEye:
+    """Bend a wall by the study's `[mechanics]` and cut its slice beside the needle.
+
+    `progress` is for a load path: called with the share of it that is done.
+
+    Raises:
+        InputError: the needle or the B-scan plane misses the wall, or linear mechanics does not know such an eye.
+        SolverError: the wall deforms too much to be cut, or no equilibrium was found.
+    """
+    if study.mechanics.kind == "linear":
+        bent = _bend_linearly(study, thickness_m, force_n, contact)
+    else:
+        bent = _bend(study, thickness_m, force_n, contact, progress)
+    plane = ScanPlane(contact, study.needle.gap_m)
+    modes_knc = np.stack([bent.resting_nc, bent.displacement_nc])
+    resting, loaded = cut_sections(bent.mesh, [plane], modes_knc, np.eye(2)[None])[0]
+    window = slice_window(study.slice, top_m=float(resting.outer[:, 1].min()))
+    return SimulatedEye(
+        mesh=bent.mesh,
+        contact=contact,
+        force_n=force_n,
+        displacement_nc=bent.displacement_nc,
+        needle_nc=bent.displacement_nc - bent.resting_nc,
+        tip_m=bent.tip_m,
+        slice=fill_section(loaded, window),
+        window=window,
+    )
+
+
+def _bend(
+    study: Study, thickness_m: float, force_n: float, contact: Contact, progress: Callable[[float], object] | None
+) -> _Bent:
+    modulus_pa, iop_pa = study.eye.youngs_modulus_pa, study.eye.iop_pa
+    bent = bend_eye(
+        study,
+        contact,
+        thickness_m=thickness_m,
+        youngs_modulus_pa=modulus_pa,
+        iop_pa=iop_pa,
+        max_force_n=force_n,
+        progress=progress,
+    )
+    path = bent.path
+    return _Bent(bent.mesh, path.displacement_nc(0.0), path.displacement_nc(force_n), path.tip_m(force_n))
+
+
+def _bend_linearly(study: Study, thickness_m: float, force_n: float, contact: Contact) -> _Bent:
+    refuse_unused(study, "simulate", "linear")
+    eye = study.eye
+    mesh = supported_mesh(study, thickness_m, contact)
+    springs = study_springs(study.supports, mesh)
+    wall = LinearWall(mesh, eye.poisson_ratio, springs=springs, springs_modulus_pa=eye.youngs_modulus_pa)
+    unit_nc = wall.needle_cnc([contact], 0.5 * study.needle.outer_diameter_m)[0]
+    resting_nc, displacement_nc = (
+        wall.displacement(
+            unit_nc,
+            force,
+            youngs_modulus_pa=eye.youngs_modulus_pa,
+            iop_pa=eye.iop_pa,
+            density_kg_m3=eye.density_kg_m3,
+        )
+        for force in (0.0, force_n)
+    )
+    tip_m = tip_displacement(wall.mesh, contact, displacement_nc - resting_nc)
+    return _Bent(wall.mesh, resting_nc, displacement_nc, tip_m)

@@ -1,0 +1,196 @@
+"""Virtual eyes: what there is to know about one, its sections under a needle, and the five of the paper's design."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import radians
+
+import numpy as np
+
+from scleraforce.errors import InputError
+from scleraforce.eye.contact import Contact
+from scleraforce.eye.study_mesh import supported_mesh
+from scleraforce.mechanics.linear import LinearWall
+from scleraforce.mechanics.springs import study_springs
+from scleraforce.mechanics.study_path import BentEye, bend_eye
+from scleraforce.section.cut import cut_sections
+from scleraforce.section.plane import ScanPlane, Section
+from scleraforce.study import Study
+from scleraforce.study.unused import refuse_unused
+from scleraforce.units import STANDARD_GRAVITY_M_S2
+
+__all__ = [
+    "PhantomEye",
+    "SectionsAt",
+    "finite_strain_sections",
+    "linear_sections",
+    "paper_eyes",
+    "study_sections",
+]
+
+SectionsAt = Callable[[Sequence[float]], Sequence[Section]]
+
+FORCES_AT_ONCE = 16  # whose displacements are cut together: 30 MB of them at the default mesh
+WEIGHTS_AT_ONCE = 256  # deformations, as weights of a few modes, that are cut together
+
+
+@dataclass(frozen=True)
+class PhantomEye:
+    """One virtual eye, where the needle pushes it, and where the B-scan plane lies (see `ScanPlane`)."""
+
+    id: str
+    thickness_m: float
+    youngs_modulus_pa: float
+    iop_pa: float
+    gap_m: float
+    polar_rad: float
+    azimuth_rad: float = 0.0
+    direction_rad: float = 0.0
+    tilt_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        bounds = {
+            "thickness_m": (1e-4, 3e-3),
+            "youngs_modulus_pa": (1e3, 1e9),
+            "iop_pa": (0.0, 15e3),
+            "gap_m": (0.0, 1e-2),
+        }
+        for name, (low, high) in bounds.items():
+            if not low <= getattr(self, name) <= high:
+                raise InputError(
+                    f"eye {self.id}: {name}: {getattr(self, name):g}; between {low:g} and {high:g} would do"
+                )
+        if not self.id or "/" in self.id or self.id.startswith("."):
+            raise InputError(f"eye: id: {self.id!r}; a name without / would do")
+
+    @property
+    def plane(self) -> ScanPlane:
+        """The plane of the B-scan."""
+        return ScanPlane(Contact(self.polar_rad, self.azimuth_rad), self.gap_m, self.direction_rad, self.tilt_rad)
+
+
+def study_sections(eye: PhantomEye, study: Study, progress: Callable[[float], object] | None = None) -> SectionsAt:
+    """Return the function that gives an eye's sections for needle forces in N, from the study's `[mechanics]`.
+
+    `progress` is for a load path: called with the share of it that is done.
+
+    Raises:
+        StudyError: linear mechanics for an eye that it does not know.
+    """
+    if study.mechanics.kind == "linear":
+        return linear_sections(eye, study)
+    return finite_strain_sections(eye, study, progress)
+
+
+def finite_strain_sections(
+    eye: PhantomEye, study: Study, progress: Callable[[float], object] | None = None
+) -> SectionsAt:
+    """Return the function that gives an eye's sections for needle forces in N, from finite-strain mechanics.
+
+    Its first call computes the load path, up to the largest force that it is given (some 10 s on one core), and so does
+    a later call with a larger one. All but thickness, modulus, pressure and contact is the study's: see `bend_eye`,
+    whose errors the function raises, and those of `cut_sections`. Eye and study can be sent to another process.
+
+    Args:
+        eye: the eye and the plane of the B-scan.
+        study: its form, needle, mesh and mechanics.
+        progress: called with the share of the largest force that the path has reached.
+    """
+    bent: BentEye | None = None
+
+    def sections_at(forces_n: Sequence[float]) -> Sequence[Section]:
+        nonlocal bent
+        largest_n = max(forces_n, default=0.0)
+        if bent is None or bent.path.max_force_n < largest_n:
+            bent = bend_eye(
+                study,
+                eye.plane.contact,
+                thickness_m=eye.thickness_m,
+                youngs_modulus_pa=eye.youngs_modulus_pa,
+                iop_pa=eye.iop_pa,
+                max_force_n=largest_n,
+                progress=progress,
+            )
+        parts = [forces_n[start : start + FORCES_AT_ONCE] for start in range(0, len(forces_n), FORCES_AT_ONCE)]
+        return [section for part in parts for section in _cut_states(bent, eye.plane, part)]
+
+    return sections_at
+
+
+def _cut_states(bent: BentEye, plane: ScanPlane, forces_n: Sequence[float]) -> list[Section]:
+    states_fnc = np.stack([bent.path.displacement_nc(force_n) for force_n in forces_n])
+    return cut_sections(bent.mesh, [plane], states_fnc, np.eye(len(forces_n))[None])[0]
+
+
+def linear_sections(eye: PhantomEye, study: Study) -> SectionsAt:
+    """Return the function that gives an eye's sections for needle forces in N, from linear mechanics.
+
+    The wall is factored here, once. Radius, Poisson's ratio, density, mesh and needle are the study's.
+
+    Raises:
+        StudyError: the study's eye is one that linear mechanics does not know (`study.unused`).
+    """
+    refuse_unused(study, "phantom", "linear")
+    plane = eye.plane
+    mesh = supported_mesh(study, eye.thickness_m, plane.contact)
+    springs = study_springs(study.supports, mesh)
+    wall = LinearWall(mesh, study.eye.poisson_ratio, springs=springs, springs_modulus_pa=eye.youngs_modulus_pa)
+    needle_nc = wall.needle_cnc([plane.contact], study.needle.outer_diameter_m / 2)[0]
+    modes_knc = np.stack([wall.pressure_nc, wall.gravity_nc, needle_nc])
+    weight_n_m3 = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
+
+    def sections_at(forces_n: Sequence[float]) -> Sequence[Section]:
+        weights_fk = np.array([[eye.iop_pa, weight_n_m3, force_n] for force_n in forces_n]) / eye.youngs_modulus_pa
+        parts = [weights_fk[start : start + WEIGHTS_AT_ONCE] for start in range(0, len(weights_fk), WEIGHTS_AT_ONCE)]
+        return [section for part in parts for section in cut_sections(wall.mesh, [plane], modes_knc, part[None])[0]]
+
+    return sections_at
+
+
+def paper_eyes(study: Study) -> tuple[tuple[PhantomEye, tuple[float, ...]], ...]:
+    """Return the five virtual eyes of the paper's design (Tables 1 and 2), each with its forces in N.
+
+    45 trials: thicknesses and trials per class of Table 1, moduli of Table 2 and its mean, 0.25 MPa, for the fifth. The
+    forces of a class are spread evenly over it, 2 mN clear of its bounds (a label is uncertain by about 1 mN) and from
+    0 to 58 mN, and come in an order that mixes the classes. Contact angles, which the paper does not give ("near the
+    limbus"), spread over the study's range; IOP and gap are the study's.
+    """
+    design = (
+        ("eye-1", 800e-6, 0.27e6, (0, 11, 14)),
+        ("eye-2", 500e-6, 0.22e6, (1, 2, 2)),
+        ("eye-3", 650e-6, 0.24e6, (2, 0, 3)),
+        ("eye-4", 560e-6, 0.29e6, (2, 1, 2)),
+        ("eye-5", 800e-6, 0.25e6, (2, 1, 2)),
+    )
+    low, high = study.needle.polar_angle_rad.bounds
+    eyes = []
+    for place, (name, thickness_m, modulus_pa, trials) in zip((0.5, 0.1, 0.7, 0.3, 0.9), design, strict=True):
+        polar_rad = round(low + place * (high - low), 6)
+        eye = PhantomEye(
+            name,
+            thickness_m,
+            modulus_pa,
+            study.eye.iop_pa,
+            study.needle.gap_m,
+            polar_rad,
+            azimuth_rad=radians(360 * place),
+        )
+        eyes.append((eye, _mixed([force for target in range(3) for force in _spread(target, trials[target], study)])))
+    return tuple(eyes)
+
+
+def _spread(target: int, count: int, study: Study) -> list[float]:
+    """Return forces evenly spread over a class, clear of its bounds."""
+    clear_n = 2e-3
+    low_n, high_n = study.classes.bounds_n
+    first_n, last_n = (
+        (0.0, low_n - clear_n),
+        (low_n + clear_n, high_n - clear_n),
+        (high_n + clear_n, study.needle.max_force_n - clear_n),
+    )[target]
+    return [round(first_n + (last_n - first_n) * (index + 0.5) / count, 7) for index in range(count)]
+
+
+def _mixed(forces_n: list[float]) -> tuple[float, ...]:
+    """Return the forces in an order that mixes them and starts with the largest: a clear first contact."""
+    step = next(step for step in (7, 5, 3, 2, 1) if len(forces_n) % step)
+    return tuple(forces_n[-1 - (index * step) % len(forces_n)] for index in range(len(forces_n)))

@@ -1,0 +1,1 @@
+"""Training of the classifier on simulated slices (paper, section 2.4)."""

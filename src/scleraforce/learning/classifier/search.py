@@ -1,0 +1,118 @@
+"""The grid search over sizes of the network (paper sec. 2.4): every width with every depth, all with one training."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import product
+
+from scleraforce.errors import SolverError
+from scleraforce.learning.classifier.samples import Samples
+from scleraforce.learning.classifier.training import Fitted, fit
+from scleraforce.study import NetworkStudy
+
+__all__ = ["Candidate", "Search", "best", "grid", "search_sizes", "weights"]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One size and what it reached; the figures are None where its training diverged."""
+
+    hidden: tuple[int, ...]
+    weights: int
+    validation_accuracy: float | None
+    validation_loss: float | None
+
+
+@dataclass(frozen=True)
+class Search:
+    """All candidates in the order of the grid, the study with the best sizes, and its network."""
+
+    candidates: tuple[Candidate, ...]
+    study: NetworkStudy
+    fitted: Fitted
+
+
+def grid(study: NetworkStudy) -> tuple[tuple[int, ...], ...]:
+    """Return the sizes to try: hidden layers of one width each.
+
+    >>> grid(NetworkStudy(search_widths=(300, 600), search_depths=(1, 2)))
+    ((300,), (600,), (300, 300), (600, 600))
+    """
+    return tuple((width,) * depth for depth, width in product(study.search_depths, study.search_widths))
+
+
+def weights(inputs: int, hidden: tuple[int, ...], classes: int) -> int:
+    """Return the number of weights and biases.
+
+    >>> weights(5600, (600, 600), 3)
+    3723003
+    """
+    sizes = (inputs, *hidden, classes)
+    return sum((sizes[layer] + 1) * sizes[layer + 1] for layer in range(len(sizes) - 1))
+
+
+def best(candidates: tuple[Candidate, ...]) -> int:
+    """Return the number of the candidate with the highest validation accuracy; of equal ones, the fewest weights.
+
+    Raises:
+        SolverError: all diverged.
+    """
+    reached = [(-entry.validation_accuracy, entry.weights, number) for number, entry in enumerate(candidates)
+               if entry.validation_accuracy is not None]  # fmt: skip
+    if not reached:
+        raise SolverError("every size of the grid diverged; lower network.learning_rate")
+    return min(reached)[2]
+
+
+def search_sizes(
+    study: NetworkStudy,
+    training: Samples,
+    validation: Samples,
+    classes: int = 3,
+    progress: Callable[[int], object] | None = None,
+) -> Search:
+    """Train every size of the grid and keep the best.
+
+    The validation set chooses, so the accuracy of the chosen size is slightly flattered.
+
+    Args:
+        study: training and grid; its own sizes are not used.
+        training: samples to descend on.
+        validation: samples to choose by.
+        classes: number of force classes.
+        progress: called with 1 after each epoch of each size.
+
+    Raises:
+        SolverError: every size diverged.
+    """
+    candidates: tuple[Candidate, ...] = ()
+    kept: tuple[NetworkStudy, Fitted] | None = None
+    for hidden in grid(study):
+        sized = replace(study, hidden=hidden)
+        fitted = _try(sized, training, validation, classes, progress)
+        candidates = (*candidates, _candidate(hidden, training, classes, fitted))
+        if fitted and best(candidates) == len(candidates) - 1:
+            kept = sized, fitted
+    best(candidates)
+    assert kept is not None
+    return Search(candidates, *kept)
+
+
+def _try(
+    study: NetworkStudy,
+    training: Samples,
+    validation: Samples,
+    classes: int,
+    progress: Callable[[int], object] | None,
+) -> Fitted | None:
+    """Train one size; None where it diverges, which deep and wide ones may do at a rate that suits the others."""
+    try:
+        return fit(study, training, validation, classes, progress)
+    except SolverError:
+        return None
+
+
+def _candidate(hidden: tuple[int, ...], training: Samples, classes: int, fitted: Fitted | None) -> Candidate:
+    count = weights(training.pixels.shape[1], hidden, classes)
+    if fitted is None:
+        return Candidate(hidden, count, None, None)
+    return Candidate(hidden, count, fitted.curves.validation_accuracy[-1], fitted.curves.validation_loss[-1])

@@ -1,0 +1,130 @@
+"""From a library to a model folder of kind "reader": train, measure on samples that were never seen, write."""
+
+import platform
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scleraforce import __version__
+from scleraforce.errors import InputError
+from scleraforce.learning.framework import onnx, torch
+from scleraforce.learning.reader.card import reader_card
+from scleraforce.learning.reader.draws import CHUNK, Source
+from scleraforce.learning.reader.graph import reader_onnx_bytes
+from scleraforce.learning.reader.training import THREADS, FittedReader, ReaderMetrics, fit_reader
+from scleraforce.library import Library, save_library
+from scleraforce.models.folder import LIBRARY_FILE
+from scleraforce.models.writing import check_place, write_folder
+from scleraforce.processes import available_cores
+from scleraforce.study import Study, format_study, study_hash
+from scleraforce.units import n_to_mn
+
+__all__ = ["TrainedReader", "train_reader"]
+
+DEFAULT_METHOD = "fit"  # nearer to the true force than the network on virtual eyes (docs/figures.md)
+
+
+@dataclass(frozen=True)
+class TrainedReader:
+    """What a training reached on its validation samples, after how many epochs of how many samples."""
+
+    metrics: ReaderMetrics
+    epochs: int
+    samples: int
+
+
+def train_reader(
+    library: Library,
+    study: Study,
+    out: Path,
+    workers: int | None = None,
+    progress: Callable[[int], object] | None = None,
+) -> TrainedReader:
+    """Train the reader on a library and write its model folder.
+
+    Args:
+        library: of responses.
+        study: with the `[reader]` to use; the library has to be one of its eyes.
+        out: the folder to make; it must not exist.
+        workers: processes that draw samples; None: one for each other core that this process may use.
+        progress: called with 1 after each epoch.
+
+    Raises:
+        ModelError: `out` exists or cannot be written.
+        InputError: the library is of other eyes than the study, or does not hold those of `[reader]`.
+        SolverError: the training diverged.
+    """
+    check_place(out)
+    _check_library(library, study)
+    source = Source.of(library, study.reader, study.slice)
+    fitted = fit_reader(study, source, workers or max(1, available_cores() - 1), progress)
+    content = _library_bytes(library)
+    provenance = _provenance(study, content)
+    record = _record(study, fitted, provenance)
+    graph = reader_onnx_bytes(fitted.network, study.slice.rows, study.slice.columns, provenance)
+    write_folder(out, graph, format_study(study), reader_card(study, record), record, {LIBRARY_FILE: content})
+    return TrainedReader(fitted.metrics, study.reader.epochs, record["samples"]["training"])
+
+
+def _check_library(library: Library, study: Study) -> None:
+    """Refuse a library of other eyes: its answers would be wrong without a sign of it."""
+    compared = (
+        ("radius", library.radius_m, study.eye.radius_m),
+        ("Poisson's ratio", library.poisson_ratio, study.eye.poisson_ratio),
+        ("needle radius", library.needle_radius_m, study.needle.outer_diameter_m / 2),
+    )
+    for name, found, wanted in compared:
+        if not np.isclose(found, wanted, rtol=1e-9, atol=0.0):
+            raise InputError(f"library: {name} {found:g}, the study has {wanted:g}; make a library of this study")
+
+
+def _library_bytes(library: Library) -> bytes:
+    file = BytesIO()
+    save_library(library, file)
+    return file.getvalue()
+
+
+def _provenance(study: Study, library: bytes) -> dict[str, str]:
+    """Return what `metadata_props` of the network says: the same for the same study, library and versions."""
+    return {
+        "kind": "reader",
+        "study_sha256": study_hash(study),
+        "library_sha256": sha256(library).hexdigest(),
+        "seed": str(study.reader.seed),
+        "threads": str(THREADS),
+        "class_bounds_mn": ", ".join(f"{n_to_mn(bound):g}" for bound in study.classes.bounds_n),
+        "scleraforce": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "torch": torch.__version__,
+        "onnx": onnx.__version__,
+    }
+
+
+def _record(study: Study, fitted: FittedReader, provenance: dict[str, str]) -> dict[str, Any]:
+    """Return `model.json` without its hashes."""
+    reader, metrics = study.reader, fitted.metrics
+    return {
+        "kind": "reader",
+        "default": DEFAULT_METHOD,
+        "provenance": provenance,
+        "samples": {
+            "training": reader.epochs * -(-reader.samples_per_epoch // CHUNK) * CHUNK,
+            "validation": reader.validation_samples,
+        },
+        "epochs": reader.epochs,
+        "metrics": {
+            "validation_accuracy": metrics.accuracy,
+            "validation_interval": metrics.interval,
+            "validation_confusion": metrics.confusion,
+            "mae_mn": n_to_mn(metrics.mae_n),
+            "coverage": metrics.coverage,
+            "lateral_mae_mm": 1e3 * metrics.lateral_mae_m,
+        },
+        "curves": asdict(fitted.curves),
+    }

@@ -1,0 +1,215 @@
+"""Gradient descent for the reader, on samples that are drawn afresh for every epoch.
+
+The loss is the negative log-likelihood of the force, a proper score (Gneiting and Raftery, "Strictly proper scoring
+rules", 2007): least for the true distribution of the force given what the network sees. Plus Huber's loss of the
+contact's place. The optimiser is AdamW with a warm-up and a cosine.
+"""
+
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import SolverError
+from scleraforce.learning.classifier.training import learning_rate, repeatable
+from scleraforce.learning.framework import torch
+from scleraforce.learning.reader.draws import CHUNK, Source, chunks_ahead
+from scleraforce.learning.reader.network import ReaderNetwork, histogram, log_density
+from scleraforce.learning.reader.samples import ReaderSamples
+from scleraforce.reader.force_distribution import ForceDistribution, force_distribution, ratio_edges
+from scleraforce.reader.metrics import accuracy, confusion_matrix
+from scleraforce.study import ReaderStudy, Study
+
+__all__ = ["Answers", "FittedReader", "ReaderCurves", "ReaderMetrics", "fit_reader", "measure", "reader_loss"]
+
+Floats = NDArray[np.float64]
+
+THREADS = 1  # the other cores draw samples; more threads would also sum in another order
+PLACE_WEIGHT, PLACE_KNEE_MM = 2.0, 0.2
+VALIDATION_CHUNK = 2**31  # numbers from here on are chunks of the validation set
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Samples as tensors: slices (0 or 1), given values, place of the force in the histogram, contact's place in mm."""
+
+    slices: torch.Tensor
+    given: torch.Tensor
+    force: torch.Tensor
+    place_mm: torch.Tensor
+
+
+@dataclass(frozen=True)
+class ReaderCurves:
+    """Mean loss of each epoch's samples, taken before they are learned from: no sample is seen twice."""
+
+    training_loss: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What a network says of samples: the force's distribution, and the contact's place (sample,), m."""
+
+    forces: ForceDistribution
+    lateral_m: Floats
+
+
+@dataclass(frozen=True)
+class ReaderMetrics:
+    """How answers agree with the truth.
+
+    `accuracy` and `interval` (95 %, Wilson) of the classes, `mae_n` of the median, `coverage` of the 90 % intervals,
+    `lateral_mae_m` of the contact's place; `confusion` has a row for each true class.
+    """
+
+    accuracy: float
+    interval: tuple[float, float]
+    mae_n: float
+    coverage: float
+    lateral_mae_m: float
+    confusion: tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True)
+class FittedReader:
+    """A trained network, its curves, and how it does on samples that it never saw."""
+
+    network: ReaderNetwork
+    curves: ReaderCurves
+    metrics: ReaderMetrics
+
+
+def fit_reader(
+    study: Study, source: Source, workers: int, progress: Callable[[int], object] | None = None
+) -> FittedReader:
+    """Train a reader; the same study and library give the same weights on the same machine, whatever `workers` is.
+
+    Args:
+        study: the study with its `[reader]`.
+        source: what samples are drawn from.
+        workers: processes that draw them.
+        progress: called with 1 after each epoch.
+
+    Raises:
+        SolverError: the descent diverged.
+    """
+    reader = study.reader
+    chunks = -(-reader.samples_per_epoch // CHUNK)
+    steps = reader.epochs * chunks * -(-CHUNK // reader.batch_size)
+    losses: list[float] = []
+    with (
+        repeatable(reader.seed, THREADS),
+        closing(chunks_ahead(source, range(reader.epochs * chunks), workers)) as drawn,
+    ):
+        network = ReaderNetwork(reader, study.slice, study.eye.radius_m)
+        optimiser = torch.optim.AdamW(
+            network.parameters(), reader.learning_rate, weight_decay=reader.weight_decay, fused=True
+        )
+        descent = _Descent(network, optimiser, reader, steps)
+        for number, samples in enumerate(drawn, start=1):
+            losses.append(descent.learn(samples))
+            if not np.isfinite(losses[-1]):
+                raise SolverError("training diverged; lower reader.learning_rate")
+            if number % chunks == 0 and progress:
+                progress(1)
+        metrics = measure(network, validation_samples(source), study)
+    per_epoch = np.reshape(losses, (reader.epochs, chunks)).mean(axis=1)
+    return FittedReader(network, ReaderCurves(tuple(per_epoch.tolist())), metrics)
+
+
+def validation_samples(source: Source) -> ReaderSamples:
+    """Return samples that no training sees: from streams of their own."""
+    count = source.reader.validation_samples
+    numbers = range(-(-count // CHUNK))
+    parts = [source.chunk(VALIDATION_CHUNK + n, min(CHUNK, count - n * CHUNK)) for n in numbers]
+    return ReaderSamples(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in ReaderSamples.__dataclass_fields__)
+    )
+
+
+def measure(network: ReaderNetwork, samples: ReaderSamples, study: Study) -> ReaderMetrics:
+    """Compare a network's answers with the truth."""
+    answers = answer(network, samples, study.reader)
+    median_n, (low_n, high_n) = answers.forces.median_n, answers.forces.interval_n.T
+    classify = study.classes.classify
+    confusion = confusion_matrix(
+        [classify(force) for force in samples.force_n.tolist()],
+        [classify(force) for force in median_n.tolist()],
+        len(study.classes.bounds_n) + 1,
+    )
+    share = accuracy(confusion)
+    return ReaderMetrics(
+        accuracy=share.value,
+        interval=share.interval,
+        mae_n=float(np.abs(median_n - samples.force_n).mean()),
+        coverage=float(((samples.force_n >= low_n) & (samples.force_n <= high_n)).mean()),
+        lateral_mae_m=float(np.abs(answers.lateral_m - samples.lateral_m).mean()),
+        confusion=tuple(tuple(row) for row in confusion.tolist()),
+    )
+
+
+def answer(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy) -> Answers:
+    """Return a network's answers."""
+    network.eval()
+    batch = _batch(samples, reader)
+    with torch.inference_mode():
+        parts = [network(batch.slices[i], batch.given[i]) for i in torch.split(torch.arange(len(samples)), 512)]
+    mixtures, places = (torch.cat(values) for values in zip(*parts, strict=True))
+    edges = ratio_edges(reader.bins, reader.max_force_ratio)
+    probabilities = histogram(mixtures, reader.bins).double().numpy()
+    return Answers(force_distribution(probabilities, edges, samples.modulus_pa), 1e-3 * places.double().numpy())
+
+
+def reader_loss(
+    mixtures: torch.Tensor, places_mm: torch.Tensor, force: torch.Tensor, true_place_mm: torch.Tensor
+) -> torch.Tensor:
+    """Return the mean loss.
+
+    Args:
+        mixtures: of the force (sample, 3 COMPONENTS).
+        places_mm: of the contact, as read (sample,).
+        force: true place of the force in the histogram, 0 to 1 (sample,).
+        true_place_mm: of the contact (sample,).
+    """
+    place = torch.nn.functional.huber_loss(places_mm, true_place_mm, delta=PLACE_KNEE_MM)
+    return PLACE_WEIGHT * place - log_density(mixtures, force).mean()
+
+
+class _Descent:
+    """The steps down the gradient; keeps count of them."""
+
+    def __init__(
+        self, network: ReaderNetwork, optimiser: torch.optim.Optimizer, reader: ReaderStudy, steps: int
+    ) -> None:
+        self._network, self._optimiser, self._reader = network, optimiser, reader
+        self._step, self._steps = 0, steps
+
+    def learn(self, samples: ReaderSamples) -> float:
+        """Take a step for each batch of the samples; return their mean loss."""
+        self._network.train()
+        batch = _batch(samples, self._reader)
+        losses = []
+        for index in torch.split(torch.arange(len(samples)), self._reader.batch_size):
+            for group in self._optimiser.param_groups:
+                group["lr"] = learning_rate(self._reader, self._step, self._steps)
+            mixtures, places = self._network(batch.slices[index], batch.given[index])
+            loss = reader_loss(mixtures, places, batch.force[index], batch.place_mm[index])
+            self._optimiser.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]  # PyTorch does not annotate it
+            torch.nn.utils.clip_grad_norm_(self._network.parameters(), self._reader.max_gradient_norm)
+            self._optimiser.step()
+            losses.append(loss.item() * len(index))
+            self._step += 1
+        return sum(losses) / len(samples)
+
+
+def _batch(samples: ReaderSamples, reader: ReaderStudy) -> Batch:
+    share = samples.force_n / samples.modulus_pa / reader.max_force_ratio
+    return Batch(
+        torch.from_numpy((samples.slices > 0).astype(np.float32)),
+        torch.from_numpy(samples.given),
+        torch.from_numpy(np.sqrt(share).astype(np.float32)),
+        torch.from_numpy((1e3 * samples.lateral_m).astype(np.float32)),
+    )

@@ -1,0 +1,229 @@
+"""Finite strain of a wall of revolution about the needle axis: load paths at a hundredth of what a 3-D wall costs.
+
+The eye is the sphere seen from the needle: the contact is its pole, and the support, a plane through the centre of the
+3-D eye, becomes a circle at an angle from the needle axis. Everything is at E = 1 Pa: forces are F/E in m^2, the eye
+pressure is p/E. Gravity is neglected.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dgbtrf, dgbtrs
+
+from scleraforce.errors import SolverError
+from scleraforce.mechanics.axisymmetric.loads import InnerBoundary, needle_load, spread_load
+from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh, MeridianSize, meridian_mesh
+from scleraforce.mechanics.axisymmetric.solid import SolidOfRevolution
+from scleraforce.mechanics.continuation import PathStates, pressurise, trace
+
+__all__ = ["AxisymmetricPath", "AxisymmetricWall", "axisymmetric_path"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+LARGEST_STEP_M = 5e-4
+FIRST_STEP_M = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class AxisymmetricPath:
+    """States along a load path of a wall of revolution; the first is under pressure without the needle.
+
+    Attributes:
+        tip_m: inward displacement of the outer surface at the contact from the first state, (state,) in m.
+        force_ratio_m2: F/E, (state,); it may fall where the wall snaps.
+        iop_ratio: p/E, (state,); constant unless the globe is sealed.
+        curves_sbnc: deformed boundaries, (state, [outer, inner], node, [distance from the needle axis, depth below the
+            undeformed contact]) in m, from the axis to the support; the same nodes for every wall of one size of mesh.
+    """
+
+    tip_m: Floats
+    force_ratio_m2: Floats
+    iop_ratio: Floats
+    curves_sbnc: Floats
+
+
+def axisymmetric_path(
+    radius_m: float,
+    thickness_m: float,
+    poisson_ratio: float,
+    needle_radius_m: float,
+    iop_ratio: float,
+    *,
+    tips_m: Floats | None = None,
+    max_tip_m: float | None = None,
+    max_force_ratio_m2: float = np.inf,
+    support_rad: float = 0.5 * np.pi,
+    sealed: bool = False,
+    size: MeridianSize | None = None,
+) -> AxisymmetricPath:
+    """Return the load path of a sphere with an even wall under a needle along its normal.
+
+    Args:
+        radius_m: outer radius.
+        thickness_m: of the wall.
+        poisson_ratio: nu.
+        needle_radius_m: outer radius of the needle, whose force is uniform over its disc seen along the axis.
+        iop_ratio: eye pressure over Young's modulus.
+        tips_m: where states are wanted, ascending, (state,) in m; by default every step taken.
+        max_tip_m: how far to go, by default the last of `tips_m`.
+        max_force_ratio_m2: F/E at which the path may end.
+        support_rad: angle from the needle axis at which the wall is clamped.
+        sealed: the vitreous keeps its volume and the pressure follows.
+        size: of the mesh.
+
+    Raises:
+        InputError: sizes that make no eye, or no end of the path.
+        SolverError: no equilibrium was found; the message says what was reached.
+    """
+    mesh = meridian_mesh(radius_m, thickness_m, needle_radius_m, support_rad, size or MeridianSize())
+    wall = AxisymmetricWall(mesh, poisson_ratio)
+    path = trace(
+        wall,
+        pressurise(wall, iop_ratio),
+        iop_ratio,
+        tips_m=tips_m,
+        max_tip_m=max_tip_m,
+        max_force=max_force_ratio_m2,
+        first_step_m=FIRST_STEP_M,
+        largest_step_m=LARGEST_STEP_M,
+        sealed=sealed,
+    )
+    return wall.boundaries(path)
+
+
+class AxisymmetricWall:
+    """A wall of revolution as a problem of `continuation`.
+
+    Attributes:
+        mesh: of the meridian.
+        needle: nodal forces of 1 N along the needle axis, (unknown,).
+        tip: functional of the tip's inward displacement, (unknown,).
+        free: which of all unknowns (2 n + c: node n, component c) are free, ascending.
+    """
+
+    def __init__(
+        self,
+        mesh: MeridianMesh,
+        poisson_ratio: float,
+        *,
+        symmetric: bool = False,
+        follower: bool = True,
+        spread: Callable[[Floats], Floats] | None = None,
+    ) -> None:
+        """Prepare the wall.
+
+        Args:
+            mesh: of the meridian.
+            poisson_ratio: nu.
+            symmetric: the support is a plane of symmetry (at a right angle to the axis) instead of a clamp.
+            follower: pressure stays normal to the deformed wall; otherwise to the undeformed one (a dead load).
+            spread: load per undeformed area at a distance (...) in m from the contact, of any scale, in place of the
+                needle's disc.
+        """
+        self.mesh = mesh
+        self.free: Integers = np.flatnonzero(~_held(mesh, symmetric))
+        self._solid = SolidOfRevolution(mesh, poisson_ratio)
+        self._band = _Band(self._solid.unknowns_eN, self.free, mesh.points_nc.size)
+        self._inside = InnerBoundary(mesh)
+        self._follower = follower
+        self._dead_pressure = self._inside.volume(np.zeros(mesh.points_nc.size))[1]
+        load = needle_load(mesh) if spread is None else spread_load(mesh, spread)
+        self.needle = load[self.free]
+        tip = np.zeros(mesh.points_nc.size)
+        tip[2 * mesh.outer_n[0] + 1] = -1.0
+        self.tip = tip[self.free]
+
+    def residual(self, u: Floats, pressure: float) -> Floats:
+        """Return internal forces less those of the pressure, (unknown,)."""
+        everywhere = self._all(u)
+        gradient = self._inside.volume(everywhere)[1] if self._follower else self._dead_pressure
+        balance: Floats = self._solid.forces(everywhere) - pressure * gradient
+        return balance[self.free]
+
+    def factor(self, u: Floats, pressure: float) -> Callable[[Floats], Floats]:
+        """Factor the tangent; see `continuation.Equilibrium`."""
+        return self._band.factor(self._tangents(self._all(u), pressure))
+
+    def tangent(self, u: Floats, pressure: float) -> Floats:
+        """Return the derivative of the residual as a full matrix, (unknown, unknown)."""
+        return self._band.dense(self._tangents(self._all(u), pressure))
+
+    def volume(self, u: Floats) -> tuple[float, Floats]:
+        """Return the volume inside in m^3 and its derivative, (unknown,)."""
+        volume_m3, gradient = self._inside.volume(self._all(u))
+        return volume_m3, (gradient if self._follower else self._dead_pressure)[self.free]
+
+    def boundary_displacement(self, u: Floats) -> Floats:
+        """Return the displacement of both boundaries, ([outer, inner], node, [away from the axis, along it]) in m."""
+        nodes_bn = np.stack([self.mesh.outer_n, self.mesh.inner_n])
+        displacement: Floats = self._all(u).reshape(-1, 2)[nodes_bn]
+        return displacement
+
+    def boundaries(self, path: PathStates) -> AxisymmetricPath:
+        """Return the path as the two boundary curves of each state."""
+        everywhere = np.zeros((len(path.tip_m), self.mesh.points_nc.size))
+        everywhere[:, self.free] = path.displacement_su
+        points_snc = self.mesh.points_nc + everywhere.reshape(len(path.tip_m), -1, 2)
+        curves_sbnc: Floats = points_snc[:, np.stack([self.mesh.outer_n, self.mesh.inner_n])]
+        curves_sbnc[..., 1] = self.mesh.radius_m - curves_sbnc[..., 1]
+        return AxisymmetricPath(path.tip_m, path.force, path.pressure, curves_sbnc)
+
+    def _all(self, u: Floats) -> Floats:
+        everywhere = np.zeros(self.mesh.points_nc.size)
+        everywhere[self.free] = u
+        return everywhere
+
+    def _tangents(self, everywhere: Floats, pressure: float) -> Floats:
+        tangents = self._solid.tangents(everywhere)
+        if self._follower:
+            self._inside.subtract_curvature(tangents, everywhere, pressure)
+        return tangents
+
+
+def _held(mesh: MeridianMesh, symmetric: bool) -> NDArray[np.bool_]:
+    """Which of all unknowns are held: motion off the axis there, and the support."""
+    across = len(mesh.points_nc) // len(mesh.outer_n)
+    held_nc = np.zeros(mesh.points_nc.shape, dtype=bool)
+    held_nc[:across, 0] = True
+    held_nc[-across:, 1] = True
+    held_nc[-across:, 0] = not symmetric
+    return held_nc.ravel()
+
+
+class _Band:
+    """Element matrices summed into a banded matrix of the free unknowns, in LAPACK's storage."""
+
+    def __init__(self, unknowns_eN: Integers, free: Integers, count: int) -> None:
+        number = np.full(count, -1)
+        number[free] = np.arange(len(free))
+        local = number[unknowns_eN]
+        rows, columns = np.broadcast_arrays(local[:, :, None], local[:, None, :])
+        self._kept = (rows >= 0) & (columns >= 0)
+        self._rows, self._columns = rows[self._kept], columns[self._kept]
+        self.width = int(np.abs(self._rows - self._columns).max())
+        self._shape = (len(free), 3 * self.width + 1)
+        self._flat = self._columns * self._shape[1] + 2 * self.width + self._rows - self._columns
+
+    def factor(self, tangents: Floats) -> Callable[[Floats], Floats]:
+        """Factor with row exchanges: past a limit of the force the tangent is not definite."""
+        entries = np.bincount(self._flat, tangents[self._kept], minlength=self._shape[0] * self._shape[1])
+        if not np.all(np.isfinite(entries)):
+            raise SolverError("wall: turned inside out; a shorter step would do")
+        factors, pivots, info = dgbtrf(entries.reshape(self._shape).T, self.width, self.width, overwrite_ab=1)
+        if info != 0:
+            raise SolverError("wall: its tangent is singular; supports against rigid motion would do")
+
+        def solve(rhs: Floats) -> Floats:
+            answer: Floats = dgbtrs(factors, self.width, self.width, rhs, pivots)[0]
+            return answer.reshape(rhs.shape)
+
+        return solve
+
+    def dense(self, tangents: Floats) -> Floats:
+        """Return the matrix with all its zeros."""
+        matrix: Floats = np.zeros((self._shape[0], self._shape[0]))
+        np.add.at(matrix, (self._rows, self._columns), tangents[self._kept])
+        return matrix

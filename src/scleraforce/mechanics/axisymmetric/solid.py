@@ -1,0 +1,116 @@
+"""A compressible neo-Hookean solid of revolution at finite strain: forces and their derivative, at E = 1 Pa.
+
+The energy is that of `neo_hookean`. The deformation gradient has five entries that are not zero, in the order
+F_rr, F_rz, F_zr, F_zz, F_tt (t: around the axis, F_tt = 1 + u_r / R). Every integral is over the undeformed wall.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.mechanics.assembly import lame_constants
+from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh
+from scleraforce.mechanics.quadrature import gauss_points
+
+__all__ = ["SolidOfRevolution", "line_shapes"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+POINTS = 3  # along each direction of a 9-node quad
+
+
+def line_shapes(places_p: Floats) -> tuple[Floats, Floats]:
+    """Return values and slopes (point, 3) of the quadratic shape functions of nodes at -1, 0, 1.
+
+    >>> line_shapes(np.array([-1.0]))[0]
+    array([[ 1.,  0., -0.]])
+    """
+    s = places_p
+    values = np.stack([0.5 * s * (s - 1.0), 1.0 - s * s, 0.5 * s * (s + 1.0)], axis=-1)
+    return values, np.stack([s - 0.5, -2.0 * s, s + 0.5], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Deformation at the Gauss points: F and its inverse's transpose H (element, point, 5); ln J (element, point)."""
+
+    F: Floats
+    H: Floats
+    log_ratio: Floats
+
+
+class SolidOfRevolution:
+    """The wall's material on its meridian; unknown 2 n + c is node n, component c (from the axis, along it)."""
+
+    def __init__(self, mesh: MeridianMesh, poisson_ratio: float) -> None:
+        """Prepare what does not depend on the displacement."""
+        lame_lambda, lame_mu = lame_constants(1.0, poisson_ratio)
+        self.unknowns_eN: Integers = (2 * mesh.cells_en[:, :, None] + np.arange(2)).reshape(len(mesh.cells_en), -1)
+        self._size = mesh.points_nc.size
+        self._G, volumes_ep = _gradient_operator(mesh)
+        self._lambda_ep, self._mu_ep = lame_lambda * volumes_ep, lame_mu * volumes_ep
+        elements, points = volumes_ep.shape
+        self._flat = (elements, 5 * points, -1)
+        weighted = (self._G * self._mu_ep[..., None, None]).reshape(self._flat)
+        self._laplacian = weighted.transpose(0, 2, 1) @ self._G.reshape(self._flat)
+
+    def forces(self, u: Floats) -> Floats:
+        """Return the nodal forces that hold a displacement u, both (all unknowns,); not finite where J <= 0."""
+        state = self._state(u)
+        P = self._mu_ep[..., None] * state.F + (self._lambda_ep * state.log_ratio - self._mu_ep)[..., None] * state.H
+        local_eN = (P.reshape(len(P), 1, -1) @ self._G.reshape(self._flat))[:, 0]
+        forces = np.bincount(self.unknowns_eN.ravel(), local_eN.ravel(), minlength=self._size)
+        return np.asarray(forces, dtype=np.float64)
+
+    def tangents(self, u: Floats) -> Floats:
+        """Return the derivative of the forces of every element, (element, 18, 18).
+
+        mu dF:dF + lambda (H:dF)^2 + (mu - lambda ln J) H dF^T:(H dF^T)^T; the first does not depend on u.
+        """
+        state = self._state(u)
+        A = self._lambda_ep[..., None, None] * state.H[..., :, None] * state.H[..., None, :]
+        A += (self._mu_ep - self._lambda_ep * state.log_ratio)[..., None, None] * _exchange(state.H)
+        AG = (A @ self._G).reshape(self._flat)
+        tangents: Floats = AG.transpose(0, 2, 1) @ self._G.reshape(self._flat) + self._laplacian
+        return tangents
+
+    def _state(self, u: Floats) -> _State:
+        F = (self._G.reshape(self._flat) @ u[self.unknowns_eN][..., None]).reshape(*self._mu_ep.shape, 5)
+        F[..., [0, 3, 4]] += 1.0
+        rr, rz, zr, zz, tt = np.moveaxis(F, -1, 0)
+        plane = rr * zz - rz * zr
+        with np.errstate(divide="ignore", invalid="ignore"):
+            log_ratio = np.where((plane > 0.0) & (tt > 0.0), np.log(plane * tt), np.nan)
+            H = np.stack([zz / plane, -zr / plane, -rz / plane, rr / plane, 1.0 / tt], axis=-1)
+        return _State(F, H, log_ratio)
+
+
+def _gradient_operator(mesh: MeridianMesh) -> tuple[Floats, Floats]:
+    """Return G (element, point, 5, 18) with dF = G du, and the volume of every Gauss point, (element, point) in m^3."""
+    places_pk, weights_p = gauss_points(2, POINTS)
+    (along, along_slope), (across, across_slope) = line_shapes(places_pk[:, 0]), line_shapes(places_pk[:, 1])
+    values_pn = np.einsum("pj,pi->pji", across, along).reshape(len(weights_p), 9)
+    slopes_pnk = np.stack(
+        [np.einsum("pj,pi->pji", across, along_slope), np.einsum("pj,pi->pji", across_slope, along)], axis=-1
+    ).reshape(len(weights_p), 9, 2)
+    corners_enc = mesh.points_nc[mesh.cells_en]
+    jacobian_epck = np.einsum("enc,pnk->epck", corners_enc, slopes_pnk)
+    gradients_epnc = slopes_pnk @ np.linalg.inv(jacobian_epck)
+    distance_ep = np.einsum("pn,en->ep", values_pn, corners_enc[..., 0])
+    G = np.zeros((*distance_ep.shape, 5, 9, 2))
+    for i in range(2):
+        G[:, :, 2 * i : 2 * i + 2, :, i] = gradients_epnc.transpose(0, 1, 3, 2)
+    G[:, :, 4, :, 0] = values_pn / distance_ep[..., None]
+    areas_ep = np.abs(np.linalg.det(jacobian_epck)) * weights_p
+    return G.reshape(*distance_ep.shape, 5, 18), 2.0 * np.pi * distance_ep * areas_ep
+
+
+def _exchange(H: Floats) -> Floats:
+    """Return B with dF : B dF = tr(H dF^T H dF^T): B_iJ,kL = H_iL H_kJ, (element, point, 5, 5)."""
+    plane = H[..., :4].reshape(*H.shape[:-1], 2, 2)
+    B = np.zeros((*H.shape, 5))
+    B[..., :4, :4] = np.einsum("...iL,...kJ->...iJkL", plane, plane).reshape(*H.shape[:-1], 4, 4)
+    B[..., 4, 4] = H[..., 4] ** 2
+    return B

@@ -1,0 +1,1 @@
+"""Folders of ONNX models: what stands in them, their hashes, how they are written."""

@@ -1,0 +1,231 @@
+"""Bytes in, events out: the receiving half of OpenIGTLink, with no socket in it.
+
+A message that is wrong inside (checksum, content) is an event and the stream goes on, for its size is known. A header
+that cannot be one, or a body over the cap, leaves no place to go on from: the last event is `Broken`, the state is
+ERROR, and further bytes are refused.
+
+A body is received where it will stay: `space` lends the place of the next bytes, `received` says how many came.
+"""
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from fastcrc.crc64 import ecma_182
+from numpy.typing import NDArray
+
+from scleraforce.errors import ProtocolError
+from scleraforce.openigtlink.messages import SPOKEN, Message, query_of, unpack
+from scleraforce.openigtlink.wire import HEADER_BYTES, Header, split_body, unpack_header
+
+__all__ = ["MAX_BODY_BYTES", "BadChecksum", "Broken", "Decoder", "Event", "Malformed", "Received", "State", "Unknown"]
+
+MAX_BODY_BYTES = 16 * 1024 * 1024  # a 16-bit volume of 2048 x 2048 x 2
+HEADERS_BYTES = 4096  # lent at once where headers are due: the work of one `received` stays below a millisecond
+PASSED_BYTES = 64 * 1024  # lent at once of a body that is passed over
+
+
+@dataclass(frozen=True, eq=False)
+class Received:
+    """A message that is spoken, whole and with the right checksum."""
+
+    header: Header
+    message: Message
+    message_id: int = 0
+    metadata: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A message of another type; its body is passed over, neither kept nor checked."""
+
+    header: Header
+
+
+@dataclass(frozen=True)
+class BadChecksum:
+    """The body is not what its sender took the CRC of."""
+
+    header: Header
+    found: int
+
+
+@dataclass(frozen=True)
+class Malformed:
+    """The checksum is right, and the body is not what the type says."""
+
+    header: Header
+    reason: str
+
+
+@dataclass(frozen=True)
+class Broken:
+    """The stream cannot be followed any more."""
+
+    reason: str
+
+
+Event = Received | Unknown | BadChecksum | Malformed | Broken
+
+
+class State(Enum):
+    """What the next byte belongs to."""
+
+    HEADER = "header"
+    BODY = "body"
+    PASSING = "passing"
+    ERROR = "error"
+
+
+class Decoder:
+    """An incremental decoder of one peer's bytes; it holds at most one message of at most `max_body_bytes`.
+
+    Attributes:
+        max_body_bytes: a header that states more breaks the stream; may be changed at any time, for the next headers.
+        state: what the next byte belongs to.
+
+    >>> from scleraforce.openigtlink.messages import Status, encode
+    >>> decoder = Decoder()
+    >>> data = encode(Status(1, message="watching"), "ForceMonitor")
+    >>> decoder.feed(data[:70])
+    ()
+    >>> decoder.feed(data[70:])[0].message
+    Status(code=1, subcode=0, name='', message='watching')
+    """
+
+    def __init__(self, max_body_bytes: int = MAX_BODY_BYTES) -> None:
+        self.max_body_bytes = max_body_bytes
+        self.state = State.HEADER
+        self._head = bytearray()
+        self._scratch = memoryview(bytearray(PASSED_BYTES))
+        self._start_body(np.empty(0, dtype=np.uint8), 0)
+
+    def _start_body(self, body: NDArray[np.uint8], left: int) -> None:
+        self._body, self._room, self._left, self._crc = body, memoryview(body.data), left, 0
+
+    @property
+    def broken(self) -> bool:
+        """Whether the stream cannot be followed any more."""
+        return self.state is State.ERROR
+
+    @property
+    def between(self) -> bool:
+        """Whether no message has begun that is not whole."""
+        return self.state is State.HEADER and not self._head
+
+    def space(self) -> memoryview:
+        """Lend the place for the next bytes, never empty; it is good until the next call of another method.
+
+        Raises:
+            ProtocolError: the stream broke earlier.
+
+        >>> decoder = Decoder()
+        >>> decoder.space()[:3] = b"abc"  # or socket.recv_into(decoder.space())
+        >>> decoder.received(3)
+        ()
+        """
+        self._refuse_if_broken()
+        if self.state is State.BODY:
+            return self._room[-self._left :]
+        return self._scratch[: HEADERS_BYTES if self.state is State.HEADER else min(self._left, PASSED_BYTES)]
+
+    def received(self, count: int) -> tuple[Event, ...]:
+        """Take the first bytes of what `space` lent.
+
+        Args:
+            count: how many were written there.
+
+        Returns:
+            What became complete, in order; `Broken` is the last if it occurs.
+
+        Raises:
+            ProtocolError: the stream broke earlier.
+            ValueError: more than was lent.
+        """
+        room = self.space()
+        if not 0 <= count <= len(room):
+            raise ValueError(f"{count} bytes received: {len(room)} were lent")
+        if self.state is not State.BODY:
+            return self._take(room[:count])
+        event = self._advance(count)
+        return () if event is None else (event,)
+
+    def feed(self, data: bytes | bytearray | memoryview) -> tuple[Event, ...]:
+        """Take the next bytes of the stream, in pieces of any size.
+
+        Returns:
+            What became complete, in order; `Broken` is the last if it occurs.
+
+        Raises:
+            ProtocolError: the stream broke earlier.
+        """
+        self._refuse_if_broken()
+        return self._take(memoryview(data))
+
+    def _refuse_if_broken(self) -> None:
+        if self.broken:
+            raise ProtocolError("the stream is broken: close the connection and start a new decoder")
+
+    def _take(self, rest: memoryview) -> tuple[Event, ...]:
+        events = []
+        while rest and not self.broken:
+            used, event = self._step(rest)
+            rest = rest[used:]
+            if event is not None:
+                events.append(event)
+        return tuple(events)
+
+    def _step(self, rest: memoryview) -> tuple[int, Event | None]:
+        """Use some of the bytes; what they completed."""
+        if self.state is State.HEADER:
+            used = min(HEADER_BYTES - len(self._head), len(rest))
+            self._head += rest[:used]
+            return used, self._begin() if len(self._head) == HEADER_BYTES else None
+        used = min(self._left, len(rest))
+        if self.state is State.BODY:
+            self._room[-self._left :][:used] = rest[:used]
+        return used, self._advance(used)
+
+    def _begin(self) -> Event | None:
+        """A header is whole; room is taken for its body only now that its size is known to be allowed."""
+        try:
+            self._header = unpack_header(self._head)
+            if self._header.body_bytes > self.max_body_bytes:
+                raise ProtocolError(f"body of {self._header.body_bytes} bytes: at most {self.max_body_bytes}")
+        except ProtocolError as error:
+            self.state = State.ERROR
+            return Broken(str(error))
+        finally:
+            self._head.clear()
+        kept = self._header.type in SPOKEN
+        self.state = State.BODY if kept else State.PASSING
+        size = self._header.body_bytes
+        self._start_body(np.empty(size if kept else 0, dtype=np.uint8), size)
+        return None if size else self._end()
+
+    def _advance(self, count: int) -> Event | None:
+        """The next bytes of the body are in their place; the checksum runs along, so that none is left at the end."""
+        if self.state is State.BODY and count:
+            self._crc = ecma_182(self._room[-self._left :][:count], self._crc)
+        self._left -= count
+        return None if self._left else self._end()
+
+    def _end(self) -> Event:
+        """A body is whole; it is let go of, so that only its event holds it."""
+        header, body, crc, kept = self._header, self._body, self._crc, self.state is State.BODY
+        self.state = State.HEADER
+        self._start_body(np.empty(0, dtype=np.uint8), 0)
+        if not kept:
+            asked = query_of(header.type)
+            return Unknown(header) if asked is None else Received(header, asked)
+        if crc != header.crc:
+            return BadChecksum(header, crc)
+        return _read(header, body)
+
+
+def _read(header: Header, body: NDArray[np.uint8]) -> Event:
+    try:
+        content, message_id, metadata = split_body(memoryview(body.data), header.version)
+        return Received(header, unpack(header.type, content), message_id, metadata)
+    except ProtocolError as error:
+        return Malformed(header, str(error))

@@ -1,0 +1,164 @@
+"""What a monitor has answered to a scanner: its changes of state, and how long each frame waited."""
+
+import json
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from scleraforce.monitor.causes import Cause
+from scleraforce.monitor.transitions import State
+from scleraforce.openigtlink import Message, Status, Text
+from scleraforce.service.telling import READING_DEVICE, STATUS_DEVICE
+
+__all__ = ["AnswerLog", "Change", "FrameAnswer"]
+
+WAITING = 1000  # frames without an answer that are remembered
+SUB_CODES = {cause.value: cause.name for cause in Cause}
+OK = State.WATCHING.value
+
+
+@dataclass(frozen=True)
+class Change:
+    """A STATUS that differs from the one before it, in code or sub-code.
+
+    Attributes:
+        at_s: when it came (s, monotonic).
+        code: of the STATUS.
+        sub_code: of the STATUS.
+        message: of the STATUS.
+        frame: number of the frame that it answers, or of the last that was sent; None: none was.
+        after_s: how long after that frame's last byte.
+        answers: whether it is the answer to that frame.
+        force_mn: what was read in that frame, where this is its answer; None where no force was.
+        interval_mn: its interval, likewise.
+    """
+
+    at_s: float
+    code: int
+    sub_code: int
+    message: str
+    frame: int | None = None
+    after_s: float | None = None
+    answers: bool = False
+    force_mn: float | None = None
+    interval_mn: tuple[float, float] | None = None
+
+    @property
+    def cause(self) -> str | None:
+        """The cause's name; None where the sub-code is none."""
+        return SUB_CODES.get(self.sub_code)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameAnswer:
+    """The STATUS that answers a frame.
+
+    Attributes:
+        at_s: when it came (s, monotonic).
+        took_s: since the frame's last byte.
+        server_ms: how long it took by the monitor's own clock; None where it does not say.
+        code: of the STATUS.
+    """
+
+    at_s: float
+    took_s: float
+    server_ms: float | None
+    code: int
+
+
+class AnswerLog:
+    """Takes what was sent and what was heard, and keeps what a summary needs; no socket, no clock.
+
+    Attributes:
+        changes: of the STATUS, in order; the first one heard is one.
+        answers: to frames, in order.
+        frames_sent: how many frames were sent.
+        begun_s: when the first frame was sent; None before.
+        reading: the last STRING `ForceReading`, parsed.
+        status_s: when the last STATUS came.
+        longest_silence_s: between two STATUS.
+    """
+
+    def __init__(self) -> None:
+        self.changes: list[Change] = []
+        self.answers: list[FrameAnswer] = []
+        self.frames_sent = 0
+        self.begun_s: float | None = None
+        self.reading: Mapping[str, Any] = {}
+        self.status: Status | None = None
+        self.status_s: float | None = None
+        self.longest_silence_s = 0.0
+        self.answered: int | None = None
+        self._waiting: OrderedDict[int, tuple[int, float]] = OrderedDict()
+        self._last: tuple[int, float] | None = None
+
+    def sent(self, number: int, frame_id: int, at_s: float) -> None:
+        """Take a frame that was sent: its number in the recording, its id, when its last byte went."""
+        self.frames_sent += 1
+        self.begun_s = at_s if self.begun_s is None else self.begun_s
+        self._last = self._waiting[frame_id] = number, at_s
+        if len(self._waiting) > WAITING:
+            self._waiting.popitem(last=False)
+
+    def hear(self, at_s: float, device: str, message: Message) -> None:
+        """Take a message of the monitor."""
+        if isinstance(message, Status) and device == STATUS_DEVICE:
+            self._hear_status(at_s, message)
+        elif isinstance(message, Text) and device == READING_DEVICE:
+            self._hear_reading(message.text)
+
+    @property
+    def last(self) -> FrameAnswer | None:
+        """The answer to the frame that was sent last; None as long as there is none."""
+        return self.answers[-1] if self.answers and self._last and self.answered == self._last[0] else None
+
+    @property
+    def ok(self) -> bool:
+        """Whether the robot may go on, by the last STATUS."""
+        return self.status is not None and self.status.code == OK
+
+    def first_doubt(self, since_s: float, codes: Sequence[int] | None = None) -> Change | None:
+        """Return the first change since a time to one of some codes, or to any but OK."""
+        found = (change for change in self.changes if change.at_s >= since_s)
+        return next((change for change in found if (change.code in codes if codes else change.code != OK)), None)
+
+    def _hear_status(self, at_s: float, status: Status) -> None:
+        before, self.status = self.status, status
+        if self.status_s is not None:
+            self.longest_silence_s = max(self.longest_silence_s, at_s - self.status_s)
+        self.status_s = at_s
+        if before is None or (before.code, before.subcode) != (status.code, status.subcode):
+            number, sent_s = self._last or (None, None)
+            after_s = None if sent_s is None else at_s - sent_s
+            self.changes.append(Change(at_s, status.code, status.subcode, status.message, number, after_s))
+
+    def _hear_reading(self, text: str) -> None:
+        """Take the reading of a frame: the STATUS just before it was the frame's."""
+        try:
+            reading = json.loads(text)
+        except ValueError:
+            return
+        if not isinstance(reading, dict):
+            return
+        self.reading = reading
+        frame_id, at_s, status = reading.get("frame_id"), self.status_s, self.status
+        if not isinstance(frame_id, int) or at_s is None or status is None or frame_id not in self._waiting:
+            return
+        number, sent_s = self._waiting.pop(frame_id)
+        self.answered = number
+        self.answers.append(FrameAnswer(at_s, at_s - sent_s, reading.get("latency_ms"), status.code))
+        if self.changes and self.changes[-1].at_s == at_s:
+            self.changes[-1] = replace(
+                self.changes[-1], frame=number, after_s=at_s - sent_s, answers=True,
+                force_mn=_number(reading.get("force_mn")), interval_mn=_interval(reading.get("interval_mn")),
+            )  # fmt: skip
+
+
+def _number(value: object) -> float | None:
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def _interval(value: object) -> tuple[float, float] | None:
+    ends = [_number(end) for end in value] if isinstance(value, list) else []
+    return (ends[0], ends[1]) if len(ends) == 2 and ends[0] is not None and ends[1] is not None else None

@@ -1,0 +1,289 @@
+"""What each fault sends: prepared before it is due, so that reading and encoding delay nothing.
+
+After the fault the recording goes on where it can, so that no silence hides a fault that was not seen.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import ceil, nan
+from time import time
+from types import MappingProxyType
+
+import fastcrc
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError
+from scleraforce.monitor import MonitorLimits
+from scleraforce.openigtlink.wire import HEADER_BYTES, pack_header, unpack_header
+from scleraforce.recording.files import Recording
+from scleraforce.recording.images import Pixels
+from scleraforce.replay.player import median_interval_s
+from scleraforce.replay.scanner_client import Unstamped, frame_message, image_matrix
+
+__all__ = ["BOUND_N", "FLOOD", "WITHIN_S", "Act", "Prepared", "Sending", "prepare"]
+
+WITHIN_S = 0.5  # a withdrawal later than this is none
+BOUND_N = MonitorLimits().bound_n
+DANGEROUS_N = BOUND_N + 3e-3  # clear of the bound by what a reading errs
+RISE_N_PER_S = 0.15
+FLOOD = 100  # a second's worth; what the monitor reads as fast as it comes is no fault
+MOST_BUFFERS = 10  # pictures that a stuck buffer shows in turns
+CLOCK_ROWS, CLOCK_COLUMNS = 1 / 32, 1 / 8  # of the frame, where a time is burned in
+LATER = 0.8  # of each interval is waited longer than of the one before
+
+
+@dataclass(frozen=True)
+class Sending:
+    """What is sent: a frame, with the id of its sender and a time that may be wrong; or bytes as they are."""
+
+    message: Unstamped | bytes
+    number: int = 0
+    late_s: float = 0.0
+
+
+Act = tuple[Sending, ...] | None  # what is sent at a frame's time; None: the connection is closed
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A fault that is ready: its name, its time in the recording (s), and the acts from then on."""
+
+    name: str
+    time_s: float
+    acts: tuple[Act, ...]
+
+
+def prepare(
+    name: str,
+    recording: Recording,
+    time_s: float,
+    rng: np.random.Generator,
+    *,
+    version: int = 1,
+    speed: float = 1.0,
+    forces_n: Sequence[float] | None = None,
+) -> Prepared:
+    """Prepare a fault that begins in the place of the first frame at or after a time of the recording.
+
+    Args:
+        name: one of `faults.FAULTS`.
+        recording: what is played until then, and after it.
+        time_s: on the recording's clock.
+        rng: of what is drawn: noise or black, the byte that flips.
+        version: of the headers.
+        speed: recorded seconds in a second.
+        forces_n: the force at each frame; "rising" and "dangerous" need it.
+
+    Raises:
+        InputError: no such fault, no such time, or a recording that does not have it.
+    """
+    if name not in ACTS:
+        raise InputError(f"fault: {name!r}; one of these would do: {', '.join(ACTS)}")
+    frames_s = [entry.time_s for entry in recording.frames]
+    first = int(np.searchsorted(frames_s, time_s))
+    if not 2 <= first < len(frames_s) - 1:
+        raise InputError(
+            f"{recording.path}: a fault at {time_s:g} s; frames are from {frames_s[2]:g} to {frames_s[-2]:g} s"
+        )
+    stage = _Stage(recording, first, rng, version, median_interval_s(recording) / speed, forces_n)
+    acts = ACTS[name](stage)
+    return Prepared(name, frames_s[first], tuple(acts))
+
+
+class _Stage:
+    """What a fault is made of: the frames that would come next, and new numbers for what is sent instead."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        first: int,
+        rng: np.random.Generator,
+        version: int,
+        interval_s: float,
+        forces_n: Sequence[float] | None,
+    ) -> None:
+        self.recording, self.first, self.rng, self.version, self.interval_s = recording, first, rng, version, interval_s
+        self.count = ceil(WITHIN_S / interval_s) + 1
+        self.number = first  # of the last frame before the fault
+        self._forces_n = forces_n
+
+    def pixels(self, index: int) -> Pixels:
+        """Return the pixels of the frame that comes so many after the fault's time."""
+        return self.recording.frame(self.recording.frames[self.first + index])
+
+    def sending(self, pixels: Pixels, matrix: tuple[float, ...] | None = None) -> Sending:
+        """Return a frame with the next number."""
+        self.number += 1
+        message = frame_message(pixels, self.recording.info.oct, self.number, self.version, matrix=matrix)
+        return Sending(message, self.number)
+
+    def onward(self, begin: int) -> list[Act]:
+        """Return what the scanner would send from there on."""
+        stop = min(self.count, len(self.recording.frames) - self.first)
+        return [(self.sending(self.pixels(index)),) for index in range(begin, stop)]
+
+    def forces_n(self, least_n: float) -> NDArray[np.float64]:
+        """Return the force at each frame, where one is at least so large."""
+        if self._forces_n is None:
+            raise InputError(f"{self.recording.path}: no force at its frames; truth.json or forces.csv would tell it")
+        forces_n = np.asarray(self._forces_n)
+        if not forces_n.max() >= least_n:
+            found = f"forces up to {forces_n.max() * 1e3:.1f} mN; this fault needs {least_n * 1e3:g} mN"
+            raise InputError(f"{self.recording.path}: {found}: choose another recording")
+        return forces_n
+
+    def nearest(self, wanted_n: Sequence[float] | NDArray[np.float64], least_n: float) -> list[Pixels]:
+        """Return pixels of the frames whose forces are nearest; as long as there are others, none that was shown."""
+        forces_n, shown = self.forces_n(least_n), MonitorLimits().shown_frames
+        chosen = list(range(max(0, self.first - shown), self.first))
+        for force_n in wanted_n:
+            order = np.argsort(np.abs(forces_n - force_n), kind="stable")
+            recent = set(chosen[-shown:])
+            chosen.append(int(next((index for index in order if index not in recent), order[0])))
+        return [self.recording.frame(self.recording.frames[index]) for index in chosen[-len(wanted_n) :]]
+
+
+def _unusable(stage: _Stage) -> list[Act]:
+    """Noise, or nothing: black pixels with a few counts of noise, so that it is no frozen picture."""
+    top = 2**stage.recording.info.oct.bits if stage.rng.random() < 0.5 else 3
+    like = stage.pixels(0)
+    counts = [stage.rng.integers(0, top, like.shape) for _ in range(stage.count)]
+    if like.dtype == np.uint8:
+        return [(stage.sending(wrong.astype(np.uint8)),) for wrong in counts]
+    return [(stage.sending(wrong.astype(np.uint16)),) for wrong in counts]
+
+
+def _silence(stage: _Stage) -> list[Act]:
+    return [()] * stage.count
+
+
+def _frozen(stage: _Stage) -> list[Act]:
+    last = stage.pixels(-1)
+    return [(stage.sending(last),) for _ in range(stage.count)]
+
+
+def _double_buffer(stage: _Stage) -> list[Act]:
+    """The last pictures in turns, as a buffer sends them that nobody fills."""
+    most = min(MOST_BUFFERS, stage.first)
+    buffers = int(stage.rng.integers(2, most + 1))
+    old = [stage.pixels(back - buffers) for back in range(buffers)]
+    return [(stage.sending(old[place % buffers]),) for place in range(stage.count)]
+
+
+def _burned_in_clock(stage: _Stage) -> list[Act]:
+    """The last picture, in a corner of which something changes: a time, or a single pixel."""
+    last = stage.pixels(-1)
+    rows, columns = ceil(len(last) * CLOCK_ROWS), ceil(last.shape[1] * CLOCK_COLUMNS)
+    if stage.rng.random() < 0.5:
+        rows, columns = 1, 1
+    acts: list[Act] = []
+    for place in range(stage.count):
+        burned_in = last.copy()
+        digits = stage.rng.integers(0, 2, (rows, columns)) * (2**stage.recording.info.oct.bits - 1)
+        burned_in[:rows, :columns] = digits ^ (place & 1)
+        acts.append((stage.sending(burned_in),))
+    return acts
+
+
+def _stale(stage: _Stage) -> list[Act]:
+    """A queue before the line grows: each frame has waited longer than the one before."""
+    waited = [
+        replace(sending, late_s=-LATER * place * stage.interval_s)
+        for place, act in enumerate(stage.onward(0), start=1)
+        for sending in act or ()
+    ]
+    return [(sending,) for sending in waited]
+
+
+def _out_of_order(stage: _Stage) -> list[Act]:
+    back = int(stage.rng.integers(1, min(stage.first, 20)))
+    stage.number -= back + 1
+    old = replace(stage.sending(stage.pixels(0)), late_s=-(back + 1) * stage.interval_s)
+    stage.number = stage.first + 1
+    return [(old,), *stage.onward(1)]
+
+
+def _size(stage: _Stage) -> list[Act]:
+    pixels = stage.pixels(0)
+    return [(stage.sending(pixels[: len(pixels) // 2]),), *stage.onward(1)]
+
+
+def _scale(stage: _Stage) -> list[Act]:
+    return [(stage.sending(stage.pixels(0), _matrix(stage, 1.03)),), *stage.onward(1)]
+
+
+def _nan(stage: _Stage) -> list[Act]:
+    matrix = list(_matrix(stage, 1.0))
+    matrix[int(stage.rng.integers(12))] = nan
+    return [(stage.sending(stage.pixels(0), tuple(matrix)),), *stage.onward(1)]
+
+
+def _matrix(stage: _Stage, scale: float) -> tuple[float, ...]:
+    return tuple(scale * value for value in image_matrix(stage.recording.info.oct))
+
+
+def _checksum(stage: _Stage) -> list[Act]:
+    sending = stage.sending(stage.pixels(0))
+    data = _bytes(sending)
+    data[int(stage.rng.integers(HEADER_BYTES, len(data)))] ^= 1 << int(stage.rng.integers(8))
+    return [(Sending(bytes(data)),), *stage.onward(1)]
+
+
+def _bad_image(stage: _Stage) -> list[Act]:
+    """The body states more pixels than it has; its length in the header and its checksum are right."""
+    data = _bytes(stage.sending(stage.pixels(0)))
+    header = unpack_header(data[:HEADER_BYTES])
+    body = bytes(data[HEADER_BYTES : -int(stage.rng.integers(1, len(data) // 2))])
+    if stage.version > 1:  # what stands behind the pixels stays behind them
+        body = body[:-2] + bytes(2)
+    head = pack_header(replace(header, body_bytes=len(body), crc=fastcrc.crc64.ecma_182(body)))
+    return [(Sending(head + body),), *stage.onward(1)]
+
+
+def _bytes(sending: Sending) -> bytearray:
+    assert isinstance(sending.message, Unstamped)
+    return sending.message.stamped(time())
+
+
+def _flood(stage: _Stage) -> list[Act]:
+    several = [stage.pixels(index) for index in range(min(FLOOD, len(stage.recording.frames) - stage.first))]
+    burst = [stage.sending(several[place % len(several)]) for place in range(FLOOD)]
+    return [tuple(replace(sending, late_s=place * 1e-5) for place, sending in enumerate(burst)), *stage.onward(1)]
+
+
+def _rising(stage: _Stage) -> list[Act]:
+    start_n = stage.forces_n(BOUND_N)[stage.first - 1]
+    wanted_n = start_n + RISE_N_PER_S * stage.interval_s * np.arange(1, stage.count + 1)
+    top_n = stage.forces_n(BOUND_N).max()
+    return [(stage.sending(pixels),) for pixels in stage.nearest(np.minimum(wanted_n, top_n), BOUND_N)]
+
+
+def _dangerous(stage: _Stage) -> list[Act]:
+    forces_n = stage.forces_n(DANGEROUS_N)
+    wanted_n = stage.rng.choice(forces_n[forces_n >= DANGEROUS_N])
+    (pixels,) = stage.nearest([wanted_n], DANGEROUS_N)
+    return [(stage.sending(pixels),), *stage.onward(1)]
+
+
+def _half(stage: _Stage) -> list[Act]:
+    data = _bytes(stage.sending(stage.pixels(0)))
+    return [(Sending(bytes(data[: len(data) // 2])),), *_silence(stage)]
+
+
+def _garbage(stage: _Stage) -> list[Act]:
+    return [(Sending(b"\xff" + stage.rng.bytes(4095)),), *_silence(stage)]
+
+
+def _disconnect(stage: _Stage) -> list[Act]:
+    return [None, *_silence(stage)]
+
+
+ACTS: Mapping[str, Callable[[_Stage], list[Act]]] = MappingProxyType(
+    {
+        "unusable": _unusable, "silence": _silence, "frozen": _frozen, "double-buffer": _double_buffer,
+        "burned-in-clock": _burned_in_clock, "stale": _stale, "out-of-order": _out_of_order, "size": _size,
+        "scale": _scale, "checksum": _checksum, "nan": _nan, "bad-image": _bad_image, "flood": _flood,
+        "rising": _rising, "dangerous": _dangerous, "half": _half, "garbage": _garbage, "disconnect": _disconnect,
+    }
+)  # fmt: skip

@@ -1,0 +1,178 @@
+"""A recording played to a monitor, as the scanner that took it would send it."""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field
+from heapq import merge
+from itertools import islice, pairwise
+from math import ceil
+from time import monotonic, time
+
+import numpy as np
+
+from scleraforce.openigtlink import Sensor
+from scleraforce.recording.files import Recording
+from scleraforce.recording.tables import FORCE_COLUMNS, FrameEntry
+from scleraforce.replay.answer_log import AnswerLog
+from scleraforce.replay.scanner_client import ScannerClient, Unstamped, frame_message
+
+__all__ = ["AHEAD", "FORCE_DEVICE", "STATED_S", "Player", "Timed", "median_interval_s"]
+
+FORCE_DEVICE = "RobotForce"
+UNIT = 0  # of the protocol: none is stated, for forces and torques stand in one message
+AHEAD = 48  # frames that are read before they are due: half a second at 100 a second, 25 MB
+READERS = 2
+FORCES_PER_S = 1000.0  # that are sent at most; of a faster log, every n-th sample
+STATED_S = 0.05  # of a delay at most stands in the header: it is the replay's, not the scanner's
+ANSWER_S = 1.0  # how long a step, and the end, wait for the answer
+
+
+@dataclass(frozen=True, order=True)
+class Timed:
+    """A message at its time in the recording, s; `number` is that of a frame, from 1, and 0 of a force."""
+
+    time_s: float
+    number: int
+    message: Unstamped = field(compare=False)
+
+
+class Player:
+    """Plays a recording through an open client; keeps time by the monotonic clock, so that no delay adds up.
+
+    Args:
+        recording: what is played.
+        client: connected to the monitor.
+        log: told of each frame that goes out.
+        speed: recorded seconds in a second.
+        version: of the headers, 1 to 3.
+        ahead: frames that are read before they are due, and before the first one goes out.
+        watch: called after each message that went out.
+
+    Attributes:
+        forces_sent: how many samples of the force log went out.
+        latest_s: how late the latest message was.
+        last: the frame that went out last.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        client: ScannerClient,
+        log: AnswerLog,
+        *,
+        speed: float = 1.0,
+        version: int = 1,
+        ahead: int = AHEAD,
+        watch: Callable[[], object] = lambda: None,
+    ) -> None:
+        self.recording, self.client, self.log = recording, client, log
+        self.speed, self.version, self.ahead = speed, version, ahead
+        self.forces_sent, self.latest_s, self.last = 0, 0.0, 0
+        self._watch = watch
+        self._begun: tuple[float, float, float] | None = None
+        self._frame_went: tuple[float, float] | None = None
+
+    def play(self, stop_s: float = float("inf")) -> None:
+        """Play until a time of the recording, or its end; then wait a moment for the last answer.
+
+        Raises:
+            LinkError: the connection was lost.
+            FrameError: a frame cannot be read.
+        """
+        entries = [entry for entry in self.recording.frames if entry.time_s < stop_s]
+        forces = (force for force in self._forces() if force.time_s < min(stop_s, self.recording.frames[-1].time_s))
+        for timed in merge(self.frames(entries), forces):
+            self.send(timed)
+        if stop_s == float("inf"):
+            self.client.listen(monotonic() + ANSWER_S, lambda: self.log.answered == self.last)
+            self._watch()
+
+    def step(self, asked: Callable[[FrameEntry], bool]) -> None:
+        """Send a frame each time that `asked` returns, until it returns False, and wait for its answer; no forces.
+
+        Raises:
+            LinkError: the connection was lost.
+            FrameError: a frame cannot be read.
+        """
+        for entry, timed in zip(self.recording.frames, self.frames(self.recording.frames), strict=True):
+            if not asked(entry):
+                return
+            self.client.listen(monotonic())
+            self._put(timed, time())
+            self.client.listen(monotonic() + ANSWER_S, lambda: self.log.answered == self.last)
+            self._watch()
+
+    def send(self, timed: Timed) -> float:
+        """Wait until a message is due and send it, with that time; return when its last byte went.
+
+        Where the replay is late, it catches up with half the time between two frames: at once, they would be a flood.
+        """
+        due_s, stamp_s = self.due(timed.time_s)
+        earliest_s = due_s
+        if timed.number and self._frame_went is not None:
+            time_s, went_s = self._frame_went
+            earliest_s = max(due_s, went_s + (timed.time_s - time_s) / self.speed / 2)
+        self.client.listen(earliest_s)
+        late_s = max(0.0, monotonic() - due_s)
+        self.latest_s = max(self.latest_s, late_s)
+        sent_s = self._put(timed, stamp_s + max(0.0, late_s - STATED_S))
+        if timed.number:
+            self._frame_went = timed.time_s, sent_s
+        return sent_s
+
+    def due(self, time_s: float) -> tuple[float, float]:
+        """Return when a time of the recording is due, on the monotonic clock and since 1970; the first one is now."""
+        if self._begun is None:
+            self._begun = time_s, monotonic(), time()
+        first_s, monotonic_s, wall_s = self._begun
+        passed_s = (time_s - first_s) / self.speed
+        return monotonic_s + passed_s, wall_s + passed_s
+
+    def _put(self, timed: Timed, stamp_s: float) -> float:
+        sent_s = self.client.send(timed.message.stamped(stamp_s))
+        if timed.number:
+            self.last = timed.number
+            self.log.sent(timed.number, timed.message.frame_id, sent_s)
+        else:
+            self.forces_sent += 1
+        self._watch()
+        return sent_s
+
+    def frames(self, entries: tuple[FrameEntry, ...] | list[FrameEntry]) -> Iterator[Timed]:
+        """Read frames in their order, `ahead` of them before they are asked for, and before the first one is given."""
+        numbers = {entry.file: number for number, entry in enumerate(self.recording.frames, start=1)}
+        with ThreadPoolExecutor(READERS) as pool:
+            waiting: deque[Future[Timed]] = deque()
+            left = iter(entries)
+            try:
+                for entry in islice(left, self.ahead):
+                    waiting.append(pool.submit(self._read, entry, numbers[entry.file]))
+                wait(waiting)
+                while waiting:
+                    yield waiting.popleft().result()
+                    for entry in islice(left, 1):
+                        waiting.append(pool.submit(self._read, entry, numbers[entry.file]))
+            finally:
+                pool.shutdown(cancel_futures=True)
+
+    def _read(self, entry: FrameEntry, number: int) -> Timed:
+        pixels = self.recording.frame(entry)
+        return Timed(entry.time_s, number, frame_message(pixels, self.recording.info.oct, number, self.version))
+
+    def _forces(self) -> Iterator[Timed]:
+        """Return the force log as SENSOR: three forces, three torques where there are such; else the contact force."""
+        log, info = self.recording.forces, self.recording.info.force
+        if log is None or info is None:
+            return
+        every = max(1, ceil(log.sample_rate_hz * self.speed / FORCES_PER_S - 1e-3))
+        whole = tuple(FORCE_COLUMNS[1 : 1 + len(log.columns)]) == log.columns and len(log.columns) in (3, 6)
+        values_sc = log.wrench_sc if whole else info.contact_sign * log.force_n(info.axis)[:, None]
+        for time_s, values_c in zip(log.time_s[::every].tolist(), values_sc[::every].tolist(), strict=True):
+            yield Timed(time_s, 0, Unstamped(Sensor(tuple(values_c), UNIT), FORCE_DEVICE, self.version))
+
+
+def median_interval_s(recording: Recording) -> float:
+    """Return the time between two frames of a recording."""
+    steps_s = [b.time_s - a.time_s for a, b in pairwise(recording.frames)]
+    return float(np.median(steps_s)) if steps_s else 0.01

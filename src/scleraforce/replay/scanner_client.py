@@ -1,0 +1,184 @@
+"""A scanner's end of the connection to a monitor: sends frames, and hears what the monitor says while it sends."""
+
+import socket
+from collections.abc import Callable
+from contextlib import suppress
+from select import select
+from time import monotonic
+
+from scleraforce.errors import InputError, LinkError
+from scleraforce.openigtlink import Broken, Decoder, Image, Message, Received, encode
+from scleraforce.recording.images import Pixels
+from scleraforce.recording.info import OctInfo
+from scleraforce.service.stamp import stamp, stamped_s
+
+__all__ = ["SCANNER_DEVICE", "ScannerClient", "Unstamped", "frame_message", "image_matrix"]
+
+SCANNER_DEVICE = "Scanner"
+CONNECT_S = 5.0
+STALL_S = 5.0  # a monitor that reads nothing for so long does not read
+LAST_BYTES = 4096
+MM_PER_M = 1e3
+
+Hear = Callable[[float, str, Message], object]
+
+
+class Unstamped:
+    """A message that is encoded, but for the time in its header; `message_id` is 0 in version 1."""
+
+    def __init__(self, message: Message, device: str, version: int, message_id: int = 0) -> None:
+        message_id = message_id if version > 1 else 0
+        self._bytes = bytearray(encode(message, device, version=version, message_id=message_id))
+        self._message_id = message_id
+
+    def stamped(self, time_s: float) -> bytearray:
+        """Return the message with a time, s since 1970; valid until the next call."""
+        stamp(self._bytes, time_s)
+        return self._bytes
+
+    @property
+    def frame_id(self) -> int:
+        """What a monitor calls the frame: the message id, or without one the time in microseconds."""
+        return self._message_id or int(stamped_s(self._bytes) * 1e6)
+
+
+def frame_message(
+    pixels: Pixels, oct_info: OctInfo, number: int, version: int, *, matrix: tuple[float, ...] | None = None
+) -> Unstamped:
+    """Encode a frame as an IMAGE of one slice; `matrix` replaces what the recording says."""
+    return Unstamped(Image(pixels[None], matrix or image_matrix(oct_info)), SCANNER_DEVICE, version, number)
+
+
+def image_matrix(oct_info: OctInfo) -> tuple[float, ...]:
+    """Return the matrix of an IMAGE: the steps to the next column, row and slice in mm, then the centre, at 0."""
+    lateral_mm = oct_info.width_m / oct_info.columns * MM_PER_M
+    depth_mm = oct_info.depth_m / oct_info.rows * MM_PER_M
+    return (lateral_mm, 0.0, 0.0, 0.0, depth_mm, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+class ScannerClient:
+    """Open connections to a monitor: the scanner's, and on request a robot's beside it. Nothing waits for ever.
+
+    Args:
+        host: of the monitor.
+        port: of the monitor.
+        hear: called with the time (s, monotonic), the device and the message for each that the monitor sends.
+        observed: hear through the robot's connection, which stays when the scanner's breaks.
+
+    Raises:
+        InputError: nobody listens there.
+    """
+
+    def __init__(self, host: str, port: int, hear: Hear, *, observed: bool = False) -> None:
+        self.address, self._hear, self._decoder = f"{host}:{port}", hear, Decoder()
+        self._scanner: socket.socket | None = _connect(host, port)
+        self._heard: socket.socket | None = _connect(host, port) if observed else self._scanner
+
+    def send(self, data: bytes | bytearray) -> float:
+        """Send bytes; return when the last of them were handed to the system (s, monotonic).
+
+        The clock is read before the last 4 KiB: a monitor of higher priority may answer before `send` returns.
+
+        Raises:
+            LinkError: the connection is lost, or the monitor does not read.
+        """
+        whole = memoryview(data)
+        self._send(whole[:-LAST_BYTES])
+        last_s = monotonic()
+        self._send(whole[-LAST_BYTES:])
+        return last_s
+
+    def _send(self, rest: memoryview) -> None:
+        moved_s = monotonic()
+        while rest:
+            if self._scanner is None:
+                raise LinkError(f"{self.address}: the monitor has closed the connection")
+            try:
+                rest, moved_s = rest[self._scanner.send(rest) :], monotonic()
+            except BlockingIOError:
+                if monotonic() - moved_s > STALL_S:
+                    raise LinkError(f"{self.address}: the monitor has read nothing for {STALL_S:g} s") from None
+                self._turn(0.1, writing=True)
+            except OSError as fault:
+                self._lose(self._scanner, fault)
+
+    def listen(self, until_s: float, done: Callable[[], bool] = lambda: False) -> None:
+        """Hear the monitor until a time (s, monotonic), or until `done`.
+
+        Raises:
+            LinkError: the connection is lost, or its other end speaks no OpenIGTLink.
+        """
+        self._turn(0.0)
+        while not done() and (left_s := until_s - monotonic()) > 0.0:
+            self._turn(left_s)
+
+    def disconnect(self) -> None:
+        """Close the scanner's connection, and leave the robot's."""
+        if self._scanner is not None and self._scanner is not self._heard:
+            self._scanner.close()
+            self._scanner = None
+
+    def close(self) -> None:
+        """Close all connections."""
+        for link in {self._scanner, self._heard} - {None}:
+            link.close()  # type: ignore[union-attr]
+        self._scanner = self._heard = None
+
+    def _turn(self, within_s: float, writing: bool = False) -> None:
+        """Wait until something has come, or, `writing`, until the scanner's connection takes bytes again."""
+        links = {link for link in (self._scanner, self._heard) if link is not None}
+        writers = [self._scanner] if writing and self._scanner is not None else []
+        for link in select(list(links), writers, [], within_s)[0]:
+            if link is self._heard:
+                self._receive(link)
+            else:
+                self._pass_over(link)
+
+    def _receive(self, link: socket.socket) -> None:
+        try:
+            count = link.recv_into(self._decoder.space())
+        except BlockingIOError:
+            return
+        except OSError as fault:
+            self._lose(link, fault)
+            return
+        at_s = monotonic()
+        if not count:
+            self._lose(link, None)
+        for event in self._decoder.received(count):
+            if isinstance(event, Broken):
+                raise LinkError(f"{self.address}: no OpenIGTLink comes from there: {event.reason}")
+            if isinstance(event, Received):
+                self._hear(at_s, event.header.device, event.message)
+
+    def _pass_over(self, link: socket.socket) -> None:
+        """Read what the robot's connection says as well."""
+        try:
+            if not link.recv(1 << 16):
+                self._lose(link, None)
+        except BlockingIOError:
+            pass
+        except OSError as fault:
+            self._lose(link, fault)
+
+    def _lose(self, link: socket.socket, fault: OSError | None) -> None:
+        """Go on without the scanner's connection where the robot's is heard."""
+        if link is self._scanner:
+            self._scanner = None
+        if link is self._heard:
+            raise LinkError(f"{self.address}: the connection is lost: {fault.strerror if fault else 'it was closed'}")
+        link.close()
+
+
+def _connect(host: str, port: int) -> socket.socket:
+    try:
+        link = socket.create_connection((host, port), timeout=CONNECT_S)
+    except OSError as fault:
+        reason = fault.strerror or str(fault)
+        raise InputError(
+            f"{host}:{port}: {reason}; start `scleraforce monitor` there, or give --host, --port"
+        ) from fault
+    link.setblocking(False)
+    with suppress(OSError):
+        link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return link

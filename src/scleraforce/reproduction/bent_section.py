@@ -1,0 +1,199 @@
+"""The part of the page with the paper's trials on walls of finite strain: the paper's method and the force reader."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from math import isnan
+from pathlib import Path
+from statistics import mean, median
+
+import numpy as np
+
+from scleraforce.known.calibration_file import CalibrationSummary, read_calibration
+from scleraforce.laboratory.phantom import true_forces
+from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
+from scleraforce.library import Library
+from scleraforce.library.sections import cut_surfaces
+from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+from scleraforce.reader.metrics import ForceTrial, coverage, mean_absolute_error
+from scleraforce.report.answered_frame import AnsweredFrame, look_at
+from scleraforce.report.evaluation_page import read_forces_figure
+from scleraforce.report.html import Html, figure, paragraph, section, table
+from scleraforce.report.style import data_uri
+from scleraforce.report.tables import NOTHING, confusion_table, frame_table, share
+from scleraforce.report.wall_figure import ComputedWall, FrameWithWalls, draw_walls, laid_on_surface
+from scleraforce.reproduction.bent import CALIBRATED, CALIBRATION_FORCES_N, bent_trials, run_library
+from scleraforce.reproduction.figures import eye_of
+from scleraforce.reproduction.run import Run
+from scleraforce.section.plane import Section
+from scleraforce.units import n_to_mn
+
+__all__ = ["bent_section"]
+
+SHOWN_FORCES_N = (12e-3, 28e-3, 50e-3)  # of the frames with computed walls: as near as the first eye's trials come
+
+
+def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callable[[Html], Html]) -> Html:
+    """Return the comparison of both methods: tables, force against force, and the walls that they take for the eye.
+
+    Args:
+        run: its bent eyes are made and calibrated.
+        paper: the answers of the paper's method.
+        reader: those of the force reader to the same frames.
+        drawn: called with each figure.
+    """
+    forces = ", ".join(f"{n_to_mn(force):g}" for force in CALIBRATION_FORCES_N)
+    words = (
+        "Walls that are thin beside their dent soften and then stiffen, which linear mechanics does not know. Here the "
+        "eyes of the same design are computed in three dimensions at finite strain and imaged anew. The paper's method "
+        f"reads them with a network for the mean linear modulus of {CALIBRATED} of them, calibrated on all their "
+        "frames. The force reader has learned from the response library, and each eye is read with its own modulus, "
+        f"found on three pushes of {forces} mN before the trials, which do not count."
+    )
+    return section(
+        "Walls that bend: the paper's method and the force reader",
+        paragraph(words),
+        _comparison(paper, reader),
+        *_coverage_words(reader),
+        _moduli(run),
+        drawn(read_forces_figure(reader)),
+        confusion_table(paper.confusion, paper.bounds_n, "The paper's method on walls of finite strain."),
+        confusion_table(reader.confusion, reader.bounds_n, "The force reader on the same trials."),
+        *_misread(paper, "the paper's method"),
+        *_misread(reader, "the force reader"),
+        drawn(_walls_figure(run, reader)),
+    )
+
+
+def _comparison(paper: Evaluation, reader: Evaluation) -> Html:
+    both, true = (paper, reader), _against_truth(reader)
+    rows: list[list[object]] = [
+        ["trials read right", *(share(one.accuracy) for one in both)],
+        ["the same, of the usable ones", *(share(one.usable.accuracy) for one in both)],
+        ["dangerous forces seen (recall of class 2)", *(share(one.recall[-1]) for one in both)],
+        ["dangerous forces read as harmless (2 as 0)", *(int(one.confusion[-1, 0]) for one in both)],
+        ["trials not usable, which count as class 2", *(len(one.scored) - len(one.usable.scored) for one in both)],
+        ["mean error of the force in mN", *(_number(n_to_mn(one.mae_n)) for one in both)],
+        ["the same against the true force", NOTHING, _number(n_to_mn(mean_absolute_error(true)))],
+        ["logged forces within their 90 % interval", *(share(one.coverage) for one in both)],
+        ["true forces within their 90 % interval", NOTHING, share(coverage(true))],
+    ]
+    caption = (
+        f"The same {len(reader.scored)} trials, read in two ways; in brackets the 95 % Wilson interval. Forces are "
+        "those of the force log, whose labels are noisy and drift over the minutes of a recording; of virtual eyes "
+        "the true ones are known, too."
+    )
+    return table(["", "the paper's method", "the force reader"], rows, caption)
+
+
+def _coverage_words(reader: Evaluation) -> tuple[Html, ...]:
+    """Say what the two shares of forces within their intervals are of, and what comes between them."""
+    logged, true = reader.forces, _against_truth(reader)
+    if not logged:
+        return ()
+    off_mn = [n_to_mn(abs(log.measured_n - fact.measured_n)) for log, fact in zip(logged, true, strict=True)]
+    reach_mn = median(n_to_mn(high - low) / 2 for low, high in (trial.interval_n for trial in true))
+    _, most = Counter(frame.recording for frame in reader.scored).most_common(1)[0]
+    words = (
+        "The reader's 90 % interval is one of the true force under the needle; it allows for no error of the force "
+        f"log. The log is off from the true force by {mean(off_mn):.2f} mN in the mean and by {max(off_mn):.2f} mN at "
+        "most, because its zero is taken once, before the first contact, and drifts from then on; the intervals reach "
+        f"{reach_mn:.2f} mN to either side in the median. They hold {coverage(logged).value:.2f} of the logged forces "
+        f"and {coverage(true).value:.2f} of the true ones: the log's error makes the difference, and only the second "
+        "figure says how good the intervals are. Trials of one eye share the drift of its log, and the error of the "
+        f"modulus that was found with it; one eye has {most} of the {len(reader.scored)} trials. Wilson's intervals "
+        "take trials for independent, so they are too narrow here. The paper's method reads no force, so it has none."
+    )
+    return (paragraph(words),)
+
+
+def _against_truth(reader: Evaluation) -> list[ForceTrial]:
+    """Return the forces that were read beside the true ones."""
+    true = {path: true_forces(Path(path)) for path in {frame.recording for frame in reader.scored}}
+    return [
+        ForceTrial(true[frame.recording][frame.file], frame.predicted_force_n, frame.interval_n)
+        for frame in reader.scored
+        if frame.predicted_force_n is not None and frame.interval_n is not None
+    ]
+
+
+def _moduli(run: Run) -> Html:
+    """Return what each mechanics takes for the modulus of each eye, beside the true one."""
+    linear, finite = read_calibration(run.bent.linear), read_calibration(run.bent.finite_strain)
+    eyes = [eye for eye, _ in bent_trials(run.study)]
+    rows: list[list[object]] = [
+        ["true", *(f"{eye.youngs_modulus_pa / 1e6:.3f}" for eye in eyes)],
+        ["linear, all frames", *(_modulus(linear, eye.id) for eye in eyes)],
+        ["finite strain, three frames", *(_modulus(finite, eye.id) for eye in eyes)],
+    ]
+    caption = "Young's modulus in MPa: mean and standard deviation of the posterior."
+    return table(["", *(eye.id for eye in eyes)], rows, caption)
+
+
+def _modulus(summary: CalibrationSummary, eye: str) -> str:
+    if eye not in summary.eyes:
+        return NOTHING
+    found = summary.eyes[eye]
+    return f"{found.mean_pa / 1e6:.3f} ± {found.sd_pa / 1e6:.3f}"
+
+
+def _misread(evaluation: Evaluation, name: str) -> tuple[Html, ...]:
+    misread = [frame for frame in evaluation.scored if frame.predicted != frame.target]
+    if not misread:
+        return (paragraph(f"No trial was misread by {name}."),)
+    return (frame_table(evaluation, misread, f"Trials misread by {name}."),)
+
+
+def _walls_figure(run: Run, reader: Evaluation) -> Html:
+    """Return frames of the first eye with the walls that finite strain and linear mechanics compute for them."""
+    looks = [look_at(answer) for answer in _shown(reader)]
+    forces_n = [max(look.answer.measured_force_n or 0.0, 0.0) for look in looks]
+    linear, finite = (_stated_eye(run, path, looks[0]) for path in (run.bent.linear, run.bent.finite_strain))
+    computed = {
+        "finite strain": _finite_sections(run_library(run), finite, forces_n),
+        "linear": linear_sections(linear, run.study)(forces_n),
+    }
+    frames = [
+        _with_walls(look, {name: sections[number] for name, sections in computed.items()})
+        for number, look in enumerate(looks)
+    ]
+    caption = (
+        f"Frames of {linear.id} and the sections computed for their measured forces, each mechanics with the "
+        "modulus that it found for this eye. Only their place in the frame is fitted."
+    )
+    return figure(data_uri(draw_walls(frames)), "raw frames with the linear and the finite-strain section", caption)
+
+
+def _shown(reader: Evaluation) -> list[FrameAnswer]:
+    first = [frame for frame in reader.scored if frame.eye == reader.scored[0].eye]
+    nearest = [min(first, key=lambda frame: abs((frame.measured_force_n or 0.0) - force)) for force in SHOWN_FORCES_N]
+    return list(dict.fromkeys(nearest))
+
+
+def _stated_eye(run: Run, calibration: Path, look: AnsweredFrame) -> PhantomEye:
+    """Return the eye of a frame as its recording states it, with the modulus of a calibration."""
+    modulus_pa = read_calibration(calibration).eyes[look.answer.eye].mean_pa
+    eye = replace(run.study.eye, youngs_modulus_pa=modulus_pa)
+    return eye_of(look.recording, replace(run.study, eye=eye))
+
+
+def _with_walls(look: AnsweredFrame, computed: Mapping[str, Section]) -> FrameWithWalls:
+    width_m, depth_m = look.extent_m
+    surface_m = (look.found.outer_row + 0.5) * depth_m / len(look.frame)
+    walls = tuple(ComputedWall(name, laid_on_surface(cut, surface_m, width_m)) for name, cut in computed.items())
+    force_mn = n_to_mn(max(look.answer.measured_force_n or 0.0, 0.0))
+    return FrameWithWalls(f"{look.answer.file}, {force_mn:.0f} mN", look.frame, look.extent_m, walls)
+
+
+def _finite_sections(library: Library, eye: PhantomEye, forces_n: Sequence[float]) -> list[Section]:
+    """Return the library's sections of an eye; where a force goes beyond the library, its last state."""
+    E = eye.youngs_modulus_pa
+    library = library.for_contact(eye.polar_rad)
+    thickness_m, iop_ratio = np.full(len(forces_n), eye.thickness_m), np.full(len(forces_n), eye.iop_pa / E)
+    ratios = np.minimum(np.array(forces_n) / E, library.largest_force_ratio(thickness_m, iop_ratio))
+    walls = library.curves(thickness_m, iop_ratio, ratios).curves_sbnc.astype(np.float64)
+    return [cut_surfaces(wall, eye.gap_m, eye.tilt_rad) for wall in walls]
+
+
+def _number(value: float) -> str:
+    return NOTHING if isnan(value) else f"{value:.2f}"

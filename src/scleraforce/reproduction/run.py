@@ -1,0 +1,233 @@
+"""The whole pipeline in one folder: virtual eyes, slices, network, answers, page (the paper from end to end).
+
+Each stage leaves its result in the folder, and `reproduce.json` says which are finished, and by what code. A later run
+with the same study takes up what is finished and does the rest, so Ctrl-C loses one stage at most. What other code has
+made is not taken up: all stages are done again.
+"""
+
+import json
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from scleraforce import __version__
+from scleraforce.errors import InputError
+from scleraforce.source_hash import hash_sources
+from scleraforce.study import Study, format_study, study_hash
+from scleraforce.whole_files import KINDS, read_text, write_whole
+
+__all__ = ["Announce", "Progress", "Run", "Stage", "open_run", "run_stages", "seconds_so_far"]
+
+Progress = Callable[[int], None]
+Announce = Callable[[str, int], AbstractContextManager[Progress]]  # title and length of a bar -> its progress
+
+STATE_FILE = "reproduce.json"
+STAGES = "scleraforce.reproduction.stages"
+PAGE = "scleraforce.reproduction.page"  # drawn in every run: its sources decide no result that is kept
+
+
+@dataclass(frozen=True)
+class Run:
+    """One reproduction: its folder, its study, the processes it may use, and where each result lies."""
+
+    folder: Path
+    study: Study
+    workers: int
+
+    @property
+    def recordings(self) -> Path:
+        """Folder of the virtual eyes' recordings."""
+        return self.folder / "recordings"
+
+    @property
+    def calibration(self) -> Path:
+        """Young's modulus of the eyes, as `calibrate` writes it."""
+        return self.folder / "calibration.json"
+
+    @property
+    def dataset(self) -> Path:
+        """The simulated slices."""
+        return self.folder / "dataset"
+
+    @property
+    def model(self) -> Path:
+        """The trained network."""
+        return self.folder / "model"
+
+    @property
+    def left_out(self) -> Path:
+        """The answers with each eye left out of the mean modulus."""
+        return self.folder / "left_out.json"
+
+    @property
+    def bent(self) -> "BentRun":
+        """What belongs to the eyes that bend at finite strain."""
+        return BentRun(self.folder / "bent")
+
+    @property
+    def reader(self) -> Path:
+        """The force reader."""
+        return self.folder / "reader"
+
+    @property
+    def report(self) -> Path:
+        """The page."""
+        return self.folder / "report.html"
+
+    @property
+    def overview(self) -> Path:
+        """The result in one picture."""
+        return self.folder / "overview.png"
+
+
+@dataclass(frozen=True)
+class BentRun:
+    """The part of a reproduction with the eyes that bend at finite strain: where each result lies."""
+
+    folder: Path
+
+    @property
+    def recordings(self) -> Path:
+        """Folder of the eyes' recordings."""
+        return self.folder / "recordings"
+
+    @property
+    def calibrations(self) -> Path:
+        """Folder of both calibrations."""
+        return self.folder / "calibrations"
+
+    @property
+    def linear(self) -> Path:
+        """Young's modulus of the eyes for linear mechanics, as the paper finds it."""
+        return self.calibrations / "linear.json"
+
+    @property
+    def finite_strain(self) -> Path:
+        """Young's modulus of the eyes for finite strain, from three frames of each."""
+        return self.calibrations / "finite-strain.json"
+
+    @property
+    def model(self) -> Path:
+        """The paper's network for the eyes' linear modulus."""
+        return self.folder / "model"
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A step of the pipeline: its name, what it works through, and the function that does it.
+
+    `leaves` is what it writes and what is taken up later; None where it is always done anew. A stage that `resumes`
+    finds its own unfinished result and goes on.
+    """
+
+    name: str
+    length: Callable[[Run], int]
+    work: Callable[[Run, Progress], None]
+    leaves: Callable[[Run], Path] | None = None
+    resumes: bool = False
+
+
+def open_run(folder: Path, study: Study, workers: int) -> Run:
+    """Make or take up the folder of a reproduction.
+
+    Raises:
+        InputError: the folder holds something else, or was made from another study.
+    """
+    run = Run(folder, study, workers)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            _check_state(run, _read_state(folder))
+        else:
+            (folder / "study.toml").write_text(format_study(study), encoding="utf-8")
+            _write_state(run, {})
+    except OSError as fault:
+        raise InputError(f"{folder}: {fault.strerror}") from fault
+    return run
+
+
+def run_stages(
+    run: Run, stages: tuple[Stage, ...], announce: Announce, tell: Callable[[str], object] = lambda _: None
+) -> dict[str, float]:
+    """Do the stages that are not finished, in order; all of them where other code has made what is there.
+
+    Args:
+        run: where and on what.
+        stages: what to do.
+        announce: opens a progress bar.
+        tell: called with a line for the user, where results of other code are removed.
+
+    Returns:
+        Seconds of each stage; those of a finished stage are the ones that it took when it was done.
+    """
+    if _read_state(run.folder)["made_from"].get("sources") != _sources():
+        _start_anew(run, stages, tell)
+    seconds = seconds_so_far(run)
+    for number, stage in enumerate(stages, start=1):
+        if stage.name in seconds and stage.leaves and stage.leaves(run).exists():
+            continue
+        if stage.leaves and not stage.resumes:
+            _remove(stage.leaves(run))
+        start = time.perf_counter()
+        with announce(f"{number}/{len(stages)} {stage.name}", stage.length(run)) as progress:
+            stage.work(run, progress)
+        seconds[stage.name] = round(time.perf_counter() - start, 2)
+        _write_state(run, seconds)
+    return {stage.name: seconds[stage.name] for stage in stages}
+
+
+def _start_anew(run: Run, stages: tuple[Stage, ...], tell: Callable[[str], object]) -> None:
+    """Remove the results of other code; the last page stays until there is a new one."""
+    tell(f"{run.folder}: the code has changed since these results were made; all stages are done again")
+    for stage in stages:
+        if stage.leaves:
+            _remove(stage.leaves(run))
+    _write_state(run, {})
+
+
+def seconds_so_far(run: Run) -> dict[str, float]:
+    """Return the seconds that each finished stage took."""
+    seconds: dict[str, float] = _read_state(run.folder)["seconds"]
+    return seconds
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+@cache
+def _sources() -> str:
+    return hash_sources(STAGES, apart_from=[PAGE])
+
+
+def _read_state(folder: Path) -> dict[str, dict[str, Any]]:
+    path = folder / STATE_FILE
+    if not path.exists():
+        raise InputError(f"{folder}: not empty, and not made by `reproduce`; give a new folder")
+    try:
+        state: dict[str, dict[str, Any]] = json.loads(read_text(path, KINDS["result"]))
+        return {"seconds": dict(state["seconds"]), "made_from": dict(state["made_from"])}
+    except (ValueError, KeyError, TypeError) as fault:
+        raise InputError(f"{path}: cannot be read; remove {folder} or give a new folder") from fault
+
+
+def _check_state(run: Run, state: Mapping[str, Mapping[str, object]]) -> None:
+    if state["made_from"].get("study") != study_hash(run.study):
+        raise InputError(f"{run.folder}: made from another study; remove it or give a new folder")
+
+
+def _write_state(run: Run, seconds: Mapping[str, float]) -> None:
+    content = json.dumps({"made_from": _made_from(run), "seconds": seconds}, indent=2) + "\n"
+    write_whole(content, run.folder / STATE_FILE)
+
+
+def _made_from(run: Run) -> dict[str, str]:
+    return {"study": study_hash(run.study), "sources": _sources(), "version of scleraforce": __version__}

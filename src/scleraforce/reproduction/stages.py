@@ -1,0 +1,158 @@
+"""The stages of `reproduce`: the paper's method on linear walls, then beside the force reader on finite strain.
+
+Virtual eyes, Young's modulus, slices, network and answers for the one; eyes, library, moduli, both networks and their
+answers for the other; then the page.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
+from scleraforce.calibration.files import read_posteriors
+from scleraforce.dataset import generate_dataset, open_dataset, read_population_modulus
+from scleraforce.laboratory.phantom import plan_phantom, write_phantom
+from scleraforce.laboratory.virtual_eye import linear_sections, paper_eyes
+from scleraforce.learning.classifier.train import train_classifier
+from scleraforce.library.plan import plan_library
+from scleraforce.reader import load_model
+from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
+from scleraforce.recording.files import read_recording
+from scleraforce.report.calibration_file import write_calibration
+from scleraforce.reproduction.bent import (
+    CALIBRATED,
+    bend_eyes,
+    bent_trials,
+    calibrate_bent,
+    read_bent,
+    run_library,
+    train_bent_model,
+    train_force_reader,
+)
+from scleraforce.reproduction.left_out import EPOCHS, read_left_out, write_left_out
+from scleraforce.reproduction.page import FIGURES, write_reproduction_html
+from scleraforce.reproduction.run import Announce, Progress, Run, Stage, run_stages, seconds_so_far
+from scleraforce.study import study_hash
+
+__all__ = ["Reproduction", "reproduce"]
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What a reproduction has found: moduli, answers, and the seconds of each stage.
+
+    `bent_paper` and `bent_reader` are the answers of the paper's method and of the force reader to walls of finite
+    strain.
+    """
+
+    calibration: Calibration
+    evaluation: Evaluation
+    bent_paper: Evaluation
+    bent_reader: Evaluation
+    seconds: dict[str, float]
+
+
+def reproduce(
+    run: Run, announce: Announce, started_at: datetime, tell: Callable[[str], object] = lambda _: None
+) -> Reproduction:
+    """Do the whole of the paper, as far as it is not done, and write the page.
+
+    Args:
+        run: where and on what.
+        announce: opens a progress bar.
+        started_at: what the page gives as its date.
+        tell: called with a line for the user, where results of other code are removed.
+    """
+    answers: list[Evaluation] = []
+
+    def evaluate(run: Run, progress: Progress) -> None:
+        answers.append(evaluate_recordings(load_model(run.model), _recordings(run), progress=progress))
+
+    def leave_out(run: Run, progress: Progress) -> None:
+        write_left_out(
+            read_left_out(open_dataset(run.dataset), read_posteriors(run.calibration), answers[0], progress),
+            run.left_out,
+        )
+
+    def read_bent_eyes(run: Run, progress: Progress) -> None:
+        answers.extend(read_bent(run, progress))
+
+    def report(run: Run, progress: Progress) -> None:
+        evaluation, bent_paper, bent_reader = answers
+        write_reproduction_html(run, evaluation, bent_paper, bent_reader, seconds_so_far(run), started_at, progress)
+
+    stages = (
+        Stage("phantom", _trials, _make_eyes, lambda run: run.recordings),
+        Stage("calibrate", _calibrated_trials, _calibrate, lambda run: run.calibration),
+        Stage("generate", _images, _generate, lambda run: run.dataset, resumes=True),
+        Stage("train", lambda run: run.study.network.epochs, _train, lambda run: run.model),
+        Stage("evaluate", _trials, evaluate),
+        Stage("leave out", _left_out_epochs, leave_out, lambda run: run.left_out),
+        Stage("bend", lambda run: len(bent_trials(run.study)), bend_eyes, lambda run: run.bent.recordings),
+        Stage("library", lambda run: plan_library(run.study).units, _make_library),
+        Stage("calibrate bent", _bent_frames, calibrate_bent, lambda run: run.bent.calibrations),
+        Stage("train bent", lambda run: run.study.network.epochs, train_bent_model, lambda run: run.bent.model),
+        Stage("train reader", lambda run: run.study.reader.epochs, train_force_reader, lambda run: run.reader),
+        Stage("read bent", _bent_answers, read_bent_eyes),
+        Stage("report", lambda _: FIGURES, report),
+    )
+    seconds = run_stages(run, stages, announce, tell)
+    evaluation, bent_paper, bent_reader = answers
+    return Reproduction(read_posteriors(run.calibration), evaluation, bent_paper, bent_reader, seconds)
+
+
+def _recordings(run: Run) -> list[Path]:
+    """Return the recordings of the virtual eyes, in the order of the design."""
+    return [run.recordings / eye.id for eye, _ in paper_eyes(run.study)]
+
+
+def _trials(run: Run) -> int:
+    return sum(len(forces_n) for _, forces_n in paper_eyes(run.study))
+
+
+def _calibrated_trials(run: Run) -> int:
+    return sum(len(forces_n) for _, forces_n in paper_eyes(run.study)[:CALIBRATED])
+
+
+def _bent_answers(run: Run) -> int:
+    return 2 * sum(len(forces_n) for _, forces_n in bent_trials(run.study))
+
+
+def _bent_frames(run: Run) -> int:
+    counts = [len(forces_n) for _, forces_n in bent_trials(run.study)]
+    return sum(counts) + sum(counts[:CALIBRATED])
+
+
+def _images(run: Run) -> int:
+    return sum(group.images for group in run.study.dataset.group)
+
+
+def _left_out_epochs(run: Run) -> int:
+    return CALIBRATED * min(EPOCHS, run.study.network.epochs)
+
+
+def _make_eyes(run: Run, progress: Progress) -> None:
+    run.recordings.mkdir()
+    for eye, forces_n in paper_eyes(run.study):
+        plan = plan_phantom(eye, forces_n, run.study, run.study.phantom.seed)
+        write_phantom(run.recordings / eye.id, plan, linear_sections(eye, run.study), run.study, progress)
+
+
+def _calibrate(run: Run, progress: Progress) -> None:
+    opened = [read_recording(path) for path in _recordings(run)[:CALIBRATED]]
+    calibration = calibrate_recordings(opened, run.study, study_hash(run.study), library=None, progress=progress)
+    write_calibration(calibration, run.calibration)
+
+
+def _make_library(run: Run, progress: Progress) -> None:
+    run_library(run, progress)
+
+
+def _generate(run: Run, progress: Progress) -> None:
+    modulus = read_population_modulus(run.calibration)
+    generate_dataset(run.study, run.dataset, calibration=modulus, workers=run.workers, progress=progress)
+
+
+def _train(run: Run, progress: Progress) -> None:
+    train_classifier(open_dataset(run.dataset), run.model, progress=progress)

@@ -1,0 +1,55 @@
+"""A frame as a picture that people look at: grey, with the boundaries that were found drawn in."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.segmentation.wall import Segmentation
+
+__all__ = ["draw_overlay"]
+
+SURFACE, INNER, INNER_NOT_SEEN = (0, 0, 255), (0, 255, 0), (255, 128, 0)  # blue, green, red, as OpenCV has them
+DARKEST, BRIGHTEST = 1.0, 99.7  # percentiles of the pixels that are lit
+SUBPIXEL_BITS = 4
+
+
+def draw_overlay(
+    pixels: NDArray[np.uint8] | NDArray[np.uint16], found: Segmentation, size: tuple[int, int] | None = None
+) -> NDArray[np.uint8]:
+    """Return a frame in colour with its boundaries: surface red, inner green, or blue where it is not seen.
+
+    Args:
+        pixels: the frame, shape (row, column).
+        found: the wall found in it.
+        size: rows and columns of the picture; those of the frame by default.
+
+    Returns:
+        Shape (row, column, 3): blue, green, red, as OpenCV writes them.
+    """
+    rows, columns = size or pixels.shape
+    picture = cv2.cvtColor(_scaled(_grey(pixels), rows, columns), cv2.COLOR_GRAY2BGR)
+    stretch_xy = np.array([columns / pixels.shape[1], rows / pixels.shape[0]])
+    width = max(1, min(rows, columns) // 300)
+    inner = INNER if found.inner_found else INNER_NOT_SEEN
+    for boundary, colour in ((found.inner_row, inner), (found.outer_row, SURFACE)):
+        there = np.flatnonzero(np.isfinite(boundary))
+        for run in np.split(there, np.flatnonzero(np.diff(there) > 1) + 1):
+            centres_xy = (np.stack([run, boundary[run]], axis=1) + 0.5) * stretch_xy - 0.5
+            points = np.rint(centres_xy * 2**SUBPIXEL_BITS).astype(np.int32)
+            cv2.polylines(picture, [points], False, colour, width, cv2.LINE_AA, SUBPIXEL_BITS)
+    return np.asarray(picture, dtype=np.uint8)
+
+
+def _grey(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:
+    """Return the frame in 8 bits, from its darkest to its brightest speckle."""
+    lit = pixels[pixels > 0]
+    low, high = np.percentile(lit, [DARKEST, BRIGHTEST]) if len(lit) else (0.0, 1.0)
+    return np.clip((pixels - low) * (255.0 / max(high - low, 1.0)), 0, 255).astype(np.uint8)
+
+
+def _scaled(grey: NDArray[np.uint8], rows: int, columns: int) -> NDArray[np.uint8]:
+    if grey.shape == (rows, columns):
+        return grey
+    smaller = rows * columns < grey.size
+    scaled = cv2.resize(grey, (columns, rows), interpolation=cv2.INTER_AREA if smaller else cv2.INTER_LINEAR)
+    return np.asarray(scaled, dtype=np.uint8)

@@ -1,0 +1,262 @@
+"""Raw frame to mask of the corneoscleral wall, and a verdict whether that can be judged.
+
+`docs/segmentation.md` explains the steps. Only NumPy and OpenCV are used: this runs in the control loop.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import isnan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.segmentation.columns import fine_columns, interpolation, nearest_point, repeated
+from scleraforce.segmentation.grid import Float, Grid, make_grid
+from scleraforce.segmentation.inner import CELLS, GROUP, find_inner, surface_stretch
+from scleraforce.segmentation.slice import boundary_slice, boundary_slices
+from scleraforce.segmentation.surface import Surface, find_surface, refine_surface
+
+__all__ = ["PixelScale", "Segmentation", "Segmenter", "boundary_slice", "boundary_slices"]
+
+WALL = 255
+UNSEEN_DEPTH_M = 1e-3  # below the surface: the mask ends here where the inner boundary cannot be seen
+LEAST_SHAPE = 16  # rows and columns of a frame
+LIT_ROWS = 4  # every fourth row tells whether a column is imaged
+LIT_SHARE = 0.02  # of the frame's largest count: a column that never reaches it is black
+SATURATED_SHARE, SATURATED_LEVEL = 0.4, 0.99  # share of the frame at (nearly) the largest count: saturated
+LEAST_CONTRAST = 0.6  # of the surface, in standard deviations of a pixel's noise
+LEAST_COVER = 0.4  # of the imaged width must show the wall
+ABSENT_SHARE = 0.3  # of the frame's own typical contrast: a column with less shows no surface
+BOTTOM_ROWS = 7.0  # of a surface this close to the last row too little is seen: it has left the window
+GAP_M = 1.5e-3  # a wall goes on behind a gap that is narrower
+GAP_SHARE = 0.15  # ... and narrower than this share of the frame
+FOUND_SHARE = 2 / 3  # of the columns must show the inner boundary
+INNER_COLUMNS = 128
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """The wall in one frame.
+
+    `outer_row`, `inner_row` (column,): boundaries in rows of pixel centres (the wall covers rows r with
+    outer_row <= r < inner_row), NaN where there is no wall; they may lie beyond the last of the frame's `rows`.
+    `usable`: a wall was found that can be judged; `reason` says why not ('' where it is).
+    `inner_found`: where False, the inner boundary cannot be seen and the mask ends 1 mm below the surface.
+    `thickness_m`: median thickness along the surface's normal, NaN where the inner boundary was not found.
+    """
+
+    outer_row: NDArray[np.float64]
+    inner_row: NDArray[np.float64]
+    rows: int
+    usable: bool
+    reason: str
+    inner_found: bool
+    thickness_m: float
+
+    @cached_property
+    def mask(self) -> NDArray[np.uint8]:
+        """255 in the rows whose centre lies in the wall, else 0, shape (row, column); drawn when it is asked for."""
+        row = np.arange(self.rows, dtype=np.float32)[:, None]
+        inside = (row >= self.outer_row) & (row < self.inner_row)  # NaN compares as False: no wall
+        wall: NDArray[np.uint8] = inside.view(np.uint8) * np.uint8(WALL)
+        return wall
+
+
+class Segmenter:
+    """Finds the wall in frames, one after the other.
+
+    Args:
+        refractive_index: optical over geometric depth below the tissue surface; 1 where the scanner has corrected it.
+
+    It holds nothing of a frame; each result owns its arrays.
+    """
+
+    def __init__(self, refractive_index: float = 1.0) -> None:
+        if not 1.0 <= refractive_index <= 2.0:
+            raise ValueError(f"a refractive index of {refractive_index}: tissue lies between 1 (corrected) and 2")
+        self._refractive_index = refractive_index
+
+    def segment(self, frame: Pixels, scale: PixelScale) -> Segmentation:
+        """Find the wall in a frame.
+
+        Args:
+            frame: counts, uint8 or uint16, shape (row, column); rows go down into the eye.
+            scale: size of the frame's pixel.
+
+        Returns:
+            Boundaries, mask and verdict; a frame without a wall has NaN boundaries and an empty mask.
+
+        Raises:
+            ValueError: not such an array, or smaller than 16 x 16.
+        """
+        _check(frame)
+        lit = _lit_columns(frame)
+        if lit is None:
+            return _without_wall(frame.shape, "the frame is empty: all pixels are alike")
+        left, hidden, brightest = lit
+        imaged = frame[:, left : left + len(hidden)]
+        if np.count_nonzero(hidden):
+            imaged = _filled(imaged, hidden)
+        grid = make_grid(imaged, scale)
+        fault = _blank(grid, brightest)
+        if fault:
+            return _without_wall(frame.shape, fault)
+        surface = refine_surface(imaged, scale, *find_surface(grid))
+        present = _present(surface, scale, imaged.shape, hidden)
+        seen = int(np.count_nonzero(present))
+        fault = _verdict(surface, present, seen)
+        if seen < LEAST_SHAPE:
+            return _without_wall(frame.shape, fault or "no wall was found")
+        inner, thickness_m = self._inner(imaged, grid.floor, scale, surface, present)
+        outer_row, inner_row = _at_columns(frame.shape[1], left, len(hidden), present, surface.row, inner)
+        found = not isnan(thickness_m)
+        return Segmentation(outer_row, inner_row, len(frame), not fault, fault, found, thickness_m)
+
+    def _inner(
+        self, frame: Pixels, floor: float, scale: PixelScale, surface: Surface, present: NDArray[np.bool_]
+    ) -> tuple[Float, float]:
+        """Return the inner boundary's rows and the median thickness along the normal (NaN: not found)."""
+        tissue = PixelScale(scale.lateral_m, scale.depth_m / self._refractive_index)
+        row = _bridged(surface.row, present)
+        along_rows = surface_stretch(surface.column, row, tissue)
+        along_rows /= np.float32(tissue.depth_m)
+        points, everywhere = interpolation(len(row), INNER_COLUMNS, GROUP)
+        column, seen = repeated(frame.shape[1], CELLS), (row, present, along_rows)
+        if len(row) != INNER_COLUMNS:
+            column, seen = column[:, points], (row[points], present[points], along_rows[points])
+        inner = find_inner(frame, floor, column, *seen)
+        if inner.support < FOUND_SHARE:
+            return row + np.float32(UNSEEN_DEPTH_M / tissue.depth_m), float("nan")
+        thickness_m = everywhere @ inner.thickness_m
+        along_rows *= thickness_m
+        along_rows += row
+        return along_rows, _quantile(thickness_m[present], 0.5)
+
+
+def _check(frame: Pixels) -> None:
+    if frame.ndim != 2 or frame.dtype not in (np.uint8, np.uint16):
+        raise ValueError(f"a frame of {frame.ndim} dimensions and type {frame.dtype}: give rows x columns of counts")
+    if min(frame.shape) < LEAST_SHAPE or max(frame.shape) > 2**15:
+        raise ValueError(f"a frame of {frame.shape[0]} x {frame.shape[1]} pixels: give at least 16 x 16")
+
+
+def _without_wall(shape: tuple[int, ...], reason: str) -> Segmentation:
+    nowhere = np.full(shape[1], np.nan)
+    return Segmentation(nowhere, nowhere.copy(), shape[0], False, reason, False, float("nan"))
+
+
+def _lit_columns(frame: Pixels) -> tuple[int, NDArray[np.bool_], int] | None:
+    """Return the first imaged column, which are missing from it to the last imaged one, and the largest count seen.
+
+    None: too few are imaged.
+    """
+    columns = frame[::LIT_ROWS].max(axis=0)  # an imaged column has light in all its rows
+    brightest = int(columns.max())
+    dark = columns <= int(LIT_SHARE * brightest)
+    if len(dark) - np.count_nonzero(dark) < LEAST_SHAPE:
+        return None
+    left, right = int(dark.argmin()), len(dark) - int(dark[::-1].argmin())
+    return left, dark[left:right], brightest
+
+
+def _filled(frame: Pixels, hidden: NDArray[np.bool_]) -> Pixels:
+    """Return a frame with its hidden columns as the nearest ones that are not; the first and the last are not."""
+    filled = frame.copy()
+    change = np.flatnonzero(hidden[1:] != hidden[:-1]) + 1
+    for start, end in zip(change[::2], change[1::2], strict=True):
+        middle = (start + end + 1) // 2
+        filled[:, start:middle] = frame[:, start - 1 : start]
+        filled[:, middle:end] = frame[:, end : end + 1]
+    return filled
+
+
+def _blank(grid: Grid, brightest: int) -> str:
+    """Return why nothing can be looked for in a frame, '' where that is not so."""
+    if brightest - grid.floor < 1e-3 * max(brightest, 1):
+        return "the frame is empty: all pixels are alike"
+    some = grid.cells[::8, ::4]
+    if np.count_nonzero(some >= int(SATURATED_LEVEL * brightest)) > SATURATED_SHARE * some.size:
+        return f"the detector is saturated: more than {SATURATED_SHARE:.0%} of the pixels have the largest count"
+    return ""
+
+
+def _present(
+    surface: Surface, scale: PixelScale, shape: tuple[int, ...], hidden: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Return which points of a surface show it, or lie in a gap so narrow that it goes on behind it."""
+    inside = surface.row < np.float32(shape[0] - BOTTOM_ROWS)
+    seen = inside
+    if np.count_nonzero(hidden):
+        seen = inside & ~hidden[surface.column.astype(np.intp)]
+    if not np.count_nonzero(seen):
+        return seen
+    typical = _quantile(surface.contrast[seen], 0.75)
+    present = seen & (surface.contrast > np.float32(ABSENT_SHARE * max(typical, 1e-6)))
+    if np.count_nonzero(present) == len(present):
+        return present
+    step_m = float(surface.column[1] - surface.column[0]) * scale.lateral_m
+    return _close_gaps(present, inside, round(min(GAP_M / step_m, GAP_SHARE * len(present))))
+
+
+def _close_gaps(present: NDArray[np.bool_], inside: NDArray[np.bool_], widest: int) -> NDArray[np.bool_]:
+    """Return `present` with gaps closed that are at most `widest` points wide and lie (in part) inside the window."""
+    change = np.flatnonzero(present[1:] != present[:-1]) + 1
+    gaps = change if present[0] else change[1:]  # by turns the start and the end of a gap between two present parts
+    closed = present.copy()
+    for start, end in zip(gaps[::2], gaps[1::2], strict=False):
+        if end - start <= widest and inside[start:end].any():
+            closed[start:end] = True
+    return closed
+
+
+def _verdict(surface: Surface, present: NDArray[np.bool_], seen: int) -> str:
+    """Return why a surface of which so many points are present cannot be judged, '' where it can."""
+    if not seen:
+        return "no wall was found"
+    contrast = _quantile(surface.contrast[present], 0.5)
+    if contrast < LEAST_CONTRAST * surface.noise:
+        return (
+            f"the signal is too weak: the surface stands out by {contrast / surface.noise:.1f} times the noise, "
+            f"not {LEAST_CONTRAST}"
+        )
+    cover = seen / len(present)
+    if cover < LEAST_COVER:
+        return f"the wall covers {cover:.0%} of the imaged width, not {LEAST_COVER:.0%}"
+    return ""
+
+
+def _bridged(row: Float, there: NDArray[np.bool_]) -> Float:
+    """Return a curve with straight lines over what is not there."""
+    if np.count_nonzero(there) == len(there):
+        return row
+    at = np.arange(len(row))
+    bridged: Float = np.interp(at, at[there], row[there]).astype(np.float32)
+    return bridged
+
+
+def _at_columns(
+    columns: int, left: int, width: int, there: NDArray[np.bool_], *curves: Float
+) -> tuple[NDArray[np.float64], ...]:
+    """Return curves at the columns of a frame whose imaged part starts at `left` and is so wide.
+
+    NaN outside of that part, and where the nearest point is not there.
+    """
+    fine, (at, nearest) = fine_columns(width), nearest_point(width)
+    known = there[nearest]
+    whole = np.count_nonzero(known) == width
+    filled = []
+    for rows in curves:
+        curve = np.empty(columns)
+        curve[:left] = curve[left + width :] = np.nan
+        curve[left : left + width] = np.interp(at, fine, rows) if whole else np.interp(at, fine[there], rows[there])
+        if not whole:
+            curve[left : left + width][~known] = np.nan
+        filled.append(curve)
+    return tuple(filled)
+
+
+def _quantile(values: NDArray[np.floating], share: float) -> float:
+    """Return the value that `share` of the values lie below; many times quicker than NumPy's own."""
+    nth = int(share * len(values))
+    return float(np.partition(values, nth)[nth])

@@ -1,0 +1,71 @@
+"""Frames on their way from the ring to a recording folder: one at a time, oldest first."""
+
+from collections import deque
+from dataclasses import dataclass
+
+from scleraforce.recording.writing import RecordingWriter
+from scleraforce.service.companions.frame_ring import FrameRing
+
+__all__ = ["FrameTaker", "TakenFrame"]
+
+CLOCK_STEP_S = 1e-6  # of frames.csv
+
+
+@dataclass(frozen=True)
+class TakenFrame:
+    """A frame in the ring: its number, and when it was decided on, of the recording's clock."""
+
+    number: int
+    time_s: float
+
+
+class FrameTaker:
+    """Takes frames out of the ring, oldest first, and writes them into a recording folder.
+
+    Attributes:
+        written: how many are whole.
+        lost: how many were gone before their turn, or could not be written.
+    """
+
+    def __init__(self, ring: FrameRing, writer: RecordingWriter) -> None:
+        self.written = self.lost = 0
+        self._ring, self._writer = ring, writer
+        self._waiting: deque[TakenFrame] = deque()
+        self._last_s = -float("inf")
+
+    def add(self, frame: TakenFrame) -> None:
+        """Let a frame wait for its turn."""
+        if len(self._waiting) == self._ring.frames:  # then the oldest one is gone already
+            self._waiting.popleft()
+            self.lost += 1
+        self._waiting.append(frame)
+
+    @property
+    def next(self) -> int | None:
+        """Number of the frame whose turn it is."""
+        return self._waiting[0].number if self._waiting else None
+
+    def take(self) -> None:
+        """Write the frame whose turn it is, or count it as lost.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        frame = self._waiting.popleft()
+        pixels = self._ring.get(frame.number)
+        if pixels is None:
+            self.lost += 1
+            return
+        self._last_s = max(frame.time_s, self._last_s + CLOCK_STEP_S)  # a table has no two frames at one time
+        try:
+            self._writer.add(f"{frame.number:07d}.png", self._last_s, pixels)
+        except OSError:
+            self.lost += 1
+            raise
+        self.written += 1
+
+    def close(self) -> None:
+        """Close the folder's tables; what waits is counted as lost."""
+        self.lost += len(self._waiting)
+        self._waiting.clear()
+        self._writer.close()

@@ -1,0 +1,155 @@
+"""The processes beside the monitor, as it sees them: the black box, the console, the second opinion."""
+
+import json
+from collections import deque
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.service.companions.channel import ChannelClosedError
+from scleraforce.service.companions.child import Child
+from scleraforce.service.entry import Entry
+from scleraforce.service.session import Reading
+
+__all__ = ["BLACK_BOX", "CONSOLE", "OPINION", "Companions"]
+
+BLACK_BOX, CONSOLE, OPINION = "black box", "console", "second opinion"
+NEEDED = (BLACK_BOX, OPINION)  # without these nothing is OK; a console only shows
+OUTLINE_S = 0.04
+OUTLINE_STEP = 4  # columns
+KEEPS_UP_S = 2.0  # a companion that takes nothing for longer has failed
+MOST_WAITING = 1000  # decisions that the black box has not taken yet: some seconds
+STARTS_S = 30.0  # within which the black box first says that it lives
+SILENT_S = 5.0  # it does so every 0.5 s; a disk may keep it for longer
+
+
+class Companions:
+    """Tells the companions what happens and hears them; never waits for one.
+
+    Args:
+        children: by name, those of the three that run.
+    """
+
+    def __init__(self, children: dict[str, Child]) -> None:
+        self._children = dict(children)
+        self._faults: dict[str, str] = {}
+        self._dead: set[str] = set()
+        self._alive_until_s: float | None = None
+        self._full_since_s: dict[str, float] = {}
+        self._waiting = deque[str]()
+        self._outlined_s = 0.0
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._children
+
+    @property
+    def channels(self) -> dict[int, str]:
+        """File descriptors of the channels, with whose they are."""
+        return {child.channel.fileno(): name for name, child in self._children.items()}
+
+    def faults(self, now_s: float) -> tuple[str, ...]:
+        """Return what is wrong with those that are needed; to be called every few ms, after they were heard."""
+        if self._alive_until_s is None:
+            self._alive_until_s = now_s + STARTS_S
+        self._send_waiting(now_s)
+        found = {name: self._fault(name, now_s) for name in NEEDED if name in self._children}
+        return tuple(f"{name}: {fault}" for name, fault in found.items() if fault)
+
+    def _fault(self, name: str, now_s: float) -> str | None:
+        if name in self._faults or name in self._dead:
+            return self._faults.get(name, "it has died")
+        full = name == BLACK_BOX and len(self._waiting) >= MOST_WAITING
+        if full or now_s - self._full_since_s.get(name, now_s) > KEEPS_UP_S:
+            return "it does not keep up"
+        silent = name == BLACK_BOX and now_s > (self._alive_until_s or now_s)
+        return "it does not answer" if silent else None
+
+    def entry(self, entry: Entry) -> None:
+        """Tell a decision; for the black box it waits where that does not keep up, and goes before all else."""
+        text = f'{{"kind": "entry", "entry": {entry.text}}}'
+        if BLACK_BOX in self._children:
+            if len(self._waiting) < MOST_WAITING:  # else it is at fault already; the log tells the gap
+                self._waiting.append(text)
+            self._send_waiting(entry.at_s)
+        self._send_text(CONSOLE, text, entry.at_s)
+
+    def outline(self, frame: int, reading: Reading, now_s: float) -> None:
+        """Show the console where the wall of a frame was found, some times a second."""
+        if CONSOLE in self._children and now_s - self._outlined_s >= OUTLINE_S:
+            self._outlined_s = now_s
+            outline = {"outer": _rows(reading.outer_row), "inner": _rows(reading.inner_row)}
+            self.tell(CONSOLE, {"kind": "outline", "frame": frame, "step": OUTLINE_STEP, **outline}, now_s)
+
+    def ask_opinion(self, number: int, order: int, now_s: float) -> None:
+        """Ask for a second opinion on a frame in the ring."""
+        self.tell(OPINION, {"number": number, "order": order}, now_s)
+
+    def tell(self, name: str, message: dict[str, Any], now_s: float) -> None:
+        """Send a message to one of them, if it runs; to the black box, if no decision waits."""
+        if name == BLACK_BOX:
+            self._send_waiting(now_s)
+        if name != BLACK_BOX or not self._waiting:
+            self._send_text(name, json.dumps(message), now_s)
+
+    def _send_waiting(self, now_s: float) -> None:
+        """Send the decisions that wait for the black box, oldest first."""
+        while self._waiting and self._send_text(BLACK_BOX, self._waiting[0], now_s):
+            self._waiting.popleft()
+
+    def _send_text(self, name: str, text: str, now_s: float) -> bool:
+        """Send a message to one of them; return whether it has it."""
+        child = self._children.get(name)
+        if child is None or self.dead(name):
+            return False
+        try:
+            if child.channel.send_text(text):
+                self._full_since_s.pop(name, None)
+                return True
+            self._full_since_s.setdefault(name, now_s)
+        except ChannelClosedError:
+            self._dead.add(name)
+        return False
+
+    def hear(self, name: str, now_s: float) -> Iterator[dict[str, Any]]:
+        """Return what one of them says, but for what it says of itself."""
+        try:
+            for message in self._children[name].channel.receive():
+                match message.get("kind"):
+                    case "fault":
+                        self._faults[name] = str(message.get("detail"))
+                    case "alive":
+                        self._take_alive(name, message["faults"], now_s)
+                    case _:
+                        yield message
+        except ChannelClosedError:
+            self._dead.add(name)
+
+    def _take_alive(self, name: str, faults: list[str], now_s: float) -> None:
+        """Take what is wrong with one of them by its own account, and forget what is no longer."""
+        if name == BLACK_BOX:
+            self._alive_until_s = now_s + SILENT_S
+        if faults:
+            self._faults[name] = "; ".join(faults)
+        else:
+            self._faults.pop(name, None)
+
+    def dead(self, name: str) -> bool:
+        """Return whether one of them has ended: its channel says nothing any more."""
+        return name in self._dead
+
+    def last_words(self, name: str) -> str:
+        """Return what one of them said was wrong with it, after a colon; "" where it said nothing."""
+        return f": {self._faults[name]}" if name in self._faults else ""
+
+    def end(self) -> None:
+        """End them all, as planned."""
+        if BLACK_BOX in self._children:
+            self.tell(BLACK_BOX, {"kind": "end"}, 0.0)
+        for child in self._children.values():
+            child.end(within_s=30.0)
+
+
+def _rows(row: NDArray[np.float64]) -> list[float | None]:
+    return [None if value != value else round(value, 1) for value in row[::OUTLINE_STEP].tolist()]

@@ -1,0 +1,83 @@
+"""The last frames, in memory that the monitor's processes share: one writes, the others read."""
+
+import mmap
+import os
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError
+from scleraforce.service.companions.memory import available_bytes
+
+__all__ = ["FrameRing"]
+
+SPARED_BYTES = 512 * 2**20  # for the processes beside the monitor: models, library, what is written
+
+
+class FrameRing:
+    """The last `frames` frames of one size, numbered from 1; 16 bits a pixel, in a file without a name (Linux).
+
+    Who makes it takes all of its memory at once: taken page by page, as frames come, each of the first ones would have
+    to wait for it, and a system that has none left would end the process. A reader that is too late for a frame gets
+    None, never half of another one.
+    """
+
+    def __init__(self, descriptor: int, frames: int, rows: int, columns: int, *, prepared: bool = False) -> None:
+        self.descriptor, self.frames, self.shape = descriptor, frames, (rows, columns)
+        how = mmap.MAP_SHARED | (mmap.MAP_POPULATE if prepared else 0)
+        memory = mmap.mmap(descriptor, _size(frames, rows, columns), how)
+        self._numbers = np.frombuffer(memory, dtype=np.int64, count=frames)
+        pixels = np.frombuffer(memory, dtype=np.uint16, offset=8 * frames)
+        self._pixels = pixels.reshape(frames, rows, columns)
+
+    @classmethod
+    def create(cls, frames: int, rows: int, columns: int) -> Self:
+        """Return a new one; `descriptor`, `frames` and `shape` let another process open it with `FrameRing(...)`.
+
+        Raises:
+            InputError: there is not so much memory, or taking it would leave none to other processes.
+        """
+        size, available = _size(frames, rows, columns), available_bytes()
+        if available is not None and size > available - SPARED_BYTES:
+            raise InputError(
+                f"memory: the last {frames} frames of {rows} x {columns} pixels take {size / 1e6:,.0f} MB and other "
+                f"processes {SPARED_BYTES / 1e6:.0f} MB; {available / 1e6:,.0f} MB are there; give the scanner's own "
+                "--rows and --columns, or end other programs"
+            )
+        descriptor = os.memfd_create("scleraforce-frames")
+        try:
+            os.posix_fallocate(descriptor, 0, size)
+        except OSError as fault:
+            os.close(descriptor)
+            raise InputError(
+                f"memory: {fault.strerror} for the last {frames} frames of {rows} x {columns} pixels, {size / 1e6:.0f} "
+                "MB; end other programs"
+            ) from fault
+        return cls(descriptor, frames, rows, columns, prepared=True)
+
+    def settings(self) -> dict[str, int]:
+        """Return the arguments with which a child that inherits the descriptor opens it."""
+        rows, columns = self.shape
+        return {"descriptor": self.descriptor, "frames": self.frames, "rows": rows, "columns": columns}
+
+    def put(self, number: int, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
+        """Keep a frame (row, column); the oldest one goes."""
+        if pixels.shape != self.shape:  # NumPy would repeat a row
+            raise ValueError(f"a frame of {pixels.shape}; the ring has frames of {self.shape}")
+        slot = number % self.frames
+        self._numbers[slot] = 0
+        self._pixels[slot] = pixels
+        self._numbers[slot] = number
+
+    def get(self, number: int) -> NDArray[np.uint16] | None:
+        """Return a copy of a frame (row, column); None where it is gone, or has not come yet."""
+        slot = number % self.frames
+        if number < 1 or self._numbers[slot] != number:
+            return None
+        pixels = self._pixels[slot].copy()
+        return pixels if self._numbers[slot] == number else None
+
+
+def _size(frames: int, rows: int, columns: int) -> int:
+    return frames * (8 + 2 * rows * columns)

@@ -1,0 +1,104 @@
+"""The monitor's side of the watchdog: starts it, gives it the clients, and lives under its eye."""
+
+import os
+import socket
+import subprocess
+
+from scleraforce.monitor.causes import Cause
+from scleraforce.openigtlink import Status, encode
+from scleraforce.service.companions.child import start_companion
+from scleraforce.service.companions.watchdog import ALIVE
+from scleraforce.service.connection import Connection
+from scleraforce.service.telling import STATUS_DEVICE
+
+__all__ = ["Guard"]
+
+BEAT_S = 0.01
+SILENT_S = 0.5  # a watchdog that answers later than this guards nothing
+START_S = 20.0
+EMERGENCY = Status(3, Cause.WATCHDOG.value, Cause.WATCHDOG.name, "WITHDRAW: the monitor hung or died")
+
+
+class Guard:
+    """The watchdog process, as the monitor sees it.
+
+    Raises:
+        OSError: it does not start.
+    """
+
+    def __init__(self) -> None:
+        self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        arguments = [str(theirs.fileno()), str(os.getpid())]
+        self._process = start_companion("scleraforce.service.companions.watchdog", arguments, [theirs.fileno()])
+        theirs.close()
+        self._fault: str | None = None
+        self._beaten_s = self._answered_s = 0.0
+        self._channel.settimeout(START_S)
+        if self._channel.recv(16) != ALIVE:
+            raise OSError("the watchdog did not start")
+        self._channel.setblocking(False)
+        for version in (1, 2, 3):
+            self._send(b"M%d " % version + encode(EMERGENCY, STATUS_DEVICE, version=version))
+
+    @property
+    def pid(self) -> int:
+        """Of the watchdog's process."""
+        return self._process.pid
+
+    def watch(self, client: Connection) -> None:
+        """Let it speak to a client, too."""
+        self._send(b"C%d" % client.number, client.fileno())
+
+    def version(self, client: Connection) -> None:
+        """Tell it the header version of a client."""
+        self._send(b"V%d %d" % (client.number, client.version))
+
+    def forget(self, client: Connection) -> None:
+        """Let it close its duplicate of a client's socket."""
+        self._send(b"D%d" % client.number)
+
+    def beat(self, now_s: float) -> str | None:
+        """Give a sign of life, and look for one; to be called every few ms.
+
+        Returns:
+            What is wrong with the watchdog; None where it watches.
+        """
+        if now_s - self._beaten_s < BEAT_S:
+            return self._fault
+        if now_s - self._beaten_s > SILENT_S:  # the first time, or after a pause of this process
+            self._answered_s = now_s
+        self._beaten_s = now_s
+        self._send(b"B")
+        self._hear(now_s)
+        if self._fault is None and now_s - self._answered_s > SILENT_S:
+            return f"the watchdog has not answered for {SILENT_S:g} s"
+        return self._fault
+
+    def end(self) -> None:
+        """Let it end, before the monitor does."""
+        self._send(b"Q")
+        try:
+            self._process.wait(5.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._channel.close()  # not before: closing it with answers unread would take the message away
+
+    def _send(self, data: bytes, descriptor: int | None = None) -> None:
+        try:
+            socket.send_fds(self._channel, [data], [] if descriptor is None else [descriptor])
+        except BlockingIOError:
+            self._fault = self._fault or "the watchdog does not keep up"
+        except OSError:
+            self._fault = "the watchdog has died"
+
+    def _hear(self, now_s: float) -> None:
+        try:
+            while self._fault is None:
+                if not self._channel.recv(16):
+                    self._fault = "the watchdog has died"
+                self._answered_s = now_s
+        except BlockingIOError:
+            pass
+        except OSError:
+            self._fault = "the watchdog has died"

@@ -1,0 +1,235 @@
+"""The fit of the library to boundaries: its derivatives, and walls of known force under noise and damage."""
+
+from dataclasses import replace
+from math import exp, log
+
+import numpy as np
+import pytest
+from analytic_library import RADIUS_M, analytic_library
+
+from scleraforce.fitting.fit_prediction import (
+    DEPTH,
+    GAP,
+    INNER,
+    IOP,
+    LATERAL,
+    MODULUS,
+    NAMES,
+    ROTATION,
+    SIZE,
+    THICKNESS,
+    TIP,
+    cut_by_plane,
+    force_n,
+    predict,
+)
+from scleraforce.fitting.library_fit import fit_boundaries, prior_of
+from scleraforce.fitting.placement import Places
+from scleraforce.known.eye import Known, Modulus
+from scleraforce.study import Range, ReaderStudy
+
+LIBRARY = analytic_library()
+RANGES = ReaderStudy(
+    youngs_modulus_pa=Range(0.15e6, 0.6e6),
+    iop_pa=Range(100.0, 600.0),
+    thickness_m=Range(0.4e-3, 0.9e-3),
+    gap_m=Range(0.3e-3, 1.0e-3),
+)
+LATERAL_M = (np.arange(256) + 0.5 - 128) * 15e-3 / 256
+BOTH = Places(np.concatenate([LATERAL_M, LATERAL_M]), np.repeat([0, 1], 256))
+BOTTOM_M = 3.9e-3
+
+
+def eye(tip_m: float, **changed: float) -> np.ndarray:
+    """The unknowns of a middling eye."""
+    unknown = np.zeros(len(NAMES))
+    unknown[[TIP, LATERAL, DEPTH, ROTATION]] = tip_m, 0.4e-3, 0.5e-3, 0.01
+    unknown[[GAP, THICKNESS, MODULUS, IOP]] = 0.6e-3, 0.65e-3, log(0.3e6), log(270.0)
+    for name, value in changed.items():
+        unknown[NAMES.index(name)] = value
+    return unknown
+
+
+def drawn_eye(rng: np.random.Generator) -> np.ndarray:
+    unknown = eye(rng.uniform(0.05e-3, 3e-3), lateral_m=rng.uniform(-1e-3, 1e-3), depth_m=rng.uniform(0.3e-3, 0.6e-3))
+    unknown[[GAP, THICKNESS, MODULUS, IOP]] = (
+        rng.uniform(0.4e-3, 0.9e-3), rng.uniform(0.45e-3, 0.85e-3), log(rng.uniform(0.2e6, 0.5e6)),
+        log(rng.uniform(133.0, 533.0)),
+    )  # fmt: skip
+    return unknown
+
+
+def boundaries(unknown: np.ndarray, noise_m: float = 0.0, rng: np.random.Generator | None = None) -> np.ndarray:
+    """What a frame would show (2, column), with errors that are correlated over 0.35 mm; NaN below the window."""
+    predicted = predict(LIBRARY, unknown, BOTH)
+    depth = predicted.depth_m.reshape(2, -1)
+    if rng is not None:
+        kernel = np.exp(-(np.linspace(-3, 3, 19) ** 2) / 2)
+        rough = [np.convolve(rng.standard_normal(256 + 18), kernel / np.sqrt((kernel**2).sum()), "valid") for _ in "oi"]
+        depth = depth + noise_m * np.array(rough) * np.sqrt(1 + predicted.slope.reshape(2, -1) ** 2)
+    return np.where(depth < BOTTOM_M, depth, np.nan)
+
+
+def known_of(unknown: np.ndarray, relative_sd: float = 0.02) -> Known:
+    modulus = exp(unknown[MODULUS])
+    return Known(Modulus(modulus, relative_sd * modulus, "own"), exp(unknown[IOP]), unknown[THICKNESS], unknown[GAP])
+
+
+def fitted(unknown: np.ndarray, depth: np.ndarray, known: Known | None = None):
+    fit = fit_boundaries(LIBRARY, LATERAL_M, depth, prior_of(known or known_of(unknown), RANGES))
+    assert fit is not None
+    return fit
+
+
+def test_a_plane_beside_the_axis_cuts_a_sphere_in_a_smaller_circle() -> None:
+    angle = np.linspace(0.0, 1.2, 60)
+    sphere = np.stack([RADIUS_M * np.sin(angle), RADIUS_M * (1 - np.cos(angle))], axis=-1)
+    for gap_m in (0.0, 0.31e-3, 2e-3):
+        cut = cut_by_plane(np.broadcast_to(sphere, (1, 2, 60, 2)), np.array([gap_m]))[0, 0]
+        lateral, down = cut.T
+        np.testing.assert_allclose(lateral**2 + gap_m**2 + (RADIUS_M - down) ** 2, RADIUS_M**2, rtol=2e-5)
+        np.testing.assert_array_equal(lateral, -lateral[::-1])
+        assert (np.diff(lateral) >= 0).all()
+
+
+@pytest.mark.parametrize("tip_m", [0.3e-3, 2.2e-3])
+def test_derivatives_equal_differences(tip_m: float) -> None:
+    unknown = eye(tip_m, log_size=0.01, inner_m=5e-6)
+    predicted = predict(LIBRARY, unknown, BOTH)
+    steps = dict(zip(NAMES, (2e-6, 2e-6, 1e-6, 2e-4, 2e-6, 1e-6, 1e-3, 1e-3, 2e-4, 1e-6), strict=True))
+    for number, (name, step) in enumerate(steps.items()):
+        ends = []
+        for sign in (-1, 1):
+            moved = unknown.copy()
+            moved[number] += sign * step
+            ends.append(predict(LIBRARY, moved, BOTH).depth_m)
+        difference = (ends[1] - ends[0]) / (2 * step)
+        off = np.abs(predicted.jacobian[:, number] - difference)
+        scale = np.abs(difference).max()
+        assert np.quantile(off, 0.9) < 0.03 * scale + 1e-9, name
+
+
+def test_a_boundary_without_errors_gives_its_force_and_contact() -> None:
+    for tip_m in (0.1e-3, 0.8e-3, 2.5e-3):
+        truth = eye(tip_m)
+        fit = fitted(truth, boundaries(truth))
+        assert fit.force_n == pytest.approx(float(force_n(LIBRARY, truth[None])[0]), rel=0.01, abs=5e-5)
+        assert fit.contact_m == pytest.approx(truth[LATERAL], abs=5e-6)
+        assert fit.misfit_m < 2e-6
+        assert fit.outliers < 0.02
+
+
+def test_intervals_cover_the_force_where_the_noise_is_as_stated() -> None:
+    rng = np.random.default_rng(3)
+    inside, off = [], []
+    for _ in range(60):
+        truth = drawn_eye(rng)
+        known = known_of(truth)
+        spread = known.modulus.sd_pa
+        known = replace(known, modulus=replace(known.modulus, mean_pa=known.modulus.mean_pa + spread * rng.normal()))
+        force = float(force_n(LIBRARY, truth[None])[0])
+        fit = fitted(truth, boundaries(truth, 12e-6, rng), known)
+        inside.append(fit.interval_n[0] <= force <= fit.interval_n[1])
+        off.append(abs(fit.force_n - force) / force**0.5)
+    assert np.mean(inside) >= 0.88
+    assert np.median(off) < 3e-3
+
+
+def test_what_is_not_known_of_the_eye_widens_the_interval() -> None:
+    rng = np.random.default_rng(5)
+    truth = eye(1.2e-3)
+    depth = boundaries(truth, 8e-6, rng)
+    all_known = known_of(truth)
+    width = {}
+    for missing in ("nothing", "modulus", "iop_pa", "thickness_m", "gap_m"):
+        known = all_known if missing == "nothing" else replace(all_known, **{missing: None})
+        low, high = fitted(truth, depth, known).interval_n
+        assert low < float(force_n(LIBRARY, truth[None])[0]) < high, missing
+        width[missing] = high - low
+    assert min(width.values()) == width["nothing"]
+    assert width["modulus"] > 3 * width["nothing"]
+
+
+def test_a_wrong_stretch_does_not_pull_the_fit() -> None:
+    rng = np.random.default_rng(6)
+    truth = eye(1.5e-3)
+    depth = boundaries(truth, 8e-6, rng)
+    clean = fitted(truth, depth)
+    depth[0, 40:70] -= 0.4e-3
+    depth[1, 150:180] += 0.3e-3
+    damaged = fitted(truth, depth)
+    assert abs(damaged.force_n - clean.force_n) < 0.5 * (clean.interval_n[1] - clean.interval_n[0])
+    assert damaged.outliers > 0.05 > clean.outliers
+
+
+@pytest.mark.parametrize(
+    ("boundary", "off_m", "outliers"),
+    [(1, 0.13e-3, 0.0), (1, 0.5e-3, 0.12), (1, -0.13e-3, 0.12), (0, 0.13e-3, 0.12), (0, -0.13e-3, 0.12)],
+    ids=["choroid", "deeper than that", "inner above", "outer below", "outer above"],
+)
+def test_stretches_where_the_choroid_is_taken_for_the_walls_end_say_nothing_against_an_eye(
+    boundary: int, off_m: float, outliers: float
+) -> None:
+    truth = eye(0.1e-3)
+    depth = boundaries(truth, 3e-6, np.random.default_rng(7))
+    clean = fitted(truth, depth.copy())
+    for stretch in (slice(20, 50), slice(200, 232)):
+        depth[boundary, stretch] += off_m
+    found = fitted(truth, depth)
+    assert found.force_n == pytest.approx(clean.force_n, abs=3e-4)
+    assert found.outliers == pytest.approx(outliers, abs=0.01)
+
+
+def test_a_dent_that_leaves_the_window_is_read_from_its_flanks() -> None:
+    rng = np.random.default_rng(7)
+    truth = eye(4.2e-3, depth_m=0.6e-3)
+    depth = boundaries(truth, 8e-6, rng)
+    assert np.isnan(depth[0, 110:150]).any()
+    fit = fitted(truth, depth)
+    force = float(force_n(LIBRARY, truth[None])[0])
+    assert fit.interval_n[0] < force < fit.interval_n[1]
+    assert fit.tip_m == pytest.approx(4.2e-3, abs=0.3e-3)
+
+
+def test_an_eye_of_another_size_is_the_same_eye_at_another_unit_of_length() -> None:
+    truth = eye(1.5e-3, log_size=0.03)
+    fit = fitted(truth, boundaries(truth))
+    assert fit.force_n == pytest.approx(float(force_n(LIBRARY, truth[None])[0]), rel=0.01)
+    assert fit.unknown[SIZE] == pytest.approx(0.03, abs=0.004)
+
+
+def test_class_probabilities_are_the_shares_of_the_posterior() -> None:
+    truth = eye(1.2e-3)
+    fit = fitted(truth, boundaries(truth))
+    low, high = fit.interval_n
+    shares = fit.probabilities((low, high))
+    np.testing.assert_allclose(shares, (0.05, 0.9, 0.05), atol=0.01)
+    assert sum(shares) == pytest.approx(1.0)
+    assert min(fit.probabilities((0.0, 1.0))) > 0.0
+
+
+def test_too_few_columns_are_no_fit() -> None:
+    depth = np.full((2, 256), np.nan)
+    depth[0, :12] = 1e-3
+    assert fit_boundaries(LIBRARY, LATERAL_M, depth, prior_of(Known(), RANGES)) is None
+
+
+def test_without_the_inner_boundary_the_outer_one_is_enough() -> None:
+    rng = np.random.default_rng(8)
+    truth = eye(1.5e-3)
+    depth = boundaries(truth, 6e-6, rng)
+    depth[1] = np.nan
+    fit = fitted(truth, depth)
+    assert fit.interval_n[0] < float(force_n(LIBRARY, truth[None])[0]) < fit.interval_n[1]
+
+
+def test_an_inner_boundary_that_is_another_layers_does_not_change_what_is_known_of_the_thickness() -> None:
+    rng = np.random.default_rng(9)
+    truth = eye(1.5e-3)
+    depth = boundaries(truth, 6e-6, rng)
+    sound = fitted(truth, depth)
+    depth[1] += 0.15e-3
+    fit = fitted(truth, depth)
+    assert abs(fit.force_n - sound.force_n) < 0.25 * (sound.interval_n[1] - sound.interval_n[0])
+    assert fit.unknown[THICKNESS] == pytest.approx(truth[THICKNESS], abs=15e-6)
+    assert fit.unknown[INNER] == pytest.approx(0.15e-3, abs=20e-6)

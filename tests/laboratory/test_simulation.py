@@ -1,0 +1,99 @@
+from dataclasses import replace
+from io import BytesIO
+from math import radians
+from pathlib import Path
+
+import cv2
+import meshio
+import numpy as np
+import pytest
+
+from scleraforce.errors import InputError
+from scleraforce.eye.contact import Contact
+from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
+from scleraforce.laboratory.simulation_files import write_vtu
+from scleraforce.report.files import write_figure
+from scleraforce.report.mesh_figure import draw_deformed_mesh, draw_simulation
+from scleraforce.study import MeshStudy, Study
+
+THICKNESS = 0.8e-3
+CONTACT = Contact(radians(35.0), 0.3)
+
+
+@pytest.fixture(scope="module", params=[1, 2])
+def eye(request: pytest.FixtureRequest) -> SimulatedEye:
+    study = replace(Study(), mesh=MeshStudy(divisions=8, level=0, layers=2, order=request.param))
+    return simulate_eye(study, THICKNESS, 0.02, CONTACT)
+
+
+def tetrahedra_volume(points: np.ndarray, cells: np.ndarray) -> float:
+    """Volume of hexahedra from their corners alone, in VTK's order, each cut into six tetrahedra."""
+    tetrahedra = np.array([(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)])
+    a, b, c, d = np.moveaxis(points[cells[:, tetrahedra]], 2, 0)
+    volumes = np.einsum("etc,etc->et", np.cross(b - a, c - a), d - a) / 6.0
+    assert volumes.min() > 0.0
+    return float(volumes.sum())
+
+
+def test_the_vtk_file_holds_the_wall_and_its_displacement(eye: SimulatedEye, tmp_path: Path) -> None:
+    write_vtu(eye, tmp_path / "eye.vtu")
+    read = meshio.read(tmp_path / "eye.vtu")
+    (block,) = read.cells
+    assert block.type == {1: "hexahedron", 2: "hexahedron27"}[eye.mesh.order]
+    np.testing.assert_array_equal(read.points, eye.mesh.points_nc)
+    np.testing.assert_array_equal(read.point_data["displacement"], eye.displacement_nc)
+    np.testing.assert_array_equal(read.point_data["needle_displacement"], eye.needle_nc)
+    shell = 2.0 / 3.0 * np.pi * (12e-3**3 - (12e-3 - THICKNESS) ** 3)
+    assert tetrahedra_volume(read.points, block.data) == pytest.approx(shell, rel=0.03)
+    assert [path.name for path in tmp_path.iterdir()] == ["eye.vtu"]
+
+
+def test_middle_nodes_in_the_file_lie_between_the_corners_that_vtk_says(eye: SimulatedEye, tmp_path: Path) -> None:
+    """VTK's documentation of vtkTriQuadraticHexahedron (its parametric coordinates were compared with ours once)."""
+    write_vtu(eye, tmp_path / "eye.vtu")
+    read = meshio.read(tmp_path / "eye.vtu")
+    cells = read.cells[0].data
+    edges = {8: (0, 1), 9: (1, 2), 10: (2, 3), 11: (3, 0), 12: (4, 5), 13: (5, 6), 14: (6, 7), 15: (7, 4)}
+    pillars = {16: (0, 4), 17: (1, 5), 18: (2, 6), 19: (3, 7)}
+    faces = {20: (0, 3, 7, 4), 21: (1, 2, 6, 5), 22: (0, 1, 5, 4), 23: (3, 2, 6, 7), 24: (0, 1, 2, 3), 25: (4, 5, 6, 7)}
+    expected = edges | pillars | faces | {26: tuple(range(8))} if eye.mesh.order == 2 else {}
+    assert cells.shape[1] == 8 + len(expected)
+    for node, corners in expected.items():
+        between = read.points[cells[:, list(corners)]].mean(axis=1)
+        assert np.linalg.norm(read.points[cells[:, node]] - between, axis=1).max() < 0.15e-3  # curvature; t is 0.8 mm
+
+
+def test_the_simulated_eye_is_consistent(eye: SimulatedEye) -> None:
+    assert eye.tip_m > 0.2e-3
+    assert eye.slice.shape == (40, 140)
+    assert set(np.unique(eye.slice)) == {0, 255}
+    assert np.all(eye.displacement_nc[eye.mesh.base_nodes] == 0.0)
+    # The needle's part vanishes far from it; IOP and gravity remain.
+    opposite = eye.mesh.points_nc @ CONTACT.normal < -2e-3
+    assert np.abs(eye.needle_nc[opposite]).max() < 0.1 * eye.tip_m
+
+
+def pixels(content: bytes) -> np.ndarray:
+    return cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+
+
+def test_the_figure_shows_mesh_needle_and_slice(eye: SimulatedEye, tmp_path: Path) -> None:
+    write_figure(draw_simulation(eye), tmp_path / "eye.png")
+    image = pixels((tmp_path / "eye.png").read_bytes()).astype(int)
+    left, right = image[:, : image.shape[1] // 2], image[:, image.shape[1] // 2 :]
+    blue, green, red = np.moveaxis(left, -1, 0)
+    assert np.count_nonzero((red > 190) & (green < 110) & (blue < 60)) > 200  # the needle, vermilion
+    assert np.count_nonzero((blue > 70) & (red < 90)) > 10_000  # viridis' dark end: the wall at rest
+    assert np.count_nonzero(right.max(axis=-1) < 10) > 10_000  # the slice's black background
+
+
+def test_the_deformed_mesh_stands_alone_too(eye: SimulatedEye) -> None:
+    content = BytesIO()
+    draw_deformed_mesh(eye).savefig(content, format="png")
+    assert pixels(content.getvalue()).std() > 10
+
+
+def test_a_file_that_cannot_be_written_is_an_input_error(eye: SimulatedEye, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no-such-folder"):
+        write_vtu(eye, tmp_path / "no-such-folder" / "eye.vtu")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,121 @@
+"""Samples of the reader: what is told of an eye means what it says, and the slice shows its wall."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from analytic_library import analytic_library
+
+from scleraforce.errors import InputError
+from scleraforce.learning.reader.draws import CHUNK, Source, chunks_ahead
+from scleraforce.learning.reader.samples import draw_eyes, draw_samples
+from scleraforce.library.sections import cut_surfaces
+from scleraforce.section.plane import SliceWindow
+from scleraforce.section.slices import fill_section
+from scleraforce.study import ReaderStudy, SliceStudy, fixed
+
+READER, SLICE = ReaderStudy(), SliceStudy()
+
+
+@pytest.fixture(scope="module")
+def library():
+    return analytic_library(thicknesses=5, ratios=5, tips=24)
+
+
+@pytest.fixture(scope="module")
+def eyes(library):
+    return draw_eyes(library, READER, 20_000, np.random.default_rng(1))
+
+
+def test_a_told_modulus_is_a_normal_distribution_that_the_eye_is_drawn_from(eyes) -> None:
+    known = np.isfinite(eyes.told.modulus_pa)
+    assert abs((~known).mean() - READER.modulus_missing_fraction) < 0.01
+    fitted_pa = eyes.told.modulus_pa.copy()
+    own = eyes.told.modulus_sd_fraction < 0.06  # calibrated with the thickness and IOP that are told
+    t, p = (np.nan_to_num(a / b, nan=1.0) for a, b in
+            ((eyes.told.thickness_m, eyes.thickness_m), (eyes.told.iop_pa, eyes.iop_pa)))  # fmt: skip
+    fitted_pa[own] *= (t**2 * p ** (1 / 3))[own]
+    error = (eyes.modulus_pa / fitted_pa - 1.0)[known] / eyes.told.modulus_sd_fraction[known]
+    sd = eyes.told.modulus_sd_fraction[known]
+    for part in (sd < 0.02, sd > 0.1):
+        assert abs(error[part].mean()) < 0.05
+        assert abs(error[part].std() - 0.96) < 0.05  # a normal distribution that ends at 2.5 standard deviations
+    low, high = READER.youngs_modulus_pa.bounds
+    assert (eyes.modulus_pa[~known] >= low).all()
+    assert (eyes.modulus_pa[~known] <= high).all()
+
+
+@pytest.mark.parametrize(("told", "true"), [("iop_pa", "iop"), ("thickness_m", "thickness"), ("gap_m", "gap")])
+def test_told_values_are_off_and_missing_as_often_as_stated(eyes, told: str, true: str) -> None:
+    values, truth = getattr(eyes.told, told), getattr(eyes, told)
+    known = np.isfinite(values)
+    assert abs((~known).mean() - getattr(READER, f"{true}_missing_fraction")) < 0.02
+    assert abs((values / truth - 1.0)[known].std() / getattr(READER, f"{true}_noise_fraction") - 1.0) < 0.05
+
+
+def test_forces_are_even_with_a_share_of_small_ones(eyes, library) -> None:
+    ratio = eyes.iop_pa / eyes.modulus_pa
+    largest_n = library.largest_force_ratio(eyes.thickness_m / eyes.size, ratio) * eyes.modulus_pa * eyes.size**2
+    assert (eyes.force_n <= largest_n).all()
+    free = largest_n > READER.max_force_n
+    expected = 0.15 + 0.85 * 8.0 / 70.0
+    assert abs((eyes.force_n[free] < READER.small_force_n).mean() - expected) < 0.01
+    upper = eyes.force_n[free & (eyes.force_n > READER.small_force_n)]
+    assert abs(upper.mean() - 0.5 * (READER.small_force_n + READER.max_force_n)) < 0.5e-3
+
+
+def test_without_errors_a_slice_is_the_section_of_the_eye_that_was_drawn(library) -> None:
+    plain = replace(
+        READER, plain_share=0.0, boundary_errors=0.0, rotation_rad=fixed(0.0), lateral_m=fixed(0.4e-3), size=fixed(1.04)
+    )
+    count = 60
+    drawn = draw_samples(library, plain, SLICE, count, np.random.default_rng(8))
+    rng = np.random.default_rng(8)
+    eyes = draw_eyes(library, plain, count, rng)
+    np.testing.assert_array_equal(eyes.force_n, drawn.force_n)
+    plain.lateral_m.sample(rng, count)
+    depth_m = plain.surface_depth_m.sample(rng, count)
+    agreeing = []
+    for n in range(count):
+        ratio = eyes.force_n[n] / (eyes.modulus_pa[n] * eyes.size[n] ** 2)
+        wall = library.curves(
+            eyes.thickness_m[n : n + 1] / 1.04, eyes.iop_pa[n : n + 1] / eyes.modulus_pa[n], np.array([ratio])
+        )
+        section = cut_surfaces(1.04 * wall.curves_sbnc[0], eyes.gap_m[n], eyes.tilt_rad[n]).shifted(0.4e-3, depth_m[n])
+        expected = fill_section(section, SliceWindow(-7e-3, 0.0, 140, 40, 1e-4))
+        inner = slice(25, 115)  # sides and the bottom are lost as in a frame
+        top = slice(1, 38)
+        agreeing.append((expected[top, inner] == drawn.slices[n][top, inner]).mean())
+    assert np.median(agreeing) > 0.99
+    assert np.mean(agreeing) > 0.97
+
+
+def test_the_stated_share_of_samples_is_plain(eyes) -> None:
+    plain = eyes.size == 1.0
+    assert abs(plain.mean() - READER.plain_share) < 0.02
+    for angle, bounds in ((eyes.tilt_rad, READER.tilt_rad.bounds), (eyes.rotation_rad, READER.rotation_rad.bounds)):
+        assert not angle[plain].any()
+        assert abs(angle[~plain].std() / ((bounds[1] - bounds[0]) / np.sqrt(12.0)) - 1.0) < 0.03
+
+
+def test_a_library_without_such_eyes_is_refused(library) -> None:
+    with pytest.raises(InputError, match="hardly any eye"):
+        draw_eyes(library, replace(READER, thickness_m=fixed(1.1e-3)), 10, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_chunks_from_any_number_of_processes_are_the_same_and_in_order(library, workers: int) -> None:
+    source = Source.of(library, READER, SLICE)
+    found = list(chunks_ahead(source, range(3), workers))
+    assert [len(chunk) for chunk in found] == [CHUNK] * 3
+    for number in (0, 2):
+        again = source.chunk(number)
+        np.testing.assert_array_equal(found[number].slices, again.slices)
+        np.testing.assert_array_equal(found[number].given, again.given)
+    assert not np.array_equal(found[0].force_n, found[1].force_n)
+
+
+def test_what_raises_in_a_worker_raises_here(library) -> None:
+    source = Source.of(library, replace(READER, thickness_m=fixed(1.1e-3)), SLICE)
+    with pytest.raises(InputError, match="hardly any eye"):
+        list(chunks_ahead(source, range(2), 1))

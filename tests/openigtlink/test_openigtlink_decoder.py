@@ -1,0 +1,432 @@
+"""Every message whole, byte by byte and with trailing data; streams that are wrong; bytes that are anything."""
+
+import struct
+import tracemalloc
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fastcrc.crc64 import ecma_182
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scleraforce.errors import ProtocolError
+from scleraforce.openigtlink import (
+    BadChecksum,
+    Broken,
+    Decoder,
+    Event,
+    Image,
+    Malformed,
+    Message,
+    Query,
+    Received,
+    Sensor,
+    State,
+    Status,
+    Text,
+    Transform,
+    Unknown,
+    encode,
+)
+from scleraforce.openigtlink.decoder import PASSED_BYTES
+from scleraforce.openigtlink.image import pack_image
+from scleraforce.openigtlink.wire import HEADER_BYTES, Header, pack_header, unpack_header
+
+DRAW = np.random.default_rng(5)
+PIXELS = {dtype: DRAW.integers(0, 120, (2, 3, 5)).astype(dtype) for dtype in (np.int8, np.uint8, np.int16, np.uint16)}
+MESSAGES: list[Message] = [
+    *[Image(pixels) for pixels in PIXELS.values()],
+    Image(PIXELS[np.uint16] * np.uint16(500), (0.01,) * 12, (20, 10, 4), (15, 7, 2), 2),
+    Image(DRAW.integers(0, 255, (1, 4, 4, 3)).astype(np.uint8)),
+    Status(1, -7, "Ready", "class 0, 1.2 mN"),
+    Status(13),
+    Text('{"force_mn": 12.5}'),
+    Text("µN"),
+    Text(""),
+    Sensor((1.5, -2.0, 1e300), 0x123456789, 1),
+    Sensor(()),
+    Transform((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 2.5, -3.0, 4.0)),
+    Query("STATUS"),
+    Query("TRANSFORM"),
+]
+VERSIONS = [1, 2, 3]
+
+
+def same(found: Message, sent: Message) -> bool:
+    if isinstance(found, Image) and isinstance(sent, Image):
+        fields = np.float32(found.matrix).tolist() == np.float32(sent.matrix).tolist() and found.offset == sent.offset
+        alike = found.pixels.dtype == sent.pixels.dtype and found.pixels.dtype.isnative
+        placed = sent.size is None or (found.size == sent.size and found.coordinates == sent.coordinates)
+        return fields and alike and placed and np.array_equal(found.pixels, sent.pixels)
+    return found == sent
+
+
+def raw(name: str, body: bytes, version: int = 1, crc: int | None = None) -> bytes:
+    return pack_header(Header(version, name, "peer", 1.0, len(body), ecma_182(body) if crc is None else crc)) + body
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("message", MESSAGES, ids=lambda m: type(m).__name__)
+def test_every_message_whole_byte_by_byte_and_with_trailing_data(message: Message, version: int) -> None:
+    more = {} if version == 1 else {"message_id": 77, "metadata": {"eye": "left", "µ": ""}}
+    time_s = 1.7e9 + 0.25
+    data = encode(message, "Scanner", version=version, time_s=time_s, **more)  # type: ignore[arg-type]
+    next_one = encode(Text("next"), "Scanner")
+    whole = Decoder().feed(data)
+    bytewise = Decoder()
+    split = [event for byte in data for event in bytewise.feed(bytes([byte]))]
+    trailing = Decoder()
+    two = trailing.feed(data + next_one[:60])
+    assert trailing.feed(next_one[60:])[0].message == Text("next")  # type: ignore[union-attr]
+    for events in (whole, split, two):
+        (event,) = events
+        assert isinstance(event, Received)
+        assert same(event.message, message)
+        assert (event.header.version, event.header.device, event.header.time_s) == (version, "Scanner", time_s)
+        if not isinstance(message, Query):
+            assert event.message_id == more.get("message_id", 0)
+            assert event.metadata == more.get("metadata", {})
+
+
+@pytest.mark.parametrize("pixels", PIXELS.values(), ids=lambda p: p.dtype.name)
+def test_both_byte_orders_give_the_same_pixels(pixels: np.ndarray) -> None:
+    for little in (False, True):
+        (event,) = Decoder().feed(raw("IMAGE", pack_image(Image(pixels), little_endian=little)))
+        assert isinstance(event, Received)
+        assert same(event.message, Image(pixels))
+
+
+def bitwise_crc(data: bytes) -> int:
+    """ECMA-182, first bit first, from 0."""
+    crc = 0
+    for byte in data:
+        crc ^= byte << 56
+        for _ in range(8):
+            crc = ((crc << 1) & (2**64 - 1)) ^ (0x42F0E1EBA9EA3693 if crc >> 63 else 0)
+    return crc
+
+
+def test_the_checksum_is_ecma_182_of_the_body() -> None:
+    assert bitwise_crc(b"123456789") == 0x6C40DF5F0B497347
+    for size in (1, 7, 8, 63, 64, 1000):
+        pixels = np.random.default_rng(size).integers(0, 256, (1, 1, size)).astype(np.uint8)
+        data = encode(Image(pixels), "Scanner")
+        assert unpack_header(data[:HEADER_BYTES]).crc == bitwise_crc(data[HEADER_BYTES:])
+
+
+def test_an_image_of_known_bytes() -> None:
+    head = bytes([0, 1, 1, 5, 1, 1]) + struct.pack(">3H12f6H", 2, 1, 1, *[1.0] * 12, 0, 0, 0, 2, 1, 1)
+    (event,) = Decoder().feed(raw("IMAGE", head + b"\x01\x02\xff\xfe"))
+    assert isinstance(event, Received)
+    assert isinstance(event.message, Image)
+    assert event.message.pixels.tolist() == [[[0x0102, 0xFFFE]]]
+    assert not event.message.pixels.flags.writeable
+
+
+def read_through_spaces(data: bytes, cuts: list[int], decoder: Decoder) -> list[Event]:
+    """As a socket fills what is lent: pieces of the sizes of `cuts` in turn, as far as there is room."""
+    events, place, turn = [], 0, 0
+    while place < len(data) and not decoder.broken:
+        room = decoder.space()
+        assert room
+        piece = data[place : place + min(len(room), cuts[turn % len(cuts)])]
+        room[: len(piece)] = piece
+        events += decoder.received(len(piece))
+        place, turn = place + len(piece), turn + 1
+    return events
+
+
+def told(events: Iterable[Event]) -> list[object]:
+    """What can be compared of events: an image as its bytes and its place."""
+    return [
+        (type(e), {**vars(e), "message": (m.pixels.tobytes(), m.pixels.dtype, *list(vars(m).values())[1:])})
+        if isinstance(e, Received) and isinstance(m := e.message, Image)
+        else (type(e), vars(e))
+        for e in events
+    ]
+
+
+def test_the_pixels_of_a_message_are_the_memory_that_was_lent() -> None:
+    pixels = DRAW.integers(0, 60_000, (1, 512, 512)).astype(np.uint16)
+    data = encode(Image(pixels), "Scanner", version=2, metadata={"eye": "left"})
+    decoder = Decoder()
+    assert decoder.feed(data[:HEADER_BYTES]) == ()
+    lent = np.frombuffer(decoder.space(), dtype=np.uint8)
+    assert lent.size == len(data) - HEADER_BYTES
+    (event,) = read_through_spaces(data[HEADER_BYTES:], [100_000], decoder)
+    assert isinstance(event, Received)
+    assert isinstance(event.message, Image)
+    assert np.array_equal(event.message.pixels, pixels)
+    assert np.shares_memory(event.message.pixels, lent)
+
+
+def test_pixels_at_an_odd_place_are_aligned() -> None:
+    content = pack_image(Image(PIXELS[np.uint16]))
+    (event,) = Decoder().feed(raw("IMAGE", struct.pack(">HHII", 13, 0, 0, 0) + b"\0" + content, version=2))
+    assert isinstance(event, Received)
+    assert same(event.message, Image(PIXELS[np.uint16]))
+    assert event.message.pixels.flags.aligned  # type: ignore[union-attr]
+
+
+def test_received_takes_no_more_than_was_lent() -> None:
+    decoder = Decoder()
+    assert decoder.received(0) == ()
+    for count in (-1, len(decoder.space()) + 1):
+        with pytest.raises(ValueError, match="were lent"):
+            decoder.received(count)
+    decoder.feed(encode(Transform((1.0,) * 12), "peer")[:-1])
+    with pytest.raises(ValueError, match="2 bytes received: 1 were lent"):
+        decoder.received(2)
+
+
+def test_a_body_that_is_passed_over_lends_nothing_beyond_its_end() -> None:
+    decoder = Decoder()
+    decoder.feed(raw("POLYDATA", bytes(PASSED_BYTES + 10), crc=0)[: HEADER_BYTES + 5])
+    assert len(decoder.space()) == PASSED_BYTES
+    decoder.received(PASSED_BYTES)
+    assert len(decoder.space()) == 5
+
+
+def test_it_is_between_messages_where_none_has_begun_that_is_not_whole() -> None:
+    for data in (encode(Text("force"), "peer"), raw("POLYDATA", b"abc"), encode(Query("STATUS"), "peer")):
+        decoder = Decoder()
+        assert decoder.between
+        for byte in data[:-1]:
+            decoder.feed(bytes([byte]))
+            assert not decoder.between
+        decoder.feed(data[-1:])
+        assert decoder.between
+
+
+def test_the_cap_may_be_lowered_between_messages() -> None:
+    decoder = Decoder()
+    data = encode(Text("x" * 100), "peer")
+    assert decoder.feed(data[:-1]) == ()
+    decoder.max_body_bytes = 103
+    (received,) = decoder.feed(data[-1:])  # its header came before
+    assert isinstance(received, Received)
+    (broken,) = decoder.feed(data)
+    assert isinstance(broken, Broken)
+    assert "body of 104 bytes: at most 103" in broken.reason
+
+
+def test_a_query_names_the_type_that_is_asked_for() -> None:
+    for name, asked in (("GET_STATUS", "STATUS"), ("GET_IMAGE", "IMAGE"), ("GET_TRANS", "TRANSFORM")):
+        (event,) = Decoder().feed(raw(name, b""))
+        assert isinstance(event, Received)
+        assert event.message == Query(asked)
+    for name in ("GET_", "STT_IMAGE", "STP_IMAGE", "RTS_STATUS"):
+        (event,) = Decoder().feed(raw(name, b""))
+        assert isinstance(event, Unknown)
+
+
+def test_a_wrong_checksum_is_an_event_and_the_stream_goes_on() -> None:
+    data = bytearray(encode(Text("force"), "peer"))
+    data[-1] ^= 4
+    first, second = Decoder().feed(bytes(data) + encode(Text("next"), "peer"))
+    assert isinstance(first, BadChecksum)
+    assert first.found != first.header.crc
+    assert isinstance(second, Received)
+
+
+def test_unknown_types_are_passed_over_without_being_kept() -> None:
+    body = bytes(8_000_000)
+    data = raw("POLYDATA", body, crc=0)
+    decoder = Decoder()
+    tracemalloc.start()
+    events = [e for n in range(0, len(data), 65536) for e in decoder.feed(memoryview(data)[n : n + 65536])]
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert [type(e) for e in events] == [Unknown]
+    assert peak < 100_000
+    assert isinstance(decoder.feed(encode(Text("next"), "peer"))[0], Received)
+
+
+IMAGE_BODY = pack_image(Image(PIXELS[np.uint16]))
+
+
+def patched(place: int, value: bytes) -> bytes:
+    return IMAGE_BODY[:place] + value + IMAGE_BODY[place + len(value) :]
+
+
+@pytest.mark.parametrize(
+    ("name", "body"),
+    [
+        ("STATUS", b"\0" * 29),
+        ("STATUS", b"\0" * 30 + b"x" * 65_537),
+        ("STRING", b"\0"),
+        ("STRING", struct.pack(">HH", 3, 9) + b"12345678"),
+        ("SENSOR", b"\2\0" + b"\0" * 16),
+        ("SENSOR", b""),
+        ("TRANSFORM", b"\0" * 47),
+        ("TRANSFORM", struct.pack(">12f", *[float("nan")] * 12)),
+        ("IMAGE", b"\0" * 71),
+        ("IMAGE", IMAGE_BODY[:-1]),
+        ("IMAGE", IMAGE_BODY + b"\0"),
+        ("IMAGE", patched(0, b"\0\7")),
+        ("IMAGE", patched(2, b"\0")),
+        ("IMAGE", patched(3, b"\x0a")),  # float32
+        ("IMAGE", patched(4, b"\3")),
+        ("IMAGE", patched(12, struct.pack(">f", float("inf")))),
+        ("IMAGE", patched(60, b"\0\1")),  # a part that reaches out of the whole
+        ("IMAGE", patched(66, b"\0\0")),
+        ("IMAGE", patched(66, b"\xff\xff" * 3)),
+    ],
+)
+def test_a_body_that_is_not_what_its_type_says_is_an_event(name: str, body: bytes) -> None:
+    first, second = Decoder().feed(raw(name, body) + encode(Text("next"), "peer"))
+    assert isinstance(first, Malformed)
+    assert isinstance(second, Received)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"\0" * 11,
+        struct.pack(">HHII", 12, 0, 99, 0),
+        struct.pack(">HHII", 11, 0, 0, 0),
+        struct.pack(">HHII", 99, 0, 0, 0),
+        struct.pack(">HHII", 12, 2, 0, 0) + b"\0\1",
+        struct.pack(">HHII", 12, 1, 0, 0) + b"\0",
+        struct.pack(">HHII", 12, 0, 2, 0) + b"\0\0",
+        struct.pack(">HHII", 12, 10, 3, 0) + struct.pack(">HHHI", 1, 2, 3, 4) + b"abc",
+        struct.pack(">HHII", 12, 2, 16_383, 0) + bytes(4 + 16_385),
+    ],
+)
+def test_an_extended_header_that_contradicts_itself_is_an_event(body: bytes) -> None:
+    (event,) = Decoder().feed(raw("STRING", body, version=2))
+    assert isinstance(event, Malformed)
+
+
+GOOD = encode(Text("force"), "peer")
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"GET / HTTP/1.1\r\n" + b"x" * 60,
+        b"\0\0" + GOOD[2:],
+        b"\0\4" + GOOD[2:],
+        GOOD[:2] + b"\0" * 12 + GOOD[14:],
+        GOOD[:2] + b"\xff" * 12 + GOOD[14:],
+        GOOD[:2] + b"STRI\xe4G\0\0\0\0\0\0" + GOOD[14:],
+        GOOD[:2] + b"STRI G\0\0\0\0\0\0" + GOOD[14:],
+        GOOD[:2] + b"STRI\nG\0\0\0\0\0\0" + GOOD[14:],
+        GOOD[:42] + struct.pack(">Q", 1_000_001) + GOOD[50:],
+        GOOD[:42] + b"\xff" * 8 + GOOD[50:],
+    ],
+)
+def test_a_stream_that_cannot_be_followed_is_refused_from_then_on(data: bytes) -> None:
+    decoder = Decoder(max_body_bytes=1_000_000)
+    tracemalloc.start()
+    received, broken = decoder.feed(GOOD + data + GOOD)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert isinstance(received, Received)
+    assert isinstance(broken, Broken)
+    assert decoder.state is State.ERROR
+    assert peak < 100_000
+    with pytest.raises(ProtocolError, match="broken"):
+        decoder.feed(GOOD)
+
+
+STREAM = b"".join(encode(message, "peer", version=1 + n % 3) for n, message in enumerate(MESSAGES))
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, len(STREAM) - 1), st.integers(0, 255)), max_size=6),
+    st.integers(0, len(STREAM)),
+    st.lists(st.integers(1, 300), min_size=1, max_size=20),
+)
+def test_a_mutated_stream_gives_the_same_events_in_any_pieces_and_no_exception(
+    changes: list[tuple[int, int]], end: int, cuts: list[int]
+) -> None:
+    changed = bytearray(STREAM)
+    for place, value in changes:
+        changed[place] = value
+    data = bytes(changed[:end])
+    at_once, lent, pieces = Decoder(4096), Decoder(4096), Decoder(4096)
+    events = at_once.feed(data)
+    assert told(read_through_spaces(data, cuts, lent)) == told(events)
+    fed, place = [], 0
+    while place < end and not pieces.broken:
+        step = cuts[len(fed) % len(cuts)]
+        fed.append(pieces.feed(data[place : place + step]))
+        place += step
+    assert told(event for some in fed for event in some) == told(events)
+    assert lent.state is pieces.state is at_once.state
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.sampled_from(["IMAGE", "STATUS", "STRING", "SENSOR", "TRANSFORM"]), st.sampled_from(VERSIONS), st.binary())
+def test_any_body_with_a_right_checksum_is_a_message_or_malformed(name: str, version: int, body: bytes) -> None:
+    (event,) = Decoder().feed(raw(name, body, version))
+    assert isinstance(event, Received | Malformed)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, len(IMAGE_BODY) - 1), st.integers(0, 255)), max_size=4))
+def test_a_mutated_image_with_a_right_checksum_is_a_message_or_malformed(changes: list[tuple[int, int]]) -> None:
+    body = bytearray(IMAGE_BODY)
+    for place, value in changes:
+        body[place] = value
+    (event,) = Decoder().feed(raw("IMAGE", bytes(body)))
+    assert isinstance(event, Received | Malformed)
+
+
+def test_a_long_stream_does_not_grow() -> None:
+    decoder = Decoder()
+    for _ in range(50):
+        decoder.feed(STREAM)
+    tracemalloc.start()
+    for _ in range(300):
+        decoder.feed(STREAM)
+    current = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert current < 50_000
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        Text("x" * 65_536),
+        Sensor((0.0,) * 256),
+        Status(70_000),
+        Status(1, message="x" * 65_536),
+        Status(1, name="x" * 21),
+        Transform((1.0,)),
+        Query("A_VERY_LONG_TYPE"),
+        Text("\ud800"),
+        Image(np.zeros((1, 2, 2), dtype=np.float32)),
+        Image(np.zeros((2, 2), dtype=np.uint8)),
+        Image(np.zeros((0, 2, 2), dtype=np.uint8)),
+        replace(Image(np.zeros((1, 2, 2), dtype=np.uint8)), offset=(1, 0, 0)),
+        replace(Image(np.zeros((1, 2, 2), dtype=np.uint8)), matrix=(1.0,)),
+    ],
+)
+def test_what_a_message_cannot_carry_is_refused(wrong: Message) -> None:
+    with pytest.raises(ProtocolError):
+        encode(wrong, "peer")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"version": 4},
+        {"version": 0},
+        {"message_id": 1},
+        {"metadata": {"a": "b"}},
+        {"metadata": {"a": "b" * 16_375}, "version": 2},
+        {"message_id": 2**32, "version": 2},
+        {"time_s": -1.0},
+        {"time_s": float("nan")},
+    ],
+)
+def test_what_a_header_cannot_carry_is_refused(options: dict[str, object]) -> None:
+    with pytest.raises(ProtocolError):
+        encode(Text("force"), "peer", **options)  # type: ignore[arg-type]
+    with pytest.raises(ProtocolError):
+        encode(Text("force"), "a device's name that is too long")

@@ -1,0 +1,167 @@
+"""Peers that others wrote talk with the monitor's server: libOpenIGTLink's C++ (Debian's examples too) and pyigtl."""
+
+import json
+import shutil
+import signal
+import subprocess
+import time
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from peer import Peer, serving, wait_until
+from small_monitor import COLUMNS, ROWS, SCALE_M, frame_of
+from small_recording import write_small_recording
+
+from scleraforce.recording.files import read_recording
+from scleraforce.replay.answer_log import AnswerLog
+from scleraforce.replay.player import Player
+from scleraforce.replay.scanner_client import ScannerClient
+
+HEADERS = Path("/usr/include/openigtlink")
+EXAMPLES = Path("/usr/share/doc/openigtlink-examples/examples")
+SUPPORT = Path(__file__).parents[1] / "support"
+
+compiled = pytest.mark.skipif(
+    shutil.which("g++") is None or not HEADERS.is_dir(), reason="g++ or libopenigtlink-dev is not installed"
+)
+debians = pytest.mark.skipif(not EXAMPLES.is_dir(), reason="openigtlink-examples is not installed")
+
+
+@pytest.fixture(scope="module")
+def build(tmp_path_factory):
+    """Compile a program; what it gives is the path of the program."""
+    folder = tmp_path_factory.mktemp("peers")
+
+    def compiled_program(source: Path) -> str:
+        program = folder / source.stem
+        command = ["g++", "-w", f"-I{HEADERS}", str(source), "-o", str(program), "-lOpenIGTLink", "-lpthread"]
+        subprocess.run(command, check=True)
+        return str(program)
+
+    return compiled_program
+
+
+@compiled
+@pytest.mark.slow
+def test_a_scanner_in_cpp_is_answered_frame_by_frame_and_told_to_withdraw(build) -> None:
+    with serving() as port:
+        size = [str(COLUMNS), str(ROWS), str(SCALE_M[0] * 1e3), str(SCALE_M[1] * 1e3)]
+        forces_un = ["10000"] * 11 + ["45000"]
+        command = [build(SUPPORT / "image_sender.cxx"), str(port), *size, "14", *forces_un]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=30.0, check=True)
+    lines = [line.split(" ", 3) for line in done.stdout.splitlines()]
+    codes = [(int(code), int(sub_code)) for _, code, sub_code, _ in lines]
+    assert codes[:11] == [(1, 0)] * 11
+    assert [code for code, _ in codes[11:]] == [3, 3, 3]
+    readings = [json.loads(text) for *_, text in lines]
+    assert [reading["frame"] for reading in readings] == list(range(1, 15))
+    assert [reading["force_mn"] for reading in readings[10:12]] == pytest.approx([10.0, 45.0])
+    assert readings[11]["sub_code"] == codes[11][1] in (101, 102, 103)
+
+
+@compiled
+@debians
+@pytest.mark.slow
+def test_debians_receiver_prints_what_the_monitor_says(build) -> None:
+    program = build(EXAMPLES / "Receiver" / "ReceiveClient.cxx")
+    with serving() as port, Peer(port) as scanner:
+        child = subprocess.Popen(
+            [program, "127.0.0.1", str(port)],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        )  # fmt: skip
+        time.sleep(0.3)
+        scanner.watch(force_mn=10.0)
+        scanner.show(45.0)
+        scanner.wait_for_code(3)
+        time.sleep(0.3)
+        child.terminate()
+        out, _ = child.communicate(timeout=10.0)
+    assert " Code      : 1\n" in out
+    assert " Code      : 3\n" in out
+    assert out.index(" Code      : 1\n") < out.index(" Code      : 3\n")
+    assert '"class": 1' in out
+    assert " Error Name: DANGEROUS_CLASS\n" in out
+    assert "WITHDRAW: " in out
+
+
+@compiled
+@debians
+@pytest.mark.slow
+def test_debians_image_client_sends_frames_that_are_refused_by_their_size(build) -> None:
+    program = build(EXAMPLES / "Imager" / "ImagerClient.cxx")
+    with serving() as port, Peer(port) as robot:
+        images = EXAMPLES / "Imager" / "img"
+        child = subprocess.Popen([program, "127.0.0.1", str(port), "50", str(images)], stderr=subprocess.DEVNULL)
+        status = robot.wait_for_code(3)
+        child.terminate()
+        child.wait(10.0)
+    assert status.subcode == 107
+    assert "(256, 256)" in status.message
+
+
+@compiled
+@debians
+@pytest.mark.slow
+def test_debians_tracker_is_heard_and_changes_nothing(build) -> None:
+    program = build(EXAMPLES / "Tracker" / "TrackerClient.cxx")
+    with serving() as port, Peer(port) as scanner:
+        child = subprocess.Popen([program, "127.0.0.1", str(port), "100"])
+        scanner.watch(force_mn=10.0, frames=40)
+        assert child.poll() is None
+        assert {status.code for status in scanner.statuses()} == {13, 1}
+        child.terminate()
+        child.wait(10.0)
+
+
+def test_pyigtl_sends_frames_and_reads_what_is_said_of_them() -> None:
+    pyigtl = pytest.importorskip("pyigtl")
+    with serving() as port, Peer(port) as robot:
+        client = pyigtl.OpenIGTLinkClient("127.0.0.1", port)
+        try:
+            wait_until(client.is_connected)
+            matrix = np.diag([SCALE_M[0] * 1e3, SCALE_M[1] * 1e3, 1.0, 1.0])
+            for number in range(8):
+                pixels = frame_of(12_000, number + 1)[None]
+                message = pyigtl.ImageMessage(pixels, ijk_to_world_matrix=matrix, device_name="PyScanner")
+                assert client.send_message(message)
+                robot.hear(0.02)
+            reading = client.wait_for_message("ForceReading", timeout=3.0)
+            assert reading is not None
+            said = json.loads(reading.string)
+        finally:
+            client.stop()
+        assert (said["class"], said["state"], said["code"]) == (1, "WATCHING", 1)
+        assert said["force_mn"] == pytest.approx(12.0)
+
+
+@pytest.fixture
+def _own_signals():
+    """Give back the signals that a pyigtl server takes."""
+    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in kept.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("_own_signals")
+def test_a_pyigtl_server_receives_a_replay(tmp_path) -> None:
+    pyigtl = pytest.importorskip("pyigtl")
+    recording = read_recording(write_small_recording(tmp_path / "rec", frames=20))
+    server = pyigtl.OpenIGTLinkServer(port=0, local_server=True)
+    port = server.server_address[1]
+    log = AnswerLog()
+    try:
+        with closing(ScannerClient("127.0.0.1", port, log.hear)) as client:
+            wait_until(server.is_connected)
+            player = Player(recording, client, log, version=2)
+            player.play(1.15)
+            image = server.wait_for_message("Scanner", timeout=3.0)
+    finally:
+        server.stop()
+    assert image is not None
+    sent = recording.frame(recording.frames[int(image.image[0, 0, 0])])
+    assert np.array_equal(image.image.reshape(sent.shape), sent)
+    spacing = np.linalg.norm(image.ijk_to_world_matrix[:3, :3], axis=0)
+    assert spacing[:2] == pytest.approx([8.0 / 32, 3.0 / 24], rel=1e-6)

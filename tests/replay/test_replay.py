@@ -1,0 +1,266 @@
+"""`replay`: frames and forces in their time, what is said about the answers, and every way that it ends."""
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from fake_monitor import FakeMonitor, fake_monitor
+from small_recording import write_small_recording
+
+from scleraforce.cli.main import run
+from scleraforce.errors import FrameError
+from scleraforce.openigtlink import Image, Received, Sensor, Status
+from scleraforce.recording.files import read_recording
+from scleraforce.replay.answer_log import AnswerLog
+from scleraforce.replay.player import Player
+from scleraforce.replay.scanner_client import ScannerClient
+from scleraforce.service.scanner_image import FrameAssembler
+
+
+def images(monitor: FakeMonitor) -> list[Received]:
+    return [e for e in monitor.received if isinstance(e, Received) and isinstance(e.message, Image)]
+
+
+def forces(monitor: FakeMonitor) -> list[Received]:
+    return [e for e in monitor.received if isinstance(e, Received) and isinstance(e.message, Sensor)]
+
+
+def played(recording, capsys, *options: str, decide=lambda _: None, code: int = 0) -> tuple[FakeMonitor, dict]:
+    with fake_monitor(decide) as monitor:
+        assert run(["replay", str(recording), "--port", str(monitor.port), "--json", *options]) == code
+    return monitor, json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_every_frame_comes_in_order_with_its_pixels_size_and_time(tmp_path, capsys, version: int) -> None:
+    recording = read_recording(write_small_recording(tmp_path / "rec", frames=30))
+    monitor, result = played(recording.path, capsys, "--version", str(version))
+    came = images(monitor)
+    assert (result["frames_sent"], result["frames_answered"]) == (30, 30)
+    for event, entry in zip(came, recording.frames, strict=True):
+        frame = FrameAssembler().add(event.message)
+        assert np.array_equal(frame.pixels, recording.frame(entry))
+        assert (frame.lateral_m, frame.depth_m) == pytest.approx((0.008 / 32, 0.003 / 24), rel=1e-6)
+    assert {event.header.version for event in came} == {version}
+    assert [event.message_id for event in came] == ([0] * 30 if version == 1 else list(range(1, 31)))
+    times_s = [event.header.time_s for event in came]
+    assert [b - a for a, b in pairwise(times_s)] == pytest.approx([0.01] * 29, abs=1e-6)
+    assert result["latency_ms"]["median"] <= result["latency_ms"]["p99"] <= result["latency_ms"]["max"]
+
+
+def test_no_frame_goes_out_before_its_time_and_no_delay_adds_up(tmp_path) -> None:
+    recording = read_recording(write_small_recording(tmp_path / "rec", frames=40, log=False))
+    log, went_s = AnswerLog(), []
+    with fake_monitor() as monitor:
+        client = ScannerClient("127.0.0.1", monitor.port, log.hear)
+        player = Player(recording, client, log, speed=2.0, watch=lambda: went_s.append(log._last[1]))
+        player.play()
+        client.close()
+    due_s = [player.due(entry.time_s)[0] for entry in recording.frames]
+    late_s = np.array(went_s[:40]) - due_s
+    assert (late_s >= 0.0).all()
+    assert np.diff(due_s) == pytest.approx(0.005)  # twice as fast, whatever came between
+    assert player.latest_s <= late_s.max()
+
+
+def test_a_replay_that_is_late_catches_up_at_twice_the_pace_and_in_no_burst(tmp_path) -> None:
+    recording = read_recording(write_small_recording(tmp_path / "rec", frames=40, log=False))
+    log, went_s = AnswerLog(), []
+
+    def watch() -> None:
+        went_s.append(log._last[1])
+        if len(went_s) == 10:
+            time.sleep(0.15)
+
+    with fake_monitor() as monitor:
+        client = ScannerClient("127.0.0.1", monitor.port, log.hear)
+        player = Player(recording, client, log, watch=watch)
+        player.play()
+        client.close()
+    assert min(np.diff(went_s[:40])) >= 0.005 - 1e-9
+    assert player.latest_s >= 0.14
+
+
+def test_the_force_log_goes_along_in_its_time(tmp_path, capsys) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=30)
+    monitor, result = played(path, capsys, "--version", "2")
+    came = forces(monitor)
+    assert result["forces_sent"] == len(came) == 58  # every 5 ms, up to the last frame
+    assert {event.header.device for event in came} == {"RobotForce"}
+    log = read_recording(path).forces
+    assert [event.message.values for event in came] == [tuple(row) for row in log.wrench_sc[:58].tolist()]
+    begin_s = images(monitor)[0].header.time_s
+    times_s = [event.header.time_s - begin_s for event in came]
+    assert times_s == pytest.approx((log.time_s[:58] - 1.0).tolist(), abs=1e-5)
+    order = [event.header.time_s for event in monitor.received if event is not None]
+    assert order == sorted(order)
+
+
+def test_a_log_of_one_axis_goes_along_as_the_contact_force(tmp_path, capsys) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=5)
+    lines = (path / "forces.csv").read_text().splitlines()
+    kept = [",".join(line.split(",")[i] for i in (0, 3)) for line in lines]
+    (path / "forces.csv").write_text("\n".join(kept) + "\n")
+    monitor, _ = played(path, capsys)
+    assert [event.message.values for event in forces(monitor)][:2] == [pytest.approx((1.0,)), pytest.approx((1.005,))]
+
+
+def test_a_fast_replay_sends_fewer_forces_but_all_frames(tmp_path, capsys) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=100)
+    _, result = played(path, capsys, "--speed", "20")
+    assert result["frames_sent"] == 100
+    assert result["forces_sent"] == 50  # every fourth: 200 a second, 20 times as fast, 1000 at most
+
+
+def withdraws_at(number: int):
+    seen = []
+
+    def decide(event):
+        if isinstance(event, Received) and isinstance(event.message, Image):
+            seen.append(event)
+        return Status(3, 102, "BOUND", "WITHDRAW: up to 31 mN") if len(seen) == number else None
+
+    return decide
+
+
+def test_a_withdrawal_is_told_with_its_frame_cause_reading_and_true_force(tmp_path, capsys) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=20, forces_mn=[float(n) for n in range(20)])
+    _, result = played(path, capsys, decide=withdraws_at(12))
+    found = result["withdrawal"]
+    assert {key: found[key] for key in ("code", "sub_code", "cause", "frame", "file", "true_force_mn")} == {
+        "code": 3, "sub_code": 102, "cause": "BOUND", "frame": 12, "file": "0011.png", "true_force_mn": 11.0,
+    }  # fmt: skip
+    assert found["message"] == "WITHDRAW: up to 31 mN"
+    assert (found["force_mn"], found["interval_mn"]) == (1.5, [0.5, 2.5])
+    assert found["after_ms"] > 0.0
+    assert [change["code"] for change in result["changes"]][-2:] == [1, 3]
+    assert found["at_s"] >= 0.11  # since the first frame
+    assert found["at_s"] <= result["duration_s"]
+
+
+def test_text_has_a_line_for_each_change_and_a_summary(tmp_path, capsys) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=20, forces_mn=[float(n) for n in range(20)])
+    with fake_monitor(withdraws_at(12)) as monitor:
+        assert run(["replay", str(path), "--port", str(monitor.port)]) == 0
+    out, err = capsys.readouterr()
+    lines = out.splitlines()
+    assert err == ""
+    assert any("frame 12  code 3.102 BOUND  WITHDRAW: up to 31 mN" in line for line in lines)
+    assert lines[-3].startswith("20 frames sent, 20 answered; 38 forces sent; at most ")
+    assert lines[-2].startswith("latency ")
+    assert lines[-1].startswith("withdrawal at frame 12 (0011.png), ")
+    said = "BOUND: WITHDRAW: up to 31 mN; read 1.5 mN (0.5 to 2.5 mN); true force 11.0 mN"
+    assert lines[-1].endswith(f"after it was sent: {said}")
+
+
+def test_a_terminal_shows_a_live_line_that_the_summary_replaces(tmp_path, capsys, monkeypatch) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=10, log=False)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setattr("scleraforce.cli.replay.LIVE_S", 0.0)
+    with fake_monitor() as monitor:
+        assert run(["replay", str(path), "--port", str(monitor.port)]) == 0
+    out, err = capsys.readouterr()
+    assert "\r\x1b[Kframe 10, code 1, class 0, 1.5 mN, " in err
+    assert " ms, WATCHING: class 0" in err
+    assert err.endswith("\r\x1b[K")
+    assert "\x1b" not in out
+
+
+def test_with_preload_every_frame_is_read_before_the_first_goes_out(tmp_path, capsys) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=100, log=False)
+    read = []
+    original = Player._read
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            Player, "_read", lambda player, *a: (read.append(player.log.frames_sent), original(player, *a))[1]
+        )
+        _, result = played(path, capsys, "--preload", "--speed", "10")
+        assert result["frames_sent"] == 100
+        assert read == [0] * 100
+        read.clear()
+        played(path, capsys, "--speed", "10")
+        assert max(read) > 0
+
+
+def test_a_frame_that_cannot_be_read_ends_it_with_the_files_name(tmp_path) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=10, log=False)
+    (path / "frames" / "0006.png").write_bytes(b"no png")
+    recording, log = read_recording(path), AnswerLog()
+    with fake_monitor() as monitor:
+        client = ScannerClient("127.0.0.1", monitor.port, log.hear)
+        with pytest.raises(FrameError, match=r"0006\.png"):
+            Player(recording, client, log).play()
+        client.close()
+    assert log.frames_sent == 6
+
+
+def test_enter_sends_the_next_frame_and_its_answer_is_printed(tmp_path, capsys, monkeypatch) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=5)
+    monkeypatch.setattr(sys, "stdin", io.StringIO("\n\n\n"))
+    with fake_monitor() as monitor:
+        assert run(["replay", str(path), "--port", str(monitor.port), "--step"]) == 0
+        assert len(images(monitor)) == 3
+        assert not forces(monitor)
+    out, err = capsys.readouterr()
+    assert [line.split(", ")[0] for line in out.splitlines() if line.startswith("frame")] == [
+        "frame 1", "frame 2", "frame 3",
+    ]  # fmt: skip
+    assert "class 0, 1.5 mN" in out
+    assert err.count("Enter sends") == 4
+    assert "Enter sends 0003.png" in err
+
+
+def test_nobody_there_is_exit_code_2_and_one_line(tmp_path, capsys) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=5)
+    with fake_monitor() as monitor:
+        port = monitor.port
+    assert run(["replay", str(path), "--port", str(port)]) == 2
+    assert "Connection refused; start `scleraforce monitor` there" in capsys.readouterr().err
+
+
+def test_a_monitor_that_leaves_is_exit_code_1_and_the_summary_so_far(tmp_path, capsys) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=60)
+
+    def leave(_event) -> None:
+        if len(images(monitor)) == 20:
+            monitor.drop()
+
+    with fake_monitor() as monitor:
+        monitor.decide = leave
+        assert run(["replay", str(path), "--port", str(monitor.port)]) == 1
+    out, err = capsys.readouterr()
+    assert err.startswith("error: 127.0.0.1:")
+    assert err.count("\n") == 1
+    assert " frames sent, " in out
+
+
+@pytest.mark.parametrize(
+    "options", [["--step", "--speed", "2"], ["--fault-at-s", "3"], ["--fault", "gremlins"], ["--version", "4"]]
+)
+def test_wrong_usage_is_exit_code_2(tmp_path, capsys, options) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=5)
+    assert run(["replay", str(path), *options]) == 2
+    assert capsys.readouterr().err.startswith("error: ")
+
+
+@pytest.mark.slow
+def test_control_c_is_exit_code_130_with_the_summary_so_far(tmp_path) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=300, log=False)
+    with fake_monitor() as monitor:
+        code = "from scleraforce.cli.main import main; main()"
+        command = [sys.executable, "-c", code, "replay", str(path), "--port", str(monitor.port), "--json"]
+        child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ)
+        while len(images(monitor)) < 5:
+            assert child.poll() is None
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate(timeout=30)
+    assert child.returncode == 130
+    assert err.strip() == "error: interrupted"
+    assert 5 <= json.loads(out)["frames_sent"] < 300

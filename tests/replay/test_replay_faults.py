@@ -1,0 +1,360 @@
+"""The faults that `replay` injects: what the monitor receives, and what is reported of its reaction."""
+
+import json
+import time
+from contextlib import closing
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from fake_monitor import FakeMonitor, fake_monitor
+from small_recording import ROWS, write_small_recording
+
+from scleraforce.cli.main import run
+from scleraforce.errors import InputError
+from scleraforce.monitor.causes import Cause
+from scleraforce.openigtlink import BadChecksum, Decoder, Image, Malformed, Received, Status, Text, encode
+from scleraforce.recording.files import read_recording
+from scleraforce.replay import fault_acts, faults
+from scleraforce.replay import player as replay
+from scleraforce.replay.answer_log import AnswerLog
+from scleraforce.replay.fault_acts import ACTS, prepare
+from scleraforce.replay.faults import FAULTS, FaultReport, draw_fault_time, inject
+from scleraforce.replay.player import Player
+from scleraforce.replay.scanner_client import ScannerClient
+
+FRAMES = 200
+FORCES_N = np.concatenate([np.zeros(20), np.linspace(0.0, 0.04, FRAMES - 20)])
+AT_S, SPEED = 1.3, 4.0  # frame 31 of 400 a second
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch) -> None:
+    """Wait for seconds where something follows a fault: the fake monitor may be held up."""
+    monkeypatch.setattr(faults, "WITHIN_S", 5.0)
+    for module in (faults, replay):  # times are exact also where the machine is late
+        monkeypatch.setattr(module, "STATED_S", float("inf"))
+
+
+@pytest.fixture
+def _soon(monkeypatch) -> None:
+    """Wait for a quarter of a second where nothing follows a fault."""
+    monkeypatch.setattr(faults, "WITHIN_S", 0.25)
+
+
+@pytest.fixture
+def _usual(monkeypatch) -> None:
+    monkeypatch.setattr(faults, "WITHIN_S", fault_acts.WITHIN_S)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = write_small_recording(tmp_path_factory.mktemp("faults") / "rec", FRAMES, forces_mn=FORCES_N * 1e3)
+    return read_recording(path)
+
+
+def injected(
+    recording, name: str, version: int, decide=lambda _: None, seed: int = 0
+) -> tuple[FakeMonitor, FaultReport]:
+    log = AnswerLog()
+    with (
+        fake_monitor(decide) as monitor,
+        closing(ScannerClient("127.0.0.1", monitor.port, log.hear, observed=True)) as client,
+    ):
+        player = Player(recording, client, log, speed=SPEED, version=version)
+        rng = np.random.default_rng(seed)
+        ready = prepare(name, recording, AT_S, rng, version=version, speed=SPEED, forces_n=FORCES_N)
+        player.play(ready.time_s)
+        report = inject(player, ready)
+        if name not in ("half", "garbage", "disconnect"):
+            client.send(encode(Text("end"), "End", version=version))
+            end_s = time.monotonic() + 10.0
+            while not any(isinstance(e, Received) and e.message == Text("end") for e in monitor.received):
+                assert time.monotonic() < end_s
+                time.sleep(0.001)
+    return monitor, report
+
+
+def images(monitor: FakeMonitor) -> list[Received]:
+    return [event for event in monitor.received if isinstance(event, Received) and isinstance(event.message, Image)]
+
+
+def numbers(monitor: FakeMonitor) -> list[int]:
+    return [int(event.message.pixels[0, 0, 0]) for event in images(monitor)]
+
+
+class WithdrawsAfter:
+    """Says EMERGENCY at the n-th event after the frames before the fault."""
+
+    def __init__(self, events: int, sub_code: int) -> None:
+        self.left, self.status = 30 + events, Status(3, sub_code, "", "WITHDRAW: seen")
+
+    def __call__(self, event) -> Status | None:
+        counts = event is None or isinstance(event, BadChecksum | Malformed)
+        counts = counts or (isinstance(event, Received) and isinstance(event.message, Image))
+        self.left -= counts
+        return self.status if self.left == 0 and counts else None
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_frozen_sends_the_same_picture_with_new_ids_and_times(recording, version: int) -> None:
+    monitor, report = injected(recording, "frozen", version, WithdrawsAfter(3, 105))
+    assert numbers(monitor)[:33] == [*range(30), 29, 29, 29]
+    times_s = [event.header.time_s for event in images(monitor)]
+    assert [b - a for a, b in pairwise(times_s)] == pytest.approx([0.01 / SPEED] * (len(times_s) - 1), abs=1e-6)
+    if version == 2:
+        assert [event.message_id for event in images(monitor)] == list(range(1, len(times_s) + 1))
+    assert (report.code, report.cause, report.expected) == (3, "FROZEN", True)
+    assert report.delay_s is not None
+
+
+def test_double_buffer_sends_the_last_pictures_in_turns_with_new_ids(recording) -> None:
+    drawn = set()
+    for seed in range(4):
+        monitor, report = injected(recording, "double-buffer", 2, WithdrawsAfter(12, 105), seed)
+        turns = numbers(monitor)[30:42]
+        buffers = 30 - turns[0]
+        assert turns == [30 - buffers + place % buffers for place in range(12)]
+        assert [event.message_id for event in images(monitor)] == list(range(1, len(images(monitor)) + 1))
+        assert report.expected
+        drawn.add(buffers)
+    assert drawn <= set(range(2, 11))
+    assert len(drawn) > 1
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_burned_in_clock_sends_one_picture_of_which_a_corner_changes(recording, seed: int) -> None:
+    monitor, report = injected(recording, "burned-in-clock", 2, WithdrawsAfter(5, 105), seed)
+    last, *burned_in = [event.message.pixels[0] for event in images(monitor)[29:35]]
+    for before, after in pairwise(burned_in):
+        assert 1 <= np.count_nonzero(before != after) <= 4
+        assert np.array_equal(after[1:], last[1:])
+    assert report.expected
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_stale_sends_the_next_pictures_with_times_that_fall_behind(recording, version: int) -> None:
+    monitor, report = injected(recording, "stale", version, WithdrawsAfter(12, 114))
+    assert numbers(monitor)[:42] == list(range(42))
+    times_s = [event.header.time_s for event in images(monitor)][29:42]
+    assert [b - a for a, b in pairwise(times_s)] == pytest.approx([0.2 * 0.01 / SPEED] * 12, abs=1e-6)
+    assert (report.cause, report.expected) == ("STALE", True)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_out_of_order_sends_one_frame_with_an_older_id(recording, version: int) -> None:
+    monitor, report = injected(recording, "out-of-order", version, WithdrawsAfter(1, 106))
+    ids = [event.message_id or int(event.header.time_s * 1e6) for event in images(monitor)]
+    assert ids[:30] == sorted(ids[:30])
+    assert ids[30] < ids[29]
+    assert all(later > ids[29] for later in ids[31:])
+    assert report.expected
+
+
+@pytest.mark.usefixtures("_soon")
+@pytest.mark.parametrize("version", [1, 2])
+def test_checksum_nan_and_bad_image_are_what_they_say_and_the_stream_goes_on(recording, version: int) -> None:
+    for name, kind in (("checksum", BadChecksum), ("nan", Malformed), ("bad-image", Malformed)):
+        monitor, report = injected(recording, name, version)
+        wrong = [event for event in monitor.received if isinstance(event, BadChecksum | Malformed)]
+        assert [type(event) for event in wrong] == [kind]
+        assert name != "nan" or "finite" in wrong[0].reason
+        assert name != "bad-image" or "bytes of pixels" in wrong[0].reason
+        assert numbers(monitor)[29:33] == [29, 31, 32, 33]
+        assert report.delay_s is None
+        assert report.message == "the monitor still says OK"
+
+
+def test_size_and_scale_contradict_the_frames_before(recording) -> None:
+    monitor, _ = injected(recording, "size", 2, WithdrawsAfter(1, 107))
+    assert [event.message.pixels.shape[1] for event in images(monitor)][29:31] == [ROWS, ROWS // 2]
+    monitor, _ = injected(recording, "scale", 2, WithdrawsAfter(1, 108))
+    before, wrong = (images(monitor)[index].message.matrix for index in (29, 30))
+    assert wrong[0] == pytest.approx(1.03 * before[0])
+    assert wrong[4] == pytest.approx(1.03 * before[4])
+
+
+def test_unusable_is_noise_or_black_and_never_frozen(recording) -> None:
+    kinds = set()
+    for seed in range(6):
+        monitor, report = injected(recording, "unusable", 2, WithdrawsAfter(1, 104), seed)
+        assert report.expected
+        wrong = images(monitor)[30].message.pixels
+        kinds.add("noise" if wrong.max() > 3000 else "black" if wrong.max() <= 3 else "other")
+        assert not np.array_equal(wrong, images(monitor)[29].message.pixels)
+    assert kinds == {"noise", "black"}
+
+
+def test_rising_and_dangerous_take_frames_of_the_forces_that_they_need(recording) -> None:
+    monitor, _ = injected(recording, "rising", 2, WithdrawsAfter(10, 103))
+    forces_n = FORCES_N[numbers(monitor)[29:40]]
+    assert np.diff(forces_n) == pytest.approx(0.15 / 100 / SPEED, abs=0.4e-3)
+    assert forces_n[-1] - forces_n[0] == pytest.approx(10 * 0.15 / 100 / SPEED, abs=0.3e-3)
+    monitor, report = injected(recording, "dangerous", 2, WithdrawsAfter(1, 101))
+    assert FORCES_N[numbers(monitor)[30]] >= 0.033
+    assert report.cause == "DANGEROUS_CLASS"
+
+
+def test_a_dangerous_frame_is_dangerous_whatever_is_drawn(recording) -> None:
+    for seed in range(20):
+        ready = prepare("dangerous", recording, AT_S, np.random.default_rng(seed), forces_n=FORCES_N)
+        (event,) = Decoder().feed(ready.acts[0][0].message.stamped(1.0))
+        assert FORCES_N[event.message.pixels[0, 0, 0]] >= 0.033
+
+
+def test_flood_comes_at_once_with_rising_ids(recording) -> None:
+    monitor, report = injected(recording, "flood", 1, WithdrawsAfter(4, 110))
+    ids = [int(event.header.time_s * 1e6) for event in images(monitor)]
+    assert len(ids) >= 34
+    assert all(b > a for a, b in pairwise(ids))
+    came_s = [event.header.time_s for event in images(monitor)]
+    assert came_s[33] - came_s[30] < 0.001
+    assert len(ids) < 230  # it stops when it is answered
+    assert report.expected
+
+
+@pytest.mark.parametrize("name", ["garbage", "disconnect"])
+def test_the_robots_connection_tells_what_follows_a_broken_scanner(recording, name: str) -> None:
+    def decide(event):
+        return Status(3, 7, "SILENCE", "WITHDRAW: no frame") if event is None else None
+
+    monitor, report = injected(recording, name, 2, decide)
+    assert len(images(monitor)) == 30
+    assert (report.code, report.cause) == (3, "SILENCE")
+    assert report.expected is (name == "disconnect")
+
+
+@pytest.mark.usefixtures("_soon")
+def test_half_a_frame_is_followed_by_nothing(recording) -> None:
+    monitor, report = injected(recording, "half", 2)
+    assert len(images(monitor)) == 30
+    assert report.delay_s is None  # the connection stands: this monitor sees nothing
+
+
+@pytest.mark.usefixtures("_soon")
+def test_silence_sends_nothing_more_and_a_monitor_that_falls_silent_too_is_a_withdrawal(recording) -> None:
+    monitor, report = injected(recording, "silence", 2)
+    assert len(images(monitor)) == 30
+    assert report.delay_s is None
+
+    def fall_silent(event) -> None:
+        monitor_now.answers = not (isinstance(event, Received) and len(images(monitor_now)) >= 30)
+
+    log = AnswerLog()
+    with fake_monitor() as monitor_now:
+        monitor_now.decide = fall_silent
+        client = ScannerClient("127.0.0.1", monitor_now.port, log.hear, observed=True)
+        player = Player(recording, client, log, speed=SPEED, version=2)
+        ready = prepare("silence", recording, AT_S, np.random.default_rng(0), version=2, speed=SPEED)
+        player.play(ready.time_s)
+        report = inject(player, ready)
+        client.close()
+    assert (report.code, report.cause, report.message) == (None, None, "no STATUS for 150 ms")
+    assert report.delay_s <= 0.151
+
+
+def test_a_monitor_that_dies_is_a_withdrawal_by_the_robots_rule(recording) -> None:
+    def die(event) -> None:
+        if isinstance(event, BadChecksum):
+            monitor_now.drop()
+
+    log = AnswerLog()
+    with fake_monitor() as monitor_now:
+        monitor_now.decide = die
+        client = ScannerClient("127.0.0.1", monitor_now.port, log.hear, observed=True)
+        player = Player(recording, client, log, speed=SPEED)
+        ready = prepare("checksum", recording, AT_S, np.random.default_rng(0), speed=SPEED)
+        player.play(ready.time_s)
+        report = inject(player, ready)
+        client.close()
+    assert report.code is None
+    assert report.delay_s is not None
+    assert "the connection is lost" in report.message
+
+
+def test_a_monitor_that_does_not_watch_shows_nothing(recording) -> None:
+    with pytest.raises(InputError, match="was not watching when the fault was due; it said: WITHDRAW: seen"):
+        injected(recording, "silence", 2, WithdrawsAfter(-10, 102))
+
+
+@pytest.mark.usefixtures("_usual")
+def test_the_time_of_a_fault_is_drawn_in_contact_and_clear_of_danger(recording) -> None:
+    times_s = {draw_fault_time(recording, FORCES_N, np.random.default_rng(seed)) for seed in range(200)}
+    frames_s = np.array([entry.time_s for entry in recording.frames])
+    forces_n = [FORCES_N[np.searchsorted(frames_s, time_s - 1e-9)] for time_s in times_s]
+    after_n = [FORCES_N[frames_s <= time_s + 0.5 - 1e-9][-1] for time_s in times_s]
+    assert min(forces_n) > 4e-3
+    assert max(after_n) <= 24.1e-3
+    assert len(times_s) > 1
+    dipping_n = np.where(np.arange(FRAMES) % 20 < 10, 0.0, FORCES_N)  # the needle lifts off again and again
+    for seed in range(50):
+        time_s = draw_fault_time(recording, dipping_n, np.random.default_rng(seed))
+        assert dipping_n[np.searchsorted(frames_s, time_s - 1e-9)] > 4e-3
+    with pytest.raises(InputError, match="no room for a fault"):
+        draw_fault_time(recording, np.zeros(FRAMES), np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("name", "time_s", "forces_n", "message"),
+    [
+        ("gremlins", AT_S, FORCES_N, "one of these would do: unusable, silence"),
+        ("silence", 0.0, FORCES_N, "a fault at 0 s; frames are from 1.02"),
+        ("silence", 99.0, FORCES_N, "a fault at 99 s"),
+        ("rising", AT_S, FORCES_N / 2, "forces up to 20.0 mN; this fault needs 30 mN"),
+        ("dangerous", AT_S, FORCES_N / 2, "forces up to 20.0 mN; this fault needs 33 mN"),
+        ("dangerous", AT_S, None, "no force at its frames"),
+    ],
+)
+def test_a_fault_that_cannot_be_is_one_clear_line(recording, name, time_s, forces_n, message) -> None:
+    with pytest.raises(InputError, match=message):
+        prepare(name, recording, time_s, np.random.default_rng(0), forces_n=forces_n)
+
+
+def test_the_table_and_the_acts_name_the_same_faults() -> None:
+    assert list(FAULTS) == list(ACTS)
+    assert all(isinstance(cause, Cause) for fault in FAULTS.values() for cause in fault.causes)
+
+
+@pytest.mark.usefixtures("_usual")
+def test_the_command_injects_at_a_drawn_time_and_says_what_followed(recording, capsys) -> None:
+    def decide(event):
+        return Status(3, 9, "CHECKSUM", "WITHDRAW: checksum") if isinstance(event, BadChecksum) else None
+
+    with fake_monitor(decide) as monitor:
+        command = ["replay", str(recording.path), "--port", str(monitor.port), "--fault", "checksum", "--json"]
+        assert run(command) == 0
+    result = json.loads(capsys.readouterr().out)
+    fault = result["fault"]
+    assert (fault["name"], fault["withdraws"], fault["cause"], fault["code"]) == ("checksum", True, "CHECKSUM", 3)
+    assert fault["cause_is_of_the_fault"] is True
+    assert 0.0 < fault["delay_ms"] < 500.0
+    frames_s = [entry.time_s for entry in recording.frames]
+    drawn_s = draw_fault_time(recording, FORCES_N, np.random.default_rng(0))
+    assert result["frames_sent"] >= frames_s.index(drawn_s)
+
+
+@pytest.mark.usefixtures("_soon")
+def test_a_fault_that_nobody_notices_is_exit_code_1(recording, capsys) -> None:
+    with fake_monitor() as monitor:
+        command = [
+            "replay",
+            str(recording.path),
+            "--port",
+            str(monitor.port),
+            "--fault",
+            "scale",
+            "--fault-at-s",
+            "1.3",
+        ]
+        began_s = time.monotonic()
+        assert run([*command, "--speed", "4"]) == 1
+        assert time.monotonic() - began_s > 0.2
+    out, err = capsys.readouterr()
+    assert "no withdrawal after the fault scale" in err
+    assert "the robot goes on: the monitor still says OK" in out
+
+
+def test_the_faults_are_listed_with_a_line_each(capsys) -> None:
+    assert run(["replay", "--fault", "list"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(FAULTS)

@@ -1,0 +1,181 @@
+"""A scanner's connection: it hears while it sends, never hangs, and says clearly what went wrong."""
+
+import json
+import socket
+import time
+
+import numpy as np
+import pytest
+from fake_monitor import FakeMonitor, fake_monitor
+
+from scleraforce.errors import InputError, LinkError
+from scleraforce.openigtlink import Decoder, Image, Received, Sensor, Status, Text, encode
+from scleraforce.recording.info import OctInfo
+from scleraforce.replay import scanner_client
+from scleraforce.replay.answer_log import AnswerLog
+from scleraforce.replay.scanner_client import ScannerClient, Unstamped, frame_message
+from scleraforce.service.scanner_image import FrameAssembler
+
+OCT = OctInfo(columns=32, rows=24, bits=12, width_m=8e-3, depth_m=3e-3)
+PIXELS = np.arange(24 * 32, dtype=np.uint16).reshape(24, 32)
+
+
+def heard_image(data: bytes) -> Received:
+    (event,) = Decoder().feed(bytes(data))
+    assert isinstance(event, Received)
+    assert isinstance(event.message, Image)
+    return event
+
+
+@pytest.mark.parametrize("version", [1, 2, 3])
+def test_a_frame_says_its_pixels_their_size_its_number_and_its_time(version: int) -> None:
+    message = frame_message(PIXELS, OCT, 7, version)
+    event = heard_image(message.stamped(1234.5))
+    frame = FrameAssembler().add(event.message)
+    assert np.array_equal(frame.pixels, PIXELS)
+    assert (frame.lateral_m, frame.depth_m) == pytest.approx((8e-3 / 32, 3e-3 / 24), rel=1e-6)
+    assert event.header.time_s == 1234.5
+    assert event.header.version == version
+    assert event.message_id == (0 if version == 1 else 7)
+    assert message.frame_id == (1_234_500_000 if version == 1 else 7)
+    assert heard_image(message.stamped(99.0)).header.time_s == 99.0
+
+
+def test_a_frame_has_the_id_that_the_monitor_reads_from_its_time() -> None:
+    message = frame_message(PIXELS, OCT, 7, 1)
+    for time_s in (1_763_722_841.123457, 1_763_722_841.0, 5.000001):
+        event = heard_image(message.stamped(time_s))
+        assert message.frame_id == int(event.header.time_s * 1e6)
+
+
+def wait_until(client: ScannerClient, done) -> None:
+    client.listen(time.monotonic() + 5.0, done)
+    assert done()
+
+
+@pytest.mark.parametrize("observed", [False, True])
+def test_what_the_monitor_says_is_heard_with_its_time(observed: bool) -> None:
+    log = AnswerLog()
+    with fake_monitor() as monitor:
+        client = ScannerClient("127.0.0.1", monitor.port, log.hear, observed=observed)
+        wait_until(client, lambda: log.status is not None)
+        message = frame_message(PIXELS, OCT, 7, 2)
+        before_s = time.monotonic()
+        sent_s = client.send(message.stamped(5.0))
+        log.sent(7, message.frame_id, sent_s)
+        wait_until(client, lambda: log.answered == 7)
+        assert before_s <= sent_s <= time.monotonic()
+        assert log.ok
+        assert 0.0 <= log.answers[0].took_s <= time.monotonic() - sent_s
+        client.close()
+
+
+def test_the_robots_connection_hears_on_when_the_scanners_is_closed() -> None:
+    log = AnswerLog()
+    with fake_monitor() as monitor:
+        client = ScannerClient("127.0.0.1", monitor.port, log.hear, observed=True)
+        wait_until(client, lambda: log.status is not None)
+        client.disconnect()
+        wait_until(client, lambda: None in monitor.received)
+        monitor.say(Status(3, 7, "SILENCE", "no frame"))
+        wait_until(client, lambda: log.first_doubt(0.0, (3,)) is not None)
+        with pytest.raises(LinkError, match="closed the connection"):
+            client.send(b"x")
+        client.close()
+
+
+def test_a_monitor_that_stops_reading_is_an_error_and_no_hang(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scanner_client, "STALL_S", 0.5)
+    log = AnswerLog()
+    with fake_monitor() as monitor:
+        client = ScannerClient("127.0.0.1", monitor.port, log.hear)
+        wait_until(client, lambda: log.status is not None)
+        first_s, monitor.reads = log.status_s, False
+        with pytest.raises(LinkError, match=r"has read nothing for 0\.5 s"):
+            client.send(encode(Image(np.zeros((1, 2048, 2048), np.uint16)), "Scanner") * 8)
+        assert log.status_s > first_s  # it was heard meanwhile
+        client.close()
+
+
+def test_nobody_there_is_one_clear_line() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+    with pytest.raises(InputError, match=rf"127.0.0.1:{port}: Connection refused; start `scleraforce monitor`"):
+        ScannerClient("127.0.0.1", port, lambda *_: None)
+
+
+def test_a_connection_that_is_closed_is_an_error() -> None:
+    with fake_monitor() as monitor:
+        client = ScannerClient("127.0.0.1", monitor.port, lambda *_: None)
+        wait_for_peer(monitor)
+        monitor.drop()
+        with pytest.raises(LinkError, match="the connection is lost"):
+            client.listen(time.monotonic() + 5.0)
+        client.close()
+
+
+def wait_for_peer(monitor: FakeMonitor) -> None:
+    while not monitor._peers:
+        time.sleep(0.001)
+
+
+def test_what_is_no_openigtlink_is_an_error() -> None:
+    with fake_monitor() as monitor:
+        monitor.answers = False
+        client = ScannerClient("127.0.0.1", monitor.port, lambda *_: None)
+        wait_for_peer(monitor)
+        monitor.say_bytes(b"HTTP/1.1 400 Bad Request\r\n" + b"\r\n" * 30)
+        with pytest.raises(LinkError, match="no OpenIGTLink comes from there: header version"):
+            client.listen(time.monotonic() + 5.0)
+        client.close()
+
+
+def reading(frame_id: int) -> Text:
+    return Text(json.dumps({"event": "frame", "frame_id": frame_id, "class": 1}))
+
+
+def test_the_status_before_a_reading_is_that_frames_answer() -> None:
+    log = AnswerLog()
+    log.sent(1, 101, 10.000)
+    log.sent(2, 102, 10.010)
+    log.hear(10.002, "ForceMonitor", Status(1))
+    log.hear(10.003, "ForceReading", reading(101))
+    log.hear(10.011, "ForceMonitor", Status(1))  # a heartbeat
+    log.sent(3, 103, 10.0125)  # before frame 2 is answered
+    log.hear(10.013, "ForceMonitor", Status(3, 102, "BOUND", "too much"))
+    log.hear(10.014, "ForceReading", reading(102))
+    assert [answer.took_s for answer in log.answers] == pytest.approx([0.002, 0.003])
+    assert log.longest_silence_s == pytest.approx(0.009)
+    change = log.first_doubt(0.0)
+    assert change is not None
+    assert (change.code, change.cause, change.frame, change.answers) == (3, "BOUND", 2, True)
+    assert change.after_s == pytest.approx(0.003)
+    assert [entry.code for entry in log.changes] == [1, 3]
+    assert not log.ok
+
+
+def test_what_answers_no_frame_is_not_taken_for_an_answer() -> None:
+    log = AnswerLog()
+    log.hear(9.0, "ForceMonitor", Status(13))
+    log.sent(1, 101, 10.0)
+    for text in ("no json", "[1]", '{"frame_id": null}', '{"frame_id": 999}'):
+        log.hear(10.1, "ForceReading", Text(text))
+    log.hear(10.1, "Other", Status(3))
+    log.hear(10.1, "ForceMonitor", Sensor((1.0,)))
+    assert log.answers == []
+    assert log.answered is None
+    assert [(change.code, change.frame) for change in log.changes] == [(13, None)]
+    assert log.first_doubt(9.5) is None
+
+
+def test_frames_that_are_never_answered_are_forgotten() -> None:
+    log = AnswerLog()
+    for number in range(3000):
+        log.sent(number, number, 0.0)
+    assert len(log._waiting) <= 1000
+
+
+def test_a_message_without_a_number_has_its_time_as_id() -> None:
+    message = Unstamped(Sensor((1.0,)), "RobotForce", 1)
+    message.stamped(2.5)
+    assert message.frame_id == 2_500_000

@@ -1,0 +1,54 @@
+"""The comparison on walls of finite strain: forces against the log and against the truth, each in its row."""
+
+import json
+import re
+from pathlib import Path
+
+from scleraforce.reader.evaluation import Evaluation, FrameAnswer
+from scleraforce.reproduction.bent_section import _comparison, _coverage_words
+
+
+def evaluation(folder: Path, kind: str, read_n: tuple[float | None, ...]) -> Evaluation:
+    """Answers to two frames, the log 2 mN above the truth."""
+    frames = tuple(
+        FrameAnswer(
+            recording=str(folder),
+            eye="eye-1",
+            file=f"{number}.png",
+            measured_force_n=true_n + 2e-3,
+            target=1,
+            predicted=1,
+            probabilities=(0.0, 1.0, 0.0),
+            usable=True,
+            predicted_force_n=force_n,
+            interval_n=None if force_n is None else (force_n - 1e-3, force_n + 1e-3),
+        )
+        for number, (true_n, force_n) in enumerate(zip((10e-3, 20e-3), read_n, strict=True))
+    )
+    return Evaluation("model", (5e-3, 30e-3), 60e-3, 0.25e6, frames, kind=kind)
+
+
+def write_truth(folder: Path) -> None:
+    truth = {"frames": [{"file": f"{number}.png", "force_n": force_n} for number, force_n in enumerate((10e-3, 20e-3))]}
+    (folder / "truth.json").write_text(json.dumps(truth))
+
+
+def test_forces_are_compared_with_the_log_and_with_the_truth(tmp_path: Path) -> None:
+    write_truth(tmp_path)
+    paper = evaluation(tmp_path, "classifier", (None, None))
+    reader = evaluation(tmp_path, "reader", (10.5e-3, 19.5e-3))
+    rows = [re.findall(r"<t[hd][^>]*>([^<]*)", row) for row in re.findall(r"<tr>.*?</tr>", _comparison(paper, reader))]
+    cells = {row[0]: row[1:] for row in rows}
+    assert cells["mean error of the force in mN"] == ["\N{EN DASH}", "2.00"]
+    assert cells["the same against the true force"] == ["\N{EN DASH}", "0.50"]
+    assert cells["logged forces within their 90 % interval"][1].startswith("0.00")
+    assert cells["true forces within their 90 % interval"][1].startswith("1.00")
+
+
+def test_a_low_coverage_is_explained_by_the_error_of_the_log_where_it_stands(tmp_path: Path) -> None:
+    write_truth(tmp_path)
+    (words,) = _coverage_words(evaluation(tmp_path, "reader", (10.5e-3, 19.5e-3)))
+    assert "off from the true force by 2.00 mN in the mean and by 2.00 mN at most" in words
+    assert "reach 1.00 mN to either side in the median" in words
+    assert "hold 0.00 of the logged forces and 1.00 of the true ones" in words
+    assert _coverage_words(evaluation(tmp_path, "classifier", (None, None))) == ()

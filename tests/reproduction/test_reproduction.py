@@ -1,0 +1,168 @@
+"""A reproduction's folder: what is finished is taken up, what is foreign is left alone."""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from scleraforce.errors import InputError
+from scleraforce.reproduction import run as reproduction
+from scleraforce.reproduction.run import Progress, Run, Stage, open_run, run_stages
+from scleraforce.study import NetworkStudy, Study
+
+DONE: list[str] = []
+BARS: list[tuple[str, int, int]] = []
+
+
+@contextmanager
+def announce(title: str, length: int) -> Iterator[Progress]:
+    """Keep what a progress bar would show: its title, its length, how far it came."""
+    count = 0
+
+    def advance(steps: int) -> None:
+        nonlocal count
+        count += steps
+
+    yield advance
+    BARS.append((title, length, count))
+
+
+@pytest.fixture(autouse=True)
+def _clean() -> None:
+    DONE.clear()
+    BARS.clear()
+
+
+def stage(name: str, work: Callable[[Run, Progress], None] | None = None, *, resumes: bool = False) -> Stage:
+    """A stage that writes a folder of its name and ticks twice."""
+
+    def write(run: Run, progress: Progress) -> None:
+        (run.folder / name).mkdir(exist_ok=resumes)
+        progress(1)
+        progress(1)
+        DONE.append(name)
+
+    return Stage(name, lambda _: 2, work or write, lambda run: run.folder / name, resumes)
+
+
+def test_stages_are_done_in_order_and_timed(tmp_path: Path) -> None:
+    run = open_run(tmp_path / "out", Study(), 1)
+    seconds = run_stages(run, (stage("a"), stage("b")), announce)
+    assert DONE == ["a", "b"]
+    assert list(seconds) == ["a", "b"]
+    assert BARS == [("1/2 a", 2, 2), ("2/2 b", 2, 2)]
+    assert (tmp_path / "out" / "study.toml").exists()
+
+
+def test_a_finished_stage_is_taken_up_and_keeps_its_time(tmp_path: Path) -> None:
+    first = run_stages(open_run(tmp_path, Study(), 1), (stage("a"), stage("b")), announce)
+    second = run_stages(open_run(tmp_path, Study(), 1), (stage("a"), stage("b"), stage("c")), announce)
+    assert DONE == ["a", "b", "c"]
+    assert {name: second[name] for name in first} == first
+
+
+def test_a_stage_whose_result_is_gone_is_done_again(tmp_path: Path) -> None:
+    run_stages(open_run(tmp_path, Study(), 1), (stage("a"),), announce)
+    (tmp_path / "a").rmdir()
+    run_stages(open_run(tmp_path, Study(), 1), (stage("a"),), announce)
+    assert DONE == ["a", "a"]
+
+
+def interrupted(run: Run, progress: Progress) -> None:
+    """Half of a stage's result, then Ctrl-C."""
+    progress(1)
+    (run.folder / "b").mkdir()
+    raise KeyboardInterrupt
+
+
+def test_after_control_c_the_finished_stages_stand_and_the_half_one_is_done_anew(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run_stages(open_run(tmp_path, Study(), 1), (stage("a"), stage("b", interrupted)), announce)
+    run_stages(open_run(tmp_path, Study(), 1), (stage("a"), stage("b")), announce)
+    assert DONE == ["a", "b"]
+
+
+def test_a_stage_that_resumes_finds_its_half_result(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run_stages(open_run(tmp_path, Study(), 1), (stage("b", interrupted),), announce)
+    run_stages(open_run(tmp_path, Study(), 1), (stage("b", resumes=True),), announce)
+    assert DONE == ["b"]
+
+
+def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(InputError, match="not empty, and not made by `reproduce`"):
+        open_run(tmp_path, Study(), 1)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_a_reproduction_of_another_study_is_left_alone(tmp_path: Path) -> None:
+    open_run(tmp_path, Study(), 1)
+    with pytest.raises(InputError, match="made from another study; remove it or give a new folder"):
+        open_run(tmp_path, Study(network=NetworkStudy(seed=7)), 1)
+
+
+def other_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The sources change."""
+    monkeypatch.setattr(reproduction, "hash_sources", lambda *_, **__: "0" * 64)
+    reproduction._sources.cache_clear()
+
+
+@pytest.fixture(autouse=True)
+def _own_sources() -> Iterator[None]:
+    """Forget the sources of another test."""
+    yield
+    reproduction._sources.cache_clear()
+
+
+def test_results_of_other_code_are_made_again_and_one_line_says_so(tmp_path: Path, monkeypatch) -> None:
+    def write(run: Run, _progress: Progress) -> None:
+        assert not (run.folder / "b").exists()
+        (run.folder / "b").write_text("")
+        DONE.append("b")
+
+    stages, lines = (stage("a", resumes=True), stage("b", write)), []
+    run_stages(open_run(tmp_path, Study(), 1), stages, announce, lines.append)
+    (tmp_path / "a" / "old").write_text("")
+    other_code(monkeypatch)
+    run_stages(open_run(tmp_path, Study(), 1), stages, announce, lines.append)
+    assert DONE == ["a", "b", "a", "b"]
+    assert not (tmp_path / "a" / "old").exists()
+    assert lines == [f"{tmp_path}: the code has changed since these results were made; all stages are done again"]
+    run_stages(open_run(tmp_path, Study(), 1), stages, announce, lines.append)
+    assert (len(DONE), len(lines)) == (4, 1)
+
+
+def test_after_control_c_what_the_new_code_has_made_stands(tmp_path: Path, monkeypatch) -> None:
+    run_stages(open_run(tmp_path, Study(), 1), (stage("a"), stage("b")), announce)
+    other_code(monkeypatch)
+    with pytest.raises(KeyboardInterrupt):
+        run_stages(open_run(tmp_path, Study(), 1), (stage("a"), stage("b", interrupted)), announce)
+    run_stages(open_run(tmp_path, Study(), 1), (stage("a"), stage("b")), announce)
+    assert DONE == ["a", "b", "a", "b"]
+
+
+def test_a_folder_from_before_the_sources_were_kept_is_done_again(tmp_path: Path) -> None:
+    run_stages(open_run(tmp_path, Study(), 1), (stage("a"),), announce)
+    path = tmp_path / "reproduce.json"
+    state = json.loads(path.read_text())
+    del state["made_from"]["sources"]
+    path.write_text(json.dumps(state))
+    run_stages(open_run(tmp_path, Study(), 1), (stage("a"),), announce)
+    assert DONE == ["a", "a"]
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"seconds": 3}'])
+def test_a_broken_state_is_one_clear_line(tmp_path: Path, content: str) -> None:
+    open_run(tmp_path, Study(), 1)
+    (tmp_path / "reproduce.json").write_text(content)
+    with pytest.raises(InputError, match=r"reproduce\.json: cannot be read"):
+        open_run(tmp_path, Study(), 1)
+
+
+def test_a_file_in_the_way_is_one_clear_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="file"):
+        open_run(tmp_path / "file", Study(), 1)

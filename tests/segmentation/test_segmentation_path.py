@@ -1,0 +1,46 @@
+"""The path against brute force, and against dynamic programming written out."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from scleraforce.segmentation.path import best_path
+
+
+@pytest.mark.parametrize("reach", [1, 2, 5])
+def test_the_path_is_the_best_of_all_paths(reach: int) -> None:
+    score = np.random.default_rng(reach).random((6, 5)).astype(np.float32)
+    allowed = (path for path in product(range(5), repeat=6) if np.abs(np.diff(path)).max() <= reach)
+    best = max(allowed, key=lambda path: score[np.arange(6), list(path)].sum())
+    np.testing.assert_array_equal(best_path(score, reach), best)
+
+
+def test_one_column_has_its_best_row() -> None:
+    assert best_path(np.array([[1, 5, 2]], dtype=np.float32), 1).tolist() == [1]
+
+
+def naive_best_path(score: np.ndarray, reach: int) -> np.ndarray:
+    """Viterbi's algorithm, state by state."""
+    columns, rows = score.shape
+    total, came_from = score[0].astype(np.float64), np.zeros((columns, rows), dtype=int)
+    for column in range(1, columns):
+        before = [max(range(max(0, r - reach), min(rows, r + reach + 1)), key=total.__getitem__) for r in range(rows)]
+        came_from[column], total = before, score[column] + total[before]
+    path = [int(total.argmax())]
+    for column in range(columns - 1, 0, -1):
+        path.append(came_from[column, path[-1]])
+    return np.array(path[::-1])
+
+
+@pytest.mark.parametrize("astray", [0, 1, 3, 20])
+@pytest.mark.parametrize("seed", range(12))
+def test_columns_whose_best_rows_lie_astray_do_not_lead_the_path_astray(astray: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    columns, rows = 32, 40
+    ridge = np.rint(20 + 12 * np.sin(np.arange(columns) / 6)).astype(int)
+    score = rng.random((columns, rows)).astype(np.float32)
+    score[np.arange(columns), ridge] += 1.0
+    for column in rng.choice(columns, astray, replace=False):
+        score[column, rng.integers(rows)] += rng.choice([1.5, 3.0])
+    np.testing.assert_array_equal(best_path(score, 3), naive_best_path(score, 3))

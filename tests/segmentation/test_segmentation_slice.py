@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.section.plane import Section, SliceWindow
+from scleraforce.section.slices import fill_section
+from scleraforce.segmentation.wall import Segmentation, boundary_slice
+from scleraforce.study import SliceStudy
+
+SLICE = SliceStudy()
+SCALE = PixelScale(15e-3 / 512, 4e-3 / 512)
+WINDOW = SliceWindow(-7e-3, 0.0, 140, 40, 0.1e-3)
+
+
+def segmentation(outer_m: np.ndarray, inner_m: np.ndarray) -> Segmentation:
+    rows = [curve / SCALE.depth_m - 0.5 for curve in (outer_m, inner_m)]
+    return Segmentation(rows[0], rows[1], 512, True, "", True, 0.5e-3)
+
+
+def lateral() -> np.ndarray:
+    return (np.arange(512) + 0.5) * SCALE.lateral_m - 7.5e-3
+
+
+@pytest.mark.parametrize("dent_m", [0.0, 1.0e-3, 3.0e-3, 4.5e-3])
+@pytest.mark.parametrize("shift_m", [0.0, 0.037e-3])
+def test_the_slice_is_that_of_the_section_with_the_same_curves(dent_m: float, shift_m: float):
+    x = lateral()
+    outer_m = 0.31e-3 + shift_m + x**2 / 24e-3 + dent_m * np.exp(-(x**2) / (2 * 1.5e-3**2))
+    inner_m = outer_m + 0.6e-3
+    section = Section(np.stack([x, outer_m], axis=1), np.stack([x, inner_m], axis=1))
+    drawn = boundary_slice(segmentation(outer_m, inner_m), SCALE, SLICE)
+    np.testing.assert_array_equal(drawn, fill_section(section, WINDOW))
+    assert drawn.shape == (40, 140)
+    assert set(np.unique(drawn)) == {0, 255}
+
+
+def test_optical_depth_below_the_surface_is_divided_by_the_refractive_index():
+    outer_m = 0.4e-3 + lateral() ** 2 / 30e-3
+    stretched = boundary_slice(segmentation(outer_m, outer_m + 1.38 * 0.7e-3), SCALE, SLICE, 1.38)
+    plain = boundary_slice(segmentation(outer_m, outer_m + 0.7e-3), SCALE, SLICE)
+    np.testing.assert_array_equal(stretched, plain)
+
+
+def test_columns_without_a_wall_stay_empty_and_their_neighbours_do_not():
+    outer_m = np.full(512, 1.0e-3)
+    found = segmentation(outer_m, outer_m + 0.5e-3)
+    found.outer_row[200:300] = found.inner_row[200:300] = np.nan
+    drawn = boundary_slice(found, SCALE, SLICE)
+    wall = drawn.any(axis=0)
+    at = (np.arange(140) + 0.5 - 70) * 0.1e-3 / SCALE.lateral_m + 255.5
+    np.testing.assert_array_equal(wall, (at < 199.5) | (at > 299.5))
+    assert (drawn[:, wall] > 0).sum(axis=0).tolist() == [5] * int(wall.sum())
+
+
+def test_rows_below_the_frame_are_empty_only_where_the_wall_has_ended():
+    outer_m = np.full(512, 3.85e-3)
+    drawn = boundary_slice(segmentation(outer_m, outer_m + 1.0e-3), SCALE, SLICE)
+    assert drawn[39].all()
+    assert not drawn[:38].any()
+
+
+def test_a_frame_without_a_wall_gives_an_empty_slice():
+    nowhere = np.full(512, np.nan)
+    assert not boundary_slice(segmentation(nowhere, nowhere), SCALE, SLICE).any()

@@ -1,0 +1,305 @@
+"""The wall in frames whose truth is known, under everything that disturbs a real one."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+
+from scleraforce.laboratory.bscan import Bscan, render_bscan
+from scleraforce.laboratory.optics import Cover, Line, Pose, sample_optics, sample_pose
+from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.section.plane import Section
+from scleraforce.segmentation.wall import Segmentation, Segmenter
+from scleraforce.study import OctStudy, Study
+
+STUDY = Study()
+SCALE = PixelScale(15e-3 / 512, 4e-3 / 512)
+SHARED = Path(__file__).parents[3] / "shared"
+needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared is absent")
+
+
+def wall(thickness_m: float = 0.7e-3, dent_m: float = 0.0, width_m: float = 1.6e-3) -> Section:
+    """A spherical wall of even thickness, normal to a surface with a dent in its middle."""
+    lateral = np.linspace(-8.5e-3, 8.5e-3, 1500)
+    depth = 12e-3 - np.sqrt(12e-3**2 - lateral**2) + dent_m * np.exp(-(lateral**2) / (2 * width_m**2))
+    tangent = np.stack([np.gradient(lateral), np.gradient(depth)], axis=1)
+    inward = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1) / np.linalg.norm(tangent, axis=1, keepdims=True)
+    outer = np.stack([lateral, depth], axis=1)
+    return Section(outer, outer + thickness_m * inward)
+
+
+def phantom(
+    section: Section,
+    seed: int = 0,
+    oct_study: OctStudy = STUDY.oct,
+    tilt_rad: float = 0.0,
+    top_m: float = 0.6e-3,
+    **optics,
+) -> Bscan:
+    rng = np.random.default_rng(seed)
+    drawn = replace(sample_optics(STUDY.phantom, oct_study, rng), **optics)
+    return render_bscan(Pose(0.0, top_m, tilt_rad).place(section), oct_study, drawn, rng)
+
+
+def dice(found: Segmentation, truth: np.ndarray) -> float:
+    mask = found.mask > 0
+    return float(2 * (mask & (truth > 0)).sum() / (mask.sum() + (truth > 0).sum()))
+
+
+CLEAR = {"snr_db": 25.0, "attenuation_per_m": 800.0, "choroid_level_db": -10.0, "shadows": ()}
+
+
+@pytest.fixture
+def segmenter() -> Segmenter:
+    return Segmenter()
+
+
+@pytest.fixture
+def bscan() -> Bscan:
+    return phantom(wall(dent_m=1.5e-3), seed=1, **CLEAR)
+
+
+def virtual_frames(eyes: int, frames: int, seed: int) -> Iterator[Bscan]:
+    """Frames of virtual eyes over the whole range of the study's phantom parameters."""
+    rng = np.random.default_rng(seed)
+    study = replace(STUDY, mesh=replace(STUDY.mesh, divisions=8, level=0))
+    for number in range(eyes):
+        thickness_m, modulus_pa = rng.uniform(0.3e-3, 1.2e-3), rng.uniform(0.2e6, 0.5e6)
+        gap_m, polar_rad, direction_rad = rng.uniform(0.35e-3, 1e-3), rng.uniform(0.44, 0.78), rng.uniform(-3.1, 3.1)
+        eye = PhantomEye(f"eye-{number}", thickness_m, modulus_pa, 266.0, gap_m, polar_rad, 0.0, direction_rad)
+        for section in linear_sections(eye, study)(list(rng.uniform(0.0, 0.06, frames))):
+            optics = sample_optics(study.phantom, study.oct, rng)
+            yield render_bscan(sample_pose(study.phantom, rng).place(section), study.oct, optics, rng)
+
+
+def assert_dice_of_phantoms(eyes: int, frames: int, seed: int) -> None:
+    segmenter = Segmenter()
+    reached = [
+        dice(segmenter.segment(bscan.frame, SCALE), bscan.truth_mask) for bscan in virtual_frames(eyes, frames, seed)
+    ]
+    assert np.mean(reached) >= 0.95
+    assert np.percentile(reached, 5) >= 0.90
+
+
+def test_phantoms_over_the_range_of_their_parameters_reach_the_dice_that_was_asked_for():
+    assert_dice_of_phantoms(eyes=5, frames=8, seed=2)
+
+
+@pytest.mark.slow
+def test_three_hundred_phantoms_reach_the_dice_that_was_asked_for():
+    assert_dice_of_phantoms(eyes=15, frames=20, seed=3)
+
+
+@pytest.mark.parametrize("thickness_m", [0.4e-3, 0.7e-3, 1.0e-3])
+def test_thickness_along_the_normal_is_that_of_the_wall(segmenter: Segmenter, thickness_m: float):
+    found = segmenter.segment(phantom(wall(thickness_m, dent_m=1.0e-3), **CLEAR).frame, SCALE)
+    assert found.inner_found
+    assert found.thickness_m == pytest.approx(thickness_m, rel=0.04)
+
+
+@pytest.mark.parametrize("choroid_m", [100e-6, 130e-6, 250e-6])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_wall_ends_where_the_choroid_begins_however_thin_that_is(segmenter: Segmenter, seed: int, choroid_m: float):
+    optics = {"choroid_thickness_m": choroid_m, "choroid_level_db": -8.5, "display_range_db": 40.0}
+    bright = {"snr_db": 33.0, "attenuation_per_m": 900.0, "shadows": (), "lines": (), "covers": ()}
+    bscan = phantom(wall(0.76e-3), seed, **optics, **bright)
+    found, truth = segmenter.segment(bscan.frame, SCALE), bscan.truth_mask > 0
+    last = len(truth) - truth[::-1].argmax(axis=0) - 0.5
+    seen = truth.any(axis=0) & np.isfinite(found.inner_row) & (last < len(truth) - 10)
+    assert found.thickness_m == pytest.approx(0.76e-3, rel=0.02)
+    assert np.mean(np.abs(found.inner_row - last)[seen] * SCALE.depth_m > 60e-6) < 0.02
+
+
+def test_boundaries_lie_within_a_pixel_or_two_of_the_truth(segmenter: Segmenter, bscan: Bscan):
+    found, truth = segmenter.segment(bscan.frame, SCALE), bscan.truth_mask > 0
+    there = truth.any(axis=0) & np.isfinite(found.outer_row)
+    first, last = truth.argmax(axis=0) - 0.5, len(truth) - truth[::-1].argmax(axis=0) - 0.5
+    assert np.abs(found.outer_row - first)[there].mean() < 1.5
+    assert np.abs(found.inner_row - last)[there].mean() < 3.0
+
+
+def test_mask_is_what_lies_between_the_boundaries(segmenter: Segmenter, bscan: Bscan):
+    found = segmenter.segment(bscan.frame, SCALE)
+    rows = np.arange(len(bscan.frame))[:, None]
+    between = (rows >= found.outer_row) & (rows < found.inner_row)
+    np.testing.assert_array_equal(found.mask, np.where(between, 255, 0))
+    assert found.mask.dtype == np.uint8
+
+
+def test_black_bands_show_no_wall(segmenter: Segmenter, bscan: Bscan):
+    found = segmenter.segment(bscan.frame, SCALE)
+    band = ~bscan.frame.any(axis=0)
+    assert band.sum() > 20
+    assert not found.mask[:, band].any()
+    assert np.isnan(found.outer_row[band]).all()
+
+
+def test_missing_columns_are_bridged(segmenter: Segmenter, bscan: Bscan):
+    frame = bscan.frame.copy()
+    frame[:, 150:180] = 0
+    frame[:, [60, 220, 300, 301, 410]] = 0
+    assert dice(segmenter.segment(frame, SCALE), bscan.truth_mask) > 0.95
+
+
+def test_eight_bits_are_enough(segmenter: Segmenter, bscan: Bscan):
+    assert dice(segmenter.segment((bscan.frame >> 4).astype(np.uint8), SCALE), bscan.truth_mask) > 0.96
+
+
+def test_a_saturated_wall_is_still_found(segmenter: Segmenter, bscan: Bscan):
+    frame = np.minimum(bscan.frame.astype(np.uint32) * 2, 4095).astype(np.uint16)
+    assert dice(segmenter.segment(frame, SCALE), bscan.truth_mask) > 0.95
+
+
+def test_horizontal_lines_are_not_the_surface(segmenter: Segmenter):
+    lines = tuple(Line(depth_m, 25.0, 12e-6) for depth_m in (0.1e-3, 0.3e-3, 1.5e-3, 3.0e-3))
+    bscan = phantom(wall(dent_m=1.5e-3), lines=lines, **CLEAR)
+    assert dice(segmenter.segment(bscan.frame, SCALE), bscan.truth_mask) > 0.95
+
+
+@pytest.mark.parametrize("tilt_rad", [0.0, 0.03])
+def test_covers_above_the_tissue_are_not_the_surface(segmenter: Segmenter, tilt_rad: float):
+    covers = tuple(Cover(height_m, 30.0, 16e-6, tilt_rad) for height_m in (0.12e-3, 0.3e-3))
+    bscan = phantom(wall(dent_m=1.0e-3), covers=covers, **CLEAR)
+    assert dice(segmenter.segment(bscan.frame, SCALE), bscan.truth_mask) > 0.95
+
+
+@pytest.mark.parametrize("slope_deg", [-40.0, 20.0, 40.0])
+def test_tissue_at_a_slope_is_followed(segmenter: Segmenter, slope_deg: float):
+    scanner = OctStudy(width_m=3e-3, depth_m=4e-3)
+    bscan = phantom(wall(), oct_study=scanner, tilt_rad=np.radians(slope_deg), top_m=1.5e-3, band_m=0.0, **CLEAR)
+    found = segmenter.segment(bscan.frame, PixelScale(3e-3 / 512, 4e-3 / 512))
+    assert dice(found, bscan.truth_mask) > 0.95
+
+
+@pytest.mark.parametrize("pixel_um", [5.0, 10.0, 20.0, 30.0])
+def test_any_scale_will_do(segmenter: Segmenter, pixel_um: float):
+    pixel_m = pixel_um / 1e6
+    scanner = OctStudy(width_m=min(512, int(14e-3 / pixel_m)) * pixel_m, depth_m=512 * pixel_m, rows=512,
+                       columns=min(512, int(14e-3 / pixel_m)))  # fmt: skip
+    blur = {"axial_resolution_m": pixel_m, "lateral_resolution_m": 2 * pixel_m, "band_m": 0.0}
+    bscan = phantom(wall(), oct_study=scanner, **blur, **CLEAR)
+    assert dice(segmenter.segment(bscan.frame, PixelScale(pixel_m, pixel_m)), bscan.truth_mask) > 0.9
+
+
+def test_iris_and_lens_below_the_wall_are_not_wall(segmenter: Segmenter, bscan: Bscan):
+    frame = bscan.frame.copy()
+    plain = segmenter.segment(frame, SCALE)
+    rng = np.random.default_rng(0)
+    frame[430:480, 40:470] = rng.integers(1500, 4000, (50, 430))
+    with_iris = segmenter.segment(frame, SCALE)
+    assert np.nanmax(np.abs(with_iris.outer_row - plain.outer_row)) < 3.0
+
+
+def test_a_dent_that_leaves_the_window_leaves_a_gap(segmenter: Segmenter):
+    bscan = phantom(wall(0.5e-3, dent_m=5.0e-3, width_m=1.8e-3), **CLEAR)
+    found = segmenter.segment(bscan.frame, SCALE)
+    assert found.usable
+    assert not bscan.truth_mask[:, 250:262].any()
+    assert np.isnan(found.outer_row[250:262]).all()
+    assert dice(found, bscan.truth_mask) > 0.93
+
+
+def test_where_the_inner_boundary_cannot_be_seen_the_mask_ends_one_millimetre_below(segmenter: Segmenter):
+    endless = phantom(wall(2.5e-3), **CLEAR | {"attenuation_per_m": 900.0})
+    found = segmenter.segment(endless.frame, SCALE)
+    assert found.usable
+    assert not found.inner_found
+    assert np.isnan(found.thickness_m)
+    depth_m = (found.inner_row - found.outer_row) * SCALE.depth_m
+    np.testing.assert_allclose(depth_m[np.isfinite(depth_m)], 1e-3, rtol=1e-6)
+
+
+def test_depth_in_tissue_is_optical_depth_over_the_refractive_index():
+    scanner = OctStudy(refractive_index=1.38)
+    bscan = phantom(wall(0.6e-3), oct_study=scanner, **CLEAR)
+    found = Segmenter(1.38).segment(bscan.frame, SCALE)
+    assert found.thickness_m == pytest.approx(0.6e-3, rel=0.05)
+    assert dice(found, bscan.truth_mask) > 0.95
+
+
+@pytest.mark.parametrize(
+    ("frame", "reason"),
+    [
+        (np.zeros((512, 512), np.uint16), "empty"),
+        (np.full((512, 512), 900, np.uint16), "empty"),
+        (np.full((512, 512), 4095, np.uint16) - np.eye(512, dtype=np.uint16), "saturated"),
+        (np.random.default_rng(0).integers(0, 900, (512, 512)).astype(np.uint16), "signal is too weak"),
+        (np.random.default_rng(0).integers(0, 200, (300, 400)).astype(np.uint8), "signal is too weak"),
+    ],
+)
+def test_a_frame_without_a_wall_is_not_usable_and_says_why(segmenter: Segmenter, frame: np.ndarray, reason: str):
+    if reason == "saturated":
+        frame = frame - np.triu(np.full_like(frame, 2000)) * (np.arange(512) < 200)[:, None].astype(np.uint16)
+    found = segmenter.segment(frame, SCALE)
+    assert not found.usable
+    assert reason in found.reason
+
+
+def test_too_little_of_the_window_is_not_usable(segmenter: Segmenter, bscan: Bscan):
+    frame = bscan.frame.copy()
+    rng = np.random.default_rng(0)
+    noise = frame[380:400, 100:400].ravel()
+    frame[:, 140:490] = rng.choice(noise, (512, 350))
+    found = segmenter.segment(frame, SCALE)
+    assert not found.usable
+    assert "covers" in found.reason
+
+
+def test_one_segmenter_serves_frames_of_many_sizes_and_forgets_each(bscan: Bscan):
+    segmenter = Segmenter()
+    first = segmenter.segment(bscan.frame, SCALE)
+    kept = first.mask.copy()
+    for shape in ((40, 140), (300, 700), (1024, 64), (16, 16)):
+        segmenter.segment(np.random.default_rng(1).integers(0, 4000, shape).astype(np.uint16), SCALE)
+    again = segmenter.segment(bscan.frame, SCALE)
+    np.testing.assert_array_equal(first.mask, kept)
+    np.testing.assert_array_equal(again.mask, kept)
+
+
+@pytest.mark.parametrize("frame", [np.zeros((20, 20, 3), np.uint8), np.zeros((20, 20)), np.zeros((8, 200), np.uint8)])
+def test_what_is_no_frame_is_refused(segmenter: Segmenter, frame: np.ndarray):
+    with pytest.raises(ValueError, match="frame of"):
+        segmenter.segment(frame, SCALE)
+
+
+def test_a_scale_must_be_a_size():
+    with pytest.raises(ValueError, match="metres"):
+        PixelScale(0.0, 1e-6)
+
+
+def tissue_surfaces() -> list[Path]:
+    return sorted((SHARED / "real-oct" / "tissue-surface").glob("*.tif"))
+
+
+@pytest.mark.real
+@needs_shared
+@pytest.mark.parametrize("path", tissue_surfaces(), ids=lambda path: path.stem)
+def test_tissue_surfaces_of_a_foreign_scanner_meet_the_bar_of_their_makers(segmenter: Segmenter, path: Path):
+    with tifffile.TiffFile(path) as file:
+        frame = file.pages[0].asarray()
+        axes = json.loads(file.pages[0].tags["Software"].value)["metadata"]
+    lateral_m, depth_m = (abs(axes[axis]["values"][1] - axes[axis]["values"][0]) / 1e3 for axis in "xz")
+    above = cv2.imread(str(path.with_name(f"{path.stem}_mask.png")), cv2.IMREAD_UNCHANGED) == 255
+    surface = len(above) - 1 - above[::-1].argmax(axis=0)
+    found = segmenter.segment(frame, PixelScale(lateral_m, depth_m))
+    error = np.abs(found.outer_row - surface)[above.any(axis=0)]
+    assert np.isnan(error).mean() < 0.10
+    assert np.nanmean(error) < 10.0
+    assert np.nanpercentile(error, 90) < 40.0
+
+
+@pytest.mark.real
+@needs_shared
+@pytest.mark.parametrize(("name", "thickness_um"), [("sample-a", 720), ("sample-b", 570)])
+def test_every_frame_of_the_sample_recordings_shows_a_wall_of_one_thickness(segmenter, name: str, thickness_um: float):
+    for path in sorted((SHARED / "recordings" / name / "frames").glob("*.png")):
+        found = segmenter.segment(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), SCALE)
+        assert found.usable, path
+        assert found.inner_found, path
+        assert found.thickness_m * 1e6 == pytest.approx(thickness_um, rel=0.06), path

@@ -1,0 +1,514 @@
+import os
+import shutil
+import signal
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import scleraforce.service.black_box.process as module
+from scleraforce.recording.files import read_recording
+from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.labels import label_frames
+from scleraforce.service.black_box.decision_log import DecisionLog, read_log
+from scleraforce.service.black_box.process import BlackBox, black_box_settings
+from scleraforce.service.companions.channel import Channel
+from scleraforce.service.companions.child import Child
+from scleraforce.service.companions.frame_ring import FrameRing
+from scleraforce.service.entry import Entry
+from scleraforce.study.records import ClassesStudy
+
+SHAPE = 24, 32
+INFO = RecordingInfo(
+    EyeInfo("eye", 600e-6, 266.0), OctInfo(32, 24, 16, 15e-3, 4e-3), NeedleInfo(22, 0.5e-3), ForceInfo("fz", -1, 0.2)
+)
+
+
+def frame(number):
+    return np.random.default_rng(number).integers(0, 2**16, SHAPE).astype(np.uint16)
+
+
+class Monitor:
+    """What the monitor does, on a clock of its own: a frame and a tick each 10 ms; `box` is the other end."""
+
+    def __init__(self, folder, record=None, ring_frames=1100, info=INFO):
+        self.folder, self.ring = folder, FrameRing.create(ring_frames, *SHAPE)
+        self.settings = black_box_settings(folder / "box", self.ring, info, record)
+        self.channel, self.theirs = Channel.pair()
+        self.settings["ring"]["descriptor"] = os.dup(self.ring.descriptor)
+        self.box = BlackBox(self.theirs, self.settings)
+        self.decisions = self.frames = 0
+        self.at_s = 1000.0
+        self.answers = []
+
+    def decide(self, state="WATCHING", with_frame=True, turns=3):
+        self.at_s += 0.01
+        self.decisions += 1
+        if with_frame:
+            self.frames += 1
+            self.ring.put(self.frames, frame(self.frames))
+        cause = "FORCE_BOUND" if state == "WITHDRAW" else None
+        entry = Entry(
+            self.decisions, 1.8e9 + self.at_s, self.at_s, "frame", state, 1, 0, cause, "x",
+            frame=self.frames if with_frame else None,
+        )  # fmt: skip
+        self.tell({"kind": "entry", "entry": entry.as_json()}, turns)
+
+    def tell(self, message, turns=1):
+        assert self.channel.send(message)
+        for _ in range(turns):
+            self.box.turn()
+
+    def force(self, values, at_s=None, device="robot"):
+        at_s = self.at_s if at_s is None else at_s
+        self.tell({"kind": "force", "at_s": at_s, "time_s": 1.8e9 + at_s, "values": values, "device": device})
+
+    def hear(self):
+        self.answers += self.channel.receive()
+        return self.answers
+
+    def heard(self, kind):
+        return [answer for answer in self.hear() if answer["kind"] == kind]
+
+    def wait_for(self, kind, count=1):
+        deadline_s = time.monotonic() + 30.0
+        while len(self.heard(kind)) < count:
+            if time.monotonic() > deadline_s:
+                self.close()
+                raise AssertionError(f"no {kind} in 30 s; notes: {self.notes()}")
+            self.box.turn()
+        return self.heard(kind)[-1]
+
+    def end(self, planned=True):
+        if planned:
+            self.channel.send({"kind": "end"})
+        else:
+            self.channel.close()
+        self.box.run()
+        self.close()
+
+    def close(self):
+        self.channel.close()
+        self.theirs.close()
+
+    def records(self):
+        return [part.record for part in read_log(self.folder / "box" / "log")]
+
+    def notes(self):
+        return [record["text"] for record in self.records() if record["kind"] == "note"]
+
+    def withdrawals(self):
+        return sorted((self.folder / "box" / "withdrawals").iterdir())
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    monkeypatch.setattr(module, "ALIVE_S", 0.0)  # a turn need not wait
+    monkeypatch.setattr(os, "fsync", lambda _: None)
+
+
+def test_every_decision_and_note_is_in_the_log_in_its_order(tmp_path):
+    monitor = Monitor(tmp_path)
+    for number in range(20):
+        monitor.decide(with_frame=number % 2)
+    monitor.tell({"kind": "note", "time_s": 1.5, "text": "robot came"})
+    monitor.decide()
+    monitor.end()
+    kinds = [record["kind"] for record in monitor.records()]
+    assert kinds == ["entry"] * 20 + ["note", "entry"]
+    numbers = [record["entry"]["number"] for record in monitor.records() if record["kind"] == "entry"]
+    assert numbers == list(range(1, 22))
+    assert not (tmp_path / "box" / "withdrawals").exists()
+
+
+def test_decisions_that_never_came_are_said(tmp_path):
+    monitor = Monitor(tmp_path)
+    monitor.decide()
+    monitor.decisions += 3
+    monitor.decide()
+    monitor.end()
+    assert monitor.notes() == ["decisions 2 to 4 never came"]
+
+
+def test_a_withdrawal_keeps_the_last_ten_seconds_without_loss(tmp_path):
+    monitor = Monitor(tmp_path)
+    for _ in range(1200):
+        monitor.decide(turns=1)
+    monitor.decide("WITHDRAW")
+    for _ in range(5):
+        monitor.decide("WITHDRAW")  # it latches: one withdrawal
+    folder = monitor.wait_for("kept")["folder"]
+    monitor.end()
+    assert [str(path) for path in monitor.withdrawals()] == [folder]
+    assert folder.endswith("Z-force_bound")
+    recording = read_recording(monitor.withdrawals()[0])
+    assert recording.info == INFO
+    assert [entry.file for entry in recording.frames] == [f"{number:07d}.png" for number in range(201, 1202)]
+    assert [entry.time_s for entry in recording.frames] == pytest.approx(np.arange(200, 1201) * 0.01, abs=1e-6)
+    for entry in recording.frames:
+        assert (recording.frame(entry) == frame(int(entry.file[:7]))).all()
+    decisions = [part.record["entry"]["number"] for part in read_log(monitor.withdrawals()[0] / "decisions.jsonl")]
+    assert decisions == list(range(201, 1202))
+    assert recording.forces is None
+    assert any("1001 frames" in note and "0 were lost" in note for note in monitor.notes())
+
+
+def test_a_withdrawal_while_one_is_written_follows_it_and_only_the_latest_does(tmp_path):
+    monitor = Monitor(tmp_path)
+    for _ in range(50):
+        monitor.decide()
+    for state in ("WITHDRAW", "WATCHING", "WITHDRAW", "NOT_READY", "WITHDRAW"):
+        monitor.decide(state, turns=1)
+    monitor.wait_for("kept", 2)
+    monitor.end()
+    first, second = map(read_recording, monitor.withdrawals())
+    assert [len(first.frames), len(second.frames)] == [51, 55]
+    assert sum("are not kept: more happened" in note for note in monitor.notes()) == 1
+
+
+def test_frames_that_were_overwritten_are_counted_and_never_mixed_up(tmp_path):
+    monitor = Monitor(tmp_path, ring_frames=20)
+    for _ in range(60):
+        monitor.decide()
+    monitor.decide("WITHDRAW", turns=0)
+    for _ in range(5):
+        monitor.decide("WITHDRAW", turns=0)
+    monitor.wait_for("kept")
+    monitor.end()
+    recording = read_recording(monitor.withdrawals()[0])
+    assert [entry.file for entry in recording.frames] == [f"{number:07d}.png" for number in range(47, 62)]
+    for entry in recording.frames:
+        assert (recording.frame(entry) == frame(int(entry.file[:7]))).all()
+    assert any("15 frames" in note and "5 were lost" in note for note in monitor.notes())
+
+
+def test_a_monitor_that_dies_is_noted_and_its_last_seconds_are_kept(tmp_path):
+    monitor = Monitor(tmp_path)
+    for _ in range(30):
+        monitor.decide(turns=0)
+    monitor.end(planned=False)
+    assert monitor.notes()[0] == "the monitor ended without saying so"
+    (folder,) = monitor.withdrawals()
+    assert folder.name.endswith("Z-monitor_died")
+    assert len(read_recording(folder).frames) == 30
+
+
+def test_a_monitor_that_ends_as_planned_keeps_nothing_more_than_was_asked_for(tmp_path):
+    monitor = Monitor(tmp_path)
+    for _ in range(5):
+        monitor.decide()
+    monitor.decide("WITHDRAW", turns=0)
+    monitor.end()
+    assert len(monitor.withdrawals()) == 1
+    assert len(read_recording(monitor.withdrawals()[0]).frames) == 6
+
+
+def test_labels_of_a_withdrawal_are_the_force_although_the_needle_touched_long_before(tmp_path):
+    """The sensor reads 50 mN without contact; contact of 20 mN begins 20 s before the withdrawal."""
+    monitor = Monitor(tmp_path, ring_frames=300)
+    monitor.box._recent._keep_s = 1.0
+    for number in range(2500):
+        pushed_n = 0.02 if number > 500 else 0.0
+        monitor.force([0.0, 0.001, 0.05 - pushed_n], monitor.at_s + 0.005)
+        monitor.decide(turns=0)
+    monitor.decide("WITHDRAW")
+    monitor.box._finish_s = 0.0
+    for _ in range(30):
+        monitor.force([0.0, 0.001, 0.03], monitor.at_s + 0.005)
+        monitor.at_s += 0.01
+    monitor.wait_for("kept")
+    monitor.end()
+    recording = read_recording(monitor.withdrawals()[0])
+    assert recording.forces.columns == ("fx_n", "fy_n", "fz_n")
+    trials = label_frames(recording, ClassesStudy())
+    assert len(trials) > 90
+    assert [trial.measured_force_n for trial in trials] == pytest.approx([0.02] * len(trials), abs=1e-6)
+
+
+@pytest.mark.parametrize(("rate_hz", "reason"), [(50, "fewer than 100 samples"), (100, "force samples within")])
+def test_a_force_log_that_gives_no_labels_stands_beside_a_recording_that_can_be_read(tmp_path, rate_hz, reason):
+    """Of the 100 Hz log the beginning is missing."""
+    monitor = Monitor(tmp_path)
+    for number in range(200):
+        if number % (100 // rate_hz) == 0 and (rate_hz == 50 or number > 100):
+            monitor.force([0.001])
+        monitor.decide()
+    monitor.decide("WITHDRAW")
+    monitor.box._finish_s = 0.0
+    monitor.wait_for("kept")
+    monitor.end()
+    (folder,) = monitor.withdrawals()
+    assert read_recording(folder).forces is None
+    lines = (folder / "robot_forces.csv").read_text().splitlines()
+    assert [name.strip() for name in lines[0].split(",")] == ["time_s", "fz_n"]
+    assert len(lines) == 1 + (99 if rate_hz == 50 else 98)  # the last step may go on
+    assert float(lines[1].split(",")[1]) == -0.001  # positive along the needle; contact_sign is -1
+    assert reason in monitor.notes()[-1]
+
+
+def test_forces_of_another_device_or_count_or_that_are_no_numbers_are_noted_once_and_left_out(tmp_path):
+    monitor = Monitor(tmp_path, record=tmp_path / "rec")
+    monitor.decide()
+    for _ in range(100):
+        monitor.force([0.0, 0.0, 1.0])
+        monitor.force([5.0], device="other")
+        monitor.force([5.0, 5.0])
+        monitor.force([0.0, 0.0, float("nan")])
+        monitor.decide()
+    monitor.end()
+    forces = read_recording(tmp_path / "rec").forces
+    assert (forces.wrench_sc == [0.0, 0.0, 1.0]).all()
+    assert forces.sample_rate_hz == pytest.approx(100.0)
+    assert sum("is not kept" in note for note in monitor.notes()) == 1
+
+
+def test_a_session_is_recorded_frame_by_frame_and_can_be_read_at_any_time(tmp_path):
+    monitor = Monitor(tmp_path, record=tmp_path / "rec")
+    for number in range(1, 300):
+        monitor.force([0.0, 0.0, -0.01])
+        monitor.decide("WITHDRAW" if 100 < number < 150 else "WATCHING", with_frame=number % 3)
+        if number % 50 == 0:
+            recording = read_recording(tmp_path / "rec")
+            assert (recording.frame(recording.frames[-1]) == frame(len(recording.frames))).all()
+    monitor.end()
+    recording = read_recording(tmp_path / "rec")
+    assert [entry.file for entry in recording.frames] == [f"{n:07d}.png" for n in range(1, monitor.frames + 1)]
+    for entry in recording.frames:
+        assert (recording.frame(entry) == frame(int(entry.file[:7]))).all()
+    assert recording.forces.wrench_sc.shape == (297, 3)
+    assert f"recorded {monitor.frames} frames in {tmp_path / 'rec'}; 0 were lost" in monitor.notes()
+
+
+def test_of_a_session_and_a_withdrawal_the_older_frame_is_written_first(tmp_path):
+    monitor = Monitor(tmp_path, record=tmp_path / "rec")
+    for _ in range(50):
+        monitor.decide(turns=0)
+    monitor.decide("WITHDRAW", turns=20)
+    (partial,) = monitor.withdrawals()
+    newest = [max(path.name for path in (folder / "frames").iterdir()) for folder in (tmp_path / "rec", partial)]
+    assert newest == ["0000010.png", "0000010.png"]
+    monitor.end()
+    assert len(read_recording(tmp_path / "rec").frames) == len(read_recording(monitor.withdrawals()[0]).frames) == 51
+
+
+def test_a_frame_that_is_named_twice_is_recorded_once_and_two_at_one_time_stay_apart(tmp_path):
+    monitor = Monitor(tmp_path, record=tmp_path / "rec")
+    monitor.decide()
+    monitor.frames -= 1
+    monitor.decide()  # a second opinion on frame 1
+    monitor.at_s -= 0.01
+    monitor.decide()
+    monitor.at_s -= 0.01
+    monitor.decide()
+    monitor.end()
+    recording = read_recording(tmp_path / "rec")
+    assert [entry.file for entry in recording.frames] == ["0000001.png", "0000002.png", "0000003.png"]
+    assert np.diff([entry.time_s for entry in recording.frames])[1] == pytest.approx(1e-6)
+
+
+def test_a_session_that_the_disk_cannot_follow_loses_frames_and_says_how_many(tmp_path):
+    monitor = Monitor(tmp_path, record=tmp_path / "rec", ring_frames=10)
+    for _ in range(35):
+        monitor.decide(turns=0)
+    monitor.end()
+    assert [int(entry.file[:7]) for entry in read_recording(tmp_path / "rec").frames] == list(range(26, 36))
+    assert any("the disk does not keep up" in note for note in monitor.notes())
+    assert monitor.notes()[-1].endswith("; 25 were lost")
+
+
+def test_a_folder_that_exists_is_never_written_into(tmp_path):
+    (tmp_path / "rec").mkdir()
+    (tmp_path / "rec" / "mine").write_text("precious")
+    monitor = Monitor(tmp_path, record=tmp_path / "rec")
+    monitor.decide()
+    assert "session" in monitor.heard("fault")[0]["detail"]
+    monitor.end()
+    assert [path.name for path in (tmp_path / "rec").iterdir()] == ["mine"]
+
+
+def test_below_a_gigabyte_nothing_is_kept_the_monitor_is_told_and_the_log_goes_on(tmp_path, monkeypatch):
+    monitor = Monitor(tmp_path, record=tmp_path / "rec")
+    for _ in range(10):
+        monitor.decide()
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=999_999_999))
+    for _ in range(10):
+        monitor.decide()
+    monitor.decide("WITHDRAW")
+    details = [fault["detail"] for fault in monitor.heard("fault")]
+    assert any(detail.startswith("session: ") and "1.00 GB free" in detail for detail in details)
+    assert any(detail.startswith("withdrawal: ") for detail in details)
+    assert len(details) == len(set(details)) <= 3  # each is said once
+    monitor.end()
+    assert len(read_recording(tmp_path / "rec").frames) == 10
+    assert not (tmp_path / "box" / "withdrawals").exists()
+    assert sum(record["kind"] == "entry" for record in monitor.records()) == 21
+
+
+def test_a_disk_that_fills_while_a_withdrawal_is_written_leaves_nothing_half_and_is_told(tmp_path, monkeypatch):
+    monitor = Monitor(tmp_path)
+    for _ in range(20):
+        monitor.decide()
+    monitor.decide("WITHDRAW", turns=5)
+    write = os.write
+
+    def full(file, data):
+        if os.readlink(f"/proc/self/fd/{file}").startswith(str(tmp_path / "box" / "withdrawals")):
+            raise OSError(28, "No space left on device")
+        return write(file, data)
+
+    monkeypatch.setattr(os, "write", full)
+    assert "No space left" in monitor.wait_for("fault")["detail"]
+    monitor.wait_for("kept")
+    monkeypatch.undo()
+    monitor.end()
+    recording = read_recording(monitor.withdrawals()[0])
+    assert 0 < len(recording.frames) < 21
+    for entry in recording.frames:
+        assert (recording.frame(entry) == frame(int(entry.file[:7]))).all()
+    assert [path for path in (tmp_path / "box" / "withdrawals").iterdir() if path.name.startswith(".")] == []
+
+
+def test_a_log_that_cannot_be_written_is_told_once_until_it_can(tmp_path, monkeypatch):
+    monitor = Monitor(tmp_path)
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    for _ in range(2):
+        with monkeypatch.context() as disk:
+            disk.setattr(DecisionLog, "append", full)
+            for _ in range(5):
+                monitor.decide()
+        monitor.decide()
+    assert [fault["detail"] for fault in monitor.heard("fault")] == ["log: [Errno 28] No space left on device"] * 2
+    monitor.end()
+    assert sum(record["kind"] == "entry" for record in monitor.records()) == 2
+
+
+def test_alive_says_what_is_wrong_until_it_is_no_longer(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "CHECK_S", 0.0)
+    monitor = Monitor(tmp_path)
+    usage = shutil.disk_usage(tmp_path)
+    monitor.decide()
+    assert monitor.heard("alive")[-1]["faults"] == []
+    with monkeypatch.context() as disk:
+        disk.setattr(shutil, "disk_usage", lambda _: usage._replace(free=10**6))
+        monitor.decide("WITHDRAW")
+        disk_fault, withdrawal_fault = sorted(monitor.heard("alive")[-1]["faults"])
+        assert disk_fault.startswith("disk: ")
+        assert withdrawal_fault.startswith("withdrawal: ")
+    monitor.decide()
+    assert monitor.heard("alive")[-1]["faults"] == []
+    monitor.end()
+
+
+def test_a_log_whose_folder_is_gone_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "CHECK_S", 0.0)
+    monitor = Monitor(tmp_path)
+    monitor.decide()
+    (tmp_path / "box").rename(tmp_path / "gone")
+    assert "decisions-000001.jsonl" in monitor.wait_for("fault")["detail"]
+    monitor.end()
+
+
+def test_a_ring_of_other_frames_than_the_recording_states_is_refused():
+    with pytest.raises(ValueError, match="24 x 32 pixels"):
+        black_box_settings("x", FrameRing.create(2, 32, 24), INFO)
+
+
+def test_without_an_axis_the_force_is_fz_positive_in_contact(tmp_path):
+    monitor = Monitor(tmp_path, record=tmp_path / "rec", info=replace(INFO, force=None))
+    for _ in range(10):
+        monitor.decide()
+        monitor.force([0.25])
+    monitor.end()
+    recording = read_recording(tmp_path / "rec")
+    assert (recording.info.force.axis, recording.info.force.contact_sign) == ("fz", 1)
+    assert (recording.forces.force_n("fz") == 0.25).all()
+
+
+class Process:
+    """A black box of its own process."""
+
+    def __init__(self, folder, record=None):
+        self.folder, self.ring = folder, FrameRing.create(200, *SHAPE)
+        settings = black_box_settings(folder / "box", self.ring, INFO, record)
+        self.child = Child("scleraforce.service.black_box.process", settings, [self.ring.descriptor])
+
+    def frames(self, numbers, state="WATCHING"):
+        for number in numbers:
+            self.ring.put(number, frame(number))
+            cause = "FORCE_BOUND" if state == "WITHDRAW" else None
+            entry = Entry(number, time.time(), time.monotonic(), "frame", state, 1, 0, cause, "x", frame=number)
+            assert self.child.channel.send({"kind": "entry", "entry": entry.as_json()})
+
+    def wait_for(self, kind):
+        deadline_s = time.monotonic() + 30.0
+        while time.monotonic() < deadline_s:
+            for message in self.child.channel.receive():
+                if message["kind"] == kind:
+                    return message
+            time.sleep(0.01)
+        raise AssertionError(f"no {kind} in 30 s")
+
+
+def test_the_process_keeps_a_withdrawal_ignores_sigterm_and_ends_when_told(tmp_path):
+    process = Process(tmp_path)
+    process.wait_for("alive")
+    os.kill(process.child.pid, signal.SIGTERM)
+    assert os.getpriority(os.PRIO_PROCESS, process.child.pid) == min(os.nice(0) + 5, 19)
+    process.frames(range(1, 100))
+    process.frames([100], "WITHDRAW")
+    folder = process.wait_for("kept")["folder"]
+    assert process.child.exit_code is None
+    process.child.channel.send({"kind": "end"})
+    assert process.child.end() == 0
+    assert len(read_recording(tmp_path / "box" / "withdrawals" / folder).frames) == 100
+
+
+def test_what_the_process_writes_is_readable_by_its_owner_only(tmp_path):
+    (tmp_path / "box" / "log").mkdir(parents=True)
+    (tmp_path / "box" / "log" / "decisions-000001.jsonl").touch(mode=0o644)  # of an earlier version
+    process = Process(tmp_path, tmp_path / "rec")
+    process.wait_for("alive")
+    for number in range(1, 20):
+        for step in range(3):
+            force = {"kind": "force", "values": [0.01], "device": "Robot", "time_s": time.time()}
+            process.child.channel.send({**force, "at_s": time.monotonic() + 0.03 * number + 0.01 * step})
+        process.frames([number])
+    process.frames([20], "WITHDRAW")
+    process.wait_for("kept")
+    process.child.channel.send({"kind": "end"})
+    assert process.child.end() == 0
+    inside = [*(tmp_path / "box").rglob("*"), tmp_path / "rec", *(tmp_path / "rec").rglob("*")]
+    inside.remove(tmp_path / "box" / "log")  # made before
+    assert {"frames.csv", "decisions.jsonl", "forces.csv", "0000020.png"} <= {path.name for path in inside}
+    assert {path: oct(path.stat().st_mode & 0o077) for path in inside} == dict.fromkeys(inside, "0o0")
+
+
+def test_a_black_box_that_is_killed_leaves_a_session_and_a_log_that_can_be_read(tmp_path):
+    process = Process(tmp_path, tmp_path / "rec")
+    process.wait_for("alive")
+    process.frames(range(1, 150))
+    deadline_s = time.monotonic() + 10.0
+    while not (tmp_path / "rec" / "frames" / "0000020.png").exists():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.001)
+    os.kill(process.child.pid, signal.SIGKILL)
+    assert process.child.end() == -signal.SIGKILL
+    recording = read_recording(tmp_path / "rec")
+    assert [int(entry.file[:7]) for entry in recording.frames] == list(range(1, len(recording.frames) + 1))
+    assert len(recording.frames) >= 19
+    for entry in recording.frames:
+        assert (recording.frame(entry) == frame(int(entry.file[:7]))).all()
+    assert all(part.record for part in read_log(tmp_path / "box" / "log"))
+
+
+def test_a_process_whose_log_cannot_be_opened_says_so_and_ends(tmp_path, capfd):
+    (tmp_path / "box").write_text("a file")
+    process = Process(tmp_path)
+    assert "Not a directory" in process.wait_for("fault")["detail"]
+    assert process.child.end() == 1
+    assert "Traceback" in capfd.readouterr().err

@@ -1,0 +1,126 @@
+"""The companions as the monitor sees them: their faults come and go, and one that says nothing is one."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from fake_companion import FakeCompanion
+
+from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
+from scleraforce.service.entry import Entry
+
+
+@pytest.fixture
+def children() -> Iterator[dict[str, FakeCompanion]]:
+    children = {name: FakeCompanion() for name in (BLACK_BOX, CONSOLE, OPINION)}
+    yield children
+    for child in children.values():
+        child.end()
+
+
+@pytest.fixture
+def companions(children: dict[str, FakeCompanion]) -> Companions:
+    return Companions(children)  # type: ignore[arg-type]  # a stand-in
+
+
+def hear(companions: Companions, name: str, now_s: float) -> list[dict[str, Any]]:
+    return list(companions.hear(name, now_s))
+
+
+def test_a_fault_is_one_until_the_black_box_says_that_it_is_over(companions, children):
+    children[BLACK_BOX].says(kind="fault", detail="log: full")
+    assert hear(companions, BLACK_BOX, 1.0) == []
+    assert companions.faults(1.0) == ("black box: log: full",)
+    children[BLACK_BOX].says(kind="alive", faults=["log: full", "session: full"])
+    hear(companions, BLACK_BOX, 1.5)
+    assert companions.faults(1.5) == ("black box: log: full; session: full",)
+    children[BLACK_BOX].says(kind="alive", faults=[])
+    hear(companions, BLACK_BOX, 2.0)
+    assert companions.faults(2.0) == ()
+
+
+def test_a_black_box_that_says_nothing_for_five_seconds_is_at_fault_until_it_does(companions, children):
+    assert companions.faults(100.0) == ()
+    assert companions.faults(129.0) == ()  # it may take so long to start
+    children[BLACK_BOX].says(kind="alive", faults=[])
+    hear(companions, BLACK_BOX, 129.0)
+    assert companions.faults(133.9) == ()
+    children[OPINION].says(kind="alive", faults=[])  # speaks for itself only
+    hear(companions, OPINION, 134.0)
+    assert companions.faults(134.1) == ("black box: it does not answer",)
+    children[BLACK_BOX].says(kind="alive", faults=[])
+    hear(companions, BLACK_BOX, 135.0)
+    assert companions.faults(135.0) == ()
+
+
+def test_a_black_box_that_never_says_anything_is_at_fault_after_half_a_minute(companions):
+    assert companions.faults(100.0) == ()
+    assert companions.faults(130.1) == ("black box: it does not answer",)
+
+
+@pytest.mark.parametrize("name", [BLACK_BOX, OPINION])
+def test_one_that_is_needed_and_dies_is_at_fault_for_ever_by_its_last_words(companions, children, name):
+    children[name].says(kind="fault", detail="no model")
+    children[name].theirs.close()
+    hear(companions, name, 1.0)
+    hear(companions, name, 1.1)
+    assert companions.dead(name)
+    assert companions.faults(1.1) == (f"{name}: no model",)
+
+
+def test_a_console_that_dies_is_no_fault(companions, children):
+    children[CONSOLE].theirs.close()
+    hear(companions, CONSOLE, 1.0)
+    assert companions.dead(CONSOLE)
+    assert companions.faults(1.0) == ()
+
+
+def test_one_that_takes_nothing_for_two_seconds_does_not_keep_up_until_it_does(companions, children):
+    message = {"text": "x" * 100_000}
+    for _ in range(1000):
+        companions.tell(OPINION, message, 10.0)
+    assert companions.faults(11.9) == ()
+    assert companions.faults(12.1) == ("second opinion: it does not keep up",)
+    children[OPINION].theirs.receive()
+    companions.tell(OPINION, message, 12.2)
+    assert companions.faults(12.2) == ()
+
+
+def entry(number: int) -> Entry:
+    return Entry(number, 1.8e9, 10.0, "tick", "WATCHING", 1, 0, None, "x" * 1000)
+
+
+def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_else(companions, children):
+    for _ in range(5000):
+        companions.tell(BLACK_BOX, {"kind": "force", "text": "x" * 1000}, 10.0)
+    for number in range(1, 501):
+        companions.entry(entry(number))
+        companions.tell(BLACK_BOX, {"kind": "note", "number": number}, 10.0)
+    heard: list[dict[str, Any]] = []
+    while messages := children[BLACK_BOX].theirs.receive(50):
+        heard += messages
+        companions.faults(10.1)
+    assert [message["entry"]["number"] for message in heard if message["kind"] == "entry"] == list(range(1, 501))
+    assert not [message for message in heard if message["kind"] == "note"]
+    companions.tell(BLACK_BOX, {"kind": "note"}, 10.2)
+    assert children[BLACK_BOX].theirs.receive() == [{"kind": "note"}]
+    assert companions.faults(10.3) == ()
+
+
+def test_a_black_box_that_loses_a_decision_is_at_fault_at_once(companions, children):
+    for number in range(1, 200):
+        companions.entry(entry(number))
+    assert companions.faults(10.1) == ()
+    for number in range(200, 5000):
+        companions.entry(entry(number))
+    assert companions.faults(10.1) == ("black box: it does not keep up",)
+    while children[BLACK_BOX].theirs.receive(50):
+        companions.faults(10.2)
+    assert companions.faults(10.3) == ()
+
+
+def test_what_one_says_of_the_frames_is_passed_on(companions, children):
+    children[OPINION].says(kind="opinion", frame=3)
+    children[BLACK_BOX].says(kind="kept", folder="x")
+    assert hear(companions, OPINION, 1.0) == [{"kind": "opinion", "frame": 3}]
+    assert hear(companions, BLACK_BOX, 1.0) == [{"kind": "kept", "folder": "x"}]

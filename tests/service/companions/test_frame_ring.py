@@ -1,0 +1,113 @@
+import errno
+import os
+
+import numpy as np
+import pytest
+
+from scleraforce.errors import InputError
+from scleraforce.service.companions import frame_ring
+from scleraforce.service.companions.frame_ring import FrameRing
+
+
+def frame(number, rows=3, columns=5):
+    return np.random.default_rng(number).integers(0, 2**16, (rows, columns)).astype(np.uint16)
+
+
+def test_the_last_frames_are_there_and_no_others():
+    ring = FrameRing.create(4, 3, 5)
+    for latest in range(1, 14):
+        ring.put(latest, frame(latest))
+        for number in range(-5, 20):
+            found = ring.get(number)
+            if max(latest - 3, 1) <= number <= latest:
+                assert (found == frame(number)).all()
+            else:
+                assert found is None
+
+
+def test_more_than_there_is_is_refused_before_any_is_taken(monkeypatch):
+    monkeypatch.setattr(os, "memfd_create", lambda _: pytest.fail("it was taken"))
+    with pytest.raises(InputError, match=r"1200 frames of 16384 x 16384 pixels take 644,245 MB .* MB are there"):
+        FrameRing.create(1200, 16384, 16384)
+
+
+def test_memory_is_left_to_the_processes_beside_it(monkeypatch):
+    need = 4 * (8 + 2 * 1000 * 1000)
+    monkeypatch.setattr(frame_ring, "available_bytes", lambda: need + frame_ring.SPARED_BYTES - 1)
+    with pytest.raises(InputError, match="MB are there"):
+        FrameRing.create(4, 1000, 1000)
+    monkeypatch.setattr(frame_ring, "available_bytes", lambda: need + frame_ring.SPARED_BYTES)
+    assert FrameRing.create(4, 1000, 1000).shape == (1000, 1000)
+    monkeypatch.setattr(frame_ring, "available_bytes", lambda: None)
+    assert FrameRing.create(4, 1000, 1000).shape == (1000, 1000)
+
+
+def test_another_process_with_the_descriptor_sees_the_same_frames():
+    ring = FrameRing.create(4, 3, 5)
+    ring.put(1, frame(1))
+    settings = ring.settings() | {"descriptor": os.dup(ring.descriptor)}
+    other = FrameRing(**settings)
+    ring.put(2, frame(2))
+    assert (other.get(1) == frame(1)).all()
+    assert (other.get(2) == frame(2)).all()
+    assert other.shape == (3, 5)
+
+
+def test_a_frame_is_a_copy_that_later_frames_do_not_change():
+    ring = FrameRing.create(2, 3, 5)
+    ring.put(1, frame(1))
+    found = ring.get(1)
+    ring.put(3, frame(3))
+    assert (found == frame(1)).all()
+
+
+def test_a_frame_that_is_overwritten_while_it_is_copied_is_none():
+    ring = FrameRing.create(2, 3, 5)
+    ring.put(1, frame(1))
+
+    class SlowToCopy:
+        def __getitem__(self, slot):
+            return self
+
+        def copy(self):
+            ring._numbers[1] = 3  # the writer went round
+            return frame(3)
+
+    ring._pixels = SlowToCopy()
+    assert ring.get(1) is None
+
+
+def test_frames_of_8_bits_keep_their_values_and_a_frame_of_another_size_is_refused():
+    ring = FrameRing.create(2, 3, 5)
+    ring.put(1, np.full((3, 5), 200, dtype=np.uint8))
+    assert ring.get(1).dtype == np.uint16
+    assert (ring.get(1) == 200).all()
+    for shape in ((1, 5), (5,), (3, 4), (5, 3)):
+        with pytest.raises(ValueError, match="the ring has frames of"):
+            ring.put(2, np.zeros(shape, dtype=np.uint16))
+    assert (ring.get(1) == 200).all()
+
+
+def test_a_descriptor_of_a_smaller_ring_is_refused():
+    ring = FrameRing.create(2, 3, 5)
+    with pytest.raises(ValueError, match="mmap"):
+        FrameRing(os.dup(ring.descriptor), 3, 3, 5)
+
+
+def test_all_memory_is_taken_at_once():
+    ring = FrameRing.create(40, 64, 64)
+    assert os.fstat(ring.descriptor).st_blocks * 512 >= 40 * 2 * 64 * 64
+
+
+def test_too_little_memory_is_said_before_the_first_frame(monkeypatch):
+    descriptors = []
+
+    def none_left(descriptor, *_):
+        descriptors.append(descriptor)
+        raise OSError(errno.ENOMEM, "Cannot allocate memory")
+
+    monkeypatch.setattr(os, "posix_fallocate", none_left)
+    with pytest.raises(InputError, match=r"memory: Cannot allocate memory for the last 1200 frames .* 630 MB; end"):
+        FrameRing.create(1200, 512, 513)
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(descriptors[0])

@@ -1,0 +1,83 @@
+"""The second opinion's process: it reads frames from the ring with all that a model has, and says what it finds."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from select import select
+from typing import Any
+
+import numpy as np
+import pytest
+from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_section
+from fixed_reader import write_fixed_reader
+
+from scleraforce.service.companions.channel import ChannelClosedError
+from scleraforce.service.companions.child import Child
+from scleraforce.service.companions.frame_ring import FrameRing
+from scleraforce.service.companions.second_opinion import opinion_settings
+
+pytest.importorskip("torch")
+
+BINS, BIN = 64, 20  # what the network says always; the fit is the one that answers
+
+
+class Reader:
+    """The process, and the ring that it reads from."""
+
+    def __init__(self, model: Path) -> None:
+        self.ring = FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns)
+        settings = opinion_settings(model, KNOWN, SCALE, 1.0, self.ring)
+        self.child = Child("scleraforce.service.companions.second_opinion", settings, [self.ring.descriptor])
+
+    def ask(self, number: int, order: int) -> None:
+        assert self.child.channel.send({"number": number, "order": order})
+
+    def hear(self, within_s: float = 30.0) -> dict[str, Any]:
+        assert select([self.child.channel], [], [], within_s)[0], "no opinion came"
+        (message,) = self.child.channel.receive()
+        return message
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
+    model = tmp_path_factory.mktemp("opinion") / "reader"
+    write_fixed_reader(model, LIBRARY, [float(number == BIN) for number in range(BINS)])
+    reader = Reader(model)
+    yield reader
+    assert reader.child.end(20.0) == 0
+
+
+def test_a_wall_is_read_with_its_force_by_the_fit(reader: Reader) -> None:
+    reader.ring.put(1, image(wall_section(tip_of(0.015))))
+    reader.ask(1, 71)
+    opinion = reader.hear()
+    assert (opinion["kind"], opinion["frame"], opinion["usable"], opinion["predicted"]) == ("opinion", 71, True, 1)
+    assert opinion["force_n"] == pytest.approx(0.015, abs=1.2e-3)
+    assert opinion["interval_n"][0] < 0.015 < opinion["interval_n"][1]
+    assert sum(opinion["probabilities"]) == pytest.approx(1.0)
+
+
+def test_what_is_no_wall_cannot_be_judged(reader: Reader) -> None:
+    noise = np.random.default_rng(0).integers(0, 1500, reader.ring.shape).astype(np.uint16)
+    reader.ring.put(2, noise)
+    reader.ask(2, 72)
+    opinion = reader.hear()
+    assert (opinion["frame"], opinion["usable"], opinion["force_n"]) == (72, False, None)
+    assert opinion["reason"]
+
+
+def test_of_frames_that_wait_the_newest_is_read_and_one_that_is_gone_is_left_out(reader: Reader) -> None:
+    for number, force_n in ((3, 0.003), (4, 0.012), (5, 0.020)):
+        reader.ring.put(number, image(wall_section(tip_of(force_n))))
+    reader.ask(1, 80)  # gone: frame 5 stands in its place
+    reader.ask(5, 85)
+    assert reader.hear()["frame"] == 85
+
+
+def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(tmp_path: Path) -> None:
+    broken = Reader(tmp_path / "nowhere")
+    message = broken.hear()
+    assert message["kind"] == "fault"
+    assert "nowhere" in message["detail"]
+    assert broken.child.end(20.0) == 1
+    with pytest.raises(ChannelClosedError):
+        broken.child.channel.send({})

@@ -1,0 +1,194 @@
+"""What the console makes of the monitor's messages, without a clock, a socket or a browser."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from console_monitor import reading
+
+from scleraforce.monitor.causes import Cause
+from scleraforce.service.companions.frame_ring import FrameRing
+from scleraforce.service.console.board import Board
+from scleraforce.service.console.history import HISTORY_S, STEP_S, History
+from scleraforce.service.console.origin import refusal
+from scleraforce.service.console.pictures import MOST_PIXELS, Pictures
+from scleraforce.service.console.sentences import SENTENCES, detail_of
+from scleraforce.service.entry import Entry
+
+
+def entry(at_s: float, state: str = "WATCHING", cause: str | None = None, **said: Any) -> dict[str, Any]:
+    made = Entry(1, 0.0, at_s, "frame", state, 1, 0, cause, f"{state}: because; class 1; 7.0 mN", **said)
+    return made.as_json()
+
+
+def board_with(*messages: tuple[float, dict[str, Any]]) -> Board:
+    board = Board(0.0)
+    for now_s, message in messages:
+        board.take(message if "kind" in message else {"kind": "entry", "entry": message}, now_s)
+    return board
+
+
+RATES = {"kind": "rates", "frames_per_second": 99.0, "lost": 3, "clients": [{"address": "a:1", "role": "scanner"}]}
+
+
+def test_every_cause_has_a_sentence_and_no_sentence_is_without_a_cause() -> None:
+    assert set(SENTENCES) == {cause.name for cause in Cause}
+
+
+@pytest.mark.parametrize(
+    ("message", "detail"),
+    [
+        ("WITHDRAW: no frame for 120 ms; class 1; 11.0 mN", "no frame for 120 ms"),
+        ("WITHDRAW: a; b; class 2", "a; b"),
+        ("WITHDRAW: a; class 1; -0.3 mN; reset refused: 3 of 5 came", "a"),
+        ("WITHDRAW: class 2", "class 2"),
+        ("WITHDRAW: class 2; class 2; 33.0 mN", "class 2"),
+        ("WITHDRAW", ""),
+    ],
+)
+def test_the_reason_is_told_without_the_state_before_and_the_reading_after_it(message: str, detail: str) -> None:
+    assert detail_of(message, "WITHDRAW") == detail
+
+
+def test_a_change_of_state_or_cause_is_urgent_and_another_frame_is_not() -> None:
+    board = Board(0.0)
+    told = [entry(0.0), entry(0.01), entry(0.02, "WITHDRAW", "BOUND"), entry(0.03, "WITHDRAW", "BOUND"), entry(0.04)]
+    assert [board.take({"kind": "entry", "entry": one}, one["at_s"]) for one in told] == [
+        True,
+        False,
+        True,
+        False,
+        True,
+    ]
+    assert not board.take(RATES, 0.05)
+
+
+def test_a_monitor_that_says_nothing_is_silent_and_sooner_while_it_watches() -> None:
+    assert Board(0.0).monitor(0.1) == "starting"
+    not_ready = board_with((1.0, RATES))
+    assert [not_ready.monitor(at_s) for at_s in (1.0, 2.1, 2.3)] == ["answers", "answers", "silent"]
+    watching = board_with((1.0, entry(1.0)), (1.45, RATES))
+    assert [watching.monitor(at_s) for at_s in (1.4, 1.6)] == ["answers", "silent"]
+    watching.end()
+    assert watching.monitor(1.0) == "ended"
+
+
+def test_before_the_first_decision_the_state_is_not_ready() -> None:
+    assert board_with((0.0, RATES)).as_json(0.1, 0)["state"] == "NOT_READY"
+
+
+def test_an_old_reading_is_not_shown_as_one_of_now() -> None:
+    board = board_with(
+        (0.0, entry(0.0, frame=1, **reading(12.0))), (0.4, RATES), (0.9, entry(0.9, "WITHDRAW", "SILENCE"))
+    )
+    assert board.as_json(0.4, 0)["reading"]["force_mn"] == 12.0
+    assert board.as_json(0.9, 0)["reading"] is None
+
+
+def test_latency_is_the_median_and_the_worst_of_the_last_five_seconds() -> None:
+    latencies = [(0.0, 90.0), (3.0, 1.0), (4.0, 2.0), (5.5, 7.0)]
+    board = board_with(*((at_s, entry(at_s, frame=1, latency_ms=value)) for at_s, value in latencies))
+    assert board.as_json(5.5, 0)["latency_ms"] == [2.0, 7.0]
+    assert board.as_json(20.0, 0)["latency_ms"] is None
+
+
+def test_a_frame_whose_wall_is_not_found_is_shown_without_an_outline() -> None:
+    outline = {"kind": "outline", "frame": 4, "step": 4, "outer": [], "inner": []}
+    board = board_with((0.0, entry(0.0, frame=4)), (0.0, outline), (0.1, entry(0.1, frame=5)))
+    assert board.picture() == (4, outline)
+    board.take({"kind": "entry", "entry": entry(0.3, frame=6)}, 0.3)
+    assert board.picture() == (6, None)
+
+
+def test_steps_of_the_history_hold_the_worst_of_what_came() -> None:
+    """Against all entries of a step, looked at one by one."""
+    rng = np.random.default_rng(0)
+    history, told = History(), []
+    for at_s in np.cumsum(rng.exponential(0.016, 2500)):
+        state = str(rng.choice(["WATCHING", "NOT_READY", "WITHDRAW"], p=[0.9, 0.09, 0.01]))
+        said = reading(float(rng.uniform(0, 40))) if rng.random() < 0.8 else {"usable": False}
+        told.append(entry(float(at_s), state, frame=1, **said))
+        history.take(told[-1])
+    by_step: dict[int, list[dict[str, Any]]] = {}
+    for one in told:
+        by_step.setdefault(int(one["at_s"] / STEP_S), []).append(one)
+    last = max(by_step)
+    assert history.since(0)[0].number >= last - HISTORY_S / STEP_S
+    assert len(history.since(0)) > 500
+    for step in history.since(0):
+        within = by_step[step.number]
+        good = [one for one in within if one["usable"]]
+        assert step.force_mn == max((one["force_mn"] for one in good), default=None)
+        assert step.low_mn == min((one["interval_mn"][0] for one in good), default=None)
+        assert step.high_mn == max((one["interval_mn"][1] for one in good), default=None)
+        states = {one["state"] for one in within}
+        assert step.state == next(one for one in ("WITHDRAW", "NOT_READY", "WATCHING") if one in states)
+    assert [step.number for step in history.since(last)] == [last]
+
+
+def test_a_picture_is_the_frame_in_eight_bits_and_no_larger_than_a_screen() -> None:
+    rng = np.random.default_rng(1)
+    for rows, columns in ((40, 60), (2 * MOST_PIXELS, MOST_PIXELS)):
+        ring = FrameRing.create(4, rows, columns)
+        frame = rng.integers(0, 4000, (rows, columns), dtype=np.uint16)
+        frame[:, :3] = 4000
+        frame[: rows // 2] //= 2
+        ring.put(1, frame)
+        picture = Pictures(ring).of(1, None)
+        assert picture is not None
+        shown = np.frombuffer(picture[4 + int.from_bytes(picture[:4], "little") :], np.uint8)
+        if rows == 40:
+            np.testing.assert_allclose(shown.reshape(rows, columns), np.minimum(frame * (255 / 4000), 255), atol=4.0)
+        assert len(shown) == min(rows, MOST_PIXELS) * min(columns, MOST_PIXELS)
+
+
+def test_a_frame_that_is_gone_makes_no_picture() -> None:
+    ring = FrameRing.create(4, 8, 8)
+    for number in range(1, 8):
+        ring.put(number, np.full((8, 8), number, np.uint16))
+    pictures = Pictures(ring)
+    assert pictures.of(2, None) is None
+    assert pictures.of(7, None) is not None
+
+
+@pytest.mark.parametrize(
+    ("host", "taken"),
+    [
+        ("127.0.0.1:8080", True), ("localhost", True), ("LOCALHOST:1", True), ("[::1]:8080", True), ("10.0.0.7", True),
+        ("bench.local:8080", True), ("evil.example:8080", False), ("localhost.evil.example", False), ("", False),
+        ("127.0.0.1.evil.example", False), ("[evil]", False),
+    ],
+)  # fmt: skip
+def test_addresses_and_own_names_are_hosts_and_no_name_that_could_be_bound_anew(host: str, taken: bool) -> None:
+    assert (refusal("http", "GET", [(b"host", host.encode())], "bench.local") is None) == taken
+
+
+@pytest.mark.parametrize("kind", ["http", "websocket"])
+def test_what_writes_must_come_from_the_consoles_own_page(kind: str) -> None:
+    def status(*origins: str) -> int:
+        headers = [
+            (b"host", b"localhost:80"),
+            (b"content-length", b"2"),
+            *((b"origin", one.encode()) for one in origins),
+        ]
+        refused = refusal(kind, "POST", headers, "localhost")
+        return refused[0] if refused else 200
+
+    assert status("http://localhost:80") == 200
+    assert status() == status("null") == status("http://localhost:81") == status("http://evil.example") == 403
+    assert status("http://localhost:80", "http://localhost:80") == 403
+    assert (
+        refusal("http", "GET", [(b"host", b"localhost"), (b"origin", b"http://evil.example")], "localhost") is not None
+    )
+    assert refusal("http", "GET", [(b"host", b"localhost"), (b"host", b"localhost")], "localhost") is not None
+
+
+@pytest.mark.parametrize("length", [None, "4097", "99999999999999999999", "-1", "²", ""])
+def test_a_body_whose_length_is_not_told_or_too_large_is_refused(length: str | None) -> None:
+    headers = [(b"host", b"localhost"), (b"origin", b"http://localhost")]
+    if length is not None:
+        headers.append((b"content-length", length.encode("latin-1")))
+    assert refusal("http", "POST", headers, "localhost") == (
+        413,
+        "a body of at most 4096 bytes is taken, its length told before",
+    )

@@ -1,0 +1,257 @@
+"""The console as a process: a monitor at one end of its channel, requests of browsers and others at the other."""
+
+import http.client
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any
+
+import numpy as np
+import pytest
+from console_monitor import TOKEN, ConsoleMonitor, reading
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.frames import Close
+from websockets.sync.client import ClientConnection, connect
+
+FRAME = np.tile(np.arange(0, 64 * 60, 60, dtype=np.uint16)[:, None], (1, 96))
+
+
+@pytest.fixture(scope="module")
+def monitor() -> Iterator[ConsoleMonitor]:
+    with ConsoleMonitor() as started:
+        yield started
+
+
+def ask(
+    monitor: ConsoleMonitor, path: str = "/", method: str = "GET", body: str = "", **headers: str
+) -> tuple[http.client.HTTPResponse, str]:
+    with closing(http.client.HTTPConnection("127.0.0.1", monitor.port, timeout=10)) as link:
+        link.request(method, path, body or None, headers)
+        answer = link.getresponse()
+        return answer, answer.read().decode()
+
+
+@contextmanager
+def page(monitor: ConsoleMonitor, origin: str | None = "") -> Iterator[ClientConnection]:
+    """What a browser's page does, without the browser; "" stands for the console's own origin."""
+    own = monitor.address.rstrip("/") if origin == "" else origin
+    with connect(f"ws://127.0.0.1:{monitor.port}/live", origin=own, compression=None) as link:  # type: ignore[arg-type]
+        yield link
+
+
+def told(link: ClientConnection, state: str | None = None, **awaited: Any) -> dict[str, Any]:
+    """The next message, or the next in which everything awaited holds; each is acknowledged."""
+    if state is not None:
+        awaited["state"] = state
+    end_s = monotonic() + 10
+    while monotonic() < end_s:
+        data = link.recv(timeout=10)
+        if isinstance(data, bytes):
+            link.send(json.dumps({"drawn": header(data)["frame"]}))
+            continue
+        message = json.loads(data)
+        if message["kind"] == "state":
+            link.send(json.dumps({"seen": message["number"]}))
+            if all(message[name] == value for name, value in awaited.items()):
+                return dict(message)
+    raise AssertionError(f"{awaited} was never told")
+
+
+def what_waits(link: ClientConnection) -> Iterator[str | bytes]:
+    """All that comes within a moment; nothing of it is acknowledged."""
+    with suppress(TimeoutError):
+        while True:
+            yield link.recv(timeout=0.15)
+
+
+def close_of(link: ClientConnection) -> Close | None:
+    """How the console closes a socket, when it does."""
+    try:
+        while True:
+            link.recv(timeout=10)
+    except ConnectionClosed as closed:
+        return closed.rcvd
+
+
+def header(picture: bytes) -> dict[str, Any]:
+    return dict(json.loads(picture[4 : 4 + int.from_bytes(picture[:4], "little")]))
+
+
+def test_the_page_and_its_parts_come_with_a_strict_policy_and_nothing_from_elsewhere(monitor: ConsoleMonitor) -> None:
+    answer, text = ask(monitor)
+    parts = re.findall(r'(?:src|href)="([^"]+)"', text)
+    scripts = [ask(monitor, f"/{name}")[1] for name in parts if name.endswith(".js")]
+    parts += [name for script in scripts for name in re.findall(r'from "\./([^"]+)"', script)]
+    assert len(parts) == 8
+    assert not re.search(r"<style|style=|<script>|\son\w+=|//[a-z]", text)
+    policy = answer.headers["content-security-policy"]
+    assert policy.startswith("default-src 'none';")
+    assert "unsafe" not in policy
+    assert "*" not in policy
+    assert {"base-uri 'none'", "form-action 'none'", "frame-ancestors 'none'"} <= set(policy.split("; "))
+    for name in ["", *parts]:
+        part, content = ask(monitor, f"/{name}")
+        assert part.status == 200
+        assert content
+        assert part.headers["content-security-policy"] == policy
+        assert part.headers["x-frame-options"] == "DENY"
+        assert part.headers["x-content-type-options"] == "nosniff"
+        assert part.headers["referrer-policy"] == "no-referrer"
+        assert part.headers["cache-control"] == "no-store"
+        elsewhere = re.findall(r"(?:https?:)?//[\w.-]+\.\w+[^\s\"'`]*", content)
+        assert set(elsewhere) <= {"http://www.w3.org/2000/svg"}
+
+
+def test_what_is_not_there_is_not_found_and_still_carries_the_policy(monitor: ConsoleMonitor) -> None:
+    for path in ("/docs", "/openapi.json", "/../settings.py", "/%2e%2e/settings.py", "/page/index.html", "/a/b"):
+        answer, _ = ask(monitor, path)
+        assert answer.status == 404
+        assert "content-security-policy" in answer.headers
+
+
+def test_another_host_name_is_refused(monitor: ConsoleMonitor) -> None:
+    assert ask(monitor, Host=f"localhost:{monitor.port}")[0].status == 200
+    assert ask(monitor, Host=f"evil.example:{monitor.port}")[0].status == 403
+
+
+def test_a_reset_from_another_origin_or_none_never_reaches_the_monitor(monitor: ConsoleMonitor) -> None:
+    for headers in ({}, {"Origin": "http://evil.example"}, {"Origin": f"http://localhost:{monitor.port}"}):
+        headers["Content-Type"] = "application/json"
+        assert ask(monitor, "/reset", "POST", '{"token": "t"}', **headers)[0].status == 403
+    own = {"Origin": monitor.address.rstrip("/"), "Content-Type": "application/json"}
+    assert ask(monitor, "/reset", "POST", json.dumps({"token": "t" * 5000}), **own)[0].status == 413
+    assert ask(monitor, "/reset", "POST", json.dumps({"token": "t" * 300}), **own)[0].status == 422
+    assert ask(monitor, "/reset", "POST", "[]", **own)[0].status == 422
+    assert monitor.child.channel.receive() == []
+
+
+def test_a_socket_of_another_origin_is_refused(monitor: ConsoleMonitor) -> None:
+    for origin in (None, "http://evil.example", "null", f"http://localhost:{monitor.port}"):
+        with pytest.raises(InvalidStatus) as refused, page(monitor, origin):
+            pass
+        assert refused.value.response.status_code == 403
+
+
+def test_a_page_is_told_the_settings_the_state_and_the_picture_with_its_outline(monitor: ConsoleMonitor) -> None:
+    with page(monitor) as link:
+        hello = json.loads(link.recv())
+        assert (hello["model"], hello["eye"], hello["bound_mn"]) == ("reader", "eye-a", 30.0)
+        assert hello["class_bounds_mn"] == [5.0, 30.0]
+        assert hello["pixel_mm"] == pytest.approx([15 / 96, 4 / 64])
+        frame = monitor.frame(FRAME, "WATCHING", "class 1; 12.0 mN", **reading(12.0))
+        outline = {"step": 4, "outer": [None, 3.5], "inner": [7.0, 8.0]}
+        monitor.tell({"kind": "outline", "frame": frame, **outline})
+        monitor.rates(frames_per_second=99.0, lost=5)
+        message = told(link, "WATCHING", lost=5)
+        assert message["reading"]["force_mn"] == 12.0
+        assert message["steps"][-1][1:] == [12.0, 10.0, 14.0, "WATCHING", 1]
+        assert message["latency_ms"] == [1.1, 1.1]
+        assert [client["role"] for client in message["clients"]] == ["scanner", "listener"]
+        picture = next(data for data in iter(link.recv, None) if isinstance(data, bytes))
+        assert header(picture) == {"frame": frame, "rows": 64, "columns": 96, "outline": outline}
+        shown = np.frombuffer(picture[-64 * 96 :], np.uint8).reshape(64, 96)
+        np.testing.assert_allclose(shown[:, 0], np.minimum(FRAME[:, 0] / FRAME[60, 0] * 255, 255), atol=6)
+        monitor.entry("WITHDRAW", "up to 31.0 mN, the bound is 30.0 mN; class 1; 29.0 mN", "BOUND")
+        message = told(link, "WITHDRAW")
+        assert message["sentence"] == "The force may have reached the bound."
+        assert message["detail"] == "up to 31.0 mN, the bound is 30.0 mN"
+
+
+def test_a_reset_goes_to_the_monitor_with_its_token_and_comes_back_with_its_answer(monitor: ConsoleMonitor) -> None:
+    own = {"Origin": monitor.address.rstrip("/"), "Content-Type": "application/json"}
+    with closing(http.client.HTTPConnection("127.0.0.1", monitor.port, timeout=10)) as link:
+        for granted, said in ((False, "no frame is fresh"), (True, "WATCHING")):
+            link.request("POST", "/reset", json.dumps({"token": TOKEN}), own)
+            asked = monitor.hear("reset")
+            assert asked["token"] == TOKEN
+            monitor.tell({"kind": "reset-answer", "request": asked["request"], "granted": granted, "message": said})
+            assert json.loads(link.getresponse().read()) == {"granted": granted, "message": said}
+
+
+def test_a_page_that_stalls_gets_no_queue_and_disturbs_no_other(monitor: ConsoleMonitor) -> None:
+    """The stalled one never answers: it has a few messages and one picture, whatever happens meanwhile."""
+    monitor.entry("WATCHING")
+    with page(monitor) as stalled, page(monitor) as lively:
+        end_s = monotonic() + 0.6
+        seen = 0
+        while monotonic() < end_s:
+            monitor.frame(FRAME, "WATCHING", **reading(12.0))
+            monitor.tell({"kind": "outline", "frame": monitor.frames, "step": 4, "outer": [], "inner": []})
+            told(lively)
+            seen += 1
+        monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
+        told(lively, "WITHDRAW")
+        waiting = list(what_waits(stalled))
+        assert seen > 8
+        states = [json.loads(data) for data in waiting if isinstance(data, str)]
+        assert [message["kind"] for message in states] == ["hello", *["state"] * 4]
+        assert sum(isinstance(data, bytes) for data in waiting) <= 1
+        stalled.send(json.dumps({"seen": states[-1]["number"]}))
+        assert told(stalled)["state"] == "WITHDRAW"
+
+
+@pytest.mark.parametrize("said", ["no JSON", "[1]", "{}", '{"seen": "1"}', b"bytes", "[" * 4000])
+def test_a_page_that_says_something_else_is_let_go(monitor: ConsoleMonitor, said: str | bytes) -> None:
+    with page(monitor) as link:
+        link.send(said)
+        close = close_of(link)
+        assert close is not None
+        assert close.code == 1008
+
+
+def test_the_channel_is_read_while_nobody_looks_and_while_a_request_hangs(monitor: ConsoleMonitor) -> None:
+    """Ten times what the channel holds, none of it lost."""
+    with socket.create_connection(("127.0.0.1", monitor.port)) as hanging:
+        hanging.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n")
+        for number in range(3000):
+            monitor.entry("WATCHING", frame=number + 1)
+            if number % 5 == 4:
+                sleep(0.001)
+    monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
+    with page(monitor) as link:
+        told(link, "WITHDRAW")
+
+
+@pytest.mark.slow
+def test_when_the_monitor_dies_pages_are_told_and_the_console_ends() -> None:
+    """The monitor here is a process of its own, which is killed."""
+    program = (
+        "import time; from console_monitor import ConsoleMonitor; started = ConsoleMonitor();"
+        "started.entry('WATCHING'); print(started.port, started.child.pid, flush=True); time.sleep(60)"
+    )
+    support = Path(__file__).parents[2] / "support"
+    killed = subprocess.Popen(
+        [sys.executable, "-c", program],
+        env=os.environ | {"PYTHONPATH": str(support)},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert killed.stdout is not None
+    port, pid = (int(word) for word in killed.stdout.readline().split())
+    with connect(f"ws://127.0.0.1:{port}/live", origin=f"http://127.0.0.1:{port}") as link:  # type: ignore[arg-type]
+        assert told(link)["state"] == "WATCHING"
+        killed.send_signal(signal.SIGKILL)
+        killed.wait()
+        assert told(link, monitor="ended")
+        close_of(link)
+    killed.stdout.close()
+    end_s = monotonic() + 10
+    while Path(f"/proc/{pid}").exists() and Path(f"/proc/{pid}/stat").read_text().split()[2] != "Z":
+        assert monotonic() < end_s, "the console has not ended"
+        sleep(0.05)
+
+
+@pytest.mark.slow
+def test_a_console_ends_with_code_0_when_its_monitor_closes_the_channel() -> None:
+    started = ConsoleMonitor()
+    with page(started) as stalled:  # which reads nothing, and does not say goodbye
+        assert started.child.end(within_s=8) == 0
+        assert stalled
