@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from scleraforce.calibration.files import read_posteriors
 from scleraforce.dataset import open_dataset, read_population_modulus
 from scleraforce.errors import InputError
 from scleraforce.known.calibration_file import read_calibration
@@ -14,6 +13,7 @@ from scleraforce.library.store import open_library
 from scleraforce.reader import load_classifier, load_model
 from scleraforce.recording.files import read_recording
 from scleraforce.recording.images import read_frame, read_frame_image
+from scleraforce.report.calibration_file import read_posteriors
 from scleraforce.service.black_box.decision_log import DecisionLog, read_log
 from scleraforce.study import read_study
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from scleraforce.errors import CalibrationError, FrameError, InputError, ModelError, RecordingError, StudyError
 
-__all__ = ["KINDS", "FileKind", "check_regular", "read_bytes", "read_text", "renamed_when_whole", "write_whole"]
+__all__ = ["KINDS", "MIB", "FileKind", "check_regular", "read_bytes", "read_text", "renamed_when_whole", "write_whole"]
 
 MIB = 2**20
 # What editors on Windows write; UTF-32 stands before UTF-16, whose mark is the beginning of its own.

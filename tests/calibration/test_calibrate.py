@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
-from scleraforce.calibration.files import calibration_as_json, parse_calibration, read_posteriors
+from scleraforce.calibration.files import calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
 from scleraforce.laboratory.ideal_boundaries import virtual_sections
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.recording.files import Recording, read_recording
+from scleraforce.report.calibration_file import read_posteriors
 
 FORCES = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
 

@@ -103,8 +103,8 @@ def _read_frames(folder: Path) -> None:
 
 
 def _read_calibration(folder: Path) -> None:
-    from scleraforce.calibration.files import read_posteriors
     from scleraforce.known.calibration_file import read_calibration
+    from scleraforce.report.calibration_file import read_posteriors
 
     read_calibration(folder / "calibration.json")
     read_posteriors(folder / "calibration.json")

@@ -39,6 +39,7 @@ from scleraforce.segmentation.observations import Boundaries, Observation, obser
 from scleraforce.study import CalibrationStudy
 
 __all__ = [
+    "LEAST_POINTS",
     "PARAMETERS",
     "SHARED",
     "EyeFilter",
@@ -149,10 +150,10 @@ def first_state(eye: EyeFilter) -> EyeState:
 
 def moments(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
     """Return means and standard deviations of the parameters in SI, with what all frames share."""
-    return eye.space.moments(state.posterior.mean, total_covariance(eye, state))
+    return eye.space.moments(state.posterior.mean, _total_covariance(eye, state))
 
 
-def total_covariance(eye: EyeFilter, state: EyeState) -> Array:
+def _total_covariance(eye: EyeFilter, state: EyeState) -> Array:
     """Return the filter's covariance plus that of what all frames share, in the filter's coordinates (p, p)."""
     shared = np.diag([0.0, 0.0, eye.model.constants.polar_sd_rad**2, eye.study.model_error_fraction**2])
     shared[:2, :2] = state.zero_covariance
@@ -182,7 +183,7 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
     def observe(states_rp: Array) -> Array:
         return _depths(eye, states_rp, frame.force_n, fit.nuisance, places) + expected
 
-    noise = observation_noise(eye, observation, placed, by_force, by_polar, prior)
+    noise = _observation_noise(eye, observation, placed, by_force, by_polar, prior)
     result = filter_step(eye.params, state.posterior, observe, observation.depth_m, noise)
     if (outside := _outside(eye, result.posterior, frame.force_n)) is not None:
         return Skipped(outside)
@@ -208,7 +209,7 @@ def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Arra
     return depth
 
 
-def observation_noise(
+def _observation_noise(
     eye: EyeFilter, observation: Observation, placed: Placed, by_force: Array, by_polar: Array, prior: PoseBelief
 ) -> Array:
     """Return the covariance (point, point) of what is observed: segmentation, pose and its kin, force, contact.

@@ -1,6 +1,5 @@
 """Young's modulus of each eye from its recordings, and of the population (paper sec. 3.2, Table 2)."""
 
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -16,14 +15,13 @@ from scleraforce.calibration.session import EyeSession, begin, refer, update
 from scleraforce.errors import CalibrationError
 from scleraforce.library import Library
 from scleraforce.recording.agreement import log_doubts
-from scleraforce.recording.files import Recording, frame_digest
+from scleraforce.recording.files import Recording, frame_digest, tables_digest
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import dent, segmented_boundaries
 from scleraforce.segmentation.wall import Segmenter
 from scleraforce.study import Study
-from scleraforce.whole_files import KINDS, read_bytes
 
 __all__ = ["Calibration", "EyeCalibration", "FrameRecord", "UsedRecording", "calibrate_recordings", "eye_constants"]
 
@@ -272,7 +270,7 @@ def _begin(
     eye: EyeFilter, state: EyeState, recording: Recording, forces: FrameForces, earlier: EyeCalibration | None
 ) -> EyeCalibration:
     """Return the eye before this recording's frames; what a recording's frames share is new with each recording."""
-    used = UsedRecording(str(recording.path), recording_hash(recording), *forces.zero.tolist())
+    used = UsedRecording(str(recording.path), tables_digest(recording), *forces.zero.tolist())
     recordings: tuple[UsedRecording, ...] = (used,)
     frames: tuple[FrameRecord, ...] = ()
     if earlier is not None and earlier.names != eye.space.names:
@@ -353,11 +351,3 @@ def _used(run: EyeCalibration, record: FrameRecord, step: FrameStep) -> EyeCalib
         frames=(*run.frames, record),
         steps=(*run.steps, step),
     )
-
-
-def recording_hash(recording: Recording) -> str:
-    """Return the SHA-256 of a recording's tables, in hexadecimal."""
-    digest = hashlib.sha256()
-    for kind, name in (("recording", "recording.toml"), ("frames", "frames.csv"), ("forces", "forces.csv")):
-        digest.update(read_bytes(recording.path / name, KINDS[kind]))
-    return digest.hexdigest()

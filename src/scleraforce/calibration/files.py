@@ -1,8 +1,6 @@
 """The file that `calibrate` writes: JSON, with all that is needed to go on from it."""
 
 from collections.abc import Mapping
-from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,9 +22,8 @@ from scleraforce.known.calibration_file import (
     table_of,
     text_of,
 )
-from scleraforce.whole_files import KINDS, read_text
 
-__all__ = ["calibration_as_json", "parse_calibration", "read_posteriors"]
+__all__ = ["calibration_as_json", "parse_calibration"]
 
 Array = NDArray[np.float64]
 
@@ -88,15 +85,6 @@ def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
             "zero_covariance": eye.state.zero_covariance.tolist(),
         },
     }
-
-
-def read_posteriors(path: str | PathLike[str]) -> Calibration:
-    """Read a calibration file whole, to go on from it or to report it.
-
-    Raises:
-        CalibrationError: the file cannot be read, or is none of `calibrate`.
-    """
-    return parse_calibration(read_text(Path(path), KINDS["calibration"]), str(path))
 
 
 def parse_calibration(text: str, name: str = "calibration") -> Calibration:

@@ -57,7 +57,7 @@ class WallResponse:
         flat = self.fields_fblsc.reshape(4, -1)
         points = (loads @ flat).reshape(len(states), *self.fields_fblsc.shape[1:])
         gap = np.array([state.gap_m for state in states])[:, None, None, None]
-        return cut_lines(points, gap, self.tilt_rad)
+        return _cut_lines(points, gap, self.tilt_rad)
 
     def section(self, state: WallState) -> Section:
         """Return the section of one state in the plane's frame (`ScanPlane`)."""
@@ -69,7 +69,7 @@ class WallResponse:
         return 1.0, state.iop_pa * compliance, self.weight_pa_m * compliance, state.force_n * compliance
 
 
-def cut_lines(points_rblsc: Array, gap_m: Array, tilt_rad: float) -> Array:
+def _cut_lines(points_rblsc: Array, gap_m: Array, tilt_rad: float) -> Array:
     """Cut lines of points (..., line, sample, 3) with the plane; return (..., sample, 2), linear between the points."""
     lateral, across, depth = (points_rblsc[..., axis] for axis in range(3))
     across = across - gap_m
@@ -109,7 +109,7 @@ def response_fields(
         tilt_rad: tilt of the plane.
     """
     mesh = wall.mesh
-    axes = plane_axes(contact, direction_rad)
+    axes = _plane_axes(contact, direction_rad)
     solutions = np.stack([wall.pressure_nc, wall.gravity_nc, wall.needle_cnc([contact], needle_radius_m)[0]])
     fields = [
         _sample_surface(
@@ -142,14 +142,14 @@ def lateral_samples(
     lateral = np.arange(-reach, reach + SAMPLE_STEP_M / 2, SAMPLE_STEP_M)
     above = np.ones(len(lateral), dtype=bool)
     for contact in contacts:
-        axes = plane_axes(contact, direction_rad)
+        axes = _plane_axes(contact, direction_rad)
         points = _line_points(radius_m - thickness_m, radius_m, lateral, gap_m, tilt_rad)
         height = (points @ axes)[..., 2] - radius_m * axes[2, 2]
         above &= (height > BASE_MARGIN * radius_m).all(axis=0)
     return lateral[above]
 
 
-def plane_axes(contact: Contact, direction_rad: float) -> Array:
+def _plane_axes(contact: Contact, direction_rad: float) -> Array:
     """Return lateral axis, axis across the untilted plane and depth axis, shape (3, 3), one a row."""
     lateral = cos(direction_rad) * contact.meridian + sin(direction_rad) * contact.parallel
     return np.stack([lateral, np.cross(contact.normal, lateral), -contact.normal])

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["calibrate"]
 
 
-class Parameters(click.ParamType[tuple[str, ...]]):
+class _Parameters(click.ParamType[tuple[str, ...]]):
     """Names of parameters, separated by commas."""
 
     name = "NAME,NAME,..."
@@ -40,7 +40,7 @@ class Parameters(click.ParamType[tuple[str, ...]]):
 @click.option("--frames", type=click.IntRange(1), help="Take the first so many frames above 5 mN of each recording.")
 @click.option("--mechanics", type=click.Choice(["finite-strain", "linear"]), default="finite-strain",
               show_default=True, help="How the wall bends; linear is the paper's.")  # fmt: skip
-@click.option("--parameters", type=Parameters(), default="e", show_default=True,
+@click.option("--parameters", type=_Parameters(), default="e", show_default=True,
               help="What is uncertain, of e, iop, thickness, gap.")  # fmt: skip
 @click.option("--resume", type=click.Path(path_type=Path), help="Go on from an earlier file of this command.")
 @click.option("--plot", type=click.Path(path_type=Path), help="Picture to write as well; must not exist.")
@@ -64,9 +64,8 @@ def calibrate(
     the response library, which is made on first need (half a minute).
     """
     from scleraforce.calibration.calibrate import calibrate_recordings
-    from scleraforce.calibration.files import read_posteriors
     from scleraforce.recording.files import read_recording
-    from scleraforce.report.calibration_file import write_calibration
+    from scleraforce.report.calibration_file import read_posteriors, write_calibration
     from scleraforce.report.files import check_figure_path
 
     for path in (out, plot):

@@ -84,7 +84,7 @@ def classify(
 
 
 @dataclass(frozen=True)
-class FrameRead:
+class _FrameRead:
     """The answer to a frame, with what it was read with: for JSON (`read_with`), in words, and where it is limited."""
 
     answer: "Answer"
@@ -95,7 +95,7 @@ class FrameRead:
 
 def _read(
     reader: "ForceReader | WallReader", path: Path, told: "Scanner", known: "Known", transpose: bool
-) -> FrameRead:
+) -> _FrameRead:
     """Read one frame with what was told and what else its recording and its file state."""
     from scleraforce.known.eye import Known, completed, known_of_recording
     from scleraforce.reader.answers import answer_frame
@@ -111,7 +111,7 @@ def _read(
     except ValueError as fault:
         raise FrameError(f"{path}: {fault}") from fault
     place = str(recording_of(path) or path)
-    return FrameRead(
+    return _FrameRead(
         answer,
         {"scale": scale_entry(frame), "known": known_entry(known, stated)},
         f"{size_words(frame)}; {known_words(known, stated)}",
@@ -129,12 +129,12 @@ def _notes(reader: "ForceReader | WallReader", known: "Known") -> list[str]:
     return [f"a classifier takes no notice of what is known of an eye; it reads each as one of {modulus_mpa:g} MPa"]
 
 
-def _limits(read: "list[tuple[Path, FrameRead]]") -> list[str]:
+def _limits(read: "list[tuple[Path, _FrameRead]]") -> list[str]:
     """Return once what limits the answers to a recording's frames."""
     return list(dict.fromkeys(sentence for _, one in read for sentence in one.limits))
 
 
-def _read_as(read: "list[tuple[Path, FrameRead]]") -> list[str]:
+def _read_as(read: "list[tuple[Path, _FrameRead]]") -> list[str]:
     """Return what frames were read with, those that are alike together."""
     alike: dict[str, list[Path]] = {}
     for path, one in read:
@@ -144,7 +144,7 @@ def _read_as(read: "list[tuple[Path, FrameRead]]") -> list[str]:
     return [wrapped(f"{names[words]}: {words}", "read with: ") for words in alike]
 
 
-def _entry(path: Path, found: FrameRead | InputError, reader: "ForceReader | WallReader") -> dict[str, Any]:
+def _entry(path: Path, found: _FrameRead | InputError, reader: "ForceReader | WallReader") -> dict[str, Any]:
     """Return a frame as it stands in JSON; one that could not be read is withdrawn from, and has an `error`."""
     if isinstance(found, InputError):
         from scleraforce.reader.answers import unusable

@@ -13,7 +13,7 @@ import click
 from scleraforce import __version__
 from scleraforce.errors import InputError, ScleraforceError
 
-__all__ = ["cli", "fail", "main"]
+__all__ = ["cli", "fail", "main", "run"]
 
 FULL_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # comes without the file's name
 
@@ -36,7 +36,7 @@ COMMANDS = {
 }
 
 
-class LazyGroup(click.Group):
+class _LazyGroup(click.Group):
     """A group that imports a command only when it is asked for, so that `--help` is quick."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
@@ -57,7 +57,7 @@ class LazyGroup(click.Group):
             formatter.write_dl(list(COMMANDS.items()))
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80})
+@click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80})
 @click.version_option(__version__, prog_name="scleraforce")
 def cli() -> None:
     """Read the force of a needle on the eye from a single OCT slice.

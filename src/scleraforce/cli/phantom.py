@@ -15,7 +15,7 @@ from scleraforce.units import mmhg_to_pa
 __all__ = ["phantom"]
 
 
-class Forces(click.ParamType[tuple[float, ...]]):
+class _Forces(click.ParamType[tuple[float, ...]]):
     """Forces in mN, separated by commas, as N."""
 
     name = "MN,MN,..."
@@ -38,7 +38,7 @@ class Forces(click.ParamType[tuple[float, ...]]):
 )
 @click.option("--study", "study_path", type=click.Path(path_type=Path), help="Study file; the paper's by default.")
 @click.option("--eye", "name", default="eye-1", show_default=True, help="Name of the eye.")
-@click.option("--forces-mn", type=Forces(), default="2,8,14,20,26,34,40,48,56", show_default=True,
+@click.option("--forces-mn", type=_Forces(), default="2,8,14,20,26,34,40,48,56", show_default=True,
               help="True force at each frame, in mN: one step-and-hold push each.")  # fmt: skip
 @click.option("--rate-hz", type=click.FloatRange(0.1, 1000), help="Frames a second of a needle that moves: --forces-mn "
               "are then the turning points of its force, which begins at 0.")  # fmt: skip

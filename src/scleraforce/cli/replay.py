@@ -24,7 +24,7 @@ LIVE_S = 0.1  # between two renewals of the live line
 MN_PER_N, MS_PER_S = 1e3, 1e3
 
 
-def list_faults(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:  # noqa: ARG001
+def _list_faults(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:  # noqa: ARG001
     """Print the faults and leave, for `--fault list`."""
     from scleraforce.replay.faults import FAULTS
 
@@ -47,7 +47,7 @@ def list_faults(context: click.Context, parameter: click.Parameter, value: str |
               "reading takes no time from a monitor on the same machine.")  # fmt: skip
 @click.option("--version", "header_version", type=click.IntRange(1, 3), default=2, show_default=True,
               help="Of the OpenIGTLink headers; 1 carries no frame number.")  # fmt: skip
-@click.option("--fault", metavar="NAME", callback=list_faults, is_eager=True,
+@click.option("--fault", metavar="NAME", callback=_list_faults, is_eager=True,
               help="Inject a fault of the scanner after contact; `list` names them.")  # fmt: skip
 @click.option("--fault-at-s", type=float, help="When, on the recording's clock; drawn from --seed by default.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the fault.")
@@ -84,10 +84,10 @@ def replay(
     if fault_at_s is not None and not fault:
         raise click.UsageError("--fault-at-s: of which --fault?")
     recording = read_recording(recording_path)
-    forces_n = true_frame_forces(recording)
+    forces_n = _true_frame_forces(recording)
     log = AnswerLog()
-    show = Show(recording, log, forces_n, quiet=as_json)
-    prepared = prepare_fault(recording, forces_n, fault, fault_at_s, seed, header_version, speed or 1.0)
+    show = _Show(recording, log, forces_n, quiet=as_json)
+    prepared = _prepare_fault(recording, forces_n, fault, fault_at_s, seed, header_version, speed or 1.0)
     client = ScannerClient(host, port, log.hear, observed=fault is not None)
     ahead = len(recording.frames) if preload else AHEAD
     player = Player(
@@ -111,7 +111,7 @@ def replay(
         raise LinkError(f"{client.address}: no withdrawal after the fault {fault}")
 
 
-def true_frame_forces(recording: "Recording") -> Sequence[float] | None:
+def _true_frame_forces(recording: "Recording") -> Sequence[float] | None:
     """Return the true force at each frame, N; None where no truth.json tells it."""
     from scleraforce.laboratory.phantom import true_forces
 
@@ -121,7 +121,7 @@ def true_frame_forces(recording: "Recording") -> Sequence[float] | None:
     return [true[entry.file] for entry in recording.frames] if {e.file for e in recording.frames} <= set(true) else None
 
 
-def logged_frame_forces(recording: "Recording") -> Sequence[float] | None:
+def _logged_frame_forces(recording: "Recording") -> Sequence[float] | None:
     """Return the force at each frame by the force log, N; None without one."""
     from scleraforce.recording.labels import label_frames
     from scleraforce.study import ClassesStudy
@@ -131,7 +131,7 @@ def logged_frame_forces(recording: "Recording") -> Sequence[float] | None:
     return forces_n or None
 
 
-def prepare_fault(
+def _prepare_fault(
     recording: "Recording",
     forces_n: Sequence[float] | None,
     name: str | None,
@@ -149,14 +149,14 @@ def prepare_fault(
     if name is None:
         return None
     rng = np.random.default_rng(seed)
-    forces_n = logged_frame_forces(recording) if forces_n is None else forces_n
+    forces_n = _logged_frame_forces(recording) if forces_n is None else forces_n
     if at_s is None and forces_n is None:
         raise InputError(f"{recording.path}: --fault: no forces tell when contact is; give --fault-at-s")
     at_s = draw_fault_time(recording, forces_n or (), rng) if at_s is None else at_s
     return prepare(name, recording, at_s, rng, version=version, speed=speed, forces_n=forces_n)
 
 
-class Show:
+class _Show:
     """What is printed while a recording plays, and at its end.
 
     Args:
@@ -199,7 +199,7 @@ class Show:
             return
         self.renew()
         self._clear()
-        for line in summary_lines(result):
+        for line in _summary_lines(result):
             click.echo(line)
 
     def _time_s(self, at_s: float) -> float:
@@ -284,7 +284,7 @@ class Show:
         }
 
 
-def summary_lines(result: Mapping[str, Any]) -> list[str]:
+def _summary_lines(result: Mapping[str, Any]) -> list[str]:
     """Return a summary as lines of text."""
     lost = f", {result['frames_lost']} lost" if result["frames_lost"] else ""
     lines = [f"{result['frames_sent']} frames sent, {result['frames_answered']} answered{lost}; "

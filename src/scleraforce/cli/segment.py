@@ -31,7 +31,7 @@ __all__ = ["segment"]
 
 
 @dataclass(frozen=True)
-class Source:
+class _Source:
     """One frame to segment, and where its mask goes."""
 
     frame: Path
@@ -39,7 +39,7 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Asked:
+class _Asked:
     """What was told of all frames, and what to write of each."""
 
     told: "Scanner"
@@ -76,8 +76,8 @@ def segment(
 
     Example: scleraforce segment recordings/eye-1 --out masks --overlay
     """
-    asked = Asked(told_scanner(width_mm, depth_mm, refractive_index), transpose, overlay, force)
-    found = list(each_of(plan_masks(frames, out), lambda source: segment_frame(source, asked)))
+    asked = _Asked(told_scanner(width_mm, depth_mm, refractive_index), transpose, overlay, force)
+    found = list(each_of(_plan_masks(frames, out), lambda source: _segment_frame(source, asked)))
     if as_json:
         print_json({"out": str(out), "frames": [_entry(*each) for each in found]})
     else:
@@ -86,7 +86,7 @@ def segment(
     end_with_faults(entry for _, entry in found)
 
 
-def plan_masks(given: tuple[Path, ...], out: Path) -> list[Source]:
+def _plan_masks(given: tuple[Path, ...], out: Path) -> list[_Source]:
     """Return the frames of the files and recording folders that were given, and where their masks go.
 
     Raises:
@@ -97,7 +97,7 @@ def plan_masks(given: tuple[Path, ...], out: Path) -> list[Source]:
     sources = []
     for frame, recording in found:
         folder = out / recording.resolve().name if recording is not None and len(recordings) > 1 else out
-        sources.append(Source(frame, folder / f"{frame.stem}.png"))
+        sources.append(_Source(frame, folder / f"{frame.stem}.png"))
     _check_names(sources)
     return sources
 
@@ -113,8 +113,8 @@ def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
     return [(recording.frame_path(entry), path) for entry in recording.frames]
 
 
-def _check_names(sources: list[Source]) -> None:
-    taken: dict[Path, Source] = {}
+def _check_names(sources: list[_Source]) -> None:
+    taken: dict[Path, _Source] = {}
     frames = {source.frame.resolve() for source in sources}
     for source in sources:
         other = taken.setdefault(source.mask, source)
@@ -126,7 +126,7 @@ def _check_names(sources: list[Source]) -> None:
             raise InputError(f"--out: the mask {source.mask} would replace a frame; choose another folder")
 
 
-def segment_frame(source: Source, asked: Asked) -> dict[str, Any]:
+def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
     """Segment one frame, write its mask and, where asked for, its overlay; return what is to be told about it."""
     from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame
     from scleraforce.segmentation.overlay import draw_overlay
@@ -166,7 +166,7 @@ def _write(path: Path, picture: "Pixels", force: bool) -> None:
     write_whole(data, path)
 
 
-def _entry(source: Source, found: dict[str, Any] | InputError) -> dict[str, Any]:
+def _entry(source: _Source, found: dict[str, Any] | InputError) -> dict[str, Any]:
     if isinstance(found, InputError):
         return {"file": str(source.frame), "mask": None, "usable": False, "error": str(found)}
     return found

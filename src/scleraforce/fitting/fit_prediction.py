@@ -13,9 +13,22 @@ from scleraforce.fitting.placement import Placed, Places, curve_depths, place_cu
 from scleraforce.library.responses import Library
 
 __all__ = [
-    "DEPTH", "GAP", "INNER", "IOP", "LATERAL", "MODULUS", "NAMES", "ROTATION", "SIZE", "THICKNESS", "TIP", "force_n",
-    "place_walls", "predict",
-]  # fmt: skip
+    "DEPTH",
+    "GAP",
+    "INNER",
+    "IOP",
+    "LATERAL",
+    "MODULUS",
+    "NAMES",
+    "ROTATION",
+    "SIZE",
+    "THICKNESS",
+    "TIP",
+    "cut_by_plane",
+    "force_n",
+    "place_walls",
+    "predict",
+]
 
 Array = NDArray[np.float64]
 

@@ -35,7 +35,7 @@ class Bscan:
 
 
 @dataclass(frozen=True)
-class Tissue:
+class _Tissue:
     """What lies in each pixel: all (rows, columns) but `surface_row` (column,), NaN where there is no tissue.
 
     `wall` and `choroid` are the filled fractions of the pixel, `wall_path_m` and `choroid_path_m` the lengths of tissue
@@ -63,15 +63,15 @@ def render_bscan(section: Section, oct_study: OctStudy, optics: BscanOptics, rng
         The frame (`bits` used of 16) and the mask of the wall, in the frame's optical depth, 0 in the bands.
     """
     pixel_m = oct_study.depth_m / oct_study.rows
-    tissue = fill_columns(section, oct_study, optics.choroid_thickness_m)
-    field = np.sqrt(backscatter(tissue, oct_study, optics)) * circular_gaussian(tissue.wall.shape, rng)
-    sigma_rows = amplitude_sigma(optics.axial_resolution_m) / pixel_m
-    sigma_columns = amplitude_sigma(optics.lateral_resolution_m) / (oct_study.width_m / oct_study.columns)
-    field = blur(field, sigma_rows, sigma_columns)
-    add_reflection(field, tissue.surface_row, oct_study, optics, sigma_rows, rng)
-    add_lines(field, tissue.surface_row, oct_study, optics, rng)
-    field += circular_gaussian(field.shape, rng)
-    frame = compress(field, oct_study.bits, optics)
+    tissue = _fill_columns(section, oct_study, optics.choroid_thickness_m)
+    field = np.sqrt(_backscatter(tissue, oct_study, optics)) * _circular_gaussian(tissue.wall.shape, rng)
+    sigma_rows = _amplitude_sigma(optics.axial_resolution_m) / pixel_m
+    sigma_columns = _amplitude_sigma(optics.lateral_resolution_m) / (oct_study.width_m / oct_study.columns)
+    field = _blur(field, sigma_rows, sigma_columns)
+    _add_reflection(field, tissue.surface_row, oct_study, optics, sigma_rows, rng)
+    _add_lines(field, tissue.surface_row, oct_study, optics, rng)
+    field += _circular_gaussian(field.shape, rng)
+    frame = _compress(field, oct_study.bits, optics)
     mask = np.where(tissue.wall >= 0.5, 255, 0).astype(np.uint8)
     band = round(optics.band_m / oct_study.width_m * oct_study.columns)
     for image in (frame, mask):
@@ -96,7 +96,7 @@ def column_crossings(curve: NDArray[np.float64], columns_m: NDArray[np.float64])
     >>> column_crossings(np.array([[0.0, 1.0], [2.0, 3.0]]), np.array([-0.5, 0.5, 1.5]))
     array([[inf, 1.5, 2.5]], dtype=float32)
     """
-    column, depth_m, turn = curve_crossings(curve, columns_m)
+    column, depth_m, turn = _curve_crossings(curve, columns_m)
     order = np.lexsort((depth_m, column))
     column, depth_m, turn = column[order], depth_m[order], turn[order]
     first = np.searchsorted(column, column)
@@ -110,7 +110,7 @@ def column_crossings(curve: NDArray[np.float64], columns_m: NDArray[np.float64])
     return crossings
 
 
-def curve_crossings(
+def _curve_crossings(
     curve: NDArray[np.float64], columns_m: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.intp]]:
     """Return column, depth and sense (+1 to the right, -1 to the left) of all crossings of a polyline with columns."""
@@ -125,7 +125,7 @@ def curve_crossings(
     return column, y0 + (columns_m[column] - x0) * (y1 - y0) / (x1 - x0), np.sign(np.diff(ends))[segment]
 
 
-def fill_columns(section: Section, oct_study: OctStudy, choroid_thickness_m: float) -> Tissue:
+def _fill_columns(section: Section, oct_study: OctStudy, choroid_thickness_m: float) -> _Tissue:
     """Return what lies in each pixel of the frame, from the exact crossings of every column with the contour."""
     pixel_m = oct_study.depth_m / oct_study.rows
     columns_m = (np.arange(oct_study.columns) + 0.5) / oct_study.columns * oct_study.width_m - oct_study.width_m / 2
@@ -136,27 +136,27 @@ def fill_columns(section: Section, oct_study: OctStudy, choroid_thickness_m: flo
     edges_m = np.arange(oct_study.rows + 1, dtype=np.float32)[:, None] * np.float32(pixel_m)
     below_m = np.maximum(edges_m - surface_m, 0.0)
     edges_m = (edges_m - below_m * (1.0 - 1.0 / oct_study.refractive_index)).astype(np.float32)
-    wall_path_m = length_above(edges_m, wall_m)
-    choroid_path_m = length_above(edges_m, layer_crossings(inside_m, choroid_thickness_m))
+    wall_path_m = _length_above(edges_m, wall_m)
+    choroid_path_m = _length_above(edges_m, _layer_crossings(inside_m, choroid_thickness_m))
     wall_part_m, choroid_part_m = np.diff(wall_path_m, axis=0), np.diff(choroid_path_m, axis=0)
     row_m = np.diff(edges_m, axis=0)
     hair_m = 1e-4 * row_m.max()  # what rounding leaves
     surface_row = np.where(np.isfinite(surface_m), surface_m / pixel_m, np.nan)
-    return Tissue(
-        wall=as_float32(np.where(wall_part_m > hair_m, wall_part_m, 0.0) / row_m),
-        choroid=as_float32(np.where(choroid_part_m > hair_m, choroid_part_m, 0.0) / row_m),
-        wall_path_m=as_float32(wall_path_m[1:] - wall_part_m / 2),
-        choroid_path_m=as_float32(choroid_path_m[1:] - choroid_part_m / 2),
-        surface_row=as_float32(surface_row),
+    return _Tissue(
+        wall=_as_float32(np.where(wall_part_m > hair_m, wall_part_m, 0.0) / row_m),
+        choroid=_as_float32(np.where(choroid_part_m > hair_m, choroid_part_m, 0.0) / row_m),
+        wall_path_m=_as_float32(wall_path_m[1:] - wall_part_m / 2),
+        choroid_path_m=_as_float32(choroid_path_m[1:] - choroid_part_m / 2),
+        surface_row=_as_float32(surface_row),
     )
 
 
-def as_float32(values: NDArray[np.floating]) -> Float:
+def _as_float32(values: NDArray[np.floating]) -> Float:
     """Return single precision values: half the memory traffic, and far finer than a pixel."""
     return values.astype(np.float32, copy=False)
 
 
-def length_above(edges_m: Float, crossings_m: Float) -> Float:
+def _length_above(edges_m: Float, crossings_m: Float) -> Float:
     """Return the length of a column that is filled above each edge; crossings enter and leave by turns."""
     length_m = np.zeros(np.broadcast_shapes(edges_m.shape, crossings_m.shape[1:]), dtype=np.float32)
     for rank, depth_m in enumerate(crossings_m):
@@ -165,7 +165,7 @@ def length_above(edges_m: Float, crossings_m: Float) -> Float:
     return length_m
 
 
-def layer_crossings(inside_m: Float, thickness_m: float) -> Float:
+def _layer_crossings(inside_m: Float, thickness_m: float) -> Float:
     """Return the crossings of a layer of given depth along the column, below each entry into the inside of the eye."""
     layer_m = np.full((len(inside_m) + len(inside_m) % 2, inside_m.shape[1]), np.inf, dtype=np.float32)
     layer_m[: len(inside_m)] = inside_m
@@ -173,16 +173,16 @@ def layer_crossings(inside_m: Float, thickness_m: float) -> Float:
     return layer_m
 
 
-def backscatter(tissue: Tissue, oct_study: OctStudy, optics: BscanOptics) -> Float:
+def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> Float:
     """Return the mean intensity that comes back from each pixel, over the mean noise, shape (rows, columns)."""
     depth = optics.attenuation_per_m * tissue.wall_path_m + optics.choroid_attenuation_per_m * tissue.choroid_path_m
-    scatter = tissue.wall + decibel(optics.choroid_level_db) * tissue.choroid
-    light = decibel(optics.snr_db) * transmission(oct_study, optics)
+    scatter = tissue.wall + _decibel(optics.choroid_level_db) * tissue.choroid
+    light = _decibel(optics.snr_db) * _transmission(oct_study, optics)
     intensity: Float = (scatter * np.exp(-2.0 * depth) * light).astype(np.float32)
     return intensity
 
 
-def transmission(oct_study: OctStudy, optics: BscanOptics) -> Float:
+def _transmission(oct_study: OctStudy, optics: BscanOptics) -> Float:
     """Return the share of the light that the shadows leave in each column, shape (columns,)."""
     columns_m = (np.arange(oct_study.columns) + 0.5) / oct_study.columns * oct_study.width_m - oct_study.width_m / 2
     left = np.ones(oct_study.columns)
@@ -192,7 +192,7 @@ def transmission(oct_study: OctStudy, optics: BscanOptics) -> Float:
     return left.astype(np.float32)
 
 
-def add_reflection(
+def _add_reflection(
     field: Complex,
     surface_row: Float,
     oct_study: OctStudy,
@@ -204,11 +204,11 @@ def add_reflection(
     pixel_ratio = (oct_study.depth_m / oct_study.rows) / (oct_study.width_m / oct_study.columns)
     slope = np.arctan(np.gradient(surface_row) * pixel_ratio)
     share = np.exp(-((slope / optics.reflection_angle_rad) ** 2))
-    intensity = decibel(optics.snr_db + optics.reflection_db) * share * transmission(oct_study, optics)
-    add_ridge(field, surface_row, np.sqrt(intensity), sigma_rows, rng)
+    intensity = _decibel(optics.snr_db + optics.reflection_db) * share * _transmission(oct_study, optics)
+    _add_ridge(field, surface_row, np.sqrt(intensity), sigma_rows, rng)
 
 
-def add_lines(
+def _add_lines(
     field: Complex, surface_row: Float, oct_study: OctStudy, optics: BscanOptics, rng: np.random.Generator
 ) -> None:
     """Add the horizontal reflection lines, and the covers above the tissue, to the field."""
@@ -216,16 +216,16 @@ def add_lines(
     lateral_m = (np.arange(oct_study.columns) + 0.5) / oct_study.columns * oct_study.width_m - oct_study.width_m / 2
     ones = np.ones(oct_study.columns)
     for line in optics.lines:
-        sigma_rows = amplitude_sigma(line.thickness_m) / pixel_m
-        add_ridge(field, ones * line.depth_m / pixel_m, ones * sqrt(decibel(line.level_db)), sigma_rows, rng)
+        sigma_rows = _amplitude_sigma(line.thickness_m) / pixel_m
+        _add_ridge(field, ones * line.depth_m / pixel_m, ones * sqrt(_decibel(line.level_db)), sigma_rows, rng)
     top_m = float(np.nanmin(surface_row)) * pixel_m if np.isfinite(surface_row).any() else oct_study.depth_m
     for cover in optics.covers:
         rows = (top_m - cover.height_m + np.tan(cover.tilt_rad) * lateral_m) / pixel_m
-        sigma_rows = amplitude_sigma(cover.thickness_m) / pixel_m
-        add_ridge(field, rows, ones * sqrt(decibel(cover.level_db)), sigma_rows, rng)
+        sigma_rows = _amplitude_sigma(cover.thickness_m) / pixel_m
+        _add_ridge(field, rows, ones * sqrt(_decibel(cover.level_db)), sigma_rows, rng)
 
 
-def add_ridge(
+def _add_ridge(
     field: Complex,
     depth_rows: NDArray[np.floating],
     amplitude: NDArray[np.floating],
@@ -243,22 +243,22 @@ def add_ridge(
     field[row[seen], np.broadcast_to(column, row.shape)[seen]] += (profile * strength)[seen].astype(np.complex64)
 
 
-def circular_gaussian(shape: tuple[int, ...], rng: np.random.Generator) -> Complex:
+def _circular_gaussian(shape: tuple[int, ...], rng: np.random.Generator) -> Complex:
     """Return independent complex circular Gaussian values of mean intensity 1."""
     pairs = rng.standard_normal((*shape, 2), dtype=np.float32) * np.float32(sqrt(0.5))
     values: Complex = pairs.view(np.complex64)[..., 0]
     return values
 
 
-def blur(field: Complex, sigma_rows: float, sigma_columns: float) -> Complex:
+def _blur(field: Complex, sigma_rows: float, sigma_columns: float) -> Complex:
     """See a field of independent scatterers through a Gaussian point spread function that keeps the mean intensity."""
     parts = np.ascontiguousarray(field).view(np.float32).reshape(*field.shape, 2)
-    seen = cv2.sepFilter2D(parts, -1, kernel(sigma_columns), kernel(sigma_rows), borderType=cv2.BORDER_REFLECT_101)
+    seen = cv2.sepFilter2D(parts, -1, _kernel(sigma_columns), _kernel(sigma_rows), borderType=cv2.BORDER_REFLECT_101)
     values: Complex = np.ascontiguousarray(seen, dtype=np.float32).view(np.complex64)[..., 0]
     return values
 
 
-def kernel(sigma: float) -> NDArray[np.float64]:
+def _kernel(sigma: float) -> NDArray[np.float64]:
     """Return a sampled Gaussian of unit energy, shape (2 reach + 1,)."""
     reach = ceil(3.5 * sigma)
     values = np.exp(-((np.arange(-reach, reach + 1) / max(sigma, 1e-6)) ** 2) / 2)
@@ -266,12 +266,12 @@ def kernel(sigma: float) -> NDArray[np.float64]:
     return unit
 
 
-def amplitude_sigma(intensity_width_m: float) -> float:
+def _amplitude_sigma(intensity_width_m: float) -> float:
     """Return the standard deviation of a Gaussian amplitude from the full width at half maximum of its intensity."""
     return intensity_width_m / (2.0 * sqrt(log(2.0)))
 
 
-def compress(field: Complex, bits: int, optics: BscanOptics) -> NDArray[np.uint16]:
+def _compress(field: Complex, bits: int, optics: BscanOptics) -> NDArray[np.uint16]:
     """Return the counts of a field on the display's logarithmic scale; what is brighter than it saturates."""
     intensity = np.square(field.real) + np.square(field.imag)
     level_db = np.float32(10.0) * np.log10(np.maximum(intensity, np.float32(1e-12)))
@@ -281,6 +281,6 @@ def compress(field: Complex, bits: int, optics: BscanOptics) -> NDArray[np.uint1
     return frame
 
 
-def decibel(level_db: float) -> float:
+def _decibel(level_db: float) -> float:
     """Return a ratio of intensities from dB."""
     return float(10.0 ** (level_db / 10.0))

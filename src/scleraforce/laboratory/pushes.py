@@ -9,6 +9,7 @@ from scleraforce.recording.tables import FORCE_COLUMNS
 from scleraforce.study import PhantomStudy, draw
 
 __all__ = [
+    "TIME_DIGITS",
     "ForcePath",
     "Motion",
     "Push",

@@ -17,7 +17,7 @@ from scleraforce.plain_json import parse_json
 from scleraforce.source_hash import PACKAGE, hash_files
 from scleraforce.study import Choice, LibraryStudy, Range, Sampled, Study
 
-__all__ = ["LibraryPlan", "parse_plan", "plan_library"]
+__all__ = ["LARGEST_POLAR_DEG", "SUPPORTS_DEG", "SUPPORT_NODES", "LibraryPlan", "parse_plan", "plan_library"]
 
 Floats = NDArray[np.float64]
 
@@ -121,7 +121,7 @@ class LibraryPlan:
     def key(self) -> str:
         """SHA-256, in hexadecimal, of the recipe and of the source code that turns it into load paths."""
         sources = [PACKAGE / "library" / f"{name}.py" for name in ("plan", "build", "base_plane")]
-        sources += (PACKAGE / "mechanics").glob("*.py")
+        sources += (PACKAGE / "mechanics").rglob("*.py")
         return sha256((self.recipe + hash_files(sources)).encode()).hexdigest()
 
 

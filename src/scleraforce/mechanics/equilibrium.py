@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, SolverError
 
-__all__ = ["Balance", "Dent", "Equilibrium", "SealedDent", "SealedEquilibrium", "sealed_dent", "solve_balance"]
+__all__ = ["Balance", "Dent", "Equilibrium", "SealedDent", "SealedEquilibrium", "Solve", "sealed_dent", "solve_balance"]
 
 Floats = NDArray[np.float64]
 Solve = Callable[[Floats], Floats]

@@ -38,7 +38,7 @@ class Decision:
 
 
 @dataclass(frozen=True)
-class Finding:
+class _Finding:
     """What an event means; `cause` only with an alarm."""
 
     signal: Signal
@@ -46,7 +46,7 @@ class Finding:
     cause: Cause | None = None
 
 
-QUIET = Finding(Signal.QUIET, "")
+QUIET = _Finding(Signal.QUIET, "")
 
 
 def decide(state: MonitorState, event: Event, limits: MonitorLimits) -> tuple[MonitorState, Decision]:
@@ -77,11 +77,11 @@ def decide(state: MonitorState, event: Event, limits: MonitorLimits) -> tuple[Mo
     return moved, _decision(moved, finding)
 
 
-def _alarm(cause: Cause, reason: str) -> Finding:
-    return Finding(Signal.ALARM, reason, cause)
+def _alarm(cause: Cause, reason: str) -> _Finding:
+    return _Finding(Signal.ALARM, reason, cause)
 
 
-def _clock(state: MonitorState, event: Event, limits: MonitorLimits) -> Finding | None:
+def _clock(state: MonitorState, event: Event, limits: MonitorLimits) -> _Finding | None:
     """Hold an event's time against what came before: is it one, does it go on, was there silence?"""
     if not isfinite(event.at_s):
         return _alarm(Cause.NO_NUMBER, f"the time of an event is {event.at_s}")
@@ -95,7 +95,7 @@ def _clock(state: MonitorState, event: Event, limits: MonitorLimits) -> Finding 
     return None
 
 
-def _waiting(now: MonitorState, event: Event, limits: MonitorLimits) -> Finding | None:
+def _waiting(now: MonitorState, event: Event, limits: MonitorLimits) -> _Finding | None:
     """Return a second reader that has gone; before the first good frame it is awaited without end."""
     waited_s = _waited(now, event.at_s)
     if now.state is State.NOT_READY or waited_s < limits.opinion_s or isinstance(event, Reset):
@@ -103,7 +103,7 @@ def _waiting(now: MonitorState, event: Event, limits: MonitorLimits) -> Finding 
     return _alarm(Cause.NO_OPINION, f"no second opinion for {limits.opinion_s * 1e3:.0f} ms")
 
 
-def _meaning(before: MonitorState, now: MonitorState, event: Event, limits: MonitorLimits) -> Finding:
+def _meaning(before: MonitorState, now: MonitorState, event: Event, limits: MonitorLimits) -> _Finding:
     match event:
         case FrameRead():
             return _transport(before, now, event, limits) or _reading(now, event, limits)
@@ -127,7 +127,7 @@ def _meaning(before: MonitorState, now: MonitorState, event: Event, limits: Moni
             assert_never(event)
 
 
-def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Finding | None:
+def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding | None:
     """Return what is wrong with how a frame came: its order, its size, its scale, its novelty, its delay."""
     if before.frame is not None and not frame.frame_id > before.frame.frame_id:
         return _alarm(Cause.OUT_OF_ORDER, f"frame {frame.frame_id} after {before.frame.frame_id}")
@@ -143,7 +143,7 @@ def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits
     return _stale(now, frame, limits)
 
 
-def _stale(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Finding | None:
+def _stale(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding | None:
     """Return that a frame came much later after its stated time than the quickest one did."""
     lag_s = lag_of(frame)
     if lag_s is None or now.least_lag is None:
@@ -152,7 +152,7 @@ def _stale(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Findin
     return None if late_s < limits.lag_s else _alarm(Cause.STALE, f"the frame is {late_s * 1e3:.0f} ms late")
 
 
-def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Finding:
+def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding:
     """Return what a frame's reading means."""
     wrong = unsound(frame, limits)
     if wrong:
@@ -169,18 +169,18 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> Find
             return _alarm(Cause.RISING, f"the bound is reached within {limits.reaction_s * 1e3:.0f} ms")
     doubt = _doubt(now, frame.at_s, limits)
     if doubt:
-        return Finding(Signal.TOLERATED if now.touched else Signal.UNJUDGED, doubt)
-    return Finding(Signal.HARMLESS, "")
+        return _Finding(Signal.TOLERATED if now.touched else Signal.UNJUDGED, doubt)
+    return _Finding(Signal.HARMLESS, "")
 
 
-def _opinion(now: MonitorState, opinion: SecondOpinion, limits: MonitorLimits) -> Finding:
+def _opinion(now: MonitorState, opinion: SecondOpinion, limits: MonitorLimits) -> _Finding:
     """Return what a second opinion means: a doubt, or nothing new."""
     if now.frame is None or not opinion.frame_id <= now.frame.frame_id:
         return _alarm(Cause.OUT_OF_ORDER, f"a second opinion on frame {opinion.frame_id}, which was not read yet")
     return _only_doubts(now, opinion, "second opinion", now.doubted, limits.unusable_opinions, limits)
 
 
-def _overtaken(now: MonitorState, read: FrameRead, limits: MonitorLimits) -> Finding:
+def _overtaken(now: MonitorState, read: FrameRead, limits: MonitorLimits) -> _Finding:
     """Return what a frame means that newer ones overtook: a cause that lies in it alone, or nothing new."""
     name = f"frame {read.frame_id}, overtaken"
     return _only_doubts(now, read, name, now.unusable + 1, limits.unusable_frames, limits)
@@ -188,7 +188,7 @@ def _overtaken(now: MonitorState, read: FrameRead, limits: MonitorLimits) -> Fin
 
 def _only_doubts(
     now: MonitorState, reading: FrameRead | SecondOpinion, name: str, in_row: int, most: int, limits: MonitorLimits
-) -> Finding:
+) -> _Finding:
     """Return what a reading means that can only add a doubt; `in_row` were not usable, this one included."""
     wrong = unsound(reading, limits)
     if wrong:
@@ -213,16 +213,16 @@ def _waited(now: MonitorState, at_s: float) -> float:
     return at_s - now.unanswered[0][1] if now.unanswered else 0.0
 
 
-def _unusable(now: MonitorState, reason: str | None, in_row: int, most: int) -> Finding:
+def _unusable(now: MonitorState, reason: str | None, in_row: int, most: int) -> _Finding:
     reason = reason or "the frame cannot be judged"
     if not now.touched:
-        return Finding(Signal.UNJUDGED, reason)
+        return _Finding(Signal.UNJUDGED, reason)
     if in_row >= most:
         return _alarm(Cause.UNUSABLE, reason)
-    return Finding(Signal.TOLERATED, reason)
+    return _Finding(Signal.TOLERATED, reason)
 
 
-def _loss(now: MonitorState, event: QueueLoss, limits: MonitorLimits) -> Finding:
+def _loss(now: MonitorState, event: QueueLoss, limits: MonitorLimits) -> _Finding:
     if not event.lost >= 1:
         return _alarm(Cause.QUEUE_BEHIND, f"a loss of {event.lost} frames")
     within = sum(lost for _, lost in now.losses)
@@ -231,19 +231,19 @@ def _loss(now: MonitorState, event: QueueLoss, limits: MonitorLimits) -> Finding
     return QUIET
 
 
-def _reset(now: MonitorState, event: Reset, limits: MonitorLimits) -> Finding:
+def _reset(now: MonitorState, event: Reset, limits: MonitorLimits) -> _Finding:
     """Grant a reset only on frames that are fresh: harmless to both readers, in a row, the last one recent."""
     doubt = _doubt(now, event.at_s, limits)
     if doubt:
-        return Finding(Signal.RESET_REFUSED, f"reset refused: {doubt}")
+        return _Finding(Signal.RESET_REFUSED, f"reset refused: {doubt}")
     silent = now.frame is None or not event.at_s - now.frame.at_s < limits.silence_s
     if now.fresh < limits.fresh_frames or silent:
         seen = "none is recent" if silent else f"{now.fresh} of {limits.fresh_frames} came"
-        return Finding(Signal.RESET_REFUSED, f"reset refused: harmless frames in a row are needed, {seen}")
-    return Finding(Signal.RESET_GRANTED, "")
+        return _Finding(Signal.RESET_REFUSED, f"reset refused: harmless frames in a row are needed, {seen}")
+    return _Finding(Signal.RESET_GRANTED, "")
 
 
-def _move(state: MonitorState, finding: Finding, limits: MonitorLimits) -> MonitorState:
+def _move(state: MonitorState, finding: _Finding, limits: MonitorLimits) -> MonitorState:
     """Follow the table; the first cause stays until the reset."""
     after = TRANSITIONS[state.state, finding.signal]
     fresh = {Signal.HARMLESS: state.fresh + 1, Signal.QUIET: state.fresh, Signal.RESET_REFUSED: state.fresh}
@@ -273,7 +273,7 @@ def _released(moved: MonitorState, before: MonitorState, limits: MonitorLimits) 
     )
 
 
-def _decision(state: MonitorState, finding: Finding) -> Decision:
+def _decision(state: MonitorState, finding: _Finding) -> Decision:
     words = [state.reason] if state.reason else []
     if state.frame is not None and state.frame.usable:
         words.append(f"class {state.frame.predicted}")

@@ -24,7 +24,7 @@ from scleraforce.segmentation.observed import segmented_boundaries
 from scleraforce.segmentation.wall import Segmentation, Segmenter, boundary_slices
 from scleraforce.units import n_to_mn
 
-__all__ = ["WIDEST_N", "Answer", "Look", "answer_frame", "class_answer", "look", "reading_answer", "unusable"]
+__all__ = ["WIDEST_N", "Answer", "Look", "Pixels", "answer_frame", "class_answer", "look", "reading_answer", "unusable"]
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 

@@ -27,7 +27,7 @@ from scleraforce.reader.slice_network import OnnxSliceNetwork, run_network
 from scleraforce.reader.wall_reader import WallReader
 from scleraforce.study import Study, parse_study
 
-__all__ = ["ForceReader", "load_classifier", "load_model"]
+__all__ = ["INPUT", "OUTPUT", "ForceReader", "load_classifier", "load_model"]
 
 INPUT, OUTPUT = "slices", "probabilities"
 EXTERNAL = b"location"  # the key of data in other files (onnx.proto, TensorProto.external_data); none of ours has it

@@ -14,9 +14,9 @@ from scleraforce.recording.images import Pixels, check_frame, read_frame
 from scleraforce.recording.info import RecordingInfo
 from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, read_frame_list
 from scleraforce.study.toml import parse_record
-from scleraforce.whole_files import KINDS, read_text
+from scleraforce.whole_files import KINDS, read_bytes, read_text
 
-__all__ = ["Recording", "frame_digest", "read_frame", "read_info", "read_recording"]
+__all__ = ["Recording", "frame_digest", "read_frame", "read_info", "read_recording", "tables_digest"]
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,18 @@ def frame_digest(pixels: Pixels) -> str:
     """
     digest = hashlib.sha256(f"{pixels.shape[0]} x {pixels.shape[1]}\n".encode())
     digest.update(pixels.astype("<u2").tobytes())
+    return digest.hexdigest()
+
+
+def tables_digest(recording: Recording) -> str:
+    """Return the SHA-256 of a recording's tables (recording.toml, frames.csv, forces.csv), hexadecimal.
+
+    Raises:
+        RecordingError: one of them cannot be read any more.
+    """
+    digest = hashlib.sha256()
+    for kind, name in (("recording", "recording.toml"), ("frames", "frames.csv"), ("forces", "forces.csv")):
+        digest.update(read_bytes(recording.path / name, KINDS[kind]))
     return digest.hexdigest()
 
 

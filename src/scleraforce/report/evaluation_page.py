@@ -17,7 +17,7 @@ from scleraforce.report.style import data_uri
 from scleraforce.report.tables import NOTHING, confusion_table, frame_table
 from scleraforce.units import n_to_mn
 
-__all__ = ["evaluation_cards", "forces_figure", "read_forces_figure", "write_evaluation_html"]
+__all__ = ["NAMES_REMARK", "evaluation_cards", "forces_figure", "read_forces_figure", "write_evaluation_html"]
 
 NAMES_REMARK = (
     "Rows are targets, columns predictions; in brackets the 95 % Wilson interval. Recall is row-wise (of the trials of "

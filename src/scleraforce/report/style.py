@@ -14,6 +14,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 __all__ = [
+    "AMBER",
     "BLACK",
     "BLUE",
     "CLASS_COLOURS",

@@ -3,12 +3,12 @@
 from collections.abc import Callable, Sequence
 
 from scleraforce.calibration.calibrate import Calibration, EyeCalibration, calibrate_recordings
-from scleraforce.calibration.files import read_posteriors
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import Proportion
 from scleraforce.recording.files import read_recording
 from scleraforce.report.answered_frame import look_at
 from scleraforce.report.calibration_figures import draw_modulus_over_frames, draw_observed_points
+from scleraforce.report.calibration_file import read_posteriors
 from scleraforce.report.html import Html, figure, paragraph, section, table
 from scleraforce.report.paper import EYES, MEAN_MODULUS_PA
 from scleraforce.report.style import data_uri

@@ -65,9 +65,9 @@ class Run:
         return self.folder / "left_out.json"
 
     @property
-    def bent(self) -> "BentRun":
+    def bent(self) -> "_BentRun":
         """What belongs to the eyes that bend at finite strain."""
-        return BentRun(self.folder / "bent")
+        return _BentRun(self.folder / "bent")
 
     @property
     def reader(self) -> Path:
@@ -86,7 +86,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class BentRun:
+class _BentRun:
     """The part of a reproduction with the eyes that bend at finite strain: where each result lies."""
 
     folder: Path

@@ -10,7 +10,6 @@ from datetime import datetime
 from pathlib import Path
 
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
-from scleraforce.calibration.files import read_posteriors
 from scleraforce.dataset import generate_dataset, open_dataset, read_population_modulus
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import linear_sections, paper_eyes
@@ -19,7 +18,7 @@ from scleraforce.library.plan import plan_library
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.recording.files import read_recording
-from scleraforce.report.calibration_file import write_calibration
+from scleraforce.report.calibration_file import read_posteriors, write_calibration
 from scleraforce.reproduction.bent import (
     CALIBRATED,
     bend_eyes,

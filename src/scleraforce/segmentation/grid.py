@@ -48,7 +48,7 @@ def make_grid(frame: Pixels, scale: PixelScale) -> Grid:
     """
     cells, step_columns, step_rows = _halve(frame)
     cell = PixelScale(scale.lateral_m * step_columns, scale.depth_m * step_rows)
-    return Grid(cells, noise_floor(cells), step_columns, step_rows, cell)
+    return Grid(cells, _noise_floor(cells), step_columns, step_rows, cell)
 
 
 def rows_of(pixels: float, length_m: float, grid: Grid, least: int) -> int:
@@ -56,7 +56,7 @@ def rows_of(pixels: float, length_m: float, grid: Grid, least: int) -> int:
     return max(least, round(min(pixels / grid.step_rows, length_m / grid.scale.depth_m)))
 
 
-def noise_floor(cells: Pixels) -> float:
+def _noise_floor(cells: Pixels) -> float:
     """Return the count that a fifth of the cells that are not black lie below: noise, whatever share tissue takes."""
     sample = cells[::8, ::2].ravel()
     lit = sample[sample > int(sample.max()) // 1000]

@@ -21,7 +21,7 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.path import best_path
 
-__all__ = ["InnerBoundary", "find_inner", "surface_stretch"]
+__all__ = ["CELLS", "GROUP", "InnerBoundary", "find_inner", "surface_stretch"]
 
 CELL_M = 20e-6  # of thickness in the unrolled wall
 CELLS = 72  # 1.44 mm: the boundary is looked for down to 1.36 mm

@@ -20,6 +20,7 @@ __all__ = [
     "check_number",
     "field_key",
     "field_unit",
+    "map_numbers",
     "option",
     "quantity",
     "required",
@@ -96,7 +97,7 @@ def map_numbers(value: Any, change: Callable[[float], float]) -> Any:
     return value
 
 
-def numbers_in(value: Any) -> list[float]:
+def _numbers_in(value: Any) -> list[float]:
     """Return every number in a field's value."""
     found: list[float] = []
 
@@ -122,7 +123,7 @@ def check_fields(record: Any) -> None:
             raise StudyError(f"{field_key(item)}: min is larger than max")
         if isinstance(value, Choice) and not value.values:
             raise StudyError(f"{field_key(item)}: an empty list; give at least one value")
-        for number in numbers_in(value):
+        for number in _numbers_in(value):
             check_number(field_key(item), number / unit.si_factor, unit)
 
 

@@ -54,7 +54,7 @@ class Fitted:
 
 
 @dataclass(frozen=True)
-class Batches:
+class _Batches:
     """Samples as tensors: the varying pixels (bool, shape (sample, pixel)), what to subtract, the classes.
 
     `mirrored` is, for each pixel, the one on the other side of the slice.
@@ -149,13 +149,13 @@ def train_step(
     return loss.item(), (logits.argmax(1) == target).float().mean().item()
 
 
-def _batches(samples: Samples, norm: Normalisation) -> Batches:
+def _batches(samples: Samples, norm: Normalisation) -> _Batches:
     wall = torch.from_numpy(samples.pixels[:, norm.varies] > 0)
-    return Batches(wall, torch.from_numpy(norm.mean[norm.varies]), torch.from_numpy(samples.target.astype(np.int64)))
+    return _Batches(wall, torch.from_numpy(norm.mean[norm.varies]), torch.from_numpy(samples.target.astype(np.int64)))
 
 
 def _epoch(
-    network: torch.nn.Sequential, optimiser: torch.optim.Optimizer, seen: Batches, study: NetworkStudy, epoch: int
+    network: torch.nn.Sequential, optimiser: torch.optim.Optimizer, seen: _Batches, study: NetworkStudy, epoch: int
 ) -> tuple[float, float]:
     """Go through all training samples once, in random order; return mean loss and accuracy."""
     network.train()
@@ -170,7 +170,7 @@ def _epoch(
     return loss / count, right / count
 
 
-def _measure(network: torch.nn.Sequential, unseen: Batches) -> tuple[float, float]:
+def _measure(network: torch.nn.Sequential, unseen: _Batches) -> tuple[float, float]:
     """Return mean loss and accuracy without dropout."""
     network.eval()
     loss, right = 0.0, 0

@@ -94,7 +94,7 @@ class ReaderNetwork(torch.nn.Module):
 
 def log_density(mixture: torch.Tensor, place: torch.Tensor) -> torch.Tensor:
     """Return the logarithm of a mixture's density at places (sample,)."""
-    weight, middle, log_scale = parts(mixture)
+    weight, middle, log_scale = _parts(mixture)
     z = (place[:, None] - middle) * torch.exp(-log_scale)
     each = torch.nn.functional.logsigmoid(z) + torch.nn.functional.logsigmoid(-z) - log_scale
     return torch.logsumexp(torch.log_softmax(weight, dim=1) + each, dim=1)
@@ -102,14 +102,14 @@ def log_density(mixture: torch.Tensor, place: torch.Tensor) -> torch.Tensor:
 
 def histogram(mixture: torch.Tensor, bins: int) -> torch.Tensor:
     """Return the mixture's share in each bin (sample, bin); the end bins have all that lies beyond."""
-    weight, middle, log_scale = parts(mixture)
+    weight, middle, log_scale = _parts(mixture)
     ends = torch.from_numpy(bin_ends(bins))
     below = torch.sigmoid((ends - middle[:, :, None]) * torch.exp(-log_scale)[:, :, None])
     shares = (torch.softmax(weight, dim=1)[:, :, None] * below).sum(dim=1)
     return shares[:, 1:] - shares[:, :-1]
 
 
-def parts(mixture: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+def _parts(mixture: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """Return logits of the weights, middles and log scales, each (sample, COMPONENTS)."""
     weight, middle, log_scale = torch.split(mixture, COMPONENTS, dim=1)
     return weight, middle, log_scale.clamp(*SHARPNESS)

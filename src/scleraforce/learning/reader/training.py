@@ -22,7 +22,17 @@ from scleraforce.reader.force_distribution import ForceDistribution, force_distr
 from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.study import ReaderStudy, Study
 
-__all__ = ["Answers", "FittedReader", "ReaderCurves", "ReaderMetrics", "fit_reader", "measure", "reader_loss"]
+__all__ = [
+    "THREADS",
+    "Answers",
+    "FittedReader",
+    "ReaderCurves",
+    "ReaderMetrics",
+    "answer",
+    "fit_reader",
+    "measure",
+    "reader_loss",
+]
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +42,7 @@ VALIDATION_CHUNK = 2**31  # numbers from here on are chunks of the validation se
 
 
 @dataclass(frozen=True)
-class Batch:
+class _Batch:
     """Samples as tensors: slices (0 or 1), given values, place of the force in the histogram, contact's place in mm."""
 
     slices: torch.Tensor
@@ -114,12 +124,12 @@ def fit_reader(
                 raise SolverError("training diverged; lower reader.learning_rate")
             if number % chunks == 0 and progress:
                 progress(1)
-        metrics = measure(network, validation_samples(source), study)
+        metrics = measure(network, _validation_samples(source), study)
     per_epoch = np.reshape(losses, (reader.epochs, chunks)).mean(axis=1)
     return FittedReader(network, ReaderCurves(tuple(per_epoch.tolist())), metrics)
 
 
-def validation_samples(source: Source) -> ReaderSamples:
+def _validation_samples(source: Source) -> ReaderSamples:
     """Return samples that no training sees: from streams of their own."""
     count = source.reader.validation_samples
     numbers = range(-(-count // CHUNK))
@@ -205,9 +215,9 @@ class _Descent:
         return sum(losses) / len(samples)
 
 
-def _batch(samples: ReaderSamples, reader: ReaderStudy) -> Batch:
+def _batch(samples: ReaderSamples, reader: ReaderStudy) -> _Batch:
     share = samples.force_n / samples.modulus_pa / reader.max_force_ratio
-    return Batch(
+    return _Batch(
         torch.from_numpy((samples.slices > 0).astype(np.float32)),
         torch.from_numpy(samples.given),
         torch.from_numpy(np.sqrt(share).astype(np.float32)),

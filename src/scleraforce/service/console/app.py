@@ -16,7 +16,7 @@ __all__ = ["console_app"]
 TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 
 
-class Reset(BaseModel):
+class _Reset(BaseModel):
     """What the operator sends."""
 
     token: str = Field(max_length=200)
@@ -47,7 +47,7 @@ def console_app(hub: Hub, settings: ConsoleSettings) -> OwnPagesOnly:
         return Response(assets[name], media_type=TYPES[name.rpartition(".")[2]])
 
     @app.post("/reset")
-    async def reset(asked: Reset) -> dict[str, Any]:
+    async def reset(asked: _Reset) -> dict[str, Any]:
         granted, said = await hub.reset(asked.token)
         return {"granted": granted, "message": said}
 

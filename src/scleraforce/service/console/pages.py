@@ -18,7 +18,7 @@ MOST_UNSEEN = 4  # messages under way that the page has not said to have seen
 
 
 @dataclass
-class Progress:
+class _Progress:
     """How far a page has come.
 
     Attributes:
@@ -52,7 +52,7 @@ async def show(socket: WebSocket, hub: Hub, settings: dict[str, Any]) -> None:
         hub: what there is to tell.
         settings: of the console, for the page.
     """
-    progress, place = Progress(), hub.enter()
+    progress, place = _Progress(), hub.enter()
     tasks: list[asyncio.Task[Any]] = []
     try:
         await socket.send_text(json.dumps({"kind": "hello", **settings}))
@@ -78,7 +78,7 @@ async def show(socket: WebSocket, hub: Hub, settings: dict[str, Any]) -> None:
         await socket.close(1008)
 
 
-async def _tell(socket: WebSocket, hub: Hub, progress: Progress, place: PagePlace) -> None:
+async def _tell(socket: WebSocket, hub: Hub, progress: _Progress, place: PagePlace) -> None:
     while True:
         place.wake.clear()
         if progress.keeps_up:
@@ -88,7 +88,7 @@ async def _tell(socket: WebSocket, hub: Hub, progress: Progress, place: PagePlac
             await asyncio.wait_for(place.wake.wait(), EVERY_S)
 
 
-async def _tell_state(socket: WebSocket, hub: Hub, progress: Progress) -> None:
+async def _tell_state(socket: WebSocket, hub: Hub, progress: _Progress) -> None:
     state = hub.board.as_json(monotonic(), progress.step)
     if state["steps"]:
         progress.step = state["steps"][-1][0]  # which may still change
@@ -96,7 +96,7 @@ async def _tell_state(socket: WebSocket, hub: Hub, progress: Progress) -> None:
     await socket.send_text(json.dumps({**state, "number": progress.sent}))
 
 
-async def _tell_picture(socket: WebSocket, hub: Hub, progress: Progress) -> None:
+async def _tell_picture(socket: WebSocket, hub: Hub, progress: _Progress) -> None:
     chosen = hub.board.picture()
     if chosen is None or progress.drawn != progress.picture or chosen[0] == progress.picture:
         return
@@ -106,7 +106,7 @@ async def _tell_picture(socket: WebSocket, hub: Hub, progress: Progress) -> None
         await socket.send_bytes(picture)
 
 
-async def _hear(socket: WebSocket, progress: Progress, place: PagePlace) -> None:
+async def _hear(socket: WebSocket, progress: _Progress, place: PagePlace) -> None:
     """Take a page's answers; return where it says something else."""
     while True:
         try:
