@@ -22,6 +22,13 @@ ORDER = [
 PURE = ["eye", "mechanics", "imaging", "fitting", "calibration", "monitor"]
 IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}
 IMPURE_CALLS = {"print", "open", "input"}
+# Of paths, NumPy and OpenCV, whatever stands before the dot.
+FILE_CALLS = {
+    "read_text", "read_bytes", "write_text", "write_bytes", "open", "mkdir", "unlink", "touch", "iterdir", "glob",
+    "rglob", "exists", "is_file", "is_dir", "stat", "load", "save", "savez", "savez_compressed", "loadtxt", "savetxt",
+    "genfromtxt", "fromfile", "tofile", "memmap", "imread", "imwrite",
+}  # fmt: skip
+FILE_MODULES = {"scleraforce.whole_files", "scleraforce.checked_store", "os", "shutil", "tempfile", "tifffile", "zarr"}
 COPYLEFT = {"felupe", "sksparse", "pyFAI", "PyQt5", "PyQt6", "gmsh", "dolfin", "cholespy", "Sofa"}
 BIG = ["scipy", "skfem", "torch", "zarr", "matplotlib", "pydicom", "tifffile", "tqdm", "onnx", "pandas"]
 # What the runtime in the control loop uses: it must come up with NumPy, OpenCV and ONNX Runtime alone.
@@ -87,10 +94,14 @@ def test_only_learning_imports_torch_and_nothing_copyleft_is_imported(path: Path
 def test_pure_rooms_touch_no_file_clock_socket_or_global_random_state(path: Path) -> None:
     roots = {name.split(".")[0] for name in imported(path)}
     assert not roots & IMPURE_MODULES, f"{dotted(path)} imports {roots & IMPURE_MODULES}"
+    files = (roots | imported(path)) & FILE_MODULES
+    assert not files, f"{dotted(path)} imports {files}"
     for node in ast.walk(tree(path)):
         if isinstance(node, ast.Call):
             called = ast.unparse(node.func)
             assert called not in IMPURE_CALLS, f"{dotted(path)}:{node.lineno}: {called}()"
+            method = isinstance(node.func, ast.Attribute) and node.func.attr in FILE_CALLS
+            assert not method, f"{dotted(path)}:{node.lineno}: {called}()"
             drawn = re.match(r"(?:np|numpy)\.random\.(\w+)", called)
             assert not drawn or drawn[1] in {"default_rng", "SeedSequence"}, f"{dotted(path)}:{node.lineno}: {called}"
         if isinstance(node, ast.Attribute):

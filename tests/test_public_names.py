@@ -1,0 +1,66 @@
+"""What a module offers stands in its `__all__`: nothing public is left out, and nothing else is imported from it."""
+
+import ast
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import scleraforce
+
+ROOT = Path(scleraforce.__file__).parent
+DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+
+
+def dotted(path: Path) -> str:
+    """The module's full name."""
+    parts = path.relative_to(ROOT.parent).with_suffix("").parts
+    return ".".join(part for part in parts if part != "__init__")
+
+
+MODULES = {dotted(path): path for path in sorted(ROOT.rglob("*.py"))}
+
+
+@cache
+def tree(name: str) -> ast.Module:
+    return ast.parse(MODULES[name].read_text(encoding="utf-8"))
+
+
+@cache
+def offered(name: str) -> frozenset[str]:
+    """What a module's `__all__` lists; nothing where there is none."""
+    for node in tree(name).body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
+            return frozenset(ast.literal_eval(node.value))
+    return frozenset()
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_what_is_not_in_all_has_a_leading_underscore(name: str) -> None:
+    defined = [node.name for node in tree(name).body if isinstance(node, DEFINITIONS)]
+    left_out = [entry for entry in defined if entry[0] != "_" and entry not in offered(name)]
+    assert not left_out, f"{name}: add {', '.join(left_out)} to __all__, or a leading underscore"
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_a_module_takes_only_what_another_offers(name: str) -> None:
+    for node in ast.walk(tree(name)):
+        if isinstance(node, ast.ImportFrom) and node.module in MODULES:
+            taken = {alias.name for alias in node.names if f"{node.module}.{alias.name}" not in MODULES}
+            hidden = sorted(taken - offered(node.module))
+            assert not hidden, f"{name}:{node.lineno}: {', '.join(hidden)}: not in __all__ of {node.module}"
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_a_module_of_a_package_is_asked_only_for_what_it_offers(name: str) -> None:
+    modules = {
+        alias.asname or alias.name: f"{node.module}.{alias.name}"
+        for node in ast.walk(tree(name))
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+        if f"{node.module}.{alias.name}" in MODULES
+    }
+    for node in ast.walk(tree(name)):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in modules:
+            other = modules[node.value.id]
+            assert node.attr in offered(other), f"{name}:{node.lineno}: {node.attr}: not in __all__ of {other}"
