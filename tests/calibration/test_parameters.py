@@ -51,4 +51,4 @@ def test_a_prior_without_width_or_sign_is_refused(mean: float, sd: float) -> Non
 
 def test_spread_is_the_sample_standard_deviation() -> None:
     assert spread([0.27, 0.22, 0.24, 0.29]) == pytest.approx((0.255, np.std([0.27, 0.22, 0.24, 0.29], ddof=1)))
-    assert spread([0.3]) == (0.3, 0.0)
+    assert spread([0.3]) == (0.3, None)
