@@ -1,6 +1,7 @@
 """An eye calibrated frame by frame during a session, and the same frames as a recording: one result."""
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import analytic_library as analytic
@@ -80,6 +81,20 @@ def test_frames_one_by_one_give_what_the_recording_gives(
     assert means[0] == prior[0]  # 2 mN: a reference of the pose
     assert means[1:] == [frame.mean_pa for frame in whole.used]
     assert (eye.mean_pa, eye.sd_pa, eye.updates) == (whole.mean_pa, whole.sd_pa, 5)
+
+
+def test_the_force_freed_of_offset_and_drift_decides_which_frames_are_calibrated_on(
+    library: Library, recording: Recording
+) -> None:
+    trials = label_frames(recording, STUDY.classes, STUDY.needle.max_force_n)
+    corrected_n = frame_forces(recording, trials).force_n
+    labels_n = np.array([trial.measured_force_n for trial in trials], dtype=np.float64)
+    between_n = float((corrected_n[1] + labels_n[1]) / 2)  # the label and the force that the filter takes differ
+    assert (labels_n[1] > between_n) != (corrected_n[1] > between_n)
+    study = replace(STUDY, calibration=replace(STUDY.calibration, min_force_n=between_n))
+    found = calibrate_recordings([recording], study, "", library).eyes["made-up"]
+    wanted = [trial.file for trial, force_n in zip(trials, corrected_n, strict=True) if force_n > between_n]
+    assert [frame.file for frame in found.used] == wanted
 
 
 def test_an_earlier_value_of_a_session_stays_as_it_was(library: Library, recording: Recording) -> None:

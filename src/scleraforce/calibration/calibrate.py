@@ -11,7 +11,7 @@ from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
 from scleraforce.calibration.parameters import spread
 from scleraforce.calibration.registration import first_belief
-from scleraforce.calibration.session import EyeSession, begin, refer, update
+from scleraforce.calibration.session import EyeSession, begin, step
 from scleraforce.errors import CalibrationError
 from scleraforce.library import Library
 from scleraforce.recording.agreement import log_doubts
@@ -246,7 +246,7 @@ def _calibrate(
                 skipped=reason or None,
             )  # fmt: skip
             since_s = float(forces.since_start_s[index])
-            session, run = _step(session, run, record, trial.measured_force_n or 0.0, since_s, boundaries)
+            session, run = _step(session, run, record, since_s, boundaries)
             left -= int(run.frames[-1].skipped is None)
         if progress is not None:
             progress(1)
@@ -309,17 +309,13 @@ def _step(
     session: EyeSession,
     run: EyeCalibration,
     record: FrameRecord,
-    label_n: float,
     since_s: float,
     boundaries: Boundaries,
 ) -> tuple[EyeSession, EyeCalibration]:
     """Return the eye after one more frame, used or not; its record is as it stands before."""
     if record.skipped:
         return session, replace(run, frames=(*run.frames, record))
-    if label_n <= session.filter.study.min_force_n:
-        session = refer(session, boundaries, record.force_n)
-    else:
-        session = update(session, boundaries, record.force_n, since_s)
+    session = step(session, boundaries, record.force_n, since_s)
     if isinstance(session.last, FrameStep):
         return session, _used(run, record, session.last)
     skipped = session.last.reason if isinstance(session.last, Skipped) else None
@@ -327,16 +323,16 @@ def _step(
     return session, replace(run, state=session.state, frames=(*run.frames, record))
 
 
-def _used(run: EyeCalibration, record: FrameRecord, step: FrameStep) -> EyeCalibration:
+def _used(run: EyeCalibration, record: FrameRecord, found: FrameStep) -> EyeCalibration:
     """Return the eye after a frame that its estimate rests on."""
-    means, sds = step.moments
+    means, sds = found.moments
     place = run.names.index("youngs_modulus_pa")
-    result = step.result
+    result = found.result
     record = replace(
         record,
         mean_pa=float(means[place]),
         sd_pa=float(sds[place]),
-        own_modulus_pa=step.registered.youngs_modulus_pa,
+        own_modulus_pa=found.registered.youngs_modulus_pa,
         points=result.observations,
         gated=result.gated,
         nis=result.nis,
@@ -347,7 +343,7 @@ def _used(run: EyeCalibration, record: FrameRecord, step: FrameStep) -> EyeCalib
         run,
         means=tuple(means.tolist()),
         sds=tuple(sds.tolist()),
-        state=step.state,
+        state=found.state,
         frames=(*run.frames, record),
-        steps=(*run.steps, step),
+        steps=(*run.steps, found),
     )

@@ -30,7 +30,7 @@ from scleraforce.library import Library
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study
 
-__all__ = ["EyeSession", "begin", "eye_model", "refer", "step", "update"]
+__all__ = ["EyeSession", "begin", "eye_model", "step"]
 
 Array = NDArray[np.float64]
 
@@ -115,18 +115,18 @@ def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_star
         since_start_s: time of the frame, from where the zero's drift counts.
     """
     if force_n <= session.filter.study.min_force_n:
-        return refer(session, boundaries, force_n)
-    return update(session, boundaries, force_n, since_start_s)
+        return _refer(session, boundaries, force_n)
+    return _update(session, boundaries, force_n, since_start_s)
 
 
-def update(session: EyeSession, boundaries: Boundaries, force_n: float, since_start_s: float) -> EyeSession:
+def _update(session: EyeSession, boundaries: Boundaries, force_n: float, since_start_s: float) -> EyeSession:
     """Return the eye after a frame that bears enough force to say something of its modulus; arguments of `step`."""
     frame = FrameInput(boundaries, force_n, since_start_s, session.zero_covariance)
     found = assimilate(session.filter, session.state, frame)
     return replace(session, state=session.state if isinstance(found, Skipped) else found.state, last=found)
 
 
-def refer(session: EyeSession, boundaries: Boundaries, force_n: float) -> EyeSession:
+def _refer(session: EyeSession, boundaries: Boundaries, force_n: float) -> EyeSession:
     """Return the eye after a frame that says where it lies, but nothing of its modulus; arguments of `step`."""
     eye, state = session.filter, session.state
     if np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
