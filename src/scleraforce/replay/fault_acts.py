@@ -79,7 +79,7 @@ def prepare(
         InputError: no such fault, no such time, or a recording that does not have it.
     """
     if name not in ACTS:
-        raise InputError(f"fault: {name!r}; one of these would do: {', '.join(ACTS)}")
+        raise InputError(f"fault: {name!r}; choose one of: {', '.join(ACTS)}")
     frames_s = [entry.time_s for entry in recording.frames]
     first = int(np.searchsorted(frames_s, time_s))
     if not 2 <= first < len(frames_s) - 1:

@@ -96,7 +96,7 @@ def draw_fault_time(recording: Recording, forces_n: Sequence[float], rng: np.ran
     if not possible:
         raise InputError(
             f"{recording.path}: no room for a fault: {WITHIN_S:g} s between contact ({CONTACT_N * 1e3:g} mN) and "
-            f"{HARMLESS_N * 1e3:g} mN are needed; a slower ramp would do, or --fault-at-s"
+            f"{HARMLESS_N * 1e3:g} mN are needed; use a slower ramp, or --fault-at-s"
         )
     return float(frames_s[rng.choice(possible)])
 
