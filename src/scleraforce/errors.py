@@ -73,4 +73,4 @@ class SolverError(ScleraforceError):
 
 
 class LinkError(ScleraforceError):
-    """A connection that stood was lost, or its other end does not do what it has to."""
+    """An open connection was lost, or its other end does not do what it must."""
