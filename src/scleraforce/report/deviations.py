@@ -77,7 +77,7 @@ DEVIATIONS = (
     Deviation(
         "pose in the filter",
         "registered first, then taken as known",
-        "the filter linearises at the fitted pose and marginalises it, with an offset of the inner boundary, over their "
+        "the filter linearises at the fitted pose and marginalises pose and offset of the inner boundary over their "
         "prior: both enter the noise of the observation",
         "the same points would otherwise serve twice, for the pose and for E, and the posterior would be too narrow",
     ),
