@@ -14,7 +14,7 @@
     ├── SolverError              a numerical method failed: exit code 1
     └── LinkError                a connection was lost, or its other end is not what was expected: exit code 1
 
-A message is one line: where (file and field), what was found, what would do.
+A message is one line: where (file and field), what was found, what to do or what is allowed.
 """
 
 __all__ = [
@@ -37,7 +37,7 @@ class ScleraforceError(Exception):
 
 
 class InputError(ScleraforceError):
-    """What the user gave cannot be used; the message says where and what would do."""
+    """What the user gave cannot be used; the message says where, and what is allowed."""
 
 
 class StudyError(InputError):
@@ -73,4 +73,4 @@ class SolverError(ScleraforceError):
 
 
 class LinkError(ScleraforceError):
-    """A connection that stood was lost, or its other end does not do what it has to."""
+    """An open connection was lost, or its other end does not do what it must."""

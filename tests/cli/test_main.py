@@ -108,6 +108,18 @@ def test_init_writes_the_paper_study_once(tmp_path: Path, capsys) -> None:
     assert "exists already; remove it or choose another directory" in capsys.readouterr().err
 
 
+def test_init_prints_one_json_object(tmp_path: Path, capsys) -> None:
+    assert run(["init", str(tmp_path / "a"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"path": str(tmp_path / "a" / "study.toml")}
+
+
+def test_every_command_has_json() -> None:
+    for name in COMMANDS:
+        command = cli.get_command(click.Context(cli), name)
+        assert command is not None
+        assert "--json" in {option for parameter in command.params for option in parameter.opts}, name
+
+
 def test_init_into_a_file_says_so(tmp_path: Path, capsys) -> None:
     (tmp_path / "file").write_text("")
     assert run(["init", str(tmp_path / "file" / "below")]) == 2

@@ -93,7 +93,7 @@ def _after(scanner: Peer, force_mn: int) -> object:
         (["--adaptive-bound", "--bound-mn", "20"], "leave out one"),
         (["--record", "."], "exists already"),
         (["--record", "calibration.json/session"], "calibration.json/session: Not a directory"),
-        (["--record", "box"], "the black box is to be there"),
+        (["--record", "box"], "the folder of the black box is there"),
         (["--black-box", "calibration.json/box"], "--black-box calibration.json/box: Not a directory"),
         (["--eye", "a\nb"], "--eye: 'a\\nb' has a line break"),
         (["--eye", "\x1b[2J"], "--eye: '\\x1b[2J' has a line break or another unprintable"),

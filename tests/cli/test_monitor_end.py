@@ -81,7 +81,7 @@ def test_a_terminal_that_is_closed_ends_it_in_order_and_one_that_is_stopped_keep
     if how == "stopped":
         os.close(terminal)
     texts = [part.record.get("text", "") for part in read_log(tmp_path / "box" / "log") if part.record]
-    assert not any("without saying so" in text for text in texts)
+    assert not any("without notice" in text for text in texts)
 
 
 @pytest.mark.slow

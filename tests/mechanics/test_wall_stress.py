@@ -172,5 +172,5 @@ def test_the_least_force_is_that_of_any_state_that_reaches_the_limit() -> None:
      ((500.0, 0.25, 3000.0), "IOP/E"), ((500.0, 0.25, float("nan")), "IOP/E")],
 )  # fmt: skip
 def test_walls_that_the_model_was_not_held_against_are_refused(wall: tuple[float, ...], name: str) -> None:
-    with pytest.raises(InputError, match=f"adaptive bound: {name} is .* would do"):
+    with pytest.raises(InputError, match=f"adaptive bound: {name} is .* must be"):
         bound(*wall)

@@ -297,7 +297,7 @@ def test_the_time_of_a_fault_is_drawn_in_contact_and_clear_of_danger(recording) 
 @pytest.mark.parametrize(
     ("name", "time_s", "forces_n", "message"),
     [
-        ("gremlins", AT_S, FORCES_N, "one of these would do: unusable, silence"),
+        ("gremlins", AT_S, FORCES_N, "choose one of: unusable, silence"),
         ("silence", 0.0, FORCES_N, "a fault at 0 s; frames are from 1.02"),
         ("silence", 99.0, FORCES_N, "a fault at 99 s"),
         ("rising", AT_S, FORCES_N / 2, "forces up to 20.0 mN; this fault needs 30 mN"),

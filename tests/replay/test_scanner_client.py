@@ -125,7 +125,7 @@ def test_what_is_no_openigtlink_is_an_error() -> None:
         client = ScannerClient("127.0.0.1", monitor.port, lambda *_: None)
         wait_for_peer(monitor)
         monitor.say_bytes(b"HTTP/1.1 400 Bad Request\r\n" + b"\r\n" * 30)
-        with pytest.raises(LinkError, match="no OpenIGTLink comes from there: header version"):
+        with pytest.raises(LinkError, match="does not send OpenIGTLink: header version"):
             client.listen(time.monotonic() + 5.0)
         client.close()
 

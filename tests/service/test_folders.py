@@ -46,6 +46,6 @@ def test_a_recording_that_could_not_be_made_is_refused_before_anything_is(tmp_pa
     assert "Not a directory" in refusal(box, tmp_path / "file" / "session")
     assert "File name too long" in refusal(box, tmp_path / ("x" * 300))
     assert "--record /proc/session" in refusal(box, Path("/proc/session"))
-    assert "the black box is to be there" in refusal(box, box)
-    assert "the black box is to be there" in refusal(box / "inside", box)
+    assert "the folder of the black box is there" in refusal(box, box)
+    assert "the folder of the black box is there" in refusal(box / "inside", box)
     assert not box.exists()

@@ -253,8 +253,8 @@ def _calibrate(
     doubts = log_doubts(recording, study.classes, shown)
     if not run.used:
         raise CalibrationError(
-            f"{recording.path}: none of its {len(trials)} frames can be calibrated on ({_first_reason(run)}); frames "
-            f"with a wall in view and more than {study.calibration.min_force_n * 1e3:g} mN would do"
+            f"{recording.path}: none of its {len(trials)} frames can be calibrated on ({_first_reason(run)}); it "
+            f"takes frames with a wall in view and more than {study.calibration.min_force_n * 1e3:g} mN"
             + "".join(f"; {doubt}" for doubt in doubts)
         )
     *others, last = run.recordings

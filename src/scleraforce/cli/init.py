@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from scleraforce.cli.output import print_json
 from scleraforce.errors import StudyError
 from scleraforce.study import PAPER_STUDY_TOML
 
@@ -12,7 +13,8 @@ __all__ = ["init"]
 
 @click.command()
 @click.argument("directory", type=click.Path(path_type=Path))
-def init(directory: Path) -> None:
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def init(directory: Path, as_json: bool) -> None:
     """Write DIRECTORY/study.toml, the paper's study with comments."""
     path = directory / "study.toml"
     try:
@@ -23,4 +25,7 @@ def init(directory: Path) -> None:
         raise StudyError(f"{path}: exists already; remove it or choose another directory") from fault
     except OSError as fault:
         raise StudyError(f"{path}: {fault.strerror}") from fault
-    click.echo(f"wrote {path}")
+    if as_json:
+        print_json({"path": str(path)})
+    else:
+        click.echo(f"wrote {path}")

@@ -33,7 +33,7 @@ def _list_faults(context: click.Context, parameter: click.Parameter, value: str 
             click.echo(f"{name:17}{fault.line}")
         context.exit()
     if value is not None and value not in FAULTS:
-        raise click.BadParameter(f"{value!r}; one of these would do: {', '.join(FAULTS)}")
+        raise click.BadParameter(f"{value!r}; choose one of: {', '.join(FAULTS)}")
     return value
 
 

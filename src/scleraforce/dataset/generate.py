@@ -66,7 +66,7 @@ def generate_dataset(
     """
     start = perf_counter()
     if workers is not None and workers < 1:
-        raise DatasetError(f"workers: {workers}; at least 1 would do")
+        raise DatasetError(f"workers: {workers}; must be at least 1")
     mechanics = "linear" if library is None else "finite-strain"
     refuse_unused(study, "generate", mechanics)
     modulus = youngs_modulus_pa or (calibration.youngs_modulus_pa if calibration else study.eye.youngs_modulus_pa)

@@ -126,7 +126,7 @@ def open_dataset(path: str | PathLike[str]) -> Dataset:
     if not isinstance(text, str) or sha256(text.encode()).hexdigest() != attributes["study_hash"]:
         raise DatasetError(f"{path}: its study does not match its hash: the store is damaged; generate it again")
     if isinstance(modulus_pa, bool) or not isinstance(modulus_pa, int | float) or not 0.0 < modulus_pa < MAX_MODULUS_PA:
-        raise DatasetError(f"{path}: youngs_modulus_pa: {str(modulus_pa)[:60]}; a number of Pa above 0 would do")
+        raise DatasetError(f"{path}: youngs_modulus_pa: {str(modulus_pa)[:60]}; must be a number of Pa above 0")
     study = parse_study(text, f"{path}: study")
     for array in _arrays(study):
         STORE.check_array(path, attributes, array)

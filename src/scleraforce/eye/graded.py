@@ -97,7 +97,7 @@ def graded_surface(contact: Contact, core: int, rings: int, core_ratio: float) -
             f"{np.degrees(LARGEST_POLAR_RAD):g} deg"
         )
     if core < 2 or core % 2 or rings < 1:
-        raise InputError(f"mesh: core {core}, rings {rings}; an even core of at least 2 and 1 ring would do")
+        raise InputError(f"mesh: core {core}, rings {rings}; must be an even core of at least 2 and at least 1 ring")
     # A length at the contact is 2 cos(polar angle) times its image in the disc (derivatives of both maps there).
     half = core_ratio / (2.0 * cos(contact.polar_rad))
     disc, quads = _o_grid(core, rings, half)

@@ -49,7 +49,7 @@ class SurfaceLocator:
         lengths = np.linalg.norm(directions_dc, axis=1)
         above = np.full(len(lengths), self._whole) | (directions_dc[:, 2] >= -BELOW_BASE * lengths)
         if not np.all(above & (lengths > 0.0) & np.isfinite(lengths)):
-            raise InputError("direction: it does not pierce the half-sphere; z >= 0 and a positive length would do")
+            raise InputError("direction: it does not pierce the half-sphere; must have z >= 0 and a positive length")
         quads = np.empty(len(directions_dc), dtype=np.int64)
         local = np.empty((len(directions_dc), 2))
         for start in range(0, len(directions_dc), BATCH):

@@ -90,7 +90,7 @@ def build_mesh(
     """
     if level < 0 or divisions < 2 or divisions % 2:
         raise InputError(
-            f"mesh: level {level}, divisions {divisions}; level 0 and an even number of divisions would do"
+            f"mesh: level {level}, divisions {divisions}; the level must be 0 or more, divisions even and at least 2"
         )
     surface = half_cube(divisions)
     for _ in range(level):
@@ -115,9 +115,9 @@ def extrude_surface(
         InputError: a wall thicker than half the radius, no layers, or another order.
     """
     if not 0.0 < thickness_m < 0.5 * radius_m:
-        raise InputError(f"thickness: {thickness_m * 1e3:g} mm; above 0 and below half the radius would do")
+        raise InputError(f"thickness: {thickness_m * 1e3:g} mm; must be above 0 and below half the radius")
     if order not in (1, 2) or layers < 1:
-        raise InputError(f"mesh: order {order}, layers {layers}; order 1 or 2 and at least 1 layer would do")
+        raise InputError(f"mesh: order {order}, layers {layers}; must be order 1 or 2 and at least 1 layer")
     directions, quads = _quad_nodes(surface, order)
     sheets = order * layers + 1
     radii = radius_m - thickness_m * np.linspace(0.0, 1.0, sheets)

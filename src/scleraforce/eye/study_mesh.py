@@ -19,7 +19,7 @@ def study_mesh(study: Study, thickness_m: float, contact: Contact | None = None)
     if mesh.kind == "hexahedra":
         return build_mesh(radius_m, thickness_m, mesh.divisions, mesh.level, mesh.layers, mesh.order)
     if contact is None:
-        raise InputError('mesh: kind: "graded" serves one contact, and this has several; "hexahedra" would do')
+        raise InputError('mesh: kind: "graded" serves one contact, and this has several; use "hexahedra"')
     return graded_mesh(radius_m, thickness_m, contact, mesh.core, mesh.rings, mesh.layers, mesh.order)
 
 
@@ -33,5 +33,5 @@ def supported_mesh(study: Study, thickness_m: float, contact: Contact) -> HexMes
     if not study.supports.has_bed:
         return study_mesh(study, thickness_m, contact)
     if mesh.kind != "graded":
-        raise InputError(f'supports: kind: "{study.supports.kind}" carries a whole globe; mesh kind "graded" would do')
+        raise InputError(f'supports: kind: "{study.supports.kind}" carries a whole globe; use mesh kind "graded"')
     return graded_globe(study.eye.radius_m, thickness_m, contact, mesh.core, mesh.rings, mesh.layers, mesh.order)

@@ -1,6 +1,6 @@
 """Boundaries as an ideal segmentation would find them in a frame of a virtual eye: for studies of the filter alone.
 
-`recording.phantom` makes whole frames; where only the filter is in question, its speckle can be had for less: noise
+`laboratory.phantom` makes whole frames; where only the filter is in question, its speckle can be had for less: noise
 along the boundary's normal, correlated over a few columns.
 """
 

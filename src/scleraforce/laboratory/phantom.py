@@ -154,7 +154,7 @@ def plan_moving_phantom(
     given = {"rate": (rate_hz, 0.1, 1000.0), "ramp": (ramp_n_per_s, 1e-5, 100.0), "hold": (hold_s, 0.0, 3600.0)}
     for name, (value, low, high) in given.items():
         if not low <= value <= high:
-            raise RecordingError(f"eye {eye.id}: {name}: {value:g} (SI); between {low:g} and {high:g} would do")
+            raise RecordingError(f"eye {eye.id}: {name}: {value:g} (SI); must be between {low:g} and {high:g}")
     scanner, place = _draw_scanner(eye, study, seed)
     path = plan_path(tuple(forces_n), ramp_n_per_s, hold_s, study.phantom, _generator(eye, seed, PUSHES))
     count = int((motion_end_s(path) - FIRST_S) * rate_hz + 1e-6) + 1

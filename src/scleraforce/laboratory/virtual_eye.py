@@ -57,10 +57,10 @@ class PhantomEye:
         for name, (low, high) in bounds.items():
             if not low <= getattr(self, name) <= high:
                 raise InputError(
-                    f"eye {self.id}: {name}: {getattr(self, name):g}; between {low:g} and {high:g} would do"
+                    f"eye {self.id}: {name}: {getattr(self, name):g}; must be between {low:g} and {high:g}"
                 )
         if not self.id or "/" in self.id or self.id.startswith("."):
-            raise InputError(f"eye: id: {self.id!r}; a name without / would do")
+            raise InputError(f"eye: id: {self.id!r}; must be a name without /")
 
     @property
     def plane(self) -> ScanPlane:

@@ -63,7 +63,7 @@ def build_library(
     start = perf_counter()
     if workers is not None and (workers < 1 or scheduler is not None):
         found = f"{workers} with --scheduler, which has its own" if scheduler else str(workers)
-        raise InputError(f"workers: {found}; at least 1, or a scheduler instead, would do")
+        raise InputError(f"workers: {found}; give at least 1, or a scheduler instead")
     report = progress or (lambda _: None)
     plan = plan_library(study)
     create_store(out, plan)

@@ -49,7 +49,7 @@ def _connect(scheduler: str) -> Any:
     try:
         import distributed
     except ImportError as fault:
-        raise InputError("--scheduler: Dask is not installed; pip install 'scleraforce[cluster]' would do") from fault
+        raise InputError("--scheduler: Dask is not installed; run pip install 'scleraforce[cluster]'") from fault
     client: Any = distributed.Client  # not annotated there
     try:
         return client(scheduler, timeout=CONNECT_S, set_as_default=False)

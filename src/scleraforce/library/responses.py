@@ -74,7 +74,7 @@ class Library:
     def __post_init__(self) -> None:
         shape = (len(self.thickness_m), len(self.iop_ratio), len(self.tip_m))
         if min(shape) < SUPPORT:
-            raise InputError(f"library: {shape} thicknesses, IOP ratios, tips; at least {SUPPORT} of each would do")
+            raise InputError(f"library: {shape} thicknesses, IOP ratios, tips; must be at least {SUPPORT} of each")
         if self.force_ratio_tpd.shape != shape or self.curves_tpdbnc.shape[:4] != (*shape, 2):
             raise InputError(f"library: forces {self.force_ratio_tpd.shape} and curves {self.curves_tpdbnc.shape} "
                              f"do not fit the axes {shape}")  # fmt: skip

@@ -1,7 +1,7 @@
 """Surfaces of revolution, cut by the plane of the B-scan: closed form.
 
 A surface consists of rings at distance r from the needle axis and depth d below the undeformed contact. In the frame of
-`imaging.plane.ScanPlane` (gap g, tilt tau) the point of the plane at lateral X and depth Y lies at X along the lateral
+`section.plane.ScanPlane` (gap g, tilt tau) the point of the plane at lateral X and depth Y lies at X along the lateral
 axis, g + Y sin(tau) along the offset, and Y cos(tau) deep. So the plane meets the ring (r, d) at
 
     Y = d / cos(tau),   X^2 = r^2 - (g + d tan(tau))^2,

@@ -1,6 +1,6 @@
 """Slices of many walls at once: boundaries at the columns of the slice, and the wall between them (NumPy only).
 
-The picture is that of `imaging.slices.fill_section` for the same curves: a pixel is wall where its centre lies in the
+The picture is that of `section.slices.fill_section` for the same curves: a pixel is wall where its centre lies in the
 wall. Boundaries come separately, so that errors like those of a segmentation can be added before they are filled.
 """
 

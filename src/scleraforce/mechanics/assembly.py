@@ -48,9 +48,9 @@ def stiffness_matrix(mesh: HexMesh, element_enini: Floats) -> "sparse.csr_array"
 
 
 class BlockPattern:
-    """Which pairs of nodes share an element, and how 3 x 3 blocks of element matrices add up there.
+    """The pairs of nodes that share an element, and the sum of the 3 x 3 blocks of element matrices there.
 
-    Found once for a mesh; every assembly is then one gather. Blocks are held as (pair, 3, 3), pairs row by row.
+    It is found once for a mesh; every assembly is then one gather. Blocks are stored as (pair, 3, 3), pairs row by row.
 
     Attributes:
         nodes: number of nodes.
@@ -83,7 +83,7 @@ class BlockPattern:
 
 
 class FreePart:
-    """The rows and columns of the unknowns that are not held, from blocks to a compressed sparse column matrix."""
+    """Takes the rows and columns of the free unknowns from blocks to a compressed sparse column matrix."""
 
     def __init__(self, pattern: BlockPattern, free: Integers) -> None:
         """`free`: the unknowns that are not held, ascending, (unknown,)."""

@@ -58,7 +58,7 @@ def pressurise(problem: Equilibrium, pressure: float) -> Floats:
             step *= 0.5
             if step < SMALLEST_STEP:
                 found = f"found up to p/E = {reached * pressure:.4g} of {pressure:.4g}"
-                raise SolverError(f"pressure: equilibrium {found}; a thicker wall or less pressure would do") from fault
+                raise SolverError(f"pressure: equilibrium {found}; use a thicker wall or less pressure") from fault
             continue
         reached, step = share, step * (2.0 if factors <= 2 else 1.0)
     return u
@@ -83,10 +83,10 @@ def trace(
         problem: the wall.
         start: its equilibrium without the needle, (unknown,), as from `pressurise`.
         pressure: p/E there.
-        tips_m: where states are wanted, ascending, positive, (state,) in m; the steps between are as short as it needs.
-            By default every step that the path takes is kept.
+        tips_m: tips at which states are wanted, ascending, positive, (state,) in m; steps between them are as short as
+            needed. By default every step of the path is kept.
         max_tip_m: how far to go, by default the last of `tips_m`.
-        max_force: F/E in m^2; the path ends at the first state kept that carries it.
+        max_force: F/E in m^2; the path ends at the first kept state that carries it.
         first_step_m: of the tip.
         largest_step_m: of the tip.
         sealed: hold the volume inside constant and let the pressure follow; `problem` is a `SealedEquilibrium`.
@@ -115,7 +115,7 @@ def _end(tips_m: Floats | None, max_tip_m: float | None, max_force: float) -> fl
         raise InputError("load path: tips must be positive and ascending")
     ends = [end for end in (max_tip_m, None if tips_m is None else float(tips_m[-1])) if end is not None]
     if not ends and not np.isfinite(max_force):
-        raise InputError("load path: no end is given; a largest tip displacement or force would do")
+        raise InputError("load path: no end is given; give a largest tip displacement or force")
     return min(ends, default=np.inf)
 
 
@@ -150,7 +150,7 @@ class _Walk:
         """Take one step, at most to `goal_m`; shorter after failures, longer after success."""
         while True:
             left_m = goal_m - self.tip_m
-            # Two even steps, rather than a long one and a sliver.
+            # Two equal steps rather than a long and a very short one.
             tip_m = goal_m if left_m <= self.step_m else self.tip_m + min(self.step_m, 0.5 * left_m)
             self.control.tip_m = tip_m
             try:
@@ -167,7 +167,7 @@ class _Walk:
         self.step_m = 0.5 * (tip_m - self.tip_m)
         if self.step_m < self.shortest_m:
             reached = f"a dent of {1e3 * self.tip_m:.4g} mm, F/E = {1e6 * self.history[-1][1]:.4g} mm^2"
-            raise SolverError(f"load path: no equilibrium found beyond {reached}; a smaller dent would do") from fault
+            raise SolverError(f"load path: no equilibrium found beyond {reached}; ask for a smaller dent") from fault
 
     def _extrapolated(self, tip_m: float) -> Floats:
         """Lagrange's polynomial through the last states, at most three."""

@@ -1,4 +1,4 @@
-"""Equilibrium at a prescribed dent: what is solved, and Newton's method for it.
+"""Equilibrium at a prescribed dent: the equations, and Newton's method for them.
 
 The displacement of the needle's tip is prescribed and the force is an unknown of its own; in a sealed globe the
 pressure is another, with the volume prescribed. Both enter as borders of the tangent: K du - b df - g dp = -r is split
@@ -23,9 +23,9 @@ Floats = NDArray[np.float64]
 Solve = Callable[[Floats], Floats]
 
 TOLERANCE = 1e-9  # largest force out of balance, over the forces applied; also of the tip and the volume
-SETTLED = 1e-10  # of the displacement by the needle: smaller corrections are none
+SETTLED = 1e-10  # of the displacement by the needle: smaller corrections count as zero
 MOST_FACTORS = 10  # for one equilibrium
-FAST = 0.3  # a factor is used again while it leaves less than this of the error
+FAST = 0.3  # a factor is reused while each step leaves less than this share of the error
 SMALLEST_DAMPING = 1.0 / 32.0
 
 
@@ -41,19 +41,19 @@ class Equilibrium(Protocol):
         """Functional whose product with the displacement is the tip's inward displacement, (unknown,)."""
 
     def residual(self, u: Floats, pressure: float) -> Floats:
-        """Internal less external forces without the needle, (unknown,); not finite where u is inadmissible."""
+        """Internal minus external forces without the needle, (unknown,); not finite where u is inadmissible."""
 
     def factor(self, u: Floats, pressure: float) -> Solve:
         """Factor the derivative of the residual by u; return its solve for (unknown,) or (unknown, column).
 
         Raises:
-            SolverError, ArithmeticError: there is no such factor; a shorter step is then tried.
+            SolverError, ArithmeticError: there is no factor; a shorter step is then tried.
         """
 
 
 @runtime_checkable
 class SealedEquilibrium(Equilibrium, Protocol):
-    """An equilibrium that knows the volume inside."""
+    """An equilibrium that also gives the volume inside."""
 
     def volume(self, u: Floats) -> tuple[float, Floats]:
         """Return the volume in m^3 and its derivative by u, (unknown,).
@@ -94,9 +94,9 @@ class Dent:
     """Equilibrium at a given displacement of the tip from `start`. The unknowns x are u and the force.
 
     Attributes:
-        tip_m: the tip's displacement that is prescribed; set by who walks along the path.
+        tip_m: the prescribed displacement of the tip; `continuation` sets it along the path.
         unloaded: the unknowns without the needle.
-        largest_force: on the path so far; where the force passes through zero, this is what errors are measured by.
+        largest_force: on the path so far; errors are relative to it where the force passes through zero.
     """
 
     def __init__(self, problem: Equilibrium, start: Floats, pressure: float) -> None:
@@ -109,7 +109,7 @@ class Dent:
         self._needle_norm = float(np.linalg.norm(problem.needle))
 
     def defect(self, x: Floats) -> Floats:
-        """Return the forces out of balance and by how much the tip is off."""
+        """Return the forces out of balance and the error of the tip."""
         u, force = x[: self.count], x[self.count]
         balance = self.problem.residual(u, self.pressure) - force * self.problem.needle
         return np.append(balance, self.problem.tip @ (u - self.start) - self.tip_m)
@@ -138,7 +138,7 @@ class SealedDent(Dent):
         self.volume_m3 = problem.volume(start)[0]
 
     def defect(self, x: Floats) -> Floats:
-        """Return the forces out of balance and by how much the tip and the volume are off."""
+        """Return the forces out of balance and the errors of the tip and the volume."""
         u, force, pressure = x[: self.count], x[self.count], float(x[self.count + 1])
         balance = self.problem.residual(u, pressure) - force * self.problem.needle
         dent = self.problem.tip @ (u - self.start) - self.tip_m
@@ -163,7 +163,7 @@ def sealed_dent(problem: Equilibrium, start: Floats, pressure: float) -> SealedD
         InputError: the wall does not know its volume.
     """
     if not isinstance(problem, SealedEquilibrium):
-        raise InputError("sealed globe: this wall does not know its volume; an open one would do")
+        raise InputError("sealed globe: this wall does not know its volume; use an open globe")
     return SealedDent(problem, start, pressure)
 
 
@@ -197,13 +197,13 @@ def solve_balance(control: Balance | Dent, x: Floats) -> tuple[Floats, int]:
         x, defect, found = _newton_step(control, x, defect)
     if found:
         return x, MOST_FACTORS
-    raise SolverError("equilibrium: Newton's method did not converge; a shorter step would do")
+    raise SolverError("equilibrium: Newton's method did not converge; use a shorter step")
 
 
 def _newton_step(control: Balance | Dent, x: Floats, defect: Floats) -> tuple[Floats, Floats, bool]:
-    """Factor at x, take a damped step, and more with the same factor while that is fast.
+    """Factor at x, take a damped step, and go on with the same factor while it converges fast.
 
-    Returns the new x, its defect, and whether that is equilibrium.
+    Returns the new x, its defect, and whether it is an equilibrium.
     """
     try:
         solve = control.factor(x)
@@ -217,22 +217,22 @@ def _newton_step(control: Balance | Dent, x: Floats, defect: Floats) -> tuple[Fl
                 break
             x, defect, step = trial, trial_defect, trial_step
     except (ArithmeticError, np.linalg.LinAlgError) as fault:
-        raise SolverError(f"equilibrium: {fault}; a shorter step would do") from fault
+        raise SolverError(f"equilibrium: {fault}; use a shorter step") from fault
     return x, defect, _found(control, x, defect, step)
 
 
 def _found(control: Balance | Dent, x: Floats, defect: Floats, step: Floats) -> bool:
-    """Whether nothing is out of balance, or what `step` would still correct is nothing.
+    """Whether the forces balance, or the correction by `step` is negligible.
 
-    Where forces are tiny the rounding of the stresses is larger than the tolerance.
+    The second test is for tiny forces, where the rounding of the stresses exceeds the tolerance.
     """
     return control.met(defect, x) or _size(control, step) <= SETTLED * _size(control, x - control.unloaded)
 
 
 def _damped(control: Balance | Dent, solve: Solve, x: Floats, step: Floats) -> tuple[Floats, Floats, Floats, float]:
-    """Shorten a step until what the same factor would correct next is smaller by enough.
+    """Shorten a step until the next correction with the same factor is small enough.
 
-    Returns the new x, its defect, that next step, and its size over the size of this one.
+    Returns the new x, its defect, that next correction, and its size over the size of this step.
     """
     damping = 1.0
     while damping >= SMALLEST_DAMPING:
@@ -244,9 +244,9 @@ def _damped(control: Balance | Dent, solve: Solve, x: Floats, step: Floats) -> t
             if left <= 1.0 - 0.25 * damping or _found(control, trial, defect, following):
                 return trial, defect, following, left
         damping *= 0.5
-    raise SolverError("equilibrium: no step reduces the error; a shorter step would do")
+    raise SolverError("equilibrium: no step reduces the error; use a shorter step")
 
 
 def _size(control: Balance | Dent, step: Floats) -> float:
-    """The displacement's part of a step: borders are of other units."""
+    """Return the size of a step by its displacements alone; the borders have other units."""
     return float(np.linalg.norm(step[: control.count]))

@@ -33,7 +33,7 @@ __all__ = ["LARGEST_STEP_M", "FiniteWall", "LoadPath"]
 Floats = NDArray[np.float64]
 
 ROUNDING = 1e-12  # of a force
-RIGID = 1e-9  # least resisted over most resisted rigid motion: 0 to rounding where one is free
+RIGID = 1e-9  # least over most resisted rigid motion: 0 to rounding where one is free
 FIRST_STEP_M = 1e-4
 LARGEST_STEP_M = 3e-4  # cubic interpolation between such states is off by 0.01 %; longer steps save no time
 
@@ -60,7 +60,7 @@ class LoadPath:
         return float(self.forces_n.max())
 
     def tip_m(self, force_n: float) -> float:
-        """Return the tip's displacement in m at a force; the smallest one where several states carry the force.
+        """Return the tip's displacement in m at a force; the smallest one if several states carry the force.
 
         Raises:
             InputError: the path does not reach the force.
@@ -86,7 +86,7 @@ class LoadPath:
         return self.displacement_at_tip_nc(self.tip_m(force_n))
 
     def displacement_at_tip_nc(self, tip_m: float) -> Floats:
-        """Return the displacement from the undeformed wall where the tip has gone `tip_m`, (node, 3) in m.
+        """Return the displacement from the undeformed wall when the tip has moved by `tip_m`, (node, 3) in m.
 
         Raises:
             InputError: the path does not reach that far.
@@ -133,7 +133,7 @@ class FiniteWall:
         dead_pressure_nc: Floats | None = None,
         springs: Springs | None = None,
     ) -> None:
-        """Prepare all that does not depend on the displacement.
+        """Prepare everything that does not depend on the displacement.
 
         Args:
             mesh: the wall.
@@ -185,7 +185,7 @@ class FiniteWall:
         largest_step_m: float = LARGEST_STEP_M,
         progress: Callable[[float], object] | None = None,
     ) -> LoadPath:
-        """Apply pressure and weight, then push the needle until it carries `max_force_n` or has gone `max_tip_m`.
+        """Apply pressure and weight, then push the needle until it carries `max_force_n` or has moved by `max_tip_m`.
 
         Args:
             needle: where and along which axis it pushes.
@@ -232,7 +232,7 @@ class FiniteWall:
 
 
 def _check_supports(mesh: HexMesh, held_nc: NDArray[np.bool_], springs: Springs | None) -> None:
-    """Check that what is held and the springs resist all six rigid motions of the undeformed wall."""
+    """Check that held components and springs together resist all six rigid motions of the undeformed wall."""
     places = mesh.points_nc / mesh.radius_m
     moves = [np.broadcast_to(axis, places.shape) for axis in np.eye(3)] + [np.cross(axis, places) for axis in np.eye(3)]
     resisted = np.array([move[held_nc] for move in moves])
@@ -242,11 +242,11 @@ def _check_supports(mesh: HexMesh, held_nc: NDArray[np.bool_], springs: Springs 
         gram += work / max(float(np.abs(work).max()), np.finfo(float).tiny)
     eigenvalues = np.linalg.eigvalsh(gram)
     if not eigenvalues[0] > RIGID * eigenvalues[-1]:
-        raise SolverError("supports: the wall may move as a rigid body; supports against that would do")
+        raise SolverError("supports: the wall may move as a rigid body; add supports against that")
 
 
 class _WallEquilibrium:
-    """The wall as `continuation` sees it: unknowns are the free components, E = 1 Pa."""
+    """The wall for `continuation`: its unknowns are the free components, at E = 1 Pa."""
 
     def __init__(self, wall: FiniteWall, needle: Needle, youngs_modulus_pa: float, density_kg_m3: float) -> None:
         self._wall = wall
@@ -281,7 +281,7 @@ class _WallEquilibrium:
                 options={"SymmetricMode": True},
             )
         except RuntimeError as fault:
-            raise SolverError(f"tangent: {fault}; supports against rigid motion would do") from fault
+            raise SolverError(f"tangent: {fault}; add supports against rigid motion") from fault
         return factor.solve
 
     def volume(self, u: Floats) -> tuple[float, Floats]:

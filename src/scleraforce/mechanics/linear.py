@@ -129,16 +129,16 @@ class LinearWall:
 def _factorise(K: csc_array) -> SuperLU:
     """Factor a symmetric positive definite matrix; refuse one that is singular to rounding.
 
-    No pivoting, and an ordering of K + K^T: five times faster than SuperLU's defaults.
+    Without pivoting, and with an ordering of K + K^T, this is five times faster than SuperLU's defaults.
     """
     try:
         factor = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError as fault:
-        raise SolverError(f"stiffness: {fault}; supports against rigid motion would do") from fault
+        raise SolverError(f"stiffness: {fault}; add supports against rigid motion") from fault
     probe = np.random.default_rng(0).normal(size=K.shape[0])
     amplification = float(np.linalg.norm(factor.solve(probe)) / np.linalg.norm(probe)) * float(abs(K).max())
     if not amplification < SINGULAR:
-        raise SolverError("stiffness: the wall may move as a rigid body; supports against that would do")
+        raise SolverError("stiffness: the wall may move as a rigid body; add supports against that")
     return factor
 
 

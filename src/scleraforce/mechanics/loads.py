@@ -96,7 +96,7 @@ def _check_disc(contacts: Sequence[Contact], directions_cpk: Floats) -> None:
     below = np.flatnonzero(np.any(directions_cpk[..., 2] < 0.0, axis=1))
     if len(below):
         polar = np.degrees(contacts[below[0]].polar_rad)
-        raise InputError(f"polar angle: the needle at {polar:g} deg reaches over the base; a smaller angle would do")
+        raise InputError(f"polar angle: the needle at {polar:g} deg reaches over the base; use a smaller angle")
 
 
 def _scatter(mesh: HexMesh, nodes_en: Integers, values_enc: Floats) -> Floats:

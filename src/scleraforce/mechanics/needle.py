@@ -1,4 +1,4 @@
-"""The needle on a wall of any form: its nodal forces and what it feels, the tip's inward displacement."""
+"""The needle on a wall of any form: its nodal forces, and the functional of the tip's inward displacement."""
 
 from dataclasses import dataclass
 
@@ -47,7 +47,7 @@ def needle_at(mesh: HexMesh, contact: Contact, needle_radius_m: float, axis_c: F
     """
     axis = -contact.normal if axis_c is None else axis_c
     if not abs(np.linalg.norm(axis) - 1.0) < 1e-6 or axis @ contact.normal > -0.5:
-        raise InputError(f"needle axis: {np.round(axis, 3).tolist()}; a unit vector into the eye would do")
+        raise InputError(f"needle axis: {np.round(axis, 3).tolist()}; must be a unit vector into the eye")
     places_pk, weights_p = disc_rule()
     across = np.cross(contact.parallel, axis)
     across /= np.linalg.norm(across)
@@ -80,13 +80,13 @@ def _below_disc(mesh: HexMesh, contact: Contact, sideways_pc: Floats, axis_c: Fl
     for _ in range(PROJECTIONS):
         if len(mesh.base_nodes) and np.any(directions[:, 2] < 0.0):
             polar = np.degrees(contact.polar_rad)
-            raise InputError(f"polar angle: the needle at {polar:g} deg reaches over the base; a smaller one would do")
+            raise InputError(f"polar angle: the needle at {polar:g} deg reaches over the base; use a smaller angle")
         off = _surface_points(mesh, directions) - goals_pc
         off -= (off @ axis_c)[:, None] * axis_c
         directions = directions - off
         if np.abs(off).max() < PROJECTED_M:
             return directions
-    raise SolverError("needle: its disc could not be laid on the wall; an axis closer to the normal would do")
+    raise SolverError("needle: its disc could not be laid on the wall; use an axis closer to the normal")
 
 
 def _surface_points(mesh: HexMesh, directions_dc: Floats) -> Floats:

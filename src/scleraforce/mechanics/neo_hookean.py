@@ -29,7 +29,7 @@ class NeoHookeanSolid:
     """
 
     def __init__(self, mesh: HexMesh, poisson_ratio: float, modulus_factor_ep: Floats | None = None) -> None:
-        """Prepare what does not depend on the displacement.
+        """Prepare everything that does not depend on the displacement.
 
         Args:
             mesh: the wall, elements of 8, 20 or 27 nodes.
@@ -88,7 +88,7 @@ class NeoHookeanSolid:
         H_epJi = self._displacement_gradient(displacement_nc)
         J_ep = 1.0 + _dilatation(H_epJi)
         if not np.all(J_ep > 0.0):
-            raise SolverError("neo-Hookean: the wall is turned inside out; a smaller step would do")
+            raise SolverError("neo-Hookean: the wall is turned inside out; use a smaller step")
         elements, nodes = self._cells_en.shape
         matrices = np.empty((elements, nodes, nodes, 3, 3))
         for start in range(0, elements, ELEMENTS_AT_ONCE):

@@ -1,4 +1,4 @@
-"""What the base does to a needle that does not push on the pole: from the wall of revolution to the eye.
+"""The effect of the base on a needle that pushes away from the pole: from the wall of revolution to the eye.
 
 A wall of revolution about the needle axis is clamped all around at one angle. The base of an eye with the needle at the
 polar angle a is a plane, nearer on one side: in the direction phi around the needle axis (from the meridian, away from
@@ -64,10 +64,10 @@ def polar_path(
 ) -> AxisymmetricPath:
     """Return the path of `axisymmetric_path` with the forces of a needle at a polar angle, up to 55 deg.
 
-    Arguments, units and errors are those of `axisymmetric_path`; `tips_m` is needed, for all walls take the same.
+    Arguments, units and errors are those of `axisymmetric_path`; `tips_m` is required, because all walls share them.
     """
     if not 0.0 <= polar_rad <= LARGEST_POLAR_RAD:
-        raise InputError(f"polar angle: {np.degrees(polar_rad):g} deg; 0 to 55 deg would do")
+        raise InputError(f"polar angle: {np.degrees(polar_rad):g} deg; must be 0 to 55 deg")
 
     def path_to(support_rad: float) -> AxisymmetricPath:
         sizes = (radius_m, thickness_m, poisson_ratio, needle_radius_m, iop_ratio)
@@ -84,7 +84,7 @@ def polar_path(
 
 @dataclass(frozen=True, eq=False)
 class BaseShift:
-    """How the two boundaries of a wall of revolution move because the base is a plane, in proportion to the loads.
+    """The motion of the two boundaries of a wall of revolution caused by a plane base, in proportion to the loads.
 
     The nodes are those of `AxisymmetricPath.curves_sbnc`. The parts away from the axis and along it go with cos(m phi),
     the part around it with sin(m phi). Beyond the angle where the base begins, the last value stands.
@@ -100,7 +100,7 @@ class BaseShift:
     def in_plane(
         self, iop_ratio: float, force_ratio_m2: float, lateral_bn: Floats, gap_m: float, direction_rad: float
     ) -> Floats:
-        """Return how points of a section move, (boundary, node, [lateral, depth]) in m.
+        """Return the motion of the points of a section, (boundary, node, [lateral, depth]) in m.
 
         Args:
             iop_ratio: p/E.
@@ -135,7 +135,7 @@ def base_shift(
         InputError: a polar angle out of range, or sizes that make no eye.
     """
     if not 0.0 <= polar_rad <= LARGEST_POLAR_RAD:
-        raise InputError(f"polar angle: {np.degrees(polar_rad):g} deg; 0 to 55 deg would do")
+        raise InputError(f"polar angle: {np.degrees(polar_rad):g} deg; must be 0 to 55 deg")
     contact = Contact(polar_rad)
     solid = LinearWall(graded_mesh(radius_m, thickness_m, contact), poisson_ratio)
     meridian = meridian_mesh(radius_m, thickness_m, needle_radius_m, 0.5 * np.pi, size or MeridianSize())

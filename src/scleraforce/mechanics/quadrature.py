@@ -64,7 +64,7 @@ def volume_points(mesh: HexMesh, count: int | None = None) -> VolumePoints:
     jacobian_epck = np.einsum("enc,pnk->epck", corners_enc, slopes_pnk, optimize=True)
     determinant_ep = np.linalg.det(jacobian_epck)
     if not np.all(determinant_ep > 0.0):
-        raise SolverError("mesh: an element has a negative volume; fewer layers or a finer mesh would do")
+        raise SolverError("mesh: an element has a negative volume; use fewer layers or a finer mesh")
     gradients = slopes_pnk @ np.linalg.inv(jacobian_epck)
     return VolumePoints(shape_values(places, nodes), gradients, determinant_ep * weights)
 

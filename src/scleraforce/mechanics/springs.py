@@ -54,17 +54,17 @@ INSERTIONS = {
 
 @dataclass(frozen=True, eq=False)
 class Springs:
-    """Springs between the wall and where it was at first.
+    """Springs between the wall and its undeformed place.
 
     `nodes_qn` (quad, node): the outer quads they act on; `blocks_qnnii` (quad, node, node, 3, 3): their stiffness in
-    N/m. One quad may stand more than once.
+    N/m. A quad may occur more than once.
     """
 
     nodes_qn: Integers
     blocks_qnnii: Floats
 
     def __add__(self, other: "Springs") -> "Springs":
-        """Return both together."""
+        """Return the springs of both."""
         nodes = np.concatenate([self.nodes_qn, other.nodes_qn])
         return Springs(nodes, np.concatenate([self.blocks_qnnii, other.blocks_qnnii]))
 
@@ -94,7 +94,7 @@ def elastic_bed(mesh: HexMesh, stiffness_pa_m: float, shear_stiffness_pa_m: floa
     heights_qp = mesh.sphere_nc[mesh.outer_qn][..., 2] @ surface_weights(mesh, places).T
     quads = mesh.outer_qn[np.any(heights_qp < 0.0, axis=1)]
     if not len(quads):
-        raise InputError("bed: this wall has no lower half to lie on it; a whole globe would do")
+        raise InputError("bed: this wall has no lower half to lie on it; use a whole globe")
     points = surface_points(mesh, quads, BED_POINTS)
     amounts_qp = np.linalg.norm(points.areas_qpc, axis=-1)
     normals_qpc = points.areas_qpc / amounts_qp[..., None]
@@ -106,7 +106,7 @@ def elastic_bed(mesh: HexMesh, stiffness_pa_m: float, shear_stiffness_pa_m: floa
 
 
 def rectus_straps(mesh: HexMesh, stiffness_n_m: float, medial_azimuth_rad: float = 0.0) -> Springs:
-    """Return four straps that hold the insertions of the rectus muscles along the meridians, which is how they run.
+    """Return four straps that hold the insertions of the rectus muscles along the meridians, as the muscles run.
 
     Args:
         mesh: the wall, half or whole.

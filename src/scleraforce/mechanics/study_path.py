@@ -18,14 +18,14 @@ from scleraforce.study import Study
 
 __all__ = ["BentEye", "bend_eye"]
 
-LEAST_FORCE_N = 1e-4  # a path goes at least that far: the state without the needle alone is none
-LEAST_STATES = 4  # of a path: fewer would not do for a cubic in the tip
+LEAST_FORCE_N = 1e-4  # a path goes at least this far; the state without the needle alone is not a path
+LEAST_STATES = 4  # of a path: a cubic in the tip needs so many
 STEPS_TO_LINEAR_TIP = 3.0  # steps of the path over the dent that a linear wall would have; softer walls take more
 
 
 @dataclass(frozen=True, eq=False)
 class BentEye:
-    """A formed wall in place under the needle, and its states under growing force."""
+    """A formed wall under the needle, and its states under growing force."""
 
     mesh: HexMesh
     path: LoadPath
@@ -51,8 +51,8 @@ def bend_eye(
         youngs_modulus_pa: E outside all regions.
         iop_pa: eye pressure without the needle.
         max_force_n: where the path may end.
-        max_tip_m: the deepest dent to go to: the path may then end below the force.
-        progress: called with the share of the force that is reached, after every state.
+        max_tip_m: the deepest dent; the path may then end below the force.
+        progress: called after every state with the share of the force that is reached.
 
     Raises:
         InputError: the contact is too close to the base.

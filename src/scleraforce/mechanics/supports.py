@@ -1,4 +1,4 @@
-"""How the wall is held: which displacement components of which nodes are zero."""
+"""The supports of the wall: the displacement components that are held at zero."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ Flags = NDArray[np.bool_]
 
 
 def clamped_base(mesh: HexMesh) -> Flags:
-    """Hold all of the base (the paper's Dirichlet condition, sec. 2.1): flags (node, 3), True where held."""
+    """Clamp the whole base (the paper's Dirichlet condition, sec. 2.1): flags (node, 3), True where held."""
     held = np.zeros(mesh.points_nc.shape, dtype=bool)
     held[mesh.base_nodes] = True
     return held

@@ -1,10 +1,10 @@
 """The force that strains a wall as the paper's bound strains the paper's wall: a bound for any thickness and stiffness.
 
-What is compared is the largest principal stretch, and the largest principal Cauchy stress, of the inner surface of the
-wall of revolution under the needle. A wall that a blunt needle pushes in is stretched most there, on the axis. The rim
-of the needle's disc, where pressure jumps and a finer mesh finds ever more, is on the other surface, a thickness away.
+The measures are the largest principal stretch and the largest principal Cauchy stress on the inner surface of the wall
+of revolution under the needle. A blunt needle stretches the wall most there, on the axis. The rim of the needle's disc,
+where the pressure jumps and values grow with mesh refinement, is on the other surface, a thickness away.
 
-`docs/monitor_decision.md` has the reasons, a table, and what this is not: a criterion of damage tested on tissue.
+This is no criterion of damage and was not tested on tissue: `docs/monitor_decision.md` has the reasons and a table.
 """
 
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ FIRST_STEP_M, LARGEST_STEP_M = 1e-4, 2.5e-4
 
 @dataclass(frozen=True, eq=False)
 class InnerPath:
-    """A load path by what happens on the wall's inner surface.
+    """A load path by the strain and stress of the wall's inner surface.
 
     Attributes:
         force_ratio_m2: F/E, (state,).
@@ -82,7 +82,7 @@ def adaptive_bound_n(study: Study, *, thickness_m: float, youngs_modulus_pa: flo
     }
     for name, (value, (low, high)) in checked.items():
         if not (isfinite(value) and low <= value <= high):
-            raise InputError(f"adaptive bound: {name} is {value:g}; {low:g} to {high:g} would do")
+            raise InputError(f"adaptive bound: {name} is {value:g}; must be {low:g} to {high:g}")
     bound_n, modulus_pa = study.classes.bounds_n[-1], study.eye.youngs_modulus_pa
     sizes = (study.eye.radius_m, study.eye.poisson_ratio, 0.5 * study.needle.outer_diameter_m)
     stated = inner_path(*sizes, REFERENCE_THICKNESS_M, study.eye.iop_pa / modulus_pa, bound_n / modulus_pa)
@@ -170,9 +170,9 @@ def _places() -> Floats:
 
 
 def _least_force(force: Floats, measure: Floats, limit: float) -> float:
-    """Return the least force of all states that reach the limit; the path's largest where none does.
+    """Return the least force of all states that reach the limit, or the path's largest force if none does.
 
-    A path may carry one force at several dents, where a wall snaps; a robot that holds the needle can reach them all.
+    A wall that snaps carries one force at several dents, and a robot that holds the needle can reach each of them.
     """
     rising = (measure[:-1] < limit) & (measure[1:] >= limit)
     before, after = np.flatnonzero(rising), np.flatnonzero(rising) + 1

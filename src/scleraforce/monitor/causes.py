@@ -1,4 +1,4 @@
-"""Causes of a withdrawal, and the sub-code by which an OpenIGTLink STATUS tells each."""
+"""Causes of a withdrawal, with their sub-codes in an OpenIGTLink STATUS."""
 
 from enum import Enum
 
@@ -27,4 +27,4 @@ class Cause(Enum):
     EXCEPTION = 112
     NO_OPINION = 113
     STALE = 114
-    WATCHDOG = 120  # told by the watchdog alone: the decision never meets it
+    WATCHDOG = 120  # sent by the watchdog alone, never by the decision

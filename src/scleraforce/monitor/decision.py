@@ -1,4 +1,4 @@
-"""The decision: a state, an event and the limits give the next state and what the robot is told."""
+"""The decision: from a state, an event and the limits to the next state and the message to the robot."""
 
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -28,7 +28,7 @@ __all__ = ["Decision", "decide"]
 
 @dataclass(frozen=True)
 class Decision:
-    """What the robot is told: `code` and `sub_code` of the STATUS, and its `message`."""
+    """The message to the robot: `code` and `sub_code` of the STATUS, and its `message`."""
 
     state: State
     cause: Cause | None
@@ -39,7 +39,7 @@ class Decision:
 
 @dataclass(frozen=True)
 class _Finding:
-    """What an event means; `cause` only with an alarm."""
+    """The meaning of an event; it has a `cause` only with an alarm."""
 
     signal: Signal
     reason: str
@@ -50,14 +50,14 @@ QUIET = _Finding(Signal.QUIET, "")
 
 
 def decide(state: MonitorState, event: Event, limits: MonitorLimits) -> tuple[MonitorState, Decision]:
-    """Return the next state and what the robot is told.
+    """Return the next state and the message to the robot.
 
-    Never raises: what goes wrong in here is a cause of a withdrawal like any other.
+    It never raises: an exception in here is a cause of a withdrawal like any other.
 
     Args:
-        state: what is remembered; `MonitorState()` at the start.
+        state: the state so far; `MonitorState()` at the start.
         event: what happened, with its time.
-        limits: beyond which to withdraw.
+        limits: of the decision.
 
     >>> _, decision = decide(MonitorState(), Tick(0.0), MonitorLimits())
     >>> decision.code, decision.message
@@ -70,7 +70,7 @@ def decide(state: MonitorState, event: Event, limits: MonitorLimits) -> tuple[Mo
             or _waiting(remembered, event, limits)
             or _meaning(state, remembered, event, limits)
         )
-    except Exception as error:  # any doubt ends in a withdrawal, an event that is none included
+    except Exception as error:  # any doubt ends in a withdrawal, also an object that is no event
         remembered = state
         finding = _alarm(Cause.EXCEPTION, f"{type(error).__name__}: {error}")
     moved = _move(remembered, finding, limits)
@@ -82,7 +82,7 @@ def _alarm(cause: Cause, reason: str) -> _Finding:
 
 
 def _clock(state: MonitorState, event: Event, limits: MonitorLimits) -> _Finding | None:
-    """Hold an event's time against what came before: is it one, does it go on, was there silence?"""
+    """Check the time of an event: is it finite, does it not go back, was there silence before it?"""
     if not isfinite(event.at_s):
         return _alarm(Cause.NO_NUMBER, f"the time of an event is {event.at_s}")
     if state.at_s is not None and event.at_s < state.at_s:
@@ -96,7 +96,7 @@ def _clock(state: MonitorState, event: Event, limits: MonitorLimits) -> _Finding
 
 
 def _waiting(now: MonitorState, event: Event, limits: MonitorLimits) -> _Finding | None:
-    """Return a second reader that has gone; before the first good frame it is awaited without end."""
+    """Return the alarm for a second reader that stays away; before the first good frame there is no time limit."""
     waited_s = _waited(now, event.at_s)
     if now.state is State.NOT_READY or waited_s < limits.opinion_s or isinstance(event, Reset):
         return None  # a reset is refused, with its reason
@@ -128,7 +128,7 @@ def _meaning(before: MonitorState, now: MonitorState, event: Event, limits: Moni
 
 
 def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding | None:
-    """Return what is wrong with how a frame came: its order, its size, its scale, its novelty, its delay."""
+    """Return what is wrong with a frame before its reading counts: order, size, scale, an old picture, delay."""
     if before.frame is not None and not frame.frame_id > before.frame.frame_id:
         return _alarm(Cause.OUT_OF_ORDER, f"frame {frame.frame_id} after {before.frame.frame_id}")
     if frame.size != (now.size or frame.size):
@@ -144,7 +144,7 @@ def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits
 
 
 def _stale(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding | None:
-    """Return that a frame came much later after its stated time than the quickest one did."""
+    """Return the alarm for a frame that lags its stated time by much more than the quickest one did."""
     lag_s = lag_of(frame)
     if lag_s is None or now.least_lag is None:
         return None
@@ -153,7 +153,7 @@ def _stale(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Findi
 
 
 def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding:
-    """Return what a frame's reading means."""
+    """Return the meaning of a frame's reading."""
     wrong = unsound(frame, limits)
     if wrong:
         return _alarm(Cause.NO_NUMBER, wrong)
@@ -174,14 +174,14 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
 
 
 def _opinion(now: MonitorState, opinion: SecondOpinion, limits: MonitorLimits) -> _Finding:
-    """Return what a second opinion means: a doubt, or nothing new."""
+    """Return the meaning of a second opinion: a doubt, or nothing new."""
     if now.frame is None or not opinion.frame_id <= now.frame.frame_id:
         return _alarm(Cause.OUT_OF_ORDER, f"a second opinion on frame {opinion.frame_id}, which was not read yet")
     return _only_doubts(now, opinion, "second opinion", now.doubted, limits.unusable_opinions, limits)
 
 
 def _overtaken(now: MonitorState, read: FrameRead, limits: MonitorLimits) -> _Finding:
-    """Return what a frame means that newer ones overtook: a cause that lies in it alone, or nothing new."""
+    """Return the meaning of a frame that newer ones overtook: a cause in this frame alone, or nothing new."""
     name = f"frame {read.frame_id}, overtaken"
     return _only_doubts(now, read, name, now.unusable + 1, limits.unusable_frames, limits)
 
@@ -189,7 +189,7 @@ def _overtaken(now: MonitorState, read: FrameRead, limits: MonitorLimits) -> _Fi
 def _only_doubts(
     now: MonitorState, reading: FrameRead | SecondOpinion, name: str, in_row: int, most: int, limits: MonitorLimits
 ) -> _Finding:
-    """Return what a reading means that can only add a doubt; `in_row` were not usable, this one included."""
+    """Return the meaning of a reading that can only add a doubt; `in_row` unusable ones in a row end with this one."""
     wrong = unsound(reading, limits)
     if wrong:
         return _alarm(Cause.NO_NUMBER, f"{name}: {wrong}")
@@ -200,7 +200,7 @@ def _only_doubts(
 
 
 def _doubt(now: MonitorState, at_s: float, limits: MonitorLimits) -> str | None:
-    """Return what the second opinions leave open; a cause in the last one has withdrawn already."""
+    """Return the doubt that the second opinions leave; a cause in the last one has led to a withdrawal already."""
     if now.opinion is None:
         return "no second opinion yet" if limits.expects_opinion else None
     if not now.opinion.usable:
@@ -209,7 +209,7 @@ def _doubt(now: MonitorState, at_s: float, limits: MonitorLimits) -> str | None:
 
 
 def _waited(now: MonitorState, at_s: float) -> float:
-    """Return for how long the first frame without a second opinion has waited, s."""
+    """Return how long the oldest frame without a second opinion has waited, s."""
     return at_s - now.unanswered[0][1] if now.unanswered else 0.0
 
 
@@ -232,7 +232,7 @@ def _loss(now: MonitorState, event: QueueLoss, limits: MonitorLimits) -> _Findin
 
 
 def _reset(now: MonitorState, event: Reset, limits: MonitorLimits) -> _Finding:
-    """Grant a reset only on frames that are fresh: harmless to both readers, in a row, the last one recent."""
+    """Grant a reset only on fresh frames: harmless to both readers, in a row, the last one recent."""
     doubt = _doubt(now, event.at_s, limits)
     if doubt:
         return _Finding(Signal.RESET_REFUSED, f"reset refused: {doubt}")
@@ -259,7 +259,7 @@ def _move(state: MonitorState, finding: _Finding, limits: MonitorLimits) -> Moni
 
 
 def _released(moved: MonitorState, before: MonitorState, limits: MonitorLimits) -> MonitorState:
-    """Forget the withdrawal: what came before its fresh frames counts no longer."""
+    """End the withdrawal: nothing from before its fresh frames counts any more."""
     return replace(
         moved,
         cause=None,

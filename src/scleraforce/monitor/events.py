@@ -1,4 +1,4 @@
-"""What the monitor can meet: frozen records that carry their time (s, of a monotonic clock that the caller reads)."""
+"""The events of the monitor: frozen records with their time (s, on a monotonic clock that the caller reads)."""
 
 from dataclasses import dataclass
 
@@ -18,12 +18,11 @@ __all__ = [
 
 @dataclass(frozen=True)
 class FrameRead:
-    """A frame and what was read in it.
+    """A frame and its reading.
 
-    `size` is (rows, columns), `scale_m` (lateral, depth) of a pixel as stored. `shown_back` says how many frames ago
-    its picture was shown last, 0 that it is new. `sent_s` is the time that its sender states, by the sender's own
-    clock; None where it states none.
-    Where the frame is not `usable`, `reason` says why and `predicted` counts for nothing. `force_n` and its
+    `size` is (rows, columns), `scale_m` (lateral, depth) of a pixel as stored. `shown_back`: how many frames ago its
+    picture was last shown, 0 if it is new. `sent_s`: the time that its sender states, on the sender's own clock; None
+    if it states none. If the frame is not `usable`, `reason` says why and `predicted` does not count. `force_n` and
     `interval_n` are None with a classifier.
     """
 
@@ -43,9 +42,9 @@ class FrameRead:
 
 @dataclass(frozen=True)
 class SecondOpinion:
-    """What another method says of a frame that was read already; it comes later and can only add a doubt.
+    """The reading of a frame by another method; it comes after the first reading and can only add a doubt.
 
-    The fields are those of `FrameRead`; `at_s` is when it came, `frame_id` the frame that it speaks of.
+    The fields are those of `FrameRead`; `at_s` is when the opinion came, `frame_id` the frame that was read.
     """
 
     at_s: float
@@ -60,7 +59,7 @@ class SecondOpinion:
 
 @dataclass(frozen=True)
 class OvertakenRead:
-    """What was read, after newer frames, in one of those that they overtook; it can only add a doubt."""
+    """The reading of a frame that newer frames overtook, made after theirs; it can only add a doubt."""
 
     at_s: float
     read: FrameRead
@@ -75,7 +74,7 @@ class Tick:
 
 @dataclass(frozen=True)
 class ChecksumError:
-    """A message came whose checksum is wrong."""
+    """A message with a wrong checksum came."""
 
     at_s: float
     detail: str
@@ -91,7 +90,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class QueueLoss:
-    """Frames were overtaken: newer ones came before their turn, and got the answer."""
+    """Frames were overtaken: newer ones came before their turn and were answered instead."""
 
     at_s: float
     lost: int
@@ -99,7 +98,7 @@ class QueueLoss:
 
 @dataclass(frozen=True)
 class BadImage:
-    """A client sent an image that is none (a body too short, pixels of an unknown type)."""
+    """A client sent an invalid image (a body too short, pixels of an unknown type)."""
 
     at_s: float
     detail: str

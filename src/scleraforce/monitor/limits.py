@@ -36,11 +36,11 @@ class MonitorLimits:
     """Limits of the decision, in SI; docs/monitor_decision.md explains each.
 
     `size` and `scale_m` are the study's; None takes those of the first sound frame. `reads_force` is False with a
-    classifier: then no force is expected, otherwise a frame without one is a cause. `expects_opinion` is True where
-    another process gives second opinions: then nothing is OK before the first, and one that stays away is a cause.
+    classifier, which gives no force; otherwise a frame without a force is a cause. `expects_opinion` is True if another
+    process gives second opinions: then nothing is OK before the first one, and an overdue one is a cause.
 
     Raises:
-        InputError: a limit that would let everything pass, or nothing.
+        InputError: a limit that lets everything pass, or nothing.
     """
 
     withdraw_class: int = 2

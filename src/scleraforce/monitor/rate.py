@@ -1,6 +1,6 @@
-"""How far the force will have risen when the robot has reacted: a robust slope and its doubt.
+"""The force when the robot will have reacted: a robust slope and its uncertainty.
 
-In plain Python: for ten points that takes a tenth of what NumPy's calls cost, and the robot waits.
+It is in plain Python, which for ten points takes a tenth of the time of NumPy's calls while the robot waits.
 """
 
 from itertools import combinations
@@ -9,7 +9,7 @@ from statistics import fmean, median
 
 __all__ = ["NOISE_WINDOWS", "risen_force"]
 
-NOISE_WINDOWS = 5  # of the slope's frames: so many are kept to know the noise
+NOISE_WINDOWS = 5  # times the frames of the slope are kept, to estimate the noise
 LEAST_PAIRS = 4
 MAD_TO_SD = 1.4826  # of a normal distribution
 
@@ -17,19 +17,19 @@ MAD_TO_SD = 1.4826  # of a normal distribution
 def risen_force(
     history: tuple[tuple[float, float], ...], ahead_s: float, deviations: float, frames: int
 ) -> float | None:
-    """Return the force after `ahead_s` at the least slope that the last frames allow; None where it does not rise.
+    """Return the force after `ahead_s` at the least slope that the last frames allow; None if it does not rise.
 
-    The slope is the median of those between all pairs (Theil 1950, Sen 1968): a single wild frame does not turn it.
-    Its standard deviation is a straight line's; `deviations` of them are taken off. Ten residuals tell too little of
-    the noise, by chance much too little now and then: it is no less than that of the second differences (which a
-    steady rise leaves out) of all that is kept. Where the force slows down, a line foretells too much: then what a
-    parabola through the slopes of the two halves foretells counts, if that is less.
+    The slope is the median of those between all pairs (Theil 1950, Sen 1968), so a single outlier does not turn it. Its
+    standard deviation is that of a straight-line fit, and `deviations` of them are subtracted. Ten residuals estimate
+    the noise badly, now and then much too low by chance. So the noise is at least that of the second differences, which
+    are free of a steady rise, over all frames kept. If the rise slows down, a line predicts too much; then the
+    prediction of a parabola through the slopes of the two halves counts, if it is less.
 
     Args:
         history: (time, force) of the last frames, s and N, oldest first.
         ahead_s: the robot's reaction time, s.
-        deviations: standard deviations of the slope that are taken off before it counts.
-        frames: over which the slope is taken; with fewer there is none.
+        deviations: standard deviations of the slope that are subtracted from it.
+        frames: number of frames for the slope; with fewer the answer is None.
 
     >>> ramp = tuple((0.01 * i, 0.02 * 0.01 * i) for i in range(10))
     >>> round(risen_force(ramp, 0.1, 3.0, 10), 6)
@@ -58,9 +58,9 @@ def risen_force(
 
 
 def _slowing_force(points: list[tuple[float, float]], ahead_s: float) -> float | None:
-    """Return what a rise that slows down comes to: its top, if that is near; infinity where it does not slow down.
+    """Return the force that a slowing rise reaches within `ahead_s`, at most its top; infinity if it keeps its slope.
 
-    None: it has passed its top. Times are from now on, so those of the points are negative.
+    None: it has passed its top. Times count from now, so those of the points are negative.
     """
     half = len(points) // 2 + 1
     early, late = _slope(points[:half]), _slope(points[-half:])
@@ -77,7 +77,7 @@ def _slowing_force(points: list[tuple[float, float]], ahead_s: float) -> float |
 
 
 def _slope(points: list[tuple[float, float]]) -> float | None:
-    """Return the median slope of all pairs; None where too few of them have different times."""
+    """Return the median slope of all pairs; None if too few pairs differ in time."""
     slopes = [
         (later_n - earlier_n) / (later_s - earlier_s)
         for (earlier_s, earlier_n), (later_s, later_n) in combinations(points, 2)

@@ -1,4 +1,4 @@
-"""What one reading says by itself: whether its numbers are sound, whether it is harmful, whether the needle touches."""
+"""One reading by itself: whether its numbers are sound, whether it is harmful, whether the needle touches."""
 
 from math import isfinite
 
@@ -14,11 +14,11 @@ PROBABILITY_SLACK = 1e-3  # single precision, summed
 
 
 def unsound(reading: Reading, limits: MonitorLimits) -> str | None:
-    """Return what in a reading is no number, or missing, or contradicts itself."""
+    """Return what in a reading is not a finite number, is missing or contradicts itself; None if it is sound."""
     interval_n, shares = reading.interval_n, reading.probabilities
     numbers = (reading.force_n, *(interval_n or ()), *(shares or ()))
     if not all(number is None or isfinite(number) for number in numbers):
-        return "a reading that is no number"
+        return "a reading with NaN or infinity"
     if not reading.usable:
         return None
     if shares is None or not 0 <= reading.predicted < len(shares) or not all(0 <= share <= 1 for share in shares):
@@ -31,7 +31,7 @@ def unsound(reading: Reading, limits: MonitorLimits) -> str | None:
 
 
 def harm(reading: Reading, limits: MonitorLimits) -> tuple[Cause, str] | None:
-    """Return why a usable, sound reading is a cause of a withdrawal by itself."""
+    """Return the cause of a withdrawal in a usable, sound reading, with its reason; None if there is none."""
     if reading.predicted >= limits.withdraw_class:
         return Cause.DANGEROUS_CLASS, f"class {reading.predicted}"
     upper_n = upper_end(reading)
@@ -41,7 +41,7 @@ def harm(reading: Reading, limits: MonitorLimits) -> tuple[Cause, str] | None:
 
 
 def upper_end(reading: Reading) -> float | None:
-    """Return how large the force may be, N; None with a classifier."""
+    """Return the largest force that the reading allows, N; None with a classifier."""
     if reading.force_n is None or reading.interval_n is None:
         return None
     return max(reading.force_n, reading.interval_n[1])
@@ -53,17 +53,17 @@ def touches(reading: Reading, limits: MonitorLimits) -> bool:
 
 
 def lag_of(frame: FrameRead) -> float | None:
-    """Return how long after its stated time a frame came, s, by two clocks that need not agree; None without one."""
+    """Return how long after its stated time a frame came, s, on two clocks that need not agree; None if not stated."""
     return None if frame.sent_s is None else frame.at_s - frame.sent_s
 
 
 def of_scale(scale_m: tuple[float, float], stated_m: tuple[float, float], limits: MonitorLimits) -> bool:
-    """Return whether pixels have the size that is stated; never where a number is none."""
+    """Return whether pixels have the stated size; False if a number is NaN."""
     return all(
         abs(found - stated) <= limits.scale_tolerance * stated for found, stated in zip(scale_m, stated_m, strict=True)
     )
 
 
 def sound_pixels(size: tuple[int, int], scale_m: tuple[float, float]) -> bool:
-    """Return whether a frame has pixels, and these a size."""
+    """Return whether a frame has pixels, and these have a size."""
     return all(isfinite(value) and value > 0 for value in (*size, *scale_m))

@@ -1,4 +1,4 @@
-"""What the monitor remembers between two events, and how it takes up the next one."""
+"""The state of the monitor between two events, and its update by the next one."""
 
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -17,17 +17,17 @@ MOST_UNANSWERED = 128  # frames whose times are kept; more are thinned
 
 @dataclass(frozen=True)
 class MonitorState:
-    """All that the monitor remembers; a few hundred numbers at most, whatever it has met.
+    """All that the monitor remembers: a few hundred numbers at most.
 
     `cause` and `reason` are those of the first cause of a withdrawal, kept until the reset. `history` has (time, force)
-    of the last frames whose numbers are sound. `repeats` counts the frames in a row with one picture, `returns` says of
-    each of the last frames whether its picture came back after others. `least_lag` is (time, lag) of the frame that
-    came soonest after the time that its sender states, by two clocks that need not agree. `losses` has (time, frames)
-    of those lost within the window, `lost` all that were lost since the start, `lost_in_row` those since the last
-    frame. `fresh` counts the harmless frames in a row. `touched` is True after contact, `clear_s` the time of the first
-    of the last frames in a row that show none. `opinion` is the last second opinion since the last cause, `doubted`
-    counts those in a row that could not judge, `unanswered` has (frame, time) of frames that got none yet, oldest
-    first, thinned where they are many.
+    of the last frames with sound numbers. `repeats` counts the frames in a row with one picture; `returns` tells for
+    each of the last frames whether its picture came back after others. `least_lag` is (time, lag): the least delay
+    since the time that the sender states, on two clocks that need not agree, plus their possible drift. `losses` has
+    (time, frames) of the losses within the window, `lost` counts all losses since the start, `lost_in_row` those since
+    the last frame. `fresh` counts the harmless frames in a row. `touched` is True after contact; `clear_s` is the time
+    of the first frame of the present run without contact. `opinion` is the last second opinion since the last cause,
+    `doubted` counts those in a row that could not judge their frame, and `unanswered` has (frame, time) of the frames
+    without one, oldest first, thinned if there are many.
     """
 
     state: State = State.NOT_READY
@@ -54,12 +54,12 @@ class MonitorState:
 
 
 def remember(state: MonitorState, event: Event, limits: MonitorLimits) -> MonitorState:
-    """Take up what an event brings, whatever it will mean.
+    """Return the state updated by an event, before its meaning is decided.
 
     Args:
-        state: what is remembered.
+        state: the state so far.
         event: what happened.
-        limits: how much is kept, and what is contact.
+        limits: of the decision: how much is kept, and what counts as contact.
     """
     at_s = max(event.at_s, state.at_s or event.at_s) if isfinite(event.at_s) else state.at_s
     state = replace(state, at_s=at_s)
@@ -101,7 +101,7 @@ def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits
 def _least_lag(
     least: tuple[float, float] | None, frame: FrameRead, limits: MonitorLimits
 ) -> tuple[float, float] | None:
-    """Return the least lag so far; it rises by what two clocks may drift apart."""
+    """Return the least lag so far; it rises with the possible drift between two clocks."""
     lag_s = lag_of(frame)
     if lag_s is None or not isfinite(lag_s):
         return least
@@ -111,7 +111,7 @@ def _least_lag(
 
 
 def _remember_contact(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
-    """Contact begins with one frame and ends after `lifted_s` of frames, each sound, that show none."""
+    """Contact begins with one frame and ends after `lifted_s` of sound frames without contact."""
     if touches(frame, limits):
         return replace(state, touched=True, clear_s=None)
     since_s = frame.at_s if state.clear_s is None else state.clear_s
@@ -131,7 +131,7 @@ def _remember_opinion(state: MonitorState, opinion: SecondOpinion, limits: Monit
 
 
 def _unanswered(waiting: tuple[tuple[int, float], ...], frame_id: int) -> tuple[tuple[int, float], ...]:
-    """Return the frames that came after the one that is answered; a client may have begun to count again."""
+    """Return the frames after the one that is answered; a client may have started to count anew."""
     places = [place for place, (waiting_id, _) in enumerate(waiting) if waiting_id == frame_id]
     if places:
         return waiting[places[-1] + 1 :]

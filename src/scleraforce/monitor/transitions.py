@@ -8,7 +8,7 @@ __all__ = ["TRANSITIONS", "Signal", "State", "transition_diagram"]
 
 
 class State(Enum):
-    """What the robot is told; the value is the code of the OpenIGTLink STATUS."""
+    """The state of the monitor; the value is the code of the OpenIGTLink STATUS."""
 
     NOT_READY = 13
     WATCHING = 1
@@ -16,7 +16,7 @@ class State(Enum):
 
 
 class Signal(Enum):
-    """What an event means, once it is held against the limits."""
+    """The meaning of an event, judged by the limits."""
 
     HARMLESS = "harmless frame"
     TOLERATED = "unusable frame, tolerated"

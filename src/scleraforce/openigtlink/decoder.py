@@ -1,10 +1,10 @@
 """Bytes in, events out: the receiving half of OpenIGTLink, with no socket in it.
 
-A message that is wrong inside (checksum, content) is an event and the stream goes on, for its size is known. A header
-that cannot be one, or a body over the cap, leaves no place to go on from: the last event is `Broken`, the state is
-ERROR, and further bytes are refused.
+A message with a wrong checksum or content is an event, and the stream goes on, because the message's size is known.
+After an invalid header or a body that is too large the stream cannot be followed: the last event is `Broken`, the state
+is ERROR, and further bytes are refused.
 
-A body is received where it will stay: `space` lends the place of the next bytes, `received` says how many came.
+A body is received in its final place: `space` lends the room for the next bytes, `received` says how many came.
 """
 
 from dataclasses import dataclass, field
@@ -21,13 +21,13 @@ from scleraforce.openigtlink.wire import HEADER_BYTES, Header, split_body, unpac
 __all__ = ["MAX_BODY_BYTES", "BadChecksum", "Broken", "Decoder", "Event", "Malformed", "Received", "State", "Unknown"]
 
 MAX_BODY_BYTES = 16 * 1024 * 1024  # a 16-bit volume of 2048 x 2048 x 2
-HEADERS_BYTES = 4096  # lent at once where headers are due: the work of one `received` stays below a millisecond
-PASSED_BYTES = 64 * 1024  # lent at once of a body that is passed over
+HEADERS_BYTES = 4096  # lent at once for headers, so that one `received` stays below a millisecond
+PASSED_BYTES = 64 * 1024  # lent at once for a body that is skipped
 
 
 @dataclass(frozen=True, eq=False)
 class Received:
-    """A message that is spoken, whole and with the right checksum."""
+    """A complete message of a supported type, with the right checksum."""
 
     header: Header
     message: Message
@@ -37,14 +37,14 @@ class Received:
 
 @dataclass(frozen=True)
 class Unknown:
-    """A message of another type; its body is passed over, neither kept nor checked."""
+    """A message of another type; its body is skipped, neither kept nor checked."""
 
     header: Header
 
 
 @dataclass(frozen=True)
 class BadChecksum:
-    """The body is not what its sender took the CRC of."""
+    """The CRC of the body differs from that in the header."""
 
     header: Header
     found: int
@@ -52,7 +52,7 @@ class BadChecksum:
 
 @dataclass(frozen=True)
 class Malformed:
-    """The checksum is right, and the body is not what the type says."""
+    """The checksum is right, but the body does not fit the type."""
 
     header: Header
     reason: str
@@ -69,7 +69,7 @@ Event = Received | Unknown | BadChecksum | Malformed | Broken
 
 
 class State(Enum):
-    """What the next byte belongs to."""
+    """The part of the stream that the next byte belongs to."""
 
     HEADER = "header"
     BODY = "body"
@@ -81,8 +81,8 @@ class Decoder:
     """An incremental decoder of one peer's bytes; it holds at most one message of at most `max_body_bytes`.
 
     Attributes:
-        max_body_bytes: a header that states more breaks the stream; may be changed at any time, for the next headers.
-        state: what the next byte belongs to.
+        max_body_bytes: a header that states more breaks the stream; it may be changed at any time, for later headers.
+        state: the part of the stream that the next byte belongs to.
 
     >>> from scleraforce.openigtlink.messages import Status, encode
     >>> decoder = Decoder()
@@ -110,11 +110,11 @@ class Decoder:
 
     @property
     def between(self) -> bool:
-        """Whether no message has begun that is not whole."""
+        """Whether no message is incomplete."""
         return self.state is State.HEADER and not self._head
 
     def space(self) -> memoryview:
-        """Lend the place for the next bytes, never empty; it is good until the next call of another method.
+        """Lend the room for the next bytes, never empty; it is valid until the next call of another method.
 
         Raises:
             ProtocolError: the stream broke earlier.
@@ -130,17 +130,17 @@ class Decoder:
         return self._scratch[: HEADERS_BYTES if self.state is State.HEADER else min(self._left, PASSED_BYTES)]
 
     def received(self, count: int) -> tuple[Event, ...]:
-        """Take the first bytes of what `space` lent.
+        """Take the first bytes of the room that `space` lent.
 
         Args:
             count: how many were written there.
 
         Returns:
-            What became complete, in order; `Broken` is the last if it occurs.
+            The events that are complete, in order; `Broken` is the last if it occurs.
 
         Raises:
             ProtocolError: the stream broke earlier.
-            ValueError: more than was lent.
+            ValueError: more bytes than were lent.
         """
         room = self.space()
         if not 0 <= count <= len(room):
@@ -154,7 +154,7 @@ class Decoder:
         """Take the next bytes of the stream, in pieces of any size.
 
         Returns:
-            What became complete, in order; `Broken` is the last if it occurs.
+            The events that are complete, in order; `Broken` is the last if it occurs.
 
         Raises:
             ProtocolError: the stream broke earlier.
@@ -176,7 +176,7 @@ class Decoder:
         return tuple(events)
 
     def _step(self, rest: memoryview) -> tuple[int, Event | None]:
-        """Use some of the bytes; what they completed."""
+        """Use some of the bytes; return how many, and the event that they complete."""
         if self.state is State.HEADER:
             used = min(HEADER_BYTES - len(self._head), len(rest))
             self._head += rest[:used]
@@ -187,7 +187,7 @@ class Decoder:
         return used, self._advance(used)
 
     def _begin(self) -> Event | None:
-        """A header is whole; room is taken for its body only now that its size is known to be allowed."""
+        """Read a complete header; memory for its body is taken only once its size is known to be allowed."""
         try:
             self._header = unpack_header(self._head)
             if self._header.body_bytes > self.max_body_bytes:
@@ -204,14 +204,14 @@ class Decoder:
         return None if size else self._end()
 
     def _advance(self, count: int) -> Event | None:
-        """The next bytes of the body are in their place; the checksum runs along, so that none is left at the end."""
+        """Count bytes of the body that are in place; the checksum is updated on the way."""
         if self.state is State.BODY and count:
             self._crc = ecma_182(self._room[-self._left :][:count], self._crc)
         self._left -= count
         return None if self._left else self._end()
 
     def _end(self) -> Event:
-        """A body is whole; it is let go of, so that only its event holds it."""
+        """Return the event of a complete body; the decoder keeps no reference to the body."""
         header, body, crc, kept = self._header, self._body, self._crc, self.state is State.BODY
         self.state = State.HEADER
         self._start_body(np.empty(0, dtype=np.uint8), 0)

@@ -45,7 +45,7 @@ class Image:
 
 
 def pack_image(image: Image, *, little_endian: bool = True) -> bytes:
-    """The body of an image.
+    """Return the body of an image.
 
     Raises:
         ProtocolError: pixels of another type, or of a shape or place that the message cannot state.
@@ -73,7 +73,7 @@ def unpack_image(body: memoryview) -> Image:
     """Read the body of an image; pixels in this machine's byte order, at an even place, are a view into the body.
 
     Raises:
-        ProtocolError: cut short, of a type that is not spoken, or sizes that contradict each other.
+        ProtocolError: the body is cut short, of an unsupported type, or its sizes contradict each other.
     """
     if len(body) < HEAD.size:
         raise ProtocolError(f"IMAGE: {len(body)} bytes, must be at least {HEAD.size}")

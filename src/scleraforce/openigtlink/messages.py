@@ -1,4 +1,4 @@
-"""The messages that are spoken, as frozen records, and their bodies."""
+"""The supported messages, as frozen records, and their bodies."""
 
 import math
 import struct
@@ -60,7 +60,7 @@ class Transform:
 
 @dataclass(frozen=True)
 class Query:
-    """GET_...: a peer asks for a message of this type: "STATUS", "IMAGE", "TRANSFORM" (the wire says GET_TRANS)."""
+    """GET_...: a peer asks for a message of this type: "STATUS", "IMAGE", "TRANSFORM" (GET_TRANS on the wire)."""
 
     type: str
 
@@ -77,10 +77,10 @@ def encode(
     message_id: int = 0,
     metadata: Mapping[str, str] = NO_METADATA,
 ) -> bytes:
-    """A whole message as it goes over the wire.
+    """Return a whole message as it goes over the wire.
 
     Args:
-        message: what is said.
+        message: its content.
         device: the device's name, ASCII, at most 20 characters.
         version: of the header, 1 to 3: that of the peer.
         time_s: seconds since 1970.
@@ -99,7 +99,7 @@ def encode(
 
 
 def _pack(message: Message) -> tuple[str, bytes]:
-    """The type's name and the content."""
+    """Return the name of the type and the content."""
     try:
         match message:
             case Image():
@@ -121,7 +121,7 @@ def _pack(message: Message) -> tuple[str, bytes]:
 
 
 def query_of(name: str) -> Query | None:
-    """What a message of type GET_... asks for; None: the type is no query.
+    """Return the query of a message of type GET_...; None if the type is no query.
 
     >>> query_of("GET_TRANS")
     Query(type='TRANSFORM')
@@ -131,10 +131,10 @@ def query_of(name: str) -> Query | None:
 
 
 def unpack(name: str, content: memoryview) -> Message:
-    """Read the content of a message of a spoken type.
+    """Read the content of a message of a supported type.
 
     Raises:
-        ProtocolError: it is not what the type says.
+        ProtocolError: the content does not fit the type.
     """
     return SPOKEN[name](content)
 

@@ -1,4 +1,4 @@
-"""What stands around every OpenIGTLink body: a header; in versions 2 and 3 an extended header and metadata too.
+"""The frame of every OpenIGTLink body: a header; in versions 2 and 3 also an extended header and metadata.
 
 Layout after the OpenIGTLink specification, `igtl_header.h` and `igtlMessageBase.cxx`; all integers are big endian.
 """
@@ -46,7 +46,7 @@ class Header:
 
 
 def pack_name(name: str, width: int) -> bytes:
-    """A name as an ASCII field, padded with NUL.
+    """Return a name as an ASCII field, padded with NUL.
 
     Raises:
         ProtocolError: it is too long or not ASCII.
@@ -57,7 +57,7 @@ def pack_name(name: str, width: int) -> bytes:
 
 
 def pack_header(header: Header) -> bytes:
-    """The 58 bytes of a header.
+    """Return the 58 bytes of a header.
 
     Raises:
         ProtocolError: a name, the time or the version does not fit.
@@ -75,7 +75,7 @@ def unpack_header(data: bytes | bytearray | memoryview) -> Header:
     """Read 58 bytes.
 
     Raises:
-        ProtocolError: no header of versions 1 to 3: the place of the next one is unknown.
+        ProtocolError: this is no header of versions 1 to 3, so the place of the next one is unknown.
     """
     version, type_field, device, fixed, body_bytes, crc = HEADER.unpack(data)
     type_name = type_field.split(b"\0")[0].decode("latin-1")
@@ -108,7 +108,7 @@ def wrap_body(content: bytes, version: int, message_id: int, metadata: Mapping[s
 
 
 def split_body(body: memoryview, version: int) -> tuple[memoryview, int, dict[str, str]]:
-    """Take a body apart into content, message id and metadata.
+    """Split a body into content, message id and metadata.
 
     Raises:
         ProtocolError: the sizes that it states do not fit into it.
@@ -132,7 +132,7 @@ def _check_metadata_size(size: int) -> None:
 
 
 def _metadata(index: memoryview, texts: memoryview) -> dict[str, str]:
-    """Keys and values; they follow each other in the order of the index."""
+    """Return keys and values; the texts follow each other in the order of the index."""
     if len(index) < 2:
         if len(index) or len(texts):
             raise ProtocolError(f"metadata: index of {len(index)} bytes for texts of {len(texts)}")

@@ -28,7 +28,7 @@ def read_dicom(path: Path, data: bytes) -> FrameImage:
     """Read a DICOM image.
 
     Raises:
-        FrameError: naming the file, what was found and what would do.
+        FrameError: naming the file, what was found and what is allowed.
     """
     from pydicom import config  # here, so that reading PNG needs OpenCV only
 

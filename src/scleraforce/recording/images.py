@@ -26,7 +26,7 @@ def read_frame(path: str | PathLike[str]) -> Pixels:
     """Read the pixels of one frame, uint8 or uint16 (rows, columns); colour is turned into grey.
 
     Raises:
-        FrameError: naming the file, what was found and what would do.
+        FrameError: naming the file, what was found and what is allowed.
     """
     return read_frame_image(path).pixels
 
@@ -37,7 +37,7 @@ def read_frame_image(path: str | PathLike[str]) -> FrameImage:
     The kind of file is told by its content, not by its name. Signed DICOM values are shifted so that the smallest is 0.
 
     Raises:
-        FrameError: naming the file, what was found and what would do.
+        FrameError: naming the file, what was found and what is allowed.
     """
     path = Path(path)
     data = read_bytes(path, KINDS["frame"])

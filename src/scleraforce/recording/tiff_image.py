@@ -35,7 +35,7 @@ def read_tiff(path: Path, data: bytes) -> FrameImage:
     """Read a TIFF.
 
     Raises:
-        FrameError: naming the file, what was found and what would do.
+        FrameError: naming the file, what was found and what is allowed.
     """
     import tifffile  # here, so that reading PNG needs OpenCV only
 

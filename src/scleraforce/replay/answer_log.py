@@ -1,4 +1,4 @@
-"""What a monitor has answered to a scanner: its changes of state, and how long each frame waited."""
+"""The answers of a monitor to a scanner: its changes of state, and the latency of each frame."""
 
 import json
 from collections import OrderedDict
@@ -27,10 +27,10 @@ class Change:
         code: of the STATUS.
         sub_code: of the STATUS.
         message: of the STATUS.
-        frame: number of the frame that it answers, or of the last that was sent; None: none was.
-        after_s: how long after that frame's last byte.
+        frame: number of the frame that it answers, or of the last frame sent; None before the first.
+        after_s: time since that frame's last byte.
         answers: whether it is the answer to that frame.
-        force_mn: what was read in that frame, where this is its answer; None where no force was.
+        force_mn: force that was read in that frame, if this is its answer; None if no force was read.
         interval_mn: its interval, likewise.
     """
 
@@ -46,7 +46,7 @@ class Change:
 
     @property
     def cause(self) -> str | None:
-        """The cause's name; None where the sub-code is none."""
+        """The name of the cause; None if the sub-code stands for no cause."""
         return SUB_CODES.get(self.sub_code)
 
 
@@ -57,7 +57,7 @@ class FrameAnswer:
     Attributes:
         at_s: when it came (s, monotonic).
         took_s: since the frame's last byte.
-        server_ms: how long it took by the monitor's own clock; None where it does not say.
+        server_ms: its latency by the monitor's own clock; None if not stated.
         code: of the STATUS.
     """
 
@@ -68,10 +68,10 @@ class FrameAnswer:
 
 
 class AnswerLog:
-    """Takes what was sent and what was heard, and keeps what a summary needs; no socket, no clock.
+    """Takes what was sent and received, and keeps what a summary needs; no socket, no clock.
 
     Attributes:
-        changes: of the STATUS, in order; the first one heard is one.
+        changes: of the STATUS, in order; the first STATUS counts as a change.
         answers: to frames, in order.
         frames_sent: how many frames were sent.
         begun_s: when the first frame was sent; None before.
@@ -94,7 +94,7 @@ class AnswerLog:
         self._last: tuple[int, float] | None = None
 
     def sent(self, number: int, frame_id: int, at_s: float) -> None:
-        """Take a frame that was sent: its number in the recording, its id, when its last byte went."""
+        """Take a frame that was sent: its number in the recording, its id, when its last byte was sent."""
         self.frames_sent += 1
         self.begun_s = at_s if self.begun_s is None else self.begun_s
         self._last = self._waiting[frame_id] = number, at_s
@@ -110,7 +110,7 @@ class AnswerLog:
 
     @property
     def last(self) -> FrameAnswer | None:
-        """The answer to the frame that was sent last; None as long as there is none."""
+        """The answer to the last frame that was sent; None until it comes."""
         return self.answers[-1] if self.answers and self._last and self.answered == self._last[0] else None
 
     @property
@@ -119,7 +119,7 @@ class AnswerLog:
         return self.status is not None and self.status.code == OK
 
     def first_doubt(self, since_s: float, codes: Sequence[int] | None = None) -> Change | None:
-        """Return the first change since a time to one of some codes, or to any but OK."""
+        """Return the first change since a time to one of `codes`, or by default to any code but OK."""
         found = (change for change in self.changes if change.at_s >= since_s)
         return next((change for change in found if (change.code in codes if codes else change.code != OK)), None)
 

@@ -1,6 +1,6 @@
-"""What each fault sends: prepared before it is due, so that reading and encoding delay nothing.
+"""The messages of each fault, prepared before it is due, so that reading and encoding delay nothing.
 
-After the fault the recording goes on where it can, so that no silence hides a fault that was not seen.
+After the fault the recording goes on where it can, so that a silence does not hide a fault that the monitor missed.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -23,19 +23,19 @@ from scleraforce.replay.scanner_client import Unstamped, frame_message, image_ma
 
 __all__ = ["BOUND_N", "FLOOD", "WITHIN_S", "Act", "Prepared", "Sending", "prepare"]
 
-WITHIN_S = 0.5  # a withdrawal later than this is none
+WITHIN_S = 0.5  # a withdrawal later than this does not count
 BOUND_N = MonitorLimits().bound_n
-DANGEROUS_N = BOUND_N + 3e-3  # clear of the bound by what a reading errs
+DANGEROUS_N = BOUND_N + 3e-3  # clear of the bound by the error of a reading
 RISE_N_PER_S = 0.15
-FLOOD = 100  # a second's worth; what the monitor reads as fast as it comes is no fault
+FLOOD = 100  # frames of a second; fewer might be read as fast as they come, which is no fault
 MOST_BUFFERS = 10  # pictures that a stuck buffer shows in turns
 CLOCK_ROWS, CLOCK_COLUMNS = 1 / 32, 1 / 8  # of the frame, where a time is burned in
-LATER = 0.8  # of each interval is waited longer than of the one before
+LATER = 0.8  # of an interval, by which each frame waits longer than the one before
 
 
 @dataclass(frozen=True)
 class Sending:
-    """What is sent: a frame, with the id of its sender and a time that may be wrong; or bytes as they are."""
+    """One message: a frame, with its number and a time that may be wrong; or bytes as they are."""
 
     message: Unstamped | bytes
     number: int = 0
@@ -47,7 +47,7 @@ Act = tuple[Sending, ...] | None  # what is sent at a frame's time; None: the co
 
 @dataclass(frozen=True)
 class Prepared:
-    """A fault that is ready: its name, its time in the recording (s), and the acts from then on."""
+    """A prepared fault: its name, its time in the recording (s), and the acts from then on."""
 
     name: str
     time_s: float
@@ -64,22 +64,22 @@ def prepare(
     speed: float = 1.0,
     forces_n: Sequence[float] | None = None,
 ) -> Prepared:
-    """Prepare a fault that begins in the place of the first frame at or after a time of the recording.
+    """Prepare a fault that takes the place of the first frame at or after a time of the recording.
 
     Args:
         name: one of `faults.FAULTS`.
-        recording: what is played until then, and after it.
+        recording: played before the fault and after it.
         time_s: on the recording's clock.
-        rng: of what is drawn: noise or black, the byte that flips.
+        rng: for random choices: noise or black, the byte that flips.
         version: of the headers.
         speed: recorded seconds in a second.
         forces_n: the force at each frame; "rising" and "dangerous" need it.
 
     Raises:
-        InputError: no such fault, no such time, or a recording that does not have it.
+        InputError: no such fault, no such time, or a recording without the frames or forces that it needs.
     """
     if name not in ACTS:
-        raise InputError(f"fault: {name!r}; one of these would do: {', '.join(ACTS)}")
+        raise InputError(f"fault: {name!r}; choose one of: {', '.join(ACTS)}")
     frames_s = [entry.time_s for entry in recording.frames]
     first = int(np.searchsorted(frames_s, time_s))
     if not 2 <= first < len(frames_s) - 1:
@@ -92,7 +92,7 @@ def prepare(
 
 
 class _Stage:
-    """What a fault is made of: the frames that would come next, and new numbers for what is sent instead."""
+    """The material of a fault: the frames that would come next, and numbers for those sent instead."""
 
     def __init__(
         self,
@@ -109,7 +109,7 @@ class _Stage:
         self._forces_n = forces_n
 
     def pixels(self, index: int) -> Pixels:
-        """Return the pixels of the frame that comes so many after the fault's time."""
+        """Return the pixels of the frame `index` places after the first one of the fault."""
         return self.recording.frame(self.recording.frames[self.first + index])
 
     def sending(self, pixels: Pixels, matrix: tuple[float, ...] | None = None) -> Sending:
@@ -119,14 +119,14 @@ class _Stage:
         return Sending(message, self.number)
 
     def onward(self, begin: int) -> list[Act]:
-        """Return what the scanner would send from there on."""
+        """Return the frames that the scanner would send from `begin` on."""
         stop = min(self.count, len(self.recording.frames) - self.first)
         return [(self.sending(self.pixels(index)),) for index in range(begin, stop)]
 
     def forces_n(self, least_n: float) -> NDArray[np.float64]:
-        """Return the force at each frame, where one is at least so large."""
+        """Return the force at each frame, of which one must be at least `least_n`."""
         if self._forces_n is None:
-            raise InputError(f"{self.recording.path}: no force at its frames; truth.json or forces.csv would tell it")
+            raise InputError(f"{self.recording.path}: no force at its frames; add truth.json or forces.csv")
         forces_n = np.asarray(self._forces_n)
         if not forces_n.max() >= least_n:
             found = f"forces up to {forces_n.max() * 1e3:.1f} mN; this fault needs {least_n * 1e3:g} mN"
@@ -134,7 +134,7 @@ class _Stage:
         return forces_n
 
     def nearest(self, wanted_n: Sequence[float] | NDArray[np.float64], least_n: float) -> list[Pixels]:
-        """Return pixels of the frames whose forces are nearest; as long as there are others, none that was shown."""
+        """Return pixels of the frames with the nearest forces, avoiding recently shown ones while there are others."""
         forces_n, shown = self.forces_n(least_n), MonitorLimits().shown_frames
         chosen = list(range(max(0, self.first - shown), self.first))
         for force_n in wanted_n:
@@ -145,7 +145,7 @@ class _Stage:
 
 
 def _unusable(stage: _Stage) -> list[Act]:
-    """Noise, or nothing: black pixels with a few counts of noise, so that it is no frozen picture."""
+    """Noise, or nothing: black pixels with a few counts of noise, so that the picture does not count as frozen."""
     top = 2**stage.recording.info.oct.bits if stage.rng.random() < 0.5 else 3
     like = stage.pixels(0)
     counts = [stage.rng.integers(0, top, like.shape) for _ in range(stage.count)]
@@ -164,7 +164,7 @@ def _frozen(stage: _Stage) -> list[Act]:
 
 
 def _double_buffer(stage: _Stage) -> list[Act]:
-    """The last pictures in turns, as a buffer sends them that nobody fills."""
+    """The last pictures in turns, as from a buffer that is not refilled."""
     most = min(MOST_BUFFERS, stage.first)
     buffers = int(stage.rng.integers(2, most + 1))
     old = [stage.pixels(back - buffers) for back in range(buffers)]
@@ -172,7 +172,7 @@ def _double_buffer(stage: _Stage) -> list[Act]:
 
 
 def _burned_in_clock(stage: _Stage) -> list[Act]:
-    """The last picture, in a corner of which something changes: a time, or a single pixel."""
+    """The last picture with a corner that changes: a clock, or a single pixel."""
     last = stage.pixels(-1)
     rows, columns = ceil(len(last) * CLOCK_ROWS), ceil(last.shape[1] * CLOCK_COLUMNS)
     if stage.rng.random() < 0.5:
@@ -187,7 +187,7 @@ def _burned_in_clock(stage: _Stage) -> list[Act]:
 
 
 def _stale(stage: _Stage) -> list[Act]:
-    """A queue before the line grows: each frame has waited longer than the one before."""
+    """A growing queue in the sender: each frame has waited longer than the one before."""
     waited = [
         replace(sending, late_s=-LATER * place * stage.interval_s)
         for place, act in enumerate(stage.onward(0), start=1)
@@ -235,7 +235,7 @@ def _bad_image(stage: _Stage) -> list[Act]:
     data = _bytes(stage.sending(stage.pixels(0)))
     header = unpack_header(data[:HEADER_BYTES])
     body = bytes(data[HEADER_BYTES : -int(stage.rng.integers(1, len(data) // 2))])
-    if stage.version > 1:  # what stands behind the pixels stays behind them
+    if stage.version > 1:  # the metadata stays behind the pixels
         body = body[:-2] + bytes(2)
     head = pack_header(replace(header, body_bytes=len(body), crc=fastcrc.crc64.ecma_182(body)))
     return [(Sending(head + body),), *stage.onward(1)]

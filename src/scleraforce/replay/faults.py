@@ -1,4 +1,4 @@
-"""Faults of a scanner and its line, injected on purpose: does the monitor withdraw, when, and why?"""
+"""Faults of a scanner and its connection, injected on purpose: does the monitor withdraw, when, and why?"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ from scleraforce.replay.scanner_client import Unstamped
 
 __all__ = ["FAULTS", "Fault", "FaultReport", "draw_fault_time", "inject"]
 
-CONTACT_N, HARMLESS_N = 4e-3, BOUND_N - 6e-3  # clear of the monitor's bounds by what a reading errs
-SILENT_S = 0.15  # without a STATUS: the robot withdraws by itself
+CONTACT_N, HARMLESS_N = 4e-3, BOUND_N - 6e-3  # clear of the monitor's bounds by the error of a reading
+SILENT_S = 0.15  # without a STATUS, after which the robot withdraws by itself
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A kind of fault: what it is, in a line, and the causes that a monitor should tell."""
+    """A kind of fault: a line that describes it, and the causes that a monitor should give."""
 
     line: str
     causes: tuple[Cause, ...]
@@ -49,7 +49,7 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
         "dangerous": Fault("a frame of class 2 out of nothing (needs a recording that has one)",
                            (Cause.DANGEROUS_CLASS, Cause.BOUND, Cause.RISING)),
         "half": Fault("half a frame, and nothing more", (Cause.SILENCE,)),
-        "garbage": Fault("bytes that are no OpenIGTLink", (Cause.BAD_IMAGE,)),
+        "garbage": Fault("bytes that are not OpenIGTLink", (Cause.BAD_IMAGE,)),
         "disconnect": Fault("the connection is closed", (Cause.SILENCE,)),
     }
 )  # fmt: skip
@@ -57,16 +57,16 @@ FAULTS: Mapping[str, Fault] = MappingProxyType(
 
 @dataclass(frozen=True)
 class FaultReport:
-    """What followed a fault.
+    """The consequence of a fault.
 
     Attributes:
         name: of the fault.
-        began_s: when its first act was done (s, monotonic); of a silence, when the frame was due.
-        delay_s: from there until the robot withdraws; None: it does not within `WITHIN_S`.
-        code: of the STATUS that tells it; None: no STATUS came for 150 ms, or the monitor has gone.
-        cause: name of the cause that is told.
+        began_s: when its first act was done (s, monotonic); for a silence, when the frame was due.
+        delay_s: from then until the robot withdraws; None if it does not within `WITHIN_S`.
+        code: of the STATUS; None if no STATUS came for 150 ms, or the monitor has gone.
+        cause: name of the cause in the STATUS.
         message: of the STATUS, or what happened instead.
-        expected: whether that cause is one that belongs to the fault.
+        expected: whether the cause is one of those of the fault.
     """
 
     name: str
@@ -96,13 +96,13 @@ def draw_fault_time(recording: Recording, forces_n: Sequence[float], rng: np.ran
     if not possible:
         raise InputError(
             f"{recording.path}: no room for a fault: {WITHIN_S:g} s between contact ({CONTACT_N * 1e3:g} mN) and "
-            f"{HARMLESS_N * 1e3:g} mN are needed; a slower ramp would do, or --fault-at-s"
+            f"{HARMLESS_N * 1e3:g} mN are needed; use a slower ramp, or --fault-at-s"
         )
     return float(frames_s[rng.choice(possible)])
 
 
 def inject(player: Player, prepared: Prepared) -> FaultReport:
-    """Do what was prepared, each act at a frame's time, until the robot withdraws or `WITHIN_S` are over.
+    """Do the prepared acts, each at a frame's time, until the robot withdraws or `WITHIN_S` has passed.
 
     Args:
         player: has played up to the fault's time; its client is `observed`, so that a robot still hears the monitor
@@ -110,7 +110,7 @@ def inject(player: Player, prepared: Prepared) -> FaultReport:
         prepared: the fault.
 
     Raises:
-        InputError: the monitor did not say OK before the fault: there is nothing to be seen.
+        InputError: the monitor did not say OK before the fault, so nothing can be observed.
     """
     client, log, fault = player.client, player.log, FAULTS[prepared.name]
     due_s, stamp_s = player.due(prepared.time_s)
@@ -121,7 +121,7 @@ def inject(player: Player, prepared: Prepared) -> FaultReport:
         raise InputError(
             f"{player.recording.path}: the monitor was not watching when the fault was due; it said: {said}"
         )
-    held_s = max(0.0, monotonic() - due_s - STATED_S)  # what the replay is late is not the fault
+    held_s = max(0.0, monotonic() - due_s - STATED_S)  # the replay's own delay is not part of the fault
     due_s, stamp_s = due_s + held_s, stamp_s + held_s
     began_s = since_s = monotonic()
     change: Change | None = None
@@ -157,7 +157,7 @@ def _silent(player: Player, began_s: float) -> bool:
 
 
 def _do(player: Player, act: Act, stamp_s: float) -> float:
-    """Do one act; return when its first message's last byte went."""
+    """Do one act; return when the last byte of its first message was sent."""
     if act is None:
         player.client.disconnect()
     begun_s: float | None = None
@@ -171,7 +171,7 @@ def _do(player: Player, act: Act, stamp_s: float) -> float:
 
 
 def _send(player: Player, sending: Sending, stamp_s: float) -> float | None:
-    """Send; None where the monitor has let go of us already: the robot's connection tells what it says."""
+    """Send; return None if the monitor has disconnected this client, whose robot connection then hears the answer."""
     message, time_s = sending.message, stamp_s + sending.late_s
     try:
         sent_s = player.client.send(message.stamped(time_s) if isinstance(message, Unstamped) else message)

@@ -1,4 +1,4 @@
-"""A recording played to a monitor, as the scanner that took it would send it."""
+"""Plays a recording to a monitor as the scanner that took it would."""
 
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -20,11 +20,11 @@ from scleraforce.replay.scanner_client import ScannerClient, Unstamped, frame_me
 __all__ = ["AHEAD", "FORCE_DEVICE", "STATED_S", "Player", "Timed", "median_interval_s"]
 
 FORCE_DEVICE = "RobotForce"
-UNIT = 0  # of the protocol: none is stated, for forces and torques stand in one message
+UNIT = 0  # of the protocol: not stated, because one message holds forces and torques
 AHEAD = 48  # frames that are read before they are due: half a second at 100 a second, 25 MB
 READERS = 2
 FORCES_PER_S = 1000.0  # that are sent at most; of a faster log, every n-th sample
-STATED_S = 0.05  # of a delay at most stands in the header: it is the replay's, not the scanner's
+STATED_S = 0.05  # largest delay of the replay that a header may show; beyond it, it would pass for the scanner's
 ANSWER_S = 1.0  # how long a step, and the end, wait for the answer
 
 
@@ -47,12 +47,12 @@ class Player:
         speed: recorded seconds in a second.
         version: of the headers, 1 to 3.
         ahead: frames that are read before they are due, and before the first one goes out.
-        watch: called after each message that went out.
+        watch: called after each message.
 
     Attributes:
-        forces_sent: how many samples of the force log went out.
-        latest_s: how late the latest message was.
-        last: the frame that went out last.
+        forces_sent: how many samples of the force log were sent.
+        latest_s: the largest delay of a message.
+        last: the last frame that was sent.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Player:
             self._watch()
 
     def step(self, asked: Callable[[FrameEntry], bool]) -> None:
-        """Send a frame each time that `asked` returns, until it returns False, and wait for its answer; no forces.
+        """Send a frame, without forces, each time `asked` returns True, and wait for its answer; stop when it is False.
 
         Raises:
             LinkError: the connection was lost.
@@ -104,9 +104,9 @@ class Player:
             self._watch()
 
     def send(self, timed: Timed) -> float:
-        """Wait until a message is due and send it, with that time; return when its last byte went.
+        """Wait until a message is due and send it with that time; return when its last byte was sent.
 
-        Where the replay is late, it catches up with half the time between two frames: at once, they would be a flood.
+        A late replay catches up with half the time between two frames; all at once, they would be a flood.
         """
         due_s, stamp_s = self.due(timed.time_s)
         earliest_s = due_s
@@ -140,7 +140,7 @@ class Player:
         return sent_s
 
     def frames(self, entries: tuple[FrameEntry, ...] | list[FrameEntry]) -> Iterator[Timed]:
-        """Read frames in their order, `ahead` of them before they are asked for, and before the first one is given."""
+        """Yield frames in order, with `ahead` of them read in advance, also before the first one is yielded."""
         numbers = {entry.file: number for number, entry in enumerate(self.recording.frames, start=1)}
         with ThreadPoolExecutor(READERS) as pool:
             waiting: deque[Future[Timed]] = deque()
@@ -161,7 +161,7 @@ class Player:
         return Timed(entry.time_s, number, frame_message(pixels, self.recording.info.oct, number, self.version))
 
     def _forces(self) -> Iterator[Timed]:
-        """Return the force log as SENSOR: three forces, three torques where there are such; else the contact force."""
+        """Yield the force log as SENSOR: three forces, and three torques if logged; otherwise the contact force."""
         log, info = self.recording.forces, self.recording.info.force
         if log is None or info is None:
             return

@@ -1,4 +1,4 @@
-"""A scanner's end of the connection to a monitor: sends frames, and hears what the monitor says while it sends."""
+"""A scanner's end of the connection to a monitor: it sends frames and hears the monitor meanwhile."""
 
 import socket
 from collections.abc import Callable
@@ -16,7 +16,7 @@ __all__ = ["SCANNER_DEVICE", "ScannerClient", "Unstamped", "frame_message", "ima
 
 SCANNER_DEVICE = "Scanner"
 CONNECT_S = 5.0
-STALL_S = 5.0  # a monitor that reads nothing for so long does not read
+STALL_S = 5.0  # a monitor that takes no bytes for this long counts as hung
 LAST_BYTES = 4096
 MM_PER_M = 1e3
 
@@ -24,7 +24,7 @@ Hear = Callable[[float, str, Message], object]
 
 
 class Unstamped:
-    """A message that is encoded, but for the time in its header; `message_id` is 0 in version 1."""
+    """A message that is encoded except for the time in its header; `message_id` is 0 in version 1."""
 
     def __init__(self, message: Message, device: str, version: int, message_id: int = 0) -> None:
         message_id = message_id if version > 1 else 0
@@ -38,14 +38,14 @@ class Unstamped:
 
     @property
     def frame_id(self) -> int:
-        """What a monitor calls the frame: the message id, or without one the time in microseconds."""
+        """The monitor's id of the frame: the message id, or without one the time in microseconds."""
         return self._message_id or int(stamped_s(self._bytes) * 1e6)
 
 
 def frame_message(
     pixels: Pixels, oct_info: OctInfo, number: int, version: int, *, matrix: tuple[float, ...] | None = None
 ) -> Unstamped:
-    """Encode a frame as an IMAGE of one slice; `matrix` replaces what the recording says."""
+    """Encode a frame as an IMAGE of one slice; `matrix` replaces the recording's."""
     return Unstamped(Image(pixels[None], matrix or image_matrix(oct_info)), SCANNER_DEVICE, version, number)
 
 
@@ -106,7 +106,7 @@ class ScannerClient:
         """Hear the monitor until a time (s, monotonic), or until `done`.
 
         Raises:
-            LinkError: the connection is lost, or its other end speaks no OpenIGTLink.
+            LinkError: the connection is lost, or its other end does not speak OpenIGTLink.
         """
         self._turn(0.0)
         while not done() and (left_s := until_s - monotonic()) > 0.0:
@@ -147,12 +147,12 @@ class ScannerClient:
             self._lose(link, None)
         for event in self._decoder.received(count):
             if isinstance(event, Broken):
-                raise LinkError(f"{self.address}: no OpenIGTLink comes from there: {event.reason}")
+                raise LinkError(f"{self.address}: does not send OpenIGTLink: {event.reason}")
             if isinstance(event, Received):
                 self._hear(at_s, event.header.device, event.message)
 
     def _pass_over(self, link: socket.socket) -> None:
-        """Read what the robot's connection says as well."""
+        """Read and discard what the scanner's connection says; the robot's connection hears the same."""
         try:
             if not link.recv(1 << 16):
                 self._lose(link, None)
@@ -162,7 +162,7 @@ class ScannerClient:
             self._lose(link, fault)
 
     def _lose(self, link: socket.socket, fault: OSError | None) -> None:
-        """Go on without the scanner's connection where the robot's is heard."""
+        """Go on without the scanner's connection if the robot's is the one that is heard."""
         if link is self._scanner:
             self._scanner = None
         if link is self._heard:

@@ -139,7 +139,8 @@ def _design(run: Run, evaluation: Evaluation) -> Html:
     rows.append(["trials", *cells])
     caption = (
         "The virtual eyes and their trials by measured force; in brackets the paper's Table 1. Thickness and modulus "
-        "are the paper's (eye 5: the mean modulus, for the paper gives none)."
+        "are the paper's (eye 5: the mean modulus, because the paper gives none). The paper gives no forces: here they "
+        "are spread evenly over each class, and none lies within 2 mN of a bound of its class."
     )
     return section("Design", table(["", *eyes, "total"], rows, caption))
 

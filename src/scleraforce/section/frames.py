@@ -45,7 +45,7 @@ class PlaneFrames:
         if np.any(np.abs(sine) > 0.98):
             raise InputError(
                 f"B-scan plane: it passes {np.abs(sine).max() * radius_m * 1e3:.2f} mm from the eye's centre and "
-                f"misses the sphere of {radius_m * 1e3:.2f} mm, or only grazes it; a smaller gap or tilt would do"
+                f"misses the sphere of {radius_m * 1e3:.2f} mm, or only grazes it; use a smaller gap or tilt"
             )
         latitude: Floats = np.arcsin(sine)
         return latitude
@@ -100,7 +100,7 @@ def _ends_at_base(frames: PlaneFrames, latitude_p: Floats, beyond: float) -> Flo
     amplitude = np.cos(latitude_p) * np.hypot(lateral_z, depth_z)  # z = amplitude cos(longitude - middle) + offset
     offset = np.sin(latitude_p) * normal_z
     if np.any(offset < -0.999 * amplitude):
-        raise InputError("B-scan plane: it does not meet the wall above its base; a smaller gap or tilt would do")
+        raise InputError("B-scan plane: it does not meet the wall above its base; use a smaller gap or tilt")
     closed = offset >= amplitude
     middle = np.where(closed, 0.0, np.arctan2(lateral_z, -depth_z))
     half = np.arccos(np.clip(-offset / np.maximum(amplitude, 1e-12), -1.0, 1.0)) + beyond

@@ -3,8 +3,8 @@
 A pixel is wall exactly where its centre lies in the wall. OpenCV's `fillPoly` also paints every pixel that the outline
 touches, which fattens a 0.5 mm wall by about one pixel on each side (a disc of 20 pixels radius gains 6 % of its area),
 and supersampling only shrinks that error while it multiplies the time. So the winding number of the contour is counted
-at the pixel centres, column by column; OpenCV makes the picture of it (`threshold`) and finds contours
-(`findContours`).
+at the pixel centres, column by column, and OpenCV's `threshold` makes the picture of it. The paper's `findContours`
+takes no part in this; `slice_contours` offers it for slices that are there already.
 """
 
 import cv2

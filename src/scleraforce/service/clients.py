@@ -1,4 +1,4 @@
-"""The clients of the monitor: who is connected, under the eye of the watchdog, and what is sent to all of them."""
+"""The clients of the monitor: their connections, known to the watchdog, and what is sent to all of them."""
 
 import selectors
 import socket
@@ -12,22 +12,23 @@ from scleraforce.service.telling import Telling
 __all__ = ["Clients"]
 
 ACCEPTED_PER_TURN = 16
-CHANGING = 32  # of the places: twice what is accepted in a turn, so that who has something to say is heard
-STALLED_S = 10.0  # a client that reads nothing for so long is let go
+CHANGING = 32  # places that change hands: twice what a turn accepts, so that a newcomer is heard before it is replaced
+STALLED_S = 10.0  # a client that reads nothing for this long is disconnected
 
 
 class Clients:
-    """Takes in who comes, and keeps the connections; none of them can make another wait, or take all places.
+    """Accepts clients and keeps their connections; no client can delay another or take all places.
 
-    Who comes when all places are taken gets one of those that came last, an eighth of all (`CHANGING` at most), from
-    whom had it longest: an operator and a scanner always have a place, and who was there before keeps theirs.
+    When all places are taken, a new client replaces one of the newest, an eighth of all (`CHANGING` at most): the one
+    that has been there longest among these. So an operator and a scanner always find a place, and the clients that
+    were there before keep theirs.
 
     Args:
-        listener: listens already.
-        most: connections at once.
-        message_s: within which a message has to come whole.
-        guard: the watchdog, which speaks to them when the monitor cannot.
-        note: called with a line when somebody comes or goes.
+        listener: a socket that listens already.
+        most: largest number of connections.
+        message_s: time within which a message has to be complete.
+        guard: the watchdog, which speaks to the clients when the monitor cannot.
+        note: called with a line when a client connects or leaves.
     """
 
     def __init__(
@@ -48,12 +49,12 @@ class Clients:
         return client.number in self._connected
 
     def accept(self, spared: Connection | None = None) -> list[Connection]:
-        """Take in those who wait to be connected; `spared` keeps its place."""
+        """Accept the clients that wait; return those that are still connected. `spared` keeps its place."""
         came = []
         for _ in range(ACCEPTED_PER_TURN):
             try:
                 link, address = self.listener.accept()
-            except OSError:  # nobody waits any more, or too many files are open
+            except OSError:  # no client waits any more, or too many files are open
                 break
             if len(self._connected) >= self._most:
                 self._make_room(spared)
@@ -66,13 +67,13 @@ class Clients:
         return [client for client in came if client in self]
 
     def _make_room(self, spared: Connection | None) -> None:
-        """Let go of one of the last who came."""
+        """Disconnect one of the newest clients."""
         others = [client for client in self if client is not spared]
         changing = others[-max(1, min(CHANGING, self._most // 8)) :]
-        self.leave(changing[0], "was let go: all places are taken, and another client came")
+        self.leave(changing[0], "was disconnected: all places are taken, and another client came")
 
     def leave(self, client: Connection, why: str) -> None:
-        """Let go of a client, if it is still there."""
+        """Disconnect a client, if it is still there."""
         if self._connected.pop(client.number, None) is None:
             return
         self.selector.unregister(client)
@@ -101,17 +102,17 @@ class Clients:
             self.send(client, telling, now_s)
 
     def sweep(self, now_s: float, spared: Connection | None) -> None:
-        """Let go of those who hold on to half a message, or read nothing; a scanner need not read."""
+        """Disconnect clients with an incomplete message or that read nothing; a scanner (`spared`) need not read."""
         for client in self:
             if client.message_since_s is not None and now_s - client.message_since_s > self._message_s:
-                self.leave(client, f"was let go: its message did not come whole within {self._message_s:g} s")
+                self.leave(client, f"was disconnected: its message was not complete within {self._message_s:g} s")
             unread_s = now_s - (client.unread_since_s or now_s)
             if unread_s > STALLED_S and client is not spared:
-                self.leave(client, f"was let go: it read nothing for {STALLED_S:g} s")
+                self.leave(client, f"was disconnected: it read nothing for {STALLED_S:g} s")
 
     def close(self) -> None:
-        """Leave everybody."""
+        """Disconnect all clients and stop listening."""
         for client in self:
-            self.leave(client, "was left: the monitor ends")
+            self.leave(client, "was disconnected: the monitor ends")
         self.selector.close()
         self.listener.close()

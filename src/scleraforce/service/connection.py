@@ -1,4 +1,4 @@
-"""One client's connection: bytes in through the codec, bytes out without ever waiting."""
+"""One client's connection: it decodes what comes in, and sends without ever waiting."""
 
 import fcntl
 import socket
@@ -13,26 +13,26 @@ from scleraforce.service.scanner_image import FrameAssembler
 
 __all__ = ["Connection"]
 
-WAITING_BYTES = 8192  # that a peer has not taken yet: a tenth of a second; what is sent behind them is old when heard
+WAITING_BYTES = 8192  # not yet taken by the peer: a tenth of a second; a message behind them is old when it is read
 NOTES_PER_S, NOTES_AT_ONCE = 1.0, 10
 FORCES_PER_S, FORCES_AT_ONCE = 1200.0, 120  # a robot sends 1000 a second at most
-TURN_BYTES, TURN_EVENTS = 2 * 1024 * 1024, 16  # received before others have their turn, some more may have come at once
+TURN_BYTES, TURN_EVENTS = 2 * 1024 * 1024, 16  # received before others have their turn; the last read may exceed it
 
 
 class Connection:
     """A client.
 
     Attributes:
-        number: of the connection since the start; none is used twice.
+        number: of the connection since the start; never used twice.
         address: of the peer, as text.
-        version: of the header that the peer used last; 1 before it has said anything.
-        frames: puts its images together.
-        heard_s: when it was heard last; 0 before.
-        wrong_tokens: how many resets it asked for with one.
-        unread_since_s: since when messages to it are left out, for it does not read; None where it keeps up.
-        message_since_s: since when a message of it has been incomplete; None between messages.
-        notes: how often what it does wrong is noted.
-        forces: how often a force of it is kept.
+        version: header version that the peer used last; 1 before its first message.
+        frames: assembles its images.
+        heard_s: when it was last read from; 0 before.
+        wrong_tokens: how many resets it requested with a wrong token.
+        unread_since_s: since when messages to it have been dropped because it does not read; None if it keeps up.
+        message_since_s: since when a message from it has been incomplete; None between messages.
+        notes: limits how often its errors are noted.
+        forces: limits how often a force from it is kept.
     """
 
     def __init__(self, link: socket.socket, address: str, number: int) -> None:
@@ -51,14 +51,14 @@ class Connection:
         return self._link.fileno()
 
     def receive(self, max_body_bytes: int, now_s: float) -> tuple[list[Event], bool]:
-        """Take what has come, up to a turn's share.
+        """Read what has arrived, up to the share of one turn.
 
         Args:
-            max_body_bytes: of a message that begins now.
-            now_s: of the monotonic clock.
+            max_body_bytes: largest body of a message that begins now.
+            now_s: monotonic clock.
 
         Returns:
-            What became complete, and whether the peer is still there.
+            The events that are complete, and whether the peer is still there.
         """
         events: list[Event] = []
         self.heard_s = now_s
@@ -83,9 +83,9 @@ class Connection:
         return events, alive and not self._decoder.broken
 
     def send(self, data: bytes, now_s: float) -> None:
-        """Send a message, or leave it out where too much waits that the peer has not taken yet.
+        """Send a message, or drop it where the peer has not taken too many bytes yet.
 
-        What it hears is at most as old as that, and what it has let wait in its own buffer.
+        So a message that the peer reads is no older than these bytes and what waits in the peer's own buffer.
 
         Raises:
             OSError: the peer has gone.
@@ -104,7 +104,7 @@ class Connection:
         return int.from_bytes(fcntl.ioctl(self._link, termios.TIOCOUTQ, bytes(4)), sys.byteorder)
 
     def _flush(self) -> None:
-        """Go on with a message that was sent in part: a peer must never see half of one."""
+        """Continue a message that was sent in part: a peer must never get half of one."""
         try:
             while self._rest:
                 self._rest = self._rest[self._link.send(self._rest) :]

@@ -1,4 +1,4 @@
-"""One decision of the monitor, as all get it who are told, keep it or show it."""
+"""One decision of the monitor, in the form that is sent, logged and shown."""
 
 import json
 from dataclasses import dataclass
@@ -11,27 +11,27 @@ __all__ = ["Entry"]
 
 @dataclass(frozen=True)
 class Entry:
-    """What was decided, and on what. `text` is its JSON: the STRING `ForceReading`, a line of the log, the console's.
+    """A decision and its event. `text` is its JSON, for the STRING `ForceReading`, the log and the console.
 
     Attributes:
         number: of the decision, from 1.
         time_s: since 1970.
-        at_s: of the monotonic clock.
-        event: what was decided on: "frame", "tick", "reset", "opinion", ...; "again": told once more, under its number.
+        at_s: monotonic clock.
+        event: "frame", "tick", "reset", "opinion", ...; "again": the last decision repeated, with its number.
         state: NOT_READY, WATCHING or WITHDRAW.
         code: of the STATUS.
         sub_code: of the STATUS.
         cause: name of the first cause of a withdrawal; None without one.
         message: of the STATUS.
-        frame: number of the frame in this session, from 1; None where the event was none. So are those that follow.
-        frame_id: what its sender calls it.
+        frame: number of the frame in this session, from 1; None, as all that follows but `lost`, for other events.
+        frame_id: the sender's number of the frame.
         predicted: its class.
         probabilities: of the classes.
         force_mn: its force.
-        interval_mn: in which 90 % of such forces lie.
-        usable: whether it could be judged.
-        reason: why not.
-        latency_ms: from its last byte to the answer on the wire.
+        interval_mn: the 90 % interval of the force.
+        usable: whether the frame could be judged.
+        reason: why it could not.
+        latency_ms: from the frame's last byte to the answer on the wire.
         lost: frames lost to the queue since the start.
     """
 
@@ -56,7 +56,7 @@ class Entry:
     lost: int = 0
 
     def as_json(self) -> dict[str, Any]:
-        """Return the JSON object: the names of the attributes, but `class` for `predicted`; null for no number."""
+        """Return the JSON object: the attributes by name, `predicted` as `class`; NaN and infinity become null."""
         record: dict[str, Any] = finite(vars(self))
         record["class"] = record.pop("predicted")
         return record

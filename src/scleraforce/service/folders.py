@@ -1,4 +1,4 @@
-"""The folders that a monitor writes, tried before it serves: what cannot be kept is to be known at the start."""
+"""The folders that a monitor writes to, tested before it serves: a fault is reported at the start."""
 
 import os
 from contextlib import suppress
@@ -12,14 +12,14 @@ __all__ = ["try_folders"]
 
 
 def try_folders(black_box: Path, record: Path | None) -> None:
-    """Make the folder of the black box, and try whether both can be written; the recording's is made later.
+    """Make the folder of the black box, and test whether both folders can be written; the recording's is made later.
 
     Args:
-        black_box: may exist.
-        record: must not exist; None: there is none.
+        black_box: folder of the black box; may exist.
+        record: folder of the recording, which must not exist; None for no recording.
 
     Raises:
-        InputError: a folder cannot be written, is used by another monitor, or is there although it must not.
+        InputError: a folder cannot be written or is in use by another monitor, or `record` exists.
     """
     if record is not None:
         _try_record(record.absolute(), black_box.absolute())
@@ -36,7 +36,7 @@ def _try_record(record: Path, black_box: Path) -> None:
         if os.path.lexists(record):
             raise InputError(f"--record {record}: exists already; remove it or choose another name")
         if record == black_box or record in black_box.parents:
-            raise InputError(f"--record {record}: the black box is to be there; choose another name")
+            raise InputError(f"--record {record}: the folder of the black box is there; choose another name")
         with suppress(FileNotFoundError):
             os.stat(record)  # a name may be too long
         _try_write(next(folder for folder in record.parents if os.path.lexists(folder)))
@@ -45,6 +45,6 @@ def _try_record(record: Path, black_box: Path) -> None:
 
 
 def _try_write(folder: Path) -> None:
-    """Write a file that has no name, and is gone when it is closed."""
+    """Write a file without a name, which is gone when it is closed."""
     with TemporaryFile(dir=folder):
         pass

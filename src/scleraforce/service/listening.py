@@ -1,4 +1,4 @@
-"""Sockets that listen where the user says, or one line that says why they cannot."""
+"""Sockets that listen at the user's address, or one line that says why they cannot."""
 
 import socket
 from errno import EADDRNOTAVAIL
@@ -12,16 +12,16 @@ def listen(host: str, port: int, prefix: str = "", backlog: int = 256) -> socket
     """Return a socket that listens; port 0 takes a free one.
 
     Args:
-        host: an address of this machine, or a name of one.
-        port: of it.
-        prefix: of the options that say so: "web-" for `--web-host` and `--web-port`.
-        backlog: how many may wait to be taken in.
+        host: an address of this machine, or its name.
+        port: the TCP port.
+        prefix: of the options, for messages: "web-" for `--web-host` and `--web-port`.
+        backlog: how many connections may wait to be accepted.
 
     Raises:
-        InputError: nobody can listen there.
+        InputError: the address cannot be listened on.
     """
     if not host.strip():
-        raise InputError(f"--{prefix}host: empty; 127.0.0.1 serves this machine alone, 0.0.0.0 every network of it")
+        raise InputError(f"--{prefix}host: empty; use 127.0.0.1 for this machine alone, 0.0.0.0 for all its networks")
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         (*_, address), *_ = socket.getaddrinfo(host, port, family, socket.SOCK_STREAM)

@@ -1,4 +1,4 @@
-"""The monitor as a whole: its processes are started, it serves, they are ended."""
+"""The whole monitor: starts its processes, serves, and ends them."""
 
 import gc
 import socket
@@ -34,8 +34,8 @@ from scleraforce.study import Study
 __all__ = ["Address", "MonitorSettings", "monitor_service"]
 
 KEPT_S = 10.0
-RING_FRAMES = 1200  # at 100 a second two seconds more than are kept, for those who copy them
-MOST_BITS = 16  # a scanner may use more than the model's study says: what is kept has to be readable
+RING_FRAMES = 1200  # at 100 a second two seconds more than are kept, which leaves time to copy them
+MOST_BITS = 16  # a scanner may use more bits than the model's study states, and its recording must stay readable
 WEB_NEEDS = ("fastapi", "uvicorn", "websockets")
 
 
@@ -49,17 +49,17 @@ class Address:
 
 @dataclass(frozen=True)
 class MonitorSettings:
-    """What a monitor is started with.
+    """The settings of a monitor.
 
     Attributes:
         eye: its name.
-        known: of the eye.
-        limits: of the decision; `size` and `scale_m` say what frames are expected.
-        refractive_index: by which depth is stretched in the frames.
+        known: what is known of the eye.
+        limits: of the decision; `size` and `scale_m` are those of the frames that are expected.
+        refractive_index: factor by which depth is stretched in the frames.
         address: of the OpenIGTLink server.
-        console: of the web console; None: there is none.
-        black_box: folder of the log and of what is kept at a withdrawal.
-        record: folder to keep the whole session in; None: it is not kept.
+        console: address of the web console; None: no console.
+        black_box: folder of the log and of the recordings of withdrawals.
+        record: folder for a recording of the whole session; None: no recording.
         token: of the operator's reset.
     """
 
@@ -78,14 +78,14 @@ class MonitorSettings:
 def monitor_service(
     model: Path, reader: ForceReader | WallReader, settings: MonitorSettings, note: Callable[[str], None]
 ) -> Iterator[tuple[Server, Address]]:
-    """Start all of it, hand over the server and where it listens, and end all of it.
+    """Start all processes, yield the server and its address, and end all processes.
 
-    Its `run` has to follow at once: from here on the watchdog waits for signs of life.
+    Call the server's `run` at once: from here on the watchdog expects signs of life.
 
     Args:
-        model: folder of the model, which the second opinion loads on its own.
+        model: folder of the model; the second opinion loads it by itself.
         reader: the model.
-        settings: how to serve.
+        settings: of the monitor.
         note: called with a line for the operator.
 
     Raises:
@@ -108,12 +108,12 @@ def monitor_service(
             children[OPINION] = Child("scleraforce.service.companions.second_opinion", opinion, [ring.descriptor])
         if settings.console and console:
             children[CONSOLE] = _console_child(settings, settings.console, console, reader, scale, ring)
-            console.close()  # nobody listens when the console has ended
+            console.close()  # so that nothing listens there once the console has ended
         companions = Companions(children)
         stack.callback(companions.end)
         session = Session(live.read, settings.limits)
         gc.collect()
-        gc.freeze()  # the model stays: the collector need not look at it again and again
+        gc.freeze()  # the model stays, so the collector need not scan it again and again
         guard = Guard()
         stack.callback(guard.end)
         if not run_in_real_time(MONITOR_PRIORITY):
@@ -126,12 +126,12 @@ def monitor_service(
 def _listen_for_pages(address: Address) -> socket.socket:
     missing = [name for name in WEB_NEEDS if find_spec(name) is None]
     if missing:
-        raise InputError(f"--web-port: {missing[0]} is not installed; pip install 'scleraforce[web]' would do")
+        raise InputError(f"--web-port: {missing[0]} is not installed; run pip install 'scleraforce[web]'")
     return listen(address.host, address.port, "web-")
 
 
 def _recording_info(settings: MonitorSettings, study: Study, scale: PixelScale) -> RecordingInfo:
-    """Return what a recording of the session states."""
+    """Return the contents of recording.toml for a recording of the session."""
     (rows, columns), known = settings.limits.size or (0, 0), settings.known
     gap_m = study.needle.gap_m if known.gap_m is None else known.gap_m
     return RecordingInfo(

@@ -1,4 +1,4 @@
-"""Lines for the operator, written by a thread of their own: a terminal that was stopped must not stop the monitor."""
+"""Lines for the operator, written by a separate thread: a stopped terminal must not stop the monitor."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -7,14 +7,14 @@ from threading import Thread
 
 __all__ = ["Notes"]
 
-WAITING = 1000  # lines; those that come when so many wait are left out
+WAITING = 1000  # lines; while this many wait, new ones are dropped
 
 
 class Notes:
-    """Takes lines without ever waiting, and lets a thread write them in their order.
+    """Takes lines without ever waiting; a thread writes them in order.
 
     Args:
-        write: writes a line; may take as long as it likes.
+        write: writes a line; it may block.
     """
 
     def __init__(self, write: Callable[[str], object]) -> None:
@@ -28,11 +28,11 @@ class Notes:
             self._lines.put(text)
 
     def close(self, within_s: float = 1.0) -> None:
-        """Write what waits, if that does not take longer."""
+        """Write the lines that wait, for `within_s` at most."""
         self._lines.put(None)
         self._thread.join(within_s)
 
     def _run(self) -> None:
         while (text := self._lines.get()) is not None:
-            with suppress(OSError):  # a terminal that was closed: nobody reads any more
+            with suppress(OSError):  # the terminal was closed
                 self._write(text)

@@ -1,4 +1,4 @@
-"""The operator's side of a reset: it is asked for in a STRING `ForceReset` that has the token, and answered in one."""
+"""The operator's side of a reset: a STRING `ForceReset` with the token requests it, another STRING answers."""
 
 import json
 import socket
@@ -15,15 +15,15 @@ PIECE = 65536
 
 
 def ask_reset(host: str, port: int, token: str) -> tuple[bool, str]:
-    """Ask a monitor to leave a withdrawal; return whether it did, and what it says.
+    """Ask a monitor to end a withdrawal; return whether it did, and its message.
 
     Raises:
-        InputError: nobody answers there, or the token cannot be sent.
+        InputError: no monitor answers at this address, or the token cannot be sent.
     """
     if not host.strip():
         raise InputError("--host: empty; say where the monitor listens, 127.0.0.1 for this machine")
-    if not token.isprintable():  # also what is no text
-        raise InputError("--token: has characters that no token has; copy it from where the monitor was started")
+    if not token.isprintable():  # which covers what is not valid text
+        raise InputError("--token: has characters that no token has; copy the token that the monitor printed")
     try:
         with socket.create_connection((host, port), timeout=ANSWER_S) as link:
             link.sendall(encode(Text(token), RESET_DEVICE, time_s=time()))
@@ -34,7 +34,7 @@ def ask_reset(host: str, port: int, token: str) -> tuple[bool, str]:
 
 
 def _answer(link: socket.socket) -> tuple[bool, str]:
-    """Wait for the answer among the statuses that the monitor sends to everybody."""
+    """Wait for the answer among the STATUS messages that the monitor sends to all clients."""
     decoder, end_s = Decoder(), monotonic() + ANSWER_S
     while monotonic() < end_s:
         data = link.recv(PIECE)

@@ -1,4 +1,4 @@
-"""Real-time priority for the processes that a robot waits for, where the system allows it (Linux)."""
+"""Real-time priority, where the system allows it (Linux), for the processes that a robot waits for."""
 
 import os
 
@@ -9,9 +9,9 @@ OPINION_PRIORITY, MONITOR_PRIORITY, WATCHDOG_PRIORITY = 5, 10, 20
 
 
 def run_in_real_time(priority: int) -> bool:
-    """Let this process go before all normal ones (SCHED_FIFO), but none that it starts; return whether it may.
+    """Give this process, but not its children, priority over all normal ones (SCHED_FIFO); return whether it worked.
 
-    Root may, and users with a limit `rtprio` (man 5 limits.conf).
+    It works for root and for users with a limit `rtprio` (man 5 limits.conf).
     """
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))

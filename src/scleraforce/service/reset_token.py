@@ -1,4 +1,4 @@
-"""The token of the operator's reset: who knows it, and how many wrong ones are answered."""
+"""The token of the operator's reset: how it is checked, and how many wrong ones are answered."""
 
 import hmac
 from collections import deque
@@ -8,7 +8,7 @@ from secrets import token_hex
 __all__ = ["ResetToken", "new_token", "token_digest"]
 
 TOKEN_BYTES = 16
-ANSWERED, WITHIN_S = 10, 10.0  # wrong ones, of all who send them together
+ANSWERED, WITHIN_S = 10, 10.0  # wrong tokens, of all clients together
 
 
 def new_token() -> str:
@@ -17,15 +17,15 @@ def new_token() -> str:
 
 
 def token_digest(token: str) -> str:
-    """Return the SHA-256 of a token, in hexadecimal digits: whoever has it can check a token, and not make one."""
+    """Return the SHA-256 of a token, in hexadecimal digits: enough to check a token, not to make one."""
     return sha256(token.encode(errors="surrogatepass")).hexdigest()
 
 
 class ResetToken:
-    """Knows the right token by its digest, and counts the wrong ones.
+    """Checks a token against the digest of the right one, and counts wrong ones.
 
-    The right one is known at any time, however many wrong ones came: it is too long to be guessed, and a bound on
-    those who try must not keep the operator out.
+    The right token is always accepted, however many wrong ones came: it is too long to be guessed, and a limit on
+    guesses must not lock the operator out.
 
     >>> token = ResetToken(token_digest("right"))
     >>> token.knows("right"), token.knows("wrong")
@@ -37,11 +37,11 @@ class ResetToken:
         self._answered_s = deque[float](maxlen=ANSWERED)
 
     def knows(self, token: str) -> bool:
-        """Return whether a token is the right one, in a time that does not tell how much of it is."""
+        """Return whether a token is the right one, in a time that does not depend on how much of it is right."""
         return hmac.compare_digest(token_digest(token), self._digest)
 
     def answers_wrong(self, now_s: float) -> bool:
-        """Count a wrong token; return whether it is to be answered: so many are within so many seconds."""
+        """Count a wrong token; return whether to answer it: at most `ANSWERED` within `WITHIN_S` are."""
         if len(self._answered_s) == ANSWERED and now_s - self._answered_s[0] < WITHIN_S:
             return False
         self._answered_s.append(now_s)

@@ -1,4 +1,4 @@
-"""From the IMAGE messages of a scanner to B-scans: what a pixel counts and measures, and parts put together."""
+"""From the IMAGE messages of a scanner to B-scans: counts, the size of a pixel, and images sent in parts."""
 
 from dataclasses import dataclass, field
 from math import hypot, prod
@@ -23,7 +23,7 @@ MM = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class ScannerFrame:
-    """A B-scan as the scanner sent it; `lateral_m` and `depth_m` are the size of a pixel as stored.
+    """A B-scan as the scanner sent it; `lateral_m` and `depth_m` are the stated size of a pixel.
 
     `pixels` (row, column) are uint8 or uint16 and read-only.
     """
@@ -34,11 +34,11 @@ class ScannerFrame:
 
 
 class FrameAssembler:
-    """Makes frames of the images of one scanner; it holds at most one frame of at most `max_frame_bytes`.
+    """Assembles frames from the images of one scanner; it holds at most one frame of at most `max_frame_bytes`.
 
-    Parts of an image may come in any order behind the one that has its first pixel. That one has to be the first, so
-    that the end of an image whose beginning was lost is not taken for the beginning of the next. Start a new assembler
-    after every message that was lost (`BadChecksum`, `Malformed`): then no frame is put together of two images.
+    The part of an image with its first pixel has to come first, the others in any order. So the end of an image whose
+    beginning was lost is not taken for the beginning of the next. Start a new assembler after every lost message
+    (`BadChecksum`, `Malformed`): then no frame mixes two images.
 
     >>> parts = np.ones((1, 2, 4), dtype=np.int16), np.ones((1, 3, 4), dtype=np.int16)
     >>> assembler = FrameAssembler()
@@ -52,10 +52,10 @@ class FrameAssembler:
         self._begun: _Begun | None = None
 
     def add(self, image: Image) -> ScannerFrame | None:
-        """Take the next image of the scanner; a whole one is not copied.
+        """Take the next image of the scanner; a whole image is not copied.
 
         Returns:
-            The frame that it completes; None: it was a part, and more are to come.
+            The frame that it completes; None if parts are still missing.
 
         Raises:
             ProtocolError: the image is no B-scan, or does not belong to the parts before it. Those are forgotten; if it

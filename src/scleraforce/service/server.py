@@ -1,4 +1,4 @@
-"""The monitor's server: one thread, one selector; scanners, robots and others speak OpenIGTLink with it."""
+"""The monitor's server: one thread, one selector; scanners, robots and other clients speak OpenIGTLink with it."""
 
 import json
 import selectors
@@ -38,9 +38,9 @@ TICK_S = 0.01
 HEARTBEAT_S = 0.05
 RATES_S = 0.5
 OTHERS_S = 0.002  # for other clients, before the scanner has its turn again
-REST_S = 0.001  # after that: Linux pauses what runs in real time for 50 ms where it leaves nothing of a second
-SMALL_BODY_BYTES = 64 * 1024  # all that a client needs who is not the scanner
-LARGER_FRAMES = 4  # images that are so many times too large are still received, to be refused in words
+REST_S = 0.001  # after that: Linux pauses real-time processes for 50 ms in a second of which they leave nothing
+SMALL_BODY_BYTES = 64 * 1024  # all that a client other than the scanner needs
+LARGER_FRAMES = 4  # images up to this many times too large are received, so that the refusal can name their size
 WRONG_TOKENS = 3
 NOTES_PER_S, NOTES_AT_ONCE = 10.0, 100  # of all clients, in the log: a fiftieth of what decisions take
 FORCES_PER_S, FORCES_AT_ONCE = 2400.0, 240
@@ -48,12 +48,12 @@ FORCES_PER_S, FORCES_AT_ONCE = 2400.0, 240
 
 @dataclass(frozen=True)
 class ServerSettings:
-    """Whom to bear.
+    """Limits on clients, and the token of the reset.
 
     Attributes:
-        token: what the operator's reset has to say.
-        clients: at most, at once.
-        message_s: within which a message has to come whole.
+        token: that the operator's reset must carry.
+        clients: largest number of connected clients.
+        message_s: time within which a message has to be complete.
     """
 
     token: str
@@ -64,17 +64,17 @@ class ServerSettings:
 class Server:
     """Serves clients from `run` until `stop`.
 
-    The scanner is the client that sent the last image; another one becomes the scanner when that has left, or has been
-    silent for longer than the limits bear. What the scanner does wrong, or while there is none whoever sends images, is
-    a cause of a withdrawal. What others do wrong ends or leaves out their message, and is noted.
+    The scanner is the client that sent the last image. Another client becomes the scanner only when it has left or has
+    sent no image for `silence_s`. An error of the scanner is a cause of a withdrawal; while there is no scanner, so is
+    a faulty image of any client. Other clients' errors are noted; their message is ignored or their connection ends.
 
     Args:
-        session: decides.
-        listener: listens already.
-        settings: whom to bear.
-        ring: where other processes find the frames; of the size that the session reads.
+        session: makes the decisions.
+        listener: a socket that listens already.
+        settings: of the server.
+        ring: shares the frames with other processes; its size is that of the frames that the session reads.
         guard: the watchdog.
-        companions: other processes that are told.
+        companions: the other processes.
         note: called with a line for the operator.
     """
 
@@ -106,7 +106,7 @@ class Server:
         self._stopping = False
 
     def stop(self) -> None:
-        """Let `run` return; from a signal's handler, too."""
+        """Make `run` return; may be called from a signal handler."""
         self._stopping = True
 
     def run(self) -> None:
@@ -125,18 +125,18 @@ class Server:
                 if now_s >= rates_s:
                     rates_s = now_s + RATES_S
                     self._tell_rates(now_s)
-            except Exception as fault:  # whatever it was, it is a doubt
+            except Exception as fault:  # any exception is a cause of a withdrawal
                 now_s = self.session.clock()
                 self._decide("exception", Failure(now_s, f"{type(fault).__name__}: {fault}"))
             self._beat(now_s)
 
     def close(self) -> None:
-        """Tell the clients that nobody watches any more, and leave them."""
+        """Tell the clients that the monitor ends, and disconnect them."""
         self._decide("end", Failure(self.session.clock(), "the monitor ends"))
         self._clients.close()
 
     def _turn(self, within_s: float) -> None:
-        """Hear those who have something to say: the scanner first, then for a short while who has waited longest."""
+        """Read from clients with data: the scanner first, then, for a short while, those that have waited longest."""
         ready = [key.data for key, _ in self._clients.selector.select(0.0 if self._overtaken else within_s)]
         clients = sorted(
             (who for who in ready if isinstance(who, Connection)),
@@ -158,7 +158,7 @@ class Server:
                 self._clients.send(client, self._status(), self.session.clock())
 
     def _rest(self) -> None:
-        """Do nothing for a moment, unless the scanner has something to say."""
+        """Pause for a moment, or until the scanner sends."""
         scanner = self._scanner if self._scanner is not None and self._scanner in self._clients else None
         select([] if scanner is None else [scanner], [], [], REST_S)
 
@@ -173,7 +173,7 @@ class Server:
         for event in events:
             if (frame := self._hear_event(client, event, at_s, may_scan)) is not None:
                 frames.append(frame)
-            if client.wrong_tokens >= WRONG_TOKENS:  # it was let go: what it said after that does not count
+            if client.wrong_tokens >= WRONG_TOKENS:  # it was disconnected; later messages do not count
                 break
         overtaken = [frame for frame in frames[:-1] if not frame.misfit]
         if overtaken:
@@ -184,16 +184,16 @@ class Server:
         self._overtaken.extend(overtaken)
         if not alive:
             broken = next((event.reason for event in events if isinstance(event, Broken)), None)
-            self._clients.leave(client, f"was let go: {broken}" if broken else "left")
+            self._clients.leave(client, f"was disconnected: {broken}" if broken else "left")
 
     def _may_scan(self, client: Connection, now_s: float) -> bool:
-        """Return whether a client's images are taken."""
+        """Return whether a client's images are accepted."""
         scanner = self._scanner
         vacant = scanner is None or scanner not in self._clients
         return vacant or client is scanner or now_s - self._scanned_s > self.session.limits.silence_s
 
     def _hear_event(self, client: Connection, event: Event, at_s: float, may_scan: bool) -> Frame | None:
-        """Take what a client said; return the frame, if it is one."""
+        """Handle a client's message; return the frame that it completes, if any."""
         if not isinstance(event, Broken):
             self._clients.speaks(client, event.header.version)
         match event:
@@ -210,7 +210,7 @@ class Server:
         return None
 
     def _keep_force(self, client: Connection, device: str, values: tuple[float, ...], at_s: float) -> None:
-        """Let the black box have a force; what comes faster than a robot measures would be in the decisions' way."""
+        """Pass a force to the black box; forces beyond a robot's rate are dropped, so that they delay no decision."""
         if not (client.forces.take(at_s) and self._forces.take(at_s)):
             self._left_out += 1
             return
@@ -218,7 +218,7 @@ class Server:
         self._companions.tell(BLACK_BOX, force, at_s)
 
     def _put_together(self, client: Connection, event: Received, image: Image, at_s: float) -> Frame | None:
-        """Return the frame that an image is or completes; whoever sends one is the scanner now."""
+        """Return the frame that an image completes; its sender is the scanner from now on."""
         self._scanner, self._scanned_s = client, at_s
         try:
             whole = client.frames.add(image)
@@ -233,12 +233,12 @@ class Server:
     def _take_wrong(
         self, client: Connection, event: BadChecksum | Malformed | Broken, at_s: float, may_scan: bool
     ) -> None:
-        """Take a message that is wrong: from a scanner it is a cause."""
+        """Handle a faulty message: from the scanner it is a cause of a withdrawal."""
         of_image = not isinstance(event, Broken) and event.header.type == "IMAGE"
         if client is not self._scanner and not (may_scan and of_image):
             self._note_client(f"client {client.address}: {_said(event)}", client)
             return
-        client.frames = type(client.frames)()  # no frame is put together of what came before and after
+        client.frames = type(client.frames)()  # no frame may mix parts from before and after the error
         if isinstance(event, BadChecksum):
             self._decide("checksum", ChecksumError(at_s, _said(event)))
         else:
@@ -247,7 +247,7 @@ class Server:
     # What the monitor says.
 
     def _take_frame(self, frame: Frame) -> None:
-        """Decide on a frame and say so: the status first, on which the robot waits."""
+        """Decide on a frame and send the decision: first the STATUS, for which the robot waits."""
         session = self.session
         session.take_frame(frame)
         self._clients.broadcast(self._status(), frame.at_s)
@@ -266,14 +266,14 @@ class Server:
         return Telling(STATUS_DEVICE, (status_message(self.session.decision),), self.session.wall_clock)
 
     def _decide(self, name: str, event: MonitorEvent) -> None:
-        """Decide on what is no frame; tell it where that changes something."""
+        """Decide on an event other than a frame; tell the clients if the decision changes."""
         if self.session.take(event):
             self._clients.broadcast(self._status(), event.at_s)
             self._companions.entry(self.session.entry(name, event.at_s))
             self._note_state()
 
     def _note_state(self) -> None:
-        """Tell the operator where the state has changed."""
+        """Tell the operator when the state has changed."""
         decision = self.session.decision
         if decision.state is not self._noted:
             self._noted = decision.state
@@ -281,7 +281,7 @@ class Server:
             self._note(f"{at:%H:%M:%S.%f}"[:-3] + f"  {decision.message}")
 
     def _note_client(self, text: str, client: Connection | None = None) -> None:
-        """Let the log have a note, unless there are too many; `client`: of what it does wrong."""
+        """Log a note, unless there are too many; `client`: the one whose error it notes."""
         now_s = self.session.clock()
         if (client is None or client.notes.take(now_s)) and self._notes.take(now_s):
             self._log_note(text, now_s)
@@ -307,7 +307,7 @@ class Server:
 
     def _tell_rates(self, now_s: float) -> None:
         if self._left_out:
-            self._log_note(f"{self._left_out} notes and forces of clients were left out: there were too many", now_s)
+            self._log_note(f"{self._left_out} notes and forces of clients were dropped: there were too many", now_s)
             self._left_out = 0
         frames, since_s = self._counted or (0, now_s - RATES_S)
         self._counted = self.session.frames, now_s
@@ -318,7 +318,7 @@ class Server:
         rate = (self.session.frames - frames) / (now_s - since_s)
         rates = {"kind": "rates", "frames_per_second": rate, "lost": self.session.lost, "clients": clients}
         self._companions.tell(CONSOLE, rates, now_s)
-        if not rate:  # a console that has missed something must not show an old state for long
+        if not rate:  # a console that has lost a message must not show an old state for long
             entry = self.session.entry_again(now_s).as_json()
             self._companions.tell(CONSOLE, {"kind": "entry", "entry": entry}, now_s)
 
@@ -345,10 +345,10 @@ class Server:
     # The operator's reset.
 
     def _reset(self, token: str, now_s: float) -> tuple[bool, str]:
-        """Return whether a reset is granted, and what to say."""
+        """Return whether a reset is granted, and the message to answer with."""
         if not self._token.knows(token):
             self._note_client("a reset with a wrong token")
-            return False, "the token is wrong; it stands where the monitor was started"
+            return False, "the token is wrong; the monitor printed the right one at its start"
         self._decide("reset", Reset(now_s))
         return self.session.decision.code == 1, self.session.decision.message
 
@@ -362,7 +362,7 @@ class Server:
             answer = Text(json.dumps({"granted": granted, "message": text}))
             self._clients.send(client, Telling(RESET_DEVICE, (answer,), self.session.wall_clock), now_s)
         if client.wrong_tokens >= WRONG_TOKENS:
-            self._clients.leave(client, "was let go: wrong tokens")
+            self._clients.leave(client, "was disconnected: wrong tokens")
 
 
 def _said(event: BadChecksum | Malformed | Broken) -> str:
@@ -372,7 +372,7 @@ def _said(event: BadChecksum | Malformed | Broken) -> str:
 
 
 def _opinion(message: Mapping[str, Any], now_s: float) -> SecondOpinion:
-    """Return what the second opinion's process says of a frame."""
+    """Return the second opinion in a message of its process."""
     shares, interval_n = message["probabilities"], message["interval_n"]
     return SecondOpinion(
         now_s,

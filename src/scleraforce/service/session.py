@@ -1,4 +1,4 @@
-"""One session of the monitor, without its connections: frames and events in, decisions out."""
+"""One session of the monitor without its connections: it takes frames and events and gives decisions."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ __all__ = ["Frame", "Read", "Reading", "Session", "Withdrawal"]
 
 
 class Reading(Protocol):
-    """What was found in a frame: the answer, and the wall's boundaries in rows, (column,), NaN where there is none."""
+    """What was found in a frame: the answer, and the wall's boundaries in rows, (column,), NaN where not found."""
 
     @property
     def answer(self) -> Answer: ...  # noqa: D102 - described by the class
@@ -37,12 +37,12 @@ Read = Callable[[NDArray[np.uint8] | NDArray[np.uint16], PixelScale], Reading]
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A frame as it came: `number` in this session, `sender_id` as its sender counts, `at_s` when its last byte came.
+    """A frame as it came: `number` in this session, `sender_id` of its sender, `at_s` when its last byte arrived.
 
-    `misfit` says that it is wrong before it is read, by its size, scale or order: such a frame is never left out.
-    `order` rises from frame to frame as `sender_id` does, and goes on rising where another sender counts anew.
-    `shown_back` says how many frames ago its picture was shown last, 0 that it is new; `sent_s` is the time in its
-    header, None without one.
+    `misfit`: its size, scale or order is wrong, which is known before it is read; such a frame is never skipped.
+    `order` rises with `sender_id`, and keeps rising where another sender starts to count anew.
+    `shown_back`: how many frames ago its picture was last shown, 0 if it is new. `sent_s`: the time in its header,
+    None if it has none.
     """
 
     number: int
@@ -57,7 +57,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Withdrawal:
-    """One withdrawal: at which frame of the session, when (s since 1970), and its first cause."""
+    """One withdrawal: frame of the session, time (s since 1970), and first cause."""
 
     frame: int
     time_s: float
@@ -66,11 +66,11 @@ class Withdrawal:
 
 
 class Session:
-    """What the monitor knows and decides; it never raises.
+    """The state of the monitor and its decisions; its methods never raise.
 
     Args:
-        read: reads a frame. What it raises is a cause of a withdrawal.
-        limits: of the decision; its size and scale are those of the frames that are read.
+        read: reads a frame. An exception in it is a cause of a withdrawal.
+        limits: of the decision; only frames of its size and scale are read.
         clock: s, monotonic.
         wall_clock: s since 1970.
     """
@@ -93,7 +93,7 @@ class Session:
 
     @property
     def frames(self) -> int:
-        """Frames that were taken since the start."""
+        """Frames received since the start."""
         return self._frames
 
     @property
@@ -103,11 +103,11 @@ class Session:
 
     @property
     def reading(self) -> Reading | None:
-        """What was found in the last frame; None where that was not read."""
+        """What was found in the last frame; None if it was not read."""
         return self._reading
 
     def take(self, event: Event) -> bool:
-        """Decide on an event; return whether what the robot is told has changed."""
+        """Decide on an event; return whether the decision has changed."""
         before = self.decision
         self._state, self.decision = decide(self._state, event, self.limits)
         cause = self.decision.cause
@@ -118,7 +118,7 @@ class Session:
     def frame(
         self, image: ScannerFrame, sender_id: int, sender: int, at_s: float, sent_s: float | None = None
     ) -> Frame:
-        """Number a frame that came whole at `at_s` from the `sender`-th connection; it states `sent_s`."""
+        """Number a frame that was complete at `at_s`, from connection number `sender`; its header states `sent_s`."""
         self._frames += 1
         if sender != self._sender:
             self._sender, self._offset = sender, self._order + 1 - sender_id if self._sender else 0
@@ -137,13 +137,13 @@ class Session:
         self._reading = None
         try:
             self._reading, read = self._read_frame(frame)
-        except Exception as fault:  # whatever it was, the frame has not been read
+        except Exception as fault:  # whatever it was, the frame was not read
             self.take(_failure(frame, fault, frame.at_s))
         else:
             self.take(read)
 
     def overtaken(self, frame: Frame) -> Event:
-        """Read a frame after newer ones that have overtaken it; return what that is, to be decided on."""
+        """Read a frame that newer ones overtook; return the event to decide on."""
         try:
             _, read = self._read_frame(frame)
         except Exception as fault:
@@ -151,7 +151,7 @@ class Session:
         return OvertakenRead(self.clock(), read)
 
     def _read_frame(self, frame: Frame) -> tuple[Reading | None, FrameRead]:
-        """Read a frame, if it is of the study's size and scale: the decision says so where it is not."""
+        """Read a frame if it has the study's size; the decision handles frames of another size or scale."""
         image = frame.image
         size = image.pixels.shape[0], image.pixels.shape[1]
         if size != self.limits.size:
@@ -167,17 +167,17 @@ class Session:
         )  # fmt: skip
 
     def summary(self) -> dict[str, Any]:
-        """Return what happened so far, for JSON."""
+        """Return a summary so far, for JSON."""
         withdrawals = [vars(withdrawal) for withdrawal in self.withdrawals]
         return {"frames": self.frames, "lost": self.lost, "withdrawals": withdrawals}
 
     def entry(self, event: str, at_s: float, frame: Frame | None = None, latency_s: float | None = None) -> Entry:
-        """Return what was decided last, to be told and kept; with what was read where it was on a frame."""
+        """Return the last decision as a new entry, with the reading where it was made on a frame."""
         self._entries += 1
         return self._entry(event, at_s, frame, latency_s)
 
     def entry_again(self, at_s: float) -> Entry:
-        """Return what was decided last for somebody who may have missed it: with no number of its own, and no frame."""
+        """Return the last decision once more, with its number and no frame, for a receiver that may have missed it."""
         return self._entry("again", at_s)
 
     def _entry(self, event: str, at_s: float, frame: Frame | None = None, latency_s: float | None = None) -> Entry:

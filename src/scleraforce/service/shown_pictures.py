@@ -1,4 +1,4 @@
-"""Which of the last pictures a frame shows again: a live scanner's speckle and noise never come back."""
+"""Detects a picture that was shown before: the speckle and noise of a live scanner never repeat."""
 
 from typing import Any
 
@@ -8,21 +8,22 @@ from numpy.typing import NDArray
 
 __all__ = ["ShownPictures"]
 
-PLACES = 256  # pairs of neighbours that are looked at, spread over the frame
-LEAST_TOLD = 32  # pairs with texture; with fewer, only pictures that are the same to the last bit are the same
+PLACES = 256  # pairs of neighbouring pixels that are compared, spread over the frame
+LEAST_TOLD = 32  # pairs with texture; with fewer, only pictures equal to the last bit count as the same
 SAME_SHARE = 0.75  # of the pairs with texture
-NO_TEXTURE = 0xA5C35A3C  # kept in place of a pair whose pixels are alike: no such pair is equal to it
+NO_TEXTURE = 0xA5C35A3C  # stored in place of a pair of equal pixels, and unequal to every such pair
 
 
 class ShownPictures:
     """Remembers the last pictures of one size by a sparse sample of their pixels.
 
-    A pair of neighbours that differ is texture: black bands, blank and saturated regions, which rightly stay as they
-    are, have none. Two pictures are the same where three quarters of the texture is the same to the last bit; by chance
-    live speckle has a few per cent. A clock burned in, a line that flickers or a strip that moves does not hide that.
+    A pair of neighbouring pixels that differ is texture. Black bands, blank and saturated regions, which may rightly
+    stay constant, have none. Two pictures are the same if three quarters of the texture agree to the last bit; live
+    speckle agrees in a few per cent, by chance. A burned-in clock, a flickering line or a moving strip does not hide
+    a repeated picture.
 
     Args:
-        most: pictures that are remembered.
+        most: how many pictures are remembered.
     """
 
     def __init__(self, most: int) -> None:
@@ -30,7 +31,7 @@ class ShownPictures:
         self._size: tuple[int, np.dtype[Any]] | None = None
 
     def back(self, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> int:
-        """Take a picture (row, column); return how many pictures ago it was shown last, 0 where it is new.
+        """Take a picture (row, column); return how many pictures ago it was last shown, 0 if it is new.
 
         >>> shown, rng = ShownPictures(50), np.random.default_rng(0)
         >>> first, second = rng.integers(0, 4096, (2, 64, 64), dtype=np.uint16)
@@ -59,7 +60,7 @@ class ShownPictures:
         return back
 
     def _begin(self, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
-        """Forget all, and choose the places in pictures of this size: one at random in each of as many equal parts."""
+        """Forget all pictures and choose the pairs for this size: one at random in each of `PLACES` equal parts."""
         count = max(1, min(PLACES, pixels.size // 2))
         part = max(1, (pixels.size - 1) // count)
         left_p = np.arange(count) * part + np.random.default_rng(0).integers(0, part, count)

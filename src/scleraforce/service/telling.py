@@ -1,4 +1,4 @@
-"""What the monitor tells its clients: STATUS `ForceMonitor`, STRING and SENSOR `ForceReading`."""
+"""The messages of the monitor to its clients: STATUS `ForceMonitor`, STRING and SENSOR `ForceReading`."""
 
 from collections.abc import Callable
 from math import nan
@@ -14,7 +14,7 @@ MESSAGE_CHARACTERS = 1000  # of a STATUS: a reason may quote what a peer sent
 
 
 def status_message(decision: Decision) -> Status:
-    """Return the STATUS of a decision; the name of the error is that of the cause, or of the state without one."""
+    """Return the STATUS of a decision; the error name is that of the cause, or of the state where there is no cause."""
     name = decision.cause.name if decision.cause else "" if decision.code == 1 else decision.state.name
     return Status(decision.code, decision.sub_code, name[:20], decision.message[:MESSAGE_CHARACTERS])
 
@@ -22,8 +22,8 @@ def status_message(decision: Decision) -> Status:
 def reading_messages(entry: Entry) -> tuple[Text, Sensor]:
     """Return the STRING and the SENSOR of a decision on a frame.
 
-    The SENSOR has: frame, class, probabilities of the classes 0, 1 and 2, force, lower and upper end of its interval
-    (N), usable (1 or 0), code of the STATUS. NaN stands for what there is not.
+    The SENSOR holds: frame, class, probabilities of the classes 0, 1 and 2, force, lower and upper end of its interval
+    (N), usable (1 or 0), code of the STATUS. Missing values are NaN.
     """
     shares = (entry.probabilities or (nan, nan, nan))[:3]
     low_mn, high_mn = entry.interval_mn or (nan, nan)
@@ -40,7 +40,7 @@ def reading_messages(entry: Entry) -> tuple[Text, Sensor]:
 
 
 class Telling:
-    """Messages to be sent to several clients: encoded once for each header version that is asked for."""
+    """Messages for several clients, encoded once for each header version that is needed."""
 
     def __init__(self, device: str, messages: tuple[Message, ...], wall_clock: Callable[[], float]) -> None:
         self._device, self._messages, self._time_s = device, messages, wall_clock()

@@ -113,7 +113,7 @@ def check_fields(record: Any) -> None:
     """Check every field of a record against its bounds and words.
 
     Raises:
-        StudyError: naming the TOML key, what was found and what would do.
+        StudyError: naming the TOML key, what was found and what is allowed.
     """
     for item in fields(record):
         unit, value = field_unit(item), getattr(record, item.name)

@@ -164,7 +164,7 @@ def _sampled(value: Any, place: str) -> Choice | Range:
 
 def _check_length(entries: list[Any], place: str) -> None:
     if len(entries) > MAX_ENTRIES:
-        raise StudyError(f"{place}: {len(entries)} entries; at most {MAX_ENTRIES} would do")
+        raise StudyError(f"{place}: {len(entries)} entries; at most {MAX_ENTRIES} are allowed")
 
 
 def _scalar(kind: type, value: Any, place: str) -> Any:

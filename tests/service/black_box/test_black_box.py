@@ -128,7 +128,7 @@ def test_decisions_that_never_came_are_said(tmp_path):
     monitor.decisions += 3
     monitor.decide()
     monitor.end()
-    assert monitor.notes() == ["decisions 2 to 4 never came"]
+    assert monitor.notes() == ["decisions 2 to 4 never arrived"]
 
 
 def test_a_withdrawal_keeps_the_last_ten_seconds_without_loss(tmp_path):
@@ -188,7 +188,7 @@ def test_a_monitor_that_dies_is_noted_and_its_last_seconds_are_kept(tmp_path):
     for _ in range(30):
         monitor.decide(turns=0)
     monitor.end(planned=False)
-    assert monitor.notes()[0] == "the monitor ended without saying so"
+    assert monitor.notes()[0] == "the monitor ended without notice"
     (folder,) = monitor.withdrawals()
     assert folder.name.endswith("Z-monitor_died")
     assert len(read_recording(folder).frames) == 30

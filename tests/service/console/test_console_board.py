@@ -190,5 +190,5 @@ def test_a_body_whose_length_is_not_told_or_too_large_is_refused(length: str | N
         headers.append((b"content-length", length.encode("latin-1")))
     assert refusal("http", "POST", headers, "localhost") == (
         413,
-        "a body of at most 4096 bytes is taken, its length told before",
+        "a request needs a Content-Length of at most 4096 bytes",
     )

@@ -17,7 +17,7 @@ FIRST_TO_MEAN = 0.2  # size of the first element beyond the needle over the mean
 
 @dataclass(frozen=True)
 class MeridianSize:
-    """How fine a meridian is cut: `elements` from the axis to the support, `layers` through the wall."""
+    """The size of a meridian's mesh: `elements` from the axis to the support, `layers` through the wall."""
 
     elements: int = 48
     layers: int = 1
@@ -58,9 +58,9 @@ def meridian_mesh(
         InputError: the needle is wider than the eye, or the wall thicker than its radius.
     """
     if not 0.0 < thickness_m < radius_m:
-        raise InputError(f"thickness: {1e3 * thickness_m:g} mm; between 0 and the radius would do")
+        raise InputError(f"thickness: {1e3 * thickness_m:g} mm; must be above 0 and below the radius")
     if not 0.0 < needle_radius_m < radius_m * np.sin(min(support_rad, 0.5 * np.pi)):
-        raise InputError(f"needle radius: {1e3 * needle_radius_m:g} mm; less than the radius of the eye would do")
+        raise InputError(f"needle radius: {1e3 * needle_radius_m:g} mm; must be above 0 and below the radius")
     angles = _with_middles(_edges(float(np.arcsin(needle_radius_m / radius_m)), support_rad, size.elements))
     radii = np.linspace(radius_m, radius_m - thickness_m, 2 * size.layers + 1)
     directions = np.stack([np.sin(angles), np.cos(angles)], axis=-1)

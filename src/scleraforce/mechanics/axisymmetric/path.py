@@ -1,4 +1,4 @@
-"""Finite strain of a wall of revolution about the needle axis: load paths at a hundredth of what a 3-D wall costs.
+"""Finite strain of a wall of revolution about the needle axis: load paths at a hundredth of the cost of a 3-D wall.
 
 The eye is the sphere seen from the needle: the contact is its pole, and the support, a plane through the centre of the
 3-D eye, becomes a circle at an angle from the needle axis. Everything is at E = 1 Pa: forces are F/E in m^2, the eye
@@ -67,7 +67,7 @@ def axisymmetric_path(
         poisson_ratio: nu.
         needle_radius_m: outer radius of the needle, whose force is uniform over its disc seen along the axis.
         iop_ratio: eye pressure over Young's modulus.
-        tips_m: where states are wanted, ascending, (state,) in m; by default every step taken.
+        tips_m: tips at which states are wanted, ascending, (state,) in m; by default every step of the path.
         max_tip_m: how far to go, by default the last of `tips_m`.
         max_force_ratio_m2: F/E at which the path may end.
         support_rad: angle from the needle axis at which the wall is clamped.
@@ -137,7 +137,7 @@ class AxisymmetricWall:
         self.tip = tip[self.free]
 
     def residual(self, u: Floats, pressure: float) -> Floats:
-        """Return internal forces less those of the pressure, (unknown,)."""
+        """Return internal forces minus those of the pressure, (unknown,)."""
         everywhere = self._all(u)
         gradient = self._inside.volume(everywhere)[1] if self._follower else self._dead_pressure
         balance: Floats = self._solid.forces(everywhere) - pressure * gradient
@@ -184,7 +184,7 @@ class AxisymmetricWall:
 
 
 def _held(mesh: MeridianMesh, symmetric: bool) -> NDArray[np.bool_]:
-    """Which of all unknowns are held: motion off the axis there, and the support."""
+    """Return which of all unknowns are held: radial motion on the axis, and the support."""
     across = len(mesh.points_nc) // len(mesh.outer_n)
     held_nc = np.zeros(mesh.points_nc.shape, dtype=bool)
     held_nc[:across, 0] = True
@@ -211,10 +211,10 @@ class _Band:
         """Factor with row exchanges: past a limit of the force the tangent is not definite."""
         entries = np.bincount(self._flat, tangents[self._kept], minlength=self._shape[0] * self._shape[1])
         if not np.all(np.isfinite(entries)):
-            raise SolverError("wall: turned inside out; a shorter step would do")
+            raise SolverError("wall: turned inside out; use a shorter step")
         factors, pivots, info = dgbtrf(entries.reshape(self._shape).T, self.width, self.width, overwrite_ab=1)
         if info != 0:
-            raise SolverError("wall: its tangent is singular; supports against rigid motion would do")
+            raise SolverError("wall: its tangent is singular; add supports against rigid motion")
 
         def solve(rhs: Floats) -> Floats:
             answer: Floats = dgbtrs(factors, self.width, self.width, rhs, pivots)[0]
@@ -223,7 +223,7 @@ class _Band:
         return solve
 
     def dense(self, tangents: Floats) -> Floats:
-        """Return the matrix with all its zeros."""
+        """Return the matrix in full storage."""
         matrix: Floats = np.zeros((self._shape[0], self._shape[0]))
         np.add.at(matrix, (self._rows, self._columns), tangents[self._kept])
         return matrix

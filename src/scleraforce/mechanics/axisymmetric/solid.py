@@ -45,7 +45,7 @@ class SolidOfRevolution:
     """The wall's material on its meridian; unknown 2 n + c is node n, component c (from the axis, along it)."""
 
     def __init__(self, mesh: MeridianMesh, poisson_ratio: float) -> None:
-        """Prepare what does not depend on the displacement."""
+        """Prepare everything that does not depend on the displacement."""
         lame_lambda, lame_mu = lame_constants(1.0, poisson_ratio)
         self.unknowns_eN: Integers = (2 * mesh.cells_en[:, :, None] + np.arange(2)).reshape(len(mesh.cells_en), -1)
         self._size = mesh.points_nc.size

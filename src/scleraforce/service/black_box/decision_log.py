@@ -1,4 +1,4 @@
-r"""The log of decisions: JSON lines that each carry a checksum, so that a crash at any byte costs one record at most.
+r"""The log of decisions: JSON lines with a checksum each, so that a crash at any byte costs one record at most.
 
 A line is `{"kind": ..., ..., "crc32": "89abcdef"}`: the checksum (zlib.crc32) is that of the bytes before `, "crc32"`.
 """
@@ -25,13 +25,13 @@ CHECK = re.compile(rb', "crc32": "([0-9a-f]{8})"\}')
 
 @dataclass(frozen=True)
 class LogPart:
-    """A part of a log: a whole record, or bytes that are none (`record` is None): torn or damaged.
+    """A part of a log: a whole record, or torn or damaged bytes.
 
     Attributes:
-        file: where it stands.
+        file: that holds it.
         offset: of its first byte.
         data: its bytes.
-        record: what it says, without the checksum.
+        record: its contents, without the checksum; None for torn or damaged bytes.
     """
 
     file: Path
@@ -51,9 +51,9 @@ def format_line(record: Mapping[str, Any]) -> bytes:
 
 
 def read_log(path: str | PathLike[str]) -> Iterator[LogPart]:
-    """Yield the parts of a log in its order: of one file, or of all files of a folder.
+    """Yield the parts of a log in order: of one file, or of all files of a folder.
 
-    A byte that was changed costs the record that it stands in, and no other one: not even where it was a line's end.
+    A changed byte costs its own record and no other, even if it was the end of a line.
     """
     path = Path(path)
     for file in _files(path) if path.is_dir() else [path]:
@@ -65,15 +65,15 @@ def read_log(path: str | PathLike[str]) -> Iterator[LogPart]:
 
 
 class DecisionLog:
-    """Appends records to the numbered files of a folder; what stands there stays, but for old files over a bound.
+    """Appends records to the numbered files of a folder; it removes nothing but old files beyond a total size.
 
     Args:
-        folder: made where it is missing; one process at a time.
-        file_bytes: a file that would grow over it is followed by the next one.
-        total_bytes: of all files; the oldest ones go, never the newest.
+        folder: created if it is missing; for one process at a time.
+        file_bytes: largest size of a file; the next record then begins a new file.
+        total_bytes: largest size of all files; the oldest ones are removed, never the newest.
 
     Raises:
-        OSError: the folder cannot be used, or another process does; so do the methods.
+        OSError: the folder cannot be used, or another process uses it. The methods raise it as well.
     """
 
     def __init__(self, folder: Path, file_bytes: int = FILE_BYTES, total_bytes: int = TOTAL_BYTES) -> None:
@@ -91,7 +91,7 @@ class DecisionLog:
         self._open(files[-1] if files else _file(folder, 1))
 
     def append(self, record: Mapping[str, Any]) -> bytes:
-        """Append a record by one write; return its line."""
+        """Append a record with one write; return its line."""
         line = format_line(record)
         if self._size and self._size + len(line) > self._file_bytes:
             with self._turn:
@@ -105,10 +105,10 @@ class DecisionLog:
         return line
 
     def sync(self) -> None:
-        """Wait until the disk has what was appended.
+        """Wait until the disk has all records.
 
         Raises:
-            OSError: the disk fails, or the file is gone although it can be written to.
+            OSError: the disk fails, or the file has been removed or replaced.
         """
         with self._turn:
             os.fdatasync(self._descriptor)
@@ -125,10 +125,10 @@ class DecisionLog:
     def _open(self, path: Path) -> None:
         self._path = path
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
-        os.fchmod(self._descriptor, 0o600)  # one of an earlier version, too
+        os.fchmod(self._descriptor, 0o600)  # also of a file of an earlier version
         self._size = os.fstat(self._descriptor).st_size
         torn = self._size and os.pread(self._descriptor, 1, self._size - 1) != b"\n"
-        self._separator = b"\n" if torn else b""  # what was torn stays, on a line of its own
+        self._separator = b"\n" if torn else b""  # a torn record stays, on a line of its own
         os.fsync(self._lock)
 
     def _next_file(self) -> None:
@@ -139,14 +139,14 @@ class DecisionLog:
         files = _files(self._folder)
         total = sum(file.stat().st_size for file in files)
         for file in files:
-            if total <= self._total_bytes:  # the newest one is empty yet: it stays
+            if total <= self._total_bytes:  # the newest one is still empty, so it stays
                 break
             total -= file.stat().st_size
             file.unlink()
 
 
 def _parts(file: Path, offset: int, line: bytes) -> Iterator[LogPart]:
-    """Yield the parts of a line, which is more than one where the end of a line was changed."""
+    """Yield the parts of a line; there are several if the end of a line was changed."""
     at = 0
     for check in CHECK.finditer(line):
         begin = next((b for b in (at, at + 1) if zlib.crc32(line[b : check.start()]) == int(check[1], 16)), None)

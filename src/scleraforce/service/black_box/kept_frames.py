@@ -1,4 +1,4 @@
-"""Frames on their way from the ring to a recording folder: one at a time, oldest first."""
+"""Copies frames from the ring to a recording folder: one at a time, oldest first."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ CLOCK_STEP_S = 1e-6  # of frames.csv
 
 @dataclass(frozen=True)
 class TakenFrame:
-    """A frame in the ring: its number, and when it was decided on, of the recording's clock."""
+    """A frame in the ring: its number, and the time of its decision on the recording's clock."""
 
     number: int
     time_s: float
@@ -23,8 +23,8 @@ class FrameTaker:
     """Takes frames out of the ring, oldest first, and writes them into a recording folder.
 
     Attributes:
-        written: how many are whole.
-        lost: how many were gone before their turn, or could not be written.
+        written: how many frames are complete.
+        lost: how many were overwritten before their turn, or could not be written.
     """
 
     def __init__(self, ring: FrameRing, writer: RecordingWriter) -> None:
@@ -34,19 +34,19 @@ class FrameTaker:
         self._last_s = -float("inf")
 
     def add(self, frame: TakenFrame) -> None:
-        """Let a frame wait for its turn."""
-        if len(self._waiting) == self._ring.frames:  # then the oldest one is gone already
+        """Queue a frame."""
+        if len(self._waiting) == self._ring.frames:  # then the oldest one has been overwritten
             self._waiting.popleft()
             self.lost += 1
         self._waiting.append(frame)
 
     @property
     def next(self) -> int | None:
-        """Number of the frame whose turn it is."""
+        """Number of the next frame to write."""
         return self._waiting[0].number if self._waiting else None
 
     def take(self) -> None:
-        """Write the frame whose turn it is, or count it as lost.
+        """Write the next frame, or count it as lost.
 
         Raises:
             OSError: it cannot be written.
@@ -56,7 +56,7 @@ class FrameTaker:
         if pixels is None:
             self.lost += 1
             return
-        self._last_s = max(frame.time_s, self._last_s + CLOCK_STEP_S)  # a table has no two frames at one time
+        self._last_s = max(frame.time_s, self._last_s + CLOCK_STEP_S)  # no two frames of a table share a time
         try:
             self._writer.add(f"{frame.number:07d}.png", self._last_s, pixels)
         except OSError:
@@ -65,7 +65,7 @@ class FrameTaker:
         self.written += 1
 
     def close(self) -> None:
-        """Close the folder's tables; what waits is counted as lost."""
+        """Close the folder's tables; frames that still wait count as lost."""
         self.lost += len(self._waiting)
         self._waiting.clear()
         self._writer.close()

@@ -1,4 +1,4 @@
-"""The recording of one withdrawal: its last seconds, as a folder that appears when it is whole."""
+"""The recording of one withdrawal: its last seconds, in a folder that appears when it is complete."""
 
 import os
 import shutil
@@ -16,18 +16,18 @@ __all__ = ["KeptWithdrawal"]
 
 
 class KeptWithdrawal:
-    """The recording of one withdrawal: written as `.NAME.partial`, and renamed when it is whole.
+    """The recording of one withdrawal: written as `.NAME.partial`, and renamed when it is complete.
 
     Args:
-        folder: where it will appear.
-        info: what recording.toml says.
-        comment: a line at its top.
-        ring: where the frames are.
-        frames: which of them, oldest first.
-        decisions: lines of the log that stand beside them.
+        folder: its final name.
+        info: contents of recording.toml.
+        comment: first line of recording.toml.
+        ring: holds the frames.
+        frames: those to keep, oldest first.
+        decisions: lines of the log for the same seconds.
 
     Raises:
-        OSError: it cannot be written; so do the methods.
+        OSError: the folder cannot be written. The methods raise it as well.
     """
 
     def __init__(
@@ -48,12 +48,12 @@ class KeptWithdrawal:
             self.taker.add(frame)
 
     def finish(self, columns: Sequence[str], forces: Sequence[ForceSample], start_s: float) -> str | None:
-        """Write the force log, wait for the disk, rename the folder; where the log gives no labels, say why.
+        """Write the force log, wait for the disk, rename the folder; return why the log gives no labels, else None.
 
         Args:
-            columns: of the force log; none: there is no log.
+            columns: of the force log; empty for no log.
             forces: its samples.
-            start_s: the recording's time 0 on their clock.
+            start_s: time 0 of the recording, on the clock of the samples.
         """
         self.taker.close()
         reason = self._write_forces(columns, forces, start_s) if columns else None
@@ -64,12 +64,12 @@ class KeptWithdrawal:
         return reason
 
     def remove(self) -> None:
-        """Remove what was written."""
+        """Remove the unfinished folder."""
         shutil.rmtree(self._partial, ignore_errors=True)
 
     def _write_forces(self, columns: Sequence[str], forces: Sequence[ForceSample], start_s: float) -> str | None:
-        """Write the log; where it cannot say the force of every frame, set it aside, so that the rest can be read."""
-        from scleraforce.recording.files import read_recording  # here: the monitor, which starts this, has no SciPy
+        """Write the log; if it cannot label every frame, set it aside, so that the frames can be read."""
+        from scleraforce.recording.files import read_recording  # here: the monitor imports this module without SciPy
         from scleraforce.recording.labels import label_frames
         from scleraforce.study.records import ClassesStudy
 

@@ -1,7 +1,7 @@
-"""The black box: a process that logs every decision, and keeps frames at a withdrawal or of the whole session (Linux).
+"""The black box: a process that logs every decision and keeps the frames of withdrawals or of the session (Linux).
 
-One thread writes: whichever frame is the oldest that is wanted, one at a time, and hears the monitor in between. Only
-waiting for the disk is left to others. docs/black_box.md says what is written, and what happens when it cannot be.
+One thread writes one frame at a time, always the oldest one that is wanted, and listens to the monitor in between.
+Other threads only wait for the disk. docs/black_box.md describes what is written, and what happens when it cannot be.
 """
 
 import os
@@ -38,7 +38,7 @@ ALIVE_S = 0.5
 POLL_S = 0.02
 CHECK_S = 1.0
 LEAST_FREE_BYTES = 10**9
-FORCE = ForceInfo("fz", 1, 0.2)  # a needle that moves: labels average over what their filter passes
+FORCE = ForceInfo("fz", 1, 0.2)  # the needle moves, so labels average over a short time
 
 
 def black_box_settings(
@@ -47,12 +47,12 @@ def black_box_settings(
     """Return the settings of the black box, for `Child("scleraforce.service.black_box.process", settings, ...)`.
 
     Args:
-        folder: of the log and of the withdrawals; made where it is missing.
-        ring: of the frames; somewhat longer than `keep_s`, or the oldest frames are gone before they are written.
-        info: of the eye and of the frames, as it will stand in each recording.toml. Without `force`, a robot's force
-            is the axis fz, positive in contact, and labels average over 0.2 s.
-        record: folder of the whole session's recording; must not exist. None: only withdrawals are kept.
-        keep_s: how much is kept at a withdrawal.
+        folder: of the log and of the withdrawals; created if it is missing.
+        ring: of the frames; longer than `keep_s`, or the oldest frames are overwritten before they are kept.
+        info: contents of each recording.toml. Without `force`, a robot's force is the axis fz, positive in contact,
+            and labels average over 0.2 s.
+        record: folder for a recording of the whole session; must not exist. None: only withdrawals are kept.
+        keep_s: duration that is kept at a withdrawal.
     """
     if (info.oct.rows, info.oct.columns) != ring.shape:
         raise ValueError(f"info.oct: {info.oct.rows} x {info.oct.columns} pixels; the ring has {ring.shape}")
@@ -66,7 +66,7 @@ def black_box_settings(
 
 
 class BlackBox:
-    """Does what the monitor's messages ask for; `turn` is one round of it.
+    """Acts on the monitor's messages; `turn` is one round of its work.
 
     Args:
         channel: to the monitor.
@@ -101,7 +101,7 @@ class BlackBox:
         self._session: SessionRecording | None = None
 
     def run(self) -> None:
-        """Go on until the monitor has ended and all is written."""
+        """Work until the monitor has ended and all is written."""
         while not (self.ended and self._next_taker() is None and self._withdrawal is None):
             self.turn()
         self._end_session()
@@ -109,7 +109,7 @@ class BlackBox:
         self._log.close()
 
     def turn(self) -> None:
-        """Hear the monitor, write one frame, say now and then that it lives; wait where there is nothing to do."""
+        """Listen to the monitor, write one frame, give a sign of life when due; wait if there is nothing to do."""
         self._hear(0.0 if self._next_taker() else self._pause_s())
         self._write_one()
         self._finish_withdrawal()
@@ -135,7 +135,7 @@ class BlackBox:
                 self._take(message)
         except ChannelClosedError:
             if not self.ended:
-                self._note("the monitor ended without saying so")
+                self._note("the monitor ended without notice")
                 if self._entry is not None:
                     self._keep("monitor_died", self._entry)
             self.ended = True
@@ -155,7 +155,7 @@ class BlackBox:
         before, self._entry = self._entry, entry
         at_s = float(entry["at_s"])
         if before and entry["number"] != before["number"] + 1:
-            self._note(f"decisions {before['number'] + 1} to {entry['number'] - 1} never came")
+            self._note(f"decisions {before['number'] + 1} to {entry['number'] - 1} never arrived")
         self._recent.add_line(at_s, self._append({"kind": "entry", "entry": entry}))
         start_s = self._begin(at_s, float(entry["time_s"]))
         if entry["frame"] is not None and self._recent.add_frame(at_s, entry["frame"]) and self._session:
@@ -174,7 +174,7 @@ class BlackBox:
             self._guarded("session", self._session.add_force, self._force.columns, sample, start_s)
 
     def _begin(self, at_s: float, time_s: float) -> float:
-        """Return time 0 of the session's recordings, on the monotonic clock; with the first message, begin them."""
+        """Return time 0 of the session's recordings, on the monotonic clock; the first message starts them."""
         if self._start_s is None:
             self._start_s = at_s
             began = datetime.fromtimestamp(time_s, UTC).isoformat(timespec="milliseconds")
@@ -186,7 +186,7 @@ class BlackBox:
         return self._start_s
 
     def _keep(self, cause: str, entry: dict[str, Any]) -> None:
-        """Keep the seconds up to an entry: after those that are being written, and only the latest ones."""
+        """Keep the seconds up to an entry; while others are being written, only the latest request waits."""
         self._check_s = 0.0  # the log goes to the disk now
         if self._withdrawal is not None:
             if self._wanted:
@@ -214,7 +214,7 @@ class BlackBox:
         self._finish_s = time.monotonic() + (self._info.force or FORCE).average_s
 
     def _next_taker(self) -> FrameTaker | None:
-        """Return who wants the oldest of the frames that wait: that one is overwritten first."""
+        """Return the taker of the oldest frame that waits, which is overwritten first."""
         takers = [owner.taker for owner in (self._withdrawal, self._session) if owner and owner.taker.next is not None]
         return min(takers, key=lambda taker: taker.next or 0, default=None)
 
@@ -233,7 +233,7 @@ class BlackBox:
             self._lost_told = taker.lost
 
     def _finish_withdrawal(self) -> None:
-        """Write the rest of a withdrawal when its frames are, in a thread; tell of it when it is there."""
+        """When a withdrawal's frames are written, write the rest in a thread; tell the monitor when it is complete."""
         kept = self._withdrawal
         if kept is None or kept.taker.next is not None:
             return
@@ -265,7 +265,7 @@ class BlackBox:
         self._note(f"recorded {session.taker.written} frames in {session.folder}; {session.taker.lost} were lost")
 
     def _check_disk(self) -> None:
-        """Ask the disk to keep the log, and look how the last request went."""
+        """Sync the log in a thread, and check the result of the last sync."""
         if self._room("disk"):
             self._faults.pop("withdrawal", None)  # the next one can be kept
         if self._sync is not None:
@@ -278,7 +278,7 @@ class BlackBox:
         self._sync = self._threads.submit(self._log.sync)
 
     def _room(self, what: str) -> bool:
-        """Return whether the disk is far from full; where it is not, tell the monitor, once."""
+        """Return whether the disk has enough space; if not, tell the monitor once."""
         place = self._record if what == "session" and self._record else self._folder
         place = next(folder for folder in (place, *place.parents) if folder.exists())
         try:
@@ -305,7 +305,7 @@ class BlackBox:
         self._append({"kind": "note", "time_s": time.time(), "text": text})
 
     def _guarded(self, what: str, do: Callable[..., Any], *arguments: Any) -> Any:
-        """Do something; where the disk fails, tell the monitor and return None. A session's recording ends then."""
+        """Call `do`; if the disk fails, tell the monitor, end a session's recording, and return None."""
         try:
             return do(*arguments)
         except OSError as fault:
@@ -315,7 +315,7 @@ class BlackBox:
             return None
 
     def _fault(self, what: str, fault: BaseException) -> None:
-        """Tell the monitor what is not kept, once until it is kept again."""
+        """Tell the monitor what is not kept; once, until it is kept again."""
         if what in self._faults:
             return
         self._faults[what] = detail = f"{what}: {fault}"
@@ -324,15 +324,15 @@ class BlackBox:
         self._tell({"kind": "fault", "detail": detail})
 
     def _tell(self, message: dict[str, Any]) -> None:
-        with suppress(ChannelClosedError):  # it is heard of by receiving
+        with suppress(ChannelClosedError):  # `_hear` notices it
             self._channel.send(message)
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Be the black box of the monitor that started this process, until it ends."""
+    """Run the black box of the monitor that started this process, until the monitor ends."""
     os.nice(NICENESS)
-    os.umask(0o077)  # what is kept is of a patient: for the owner only
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it ends when the monitor does, and not before
+    os.umask(0o077)  # recordings are of a patient: readable by the owner only
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it ends with the monitor, and not before
     channel, settings = settings_of_child(arguments)
     try:
         BlackBox(channel, settings).run()

@@ -1,4 +1,4 @@
-"""The last seconds, as the black box remembers them: which frames there were, and the lines of the log."""
+"""The last seconds in the memory of the black box: numbers of frames, and lines of the log."""
 
 from collections import deque
 
@@ -8,11 +8,11 @@ MOST_LINES = 20_000
 
 
 class Recent:
-    """Remembers frames and lines with their times, in their order.
+    """Remembers frames and lines with their times, in order.
 
     Args:
-        keep_s: for how long before the latest.
-        most_frames: at most so many frames.
+        keep_s: how far back from the latest one.
+        most_frames: largest number of frames.
     """
 
     def __init__(self, keep_s: float, most_frames: int) -> None:
@@ -27,7 +27,7 @@ class Recent:
             self._lines.popleft()
 
     def add_frame(self, at_s: float, number: int) -> bool:
-        """Remember a frame; False where it was known already (a second opinion names its frame again)."""
+        """Remember a frame; return False if it is known already (a second opinion names its frame again)."""
         if self._frames and number <= self._frames[-1][1]:
             return False
         self._frames.append((at_s, number))

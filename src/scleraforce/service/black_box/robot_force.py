@@ -1,4 +1,4 @@
-"""The force that a robot sends, as a log of even steps: the mean of what came in each 10 ms."""
+"""The force that a robot sends, as a log of even steps: the mean of the samples in each 10 ms."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from scleraforce.recording.writing import FORCE_STEP_S
 
 __all__ = ["ForceSample", "RobotForce"]
 
-HISTORY_S = 600.0  # a tare is found before the first contact, so a log of the last 10 s would not do
+HISTORY_S = 600.0  # the tare is found before the first contact, so a log of the last 10 s would be too short
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,10 @@ class ForceSample:
 
 
 class RobotForce:
-    """Takes what robots send; `samples` are those of the last ten minutes.
+    """Takes the forces that robots send; `samples` are those of the last ten minutes.
 
-    Steps that are even make the log's rate a fact: by the times of arrival, a burst would have any rate. No sample is
-    made up: a step in which nothing came is left out. The first device with the first count of numbers is the one.
+    Even steps give the log a defined rate; by times of arrival, a burst could have any rate. No sample is invented: a
+    step in which nothing came is left out. Only the first device is taken, with its first count of numbers.
 
     Args:
         info: axis and sign of a force that comes as one number, positive in contact.
@@ -43,7 +43,7 @@ class RobotForce:
         self._count = 0
 
     def add(self, at_s: float, values: Sequence[float], device: str) -> ForceSample | None:
-        """Take a message that came at `at_s`; return the sample of the step before, where this one begins another."""
+        """Take a message that came at `at_s`; if it begins a new step, return the sample of the step before."""
         source = (device, len(values))
         sound = len(values) in (1, 3, 6) and all(map(isfinite, (at_s, *values)))
         if not sound or self._source not in (None, source):

@@ -1,4 +1,4 @@
-"""`scleraforce monitor --record`: the whole session as a recording folder, written while it runs."""
+"""`scleraforce monitor --record`: a recording of the whole session, written while it runs."""
 
 from pathlib import Path
 
@@ -16,12 +16,12 @@ class SessionRecording:
 
     Args:
         folder: must not exist.
-        info: what recording.toml says.
-        comment: a line at its top.
-        ring: where the frames are.
+        info: contents of recording.toml.
+        comment: first line of recording.toml.
+        ring: holds the frames.
 
     Raises:
-        OSError: it exists or cannot be written; so do the methods.
+        OSError: the folder exists or cannot be written. The methods raise it as well.
     """
 
     def __init__(self, folder: Path, info: RecordingInfo, comment: str, ring: FrameRing) -> None:
@@ -30,13 +30,13 @@ class SessionRecording:
         self._forces: ForceWriter | None = None
 
     def add_force(self, columns: tuple[str, ...], sample: ForceSample, start_s: float) -> None:
-        """Add a sample of the robot's force; `start_s` is the recording's time 0 on its clock."""
+        """Add a sample of the robot's force; `start_s` is time 0 of the recording, on the clock of the sample."""
         if self._forces is None:
             self._forces = ForceWriter(self.folder, columns)
         self._forces.add(sample.at_s - start_s, sample.values)
 
     def close(self) -> None:
-        """Close what is open; frames that wait are counted as lost."""
+        """Close all files; frames that still wait count as lost."""
         self.taker.close()
         if self._forces is not None:
             self._forces.close()

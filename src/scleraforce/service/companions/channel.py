@@ -1,4 +1,4 @@
-"""A two-way channel between two processes of the monitor: JSON messages, whole or not at all, and nobody ever waits."""
+"""A two-way channel between two processes of the monitor: JSON messages, whole or not at all, without waiting."""
 
 import json
 import socket
@@ -7,7 +7,7 @@ from typing import Any, Self
 
 __all__ = ["Channel", "ChannelClosedError"]
 
-MESSAGE_BYTES = 128 * 1024  # more than any message has
+MESSAGE_BYTES = 128 * 1024  # more than any message needs
 BUFFER_BYTES = 4 * 1024 * 1024  # asked for; the system may give less
 
 
@@ -48,11 +48,11 @@ class Channel:
         return self._end.fileno()
 
     def send(self, message: Mapping[str, Any]) -> bool:
-        """Send a message; False where the other end does not keep up: then it is lost.
+        """Send a message; False if the other end does not keep up and the message is lost.
 
         Raises:
-            ChannelClosedError: there is no other end any more.
-            ValueError: it is larger than any message may be.
+            ChannelClosedError: the other end is closed.
+            ValueError: the message is too large.
         """
         return self.send_text(json.dumps(message))
 
@@ -70,10 +70,10 @@ class Channel:
         return True
 
     def receive(self, most: int = 1000) -> list[dict[str, Any]]:
-        """Return the messages that wait, oldest first, at most so many.
+        """Return the messages that wait, oldest first, `most` at most.
 
         Raises:
-            ChannelClosedError: there is no other end any more, and no message is left.
+            ChannelClosedError: the other end is closed, and no message is left.
         """
         messages: list[dict[str, Any]] = []
         while len(messages) < most:
@@ -81,7 +81,7 @@ class Channel:
                 data = self._end.recv(MESSAGE_BYTES)
             except BlockingIOError:
                 break
-            except ConnectionResetError:  # said once where the other end left without reading all; ours still wait
+            except ConnectionResetError:  # raised once if the other end left messages unread; ours can still be read
                 continue
             except OSError:
                 data = b""
@@ -93,5 +93,5 @@ class Channel:
         return messages
 
     def close(self) -> None:
-        """Close this end; the other one learns of it."""
+        """Close this end; the other one notices."""
         self._end.close()

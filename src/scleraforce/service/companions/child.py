@@ -1,4 +1,4 @@
-"""The processes that the monitor starts beside itself: modules with a channel to it."""
+"""The processes that the monitor starts: modules with a channel to it."""
 
 import os
 import signal
@@ -20,8 +20,8 @@ def start_companion(module: str, arguments: Sequence[str], descriptors: Sequence
     """Start `python -m MODULE ARGUMENTS` as a process that ends with the monitor, and not before.
 
     No terminal reaches it: it has a session of its own, the signals with which terminals and users end programs are
-    blocked, and what it writes to standard error is lost where it would have to wait. It imports nothing from the
-    current folder, which may be anybody's.
+    blocked, and output to standard error is lost where it would block. It imports nothing from the current folder,
+    which anybody may write to.
 
     Args:
         module: its full name.
@@ -47,7 +47,7 @@ def start_companion(module: str, arguments: Sequence[str], descriptors: Sequence
 
 
 def _errors_that_never_wait() -> int:
-    """Return a descriptor of what standard error is, opened anew: this process and others may wait for theirs."""
+    """Return a new, non-blocking descriptor of standard error; the old one, which other processes share, may block."""
     try:
         return os.open("/proc/self/fd/2", os.O_WRONLY | os.O_APPEND | os.O_NONBLOCK | os.O_NOCTTY)
     except OSError:  # closed, a socket, another user's terminal
@@ -57,11 +57,11 @@ def _errors_that_never_wait() -> int:
 class Child:
     """A process that runs a module: `python -m MODULE DESCRIPTOR`, the descriptor of its end of the channel.
 
-    The first message that it gets are its settings. It has to end when the channel closes.
+    Its settings are the first message. It has to end when the channel closes.
 
     Args:
         module: its full name.
-        settings: the first message; descriptors in it are to be among `descriptors`.
+        settings: the first message; descriptors in it must be among `descriptors`.
         descriptors: of files that it inherits, under the same numbers.
     """
 
@@ -73,16 +73,16 @@ class Child:
 
     @property
     def pid(self) -> int:
-        """Of the process."""
+        """Id of the process."""
         return self._process.pid
 
     @property
     def exit_code(self) -> int | None:
-        """Return how it ended; None while it runs."""
+        """Return its exit code; None while it runs."""
         return self._process.poll()
 
     def end(self, within_s: float = 5.0) -> int:
-        """Close the channel, wait until the process ends, kill it where it does not; return its exit code."""
+        """Close the channel, wait until the process ends, or kill it after `within_s`; return its exit code."""
         self.channel.close()
         try:
             return self._process.wait(within_s)
@@ -92,11 +92,11 @@ class Child:
 
 
 def settings_of_child(arguments: Sequence[str], within_s: float = 10.0) -> tuple[Channel, dict[str, Any]]:
-    """Return the channel and the settings of the child that is running, from its command line.
+    """Return the channel and the settings of this child process, from its command line.
 
     Raises:
-        ChannelClosedError: whoever started it has gone already.
-        RuntimeError: nobody sends settings.
+        ChannelClosedError: the monitor has ended already.
+        RuntimeError: no settings came.
     """
     channel = Channel.inherited(int(arguments[1]))
     try:

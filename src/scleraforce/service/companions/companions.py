@@ -1,4 +1,4 @@
-"""The processes beside the monitor, as it sees them: the black box, the console, the second opinion."""
+"""The processes beside the monitor, from its side: the black box, the console, the second opinion."""
 
 import json
 from collections import deque
@@ -16,20 +16,20 @@ from scleraforce.service.session import Reading
 __all__ = ["BLACK_BOX", "CONSOLE", "OPINION", "Companions"]
 
 BLACK_BOX, CONSOLE, OPINION = "black box", "console", "second opinion"
-NEEDED = (BLACK_BOX, OPINION)  # without these nothing is OK; a console only shows
+NEEDED = (BLACK_BOX, OPINION)  # a failure of these is a cause of a withdrawal; the console only shows
 OUTLINE_S = 0.04
 OUTLINE_STEP = 4  # columns
-KEEPS_UP_S = 2.0  # a companion that takes nothing for longer has failed
+KEEPS_UP_S = 2.0  # a companion that takes no message for longer has failed
 MOST_WAITING = 1000  # decisions that the black box has not taken yet: some seconds
-STARTS_S = 30.0  # within which the black box first says that it lives
-SILENT_S = 5.0  # it does so every 0.5 s; a disk may keep it for longer
+STARTS_S = 30.0  # within which the black box must give its first sign of life
+SILENT_S = 5.0  # it gives one every 0.5 s; a disk may delay it
 
 
 class Companions:
-    """Tells the companions what happens and hears them; never waits for one.
+    """Sends messages to the companions and receives theirs; never waits for one.
 
     Args:
-        children: by name, those of the three that run.
+        children: the companions that run, by name.
     """
 
     def __init__(self, children: dict[str, Child]) -> None:
@@ -46,11 +46,11 @@ class Companions:
 
     @property
     def channels(self) -> dict[int, str]:
-        """File descriptors of the channels, with whose they are."""
+        """File descriptors of the channels, with the names of the companions."""
         return {child.channel.fileno(): name for name, child in self._children.items()}
 
     def faults(self, now_s: float) -> tuple[str, ...]:
-        """Return what is wrong with those that are needed; to be called every few ms, after they were heard."""
+        """Return what is wrong with the companions that are needed; call it every few ms, after `hear`."""
         if self._alive_until_s is None:
             self._alive_until_s = now_s + STARTS_S
         self._send_waiting(now_s)
@@ -67,16 +67,16 @@ class Companions:
         return "it does not answer" if silent else None
 
     def entry(self, entry: Entry) -> None:
-        """Tell a decision; for the black box it waits where that does not keep up, and goes before all else."""
+        """Send a decision; it waits for a black box that does not keep up, and goes before all other messages."""
         text = f'{{"kind": "entry", "entry": {entry.text}}}'
         if BLACK_BOX in self._children:
-            if len(self._waiting) < MOST_WAITING:  # else it is at fault already; the log tells the gap
+            if len(self._waiting) < MOST_WAITING:  # else it counts as failed already, and the log shows the gap
                 self._waiting.append(text)
             self._send_waiting(entry.at_s)
         self._send_text(CONSOLE, text, entry.at_s)
 
     def outline(self, frame: int, reading: Reading, now_s: float) -> None:
-        """Show the console where the wall of a frame was found, some times a second."""
+        """Send the wall that was found in a frame to the console, every `OUTLINE_S` at most."""
         if CONSOLE in self._children and now_s - self._outlined_s >= OUTLINE_S:
             self._outlined_s = now_s
             outline = {"outer": _rows(reading.outer_row), "inner": _rows(reading.inner_row)}
@@ -87,7 +87,7 @@ class Companions:
         self.tell(OPINION, {"number": number, "order": order}, now_s)
 
     def tell(self, name: str, message: dict[str, Any], now_s: float) -> None:
-        """Send a message to one of them, if it runs; to the black box, if no decision waits."""
+        """Send a message to a companion, if it runs; to the black box only while no decision waits."""
         if name == BLACK_BOX:
             self._send_waiting(now_s)
         if name != BLACK_BOX or not self._waiting:
@@ -99,7 +99,7 @@ class Companions:
             self._waiting.popleft()
 
     def _send_text(self, name: str, text: str, now_s: float) -> bool:
-        """Send a message to one of them; return whether it has it."""
+        """Send a message to a companion; return whether it was taken."""
         child = self._children.get(name)
         if child is None or self.dead(name):
             return False
@@ -113,7 +113,7 @@ class Companions:
         return False
 
     def hear(self, name: str, now_s: float) -> Iterator[dict[str, Any]]:
-        """Return what one of them says, but for what it says of itself."""
+        """Yield a companion's messages, except those about its own state, which are taken note of."""
         try:
             for message in self._children[name].channel.receive():
                 match message.get("kind"):
@@ -127,7 +127,7 @@ class Companions:
             self._dead.add(name)
 
     def _take_alive(self, name: str, faults: list[str], now_s: float) -> None:
-        """Take what is wrong with one of them by its own account, and forget what is no longer."""
+        """Take a companion's sign of life with its present faults, which replace earlier ones."""
         if name == BLACK_BOX:
             self._alive_until_s = now_s + SILENT_S
         if faults:
@@ -136,15 +136,15 @@ class Companions:
             self._faults.pop(name, None)
 
     def dead(self, name: str) -> bool:
-        """Return whether one of them has ended: its channel says nothing any more."""
+        """Return whether a companion has ended, which its closed channel tells."""
         return name in self._dead
 
     def last_words(self, name: str) -> str:
-        """Return what one of them said was wrong with it, after a colon; "" where it said nothing."""
+        """Return a companion's own fault, after a colon; "" if it named none."""
         return f": {self._faults[name]}" if name in self._faults else ""
 
     def end(self) -> None:
-        """End them all, as planned."""
+        """End all companions, as planned."""
         if BLACK_BOX in self._children:
             self.tell(BLACK_BOX, {"kind": "end"}, 0.0)
         for child in self._children.values():

@@ -1,4 +1,4 @@
-"""The last frames, in memory that the monitor's processes share: one writes, the others read."""
+"""The last frames, in memory shared by the monitor's processes: one writes, the others read."""
 
 import mmap
 import os
@@ -18,9 +18,9 @@ SPARED_BYTES = 512 * 2**20  # for the processes beside the monitor: models, libr
 class FrameRing:
     """The last `frames` frames of one size, numbered from 1; 16 bits a pixel, in a file without a name (Linux).
 
-    Who makes it takes all of its memory at once: taken page by page, as frames come, each of the first ones would have
-    to wait for it, and a system that has none left would end the process. A reader that is too late for a frame gets
-    None, never half of another one.
+    Its maker takes all of the memory at once. Taken page by page as frames come, it would delay each of the first ones,
+    and a system that runs out of memory would kill the process. A reader that is too late for a frame gets None, never
+    a part of another one.
     """
 
     def __init__(self, descriptor: int, frames: int, rows: int, columns: int, *, prepared: bool = False) -> None:
@@ -33,10 +33,10 @@ class FrameRing:
 
     @classmethod
     def create(cls, frames: int, rows: int, columns: int) -> Self:
-        """Return a new one; `descriptor`, `frames` and `shape` let another process open it with `FrameRing(...)`.
+        """Return a new ring; `descriptor`, `frames` and `shape` let another process open it with `FrameRing(...)`.
 
         Raises:
-            InputError: there is not so much memory, or taking it would leave none to other processes.
+            InputError: there is too little memory for the ring and the other processes.
         """
         size, available = _size(frames, rows, columns), available_bytes()
         if available is not None and size > available - SPARED_BYTES:
@@ -62,7 +62,7 @@ class FrameRing:
         return {"descriptor": self.descriptor, "frames": self.frames, "rows": rows, "columns": columns}
 
     def put(self, number: int, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
-        """Keep a frame (row, column); the oldest one goes."""
+        """Keep a frame (row, column) in place of the oldest one."""
         if pixels.shape != self.shape:  # NumPy would repeat a row
             raise ValueError(f"a frame of {pixels.shape}; the ring has frames of {self.shape}")
         slot = number % self.frames
@@ -71,7 +71,7 @@ class FrameRing:
         self._numbers[slot] = number
 
     def get(self, number: int) -> NDArray[np.uint16] | None:
-        """Return a copy of a frame (row, column); None where it is gone, or has not come yet."""
+        """Return a copy of a frame (row, column); None if it is gone or has not come yet."""
         slot = number % self.frames
         if number < 1 or self._numbers[slot] != number:
             return None

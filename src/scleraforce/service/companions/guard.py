@@ -1,4 +1,4 @@
-"""The monitor's side of the watchdog: starts it, gives it the clients, and lives under its eye."""
+"""The monitor's side of the watchdog: it starts it, passes it the clients, and sends it signs of life."""
 
 import os
 import socket
@@ -14,16 +14,16 @@ from scleraforce.service.telling import STATUS_DEVICE
 __all__ = ["Guard"]
 
 BEAT_S = 0.01
-SILENT_S = 0.5  # a watchdog that answers later than this guards nothing
+SILENT_S = 0.5  # a watchdog that answers later than this counts as failed
 START_S = 20.0
 EMERGENCY = Status(3, Cause.WATCHDOG.value, Cause.WATCHDOG.name, "WITHDRAW: the monitor hung or died")
 
 
 class Guard:
-    """The watchdog process, as the monitor sees it.
+    """The watchdog process, from the monitor's side.
 
     Raises:
-        OSError: it does not start.
+        OSError: the watchdog does not start.
     """
 
     def __init__(self) -> None:
@@ -42,11 +42,11 @@ class Guard:
 
     @property
     def pid(self) -> int:
-        """Of the watchdog's process."""
+        """Id of the watchdog's process."""
         return self._process.pid
 
     def watch(self, client: Connection) -> None:
-        """Let it speak to a client, too."""
+        """Pass it a client's socket."""
         self._send(b"C%d" % client.number, client.fileno())
 
     def version(self, client: Connection) -> None:
@@ -58,10 +58,10 @@ class Guard:
         self._send(b"D%d" % client.number)
 
     def beat(self, now_s: float) -> str | None:
-        """Give a sign of life, and look for one; to be called every few ms.
+        """Send a sign of life, and look for the watchdog's; call it every few ms.
 
         Returns:
-            What is wrong with the watchdog; None where it watches.
+            What is wrong with the watchdog; None if it watches.
         """
         if now_s - self._beaten_s < BEAT_S:
             return self._fault
@@ -75,14 +75,14 @@ class Guard:
         return self._fault
 
     def end(self) -> None:
-        """Let it end, before the monitor does."""
+        """End the watchdog, before the monitor ends."""
         self._send(b"Q")
         try:
             self._process.wait(5.0)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-        self._channel.close()  # not before: closing it with answers unread would take the message away
+        self._channel.close()  # not earlier: closing it with unread answers would discard the message
 
     def _send(self, data: bytes, descriptor: int | None = None) -> None:
         try:

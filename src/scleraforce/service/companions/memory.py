@@ -1,4 +1,4 @@
-"""How much memory a process may still take: of the machine, and of its control groups (Linux)."""
+"""How much memory the machine and the control groups leave to a process (Linux)."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -11,11 +11,11 @@ LIMITS = (("", "memory.max", "memory.current"), ("memory", "memory.limit_in_byte
 
 
 def available_bytes(proc: Path = PROC, groups: Path = GROUPS) -> int | None:
-    """Return the least of what the machine and the control groups of this process leave; None where none tells.
+    """Return the least of what the machine and the control groups of this process leave; None if neither can be read.
 
     Args:
-        proc: where the kernel tells of processes.
-        groups: where it tells of control groups, of version 2 or 1.
+        proc: the kernel's file system of processes.
+        groups: its file system of control groups, version 2 or 1.
     """
     left = list(_group_bytes(proc, groups))
     with suppress(OSError, ValueError):
@@ -25,7 +25,7 @@ def available_bytes(proc: Path = PROC, groups: Path = GROUPS) -> int | None:
 
 
 def _group_bytes(proc: Path, groups: Path) -> Iterator[int]:
-    """Yield what each control group above this process leaves; a file cache is given back when memory is asked for."""
+    """Yield what each control group of this process leaves; inactive file cache counts as free."""
     with suppress(OSError):
         for line in (proc / "self" / "cgroup").read_text("utf-8").splitlines():
             _, controllers, path = line.split(":", 2)

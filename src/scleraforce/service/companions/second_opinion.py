@@ -1,8 +1,8 @@
-"""The second opinion: a process that reads the monitor's frames again, on its own, with all that a model has.
+"""The second opinion: a process that reads the monitor's frames again, independently, with the whole model.
 
-The monitor answers with the network, in a millisecond or two; here the whole chain runs on the raw frame, the fit to
-the response library included, which takes some times as long. It reads the newest frame, at most 50 a second, and
-leaves out those that come meanwhile.
+The monitor answers with the network, in a few milliseconds. Here the whole chain runs on the raw frame, including the
+fit to the response library, which takes several times as long. The process reads the newest frame, at most 50 a second,
+and skips those that come meanwhile.
 """
 
 import sys
@@ -25,13 +25,13 @@ from scleraforce.service.priority import OPINION_PRIORITY, run_in_real_time
 
 __all__ = ["main", "opinion_settings"]
 
-LEAST_S = 0.02  # from frame to frame: other programs need the core as well
+LEAST_S = 0.02  # from frame to frame, which leaves some of the core to other programs
 
 
 def opinion_settings(
     model: Path, known: Known, scale: PixelScale, refractive_index: float, ring: FrameRing
 ) -> dict[str, Any]:
-    """Return what the process has to be told at its start."""
+    """Return the settings of the process."""
     return {
         "model": str(model),
         "known": asdict(known),

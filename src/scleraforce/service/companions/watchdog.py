@@ -1,13 +1,13 @@
-"""The watchdog: a process that tells the clients to withdraw where the monitor hangs or has died.
+"""The watchdog: a process that tells the clients to withdraw when the monitor hangs or has died.
 
-It holds duplicates of the clients' sockets. Where no sign of life comes for `MISSES` looks of `LOOK_S`, it kills the
-monitor (a monitor that went on later would say OK again) and sends the emergency STATUS to all clients, every
-`REPEAT_S`, until the last one has left. A pause of the whole machine counts as one look. Only the standard library is
-used, so that it is there before the model is loaded.
+It holds duplicates of the clients' sockets. If no sign of life comes for `MISSES` looks of `LOOK_S`, it kills the
+monitor (which might otherwise go on later and say OK) and sends the emergency STATUS to all clients, every `REPEAT_S`,
+until the last one has left. A pause of the whole machine counts as one look. The process uses the standard library
+alone, so that it starts before the model is loaded.
 
-Messages to it (one datagram each, the first byte tells): `M` version and the STATUS to send, `C` number and with it a
-socket, `V` number and version, `D` number, `B` a sign of life, `Q` the end as planned. It answers `A` when it is ready
-and to each sign of life.
+Messages to it are one datagram each, told apart by the first byte: `M` version and the STATUS to send, `C` client
+number, with a socket, `V` client number and version, `D` client number, `B` a sign of life, `Q` the planned end. It
+answers `A` when it is ready and to each sign of life.
 """
 
 import os
@@ -30,11 +30,11 @@ ALIVE = b"A"
 
 
 class Watchdog:
-    """What the watchdog knows.
+    """The watchdog's clients, and the messages to send them.
 
     Args:
-        monitor: the other end: the monitor.
-        monitor_pid: to be killed where it hangs.
+        monitor: the channel to the monitor.
+        monitor_pid: process to kill if it hangs.
     """
 
     def __init__(self, monitor: socket.socket, monitor_pid: int) -> None:
@@ -44,7 +44,7 @@ class Watchdog:
         self._versions: dict[int, int] = {}
 
     def watch(self) -> bool:
-        """Watch until the monitor ends as planned; False where it hung or died."""
+        """Watch until the monitor ends; return True if it ends as planned, False if it hangs or dies."""
         misses = 0
         self._monitor.send(ALIVE)
         while misses < MISSES:
@@ -66,7 +66,7 @@ class Watchdog:
     def _take(self, data: bytes, sockets: list[int]) -> None:
         kind, words = data[:1], data[1:].split(b" ", 1)
         if kind == b"B":
-            with suppress(BlockingIOError, BrokenPipeError):  # it may have died since: the next look tells
+            with suppress(BlockingIOError, BrokenPipeError):  # it may have died since; the next look will show it
                 self._monitor.send(ALIVE)
         elif kind == b"M":
             self._messages[int(words[0])] = bytearray(words[1])
@@ -79,7 +79,7 @@ class Watchdog:
             self._clients.pop(int(words[0])).close()
 
     def alarm(self) -> None:
-        """End the monitor and tell the clients to withdraw, until none is left."""
+        """Kill the monitor and tell the clients to withdraw, until none is left."""
         started_s = time.monotonic()
         if os.getppid() == self._pid:
             with suppress(ProcessLookupError):
@@ -87,7 +87,7 @@ class Watchdog:
         told = len(self._clients)
         self._tell()
         said = f"watchdog: the monitor hung or died and was ended; clients told to withdraw: {told}\n"
-        with suppress(OSError):  # `start_companion` sees to it that this never waits
+        with suppress(OSError):  # standard error never blocks: see `start_companion`
             os.write(2, said.encode())
         due_s = started_s + REPEAT_S
         while self._clients:
@@ -97,7 +97,7 @@ class Watchdog:
                 due_s += REPEAT_S
 
     def _tell(self) -> None:
-        """Send the emergency to every client; one that does not read misses it, one that has left is forgotten."""
+        """Send the emergency to every client; a client that does not read misses it, one that has left is forgotten."""
         now_s = time.time()
         for message in self._messages.values():
             stamp(message, now_s)
@@ -110,7 +110,7 @@ class Watchdog:
                 self._clients.pop(number).close()
 
     def _drain(self, within_s: float) -> None:
-        """Throw away what clients send: closing a socket with bytes unread would take the last STATUS with it."""
+        """Discard what clients send: closing a socket with unread bytes would discard the last STATUS."""
         ready = select.select(list(self._clients.values()), [], [], within_s)[0]
         for number, client in list(self._clients.items()):
             if client not in ready:

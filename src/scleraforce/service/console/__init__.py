@@ -1,4 +1,4 @@
-"""The web console: a process beside the monitor that shows in a browser what it decides, and sends the reset back."""
+"""The web console: a process beside the monitor that shows its decisions in a browser and sends it the reset."""
 
 from scleraforce.service.console.settings import console_settings
 

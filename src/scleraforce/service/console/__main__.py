@@ -1,4 +1,4 @@
-"""Run the console: started by the monitor, with the descriptor of its channel."""
+"""The console's process; the monitor starts it with the descriptor of its channel."""
 
 import sys
 
@@ -13,7 +13,7 @@ def main() -> int:
     try:
         from scleraforce.service.console.server import serve
     except ModuleNotFoundError as missing:
-        detail = f"console: {missing.name} is not installed; pip install 'scleraforce[web]' would do"
+        detail = f"console: {missing.name} is not installed; run pip install 'scleraforce[web]'"
         channel.send({"kind": "fault", "detail": detail})
         return 1
     from scleraforce.service.console.settings import ConsoleSettings

@@ -1,4 +1,4 @@
-"""The console's web application: one static page, the socket that fills it, and the reset."""
+"""The console's web application: one static page, its WebSocket, and the reset."""
 
 from importlib.resources import files
 from typing import Any
@@ -17,7 +17,7 @@ TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg":
 
 
 class _Reset(BaseModel):
-    """What the operator sends."""
+    """The operator's request."""
 
     token: str = Field(max_length=200)
 
@@ -26,7 +26,7 @@ def console_app(hub: Hub, settings: ConsoleSettings) -> OwnPagesOnly:
     """Return the application.
 
     Args:
-        hub: what the monitor tells, and hears.
+        hub: the connection to the monitor.
         settings: of the console.
     """
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)

@@ -1,4 +1,4 @@
-"""What the console knows: the monitor's messages in, what a page shows out; no clock and no I/O."""
+"""The state of the console: takes the monitor's messages, gives what a page shows; no clock and no I/O."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -10,19 +10,19 @@ from scleraforce.service.console.sentences import detail_of, sentence_of
 
 __all__ = ["Board"]
 
-SILENT_S = 1.2  # without any message: the monitor sends its rates twice a second
-WATCHING_SILENT_S = 0.5  # without a decision while WATCHING: without frames it would have withdrawn long before
-READING_S = 0.5  # an older reading is not shown as one of now
+SILENT_S = 1.2  # without any message; the monitor sends its rates twice a second
+WATCHING_SILENT_S = 0.5  # without a decision while WATCHING; without frames it would have withdrawn long before
+READING_S = 0.5  # an older reading is not shown
 LATENCY_S = 5.0
-OUTLINE_S = 0.2  # after which a frame is shown without its outline
+OUTLINE_S = 0.2  # after this long, a frame is shown without its outline
 READING = ("frame", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason")
 
 
 class Board:
-    """Takes the monitor's messages and says what they come to.
+    """Takes the monitor's messages and sums them up for a page.
 
     Args:
-        now_s: the start, on the monotonic clock, as all times here.
+        now_s: time of the start; all times here are of the monotonic clock.
     """
 
     def __init__(self, now_s: float) -> None:
@@ -38,7 +38,7 @@ class Board:
         self.history = History()
 
     def take(self, message: Mapping[str, Any], now_s: float) -> bool:
-        """Take a message of the monitor; return whether pages have to learn of it at once."""
+        """Take a message of the monitor; return whether pages must be told at once."""
         self._heard_s = now_s
         match message["kind"]:
             case "entry":
@@ -62,11 +62,11 @@ class Board:
         return before is None or any(before[name] != entry[name] for name in ("state", "cause"))
 
     def end(self) -> None:
-        """The monitor has ended, or has died."""
+        """Note that the monitor has ended or died."""
         self._ended = True
 
     def monitor(self, now_s: float) -> str:
-        """Return how the monitor is: "ended", "starting", "silent" or "answers"."""
+        """Return the state of the monitor: "ended", "starting", "silent" or "answers"."""
         if self._ended:
             return "ended"
         if self._heard_s is None:
@@ -76,11 +76,11 @@ class Board:
         return "silent" if silent else "answers"
 
     def as_json(self, now_s: float, since: int) -> dict[str, Any]:
-        """Return all that a page shows, but the picture.
+        """Return all that a page shows, except the picture.
 
         Args:
             now_s: time.
-            since: number of the step of the history from which on the page needs them.
+            since: number of the first step of the history that the page needs.
         """
         return {
             "kind": "state",
@@ -116,7 +116,7 @@ class Board:
         return [round(median(found), 2), round(max(found), 2)] if found else None
 
     def picture(self) -> tuple[int, Mapping[str, Any] | None] | None:
-        """Return the number of the frame to be shown, with its outline; None before the first frame."""
+        """Return the number of the frame to show, and its outline; None before the first frame."""
         outlined = int(self._outline["frame"]) if self._outline else 0
         newest = int(self._reading["frame"]) if self._reading else 0
         if newest > outlined and self._frame_s - self._outline_s > OUTLINE_S:

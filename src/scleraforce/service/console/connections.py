@@ -1,4 +1,4 @@
-"""The console's connections: a bound on them, within which the newest one always has its place."""
+"""A limit on the console's connections, within which the newest one always has a place."""
 
 import asyncio
 from collections import deque
@@ -8,19 +8,19 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 __all__ = ["NewestConnections"]
 
-MOST = 128  # of each kind; of WebSockets more than have a place as pages, for some are being closed
+MOST = 128  # of each kind; more WebSockets than there are places for pages, because some are being closed
 
 _requests, _sockets = deque[asyncio.Transport](), deque[asyncio.Transport]()  # oldest first; of the console's process
 
 
 class NewestConnections(H11Protocol):
-    """Takes every new connection; the oldest of too many is cut off, whatever it waits for.
+    """Accepts every new connection; if there are too many, the oldest is cut off.
 
-    A server that refuses the newest one instead would be full of those who say nothing.
+    A server that refused the newest one instead could be blocked by silent connections.
     """
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # as uvicorn's own
-        """Take a connection."""
+        """Accept a connection."""
         super().connection_made(transport)
         _enter(_requests, transport)
 

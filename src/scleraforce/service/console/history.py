@@ -1,4 +1,4 @@
-"""The force of the last half minute, gathered into steps that are as fine as a page's pixels."""
+"""The force of the last half minute, in time steps as fine as the pixels of a page."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -15,9 +15,9 @@ SEVERITY = ("WATCHING", "NOT_READY", "WITHDRAW")
 
 @dataclass
 class Step:
-    """What came within one step of time; the worst of it counts, so that no peak is lost.
+    """What came within one time step; the worst of it counts, so that no peak is lost.
 
-    `force_mn` is the largest force, the interval the one that holds all; None where no frame could be read.
+    `force_mn` is the largest force, the interval the one that holds all intervals; None where no frame could be read.
     """
 
     number: int
@@ -40,7 +40,7 @@ class Step:
             self.high_mn = _largest(self.high_mn, high_mn)
 
     def as_json(self) -> list[Any]:
-        """Return it as the page wants it; tenths of a micronewton are more than it shows."""
+        """Return the step for the page, rounded to tenths of a micronewton, which is finer than the page shows."""
         forces = [None if value is None else round(value, 4) for value in (self.force_mn, self.low_mn, self.high_mn)]
         return [self.number, *forces, self.state, self.predicted]
 
@@ -61,7 +61,7 @@ class History:
             self._steps.popleft()
 
     def since(self, number: int) -> list[Step]:
-        """Return the steps from a number on, oldest first; the last of them may still change."""
+        """Return the steps from a number on, oldest first; the last one may still change."""
         late = list(takewhile(lambda step: step.number >= number, reversed(self._steps)))
         return late[::-1]
 

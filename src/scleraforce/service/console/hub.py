@@ -1,4 +1,4 @@
-"""The console's end of the channel to the monitor: what comes is put on the board, resets are sent and answered."""
+"""The console's end of the channel to the monitor: it puts messages on the board and sends resets."""
 
 import asyncio
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from scleraforce.service.reset_token import ResetToken
 __all__ = ["Hub", "PagePlace", "ResetAnswer"]
 
 ANSWER_S = 3.0
-WRONG_S = 0.5  # until a wrong token is answered
+WRONG_S = 0.5  # delay of the answer to a wrong token
 MOST_PAGES = 32
 
 ResetAnswer = tuple[bool, str]
@@ -26,9 +26,9 @@ class PagePlace:
     """The place of one page.
 
     Attributes:
-        wake: set where the page has to be told at once.
-        gone: set where it has to leave.
-        heard_s: when it said something last.
+        wake: set when the page must be told at once.
+        gone: set when the page must leave.
+        heard_s: when it last sent something.
     """
 
     wake: asyncio.Event = field(default_factory=asyncio.Event)
@@ -37,7 +37,7 @@ class PagePlace:
 
 
 class Hub:
-    """Belongs to one event loop; nothing here waits for a page, so that the channel is always read.
+    """Connects the channel with the pages of one event loop; it never waits for a page, so the channel is always read.
 
     Args:
         channel: to the monitor.
@@ -59,14 +59,14 @@ class Hub:
         asyncio.get_running_loop().add_reader(self._channel.fileno(), self.read)
 
     def tell(self, message: dict[str, Any]) -> None:
-        """Tell the monitor something; nothing where it has gone."""
+        """Send a message to the monitor, if it still runs."""
         try:
             self._channel.send(message)
         except ChannelClosedError:
             self._end()
 
     def read(self) -> None:
-        """Take all that waits in the channel."""
+        """Read all messages that wait in the channel."""
         try:
             messages = self._channel.receive()
         except ChannelClosedError:
@@ -96,7 +96,7 @@ class Hub:
             page.wake.set()
 
     def enter(self) -> PagePlace:
-        """Return a place for a page; where all are taken, the page that was heard longest ago loses its own."""
+        """Return a place for a page; if all are taken, the page that has been silent longest loses its place."""
         if len(self.pages) >= MOST_PAGES:
             silent = min(self.pages, key=lambda page: page.heard_s)
             silent.gone.set()
@@ -111,14 +111,14 @@ class Hub:
             future.set_result((bool(message["granted"]), str(message["message"])))
 
     async def reset(self, token: str) -> ResetAnswer:
-        """Ask the monitor for a reset; return whether it was granted, and what the monitor says.
+        """Ask the monitor for a reset; return whether it was granted, and the monitor's message.
 
-        Only the right token gets there: so no number of wrong ones can keep the operator waiting.
+        Only the right token reaches the monitor, so wrong ones can never keep the operator waiting.
         """
         if not self._token.knows(token):
             self._count_wrong()
             await asyncio.sleep(WRONG_S)
-            return False, "the token is wrong; it stands where the monitor was started"
+            return False, "the token is wrong; the monitor printed the right one at its start"
         number = next(self._numbers)
         future = self._waiting[number] = asyncio.get_running_loop().create_future()
         self.tell({"kind": "reset", "request": number, "token": token})
@@ -130,7 +130,7 @@ class Hub:
             self._waiting.pop(number, None)
 
     def _count_wrong(self) -> None:
-        """Tell the monitor of wrong tokens: of all in `WRONG_S` together."""
+        """Count a wrong token; the monitor is told the number of those within `WRONG_S` at once."""
         self._wrong_tokens += 1
         if self._wrong_tokens == 1:
             asyncio.get_running_loop().call_later(WRONG_S, self._tell_wrong)

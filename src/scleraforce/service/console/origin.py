@@ -1,4 +1,4 @@
-"""Who may ask the console: pages that it served itself; and what its answers tell a browser not to do."""
+"""Access to the console, for its own pages alone, and the headers that restrict the browser."""
 
 from collections.abc import Awaitable, Callable, MutableMapping
 from ipaddress import ip_address
@@ -30,16 +30,16 @@ HEADERS = {
 
 
 def refusal(kind: str, method: str, headers: list[tuple[bytes, bytes]], name: str) -> tuple[int, str] | None:
-    """Return status and reason with which a request is refused; None where it is taken.
+    """Return status and reason of the refusal of a request; None if it is accepted.
 
-    A page of another site may point its own name to this address (DNS rebinding); then the name stands in `Host`. An
-    address cannot be rebound, so every address is taken, and of the names `localhost` and that of the console.
+    A page of another site may point its own name to this address (DNS rebinding); then `Host` has that name. An
+    address cannot be rebound, so every address is accepted; of the names, only `localhost` and the console's own.
 
     Args:
         kind: "http" or "websocket".
         method: of HTTP.
         headers: names in lower case.
-        name: under which the console was told to listen.
+        name: the host that the console listens on.
     """
     found: dict[bytes, list[str]] = {}
     for key, value in headers:
@@ -49,11 +49,11 @@ def refusal(kind: str, method: str, headers: list[tuple[bytes, bytes]], name: st
         return 403, "this host name is not the console's"
     writes = kind == "websocket" or method not in ("GET", "HEAD")
     if (origins or writes) and origins not in ([f"http://{hosts[0]}"], [f"https://{hosts[0]}"]):
-        return 403, "only the console's own page is taken"
+        return 403, "only the console's own page may ask"
     if kind == "http" and writes:
         length = "".join(found.get(b"content-length", []))
         if not (length.isascii() and length.isdigit() and int(length[:9]) <= MOST_BODY_BYTES):
-            return 413, f"a body of at most {MOST_BODY_BYTES} bytes is taken, its length told before"
+            return 413, f"a request needs a Content-Length of at most {MOST_BODY_BYTES} bytes"
     return None
 
 

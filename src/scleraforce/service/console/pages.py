@@ -1,4 +1,4 @@
-"""One browser page: it is told the newest there is, as fast as it takes it, and never gets a queue."""
+"""One browser page: it gets the newest state as fast as it can take it, and never a queue of old ones."""
 
 import asyncio
 import json
@@ -14,7 +14,7 @@ from scleraforce.service.console.hub import Hub, PagePlace
 __all__ = ["show"]
 
 EVERY_S = 1 / 30
-MOST_UNSEEN = 4  # messages under way that the page has not said to have seen
+MOST_UNSEEN = 4  # messages under way that the page has not acknowledged
 
 
 @dataclass
@@ -22,11 +22,11 @@ class _Progress:
     """How far a page has come.
 
     Attributes:
-        sent: number of the last message that it was sent.
-        seen: number of the last that it says to have seen.
-        picture: frame of the last picture that it was sent.
-        drawn: frame of the last that it says to have drawn.
-        step: number of the last step of the history that it was sent.
+        sent: number of the last message sent.
+        seen: number of the last message acknowledged.
+        picture: frame of the last picture sent.
+        drawn: frame of the last picture that the page has drawn.
+        step: number of the last step of the history sent.
     """
 
     sent: int = 0
@@ -37,19 +37,19 @@ class _Progress:
 
     @property
     def keeps_up(self) -> bool:
-        """Whether it may be told more."""
+        """Whether the page may be sent more."""
         return self.sent - self.seen < MOST_UNSEEN
 
 
 async def show(socket: WebSocket, hub: Hub, settings: dict[str, Any]) -> None:
-    """Tell a page all it shows, until it leaves.
+    """Send a page all that it shows, until it leaves.
 
-    A page answers each message with `{"seen": number}` and each picture with `{"drawn": frame}`. One that stalls is
-    told nothing more until it answers, and then the newest; where all places are taken, it is closed for another.
+    A page answers each message with `{"seen": number}` and each picture with `{"drawn": frame}`. A page that stalls
+    gets nothing until it answers, and then the newest state. If all places are taken, it may be closed for another.
 
     Args:
         socket: accepted already.
-        hub: what there is to tell.
+        hub: the connection to the monitor.
         settings: of the console, for the page.
     """
     progress, place = _Progress(), hub.enter()
@@ -68,13 +68,13 @@ async def show(socket: WebSocket, hub: Hub, settings: dict[str, Any]) -> None:
             task.cancel()
     ends = await asyncio.gather(*tasks, return_exceptions=True)
     if any(isinstance(end, WebSocketDisconnect) for end in ends):
-        return  # whatever the other task met then
+        return  # the page left; the other task's error follows from that
     for end in ends:
         if isinstance(end, Exception):
             raise end
     if place.gone.is_set():
         await socket.close(1013, "too many pages")
-    elif ends[1] is None:  # it said something that no page of ours says
+    elif ends[1] is None:  # it sent something that our page never sends
         await socket.close(1008)
 
 
@@ -107,7 +107,7 @@ async def _tell_picture(socket: WebSocket, hub: Hub, progress: _Progress) -> Non
 
 
 async def _hear(socket: WebSocket, progress: _Progress, place: PagePlace) -> None:
-    """Take a page's answers; return where it says something else."""
+    """Take a page's answers; return if it sends anything else."""
     while True:
         try:
             answer = json.loads(await socket.receive_text())

@@ -1,4 +1,4 @@
-"""A frame of the ring as a page gets it: 8 bits, not larger than a screen shows, with the outline of its wall."""
+"""A frame of the ring for a page: 8 bits, no larger than a screen shows, with the outline of its wall."""
 
 import json
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ FADING = 0.99  # of the white level from picture to picture, so that a single br
 
 
 class Pictures:
-    """Makes pictures of frames: each only once, however many pages show it.
+    """Makes pictures of frames, each once, however many pages show it.
 
     A picture is the length of its header (4 bytes, little-endian), the header (JSON: `frame`, `rows`, `columns` of the
     pixels that follow, `outline`), the pixels (row, column), one byte each.
@@ -30,7 +30,7 @@ class Pictures:
         self._white = 1.0
 
     def of(self, frame: int, outline: Mapping[str, Any] | None) -> bytes | None:
-        """Return the picture of a frame; None where it is gone already."""
+        """Return the picture of a frame; None if the frame is gone."""
         if self._made[0] == frame:
             return self._made[1]
         pixels = self._ring.get(frame)

@@ -1,4 +1,4 @@
-"""What the monitor tells its console at the start."""
+"""The settings that the monitor sends its console at the start."""
 
 import socket
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ __all__ = ["ConsoleSettings", "console_settings"]
 
 @dataclass(frozen=True)
 class ConsoleSettings:
-    """Where to serve, where the frames are, and what the page has to know beforehand.
+    """Where to serve, where the frames are, and what a page needs from the start.
 
     Attributes:
         host: address that is listened on.
@@ -50,14 +50,14 @@ class ConsoleSettings:
 
     @classmethod
     def from_message(cls, message: Mapping[str, Any]) -> "ConsoleSettings":
-        """Return what `console_settings` has put into a message."""
+        """Return the settings in a message of `console_settings`."""
         fields: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value for name, value in message.items()
         }
         return cls(**fields)
 
     def for_page(self) -> dict[str, Any]:
-        """Return what the page is told, as a JSON object."""
+        """Return the settings for the page, as a JSON object."""
         _, _, rows, columns = self.ring
         known = ("pixel_mm", "class_bounds_mn", "bound_mn", "withdraw_class", "silence_s", "reads_force")
         named = {name: getattr(self, name) for name in (*known, "model", "eye", "version")}
