@@ -28,7 +28,7 @@ from scleraforce.reader.wall_reader import SHIFTS
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.observed import segmented_boundaries
-from scleraforce.segmentation.wall import Segmenter, boundary_slices
+from scleraforce.segmentation.wall import boundary_slices, find_wall
 from scleraforce.study import Study
 
 Frame = NDArray[np.uint16]
@@ -74,19 +74,18 @@ def main() -> None:
     cv2.setNumThreads(1)
     study, rng = reader.study, np.random.default_rng(0)
     drawn = [draw_eye(reader.library, study, rng) for _ in range(given.frames)]
-    scale = PixelScale(study.oct.width_m / study.oct.columns, study.oct.depth_m / study.oct.rows)
-    segmenter = Segmenter()
-    found = [segmenter.segment(frame, scale) for frame, _ in drawn]
-    cuts = [boundary_slices(entry, scale, study.slice, 1.0, SHIFTS) for entry in found]
-    seen = [segmented_boundaries(entry, scale, 1.0) for entry in found]
+    scale = PixelScale.of(study.oct)
+    found = [find_wall(frame, scale) for frame, _ in drawn]
+    cuts = [boundary_slices(entry, scale, study.slice, SHIFTS) for entry in found]
+    seen = [segmented_boundaries(entry, scale) for entry in found]
     priors = [prior_of(known, study.reader) for _, known in drawn]
     smoothing_m = study.calibration.surface_smoothing_m
     work: dict[str, Callable[[int], object]] = {
-        "segment": lambda n: segmenter.segment(drawn[n][0], scale),
-        "slice": lambda n: boundary_slices(found[n], scale, study.slice, 1.0, SHIFTS),
+        "segment": lambda n: find_wall(drawn[n][0], scale),
+        "slice": lambda n: boundary_slices(found[n], scale, study.slice, SHIFTS),
         "network": lambda n: reader.read(cuts[n], drawn[n][1]),
         "fit": lambda n: fit_boundaries(reader.library, seen[n].lateral_m, seen[n].depth_m, priors[n], smoothing_m),
-        "answer": lambda n: answer_frame(reader, segmenter, drawn[n][0], scale, 1.0, drawn[n][1]),
+        "answer": lambda n: answer_frame(reader, drawn[n][0], scale, drawn[n][1]),
     }
     print(f"{'ms':12}{'least':>8}{'median':>8}{'99 %':>8}{'largest':>9}")
     for name, function in work.items():

@@ -29,12 +29,12 @@ from scleraforce.reader.readings import Reading
 from scleraforce.reader.wall_reader import SHIFTS, WallReader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
-from scleraforce.segmentation.wall import Segmenter, boundary_slice
+from scleraforce.segmentation.wall import boundary_slice, find_wall
 from scleraforce.study import Range
 
 
 def answer(frame: np.ndarray, known: Known | None = KNOWN, model: WallReader | None = None) -> Answer:
-    return answer_frame(model or wall_reader(), Segmenter(), frame, SCALE, 1.0, known)
+    return answer_frame(model or wall_reader(), frame, SCALE, known)
 
 
 def plate(depth_m: float, thickness_m: float = 0.6e-3, slope: float = 0.0) -> Section:
@@ -106,7 +106,7 @@ def test_the_network_is_shown_shifted_slices_and_what_is_known() -> None:
     answer(frame, KNOWN, model)
     ((cuts, known),) = model._network.shown
     assert known == KNOWN
-    seen = Segmenter().segment(frame, SCALE)
+    seen = find_wall(frame, SCALE)
     np.testing.assert_array_equal(cuts[0], boundary_slice(seen, SCALE, STUDY.slice))
     for cut, shift in zip(cuts, SHIFTS, strict=True):
         up = -shift * STUDY.slice.pixel_m / SCALE.depth_m  # a window that starts lower shows the wall higher
@@ -183,7 +183,7 @@ def test_a_frame_that_shows_a_few_millimetres_of_wall_is_withdrawn_from() -> Non
     section = wall_section(tip_of(0.01))
     close = PixelScale(5e-3 / 512, SCALE.depth_m)
     frame = image(section, scanner=replace(STUDY.oct, width_m=5e-3))
-    found = answer_frame(wall_reader(), Segmenter(), frame, close, 1.0, KNOWN)
+    found = answer_frame(wall_reader(), frame, close, KNOWN)
     assert (found.usable, found.predicted) == (False, 2)
     assert "of the wall" in found.reason
 
@@ -235,7 +235,7 @@ def test_the_real_scans_are_there() -> None:
 @pytest.mark.parametrize("path", real_scans(), ids=lambda path: path.name)
 @pytest.mark.parametrize("known", [KNOWN, None], ids=["known", "unknown"])
 def test_a_real_scan_at_its_true_scale_shows_too_little_of_a_wall(path: Path, known: Known | None) -> None:
-    found = answer_frame(wall_reader(), Segmenter(), grey(path), true_scale(path), 1.0, known)
+    found = answer_frame(wall_reader(), grey(path), true_scale(path), known)
     assert (found.usable, found.predicted, found.force_n) == (False, 2, None)
     assert "mm of the wall are seen, not 9.8 mm" in found.reason
 
@@ -248,7 +248,7 @@ def test_a_real_scan_taken_for_one_as_wide_as_the_product_s_is_no_wall_of_an_eye
 ) -> None:
     pixels = grey(path)
     pixel_m = STUDY.oct.width_m / pixels.shape[1]  # wide enough, so that the other rules have to refuse it
-    found = answer_frame(wall_reader(), Segmenter(), pixels, PixelScale(pixel_m, pixel_m), 1.0, known)
+    found = answer_frame(wall_reader(), pixels, PixelScale(pixel_m, pixel_m), known)
     assert (found.usable, found.predicted, found.force_n) == (False, 2, None)
     assert found.reason.startswith(reason_of(path.name, known))
 

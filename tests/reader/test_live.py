@@ -15,7 +15,7 @@ from scleraforce.reader.live import LiveReader, LiveReading
 from scleraforce.reader.readings import Reading
 from scleraforce.reader.wall_reader import WallReader
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.wall import Segmenter
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import SliceStudy, Study
 
 WIDE = Reading((0.1, 0.5, 0.4), 0.025, (0.020, 0.0261), 0.0)
@@ -39,21 +39,21 @@ def test_the_answer_is_the_networks_whichever_method_is_the_default(frame: np.nd
 
 
 def test_what_both_readers_say_of_a_frame_is_the_same_but_for_the_fit(frame: np.ndarray) -> None:
-    whole = answer_frame(wall_reader(default="network"), Segmenter(), frame, SCALE, 1.0, KNOWN)
+    whole = answer_frame(wall_reader(default="network"), frame, SCALE, KNOWN)
     assert live(frame).answer == replace(whole, warnings=(), can_calibrate=False, readings=(), fit=None)
 
 
 def test_the_network_is_shown_the_slices_of_the_frame_and_what_is_known(frame: np.ndarray) -> None:
     alone, beside_the_fit = wall_reader(), wall_reader()
     live(frame, alone)
-    answer_frame(beside_the_fit, Segmenter(), frame, SCALE, 1.0, KNOWN)
+    answer_frame(beside_the_fit, frame, SCALE, KNOWN)
     (cut, known), (expected, _) = alone._network.shown[-1], beside_the_fit._network.shown[-1]
     np.testing.assert_array_equal(cut, expected)
     assert known == KNOWN
 
 
 def test_the_outline_is_that_of_the_segmentation(frame: np.ndarray) -> None:
-    found, reading = Segmenter().segment(frame, SCALE), live(frame)
+    found, reading = find_wall(frame, SCALE), live(frame)
     np.testing.assert_array_equal(reading.outer_row, found.outer_row)
     np.testing.assert_array_equal(reading.inner_row, found.inner_row)
 
@@ -118,7 +118,7 @@ def classifier(write_model, tmp_path_factory: pytest.TempPathFactory):
 
 def test_a_classifier_answers_as_it_does_elsewhere(frame: np.ndarray, classifier) -> None:
     answer = LiveReader(classifier, Known(), 1.0).read(frame, SCALE).answer
-    whole = answer_frame(classifier, Segmenter(), frame, SCALE, 1.0)
+    whole = answer_frame(classifier, frame, SCALE)
     assert answer == replace(whole, can_calibrate=False)
     assert (answer.usable, answer.force_n) == (True, None)
 

@@ -14,7 +14,6 @@ from scleraforce.cli.single_frames import (
     is_folder,
     scale_entry,
     scanner_options,
-    segmenter_of,
     size_words,
     told_scanner,
 )
@@ -105,9 +104,9 @@ def _read(
     assumed = Scanner(refractive_index=reader.study.oct.refractive_index)
     frame = read_scaled_frame(path, told, (assumed, "model's study"), transpose)
     stated = Known() if frame.info is None else known_of_recording(frame.info)
-    used, index = completed(known, stated), frame.refractive_index.value
+    used = completed(known, stated)
     try:
-        answer = answer_frame(reader, segmenter_of(index), frame.pixels, frame.scale, index, used)
+        answer = answer_frame(reader, frame.pixels, frame.scale, used)
     except ValueError as fault:
         raise FrameError(f"{path}: {fault}") from fault
     place = str(recording_of(path) or path)

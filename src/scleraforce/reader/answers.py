@@ -18,15 +18,13 @@ from scleraforce.reader.verdicts import (
     too_little_wall,
 )
 from scleraforce.reader.wall_reader import SHIFTS, WallReader
-from scleraforce.recording.pixels import PixelScale
+from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import segmented_boundaries
-from scleraforce.segmentation.wall import Segmentation, Segmenter, boundary_slices
+from scleraforce.segmentation.wall import Segmentation, boundary_slices, find_wall
 from scleraforce.units import n_to_mn
 
-__all__ = ["WIDEST_N", "Answer", "Look", "Pixels", "answer_frame", "class_answer", "look", "reading_answer", "unusable"]
-
-Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+__all__ = ["WIDEST_N", "Answer", "Look", "answer_frame", "class_answer", "look", "reading_answer", "unusable"]
 
 WIDEST_N = 6e-3  # of the interval of a dent that leaves the window: what its flanks tell must be as sure as this
 
@@ -78,44 +76,38 @@ class Look:
 
 def answer_frame(
     reader: ForceReader | WallReader,
-    segmenter: Segmenter,
     frame: Pixels,
     scale: PixelScale,
-    refractive_index: float,
     known: Known | None = None,
 ) -> Answer:
     """Read one raw frame with all that the model has.
 
     Args:
         reader: the model.
-        segmenter: made for the same refractive index.
         frame: raw B-scan (row, column).
-        scale: size of a pixel as stored; depth is optical where `refractive_index` is not 1.
-        refractive_index: by which depth is stretched in the frame; 1 where the scanner has corrected it.
+        scale: size of a pixel as stored, with the refractive index.
         known: of the eye; a classifier takes no notice of it.
     """
-    seen = look(segmenter, frame, scale, reader, refractive_index)
+    seen = look(frame, scale, reader)
     if seen.reason:
         return unusable(reader, seen.reason)
-    boundaries = segmented_boundaries(seen.segmentation, scale, refractive_index)
+    boundaries = segmented_boundaries(seen.segmentation, scale)
     if isinstance(reader, ForceReader):
         return replace(class_answer(reader, seen.cut), can_calibrate=_can_calibrate(seen, boundaries))
     return _force_answer(reader, seen, boundaries, known or Known())
 
 
 def look(
-    segmenter: Segmenter,
     frame: Pixels,
     scale: PixelScale,
     reader: ForceReader | WallReader,
-    refractive_index: float,
 ) -> Look:
     """Segment a frame and draw the slices that a model reads; the arguments are those of `answer_frame`."""
-    found = segmenter.segment(frame, scale)
+    found = find_wall(frame, scale)
     if not found.usable:
         return Look(found, _NOTHING, found.reason)
     shifts = SHIFTS if isinstance(reader, WallReader) else (0.0,)
-    cuts = boundary_slices(found, scale, reader.study.slice, refractive_index, shifts)
+    cuts = boundary_slices(found, scale, reader.study.slice, shifts)
     return Look(found, cuts, None if cuts[0].any() else "the wall lies outside the window of the slice")
 
 

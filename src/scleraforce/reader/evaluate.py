@@ -18,7 +18,6 @@ from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.wall import Segmenter
 
 __all__ = ["Evaluation", "FrameAnswer", "evaluate_recordings"]
 
@@ -128,9 +127,8 @@ def _answers(
     progress: Callable[[int], object] | None,
 ) -> Iterator[FrameAnswer]:
     """Answer each frame of a recording, in its order."""
-    study, oct_info, eye = reader.study, recording.info.oct, recording.info.eye.id
-    scale = PixelScale(oct_info.width_m / oct_info.columns, oct_info.depth_m / oct_info.rows)
-    segmenter = Segmenter(oct_info.refractive_index)
+    study, eye = reader.study, recording.info.eye.id
+    scale = PixelScale.of(recording.info.oct)
     known = known_of_recording(recording.info)
     if summary is not None:
         known = known_of_eye(known, summary, eye)
@@ -140,7 +138,7 @@ def _answers(
     trials = label_frames(recording, study.classes, study.needle.max_force_n)
     for entry, trial in zip(recording.frames, trials, strict=True):
         pixels = recording.frame(entry)
-        answer = answer_frame(reader, segmenter, pixels, scale, oct_info.refractive_index, known)
+        answer = answer_frame(reader, pixels, scale, known)
         yield FrameAnswer(
             recording=given,
             eye=eye,

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.known.eye import Known, outside_training
-from scleraforce.reader.answers import Answer, Look, Pixels, class_answer, look, reading_answer, unusable
+from scleraforce.reader.answers import Answer, Look, class_answer, look, reading_answer, unusable
 from scleraforce.reader.model import ForceReader
 from scleraforce.reader.verdicts import dent_leaves, too_little_wall
 from scleraforce.reader.wall_reader import WallReader
-from scleraforce.recording.pixels import PixelScale
+from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.observed import surface
-from scleraforce.segmentation.wall import Segmenter
 from scleraforce.study import OctStudy
 
 __all__ = ["LiveReader", "LiveReading"]
@@ -47,7 +46,6 @@ class LiveReader:
 
     def __init__(self, reader: ForceReader | WallReader, known: Known, refractive_index: float) -> None:
         self._reader, self._known, self._refractive_index = reader, known, refractive_index
-        self._segmenter = Segmenter(refractive_index)
         self._outside = None if isinstance(reader, ForceReader) else outside_training(known, reader.study.reader)
         frame, scale = _warming_frame(reader.study.oct)
         for _ in range(WARMING_FRAMES):
@@ -58,12 +56,13 @@ class LiveReader:
 
         Args:
             frame: raw B-scan (row, column).
-            scale: size of a pixel as stored.
+            scale: size of a pixel as stored; its refractive index is not looked at, the scanner's counts.
 
         Returns:
             The reading; `can_calibrate` of its answer is False, as it is not asked in the loop.
         """
-        seen = look(self._segmenter, frame, scale, self._reader, self._refractive_index)
+        scale = PixelScale(scale.lateral_m, scale.depth_m, self._refractive_index)
+        seen = look(frame, scale, self._reader)
         return LiveReading(self._answer(seen, scale), seen.segmentation.outer_row, seen.segmentation.inner_row)
 
     def _answer(self, seen: Look, scale: PixelScale) -> Answer:
@@ -80,7 +79,7 @@ class LiveReader:
 
 def _warming_frame(scanner: OctStudy) -> tuple[NDArray[np.uint16], PixelScale]:
     """Return a frame of the study's size with a bright layer in noise, and the size of its pixel."""
-    scale = PixelScale(scanner.width_m / scanner.columns, scanner.depth_m / scanner.rows)
+    scale = PixelScale.of(scanner)
     counts = np.random.default_rng(0).integers(0, 400, (scanner.rows, scanner.columns)).astype(np.uint16)
     counts[scanner.rows // 4 : scanner.rows // 2] += 1500
     return counts, scale

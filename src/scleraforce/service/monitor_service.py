@@ -92,7 +92,7 @@ def monitor_service(
         InputError: an address cannot be listened on, a folder cannot be written, or there is too little memory.
     """
     rows, columns = settings.limits.size or (0, 0)
-    scale = PixelScale(*(settings.limits.scale_m or (0.0, 0.0)))
+    scale = PixelScale(*(settings.limits.scale_m or (0.0, 0.0)), settings.refractive_index)
     cv2.setNumThreads(1)
     with ExitStack() as stack:
         listener = stack.enter_context(listen(settings.address.host, settings.address.port))
@@ -104,7 +104,7 @@ def monitor_service(
         kept = black_box_settings(settings.black_box, ring, info, settings.record, KEPT_S)
         children = {BLACK_BOX: Child("scleraforce.service.black_box.process", kept, [ring.descriptor])}
         if settings.limits.expects_opinion:
-            opinion = opinion_settings(model, settings.known, scale, settings.refractive_index, ring)
+            opinion = opinion_settings(model, settings.known, scale, ring)
             children[OPINION] = Child("scleraforce.service.companions.second_opinion", opinion, [ring.descriptor])
         if settings.console and console:
             children[CONSOLE] = _console_child(settings, settings.console, console, reader, scale, ring)
