@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from bench_reader import draw_eye
 from scleraforce.fitting.library_fit import fit_boundaries, prior_of
 from scleraforce.known.eye import Known, known_of_recording
-from scleraforce.reader import WallReader, load_model
+from scleraforce.reader import ForceReader, load_force_reader
+from scleraforce.reader.force_reader import SHIFTS
 from scleraforce.reader.live import LiveReader
-from scleraforce.reader.wall_reader import SHIFTS
 from scleraforce.recording.files import read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observed import segmented_boundaries
@@ -47,7 +47,7 @@ def disturbed(frame: Frame, rng: np.random.Generator) -> dict[str, Frame]:
     }
 
 
-def drawn(reader: WallReader, count: int) -> tuple[list[Frame], Known, PixelScale]:
+def drawn(reader: ForceReader, count: int) -> tuple[list[Frame], Known, PixelScale]:
     """Return frames of many eyes, read with what is known of the first."""
     rng, oct_study = np.random.default_rng(0), reader.study.oct
     pairs = [draw_eye(reader.library, reader.study, rng) for _ in range(count)]
@@ -76,7 +76,7 @@ def times_ms(work: Callable[[int, Frame], object], frames: list[Frame], count: i
 
 
 def table(
-    reader: WallReader,
+    reader: ForceReader,
     frames: list[Frame],
     known: Known,
     scale: PixelScale,
@@ -98,7 +98,7 @@ def table(
     work: dict[str, tuple[Callable[[int, Frame], object], range | list[int], int]] = {
         "segmentation": (lambda _, frame: find_wall(frame, scale), every, readings),
         "slice": (lambda n, _: boundary_slices(found[n], scale, study.slice, SHIFTS), every, readings),
-        "network": (lambda n, _: reader.read(cuts[n], known), every, readings),
+        "network": (lambda n, _: reader.read_slices(cuts[n], known), every, readings),
         "all of the reading": (lambda _, frame: live.read(frame, scale), every, readings),
         "fit": (
             lambda n, _: fit_boundaries(library, seen[n].lateral_m, seen[n].depth_m, prior, smoothing_m),
@@ -128,9 +128,7 @@ def main() -> None:
     parser.add_argument("--readings", type=int, default=6000)
     parser.add_argument("--fits", type=int, default=200)
     given = parser.parse_args()
-    reader = load_model(given.model)
-    if not isinstance(reader, WallReader):
-        raise SystemExit(f"{given.model}: a {reader.kind}; give a model of kind reader")
+    reader = load_force_reader(given.model)
     cv2.setNumThreads(1)
     counts = {"readings": given.readings, "fits": given.fits}
     if not given.recording:

@@ -38,8 +38,8 @@ from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_section
 from scleraforce.monitor import Decision, MonitorLimits, MonitorState, decide
 from scleraforce.monitor.events import Event, FrameRead, QueueLoss, Reset, SecondOpinion
 from scleraforce.processes import work_units
-from scleraforce.reader import WallReader, load_model
-from scleraforce.reader.answers import Answer, answer_frame
+from scleraforce.reader import load_force_reader
+from scleraforce.reader.answers import Answer
 from scleraforce.reader.live import LiveReader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
@@ -221,9 +221,7 @@ class Bench:
     def __init__(self, plan: Plan) -> None:
         cv2.setNumThreads(1)
         self.plan = plan
-        reader = load_model(plan.model)
-        if not isinstance(reader, WallReader):
-            raise SystemExit(f"{plan.model}: a {reader.kind}; give a model of kind reader")
+        reader = load_force_reader(plan.model)
         self.reader, self.study = reader, reader.study
         scanner = self.study.oct
         self.scale = PixelScale.of(scanner)
@@ -321,7 +319,7 @@ class Bench:
 
     def opinion(self, frame: Frame, known: Known, at_s: float, number: int) -> SecondOpinion:
         """Ask the library's fit."""
-        answer = answer_frame(self.reader, frame, self.scale, known)
+        answer = self.reader.read(frame, self.scale, known)
         return SecondOpinion(
             at_s, number, answer.usable, answer.reason, answer.predicted, answer.probabilities, answer.force_n,
             answer.interval_n,

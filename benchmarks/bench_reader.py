@@ -22,9 +22,8 @@ from scleraforce.known.eye import Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.optics import sample_optics
 from scleraforce.library import Library
-from scleraforce.reader import WallReader, load_model
-from scleraforce.reader.answers import answer_frame
-from scleraforce.reader.wall_reader import SHIFTS
+from scleraforce.reader import load_force_reader
+from scleraforce.reader.force_reader import SHIFTS
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.observed import segmented_boundaries
@@ -68,9 +67,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=24)
     parser.add_argument("--rounds", type=int, default=8, help="each frame is read so often")
     given = parser.parse_args()
-    reader = load_model(given.model)
-    if not isinstance(reader, WallReader):
-        raise SystemExit(f"{given.model}: a {reader.kind}; give a model of kind reader")
+    reader = load_force_reader(given.model)
     cv2.setNumThreads(1)
     study, rng = reader.study, np.random.default_rng(0)
     drawn = [draw_eye(reader.library, study, rng) for _ in range(given.frames)]
@@ -83,9 +80,9 @@ def main() -> None:
     work: dict[str, Callable[[int], object]] = {
         "segment": lambda n: find_wall(drawn[n][0], scale),
         "slice": lambda n: boundary_slices(found[n], scale, study.slice, SHIFTS),
-        "network": lambda n: reader.read(cuts[n], drawn[n][1]),
+        "network": lambda n: reader.read_slices(cuts[n], drawn[n][1]),
         "fit": lambda n: fit_boundaries(reader.library, seen[n].lateral_m, seen[n].depth_m, priors[n], smoothing_m),
-        "answer": lambda n: answer_frame(reader, drawn[n][0], scale, drawn[n][1]),
+        "answer": lambda n: reader.read(drawn[n][0], scale, drawn[n][1]),
     }
     print(f"{'ms':12}{'least':>8}{'median':>8}{'99 %':>8}{'largest':>9}")
     for name, function in work.items():

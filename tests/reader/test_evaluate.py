@@ -14,7 +14,6 @@ from calibration_file import calibration_text
 from scleraforce.cli.main import run
 from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.reader import load_model
-from scleraforce.reader.answers import answer_frame
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.recording.files import frame_digest, read_frame
 from scleraforce.recording.pixels import PixelScale
@@ -125,7 +124,7 @@ def test_a_dent_that_leaves_the_window_is_withdrawn_from_instead_of_read(places)
     reader, scale = load_model(places["model"]), PixelScale(15e-3 / COLUMNS, 4e-3 / ROWS)
     rng = np.random.default_rng(2)
     for dent_m, leaves in ((0.0, False), (1.5e-3, False), (3.2e-3, False), (4e-3, True), (6e-3, True)):
-        answer = answer_frame(reader, draw_frame(dent_m, rng), scale)
+        answer = reader.read(draw_frame(dent_m, rng), scale)
         assert answer.usable is not leaves
         if leaves:
             assert (answer.predicted, answer.probabilities) == (2, None)

@@ -13,7 +13,7 @@ import cv2
 from scleraforce.errors import InputError
 from scleraforce.known.eye import Known
 from scleraforce.monitor import MonitorLimits
-from scleraforce.reader import ForceReader, WallReader
+from scleraforce.reader import Reader
 from scleraforce.reader.live import LiveReader
 from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.pixels import PixelScale
@@ -76,7 +76,7 @@ class MonitorSettings:
 
 @contextmanager
 def monitor_service(
-    model: Path, reader: ForceReader | WallReader, settings: MonitorSettings, note: Callable[[str], None]
+    model: Path, reader: Reader, settings: MonitorSettings, note: Callable[[str], None]
 ) -> Iterator[tuple[Server, Address]]:
     """Start all of it, hand over the server and where it listens, and end all of it.
 
@@ -148,7 +148,7 @@ def _console_child(
     settings: MonitorSettings,
     address: Address,
     listener: socket.socket,
-    reader: ForceReader | WallReader,
+    reader: Reader,
     scale: PixelScale,
     ring: FrameRing,
 ) -> Child:

@@ -15,7 +15,7 @@ from typing import Any
 
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.reader import load_model
-from scleraforce.reader.answers import Answer, answer_frame
+from scleraforce.reader.answers import Answer
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.companions.channel import Channel, ChannelClosedError
 from scleraforce.service.companions.child import settings_of_child
@@ -60,7 +60,7 @@ def _serve(channel: Channel, settings: Mapping[str, Any]) -> None:
         frame = channel.receive()[-1]
         pixels = ring.get(frame["number"])
         if pixels is not None:
-            answer = answer_frame(reader, pixels, scale, known)
+            answer = reader.read(pixels, scale, known)
             channel.send(_told(frame["order"], answer))
         sleep(max(0.0, begun_s + LEAST_S - monotonic()))
 
