@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import SliceStudy
 
-__all__ = ["Boundaries", "boundary_depths", "boundary_slice", "boundary_slices"]
+__all__ = ["BoundaryRows", "boundary_depths", "boundary_slice", "boundary_slices"]
 
 
-class Boundaries(Protocol):
+class BoundaryRows(Protocol):
     """What is needed of a segmentation: boundaries, (column,), rows of pixel centres, NaN where there is no wall."""
 
     @property
@@ -21,7 +21,7 @@ class Boundaries(Protocol):
     def inner_row(self) -> NDArray[np.float64]: ...  # noqa: D102 - described by the class
 
 
-def boundary_slice(segmentation: Boundaries, scale: PixelScale, slice_study: SliceStudy) -> NDArray[np.uint8]:
+def boundary_slice(segmentation: BoundaryRows, scale: PixelScale, slice_study: SliceStudy) -> NDArray[np.uint8]:
     """Draw the wall of a frame into the slice's window: 255 in each pixel whose centre lies in the wall.
 
     The window is centred on the frame laterally and starts at its top edge. At the centre of each of its columns the
@@ -41,7 +41,7 @@ def boundary_slice(segmentation: Boundaries, scale: PixelScale, slice_study: Sli
 
 
 def boundary_slices(
-    segmentation: Boundaries,
+    segmentation: BoundaryRows,
     scale: PixelScale,
     slice_study: SliceStudy,
     shifts: tuple[float, ...],
@@ -65,7 +65,7 @@ def boundary_slices(
     return walls
 
 
-def boundary_depths(segmentation: Boundaries, scale: PixelScale, slice_study: SliceStudy) -> NDArray[np.float64]:
+def boundary_depths(segmentation: BoundaryRows, scale: PixelScale, slice_study: SliceStudy) -> NDArray[np.float64]:
     """Return the depth of both boundaries below the frame's upper edge at the centres of the slice's columns.
 
     Args and columns are those of `boundary_slice`.
