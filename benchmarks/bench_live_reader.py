@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 from bench_reader import draw_eye
 from scleraforce.fitting.library_fit import fit_boundaries, prior_of
 from scleraforce.known.eye import Known, known_of_recording
-from scleraforce.reader import WallReader, load_model
+from scleraforce.reader import ForceReader, load_force_reader
+from scleraforce.reader.force_reader import SHIFTS
 from scleraforce.reader.live import LiveReader
-from scleraforce.reader.wall_reader import SHIFTS
 from scleraforce.recording.files import read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observed import segmented_boundaries
-from scleraforce.segmentation.wall import Segmenter, boundary_slices
+from scleraforce.segmentation.wall import boundary_slices, find_wall
 
 Frame = NDArray[np.uint16]
 
@@ -47,23 +47,20 @@ def disturbed(frame: Frame, rng: np.random.Generator) -> dict[str, Frame]:
     }
 
 
-def drawn(reader: WallReader, count: int) -> tuple[list[Frame], Known, PixelScale, float]:
+def drawn(reader: ForceReader, count: int) -> tuple[list[Frame], Known, PixelScale]:
     """Return frames of many eyes, read with what is known of the first."""
     rng, oct_study = np.random.default_rng(0), reader.study.oct
     pairs = [draw_eye(reader.library, reader.study, rng) for _ in range(count)]
     frames = [frame for frame, _ in pairs]
     frames += [bad for frame in frames[:4] for bad in disturbed(frame, rng).values()]
-    scale = PixelScale(oct_study.width_m / oct_study.columns, oct_study.depth_m / oct_study.rows)
-    return frames, pairs[0][1], scale, 1.0
+    return frames, pairs[0][1], PixelScale.of(oct_study)
 
 
-def recorded(path: Path) -> tuple[list[Frame], Known, PixelScale, float]:
+def recorded(path: Path) -> tuple[list[Frame], Known, PixelScale]:
     """Return the frames of a recording."""
     recording = read_recording(path)
-    scanner = recording.info.oct
     frames = [np.asarray(recording.frame(entry), dtype=np.uint16) for entry in recording.frames]
-    scale = PixelScale(scanner.width_m / scanner.columns, scanner.depth_m / scanner.rows)
-    return frames, known_of_recording(recording.info), scale, scanner.refractive_index
+    return frames, known_of_recording(recording.info), PixelScale.of(recording.info.oct)
 
 
 def times_ms(work: Callable[[int, Frame], object], frames: list[Frame], count: int) -> NDArray[np.float64]:
@@ -79,30 +76,29 @@ def times_ms(work: Callable[[int, Frame], object], frames: list[Frame], count: i
 
 
 def table(
-    reader: WallReader,
+    reader: ForceReader,
     frames: list[Frame],
     known: Known,
     scale: PixelScale,
-    index: float,
     *,
     readings: int,
     fits: int,
 ) -> None:
     """Print the times of the stages, and of all of them."""
-    study, segmenter, live = reader.study, Segmenter(index), LiveReader(reader, known, index)
-    found = [segmenter.segment(frame, scale) for frame in frames]
-    cuts = [boundary_slices(entry, scale, study.slice, index, SHIFTS) for entry in found]
+    study, live = reader.study, LiveReader(reader, known, scale.refractive_index)
+    found = [find_wall(frame, scale) for frame in frames]
+    cuts = [boundary_slices(entry, scale, study.slice, SHIFTS) for entry in found]
     usable = [number for number, entry in enumerate(found) if entry.usable]
-    seen = [segmented_boundaries(found[number], scale, index) for number in usable]
+    seen = [segmented_boundaries(found[number], scale) for number in usable]
     library, prior = reader.library_at(known.polar_rad), prior_of(known, study.reader)
     smoothing_m = study.calibration.surface_smoothing_m
     gc.collect()
     gc.freeze()
     every = range(len(frames))
     work: dict[str, tuple[Callable[[int, Frame], object], range | list[int], int]] = {
-        "segmentation": (lambda _, frame: segmenter.segment(frame, scale), every, readings),
-        "slice": (lambda n, _: boundary_slices(found[n], scale, study.slice, index, SHIFTS), every, readings),
-        "network": (lambda n, _: reader.read(cuts[n], known), every, readings),
+        "segmentation": (lambda _, frame: find_wall(frame, scale), every, readings),
+        "slice": (lambda n, _: boundary_slices(found[n], scale, study.slice, SHIFTS), every, readings),
+        "network": (lambda n, _: reader.read_slices(cuts[n], known), every, readings),
         "all of the reading": (lambda _, frame: live.read(frame, scale), every, readings),
         "fit": (
             lambda n, _: fit_boundaries(library, seen[n].lateral_m, seen[n].depth_m, prior, smoothing_m),
@@ -132,9 +128,7 @@ def main() -> None:
     parser.add_argument("--readings", type=int, default=6000)
     parser.add_argument("--fits", type=int, default=200)
     given = parser.parse_args()
-    reader = load_model(given.model)
-    if not isinstance(reader, WallReader):
-        raise SystemExit(f"{given.model}: a {reader.kind}; give a model of kind reader")
+    reader = load_force_reader(given.model)
     cv2.setNumThreads(1)
     counts = {"readings": given.readings, "fits": given.fits}
     if not given.recording:

@@ -38,12 +38,11 @@ from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_section
 from scleraforce.monitor import Decision, MonitorLimits, MonitorState, decide
 from scleraforce.monitor.events import Event, FrameRead, QueueLoss, Reset, SecondOpinion
 from scleraforce.processes import work_units
-from scleraforce.reader import WallReader, load_model
-from scleraforce.reader.answers import Answer, answer_frame
+from scleraforce.reader import load_force_reader
+from scleraforce.reader.answers import Answer
 from scleraforce.reader.live import LiveReader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
-from scleraforce.segmentation.wall import Segmenter
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.study import Study, draw
 
@@ -222,17 +221,14 @@ class Bench:
     def __init__(self, plan: Plan) -> None:
         cv2.setNumThreads(1)
         self.plan = plan
-        reader = load_model(plan.model)
-        if not isinstance(reader, WallReader):
-            raise SystemExit(f"{plan.model}: a {reader.kind}; give a model of kind reader")
+        reader = load_force_reader(plan.model)
         self.reader, self.study = reader, reader.study
         scanner = self.study.oct
-        self.scale = PixelScale(scanner.width_m / scanner.columns, scanner.depth_m / scanner.rows)
+        self.scale = PixelScale.of(scanner)
         self.limits = MonitorLimits(
             bound_n=self.study.classes.bounds_n[-1], size=(scanner.rows, scanner.columns),
             scale_m=(self.scale.lateral_m, self.scale.depth_m), expects_opinion=True,
         )  # fmt: skip
-        self.segmenter = Segmenter()
 
     def unit(self, number: int) -> Outcome:
         """Run one unit."""
@@ -323,7 +319,7 @@ class Bench:
 
     def opinion(self, frame: Frame, known: Known, at_s: float, number: int) -> SecondOpinion:
         """Ask the library's fit."""
-        answer = answer_frame(self.reader, self.segmenter, frame, self.scale, 1.0, known)
+        answer = self.reader.read(frame, self.scale, known)
         return SecondOpinion(
             at_s, number, answer.usable, answer.reason, answer.predicted, answer.probabilities, answer.force_n,
             answer.interval_n,

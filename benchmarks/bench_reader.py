@@ -22,13 +22,12 @@ from scleraforce.known.eye import Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.optics import sample_optics
 from scleraforce.library import Library
-from scleraforce.reader import WallReader, load_model
-from scleraforce.reader.answers import answer_frame
-from scleraforce.reader.wall_reader import SHIFTS
+from scleraforce.reader import load_force_reader
+from scleraforce.reader.force_reader import SHIFTS
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.observed import segmented_boundaries
-from scleraforce.segmentation.wall import Segmenter, boundary_slices
+from scleraforce.segmentation.wall import boundary_slices, find_wall
 from scleraforce.study import Study
 
 Frame = NDArray[np.uint16]
@@ -68,25 +67,22 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=24)
     parser.add_argument("--rounds", type=int, default=8, help="each frame is read so often")
     given = parser.parse_args()
-    reader = load_model(given.model)
-    if not isinstance(reader, WallReader):
-        raise SystemExit(f"{given.model}: a {reader.kind}; give a model of kind reader")
+    reader = load_force_reader(given.model)
     cv2.setNumThreads(1)
     study, rng = reader.study, np.random.default_rng(0)
     drawn = [draw_eye(reader.library, study, rng) for _ in range(given.frames)]
-    scale = PixelScale(study.oct.width_m / study.oct.columns, study.oct.depth_m / study.oct.rows)
-    segmenter = Segmenter()
-    found = [segmenter.segment(frame, scale) for frame, _ in drawn]
-    cuts = [boundary_slices(entry, scale, study.slice, 1.0, SHIFTS) for entry in found]
-    seen = [segmented_boundaries(entry, scale, 1.0) for entry in found]
+    scale = PixelScale.of(study.oct)
+    found = [find_wall(frame, scale) for frame, _ in drawn]
+    cuts = [boundary_slices(entry, scale, study.slice, SHIFTS) for entry in found]
+    seen = [segmented_boundaries(entry, scale) for entry in found]
     priors = [prior_of(known, study.reader) for _, known in drawn]
     smoothing_m = study.calibration.surface_smoothing_m
     work: dict[str, Callable[[int], object]] = {
-        "segment": lambda n: segmenter.segment(drawn[n][0], scale),
-        "slice": lambda n: boundary_slices(found[n], scale, study.slice, 1.0, SHIFTS),
-        "network": lambda n: reader.read(cuts[n], drawn[n][1]),
+        "segment": lambda n: find_wall(drawn[n][0], scale),
+        "slice": lambda n: boundary_slices(found[n], scale, study.slice, SHIFTS),
+        "network": lambda n: reader.read_slices(cuts[n], drawn[n][1]),
         "fit": lambda n: fit_boundaries(reader.library, seen[n].lateral_m, seen[n].depth_m, priors[n], smoothing_m),
-        "answer": lambda n: answer_frame(reader, segmenter, drawn[n][0], scale, 1.0, drawn[n][1]),
+        "answer": lambda n: reader.read(drawn[n][0], scale, drawn[n][1]),
     }
     print(f"{'ms':12}{'least':>8}{'median':>8}{'99 %':>8}{'largest':>9}")
     for name, function in work.items():

@@ -18,12 +18,12 @@ from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.optics import sample_optics, sample_pose
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
-from scleraforce.segmentation.wall import Segmenter
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 
 REPEATS = 8  # in a row
 STUDY = Study()
-SCALE = PixelScale(STUDY.oct.width_m / STUDY.oct.columns, STUDY.oct.depth_m / STUDY.oct.rows)
+SCALE = PixelScale.of(STUDY.oct)
 
 Frame = NDArray[np.uint16]
 
@@ -69,8 +69,8 @@ def main() -> None:
     given = parser.parse_args()
     rounds = max(given.rounds, REPEATS)
     cv2.setNumThreads(1)
-    frames, segmenter = draw_frames(given.frames), Segmenter()
-    work = {"crudest": crudest, "segment": lambda frame: segmenter.segment(frame, SCALE)}
+    frames = draw_frames(given.frames)
+    work = {"crudest": crudest, "segment": lambda frame: find_wall(frame, SCALE)}
     print(f"{'':24}{'least':>8}{'10 %':>8}{'median':>8}{'99 %':>8}  ms")
     for name, function in work.items():
         for kind, repeats in (("cold", 1), ("in a row", REPEATS)):

@@ -64,3 +64,13 @@ def test_a_module_of_a_package_is_asked_only_for_what_it_offers(name: str) -> No
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in modules:
             other = modules[node.value.id]
             assert node.attr in offered(other), f"{name}:{node.lineno}: {node.attr}: not in __all__ of {other}"
+
+
+def test_no_two_classes_have_the_same_name() -> None:
+    places: dict[str, list[str]] = {}
+    for name in MODULES:
+        for node in tree(name).body:
+            if isinstance(node, ast.ClassDef) and node.name[0] != "_":
+                places.setdefault(node.name, []).append(name)
+    twice = {name: where for name, where in places.items() if where[1:]}
+    assert not twice, f"a name stands for one thing: {twice}"

@@ -13,7 +13,7 @@ from scleraforce.library.slices import column_laterals
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.slice import boundary_depths
-from scleraforce.segmentation.wall import Segmenter
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 
 __all__ = ["random_eyes", "segmented_boundaries"]
@@ -62,14 +62,13 @@ def segmented_boundaries(
     held = library.covers(*wall, ratios)
     states = library.curves(wall[0][held], wall[1][held], ratios[held])
     plan = plan_phantom(eye, tuple(np.asarray(forces_n)[held]), study, seed)
-    scale = PixelScale(study.oct.width_m / study.oct.columns, study.oct.depth_m / study.oct.rows)
-    segmenter = Segmenter(study.oct.refractive_index)
+    scale = PixelScale.of(study.oct)
     true, seen = [], []
     for frame, curves_bnc in zip(plan.frames, states.curves_sbnc, strict=True):
         section = cut_surfaces(curves_bnc, eye.gap_m, eye.tilt_rad)
-        found = segmenter.segment(render_frame(frame, section, study).frame, scale)
+        found = find_wall(render_frame(frame, section, study).frame, scale)
         true.append(_at_columns(frame.pose.place(section), column_laterals(study.slice)))
-        seen.append(boundary_depths(found, scale, study.slice, study.oct.refractive_index))
+        seen.append(boundary_depths(found, scale, study.slice))
     return np.array(true), np.array(seen)
 
 

@@ -24,7 +24,7 @@ from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import segmented_boundaries
-from scleraforce.segmentation.wall import Segmenter
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 
 STUDY = Study()
@@ -58,11 +58,10 @@ def calibration(library: Library, recording: Recording) -> Calibration:
 
 def frames(recording: Recording) -> tuple[FrameForces, list[Boundaries]]:
     """Forces and boundaries as a monitor would have them."""
-    oct_scan = recording.info.oct
-    scale, segmenter = PixelScale(oct_scan.width_m / oct_scan.columns, oct_scan.depth_m / oct_scan.rows), Segmenter()
+    scale = PixelScale.of(recording.info.oct)
     trials = label_frames(recording, STUDY.classes, STUDY.needle.max_force_n)
-    seen = [segmenter.segment(recording.frame(entry), scale) for entry in recording.frames]
-    return frame_forces(recording, trials), [segmented_boundaries(one, scale, 1.0) for one in seen]
+    seen = [find_wall(recording.frame(entry), scale) for entry in recording.frames]
+    return frame_forces(recording, trials), [segmented_boundaries(one, scale) for one in seen]
 
 
 def test_frames_one_by_one_give_what_the_recording_gives(

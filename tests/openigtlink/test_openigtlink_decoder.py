@@ -16,6 +16,7 @@ from scleraforce.openigtlink import (
     BadChecksum,
     Broken,
     Decoder,
+    DecoderState,
     Event,
     Image,
     Malformed,
@@ -23,7 +24,6 @@ from scleraforce.openigtlink import (
     Query,
     Received,
     Sensor,
-    State,
     Status,
     Text,
     Transform,
@@ -326,7 +326,7 @@ def test_a_stream_that_cannot_be_followed_is_refused_from_then_on(data: bytes) -
     tracemalloc.stop()
     assert isinstance(received, Received)
     assert isinstance(broken, Broken)
-    assert decoder.state is State.ERROR
+    assert decoder.state is DecoderState.ERROR
     assert peak < 100_000
     with pytest.raises(ProtocolError, match="broken"):
         decoder.feed(GOOD)

@@ -20,21 +20,21 @@ from analytic_frames import (
     tip_of,
     wall_section,
 )  # fmt: skip
-from fixed_network import FIVE_MN, wall_reader
+from fixed_network import FIVE_MN, force_reader
 from tifffile import TiffFile
 
 from scleraforce.known.eye import Known, Modulus
-from scleraforce.reader.answers import Answer, answer_frame
+from scleraforce.reader.answers import Answer
+from scleraforce.reader.force_reader import SHIFTS, ForceReader
 from scleraforce.reader.readings import Reading
-from scleraforce.reader.wall_reader import SHIFTS, WallReader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
-from scleraforce.segmentation.wall import Segmenter, boundary_slice
+from scleraforce.segmentation.wall import boundary_slice, find_wall
 from scleraforce.study import Range
 
 
-def answer(frame: np.ndarray, known: Known | None = KNOWN, model: WallReader | None = None) -> Answer:
-    return answer_frame(model or wall_reader(), Segmenter(), frame, SCALE, 1.0, known)
+def answer(frame: np.ndarray, known: Known | None = KNOWN, model: ForceReader | None = None) -> Answer:
+    return (model or force_reader()).read(frame, SCALE, known or Known())
 
 
 def plate(depth_m: float, thickness_m: float = 0.6e-3, slope: float = 0.0) -> Section:
@@ -65,7 +65,7 @@ def test_a_frame_of_known_force_is_read_with_force_interval_and_contact(force_n:
 
 def test_the_default_method_answers_and_the_other_one_checks_it() -> None:
     frame = image(wall_section(tip_of(0.015)))
-    by_fit, by_network = (answer(frame, model=wall_reader(default=name)) for name in ("fit", "network"))
+    by_fit, by_network = (answer(frame, model=force_reader(default=name)) for name in ("fit", "network"))
     assert (by_network.force_n, by_network.interval_n, by_network.predicted) == (0.005, (0.004, 0.006), 1)
     assert by_fit.force_n == pytest.approx(0.015, abs=1e-3)
     for found in (by_fit, by_network):
@@ -74,7 +74,7 @@ def test_the_default_method_answers_and_the_other_one_checks_it() -> None:
         assert "more apart than their intervals allow" in found.warnings[0]
         assert found.usable
     agreeing = Reading((0.0, 1.0, 0.0), 0.0152, (0.014, 0.0165), 0.0)
-    assert answer(frame, model=wall_reader(agreeing)).warnings == ()
+    assert answer(frame, model=force_reader(agreeing)).warnings == ()
 
 
 @pytest.mark.parametrize("lateral_m", [-2.5e-3, 1.6e-3])
@@ -88,9 +88,9 @@ def test_a_contact_outside_the_training_is_withdrawn_from(lateral_m: float) -> N
 @pytest.mark.parametrize("default", ["fit", "network"])
 def test_a_contact_counts_as_outside_whichever_method_sees_it_there(default: str) -> None:
     frame = image(wall_section(tip_of(0.015)))
-    far = wall_reader(replace(FIVE_MN, contact_m=1.3e-3), default)
+    far = force_reader(replace(FIVE_MN, contact_m=1.3e-3), default)
     assert answer(frame, model=far).reason.startswith("contact 1.3 mm from the frame's middle")
-    near = wall_reader(replace(FIVE_MN, contact_m=1.2e-3), default)  # the network is as unsure as that
+    near = force_reader(replace(FIVE_MN, contact_m=1.2e-3), default)  # the network is as unsure as that
     assert answer(frame, model=near).usable
 
 
@@ -101,12 +101,12 @@ def test_a_contact_at_the_edge_of_the_training_is_read(lateral_m: float, force_n
 
 
 def test_the_network_is_shown_shifted_slices_and_what_is_known() -> None:
-    model = wall_reader()
+    model = force_reader()
     frame = image(wall_section(tip_of(0.02)))
     answer(frame, KNOWN, model)
     ((cuts, known),) = model._network.shown
     assert known == KNOWN
-    seen = Segmenter().segment(frame, SCALE)
+    seen = find_wall(frame, SCALE)
     np.testing.assert_array_equal(cuts[0], boundary_slice(seen, SCALE, STUDY.slice))
     for cut, shift in zip(cuts, SHIFTS, strict=True):
         up = -shift * STUDY.slice.pixel_m / SCALE.depth_m  # a window that starts lower shows the wall higher
@@ -172,7 +172,7 @@ def test_a_shell_of_another_radius_is_never_read_as_harmless(radius_m: float) ->
 
 @pytest.mark.parametrize("stated_m", [0.85e-3, 0.4e-3 - 60e-6])
 def test_a_wall_that_is_not_as_thick_as_stated_is_withdrawn_from(stated_m: float) -> None:
-    model = wall_reader()
+    model = force_reader()
     model.study = replace(STUDY, reader=replace(STUDY.reader, thickness_m=Range(0.3e-3, 0.9e-3)))
     found = answer(image(wall_section(tip_of(0.01))), replace(KNOWN, thickness_m=stated_m), model)
     assert (found.usable, found.predicted) == (False, 2)
@@ -183,7 +183,7 @@ def test_a_frame_that_shows_a_few_millimetres_of_wall_is_withdrawn_from() -> Non
     section = wall_section(tip_of(0.01))
     close = PixelScale(5e-3 / 512, SCALE.depth_m)
     frame = image(section, scanner=replace(STUDY.oct, width_m=5e-3))
-    found = answer_frame(wall_reader(), Segmenter(), frame, close, 1.0, KNOWN)
+    found = force_reader().read(frame, close, KNOWN)
     assert (found.usable, found.predicted) == (False, 2)
     assert "of the wall" in found.reason
 
@@ -235,7 +235,7 @@ def test_the_real_scans_are_there() -> None:
 @pytest.mark.parametrize("path", real_scans(), ids=lambda path: path.name)
 @pytest.mark.parametrize("known", [KNOWN, None], ids=["known", "unknown"])
 def test_a_real_scan_at_its_true_scale_shows_too_little_of_a_wall(path: Path, known: Known | None) -> None:
-    found = answer_frame(wall_reader(), Segmenter(), grey(path), true_scale(path), 1.0, known)
+    found = force_reader().read(grey(path), true_scale(path), known or Known())
     assert (found.usable, found.predicted, found.force_n) == (False, 2, None)
     assert "mm of the wall are seen, not 9.8 mm" in found.reason
 
@@ -248,7 +248,7 @@ def test_a_real_scan_taken_for_one_as_wide_as_the_product_s_is_no_wall_of_an_eye
 ) -> None:
     pixels = grey(path)
     pixel_m = STUDY.oct.width_m / pixels.shape[1]  # wide enough, so that the other rules have to refuse it
-    found = answer_frame(wall_reader(), Segmenter(), pixels, PixelScale(pixel_m, pixel_m), 1.0, known)
+    found = force_reader().read(pixels, PixelScale(pixel_m, pixel_m), known or Known())
     assert (found.usable, found.predicted, found.force_n) == (False, 2, None)
     assert found.reason.startswith(reason_of(path.name, known))
 
@@ -256,14 +256,14 @@ def test_a_real_scan_taken_for_one_as_wide_as_the_product_s_is_no_wall_of_an_eye
 @pytest.mark.parametrize("field", ["force_n", "probabilities", "interval_n"])
 def test_a_reading_that_is_no_number_never_passes(field: str) -> None:
     broken = {"force_n": nan, "probabilities": (nan, nan, nan), "interval_n": (nan, 0.006)}
-    model = wall_reader(replace(FIVE_MN, **{field: broken[field]}), "network")
+    model = force_reader(replace(FIVE_MN, **{field: broken[field]}), "network")
     found = answer(image(wall_section(tip_of(0.015))), model=model)
     assert (found.usable, found.predicted, found.probabilities, found.force_n) == (False, 2, None, None)
     assert "no number" in found.reason
 
 
 def test_a_check_that_is_no_number_is_a_warning() -> None:
-    found = answer(image(wall_section(tip_of(0.015))), model=wall_reader(replace(FIVE_MN, force_n=nan)))
+    found = answer(image(wall_section(tip_of(0.015))), model=force_reader(replace(FIVE_MN, force_n=nan)))
     assert found.usable
     assert "no number" in found.warnings[0]
 

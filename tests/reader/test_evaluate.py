@@ -14,11 +14,10 @@ from calibration_file import calibration_text
 from scleraforce.cli.main import run
 from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.reader import load_model
-from scleraforce.reader.answers import answer_frame
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.recording.files import frame_digest, read_frame
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.wall import Segmenter, boundary_slice
+from scleraforce.segmentation.wall import boundary_slice, find_wall
 from scleraforce.study import Study
 
 FORCES_N = (0.002, 0.010, 0.020, 0.040, 0.080, 0.050)  # classes 0 1 1 2, over the largest force, pierced
@@ -106,7 +105,7 @@ def test_an_answer_is_the_networks_for_the_slice_of_the_segmented_frame(places) 
     frame = frames[2]
     pixels = cv2.imread(str(places["a"] / "frames" / "2.png"), cv2.IMREAD_UNCHANGED)
     scale = PixelScale(15e-3 / COLUMNS, 4e-3 / ROWS)
-    cut = boundary_slice(Segmenter().segment(pixels, scale), scale, reader.study.slice)
+    cut = boundary_slice(find_wall(pixels, scale), scale, reader.study.slice)
     assert 0.02 < (cut > 0).mean() < 0.3
     np.testing.assert_allclose(frame.probabilities, reader.probabilities(cut[None])[0], atol=1e-12)
     assert frame.predicted == np.argmax(frame.probabilities)
@@ -125,7 +124,7 @@ def test_a_dent_that_leaves_the_window_is_withdrawn_from_instead_of_read(places)
     reader, scale = load_model(places["model"]), PixelScale(15e-3 / COLUMNS, 4e-3 / ROWS)
     rng = np.random.default_rng(2)
     for dent_m, leaves in ((0.0, False), (1.5e-3, False), (3.2e-3, False), (4e-3, True), (6e-3, True)):
-        answer = answer_frame(reader, Segmenter(), draw_frame(dent_m, rng), scale, 1.0)
+        answer = reader.read(draw_frame(dent_m, rng), scale)
         assert answer.usable is not leaves
         if leaves:
             assert (answer.predicted, answer.probabilities) == (2, None)

@@ -6,23 +6,23 @@ from math import nan
 import numpy as np
 import pytest
 from analytic_frames import KNOWN, SCALE, STUDY, image, tip_of, wall_section
-from fixed_network import FIVE_MN, wall_reader
+from fixed_network import FIVE_MN, force_reader
 
 from scleraforce.known.eye import Known
 from scleraforce.reader import load_classifier
-from scleraforce.reader.answers import answer_frame
-from scleraforce.reader.live import LiveReader, LiveReading
+from scleraforce.reader.answers import LiveReading
+from scleraforce.reader.force_reader import ForceReader
+from scleraforce.reader.live import LiveReader
 from scleraforce.reader.readings import Reading
-from scleraforce.reader.wall_reader import WallReader
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.wall import Segmenter
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import SliceStudy, Study
 
 WIDE = Reading((0.1, 0.5, 0.4), 0.025, (0.020, 0.0261), 0.0)
 
 
-def live(frame: np.ndarray, model: WallReader | None = None, known: Known = KNOWN) -> LiveReading:
-    return LiveReader(model or wall_reader(), known, 1.0).read(frame, SCALE)
+def live(frame: np.ndarray, model: ForceReader | None = None, known: Known = KNOWN) -> LiveReading:
+    return LiveReader(model or force_reader(), known, 1.0).read(frame, SCALE)
 
 
 @pytest.fixture(scope="module")
@@ -32,28 +32,28 @@ def frame() -> np.ndarray:
 
 @pytest.mark.parametrize("default", ["fit", "network"])
 def test_the_answer_is_the_networks_whichever_method_is_the_default(frame: np.ndarray, default: str) -> None:
-    answer = live(frame, wall_reader(default=default)).answer
+    answer = live(frame, force_reader(default=default)).answer
     assert (answer.usable, answer.reason, answer.predicted) == (True, None, 1)
     assert (answer.force_n, answer.interval_n) == (FIVE_MN.force_n, FIVE_MN.interval_n)
     assert (answer.probabilities, answer.contact_m) == (FIVE_MN.probabilities, FIVE_MN.contact_m)
 
 
 def test_what_both_readers_say_of_a_frame_is_the_same_but_for_the_fit(frame: np.ndarray) -> None:
-    whole = answer_frame(wall_reader(default="network"), Segmenter(), frame, SCALE, 1.0, KNOWN)
+    whole = force_reader(default="network").read(frame, SCALE, KNOWN)
     assert live(frame).answer == replace(whole, warnings=(), can_calibrate=False, readings=(), fit=None)
 
 
 def test_the_network_is_shown_the_slices_of_the_frame_and_what_is_known(frame: np.ndarray) -> None:
-    alone, beside_the_fit = wall_reader(), wall_reader()
+    alone, beside_the_fit = force_reader(), force_reader()
     live(frame, alone)
-    answer_frame(beside_the_fit, Segmenter(), frame, SCALE, 1.0, KNOWN)
+    beside_the_fit.read(frame, SCALE, KNOWN)
     (cut, known), (expected, _) = alone._network.shown[-1], beside_the_fit._network.shown[-1]
     np.testing.assert_array_equal(cut, expected)
     assert known == KNOWN
 
 
 def test_the_outline_is_that_of_the_segmentation(frame: np.ndarray) -> None:
-    found, reading = Segmenter().segment(frame, SCALE), live(frame)
+    found, reading = find_wall(frame, SCALE), live(frame)
     np.testing.assert_array_equal(reading.outer_row, found.outer_row)
     np.testing.assert_array_equal(reading.inner_row, found.inner_row)
 
@@ -73,36 +73,36 @@ def test_an_eye_outside_the_training_is_withdrawn_from(frame: np.ndarray) -> Non
 
 
 def test_a_contact_outside_the_training_is_withdrawn_from(frame: np.ndarray) -> None:
-    answer = live(frame, wall_reader(replace(FIVE_MN, contact_m=-1.4e-3))).answer
+    answer = live(frame, force_reader(replace(FIVE_MN, contact_m=-1.4e-3))).answer
     assert (answer.usable, answer.predicted, answer.force_n) == (False, 2, None)
     assert answer.reason == "contact -1.4 mm from the frame's middle, the model was trained on -1 to 1 mm"
 
 
 def test_a_few_millimetres_of_wall_are_withdrawn_from() -> None:
     narrow = image(wall_section(tip_of(0.01)), scanner=replace(STUDY.oct, width_m=5e-3))
-    answer = LiveReader(wall_reader(), KNOWN, 1.0).read(narrow, PixelScale(5e-3 / 512, SCALE.depth_m)).answer
+    answer = LiveReader(force_reader(), KNOWN, 1.0).read(narrow, PixelScale(5e-3 / 512, SCALE.depth_m)).answer
     assert (answer.usable, answer.predicted) == (False, 2)
     assert "of the wall are seen" in answer.reason
 
 
 def test_a_dent_that_leaves_the_window_is_read_only_where_the_interval_is_narrow() -> None:
     deep = image(wall_section(4.2e-3, surface_m=0.4e-3))
-    answer = live(deep, wall_reader(WIDE)).answer
+    answer = live(deep, force_reader(WIDE)).answer
     assert (answer.usable, answer.predicted, answer.force_n) == (False, 2, None)
     assert "leaves the window" in answer.reason
-    assert live(deep, wall_reader(FIVE_MN)).answer.usable
-    assert live(image(wall_section(tip_of(0.015))), wall_reader(WIDE)).answer.usable
+    assert live(deep, force_reader(FIVE_MN)).answer.usable
+    assert live(image(wall_section(tip_of(0.015))), force_reader(WIDE)).answer.usable
 
 
 @pytest.mark.parametrize("broken", [{"force_n": nan}, {"probabilities": (nan,) * 3}, {"interval_n": (0.004, np.inf)}])
 def test_a_reading_that_is_no_number_never_passes(frame: np.ndarray, broken: dict[str, object]) -> None:
-    answer = live(frame, wall_reader(replace(FIVE_MN, **broken))).answer
+    answer = live(frame, force_reader(replace(FIVE_MN, **broken))).answer
     assert (answer.usable, answer.predicted, answer.probabilities, answer.force_n) == (False, 2, None, None)
     assert "no number" in answer.reason
 
 
 def test_a_refractive_index_makes_the_wall_thinner(frame: np.ndarray) -> None:
-    thick, thin = wall_reader(), wall_reader()
+    thick, thin = force_reader(), force_reader()
     LiveReader(thick, KNOWN, 1.0).read(frame, SCALE)
     LiveReader(thin, KNOWN, 1.4).read(frame, SCALE)
     pixels = [np.count_nonzero(model._network.shown[-1][0]) for model in (thick, thin)]
@@ -118,7 +118,7 @@ def classifier(write_model, tmp_path_factory: pytest.TempPathFactory):
 
 def test_a_classifier_answers_as_it_does_elsewhere(frame: np.ndarray, classifier) -> None:
     answer = LiveReader(classifier, Known(), 1.0).read(frame, SCALE).answer
-    whole = answer_frame(classifier, Segmenter(), frame, SCALE, 1.0)
+    whole = classifier.read(frame, SCALE)
     assert answer == replace(whole, can_calibrate=False)
     assert (answer.usable, answer.force_n) == (True, None)
 

@@ -11,7 +11,7 @@ from fixed_reader import write_fixed_reader
 from scleraforce.errors import ModelError
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.models.folder import sha256
-from scleraforce.reader import WallReader, load_classifier, load_model
+from scleraforce.reader import load_classifier, load_model
 from scleraforce.reader.force_distribution import ratio_edges
 from scleraforce.reader.given import unknown_modulus
 from scleraforce.reader.slice_network import told_of
@@ -39,10 +39,9 @@ def rewrite(folder: Path, name: str, content: bytes) -> None:
 
 def test_force_and_interval_scale_with_the_modulus_that_it_is_told(folder: Path) -> None:
     reader = load_model(folder)
-    assert isinstance(reader, WallReader)
     edges = ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
     for modulus_pa in (0.2e6, 0.5e6):
-        read = reader.read(CUTS, Known(Modulus(modulus_pa, 5e3, "own")))
+        read = reader.read_slices(CUTS, Known(Modulus(modulus_pa, 5e3, "own")))
         # A quarter lies below edge 3, half in bin 3, a quarter above edge 4.
         assert read.force_n == pytest.approx(modulus_pa * (edges[3] + edges[4]) / 2, rel=1e-5)
         ends = edges[2] + 0.2 * (edges[3] - edges[2]), edges[5] - 0.2 * (edges[5] - edges[4])
@@ -63,10 +62,9 @@ def test_the_reading_of_several_slices_is_that_of_the_mean_of_their_histograms(
             return histograms, np.array([0.1e-3, 0.4e-3], dtype=np.float32)
 
     reader = load_model(folder)
-    assert isinstance(reader, WallReader)
     edges = ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
     monkeypatch.setattr(reader._network, "_session", Session())
-    read = reader.read(CUTS[:2], Known(Modulus(0.3e6, 5e3, "own"), 250.0))
+    read = reader.read_slices(CUTS[:2], Known(Modulus(0.3e6, 5e3, "own"), 250.0))
     assert read.force_n == pytest.approx(0.3e6 * edges[2], rel=1e-5)  # half of the mean lies below
     assert read.contact_m == pytest.approx(0.25e-3)
     (inputs,) = fed
@@ -77,7 +75,10 @@ def test_the_reading_of_several_slices_is_that_of_the_mean_of_their_histograms(
 def test_an_unknown_modulus_is_the_middle_of_the_training(folder: Path) -> None:
     reader = load_model(folder)
     mean_pa, _ = unknown_modulus(reader.study.reader)
-    assert reader.read(CUTS, Known()).force_n == reader.read(CUTS, Known(Modulus(mean_pa, 1e3, "own"))).force_n
+    assert (
+        reader.read_slices(CUTS, Known()).force_n
+        == reader.read_slices(CUTS, Known(Modulus(mean_pa, 1e3, "own"))).force_n
+    )
 
 
 def test_what_is_not_known_is_told_as_not_known() -> None:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -36,7 +38,9 @@ def test_the_slice_is_that_of_the_section_with_the_same_curves(dent_m: float, sh
 
 def test_optical_depth_below_the_surface_is_divided_by_the_refractive_index():
     outer_m = 0.4e-3 + lateral() ** 2 / 30e-3
-    stretched = boundary_slice(segmentation(outer_m, outer_m + 1.38 * 0.7e-3), SCALE, SLICE, 1.38)
+    stretched = boundary_slice(
+        segmentation(outer_m, outer_m + 1.38 * 0.7e-3), replace(SCALE, refractive_index=1.38), SLICE
+    )
     plain = boundary_slice(segmentation(outer_m, outer_m + 0.7e-3), SCALE, SLICE)
     np.testing.assert_array_equal(stretched, plain)
 

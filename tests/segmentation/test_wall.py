@@ -15,7 +15,7 @@ from scleraforce.laboratory.optics import Cover, Line, Pose, sample_optics, samp
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
-from scleraforce.segmentation.wall import Segmentation, Segmenter
+from scleraforce.segmentation.wall import Segmentation, find_wall
 from scleraforce.study import OctStudy, Study
 
 STUDY = Study()
@@ -56,11 +56,6 @@ CLEAR = {"snr_db": 25.0, "attenuation_per_m": 800.0, "choroid_level_db": -10.0, 
 
 
 @pytest.fixture
-def segmenter() -> Segmenter:
-    return Segmenter()
-
-
-@pytest.fixture
 def bscan() -> Bscan:
     return phantom(wall(dent_m=1.5e-3), seed=1, **CLEAR)
 
@@ -79,10 +74,7 @@ def virtual_frames(eyes: int, frames: int, seed: int) -> Iterator[Bscan]:
 
 
 def assert_dice_of_phantoms(eyes: int, frames: int, seed: int) -> None:
-    segmenter = Segmenter()
-    reached = [
-        dice(segmenter.segment(bscan.frame, SCALE), bscan.truth_mask) for bscan in virtual_frames(eyes, frames, seed)
-    ]
+    reached = [dice(find_wall(bscan.frame, SCALE), bscan.truth_mask) for bscan in virtual_frames(eyes, frames, seed)]
     assert np.mean(reached) >= 0.95
     assert np.percentile(reached, 5) >= 0.90
 
@@ -97,117 +89,117 @@ def test_three_hundred_phantoms_reach_the_dice_that_was_asked_for():
 
 
 @pytest.mark.parametrize("thickness_m", [0.4e-3, 0.7e-3, 1.0e-3])
-def test_thickness_along_the_normal_is_that_of_the_wall(segmenter: Segmenter, thickness_m: float):
-    found = segmenter.segment(phantom(wall(thickness_m, dent_m=1.0e-3), **CLEAR).frame, SCALE)
+def test_thickness_along_the_normal_is_that_of_the_wall(thickness_m: float):
+    found = find_wall(phantom(wall(thickness_m, dent_m=1.0e-3), **CLEAR).frame, SCALE)
     assert found.inner_found
     assert found.thickness_m == pytest.approx(thickness_m, rel=0.04)
 
 
 @pytest.mark.parametrize("choroid_m", [100e-6, 130e-6, 250e-6])
 @pytest.mark.parametrize("seed", [0, 1])
-def test_the_wall_ends_where_the_choroid_begins_however_thin_that_is(segmenter: Segmenter, seed: int, choroid_m: float):
+def test_the_wall_ends_where_the_choroid_begins_however_thin_that_is(seed: int, choroid_m: float):
     optics = {"choroid_thickness_m": choroid_m, "choroid_level_db": -8.5, "display_range_db": 40.0}
     bright = {"snr_db": 33.0, "attenuation_per_m": 900.0, "shadows": (), "lines": (), "covers": ()}
     bscan = phantom(wall(0.76e-3), seed, **optics, **bright)
-    found, truth = segmenter.segment(bscan.frame, SCALE), bscan.truth_mask > 0
+    found, truth = find_wall(bscan.frame, SCALE), bscan.truth_mask > 0
     last = len(truth) - truth[::-1].argmax(axis=0) - 0.5
     seen = truth.any(axis=0) & np.isfinite(found.inner_row) & (last < len(truth) - 10)
     assert found.thickness_m == pytest.approx(0.76e-3, rel=0.02)
     assert np.mean(np.abs(found.inner_row - last)[seen] * SCALE.depth_m > 60e-6) < 0.02
 
 
-def test_boundaries_lie_within_a_pixel_or_two_of_the_truth(segmenter: Segmenter, bscan: Bscan):
-    found, truth = segmenter.segment(bscan.frame, SCALE), bscan.truth_mask > 0
+def test_boundaries_lie_within_a_pixel_or_two_of_the_truth(bscan: Bscan):
+    found, truth = find_wall(bscan.frame, SCALE), bscan.truth_mask > 0
     there = truth.any(axis=0) & np.isfinite(found.outer_row)
     first, last = truth.argmax(axis=0) - 0.5, len(truth) - truth[::-1].argmax(axis=0) - 0.5
     assert np.abs(found.outer_row - first)[there].mean() < 1.5
     assert np.abs(found.inner_row - last)[there].mean() < 3.0
 
 
-def test_mask_is_what_lies_between_the_boundaries(segmenter: Segmenter, bscan: Bscan):
-    found = segmenter.segment(bscan.frame, SCALE)
+def test_mask_is_what_lies_between_the_boundaries(bscan: Bscan):
+    found = find_wall(bscan.frame, SCALE)
     rows = np.arange(len(bscan.frame))[:, None]
     between = (rows >= found.outer_row) & (rows < found.inner_row)
     np.testing.assert_array_equal(found.mask, np.where(between, 255, 0))
     assert found.mask.dtype == np.uint8
 
 
-def test_black_bands_show_no_wall(segmenter: Segmenter, bscan: Bscan):
-    found = segmenter.segment(bscan.frame, SCALE)
+def test_black_bands_show_no_wall(bscan: Bscan):
+    found = find_wall(bscan.frame, SCALE)
     band = ~bscan.frame.any(axis=0)
     assert band.sum() > 20
     assert not found.mask[:, band].any()
     assert np.isnan(found.outer_row[band]).all()
 
 
-def test_missing_columns_are_bridged(segmenter: Segmenter, bscan: Bscan):
+def test_missing_columns_are_bridged(bscan: Bscan):
     frame = bscan.frame.copy()
     frame[:, 150:180] = 0
     frame[:, [60, 220, 300, 301, 410]] = 0
-    assert dice(segmenter.segment(frame, SCALE), bscan.truth_mask) > 0.95
+    assert dice(find_wall(frame, SCALE), bscan.truth_mask) > 0.95
 
 
-def test_eight_bits_are_enough(segmenter: Segmenter, bscan: Bscan):
-    assert dice(segmenter.segment((bscan.frame >> 4).astype(np.uint8), SCALE), bscan.truth_mask) > 0.96
+def test_eight_bits_are_enough(bscan: Bscan):
+    assert dice(find_wall((bscan.frame >> 4).astype(np.uint8), SCALE), bscan.truth_mask) > 0.96
 
 
-def test_a_saturated_wall_is_still_found(segmenter: Segmenter, bscan: Bscan):
+def test_a_saturated_wall_is_still_found(bscan: Bscan):
     frame = np.minimum(bscan.frame.astype(np.uint32) * 2, 4095).astype(np.uint16)
-    assert dice(segmenter.segment(frame, SCALE), bscan.truth_mask) > 0.95
+    assert dice(find_wall(frame, SCALE), bscan.truth_mask) > 0.95
 
 
-def test_horizontal_lines_are_not_the_surface(segmenter: Segmenter):
+def test_horizontal_lines_are_not_the_surface():
     lines = tuple(Line(depth_m, 25.0, 12e-6) for depth_m in (0.1e-3, 0.3e-3, 1.5e-3, 3.0e-3))
     bscan = phantom(wall(dent_m=1.5e-3), lines=lines, **CLEAR)
-    assert dice(segmenter.segment(bscan.frame, SCALE), bscan.truth_mask) > 0.95
+    assert dice(find_wall(bscan.frame, SCALE), bscan.truth_mask) > 0.95
 
 
 @pytest.mark.parametrize("tilt_rad", [0.0, 0.03])
-def test_covers_above_the_tissue_are_not_the_surface(segmenter: Segmenter, tilt_rad: float):
+def test_covers_above_the_tissue_are_not_the_surface(tilt_rad: float):
     covers = tuple(Cover(height_m, 30.0, 16e-6, tilt_rad) for height_m in (0.12e-3, 0.3e-3))
     bscan = phantom(wall(dent_m=1.0e-3), covers=covers, **CLEAR)
-    assert dice(segmenter.segment(bscan.frame, SCALE), bscan.truth_mask) > 0.95
+    assert dice(find_wall(bscan.frame, SCALE), bscan.truth_mask) > 0.95
 
 
 @pytest.mark.parametrize("slope_deg", [-40.0, 20.0, 40.0])
-def test_tissue_at_a_slope_is_followed(segmenter: Segmenter, slope_deg: float):
+def test_tissue_at_a_slope_is_followed(slope_deg: float):
     scanner = OctStudy(width_m=3e-3, depth_m=4e-3)
     bscan = phantom(wall(), oct_study=scanner, tilt_rad=np.radians(slope_deg), top_m=1.5e-3, band_m=0.0, **CLEAR)
-    found = segmenter.segment(bscan.frame, PixelScale(3e-3 / 512, 4e-3 / 512))
+    found = find_wall(bscan.frame, PixelScale(3e-3 / 512, 4e-3 / 512))
     assert dice(found, bscan.truth_mask) > 0.95
 
 
 @pytest.mark.parametrize("pixel_um", [5.0, 10.0, 20.0, 30.0])
-def test_any_scale_will_do(segmenter: Segmenter, pixel_um: float):
+def test_any_scale_will_do(pixel_um: float):
     pixel_m = pixel_um / 1e6
     scanner = OctStudy(width_m=min(512, int(14e-3 / pixel_m)) * pixel_m, depth_m=512 * pixel_m, rows=512,
                        columns=min(512, int(14e-3 / pixel_m)))  # fmt: skip
     blur = {"axial_resolution_m": pixel_m, "lateral_resolution_m": 2 * pixel_m, "band_m": 0.0}
     bscan = phantom(wall(), oct_study=scanner, **blur, **CLEAR)
-    assert dice(segmenter.segment(bscan.frame, PixelScale(pixel_m, pixel_m)), bscan.truth_mask) > 0.9
+    assert dice(find_wall(bscan.frame, PixelScale(pixel_m, pixel_m)), bscan.truth_mask) > 0.9
 
 
-def test_iris_and_lens_below_the_wall_are_not_wall(segmenter: Segmenter, bscan: Bscan):
+def test_iris_and_lens_below_the_wall_are_not_wall(bscan: Bscan):
     frame = bscan.frame.copy()
-    plain = segmenter.segment(frame, SCALE)
+    plain = find_wall(frame, SCALE)
     rng = np.random.default_rng(0)
     frame[430:480, 40:470] = rng.integers(1500, 4000, (50, 430))
-    with_iris = segmenter.segment(frame, SCALE)
+    with_iris = find_wall(frame, SCALE)
     assert np.nanmax(np.abs(with_iris.outer_row - plain.outer_row)) < 3.0
 
 
-def test_a_dent_that_leaves_the_window_leaves_a_gap(segmenter: Segmenter):
+def test_a_dent_that_leaves_the_window_leaves_a_gap():
     bscan = phantom(wall(0.5e-3, dent_m=5.0e-3, width_m=1.8e-3), **CLEAR)
-    found = segmenter.segment(bscan.frame, SCALE)
+    found = find_wall(bscan.frame, SCALE)
     assert found.usable
     assert not bscan.truth_mask[:, 250:262].any()
     assert np.isnan(found.outer_row[250:262]).all()
     assert dice(found, bscan.truth_mask) > 0.93
 
 
-def test_where_the_inner_boundary_cannot_be_seen_the_mask_ends_one_millimetre_below(segmenter: Segmenter):
+def test_where_the_inner_boundary_cannot_be_seen_the_mask_ends_one_millimetre_below():
     endless = phantom(wall(2.5e-3), **CLEAR | {"attenuation_per_m": 900.0})
-    found = segmenter.segment(endless.frame, SCALE)
+    found = find_wall(endless.frame, SCALE)
     assert found.usable
     assert not found.inner_found
     assert np.isnan(found.thickness_m)
@@ -218,7 +210,7 @@ def test_where_the_inner_boundary_cannot_be_seen_the_mask_ends_one_millimetre_be
 def test_depth_in_tissue_is_optical_depth_over_the_refractive_index():
     scanner = OctStudy(refractive_index=1.38)
     bscan = phantom(wall(0.6e-3), oct_study=scanner, **CLEAR)
-    found = Segmenter(1.38).segment(bscan.frame, SCALE)
+    found = find_wall(bscan.frame, replace(SCALE, refractive_index=1.38))
     assert found.thickness_m == pytest.approx(0.6e-3, rel=0.05)
     assert dice(found, bscan.truth_mask) > 0.95
 
@@ -233,44 +225,50 @@ def test_depth_in_tissue_is_optical_depth_over_the_refractive_index():
         (np.random.default_rng(0).integers(0, 200, (300, 400)).astype(np.uint8), "signal is too weak"),
     ],
 )
-def test_a_frame_without_a_wall_is_not_usable_and_says_why(segmenter: Segmenter, frame: np.ndarray, reason: str):
+def test_a_frame_without_a_wall_is_not_usable_and_says_why(frame: np.ndarray, reason: str):
     if reason == "saturated":
         frame = frame - np.triu(np.full_like(frame, 2000)) * (np.arange(512) < 200)[:, None].astype(np.uint16)
-    found = segmenter.segment(frame, SCALE)
+    found = find_wall(frame, SCALE)
     assert not found.usable
     assert reason in found.reason
 
 
-def test_too_little_of_the_window_is_not_usable(segmenter: Segmenter, bscan: Bscan):
+def test_too_little_of_the_window_is_not_usable(bscan: Bscan):
     frame = bscan.frame.copy()
     rng = np.random.default_rng(0)
     noise = frame[380:400, 100:400].ravel()
     frame[:, 140:490] = rng.choice(noise, (512, 350))
-    found = segmenter.segment(frame, SCALE)
+    found = find_wall(frame, SCALE)
     assert not found.usable
     assert "covers" in found.reason
 
 
-def test_one_segmenter_serves_frames_of_many_sizes_and_forgets_each(bscan: Bscan):
-    segmenter = Segmenter()
-    first = segmenter.segment(bscan.frame, SCALE)
+def test_frames_of_many_sizes_leave_nothing_behind(bscan: Bscan):
+    first = find_wall(bscan.frame, SCALE)
     kept = first.mask.copy()
     for shape in ((40, 140), (300, 700), (1024, 64), (16, 16)):
-        segmenter.segment(np.random.default_rng(1).integers(0, 4000, shape).astype(np.uint16), SCALE)
-    again = segmenter.segment(bscan.frame, SCALE)
+        find_wall(np.random.default_rng(1).integers(0, 4000, shape).astype(np.uint16), SCALE)
+    again = find_wall(bscan.frame, SCALE)
     np.testing.assert_array_equal(first.mask, kept)
     np.testing.assert_array_equal(again.mask, kept)
 
 
 @pytest.mark.parametrize("frame", [np.zeros((20, 20, 3), np.uint8), np.zeros((20, 20)), np.zeros((8, 200), np.uint8)])
-def test_what_is_no_frame_is_refused(segmenter: Segmenter, frame: np.ndarray):
+def test_what_is_no_frame_is_refused(frame: np.ndarray):
     with pytest.raises(ValueError, match="frame of"):
-        segmenter.segment(frame, SCALE)
+        find_wall(frame, SCALE)
+
+
+def test_the_scale_of_a_scanner_has_its_refractive_index():
+    scanner = OctStudy(columns=500, rows=400, width_m=15e-3, depth_m=4e-3, refractive_index=1.38)
+    assert PixelScale.of(scanner) == PixelScale(15e-3 / 500, 4e-3 / 400, 1.38)
 
 
 def test_a_scale_must_be_a_size():
     with pytest.raises(ValueError, match="metres"):
         PixelScale(0.0, 1e-6)
+    with pytest.raises(ValueError, match=r"index of 2\.5: tissue lies between 1 \(corrected\) and 2"):
+        PixelScale(1e-6, 1e-6, 2.5)
 
 
 def tissue_surfaces() -> list[Path]:
@@ -280,14 +278,14 @@ def tissue_surfaces() -> list[Path]:
 @pytest.mark.real
 @needs_shared
 @pytest.mark.parametrize("path", tissue_surfaces(), ids=lambda path: path.stem)
-def test_tissue_surfaces_of_a_foreign_scanner_meet_the_bar_of_their_makers(segmenter: Segmenter, path: Path):
+def test_tissue_surfaces_of_a_foreign_scanner_meet_the_bar_of_their_makers(path: Path):
     with tifffile.TiffFile(path) as file:
         frame = file.pages[0].asarray()
         axes = json.loads(file.pages[0].tags["Software"].value)["metadata"]
     lateral_m, depth_m = (abs(axes[axis]["values"][1] - axes[axis]["values"][0]) / 1e3 for axis in "xz")
     above = cv2.imread(str(path.with_name(f"{path.stem}_mask.png")), cv2.IMREAD_UNCHANGED) == 255
     surface = len(above) - 1 - above[::-1].argmax(axis=0)
-    found = segmenter.segment(frame, PixelScale(lateral_m, depth_m))
+    found = find_wall(frame, PixelScale(lateral_m, depth_m))
     error = np.abs(found.outer_row - surface)[above.any(axis=0)]
     assert np.isnan(error).mean() < 0.10
     assert np.nanmean(error) < 10.0
@@ -297,9 +295,9 @@ def test_tissue_surfaces_of_a_foreign_scanner_meet_the_bar_of_their_makers(segme
 @pytest.mark.real
 @needs_shared
 @pytest.mark.parametrize(("name", "thickness_um"), [("sample-a", 720), ("sample-b", 570)])
-def test_every_frame_of_the_sample_recordings_shows_a_wall_of_one_thickness(segmenter, name: str, thickness_um: float):
+def test_every_frame_of_the_sample_recordings_shows_a_wall_of_one_thickness(name: str, thickness_um: float):
     for path in sorted((SHARED / "recordings" / name / "frames").glob("*.png")):
-        found = segmenter.segment(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), SCALE)
+        found = find_wall(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), SCALE)
         assert found.usable, path
         assert found.inner_found, path
         assert found.thickness_m * 1e6 == pytest.approx(thickness_um, rel=0.06), path

@@ -1,4 +1,4 @@
-"""A wall reader whose network reads the same whatever it sees, beside a real fit."""
+"""A force reader whose network reads the same whatever it sees, beside a real fit."""
 
 from pathlib import Path
 
@@ -6,8 +6,8 @@ import numpy as np
 from analytic_frames import LIBRARY, STUDY
 
 from scleraforce.known.eye import Known
+from scleraforce.reader.force_reader import ForceReader
 from scleraforce.reader.readings import Reading
-from scleraforce.reader.wall_reader import WallReader
 
 FIVE_MN = Reading((0.1, 0.8, 0.1), 0.005, (0.004, 0.006), 0.3e-3)
 
@@ -26,5 +26,5 @@ class FixedNetwork:
         return self.reading
 
 
-def wall_reader(reading: Reading = FIVE_MN, default: str = "fit") -> WallReader:
-    return WallReader(Path("model"), STUDY, {}, FixedNetwork(reading), LIBRARY, default)
+def force_reader(reading: Reading = FIVE_MN, default: str = "fit") -> ForceReader:
+    return ForceReader(Path("model"), STUDY, {}, FixedNetwork(reading), LIBRARY, default)

@@ -112,10 +112,10 @@ def _read_calibration(folder: Path) -> None:
 
 def _read_model(folder: Path) -> None:
     from scleraforce.known.eye import Known
-    from scleraforce.reader.model import load_model
+    from scleraforce.reader import load_force_reader
 
-    model = load_model(folder / "model")
-    model.read(np.zeros((1, model.study.slice.rows, model.study.slice.columns), np.uint8), Known())
+    model = load_force_reader(folder / "model")
+    model.read_slices(np.zeros((1, model.study.slice.rows, model.study.slice.columns), np.uint8), Known())
 
 
 def _read_dataset(folder: Path) -> None:

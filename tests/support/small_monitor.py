@@ -8,14 +8,13 @@ import socket
 import sys
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.monitor import MonitorLimits
-from scleraforce.reader.answers import Answer
+from scleraforce.reader.answers import Answer, LiveReading
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.companions.companions import Companions
 from scleraforce.service.companions.frame_ring import FrameRing
@@ -29,13 +28,6 @@ TOKEN = "c0ffee"
 UNUSABLE, RAISES, NO_NUMBER, HANGS = 60001, 60002, 60003, 60004
 
 
-@dataclass(frozen=True, eq=False)
-class RuledReading:
-    answer: Answer
-    outer_row: NDArray[np.float64]
-    inner_row: NDArray[np.float64]
-
-
 def frame_of(force_un: int, serial: int) -> NDArray[np.uint16]:
     """A frame that reads as a force in uN; `serial` makes it differ from others."""
     pixels = np.zeros((ROWS, COLUMNS), dtype=np.uint16)
@@ -43,7 +35,7 @@ def frame_of(force_un: int, serial: int) -> NDArray[np.uint16]:
     return pixels
 
 
-def read(pixels: NDArray[Any], _: PixelScale) -> RuledReading:
+def read(pixels: NDArray[Any], _: PixelScale) -> LiveReading:
     force_un = int(pixels[0, 0])
     nowhere = np.full(pixels.shape[1], np.nan)
     if force_un == RAISES:
@@ -51,12 +43,12 @@ def read(pixels: NDArray[Any], _: PixelScale) -> RuledReading:
     while force_un == HANGS:
         pass
     if force_un == UNUSABLE:
-        return RuledReading(Answer(2, None, False, "no wall was found"), nowhere, nowhere)
+        return LiveReading(Answer(2, None, False, "no wall was found"), nowhere, nowhere)
     force_n = float("nan") if force_un == NO_NUMBER else force_un * 1e-6
     predicted = int(force_n > 5e-3) + int(force_n > 30e-3)
     shares = tuple(float(number == predicted) for number in range(3))
     interval_n = (0.95 * force_n - 0.5e-3, 1.05 * force_n + 0.5e-3)
-    return RuledReading(Answer(predicted, shares, True, None, force_n, interval_n), nowhere, nowhere)
+    return LiveReading(Answer(predicted, shares, True, None, force_n, interval_n), nowhere, nowhere)
 
 
 def small_server(

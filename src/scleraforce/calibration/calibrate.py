@@ -20,7 +20,7 @@ from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import dent, segmented_boundaries
-from scleraforce.segmentation.wall import Segmenter
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 
 __all__ = ["Calibration", "EyeCalibration", "FrameRecord", "UsedRecording", "calibrate_recordings", "eye_constants"]
@@ -228,18 +228,15 @@ def _calibrate(
     run = _begin(session.filter, session.state, recording, forces, earlier)
     session = replace(session, state=run.state)
     seen = {frame.sha256 for frame in run.frames}
-    segmenter = Segmenter(recording.info.oct.refractive_index)
-    scale = PixelScale(
-        recording.info.oct.width_m / recording.info.oct.columns, recording.info.oct.depth_m / recording.info.oct.rows
-    )
+    scale = PixelScale.of(recording.info.oct)
     left = len(trials) if frames is None else frames
     shown = [float("nan")] * len(trials)
     for index, (entry, trial) in enumerate(zip(recording.frames, trials, strict=True)):
         pixels = recording.frame(entry) if left > 0 and trial.excluded is None else None
         if pixels is not None and (sha256 := frame_digest(pixels)) not in seen:
-            segmentation = segmenter.segment(pixels, scale)
+            segmentation = find_wall(pixels, scale)
             reason = "" if segmentation.usable else f"not usable: {segmentation.reason}"
-            boundaries = segmented_boundaries(segmentation, scale, recording.info.oct.refractive_index)
+            boundaries = segmented_boundaries(segmentation, scale)
             shown[index] = dent(boundaries) if segmentation.usable else float("nan")
             record = FrameRecord(
                 str(recording.path), trial.file, sha256, float(forces.force_n[index]), run.mean_pa, run.sd_pa,

@@ -14,7 +14,6 @@ from scleraforce.cli.single_frames import (
     is_folder,
     scale_entry,
     scanner_options,
-    segmenter_of,
     size_words,
     told_scanner,
 )
@@ -23,7 +22,7 @@ from scleraforce.units import n_to_mn
 
 if TYPE_CHECKING:
     from scleraforce.known.eye import Known
-    from scleraforce.reader import ForceReader, WallReader
+    from scleraforce.reader import Reader
     from scleraforce.reader.answers import Answer
     from scleraforce.recording.scaled_frame import Scanner
 
@@ -93,39 +92,36 @@ class _FrameRead:
     limits: tuple[str, ...]
 
 
-def _read(
-    reader: "ForceReader | WallReader", path: Path, told: "Scanner", known: "Known", transpose: bool
-) -> _FrameRead:
+def _read(reader: "Reader", path: Path, told: "Scanner", known: "Known", transpose: bool) -> _FrameRead:
     """Read one frame with what was told and what else its recording and its file state."""
-    from scleraforce.known.eye import Known, completed, known_of_recording
-    from scleraforce.reader.answers import answer_frame
-    from scleraforce.reader.limits import limits_of
+    from scleraforce.known.eye import NOTHING_KNOWN, completed, known_of_recording
     from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame, recording_of
 
     assumed = Scanner(refractive_index=reader.study.oct.refractive_index)
     frame = read_scaled_frame(path, told, (assumed, "model's study"), transpose)
-    stated = Known() if frame.info is None else known_of_recording(frame.info)
-    used, index = completed(known, stated), frame.refractive_index.value
+    stated = NOTHING_KNOWN if frame.info is None else known_of_recording(frame.info)
+    used = completed(known, stated)
     try:
-        answer = answer_frame(reader, segmenter_of(index), frame.pixels, frame.scale, index, used)
+        answer = reader.read(frame.pixels, frame.scale, used)
     except ValueError as fault:
         raise FrameError(f"{path}: {fault}") from fault
-    place = str(recording_of(path) or path)
+    place = recording_of(path) or path
+    limits = () if frame.info is None else reader.limits(used, frame.info.oct)
     return _FrameRead(
         answer,
         {"scale": scale_entry(frame), "known": known_entry(known, stated)},
         f"{size_words(frame)}; {known_words(known, stated)}",
-        () if frame.info is None else limits_of(reader, place, used, frame.info.oct),
+        tuple(f"{place}: {sentence}" for sentence in limits),
     )
 
 
-def _notes(reader: "ForceReader | WallReader", known: "Known") -> list[str]:
+def _notes(reader: "Reader", known: "Known") -> list[str]:
     """Return what was told and not used."""
-    from scleraforce.known.eye import Known
+    from scleraforce.known.eye import NOTHING_KNOWN
 
-    if reader.kind == "reader" or known == Known():
+    if reader.fixed_modulus_pa is None or known == NOTHING_KNOWN:
         return []
-    modulus_mpa = reader.study.eye.youngs_modulus_pa / 1e6
+    modulus_mpa = reader.fixed_modulus_pa / 1e6
     return [f"a classifier takes no notice of what is known of an eye; it reads each as one of {modulus_mpa:g} MPa"]
 
 
@@ -144,12 +140,12 @@ def _read_as(read: "list[tuple[Path, _FrameRead]]") -> list[str]:
     return [wrapped(f"{names[words]}: {words}", "read with: ") for words in alike]
 
 
-def _entry(path: Path, found: _FrameRead | InputError, reader: "ForceReader | WallReader") -> dict[str, Any]:
+def _entry(path: Path, found: _FrameRead | InputError, reader: "Reader") -> dict[str, Any]:
     """Return a frame as it stands in JSON; one that could not be read is withdrawn from, and has an `error`."""
     if isinstance(found, InputError):
         from scleraforce.reader.answers import unusable
 
-        return {**_answered(path, unusable(reader, str(found))), "error": str(found)}
+        return {**_answered(path, unusable(reader.classes, str(found))), "error": str(found)}
     return {**_answered(path, found.answer), **found.read_with}
 
 

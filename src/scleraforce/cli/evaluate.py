@@ -62,7 +62,7 @@ def _frames(evaluation: "Evaluation") -> list[str]:
     """Return a table of all frames, recording by recording."""
     lines = []
     for recording in dict.fromkeys(frame.recording for frame in evaluation.frames):
-        read = f"{'read/mN':>9}{'90 %':>14}" if evaluation.kind == "reader" else ""
+        read = f"{'read/mN':>9}{'90 %':>14}" if evaluation.reads_force else ""
         lines += [recording, f"  {'frame':<16}{'force/mN':>9}{'target':>7}{'read':>5}{'p':>7}{read or '  remark'}"]
         lines += [_frame(frame, bool(read)) for frame in evaluation.frames if frame.recording == recording]
     return lines

@@ -20,7 +20,7 @@ from scleraforce.processes import one_thread
 if TYPE_CHECKING:
     from scleraforce.known.eye import Known
     from scleraforce.monitor import MonitorLimits
-    from scleraforce.reader import ForceReader, WallReader
+    from scleraforce.reader import Reader
     from scleraforce.service.monitor_service import Address, MonitorSettings
     from scleraforce.study import Study
 
@@ -138,7 +138,7 @@ def _known(calibration: Path | None, eye: str | None, options: dict[str, Any]) -
     return known_of_eye(known, summary, eye), foreign_modulus(summary, eye)
 
 
-def _limits(reader: "ForceReader | WallReader", known: "Known", options: dict[str, Any]) -> "MonitorLimits":
+def _limits(reader: "Reader", known: "Known", options: dict[str, Any]) -> "MonitorLimits":
     from scleraforce.monitor import MonitorLimits
 
     study = reader.study
@@ -153,8 +153,8 @@ def _limits(reader: "ForceReader | WallReader", known: "Known", options: dict[st
         reaction_s=options["reaction_ms"] / 1e3,
         size=(rows, columns),
         scale_m=(width_m / columns, depth_m / rows),
-        reads_force=reader.kind == "reader",
-        expects_opinion=options["second_opinion"] and reader.kind == "reader",
+        reads_force=reader.reads_force,
+        expects_opinion=options["second_opinion"] and reader.reads_force,  # a class is read in one way only
     )
 
 
@@ -173,12 +173,9 @@ def _bound_n(study: "Study", known: "Known", bound_mn: float | None, adaptive: b
     )
 
 
-def _refuse_untrained(reader: "ForceReader | WallReader", known: "Known") -> None:
+def _refuse_untrained(reader: "Reader", known: "Known") -> None:
     """Refuse an eye that the model cannot read: all its frames would be unusable."""
-    from scleraforce.known.eye import outside_training
-
-    reason = outside_training(known, reader.study.reader) if reader.kind == "reader" else None
-    if reason:
+    if reason := reader.refusal(known):
         raise InputError(f"{reader.path}: {reason}")
 
 
@@ -198,7 +195,7 @@ def _new_black_box(folder: Path | None) -> Path:
 
 
 def _greet(
-    reader: "ForceReader | WallReader",
+    reader: "Reader",
     settings: "MonitorSettings",
     address: "Address",
     doubt: str | None,

@@ -16,7 +16,6 @@ from scleraforce.cli.single_frames import (
     is_folder,
     scale_entry,
     scanner_options,
-    segmenter_of,
     told_scanner,
 )
 from scleraforce.errors import FrameError, InputError
@@ -130,12 +129,13 @@ def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
     """Segment one frame, write its mask and, where asked for, its overlay; return what is to be told about it."""
     from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame
     from scleraforce.segmentation.overlay import draw_overlay
+    from scleraforce.segmentation.wall import find_wall
 
     scanner = OctStudy()
     assumed = Scanner(scanner.width_m, scanner.depth_m, scanner.refractive_index)
     frame = read_scaled_frame(source.frame, asked.told, (assumed, ASSUMED), asked.transpose)
     try:
-        found = segmenter_of(frame.refractive_index.value).segment(frame.pixels, frame.scale)
+        found = find_wall(frame.pixels, frame.scale)
     except ValueError as fault:
         raise FrameError(f"{source.frame}: {fault}") from fault
     _write(source.mask, found.mask.T if asked.transpose else found.mask, asked.force)

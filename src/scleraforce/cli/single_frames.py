@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -14,7 +13,6 @@ from scleraforce.errors import InputError
 
 if TYPE_CHECKING:
     from scleraforce.recording.scaled_frame import ScaledFrame, Scanner
-    from scleraforce.segmentation.wall import Segmenter
 
 __all__ = [
     "ASSUMED",
@@ -23,7 +21,6 @@ __all__ = [
     "is_folder",
     "scale_entry",
     "scanner_options",
-    "segmenter_of",
     "size_words",
     "told_scanner",
 ]
@@ -79,14 +76,6 @@ def end_with_faults(found: Iterable[object]) -> None:
         fail(str(fault), 2)
     if faults:
         raise click.exceptions.Exit(2)
-
-
-@lru_cache
-def segmenter_of(refractive_index: float) -> "Segmenter":
-    """Return the segmenter of a refractive index, made once."""
-    from scleraforce.segmentation.wall import Segmenter
-
-    return Segmenter(refractive_index)
 
 
 def is_folder(path: Path) -> bool:

@@ -9,6 +9,7 @@ from scleraforce.study import ReaderStudy
 from scleraforce.units import mmhg_to_pa
 
 __all__ = [
+    "NOTHING_KNOWN",
     "STATED_MODULUS_SD",
     "Known",
     "Modulus",
@@ -62,6 +63,9 @@ class Known:
     thickness_m: float | None = None
     gap_m: float | None = None
     polar_rad: float | None = None
+
+
+NOTHING_KNOWN = Known()
 
 
 def known_of_recording(info: RecordingInfo) -> Known:

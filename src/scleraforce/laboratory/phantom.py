@@ -26,9 +26,9 @@ from scleraforce.laboratory.optics import BscanOptics, Pose, sample_optics
 from scleraforce.laboratory.pushes import (
     TIME_DIGITS,
     ForcePath,
+    ForceSensor,
     Motion,
     Push,
-    Sensor,
     format_log,
     motion_end_s,
     plan_path,
@@ -86,7 +86,7 @@ class PhantomPlan:
     eye: PhantomEye
     frames: tuple[PhantomFrame, ...]
     motion: Motion
-    sensor: Sensor
+    sensor: ForceSensor
     seed: int
 
     @property

@@ -11,9 +11,9 @@ from scleraforce.study import PhantomStudy, draw
 __all__ = [
     "TIME_DIGITS",
     "ForcePath",
+    "ForceSensor",
     "Motion",
     "Push",
-    "Sensor",
     "format_log",
     "motion_end_s",
     "plan_path",
@@ -65,7 +65,7 @@ Motion = tuple[Push, ...] | ForcePath
 
 
 @dataclass(frozen=True)
-class Sensor:
+class ForceSensor:
     """A force sensor: offset of each axis (3,), drift of the axis along the needle, noise, step, cross talk."""
 
     offset_n: tuple[float, float, float]
@@ -132,9 +132,9 @@ def true_force(motion: Motion, time_s: Samples) -> Samples:
     return force_n
 
 
-def sample_sensor(phantom: PhantomStudy, rng: np.random.Generator) -> Sensor:
+def sample_sensor(phantom: PhantomStudy, rng: np.random.Generator) -> ForceSensor:
     """Draw the sensor of one recording."""
-    return Sensor(
+    return ForceSensor(
         offset_n=(
             draw(phantom.force_offset_n, rng),
             draw(phantom.force_offset_n, rng),
@@ -149,7 +149,9 @@ def sample_sensor(phantom: PhantomStudy, rng: np.random.Generator) -> Sensor:
     )
 
 
-def sense(motion: Motion, sensor: Sensor, axis: int, sign: int, stop_s: float, rng: np.random.Generator) -> Samples:
+def sense(
+    motion: Motion, sensor: ForceSensor, axis: int, sign: int, stop_s: float, rng: np.random.Generator
+) -> Samples:
     """Return the log of a sensor, shape (samples, 7): time in s, forces in N, torques in N m.
 
     Args:

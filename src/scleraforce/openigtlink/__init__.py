@@ -4,10 +4,10 @@ from scleraforce.openigtlink.decoder import (
     BadChecksum,
     Broken,
     Decoder,
+    DecoderState,
     Event,
     Malformed,
     Received,
-    State,
     Unknown,
 )
 from scleraforce.openigtlink.image import Image
@@ -17,6 +17,7 @@ __all__ = [
     "BadChecksum",
     "Broken",
     "Decoder",
+    "DecoderState",
     "Event",
     "Image",
     "Malformed",
@@ -24,7 +25,6 @@ __all__ = [
     "Query",
     "Received",
     "Sensor",
-    "State",
     "Status",
     "Text",
     "Transform",

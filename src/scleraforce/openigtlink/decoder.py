@@ -18,7 +18,17 @@ from scleraforce.errors import ProtocolError
 from scleraforce.openigtlink.messages import SPOKEN, Message, query_of, unpack
 from scleraforce.openigtlink.wire import HEADER_BYTES, Header, split_body, unpack_header
 
-__all__ = ["MAX_BODY_BYTES", "BadChecksum", "Broken", "Decoder", "Event", "Malformed", "Received", "State", "Unknown"]
+__all__ = [
+    "MAX_BODY_BYTES",
+    "BadChecksum",
+    "Broken",
+    "Decoder",
+    "DecoderState",
+    "Event",
+    "Malformed",
+    "Received",
+    "Unknown",
+]
 
 MAX_BODY_BYTES = 16 * 1024 * 1024  # a 16-bit volume of 2048 x 2048 x 2
 HEADERS_BYTES = 4096  # lent at once for headers, so that one `received` stays below a millisecond
@@ -68,7 +78,7 @@ class Broken:
 Event = Received | Unknown | BadChecksum | Malformed | Broken
 
 
-class State(Enum):
+class DecoderState(Enum):
     """The part of the stream that the next byte belongs to."""
 
     HEADER = "header"
@@ -95,7 +105,7 @@ class Decoder:
 
     def __init__(self, max_body_bytes: int = MAX_BODY_BYTES) -> None:
         self.max_body_bytes = max_body_bytes
-        self.state = State.HEADER
+        self.state = DecoderState.HEADER
         self._head = bytearray()
         self._scratch = memoryview(bytearray(PASSED_BYTES))
         self._start_body(np.empty(0, dtype=np.uint8), 0)
@@ -106,12 +116,12 @@ class Decoder:
     @property
     def broken(self) -> bool:
         """Whether the stream cannot be followed any more."""
-        return self.state is State.ERROR
+        return self.state is DecoderState.ERROR
 
     @property
     def between(self) -> bool:
         """Whether no message is incomplete."""
-        return self.state is State.HEADER and not self._head
+        return self.state is DecoderState.HEADER and not self._head
 
     def space(self) -> memoryview:
         """Lend the room for the next bytes, never empty; it is valid until the next call of another method.
@@ -125,9 +135,9 @@ class Decoder:
         ()
         """
         self._refuse_if_broken()
-        if self.state is State.BODY:
+        if self.state is DecoderState.BODY:
             return self._room[-self._left :]
-        return self._scratch[: HEADERS_BYTES if self.state is State.HEADER else min(self._left, PASSED_BYTES)]
+        return self._scratch[: HEADERS_BYTES if self.state is DecoderState.HEADER else min(self._left, PASSED_BYTES)]
 
     def received(self, count: int) -> tuple[Event, ...]:
         """Take the first bytes of the room that `space` lent.
@@ -145,7 +155,7 @@ class Decoder:
         room = self.space()
         if not 0 <= count <= len(room):
             raise ValueError(f"{count} bytes received: {len(room)} were lent")
-        if self.state is not State.BODY:
+        if self.state is not DecoderState.BODY:
             return self._take(room[:count])
         event = self._advance(count)
         return () if event is None else (event,)
@@ -177,12 +187,12 @@ class Decoder:
 
     def _step(self, rest: memoryview) -> tuple[int, Event | None]:
         """Use some of the bytes; return how many, and the event that they complete."""
-        if self.state is State.HEADER:
+        if self.state is DecoderState.HEADER:
             used = min(HEADER_BYTES - len(self._head), len(rest))
             self._head += rest[:used]
             return used, self._begin() if len(self._head) == HEADER_BYTES else None
         used = min(self._left, len(rest))
-        if self.state is State.BODY:
+        if self.state is DecoderState.BODY:
             self._room[-self._left :][:used] = rest[:used]
         return used, self._advance(used)
 
@@ -193,27 +203,27 @@ class Decoder:
             if self._header.body_bytes > self.max_body_bytes:
                 raise ProtocolError(f"body of {self._header.body_bytes} bytes: at most {self.max_body_bytes}")
         except ProtocolError as error:
-            self.state = State.ERROR
+            self.state = DecoderState.ERROR
             return Broken(str(error))
         finally:
             self._head.clear()
         kept = self._header.type in SPOKEN
-        self.state = State.BODY if kept else State.PASSING
+        self.state = DecoderState.BODY if kept else DecoderState.PASSING
         size = self._header.body_bytes
         self._start_body(np.empty(size if kept else 0, dtype=np.uint8), size)
         return None if size else self._end()
 
     def _advance(self, count: int) -> Event | None:
         """Count bytes of the body that are in place; the checksum is updated on the way."""
-        if self.state is State.BODY and count:
+        if self.state is DecoderState.BODY and count:
             self._crc = ecma_182(self._room[-self._left :][:count], self._crc)
         self._left -= count
         return None if self._left else self._end()
 
     def _end(self) -> Event:
         """Return the event of a complete body; the decoder keeps no reference to the body."""
-        header, body, crc, kept = self._header, self._body, self._crc, self.state is State.BODY
-        self.state = State.HEADER
+        header, body, crc, kept = self._header, self._body, self._crc, self.state is DecoderState.BODY
+        self.state = DecoderState.HEADER
         self._start_body(np.empty(0, dtype=np.uint8), 0)
         if not kept:
             asked = query_of(header.type)

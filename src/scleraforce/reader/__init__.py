@@ -3,7 +3,9 @@
 `evaluate` needs the recording room too, and is imported by name where it is wanted.
 """
 
-from scleraforce.reader.model import ForceReader, load_classifier, load_model
-from scleraforce.reader.wall_reader import WallReader
+from scleraforce.reader.classifier import Classifier
+from scleraforce.reader.force_reader import ForceReader
+from scleraforce.reader.model import load_classifier, load_force_reader, load_model
+from scleraforce.reader.reader import Reader
 
-__all__ = ["ForceReader", "WallReader", "load_classifier", "load_model"]
+__all__ = ["Classifier", "ForceReader", "Reader", "load_classifier", "load_force_reader", "load_model"]

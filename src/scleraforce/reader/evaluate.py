@@ -9,16 +9,13 @@ from typing import Any
 from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known.calibration_file import CalibrationSummary, read_calibration
 from scleraforce.known.eye import Known, foreign_modulus, known_of_eye, known_of_recording
-from scleraforce.reader.answers import Answer, answer_frame
+from scleraforce.reader.answers import Answer
 from scleraforce.reader.evaluation import Evaluation, FrameAnswer
-from scleraforce.reader.limits import limits
-from scleraforce.reader.model import ForceReader
-from scleraforce.reader.wall_reader import WallReader
+from scleraforce.reader.reader import Reader
 from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.wall import Segmenter
 
 __all__ = ["Evaluation", "FrameAnswer", "evaluate_recordings"]
 
@@ -26,7 +23,7 @@ FOREIGN = ("the modulus is the population's, not this eye's own",)
 
 
 def evaluate_recordings(
-    reader: ForceReader | WallReader,
+    reader: Reader,
     paths: Sequence[str | PathLike[str]],
     calibration: str | PathLike[str] | None = None,
     progress: Callable[[int], object] | None = None,
@@ -67,10 +64,10 @@ def evaluate_recordings(
     )
 
 
-def _doubts(reader: ForceReader | WallReader, recording: Recording, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
+def _doubts(reader: Reader, recording: Recording, answers: Sequence[FrameAnswer]) -> tuple[str, ...]:
     """Return sentences on a force log that does not go with what a model reads."""
     classes = reader.study.classes
-    if isinstance(reader, WallReader):
+    if reader.reads_force:
         return log_doubts(recording, classes, [frame.predicted_force_n for frame in answers], in_newtons=True)
     return log_doubts(recording, classes, [frame.predicted if frame.usable else None for frame in answers])
 
@@ -84,10 +81,10 @@ def _refuse_twice(paths: Sequence[Path]) -> None:
         seen.add(path.resolve())
 
 
-def _calibration(reader: ForceReader | WallReader, path: Path) -> CalibrationSummary:
+def _calibration(reader: Reader, path: Path) -> CalibrationSummary:
     """Read a calibration; moduli of a linear wall are not those of one that bends as far as it does."""
     summary = read_calibration(path)
-    if isinstance(reader, WallReader) and summary.mechanics == "linear":
+    if reader.fixed_modulus_pa is None and summary.mechanics == "linear":
         raise CalibrationError(
             f"{path}: mechanics: linear; {reader.path} reads with finite strain: calibrate with "
             "--mechanics finite-strain"
@@ -96,41 +93,48 @@ def _calibration(reader: ForceReader | WallReader, path: Path) -> CalibrationSum
 
 
 def _notes(
-    reader: ForceReader | WallReader,
+    reader: Reader,
     paths: Sequence[Path],
     recordings: Sequence[Recording],
     summary: CalibrationSummary | None,
 ) -> Iterator[str]:
-    if summary is not None and isinstance(reader, ForceReader):
+    if summary is not None and reader.fixed_modulus_pa is not None:
         yield (
             f"{reader.path}: a classifier reads every eye with the modulus it was trained for, "
-            f"{reader.study.eye.youngs_modulus_pa / 1e6:.3g} MPa; {summary.path} only marks frames"
+            f"{reader.fixed_modulus_pa / 1e6:.3g} MPa; {summary.path} only marks frames"
         )
     for path, recording in zip(paths, recordings, strict=True):
-        yield from limits(reader, path, recording)
+        yield from _limits(reader, path, recording)
         foreign = _foreign(reader, recording, summary)
         if foreign:
             yield f"{path}: {foreign}"
 
 
-def _foreign(reader: ForceReader | WallReader, recording: Recording, summary: CalibrationSummary | None) -> str | None:
+def _limits(reader: Reader, path: Path, recording: Recording) -> Iterator[str]:
+    """Say what of a recording the model's training did not cover, and where its frames cannot be scored."""
+    for sentence in reader.limits(known_of_recording(recording.info), recording.info.oct):
+        yield f"{path}: {sentence}"
+    if recording.forces is None:
+        yield f"{path}: no forces.csv: its frames are read, but not scored"
+
+
+def _foreign(reader: Reader, recording: Recording, summary: CalibrationSummary | None) -> str | None:
     """Return a sentence where a recording's eye is read with the modulus of others, although a calibration is given."""
-    if summary is None or isinstance(reader, ForceReader):
+    if summary is None or reader.fixed_modulus_pa is not None:
         return None
     return foreign_modulus(summary, recording.info.eye.id)
 
 
 def _answers(
-    reader: ForceReader | WallReader,
+    reader: Reader,
     given: str,
     recording: Recording,
     summary: CalibrationSummary | None,
     progress: Callable[[int], object] | None,
 ) -> Iterator[FrameAnswer]:
     """Answer each frame of a recording, in its order."""
-    study, oct_info, eye = reader.study, recording.info.oct, recording.info.eye.id
-    scale = PixelScale(oct_info.width_m / oct_info.columns, oct_info.depth_m / oct_info.rows)
-    segmenter = Segmenter(oct_info.refractive_index)
+    study, eye = reader.study, recording.info.eye.id
+    scale = PixelScale.of(recording.info.oct)
     known = known_of_recording(recording.info)
     if summary is not None:
         known = known_of_eye(known, summary, eye)
@@ -140,7 +144,7 @@ def _answers(
     trials = label_frames(recording, study.classes, study.needle.max_force_n)
     for entry, trial in zip(recording.frames, trials, strict=True):
         pixels = recording.frame(entry)
-        answer = answer_frame(reader, segmenter, pixels, scale, oct_info.refractive_index, known)
+        answer = reader.read(pixels, scale, known)
         yield FrameAnswer(
             recording=given,
             eye=eye,
@@ -157,10 +161,10 @@ def _answers(
             progress(1)
 
 
-def _modulus(reader: ForceReader | WallReader, known: Known) -> tuple[float | None, str | None]:
+def _modulus(reader: Reader, known: Known) -> tuple[float | None, str | None]:
     """Return the modulus that an eye is read with, and where it is from."""
-    if isinstance(reader, ForceReader):
-        return reader.study.eye.youngs_modulus_pa, "trained"
+    if reader.fixed_modulus_pa is not None:
+        return reader.fixed_modulus_pa, "trained"
     return (known.modulus.mean_pa, known.modulus.source) if known.modulus else (None, None)
 
 

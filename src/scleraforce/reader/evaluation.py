@@ -101,6 +101,11 @@ class Evaluation:
     notes: tuple[str, ...] = ()
     kind: str = "classifier"
 
+    @property
+    def reads_force(self) -> bool:
+        """Whether the model reads forces, not classes alone."""
+        return self.kind == "reader"
+
     @cached_property
     def scored(self) -> tuple[FrameAnswer, ...]:
         """The frames that count."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -32,16 +32,42 @@ STANDALONE_MARKERS = {0x01, *range(0xD0, 0xD9)}
 JPEG_2000 = b"\xff\x4f\xff\x51"
 
 
+class _FieldOfView(Protocol):
+    """What is needed of a scanner to know the size of its pixels."""
+
+    @property
+    def columns(self) -> int: ...
+    @property
+    def rows(self) -> int: ...
+    @property
+    def width_m(self) -> float: ...
+    @property
+    def depth_m(self) -> float: ...
+    @property
+    def refractive_index(self) -> float: ...
+
+
 @dataclass(frozen=True)
 class PixelScale:
-    """The size of a frame's pixel: along a row (lateral) and along a column (optical depth), m."""
+    """The size of a frame's pixel: along a row (lateral) and along a column (optical depth), m.
+
+    `refractive_index` is optical over geometric depth below the tissue surface; 1 where the scanner has corrected it.
+    """
 
     lateral_m: float
     depth_m: float
+    refractive_index: float = 1.0
 
     def __post_init__(self) -> None:
         if not (0.0 < self.lateral_m < 1.0 and 0.0 < self.depth_m < 1.0):
             raise ValueError(f"a pixel of {self.lateral_m} m x {self.depth_m} m: give its size in metres, above 0")
+        if not 1.0 <= self.refractive_index <= 2.0:
+            raise ValueError(f"a refractive index of {self.refractive_index}: tissue lies between 1 (corrected) and 2")
+
+    @classmethod
+    def of(cls, scanner: _FieldOfView) -> "PixelScale":
+        """Return the scale of a scanner's frames (`OctStudy`, `OctInfo`)."""
+        return cls(scanner.width_m / scanner.columns, scanner.depth_m / scanner.rows, scanner.refractive_index)
 
 
 @dataclass(frozen=True)

@@ -44,9 +44,9 @@ class ScaledFrame:
 
     @property
     def scale(self) -> PixelScale:
-        """Size of a pixel as stored."""
+        """Size of a pixel as stored, with the refractive index."""
         rows, columns = self.pixels.shape
-        return PixelScale(self.width_m.value / columns, self.depth_m.value / rows)
+        return PixelScale(self.width_m.value / columns, self.depth_m.value / rows, self.refractive_index.value)
 
 
 def recording_of(path: Path) -> Path | None:

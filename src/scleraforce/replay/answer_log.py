@@ -11,7 +11,7 @@ from scleraforce.monitor.transitions import State
 from scleraforce.openigtlink import Message, Status, Text
 from scleraforce.service.telling import READING_DEVICE, STATUS_DEVICE
 
-__all__ = ["AnswerLog", "Change", "FrameAnswer"]
+__all__ = ["AnswerLog", "Change", "TimedAnswer"]
 
 WAITING = 1000  # frames without an answer that are remembered
 SUB_CODES = {cause.value: cause.name for cause in Cause}
@@ -51,7 +51,7 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class FrameAnswer:
+class TimedAnswer:
     """The STATUS that answers a frame.
 
     Attributes:
@@ -82,7 +82,7 @@ class AnswerLog:
 
     def __init__(self) -> None:
         self.changes: list[Change] = []
-        self.answers: list[FrameAnswer] = []
+        self.answers: list[TimedAnswer] = []
         self.frames_sent = 0
         self.begun_s: float | None = None
         self.reading: Mapping[str, Any] = {}
@@ -109,7 +109,7 @@ class AnswerLog:
             self._hear_reading(message.text)
 
     @property
-    def last(self) -> FrameAnswer | None:
+    def last(self) -> TimedAnswer | None:
         """The answer to the last frame that was sent; None until it comes."""
         return self.answers[-1] if self.answers and self._last and self.answered == self._last[0] else None
 
@@ -147,7 +147,7 @@ class AnswerLog:
             return
         number, sent_s = self._waiting.pop(frame_id)
         self.answered = number
-        self.answers.append(FrameAnswer(at_s, at_s - sent_s, reading.get("latency_ms"), status.code))
+        self.answers.append(TimedAnswer(at_s, at_s - sent_s, reading.get("latency_ms"), status.code))
         if self.changes and self.changes[-1].at_s == at_s:
             self.changes[-1] = replace(
                 self.changes[-1], frame=number, after_s=at_s - sent_s, answers=True,

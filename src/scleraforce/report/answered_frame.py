@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.wall import Segmentation, Segmenter, boundary_slice
+from scleraforce.segmentation.wall import Segmentation, boundary_slice, find_wall
 from scleraforce.study import SliceStudy
 
 __all__ = ["AnsweredFrame", "look_at", "look_at_all"]
@@ -31,7 +31,7 @@ class AnsweredFrame:
 
     def slice(self, study: SliceStudy) -> NDArray[np.uint8]:
         """Return the slice that a network reads."""
-        return boundary_slice(self.found, _scale(self.recording), study, self.recording.info.oct.refractive_index)
+        return boundary_slice(self.found, PixelScale.of(self.recording.info.oct), study)
 
 
 def look_at(answer: FrameAnswer) -> AnsweredFrame:
@@ -54,10 +54,5 @@ def look_at_all(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
 def _looked_at(answer: FrameAnswer, recording: Recording) -> AnsweredFrame:
     entry = next(entry for entry in recording.frames if entry.file == answer.file)
     frame = np.asarray(recording.frame(entry), dtype=np.uint16)
-    found = Segmenter(recording.info.oct.refractive_index).segment(frame, _scale(recording))
+    found = find_wall(frame, PixelScale.of(recording.info.oct))
     return AnsweredFrame(answer, recording, frame, found)
-
-
-def _scale(recording: Recording) -> PixelScale:
-    oct_info = recording.info.oct
-    return PixelScale(oct_info.width_m / oct_info.columns, oct_info.depth_m / oct_info.rows)

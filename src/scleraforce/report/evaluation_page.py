@@ -49,13 +49,13 @@ def write_evaluation_html(
     limits = [section("What limits the result", bullets(evaluation.notes))] if evaluation.notes else []
     pictures = [frame_pictures(evaluation, looks)] if looks else []
     sections = [_result(evaluation), *limits, *pictures, _frames(evaluation)]
-    title = "Forces of recordings" if evaluation.kind == "reader" else "Force classes of recordings"
+    title = "Forces of recordings" if evaluation.reads_force else "Force classes of recordings"
     write_page(page(title, _lead(evaluation), stamp(made_at), *sections), path, overwrite=overwrite)
 
 
 def _lead(evaluation: Evaluation) -> str:
     """Say which model it was, and with which moduli it read the eyes."""
-    if evaluation.kind != "reader":
+    if not evaluation.reads_force:
         modulus_mpa = evaluation.youngs_modulus_pa / 1e6
         return f"Model {evaluation.model}, trained at a Young's modulus of {modulus_mpa:.3g} MPa."
     eyes = {frame.eye: (frame.youngs_modulus_pa, frame.modulus_source) for frame in evaluation.frames}

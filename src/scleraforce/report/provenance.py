@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 
 from scleraforce import __version__
-from scleraforce.reader.model import ForceReader
+from scleraforce.reader import Reader
 from scleraforce.report.html import Html, table
 from scleraforce.study import Study, study_hash
 
@@ -39,7 +39,7 @@ def stamp(made_at: datetime) -> str:
     return f"scleraforce {__version__}, {made_at.astimezone(UTC):%Y-%m-%d %H:%M} UTC. {RESEARCH_USE}"
 
 
-def provenance_table(study: Study, reader: ForceReader) -> Html:
+def provenance_table(study: Study, reader: Reader) -> Html:
     """Return study hash, seeds, model and data set hashes, and the versions of what computes."""
     provenance = reader.provenance
     rows: list[list[object]] = [

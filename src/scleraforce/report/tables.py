@@ -58,7 +58,7 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
     Where the frames are of several eyes, each is named with its eye.
     """
     several = len({frame.eye for frame in frames}) > 1
-    with_force = evaluation.kind == "reader"
+    with_force = evaluation.reads_force
     rows = [
         [
             f"{frame.eye}/{frame.file}" if several else frame.file,

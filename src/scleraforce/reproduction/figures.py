@@ -10,8 +10,8 @@ from scleraforce.dataset import open_dataset
 from scleraforce.eye.contact import Contact
 from scleraforce.laboratory.simulation import simulate_eye
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
+from scleraforce.reader import Classifier
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
-from scleraforce.reader.model import ForceReader
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.labels import contact_force, label_frames
 from scleraforce.report.answered_frame import look_at
@@ -97,7 +97,7 @@ def segmentation_figure(evaluation: Evaluation) -> Html:
     return figure(data_uri(drawn), "raw frame, boundaries, mask, masked frame", caption)
 
 
-def pairs_figure(evaluation: Evaluation, reader: ForceReader, rank: int, name: str) -> Html:
+def pairs_figure(evaluation: Evaluation, reader: Classifier, rank: int, name: str) -> Html:
     """Return for each class a frame and the slice simulated for its measured force (Figs. 6, 7).
 
     Args:
@@ -149,7 +149,7 @@ def montage_figure(path: Path, study: Study) -> Html:
     return figure(data_uri(drawn), "simulated slices with force and wall thickness", caption)
 
 
-def training_figure(reader: ForceReader) -> Html:
+def training_figure(reader: Classifier) -> Html:
     """Return the training curves of a model (Fig. 8a)."""
     curves = reader.record["curves"]
     drawn = draw_training_curves(

@@ -5,7 +5,7 @@ from datetime import datetime
 
 import numpy as np
 
-from scleraforce.reader import ForceReader, load_classifier
+from scleraforce.reader import Classifier, load_classifier
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report.deviations import DEVIATIONS
 from scleraforce.report.evaluation_page import NAMES_REMARK, evaluation_cards, forces_figure
@@ -155,7 +155,7 @@ def _reading(evaluation: Evaluation, forces: Html) -> Html:
     return section("Reading the forces", mine, paper, forces, missed)
 
 
-def _training_words(reader: ForceReader, seconds: Mapping[str, float]) -> str:
+def _training_words(reader: Classifier, seconds: Mapping[str, float]) -> str:
     metrics, samples = reader.record["metrics"], reader.record["samples"]
     images = samples["training"] + samples["validation"]
     low, high = metrics["validation_interval"]

@@ -19,7 +19,7 @@ MIDDLE_M, ASIDE_M, FLANK_M = 1.2e-3, 3e-3, 0.3e-3  # where a dent is, and where 
 SLOPE_M = 0.3e-3  # over which the surface's slope is taken
 
 
-def segmented_boundaries(segmentation: Segmentation, scale: PixelScale, refractive_index: float) -> Boundaries:
+def segmented_boundaries(segmentation: Segmentation, scale: PixelScale) -> Boundaries:
     """Return the boundaries of a segmented frame, free of refraction, NaN where they are not seen.
 
     OCT measures optical depth: below the surface it is stretched by the refractive index, above it is not. Where the
@@ -30,12 +30,13 @@ def segmented_boundaries(segmentation: Segmentation, scale: PixelScale, refracti
     bottom_m = _bottom_m(segmentation, scale)
     inner_m = np.full_like(outer_m, np.nan)
     if segmentation.inner_found:
+        index = scale.refractive_index
         optical_m = (segmentation.inner_row - segmentation.outer_row) * scale.depth_m
         stretch = _stretch(lateral_m, outer_m)
         stretched_m = segmentation.thickness_m * stretch
-        seen = outer_m + (1 + HIDDEN_SHARE) * stretched_m * refractive_index < bottom_m
-        even = np.abs(optical_m / refractive_index - stretched_m) < UNEVEN_SHARE * stretched_m
-        inner_m = np.where(seen & even & (stretch < STEEPEST), outer_m + optical_m / refractive_index, np.nan)
+        seen = outer_m + (1 + HIDDEN_SHARE) * stretched_m * index < bottom_m
+        even = np.abs(optical_m / index - stretched_m) < UNEVEN_SHARE * stretched_m
+        inner_m = np.where(seen & even & (stretch < STEEPEST), outer_m + optical_m / index, np.nan)
     return Boundaries(lateral_m, np.stack([outer_m, inner_m]), scale.depth_m)
 
 

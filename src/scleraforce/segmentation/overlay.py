@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.wall import Segmentation
 
 __all__ = ["draw_overlay"]
@@ -13,9 +14,7 @@ DARKEST, BRIGHTEST = 1.0, 99.7  # percentiles of the pixels that are lit
 SUBPIXEL_BITS = 4
 
 
-def draw_overlay(
-    pixels: NDArray[np.uint8] | NDArray[np.uint16], found: Segmentation, size: tuple[int, int] | None = None
-) -> NDArray[np.uint8]:
+def draw_overlay(pixels: Pixels, found: Segmentation, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
     """Return a frame in colour with its boundaries: surface red, inner green, or blue where it is not seen.
 
     Args:
@@ -40,7 +39,7 @@ def draw_overlay(
     return np.asarray(picture, dtype=np.uint8)
 
 
-def _grey(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:
+def _grey(pixels: Pixels) -> NDArray[np.uint8]:
     """Return the frame in 8 bits, from its darkest to its brightest speckle."""
     lit = pixels[pixels > 0]
     low, high = np.percentile(lit, [DARKEST, BRIGHTEST]) if len(lit) else (0.0, 1.0)

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import SliceStudy
 
-__all__ = ["Boundaries", "boundary_depths", "boundary_slice", "boundary_slices"]
+__all__ = ["BoundaryRows", "boundary_depths", "boundary_slice", "boundary_slices"]
 
 
-class Boundaries(Protocol):
+class BoundaryRows(Protocol):
     """What is needed of a segmentation: boundaries, (column,), rows of pixel centres, NaN where there is no wall."""
 
     @property
@@ -21,9 +21,7 @@ class Boundaries(Protocol):
     def inner_row(self) -> NDArray[np.float64]: ...  # noqa: D102 - described by the class
 
 
-def boundary_slice(
-    segmentation: Boundaries, scale: PixelScale, slice_study: SliceStudy, refractive_index: float = 1.0
-) -> NDArray[np.uint8]:
+def boundary_slice(segmentation: BoundaryRows, scale: PixelScale, slice_study: SliceStudy) -> NDArray[np.uint8]:
     """Draw the wall of a frame into the slice's window: 255 in each pixel whose centre lies in the wall.
 
     The window is centred on the frame laterally and starts at its top edge. At the centre of each of its columns the
@@ -32,37 +30,34 @@ def boundary_slice(
 
     Args:
         segmentation: boundaries in the frame.
-        scale: size of the frame's pixel.
+        scale: size of the frame's pixel, with the refractive index.
         slice_study: size of the slice and of its pixel.
-        refractive_index: optical over geometric depth below the surface; 1 where the scanner has corrected it.
 
     Returns:
         The slice, shape (rows, columns); columns outside the frame or without a wall are 0.
     """
-    wall: NDArray[np.uint8] = boundary_slices(segmentation, scale, slice_study, refractive_index, (0.0,))[0]
+    wall: NDArray[np.uint8] = boundary_slices(segmentation, scale, slice_study, (0.0,))[0]
     return wall
 
 
 def boundary_slices(
-    segmentation: Boundaries,
+    segmentation: BoundaryRows,
     scale: PixelScale,
     slice_study: SliceStudy,
-    refractive_index: float,
     shifts: tuple[float, ...],
 ) -> NDArray[np.uint8]:
     """Draw the wall of a frame several times, into windows that start lower by shares of a slice's pixel.
 
     Args:
-        segmentation: as of `boundary_slice`, like the next three.
-        scale: size of the frame's pixel.
+        segmentation: as of `boundary_slice`, like the next two.
+        scale: size of the frame's pixel, with the refractive index.
         slice_study: size of the slice and of its pixel.
-        refractive_index: optical over geometric depth below the surface.
         shifts: of the windows, in rows of the slice.
 
     Returns:
         The slices, shape (shift, rows, columns).
     """
-    outer_m, inner_m = boundary_depths(segmentation, scale, slice_study, refractive_index)
+    outer_m, inner_m = boundary_depths(segmentation, scale, slice_study)
     depth_m = _row_depths(slice_study.rows, slice_study.pixel_m, shifts)
     inside = depth_m >= outer_m
     inside &= depth_m < inner_m  # NaN compares as False: no wall
@@ -70,9 +65,7 @@ def boundary_slices(
     return walls
 
 
-def boundary_depths(
-    segmentation: Boundaries, scale: PixelScale, slice_study: SliceStudy, refractive_index: float = 1.0
-) -> NDArray[np.float64]:
+def boundary_depths(segmentation: BoundaryRows, scale: PixelScale, slice_study: SliceStudy) -> NDArray[np.float64]:
     """Return the depth of both boundaries below the frame's upper edge at the centres of the slice's columns.
 
     Args and columns are those of `boundary_slice`.
@@ -94,7 +87,7 @@ def boundary_depths(
     depths *= scale.depth_m
     outer_m, inner_m = depths
     inner_m -= outer_m
-    inner_m /= refractive_index
+    inner_m /= scale.refractive_index
     inner_m += outer_m
     depths[:, ~known] = np.nan
     return depths

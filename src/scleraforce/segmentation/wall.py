@@ -17,7 +17,7 @@ from scleraforce.segmentation.inner import CELLS, GROUP, find_inner, surface_str
 from scleraforce.segmentation.slice import boundary_slice, boundary_slices
 from scleraforce.segmentation.surface import Surface, find_surface, refine_surface
 
-__all__ = ["PixelScale", "Segmentation", "Segmenter", "boundary_slice", "boundary_slices"]
+__all__ = ["PixelScale", "Segmentation", "boundary_slice", "boundary_slices", "find_wall"]
 
 WALL = 255
 UNSEEN_DEPTH_M = 1e-3  # below the surface: the mask ends here where the inner boundary cannot be seen
@@ -63,75 +63,62 @@ class Segmentation:
         return wall
 
 
-class Segmenter:
-    """Finds the wall in frames, one after the other.
+def find_wall(frame: Pixels, scale: PixelScale) -> Segmentation:
+    """Find the wall in a frame.
 
     Args:
-        refractive_index: optical over geometric depth below the tissue surface; 1 where the scanner has corrected it.
+        frame: counts, uint8 or uint16, shape (row, column); rows go down into the eye.
+        scale: size of the frame's pixel, with the refractive index.
 
-    It holds nothing of a frame; each result owns its arrays.
+    Returns:
+        Boundaries, mask and verdict; a frame without a wall has NaN boundaries and an empty mask.
+
+    Raises:
+        ValueError: not such an array, or smaller than 16 x 16.
     """
+    _check(frame)
+    lit = _lit_columns(frame)
+    if lit is None:
+        return _without_wall(frame.shape, "the frame is empty: all pixels are alike")
+    left, hidden, brightest = lit
+    imaged = frame[:, left : left + len(hidden)]
+    if np.count_nonzero(hidden):
+        imaged = _filled(imaged, hidden)
+    grid = make_grid(imaged, scale)
+    fault = _blank(grid, brightest)
+    if fault:
+        return _without_wall(frame.shape, fault)
+    surface = refine_surface(imaged, scale, *find_surface(grid))
+    present = _present(surface, scale, imaged.shape, hidden)
+    seen = int(np.count_nonzero(present))
+    fault = _verdict(surface, present, seen)
+    if seen < LEAST_SHAPE:
+        return _without_wall(frame.shape, fault or "no wall was found")
+    inner, thickness_m = _inner(imaged, grid.floor, scale, surface, present)
+    outer_row, inner_row = _at_columns(frame.shape[1], left, len(hidden), present, surface.row, inner)
+    found = not isnan(thickness_m)
+    return Segmentation(outer_row, inner_row, len(frame), not fault, fault, found, thickness_m)
 
-    def __init__(self, refractive_index: float = 1.0) -> None:
-        if not 1.0 <= refractive_index <= 2.0:
-            raise ValueError(f"a refractive index of {refractive_index}: tissue lies between 1 (corrected) and 2")
-        self._refractive_index = refractive_index
 
-    def segment(self, frame: Pixels, scale: PixelScale) -> Segmentation:
-        """Find the wall in a frame.
-
-        Args:
-            frame: counts, uint8 or uint16, shape (row, column); rows go down into the eye.
-            scale: size of the frame's pixel.
-
-        Returns:
-            Boundaries, mask and verdict; a frame without a wall has NaN boundaries and an empty mask.
-
-        Raises:
-            ValueError: not such an array, or smaller than 16 x 16.
-        """
-        _check(frame)
-        lit = _lit_columns(frame)
-        if lit is None:
-            return _without_wall(frame.shape, "the frame is empty: all pixels are alike")
-        left, hidden, brightest = lit
-        imaged = frame[:, left : left + len(hidden)]
-        if np.count_nonzero(hidden):
-            imaged = _filled(imaged, hidden)
-        grid = make_grid(imaged, scale)
-        fault = _blank(grid, brightest)
-        if fault:
-            return _without_wall(frame.shape, fault)
-        surface = refine_surface(imaged, scale, *find_surface(grid))
-        present = _present(surface, scale, imaged.shape, hidden)
-        seen = int(np.count_nonzero(present))
-        fault = _verdict(surface, present, seen)
-        if seen < LEAST_SHAPE:
-            return _without_wall(frame.shape, fault or "no wall was found")
-        inner, thickness_m = self._inner(imaged, grid.floor, scale, surface, present)
-        outer_row, inner_row = _at_columns(frame.shape[1], left, len(hidden), present, surface.row, inner)
-        found = not isnan(thickness_m)
-        return Segmentation(outer_row, inner_row, len(frame), not fault, fault, found, thickness_m)
-
-    def _inner(
-        self, frame: Pixels, floor: float, scale: PixelScale, surface: Surface, present: NDArray[np.bool_]
-    ) -> tuple[Float, float]:
-        """Return the inner boundary's rows and the median thickness along the normal (NaN: not found)."""
-        tissue = PixelScale(scale.lateral_m, scale.depth_m / self._refractive_index)
-        row = _bridged(surface.row, present)
-        along_rows = surface_stretch(surface.column, row, tissue)
-        along_rows /= np.float32(tissue.depth_m)
-        points, everywhere = interpolation(len(row), INNER_COLUMNS, GROUP)
-        column, seen = repeated(frame.shape[1], CELLS), (row, present, along_rows)
-        if len(row) != INNER_COLUMNS:
-            column, seen = column[:, points], (row[points], present[points], along_rows[points])
-        inner = find_inner(frame, floor, column, *seen)
-        if inner.support < FOUND_SHARE:
-            return row + np.float32(UNSEEN_DEPTH_M / tissue.depth_m), float("nan")
-        thickness_m = everywhere @ inner.thickness_m
-        along_rows *= thickness_m
-        along_rows += row
-        return along_rows, _quantile(thickness_m[present], 0.5)
+def _inner(
+    frame: Pixels, floor: float, scale: PixelScale, surface: Surface, present: NDArray[np.bool_]
+) -> tuple[Float, float]:
+    """Return the inner boundary's rows and the median thickness along the normal (NaN: not found)."""
+    tissue = PixelScale(scale.lateral_m, scale.depth_m / scale.refractive_index)
+    row = _bridged(surface.row, present)
+    along_rows = surface_stretch(surface.column, row, tissue)
+    along_rows /= np.float32(tissue.depth_m)
+    points, everywhere = interpolation(len(row), INNER_COLUMNS, GROUP)
+    column, seen = repeated(frame.shape[1], CELLS), (row, present, along_rows)
+    if len(row) != INNER_COLUMNS:
+        column, seen = column[:, points], (row[points], present[points], along_rows[points])
+    inner = find_inner(frame, floor, column, *seen)
+    if inner.support < FOUND_SHARE:
+        return row + np.float32(UNSEEN_DEPTH_M / tissue.depth_m), float("nan")
+    thickness_m = everywhere @ inner.thickness_m
+    along_rows *= thickness_m
+    along_rows += row
+    return along_rows, _quantile(thickness_m[present], 0.5)
 
 
 def _check(frame: Pixels) -> None:

@@ -13,7 +13,7 @@ import cv2
 from scleraforce.errors import InputError
 from scleraforce.known.eye import Known
 from scleraforce.monitor import MonitorLimits
-from scleraforce.reader import ForceReader, WallReader
+from scleraforce.reader import Reader
 from scleraforce.reader.live import LiveReader
 from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.pixels import PixelScale
@@ -76,7 +76,7 @@ class MonitorSettings:
 
 @contextmanager
 def monitor_service(
-    model: Path, reader: ForceReader | WallReader, settings: MonitorSettings, note: Callable[[str], None]
+    model: Path, reader: Reader, settings: MonitorSettings, note: Callable[[str], None]
 ) -> Iterator[tuple[Server, Address]]:
     """Start all processes, yield the server and its address, and end all processes.
 
@@ -92,7 +92,7 @@ def monitor_service(
         InputError: an address cannot be listened on, a folder cannot be written, or there is too little memory.
     """
     rows, columns = settings.limits.size or (0, 0)
-    scale = PixelScale(*(settings.limits.scale_m or (0.0, 0.0)))
+    scale = PixelScale(*(settings.limits.scale_m or (0.0, 0.0)), settings.refractive_index)
     cv2.setNumThreads(1)
     with ExitStack() as stack:
         listener = stack.enter_context(listen(settings.address.host, settings.address.port))
@@ -104,7 +104,7 @@ def monitor_service(
         kept = black_box_settings(settings.black_box, ring, info, settings.record, KEPT_S)
         children = {BLACK_BOX: Child("scleraforce.service.black_box.process", kept, [ring.descriptor])}
         if settings.limits.expects_opinion:
-            opinion = opinion_settings(model, settings.known, scale, settings.refractive_index, ring)
+            opinion = opinion_settings(model, settings.known, scale, ring)
             children[OPINION] = Child("scleraforce.service.companions.second_opinion", opinion, [ring.descriptor])
         if settings.console and console:
             children[CONSOLE] = _console_child(settings, settings.console, console, reader, scale, ring)
@@ -148,7 +148,7 @@ def _console_child(
     settings: MonitorSettings,
     address: Address,
     listener: socket.socket,
-    reader: ForceReader | WallReader,
+    reader: Reader,
     scale: PixelScale,
     ring: FrameRing,
 ) -> Child:

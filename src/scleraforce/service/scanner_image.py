@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scleraforce.errors import ProtocolError
 from scleraforce.openigtlink import Image
 from scleraforce.openigtlink.decoder import MAX_BODY_BYTES
+from scleraforce.recording.pixels import Pixels
 
 __all__ = ["FrameAssembler", "ScannerFrame"]
 
-Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 COUNTS: dict[np.dtype[Any], np.dtype[Any]] = {
     np.dtype(sent): np.dtype(counted)
     for sent, counted in [("int8", "uint8"), ("uint8", "uint8"), ("int16", "uint16"), ("uint16", "uint16")]

@@ -3,36 +3,22 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import monotonic, time
-from typing import Any, Protocol
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
 from scleraforce.monitor.events import Event, Failure, FrameRead, OvertakenRead, Tick
 from scleraforce.monitor.soundness import of_scale
-from scleraforce.reader.answers import Answer
-from scleraforce.recording.pixels import PixelScale
+from scleraforce.reader.answers import LiveReading
+from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.service.entry import Entry
 from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import n_to_mn
 
-__all__ = ["Frame", "Read", "Reading", "Session", "Withdrawal"]
+__all__ = ["Frame", "Read", "Session", "Withdrawal"]
 
 
-class Reading(Protocol):
-    """What was found in a frame: the answer, and the wall's boundaries in rows, (column,), NaN where not found."""
-
-    @property
-    def answer(self) -> Answer: ...  # noqa: D102 - described by the class
-    @property
-    def outer_row(self) -> NDArray[np.float64]: ...  # noqa: D102
-    @property
-    def inner_row(self) -> NDArray[np.float64]: ...  # noqa: D102
-
-
-Read = Callable[[NDArray[np.uint8] | NDArray[np.uint16], PixelScale], Reading]
+Read = Callable[[Pixels, PixelScale], LiveReading]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +74,7 @@ class Session:
         self._state, self.decision = decide(MonitorState(), Tick(clock()), limits)
         self._frames = self._entries = 0
         self._sender = self._offset = self._order = 0
-        self._reading: Reading | None = None
+        self._reading: LiveReading | None = None
         self._shown = ShownPictures(limits.shown_frames)
 
     @property
@@ -102,7 +88,7 @@ class Session:
         return self._state.lost
 
     @property
-    def reading(self) -> Reading | None:
+    def reading(self) -> LiveReading | None:
         """What was found in the last frame; None if it was not read."""
         return self._reading
 
@@ -150,7 +136,7 @@ class Session:
             return _failure(frame, fault, self.clock())
         return OvertakenRead(self.clock(), read)
 
-    def _read_frame(self, frame: Frame) -> tuple[Reading | None, FrameRead]:
+    def _read_frame(self, frame: Frame) -> tuple[LiveReading | None, FrameRead]:
         """Read a frame if it has the study's size; the decision handles frames of another size or scale."""
         image = frame.image
         size = image.pixels.shape[0], image.pixels.shape[1]

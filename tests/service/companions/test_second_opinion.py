@@ -25,7 +25,7 @@ class Reader:
 
     def __init__(self, model: Path) -> None:
         self.ring = FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns)
-        settings = opinion_settings(model, KNOWN, SCALE, 1.0, self.ring)
+        settings = opinion_settings(model, KNOWN, SCALE, self.ring)
         self.child = Child("scleraforce.service.companions.second_opinion", settings, [self.ring.descriptor])
 
     def ask(self, number: int, order: int) -> None:

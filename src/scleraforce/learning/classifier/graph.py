@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scleraforce.learning.classifier.network import TrainedNetwork
 from scleraforce.learning.framework import onnx
-from scleraforce.reader.model import INPUT, OUTPUT
+from scleraforce.reader.classifier import INPUT, OUTPUT
 
 __all__ = ["constant", "model_bytes", "node", "onnx_bytes"]
 

@@ -12,7 +12,7 @@ from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh
 from scleraforce.mechanics.axisymmetric.solid import line_shapes
 from scleraforce.mechanics.quadrature import gauss_points
 
-__all__ = ["InnerBoundary", "needle_load", "spread_load"]
+__all__ = ["Interior", "needle_load", "spread_load"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -51,7 +51,7 @@ def _inward(mesh: MeridianMesh, nodes_en: Integers, amount_en: Floats) -> Floats
     return np.asarray(-along, dtype=np.float64)
 
 
-class InnerBoundary:
+class Interior:
     """The space inside the inner boundary: V = pi times the integral of r^2 dz from the support to the axis.
 
     Pressure does work on V, so that dV is its load and the second derivative its part of the tangent, symmetric. The

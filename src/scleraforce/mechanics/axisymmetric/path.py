@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgbtrf, dgbtrs
 
 from scleraforce.errors import SolverError
-from scleraforce.mechanics.axisymmetric.loads import InnerBoundary, needle_load, spread_load
+from scleraforce.mechanics.axisymmetric.loads import Interior, needle_load, spread_load
 from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh, MeridianSize, meridian_mesh
 from scleraforce.mechanics.axisymmetric.solid import SolidOfRevolution
 from scleraforce.mechanics.continuation import PathStates, pressurise, trace
@@ -127,7 +127,7 @@ class AxisymmetricWall:
         self.free: Integers = np.flatnonzero(~_held(mesh, symmetric))
         self._solid = SolidOfRevolution(mesh, poisson_ratio)
         self._band = _Band(self._solid.unknowns_eN, self.free, mesh.points_nc.size)
-        self._inside = InnerBoundary(mesh)
+        self._inside = Interior(mesh)
         self._follower = follower
         self._dead_pressure = self._inside.volume(np.zeros(mesh.points_nc.size))[1]
         load = needle_load(mesh) if spread is None else spread_load(mesh, spread)

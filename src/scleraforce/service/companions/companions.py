@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.reader.answers import LiveReading
 from scleraforce.service.companions.channel import ChannelClosedError
 from scleraforce.service.companions.child import Child
 from scleraforce.service.entry import Entry
-from scleraforce.service.session import Reading
 
 __all__ = ["BLACK_BOX", "CONSOLE", "OPINION", "Companions"]
 
@@ -75,7 +75,7 @@ class Companions:
             self._send_waiting(entry.at_s)
         self._send_text(CONSOLE, text, entry.at_s)
 
-    def outline(self, frame: int, reading: Reading, now_s: float) -> None:
+    def outline(self, frame: int, reading: LiveReading, now_s: float) -> None:
         """Send the wall that was found in a frame to the console, every `OUTLINE_S` at most."""
         if CONSOLE in self._children and now_s - self._outlined_s >= OUTLINE_S:
             self._outlined_s = now_s

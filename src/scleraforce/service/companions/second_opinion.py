@@ -15,9 +15,8 @@ from typing import Any
 
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.reader import load_model
-from scleraforce.reader.answers import Answer, answer_frame
+from scleraforce.reader.answers import Answer
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.wall import Segmenter
 from scleraforce.service.companions.channel import Channel, ChannelClosedError
 from scleraforce.service.companions.child import settings_of_child
 from scleraforce.service.companions.frame_ring import FrameRing
@@ -28,15 +27,12 @@ __all__ = ["main", "opinion_settings"]
 LEAST_S = 0.02  # from frame to frame, which leaves some of the core to other programs
 
 
-def opinion_settings(
-    model: Path, known: Known, scale: PixelScale, refractive_index: float, ring: FrameRing
-) -> dict[str, Any]:
+def opinion_settings(model: Path, known: Known, scale: PixelScale, ring: FrameRing) -> dict[str, Any]:
     """Return the settings of the process."""
     return {
         "model": str(model),
         "known": asdict(known),
-        "scale": [scale.lateral_m, scale.depth_m],
-        "refractive_index": refractive_index,
+        "scale": asdict(scale),
         "ring": ring.settings(),
     }
 
@@ -56,16 +52,15 @@ def main(arguments: Sequence[str]) -> None:
 
 def _serve(channel: Channel, settings: Mapping[str, Any]) -> None:
     reader = load_model(Path(settings["model"]))
-    known, scale = _known(settings["known"]), PixelScale(*settings["scale"])
-    index = settings["refractive_index"]
-    segmenter, ring = Segmenter(index), FrameRing(**settings["ring"])
+    known, scale = _known(settings["known"]), PixelScale(**settings["scale"])
+    ring = FrameRing(**settings["ring"])
     while True:
         select([channel], [], [])
         begun_s = monotonic()
         frame = channel.receive()[-1]
         pixels = ring.get(frame["number"])
         if pixels is not None:
-            answer = answer_frame(reader, segmenter, pixels, scale, index, known)
+            answer = reader.read(pixels, scale, known)
             channel.send(_told(frame["order"], answer))
         sleep(max(0.0, begun_s + LEAST_S - monotonic()))
 
