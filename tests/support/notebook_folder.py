@@ -18,9 +18,9 @@ from scleraforce.study import read_study
 
 STUDY = """
 [library]
-thicknesses = 5
-iop_ratios = 5
-tips = 32
+thicknesses = 4
+iop_ratios = 4
+tips = 24
 
 [dataset]
 contacts = 10

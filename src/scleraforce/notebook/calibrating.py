@@ -9,8 +9,8 @@ from tempfile import TemporaryDirectory
 
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
 from scleraforce.calibration.files import calibration_as_json
-from scleraforce.errors import InputError
-from scleraforce.notebook.frames import Model
+from scleraforce.errors import CalibrationError, InputError
+from scleraforce.notebook.frames import Model, check_model
 from scleraforce.notebook.training import library_of
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.recording.files import Recording, read_recording
@@ -22,6 +22,8 @@ __all__ = ["calibrate", "calibration_text", "evaluate"]
 
 Given = Recording | str | PathLike[str]
 MECHANICS = ("finite-strain", "linear")
+GIVEN = "the calibration"
+PARAMETERS = ("e", "iop", "thickness", "gap")
 
 
 def calibrate(
@@ -62,6 +64,8 @@ def calibrate(
     study = study or Study()
     if mechanics not in MECHANICS:
         raise InputError(f"mechanics: {mechanics!r}; give {' or '.join(MECHANICS)}")
+    if "e" not in parameters or set(parameters) - set(PARAMETERS):
+        raise InputError(f"parameters: {parameters!r}; give a list of 'e' and of 'iop', 'thickness', 'gap' what else")
     if frames is not None and frames < 1:
         raise InputError(f"frames: {frames}; give at least 1")
     if out is not None and Path(out).exists():
@@ -103,15 +107,19 @@ def evaluate(
     >>> [frame.predicted for frame in evaluation.frames]
     [1, 1, 2]
     """
+    check_model(model)
     folders = [recording.path for recording in _opened(recordings)]
     if not isinstance(calibration, Calibration):
         return evaluate_recordings(model, folders, calibration, progress)
     with TemporaryDirectory() as folder:
         file = Path(folder) / "calibration.json"
         file.write_text(calibration_text(calibration), encoding="utf-8")
-        found = evaluate_recordings(model, folders, file, progress)
-    # The file is gone by now: the notes speak of what was given.
-    return replace(found, notes=tuple(note.replace(str(file), "the calibration") for note in found.notes))
+        try:
+            found = evaluate_recordings(model, folders, file, progress)
+        except CalibrationError as fault:
+            raise CalibrationError(str(fault).replace(str(file), GIVEN)) from fault
+    # The file is gone by now: messages and notes speak of what was given.
+    return replace(found, notes=tuple(note.replace(str(file), GIVEN) for note in found.notes))
 
 
 def calibration_text(calibration: Calibration) -> str:

@@ -8,6 +8,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from scleraforce import reader
 from scleraforce.errors import FrameError, InputError
 from scleraforce.known.calibration_file import CalibrationSummary, parse_summary, read_calibration
@@ -17,13 +19,13 @@ from scleraforce.reader.answers import Answer, answer_frame
 from scleraforce.reader.limits import limits_of
 from scleraforce.recording.info import RecordingInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame, recording_of
+from scleraforce.recording.scaled_frame import LARGEST_M, LEAST_M, Scanner, read_scaled_frame, recording_of
 from scleraforce.segmentation.wall import Segmentation, Segmenter
 
 if TYPE_CHECKING:
     from scleraforce.calibration.calibrate import Calibration
 
-__all__ = ["Model", "load_model", "read", "segment"]
+__all__ = ["Model", "check_model", "load_model", "read", "segment"]
 
 Frame = str | PathLike[str] | Pixels
 Model = ForceReader | WallReader
@@ -136,6 +138,7 @@ def read(
     >>> print(f"{answer.force_n * 1e3:.0f} mN, class {answer.predicted}")
     2... mN, class 1
     """
+    check_model(model)
     seen = _scaled(
         frame,
         Scanner(width_m, depth_m, refractive_index),
@@ -177,14 +180,26 @@ def _scaled(frame: Frame, told: Scanner, assumed: Scanner, source: str) -> _Scal
         found = read_scaled_frame(path, told, (assumed, source))
         place = str(recording_of(path) or path)
         return _Scaled(found.pixels, found.scale, found.refractive_index.value, place, found.info)
+    pixels = np.asarray(frame)
+    if pixels.ndim != 2:
+        raise FrameError(f"frame: an array of shape {pixels.shape}; give one frame, rows x columns")
     if told.width_m is None or told.depth_m is None:
         raise FrameError("frame: nothing says how large this array is; give width_m and depth_m")
-    index = told.refractive_index or assumed.refractive_index or 1.0
-    try:
-        rows, columns = frame.shape
-        return _Scaled(frame, PixelScale(told.width_m / columns, told.depth_m / rows), index, "frame")
-    except ValueError as fault:
-        raise FrameError(f"frame: shape {frame.shape}: {fault}") from fault
+    for name, extent_m in (("width_m", told.width_m), ("depth_m", told.depth_m)):
+        if not LEAST_M <= extent_m <= LARGEST_M:
+            raise FrameError(f"{name}: {extent_m:g} m; give between {LEAST_M:g} and {LARGEST_M:g} m")
+    scale = PixelScale(told.width_m / pixels.shape[1], told.depth_m / pixels.shape[0])
+    return _Scaled(pixels, scale, told.refractive_index or assumed.refractive_index or 1.0, "frame")
+
+
+def check_model(model: object) -> None:
+    """Check that a model was loaded.
+
+    Raises:
+        InputError: it is a path.
+    """
+    if isinstance(model, str | PathLike):
+        raise InputError(f"model: {model} is a path; give sf.load_model({str(model)!r})")
 
 
 def _summary(calibration: "Calibration | str | PathLike[str]") -> CalibrationSummary:

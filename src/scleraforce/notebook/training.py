@@ -127,8 +127,10 @@ def train(
         study = study or Study()
         refuse_unused(study, "train --kind reader")
         train_reader(source, study, Path(out), progress=progress)
-    else:
+    elif isinstance(source, Dataset):
         from scleraforce.learning.classifier.train import train_classifier
 
         train_classifier(source, Path(out), None if study is None else study.network, search, progress)
+    else:
+        raise InputError(f"source: found {type(source).__name__}; give a library (library_of) or a data set (generate)")
     return load_model(out)
