@@ -6,7 +6,7 @@ Only what the runtime needs is imported (NumPy, OpenCV, ONNX Runtime), unless a 
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -180,7 +180,7 @@ def _scaled(frame: Frame, told: Scanner, assumed: Scanner, source: str) -> _Scal
         found = read_scaled_frame(path, told, (assumed, source))
         place = str(recording_of(path) or path)
         return _Scaled(found.pixels, found.scale, found.refractive_index.value, place, found.info)
-    pixels = np.asarray(frame)
+    pixels: Any = np.asarray(frame)  # its type is checked where it is read
     if pixels.ndim != 2:
         raise FrameError(f"frame: an array of shape {pixels.shape}; give one frame, rows x columns")
     if told.width_m is None or told.depth_m is None:
