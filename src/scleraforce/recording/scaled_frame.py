@@ -87,8 +87,7 @@ def read_scaled_frame(path: Path, told: Scanner, assumed: tuple[Scanner, str], t
     )
     if width is None or depth is None:
         raise FrameError(
-            f"{path}: how large it is stands neither in it nor in a recording.toml; give --width-mm and --depth-mm "
-            "(in Python width_m and depth_m)"
+            f"{path}: how large it is stands neither in it nor in a recording.toml; give --width-mm and --depth-mm"
         )
     _check_extent(path, "wide", "--width-mm", width)
     _check_extent(path, "deep", "--depth-mm", depth)
