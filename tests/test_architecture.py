@@ -18,7 +18,7 @@ ORDER = [
     "units", "errors", "plain_json", "processes", "whole_files", "source_hash", "stored_array", "checked_store",
     "study", "models", "monitor", "openigtlink", "eye", "recording", "known", "segmentation", "mechanics", "section",
     "library", "fitting", "laboratory", "calibration", "dataset", "reader", "learning", "service", "replay", "report",
-    "reproduction", "cli",
+    "reproduction", "notebook", "cli",
 ]  # fmt: skip
 PURE = ["eye", "segmentation", "mechanics", "section", "fitting", "calibration", "monitor"]
 IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}

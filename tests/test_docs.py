@@ -16,6 +16,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from notebook_folder import write_notebook_folder
 
 import scleraforce
 from scleraforce.cli.main import COMMANDS
@@ -31,6 +32,9 @@ MODULES = sorted(
     for path in PACKAGE.rglob("*.py")
     if path.name != "__init__.py"
 )
+
+PUBLIC = [name for name in scleraforce.__all__ if not name.startswith("__")]
+PUBLIC_MODULES = sorted({getattr(scleraforce, name).__module__ for name in PUBLIC})
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,9 @@ def test_what_the_examples_of_the_readme_write_is_ignored_by_git() -> None:
 
 
 @pytest.mark.parametrize("page", pages_with_commands())
-def test_the_commands_of_a_page_run_and_print_what_it_shows(page: Path, tmp_path: Path) -> None:
+def test_the_commands_of_a_page_run_and_print_what_it_shows(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     environment = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "80"}
     (tmp_path / "docs").symlink_to(ROOT / "docs")
     checker = doctest.OutputChecker()
@@ -99,7 +105,11 @@ def test_the_commands_of_a_page_run_and_print_what_it_shows(page: Path, tmp_path
             assert checker.check_output(example.output + "\n", done.stdout, flags), (
                 f"{page.name}: $ {example.command}\nprinted:\n{done.stdout}\nthe page shows:\n{example.output}"
             )
-    if page.name == "README.md" and (ROOT / ".git").exists():
+    if page.name != "README.md":
+        return
+    monkeypatch.chdir(tmp_path)
+    run_python(page)
+    if (ROOT / ".git").exists():
         assert [path.name for path in tmp_path.iterdir() if path.name != "docs" and not ignored(path.name)] == []
 
 
@@ -120,9 +130,8 @@ def test_every_block_of_a_page_has_a_language_that_is_checked_here(page: Path) -
     assert {name for name, _ in FENCE.findall(page.read_text(encoding="utf-8"))} <= LANGUAGES
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "python")], ids=lambda page: page.name)
-def test_the_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def run_python(page: Path) -> None:
+    """Run the Python of a page in the current folder."""
     parser = doctest.DocTestParser()
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
     source = "\n".join(blocks(page, "python"))
@@ -131,8 +140,43 @@ def test_the_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pyte
     assert runner.run(test).failed == 0
 
 
-@pytest.mark.parametrize("name", MODULES)
+def pages_with_python() -> list[object]:
+    """Pages whose Python trains are marked slow; that of the README runs after its commands, on what they write."""
+    found = [(page, "\n".join(blocks(page, "python"))) for page in PAGES if page.name != "README.md"]
+    return [
+        pytest.param(page, id=page.name, marks=[pytest.mark.slow] if "sf.train(" in python else [])
+        for page, python in found
+        if python
+    ]
+
+
+@pytest.mark.parametrize("page", pages_with_python())
+def test_the_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    run_python(page)
+
+
+@pytest.fixture(scope="module")
+def notebook_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the examples of the public functions read."""
+    folder = tmp_path_factory.mktemp("notebook")
+    write_notebook_folder(folder)
+    return folder
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if name not in PUBLIC_MODULES])
 def test_the_examples_in_docstrings_are_true(name: str) -> None:
+    assert doctest.testmod(import_module(name), optionflags=doctest.ELLIPSIS).failed == 0
+
+
+@pytest.mark.parametrize("name", PUBLIC_MODULES)
+def test_the_examples_of_what_is_public_are_true(
+    name: str, notebook_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(notebook_folder)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(notebook_folder / "cache"))
     assert doctest.testmod(import_module(name), optionflags=doctest.ELLIPSIS).failed == 0
 
 

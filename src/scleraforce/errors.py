@@ -37,7 +37,15 @@ class ScleraforceError(Exception):
 
 
 class InputError(ScleraforceError):
-    """What the user gave cannot be used; the message says where, and what is allowed."""
+    """What the user gave cannot be used; the message says where, and what is allowed.
+
+    >>> import scleraforce as sf
+    >>> try:
+    ...     sf.read_study("nowhere.toml")
+    ... except sf.InputError as fault:
+    ...     print(fault)
+    nowhere.toml: No such file or directory; ...
+    """
 
 
 class StudyError(InputError):

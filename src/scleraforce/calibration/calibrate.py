@@ -1,7 +1,7 @@
 """Young's modulus of each eye from its recordings, and of the population (paper sec. 3.2, Table 2)."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,11 +80,11 @@ class EyeCalibration:
     means: tuple[float, ...]
     sds: tuple[float, ...]
     stated_thickness_m: float
-    state: EyeState
-    recordings: tuple[UsedRecording, ...]
-    frames: tuple[FrameRecord, ...]
-    steps: tuple[FrameStep, ...] = ()
-    filter: EyeFilter | None = None
+    state: EyeState = field(repr=False)
+    recordings: tuple[UsedRecording, ...] = field(repr=False)
+    frames: tuple[FrameRecord, ...] = field(repr=False)
+    steps: tuple[FrameStep, ...] = field(default=(), repr=False)
+    filter: EyeFilter | None = field(default=None, repr=False)
 
     @property
     def used(self) -> tuple[FrameRecord, ...]:

@@ -118,6 +118,10 @@ def open_dataset(path: str | PathLike[str]) -> Dataset:
     Raises:
         DatasetError: nothing there, not a data set, not complete, or not consistent.
         StudyError: its study cannot be used.
+
+    >>> import scleraforce as sf
+    >>> sf.open_dataset("dataset").images
+    200
     """
     path = Path(path)
     attributes = STORE.complete_attributes(path)

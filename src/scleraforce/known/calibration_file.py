@@ -24,6 +24,7 @@ __all__ = [
     "UsedFrame",
     "number_of",
     "parse_content",
+    "parse_summary",
     "read_calibration",
     "summary_of_eye",
     "table_of",
@@ -92,15 +93,23 @@ def read_calibration(path: str | PathLike[str]) -> CalibrationSummary:
     Raises:
         CalibrationError: the file is missing, is not JSON, or lacks something; names the file and the key.
     """
-    text = read_bytes(Path(path), KINDS["calibration"])
-    content = parse_content(text, str(path))
-    population = table_of(content, "population", str(path))
+    return parse_summary(read_bytes(Path(path), KINDS["calibration"]), str(path))
+
+
+def parse_summary(text: bytes, name: str) -> CalibrationSummary:
+    """Read the same from the file's text; `name` stands for its path.
+
+    Raises:
+        CalibrationError: it is not JSON, or lacks something; names the key.
+    """
+    content = parse_content(text, name)
+    population = table_of(content, "population", name)
     return CalibrationSummary(
-        {eye: summary_of_eye(entry, f"{path}: eyes.{eye}") for eye, entry in content["eyes"].items()},
-        1e6 * number_of(population, "mean_mpa", f"{path}: population", SOFTEST_MPA, STIFFEST_MPA, "MPa"),
-        _spread_pa(population, f"{path}: population"),
+        {eye: summary_of_eye(entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()},
+        1e6 * number_of(population, "mean_mpa", f"{name}: population", SOFTEST_MPA, STIFFEST_MPA, "MPa"),
+        _spread_pa(population, f"{name}: population"),
         content["mechanics"],
-        str(path),
+        name,
         hashlib.sha256(text).hexdigest(),
     )
 

@@ -91,6 +91,11 @@ def open_library(path: str | PathLike[str]) -> Library:
 
     Raises:
         InputError: nothing there, no library, not complete, or damaged.
+
+    >>> import scleraforce as sf
+    >>> library = sf.open_library("responses")
+    >>> print(f"a wall of {library.radius_m * 1e3:g} mm radius")
+    a wall of 12 mm radius
     """
     path = Path(path)
     attributes = STORE.complete_attributes(path)

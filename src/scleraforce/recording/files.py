@@ -49,6 +49,11 @@ def read_recording(path: str | PathLike[str]) -> Recording:
 
     Raises:
         RecordingError: naming the file, the line and the field.
+
+    >>> import scleraforce as sf
+    >>> recording = sf.read_recording("eye-a")
+    >>> [recording.frame(entry).shape for entry in recording.frames]
+    [(512, 512), (512, 512), (512, 512)]
     """
     path = Path(path)
     info = read_info(path / "recording.toml")

@@ -27,6 +27,11 @@ def read_frame(path: str | PathLike[str]) -> Pixels:
 
     Raises:
         FrameError: naming the file, what was found and what is allowed.
+
+    >>> import scleraforce as sf
+    >>> pixels = sf.read_frame("eye-a/frames/0001.png")
+    >>> pixels.shape, pixels.dtype.name
+    ((512, 512), 'uint16')
     """
     return read_frame_image(path).pixels
 

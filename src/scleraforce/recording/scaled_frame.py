@@ -10,7 +10,7 @@ from scleraforce.recording.images import Pixels, check_frame, read_frame_image
 from scleraforce.recording.info import RecordingInfo
 from scleraforce.recording.pixels import PixelScale
 
-__all__ = ["ScaledFrame", "Scanner", "Sourced", "read_scaled_frame", "recording_of"]
+__all__ = ["LARGEST_M", "LEAST_M", "ScaledFrame", "Scanner", "Sourced", "read_scaled_frame", "recording_of"]
 
 LEAST_M, LARGEST_M = 1e-5, 0.1  # of a frame's width and depth, as in recording.toml
 

@@ -233,7 +233,13 @@ class NetworkStudy:
 
 @dataclass(frozen=True)
 class Study:
-    """Everything that a run depends on."""
+    """Everything that a run depends on; without arguments, the paper's.
+
+    >>> import scleraforce as sf
+    >>> study = sf.Study()
+    >>> study.eye.youngs_modulus_pa, study.classes.bounds_n
+    (250000.0, (0.005, 0.03))
+    """
 
     eye: EyeStudy = field(default_factory=EyeStudy)
     mesh: MeshStudy = field(default_factory=MeshStudy)

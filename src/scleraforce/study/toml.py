@@ -41,6 +41,10 @@ def read_study(path: str | PathLike[str]) -> Study:
 
     Raises:
         StudyError: the file is missing or not TOML, or a key or value in it cannot be used.
+
+    >>> import scleraforce as sf
+    >>> sf.read_study("study.toml").eye.radius_m
+    0.012
     """
     return parse_study(read_text(Path(path), KINDS["study"]), str(path))
 
@@ -48,7 +52,8 @@ def read_study(path: str | PathLike[str]) -> Study:
 def parse_study(text: str, name: str = "study") -> Study:
     r"""Read a study from TOML text; `name` stands in the messages.
 
-    >>> parse_study('[eye]\nradius_mm = 11.0').eye.radius_m
+    >>> import scleraforce as sf
+    >>> sf.parse_study('[eye]\nradius_mm = 11.0').eye.radius_m
     0.011
 
     Raises:

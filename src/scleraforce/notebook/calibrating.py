@@ -1,0 +1,140 @@
+"""Recordings with their force logs: calibrate on them, and compare a model's answers with them."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
+from scleraforce.calibration.files import calibration_as_json
+from scleraforce.errors import CalibrationError, InputError
+from scleraforce.notebook.frames import check_model
+from scleraforce.notebook.training import library_of
+from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
+from scleraforce.reader.reader import Reader
+from scleraforce.recording.files import Recording, read_recording
+from scleraforce.report.calibration_file import write_calibration
+from scleraforce.study import Study, study_hash
+from scleraforce.study.unused import refuse_unused
+
+__all__ = ["calibrate", "calibration_text", "evaluate"]
+
+Given = Recording | str | PathLike[str]
+MECHANICS = ("finite-strain", "linear")
+GIVEN = "the calibration"
+PARAMETERS = ("e", "iop", "thickness", "gap")
+
+
+def calibrate(
+    recordings: Given | Sequence[Given],
+    study: Study | None = None,
+    *,
+    frames: int | None = None,
+    parameters: Sequence[str] = ("e",),
+    mechanics: str = "finite-strain",
+    earlier: Calibration | None = None,
+    out: str | PathLike[str] | None = None,
+    progress: Callable[[int], object] | None = None,
+) -> Calibration:
+    """Estimate Young's modulus of each eye from its recordings.
+
+    Args:
+        recordings: one or more, opened or as folders, with force logs; those of one eye add up.
+        study: prior, filter and library; None: the paper's.
+        frames: take the first so many frames above 5 mN of each recording; None: all.
+        parameters: what is uncertain, of "e", "iop", "thickness", "gap"; "e" among them.
+        mechanics: "finite-strain" (from the library), or the paper's "linear".
+        earlier: to go on from.
+        out: a file to write as well, for the commands; it must not exist.
+        progress: called with 1 after each frame.
+
+    Returns:
+        `eyes` by name, each with `mean_pa`, `sd_pa` and `status`, and the mean and spread of the `population`.
+
+    Raises:
+        InputError: a recording cannot be calibrated on, `out` exists, or the study has keys that this mechanics does
+            not use.
+
+    >>> import scleraforce as sf
+    >>> calibration = sf.calibrate("eye-a", sf.read_study("study.toml"), frames=2)
+    >>> print(f"{calibration.eyes['eye-a'].mean_pa / 1e6:.1f} MPa")
+    0.3 MPa
+    """
+    study = study or Study()
+    if mechanics not in MECHANICS:
+        raise InputError(f"mechanics: {mechanics!r}; give {' or '.join(MECHANICS)}")
+    if "e" not in parameters or set(parameters) - set(PARAMETERS):
+        raise InputError(f"parameters: {parameters!r}; give a list of 'e' and of 'iop', 'thickness', 'gap' what else")
+    if frames is not None and frames < 1:
+        raise InputError(f"frames: {frames}; give at least 1")
+    if out is not None and Path(out).exists():
+        raise InputError(f"{out}: exists already; remove it or choose another name")
+    refuse_unused(study, "calibrate", mechanics)
+    opened = _opened(recordings)
+    library = library_of(study) if mechanics == "finite-strain" else None
+    found = calibrate_recordings(
+        opened, study, study_hash(study), library, tuple(parameters), frames, earlier, progress
+    )
+    if out is not None:
+        write_calibration(found, Path(out))
+    return found
+
+
+def evaluate(
+    model: Reader,
+    recordings: Given | Sequence[Given],
+    calibration: Calibration | str | PathLike[str] | None = None,
+    *,
+    progress: Callable[[int], object] | None = None,
+) -> Evaluation:
+    """Read every frame of recordings and compare with their force logs.
+
+    Args:
+        model: of `load_model` or `train`.
+        recordings: one or more, opened or as folders.
+        calibration: of `calibrate`, or its file: gives a reader the eyes' moduli; its frames are not scored.
+        progress: called with 1 after each frame.
+
+    Returns:
+        The answer to each of the `frames`, `mae_n`, `coverage`, `accuracy`, `confusion` (rows: target), and `notes`.
+
+    Raises:
+        InputError: a recording or the calibration cannot be used, or not with this model.
+
+    >>> import scleraforce as sf
+    >>> evaluation = sf.evaluate(sf.load_model("reader"), "eye-a")
+    >>> [frame.predicted for frame in evaluation.frames]
+    [1, 1, 2]
+    """
+    check_model(model)
+    folders = [recording.path for recording in _opened(recordings)]
+    if not isinstance(calibration, Calibration):
+        return evaluate_recordings(model, folders, calibration, progress)
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "calibration.json"
+        file.write_text(calibration_text(calibration), encoding="utf-8")
+        try:
+            found = evaluate_recordings(model, folders, file, progress)
+        except CalibrationError as fault:
+            raise CalibrationError(str(fault).replace(str(file), GIVEN)) from fault
+    # The file is gone by now: messages and notes speak of what was given.
+    return replace(found, notes=tuple(note.replace(str(file), GIVEN) for note in found.notes))
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """Return a calibration as the text of its file."""
+    return json.dumps(calibration_as_json(calibration), allow_nan=False)
+
+
+def _opened(given: Given | Sequence[Given]) -> list[Recording]:
+    """Return recordings, those that are folders read.
+
+    Raises:
+        InputError: there is none, or one cannot be read.
+    """
+    each = [given] if isinstance(given, Recording | str | PathLike) else list(given)
+    if not each:
+        raise InputError("recordings: none; give at least one")
+    return [entry if isinstance(entry, Recording) else read_recording(entry) for entry in each]

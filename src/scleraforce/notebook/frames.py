@@ -1,0 +1,215 @@
+"""Single frames, from a file or as an array: find the wall, load a model, read the force.
+
+Only what the runtime needs is imported (NumPy, OpenCV, ONNX Runtime), unless a calibration is given that is no file.
+"""
+
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scleraforce import reader
+from scleraforce.errors import FrameError, InputError
+from scleraforce.known.calibration_file import CalibrationSummary, parse_summary, read_calibration
+from scleraforce.known.eye import Known, Modulus, completed, foreign_modulus, known_of_eye, known_of_recording
+from scleraforce.reader.answers import Answer
+from scleraforce.reader.reader import Reader
+from scleraforce.recording.info import RecordingInfo
+from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.recording.scaled_frame import LARGEST_M, LEAST_M, Scanner, read_scaled_frame, recording_of
+from scleraforce.segmentation.wall import Segmentation, find_wall
+
+if TYPE_CHECKING:
+    from scleraforce.calibration.calibrate import Calibration
+
+__all__ = ["check_model", "load_model", "read", "segment"]
+
+Frame = str | PathLike[str] | Pixels
+
+
+@dataclass(frozen=True, eq=False)
+class _Scaled:
+    """Pixels with their scale; `place` names them in messages, `info` is what their recording states."""
+
+    pixels: Pixels
+    scale: PixelScale
+    place: str
+    info: RecordingInfo | None = None
+
+
+def segment(
+    frame: Frame,
+    *,
+    width_m: float | None = None,
+    depth_m: float | None = None,
+    refractive_index: float | None = None,
+) -> Segmentation:
+    """Find the wall in a raw frame.
+
+    Args:
+        frame: an image file, or counts (row, column) as uint8 or uint16; rows go down into the eye.
+        width_m: of the frame; None: what the recording beside the file or the file itself says. An array needs it.
+        depth_m: of the frame as stored; likewise.
+        refractive_index: by which depth is stretched; None: the recording's, or 1 (corrected).
+
+    Returns:
+        Boundaries in rows, `mask`, `thickness_m`, and whether the wall can be judged: `usable`, or the `reason`.
+
+    Raises:
+        FrameError: the frame cannot be read, or nothing says how large it is.
+
+    >>> import scleraforce as sf
+    >>> found = sf.segment("eye-a/frames/0001.png")
+    >>> found.usable, found.mask.shape
+    (True, (512, 512))
+    """
+    seen = _scaled(frame, Scanner(width_m, depth_m, refractive_index), Scanner(refractive_index=1.0), "assumed")
+    try:
+        return find_wall(seen.pixels, seen.scale)
+    except ValueError as fault:
+        raise FrameError(f"{seen.place}: {fault}") from fault
+
+
+def load_model(path: str | PathLike[str]) -> Reader:
+    """Load a model folder.
+
+    Args:
+        path: the folder that `train` or `scleraforce train` wrote.
+
+    Raises:
+        ModelError: a file is missing, was changed, or does not fit the study beside it.
+
+    >>> import scleraforce as sf
+    >>> sf.load_model("reader").kind
+    'reader'
+    """
+    return reader.load_model(path)
+
+
+def read(
+    model: Reader,
+    frame: Frame,
+    *,
+    calibration: "Calibration | str | PathLike[str] | None" = None,
+    eye: str | None = None,
+    youngs_modulus_pa: float | None = None,
+    iop_pa: float | None = None,
+    thickness_m: float | None = None,
+    gap_m: float | None = None,
+    width_m: float | None = None,
+    depth_m: float | None = None,
+    refractive_index: float | None = None,
+) -> Answer:
+    """Read the force from one raw frame.
+
+    What is not told of the eye and of the frame's size is what the recording beside the file states, if there is one.
+
+    Args:
+        model: of `load_model` or `train`.
+        frame: an image file, or counts (row, column) as uint8 or uint16; rows go down into the eye.
+        calibration: of `calibrate`, or its file: gives the eye's modulus, or the population's.
+        eye: its name in the calibration; None: the recording's.
+        youngs_modulus_pa: of this eye, instead of a calibration.
+        iop_pa: intraocular pressure.
+        thickness_m: of the wall.
+        gap_m: distance of the B-scan plane from the needle axis.
+        width_m: of the frame; an array needs it.
+        depth_m: of the frame as stored; likewise.
+        refractive_index: by which depth is stretched; None: the recording's, or that of the model's study.
+
+    Returns:
+        `force_n` with its 90 % `interval_n` (None with a classifier), the class `predicted`, `probabilities`, and
+        `warnings` that limit the answer. A frame that cannot be judged is not `usable`, for a `reason`, and of the
+        highest class.
+
+    Raises:
+        FrameError: the frame cannot be read, or nothing says how large it is.
+        InputError: a modulus and a calibration, or a calibration and no name of an eye.
+        CalibrationError: the calibration file cannot be used.
+
+    >>> import scleraforce as sf
+    >>> model = sf.load_model("reader")
+    >>> answer = sf.read(model, "eye-a/frames/0002.png", youngs_modulus_pa=0.3e6)
+    >>> print(f"{answer.force_n * 1e3:.0f} mN, class {answer.predicted}")
+    2... mN, class 1
+    """
+    check_model(model)
+    seen = _scaled(
+        frame,
+        Scanner(width_m, depth_m, refractive_index),
+        Scanner(refractive_index=model.study.oct.refractive_index),
+        "model's study",
+    )
+    modulus = None if youngs_modulus_pa is None else Modulus.stated(youngs_modulus_pa)
+    told = Known(modulus, iop_pa, thickness_m, gap_m)
+    known = completed(told, Known() if seen.info is None else known_of_recording(seen.info))
+    warnings: list[str] = []
+    if calibration is not None:
+        if modulus is not None:
+            raise InputError("youngs_modulus_pa: a calibration is given, too; leave one of the two out")
+        summary, name = _summary(calibration), _eye_name(eye, seen.info)
+        known = known_of_eye(known, summary, name)
+        if foreign := foreign_modulus(summary, name):
+            warnings.append(foreign)
+    elif eye is not None:
+        raise InputError(f"eye: {eye!r} names an eye of a calibration; give the calibration, too")
+    if seen.info is not None:
+        warnings += (f"{seen.place}: {limit}" for limit in model.limits(known, seen.info.oct))
+    try:
+        answer = model.read(seen.pixels, seen.scale, known)
+    except ValueError as fault:
+        raise FrameError(f"{seen.place}: {fault}") from fault
+    return replace(answer, warnings=(*answer.warnings, *warnings))
+
+
+def _scaled(frame: Frame, told: Scanner, assumed: Scanner, source: str) -> _Scaled:
+    """Return a frame with its scale, from its file or from what was told."""
+    if isinstance(frame, str | PathLike):
+        path = Path(frame)
+        found = read_scaled_frame(path, told, (assumed, source))
+        place = str(recording_of(path) or path)
+        return _Scaled(found.pixels, found.scale, place, found.info)
+    pixels: Any = np.asarray(frame)  # its type is checked where it is read
+    if pixels.ndim != 2:
+        raise FrameError(f"frame: an array of shape {pixels.shape}; give one frame, rows x columns")
+    if told.width_m is None or told.depth_m is None:
+        raise FrameError("frame: nothing says how large this array is; give width_m and depth_m")
+    for name, extent_m in (("width_m", told.width_m), ("depth_m", told.depth_m)):
+        if not LEAST_M <= extent_m <= LARGEST_M:
+            raise FrameError(f"{name}: {extent_m:g} m; give between {LEAST_M:g} and {LARGEST_M:g} m")
+    index = told.refractive_index or assumed.refractive_index or 1.0
+    try:
+        scale = PixelScale(told.width_m / pixels.shape[1], told.depth_m / pixels.shape[0], index)
+    except ValueError as fault:
+        raise FrameError(f"frame: {fault}") from fault
+    return _Scaled(pixels, scale, "frame")
+
+
+def check_model(model: object) -> None:
+    """Check that a model was loaded.
+
+    Raises:
+        InputError: it is a path.
+    """
+    if isinstance(model, str | PathLike):
+        raise InputError(f"model: {model} is a path; give sf.load_model({str(model)!r})")
+
+
+def _summary(calibration: "Calibration | str | PathLike[str]") -> CalibrationSummary:
+    if isinstance(calibration, str | PathLike):
+        return read_calibration(calibration)
+    from scleraforce.notebook.calibrating import calibration_text  # with all that calibrates
+
+    return parse_summary(calibration_text(calibration).encode(), "the calibration")
+
+
+def _eye_name(eye: str | None, info: RecordingInfo | None) -> str:
+    if eye is not None:
+        return eye
+    if info is None:
+        raise InputError(
+            "eye: missing; a calibration has several, and no recording.toml beside the frame names this one"
+        )
+    return info.eye.id

@@ -1,0 +1,147 @@
+"""Virtual eyes: one under one force, or a whole recording of one."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from math import radians
+from os import PathLike
+from pathlib import Path
+
+from scleraforce.eye.contact import Contact
+from scleraforce.laboratory.phantom import plan_phantom, write_phantom
+from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
+from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
+from scleraforce.recording.files import Recording, read_recording
+from scleraforce.study import Choice, Study
+from scleraforce.study.fields import Unit, check_number
+from scleraforce.study.unused import refuse_unused
+
+__all__ = ["phantom", "simulate"]
+
+FORCE_N = Unit(low=0.0, high=1.0)
+
+
+def simulate(
+    study: Study | None = None,
+    *,
+    thickness_m: float,
+    force_n: float,
+    youngs_modulus_pa: float | None = None,
+    iop_pa: float | None = None,
+    gap_m: float | None = None,
+    polar_angle_rad: float | None = None,
+    mechanics: str | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> SimulatedEye:
+    r"""Bend one eye by one force.
+
+    Args:
+        study: the study; None: the paper's. It has all that is not told below.
+        thickness_m: of the wall.
+        force_n: of the needle, along the inward normal.
+        youngs_modulus_pa: of the wall.
+        iop_pa: intraocular pressure.
+        gap_m: distance of the B-scan plane from the needle axis.
+        polar_angle_rad: of the contact, from the pole; None: the middle of the study's range.
+        mechanics: "linear" or "finite-strain".
+        progress: called with the share of the load path that is done (finite strain).
+
+    Returns:
+        Mesh, displacements, the tip's displacement `tip_m` and the binary `slice`.
+
+    Raises:
+        StudyError: a value is out of bounds, or the study has keys that this mechanics does not use.
+        SolverError: no equilibrium was found, or the wall deforms too much to be cut.
+
+    >>> import scleraforce as sf
+    >>> coarse = sf.parse_study("[mesh]\ndivisions = 6")
+    >>> eye = sf.simulate(coarse, thickness_m=600e-6, force_n=0.010)
+    >>> print(f"the contact sinks in by {eye.tip_m * 1e3:.1f} mm")
+    the contact sinks in by 0.5 mm
+    >>> eye.slice.shape
+    (40, 140)
+    """
+    study = _with_mechanics(study, mechanics)
+    eye = replace(study.eye, thickness_m=Choice((thickness_m,)))
+    if youngs_modulus_pa is not None:
+        eye = replace(eye, youngs_modulus_pa=youngs_modulus_pa)
+    if iop_pa is not None:
+        eye = replace(eye, iop_pa=iop_pa)
+    if gap_m is not None:
+        study = replace(study, needle=replace(study.needle, gap_m=gap_m))
+    polar_rad = sum(study.needle.polar_angle_rad.bounds) / 2 if polar_angle_rad is None else polar_angle_rad
+    needle = replace(study.needle, polar_angle_rad=Choice((polar_rad,)))
+    study = replace(study, eye=eye, needle=needle)
+    refuse_unused(study, "simulate", study.mechanics.kind)
+    check_number("force_n", force_n, FORCE_N)
+    return simulate_eye(study, thickness_m, force_n, Contact(polar_rad), progress)
+
+
+def phantom(
+    out: str | PathLike[str],
+    study: Study | None = None,
+    *,
+    forces_n: Sequence[float],
+    thickness_m: float,
+    eye: str = "eye-1",
+    youngs_modulus_pa: float | None = None,
+    iop_pa: float | None = None,
+    gap_m: float | None = None,
+    polar_angle_rad: float = radians(35.0),
+    azimuth_rad: float = 0.0,
+    direction_rad: float = 0.0,
+    tilt_rad: float = 0.0,
+    mechanics: str | None = None,
+    seed: int | None = None,
+    progress: Callable[[int], object] | None = None,
+) -> Recording:
+    r"""Make a virtual acquisition: a recording folder of raw B-scans and a force log, with its truth.
+
+    Args:
+        out: the folder to write; it must not exist.
+        study: the study; None: the paper's. Its `[phantom]` has the ranges of light, noise and timing.
+        forces_n: true force at each frame, one step-and-hold push each.
+        thickness_m: of the wall.
+        eye: its name.
+        youngs_modulus_pa: of the wall; None: the study's.
+        iop_pa: intraocular pressure; None: the study's.
+        gap_m: distance of the B-scan plane from the needle axis; None: the study's.
+        polar_angle_rad: of the contact, from the pole.
+        azimuth_rad: of the contact, about the pole.
+        direction_rad: of the B-scan plane, about the needle axis.
+        tilt_rad: of the B-scan plane, against the needle axis.
+        mechanics: "linear" or "finite-strain"; None: the study's.
+        seed: of all that is drawn; None: the study's.
+        progress: called with 1 after each frame.
+
+    Raises:
+        InputError: `out` exists, a value is out of bounds, or the study has keys that this mechanics does not use.
+        SolverError: no equilibrium was found.
+
+    >>> import scleraforce as sf
+    >>> coarse = sf.parse_study("[mesh]\ndivisions = 6")
+    >>> recording = sf.phantom("eye-new", coarse, thickness_m=600e-6, forces_n=[0.004, 0.020])
+    >>> [frame.file for frame in recording.frames]
+    ['0001.png', '0002.png']
+    """
+    study = _with_mechanics(study, mechanics)
+    refuse_unused(study, "phantom", study.mechanics.kind)
+    pushed = PhantomEye(
+        id=eye,
+        thickness_m=thickness_m,
+        youngs_modulus_pa=study.eye.youngs_modulus_pa if youngs_modulus_pa is None else youngs_modulus_pa,
+        iop_pa=study.eye.iop_pa if iop_pa is None else iop_pa,
+        gap_m=study.needle.gap_m if gap_m is None else gap_m,
+        polar_rad=polar_angle_rad,
+        azimuth_rad=azimuth_rad,
+        direction_rad=direction_rad,
+        tilt_rad=tilt_rad,
+    )
+    plan = plan_phantom(pushed, forces_n, study, study.phantom.seed if seed is None else seed)
+    write_phantom(Path(out), plan, study_sections(pushed, study), study, progress)
+    return read_recording(out)
+
+
+def _with_mechanics(study: Study | None, mechanics: str | None) -> Study:
+    """Return the study, the paper's where there is none, with the mechanics that was told."""
+    study = study or Study()
+    return study if mechanics is None else replace(study, mechanics=replace(study.mechanics, kind=mechanics))

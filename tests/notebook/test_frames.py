@@ -1,0 +1,75 @@
+"""What is told of a frame and its eye is used, or refused with one line; nothing is dropped."""
+
+import numpy as np
+import pytest
+from analytic_frames import KNOWN, SCALE, image, tip_of, wall_section
+from fixed_network import force_reader
+
+import scleraforce as sf
+from scleraforce.errors import FrameError, InputError
+from scleraforce.notebook.calibrating import calibrate, evaluate
+from scleraforce.notebook.frames import read, segment
+from scleraforce.notebook.training import train
+
+FRAME = image(wall_section(tip_of(0.020)))
+SIZE = {"width_m": 15e-3, "depth_m": 4e-3}
+
+
+def test_an_array_is_read_as_the_reader_reads_it() -> None:
+    expected = force_reader().read(FRAME, SCALE, KNOWN)
+    assert KNOWN.modulus is not None
+    told = {"iop_pa": KNOWN.iop_pa, "thickness_m": KNOWN.thickness_m, "gap_m": KNOWN.gap_m}
+    answer = read(force_reader(), FRAME, youngs_modulus_pa=KNOWN.modulus.mean_pa, **told, **SIZE)
+    assert answer.force_n == pytest.approx(expected.force_n, rel=0.01)
+    assert answer.usable
+
+
+def test_an_array_is_segmented() -> None:
+    assert segment(FRAME, **SIZE).thickness_m == pytest.approx(0.65e-3, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("frame", "told", "words"),
+    [
+        (FRAME, {}, "give width_m and depth_m"),
+        (FRAME[0], SIZE, r"shape \(512,\); give one frame"),
+        ([[1, 2], [3, 4]], SIZE, "frame: a frame of 2 dimensions and type int64"),
+        (FRAME.astype(float), SIZE, "type float64"),
+        (FRAME, {"width_m": 15.0, "depth_m": 4.0}, "width_m: 15 m; give between"),
+        (FRAME, {**SIZE, "refractive_index": 3.0}, "refractive index of 3"),
+        ("nowhere.png", SIZE, "nowhere.png"),
+    ],
+)
+def test_a_frame_that_cannot_be_used_is_one_clear_line(frame: np.ndarray, told: dict[str, float], words: str) -> None:
+    for call in (lambda: segment(frame, **told), lambda: read(force_reader(), frame, **told)):
+        with pytest.raises(FrameError, match=words):
+            call()
+
+
+def test_what_would_be_ignored_is_refused() -> None:
+    with pytest.raises(InputError, match="eye: 'eye-a' names an eye of a calibration"):
+        read(force_reader(), FRAME, eye="eye-a", **SIZE)
+    with pytest.raises(InputError, match="youngs_modulus_pa: a calibration is given, too"):
+        read(force_reader(), FRAME, youngs_modulus_pa=0.3e6, calibration="modulus.json", **SIZE)
+
+
+def test_a_path_in_the_place_of_a_model_says_how_to_load_it() -> None:
+    with pytest.raises(InputError, match=r"give sf\.load_model\('reader'\)"):
+        read("reader", FRAME, **SIZE)  # type: ignore[arg-type]  # the mistake
+    with pytest.raises(InputError, match=r"give sf\.load_model\('reader'\)"):
+        evaluate("reader", "eye-a")  # type: ignore[arg-type]  # the mistake
+
+
+def test_what_cannot_be_calibrated_or_trained_on_is_one_clear_line() -> None:
+    for given, words in (
+        ({"mechanics": "soft"}, "mechanics: 'soft'"),
+        ({"parameters": "e,iop"}, "parameters: 'e,iop'; give a list"),
+        ({"parameters": ["iop"]}, "parameters"),
+        ({"frames": 0}, "frames: 0"),
+    ):
+        with pytest.raises(InputError, match=words):
+            calibrate("eye-a", sf.Study(), **given)
+    with pytest.raises(InputError, match="recordings: none"):
+        calibrate([])
+    with pytest.raises(InputError, match="source: found str"):
+        train("slices", "model")  # type: ignore[arg-type]  # the mistake

@@ -1,0 +1,128 @@
+"""What `import scleraforce` offers: all of it is documented, nothing is imported before it is used."""
+
+import ast
+import inspect
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import scleraforce
+from scleraforce.errors import InputError, StudyError
+from scleraforce.study import parse_study
+
+ROOT = Path(scleraforce.__file__).parent
+PAGE = Path(__file__).parents[1] / "docs" / "python.md"
+PUBLIC = [name for name in scleraforce.__all__ if not name.startswith("__")]
+HEAVY = ["torch", "scipy", "cv2", "onnxruntime", "numpy", "pydicom", "zarr", "matplotlib", "click", "tqdm"]
+
+
+def loaded_after(code: str) -> set[str]:
+    """The heavy packages, and our own modules, that a fresh interpreter has after running some code."""
+    show = f"import sys; print(*[m for m in sys.modules if m in {HEAVY!r} or m.startswith('scleraforce')])"
+    return set(
+        subprocess.run(
+            [sys.executable, "-c", f"{code}\n{show}"], capture_output=True, text=True, check=True
+        ).stdout.split()
+    )
+
+
+def test_importing_it_loads_nothing_else() -> None:
+    assert loaded_after("import scleraforce as sf; dir(sf)") == {"scleraforce"}
+
+
+def test_a_study_needs_no_numerics() -> None:
+    loaded = loaded_after("import scleraforce as sf; sf.Study; sf.InputError; sf.__version__")
+    assert "scleraforce.study.records" in loaded
+    assert not loaded & {"torch", "scipy", "cv2", "onnxruntime", "zarr", "matplotlib"}
+
+
+def test_frames_are_read_by_the_small_runtime_alone() -> None:
+    loaded = loaded_after("import scleraforce as sf; sf.segment; sf.load_model; sf.read; sf.read_recording")
+    assert {"cv2", "onnxruntime"} <= loaded
+    assert not loaded & {"torch", "scipy", "zarr", "matplotlib", "click", "tqdm"}
+
+
+def test_nothing_public_loads_pytorch_before_it_trains() -> None:
+    assert "torch" not in loaded_after("import scleraforce as sf\nfor name in dir(sf): getattr(sf, name)")
+
+
+def test_the_page_documents_exactly_what_is_offered() -> None:
+    rows = re.findall(r"^\| `sf\.(\w+)", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    assert sorted(rows) == sorted(PUBLIC)
+
+
+def test_dir_lists_exactly_what_is_offered() -> None:
+    assert dir(scleraforce) == sorted(scleraforce.__all__)
+
+
+def test_type_checkers_and_python_find_the_same_things() -> None:
+    tree = ast.parse((ROOT / "__init__.py").read_text(encoding="utf-8"))
+    typed = {
+        alias.name: node.module
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("scleraforce.")
+        for alias in node.names
+    }
+    assert sorted(typed) == sorted(PUBLIC)
+    for name, module in typed.items():
+        assert getattr(scleraforce, name) is getattr(import_module(module), name)
+    assert (ROOT / "py.typed").exists()
+
+
+def test_no_public_name_is_that_of_a_room() -> None:
+    rooms = {path.stem for path in ROOT.iterdir()}
+    assert not rooms & set(PUBLIC), "importing the room would put it in the place of the function"
+
+
+def test_an_unknown_name_is_an_attribute_error_that_says_where_to_look() -> None:
+    with pytest.raises(AttributeError, match=r"no attribute 'fish'; docs/python\.md"):
+        scleraforce.fish  # noqa: B018
+    with pytest.raises(ImportError):
+        from scleraforce import fish  # noqa: F401
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_what_is_offered_has_a_docstring_with_an_example_as_a_user_writes_it(name: str) -> None:
+    text = inspect.getdoc(getattr(scleraforce, name)) or ""
+    assert ">>> import scleraforce as sf" in text
+    assert f"sf.{name}" in text
+
+
+@pytest.mark.parametrize("name", [n for n in PUBLIC if inspect.isfunction(getattr(scleraforce, n))])
+def test_numbers_are_given_by_name_and_typed(name: str) -> None:
+    for argument in inspect.signature(getattr(scleraforce, name)).parameters.values():
+        assert argument.annotation is not inspect.Parameter.empty
+        if "float" in str(argument.annotation):
+            assert argument.kind is inspect.Parameter.KEYWORD_ONLY, f"{name}: {argument.name}"
+
+
+SEALED = parse_study("[mechanics]\nsealed = true")
+STRAPS = parse_study('[supports]\nkind = "straps"')
+REFUSED: dict[str, Callable[[Path], object]] = {
+    "simulate": lambda _: scleraforce.simulate(SEALED, thickness_m=6e-4, force_n=0.01, mechanics="linear"),
+    "phantom": lambda out: scleraforce.phantom(out, SEALED, thickness_m=6e-4, forces_n=[0.01], mechanics="linear"),
+    "library": lambda _: scleraforce.library_of(STRAPS),
+    "generate": lambda out: scleraforce.generate(out, STRAPS, mechanics="finite-strain"),
+    "calibrate": lambda _: scleraforce.calibrate("nowhere", STRAPS),
+}
+
+
+@pytest.mark.parametrize("command", REFUSED)
+def test_a_key_that_a_call_does_not_use_is_refused_by_name(command: str, tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match=rf"(mechanics\.sealed|supports\.kind): not used by `{command}`"):
+        REFUSED[command](tmp_path / "out")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_reader_is_not_trained_on_a_study_that_its_library_does_not_know(tmp_path: Path) -> None:
+    from analytic_library import analytic_library
+
+    with pytest.raises(StudyError, match="not used by `train --kind reader`"):
+        scleraforce.train(analytic_library(), tmp_path / "out", STRAPS)
+    with pytest.raises(InputError, match="search"):
+        scleraforce.train(analytic_library(), tmp_path / "out", search=True)
