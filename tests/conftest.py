@@ -2,9 +2,15 @@
 
 import signal
 
+from hypothesis import HealthCheck, settings
+
 import scleraforce  # noqa: F401 - before ONNX Runtime, which tests import too: it switches off what that sends
 
 # A shell without job control starts background jobs with SIGINT ignored, and children inherit that: the tests that send
 # Ctrl-C to a child would wait for ever where CI runs that way.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# No timed assertions: a machine with other work may draw slowly.
+settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("untimed")
