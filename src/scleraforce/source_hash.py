@@ -79,8 +79,17 @@ def _file(name: str, places: Mapping[str, Path]) -> Path | None:
 
 
 def _imported(file: Path) -> Iterator[str]:
-    """Yield what a file imports; of `from a import b` both a and a.b, either of which may be the module."""
-    for node in ast.walk(ast.parse(file.read_bytes())):
+    """Yield what a file imports; of `from a import b` both a and a.b, either of which may be the module.
+
+    What is imported for type checkers alone decides no result: the package's own face would lead to every module.
+    """
+    waiting: list[ast.AST] = [ast.parse(file.read_bytes())]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            waiting += node.orelse
+            continue
+        waiting += ast.iter_child_nodes(node)
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
