@@ -145,7 +145,7 @@ def test_control_c_leaves_a_folder_that_the_same_command_finishes(study: Path, t
     printed, said = child.communicate(timeout=120)
     assert child.returncode == 130
     assert printed == ""
-    *stages, last = said.splitlines()
+    *stages, last = filter(None, said.splitlines())  # click ends the line of the interrupted with an empty one
     assert last == "error: interrupted"
     assert [line.split(":")[0] for line in stages[:2]] == ["1/13 phantom", "2/13 calibrate"][: len(stages)]
     result = run(*command[len(SCLERAFORCE) :])
