@@ -3,6 +3,7 @@
 import reprlib
 from os import PathLike
 from pathlib import Path
+from typing import TypeVar
 
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 
@@ -33,6 +34,9 @@ EXTERNAL = b"location"  # the key of data in other files (onnx.proto, TensorProt
 onnxruntime.disable_telemetry_events()
 
 
+Kind = TypeVar("Kind", Classifier, ForceReader)
+
+
 def load_model(path: str | PathLike[str], threads: int = 1) -> Reader:
     """Load a model folder of either kind.
 
@@ -61,10 +65,7 @@ def load_classifier(path: str | PathLike[str], threads: int = 1) -> Classifier:
     Raises:
         ModelError: it is of another kind.
     """
-    model = load_model(path, threads)
-    if not isinstance(model, Classifier):
-        raise ModelError(f"{path}: kind: found {model.kind!r}, a classifier is needed here")
-    return model
+    return _of_kind(load_model(path, threads), Classifier)
 
 
 def load_force_reader(path: str | PathLike[str], threads: int = 1) -> ForceReader:
@@ -73,9 +74,12 @@ def load_force_reader(path: str | PathLike[str], threads: int = 1) -> ForceReade
     Raises:
         ModelError: it is of another kind.
     """
-    model = load_model(path, threads)
-    if not isinstance(model, ForceReader):
-        raise ModelError(f"{path}: kind: found {model.kind!r}, a reader is needed here")
+    return _of_kind(load_model(path, threads), ForceReader)
+
+
+def _of_kind(model: Reader, wanted: type[Kind]) -> Kind:
+    if not isinstance(model, wanted):
+        raise ModelError(f"{model.path}: kind: found {model.kind!r}, a {wanted.kind} is needed here")
     return model
 
 
