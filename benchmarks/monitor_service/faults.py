@@ -11,6 +11,7 @@ from argparse import ArgumentParser, Namespace
 from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import cycle
 from time import monotonic
 from typing import Any
 
@@ -22,11 +23,11 @@ from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.fault_acts import prepare
 from scleraforce.replay.faults import FAULTS, FaultReport, inject
 from scleraforce.replay.player import Player, Timed
-from scleraforce.replay.scanner_client import ScannerClient, Unstamped
+from scleraforce.replay.scanner_client import ScannerClient, Unstamped, frame_message
 
 from .figures import QUANTILES, Progress, print_table, quantiles_ms
 from .monitors import Monitor, real_monitor
-from .scanner import CONTACT_N, OK, WITHDRAW, Frames, Operator, Pace, be_the_peer
+from .scanner import CONTACT_N, OK, WITHDRAW, Frames, Operator, Pace, Preloaded, be_the_peer
 from .small import SmallFrames, small_monitor
 
 __all__ = ["add_options", "run"]
@@ -34,6 +35,7 @@ __all__ = ["add_options", "run"]
 RUN_IN = 25  # frames of the way to a fault: within them the reset has to be granted
 ASKED_FROM = 11  # of them: the last ten, by which the force's rise is told, are in order
 MORE = 12  # frames, at most, beyond those
+PICTURES = 4  # of each frame, in turns: on no way to a fault is a picture shown that the monitor remembers
 TRIES = 20
 WITHIN_S = 3.0
 BREAKING = {"half", "garbage", "disconnect"}  # these need another connection afterwards
@@ -144,6 +146,7 @@ class Line:
         touched = (frames.force_n > CONTACT_N) & (np.arange(len(frames.force_n)) < frames.harmless)
         touched[: RUN_IN + MORE + 12] = False
         self._places = np.flatnonzero(touched & np.roll(touched, RUN_IN + MORE))
+        self._columns = cycle(range(PICTURES))
         self.log, self._client = AnswerLog(), self._connect()
 
     def _connect(self) -> ScannerClient:
@@ -161,11 +164,12 @@ class Line:
         """Reset the monitor on the way to a random place of the recording, and inject there."""
         begun_s = monotonic()
         place = int(self._rng.choice(self._places))
-        recording = self._frames.recording
-        at_s = recording.frames[place].time_s
-        prepared = prepare(name, recording, at_s, self._rng, version=1, forces_n=list(self._frames.force_n))
+        forces_n = list(self._frames.force_n)
         for _ in range(TRIES):
-            player = self._go(place)
+            recording = self._frames.recording.moved(next(self._columns))
+            at_s = recording.frames[place].time_s
+            prepared = prepare(name, recording, at_s, self._rng, version=1, forces_n=forces_n)
+            player = self._go(recording, place)
             if player is not None:
                 break
         else:
@@ -177,14 +181,17 @@ class Line:
         self.cycle_s += monotonic() - begun_s
         return report
 
-    def _go(self, place: int) -> Player | None:
+    def _go(self, recording: Preloaded, place: int) -> Player | None:
         """Play the frames before a place; None where the monitor does not watch by then."""
         self.log = AnswerLog()
-        player = Player(self._frames.recording, self._client, self.log, version=1)
+        player = Player(recording, self._client, self.log, version=1)
         first = place - RUN_IN - int(self._rng.integers(MORE))
+        oct_info, entries = recording.info.oct, recording.frames
+        messages = {index: frame_message(recording.frame(entries[index]), oct_info, index + 1, 1)
+                    for index in range(first, place)}  # fmt: skip
         granted = False
-        for index in range(first, place):
-            player.send(Timed(self._frames.recording.frames[index].time_s, index + 1, self._frames.messages[index]))
+        for index, message in messages.items():
+            player.send(Timed(entries[index].time_s, index + 1, message))
             if self.log.ok:
                 granted = True
             elif granted and self.log.status and self.log.status.code == WITHDRAW:

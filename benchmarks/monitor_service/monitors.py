@@ -21,7 +21,12 @@ __all__ = ["Monitor", "Resources", "cores", "pin", "real_monitor", "resources"]
 START_S = 60.0
 PRUNE_S = 5.0
 CORES = sorted(os.sched_getaffinity(0))
-ROLES = {"black_box": "black box", "second_opinion": "second opinion", "watchdog": "watchdog", "console": "console"}
+ROLES = {
+    "scleraforce.service.black_box.process": "black box",
+    "scleraforce.service.companions.second_opinion": "second opinion",
+    "scleraforce.service.companions.watchdog": "watchdog",
+    "scleraforce.service.console": "console",
+}
 
 
 @dataclass(frozen=True)
@@ -142,8 +147,7 @@ def _module(pid: int) -> str | None:
         words = Path(f"/proc/{pid}/cmdline").read_text(encoding="utf-8").split("\0")
     except OSError:
         return None
-    names = [word.rsplit(".", 1)[1] for word in words if word.startswith("scleraforce.service.")]
-    return ROLES.get(names[0]) if names else None
+    return next((ROLES[word] for word in words if word in ROLES), None)
 
 
 def cores() -> tuple[set[int], set[int]]:

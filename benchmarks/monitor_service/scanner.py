@@ -5,7 +5,7 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from time import monotonic, time
@@ -27,7 +27,7 @@ from scleraforce.service.priority import run_in_real_time
 
 from .monitors import cores
 
-__all__ = ["Answers", "Frames", "Operator", "Pace", "be_the_peer"]
+__all__ = ["Answers", "Frames", "Operator", "Pace", "Preloaded", "be_the_peer"]
 
 HIGHEST_N = 25e-3  # below this nothing withdraws
 CONTACT_N = 4e-3  # clear of the monitor's bound of contact
@@ -65,8 +65,9 @@ class Frames:
             frame_message(self.recording.frame(entry), oct_info, number, 1)
             for number, entry in enumerate(entries, start=1)
         ]
+        moved = self.recording.moved(1)
         self.messages += [
-            frame_message(np.roll(self.recording.frame(entry), 1, axis=1), oct_info, number, 1)
+            frame_message(moved.frame(entry), oct_info, number, 1)
             for number, entry in enumerate(entries[: self.harmless], start=1)
         ]
 
@@ -83,22 +84,27 @@ class Frames:
 
 
 @dataclass(frozen=True)
-class _Preloaded(Recording):
-    """A recording whose frames are in memory."""
+class Preloaded(Recording):
+    """A recording whose frames are in memory; they are shown `columns` further to the right."""
 
     pixels: dict[str, Pixels]
+    columns: int = 0
 
     def frame(self, entry: FrameEntry) -> Pixels:
         """Return a frame."""
-        return self.pixels[entry.file]
+        return np.roll(self.pixels[entry.file], self.columns, axis=1)
+
+    def moved(self, columns: int) -> "Preloaded":
+        """Return the recording with other pictures of the same walls: each moved by some columns."""
+        return replace(self, columns=columns)
 
 
-def preloaded(recording: Recording, most: int | None = None) -> Recording:
+def preloaded(recording: Recording, most: int | None = None) -> Preloaded:
     """Read the frames of a recording, or the first so many."""
     entries = tuple(islice(recording.frames, most))
     with ThreadPoolExecutor() as pool:
         pixels = dict(zip((entry.file for entry in entries), pool.map(recording.frame, entries), strict=True))
-    return _Preloaded(recording.path, recording.info, entries, recording.forces, pixels)
+    return Preloaded(recording.path, recording.info, entries, recording.forces, pixels)
 
 
 class Answers(AnswerLog):

@@ -47,13 +47,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("torch")
     folder = tmp_path_factory.mktemp("benchmark")
     write_fixed_reader(folder / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)])
-    shown = [image(wall_section(tip_of(FORCE_N)), seed) for seed in range(6)]
+    wall = wall_section(tip_of(FORCE_N))
+    shown = [image(wall, seed) for seed in range(FRAMES)]  # no scanner shows a picture again
     rows, columns = shown[0].shape
     scanner = OctInfo(columns, rows, 12, columns * SCALE.lateral_m, rows * SCALE.depth_m, refractive_index=1.0)
     info = RecordingInfo(EyeInfo("mine", THICKNESS_M, IOP_PA), scanner, NeedleInfo(22, GAP_M, 0.6))
     writer = RecordingWriter(folder / "eye", info, "Of a test.")
     for number in range(FRAMES):
-        writer.add(f"{number:04}.png", 0.01 * number, shown[number % len(shown)])
+        writer.add(f"{number:04}.png", 0.01 * number, shown[number])
     writer.close()
     eye = {"thickness_m": THICKNESS_M, "iop_pa": IOP_PA, "youngs_modulus_pa": MODULUS_PA, "gap_m": GAP_M}
     frames = [{"file": f"{number:04}.png", "force_n": FORCE_N} for number in range(FRAMES)]

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from monitor_service.monitors import Resources
 from monitor_service.scanner import Answers, Frames, Pace
 from monitor_service.soak import Sample, grown
 from scleraforce.errors import InputError
+from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.openigtlink import Status, Text
 
 BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "bench_monitor.py"
@@ -68,11 +70,14 @@ def test_a_heartbeat_is_not_taken_for_the_answer_to_a_frame() -> None:
 
 
 @pytest.mark.slow
-def test_the_way_to_and_fro_never_shows_a_frame_twice_in_a_row(folder: Path) -> None:
+def test_the_way_to_and_fro_takes_steps_of_one_frame_and_shows_no_picture_again_soon(folder: Path) -> None:
     frames = Frames(folder / "eye", most=40)
-    way = frames.to_and_fro()
-    steps = np.diff([next(way) for _ in range(200)])
-    assert set(np.abs(steps)) == {1}
+    way = list(islice(frames.to_and_fro(), 200))
+    assert set(np.abs(np.diff([place % len(frames.force_n) for place in way]))) == {1}
+    remembered = MonitorLimits().shown_frames
+    assert all(place not in way[max(now - remembered, 0) : now] for now, place in enumerate(way))
+    pictures = {frames.messages[place].stamped(0.0)[-1000:].hex() for place in way}
+    assert len(pictures) == len(set(way))
 
 
 @pytest.mark.slow
