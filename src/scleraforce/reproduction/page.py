@@ -20,7 +20,9 @@ from scleraforce.reproduction.calibration_section import calibration_section, le
 from scleraforce.reproduction.figures import (
     force_log_figure,
     mesh_figure,
+    model_figure,
     montage_figure,
+    network_figure,
     overview_figure,
     pairs_figure,
     segmentation_figure,
@@ -31,7 +33,7 @@ from scleraforce.reproduction.run import Progress, Run
 
 __all__ = ["FIGURES", "write_reproduction_html"]
 
-FIGURES = 13  # progress ticks of the page
+FIGURES = 15  # progress ticks of the page
 
 SIMULATED = (
     "The recordings are simulated: five virtual eyes, bent by the same linear mechanics that the network learned from, "
@@ -84,7 +86,7 @@ def write_reproduction_html(
             drawn(_overview(run, evaluation)),
         ),
         _design(run, evaluation),
-        section("The simulated eye", drawn(mesh_figure(run.study))),
+        section("The simulated eye", drawn(model_figure(run.study)), drawn(mesh_figure(run.study))),
         section("Measured forces", drawn(force_log_figure(first, run.study))),
         section("From the raw frame to the slice", drawn(segmentation_figure(evaluation))),
         calibration_section(run, evaluation, drawn),
@@ -96,6 +98,7 @@ def write_reproduction_html(
         section(
             "Training",
             paragraph(_training_words(reader, seconds)),
+            drawn(network_figure(reader, run.study)),
             drawn(training_figure(reader)),
             drawn(montage_figure(run.dataset, run.study)),
         ),
