@@ -1,6 +1,7 @@
 """Sketches of the method: the model of the sclera with its loads (the paper's Fig. 1a) and the network (Fig. 2)."""
 
 from collections.abc import Sequence
+from math import cos, degrees, radians, sin
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +15,7 @@ from scleraforce.study import Study
 __all__ = ["draw_model", "draw_network"]
 
 Floats = NDArray[np.float64]
+Point = tuple[float, float]
 
 MM = 1e3
 THICKNESS_DRAWN_MM = 1.3  # about twice a sclera: a true one is a line at this size
@@ -25,18 +27,18 @@ BOX_MM, ROW_MM = 24.0, 14.0
 def draw_model(study: Study) -> Figure:
     """Draw the meridian of the needle: the wall, its clamped base, pressure, weight, needle and the B-scan plane."""
     radius = study.eye.radius_m * MM
-    polar_rad = sum(study.needle.polar_angle_rad.bounds) / 2
+    polar_deg = degrees(sum(study.needle.polar_angle_rad.bounds) / 2)
     figure = Figure(figsize=inches(120, 62))
     axes = figure.add_subplot()
     angles = np.linspace(-np.pi / 2, np.pi / 2, 181)
-    wall = np.concatenate([_at(radius, angles), _at(radius - THICKNESS_DRAWN_MM, angles[::-1])])
+    wall = np.concatenate([_arc(radius, angles), _arc(radius - THICKNESS_DRAWN_MM, angles[::-1])])
     axes.add_patch(Polygon(wall, facecolor="#E9EDF2", edgecolor=BLACK, linewidth=0.8))
     _draw_base(axes, radius)
     _draw_pressure(axes, radius - THICKNESS_DRAWN_MM)
-    _draw_needle(axes, radius, polar_rad)
+    _draw_needle(axes, radius, polar_deg)
     _arrow(axes, (-0.1 * radius, 0.52 * radius), (-0.1 * radius, 0.28 * radius), BLACK)
     axes.text(-0.07 * radius, 0.36 * radius, "gravity, $f_g$", color=BLACK)
-    axes.text(0.0, 0.08 * radius, f"E, ν = {study.eye.poisson_ratio:g}, R = {radius:g} mm", ha="center")
+    axes.text(0.0, 0.08 * radius, f"E, $\\nu$ = {study.eye.poisson_ratio:g}, R = {radius:g} mm", ha="center")
     axes.set(xlim=(-1.15 * radius, 2.0 * radius), ylim=(-0.2 * radius, 1.3 * radius), aspect="equal")
     axes.set_axis_off()
     return figure
@@ -54,7 +56,7 @@ def draw_network(pixels: tuple[int, int], hidden: Sequence[int], classes: Sequen
     """
     columns, rows = pixels
     layers = [
-        (f"slice\n{columns} × {rows}\npixels", BLACK),
+        (f"slice\n{columns} x {rows}\npixels", BLACK),
         (f"input\n{columns * rows}", GREY),
         *((f"{size}\nReLU\ndropout {dropout:g}", BLUE) for size in hidden),
         (f"{len(classes)}\nsoftmax", RED),
@@ -80,12 +82,19 @@ def draw_network(pixels: tuple[int, int], hidden: Sequence[int], classes: Sequen
     return figure
 
 
-def _at(distance: float, polar_rad: Floats | float) -> Floats:
-    """Points at a distance from the centre, (..., 2): the pole is up, the needle's side to the right."""
-    return np.stack([distance * np.sin(polar_rad), distance * np.cos(polar_rad)], axis=-1)
+def _arc(distance: float, polar_rad: Floats) -> Floats:
+    """Points of a meridian at a distance from the centre, (point, 2); the pole is up, the needle to the right."""
+    return distance * np.stack([np.sin(polar_rad), np.cos(polar_rad)], axis=-1)
 
 
-def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], colour: str) -> None:
+def _point(distance: float, polar_deg: float, along: float = 0.0) -> Point:
+    """One point, moved `along` the tangent, away from the pole."""
+    polar_rad = radians(polar_deg)
+    across, up = sin(polar_rad), cos(polar_rad)
+    return distance * across + along * up, distance * up - along * across
+
+
+def _arrow(axes: Axes, start: Point, end: Point, colour: str) -> None:
     axes.annotate("", xy=end, xytext=start, arrowprops={**ARROW, "color": colour, "lw": 1.0})
 
 
@@ -94,28 +103,29 @@ def _draw_base(axes: Axes, radius: float) -> None:
     for side in (-1.0, 1.0):
         ends = np.sort(side * np.array([radius - 1.4 * THICKNESS_DRAWN_MM, radius + 0.4 * THICKNESS_DRAWN_MM]))
         axes.plot(ends, [0.0, 0.0], color=BLACK, linewidth=1.4)
-        for start in np.linspace(*ends, 6):
+        for start in np.linspace(ends[0], ends[1], 6):
             axes.plot([start, start - 0.5], [0.0, -0.8], color=BLACK, linewidth=0.6)
     axes.text(0.0, -0.14 * radius, "the base is clamped", ha="center")
 
 
 def _draw_pressure(axes: Axes, inner: float) -> None:
     """Draw the pressure on the inner surface."""
-    for polar_rad in np.radians([-75, -55, -35, -15, 5, 60, 78]):
-        start, end = _at(0.84 * inner, polar_rad), _at(inner, polar_rad)
-        _arrow(axes, tuple(start), tuple(end), BLUE)
-    axes.text(*_at(0.74 * inner, np.radians(-45)), "IOP, $f_p$", color=BLUE, ha="center", va="center")
+    for polar_deg in (-75, -55, -35, -15, 5, 60, 78):
+        _arrow(axes, _point(0.84 * inner, polar_deg), _point(inner, polar_deg), BLUE)
+    across, up = _point(0.74 * inner, -45)
+    axes.text(across, up, "IOP, $f_p$", color=BLUE, ha="center", va="center")
 
 
-def _draw_needle(axes: Axes, radius: float, polar_rad: float) -> None:
-    """Draw the needle along the normal of its contact, and the B-scan plane beside it, seen edge-on from the side."""
-    tip, shaft = _at(radius, polar_rad), _at(1.42 * radius, polar_rad)
-    axes.plot(*np.stack([tip, shaft]).T, color=RED, linewidth=2.6, solid_capstyle="butt")
-    _arrow(axes, tuple(_at(0.98 * radius, polar_rad)), tuple(_at(0.72 * radius, polar_rad)), RED)
-    axes.text(*_at(0.64 * radius, polar_rad), "needle, $f_n$", color=RED, ha="center", va="center")
-    along = np.array([np.cos(polar_rad), -np.sin(polar_rad)])
-    corners = [_at(r, polar_rad) + s * 0.38 * radius * along for r, s in ((1.22, -1), (1.22, 1), (0.86, 1), (0.86, -1))
-               for r in [r * radius]]  # fmt: skip
-    axes.add_patch(Polygon(np.array(corners), fill=False, edgecolor=AMBER, linewidth=1.1, linestyle=(0, (4, 2))))
-    place = _at(1.2 * radius, polar_rad) + 0.42 * radius * along
-    axes.text(*place, "B-scan, parallel to this\nplane, beside the needle", color=CLASS_INKS[1], va="bottom")
+def _draw_needle(axes: Axes, radius: float, polar_deg: float) -> None:
+    """Draw the needle along the normal of its contact, and the outline of the B-scan in front of it."""
+    ends = np.array([_point(radius, polar_deg), _point(1.42 * radius, polar_deg)])
+    axes.plot(*ends.T, color=RED, linewidth=2.6, solid_capstyle="butt")
+    _arrow(axes, _point(0.98 * radius, polar_deg), _point(0.72 * radius, polar_deg), RED)
+    across, up = _point(0.64 * radius, polar_deg)
+    axes.text(across, up, "needle, $f_n$", color=RED, ha="center", va="center")
+    half = 0.38 * radius
+    corners = [(1.22, -half), (1.22, half), (0.86, half), (0.86, -half)]
+    outline = np.array([_point(share * radius, polar_deg, along) for share, along in corners])
+    axes.add_patch(Polygon(outline, fill=False, edgecolor=AMBER, linewidth=1.1, linestyle=(0, (4, 2))))
+    across, up = _point(1.2 * radius, polar_deg, 0.42 * radius)
+    axes.text(across, up, "B-scan, parallel to this\nplane, beside the needle", color=CLASS_INKS[1], va="bottom")

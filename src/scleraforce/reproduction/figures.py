@@ -49,17 +49,17 @@ LOG_TRIALS = 5  # the paper's Fig. 3 shows five acquisitions
 def model_figure(study: Study) -> Html:
     """Return the sketch of the model (Fig. 1a)."""
     caption = (
-        "The model of the sclera and what acts on it (the paper's Fig. 1a), in the needle's meridian. The wall is drawn "
-        "twice as thick as it is."
+        "The model of the sclera and what acts on it (the paper's Fig. 1a), in the needle's meridian. The wall is "
+        "drawn twice as thick as it is."
     )
     return figure(data_uri(draw_model(study), "svg"), "a half-sphere with its loads and its clamped base", caption)
 
 
-def network_figure(reader: Classifier, study: Study) -> Html:
+def network_figure(reader: Classifier) -> Html:
     """Return the sketch of the network (Fig. 2)."""
-    hidden = reader.record["network"]["hidden"]
+    study = reader.study
     window, names = (study.slice.columns, study.slice.rows), class_names(study.classes.bounds_n)
-    drawn = draw_network(window, hidden, names, study.network.dropout)
+    drawn = draw_network(window, study.network.hidden, names, study.network.dropout)
     return figure(data_uri(drawn, "svg"), "the layers of the network", "The network of this run (the paper's Fig. 2).")
 
 

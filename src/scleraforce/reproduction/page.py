@@ -98,7 +98,7 @@ def write_reproduction_html(
         section(
             "Training",
             paragraph(_training_words(reader, seconds)),
-            drawn(network_figure(reader, run.study)),
+            drawn(network_figure(reader)),
             drawn(training_figure(reader)),
             drawn(montage_figure(run.dataset, run.study)),
         ),
