@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_frames import GAP_M, IOP_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
+from analytic_frames import GAP_M, IOP_PA, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
 from fixed_reader import fixed_study
 from monitor_command import BINS, monitor_folder, started
 from peer import Peer, wait_until
@@ -33,17 +33,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return monitor_folder(tmp_path_factory.mktemp("monitor"))
 
 
-FRAMES = {force_mn: [image(wall_section(tip_of(force_mn / 1e3)), seed) for seed in (1, 2, 3)] for force_mn in (8, 40)}
+Shown = dict[int, list[np.ndarray]]
+FRAMES: Shown = {force_mn: [image(wall_section(tip_of(force_mn / 1e3)), seed) for seed in (1, 2, 3)] for force_mn in (8, 40)}
 IDS = count(1)
 SENT: list[np.ndarray] = []
 
 
-def push(scanner: Peer, force_mn: int, frames: int, every_s: float = 0.03) -> None:
+def push(scanner: Peer, force_mn: int, frames: int, every_s: float = 0.03, shown: Shown = FRAMES) -> None:
     """Send frames of a wall under a force, as a scanner does."""
     for number in range(frames):
         serial = next(IDS)
-        noise = np.random.default_rng(serial).integers(0, 8, FRAMES[force_mn][0].shape, dtype=np.uint16)
-        fresh = FRAMES[force_mn][number % 3] + noise  # a live scanner never shows a picture again
+        noise = np.random.default_rng(serial).integers(0, 8, shown[force_mn][0].shape, dtype=np.uint16)
+        fresh = shown[force_mn][number % 3] + noise  # a live scanner never shows a picture again
         SENT.append(fresh)
         scanner.say(Image(fresh[None], MATRIX), message_id=serial)
         scanner.hear(every_s)
@@ -83,9 +84,31 @@ def test_a_session_from_the_first_frame_to_the_reset_is_told_kept_and_recorded(f
     assert read_recording(withdrawn).frames
 
 
-def _after(scanner: Peer, force_mn: int) -> object:
-    push(scanner, force_mn, 3)
+def _after(scanner: Peer, force_mn: int, shown: Shown = FRAMES) -> object:
+    push(scanner, force_mn, 3, shown=shown)
     return scanner.statuses()[-1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("adaptive", [True, False])
+def test_a_bound_that_adapts_withdraws_from_a_thin_soft_wall_below_the_bound_of_the_study(
+    folder: Path, tmp_path: Path, adaptive: bool
+) -> None:
+    """The frames are those of a wall of 0.3 MPa: a softer one looks the same under less force and pressure."""
+    thin_m, softer = 420e-6, 2.0 / 3.0
+    walls = {mn: wall_section(tip_of(mn / softer / 1e3, thin_m), thickness_m=thin_m) for mn in (6, 24)}
+    thin = {force_mn: [image(wall, seed) for seed in (1, 2, 3)] for force_mn, wall in walls.items()}
+    iop_mmhg = softer * IOP_PA / mmhg_to_pa(1.0)
+    known = ["--youngs-modulus-mpa", f"{softer * MODULUS_PA / 1e6}", "--thickness-um", f"{thin_m * 1e6}"]
+    known += ["--iop-mmhg", f"{iop_mmhg:.4f}", "--gap-mm", f"{GAP_M * 1e3}", "--black-box", str(tmp_path / "box")]
+    with started(folder, *known, *(["--adaptive-bound"] if adaptive else [])) as monitor:
+        bound_mn = float(next(line for line in monitor.lines if "withdraws" in line).split("reaches ")[1].split()[0])
+        assert bound_mn < 23.0 if adaptive else bound_mn == 30.0
+        with Peer(monitor.port, version=2) as scanner:
+            wait_until(lambda: _after(scanner, 6, thin).code == 1, within_s=20.0)
+            push(scanner, 24, 20, shown=thin)
+            last = scanner.statuses()[-1]
+    assert (last.code, last.name) == ((3, "BOUND") if adaptive else (1, "")), last
 
 
 @pytest.mark.parametrize(

@@ -22,16 +22,18 @@ MODULUS_PA, IOP_PA, THICKNESS_M, GAP_M = 0.3e6, 270.0, 0.65e-3, 0.6e-3
 KNOWN = Known(Modulus(MODULUS_PA, 0.01 * MODULUS_PA, "own"), IOP_PA, THICKNESS_M, GAP_M)
 
 
-def tip_of(force_n: float) -> float:
+def tip_of(force_n: float, thickness_m: float = THICKNESS_M) -> float:
     """Dent of the wall under a force."""
-    walls = (np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA]))
+    walls = (np.array([thickness_m]), np.array([IOP_PA / MODULUS_PA]))
     return float(LIBRARY.tips(*walls, np.array([force_n / MODULUS_PA]))[0])
 
 
-def wall_section(tip_m: float, surface_m: float = 0.5e-3, lateral_m: float = 0.3e-3) -> Section:
+def wall_section(
+    tip_m: float, surface_m: float = 0.5e-3, lateral_m: float = 0.3e-3, thickness_m: float = THICKNESS_M
+) -> Section:
     """Section of the wall with a dent, its contact at a depth and a lateral place of the frame."""
     unknown = np.zeros(len(NAMES))
-    unknown[[TIP, LATERAL, DEPTH, GAP, THICKNESS]] = tip_m, lateral_m, surface_m, GAP_M, THICKNESS_M
+    unknown[[TIP, LATERAL, DEPTH, GAP, THICKNESS]] = tip_m, lateral_m, surface_m, GAP_M, thickness_m
     unknown[[MODULUS, IOP]] = log(MODULUS_PA), log(IOP_PA)
     curves = place_walls(LIBRARY, unknown[None])[0]
     return Section(*(curve[np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9])] for curve in curves))
