@@ -28,7 +28,9 @@ from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 
 STUDY = Study()
-EYE = PhantomEye("made-up", 0.7e-3, 0.27e6, 266.0, 0.5e-3, 0.0)  # on the pole: it is one of revolution
+EYE = PhantomEye(
+    id="made-up", thickness_m=0.7e-3, youngs_modulus_pa=0.27e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.0
+)  # on the pole: it is one of revolution
 FORCES = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
 
 
@@ -130,7 +132,7 @@ def test_the_file_keeps_the_mechanics(library: Library, recording: Recording, ca
 
 
 def test_an_empty_frame_and_one_without_a_wall_leave_the_eye_as_it_was(library: Library) -> None:
-    stated = session.EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.0, 0.0)
+    stated = session.EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.0, polar_sd_rad=0.0)
     eye = session.begin(STUDY, stated, library)
     lateral = np.linspace(-7e-3, 7e-3, 512)
     empty = Boundaries(lateral, np.full((2, 512), np.nan), 8e-6)
@@ -139,11 +141,13 @@ def test_an_empty_frame_and_one_without_a_wall_leave_the_eye_as_it_was(library: 
 
 
 def test_a_session_needs_no_force_log_and_starts_with_any_frame(library: Library) -> None:
-    stated = session.EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.0, 0.0)
+    stated = session.EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.0, polar_sd_rad=0.0)
     walls = library.curves(np.array([0.7e-3]), np.array([266.0 / 0.27e6]), np.array([0.03 / 0.27e6])).curves_sbnc
     rng = np.random.default_rng(0)
     smoothing_m = STUDY.calibration.surface_smoothing_m
-    seen = ideal_boundaries(cut_surfaces(walls[0], 0.5e-3), Pose(0, 0.5e-3), STUDY.oct, 5e-6, rng, smoothing_m)
+    seen = ideal_boundaries(
+        cut_surfaces(walls[0], 0.5e-3), Pose(lateral_m=0, depth_m=0.5e-3), STUDY.oct, 5e-6, rng, smoothing_m
+    )
     eye = session.step(session.begin(STUDY, stated, library), seen, 0.03)
     assert eye.mean_pa == pytest.approx(0.27e6, rel=0.02)
     assert 0 < eye.sd_pa < 0.02e6

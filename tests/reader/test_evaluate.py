@@ -104,7 +104,7 @@ def test_an_answer_is_the_networks_for_the_slice_of_the_segmented_frame(places) 
     frames = evaluate_recordings(reader, [places["a"]]).frames
     frame = frames[2]
     pixels = cv2.imread(str(places["a"] / "frames" / "2.png"), cv2.IMREAD_UNCHANGED)
-    scale = PixelScale(15e-3 / COLUMNS, 4e-3 / ROWS)
+    scale = PixelScale(lateral_m=15e-3 / COLUMNS, depth_m=4e-3 / ROWS)
     cut = boundary_slice(find_wall(pixels, scale), scale, reader.study.slice)
     assert 0.02 < (cut > 0).mean() < 0.3
     np.testing.assert_allclose(frame.probabilities, reader.probabilities(cut[None])[0], atol=1e-12)
@@ -121,7 +121,7 @@ def test_a_frame_that_shows_nothing_counts_as_class_2_and_was_never_shown_to_the
 
 
 def test_a_dent_that_leaves_the_window_is_withdrawn_from_instead_of_read(places) -> None:
-    reader, scale = load_model(places["model"]), PixelScale(15e-3 / COLUMNS, 4e-3 / ROWS)
+    reader, scale = load_model(places["model"]), PixelScale(lateral_m=15e-3 / COLUMNS, depth_m=4e-3 / ROWS)
     rng = np.random.default_rng(2)
     for dent_m, leaves in ((0.0, False), (1.5e-3, False), (3.2e-3, False), (4e-3, True), (6e-3, True)):
         answer = reader.read(draw_frame(dent_m, rng), scale)

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 SAME_MODULUS = 0.01  # relative; what else is stated of the eye moves the mean of a lognormal by less
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FrameRecord:
     """What became of a frame: estimate of E after it, or the reason why it was not used.
 
@@ -53,7 +53,7 @@ class FrameRecord:
     skipped: str | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class UsedRecording:
     """A recording that was calibrated on: path as given, SHA-256 of its tables, zero of its force taken off.
 
@@ -201,13 +201,13 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
     low, high = study.needle.polar_angle_rad.bounds
     stated = info.needle.polar_angle_rad
     return EyeConstants(
-        study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
-        info.eye.thickness_m,
-        info.needle.slice_gap_m,
-        (low + high) / 2 if stated is None else stated,
-        (high - low) / 12**0.5 if stated is None else 0.0,
-        info.oct.plane_direction_rad,
-        info.oct.plane_tilt_rad,
+        iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
+        thickness_m=info.eye.thickness_m,
+        gap_m=info.needle.slice_gap_m,
+        polar_rad=(low + high) / 2 if stated is None else stated,
+        polar_sd_rad=(high - low) / 12**0.5 if stated is None else 0.0,
+        direction_rad=info.oct.plane_direction_rad,
+        tilt_rad=info.oct.plane_tilt_rad,
     )
 
 
@@ -239,9 +239,14 @@ def _calibrate(
             boundaries = segmented_boundaries(segmentation, scale)
             shown[index] = dent(boundaries) if segmentation.usable else float("nan")
             record = FrameRecord(
-                str(recording.path), trial.file, sha256, float(forces.force_n[index]), run.mean_pa, run.sd_pa,
+                recording=str(recording.path),
+                file=trial.file,
+                sha256=sha256,
+                force_n=float(forces.force_n[index]),
+                mean_pa=run.mean_pa,
+                sd_pa=run.sd_pa,
                 skipped=reason or None,
-            )  # fmt: skip
+            )
             since_s = float(forces.since_start_s[index])
             session, run = _step(session, run, record, since_s, boundaries)
             left -= int(run.frames[-1].skipped is None)
@@ -267,7 +272,10 @@ def _begin(
     eye: EyeFilter, state: EyeState, recording: Recording, forces: FrameForces, earlier: EyeCalibration | None
 ) -> EyeCalibration:
     """Return the eye before this recording's frames; what a recording's frames share is new with each recording."""
-    used = UsedRecording(str(recording.path), tables_digest(recording), *forces.zero.tolist())
+    zero_n, drift_n_per_s = forces.zero.tolist()
+    used = UsedRecording(
+        path=str(recording.path), sha256=tables_digest(recording), zero_n=zero_n, drift_n_per_s=drift_n_per_s
+    )
     recordings: tuple[UsedRecording, ...] = (used,)
     frames: tuple[FrameRecord, ...] = ()
     if earlier is not None and earlier.names != eye.space.names:

@@ -70,7 +70,7 @@ def simulate(
         check_figure_path(plot)
 
     start = perf_counter()
-    contact = Contact(sum(study.needle.polar_angle_rad.bounds) / 2)
+    contact = Contact(polar_rad=sum(study.needle.polar_angle_rad.bounds) / 2)
     with share_bar("load path") as reach:
         eye = simulate_eye(study, study.eye.thickness_m.bounds[0], NEEDLE_FORCE.to_si(force_mn), contact, reach)
     seconds = perf_counter() - start

@@ -46,7 +46,7 @@ class UsedFrame:
     sha256: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EyeSummary:
     """Young's modulus of one eye: posterior mean and standard deviation, and the frames that it rests on.
 
@@ -66,7 +66,7 @@ class EyeSummary:
         return self.status == "ok"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CalibrationSummary:
     """Eyes by id, the population, and where it is from.
 
@@ -105,12 +105,13 @@ def parse_summary(text: bytes, name: str) -> CalibrationSummary:
     content = parse_content(text, name)
     population = table_of(content, "population", name)
     return CalibrationSummary(
-        {eye: summary_of_eye(entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()},
-        1e6 * number_of(population, "mean_mpa", f"{name}: population", SOFTEST_MPA, STIFFEST_MPA, "MPa"),
-        _spread_pa(population, f"{name}: population"),
-        content["mechanics"],
-        name,
-        hashlib.sha256(text).hexdigest(),
+        eyes={eye: summary_of_eye(entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()},
+        population_mean_pa=1e6
+        * number_of(population, "mean_mpa", f"{name}: population", SOFTEST_MPA, STIFFEST_MPA, "MPa"),
+        population_sd_pa=_spread_pa(population, f"{name}: population"),
+        mechanics=content["mechanics"],
+        path=name,
+        sha256=hashlib.sha256(text).hexdigest(),
     )
 
 
@@ -161,11 +162,11 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
     if not isinstance(frames, list):
         raise CalibrationError(f"{place}.frames: expected a list of the frames that were used; {WRITER}")
     return EyeSummary(
-        1e6 * number_of(entry, "mean_mpa", place, SOFTEST_MPA, STIFFEST_MPA, "MPa"),
-        1e6 * number_of(entry, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa"),
-        tuple(_frame(frame, f"{place}.frames[{index}]") for index, frame in enumerate(frames)),
-        1e-6 * number_of(entry, "thickness_um", place, THINNEST_UM, THICKEST_UM, "um"),
-        text_of(entry, "status", place),
+        mean_pa=1e6 * number_of(entry, "mean_mpa", place, SOFTEST_MPA, STIFFEST_MPA, "MPa"),
+        sd_pa=1e6 * number_of(entry, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa"),
+        frames=tuple(_frame(frame, f"{place}.frames[{index}]") for index, frame in enumerate(frames)),
+        thickness_m=1e-6 * number_of(entry, "thickness_um", place, THINNEST_UM, THICKEST_UM, "um"),
+        status=text_of(entry, "status", place),
     )
 
 

@@ -48,7 +48,7 @@ class Responses:
     force_ratio: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Library:
     """Load paths over thickness and IOP ratio, and their interpolation. All evaluation is vectorised over samples.
 

@@ -65,7 +65,12 @@ def segment(
     >>> found.usable, found.mask.shape
     (True, (512, 512))
     """
-    seen = _scaled(frame, Scanner(width_m, depth_m, refractive_index), Scanner(refractive_index=1.0), "assumed")
+    seen = _scaled(
+        frame,
+        Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index),
+        Scanner(refractive_index=1.0),
+        "assumed",
+    )
     try:
         return find_wall(seen.pixels, seen.scale)
     except ValueError as fault:
@@ -138,12 +143,12 @@ def read(
     check_model(model)
     seen = _scaled(
         frame,
-        Scanner(width_m, depth_m, refractive_index),
+        Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index),
         Scanner(refractive_index=model.study.oct.refractive_index),
         "model's study",
     )
     modulus = None if youngs_modulus_pa is None else Modulus.stated(youngs_modulus_pa)
-    told = Known(modulus, iop_pa, thickness_m, gap_m)
+    told = Known(modulus=modulus, iop_pa=iop_pa, thickness_m=thickness_m, gap_m=gap_m)
     known = completed(told, Known() if seen.info is None else known_of_recording(seen.info))
     warnings: list[str] = []
     if calibration is not None:
@@ -181,7 +186,9 @@ def _scaled(frame: Frame, told: Scanner, assumed: Scanner, source: str) -> _Scal
             raise FrameError(f"{name}: {extent_m:g} m; give between {LEAST_M:g} and {LARGEST_M:g} m")
     index = told.refractive_index or assumed.refractive_index or 1.0
     try:
-        scale = PixelScale(told.width_m / pixels.shape[1], told.depth_m / pixels.shape[0], index)
+        scale = PixelScale(
+            lateral_m=told.width_m / pixels.shape[1], depth_m=told.depth_m / pixels.shape[0], refractive_index=index
+        )
     except ValueError as fault:
         raise FrameError(f"frame: {fault}") from fault
     return _Scaled(pixels, scale, "frame")

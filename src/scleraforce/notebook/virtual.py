@@ -73,7 +73,7 @@ def simulate(
     study = replace(study, eye=eye, needle=needle)
     refuse_unused(study, "simulate", study.mechanics.kind)
     check_number("force_n", force_n, FORCE_N)
-    return simulate_eye(study, thickness_m, force_n, Contact(polar_rad), progress)
+    return simulate_eye(study, thickness_m, force_n, Contact(polar_rad=polar_rad), progress)
 
 
 def phantom(
