@@ -10,9 +10,10 @@ import pytest
 
 from scleraforce.calibration import session
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings, eye_constants
-from scleraforce.calibration.files import calibration_as_json, parse_calibration
 from scleraforce.calibration.forces import FrameForces, frame_forces
+from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
+from scleraforce.known.calibration_file import parse_calibration_file
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
 from scleraforce.laboratory.optics import Pose
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
@@ -126,8 +127,9 @@ def test_going_on_with_other_mechanics_is_refused(recording: Recording, calibrat
 def test_the_file_keeps_the_mechanics(library: Library, recording: Recording, calibration: Calibration) -> None:
     text = json.dumps(calibration_as_json(calibration))
     assert json.loads(text)["mechanics"] == "finite-strain"
-    assert parse_calibration(text).mechanics == "finite-strain"
-    found = calibrate_recordings([recording], STUDY, "", library, earlier=parse_calibration(text))
+    file = parse_calibration_file(text.encode(), "c.json")
+    assert parse_calibration(file).mechanics == "finite-strain"
+    found = calibrate_recordings([recording], STUDY, "", library, earlier=parse_calibration(file))
     assert found.eyes["made-up"].mean_pa == pytest.approx(calibration.eyes["made-up"].mean_pa, rel=1e-12)
 
 

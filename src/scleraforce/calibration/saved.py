@@ -1,4 +1,7 @@
-"""The file that `calibrate` writes: JSON, with all that is needed to go on from it."""
+"""A calibration as it is saved: JSON with the filter's state, so that all that is needed to go on stands in its file.
+
+The file itself is opened, checked and written by `known.calibration_file`.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -16,8 +19,8 @@ from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import (
     FORMAT,
     WRITER,
+    CalibrationFile,
     number_of,
-    parse_content,
     summary_of_eye,
     table_of,
     text_of,
@@ -87,13 +90,13 @@ def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
     }
 
 
-def parse_calibration(text: str, name: str = "calibration") -> Calibration:
-    """Read a calibration from its text; `name` stands in the messages.
+def parse_calibration(file: CalibrationFile) -> Calibration:
+    """Return the calibration of a file, to go on from it or to report it.
 
     Raises:
         CalibrationError: naming the file and the key.
     """
-    content = parse_content(text, name)
+    name, content = file.path, file.content
     eyes = {eye: _parse_eye(eye, entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()}
     bounds_n = _numbers(content, "class_bounds_n", name, 1)
     if not (np.diff(bounds_n) > 0.0).all() or not len(bounds_n):
