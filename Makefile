@@ -35,6 +35,9 @@ bench: .venv/installed  ## the benchmarks, as tables; BENCH='--model MODEL --rec
 figures: .venv/installed  ## forces read on 40 virtual eyes that no training has seen, to out/figures/figures.md (FIGURES=...)
 	PYTHONPATH=benchmarks .venv/bin/python -m figures --out $(FIGURES)
 
+stale: .venv/installed  ## which figures of the pages are older than the sources that decide them
+	PYTHONPATH=benchmarks .venv/bin/python -m provenance
+
 lock:  ## requirements.lock anew, from pyproject.toml
 	@python=$$($(FIND_PYTHON)); folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
 	$$python -m venv "$$folder" && "$$folder"/bin/pip install -qq torch==2.13.0 'setuptools>=77' -e '.[train,dev]' && \
@@ -53,4 +56,4 @@ clean:  ## remove .venv and what the tools left; out/ stays
 .venv/installed: .venv/locked pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
 
-.PHONY: help install reproduce test slow lint bench figures lock clean
+.PHONY: help install reproduce test slow lint bench figures stale lock clean

@@ -20,6 +20,7 @@ from figures.readings import CALIBRATED_FRAMES, Method, calibrated_eyes, make_me
 from figures.recordings import make_recordings, read_made
 from figures.scores import AnsweredFrame, score
 from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
+from provenance.stamps import new_stamp
 from scleraforce.cli.output import progress_bar
 from scleraforce.errors import ScleraforceError
 from scleraforce.report.files import write_figure
@@ -27,6 +28,7 @@ from scleraforce.study import Study
 from scleraforce.units import n_to_mn
 from scleraforce.whole_files import write_whole
 
+COMMANDS = ("calibrate", "evaluate", "generate", "library", "train")  # run as processes of their own
 ERROR_FRAMES = (CALIBRATED_FRAMES, 5)  # after which the error of E is stated
 
 
@@ -45,7 +47,11 @@ class Group:
 @click.option("--eyes", "count", type=click.IntRange(2), default=20, show_default=True, help="Of each group.")
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True, help="Processes that compute eyes.")
 @click.option("--reader", type=click.Path(path_type=Path), help="A trained reader; otherwise one is trained.")
-@click.option("--page", type=click.Path(path_type=Path, exists=True), help="Page of the docs to put the tables into.")
+@click.option(
+    "--page",
+    type=click.Path(path_type=Path, exists=True),
+    help="Page of the docs to put the tables into; a JSON file and the picture go beside it.",
+)
 @click.option("--recordings-only", is_flag=True, help="Stop when the eyes are computed and imaged.")
 def main(out: Path, count: int, workers: int, reader: Path | None, page: Path | None, recordings_only: bool) -> None:
     """Read virtual eyes that no training has seen; write figures.md, figures.json and figures.png to the folder."""
@@ -62,11 +68,15 @@ def main(out: Path, count: int, workers: int, reader: Path | None, page: Path | 
     methods = make_methods(folder, left["plain"], study, reader)
     groups = [_read(folder, name, eyes, methods) for name, eyes in left.items()]
     results = [_result(folder, group, study) for group in groups]
-    write_whole(as_markdown(results), out / "figures.md")
-    write_whole(json.dumps(as_json(results), indent=2, allow_nan=False) + "\n", out / "figures.json")
+    stamp = new_stamp("make figures", "figures.__main__", *(f"scleraforce.cli.{command}" for command in COMMANDS))
+    found = {"made": vars(stamp), "groups": as_json(results)}
+    write_whole(f"{stamp}\n\n{as_markdown(results)}", out / "figures.md")
+    write_whole(json.dumps(found, indent=2, allow_nan=False) + "\n", out / "figures.json")
     _write_picture(groups, study, out / "figures.png")
     if page is not None:
-        insert_tables(as_markdown(results), page)
+        insert_tables(as_markdown(results), stamp, page)
+        write_whole(json.dumps(found, indent=2, allow_nan=False) + "\n", page.with_suffix(".json"))
+        _write_picture(groups, study, page.parent / "images" / "figures.png")
     click.echo(as_markdown(results))
 
 

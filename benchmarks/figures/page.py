@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from provenance.stamps import Stamp
 from scleraforce.errors import InputError
 from scleraforce.whole_files import write_whole
 
@@ -10,8 +11,8 @@ __all__ = ["BEGIN", "END", "insert_tables"]
 BEGIN, END = "<!-- made by `make figures`: begin -->", "<!-- made by `make figures`: end -->"
 
 
-def insert_tables(tables: str, page: Path) -> None:
-    """Put tables into a page, in the place of those that stand between its marks.
+def insert_tables(tables: str, stamp: Stamp, page: Path) -> None:
+    """Put tables, and where they are from, into a page, in the place of those that stand between its marks.
 
     Raises:
         InputError: the page lacks a mark.
@@ -20,4 +21,4 @@ def insert_tables(tables: str, page: Path) -> None:
     if text.count(BEGIN) != 1 or text.count(END) != 1:
         raise InputError(f"{page}: expected one line {BEGIN!r} and one {END!r} around the tables")
     before, rest = text.split(BEGIN)
-    write_whole(f"{before}{BEGIN}\n\n{tables}\n{END}{rest.split(END)[1]}", page)
+    write_whole(f"{before}{BEGIN}\n\n{stamp}\n\n{tables}\n{END}{rest.split(END)[1]}", page)

@@ -13,6 +13,8 @@ from figures.page import BEGIN, END, insert_tables
 from figures.recordings import MadeEye, lowest_m
 from figures.scores import AnsweredFrame, answered_frame, score
 from figures.workers import in_processes
+from provenance import stamps
+from provenance.stamps import new_stamp, read_stamps
 from scleraforce.errors import ScleraforceError
 from scleraforce.laboratory.phantom import plan_phantom
 from scleraforce.section.plane import Section
@@ -214,11 +216,29 @@ def test_what_a_command_prints_is_kept(tmp_path):
 
 
 def test_tables_take_the_place_of_those_before(tmp_path):
-    page = tmp_path / "page.md"
+    page, stamp = tmp_path / "page.md", new_stamp("make figures", "figures.page", "scleraforce.units")
     page.write_text(f"above\n\n{BEGIN}\n{END}\n\nbelow\n")
-    insert_tables("| old |\n", page)
-    insert_tables("| new |\n", page)
-    assert page.read_text() == f"above\n\n{BEGIN}\n\n| new |\n\n{END}\n\nbelow\n"
+    insert_tables("| old |\n", stamp, page)
+    insert_tables("| new |\n", stamp, page)
+    assert page.read_text() == f"above\n\n{BEGIN}\n\n{stamp}\n\n| new |\n\n{END}\n\nbelow\n"
+    assert list(read_stamps(page)) == [stamp]
     page.write_text("no marks")
     with pytest.raises(ScleraforceError, match="expected one line"):
-        insert_tables("| new |\n", page)
+        insert_tables("| new |\n", stamp, page)
+
+
+def test_figures_are_older_where_a_source_has_changed_or_has_gone(tmp_path, monkeypatch):
+    folder = tmp_path / "invented"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    (folder / "decides.py").write_text("import invented.further\n")
+    (folder / "further.py").write_text("ANSWER = 41\n")
+    (folder / "other.py").touch()
+    monkeypatch.setitem(stamps.PACKAGES, "invented", folder)
+    stamp = new_stamp("make wonders", "invented.decides", "scleraforce.units")
+    (folder / "other.py").write_text("changed\n")
+    assert stamp.current
+    (folder / "further.py").write_text("ANSWER = 42\n")
+    assert not stamp.current
+    (folder / "decides.py").unlink()
+    assert not stamp.current

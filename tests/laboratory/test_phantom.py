@@ -171,6 +171,18 @@ def test_paper_eyes_have_the_design_of_tables_1_and_2():
     assert min(np.abs(forces_mn - 5.0).min(), np.abs(forces_mn - 30.0).min()) >= 2.0
 
 
+def test_forces_up_to_the_bounds_are_of_the_same_eyes_and_classes():
+    study = Study()
+    eyes, clear = paper_eyes(study, to_the_bounds=True), paper_eyes(study)
+    assert [eye for eye, _ in eyes] == [eye for eye, _ in clear]
+    for (_, drawn_n), (_, spread_n) in zip(eyes, clear, strict=True):
+        assert Counter(map(study.classes.classify, drawn_n)) == Counter(map(study.classes.classify, spread_n))
+    forces_mn = np.array([force_n for _, forces_n in eyes for force_n in forces_n]) * 1e3
+    assert min(np.abs(forces_mn - 5.0).min(), np.abs(forces_mn - 30.0).min()) < 1.0
+    other = replace(study, phantom=replace(study.phantom, seed=study.phantom.seed + 1))
+    assert eyes == paper_eyes(study, to_the_bounds=True) != paper_eyes(other, to_the_bounds=True)
+
+
 def test_command_writes_a_recording_and_prints_json(tmp_path, capsys):
     study = tmp_path / "study.toml"
     study.write_text(format_study(STUDY))

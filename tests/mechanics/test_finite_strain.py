@@ -81,13 +81,19 @@ def reference_path(mesh: HexMesh, youngs_modulus_pa: float, contact: Contact, ma
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("thickness_m", "modulus_pa", "polar_deg"), R2_TIPS_MM)
+@pytest.mark.parametrize(
+    ("thickness_m", "modulus_pa", "polar_deg", "loads"),
+    [(0.8e-3, 0.27e6, 35.0, 5), (0.8e-3, 0.38e6, 35.0, 4), (0.8e-3, 0.38e6, 0.0, 9), (0.5e-3, 0.22e6, 35.0, 3)],
+)
 def test_reference_problem_r2_on_its_own_mesh_and_loads(
-    thickness_m: float, modulus_pa: float, polar_deg: float
+    thickness_m: float, modulus_pa: float, polar_deg: float, loads: int
 ) -> None:
-    """Within a quarter of a percent where 1 % was asked for; read at the node nearest to the load, as R1 was."""
+    """Within a quarter of a percent where 1 % was asked for; read at the node nearest to the load, as R1 was.
+
+    One of the four paths goes to the end: each is a minute to 60 mN.
+    """
     mesh, contact = build_mesh(R, thickness_m, divisions=20, level=0), Contact(polar_rad=np.radians(polar_deg))
-    expected_mm = np.array(R2_TIPS_MM[thickness_m, modulus_pa, polar_deg])
+    expected_mm = np.array(R2_TIPS_MM[thickness_m, modulus_pa, polar_deg][:loads])
     forces_n = R2_FORCES_N[: len(expected_mm)]
     path = reference_path(mesh, modulus_pa, contact, forces_n[-1])
     outer = np.unique(mesh.outer_qn)
@@ -100,9 +106,10 @@ def test_reference_problem_r2_on_its_own_mesh_and_loads(
 def test_reference_problem_r2_on_the_default_mesh() -> None:
     """Here the tip is that at the load's centre, 0.2 mm beside the node of the reference."""
     mesh = build_mesh(R, 0.8e-3)
-    path = reference_path(mesh, 0.38e6, CONTACT, 60e-3)
-    tips_mm = [1e3 * path.tip_m(force) for force in R2_FORCES_N]
-    np.testing.assert_allclose(tips_mm, R2_TIPS_MM[0.8e-3, 0.38e6, 35.0], rtol=0.03)
+    forces_n = R2_FORCES_N[:7]
+    path = reference_path(mesh, 0.38e6, CONTACT, forces_n[-1])
+    tips_mm = [1e3 * path.tip_m(force) for force in forces_n]
+    np.testing.assert_allclose(tips_mm, R2_TIPS_MM[0.8e-3, 0.38e6, 35.0][: len(forces_n)], rtol=0.03)
 
 
 @pytest.mark.parametrize("dead", [False, True])

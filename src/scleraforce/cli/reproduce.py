@@ -69,6 +69,7 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
     result = {
         "report": str(run.report),
         **{key: answer[key] for key in ("accuracy", "confusion", "recall", "precision", "intervals", "scored")},
+        "to_the_bounds": {key: found.to_the_bounds.as_json()[key] for key in ("accuracy", "confusion", "scored")},
         "youngs_modulus_mpa": {"mean_mpa": mean_pa / 1e6, "sd_mpa": None if spread_pa is None else spread_pa / 1e6},
         "finite_strain": {
             "paper": _metrics(found.bent_paper),
@@ -82,6 +83,8 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
     click.echo(f"Young's modulus {mean_pa / 1e6:.3f} MPa, mean of {len(found.calibration.eyes)} virtual eyes")
     right, total = evaluation.accuracy.hits, evaluation.accuracy.total
     click.echo(f"{right} of {total} simulated trials read right ({100 * evaluation.accuracy.value:.0f} %)")
+    right, total = found.to_the_bounds.accuracy.hits, found.to_the_bounds.accuracy.total
+    click.echo(f"with forces up to the bounds of the classes {right} of {total}")
     for name, one in (("the paper's method", found.bent_paper), ("the force reader", found.bent_reader)):
         right, total = one.accuracy.hits, one.accuracy.total
         click.echo(f"on walls of finite strain: {name} {right} of {total}")

@@ -29,6 +29,7 @@ __all__ = [
 
 SectionsAt = Callable[[Sequence[float]], Sequence[Section]]
 
+CLEAR_N = 2e-3  # of the bounds of the classes, in the paper's design
 FORCES_AT_ONCE = 16  # whose displacements are cut together: 30 MB of them at the default mesh
 WEIGHTS_AT_ONCE = 256  # deformations, as weights of a few modes, that are cut together
 
@@ -151,13 +152,14 @@ def linear_sections(eye: PhantomEye, study: Study) -> SectionsAt:
     return sections_at
 
 
-def paper_eyes(study: Study) -> tuple[tuple[PhantomEye, tuple[float, ...]], ...]:
+def paper_eyes(study: Study, *, to_the_bounds: bool = False) -> tuple[tuple[PhantomEye, tuple[float, ...]], ...]:
     """Return the five virtual eyes of the paper's design (Tables 1 and 2), each with its forces in N.
 
     45 trials: thicknesses and trials per class of Table 1, moduli of Table 2 and its mean, 0.25 MPa, for the fifth. The
     forces of a class are spread evenly over it, 2 mN clear of its bounds (a label is uncertain by about 1 mN) and from
-    0 to 58 mN, and come in an order that mixes the classes. Contact angles, which the paper does not give ("near the
-    limbus"), spread over the study's range; IOP and gap are the study's.
+    0 to 58 mN, and come in an order that mixes the classes. `to_the_bounds`: they are drawn from the whole of each
+    class instead, 0 to 60 mN, with the seed of the study's phantoms. Contact angles, which the paper does not
+    give ("near the limbus"), spread over the study's range; IOP and gap are the study's.
     """
     design = (
         ("eye-1", 800e-6, 0.27e6, (0, 11, 14)),
@@ -167,6 +169,7 @@ def paper_eyes(study: Study) -> tuple[tuple[PhantomEye, tuple[float, ...]], ...]
         ("eye-5", 800e-6, 0.25e6, (2, 1, 2)),
     )
     low, high = study.needle.polar_angle_rad.bounds
+    rng = np.random.default_rng((study.phantom.seed, 45))
     eyes = []
     for place, (name, thickness_m, modulus_pa, trials) in zip((0.5, 0.1, 0.7, 0.3, 0.9), design, strict=True):
         polar_rad = round(low + place * (high - low), 6)
@@ -179,20 +182,28 @@ def paper_eyes(study: Study) -> tuple[tuple[PhantomEye, tuple[float, ...]], ...]
             polar_rad=polar_rad,
             azimuth_rad=radians(360 * place),
         )
-        eyes.append((eye, _mixed([force for target in range(3) for force in _spread(target, trials[target], study)])))
+        forces_n: list[float] = []
+        for target, count in enumerate(trials):
+            forces_n += _drawn(target, count, study, rng) if to_the_bounds else _spread(target, count, study)
+        eyes.append((eye, _mixed(forces_n)))
     return tuple(eyes)
 
 
 def _spread(target: int, count: int, study: Study) -> list[float]:
     """Return forces evenly spread over a class, clear of its bounds."""
-    clear_n = 2e-3
-    low_n, high_n = study.classes.bounds_n
-    first_n, last_n = (
-        (0.0, low_n - clear_n),
-        (low_n + clear_n, high_n - clear_n),
-        (high_n + clear_n, study.needle.max_force_n - clear_n),
-    )[target]
+    low_n, high_n = _class_range(target, study)
+    first_n, last_n = (0.0 if target == 0 else low_n + CLEAR_N), high_n - CLEAR_N
     return [round(first_n + (last_n - first_n) * (index + 0.5) / count, 7) for index in range(count)]
+
+
+def _drawn(target: int, count: int, study: Study, rng: np.random.Generator) -> list[float]:
+    """Return forces drawn from the whole of a class, rising."""
+    return [round(force_n, 7) for force_n in sorted(rng.uniform(*_class_range(target, study), count).tolist())]
+
+
+def _class_range(target: int, study: Study) -> tuple[float, float]:
+    limits_n = (0.0, *study.classes.bounds_n, study.needle.max_force_n)
+    return limits_n[target], limits_n[target + 1]
 
 
 def _mixed(forces_n: list[float]) -> tuple[float, ...]:

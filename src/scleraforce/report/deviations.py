@@ -173,10 +173,4 @@ DEVIATIONS = (
         "recall is row-wise, precision column-wise, with Wilson intervals",
         "these are the standard names",
     ),
-    Deviation(
-        "Figs. 1a and 2",
-        "a sketch of the loads and supports, and one of the network",
-        "not redrawn; Fig. 1b and Figs. 3 to 10 are",
-        "both are sketches without data; docs/physics.md describes the model, the study file the network",
-    ),
 )

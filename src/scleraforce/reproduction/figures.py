@@ -19,8 +19,10 @@ from scleraforce.report.force_figures import draw_force_log
 from scleraforce.report.html import Html, figure
 from scleraforce.report.mesh_figure import draw_simulation
 from scleraforce.report.overview_figure import draw_overview
+from scleraforce.report.schematics import draw_model, draw_network
 from scleraforce.report.slice_figures import SlicePair, dice, draw_montage, draw_segmentation, draw_slice_pairs
 from scleraforce.report.style import data_uri
+from scleraforce.report.tables import class_names
 from scleraforce.report.training_figure import draw_training_curves
 from scleraforce.section.plane import Section
 from scleraforce.section.slices import fill_section, slice_window
@@ -31,7 +33,9 @@ __all__ = [
     "eye_of",
     "force_log_figure",
     "mesh_figure",
+    "model_figure",
     "montage_figure",
+    "network_figure",
     "overview_figure",
     "pairs_figure",
     "segmentation_figure",
@@ -40,6 +44,23 @@ __all__ = [
 
 MONTAGE_SLICES = 36
 LOG_TRIALS = 5  # the paper's Fig. 3 shows five acquisitions
+
+
+def model_figure(study: Study) -> Html:
+    """Return the sketch of the model (Fig. 1a)."""
+    caption = (
+        "The model of the sclera and what acts on it (the paper's Fig. 1a), in the needle's meridian. The wall is "
+        "drawn twice as thick as it is."
+    )
+    return figure(data_uri(draw_model(study), "svg"), "a half-sphere with its loads and its clamped base", caption)
+
+
+def network_figure(reader: Classifier) -> Html:
+    """Return the sketch of the network (Fig. 2)."""
+    study = reader.study
+    window, names = (study.slice.columns, study.slice.rows), class_names(study.classes.bounds_n)
+    drawn = draw_network(window, study.network.hidden, names, study.network.dropout)
+    return figure(data_uri(drawn, "svg"), "the layers of the network", "The network of this run (the paper's Fig. 2).")
 
 
 def mesh_figure(study: Study) -> Html:

@@ -45,6 +45,11 @@ class Run:
         return self.folder / "recordings"
 
     @property
+    def recordings_to_the_bounds(self) -> Path:
+        """Folder of the recordings of the same eyes with forces up to the bounds of the classes."""
+        return self.folder / "recordings-to-the-bounds"
+
+    @property
     def calibration(self) -> Path:
         """Young's modulus of the eyes, as `calibrate` writes it."""
         return self.folder / "calibration.json"

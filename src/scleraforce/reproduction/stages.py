@@ -42,12 +42,14 @@ __all__ = ["Reproduction", "reproduce"]
 class Reproduction:
     """What a reproduction has found: moduli, answers, and the seconds of each stage.
 
+    `to_the_bounds` are the answers to the same eyes under forces that are drawn up to the bounds of the classes.
     `bent_paper` and `bent_reader` are the answers of the paper's method and of the force reader to walls of finite
     strain.
     """
 
     calibration: Calibration
     evaluation: Evaluation
+    to_the_bounds: Evaluation
     bent_paper: Evaluation
     bent_reader: Evaluation
     seconds: dict[str, float]
@@ -67,7 +69,10 @@ def reproduce(
     answers: list[Evaluation] = []
 
     def evaluate(run: Run, progress: Progress) -> None:
-        answers.append(evaluate_recordings(load_model(run.model), _recordings(run), progress=progress))
+        model = load_model(run.model)
+        for folder in (run.recordings, run.recordings_to_the_bounds):
+            recordings = _recordings(run, folder)
+            answers.append(evaluate_recordings(model, recordings, progress=progress))
 
     def leave_out(run: Run, progress: Progress) -> None:
         calibration = parse_calibration(open_calibration(run.calibration))
@@ -77,15 +82,19 @@ def reproduce(
         answers.extend(read_bent(run, progress))
 
     def report(run: Run, progress: Progress) -> None:
-        evaluation, bent_paper, bent_reader = answers
-        write_reproduction_html(run, evaluation, bent_paper, bent_reader, seconds_so_far(run), started_at, progress)
+        evaluation, to_the_bounds, bent_paper, bent_reader = answers
+        seconds = seconds_so_far(run)
+        write_reproduction_html(
+            run, evaluation, to_the_bounds, bent_paper, bent_reader, seconds, started_at, progress
+        )  # fmt: skip
 
     stages = (
         Stage("phantom", _trials, _make_eyes, lambda run: run.recordings),
+        Stage("phantom to the bounds", _trials, _make_eyes_to_the_bounds, lambda run: run.recordings_to_the_bounds),
         Stage("calibrate", _calibrated_trials, _calibrate, lambda run: run.calibration),
         Stage("generate", _images, _generate, lambda run: run.dataset, resumes=True),
         Stage("train", lambda run: run.study.network.epochs, _train, lambda run: run.model),
-        Stage("evaluate", _trials, evaluate),
+        Stage("evaluate", lambda run: 2 * _trials(run), evaluate),
         Stage("leave out", _left_out_epochs, leave_out, lambda run: run.left_out),
         Stage("bend", lambda run: len(bent_trials(run.study)), bend_eyes, lambda run: run.bent.recordings),
         Stage("library", lambda run: plan_library(run.study).units, _make_library),
@@ -96,14 +105,14 @@ def reproduce(
         Stage("report", lambda _: FIGURES, report),
     )
     seconds = run_stages(run, stages, announce, tell)
-    evaluation, bent_paper, bent_reader = answers
+    evaluation, to_the_bounds, bent_paper, bent_reader = answers
     calibration = parse_calibration(open_calibration(run.calibration))
-    return Reproduction(calibration, evaluation, bent_paper, bent_reader, seconds)
+    return Reproduction(calibration, evaluation, to_the_bounds, bent_paper, bent_reader, seconds)
 
 
-def _recordings(run: Run) -> list[Path]:
-    """Return the recordings of the virtual eyes, in the order of the design."""
-    return [run.recordings / eye.id for eye, _ in paper_eyes(run.study)]
+def _recordings(run: Run, folder: Path) -> list[Path]:
+    """Return the recordings of the virtual eyes in a folder, in the order of the design."""
+    return [folder / eye.id for eye, _ in paper_eyes(run.study)]
 
 
 def _trials(run: Run) -> int:
@@ -138,8 +147,15 @@ def _make_eyes(run: Run, progress: Progress) -> None:
         write_phantom(run.recordings / eye.id, plan, linear_sections(eye, run.study), run.study, progress)
 
 
+def _make_eyes_to_the_bounds(run: Run, progress: Progress) -> None:
+    run.recordings_to_the_bounds.mkdir()
+    for eye, forces_n in paper_eyes(run.study, to_the_bounds=True):
+        plan = plan_phantom(eye, forces_n, run.study, run.study.phantom.seed + 1)
+        write_phantom(run.recordings_to_the_bounds / eye.id, plan, linear_sections(eye, run.study), run.study, progress)
+
+
 def _calibrate(run: Run, progress: Progress) -> None:
-    opened = [read_recording(path) for path in _recordings(run)[:CALIBRATED]]
+    opened = [read_recording(path) for path in _recordings(run, run.recordings)[:CALIBRATED]]
     calibration = calibrate_recordings(opened, run.study, study_hash(run.study), library=None, progress=progress)
     write_calibration(calibration_as_json(calibration), run.calibration)
 
