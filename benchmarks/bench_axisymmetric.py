@@ -150,7 +150,7 @@ def print_solid(rows: int | None) -> None:
     """Tips at equal force and sections, with neither, either and both corrections of `polar`."""
     print("3-D: t mm, E MPa, IOP Pa, polar deg; without, with stiffening, with shift, with both: tip %, section mm")
     for (thickness_mm, modulus_mpa, iop_pa), polar_deg in islice(product(EYES + OTHERS, POLAR_DEG), rows):
-        contact = Contact(float(np.radians(polar_deg)))
+        contact = Contact(polar_rad=float(np.radians(polar_deg)))
         wall, solid = solid_path(thickness_mm, modulus_mpa, iop_pa, contact)
         sizes = (RADIUS_M, 1e-3 * thickness_mm, NU, NEEDLE_RADIUS_M)
         shift = base_shift(*sizes, polar_rad=contact.polar_rad)
@@ -162,7 +162,7 @@ def print_solid(rows: int | None) -> None:
             for dent_m, force_n in zip(DENTS_M, CubicSpline(solid.tips_m, solid.forces_n)(DENTS_M), strict=True):
                 force_ratio = 1e-6 * float(force_n) / modulus_mpa
                 tips.append(100.0 * (reduced.tip_m(force_ratio) / dent_m - 1.0))
-                cut = cut_section(wall.mesh, ScanPlane(contact, GAP_M), solid.displacement_at_tip_nc(dent_m))
+                cut = cut_section(wall.mesh, ScanPlane(contact, gap_m=GAP_M), solid.displacement_at_tip_nc(dent_m))
                 made = reduced.section(force_ratio)
                 sections.append(max(distance_m(cut.outer, made.outer), distance_m(cut.inner, made.inner)))
             report.append(f"{tips[int(np.argmax(np.abs(tips)))]:+.1f} {1e3 * max(sections):.3f}")

@@ -1,4 +1,4 @@
-"""Errors of the segmentation's boundaries on rendered frames, beside those that `learning.boundary_errors` makes.
+"""Errors of the segmentation's boundaries on rendered frames, beside those of `learning.reader.boundary_errors`.
 
     python benchmarks/bench_boundary_errors.py [EYES [SEED]] [--frames 12] [--study FILE]
 

@@ -43,9 +43,9 @@ def frames(study: Study, count: int, rng: np.random.Generator, sections_at: Sect
     made = []
     for force_n, section in zip(forces, sections_at(forces), strict=True):
         lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
-        pose, smoothing_m = Pose(lateral_m, 0.5e-3 + depth_m), study.calibration.surface_smoothing_m
+        pose, smoothing_m = Pose(lateral_m=lateral_m, depth_m=0.5e-3 + depth_m), study.calibration.surface_smoothing_m
         boundaries = ideal_boundaries(section, pose, study.oct, 5e-6, rng, smoothing_m)
-        made.append(FrameInput(boundaries, force_n, 0.0, np.diag([1e-18, 1e-18])))
+        made.append(FrameInput(boundaries, force_n=force_n, since_start_s=0.0, zero_covariance=np.diag([1e-18, 1e-18])))
     return made
 
 
@@ -58,8 +58,14 @@ def linear_frames(study: Study, count: int, eye: PhantomEye, rng: np.random.Gene
 def stated(study: Study, eye: PhantomEye) -> EyeConstants:
     """Return what a recording would state; the contact's angle is not known."""
     low, high = study.needle.polar_angle_rad.bounds
-    angle = ((low + high) / 2, (high - low) / 12**0.5)
-    return EyeConstants(eye.iop_pa, eye.thickness_m, eye.gap_m, *angle, eye.direction_rad)
+    return EyeConstants(
+        iop_pa=eye.iop_pa,
+        thickness_m=eye.thickness_m,
+        gap_m=eye.gap_m,
+        polar_rad=(low + high) / 2,
+        polar_sd_rad=(high - low) / 12**0.5,
+        direction_rad=eye.direction_rad,
+    )
 
 
 def calibrated(study: Study, model: EyeModel, inputs: list[FrameInput]) -> tuple[float, float, list[float]]:
@@ -106,13 +112,13 @@ def print_honesty(study: Study, count: int, frame_count: int) -> None:
     rng, errors, scores, sds = np.random.default_rng(0), [], [], []
     for number in range(count):
         eye = PhantomEye(
-            f"eye-{number}",
-            (0.5e-3, 0.65e-3, 0.8e-3)[number % 3],
-            float(rng.uniform(0.2e6, 0.35e6)),
-            float(rng.uniform(150.0, 400.0)),
-            float(rng.uniform(0.4e-3, 0.8e-3)),
-            float(rng.uniform(0.436, 0.785)),
-            float(rng.uniform(0.0, 6.28)),
+            id=f"eye-{number}",
+            thickness_m=(0.5e-3, 0.65e-3, 0.8e-3)[number % 3],
+            youngs_modulus_pa=float(rng.uniform(0.2e6, 0.35e6)),
+            iop_pa=float(rng.uniform(150.0, 400.0)),
+            gap_m=float(rng.uniform(0.4e-3, 0.8e-3)),
+            polar_rad=float(rng.uniform(0.436, 0.785)),
+            azimuth_rad=float(rng.uniform(0.0, 6.28)),
         )
         mean, sd, _ = calibrated(
             study, linear_eye(study, stated(study, eye)), linear_frames(study, frame_count, eye, rng)
@@ -130,12 +136,12 @@ def print_honesty(study: Study, count: int, frame_count: int) -> None:
 def draw_bent_eye(number: int, rng: np.random.Generator) -> PhantomEye:
     """Return an eye of the ranges that the force reader is judged on."""
     return PhantomEye(
-        f"bent-{number}",
-        float(rng.uniform(0.45e-3, 0.85e-3)),
-        float(rng.uniform(0.2e6, 0.5e6)),
-        float(rng.uniform(133.0, 533.0)),
-        float(rng.uniform(0.4e-3, 0.9e-3)),
-        float(rng.uniform(0.436, 0.785)),
+        id=f"bent-{number}",
+        thickness_m=float(rng.uniform(0.45e-3, 0.85e-3)),
+        youngs_modulus_pa=float(rng.uniform(0.2e6, 0.5e6)),
+        iop_pa=float(rng.uniform(133.0, 533.0)),
+        gap_m=float(rng.uniform(0.4e-3, 0.9e-3)),
+        polar_rad=float(rng.uniform(0.436, 0.785)),
         direction_rad=float(rng.uniform(0.0, 6.28)),
     )
 
@@ -183,7 +189,15 @@ def own_moduli(study: Study, model: EyeModel, inputs: list[FrameInput], eye: Pha
 
 def print_linear(study: Study, count: int, frame_count: int) -> None:
     """Print the figures of the linear wall."""
-    eye = PhantomEye("eye-1", 0.8e-3, 0.27e6, 266.6, 0.5e-3, 0.611, 1.0)
+    eye = PhantomEye(
+        id="eye-1",
+        thickness_m=0.8e-3,
+        youngs_modulus_pa=0.27e6,
+        iop_pa=266.6,
+        gap_m=0.5e-3,
+        polar_rad=0.611,
+        azimuth_rad=1.0,
+    )
     inputs = linear_frames(study, frame_count, eye, np.random.default_rng(1))
     right = replace(stated(study, eye), polar_rad=eye.polar_rad)
     print_step_time(study, linear_eye(study, right), inputs)

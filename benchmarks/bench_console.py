@@ -68,9 +68,25 @@ class Session:
         self.frames += 1
         self.ring.put(self.frames, self.pictures[self.frames % 8])
         entry = Entry(
-            self.frames, time(), monotonic(), "frame", self.state, 1, 0, None, f"{self.state}: class 1; 12.0 mN",
-            self.frames, self.frames, 1, (0.02, 0.96, 0.02), 12.0, (10.0, 14.0), True, None, 1.0,
-        )  # fmt: skip
+            number=self.frames,
+            time_s=time(),
+            at_s=monotonic(),
+            event="frame",
+            state=self.state,
+            code=1,
+            sub_code=0,
+            cause=None,
+            message=f"{self.state}: class 1; 12.0 mN",
+            frame=self.frames,
+            frame_id=self.frames,
+            predicted=1,
+            probabilities=(0.02, 0.96, 0.02),
+            force_mn=12.0,
+            interval_mn=(10.0, 14.0),
+            usable=True,
+            reason=None,
+            latency_ms=1.0,
+        )
         sent_s = time()
         self.send({"kind": "entry", "entry": entry.as_json()})
         if self.frames % 4 == 0:

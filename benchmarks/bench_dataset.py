@@ -46,11 +46,11 @@ def least_ms(work: Callable[[], object], repeats: int = 5) -> float:
 def open_study(study: Study) -> Study:
     """Return a study with gap, tilt, direction and framing open."""
     ranges = {
-        "gap_m": Range(0.35e-3, 1e-3),
-        "tilt_rad": Range(-0.1, 0.1),
-        "direction_rad": Range(-3.0, 3.0),
-        "framing_lateral_m": Range(-1e-3, 1e-3),
-        "framing_depth_m": Range(-2e-4, 2e-4),
+        "gap_m": Range(min=0.35e-3, max=1e-3),
+        "tilt_rad": Range(min=-0.1, max=0.1),
+        "direction_rad": Range(min=-3.0, max=3.0),
+        "framing_lateral_m": Range(min=-1e-3, max=1e-3),
+        "framing_depth_m": Range(min=-2e-4, max=2e-4),
     }
     return replace(study, dataset=replace(study.dataset, **ranges))  # type: ignore[arg-type]  # fields by name
 
@@ -60,12 +60,12 @@ def print_stages(study: Study) -> None:
     images = sum(group.images for group in study.dataset.group)
     mesh = build_mesh(study.eye.radius_m, 5e-4, study.mesh.divisions, study.mesh.level)
     wall = LinearWall(mesh, study.eye.poisson_ratio)
-    contacts = [Contact(0.6, 0.1 * k) for k in range(8)]
+    contacts = [Contact(polar_rad=0.6, azimuth_rad=0.1 * k) for k in range(8)]
     needle_nc = wall.needle_cnc(contacts[:1], 0.35e-3)[0]
     modes = np.stack([266.0 * wall.pressure_nc, needle_nc]) / 0.25e6
     forces = np.linspace(0.0, 0.06, IMAGES + 1)
     weights = np.stack([np.ones_like(forces), forces], axis=-1)[None]
-    own = [ScanPlane(contacts[0], 0.5e-3, 0.3 * k, 0.01 * (k - 10)) for k in range(IMAGES)]
+    own = [ScanPlane(contacts[0], gap_m=0.5e-3, direction_rad=0.3 * k, tilt_rad=0.01 * (k - 10)) for k in range(IMAGES)]
     pairs = np.ones((IMAGES, 2, 2))
     pairs[:, 0, 1], pairs[:, 1, 1] = 0.0, forces[1:]
     section = cut_sections(mesh, own[:1], modes, weights)[0][IMAGES // 2]

@@ -95,7 +95,10 @@ def reference_problem(sizes: Sizes) -> None:
     print(f"\nR2 on its own mesh and loads: tip [mm]{forces} mN   worst")
     for (thickness_m, modulus_pa, polar_deg), all_mm in islice(R2_TIPS_MM.items(), sizes.rows):
         expected_mm = all_mm[: sizes.loads]
-        mesh, contact = build_mesh(RADIUS_M, thickness_m, sizes.quads, level=0), Contact(np.radians(polar_deg))
+        mesh, contact = (
+            build_mesh(RADIUS_M, thickness_m, sizes.quads, level=0),
+            Contact(polar_rad=np.radians(polar_deg)),
+        )
         forces_n = np.array(FORCES_MN[: len(expected_mm)]) * 1e-3
         start = process_time()
         path = reference_path(mesh, modulus_pa, contact, forces_n[-1])
@@ -125,7 +128,7 @@ def meshes(contact: Contact, thickness_m: float, sizes: Sizes) -> dict[str, HexM
 
 def product_paths(sizes: Sizes) -> None:
     """Print paths under the product's own needle, pressure and weight on several meshes, sealed and not."""
-    contact = Contact(np.radians(35.0))
+    contact = Contact(polar_rad=np.radians(35.0))
     print("\nDisc of 0.7 mm, pressure that follows, weight; 35 deg: tip [mm]")
     forces_mn = FORCES_MN[: sizes.loads]
     forces = row([float(force) for force in forces_mn], 0)
@@ -145,7 +148,7 @@ def product_paths(sizes: Sizes) -> None:
 
 def sealed_globes(sizes: Sizes) -> None:
     """Print how the pressure rises in a sealed eye, half and clamped or a globe on a bed, and the forces of both."""
-    contact, dents_mm = Contact(np.radians(35.0)), np.array([0.5, 1.0, 2.0, 3.0, 4.0])[: sizes.loads]
+    contact, dents_mm = Contact(polar_rad=np.radians(35.0)), np.array([0.5, 1.0, 2.0, 3.0, 4.0])[: sizes.loads]
     supports = SupportsStudy(kind="bed")
     print("\nSealed and open eyes, 2 mmHg at rest: by dent [mm]" + row(list(dents_mm), 1))
     for thickness_m, modulus_pa in WALLS[: sizes.rows]:

@@ -24,7 +24,7 @@ from scleraforce.mechanics.study_path import BentEye, bend_eye
 from scleraforce.study import EyeStudy, FormStudy, MechanicsStudy, MeshStudy, NeedleStudy, RegionStudy, Study, WaveStudy
 
 RADIUS_M, NEEDLE_RADIUS_M, IOP_PA = 12e-3, 0.35e-3, 266.0
-CONTACT = Contact(radians(35))
+CONTACT = Contact(polar_rad=radians(35))
 GRIDS = ((6, 10), (6, 14), (6, 20), (8, 18))
 EFFECT_FORCES_MN = (10.0, 30.0, 50.0)
 PATH_FORCES_MN = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
@@ -37,7 +37,7 @@ def leaning(direction_deg: float) -> NeedleStudy:
 
 def thicker(fraction: float) -> FormStudy:
     """A wall thicker at the contact and thinner on the other side."""
-    return FormStudy(wave=(WaveStudy(fraction, 1, CONTACT.polar_rad),))
+    return FormStudy(wave=(WaveStudy(amplitude_fraction=fraction, degree=1, polar_rad=CONTACT.polar_rad),))
 
 
 EFFECTS: dict[str, dict[str, Any]] = {
@@ -46,8 +46,8 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "semi-axes 0.94, 1, 1.06": {"form": FormStudy((0.94, 1.0, 1.06))},
     "wall 12 % thicker at the needle": {"form": thicker(0.12)},
     "wall 12 % thinner at the needle": {"form": thicker(-0.12)},
-    "cornea of 0.6 E": {"form": FormStudy(region=(RegionStudy(0.6),))},
-    "cornea of 1.4 E": {"form": FormStudy(region=(RegionStudy(1.4),))},
+    "cornea of 0.6 E": {"form": FormStudy(region=(RegionStudy(modulus_ratio=0.6),))},
+    "cornea of 1.4 E": {"form": FormStudy(region=(RegionStudy(modulus_ratio=1.4),))},
     "force leans 10° away from the pole": {"needle": leaning(0.0)},
     "force leans 10° to the pole": {"needle": leaning(180.0)},
     "force leans 10° sideways": {"needle": leaning(90.0)},
@@ -86,7 +86,7 @@ def print_linear(rows: int | None, finest: tuple[int, int]) -> None:
         f"linear tip, per cent off {finest[0]} x {finest[1]};", " ".join(f"{core} x {rings}" for core, rings in GRIDS)
     )
     for thickness_m, polar_deg in islice(product((0.4e-3, 0.5e-3, 0.8e-3), (0.0, 35.0, 50.0)), rows):
-        contact = Contact(radians(polar_deg), 0.3)
+        contact = Contact(polar_rad=radians(polar_deg), azimuth_rad=0.3)
         fine = linear_tip(graded_mesh(RADIUS_M, thickness_m, contact, *finest), contact)
         tips = [linear_tip(graded_mesh(RADIUS_M, thickness_m, contact, *grid), contact) for grid in GRIDS]
         print(f"{thickness_m * 1e3:.1f} mm, {polar_deg:.0f} deg:", np.round((np.array(tips) / fine - 1) * 100, 2))

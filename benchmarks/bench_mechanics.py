@@ -27,7 +27,7 @@ from scleraforce.mechanics.supports import symmetric_base
 
 RADIUS_M, NU, E_PA, FORCE_N = 12e-3, 0.45, 0.25e6, 0.03
 NEEDLE_RADIUS_M = 0.35e-3
-CONTACT = Contact(np.radians(35.0))
+CONTACT = Contact(polar_rad=np.radians(35.0))
 # Tip at the load centre with 60 quads along an edge (0.5 mm), 40 (0.8 mm), one layer of 20-node elements.
 CONVERGED_MM = {0.5e-3: 2.168, 0.8e-3: 0.9084}
 
@@ -104,7 +104,7 @@ def observed_order(quads: tuple[int, ...], kind: dict[str, Any], symmetric: bool
     for n in quads:
         mesh = build_mesh(RADIUS_M, 2e-3, divisions=n, level=0, **kind)
         wall = LinearWall(mesh, NU, symmetric_base(mesh) if symmetric else None)
-        load = gaussian_load(mesh, Contact(0.0), 3e-3)
+        load = gaussian_load(mesh, Contact(polar_rad=0.0), 3e-3)
         energies.append(0.5 * float(np.sum(load * wall.solve_one(load))))
     return float(np.log2((energies[1] - energies[0]) / (energies[2] - energies[1])))
 
@@ -123,7 +123,10 @@ def timings(quads: int) -> None:
         "options": {"SymmetricMode": True},
     }
     random = np.random.default_rng(0)
-    contacts = [Contact(*pair) for pair in random.uniform([0.4, -3.0], [0.8, 3.0], (32, 2))]
+    contacts = [
+        Contact(polar_rad=polar, azimuth_rad=azimuth)
+        for polar, azimuth in random.uniform([0.4, -3.0], [0.8, 3.0], (32, 2))
+    ]
     directions = random.normal(size=(100_000, 3))
     directions[:, 2] = np.abs(directions[:, 2])
     mesh.locator  # noqa: B018 - made on first use

@@ -131,9 +131,13 @@ def draw_eye(number: int, seed: int) -> PhantomEye:
     """Draw an eye within what the reader was trained on, whose wall reaches 45 mN within the scanner's depth."""
     rng = np.random.default_rng((seed, 1, number))
     return PhantomEye(
-        f"eye-{number}", rng.uniform(0.45e-3, 0.85e-3), rng.uniform(0.22e6, 0.5e6), rng.uniform(150.0, 500.0),
-        rng.uniform(0.4e-3, 0.9e-3), radians(rng.uniform(25.0, 45.0)),
-    )  # fmt: skip
+        id=f"eye-{number}",
+        thickness_m=rng.uniform(0.45e-3, 0.85e-3),
+        youngs_modulus_pa=rng.uniform(0.22e6, 0.5e6),
+        iop_pa=rng.uniform(150.0, 500.0),
+        gap_m=rng.uniform(0.4e-3, 0.9e-3),
+        polar_rad=radians(rng.uniform(25.0, 45.0)),
+    )
 
 
 @lru_cache(maxsize=1)
@@ -159,7 +163,13 @@ def told(eye: PhantomEye, rng: np.random.Generator) -> Known:
     same_force = (eye.thickness_m / thickness_m) ** 2 * (eye.iop_pa / iop_pa) ** (1.0 / 3.0)
     modulus_pa = eye.youngs_modulus_pa * same_force * (1.0 + rng.normal(0.0, 0.015))
     gap_m = eye.gap_m + rng.normal(0.0, 20e-6)
-    return Known(Modulus(modulus_pa, 0.015 * modulus_pa, "own"), iop_pa, thickness_m, gap_m, eye.polar_rad)
+    return Known(
+        modulus=Modulus(mean_pa=modulus_pa, sd_pa=0.015 * modulus_pa, source="own"),
+        iop_pa=iop_pa,
+        thickness_m=thickness_m,
+        gap_m=gap_m,
+        polar_rad=eye.polar_rad,
+    )
 
 
 def moving_forces(count: int, rng: np.random.Generator) -> tuple[Floats, list[str]]:
@@ -260,7 +270,7 @@ class Bench:
         pooled = PooledGenerator((self.plan.seed, int(rng.integers(2**31))))
         for n, force_n in enumerate(path.force_n):
             optics = optics_at(scanner, path, n)
-            pose = Pose(path.lateral_m[n], surface_m + path.depth_m[n])
+            pose = Pose(lateral_m=path.lateral_m[n], depth_m=surface_m + path.depth_m[n])
             section = pose.place(section_at(states, float(force_n)))
             yield render_bscan(section, self.study.oct, optics, pooled).frame
 
@@ -321,9 +331,15 @@ class Bench:
         """Ask the library's fit."""
         answer = self.reader.read(frame, self.scale, known)
         return SecondOpinion(
-            at_s, number, answer.usable, answer.reason, answer.predicted, answer.probabilities, answer.force_n,
-            answer.interval_n,
-        )  # fmt: skip
+            at_s=at_s,
+            frame_id=number,
+            usable=answer.usable,
+            reason=answer.reason,
+            predicted=answer.predicted,
+            probabilities=answer.probabilities,
+            force_n=answer.force_n,
+            interval_n=answer.interval_n,
+        )
 
     def compared(self, count: int) -> dict[str, list[float]]:
         """Return the errors of the live reader, N, on frames with pooled and with new random numbers."""
@@ -340,7 +356,7 @@ class Bench:
             for _ in range(count):
                 force_n = float(rng.uniform(0.0, HIGHEST_N))
                 optics = sample_optics(self.study.phantom, self.study.oct, rng)
-                pose = Pose(rng.uniform(-2e-4, 2e-4), draw(self.study.phantom.surface_depth_m, rng))
+                pose = Pose(lateral_m=rng.uniform(-2e-4, 2e-4), depth_m=draw(self.study.phantom.surface_depth_m, rng))
                 section = pose.place(section_at(states, force_n))
                 start = perf_counter()
                 frame = render_bscan(section, self.study.oct, optics, pooled if name == "pooled" else new).frame
@@ -361,10 +377,18 @@ def optics_at(scanner: BscanOptics, path: Trajectory, n: int) -> BscanOptics:
 def frame_read(answer: Answer, at_s: float, number: int, frame: Frame, scale: PixelScale, shown_back: int) -> FrameRead:
     """Return a frame's reading as an event."""
     return FrameRead(
-        at_s, number, answer.predicted, answer.probabilities, answer.usable, answer.reason, answer.force_n,
-        answer.interval_n, shown_back, (frame.shape[0], frame.shape[1]),
-        (scale.lateral_m, scale.depth_m),
-    )  # fmt: skip
+        at_s=at_s,
+        frame_id=number,
+        predicted=answer.predicted,
+        probabilities=answer.probabilities,
+        usable=answer.usable,
+        reason=answer.reason,
+        force_n=answer.force_n,
+        interval_n=answer.interval_n,
+        shown_back=shown_back,
+        size=(frame.shape[0], frame.shape[1]),
+        scale_m=(scale.lateral_m, scale.depth_m),
+    )
 
 
 def note(outcome: Outcome, answer: Answer, force_n: float) -> None:

@@ -46,7 +46,12 @@ def draw_eye(library: Library, study: Study, rng: np.random.Generator) -> tuple[
     ahead = [np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9]) for curve in curves]
     section = Section(*(curve[kept] for curve, kept in zip(curves, ahead, strict=True)))
     frame = render_bscan(section, study.oct, sample_optics(study.phantom, study.oct, rng), rng).frame
-    return frame, Known(Modulus(exp(log(modulus_pa)), 0.015 * modulus_pa, "own"), iop_pa, thickness_m, gap_m)
+    return frame, Known(
+        modulus=Modulus(mean_pa=exp(log(modulus_pa)), sd_pa=0.015 * modulus_pa, source="own"),
+        iop_pa=iop_pa,
+        thickness_m=thickness_m,
+        gap_m=gap_m,
+    )
 
 
 def times_ms(work: Callable[[int], object], frames: int, rounds: int) -> NDArray[np.float64]:

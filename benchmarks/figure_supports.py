@@ -31,7 +31,7 @@ LATERAL_MM = np.linspace(-6.5, 6.5, 261)
 def sections(given: Study, kind: str) -> tuple[list[Section], list[float]]:
     """Return an eye's sections at all forces with one kind of supports, and its tips in mm."""
     study = replace(given, supports=SupportsStudy(kind=kind))
-    contact = Contact(np.radians(35.0))
+    contact = Contact(polar_rad=np.radians(35.0))
     bent = bend_eye(
         study,
         contact,
@@ -41,7 +41,7 @@ def sections(given: Study, kind: str) -> tuple[list[Section], list[float]]:
         max_force_n=1e-3 * FORCES_MN[-1],
     )
     states_fnc = np.stack([bent.path.displacement_nc(1e-3 * force) for force in FORCES_MN])
-    plane = ScanPlane(contact, study.needle.gap_m)
+    plane = ScanPlane(contact, gap_m=study.needle.gap_m)
     cut = cut_sections(bent.mesh, [plane], states_fnc, np.eye(len(FORCES_MN))[None])[0]
     return cut, [1e3 * bent.path.tip_m(1e-3 * force) for force in FORCES_MN]
 

@@ -7,19 +7,18 @@ import pytest
 
 from scleraforce.dataset import open_dataset, read_population_modulus
 from scleraforce.errors import InputError
-from scleraforce.known.calibration_file import read_calibration
+from scleraforce.known.calibration_file import open_calibration, read_calibration
 from scleraforce.library.files import load_library
 from scleraforce.library.store import open_library
 from scleraforce.reader import load_classifier, load_force_reader, load_model
 from scleraforce.recording.files import read_recording
 from scleraforce.recording.images import read_frame, read_frame_image
-from scleraforce.report.calibration_file import read_posteriors
 from scleraforce.service.black_box.decision_log import DecisionLog, read_log
 from scleraforce.study import read_study
 
 READERS = (
-    load_classifier, load_force_reader, load_library, load_model, open_dataset, open_library, read_calibration,
-    read_frame, read_frame_image, read_population_modulus, read_posteriors, read_recording, read_study,
+    load_classifier, load_force_reader, load_library, load_model, open_calibration, open_dataset, open_library,
+    read_calibration, read_frame, read_frame_image, read_population_modulus, read_recording, read_study,
 )  # fmt: skip
 
 

@@ -36,7 +36,15 @@ def random_eyes(study: Study, count: int, seed: int) -> tuple[PhantomEye, ...]:
         strict=True,
     )  # fmt: skip
     return tuple(
-        PhantomEye(f"eye-{seed}-{number}", thickness, modulus, iop, gap, polar, tilt_rad=tilt)
+        PhantomEye(
+            id=f"eye-{seed}-{number}",
+            thickness_m=thickness,
+            youngs_modulus_pa=modulus,
+            iop_pa=iop,
+            gap_m=gap,
+            polar_rad=polar,
+            tilt_rad=tilt,
+        )
         for number, (thickness, modulus, iop, gap, polar, tilt) in enumerate(values)
     )
 

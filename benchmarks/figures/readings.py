@@ -20,7 +20,7 @@ from scleraforce.whole_files import write_whole
 __all__ = ["CALIBRATED_FRAMES", "Method", "calibrated_eyes", "make_methods", "read_frames"]
 
 CALIBRATED_FRAMES = 3
-GAP_M = Range(0.4e-3, 0.9e-3)  # of the eyes
+GAP_M = Range(min=0.4e-3, max=0.9e-3)  # of the eyes
 READINGS = {"network": "the reader's network", "fit": "the reader's fit"}
 
 

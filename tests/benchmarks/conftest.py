@@ -50,8 +50,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     wall = wall_section(tip_of(FORCE_N))
     shown = [image(wall, seed) for seed in range(FRAMES)]  # no scanner shows a picture again
     rows, columns = shown[0].shape
-    scanner = OctInfo(columns, rows, 12, columns * SCALE.lateral_m, rows * SCALE.depth_m, refractive_index=1.0)
-    info = RecordingInfo(EyeInfo("mine", THICKNESS_M, IOP_PA), scanner, NeedleInfo(22, GAP_M, 0.6))
+    scanner = OctInfo(
+        columns=columns,
+        rows=rows,
+        bits=12,
+        width_m=columns * SCALE.lateral_m,
+        depth_m=rows * SCALE.depth_m,
+        refractive_index=1.0,
+    )
+    info = RecordingInfo(
+        EyeInfo("mine", thickness_m=THICKNESS_M, iop_pa=IOP_PA),
+        scanner,
+        NeedleInfo(gauge=22, slice_gap_m=GAP_M, polar_angle_rad=0.6),
+    )
     writer = RecordingWriter(folder / "eye", info, "Of a test.")
     for number in range(FRAMES):
         writer.add(f"{number:04}.png", 0.01 * number, shown[number])

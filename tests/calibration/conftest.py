@@ -36,7 +36,13 @@ class Laboratory:
 
     def stated(self, eye: PhantomEye, polar_sd_rad: float = 0.0) -> EyeConstants:
         return EyeConstants(
-            eye.iop_pa, eye.thickness_m, eye.gap_m, eye.polar_rad, polar_sd_rad, eye.direction_rad, eye.tilt_rad
+            iop_pa=eye.iop_pa,
+            thickness_m=eye.thickness_m,
+            gap_m=eye.gap_m,
+            polar_rad=eye.polar_rad,
+            polar_sd_rad=polar_sd_rad,
+            direction_rad=eye.direction_rad,
+            tilt_rad=eye.tilt_rad,
         )
 
     def frames(
@@ -48,11 +54,16 @@ class Laboratory:
             forces_n, virtual_sections(self.wall(eye.thickness_m), eye, forces_n, self.study), strict=True
         ):
             lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
-            pose = Pose(0.3e-3 + lateral_m, 0.5e-3 + depth_m, 0.01)
+            pose = Pose(lateral_m=0.3e-3 + lateral_m, depth_m=0.5e-3 + depth_m, tilt_rad=0.01)
             boundaries = ideal_boundaries(
                 section, pose, self.study.oct, noise_m, rng, self.study.calibration.surface_smoothing_m
             )
-            made.append((pose, FrameInput(boundaries, force_n, 0.0, np.diag([1e-18, 1e-18]))))
+            made.append(
+                (
+                    pose,
+                    FrameInput(boundaries, force_n=force_n, since_start_s=0.0, zero_covariance=np.diag([1e-18, 1e-18])),
+                )
+            )
         return made
 
 
@@ -63,4 +74,12 @@ def laboratory() -> Laboratory:
 
 @pytest.fixture(scope="session")
 def eye() -> PhantomEye:
-    return PhantomEye("virtual", 0.7e-3, 0.27e6, 266.0, 0.5e-3, 0.6, 0.4)
+    return PhantomEye(
+        id="virtual",
+        thickness_m=0.7e-3,
+        youngs_modulus_pa=0.27e6,
+        iop_pa=266.0,
+        gap_m=0.5e-3,
+        polar_rad=0.6,
+        azimuth_rad=0.4,
+    )

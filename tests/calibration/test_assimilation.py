@@ -121,13 +121,13 @@ def test_the_true_modulus_lies_within_two_sd_for_at_least_90_percent_of_50_eyes(
     rng, honest, right = np.random.default_rng(7), 0, 0
     for number in range(50):
         eye = PhantomEye(
-            f"eye-{number}",
-            (0.5e-3, 0.65e-3, 0.8e-3)[number % 3],
-            float(rng.uniform(0.2e6, 0.35e6)),
-            float(rng.uniform(150.0, 400.0)),
-            float(rng.uniform(0.4e-3, 0.8e-3)),
-            float(rng.uniform(0.45, 0.78)),
-            float(rng.uniform(0.0, 6.28)),
+            id=f"eye-{number}",
+            thickness_m=(0.5e-3, 0.65e-3, 0.8e-3)[number % 3],
+            youngs_modulus_pa=float(rng.uniform(0.2e6, 0.35e6)),
+            iop_pa=float(rng.uniform(150.0, 400.0)),
+            gap_m=float(rng.uniform(0.4e-3, 0.8e-3)),
+            polar_rad=float(rng.uniform(0.45, 0.78)),
+            azimuth_rad=float(rng.uniform(0.0, 6.28)),
         )
         stated = replace(laboratory.stated(eye, 0.1), polar_rad=0.61)  # the contact's angle is not known
         frames = laboratory.frames(eye, rng.uniform(6e-3, 58e-3, 24).tolist(), rng)

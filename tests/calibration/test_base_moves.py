@@ -16,7 +16,9 @@ from scleraforce.mechanics.polar import base_shift
 from scleraforce.study import Study
 
 STUDY = Study()
-STATED = EyeConstants(266.0, 0.65e-3, 0.6e-3, radians(40), 0.0, 0.7)
+STATED = EyeConstants(
+    iop_pa=266.0, thickness_m=0.65e-3, gap_m=0.6e-3, polar_rad=radians(40), polar_sd_rad=0.0, direction_rad=0.7
+)
 LATERAL = np.linspace(-6e-3, 6e-3, 25)
 LOADS = np.array([1e-3]), np.array([0.1e-6])
 
@@ -43,7 +45,7 @@ def test_along_the_plane_the_motion_is_that_of_the_shift() -> None:
 
 def test_the_dent_moves_across_a_plane_that_lies_across_the_meridian() -> None:
     # The tip's own motion in 3-D: along the meridian, so across a plane whose lateral axis is the parallel.
-    contact = Contact(STATED.polar_rad)
+    contact = Contact(polar_rad=STATED.polar_rad)
     wall = LinearWall(graded_mesh(12e-3, 0.65e-3, contact), 0.45)
     displacement = 1e-3 * wall.pressure_nc + 0.1e-6 * wall.needle_cnc([contact], 0.35e-3)[0]
     tip = displacement[np.argmin(np.linalg.norm(wall.mesh.points_nc - 12e-3 * contact.normal, axis=1))]

@@ -19,10 +19,22 @@ from scleraforce.study.sampled import Range
 
 pytestmark = pytest.mark.slow
 
-EYE = PhantomEye("bent", 0.65e-3, 0.3e6, 300.0, 0.6e-3, radians(42), direction_rad=radians(230))
+EYE = PhantomEye(
+    id="bent",
+    thickness_m=0.65e-3,
+    youngs_modulus_pa=0.3e6,
+    iop_pa=300.0,
+    gap_m=0.6e-3,
+    polar_rad=radians(42),
+    direction_rad=radians(230),
+)
 FORCES = (0.040, 0.010, 0.052, 0.022, 0.031)
 NARROW = LibraryStudy(
-    thickness_m=Range(0.58e-3, 0.72e-3), thicknesses=4, iop_ratio=Range(3e-4, 3e-3), iop_ratios=4, max_tip_m=5.5e-3
+    thickness_m=Range(min=0.58e-3, max=0.72e-3),
+    thicknesses=4,
+    iop_ratio=Range(min=3e-4, max=3e-3),
+    iop_ratios=4,
+    max_tip_m=5.5e-3,
 )
 
 
@@ -30,13 +42,19 @@ def test_after_five_frames_the_modulus_is_within_3_percent_and_two_sd(tmp_path: 
     study, rng = replace(Study(), library=NARROW), np.random.default_rng(3)
     sections = finite_strain_sections(EYE, study)(FORCES)
     low, high = (radians(angle) for angle in (25, 45))
-    angle = ((low + high) / 2, (high - low) / 12**0.5)
-    stated = EyeConstants(EYE.iop_pa, EYE.thickness_m, EYE.gap_m, *angle, EYE.direction_rad)
+    stated = EyeConstants(
+        iop_pa=EYE.iop_pa,
+        thickness_m=EYE.thickness_m,
+        gap_m=EYE.gap_m,
+        polar_rad=(low + high) / 2,
+        polar_sd_rad=(high - low) / 12**0.5,
+        direction_rad=EYE.direction_rad,
+    )
     eye = session.begin(study, stated, cached_library(study, folder=tmp_path, workers=1))
     alone = []
     for force_n, section in zip(FORCES, sections, strict=True):
         lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
-        pose = Pose(lateral_m, 0.5e-3 + depth_m)
+        pose = Pose(lateral_m=lateral_m, depth_m=0.5e-3 + depth_m)
         smoothing_m = study.calibration.surface_smoothing_m
         eye = session.step(eye, ideal_boundaries(section, pose, study.oct, 5e-6, rng, smoothing_m), force_n)
         assert isinstance(eye.last, FrameStep)

@@ -10,15 +10,19 @@ import numpy as np
 import pytest
 
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
-from scleraforce.calibration.files import calibration_as_json, parse_calibration
+from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
+from scleraforce.known.calibration_file import open_calibration, parse_calibration_file
 from scleraforce.laboratory.ideal_boundaries import virtual_sections
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.recording.files import Recording, read_recording
-from scleraforce.report.calibration_file import read_posteriors
 
 FORCES = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
+
+
+def parsed(text: str) -> Calibration:
+    return parse_calibration(parse_calibration_file(text.encode(), "c.json"))
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +72,7 @@ def test_going_on_from_a_saved_posterior_equals_an_uninterrupted_run(
     laboratory: Any, recording: Recording, calibration: Calibration
 ) -> None:
     begun = calibrate_recordings([recording], laboratory.study, "hash", None, frames=2)
-    saved = parse_calibration(json.dumps(calibration_as_json(begun)))
+    saved = parsed(json.dumps(calibration_as_json(begun)))
     resumed = calibrate_recordings([recording], laboratory.study, "hash", None, earlier=saved).eyes["virtual"]
     whole = calibration.eyes["virtual"]
     assert [frame.file for frame in resumed.used] == [frame.file for frame in whole.used]
@@ -135,7 +139,7 @@ def test_an_earlier_file_of_other_parameters_is_refused(
 )
 def test_a_file_that_is_no_calibration_is_refused_in_one_line(text: str, message: str) -> None:
     with pytest.raises(CalibrationError, match=message):
-        parse_calibration(text, "c.json")
+        parsed(text)
 
 
 HOSTILE = {
@@ -166,7 +170,7 @@ def test_hostile_values_are_refused_by_their_key_before_they_are_used(calibratio
         assert last in target
         target[last] = value
         with pytest.raises(CalibrationError, match=rf"^c\.json: eyes\.virtual(\.|: ){place}") as fault:
-            parse_calibration(json.dumps(content), "c.json")
+            parsed(json.dumps(content))
         assert "\n" not in str(fault.value)
 
 
@@ -176,7 +180,7 @@ def test_a_state_that_is_not_that_of_its_parameters_is_refused(
     content = json.loads(json.dumps(calibration_as_json(calibration)))
     content["eyes"]["virtual"]["state"]["mean"] = [900.0]
     with pytest.raises(CalibrationError, match="is not that of its parameters"):
-        calibrate_recordings([recording], laboratory.study, "", None, earlier=parse_calibration(json.dumps(content)))
+        calibrate_recordings([recording], laboratory.study, "", None, earlier=parsed(json.dumps(content)))
 
 
 def test_frames_that_were_seen_are_left_out_under_any_name_and_path(
@@ -192,4 +196,4 @@ def test_frames_that_were_seen_are_left_out_under_any_name_and_path(
 
 def test_a_missing_file_names_the_command_that_writes_it(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match="scleraforce calibrate"):
-        read_posteriors(tmp_path / "none.json")
+        open_calibration(tmp_path / "none.json")

@@ -20,7 +20,9 @@ from scleraforce.section.plane import Section
 from scleraforce.study import Study
 
 STUDY = Study()
-STATED = EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.0, 0.0)  # on the pole: the made-up eye is one of revolution
+STATED = EyeConstants(
+    iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.0, polar_sd_rad=0.0
+)  # on the pole: the made-up eye is one of revolution
 MODULUS_PA = 0.27e6
 SHARP = replace(STUDY, calibration=replace(STUDY.calibration, surface_smoothing_m=0.0))
 
@@ -55,7 +57,7 @@ def frames(forces_n: Sequence[float], rng: np.random.Generator, stated: EyeConst
     made = []
     for force_n in forces_n:
         lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
-        pose = Pose(0.3e-3 + lateral_m, 0.5e-3 + depth_m, 0.01)
+        pose = Pose(lateral_m=0.3e-3 + lateral_m, depth_m=0.5e-3 + depth_m, tilt_rad=0.01)
         smoothing_m = STUDY.calibration.surface_smoothing_m
         made.append(ideal_boundaries(exact_section(force_n, stated), pose, STUDY.oct, 5e-6, rng, smoothing_m))
     return made

@@ -8,14 +8,14 @@ from scleraforce.calibration.parameters import Parameter, ParameterSpace, spread
 
 @given(mean=st.floats(1e-3, 1e6), ratio=st.floats(0.01, 3.0), positive=st.booleans())
 def test_prior_has_the_moments_that_were_asked_for(mean: float, ratio: float, positive: bool) -> None:
-    space = ParameterSpace((Parameter("x", mean, ratio * mean, positive),))
+    space = ParameterSpace((Parameter("x", mean=mean, sd=ratio * mean, positive=positive),))
     (found_mean,), (found_sd,) = space.moments(*space.prior())
     assert found_mean == pytest.approx(mean)
     assert found_sd == pytest.approx(ratio * mean)
 
 
 def test_lognormal_moments_equal_those_of_a_large_sample() -> None:
-    space = ParameterSpace((Parameter("x", 2.0, 1.0),))
+    space = ParameterSpace((Parameter("x", mean=2.0, sd=1.0),))
     mean, covariance = space.prior()
     drawn = np.random.default_rng(0).normal(mean[0], np.sqrt(covariance[0, 0]), (200_000, 1))
     values = space.values(drawn)
@@ -25,17 +25,17 @@ def test_lognormal_moments_equal_those_of_a_large_sample() -> None:
 
 @given(st.floats(-50.0, 50.0))
 def test_a_positive_parameter_is_positive_at_any_coordinate(coordinate: float) -> None:
-    space = ParameterSpace((Parameter("x", 0.49, 0.34),))
+    space = ParameterSpace((Parameter("x", mean=0.49, sd=0.34),))
     assert space.values(np.array([coordinate]))[0] > 0
 
 
 def test_an_unchanged_parameter_may_become_negative() -> None:
-    space = ParameterSpace((Parameter("x", 0.49, 0.34, positive=False),))
+    space = ParameterSpace((Parameter("x", mean=0.49, sd=0.34, positive=False),))
     assert space.values(np.array([-1.0]))[0] == pytest.approx(-0.49)
 
 
 def test_mixed_space_treats_each_parameter_by_its_own_rule() -> None:
-    space = ParameterSpace((Parameter("a", 2.0, 1.0), Parameter("b", 3.0, 0.5, positive=False)))
+    space = ParameterSpace((Parameter("a", mean=2.0, sd=1.0), Parameter("b", mean=3.0, sd=0.5, positive=False)))
     np.testing.assert_allclose(space.values(np.array([[0.0, 1.0]])), [[2.0, 3.0]])
     low, high = space.interval(*space.prior(), 1.0)
     assert low[1] == pytest.approx(2.5)
@@ -46,7 +46,7 @@ def test_mixed_space_treats_each_parameter_by_its_own_rule() -> None:
 @pytest.mark.parametrize(("mean", "sd"), [(0.0, 1.0), (1.0, 0.0), (-1.0, 1.0)])
 def test_a_prior_without_width_or_sign_is_refused(mean: float, sd: float) -> None:
     with pytest.raises(ValueError, match="x: a prior"):
-        Parameter("x", mean, sd)
+        Parameter("x", mean=mean, sd=sd)
 
 
 def test_spread_is_the_sample_standard_deviation() -> None:

@@ -43,7 +43,7 @@ def test_belief_of_the_recordings_pose_narrows_to_how_far_the_eye_moves(laborato
 def test_a_section_is_placed_as_the_virtual_scanner_places_it() -> None:
     rng = np.random.default_rng(2)
     outer, inner = rng.normal(size=(2, 7, 2))
-    pose = Pose(0.3, -0.2, 0.4)
+    pose = Pose(lateral_m=0.3, depth_m=-0.2, tilt_rad=0.4)
     placed = place_section(np.stack([outer, inner]), np.array([pose.lateral_m, pose.depth_m, pose.tilt_rad, 0.0, 0.0]))
     np.testing.assert_allclose(placed[1], pose.place(Section(outer, inner)).inner)
 

@@ -15,13 +15,21 @@ from scleraforce.section.plane import ScanPlane
 def test_predicted_section_is_the_cut_through_the_deformed_mesh(
     laboratory: Any, direction: float, tilt: float, force_n: float
 ) -> None:
-    constants = EyeConstants(266.0, 0.7e-3, 0.5e-3, radians(35), 0.0, direction, tilt)
+    constants = EyeConstants(
+        iop_pa=266.0,
+        thickness_m=0.7e-3,
+        gap_m=0.5e-3,
+        polar_rad=radians(35),
+        polar_sd_rad=0.0,
+        direction_rad=direction,
+        tilt_rad=tilt,
+    )
     model, wall = laboratory.model(constants), laboratory.wall(0.7e-3)
-    contact = Contact(constants.polar_rad)
+    contact = Contact(polar_rad=constants.polar_rad)
     displacement = wall.displacement(
         wall.needle_cnc([contact], 0.35e-3)[0], force_n, youngs_modulus_pa=0.27e6, iop_pa=266.0, density_kg_m3=1100.0
     )
-    cut = cut_section(wall.mesh, ScanPlane(contact, 0.5e-3, direction, tilt), displacement)
+    cut = cut_section(wall.mesh, ScanPlane(contact, gap_m=0.5e-3, direction_rad=direction, tilt_rad=tilt), displacement)
     predicted = model.at(contact.polar_rad, 0.7e-3).section(stated_wall(constants, 0.27e6, force_n, contact.polar_rad))
     at = np.linspace(-6.5e-3, 6.5e-3, 300)
     for mine, other in ((predicted.outer, cut.outer), (predicted.inner, cut.inner)):
@@ -30,16 +38,42 @@ def test_predicted_section_is_the_cut_through_the_deformed_mesh(
 
 
 def test_only_the_ratio_of_loads_to_modulus_counts(laboratory: Any) -> None:
-    model = laboratory.model(EyeConstants(266.0, 0.7e-3, 0.5e-3, radians(35), 0.0))
+    model = laboratory.model(
+        EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=radians(35), polar_sd_rad=0.0)
+    )
     response = model.at(radians(35), 0.7e-3)
-    one = response.curves([WallState(0.2e6, 0.02, 200.0, 0.7e-3, 0.5e-3, radians(35))])
+    one = response.curves(
+        [
+            WallState(
+                youngs_modulus_pa=0.2e6,
+                force_n=0.02,
+                iop_pa=200.0,
+                thickness_m=0.7e-3,
+                gap_m=0.5e-3,
+                polar_rad=radians(35),
+            )
+        ]
+    )
     heavier = replace(response, weight_pa_m=2 * response.weight_pa_m)
-    other = heavier.curves([WallState(0.4e6, 0.04, 400.0, 0.7e-3, 0.5e-3, radians(35))])
+    other = heavier.curves(
+        [
+            WallState(
+                youngs_modulus_pa=0.4e6,
+                force_n=0.04,
+                iop_pa=400.0,
+                thickness_m=0.7e-3,
+                gap_m=0.5e-3,
+                polar_rad=radians(35),
+            )
+        ]
+    )
     np.testing.assert_allclose(one, other, atol=1e-15)
 
 
 def test_a_larger_gap_moves_the_section_away_from_the_dent(laboratory: Any) -> None:
-    model = laboratory.model(EyeConstants(266.0, 0.7e-3, 0.5e-3, radians(35), 0.0))
+    model = laboratory.model(
+        EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=radians(35), polar_sd_rad=0.0)
+    )
     values = np.array([[0.2e6, 0.4e-3], [0.2e6, 0.7e-3]])
     near, far = parameter_sections(model, ("youngs_modulus_pa", "gap_m"), values, 0.03, radians(35))
     at = np.array([-0.2e-3, 0.0, 0.2e-3])
@@ -47,8 +81,13 @@ def test_a_larger_gap_moves_the_section_away_from_the_dent(laboratory: Any) -> N
 
 
 def test_responses_between_thicknesses_are_those_of_a_wall_of_that_thickness(laboratory: Any) -> None:
-    uncertain = laboratory.model(EyeConstants(266.0, 0.65e-3, 0.5e-3, 0.6, 0.0), thickness_uncertain=True)
-    exact = laboratory.model(EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.6, 0.0))
+    uncertain = laboratory.model(
+        EyeConstants(iop_pa=266.0, thickness_m=0.65e-3, gap_m=0.5e-3, polar_rad=0.6, polar_sd_rad=0.0),
+        thickness_uncertain=True,
+    )
+    exact = laboratory.model(
+        EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.6, polar_sd_rad=0.0)
+    )
     names = ("youngs_modulus_pa", "thickness_m")
     between = parameter_sections(uncertain, names, np.array([[0.27e6, 0.7e-3]]), 0.03, 0.6)[0]
     true = parameter_sections(exact, names[:1], np.array([[0.27e6]]), 0.03, 0.6)[0]

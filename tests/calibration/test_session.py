@@ -10,9 +10,10 @@ import pytest
 
 from scleraforce.calibration import session
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings, eye_constants
-from scleraforce.calibration.files import calibration_as_json, parse_calibration
 from scleraforce.calibration.forces import FrameForces, frame_forces
+from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
+from scleraforce.known.calibration_file import parse_calibration_file
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
 from scleraforce.laboratory.optics import Pose
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
@@ -28,7 +29,9 @@ from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 
 STUDY = Study()
-EYE = PhantomEye("made-up", 0.7e-3, 0.27e6, 266.0, 0.5e-3, 0.0)  # on the pole: it is one of revolution
+EYE = PhantomEye(
+    id="made-up", thickness_m=0.7e-3, youngs_modulus_pa=0.27e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.0
+)  # on the pole: it is one of revolution
 FORCES = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
 
 
@@ -124,13 +127,14 @@ def test_going_on_with_other_mechanics_is_refused(recording: Recording, calibrat
 def test_the_file_keeps_the_mechanics(library: Library, recording: Recording, calibration: Calibration) -> None:
     text = json.dumps(calibration_as_json(calibration))
     assert json.loads(text)["mechanics"] == "finite-strain"
-    assert parse_calibration(text).mechanics == "finite-strain"
-    found = calibrate_recordings([recording], STUDY, "", library, earlier=parse_calibration(text))
+    file = parse_calibration_file(text.encode(), "c.json")
+    assert parse_calibration(file).mechanics == "finite-strain"
+    found = calibrate_recordings([recording], STUDY, "", library, earlier=parse_calibration(file))
     assert found.eyes["made-up"].mean_pa == pytest.approx(calibration.eyes["made-up"].mean_pa, rel=1e-12)
 
 
 def test_an_empty_frame_and_one_without_a_wall_leave_the_eye_as_it_was(library: Library) -> None:
-    stated = session.EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.0, 0.0)
+    stated = session.EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.0, polar_sd_rad=0.0)
     eye = session.begin(STUDY, stated, library)
     lateral = np.linspace(-7e-3, 7e-3, 512)
     empty = Boundaries(lateral, np.full((2, 512), np.nan), 8e-6)
@@ -139,11 +143,13 @@ def test_an_empty_frame_and_one_without_a_wall_leave_the_eye_as_it_was(library: 
 
 
 def test_a_session_needs_no_force_log_and_starts_with_any_frame(library: Library) -> None:
-    stated = session.EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.0, 0.0)
+    stated = session.EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.0, polar_sd_rad=0.0)
     walls = library.curves(np.array([0.7e-3]), np.array([266.0 / 0.27e6]), np.array([0.03 / 0.27e6])).curves_sbnc
     rng = np.random.default_rng(0)
     smoothing_m = STUDY.calibration.surface_smoothing_m
-    seen = ideal_boundaries(cut_surfaces(walls[0], 0.5e-3), Pose(0, 0.5e-3), STUDY.oct, 5e-6, rng, smoothing_m)
+    seen = ideal_boundaries(
+        cut_surfaces(walls[0], 0.5e-3), Pose(lateral_m=0, depth_m=0.5e-3), STUDY.oct, 5e-6, rng, smoothing_m
+    )
     eye = session.step(session.begin(STUDY, stated, library), seen, 0.03)
     assert eye.mean_pa == pytest.approx(0.27e6, rel=0.02)
     assert 0 < eye.sd_pa < 0.02e6

@@ -14,7 +14,9 @@ STUDY = parse_study("[mesh]\ndivisions = 6\nlevel = 0\n", "study")
 
 
 def make_recording(path: Path) -> Path:
-    eye = PhantomEye(path.name, 0.7e-3, 0.3e6, 266.0, 0.5e-3, 0.6)
+    eye = PhantomEye(
+        id=path.name, thickness_m=0.7e-3, youngs_modulus_pa=0.3e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.6
+    )
     write_phantom(path, plan_phantom(eye, [0.002, 0.02], STUDY, 1), linear_sections(eye, STUDY), STUDY)
     return path
 

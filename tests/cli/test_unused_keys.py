@@ -75,9 +75,9 @@ bed_shear_stiffness_kpa_per_mm = 0.1
 strap_stiffness_n_per_m = 30.0
 medial_azimuth_deg = 20.0
 """
-EYE = PhantomEye("eye-x", 800e-6, 0.3e6, 266.0, 0.5e-3, 0.6)
-STATED = EyeConstants(266.0, 0.7e-3, 0.5e-3, 0.5, 0.0)
-STATE = WallState(0.3e6, 0.01, 266.0, 0.7e-3, 0.5e-3, 0.5)
+EYE = PhantomEye(id="eye-x", thickness_m=800e-6, youngs_modulus_pa=0.3e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.6)
+STATED = EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.5, polar_sd_rad=0.0)
+STATE = WallState(youngs_modulus_pa=0.3e6, force_n=0.01, iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.5)
 
 
 def phantom(study: Study) -> None:
@@ -85,7 +85,7 @@ def phantom(study: Study) -> None:
 
 
 def simulate(study: Study) -> None:
-    simulate_eye(study, 800e-6, 0.002, Contact(0.6))
+    simulate_eye(study, 800e-6, 0.002, Contact(polar_rad=0.6))
 
 
 def generate_linear(study: Study) -> None:

@@ -39,12 +39,15 @@ def small_study(seed=0):
         study.dataset,
         seed=seed,
         contacts=5,
-        gap_m=Range(0.35e-3, 1e-3),
-        tilt_rad=Range(-0.1, 0.1),
-        direction_rad=Range(-1.0, 1.0),
-        framing_lateral_m=Range(-5e-4, 5e-4),
-        framing_depth_m=Range(-2e-4, 2e-4),
-        group=(DatasetGroup(5e-4, 253, 45e-3), DatasetGroup(8e-4, 212, 60e-3)),
+        gap_m=Range(min=0.35e-3, max=1e-3),
+        tilt_rad=Range(min=-0.1, max=0.1),
+        direction_rad=Range(min=-1.0, max=1.0),
+        framing_lateral_m=Range(min=-5e-4, max=5e-4),
+        framing_depth_m=Range(min=-2e-4, max=2e-4),
+        group=(
+            DatasetGroup(thickness_m=5e-4, images=253, max_force_n=45e-3),
+            DatasetGroup(thickness_m=8e-4, images=212, max_force_n=60e-3),
+        ),
     )
     return parse_study(format_study(replace(study, dataset=dataset)))
 
@@ -95,9 +98,9 @@ def test_a_sample_can_be_made_again_from_its_metadata_the_slow_way(made):
         row = {name: values[sample] for name, values in columns.items()}
         mesh = build_mesh(study.eye.radius_m, row["thickness_m"], 4, 1, 1, 2)
         wall = LinearWall(mesh, study.eye.poisson_ratio)
-        contact = Contact(row["polar_rad"], row["azimuth_rad"])
+        contact = Contact(polar_rad=row["polar_rad"], azimuth_rad=row["azimuth_rad"])
         needle = wall.needle_cnc([contact], 0.35e-3)[0]
-        plane = ScanPlane(contact, row["gap_m"], row["direction_rad"], row["tilt_rad"])
+        plane = ScanPlane(contact, gap_m=row["gap_m"], direction_rad=row["direction_rad"], tilt_rad=row["tilt_rad"])
         loads = {"youngs_modulus_pa": MODULUS_PA, "iop_pa": study.eye.iop_pa, "density_kg_m3": 1100.0}
         resting, pushed = (
             cut_section(mesh, plane, wall.displacement(needle, force, **loads)) for force in (0.0, row["force_n"])
@@ -295,7 +298,9 @@ def test_a_calibration_is_recorded(tmp_path):
 
 def test_a_fault_in_a_worker_reaches_the_caller():
     study = small_study()
-    steep = replace(study, needle=replace(study.needle, outer_diameter_m=5e-3, polar_angle_rad=Range(1.39, 1.396)))
+    steep = replace(
+        study, needle=replace(study.needle, outer_diameter_m=5e-3, polar_angle_rad=Range(min=1.39, max=1.396))
+    )
     with (
         closing(workers.simulate_units(steep, MODULUS_PA, [0], 1)) as results,
         pytest.raises(Exception, match="over the base"),

@@ -30,11 +30,14 @@ def study():
     dataset = replace(
         base.dataset,
         contacts=5,
-        gap_m=Range(0.35e-3, 1e-3),
-        tilt_rad=Range(-0.1, 0.1),
-        framing_lateral_m=Range(-1e-3, 1e-3),
-        framing_depth_m=Range(-2e-4, 2e-4),
-        group=(DatasetGroup(5e-4, 250, 30e-3), DatasetGroup(8e-4, 200, 50e-3)),
+        gap_m=Range(min=0.35e-3, max=1e-3),
+        tilt_rad=Range(min=-0.1, max=0.1),
+        framing_lateral_m=Range(min=-1e-3, max=1e-3),
+        framing_depth_m=Range(min=-2e-4, max=2e-4),
+        group=(
+            DatasetGroup(thickness_m=5e-4, images=250, max_force_n=30e-3),
+            DatasetGroup(thickness_m=8e-4, images=200, max_force_n=50e-3),
+        ),
     )
     return parse_study(format_study(replace(base, dataset=dataset)))
 

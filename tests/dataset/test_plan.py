@@ -73,11 +73,11 @@ def test_closed_ranges_leave_one_gap_and_one_framing(paper):
 def test_open_ranges_are_drawn_for_each_sample_and_independently():
     plan = plan_dataset(
         with_dataset(
-            gap_m=Range(0.35e-3, 1e-3),
-            tilt_rad=Range(-0.1, 0.1),
+            gap_m=Range(min=0.35e-3, max=1e-3),
+            tilt_rad=Range(min=-0.1, max=0.1),
             direction_rad=Choice((0.0, 1.0)),
-            framing_lateral_m=Range(-1e-3, 1e-3),
-            framing_depth_m=Range(-2e-4, 2e-4),
+            framing_lateral_m=Range(min=-1e-3, max=1e-3),
+            framing_depth_m=Range(min=-2e-4, max=2e-4),
         )
     )
     assert stats.kstest((plan.gap_m - 0.35e-3) / 0.65e-3, "uniform").pvalue > 0.01

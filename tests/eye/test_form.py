@@ -13,9 +13,14 @@ from scleraforce.mechanics.quadrature import gauss_points, volume_points
 from scleraforce.study import FormStudy, RegionStudy, Study, WaveStudy, format_study, parse_study
 
 R, T = 12e-3, 0.6e-3
-CONTACT = Contact(radians(35), 0.7)
+CONTACT = Contact(polar_rad=radians(35), azimuth_rad=0.7)
 AXES = (1.06, 0.97, 0.94)
-WAVY = FormStudy(wave=(WaveStudy(0.12, 2, radians(60), 0.3), WaveStudy(-0.05, 3, radians(20), 2.0)))
+WAVY = FormStudy(
+    wave=(
+        WaveStudy(amplitude_fraction=0.12, degree=2, polar_rad=radians(60), azimuth_rad=0.3),
+        WaveStudy(amplitude_fraction=-0.05, degree=3, polar_rad=radians(20), azimuth_rad=2.0),
+    )
+)
 
 
 def back_on_the_axes(mesh: HexMesh, axes: tuple[float, ...]) -> np.ndarray:
@@ -56,7 +61,10 @@ def test_the_outer_nodes_lie_on_the_ellipsoid_and_the_wall_is_as_thick_as_asked_
 def test_the_contact_and_its_normal_are_where_the_sphere_has_them(make) -> None:
     form = FormStudy(semi_axes=AXES, wave=WAVY.wave)
     mesh = form_mesh(make(R, T, CONTACT, core=8, rings=24), form, CONTACT).mesh
-    nearby = [Contact(CONTACT.polar_rad + a, CONTACT.azimuth_rad + b) for a, b in ((0, 0), (1e-4, 0), (0, 1e-4))]
+    nearby = [
+        Contact(polar_rad=CONTACT.polar_rad + a, azimuth_rad=CONTACT.azimuth_rad + b)
+        for a, b in ((0, 0), (1e-4, 0), (0, 1e-4))
+    ]
     quads, local = locate(mesh, np.array([contact.normal for contact in nearby]))
     points = np.einsum("pn,pnc->pc", surface_weights(mesh, local), mesh.points_nc[mesh.outer_qn[quads]])
     np.testing.assert_allclose(points[0], R * CONTACT.normal, atol=1e-9)
@@ -93,9 +101,11 @@ def test_thickness_waves_are_legendre_polynomials_of_the_angle_to_their_axis() -
     d = np.stack([np.sqrt(1 - x**2), 0 * x, x], axis=-1)
     by_degree = {1: x, 2: (3 * x**2 - 1) / 2, 3: (5 * x**3 - 3 * x) / 2}
     for degree, legendre in by_degree.items():
-        form = FormStudy(wave=(WaveStudy(0.2, degree),))
+        form = FormStudy(wave=(WaveStudy(amplitude_fraction=0.2, degree=degree),))
         np.testing.assert_allclose(thickness_factor(form, d), 1 + 0.2 * legendre, atol=1e-15)
-    sideways = FormStudy(wave=(WaveStudy(0.2, 1, radians(90), radians(90)),))
+    sideways = FormStudy(
+        wave=(WaveStudy(amplitude_fraction=0.2, degree=1, polar_rad=radians(90), azimuth_rad=radians(90)),)
+    )
     np.testing.assert_allclose(thickness_factor(sideways, np.eye(3)), [1.0, 1.2, 1.0], atol=1e-15)
 
 
@@ -124,20 +134,28 @@ def test_an_ellipsoid_of_revolution_bends_as_its_turned_twin() -> None:
     """Long axis along x, needle at (35 deg, 0), is the long axis along y with the needle a quarter turn further."""
     tips = []
     for axes, azimuth in (((1.06, 1.0, 1.0), 0.0), ((1.0, 1.06, 1.0), pi / 2)):
-        contact = Contact(radians(35), azimuth)
+        contact = Contact(polar_rad=radians(35), azimuth_rad=azimuth)
         mesh = form_mesh(graded_mesh(R, T, contact), FormStudy(semi_axes=axes), contact).mesh
         wall = LinearWall(mesh, 0.45)
         tips.append(tip_displacement(mesh, contact, wall.needle_cnc([contact], 0.35e-3)[0]))
     assert tips[0] == pytest.approx(tips[1], rel=1e-6)
-    even = graded_mesh(R, T, Contact(radians(35)))
+    even = graded_mesh(R, T, Contact(polar_rad=radians(35)))
     plain = tip_displacement(
-        even, Contact(radians(35)), LinearWall(even, 0.45).needle_cnc([Contact(radians(35))], 0.35e-3)[0]
+        even,
+        Contact(polar_rad=radians(35)),
+        LinearWall(even, 0.45).needle_cnc([Contact(polar_rad=radians(35))], 0.35e-3)[0],
     )
     assert abs(tips[0] / plain - 1) > 5e-3  # and the form matters
 
 
 def test_a_form_is_written_and_read() -> None:
-    study = Study(form=FormStudy((1.05, 1.0, 0.97), (WaveStudy(0.1, 2), WaveStudy(0.05, 3)), (RegionStudy(0.7),)))
+    study = Study(
+        form=FormStudy(
+            (1.05, 1.0, 0.97),
+            (WaveStudy(amplitude_fraction=0.1, degree=2), WaveStudy(amplitude_fraction=0.05, degree=3)),
+            (RegionStudy(modulus_ratio=0.7),),
+        )
+    )
     assert parse_study(format_study(study)) == study
     text = "[form]\n[[form.wave]]\namplitude_percent = 12.0\ndegree = 4\n"
     with pytest.raises(StudyError, match=r"degree: 4 is above"):
@@ -145,4 +163,4 @@ def test_a_form_is_written_and_read() -> None:
     with pytest.raises(StudyError, match="three ratios"):
         FormStudy(semi_axes=(1.0, 1.0))
     with pytest.raises(StudyError, match="add up"):
-        FormStudy(wave=(WaveStudy(0.3), WaveStudy(-0.3)))
+        FormStudy(wave=(WaveStudy(amplitude_fraction=0.3), WaveStudy(amplitude_fraction=-0.3)))

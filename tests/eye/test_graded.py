@@ -14,7 +14,12 @@ from scleraforce.study import MeshStudy, Study
 
 R, T = 12e-3, 0.5e-3
 NEEDLE_RADIUS = 0.35e-3
-CONTACTS = [Contact(0.0), Contact(radians(25), 0.3), Contact(radians(50), 4.0), Contact(radians(60), -1.0)]
+CONTACTS = [
+    Contact(polar_rad=0.0),
+    Contact(polar_rad=radians(25), azimuth_rad=0.3),
+    Contact(polar_rad=radians(50), azimuth_rad=4.0),
+    Contact(polar_rad=radians(60), azimuth_rad=-1.0),
+]
 KINDS = {"8 nodes": {"order": 1}, "20 nodes": {"order": 2, "serendipity": True}, "27 nodes": {"order": 2}}
 
 
@@ -56,14 +61,14 @@ def test_nodes_lie_on_spheres_and_rays_and_the_base_on_its_plane(contact: Contac
 
 
 def test_the_grading_follows_the_contact_and_turns_with_its_azimuth() -> None:
-    contact = Contact(radians(35), 1.0)
+    contact = Contact(polar_rad=radians(35), azimuth_rad=1.0)
     mesh = graded_mesh(R, T, contact)
     sizes = np.sqrt(volume_points(mesh).volumes_ep.sum(axis=1) / T)
     middles = mesh.points_nc[mesh.cells_en].mean(axis=1)
     distance = np.linalg.norm(middles - R * contact.normal, axis=1)
     assert sizes[distance < 1e-3].max() < 0.4e-3
     assert sizes[distance > 8e-3].min() > 0.7e-3
-    straight = graded_mesh(R, T, Contact(contact.polar_rad))
+    straight = graded_mesh(R, T, Contact(polar_rad=contact.polar_rad))
     s, c = np.sin(1.0), np.cos(1.0)
     turned = straight.points_nc @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     np.testing.assert_allclose(mesh.points_nc, turned, atol=1e-15)
@@ -99,13 +104,13 @@ def test_a_globe_has_no_base_and_is_closed() -> None:
 @pytest.mark.parametrize("thickness_m", [0.4e-3, 0.8e-3])
 @pytest.mark.parametrize("polar_deg", [0.0, 50.0])
 def test_the_linear_tip_is_within_half_a_percent_of_a_fine_mesh(thickness_m: float, polar_deg: float) -> None:
-    contact = Contact(radians(polar_deg), 0.3)
+    contact = Contact(polar_rad=radians(polar_deg), azimuth_rad=0.3)
     fine = tip_of(graded_mesh(R, thickness_m, contact, core=10, rings=24), contact)
     assert tip_of(graded_mesh(R, thickness_m, contact), contact) == pytest.approx(fine, rel=5e-3)
 
 
 def test_the_linear_tip_is_that_of_the_ungraded_mesh() -> None:
-    contact = Contact(radians(35), 0.3)
+    contact = Contact(polar_rad=radians(35), azimuth_rad=0.3)
     other = tip_of(build_mesh(R, T), contact)  # itself 1 % below the converged value (docs/physics.md)
     assert tip_of(graded_mesh(R, T, contact), contact) == pytest.approx(other, rel=1.5e-2)
 
@@ -122,9 +127,14 @@ def test_a_study_chooses_the_graded_mesh() -> None:
 
 @pytest.mark.parametrize(
     ("fault", "message"),
-    [({"contact": Contact(radians(65))}, "polar angle: 65 deg"), ({"core": 3}, "core 3"), ({"rings": 0}, "rings 0"),
-     ({"thickness_m": 7e-3}, "thickness"), ({"layers": 0}, "layers 0")],
-)  # fmt: skip
+    [
+        ({"contact": Contact(polar_rad=radians(65))}, "polar angle: 65 deg"),
+        ({"core": 3}, "core 3"),
+        ({"rings": 0}, "rings 0"),
+        ({"thickness_m": 7e-3}, "thickness"),
+        ({"layers": 0}, "layers 0"),
+    ],
+)
 def test_a_mesh_that_does_not_exist_is_an_input_error(fault: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
         graded_mesh(**{"radius_m": R, "thickness_m": T, "contact": CONTACTS[0], **fault})

@@ -6,7 +6,7 @@ from scleraforce.eye.contact import Contact
 from scleraforce.eye.study_mesh import study_mesh, supported_mesh
 from scleraforce.study import MeshStudy, Study, SupportsStudy
 
-CONTACT = Contact(0.6)
+CONTACT = Contact(polar_rad=0.6)
 GRADED = MeshStudy(kind="graded", core=2, rings=4)
 
 

@@ -30,10 +30,10 @@ from scleraforce.study import Range, ReaderStudy
 
 LIBRARY = analytic_library()
 RANGES = ReaderStudy(
-    youngs_modulus_pa=Range(0.15e6, 0.6e6),
-    iop_pa=Range(100.0, 600.0),
-    thickness_m=Range(0.4e-3, 0.9e-3),
-    gap_m=Range(0.3e-3, 1.0e-3),
+    youngs_modulus_pa=Range(min=0.15e6, max=0.6e6),
+    iop_pa=Range(min=100.0, max=600.0),
+    thickness_m=Range(min=0.4e-3, max=0.9e-3),
+    gap_m=Range(min=0.3e-3, max=1.0e-3),
 )
 LATERAL_M = (np.arange(256) + 0.5 - 128) * 15e-3 / 256
 BOTH = Places(np.concatenate([LATERAL_M, LATERAL_M]), np.repeat([0, 1], 256))
@@ -72,7 +72,12 @@ def boundaries(unknown: np.ndarray, noise_m: float = 0.0, rng: np.random.Generat
 
 def known_of(unknown: np.ndarray, relative_sd: float = 0.02) -> Known:
     modulus = exp(unknown[MODULUS])
-    return Known(Modulus(modulus, relative_sd * modulus, "own"), exp(unknown[IOP]), unknown[THICKNESS], unknown[GAP])
+    return Known(
+        modulus=Modulus(mean_pa=modulus, sd_pa=relative_sd * modulus, source="own"),
+        iop_pa=exp(unknown[IOP]),
+        thickness_m=unknown[THICKNESS],
+        gap_m=unknown[GAP],
+    )
 
 
 def fitted(unknown: np.ndarray, depth: np.ndarray, known: Known | None = None):

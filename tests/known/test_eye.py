@@ -12,21 +12,21 @@ from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingIn
 from scleraforce.study import Range, ReaderStudy
 
 TRAINED = ReaderStudy(
-    youngs_modulus_pa=Range(0.18e6, 0.55e6),
-    iop_pa=Range(120.0, 560.0),
-    thickness_m=Range(0.45e-3, 0.85e-3),
-    gap_m=Range(0.35e-3, 1e-3),
+    youngs_modulus_pa=Range(min=0.18e6, max=0.55e6),
+    iop_pa=Range(min=120.0, max=560.0),
+    thickness_m=Range(min=0.45e-3, max=0.85e-3),
+    gap_m=Range(min=0.35e-3, max=1e-3),
 )
-INSIDE = Known(Modulus(0.3e6, 5e3, "own"), 270.0, 0.6e-3, 0.5e-3)
+INSIDE = Known(modulus=Modulus(mean_pa=0.3e6, sd_pa=5e3, source="own"), iop_pa=270.0, thickness_m=0.6e-3, gap_m=0.5e-3)
 
 
 def test_a_recordings_statements_are_taken_and_what_it_omits_is_unknown() -> None:
     info = RecordingInfo(
         EyeInfo("e", thickness_m=0.6e-3),
-        OctInfo(512, 512, 12, 15e-3, 4e-3),
-        NeedleInfo(22, slice_gap_m=0.5e-3, polar_angle_rad=0.6),
+        OctInfo(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3),
+        NeedleInfo(gauge=22, slice_gap_m=0.5e-3, polar_angle_rad=0.6),
     )
-    assert known_of_recording(info) == Known(None, None, 0.6e-3, 0.5e-3, 0.6)
+    assert known_of_recording(info) == Known(modulus=None, iop_pa=None, thickness_m=0.6e-3, gap_m=0.5e-3, polar_rad=0.6)
 
 
 def test_an_eye_has_its_own_modulus_and_another_that_of_its_population_with_its_spread(tmp_path: Path) -> None:
@@ -37,9 +37,9 @@ def test_an_eye_has_its_own_modulus_and_another_that_of_its_population_with_its_
     file = tmp_path / "calibration.json"
     file.write_text(calibration_text(0.25, eyes, population={"mean_mpa": 0.25, "sd_mpa": 0.05}))
     summary = read_calibration(file)
-    assert calibrated_modulus(summary, "mine") == Modulus(0.3e6, 4e3, "own")
+    assert calibrated_modulus(summary, "mine") == Modulus(mean_pa=0.3e6, sd_pa=4e3, source="own")
     for eye in ("lost", "stranger"):
-        assert calibrated_modulus(summary, eye) == Modulus(0.25e6, 0.05e6, "population")
+        assert calibrated_modulus(summary, eye) == Modulus(mean_pa=0.25e6, sd_pa=0.05e6, source="population")
 
 
 def test_the_spread_of_one_eye_is_not_zero(tmp_path: Path) -> None:
@@ -54,15 +54,20 @@ def test_an_eye_inside_the_training_is_inside_also_on_its_bounds() -> None:
     assert outside_training(Known(), TRAINED) is None
     assert outside_training(INSIDE, TRAINED) is None
     for end in (0, 1):
-        modulus = Modulus(TRAINED.youngs_modulus_pa.bounds[end], 1e3, "own")
-        rest = (TRAINED.iop_pa.bounds[end], TRAINED.thickness_m.bounds[end], TRAINED.gap_m.bounds[end])
-        assert outside_training(Known(modulus, *rest), TRAINED) is None
+        modulus = Modulus(mean_pa=TRAINED.youngs_modulus_pa.bounds[end], sd_pa=1e3, source="own")
+        known = Known(
+            modulus=modulus,
+            iop_pa=TRAINED.iop_pa.bounds[end],
+            thickness_m=TRAINED.thickness_m.bounds[end],
+            gap_m=TRAINED.gap_m.bounds[end],
+        )
+        assert outside_training(known, TRAINED) is None
 
 
 @pytest.mark.parametrize(
     ("known", "words"),
     [
-        (Known(Modulus(0.6e6, 1e3, "own")), "Young's modulus 0.6 MPa"),
+        (Known(modulus=Modulus(mean_pa=0.6e6, sd_pa=1e3, source="own")), "Young's modulus 0.6 MPa"),
         (Known(iop_pa=1333.0), "IOP 9.998 mmHg"),
         (Known(thickness_m=1e-3), "wall thickness 1000 µm"),
         (Known(gap_m=0.1e-3), "gap between B-scan and needle axis 0.1 mm"),

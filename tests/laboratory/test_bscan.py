@@ -230,14 +230,19 @@ def test_wall_that_begins_above_the_window_still_shadows_what_is_in_it():
 
 
 def test_frame_without_tissue_is_noise_only():
-    bscan = render(flat_wall(top_m=9e-3), replace(CLEAR, covers=(Cover(0.1e-3, 10.0, 8e-6, 0.0),)))
+    bscan = render(
+        flat_wall(top_m=9e-3),
+        replace(CLEAR, covers=(Cover(height_m=0.1e-3, level_db=10.0, thickness_m=8e-6, tilt_rad=0.0),)),
+    )
     assert not bscan.truth_mask.any()
     aside = np.array([[50e-3, 0.0], [60e-3, 0.0]])
     assert intensity(render(Section(aside, aside + 1e-3), CLEAR).frame).mean() == pytest.approx(1.0, abs=0.02)
 
 
 def test_pose_moves_and_turns_the_section():
-    placed = Pose(1e-3, 2e-3, np.pi / 2).place(Section(np.array([[1.0, 0.0]]), np.array([[0.0, 1.0]])))
+    placed = Pose(lateral_m=1e-3, depth_m=2e-3, tilt_rad=np.pi / 2).place(
+        Section(np.array([[1.0, 0.0]]), np.array([[0.0, 1.0]]))
+    )
     assert placed.outer == pytest.approx(np.array([[1e-3, 1.002]]))
     assert placed.inner == pytest.approx(np.array([[-0.999, 2e-3]]))
 

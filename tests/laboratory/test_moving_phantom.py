@@ -21,7 +21,7 @@ STUDY = Study(
     mesh=MeshStudy(divisions=4),
     phantom=PhantomStudy(approach_s=fixed(2.5), shadow_count=fixed(2)),
 )
-EYE = PhantomEye("eye-x", 600e-6, 0.25e6, 266.0, 0.5e-3, 0.6)
+EYE = PhantomEye(id="eye-x", thickness_m=600e-6, youngs_modulus_pa=0.25e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.6)
 TURNING_POINTS_N = (0.02, 0.005, 0.035)
 
 

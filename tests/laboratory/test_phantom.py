@@ -15,7 +15,15 @@ from scleraforce.section.plane import Section
 from scleraforce.study import MeshStudy, OctStudy, Study, format_study
 
 STUDY = Study(oct=OctStudy(columns=128, rows=96), mesh=MeshStudy(divisions=4))
-EYE = PhantomEye("eye-x", 600e-6, 0.25e6, 266.0, 0.5e-3, 0.6, direction_rad=0.2)
+EYE = PhantomEye(
+    id="eye-x",
+    thickness_m=600e-6,
+    youngs_modulus_pa=0.25e6,
+    iop_pa=266.0,
+    gap_m=0.5e-3,
+    polar_rad=0.6,
+    direction_rad=0.2,
+)
 FORCES_N = (0.02, 0.002, 0.045)
 
 

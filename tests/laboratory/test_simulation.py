@@ -17,7 +17,7 @@ from scleraforce.report.mesh_figure import draw_deformed_mesh, draw_simulation
 from scleraforce.study import MeshStudy, Study
 
 THICKNESS = 0.8e-3
-CONTACT = Contact(radians(35.0), 0.3)
+CONTACT = Contact(polar_rad=radians(35.0), azimuth_rad=0.3)
 
 
 @pytest.fixture(scope="module", params=[1, 2])

@@ -30,9 +30,18 @@ STUDY = Study(
     oct=OctStudy(columns=128, rows=96),
     mesh=MeshStudy(kind="graded", core=4, rings=6),
     mechanics=MechanicsStudy("finite-strain"),
-    form=FormStudy(semi_axes=(1.04, 1.0, 0.96), wave=(WaveStudy(0.1, 2),)),
+    form=FormStudy(semi_axes=(1.04, 1.0, 0.96), wave=(WaveStudy(amplitude_fraction=0.1, degree=2),)),
 )
-EYE = PhantomEye("eye-x", 800e-6, 0.3e6, 266.0, 0.5e-3, 0.6, 0.3, direction_rad=0.2)
+EYE = PhantomEye(
+    id="eye-x",
+    thickness_m=800e-6,
+    youngs_modulus_pa=0.3e6,
+    iop_pa=266.0,
+    gap_m=0.5e-3,
+    polar_rad=0.6,
+    azimuth_rad=0.3,
+    direction_rad=0.2,
+)
 FORCES_N = (0.012, 0.0, 0.004)
 
 

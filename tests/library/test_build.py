@@ -189,7 +189,7 @@ def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path):
 def test_the_real_library_is_the_same_on_any_number_of_workers(tmp_path):
     study = Study(
         library=LibraryStudy(
-            thickness_m=Range(0.5e-3, 0.8e-3), thicknesses=4, iop_ratios=4, tips=4, max_tip_m=1e-3, elements=16
+            thickness_m=Range(min=0.5e-3, max=0.8e-3), thicknesses=4, iop_ratios=4, tips=4, max_tip_m=1e-3, elements=16
         )
     )
     for workers in (1, 2):

@@ -95,7 +95,7 @@ def test_a_worker_killed_half_way_changes_no_byte(cluster, tmp_path):
 @pytest.mark.slow
 def test_real_paths_are_the_same_on_a_cluster_and_on_processes(cluster, tmp_path):
     cluster.worker()
-    grid = LibraryStudy(thickness_m=Range(0.5e-3, 0.8e-3), thicknesses=4, iop_ratios=4, tips=5, max_tip_m=2e-3)
+    grid = LibraryStudy(thickness_m=Range(min=0.5e-3, max=0.8e-3), thicknesses=4, iop_ratios=4, tips=5, max_tip_m=2e-3)
     build_library(Study(library=grid), tmp_path / "cluster", scheduler=cluster.address)
     build_library(Study(library=grid), tmp_path / "here", workers=2)
     assert contents(tmp_path / "cluster") == contents(tmp_path / "here")

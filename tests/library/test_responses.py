@@ -7,6 +7,7 @@ import pytest
 from analytic_library import analytic_library, curves, draw_walls, force_ratio
 
 from scleraforce.errors import InputError
+from scleraforce.library.splines import CubicSpline
 
 
 @pytest.fixture(scope="module")
@@ -129,3 +130,22 @@ def test_a_library_that_does_not_fit_together_is_refused(library):
     broken[2, 2, 2] = np.inf
     with pytest.raises(InputError, match="not finite"):
         replace(library, force_ratio_tpd=broken)
+
+
+def test_a_library_for_another_contact_shares_what_the_curves_cost(library, monkeypatch):
+    walls = np.array([0.6e-3]), np.array([1e-3]), np.array([1e-3])
+    expected = library.shapes(*walls)
+    axes = []
+    coefficients = CubicSpline.coefficients
+    monkeypatch.setattr(
+        CubicSpline,
+        "coefficients",
+        lambda spline, values, axis=0: axes.append(values.ndim) or coefficients(spline, values, axis),
+    )
+    beside = library.for_contact(0.4)
+    assert (beside.shapes(*walls) == expected).all()
+    assert beside.forces(*walls) > library.forces(*walls)
+    assert axes
+    assert max(axes) < library.curves_tpdbnc.ndim
+    nearer = library.within(2e-3)
+    assert nearer.shapes(*walls).shape[2] < expected.shape[2]

@@ -17,7 +17,9 @@ PLANES = [(0.5e-3, 0.0, 0.0), (0.0, 0.0, 1.0), (0.8e-3, 0.12, 0.4), (0.4e-3, -0.
 
 def naive_points(curve_nc, gap_m, tilt_rad, direction_rad):
     """(lateral, depth) of each ring, where turning its point about the needle axis brings it into the plane."""
-    plane = ScanPlane(Contact(0.6, 0.3), gap_m, direction_rad, tilt_rad)
+    plane = ScanPlane(
+        Contact(polar_rad=0.6, azimuth_rad=0.3), gap_m=gap_m, direction_rad=direction_rad, tilt_rad=tilt_rad
+    )
     normal, origin = plane.contact.normal, plane.origin(RADIUS_M)
     found = []
     for distance, deep in curve_nc:
@@ -56,14 +58,16 @@ def test_rings_are_cut_where_turning_them_about_the_axis_meets_the_plane(plane, 
 def test_the_section_is_that_of_the_general_cut_of_a_mesh(plane):
     """The wall of the analytic eye as nodal displacements of a 3-D mesh: within what its elements can follow."""
     gap_m, tilt_rad, direction_rad = plane
-    thickness_m, tip_m, contact = 0.5e-3, 1.5e-3, Contact(0.3, 0.7)
+    thickness_m, tip_m, contact = 0.5e-3, 1.5e-3, Contact(polar_rad=0.3, azimuth_rad=0.7)
     mesh = build_mesh(RADIUS_M, thickness_m, 40, 1, 2)
     deep = RADIUS_M - mesh.points_nc @ contact.normal
     across = mesh.points_nc - (mesh.points_nc @ contact.normal)[:, None] * contact.normal
     arc = RADIUS_M * np.arctan2(np.linalg.norm(across, axis=1), RADIUS_M - deep)
     inward = tip_m * np.exp(-0.5 * (arc / 2.6e-3) ** 2)
     displacement = -inward[:, None] * contact.normal - 0.1 * np.exp(-0.5 * (arc / 3e-3) ** 2)[:, None] * across
-    expected = cut_section(mesh, ScanPlane(contact, gap_m, direction_rad, tilt_rad), displacement)
+    expected = cut_section(
+        mesh, ScanPlane(contact, gap_m=gap_m, direction_rad=direction_rad, tilt_rad=tilt_rad), displacement
+    )
 
     angle = np.linspace(0.0, 1.1, 400)
     radius = np.array([[RADIUS_M], [RADIUS_M - thickness_m]])

@@ -11,7 +11,7 @@ from scleraforce.section.slices import fill_section
 from scleraforce.study import SliceStudy
 
 STUDY = SliceStudy()
-WINDOW = SliceWindow(-7e-3, 0.0, 140, 40, 1e-4)
+WINDOW = SliceWindow(left_m=-7e-3, top_m=0.0, columns=140, rows=40, pixel_m=1e-4)
 COUNT = 60
 
 

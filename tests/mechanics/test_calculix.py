@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (c
 
 R, T, E, NU = 12e-3, 0.8e-3, 0.25e6, 0.45
 IOP_PA, DENSITY_KG_M3, FORCE_N, NEEDLE = 266.0, 1100.0, 0.03, 0.35e-3
-CONTACT = Contact(np.radians(35.0), 0.4)
+CONTACT = Contact(polar_rad=np.radians(35.0), azimuth_rad=0.4)
 # CalculiX prints few digits (hence lengths in mm, forces in N, stresses in MPa, mass in t) and reads 20 characters.
 MM_PER_M = 1e3
 

@@ -21,7 +21,7 @@ from scleraforce.mechanics.supports import symmetric_base
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
 R, T, NU, E, IOP = 12e-3, 0.8e-3, 0.45, 0.3e6, 266.0
-CONTACT = Contact(np.radians(35.0))
+CONTACT = Contact(polar_rad=np.radians(35.0))
 LOADS = {"youngs_modulus_pa": E, "iop_pa": IOP, "density_kg_m3": 1100.0}
 # A needle wide enough for a mesh of 6 quads.
 WIDE = 1.5e-3
@@ -92,7 +92,7 @@ def test_reference_problem_r2_on_its_own_mesh_and_loads(
 
     One of the four paths goes to the end: each is a minute to 60 mN.
     """
-    mesh, contact = build_mesh(R, thickness_m, divisions=20, level=0), Contact(np.radians(polar_deg))
+    mesh, contact = build_mesh(R, thickness_m, divisions=20, level=0), Contact(polar_rad=np.radians(polar_deg))
     expected_mm = np.array(R2_TIPS_MM[thickness_m, modulus_pa, polar_deg][:loads])
     forces_n = R2_FORCES_N[: len(expected_mm)]
     path = reference_path(mesh, modulus_pa, contact, forces_n[-1])

@@ -13,7 +13,7 @@ from scleraforce.mechanics.supports import symmetric_base
 
 R, NU, E = 12e-3, 0.45, 0.25e6
 NEEDLE = 0.35e-3
-CONTACT = Contact(np.radians(35.0))
+CONTACT = Contact(polar_rad=np.radians(35.0))
 
 
 @cache
@@ -71,7 +71,7 @@ def observed_order(divisions: list[int], **kind: object) -> float:
 
     A smooth problem: two opposite pushes on the poles of a whole sphere. (The edge of a clamped base is singular.)
     """
-    pole, energies = Contact(0.0), []
+    pole, energies = Contact(polar_rad=0.0), []
     for n in divisions:
         mesh = build_mesh(R, 2e-3, divisions=n, level=0, **kind)
         wall, load = LinearWall(mesh, NU, symmetric_base(mesh)), gaussian_load(mesh, pole, spread_m=3e-3)
@@ -156,7 +156,7 @@ def test_the_base_is_clamped() -> None:
 
 def test_one_factor_serves_every_force_modulus_and_contact() -> None:
     wall = default_wall(0.5e-3)
-    contacts = [CONTACT, Contact(0.6, 1.0), Contact(0.5, -2.0)]
+    contacts = [CONTACT, Contact(polar_rad=0.6, azimuth_rad=1.0), Contact(polar_rad=0.5, azimuth_rad=-2.0)]
     needles = wall.needle_cnc(contacts, NEEDLE)
     again = wall.needle_cnc(contacts[1:2], NEEDLE)[0]
     np.testing.assert_allclose(needles[1], again, atol=1e-10 * np.abs(again).max())
@@ -180,7 +180,7 @@ def test_superposition_is_the_solution_for_the_sum_of_the_loads() -> None:
 
 def test_many_loads_are_solved_in_parts_as_one_by_one() -> None:
     wall = LinearWall(build_mesh(R, 1e-3, divisions=4), NU)
-    contacts = [Contact(0.5, azimuth) for azimuth in np.linspace(0, 3, 70)]
+    contacts = [Contact(polar_rad=0.5, azimuth_rad=azimuth) for azimuth in np.linspace(0, 3, 70)]
     together = wall.needle_cnc(contacts, NEEDLE)
     for k in (0, 31, 32, 69):
         alone = wall.solve_one(needle_loads(wall.mesh, [contacts[k]], NEEDLE)[0])
@@ -208,4 +208,4 @@ def test_a_wall_that_may_move_as_a_rigid_body_is_refused() -> None:
 
 def test_a_needle_over_the_base_is_an_input_error() -> None:
     with pytest.raises(InputError, match="over the base"):
-        LinearWall(build_mesh(R, 1e-3, divisions=4), NU).needle_cnc([Contact(1.56)], NEEDLE)
+        LinearWall(build_mesh(R, 1e-3, divisions=4), NU).needle_cnc([Contact(polar_rad=1.56)], NEEDLE)

@@ -9,7 +9,12 @@ from scleraforce.mechanics.quadrature import volume_points
 
 R, T, NEEDLE = 12e-3, 0.5e-3, 0.35e-3
 KINDS = {"8 nodes": {"order": 1}, "20 nodes": {"order": 2, "serendipity": True}, "27 nodes": {"order": 2}}
-CONTACTS = [Contact(0.0), Contact(np.radians(35.0), 0.3), Contact(np.radians(54.7), np.pi / 4), Contact(1.4, -2.0)]
+CONTACTS = [
+    Contact(polar_rad=0.0),
+    Contact(polar_rad=np.radians(35.0), azimuth_rad=0.3),
+    Contact(polar_rad=np.radians(54.7), azimuth_rad=np.pi / 4),
+    Contact(polar_rad=1.4, azimuth_rad=-2.0),
+]
 
 
 @pytest.fixture(scope="module", params=KINDS)
@@ -82,7 +87,7 @@ def test_contacts_do_not_depend_on_each_other() -> None:
 @pytest.mark.parametrize("polar_deg", [89.0, 90.0, 120.0])
 def test_a_needle_that_reaches_over_the_base_is_an_input_error(polar_deg: float) -> None:
     with pytest.raises(InputError, match=r"polar angle.*over the base"):
-        needle_loads(build_mesh(R, T), [Contact(0.5), Contact(np.radians(polar_deg))], NEEDLE)
+        needle_loads(build_mesh(R, T), [Contact(polar_rad=0.5), Contact(polar_rad=np.radians(polar_deg))], NEEDLE)
 
 
 def test_a_weighted_load_is_normalised_and_follows_its_weight(mesh: HexMesh) -> None:

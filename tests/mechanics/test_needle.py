@@ -11,7 +11,7 @@ from scleraforce.mechanics.loads import needle_loads
 from scleraforce.mechanics.needle import needle_at, tip_at
 
 R, RADIUS = 12e-3, 0.35e-3
-CONTACT = Contact(np.radians(35.0), 0.4)
+CONTACT = Contact(polar_rad=np.radians(35.0), azimuth_rad=0.4)
 
 
 def tilted(angle_rad: float) -> np.ndarray:
@@ -61,11 +61,11 @@ def test_the_tip_is_the_displacement_at_the_contact_along_the_axis() -> None:
 @pytest.mark.parametrize("axis", [np.array([0.0, 0.0, -2.0]), np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])])
 def test_an_axis_that_does_not_point_into_the_eye_is_an_input_error(axis: np.ndarray) -> None:
     with pytest.raises(InputError, match="unit vector"):
-        needle_at(build_mesh(R, 1e-3, divisions=4), Contact(0.0), RADIUS, axis)
+        needle_at(build_mesh(R, 1e-3, divisions=4), Contact(polar_rad=0.0), RADIUS, axis)
 
 
 def test_a_needle_over_the_base_is_an_input_error_and_fine_on_a_whole_globe() -> None:
     with pytest.raises(InputError, match="over the base"):
-        needle_at(build_mesh(R, 1e-3, divisions=4), Contact(1.56), RADIUS)
-    globe = graded_globe(R, 1e-3, Contact(1.0), rings=4)
-    assert needle_at(globe, Contact(1.56), RADIUS).load_nc.sum() != 0.0
+        needle_at(build_mesh(R, 1e-3, divisions=4), Contact(polar_rad=1.56), RADIUS)
+    globe = graded_globe(R, 1e-3, Contact(polar_rad=1.0), rings=4)
+    assert needle_at(globe, Contact(polar_rad=1.56), RADIUS).load_nc.sum() != 0.0

@@ -26,7 +26,7 @@ IOP_RATIO = 266.0 / 0.38e6
 
 @pytest.mark.parametrize("polar_deg", [10.0, 35.0, 50.0])
 def test_base_lies_where_the_direction_meets_its_plane(polar_deg: float) -> None:
-    contact = Contact(np.radians(polar_deg))
+    contact = Contact(polar_rad=np.radians(polar_deg))
     azimuths = np.linspace(0.0, 2.0 * np.pi, 9)
     angles = base_angle(contact.polar_rad, azimuths)
     sideways = np.outer(np.cos(azimuths), contact.meridian) + np.outer(np.sin(azimuths), contact.parallel)
@@ -44,7 +44,7 @@ def test_on_the_pole_nothing_changes() -> None:
 
 
 def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
-    contact = Contact(np.radians(45.0))
+    contact = Contact(polar_rad=np.radians(45.0))
     iop_ratio, force_ratio = IOP_RATIO, 2e-9
     wall = LinearWall(graded_mesh(RADIUS, 0.8e-3, contact), NU)
     displacement_nc = iop_ratio * wall.pressure_nc + force_ratio * wall.needle_cnc([contact], NEEDLE)[0]
@@ -53,7 +53,7 @@ def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
     share = force_ratio / path.force_ratio_m2[-1]
     curves = path.curves_sbnc[0] + share * (path.curves_sbnc[-1] - path.curves_sbnc[0])
     for direction_rad in (0.0, 1.0, 2.5):
-        section = cut_section(wall.mesh, ScanPlane(contact, GAP, direction_rad), displacement_nc)
+        section = cut_section(wall.mesh, ScanPlane(contact, gap_m=GAP, direction_rad=direction_rad), displacement_nc)
         for side in (-1.0, 1.0):
             lateral_bn = side * np.sqrt(np.maximum(curves[..., 0] ** 2 - GAP**2, 0.0))
             lateral, depth = np.moveaxis(
@@ -66,7 +66,7 @@ def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
 
 def test_beside_the_needle_the_shift_is_the_motion_along_the_meridian() -> None:
     """A wall of revolution does not move that way there, so that the 3-D displacement is all of it."""
-    contact = Contact(np.radians(45.0))
+    contact = Contact(polar_rad=np.radians(45.0))
     wall = LinearWall(graded_mesh(RADIUS, 0.8e-3, contact), NU)
     shift = base_shift(*EYE, polar_rad=contact.polar_rad)
     angles = np.radians([5.0, 15.0, 25.0])
@@ -83,7 +83,7 @@ def test_beside_the_needle_the_shift_is_the_motion_along_the_meridian() -> None:
 
 @pytest.mark.slow
 def test_a_needle_near_the_base_meets_the_force_of_three_dimensions() -> None:
-    contact = Contact(np.radians(50.0))
+    contact = Contact(polar_rad=np.radians(50.0))
     mesh = graded_mesh(RADIUS, 0.8e-3, contact)
     tip_m, modulus_pa = 2.5e-3, 0.38e6
     solid = FiniteWall(mesh, NU).load_path(

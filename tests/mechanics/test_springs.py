@@ -16,7 +16,7 @@ from scleraforce.mechanics.springs import INSERTIONS, Springs, elastic_bed, rect
 from scleraforce.study import SupportsStudy
 
 R, T, NU, E = 12e-3, 0.8e-3, 0.45, 0.3e6
-CONTACT = Contact(np.radians(35.0))
+CONTACT = Contact(polar_rad=np.radians(35.0))
 NORMAL, SHEAR = 1.4e6, 0.04e6
 
 
@@ -63,7 +63,10 @@ def test_four_straps_hold_along_their_meridians() -> None:
     for insertion in INSERTIONS.values():
         half = 0.5 * insertion.width_rad / np.sin(insertion.polar_rad)
         azimuths = 0.3 + insertion.azimuth_rad + np.linspace(-half, half, 2001)
-        along = np.array([Contact(insertion.polar_rad, azimuth).meridian for azimuth in azimuths]) @ motion
+        along = (
+            np.array([Contact(polar_rad=insertion.polar_rad, azimuth_rad=azimuth).meridian for azimuth in azimuths])
+            @ motion
+        )
         expected += 20.0 * np.mean(along**2)
     assert energy(straps, moved(mesh, motion)) == pytest.approx(expected, rel=1e-3)
     assert energy(straps, np.cross([0.0, 0.0, 1.0], mesh.points_nc)) < 1e-6 * R**2  # a turn about z slides across
@@ -149,7 +152,16 @@ def test_a_studys_springs_are_those_of_its_kind() -> None:
     bed, straps = elastic_bed(mesh, 2e6, 0.1e6).forces(u), rectus_straps(mesh, 30.0, 0.5).forces(u)
     expected = {"bed": bed, "straps": straps, "bed-and-straps": bed + straps}
     for kind, forces_nc in expected.items():
-        springs = study_springs(SupportsStudy(kind, 2e6, 0.1e6, 30.0, 0.5), mesh)
+        springs = study_springs(
+            SupportsStudy(
+                kind=kind,
+                bed_stiffness_pa_per_m=2e6,
+                bed_shear_stiffness_pa_per_m=0.1e6,
+                strap_stiffness_n_per_m=30.0,
+                medial_azimuth_rad=0.5,
+            ),
+            mesh,
+        )
         assert springs is not None
         np.testing.assert_allclose(springs.forces(u), forces_nc, atol=1e-12 * np.abs(forces_nc).max())
     assert study_springs(SupportsStudy(), mesh) is None

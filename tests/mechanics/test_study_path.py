@@ -23,7 +23,7 @@ from scleraforce.study import (
 
 COARSE = Study(mesh=MeshStudy(kind="graded", core=4, rings=6))
 WEIGHTLESS = replace(COARSE, eye=EyeStudy(density_kg_m3=0.0))
-CONTACT = Contact(radians(35), 0.4)
+CONTACT = Contact(polar_rad=radians(35), azimuth_rad=0.4)
 FORCE_N = 0.012
 
 
@@ -37,7 +37,7 @@ def with_form(form: FormStudy, study: Study = WEIGHTLESS) -> Study:
 
 
 def test_small_forces_on_an_odd_eye_bend_it_as_linear_mechanics_does() -> None:
-    form = FormStudy((1.06, 1.0, 0.95), (WaveStudy(0.1, 2, 0.5),))
+    form = FormStudy((1.06, 1.0, 0.95), (WaveStudy(amplitude_fraction=0.1, degree=2, polar_rad=0.5),))
     eye = bent(with_form(form), iop_pa=0.0, max_force_n=1e-4)
     wall = LinearWall(eye.mesh, 0.45)
     needle_nc = wall.needle_cnc([CONTACT], 0.35e-3)[0]
@@ -53,7 +53,9 @@ def test_a_path_may_end_at_a_dent_and_is_the_same_up_to_there() -> None:
 
 
 def test_a_region_that_covers_the_eye_is_another_modulus() -> None:
-    everywhere = with_form(FormStudy(region=(RegionStudy(2.0, half_angle_rad=pi, edge_rad=radians(0.1)),)))
+    everywhere = with_form(
+        FormStudy(region=(RegionStudy(modulus_ratio=2.0, half_angle_rad=pi, edge_rad=radians(0.1)),))
+    )
     np.testing.assert_allclose(
         bent(everywhere, youngs_modulus_pa=0.2e6).path.displacement_nc(FORCE_N),
         bent(WEIGHTLESS, youngs_modulus_pa=0.4e6).path.displacement_nc(FORCE_N),
@@ -62,7 +64,7 @@ def test_a_region_that_covers_the_eye_is_another_modulus() -> None:
 
 
 def test_a_stiff_cap_under_the_needle_resists_and_a_far_one_hardly_matters() -> None:
-    cap = RegionStudy(1.4)
+    cap = RegionStudy(modulus_ratio=1.4)
     plain, near, far = (
         bent(study).path.tip_m(FORCE_N)
         for study in (
@@ -76,8 +78,10 @@ def test_a_stiff_cap_under_the_needle_resists_and_a_far_one_hardly_matters() -> 
 
 
 def test_an_eye_turned_with_its_needle_bends_alike() -> None:
-    one = bent(with_form(FormStudy(semi_axes=(1.06, 1.0, 0.95))), Contact(CONTACT.polar_rad, 0.0))
-    other = bent(with_form(FormStudy(semi_axes=(1.0, 1.06, 0.95))), Contact(CONTACT.polar_rad, pi / 2))
+    one = bent(with_form(FormStudy(semi_axes=(1.06, 1.0, 0.95))), Contact(polar_rad=CONTACT.polar_rad, azimuth_rad=0.0))
+    other = bent(
+        with_form(FormStudy(semi_axes=(1.0, 1.06, 0.95))), Contact(polar_rad=CONTACT.polar_rad, azimuth_rad=pi / 2)
+    )
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     np.testing.assert_allclose(other.mesh.points_nc, one.mesh.points_nc @ quarter.T, atol=1e-15)
     moved = one.path.displacement_nc(FORCE_N) @ quarter.T
@@ -87,14 +91,24 @@ def test_an_eye_turned_with_its_needle_bends_alike() -> None:
 @pytest.mark.slow
 def test_a_thick_spot_under_the_needle_bends_like_a_thick_wall() -> None:
     """A wave of degree 1 along the needle axis makes the wall 10 % thicker there: about (1.1)^2 as stiff."""
-    uneven = with_form(FormStudy(wave=(WaveStudy(0.1, 1, CONTACT.polar_rad, CONTACT.azimuth_rad),)))
+    uneven = with_form(
+        FormStudy(
+            wave=(
+                WaveStudy(
+                    amplitude_fraction=0.1, degree=1, polar_rad=CONTACT.polar_rad, azimuth_rad=CONTACT.azimuth_rad
+                ),
+            )
+        )
+    )
     even, thick = bent(WEIGHTLESS).path.tip_m(FORCE_N), bent(WEIGHTLESS, thickness_m=0.88e-3).path.tip_m(FORCE_N)
     assert bent(uneven).path.tip_m(FORCE_N) == pytest.approx(thick, rel=0.02)
     assert thick < 0.9 * even
 
 
 def test_a_leaning_needle_drags_the_wall_to_its_side_and_its_mirror_image_to_the_other() -> None:
-    contact = Contact(CONTACT.polar_rad, 0.0)  # in the plane y = 0, in which the mesh is its own mirror image
+    contact = Contact(
+        polar_rad=CONTACT.polar_rad, azimuth_rad=0.0
+    )  # in the plane y = 0, in which the mesh is its own mirror image
     left, right = (
         bent(
             replace(WEIGHTLESS, needle=NeedleStudy(tilt_rad=radians(10), tilt_direction_rad=radians(direction))),

@@ -41,9 +41,18 @@ def frame(number: int, force_n: float = 0.01, at_s: float | None = None, half_n:
     """A sound reading; at 100 Hz where no time is given."""
     shares = (1.0, 0.0, 0.0) if force_n < 5e-3 else (0.0, 1.0, 0.0)
     return FrameRead(
-        0.01 * number if at_s is None else at_s, number, 0 if force_n < 5e-3 else 1, shares, True, None, force_n,
-        (force_n - half_n, force_n + half_n), 0, (512, 512), (1e-5, 5e-6),
-    )  # fmt: skip
+        at_s=0.01 * number if at_s is None else at_s,
+        frame_id=number,
+        predicted=0 if force_n < 5e-3 else 1,
+        probabilities=shares,
+        usable=True,
+        reason=None,
+        force_n=force_n,
+        interval_n=(force_n - half_n, force_n + half_n),
+        shown_back=0,
+        size=(512, 512),
+        scale_m=(1e-5, 5e-6),
+    )
 
 
 def unusable(number: int) -> FrameRead:
@@ -56,9 +65,15 @@ def opinion(number: int, force_n: float = 0.01, at_s: float | None = None) -> Se
     """A sound opinion on a frame, 5 ms after it where no time is given."""
     seen = frame(number, force_n)
     return SecondOpinion(
-        seen.at_s + 0.005 if at_s is None else at_s, number, True, None, seen.predicted, seen.probabilities,
-        seen.force_n, seen.interval_n,
-    )  # fmt: skip
+        at_s=seen.at_s + 0.005 if at_s is None else at_s,
+        frame_id=number,
+        usable=True,
+        reason=None,
+        predicted=seen.predicted,
+        probabilities=seen.probabilities,
+        force_n=seen.force_n,
+        interval_n=seen.interval_n,
+    )
 
 
 def no_opinion(number: int) -> SecondOpinion:

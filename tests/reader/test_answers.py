@@ -73,7 +73,7 @@ def test_the_default_method_answers_and_the_other_one_checks_it() -> None:
         assert len(found.warnings) == 1
         assert "more apart than their intervals allow" in found.warnings[0]
         assert found.usable
-    agreeing = Reading((0.0, 1.0, 0.0), 0.0152, (0.014, 0.0165), 0.0)
+    agreeing = Reading(probabilities=(0.0, 1.0, 0.0), force_n=0.0152, interval_n=(0.014, 0.0165), contact_m=0.0)
     assert answer(frame, model=force_reader(agreeing)).warnings == ()
 
 
@@ -118,7 +118,7 @@ def test_the_network_is_shown_shifted_slices_and_what_is_known() -> None:
 @pytest.mark.parametrize(
     "changed",
     [
-        {"modulus": Modulus(0.9e6, 1e3, "own")},
+        {"modulus": Modulus(mean_pa=0.9e6, sd_pa=1e3, source="own")},
         {"iop_pa": 3000.0},
         {"thickness_m": 1.1e-3},
         {"gap_m": 0.1e-3},
@@ -173,7 +173,7 @@ def test_a_shell_of_another_radius_is_never_read_as_harmless(radius_m: float) ->
 @pytest.mark.parametrize("stated_m", [0.85e-3, 0.4e-3 - 60e-6])
 def test_a_wall_that_is_not_as_thick_as_stated_is_withdrawn_from(stated_m: float) -> None:
     model = force_reader()
-    model.study = replace(STUDY, reader=replace(STUDY.reader, thickness_m=Range(0.3e-3, 0.9e-3)))
+    model.study = replace(STUDY, reader=replace(STUDY.reader, thickness_m=Range(min=0.3e-3, max=0.9e-3)))
     found = answer(image(wall_section(tip_of(0.01))), replace(KNOWN, thickness_m=stated_m), model)
     assert (found.usable, found.predicted) == (False, 2)
     assert "thick" in found.reason or "not the wall of an eye" in found.reason
@@ -181,7 +181,7 @@ def test_a_wall_that_is_not_as_thick_as_stated_is_withdrawn_from(stated_m: float
 
 def test_a_frame_that_shows_a_few_millimetres_of_wall_is_withdrawn_from() -> None:
     section = wall_section(tip_of(0.01))
-    close = PixelScale(5e-3 / 512, SCALE.depth_m)
+    close = PixelScale(lateral_m=5e-3 / 512, depth_m=SCALE.depth_m)
     frame = image(section, scanner=replace(STUDY.oct, width_m=5e-3))
     found = force_reader().read(frame, close, KNOWN)
     assert (found.usable, found.predicted) == (False, 2)
@@ -217,12 +217,13 @@ def grey(path: Path) -> np.ndarray:
 def true_scale(path: Path) -> PixelScale:
     """Of a TIFF what its tag says; of a JPEG the 5 um of the folder's README."""
     if path.suffix != ".tif":
-        return PixelScale(5e-6, 5e-6)
+        return PixelScale(lateral_m=5e-6, depth_m=5e-6)
     with TiffFile(path) as file:
         axes = json.loads(file.pages[0].tags["Software"].value)["metadata"]
     steps_mm = [np.ptp(axes[name]["values"]) / (len(axes[name]["values"]) - 1) for name in ("x", "z")]
     assert {axes[name]["units"] for name in ("x", "z")} == {"mm"}
-    return PixelScale(*(1e-3 * step for step in steps_mm))
+    lateral_m, depth_m = (1e-3 * step for step in steps_mm)
+    return PixelScale(lateral_m=lateral_m, depth_m=depth_m)
 
 
 @pytest.mark.real
@@ -248,7 +249,7 @@ def test_a_real_scan_taken_for_one_as_wide_as_the_product_s_is_no_wall_of_an_eye
 ) -> None:
     pixels = grey(path)
     pixel_m = STUDY.oct.width_m / pixels.shape[1]  # wide enough, so that the other rules have to refuse it
-    found = force_reader().read(pixels, PixelScale(pixel_m, pixel_m), known or Known())
+    found = force_reader().read(pixels, PixelScale(lateral_m=pixel_m, depth_m=pixel_m), known or Known())
     assert (found.usable, found.predicted, found.force_n) == (False, 2, None)
     assert found.reason.startswith(reason_of(path.name, known))
 
@@ -274,7 +275,9 @@ def test_a_dent_that_leaves_the_window_is_read_where_its_flanks_tell_enough() ->
     wall = (np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA]), np.array([tip_m]))
     force_n = float(LIBRARY.forces(*wall)[0]) * MODULUS_PA / softness
     modulus_pa = MODULUS_PA / softness
-    soft = replace(KNOWN, modulus=Modulus(modulus_pa, 0.01 * modulus_pa, "own"), iop_pa=IOP_PA / softness)
+    soft = replace(
+        KNOWN, modulus=Modulus(mean_pa=modulus_pa, sd_pa=0.01 * modulus_pa, source="own"), iop_pa=IOP_PA / softness
+    )
     read = answer(frame, soft)
     assert read.usable
     assert read.interval_n[1] - read.interval_n[0] < 6e-3

@@ -12,7 +12,8 @@ import pytest
 from calibration_file import calibration_text
 
 from scleraforce.cli.main import run
-from scleraforce.errors import CalibrationError, RecordingError
+from scleraforce.errors import RecordingError
+from scleraforce.known.calibration_file import read_calibration
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.recording.files import frame_digest, read_frame
@@ -104,7 +105,7 @@ def test_an_answer_is_the_networks_for_the_slice_of_the_segmented_frame(places) 
     frames = evaluate_recordings(reader, [places["a"]]).frames
     frame = frames[2]
     pixels = cv2.imread(str(places["a"] / "frames" / "2.png"), cv2.IMREAD_UNCHANGED)
-    scale = PixelScale(15e-3 / COLUMNS, 4e-3 / ROWS)
+    scale = PixelScale(lateral_m=15e-3 / COLUMNS, depth_m=4e-3 / ROWS)
     cut = boundary_slice(find_wall(pixels, scale), scale, reader.study.slice)
     assert 0.02 < (cut > 0).mean() < 0.3
     np.testing.assert_allclose(frame.probabilities, reader.probabilities(cut[None])[0], atol=1e-12)
@@ -121,7 +122,7 @@ def test_a_frame_that_shows_nothing_counts_as_class_2_and_was_never_shown_to_the
 
 
 def test_a_dent_that_leaves_the_window_is_withdrawn_from_instead_of_read(places) -> None:
-    reader, scale = load_model(places["model"]), PixelScale(15e-3 / COLUMNS, 4e-3 / ROWS)
+    reader, scale = load_model(places["model"]), PixelScale(lateral_m=15e-3 / COLUMNS, depth_m=4e-3 / ROWS)
     rng = np.random.default_rng(2)
     for dent_m, leaves in ((0.0, False), (1.5e-3, False), (3.2e-3, False), (4e-3, True), (6e-3, True)):
         answer = reader.read(draw_frame(dent_m, rng), scale)
@@ -137,7 +138,7 @@ def test_frames_that_calibrated_the_modulus_are_marked_and_not_scored(places, tm
     used = [{"file": name, "sha256": digest} for name, digest in digests.items()]
     file.write_text(calibration_text(eyes={"eye a": {"frames": used}}))
     reader = load_model(places["model"])
-    found = evaluate_recordings(reader, [places["a"]], file)
+    found = evaluate_recordings(reader, [places["a"]], read_calibration(file))
     assert [frame.calibration for frame in found.frames] == [False, True, True] + [False] * 3
     assert len(found.scored) == 2
 
@@ -153,7 +154,7 @@ def test_frames_that_calibrated_are_known_by_their_content_and_not_their_name(pl
     changed = read_frame(other / "frames" / "1.png")
     changed[0, 0] += 1
     cv2.imwrite(str(other / "frames" / "1.png"), changed)
-    found = evaluate_recordings(load_model(places["model"]), [copy, other], file)
+    found = evaluate_recordings(load_model(places["model"]), [copy, other], read_calibration(file))
     assert [(frame.recording, frame.file) for frame in found.frames if frame.calibration] == [
         (str(copy), "renamed.png")
     ]
@@ -181,10 +182,16 @@ def test_a_force_axis_across_the_needle_is_noted(places, tmp_path: Path) -> None
     ("content", "field"),
     [("{", "not JSON"), ("[]", "format"), (calibration_text(eyes={"x": {"frames": 3}}), "eyes.x.frames")],
 )
-def test_a_calibration_file_that_cannot_be_used_is_refused(places, tmp_path: Path, content: str, field: str) -> None:
-    (tmp_path / "calibration.json").write_text(content)
-    with pytest.raises(CalibrationError, match=field):
-        evaluate_recordings(load_model(places["model"]), [places["a"]], tmp_path / "calibration.json")
+def test_a_calibration_file_that_cannot_be_used_is_refused(
+    places, tmp_path: Path, content: str, field: str, capsys
+) -> None:
+    file = tmp_path / "calibration.json"
+    file.write_text(content)
+    assert run(["evaluate", str(places["model"]), str(places["a"]), "--calibration", str(file)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert str(file) in error
+    assert field in error
 
 
 def test_a_gap_that_the_model_was_not_trained_on_is_said_and_no_error(places) -> None:

@@ -14,6 +14,7 @@ from fixed_reader import write_fixed_reader
 
 from scleraforce.cli.main import run
 from scleraforce.errors import CalibrationError
+from scleraforce.known.calibration_file import read_calibration
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.recording.files import frame_digest, read_frame
@@ -85,7 +86,9 @@ def places(tmp_path_factory) -> dict[str, Path]:
 
 @pytest.fixture(scope="module")
 def both(places) -> Evaluation:
-    return evaluate_recordings(load_model(places["model"]), [places["mine"], places["other"]], places["calibration"])
+    return evaluate_recordings(
+        load_model(places["model"]), [places["mine"], places["other"]], read_calibration(places["calibration"])
+    )
 
 
 def test_an_eye_is_read_with_its_own_modulus_and_a_stranger_with_the_populations(both) -> None:
@@ -134,7 +137,7 @@ def test_forces_of_another_size_than_those_read_are_noted(places, tmp_path: Path
     log[:, 1:] /= 9.80665
     header = (path / "forces.csv").read_text().splitlines()[0]
     np.savetxt(path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments="")
-    found = evaluate_recordings(load_model(places["model"]), [path], places["calibration"])
+    found = evaluate_recordings(load_model(places["model"]), [path], read_calibration(places["calibration"]))
     assert "forces.csv has 0.098 times the force that the frames show" in " ".join(found.notes)
 
 
@@ -147,7 +150,7 @@ def test_without_a_calibration_the_modulus_is_unknown_and_the_interval_says_so(p
 
 def test_moduli_of_linear_walls_are_refused(places) -> None:
     with pytest.raises(CalibrationError, match="calibrate with --mechanics finite-strain"):
-        evaluate_recordings(load_model(places["model"]), [places["mine"]], places["linear"])
+        evaluate_recordings(load_model(places["model"]), [places["mine"]], read_calibration(places["linear"]))
 
 
 def test_an_eye_outside_the_training_is_noted_and_all_its_frames_are_withdrawn_from(places) -> None:

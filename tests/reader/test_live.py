@@ -18,7 +18,7 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import SliceStudy, Study
 
-WIDE = Reading((0.1, 0.5, 0.4), 0.025, (0.020, 0.0261), 0.0)
+WIDE = Reading(probabilities=(0.1, 0.5, 0.4), force_n=0.025, interval_n=(0.020, 0.0261), contact_m=0.0)
 
 
 def live(frame: np.ndarray, model: ForceReader | None = None, known: Known = KNOWN) -> LiveReading:
@@ -80,7 +80,11 @@ def test_a_contact_outside_the_training_is_withdrawn_from(frame: np.ndarray) -> 
 
 def test_a_few_millimetres_of_wall_are_withdrawn_from() -> None:
     narrow = image(wall_section(tip_of(0.01)), scanner=replace(STUDY.oct, width_m=5e-3))
-    answer = LiveReader(force_reader(), KNOWN, 1.0).read(narrow, PixelScale(5e-3 / 512, SCALE.depth_m)).answer
+    answer = (
+        LiveReader(force_reader(), KNOWN, 1.0)
+        .read(narrow, PixelScale(lateral_m=5e-3 / 512, depth_m=SCALE.depth_m))
+        .answer
+    )
     assert (answer.usable, answer.predicted) == (False, 2)
     assert "of the wall are seen" in answer.reason
 

@@ -15,7 +15,7 @@ from scleraforce.study import Study
 
 ROOT = Path(scleraforce.__file__).parent
 KINDS = {"Classifier", "ForceReader"}
-SCAN = OctInfo(512, 512, 12, 15e-3, 4e-3)
+SCAN = OctInfo(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3)
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def test_a_classifier_has_a_modulus_of_its_own_and_a_force_reader_takes_each_eye
 
 
 def test_only_what_a_model_was_trained_on_limits_it(model: Path) -> None:
-    stiff, thick = Known(Modulus.stated(5e6)), Known(thickness_m=3e-3)
+    stiff, thick = Known(modulus=Modulus.stated(5e6)), Known(thickness_m=3e-3)
     classifier = load_classifier(model)
     assert (classifier.refusal(stiff), classifier.refusal(thick)) == (None, None)
     assert force_reader().refusal(Known()) is None

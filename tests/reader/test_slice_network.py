@@ -41,7 +41,7 @@ def test_force_and_interval_scale_with_the_modulus_that_it_is_told(folder: Path)
     reader = load_model(folder)
     edges = ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
     for modulus_pa in (0.2e6, 0.5e6):
-        read = reader.read_slices(CUTS, Known(Modulus(modulus_pa, 5e3, "own")))
+        read = reader.read_slices(CUTS, Known(modulus=Modulus(mean_pa=modulus_pa, sd_pa=5e3, source="own")))
         # A quarter lies below edge 3, half in bin 3, a quarter above edge 4.
         assert read.force_n == pytest.approx(modulus_pa * (edges[3] + edges[4]) / 2, rel=1e-5)
         ends = edges[2] + 0.2 * (edges[3] - edges[2]), edges[5] - 0.2 * (edges[5] - edges[4])
@@ -64,7 +64,7 @@ def test_the_reading_of_several_slices_is_that_of_the_mean_of_their_histograms(
     reader = load_model(folder)
     edges = ratio_edges(len(SHARES), reader.study.reader.max_force_ratio)
     monkeypatch.setattr(reader._network, "_session", Session())
-    read = reader.read_slices(CUTS[:2], Known(Modulus(0.3e6, 5e3, "own"), 250.0))
+    read = reader.read_slices(CUTS[:2], Known(modulus=Modulus(mean_pa=0.3e6, sd_pa=5e3, source="own"), iop_pa=250.0))
     assert read.force_n == pytest.approx(0.3e6 * edges[2], rel=1e-5)  # half of the mean lies below
     assert read.contact_m == pytest.approx(0.25e-3)
     (inputs,) = fed
@@ -77,7 +77,7 @@ def test_an_unknown_modulus_is_the_middle_of_the_training(folder: Path) -> None:
     mean_pa, _ = unknown_modulus(reader.study.reader)
     assert (
         reader.read_slices(CUTS, Known()).force_n
-        == reader.read_slices(CUTS, Known(Modulus(mean_pa, 1e3, "own"))).force_n
+        == reader.read_slices(CUTS, Known(modulus=Modulus(mean_pa=mean_pa, sd_pa=1e3, source="own"))).force_n
     )
 
 
@@ -85,7 +85,7 @@ def test_what_is_not_known_is_told_as_not_known() -> None:
     told = told_of(Known(iop_pa=250.0, gap_m=0.5e-3))
     assert np.isnan([told.modulus_pa[0], told.modulus_sd_fraction[0], told.thickness_m[0]]).all()
     assert (told.iop_pa[0], told.gap_m[0]) == (250.0, 0.5e-3)
-    sure = told_of(Known(Modulus(0.25e6, 1.0, "own")))
+    sure = told_of(Known(modulus=Modulus(mean_pa=0.25e6, sd_pa=1.0, source="own")))
     assert sure.modulus_sd_fraction[0] == 0.01
 
 

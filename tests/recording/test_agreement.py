@@ -13,7 +13,12 @@ from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
 from scleraforce.study import ClassesStudy
 
 CLASSES = ClassesStudy()
-INFO = RecordingInfo(EyeInfo("eye"), OctInfo(32, 16, 12, 15e-3, 4e-3), NeedleInfo(22, 5e-4), ForceInfo("fz", -1))
+INFO = RecordingInfo(
+    EyeInfo("eye"),
+    OctInfo(columns=32, rows=16, bits=12, width_m=15e-3, depth_m=4e-3),
+    NeedleInfo(gauge=22, slice_gap_m=5e-4),
+    ForceInfo("fz", -1),
+)
 PUSHES_N = np.array([0.031, 0.008, 0.045, 0.002, 0.022, 0.051, 0.015, 0.038, 0.004, 0.027])
 FRAMES_S = 8.0 + 10.0 * np.arange(len(PUSHES_N))
 

@@ -18,7 +18,12 @@ from scleraforce.study import ClassesStudy, PhantomStudy, Study, fixed
 
 SHARED = Path(__file__).parents[3] / "shared" / "recordings"
 CLASSES = ClassesStudy()
-INFO = RecordingInfo(EyeInfo("eye"), OctInfo(32, 16, 12, 15e-3, 4e-3), NeedleInfo(22, 5e-4), ForceInfo("fz", -1))
+INFO = RecordingInfo(
+    EyeInfo("eye"),
+    OctInfo(columns=32, rows=16, bits=12, width_m=15e-3, depth_m=4e-3),
+    NeedleInfo(gauge=22, slice_gap_m=5e-4),
+    ForceInfo("fz", -1),
+)
 
 
 def log_of(fz_n, rate_hz=200.0, start_s=0.0):

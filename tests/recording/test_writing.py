@@ -10,7 +10,10 @@ from scleraforce.recording.tables import read_force_log
 from scleraforce.recording.writing import ForceWriter, RecordingWriter
 
 INFO = RecordingInfo(
-    EyeInfo("eye", 600e-6), OctInfo(20, 16, 16, 15e-3, 4e-3), NeedleInfo(22, 0.5e-3), ForceInfo("fz", -1, 0.2)
+    EyeInfo("eye", thickness_m=600e-6),
+    OctInfo(columns=20, rows=16, bits=16, width_m=15e-3, depth_m=4e-3),
+    NeedleInfo(gauge=22, slice_gap_m=0.5e-3),
+    ForceInfo("fz", -1, 0.2),
 )
 RNG = np.random.default_rng(0)
 FRAMES = RNG.integers(0, 2**16, (9, 16, 20)).astype(np.uint16)

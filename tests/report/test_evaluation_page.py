@@ -19,14 +19,78 @@ MADE_AT = datetime(2026, 3, 1, 0, 30, tzinfo=UTC)
 def answers() -> Evaluation:
     """Six frames of two eyes: one misread, one not usable, one over the largest force, one used for calibration."""
     frames = (
-        FrameAnswer("rec/a", "eye a", "0000.png", 0.002, 0, 0, (0.9, 0.1, 0.0), True),
-        FrameAnswer("rec/a", "eye a", "0001.png", 0.020, 1, 2, (0.0, 0.4, 0.6), True),
-        FrameAnswer("rec/a", "eye a", "0002.png", 0.040, 2, 2, None, False, "no wall found"),
-        FrameAnswer("rec/b", "eye <b>", "0000.png", 0.050, 2, 2, (0.0, 0.0, 1.0), True),
-        FrameAnswer("rec/b", "eye <b>", "0001.png", 0.080, 2, 2, (0.0, 0.0, 1.0), True, excluded="above 60 mN"),
-        FrameAnswer("rec/b", "eye <b>", "0002.png", 0.010, 1, 1, (0.0, 1.0, 0.0), True, calibration=True),
+        FrameAnswer(
+            recording="rec/a",
+            eye="eye a",
+            file="0000.png",
+            measured_force_n=0.002,
+            target=0,
+            predicted=0,
+            probabilities=(0.9, 0.1, 0.0),
+            usable=True,
+        ),
+        FrameAnswer(
+            recording="rec/a",
+            eye="eye a",
+            file="0001.png",
+            measured_force_n=0.020,
+            target=1,
+            predicted=2,
+            probabilities=(0.0, 0.4, 0.6),
+            usable=True,
+        ),
+        FrameAnswer(
+            recording="rec/a",
+            eye="eye a",
+            file="0002.png",
+            measured_force_n=0.040,
+            target=2,
+            predicted=2,
+            probabilities=None,
+            usable=False,
+            reason="no wall found",
+        ),
+        FrameAnswer(
+            recording="rec/b",
+            eye="eye <b>",
+            file="0000.png",
+            measured_force_n=0.050,
+            target=2,
+            predicted=2,
+            probabilities=(0.0, 0.0, 1.0),
+            usable=True,
+        ),
+        FrameAnswer(
+            recording="rec/b",
+            eye="eye <b>",
+            file="0001.png",
+            measured_force_n=0.080,
+            target=2,
+            predicted=2,
+            probabilities=(0.0, 0.0, 1.0),
+            usable=True,
+            excluded="above 60 mN",
+        ),
+        FrameAnswer(
+            recording="rec/b",
+            eye="eye <b>",
+            file="0002.png",
+            measured_force_n=0.010,
+            target=1,
+            predicted=1,
+            probabilities=(0.0, 1.0, 0.0),
+            usable=True,
+            calibration=True,
+        ),
     )
-    return Evaluation("out/model", (0.005, 0.03), 0.06, 0.25e6, frames, ("the gap is another",))
+    return Evaluation(
+        model="out/model",
+        bounds_n=(0.005, 0.03),
+        max_force_n=0.06,
+        youngs_modulus_pa=0.25e6,
+        frames=frames,
+        notes=("the gap is another",),
+    )
 
 
 class Page(HTMLParser):

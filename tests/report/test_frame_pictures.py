@@ -15,13 +15,22 @@ from scleraforce.report.frame_pictures import MOST_PICTURES, frame_pictures, sho
 
 def many(count: int, misread: tuple[int, ...] = ()) -> tuple[FrameAnswer, ...]:
     return tuple(
-        FrameAnswer("rec", "eye", f"{n:04d}.png", 0.02, 1, 2 if n in misread else 1, (0.0, 1.0, 0.0), True)
+        FrameAnswer(
+            recording="rec",
+            eye="eye",
+            file=f"{n:04d}.png",
+            measured_force_n=0.02,
+            target=1,
+            predicted=2 if n in misread else 1,
+            probabilities=(0.0, 1.0, 0.0),
+            usable=True,
+        )
         for n in range(count)
     )
 
 
 def evaluation(frames: tuple[FrameAnswer, ...]) -> Evaluation:
-    return Evaluation("model", (0.005, 0.03), 0.06, 0.25e6, frames)
+    return Evaluation(model="model", bounds_n=(0.005, 0.03), max_force_n=0.06, youngs_modulus_pa=0.25e6, frames=frames)
 
 
 def pictures(html: str) -> list[np.ndarray]:

@@ -46,7 +46,15 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
         answers[2], usable=False, predicted=2, predicted_force_n=None, interval_n=None, probabilities=None,
         reason="the dent leaves the window of the slice, and its flanks leave the force open by 23 mN",
     )  # fmt: skip
-    evaluation = Evaluation("out/reader", (0.005, 0.03), 0.06, 0.25e6, tuple(answers), ("a gap of 0.9 mm",), "reader")
+    evaluation = Evaluation(
+        model="out/reader",
+        bounds_n=(0.005, 0.03),
+        max_force_n=0.06,
+        youngs_modulus_pa=0.25e6,
+        frames=tuple(answers),
+        notes=("a gap of 0.9 mm",),
+        kind="reader",
+    )
     looks = tuple(replace(look, answer=answer) for look, answer in zip(looks, answers, strict=True))
     write_evaluation_html(evaluation, looks, folder / "page.html", datetime(2026, 3, 1, tzinfo=UTC))
     return folder / "page.html"

@@ -35,9 +35,36 @@ def test_a_long_log_is_thinned_and_not_cut() -> None:
 
 def test_a_trial_has_the_colour_of_what_was_read_and_a_misread_one_is_ringed() -> None:
     frames = [
-        FrameAnswer("r", "eye 1", "0.png", 0.010, 1, 1, (0.0, 1.0, 0.0), True),
-        FrameAnswer("r", "eye 1", "1.png", 0.020, 1, 2, (0.0, 0.3, 0.7), True),
-        FrameAnswer("r", "eye 2", "2.png", 0.050, 2, 2, None, False),
+        FrameAnswer(
+            recording="r",
+            eye="eye 1",
+            file="0.png",
+            measured_force_n=0.010,
+            target=1,
+            predicted=1,
+            probabilities=(0.0, 1.0, 0.0),
+            usable=True,
+        ),
+        FrameAnswer(
+            recording="r",
+            eye="eye 1",
+            file="1.png",
+            measured_force_n=0.020,
+            target=1,
+            predicted=2,
+            probabilities=(0.0, 0.3, 0.7),
+            usable=True,
+        ),
+        FrameAnswer(
+            recording="r",
+            eye="eye 2",
+            file="2.png",
+            measured_force_n=0.050,
+            target=2,
+            predicted=2,
+            probabilities=None,
+            usable=False,
+        ),
     ]
     axes = draw_trial_forces(frames, (0.005, 0.03), 0.06).axes[0]
     points = [line for line in axes.lines if line.get_marker() in ("o", "s", "^") and line.get_color() != "none"]
@@ -105,9 +132,38 @@ def test_an_embedded_figure_is_the_same_each_time(kind) -> None:
 def test_a_read_force_stands_over_the_measured_one_with_its_interval() -> None:
     read = {"predicted_force_n": 0.012, "interval_n": (0.009, 0.016)}
     frames = [
-        FrameAnswer("r", "e", "0.png", 0.010, 1, 1, (0.0, 1.0, 0.0), True, **read),
-        FrameAnswer("r", "e", "1.png", 0.040, 2, 1, (0.0, 0.6, 0.4), True, **read),
-        FrameAnswer("r", "e", "2.png", 0.050, 2, 2, None, False),
+        FrameAnswer(
+            recording="r",
+            eye="e",
+            file="0.png",
+            measured_force_n=0.010,
+            target=1,
+            predicted=1,
+            probabilities=(0.0, 1.0, 0.0),
+            usable=True,
+            **read,
+        ),
+        FrameAnswer(
+            recording="r",
+            eye="e",
+            file="1.png",
+            measured_force_n=0.040,
+            target=2,
+            predicted=1,
+            probabilities=(0.0, 0.6, 0.4),
+            usable=True,
+            **read,
+        ),
+        FrameAnswer(
+            recording="r",
+            eye="e",
+            file="2.png",
+            measured_force_n=0.050,
+            target=2,
+            predicted=2,
+            probabilities=None,
+            usable=False,
+        ),
     ]
     axes = draw_read_forces(frames, (0.005, 0.03), 0.06).axes[0]
     places = {label: [] for label in ("read", "misread", "not usable")}

@@ -25,7 +25,9 @@ def evaluation(folder: Path, kind: str, read_n: tuple[float | None, ...]) -> Eva
         )
         for number, (true_n, force_n) in enumerate(zip((10e-3, 20e-3), read_n, strict=True))
     )
-    return Evaluation("model", (5e-3, 30e-3), 60e-3, 0.25e6, frames, kind=kind)
+    return Evaluation(
+        model="model", bounds_n=(5e-3, 30e-3), max_force_n=60e-3, youngs_modulus_pa=0.25e6, frames=frames, kind=kind
+    )
 
 
 def write_truth(folder: Path) -> None:

@@ -27,7 +27,7 @@ def test_a_section_at_another_modulus_is_that_of_the_scaled_force_to_a_tenth_of_
     # Pressure and weight do not scale with the force; what they add is what the relabelling neglects.
     mesh = build_mesh(12e-3, 0.6e-3, 8, 0, 1, 2)
     wall = LinearWall(mesh, 0.45)
-    plane = ScanPlane(Contact(np.radians(35.0)), 0.5e-3)
+    plane = ScanPlane(Contact(polar_rad=np.radians(35.0)), gap_m=0.5e-3)
     modes_knc = np.stack([266.0 * wall.pressure_nc, wall.needle_cnc([plane.contact], 0.35e-3)[0]])
     here, there = 0.25e6, 0.28e6
     weights_fk = np.array([[1.0 / here, 0.03 / here], [1.0 / there, 0.03 / here]])

@@ -31,8 +31,13 @@ def fine_mesh():
 def planes(count, seed=0):
     rng = np.random.default_rng(seed)
     for _ in range(count):
-        contact = Contact(rng.uniform(0.0, 1.1), rng.uniform(0.0, 2 * np.pi))
-        yield ScanPlane(contact, rng.uniform(0.0, 1.5e-3), rng.uniform(-np.pi, np.pi), rng.uniform(-0.5, 0.5))
+        contact = Contact(polar_rad=rng.uniform(0.0, 1.1), azimuth_rad=rng.uniform(0.0, 2 * np.pi))
+        yield ScanPlane(
+            contact,
+            gap_m=rng.uniform(0.0, 1.5e-3),
+            direction_rad=rng.uniform(-np.pi, np.pi),
+            tilt_rad=rng.uniform(-0.5, 0.5),
+        )
 
 
 def distance_to_circle(curve, plane, radius):
@@ -82,7 +87,7 @@ def test_the_undeformed_wall_is_cut_in_two_circles_that_end_on_the_base(fine_mes
 
 def test_a_turned_sphere_still_gives_circles(fine_mesh):
     # A rotation about the centre moves material 1.2 mm across the plane, and the sphere nowhere.
-    plane = ScanPlane(Contact(0.5, 1.0), 0.5e-3, direction_rad=0.3)
+    plane = ScanPlane(Contact(polar_rad=0.5, azimuth_rad=1.0), gap_m=0.5e-3, direction_rad=0.3)
     axis, angle = plane.depth, 0.1
     turned = np.cos(angle) * fine_mesh.points_nc + np.sin(angle) * np.cross(axis, fine_mesh.points_nc)
     turned += (1 - np.cos(angle)) * np.outer(fine_mesh.points_nc @ axis, axis)
@@ -93,16 +98,16 @@ def test_a_turned_sphere_still_gives_circles(fine_mesh):
 
 @pytest.mark.parametrize("move_mm", [-1.6, -0.4, 0.9, 3.0])
 def test_a_wall_moved_across_the_plane_is_cut_as_by_a_plane_moved_the_other_way(fine_mesh, move_mm):
-    plane = ScanPlane(Contact(0.6, 0.2), 1e-3, direction_rad=0.4)
+    plane = ScanPlane(Contact(polar_rad=0.6, azimuth_rad=0.2), gap_m=1e-3, direction_rad=0.4)
     move = move_mm * 1e-3
     section = cut_section(fine_mesh, plane, np.broadcast_to(move * plane.normal, fine_mesh.points_nc.shape))
-    moved = ScanPlane(plane.contact, plane.gap_m - move, plane.direction_rad)
+    moved = ScanPlane(plane.contact, gap_m=plane.gap_m - move, direction_rad=plane.direction_rad)
     assert distance_to_circle(section.outer, moved, RADIUS).max() < 2 * MICRON
     assert distance_to_circle(section.inner, moved, RADIUS - THICKNESS).max() < 2 * MICRON
 
 
 def test_a_wall_that_has_left_the_plane_is_an_error_and_not_a_gap(mesh):
-    plane = ScanPlane(Contact(0.6, 0.2), 1e-3)
+    plane = ScanPlane(Contact(polar_rad=0.6, azimuth_rad=0.2), gap_m=1e-3)
     with pytest.raises(SolverError, match="across the B-scan plane"):
         cut_section(mesh, plane, np.broadcast_to(30e-3 * plane.normal, mesh.points_nc.shape))
 
@@ -110,12 +115,20 @@ def test_a_wall_that_has_left_the_plane_is_an_error_and_not_a_gap(mesh):
 @pytest.mark.parametrize(("gap", "tilt"), [(20e-3, 0.0), (5e-3, 0.78)])
 def test_a_plane_that_misses_the_eye_is_an_input_error(mesh, gap, tilt):
     with pytest.raises(InputError, match="B-scan plane"):
-        cut_section(mesh, ScanPlane(Contact(0.6), gap, 0.0, tilt), np.zeros_like(mesh.points_nc))
+        cut_section(
+            mesh,
+            ScanPlane(Contact(polar_rad=0.6), gap_m=gap, direction_rad=0.0, tilt_rad=tilt),
+            np.zeros_like(mesh.points_nc),
+        )
 
 
 def test_a_plane_below_the_base_is_an_input_error(mesh):
     with pytest.raises(InputError, match="B-scan plane"):
-        cut_section(mesh, ScanPlane(Contact(1.4, 0.0), -5e-3, np.pi / 2), np.zeros_like(mesh.points_nc))
+        cut_section(
+            mesh,
+            ScanPlane(Contact(polar_rad=1.4, azimuth_rad=0.0), gap_m=-5e-3, direction_rad=np.pi / 2),
+            np.zeros_like(mesh.points_nc),
+        )
 
 
 def dent(mesh, plane):
@@ -204,7 +217,7 @@ def cut_tetrahedra(mesh, plane, displacement, pieces):
 )
 def test_the_section_is_what_all_the_small_tetrahedra_cut(request, deform, tilt, which, pieces):
     mesh = request.getfixturevalue(which)
-    plane = ScanPlane(Contact(0.5, 0.7), 0.5e-3, direction_rad=0.6, tilt_rad=tilt)
+    plane = ScanPlane(Contact(polar_rad=0.5, azimuth_rad=0.7), gap_m=0.5e-3, direction_rad=0.6, tilt_rad=tilt)
     displacement = deform(mesh, plane)
     section = cut_section(mesh, plane, displacement)
     polygons = cut_tetrahedra(mesh, plane, displacement, (pieces, pieces, 1))
@@ -217,7 +230,7 @@ def test_the_section_is_what_all_the_small_tetrahedra_cut(request, deform, tilt,
 
 
 def test_a_fold_is_followed_in_the_order_of_the_material(fine_mesh):
-    plane = ScanPlane(Contact(0.5, 0.7), 0.5e-3)
+    plane = ScanPlane(Contact(polar_rad=0.5, azimuth_rad=0.7), gap_m=0.5e-3)
     lateral, depth = cut_section(fine_mesh, plane, fold(fine_mesh, plane)).outer.T
     assert np.all(np.diff(depth) > 0)
     turns = np.diff(np.sign(np.diff(lateral)))
@@ -225,8 +238,11 @@ def test_a_fold_is_followed_in_the_order_of_the_material(fine_mesh):
 
 
 def test_many_planes_and_deformations_at_once_are_each_as_alone(mesh):
-    contact = Contact(0.5, 0.7)
-    cuts = [ScanPlane(contact, gap, direction, tilt) for gap, direction, tilt in [(0.3e-3, 0, 0), (1e-3, 2, 0.2)]]
+    contact = Contact(polar_rad=0.5, azimuth_rad=0.7)
+    cuts = [
+        ScanPlane(contact, gap_m=gap, direction_rad=direction, tilt_rad=tilt)
+        for gap, direction, tilt in [(0.3e-3, 0, 0), (1e-3, 2, 0.2)]
+    ]
     modes = np.stack([twisted_dent(mesh, cuts[0]), w_dent(mesh, cuts[1])])
     weights = np.array([[[0.0, 0.0], [1.0, 0.3], [0.2, 0.9]], [[0.0, 1.0], [0.5, 0.5], [1.0, 0.0]]])
     together = cut_sections(mesh, cuts, modes, weights)
@@ -239,7 +255,7 @@ def test_many_planes_and_deformations_at_once_are_each_as_alone(mesh):
 @pytest.mark.parametrize("options", [{"order": 1}, {"order": 2, "serendipity": True}, {"order": 1, "layers": 3}])
 def test_other_elements_are_cut_on_their_own_surface(options):
     mesh = build_mesh(RADIUS, THICKNESS, divisions=10, level=1, **options)
-    plane = ScanPlane(Contact(0.5, 0.7), 0.5e-3, 0.4, 0.1)
+    plane = ScanPlane(Contact(polar_rad=0.5, azimuth_rad=0.7), gap_m=0.5e-3, direction_rad=0.4, tilt_rad=0.1)
     section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
     facet = 2 * (1e-3) ** 2 / 8 / RADIUS if mesh.order == 1 else MICRON  # a facet sags along both of its sides
     assert distance_to_circle(section.outer, plane, RADIUS).max() < facet
@@ -258,8 +274,8 @@ def own_frame(mesh, axes):
 @pytest.mark.parametrize("plane", list(planes(4, seed=3)), ids=str)
 def test_an_ellipsoid_is_cut_in_its_ellipse_and_the_wall_is_as_thick_along_the_normal(make, plane):
     axes = np.array([1.06, 0.95, 1.03])
-    contact = Contact(min(plane.contact.polar_rad, 0.9), plane.contact.azimuth_rad)
-    plane = ScanPlane(contact, plane.gap_m, plane.direction_rad, plane.tilt_rad)
+    contact = Contact(polar_rad=min(plane.contact.polar_rad, 0.9), azimuth_rad=plane.contact.azimuth_rad)
+    plane = ScanPlane(contact, gap_m=plane.gap_m, direction_rad=plane.direction_rad, tilt_rad=plane.tilt_rad)
     sphere = make(RADIUS, THICKNESS, contact, core=8, rings=24)
     mesh = form_mesh(sphere, FormStudy(semi_axes=tuple(axes)), contact).mesh
     section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
@@ -278,8 +294,13 @@ def test_an_ellipsoid_is_cut_in_its_ellipse_and_the_wall_is_as_thick_along_the_n
 
 
 def test_an_uneven_wall_has_its_thickness_along_the_section():
-    plane = ScanPlane(Contact(0.5, 1.0), 0.5e-3, 0.4, 0.1)
-    form = FormStudy(wave=(WaveStudy(0.12, 3, 0.6, 1.0), WaveStudy(0.06, 1, 1.2, -0.5)))
+    plane = ScanPlane(Contact(polar_rad=0.5, azimuth_rad=1.0), gap_m=0.5e-3, direction_rad=0.4, tilt_rad=0.1)
+    form = FormStudy(
+        wave=(
+            WaveStudy(amplitude_fraction=0.12, degree=3, polar_rad=0.6, azimuth_rad=1.0),
+            WaveStudy(amplitude_fraction=0.06, degree=1, polar_rad=1.2, azimuth_rad=-0.5),
+        )
+    )
     mesh = form_mesh(graded_mesh(RADIUS, THICKNESS, plane.contact, core=8, rings=24), form, plane.contact).mesh
     section = cut_section(mesh, plane, np.zeros_like(mesh.points_nc))
     near = np.abs(section.inner[:, 0]) < 8e-3
@@ -293,7 +314,7 @@ def test_an_uneven_wall_has_its_thickness_along_the_section():
 
 def test_a_dent_of_seven_millimetres_is_what_all_the_small_tetrahedra_cut():
     """A cap mirrored at a plane, its rim rounded: how a thin wall gives way; squeezed and pushed across the plane."""
-    plane = ScanPlane(Contact(0.6, 0.4), 0.5e-3, direction_rad=0.3, tilt_rad=0.1)
+    plane = ScanPlane(Contact(polar_rad=0.6, azimuth_rad=0.4), gap_m=0.5e-3, direction_rad=0.3, tilt_rad=0.1)
     mesh = graded_mesh(RADIUS, THICKNESS, plane.contact)
     height = mesh.points_nc @ plane.contact.normal
     across = mesh.points_nc - np.outer(height, plane.contact.normal)

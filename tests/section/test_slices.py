@@ -139,7 +139,7 @@ def test_a_dent_that_leaves_the_window_leaves_the_rows_open_below_it():
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(st.floats(-5, 17), st.floats(-5, 15)), min_size=3, max_size=9))
 def test_any_polygon_agrees_with_opencv_away_from_its_edge(points):
-    window = SliceWindow(0.0, 0.0, 12, 10, PIXEL)
+    window = SliceWindow(left_m=0.0, top_m=0.0, columns=12, rows=10, pixel_m=PIXEL)
     contour = np.asarray(points, dtype=np.float32)
     image = fill_section(from_pixels(contour, window), window)
     for row in range(10):

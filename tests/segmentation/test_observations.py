@@ -67,14 +67,14 @@ def segmentation(outer: np.ndarray, inner: np.ndarray, thickness_m: float, found
 
 
 def test_refraction_stretches_the_wall_but_not_what_lies_above_it() -> None:
-    outer, scale = np.full(300, 100.0), PixelScale(30e-6, 10e-6)
+    outer, scale = np.full(300, 100.0), PixelScale(lateral_m=30e-6, depth_m=10e-6)
     seen = segmented_boundaries(segmentation(outer, outer + 68.0, 0.5e-3), replace(scale, refractive_index=1.36))
     np.testing.assert_allclose(seen.depth_m[0, 50:-50], 100.5 * 10e-6)
     np.testing.assert_allclose(seen.depth_m[1, 50:-50], 100.5 * 10e-6 + 0.5e-3)
 
 
 def test_inner_boundary_is_unseen_where_the_frame_ends_or_the_wall_is_uneven() -> None:
-    outer, scale = np.full(300, 100.0), PixelScale(30e-6, 10e-6)
+    outer, scale = np.full(300, 100.0), PixelScale(lateral_m=30e-6, depth_m=10e-6)
     outer[:60] = 380.0
     inner = outer + 50.0
     inner[250:] += 20.0

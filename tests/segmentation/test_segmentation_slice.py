@@ -10,8 +10,8 @@ from scleraforce.segmentation.wall import Segmentation, boundary_slice
 from scleraforce.study import SliceStudy
 
 SLICE = SliceStudy()
-SCALE = PixelScale(15e-3 / 512, 4e-3 / 512)
-WINDOW = SliceWindow(-7e-3, 0.0, 140, 40, 0.1e-3)
+SCALE = PixelScale(lateral_m=15e-3 / 512, depth_m=4e-3 / 512)
+WINDOW = SliceWindow(left_m=-7e-3, top_m=0.0, columns=140, rows=40, pixel_m=0.1e-3)
 
 
 def segmentation(outer_m: np.ndarray, inner_m: np.ndarray) -> Segmentation:

@@ -19,7 +19,7 @@ from scleraforce.segmentation.wall import Segmentation, find_wall
 from scleraforce.study import OctStudy, Study
 
 STUDY = Study()
-SCALE = PixelScale(15e-3 / 512, 4e-3 / 512)
+SCALE = PixelScale(lateral_m=15e-3 / 512, depth_m=4e-3 / 512)
 SHARED = Path(__file__).parents[3] / "shared"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared is absent")
 
@@ -44,7 +44,7 @@ def phantom(
 ) -> Bscan:
     rng = np.random.default_rng(seed)
     drawn = replace(sample_optics(STUDY.phantom, oct_study, rng), **optics)
-    return render_bscan(Pose(0.0, top_m, tilt_rad).place(section), oct_study, drawn, rng)
+    return render_bscan(Pose(lateral_m=0.0, depth_m=top_m, tilt_rad=tilt_rad).place(section), oct_study, drawn, rng)
 
 
 def dice(found: Segmentation, truth: np.ndarray) -> float:
@@ -67,7 +67,16 @@ def virtual_frames(eyes: int, frames: int, seed: int) -> Iterator[Bscan]:
     for number in range(eyes):
         thickness_m, modulus_pa = rng.uniform(0.3e-3, 1.2e-3), rng.uniform(0.2e6, 0.5e6)
         gap_m, polar_rad, direction_rad = rng.uniform(0.35e-3, 1e-3), rng.uniform(0.44, 0.78), rng.uniform(-3.1, 3.1)
-        eye = PhantomEye(f"eye-{number}", thickness_m, modulus_pa, 266.0, gap_m, polar_rad, 0.0, direction_rad)
+        eye = PhantomEye(
+            id=f"eye-{number}",
+            thickness_m=thickness_m,
+            youngs_modulus_pa=modulus_pa,
+            iop_pa=266.0,
+            gap_m=gap_m,
+            polar_rad=polar_rad,
+            azimuth_rad=0.0,
+            direction_rad=direction_rad,
+        )
         for section in linear_sections(eye, study)(list(rng.uniform(0.0, 0.06, frames))):
             optics = sample_optics(study.phantom, study.oct, rng)
             yield render_bscan(sample_pose(study.phantom, rng).place(section), study.oct, optics, rng)
@@ -149,14 +158,18 @@ def test_a_saturated_wall_is_still_found(bscan: Bscan):
 
 
 def test_horizontal_lines_are_not_the_surface():
-    lines = tuple(Line(depth_m, 25.0, 12e-6) for depth_m in (0.1e-3, 0.3e-3, 1.5e-3, 3.0e-3))
+    lines = tuple(
+        Line(depth_m=depth_m, level_db=25.0, thickness_m=12e-6) for depth_m in (0.1e-3, 0.3e-3, 1.5e-3, 3.0e-3)
+    )
     bscan = phantom(wall(dent_m=1.5e-3), lines=lines, **CLEAR)
     assert dice(find_wall(bscan.frame, SCALE), bscan.truth_mask) > 0.95
 
 
 @pytest.mark.parametrize("tilt_rad", [0.0, 0.03])
 def test_covers_above_the_tissue_are_not_the_surface(tilt_rad: float):
-    covers = tuple(Cover(height_m, 30.0, 16e-6, tilt_rad) for height_m in (0.12e-3, 0.3e-3))
+    covers = tuple(
+        Cover(height_m=height_m, level_db=30.0, thickness_m=16e-6, tilt_rad=tilt_rad) for height_m in (0.12e-3, 0.3e-3)
+    )
     bscan = phantom(wall(dent_m=1.0e-3), covers=covers, **CLEAR)
     assert dice(find_wall(bscan.frame, SCALE), bscan.truth_mask) > 0.95
 
@@ -165,7 +178,7 @@ def test_covers_above_the_tissue_are_not_the_surface(tilt_rad: float):
 def test_tissue_at_a_slope_is_followed(slope_deg: float):
     scanner = OctStudy(width_m=3e-3, depth_m=4e-3)
     bscan = phantom(wall(), oct_study=scanner, tilt_rad=np.radians(slope_deg), top_m=1.5e-3, band_m=0.0, **CLEAR)
-    found = find_wall(bscan.frame, PixelScale(3e-3 / 512, 4e-3 / 512))
+    found = find_wall(bscan.frame, PixelScale(lateral_m=3e-3 / 512, depth_m=4e-3 / 512))
     assert dice(found, bscan.truth_mask) > 0.95
 
 
@@ -176,7 +189,7 @@ def test_any_scale_will_do(pixel_um: float):
                        columns=min(512, int(14e-3 / pixel_m)))  # fmt: skip
     blur = {"axial_resolution_m": pixel_m, "lateral_resolution_m": 2 * pixel_m, "band_m": 0.0}
     bscan = phantom(wall(), oct_study=scanner, **blur, **CLEAR)
-    assert dice(find_wall(bscan.frame, PixelScale(pixel_m, pixel_m)), bscan.truth_mask) > 0.9
+    assert dice(find_wall(bscan.frame, PixelScale(lateral_m=pixel_m, depth_m=pixel_m)), bscan.truth_mask) > 0.9
 
 
 def test_iris_and_lens_below_the_wall_are_not_wall(bscan: Bscan):
@@ -261,14 +274,14 @@ def test_what_is_no_frame_is_refused(frame: np.ndarray):
 
 def test_the_scale_of_a_scanner_has_its_refractive_index():
     scanner = OctStudy(columns=500, rows=400, width_m=15e-3, depth_m=4e-3, refractive_index=1.38)
-    assert PixelScale.of(scanner) == PixelScale(15e-3 / 500, 4e-3 / 400, 1.38)
+    assert PixelScale.of(scanner) == PixelScale(lateral_m=15e-3 / 500, depth_m=4e-3 / 400, refractive_index=1.38)
 
 
 def test_a_scale_must_be_a_size():
     with pytest.raises(ValueError, match="metres"):
-        PixelScale(0.0, 1e-6)
+        PixelScale(lateral_m=0.0, depth_m=1e-6)
     with pytest.raises(ValueError, match=r"index of 2\.5: tissue lies between 1 \(corrected\) and 2"):
-        PixelScale(1e-6, 1e-6, 2.5)
+        PixelScale(lateral_m=1e-6, depth_m=1e-6, refractive_index=2.5)
 
 
 def tissue_surfaces() -> list[Path]:
@@ -285,7 +298,7 @@ def test_tissue_surfaces_of_a_foreign_scanner_meet_the_bar_of_their_makers(path:
     lateral_m, depth_m = (abs(axes[axis]["values"][1] - axes[axis]["values"][0]) / 1e3 for axis in "xz")
     above = cv2.imread(str(path.with_name(f"{path.stem}_mask.png")), cv2.IMREAD_UNCHANGED) == 255
     surface = len(above) - 1 - above[::-1].argmax(axis=0)
-    found = find_wall(frame, PixelScale(lateral_m, depth_m))
+    found = find_wall(frame, PixelScale(lateral_m=lateral_m, depth_m=depth_m))
     error = np.abs(found.outer_row - surface)[above.any(axis=0)]
     assert np.isnan(error).mean() < 0.10
     assert np.nanmean(error) < 10.0

@@ -36,7 +36,17 @@ def test_what_is_no_number_is_null_wherever_it_stands():
 
 
 def test_without_a_frame_what_belongs_to_one_is_null():
-    tick = Entry(1, 1.8e9, 12.5, "tick", "NOT_READY", 13, 0, None, "no good frame yet")
+    tick = Entry(
+        number=1,
+        time_s=1.8e9,
+        at_s=12.5,
+        event="tick",
+        state="NOT_READY",
+        code=13,
+        sub_code=0,
+        cause=None,
+        message="no good frame yet",
+    )
     record = tick.as_json()
     assert {name for name, value in record.items() if value is None} == {
         "cause", "frame", "frame_id", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason",

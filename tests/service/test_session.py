@@ -10,6 +10,7 @@ from scleraforce.monitor.events import QueueLoss
 from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.session import Session
 
+SCALE = {"lateral_m": SCALE_M[0], "depth_m": SCALE_M[1]}
 LIMITS = MonitorLimits(size=(ROWS, COLUMNS), scale_m=SCALE_M)
 
 
@@ -24,7 +25,7 @@ class Clock:
 
 def take(session: Session, clock: Clock, force_un: int, sender_id: int, sender: int = 1) -> None:
     clock.now_s += 0.01
-    image = ScannerFrame(frame_of(force_un, sender_id), *SCALE_M)
+    image = ScannerFrame(frame_of(force_un, sender_id), **SCALE)
     session.take_frame(session.frame(image, sender_id, sender, clock.now_s))
 
 
@@ -60,7 +61,7 @@ def test_a_frame_of_another_size_is_not_read() -> None:
 
     clock = Clock()
     session = Session(never, LIMITS, clock, clock)  # type: ignore[arg-type]
-    image = ScannerFrame(np.zeros((ROWS, COLUMNS + 1), np.uint16), *SCALE_M)
+    image = ScannerFrame(np.zeros((ROWS, COLUMNS + 1), np.uint16), **SCALE)
     session.take_frame(session.frame(image, 1, 1, 100.01))
     assert session.decision.cause.name == "SIZE"
 
@@ -82,7 +83,7 @@ def test_an_entry_has_the_reading_of_its_frame_only() -> None:
     clock = Clock()
     session = Session(read, LIMITS, clock, clock)
     clock.now_s += 0.01
-    frame = session.frame(ScannerFrame(frame_of(10_000, 1), *SCALE_M), 9, 1, clock.now_s)
+    frame = session.frame(ScannerFrame(frame_of(10_000, 1), **SCALE), 9, 1, clock.now_s)
     session.take_frame(frame)
     told = session.entry("frame", clock.now_s, frame, 0.002)
     assert (told.number, told.frame, told.frame_id, told.force_mn, told.latency_ms) == (1, 1, 9, 10.0, 2.0)

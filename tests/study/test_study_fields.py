@@ -39,11 +39,11 @@ def test_a_value_on_its_bound_is_allowed() -> None:
 
 
 def test_samples_lie_in_the_range_and_follow_the_generator() -> None:
-    values = Range(2.0, 3.0).sample(np.random.default_rng(1), 1000)
+    values = Range(min=2.0, max=3.0).sample(np.random.default_rng(1), 1000)
     assert values.shape == (1000,)
     assert 2.0 <= values.min() < 2.01
     assert 2.99 < values.max() <= 3.0
-    np.testing.assert_array_equal(values, Range(2.0, 3.0).sample(np.random.default_rng(1), 1000))
+    np.testing.assert_array_equal(values, Range(min=2.0, max=3.0).sample(np.random.default_rng(1), 1000))
 
 
 def test_a_choice_takes_each_value_about_equally_often() -> None:

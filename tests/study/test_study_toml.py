@@ -42,8 +42,8 @@ def changed(record: Any, item: Any) -> st.SearchStrategy[Any]:
     if unit.words:
         value: st.SearchStrategy[Any] = st.sampled_from(unit.words)
     elif isinstance(hint, UnionType) and Range in get_args(hint):
-        pair = st.tuples(number, number).map(sorted)
-        value = st.lists(number, min_size=1, max_size=4).map(lambda v: Choice(tuple(v))) | pair.map(lambda p: Range(*p))
+        pair = st.tuples(number, number).map(sorted).map(lambda ends: Range(min=ends[0], max=ends[1]))
+        value = st.lists(number, min_size=1, max_size=4).map(lambda v: Choice(tuple(v))) | pair
     elif get_origin(hint) is tuple:
         value = st.just(getattr(record, item.name))
     elif hint is bool:
@@ -133,7 +133,7 @@ def test_a_single_number_is_a_choice_of_one() -> None:
 
 def test_groups_are_read_in_order() -> None:
     text = "[[dataset.group]]\nthickness_um = 400\n[[dataset.group]]\nthickness_um = 800\nimages = 7"
-    assert parse_study(text).dataset.group == (DatasetGroup(thickness_m=4e-4), DatasetGroup(8e-4, images=7))
+    assert parse_study(text).dataset.group == (DatasetGroup(thickness_m=4e-4), DatasetGroup(thickness_m=8e-4, images=7))
 
 
 BAD = [

@@ -79,8 +79,8 @@ def test_one_line_names_all_keys_and_other_mechanics_only_where_it_uses_them() -
     ("study", "message"),
     [
         (Study(supports=SupportsStudy(bed_stiffness_pa_per_m=1e6)), r"bed_stiffness_kpa_per_mm: has no effect"),
-        (Study(supports=SupportsStudy("straps", bed_shear_stiffness_pa_per_m=1e5)), r'"straps"; .* give "bed" or'),
-        (Study(supports=SupportsStudy("bed", strap_stiffness_n_per_m=9.0)), r'strap_stiffness_n.*kind = "bed"'),
+        (Study(supports=SupportsStudy(kind="straps", bed_shear_stiffness_pa_per_m=1e5)), r'"straps"; .* give "bed" or'),
+        (Study(supports=SupportsStudy(kind="bed", strap_stiffness_n_per_m=9.0)), r'strap_stiffness_n.*kind = "bed"'),
         (Study(supports=SupportsStudy(medial_azimuth_rad=1.0)), r'medial_azimuth_deg: has no .*kind = "clamped"'),
         (Study(needle=NeedleStudy(tilt_direction_rad=1.0)), r"tilt_direction_deg: has no effect with needle\.tilt"),
     ],

@@ -17,9 +17,14 @@ from scleraforce.study import OctStudy, Study, fixed
 LIBRARY = analytic_library()
 STUDY = Study()
 CLEAN = replace(STUDY.phantom, snr_db=fixed(28.0), shadow_count=fixed(0))
-SCALE = PixelScale(STUDY.oct.width_m / STUDY.oct.columns, STUDY.oct.depth_m / STUDY.oct.rows)
+SCALE = PixelScale(lateral_m=STUDY.oct.width_m / STUDY.oct.columns, depth_m=STUDY.oct.depth_m / STUDY.oct.rows)
 MODULUS_PA, IOP_PA, THICKNESS_M, GAP_M = 0.3e6, 270.0, 0.65e-3, 0.6e-3
-KNOWN = Known(Modulus(MODULUS_PA, 0.01 * MODULUS_PA, "own"), IOP_PA, THICKNESS_M, GAP_M)
+KNOWN = Known(
+    modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own"),
+    iop_pa=IOP_PA,
+    thickness_m=THICKNESS_M,
+    gap_m=GAP_M,
+)
 
 
 def tip_of(force_n: float, thickness_m: float = THICKNESS_M) -> float:

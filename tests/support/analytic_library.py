@@ -53,14 +53,14 @@ def analytic_library(thicknesses=9, ratios=9, tips=40, max_tip_m=7.5e-3):
     d = max_tip_m * np.linspace(0.0, 1.0, tips) ** 1.5
     grid = np.meshgrid(t, p, d, indexing="ij")
     return Library(
-        t,
-        p,
-        d,
-        force_ratio(*grid),
-        curves(*grid).astype(np.float32),
-        RADIUS_M,
-        0.45,
-        0.35e-3,
+        thickness_m=t,
+        iop_ratio=p,
+        tip_m=d,
+        force_ratio_tpd=force_ratio(*grid),
+        curves_tpdbnc=curves(*grid).astype(np.float32),
+        radius_m=RADIUS_M,
+        poisson_ratio=0.45,
+        needle_radius_m=0.35e-3,
         max_force_ratio=0.5e-6,
         polar_rad=POLAR_RAD,
         stiffness_atpd=np.stack([np.full(grid[0].shape, stiffness(polar)) for polar in POLAR_RAD]),

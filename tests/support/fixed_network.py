@@ -9,7 +9,7 @@ from scleraforce.known.eye import Known
 from scleraforce.reader.force_reader import ForceReader
 from scleraforce.reader.readings import Reading
 
-FIVE_MN = Reading((0.1, 0.8, 0.1), 0.005, (0.004, 0.006), 0.3e-3)
+FIVE_MN = Reading(probabilities=(0.1, 0.8, 0.1), force_n=0.005, interval_n=(0.004, 0.006), contact_m=0.3e-3)
 
 
 class FixedNetwork:

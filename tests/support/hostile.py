@@ -103,11 +103,11 @@ def _read_frames(folder: Path) -> None:
 
 
 def _read_calibration(folder: Path) -> None:
-    from scleraforce.known.calibration_file import read_calibration
-    from scleraforce.report.calibration_file import read_posteriors
+    from scleraforce.calibration.saved import parse_calibration
+    from scleraforce.known.calibration_file import open_calibration, read_calibration
 
     read_calibration(folder / "calibration.json")
-    read_posteriors(folder / "calibration.json")
+    parse_calibration(open_calibration(folder / "calibration.json"))
 
 
 def _read_model(folder: Path) -> None:

@@ -34,7 +34,19 @@ def looked_at_frames(folder: Path, count: int) -> tuple[AnsweredFrame, ...]:
     rng = np.random.default_rng(7)
     for name in names:
         cv2.imwrite(str(folder / "frames" / name), _wall(rng))
-    return look_at_all(FrameAnswer(str(folder), "eye", name, 0.02, 1, 1, (0.0, 1.0, 0.0), True) for name in names)
+    return look_at_all(
+        FrameAnswer(
+            recording=str(folder),
+            eye="eye",
+            file=name,
+            measured_force_n=0.02,
+            target=1,
+            predicted=1,
+            probabilities=(0.0, 1.0, 0.0),
+            usable=True,
+        )
+        for name in names
+    )
 
 
 def _wall(rng: np.random.Generator) -> np.ndarray:

@@ -40,7 +40,9 @@ def write_notebook_folder(folder: Path) -> None:
     """Write study.toml, eye-a, responses, dataset and reader; below `cache`, the library of the study for the user."""
     (folder / "study.toml").write_text(STUDY)
     study = read_study(folder / "study.toml")
-    eye = PhantomEye("eye-a", THICKNESS_M, MODULUS_PA, IOP_PA, GAP_M, polar_rad=0.61)
+    eye = PhantomEye(
+        id="eye-a", thickness_m=THICKNESS_M, youngs_modulus_pa=MODULUS_PA, iop_pa=IOP_PA, gap_m=GAP_M, polar_rad=0.61
+    )
     plan = plan_phantom(eye, (0.010, 0.020, 0.040), study, seed=0)
     write_phantom(folder / "eye-a", plan, _sections, study)
     cache = folder / "cache" / "scleraforce" / "libraries"

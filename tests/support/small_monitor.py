@@ -43,12 +43,20 @@ def read(pixels: NDArray[Any], _: PixelScale) -> LiveReading:
     while force_un == HANGS:
         pass
     if force_un == UNUSABLE:
-        return LiveReading(Answer(2, None, False, "no wall was found"), nowhere, nowhere)
+        return LiveReading(
+            Answer(predicted=2, probabilities=None, usable=False, reason="no wall was found"), nowhere, nowhere
+        )
     force_n = float("nan") if force_un == NO_NUMBER else force_un * 1e-6
     predicted = int(force_n > 5e-3) + int(force_n > 30e-3)
     shares = tuple(float(number == predicted) for number in range(3))
     interval_n = (0.95 * force_n - 0.5e-3, 1.05 * force_n + 0.5e-3)
-    return LiveReading(Answer(predicted, shares, True, None, force_n, interval_n), nowhere, nowhere)
+    return LiveReading(
+        Answer(
+            predicted=predicted, probabilities=shares, usable=True, reason=None, force_n=force_n, interval_n=interval_n
+        ),
+        nowhere,
+        nowhere,
+    )
 
 
 def small_server(

@@ -6,7 +6,7 @@ contact angle, the finite elements' error) would be averaged away by that, wrong
 followed from step to step and added to the posterior in the end (Schmidt 1966, "consider" parameters).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,6 +93,7 @@ class FrameInput:
     """
 
     boundaries: Boundaries
+    _: KW_ONLY
     force_n: float
     since_start_s: float
     zero_covariance: Array
@@ -136,7 +137,10 @@ def eye_filter(model: EyeModel, study: CalibrationStudy, parameters: tuple[str, 
         "thickness": (model.constants.thickness_m, study.thickness_sd_m),
         "gap": (max(model.constants.gap_m, 1e-5), study.gap_sd_m),
     }
-    space = ParameterSpace(tuple(Parameter(PARAMETERS[name], *priors[name], study.positive) for name in parameters))
+    means_sds = [(PARAMETERS[name], *priors[name]) for name in parameters]
+    space = ParameterSpace(
+        tuple(Parameter(name, mean=mean, sd=sd, positive=study.positive) for name, mean, sd in means_sds)
+    )
     sigma = sigma_points(study.sigma_points, len(parameters))
     return EyeFilter(model, space, FilterParams(sigma, study.iterations, gate=study.gate_sd, inflate=True), study)
 

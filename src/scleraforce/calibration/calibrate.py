@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scleraforce.calibration.assimilation import EyeFilter, EyeState, FrameStep, Skipped, moments
 from scleraforce.calibration.eye_model import EyeConstants
@@ -18,19 +17,16 @@ from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, tables_digest
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import dent, segmented_boundaries
-from scleraforce.segmentation.wall import find_wall
+from scleraforce.segmentation.wall import Segmentation, find_wall
 from scleraforce.study import Study
 
 __all__ = ["Calibration", "EyeCalibration", "FrameRecord", "UsedRecording", "calibrate_recordings", "eye_constants"]
 
-Array = NDArray[np.float64]
-
 SAME_MODULUS = 0.01  # relative; what else is stated of the eye moves the mean of a lognormal by less
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FrameRecord:
     """What became of a frame: estimate of E after it, or the reason why it was not used.
 
@@ -53,7 +49,7 @@ class FrameRecord:
     skipped: str | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class UsedRecording:
     """A recording that was calibrated on: path as given, SHA-256 of its tables, zero of its force taken off.
 
@@ -201,13 +197,13 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
     low, high = study.needle.polar_angle_rad.bounds
     stated = info.needle.polar_angle_rad
     return EyeConstants(
-        study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
-        info.eye.thickness_m,
-        info.needle.slice_gap_m,
-        (low + high) / 2 if stated is None else stated,
-        (high - low) / 12**0.5 if stated is None else 0.0,
-        info.oct.plane_direction_rad,
-        info.oct.plane_tilt_rad,
+        iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
+        thickness_m=info.eye.thickness_m,
+        gap_m=info.needle.slice_gap_m,
+        polar_rad=(low + high) / 2 if stated is None else stated,
+        polar_sd_rad=(high - low) / 12**0.5 if stated is None else 0.0,
+        direction_rad=info.oct.plane_direction_rad,
+        tilt_rad=info.oct.plane_tilt_rad,
     )
 
 
@@ -224,111 +220,109 @@ def _calibrate(
         raise CalibrationError(f"{recording.path}: no forces.csv; a calibration needs frames of known force")
     trials = label_frames(recording, study.classes, study.needle.max_force_n)
     forces = frame_forces(recording, trials)
-    session = begin(study, eye_constants(recording, study), library, parameters, forces.zero_covariance)
-    run = _begin(session.filter, session.state, recording, forces, earlier)
-    session = replace(session, state=run.state)
-    seen = {frame.sha256 for frame in run.frames}
+    session = _begin(recording, study, library, parameters, forces, earlier)
+    records, steps = ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
+    seen = {record.sha256 for record in records}
     scale = PixelScale.of(recording.info.oct)
     left = len(trials) if frames is None else frames
     shown = [float("nan")] * len(trials)
     for index, (entry, trial) in enumerate(zip(recording.frames, trials, strict=True)):
         pixels = recording.frame(entry) if left > 0 and trial.excluded is None else None
         if pixels is not None and (sha256 := frame_digest(pixels)) not in seen:
-            segmentation = find_wall(pixels, scale)
-            reason = "" if segmentation.usable else f"not usable: {segmentation.reason}"
-            boundaries = segmented_boundaries(segmentation, scale)
-            shown[index] = dent(boundaries) if segmentation.usable else float("nan")
+            force_n, since_s = float(forces.force_n[index]), float(forces.since_start_s[index])
+            session, found, shown[index] = _take(session, find_wall(pixels, scale), scale, force_n, since_s)
             record = FrameRecord(
-                str(recording.path), trial.file, sha256, float(forces.force_n[index]), run.mean_pa, run.sd_pa,
-                skipped=reason or None,
-            )  # fmt: skip
-            since_s = float(forces.since_start_s[index])
-            session, run = _step(session, run, record, since_s, boundaries)
-            left -= int(run.frames[-1].skipped is None)
+                recording=str(recording.path),
+                file=trial.file,
+                sha256=sha256,
+                force_n=force_n,
+                mean_pa=session.mean_pa,
+                sd_pa=session.sd_pa,
+            )
+            records.append(_recorded(record, found))
+            if isinstance(found, FrameStep):
+                steps.append(found)
+                left -= 1
         if progress is not None:
             progress(1)
     doubts = log_doubts(recording, study.classes, shown)
-    if not run.used:
+    if all(record.skipped is not None for record in records):
+        reason = next((record.skipped for record in records), "excluded")
         raise CalibrationError(
-            f"{recording.path}: none of its {len(trials)} frames can be calibrated on ({_first_reason(run)}); it "
+            f"{recording.path}: none of its {len(trials)} frames can be calibrated on ({reason}); it "
             f"takes frames with a wall in view and more than {study.calibration.min_force_n * 1e3:g} mN"
             + "".join(f"; {doubt}" for doubt in doubts)
         )
-    *others, last = run.recordings
-    return replace(run, recordings=(*others, replace(last, doubts=doubts or last.doubts)))
-
-
-def _first_reason(run: EyeCalibration) -> str:
-    """Return why the first frame was not used."""
-    return next((frame.skipped for frame in run.frames if frame.skipped), "excluded")
+    means, sds = moments(session.filter, session.state)
+    return EyeCalibration(
+        id=recording.info.eye.id,
+        names=session.filter.space.names,
+        means=tuple(means.tolist()),
+        sds=tuple(sds.tolist()),
+        stated_thickness_m=session.filter.model.constants.thickness_m,
+        state=session.state,
+        recordings=_recordings(recording, forces, earlier, doubts),
+        frames=tuple(records),
+        steps=tuple(steps),
+        filter=session.filter,
+    )
 
 
 def _begin(
-    eye: EyeFilter, state: EyeState, recording: Recording, forces: FrameForces, earlier: EyeCalibration | None
-) -> EyeCalibration:
+    recording: Recording,
+    study: Study,
+    library: Library | None,
+    parameters: tuple[str, ...],
+    forces: FrameForces,
+    earlier: EyeCalibration | None,
+) -> EyeSession:
     """Return the eye before this recording's frames; what a recording's frames share is new with each recording."""
-    used = UsedRecording(str(recording.path), tables_digest(recording), *forces.zero.tolist())
-    recordings: tuple[UsedRecording, ...] = (used,)
-    frames: tuple[FrameRecord, ...] = ()
-    if earlier is not None and earlier.names != eye.space.names:
+    session = begin(study, eye_constants(recording, study), library, parameters, forces.zero_covariance)
+    if earlier is None:
+        return session
+    if earlier.names != session.filter.space.names:
         raise CalibrationError(
             f"{earlier.id}: the earlier calibration has {', '.join(earlier.names)} for parameters, not "
-            f"{', '.join(eye.space.names)}; begin anew or name the same"
+            f"{', '.join(session.filter.space.names)}; begin anew or name the same"
         )
-    if earlier is not None:
-        again = used.sha256 in {entry.sha256 for entry in earlier.recordings}
-        state = earlier.state if again else replace(earlier.state, belief=first_belief(eye.model))
-        recordings = earlier.recordings if again else (*earlier.recordings, used)
-        frames = earlier.frames
-    means, sds = _moments(eye, state, earlier)
-    steps = () if earlier is None else earlier.steps
-    return EyeCalibration(
-        recording.info.eye.id, eye.space.names, tuple(means.tolist()), tuple(sds.tolist()),
-        eye.model.constants.thickness_m, state, recordings, frames, steps, eye,
-    )  # fmt: skip
+    _check_state(session.filter, earlier)
+    if tables_digest(recording) in {entry.sha256 for entry in earlier.recordings}:
+        return replace(session, state=earlier.state)
+    return replace(session, state=replace(earlier.state, belief=first_belief(session.filter.model)))
 
 
-def _moments(eye: EyeFilter, state: EyeState, earlier: EyeCalibration | None) -> tuple[Array, Array]:
-    """Return means and standard deviations of the parameters; an earlier calibration's E must come out again."""
+def _check_state(eye: EyeFilter, earlier: EyeCalibration) -> None:
+    """Check that the state of an earlier calibration gives its moduli again."""
     with np.errstate(over="ignore", invalid="ignore"):
-        means, sds = moments(eye, state)
+        means, sds = moments(eye, earlier.state)
     modulus_pa = means[eye.space.names.index("youngs_modulus_pa")]
-    same = earlier is None or abs(modulus_pa / earlier.mean_pa - 1.0) < SAME_MODULUS
-    if earlier is not None and not (same and np.isfinite((means, sds)).all()):
+    same = abs(modulus_pa / earlier.mean_pa - 1.0) < SAME_MODULUS
+    if not (same and np.isfinite((means, sds)).all()):
         raise CalibrationError(
             f"{earlier.id}: the state of the earlier calibration is not that of its parameters under this study; begin "
             "anew, or give the study that it was made with"
         )
-    return means, sds
 
 
-def _step(
-    session: EyeSession,
-    run: EyeCalibration,
-    record: FrameRecord,
-    since_s: float,
-    boundaries: Boundaries,
-) -> tuple[EyeSession, EyeCalibration]:
-    """Return the eye after one more frame, used or not; its record is as it stands before."""
-    if record.skipped:
-        return session, replace(run, frames=(*run.frames, record))
-    session = step(session, boundaries, record.force_n, since_s)
-    if isinstance(session.last, FrameStep):
-        return session, _used(run, record, session.last)
-    skipped = session.last.reason if isinstance(session.last, Skipped) else None
-    record = replace(record, skipped=skipped)
-    return session, replace(run, state=session.state, frames=(*run.frames, record))
+def _take(
+    session: EyeSession, segmentation: Segmentation, scale: PixelScale, force_n: float, since_s: float
+) -> tuple[EyeSession, FrameStep | Skipped, float]:
+    """Return the eye after one more frame, what became of the frame, and the dent that it shows (m, or NaN)."""
+    if not segmentation.usable:
+        return session, Skipped(f"not usable: {segmentation.reason}"), float("nan")
+    boundaries = segmented_boundaries(segmentation, scale)
+    session = step(session, boundaries, force_n, since_s)
+    assert session.last is not None  # what `step` has just done
+    return session, session.last, dent(boundaries)
 
 
-def _used(run: EyeCalibration, record: FrameRecord, found: FrameStep) -> EyeCalibration:
-    """Return the eye after a frame that its estimate rests on."""
-    means, sds = found.moments
-    place = run.names.index("youngs_modulus_pa")
+def _recorded(record: FrameRecord, found: FrameStep | Skipped) -> FrameRecord:
+    """Return a frame's record with what became of the frame."""
+    if isinstance(found, Skipped):
+        return replace(record, skipped=found.reason)
     result = found.result
-    record = replace(
+    return replace(
         record,
-        mean_pa=float(means[place]),
-        sd_pa=float(sds[place]),
         own_modulus_pa=found.registered.youngs_modulus_pa,
         points=result.observations,
         gated=result.gated,
@@ -336,11 +330,22 @@ def _used(run: EyeCalibration, record: FrameRecord, found: FrameStep) -> EyeCali
         inflation=result.inflation,
         status=result.status,
     )
-    return replace(
-        run,
-        means=tuple(means.tolist()),
-        sds=tuple(sds.tolist()),
-        state=found.state,
-        frames=(*run.frames, record),
-        steps=(*run.steps, found),
+
+
+def _recordings(
+    recording: Recording, forces: FrameForces, earlier: EyeCalibration | None, doubts: tuple[str, ...]
+) -> tuple[UsedRecording, ...]:
+    """Return the recordings that an eye rests on, this one among them."""
+    zero_n, drift_n_per_s = forces.zero.tolist()
+    used = UsedRecording(
+        path=str(recording.path),
+        sha256=tables_digest(recording),
+        zero_n=zero_n,
+        drift_n_per_s=drift_n_per_s,
+        doubts=doubts,
     )
+    before = () if earlier is None else earlier.recordings
+    if used.sha256 not in {entry.sha256 for entry in before}:
+        return (*before, used)
+    *others, last = before
+    return (*others, replace(last, doubts=doubts or last.doubts))

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 SAMPLE_STEP_M = 0.1e-3  # between the samples of a section
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EyeConstants:
     """What is stated about an eye and its plane, SI; `polar_sd_rad` is 0 where the recording states the angle."""
 
@@ -39,7 +39,7 @@ class EyeConstants:
     tilt_rad: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class WallState:
     """What the section depends on, SI: the modulus and the force, and what may be uncertain of the eye beside them."""
 
@@ -78,7 +78,14 @@ class EyeModel(Protocol):
 
 def stated_wall(constants: EyeConstants, youngs_modulus_pa: float, force_n: float, polar_rad: float) -> WallState:
     """Return the state of the eye as stated, at a modulus, a force and the contact's polar angle."""
-    return WallState(youngs_modulus_pa, force_n, constants.iop_pa, constants.thickness_m, constants.gap_m, polar_rad)
+    return WallState(
+        youngs_modulus_pa=youngs_modulus_pa,
+        force_n=force_n,
+        iop_pa=constants.iop_pa,
+        thickness_m=constants.thickness_m,
+        gap_m=constants.gap_m,
+        polar_rad=polar_rad,
+    )
 
 
 def parameter_sections(

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 THICKNESS_NODES = (0.8, 1.0, 1.2)  # of the stated thickness, where the thickness is uncertain
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LinearEye:
     """Responses at nodes of thickness and polar angle.
 
@@ -69,7 +69,12 @@ class LinearEye:
         return self._response(np.einsum("ftp,tpfblsc->fblsc", by_field, self.fields))
 
     def _response(self, fields_fblsc: Array) -> WallResponse:
-        return WallResponse(fields_fblsc, self.weight_pa_m, self.constants.tilt_rad, self.smoothing_m)
+        return WallResponse(
+            fields_fblsc=fields_fblsc,
+            weight_pa_m=self.weight_pa_m,
+            tilt_rad=self.constants.tilt_rad,
+            smoothing_m=self.smoothing_m,
+        )
 
 
 def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool = False) -> LinearEye:
@@ -83,13 +88,20 @@ def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool 
     shares = THICKNESS_NODES if thickness_uncertain else (1.0,)
     thicknesses = tuple(share * constants.thickness_m for share in shares)
     polars = polar_nodes(constants)
-    contacts = [Contact(polar) for polar in polars]
+    contacts = [Contact(polar_rad=polar) for polar in polars]
     plane = (constants.gap_m, constants.direction_rad, constants.tilt_rad)
     lateral = lateral_samples(study.eye.radius_m, max(thicknesses), contacts, *plane)
     fields = [_fields(study, constants, thickness, contacts, lateral) for thickness in thicknesses]
     weight = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
     smoothing_m = study.calibration.surface_smoothing_m
-    return LinearEye(constants, weight, thicknesses, polars, np.stack(fields), smoothing_m)
+    return LinearEye(
+        constants=constants,
+        weight_pa_m=weight,
+        thickness_nodes_m=thicknesses,
+        polar_nodes_rad=polars,
+        fields=np.stack(fields),
+        smoothing_m=smoothing_m,
+    )
 
 
 def _fields(

@@ -6,7 +6,7 @@ coordinate is value / unit; the unit, the prior's mean, only keeps the coordinat
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from math import log, sqrt
 
 import numpy as np
@@ -22,6 +22,7 @@ class Parameter:
     """One uncertain parameter: its name, the mean and standard deviation of its prior (SI)."""
 
     name: str
+    _: KW_ONLY
     mean: float
     sd: float
     positive: bool = True
@@ -35,7 +36,7 @@ class Parameter:
 class ParameterSpace:
     """The uncertain parameters of a filter, in their order.
 
-    >>> space = ParameterSpace((Parameter("youngs_modulus_pa", 0.49e6, 0.34e6),))
+    >>> space = ParameterSpace((Parameter("youngs_modulus_pa", mean=0.49e6, sd=0.34e6),))
     >>> mean, covariance = space.prior()
     >>> [round(float(v[0])) for v in space.moments(mean, covariance)]
     [490000, 340000]

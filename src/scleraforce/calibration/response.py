@@ -28,7 +28,7 @@ LINE_REACH_M = 0.6e-3  # how far material may move across the plane
 BASE_MARGIN = 0.01  # of the radius: the section ends above the clamped base
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class WallResponse:
     """Material points about the plane of one contact and one thickness, and how they move.
 

@@ -121,7 +121,9 @@ def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_star
 
 def _update(session: EyeSession, boundaries: Boundaries, force_n: float, since_start_s: float) -> EyeSession:
     """Return the eye after a frame that bears enough force to say something of its modulus; arguments of `step`."""
-    frame = FrameInput(boundaries, force_n, since_start_s, session.zero_covariance)
+    frame = FrameInput(
+        boundaries, force_n=force_n, since_start_s=since_start_s, zero_covariance=session.zero_covariance
+    )
     found = assimilate(session.filter, session.state, frame)
     return replace(session, state=session.state if isinstance(found, Skipped) else found.state, last=found)
 

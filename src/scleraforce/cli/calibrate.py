@@ -64,8 +64,9 @@ def calibrate(
     the response library, which is made on first need (half a minute).
     """
     from scleraforce.calibration.calibrate import calibrate_recordings
+    from scleraforce.calibration.saved import calibration_as_json, parse_calibration
+    from scleraforce.known.calibration_file import open_calibration, write_calibration
     from scleraforce.recording.files import read_recording
-    from scleraforce.report.calibration_file import read_posteriors, write_calibration
     from scleraforce.report.files import check_figure_path
 
     for path in (out, plot):
@@ -75,13 +76,14 @@ def calibrate(
         check_figure_path(plot)
     study = Study() if study_path is None else read_study(study_path)
     refuse_unused(study, "calibrate", mechanics, study_path)
-    earlier = None if resume is None else read_posteriors(resume)
+    earlier = None if resume is None else parse_calibration(open_calibration(resume))
     opened = [read_recording(path) for path in recordings]
     library = None if mechanics == "linear" else study_library(study)
     with progress_bar(range(sum(len(recording.frames) for recording in opened)), "frames") as bar:
         advance, sha256 = bar.update, study_hash(study)
         result = calibrate_recordings(opened, study, sha256, library, parameters, frames, earlier, advance)
-    content = write_calibration(result, out)
+    content = calibration_as_json(result)
+    write_calibration(content, out)
     if plot is not None:
         _draw(result, plot)
     if as_json:

@@ -34,6 +34,7 @@ def evaluate(
     model of kind "reader" reads an eye that the calibration knows with its own
     modulus, others with the population's; a classifier knows one modulus only.
     """
+    from scleraforce.known.calibration_file import read_calibration
     from scleraforce.reader import load_model
     from scleraforce.reader.evaluate import evaluate_recordings
     from scleraforce.recording.files import read_recording
@@ -41,9 +42,10 @@ def evaluate(
     if html is not None and html.exists():
         raise InputError(f"{html}: exists already; remove it or choose another name")
     reader = load_model(model)
+    summary = None if calibration is None else read_calibration(calibration)
     count = sum(len(read_recording(path).frames) for path in recordings)
     with progress_bar(range(count), "frames") as bar:
-        evaluation = evaluate_recordings(reader, recordings, calibration, bar.update)
+        evaluation = evaluate_recordings(reader, recordings, summary, bar.update)
     if html is not None:
         from scleraforce.report.answered_frame import look_at_all
         from scleraforce.report.evaluation_page import write_evaluation_html

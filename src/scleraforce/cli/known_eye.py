@@ -48,10 +48,10 @@ def known_eye(
         if value is not None and not isfinite(value):
             raise InputError(f"--{name}: {value} is not a finite number; leave it out where it is not known")
     return Known(
-        None if youngs_modulus_mpa is None else Modulus.stated(youngs_modulus_mpa * 1e6),
-        None if iop_mmhg is None else mmhg_to_pa(iop_mmhg),
-        None if thickness_um is None else thickness_um / 1e6,
-        None if gap_mm is None else gap_mm / 1e3,
+        modulus=None if youngs_modulus_mpa is None else Modulus.stated(youngs_modulus_mpa * 1e6),
+        iop_pa=None if iop_mmhg is None else mmhg_to_pa(iop_mmhg),
+        thickness_m=None if thickness_um is None else thickness_um / 1e6,
+        gap_m=None if gap_mm is None else gap_mm / 1e3,
     )
 
 

@@ -17,7 +17,7 @@ __all__ = ["cli", "fail", "main", "run"]
 
 FULL_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # comes without the file's name
 
-# Command -> one line of help. `reproduce-all` lives in `cli/reproduce_all.py` as the function `reproduce_all`.
+# Command -> one line of help. `monitor-reset` lives in `cli/monitor_reset.py` as the function `monitor_reset`.
 COMMANDS = {
     "init": "Write a commented study.toml.",
     "simulate": "One eye, one force: displacement, slice, picture.",

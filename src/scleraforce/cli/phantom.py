@@ -1,6 +1,5 @@
 """`scleraforce phantom`: make a virtual acquisition."""
 
-from dataclasses import replace
 from math import radians
 from pathlib import Path
 
@@ -91,12 +90,11 @@ def phantom(
     # Imported here: mechanics takes longer to import than the help to print.
     from scleraforce.laboratory.phantom import plan_moving_phantom, plan_phantom, write_phantom
     from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
+    from scleraforce.notebook.virtual import with_mechanics
 
     if rate_hz is None and not (ramp_mn_per_s is None and hold_s is None):
         raise click.UsageError("--ramp-mn-per-s and --hold-s are of a needle that moves; give --rate-hz too")
-    study = Study() if study_path is None else read_study(study_path)
-    if mechanics is not None:
-        study = replace(study, mechanics=replace(study.mechanics, kind=mechanics))
+    study = with_mechanics(Study() if study_path is None else read_study(study_path), mechanics)
     refuse_unused(study, "phantom", study.mechanics.kind, study_path)
     if out.exists():
         raise InputError(f"{out}: exists already; remove it or choose another folder")

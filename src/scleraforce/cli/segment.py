@@ -132,7 +132,7 @@ def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
     from scleraforce.segmentation.wall import find_wall
 
     scanner = OctStudy()
-    assumed = Scanner(scanner.width_m, scanner.depth_m, scanner.refractive_index)
+    assumed = Scanner(width_m=scanner.width_m, depth_m=scanner.depth_m, refractive_index=scanner.refractive_index)
     frame = read_scaled_frame(source.frame, asked.told, (assumed, ASSUMED), asked.transpose)
     try:
         found = find_wall(frame.pixels, frame.scale)

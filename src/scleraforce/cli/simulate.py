@@ -1,6 +1,5 @@
 """`scleraforce simulate`: one eye, one force."""
 
-from dataclasses import replace
 from math import radians
 from pathlib import Path
 from time import perf_counter
@@ -9,7 +8,7 @@ import click
 
 from scleraforce.cli.output import print_json, share_bar
 from scleraforce.errors import InputError
-from scleraforce.study import Choice, Study, fixed, read_study
+from scleraforce.study import Study, read_study
 from scleraforce.study.fields import NEEDLE_FORCE, check_number
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import mmhg_to_pa, n_to_mn
@@ -52,13 +51,17 @@ def simulate(
     Example: scleraforce simulate --thickness-um 500 --force-mn 30 --plot eye.png
     """
     # Imported here: mechanics and figures take longer to import than the help to print.
-    from scleraforce.eye.contact import Contact
     from scleraforce.laboratory.simulation import simulate_eye
+    from scleraforce.notebook.virtual import middle_contact, with_mechanics, with_one_eye
 
-    study = Study() if study_path is None else read_study(study_path)
-    study = _with_options(study, thickness_um, youngs_modulus_mpa, iop_mmhg, polar_angle_deg, gap_mm)
-    if mechanics is not None:
-        study = replace(study, mechanics=replace(study.mechanics, kind=mechanics))
+    study = with_one_eye(
+        with_mechanics(Study() if study_path is None else read_study(study_path), mechanics),
+        thickness_m=thickness_um / 1e6,
+        youngs_modulus_pa=None if youngs_modulus_mpa is None else youngs_modulus_mpa * 1e6,
+        iop_pa=None if iop_mmhg is None else mmhg_to_pa(iop_mmhg),
+        gap_m=None if gap_mm is None else gap_mm / 1e3,
+        polar_angle_rad=None if polar_angle_deg is None else radians(polar_angle_deg),
+    )
     refuse_unused(study, "simulate", study.mechanics.kind, study_path)
     check_number("force_mn", force_mn, NEEDLE_FORCE)
     for path in filter(None, (vtu, plot)):
@@ -70,9 +73,9 @@ def simulate(
         check_figure_path(plot)
 
     start = perf_counter()
-    contact = Contact(sum(study.needle.polar_angle_rad.bounds) / 2)
     with share_bar("load path") as reach:
-        eye = simulate_eye(study, study.eye.thickness_m.bounds[0], NEEDLE_FORCE.to_si(force_mn), contact, reach)
+        thickness_m, force_n = study.eye.thickness_m.bounds[0], NEEDLE_FORCE.to_si(force_mn)
+        eye = simulate_eye(study, thickness_m, force_n, middle_contact(study), reach)
     seconds = perf_counter() - start
     if vtu is not None:
         from scleraforce.laboratory.simulation_files import write_vtu
@@ -100,25 +103,3 @@ def simulate(
     click.echo(f"{result['elements']} elements, {result['dofs']} unknowns, {seconds:.1f} s")
     for path in filter(None, (vtu, plot)):
         click.echo(f"wrote {path}")
-
-
-def _with_options(
-    study: Study,
-    thickness_um: float,
-    youngs_modulus_mpa: float | None,
-    iop_mmhg: float | None,
-    polar_angle_deg: float | None,
-    gap_mm: float | None,
-) -> Study:
-    """Put the options into the study, whose records check them as they check a study file."""
-    eye = replace(study.eye, thickness_m=Choice((thickness_um / 1e6,)))
-    needle = study.needle
-    if youngs_modulus_mpa is not None:
-        eye = replace(eye, youngs_modulus_pa=youngs_modulus_mpa * 1e6)
-    if iop_mmhg is not None:
-        eye = replace(eye, iop_pa=mmhg_to_pa(iop_mmhg))
-    if polar_angle_deg is not None:
-        needle = replace(needle, polar_angle_rad=fixed(radians(polar_angle_deg)))
-    if gap_mm is not None:
-        needle = replace(needle, gap_m=gap_mm / 1e3)
-    return replace(study, eye=eye, needle=needle)

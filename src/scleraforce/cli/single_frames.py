@@ -54,7 +54,9 @@ def told_scanner(width_mm: float | None, depth_mm: float | None, refractive_inde
     from scleraforce.recording.scaled_frame import Scanner
 
     return Scanner(
-        None if width_mm is None else width_mm / 1e3, None if depth_mm is None else depth_mm / 1e3, refractive_index
+        width_m=None if width_mm is None else width_mm / 1e3,
+        depth_m=None if depth_mm is None else depth_mm / 1e3,
+        refractive_index=refractive_index,
     )
 
 

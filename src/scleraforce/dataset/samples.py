@@ -71,12 +71,16 @@ class SampleSimulator:
         return [(unloaded, loaded) for unloaded, loaded in sections]
 
     def _contact(self, sample: int) -> Contact:
-        return Contact(float(self._plan.polar_rad[sample]), float(self._plan.azimuth_rad[sample]))
+        return Contact(polar_rad=float(self._plan.polar_rad[sample]), azimuth_rad=float(self._plan.azimuth_rad[sample]))
 
     def _plane(self, sample: int) -> ScanPlane:
         plan = self._plan
-        frame = (float(value[sample]) for value in (plan.gap_m, plan.direction_rad, plan.tilt_rad))
-        return ScanPlane(self._contact(sample), *frame)
+        return ScanPlane(
+            self._contact(sample),
+            gap_m=float(plan.gap_m[sample]),
+            direction_rad=float(plan.direction_rad[sample]),
+            tilt_rad=float(plan.tilt_rad[sample]),
+        )
 
     def _wall_of(self, thickness_m: float) -> LinearWall:
         if self._wall is None or self._wall.mesh.thickness_m != thickness_m:

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 __all__ = ["Contact"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Contact:
     """A point of the outer surface, by polar angle (from the pole) and azimuth, in rad.
 
-    >>> Contact(0.0, 0.0).normal
+    >>> Contact(polar_rad=0.0).normal
     array([0., 0., 1.])
     """
 

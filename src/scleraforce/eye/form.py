@@ -69,7 +69,7 @@ def thickness_factor(form: FormStudy, directions_nc: Floats) -> Floats:
     """Return the wall's thickness as a multiple of the nominal one in unit directions (..., 3), shape (...)."""
     factor: Floats = np.ones(directions_nc.shape[:-1])
     for wave in form.wave:
-        cosine = directions_nc @ Contact(wave.polar_rad, wave.azimuth_rad).normal
+        cosine = directions_nc @ Contact(polar_rad=wave.polar_rad, azimuth_rad=wave.azimuth_rad).normal
         factor += wave.amplitude_fraction * legval(cosine, np.eye(wave.degree + 1)[-1])
     return factor
 
@@ -84,7 +84,9 @@ def modulus_factor(form: FormStudy, directions_nc: Floats) -> Floats:
 
 def _inside(region: RegionStudy, directions_nc: Floats) -> Floats:
     """1 inside a cap, 0 outside; a cubic with no kinks in between."""
-    angle = np.arccos(np.clip(directions_nc @ Contact(region.polar_rad, region.azimuth_rad).normal, -1.0, 1.0))
+    angle = np.arccos(
+        np.clip(directions_nc @ Contact(polar_rad=region.polar_rad, azimuth_rad=region.azimuth_rad).normal, -1.0, 1.0)
+    )
     x = np.clip((region.half_angle_rad - angle) / region.edge_rad + 0.5, 0.0, 1.0)
     smooth: Floats = x * x * (3.0 - 2.0 * x)
     return smooth

@@ -27,7 +27,7 @@ COLUMN_NODES = (
 )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class HexMesh:
     """A wall of hexahedra between two spheres, SI units: the half above the base plane z = 0, or all of it.
 
@@ -127,7 +127,16 @@ def extrude_surface(
     if serendipity and order == 2:
         points, cells, quads, inner = _without_middles(points, cells, quads, inner)
     base = np.flatnonzero(points[:, 2] == 0.0) if surface.is_open else np.empty(0, dtype=np.int64)
-    return HexMesh(points, cells, quads, inner, base, radius_m, thickness_m, order)
+    return HexMesh(
+        points_nc=points,
+        cells_en=cells,
+        outer_qn=quads,
+        inner_qn=inner,
+        base_nodes=base,
+        radius_m=radius_m,
+        thickness_m=thickness_m,
+        order=order,
+    )
 
 
 def _quad_nodes(surface: QuadSurface, order: int) -> tuple[Floats, Integers]:

@@ -73,7 +73,7 @@ class Prior:
     precision: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BoundaryFit:
     """The wall of the library that lies best on a frame's boundaries.
 

@@ -1,9 +1,11 @@
-"""What others need of the file that `calibrate` writes: each eye's modulus, the population's, and their provenance.
+"""The file that `calibrate` writes: opened, checked and written here, and what others than `calibration` need of it.
 
-The one place that opens and checks that JSON; NumPy and SciPy stay out of it, for the reader's runtime uses it too.
+That is each eye's modulus, the population's, and their provenance. The filter's state in it is read by
+`calibration.saved`. NumPy and SciPy stay out of this module, for the reader's runtime uses it too.
 """
 
 import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
@@ -13,22 +15,25 @@ from typing import Any
 from scleraforce.errors import CalibrationError
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.info import eye_id_fault
-from scleraforce.whole_files import KINDS, read_bytes
+from scleraforce.whole_files import KINDS, read_bytes, write_whole
 
 __all__ = [
     "FORMAT",
     "MECHANICS",
     "WRITER",
+    "CalibrationFile",
     "CalibrationSummary",
     "EyeSummary",
     "UsedFrame",
     "number_of",
-    "parse_content",
-    "parse_summary",
+    "open_calibration",
+    "parse_calibration_file",
     "read_calibration",
+    "summary_of",
     "summary_of_eye",
     "table_of",
     "text_of",
+    "write_calibration",
 ]
 
 FORMAT = 3
@@ -39,6 +44,15 @@ WRITER = "give a file of `scleraforce calibrate`"
 
 
 @dataclass(frozen=True)
+class CalibrationFile:
+    """A file whose format, mechanics and ids of eyes were checked; `path` names it, `sha256` is of its text."""
+
+    path: str
+    content: Mapping[str, Any]
+    sha256: str
+
+
+@dataclass(frozen=True)
 class UsedFrame:
     """A frame that a calibration rests on: its name, and `recording.files.frame_digest` of its pixels."""
 
@@ -46,7 +60,7 @@ class UsedFrame:
     sha256: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EyeSummary:
     """Young's modulus of one eye: posterior mean and standard deviation, and the frames that it rests on.
 
@@ -66,7 +80,7 @@ class EyeSummary:
         return self.status == "ok"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CalibrationSummary:
     """Eyes by id, the population, and where it is from.
 
@@ -93,24 +107,42 @@ def read_calibration(path: str | PathLike[str]) -> CalibrationSummary:
     Raises:
         CalibrationError: the file is missing, is not JSON, or lacks something; names the file and the key.
     """
-    return parse_summary(read_bytes(Path(path), KINDS["calibration"]), str(path))
+    return summary_of(open_calibration(path))
 
 
-def parse_summary(text: bytes, name: str) -> CalibrationSummary:
-    """Read the same from the file's text; `name` stands for its path.
+def open_calibration(path: str | PathLike[str]) -> CalibrationFile:
+    """Read a calibration file as it stands, for `summary_of` or `calibration.saved.parse_calibration`.
 
     Raises:
-        CalibrationError: it is not JSON, or lacks something; names the key.
+        CalibrationError: the file cannot be read, or `calibrate` has not written it.
     """
-    content = parse_content(text, name)
-    population = table_of(content, "population", name)
+    return parse_calibration_file(read_bytes(Path(path), KINDS["calibration"]), str(path))
+
+
+def write_calibration(content: Mapping[str, Any], path: Path) -> None:
+    """Write what `calibration.saved.calibration_as_json` returns, whole or not at all.
+
+    Raises:
+        InputError: its folder cannot be written to.
+    """
+    write_whole(json.dumps(content, indent=1, allow_nan=False) + "\n", path)
+
+
+def summary_of(file: CalibrationFile) -> CalibrationSummary:
+    """Return what others than `calibration` need of a file.
+
+    Raises:
+        CalibrationError: it lacks something; names the key.
+    """
+    name, content = file.path, file.content
+    population, place = table_of(content, "population", name), f"{name}: population"
     return CalibrationSummary(
-        {eye: summary_of_eye(entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()},
-        1e6 * number_of(population, "mean_mpa", f"{name}: population", SOFTEST_MPA, STIFFEST_MPA, "MPa"),
-        _spread_pa(population, f"{name}: population"),
-        content["mechanics"],
-        name,
-        hashlib.sha256(text).hexdigest(),
+        eyes={eye: summary_of_eye(entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()},
+        population_mean_pa=1e6 * number_of(population, "mean_mpa", place, SOFTEST_MPA, STIFFEST_MPA, "MPa"),
+        population_sd_pa=_spread_pa(population, place),
+        mechanics=content["mechanics"],
+        path=name,
+        sha256=file.sha256,
     )
 
 
@@ -120,12 +152,8 @@ def _spread_pa(population: Mapping[str, Any], place: str) -> float | None:
     return 1e6 * number_of(population, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa")
 
 
-def parse_content(text: bytes | str, name: str) -> dict[str, Any]:
-    """Return the JSON object of a calibration file whose format, mechanics and ids of eyes are known.
-
-    Args:
-        text: of the file.
-        name: of the file, for messages.
+def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
+    """Return a calibration file of this text; `name` stands for its path.
 
     Raises:
         CalibrationError: it is not JSON, or no file of `calibrate`.
@@ -146,7 +174,7 @@ def parse_content(text: bytes | str, name: str) -> dict[str, Any]:
         wrong = eye_id_fault(eye)
         if wrong:
             raise CalibrationError(f"{name}: eyes: {wrong}")
-    return content
+    return CalibrationFile(name, content, hashlib.sha256(text).hexdigest())
 
 
 def summary_of_eye(entry: Any, place: str) -> EyeSummary:
@@ -161,11 +189,11 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
     if not isinstance(frames, list):
         raise CalibrationError(f"{place}.frames: expected a list of the frames that were used; {WRITER}")
     return EyeSummary(
-        1e6 * number_of(entry, "mean_mpa", place, SOFTEST_MPA, STIFFEST_MPA, "MPa"),
-        1e6 * number_of(entry, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa"),
-        tuple(_frame(frame, f"{place}.frames[{index}]") for index, frame in enumerate(frames)),
-        1e-6 * number_of(entry, "thickness_um", place, THINNEST_UM, THICKEST_UM, "um"),
-        text_of(entry, "status", place),
+        mean_pa=1e6 * number_of(entry, "mean_mpa", place, SOFTEST_MPA, STIFFEST_MPA, "MPa"),
+        sd_pa=1e6 * number_of(entry, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa"),
+        frames=tuple(_frame(frame, f"{place}.frames[{index}]") for index, frame in enumerate(frames)),
+        thickness_m=1e-6 * number_of(entry, "thickness_um", place, THINNEST_UM, THICKEST_UM, "um"),
+        status=text_of(entry, "status", place),
     )
 
 

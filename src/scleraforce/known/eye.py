@@ -28,7 +28,7 @@ NAMED_EYES = 8  # of a calibration file, in a sentence
 SLACK = 1e-6  # of a bound: 0.45 mm that came through another unit is still 0.45 mm
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Modulus:
     """Young's modulus with its standard deviation, Pa, and where it comes from ("own", "population", "stated")."""
 
@@ -40,7 +40,7 @@ class Modulus:
     def relative_sd(self) -> float:
         """Standard deviation over mean, never less than 1 %.
 
-        >>> Modulus(250e3, 10e3, "own").relative_sd
+        >>> Modulus(mean_pa=250e3, sd_pa=10e3, source="own").relative_sd
         0.04
         """
         return max(self.sd_pa / self.mean_pa, LEAST_MODULUS_SD)
@@ -48,10 +48,10 @@ class Modulus:
     @classmethod
     def stated(cls, mean_pa: float) -> "Modulus":
         """A modulus that someone gives, without saying how sure it is."""
-        return cls(mean_pa, STATED_MODULUS_SD * mean_pa, "stated")
+        return cls(mean_pa=mean_pa, sd_pa=STATED_MODULUS_SD * mean_pa, source="stated")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Known:
     """What is known of an eye and of the B-scan's place; None: unknown.
 
@@ -71,7 +71,13 @@ NOTHING_KNOWN = Known()
 def known_of_recording(info: RecordingInfo) -> Known:
     """Return what a recording states about its eye; it never states the modulus, which a calibration may add."""
     needle = info.needle
-    return Known(None, info.eye.iop_pa, info.eye.thickness_m, needle.slice_gap_m, needle.polar_angle_rad)
+    return Known(
+        modulus=None,
+        iop_pa=info.eye.iop_pa,
+        thickness_m=info.eye.thickness_m,
+        gap_m=needle.slice_gap_m,
+        polar_rad=needle.polar_angle_rad,
+    )
 
 
 def completed(told: Known, stated: Known) -> Known:
@@ -80,8 +86,8 @@ def completed(told: Known, stated: Known) -> Known:
     >>> completed(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0))
     Known(modulus=None, iop_pa=266.0, thickness_m=None, gap_m=0.0004, polar_rad=None)
     """
-    pairs = ((getattr(told, item.name), getattr(stated, item.name)) for item in fields(Known))
-    return Known(*(second if first is None else first for first, second in pairs))
+    missing = [item.name for item in fields(Known) if getattr(told, item.name) is None]
+    return replace(told, **{name: getattr(stated, name) for name in missing})
 
 
 def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
@@ -103,11 +109,11 @@ def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus:
     """
     own = summary.eyes.get(eye)
     if own is not None and own.usable:
-        return Modulus(own.mean_pa, own.sd_pa, "own")
+        return Modulus(mean_pa=own.mean_pa, sd_pa=own.sd_pa, source="own")
     mean_pa = summary.population_mean_pa
     if summary.population_sd_pa is None:
-        return Modulus(mean_pa, sqrt(2.0) * POPULATION_SD * mean_pa, "population")
-    return Modulus(mean_pa, max(summary.population_sd_pa, POPULATION_SD * mean_pa), "population")
+        return Modulus(mean_pa=mean_pa, sd_pa=sqrt(2.0) * POPULATION_SD * mean_pa, source="population")
+    return Modulus(mean_pa=mean_pa, sd_pa=max(summary.population_sd_pa, POPULATION_SD * mean_pa), source="population")
 
 
 def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:

@@ -11,7 +11,7 @@ from scleraforce.study import OctStudy, PhantomStudy, draw
 __all__ = ["BscanOptics", "Cover", "Line", "Pose", "Shadow", "sample_optics", "sample_pose"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Shadow:
     """A loss of light below the surface, as of a vessel: centre from the middle column, full width at half loss."""
 
@@ -20,7 +20,7 @@ class Shadow:
     loss_fraction: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Line:
     """A horizontal reflection line across the frame: depth below the top edge, level over the noise, full width."""
 
@@ -29,7 +29,7 @@ class Line:
     thickness_m: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Cover:
     """A straight bright line above the tissue (coverslip): height over the highest tissue, level over the noise."""
 
@@ -39,7 +39,7 @@ class Cover:
     tilt_rad: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class BscanOptics:
     """The optics of one frame. Levels are ratios of detected intensity; depths in tissue are geometric.
 
@@ -70,7 +70,7 @@ class BscanOptics:
     covers: tuple[Cover, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Pose:
     """Where the section's origin lies in the frame: from the middle column, below the top edge; and its rotation."""
 
@@ -103,22 +103,26 @@ def sample_optics(phantom: PhantomStudy, oct_study: OctStudy, rng: np.random.Gen
         band_m=draw(phantom.band_m, rng),
         shadows=tuple(
             Shadow(
-                float(rng.uniform(-half_width_m, half_width_m)),
-                draw(phantom.shadow_width_m, rng),
-                draw(phantom.shadow_loss_fraction, rng),
+                centre_m=float(rng.uniform(-half_width_m, half_width_m)),
+                width_m=draw(phantom.shadow_width_m, rng),
+                loss_fraction=draw(phantom.shadow_loss_fraction, rng),
             )
             for _ in range(int(draw(phantom.shadow_count, rng)))
         ),
         lines=tuple(
-            Line(draw(phantom.line_depth_m, rng), draw(phantom.line_level_db, rng), draw(phantom.line_thickness_m, rng))
+            Line(
+                depth_m=draw(phantom.line_depth_m, rng),
+                level_db=draw(phantom.line_level_db, rng),
+                thickness_m=draw(phantom.line_thickness_m, rng),
+            )
             for _ in range(int(draw(phantom.line_count, rng)))
         ),
         covers=tuple(
             Cover(
-                draw(phantom.cover_height_m, rng),
-                draw(phantom.cover_level_db, rng),
-                draw(phantom.line_thickness_m, rng),
-                draw(phantom.cover_tilt_rad, rng),
+                height_m=draw(phantom.cover_height_m, rng),
+                level_db=draw(phantom.cover_level_db, rng),
+                thickness_m=draw(phantom.line_thickness_m, rng),
+                tilt_rad=draw(phantom.cover_tilt_rad, rng),
             )
             for _ in range(int(draw(phantom.cover_count, rng)))
         ),
@@ -128,4 +132,4 @@ def sample_optics(phantom: PhantomStudy, oct_study: OctStudy, rng: np.random.Gen
 def sample_pose(phantom: PhantomStudy, rng: np.random.Generator) -> Pose:
     """Draw where the eye lies in one frame: the recording's depth and tilt, and the frame's shift, all anew."""
     depth_m = draw(phantom.surface_depth_m, rng) + draw(phantom.eye_shift_m, rng)
-    return Pose(draw(phantom.eye_shift_m, rng), depth_m, draw(phantom.eye_tilt_rad, rng))
+    return Pose(lateral_m=draw(phantom.eye_shift_m, rng), depth_m=depth_m, tilt_rad=draw(phantom.eye_tilt_rad, rng))

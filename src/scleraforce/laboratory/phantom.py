@@ -117,7 +117,7 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
             scanner, snr_db=of_frame.snr_db, reflection_db=of_frame.reflection_db, shadows=of_frame.shadows
         )
         shift_m = draw(phantom.eye_shift_m, rng)
-        pose = Pose(draw(phantom.eye_shift_m, rng), place.depth_m + shift_m, place.tilt_rad)
+        pose = Pose(lateral_m=draw(phantom.eye_shift_m, rng), depth_m=place.depth_m + shift_m, tilt_rad=place.tilt_rad)
         key = _key(eye, seed, FRAME, index, 1)
         frames.append(PhantomFrame(f"{index + 1:04d}.png", push.frame_s, pose, optics, key, push))
     return PhantomPlan(eye, tuple(frames), pushes, sample_sensor(phantom, _generator(eye, seed, SENSOR)), seed)
@@ -165,7 +165,7 @@ def plan_moving_phantom(
         PhantomFrame(
             f"{index + 1:0{digits}d}.png",
             time_s,
-            Pose(lateral_m, place.depth_m + shift_m, place.tilt_rad),
+            Pose(lateral_m=lateral_m, depth_m=place.depth_m + shift_m, tilt_rad=place.tilt_rad),
             replace(scanner, snr_db=snr_db, reflection_db=reflection_db),
             _key(eye, seed, FRAME, index, 1),
         )
@@ -193,7 +193,7 @@ def _draw_scanner(eye: PhantomEye, study: Study, seed: int) -> tuple[BscanOptics
     rng = _generator(eye, seed, OPTICS)
     scanner = sample_optics(study.phantom, study.oct, rng)
     surface_m, tilt_rad = draw(study.phantom.surface_depth_m, rng), draw(study.phantom.eye_tilt_rad, rng)
-    return scanner, Pose(0.0, surface_m, tilt_rad)
+    return scanner, Pose(lateral_m=0.0, depth_m=surface_m, tilt_rad=tilt_rad)
 
 
 def _drift(eye: PhantomEye, study: Study, seed: int, times_s: Times) -> Times:
@@ -281,18 +281,20 @@ def _info(plan: PhantomPlan, study: Study) -> RecordingInfo:
     scanner, eye = study.oct, plan.eye
     average_s = MOVING_AVERAGE_S if isinstance(plan.motion, ForcePath) else HELD_AVERAGE_S
     return RecordingInfo(
-        EyeInfo(eye.id, eye.thickness_m, eye.iop_pa),
+        EyeInfo(eye.id, thickness_m=eye.thickness_m, iop_pa=eye.iop_pa),
         OctInfo(
-            scanner.columns,
-            scanner.rows,
-            scanner.bits,
-            scanner.width_m,
-            scanner.depth_m,
-            eye.direction_rad,
-            eye.tilt_rad,
-            scanner.refractive_index,
+            columns=scanner.columns,
+            rows=scanner.rows,
+            bits=scanner.bits,
+            width_m=scanner.width_m,
+            depth_m=scanner.depth_m,
+            plane_direction_rad=eye.direction_rad,
+            plane_tilt_rad=eye.tilt_rad,
+            refractive_index=scanner.refractive_index,
         ),
-        NeedleInfo(nearest_gauge(study.needle.outer_diameter_m), eye.gap_m, eye.polar_rad),
+        NeedleInfo(
+            gauge=nearest_gauge(study.needle.outer_diameter_m), slice_gap_m=eye.gap_m, polar_angle_rad=eye.polar_rad
+        ),
         ForceInfo(AXIS, CONTACT_SIGN, average_s),
     )
 

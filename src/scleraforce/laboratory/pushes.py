@@ -28,7 +28,7 @@ Samples = NDArray[np.float64]
 TIME_DIGITS = 4  # of frames.csv and forces.csv: 0.1 ms
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Push:
     """One push: the needle comes on at `start_s`, in `ramp_s`, holds still for `hold_s` and leaves in `ramp_s`.
 
@@ -64,7 +64,7 @@ class ForcePath:
 Motion = tuple[Push, ...] | ForcePath
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ForceSensor:
     """A force sensor: offset of each axis (3,), drift of the axis along the needle, noise, step, cross talk."""
 
@@ -91,7 +91,17 @@ def plan_pushes(forces_n: tuple[float, ...], phantom: PhantomStudy, rng: np.rand
     for force_n in forces_n:
         ramp_s, hold_s, delay_s = draw(phantom.ramp_s, rng), draw(phantom.hold_s, rng), draw(phantom.frame_delay_s, rng)
         frame_s = round(start_s + ramp_s + delay_s, TIME_DIGITS)
-        pushes.append(Push(force_n, start_s, ramp_s, hold_s, frame_s, relaxation_fraction, relaxation_time_s))
+        pushes.append(
+            Push(
+                force_n=force_n,
+                start_s=start_s,
+                ramp_s=ramp_s,
+                hold_s=hold_s,
+                frame_s=frame_s,
+                relaxation_fraction=relaxation_fraction,
+                relaxation_time_s=relaxation_time_s,
+            )
+        )
         start_s = pushes[-1].end_s + draw(phantom.rest_s, rng)
     return tuple(pushes)
 

@@ -23,7 +23,7 @@ __all__ = ["SimulatedEye", "simulate_eye"]
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SimulatedEye:
     """A wall with the needle on it.
 
@@ -71,7 +71,7 @@ def simulate_eye(
         bent = _bend_linearly(study, thickness_m, force_n, contact)
     else:
         bent = _bend(study, thickness_m, force_n, contact, progress)
-    plane = ScanPlane(contact, study.needle.gap_m)
+    plane = ScanPlane(contact, gap_m=study.needle.gap_m)
     modes_knc = np.stack([bent.resting_nc, bent.displacement_nc])
     resting, loaded = cut_sections(bent.mesh, [plane], modes_knc, np.eye(2)[None])[0]
     window = slice_window(study.slice, top_m=float(resting.outer[:, 1].min()))

@@ -34,7 +34,7 @@ FORCES_AT_ONCE = 16  # whose displacements are cut together: 30 MB of them at th
 WEIGHTS_AT_ONCE = 256  # deformations, as weights of a few modes, that are cut together
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PhantomEye:
     """One virtual eye, where the needle pushes it, and where the B-scan plane lies (see `ScanPlane`)."""
 
@@ -66,7 +66,12 @@ class PhantomEye:
     @property
     def plane(self) -> ScanPlane:
         """The plane of the B-scan."""
-        return ScanPlane(Contact(self.polar_rad, self.azimuth_rad), self.gap_m, self.direction_rad, self.tilt_rad)
+        return ScanPlane(
+            Contact(polar_rad=self.polar_rad, azimuth_rad=self.azimuth_rad),
+            gap_m=self.gap_m,
+            direction_rad=self.direction_rad,
+            tilt_rad=self.tilt_rad,
+        )
 
 
 def study_sections(eye: PhantomEye, study: Study, progress: Callable[[float], object] | None = None) -> SectionsAt:
@@ -169,12 +174,12 @@ def paper_eyes(study: Study, *, to_the_bounds: bool = False) -> tuple[tuple[Phan
     for place, (name, thickness_m, modulus_pa, trials) in zip((0.5, 0.1, 0.7, 0.3, 0.9), design, strict=True):
         polar_rad = round(low + place * (high - low), 6)
         eye = PhantomEye(
-            name,
-            thickness_m,
-            modulus_pa,
-            study.eye.iop_pa,
-            study.needle.gap_m,
-            polar_rad,
+            id=name,
+            thickness_m=thickness_m,
+            youngs_modulus_pa=modulus_pa,
+            iop_pa=study.eye.iop_pa,
+            gap_m=study.needle.gap_m,
+            polar_rad=polar_rad,
             azimuth_rad=radians(360 * place),
         )
         forces_n: list[float] = []

@@ -1,6 +1,6 @@
 """The library in one file, `library.npz`, as a model folder carries it (NumPy only)."""
 
-from dataclasses import fields, replace
+from dataclasses import Field, fields, replace
 from io import BytesIO
 from math import prod
 from os import PathLike
@@ -27,7 +27,7 @@ ENCRYPTED = 1  # a bit of a ZIP entry's flags
 def save_library(library: Library, path: Path | IO[bytes]) -> None:
     """Write a library; equal libraries give equal bytes. The file is for a folder whose hashes are checked."""
     with ZipFile(path, "w") as archive:
-        for item in fields(library):
+        for item in _stored():
             with archive.open(ZipInfo(f"{item.name}.npy"), "w", force_zip64=True) as file:
                 write_array(file, np.asarray(getattr(library, item.name)), allow_pickle=False)
 
@@ -45,10 +45,15 @@ def load_library(path: str | PathLike[str], content: bytes | None = None) -> Lib
     data = read_bytes(Path(path), replace(KINDS["model file"], error=InputError)) if content is None else content
     try:
         with ZipFile(BytesIO(data)) as archive:
-            found: dict[str, Any] = {item.name: _read(archive, item.name, len(data)) for item in fields(Library)}
+            found: dict[str, Any] = {item.name: _read(archive, item.name, len(data)) for item in _stored()}
         return Library(**found)
     except Exception as fault:  # whatever zipfile and NumPy raise where a file is damaged
         raise InputError(f"{path}: not a response library of this version ({fault})") from fault
+
+
+def _stored() -> list[Field[Any]]:
+    """What of a library is stored; the rest follows from it."""
+    return [item for item in fields(Library) if item.init]
 
 
 def _read(archive: ZipFile, name: str, most: int) -> Any:

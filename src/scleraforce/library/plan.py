@@ -28,7 +28,7 @@ SUPPORT_NODES = 4  # thicknesses, and ratios, among those of the library
 SUPPORT_TIP_M = 6e-3  # deeper dents run into the base where it is nearest: the factor stays as it is there
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LibraryPlan:
     """All that the load paths of a library depend on, and nothing else of the study."""
 
@@ -129,8 +129,13 @@ def plan_library(study: Study) -> LibraryPlan:
     """Return the plan that a study asks for: `[library]`, sizes and nu, and the middle of the needle's polar angles."""
     eye, needle = study.eye, study.needle
     middle_rad = min(0.5 * sum(needle.polar_angle_rad.bounds), float(np.radians(LARGEST_POLAR_DEG)))
-    sizes = (eye.radius_m, eye.poisson_ratio, 0.5 * needle.outer_diameter_m)
-    return LibraryPlan(*sizes, contact_polar_rad=middle_rad, grid=study.library)
+    return LibraryPlan(
+        radius_m=eye.radius_m,
+        poisson_ratio=eye.poisson_ratio,
+        needle_radius_m=0.5 * needle.outer_diameter_m,
+        contact_polar_rad=middle_rad,
+        grid=study.library,
+    )
 
 
 def parse_plan(recipe: str, name: str) -> LibraryPlan:

@@ -10,9 +10,9 @@ The paths are those of a wall of revolution about the needle axis. A needle besi
 side and meets a stiffer wall: forces are larger by a factor over the contact's polar angle (`library.base_plane`).
 """
 
-from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,6 @@ Walls = tuple[NDArray[np.intp], Floats]  # rows of (thickness, IOP ratio) and th
 
 OUTER, INNER = 0, 1  # the boundaries of a wall, as an index
 BLOCK = 32  # samples interpolated together: what they gather stays in the cache
-OF_CONTACT = ("_contact_forces", "_force_coefficients", "_state_coefficients")  # computed once for each polar angle
 SLACK = 1e-9  # relative: an end of a range may be computed in two ways
 
 
@@ -48,7 +47,30 @@ class Responses:
     force_ratio: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class _Shapes:
+    """The curves of a library, ready to be interpolated: computed once, whatever the contact."""
+
+    thickness_m: Floats
+    iop_ratio: Floats
+    tip_m: Floats
+    curves_tpdbnc: Curves
+
+    @cached_property
+    def splines(self) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
+        """Splines over log thickness, log IOP ratio, tip."""
+        return CubicSpline(np.log(self.thickness_m)), CubicSpline(np.log(self.iop_ratio)), CubicSpline(self.tip_m)
+
+    @cached_property
+    def coefficients(self) -> Curves:
+        """Spline weights of the curves (t p d, b n c)."""
+        weights = self.curves_tpdbnc.astype(np.float64)
+        for axis, spline in enumerate(self.splines):
+            weights = spline.coefficients(weights, axis)
+        return weights.reshape(prod(self.curves_tpdbnc.shape[:3]), -1).astype(np.float32)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Library:
     """Load paths over thickness and IOP ratio, and their interpolation. All evaluation is vectorised over samples.
 
@@ -70,8 +92,10 @@ class Library:
     polar_rad: Floats
     stiffness_atpd: Floats
     contact_polar_rad: float
+    shapes_of: InitVar["Library | None"] = None  # of the same walls, with which it shares what they cost
+    _shapes: _Shapes = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, shapes_of: "Library | None") -> None:
         shape = (len(self.thickness_m), len(self.iop_ratio), len(self.tip_m))
         if min(shape) < SUPPORT:
             raise InputError(f"library: {shape} thicknesses, IOP ratios, tips; must be at least {SUPPORT} of each")
@@ -95,6 +119,8 @@ class Library:
         values = (*axes, self.force_ratio_tpd, self.curves_tpdbnc, self.stiffness_atpd)
         if not all(np.isfinite(array).all() for array in values):
             raise InputError("library: values that are not finite")
+        own = _Shapes(self.thickness_m, self.iop_ratio, self.tip_m, self.curves_tpdbnc)
+        object.__setattr__(self, "_shapes", own if shapes_of is None else shapes_of._shapes)
 
     def curves(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Responses:
         """Return the first state on loading that carries a force.
@@ -181,12 +207,7 @@ class Library:
         Raises:
             InputError: the polar angle is outside the library's range.
         """
-        _check("polar angle", np.asarray(polar_rad), *self._ends(self.polar_rad), 180.0 / np.pi, "deg")
-        other = copy(self)
-        kept = {name: value for name, value in self.__dict__.items() if name not in OF_CONTACT}
-        other.__dict__.clear()
-        other.__dict__.update(kept | {"contact_polar_rad": polar_rad})
-        return other
+        return replace(self, contact_polar_rad=polar_rad, shapes_of=self)
 
     def within(self, distance_m: float) -> "Library":
         """Return the library without the material that lies farther than `distance_m` from the needle axis.
@@ -197,10 +218,10 @@ class Library:
         nodes = min(int(np.flatnonzero(near)[-1]) + 2, len(near))
         return replace(self, curves_tpdbnc=np.ascontiguousarray(self.curves_tpdbnc[..., :nodes, :]))
 
-    @cached_property
+    @property
     def _splines(self) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
         """Splines over log thickness, log IOP ratio, tip."""
-        return CubicSpline(np.log(self.thickness_m)), CubicSpline(np.log(self.iop_ratio)), CubicSpline(self.tip_m)
+        return self._shapes.splines
 
     @cached_property
     def _contact_forces(self) -> Floats:
@@ -228,14 +249,6 @@ class Library:
             weights = spline.coefficients(weights, axis)
         return weights.reshape(-1)
 
-    @cached_property
-    def _curve_coefficients(self) -> Curves:
-        """Spline weights of the curves (t p d, b n c)."""
-        weights = self.curves_tpdbnc.astype(np.float64)
-        for axis, spline in enumerate(self._splines):
-            weights = spline.coefficients(weights, axis)
-        return weights.reshape(self.force_ratio_tpd.size, -1).astype(np.float32)
-
     def _paths(self, walls: Walls) -> tuple[Floats, Floats]:
         """Force and slope at the library's tips for some walls, each (sample, d)."""
         rows, weights = walls
@@ -245,10 +258,10 @@ class Library:
     def _curves(self, walls: Walls, tip_m: Floats) -> Curves:
         rows, weights = self._states(walls, tip_m)
         samples, weights32 = len(weights), weights[:, None].astype(np.float32)
-        curves = np.empty((samples, 1, self._curve_coefficients.shape[1]), dtype=np.float32)
+        curves = np.empty((samples, 1, self._shapes.coefficients.shape[1]), dtype=np.float32)
         for start in range(0, samples, BLOCK):
             block = slice(start, start + BLOCK)
-            np.matmul(weights32[block], self._curve_coefficients[rows[block]], out=curves[block])
+            np.matmul(weights32[block], self._shapes.coefficients[rows[block]], out=curves[block])
         return curves.reshape(samples, *self.curves_tpdbnc.shape[3:])
 
     def _states(self, walls: Walls, tip_m: Floats) -> Walls:

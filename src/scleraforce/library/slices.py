@@ -120,7 +120,13 @@ def draw_slices(
     """
     boundaries = wall_boundaries(curves_sbnc, gap_m, tilt_rad, framing, study)
     images = fill_boundaries(boundaries.depth_sbc, study)
-    window = SliceWindow(-0.5 * study.columns * study.pixel_m, 0.0, study.columns, study.rows, study.pixel_m)
+    window = SliceWindow(
+        left_m=-0.5 * study.columns * study.pixel_m,
+        top_m=0.0,
+        columns=study.columns,
+        rows=study.rows,
+        pixel_m=study.pixel_m,
+    )
     for sample in np.flatnonzero(boundaries.folded):
         section = cut_surfaces(curves_sbnc[sample], float(gap_m[sample]), float(tilt_rad[sample]))
         placed = (framing.place(sample, curve) for curve in (section.outer, section.inner))

@@ -136,7 +136,7 @@ def base_shift(
     """
     if not 0.0 <= polar_rad <= LARGEST_POLAR_RAD:
         raise InputError(f"polar angle: {np.degrees(polar_rad):g} deg; must be 0 to 55 deg")
-    contact = Contact(polar_rad)
+    contact = Contact(polar_rad=polar_rad)
     solid = LinearWall(graded_mesh(radius_m, thickness_m, contact), poisson_ratio)
     meridian = meridian_mesh(radius_m, thickness_m, needle_radius_m, 0.5 * np.pi, size or MeridianSize())
     even = AxisymmetricWall(meridian, poisson_ratio)

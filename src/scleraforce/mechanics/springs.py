@@ -30,7 +30,7 @@ EYE_RADIUS_MM = 12.0
 LIMBUS_RADIUS_MM = 5.75
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Insertion:
     """A muscle's insertion: polar angle, azimuth from the medial rectus, and the arc's width, in rad."""
 
@@ -41,7 +41,7 @@ class Insertion:
 
 def _insertion(behind_limbus_mm: float, quarter_turns: int, width_mm: float) -> Insertion:
     polar = asin(LIMBUS_RADIUS_MM / EYE_RADIUS_MM) + behind_limbus_mm / EYE_RADIUS_MM
-    return Insertion(polar, 0.5 * pi * quarter_turns, width_mm / EYE_RADIUS_MM)
+    return Insertion(polar_rad=polar, azimuth_rad=0.5 * pi * quarter_turns, width_rad=width_mm / EYE_RADIUS_MM)
 
 
 INSERTIONS = {
@@ -137,7 +137,7 @@ def study_springs(supports: SupportsStudy, mesh: HexMesh) -> Springs | None:
 def _strap(mesh: HexMesh, insertion: Insertion, medial_rad: float, places_p: Floats, weights_p: Floats) -> Springs:
     """One strap of 1 N/m; `weights_p` sum to 1."""
     azimuths_p = medial_rad + insertion.azimuth_rad + 0.5 * insertion.width_rad * places_p / np.sin(insertion.polar_rad)
-    contacts = [Contact(insertion.polar_rad, azimuth) for azimuth in azimuths_p]
+    contacts = [Contact(polar_rad=insertion.polar_rad, azimuth_rad=azimuth) for azimuth in azimuths_p]
     quads, local = locate(mesh, np.array([contact.normal for contact in contacts]))
     values_pn = surface_weights(mesh, local)
     along_pc = np.array([contact.meridian for contact in contacts])

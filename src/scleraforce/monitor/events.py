@@ -16,7 +16,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FrameRead:
     """A frame and its reading.
 
@@ -40,7 +40,7 @@ class FrameRead:
     sent_s: float | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SecondOpinion:
     """The reading of a frame by another method; it comes after the first reading and can only add a doubt.
 

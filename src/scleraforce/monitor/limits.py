@@ -31,7 +31,7 @@ POSITIVE = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MonitorLimits:
     """Limits of the decision, in SI; docs/monitor_decision.md explains each.
 

@@ -15,7 +15,7 @@ __all__ = ["MonitorState", "remember"]
 MOST_UNANSWERED = 128  # frames whose times are kept; more are thinned
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MonitorState:
     """All that the monitor remembers: a few hundred numbers at most.
 

@@ -1,29 +1,25 @@
 """Recordings with their force logs: calibrate on them, and compare a model's answers with them."""
 
-import json
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
-from scleraforce.calibration.files import calibration_as_json
-from scleraforce.errors import CalibrationError, InputError
-from scleraforce.notebook.frames import check_model
+from scleraforce.calibration.saved import calibration_as_json
+from scleraforce.errors import InputError
+from scleraforce.known.calibration_file import write_calibration
+from scleraforce.notebook.frames import check_model, summary_of_calibration
 from scleraforce.notebook.training import library_of
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.reader import Reader
 from scleraforce.recording.files import Recording, read_recording
-from scleraforce.report.calibration_file import write_calibration
 from scleraforce.study import Study, study_hash
 from scleraforce.study.unused import refuse_unused
 
-__all__ = ["calibrate", "calibration_text", "evaluate"]
+__all__ = ["calibrate", "evaluate"]
 
 Given = Recording | str | PathLike[str]
 MECHANICS = ("finite-strain", "linear")
-GIVEN = "the calibration"
 PARAMETERS = ("e", "iop", "thickness", "gap")
 
 
@@ -78,7 +74,7 @@ def calibrate(
         opened, study, study_hash(study), library, tuple(parameters), frames, earlier, progress
     )
     if out is not None:
-        write_calibration(found, Path(out))
+        write_calibration(calibration_as_json(found), Path(out))
     return found
 
 
@@ -110,22 +106,8 @@ def evaluate(
     """
     check_model(model)
     folders = [recording.path for recording in _opened(recordings)]
-    if not isinstance(calibration, Calibration):
-        return evaluate_recordings(model, folders, calibration, progress)
-    with TemporaryDirectory() as folder:
-        file = Path(folder) / "calibration.json"
-        file.write_text(calibration_text(calibration), encoding="utf-8")
-        try:
-            found = evaluate_recordings(model, folders, file, progress)
-        except CalibrationError as fault:
-            raise CalibrationError(str(fault).replace(str(file), GIVEN)) from fault
-    # The file is gone by now: messages and notes speak of what was given.
-    return replace(found, notes=tuple(note.replace(str(file), GIVEN) for note in found.notes))
-
-
-def calibration_text(calibration: Calibration) -> str:
-    """Return a calibration as the text of its file."""
-    return json.dumps(calibration_as_json(calibration), allow_nan=False)
+    summary = None if calibration is None else summary_of_calibration(calibration)
+    return evaluate_recordings(model, folders, summary, progress)
 
 
 def _opened(given: Given | Sequence[Given]) -> list[Recording]:

@@ -3,6 +3,7 @@
 Only what the runtime needs is imported (NumPy, OpenCV, ONNX Runtime), unless a calibration is given that is no file.
 """
 
+import json
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 
 from scleraforce import reader
 from scleraforce.errors import FrameError, InputError
-from scleraforce.known.calibration_file import CalibrationSummary, parse_summary, read_calibration
+from scleraforce.known.calibration_file import CalibrationSummary, parse_calibration_file, read_calibration, summary_of
 from scleraforce.known.eye import Known, Modulus, completed, foreign_modulus, known_of_eye, known_of_recording
 from scleraforce.reader.answers import Answer
 from scleraforce.reader.reader import Reader
@@ -24,7 +25,7 @@ from scleraforce.segmentation.wall import Segmentation, find_wall
 if TYPE_CHECKING:
     from scleraforce.calibration.calibrate import Calibration
 
-__all__ = ["check_model", "load_model", "read", "segment"]
+__all__ = ["check_model", "load_model", "read", "segment", "summary_of_calibration"]
 
 Frame = str | PathLike[str] | Pixels
 
@@ -65,7 +66,12 @@ def segment(
     >>> found.usable, found.mask.shape
     (True, (512, 512))
     """
-    seen = _scaled(frame, Scanner(width_m, depth_m, refractive_index), Scanner(refractive_index=1.0), "assumed")
+    seen = _scaled(
+        frame,
+        Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index),
+        Scanner(refractive_index=1.0),
+        "assumed",
+    )
     try:
         return find_wall(seen.pixels, seen.scale)
     except ValueError as fault:
@@ -138,18 +144,18 @@ def read(
     check_model(model)
     seen = _scaled(
         frame,
-        Scanner(width_m, depth_m, refractive_index),
+        Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index),
         Scanner(refractive_index=model.study.oct.refractive_index),
         "model's study",
     )
     modulus = None if youngs_modulus_pa is None else Modulus.stated(youngs_modulus_pa)
-    told = Known(modulus, iop_pa, thickness_m, gap_m)
+    told = Known(modulus=modulus, iop_pa=iop_pa, thickness_m=thickness_m, gap_m=gap_m)
     known = completed(told, Known() if seen.info is None else known_of_recording(seen.info))
     warnings: list[str] = []
     if calibration is not None:
         if modulus is not None:
             raise InputError("youngs_modulus_pa: a calibration is given, too; leave one of the two out")
-        summary, name = _summary(calibration), _eye_name(eye, seen.info)
+        summary, name = summary_of_calibration(calibration), _eye_name(eye, seen.info)
         known = known_of_eye(known, summary, name)
         if foreign := foreign_modulus(summary, name):
             warnings.append(foreign)
@@ -181,7 +187,9 @@ def _scaled(frame: Frame, told: Scanner, assumed: Scanner, source: str) -> _Scal
             raise FrameError(f"{name}: {extent_m:g} m; give between {LEAST_M:g} and {LARGEST_M:g} m")
     index = told.refractive_index or assumed.refractive_index or 1.0
     try:
-        scale = PixelScale(told.width_m / pixels.shape[1], told.depth_m / pixels.shape[0], index)
+        scale = PixelScale(
+            lateral_m=told.width_m / pixels.shape[1], depth_m=told.depth_m / pixels.shape[0], refractive_index=index
+        )
     except ValueError as fault:
         raise FrameError(f"frame: {fault}") from fault
     return _Scaled(pixels, scale, "frame")
@@ -197,12 +205,18 @@ def check_model(model: object) -> None:
         raise InputError(f"model: {model} is a path; give sf.load_model({str(model)!r})")
 
 
-def _summary(calibration: "Calibration | str | PathLike[str]") -> CalibrationSummary:
+def summary_of_calibration(calibration: "Calibration | str | PathLike[str]") -> CalibrationSummary:
+    """Return what models need of a calibration, or of its file.
+
+    Raises:
+        CalibrationError: the file cannot be used.
+    """
     if isinstance(calibration, str | PathLike):
         return read_calibration(calibration)
-    from scleraforce.notebook.calibrating import calibration_text  # with all that calibrates
+    from scleraforce.calibration.saved import calibration_as_json  # with all that calibrates
 
-    return parse_summary(calibration_text(calibration).encode(), "the calibration")
+    text = json.dumps(calibration_as_json(calibration), allow_nan=False)
+    return summary_of(parse_calibration_file(text.encode(), "the calibration"))
 
 
 def _eye_name(eye: str | None, info: RecordingInfo | None) -> str:

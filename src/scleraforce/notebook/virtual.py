@@ -11,11 +11,11 @@ from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
 from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
 from scleraforce.recording.files import Recording, read_recording
-from scleraforce.study import Choice, Study
+from scleraforce.study import Study, fixed
 from scleraforce.study.fields import Unit, check_number
 from scleraforce.study.unused import refuse_unused
 
-__all__ = ["phantom", "simulate"]
+__all__ = ["middle_contact", "phantom", "simulate", "with_mechanics", "with_one_eye"]
 
 FORCE_N = Unit(low=0.0, high=1.0)
 
@@ -60,20 +60,17 @@ def simulate(
     >>> eye.slice.shape
     (40, 140)
     """
-    study = _with_mechanics(study, mechanics)
-    eye = replace(study.eye, thickness_m=Choice((thickness_m,)))
-    if youngs_modulus_pa is not None:
-        eye = replace(eye, youngs_modulus_pa=youngs_modulus_pa)
-    if iop_pa is not None:
-        eye = replace(eye, iop_pa=iop_pa)
-    if gap_m is not None:
-        study = replace(study, needle=replace(study.needle, gap_m=gap_m))
-    polar_rad = sum(study.needle.polar_angle_rad.bounds) / 2 if polar_angle_rad is None else polar_angle_rad
-    needle = replace(study.needle, polar_angle_rad=Choice((polar_rad,)))
-    study = replace(study, eye=eye, needle=needle)
+    study = with_one_eye(
+        with_mechanics(study or Study(), mechanics),
+        thickness_m=thickness_m,
+        youngs_modulus_pa=youngs_modulus_pa,
+        iop_pa=iop_pa,
+        gap_m=gap_m,
+        polar_angle_rad=polar_angle_rad,
+    )
     refuse_unused(study, "simulate", study.mechanics.kind)
     check_number("force_n", force_n, FORCE_N)
-    return simulate_eye(study, thickness_m, force_n, Contact(polar_rad), progress)
+    return simulate_eye(study, thickness_m, force_n, middle_contact(study), progress)
 
 
 def phantom(
@@ -123,7 +120,7 @@ def phantom(
     >>> [frame.file for frame in recording.frames]
     ['0001.png', '0002.png']
     """
-    study = _with_mechanics(study, mechanics)
+    study = with_mechanics(study or Study(), mechanics)
     refuse_unused(study, "phantom", study.mechanics.kind)
     pushed = PhantomEye(
         id=eye,
@@ -141,7 +138,37 @@ def phantom(
     return read_recording(out)
 
 
-def _with_mechanics(study: Study | None, mechanics: str | None) -> Study:
-    """Return the study, the paper's where there is none, with the mechanics that was told."""
-    study = study or Study()
+def with_mechanics(study: Study, mechanics: str | None) -> Study:
+    """Return the study with the mechanics that was told; None: its own."""
     return study if mechanics is None else replace(study, mechanics=replace(study.mechanics, kind=mechanics))
+
+
+def with_one_eye(
+    study: Study,
+    *,
+    thickness_m: float,
+    youngs_modulus_pa: float | None,
+    iop_pa: float | None,
+    gap_m: float | None,
+    polar_angle_rad: float | None,
+) -> Study:
+    """Return the study of one eye; what is None stays as the study has it.
+
+    Raises:
+        StudyError: a value is out of bounds, as in a study file.
+    """
+    eye, needle = replace(study.eye, thickness_m=fixed(thickness_m)), study.needle
+    if youngs_modulus_pa is not None:
+        eye = replace(eye, youngs_modulus_pa=youngs_modulus_pa)
+    if iop_pa is not None:
+        eye = replace(eye, iop_pa=iop_pa)
+    if polar_angle_rad is not None:
+        needle = replace(needle, polar_angle_rad=fixed(polar_angle_rad))
+    if gap_m is not None:
+        needle = replace(needle, gap_m=gap_m)
+    return replace(study, eye=eye, needle=needle)
+
+
+def middle_contact(study: Study) -> Contact:
+    """Return the contact in the middle of the study's polar angles."""
+    return Contact(polar_rad=sum(study.needle.polar_angle_rad.bounds) / 2)

@@ -11,7 +11,7 @@ from scleraforce.reader.readings import Reading
 __all__ = ["Answer", "LiveReading", "unusable"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Answer:
     """What a model says about a frame.
 
@@ -50,4 +50,4 @@ def unusable(classes: int, reason: str) -> Answer:
     >>> unusable(3, "no wall was found").predicted
     2
     """
-    return Answer(classes - 1, None, False, reason)
+    return Answer(predicted=classes - 1, probabilities=None, usable=False, reason=reason)

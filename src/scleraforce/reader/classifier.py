@@ -129,7 +129,9 @@ class Classifier:
         probabilities = self.probabilities(cut[np.newaxis])[0]
         if not np.isfinite(probabilities).all():
             return unusable(self.classes, "the network's answer is no number")
-        return Answer(int(probabilities.argmax()), tuple(probabilities.tolist()), True, None)
+        return Answer(
+            predicted=int(probabilities.argmax()), probabilities=tuple(probabilities.tolist()), usable=True, reason=None
+        )
 
     def _check(self) -> None:
         """Check that network and study fit each other."""

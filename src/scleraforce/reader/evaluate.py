@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from scleraforce.errors import CalibrationError, RecordingError
-from scleraforce.known.calibration_file import CalibrationSummary, read_calibration
+from scleraforce.known.calibration_file import CalibrationSummary
 from scleraforce.known.eye import Known, foreign_modulus, known_of_eye, known_of_recording
 from scleraforce.reader.answers import Answer
 from scleraforce.reader.evaluation import Evaluation, FrameAnswer
@@ -25,7 +25,7 @@ FOREIGN = ("the modulus is the population's, not this eye's own",)
 def evaluate_recordings(
     reader: Reader,
     paths: Sequence[str | PathLike[str]],
-    calibration: str | PathLike[str] | None = None,
+    calibration: CalibrationSummary | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> Evaluation:
     """Read every frame of recordings and compare with their force logs.
@@ -33,23 +33,24 @@ def evaluate_recordings(
     Args:
         reader: the model.
         paths: recording folders; each once.
-        calibration: the file of `scleraforce calibrate`; the frames that it used are marked and not scored. A model
-            of kind "reader" reads an eye that it knows with its own modulus, others with the population's.
+        calibration: of the eyes; the frames that it used are marked and not scored. A model of kind "reader" reads an
+            eye that it knows with its own modulus, others with the population's.
         progress: called with 1 after each frame.
 
     Raises:
         RecordingError: a recording cannot be used, or is given twice.
         FrameError: a frame cannot be read.
-        CalibrationError: the calibration file cannot be used, or not with this model.
+        CalibrationError: the calibration cannot be used with this model.
     """
     folders = [Path(path) for path in paths]
     _refuse_twice(folders)
-    summary = None if calibration is None else _calibration(reader, Path(calibration))
+    if calibration is not None:
+        _refuse_linear(reader, calibration)
     recordings = [read_recording(path) for path in folders]
     frames: list[FrameAnswer] = []
-    notes = list(_notes(reader, folders, recordings, summary))
+    notes = list(_notes(reader, folders, recordings, calibration))
     for path, recording in zip(folders, recordings, strict=True):
-        answers = tuple(_answers(reader, str(path), recording, summary, progress))
+        answers = tuple(_answers(reader, str(path), recording, calibration, progress))
         notes += (f"{path}: {doubt}" for doubt in _doubts(reader, recording, answers))
         frames += answers
     study = reader.study
@@ -81,15 +82,13 @@ def _refuse_twice(paths: Sequence[Path]) -> None:
         seen.add(path.resolve())
 
 
-def _calibration(reader: Reader, path: Path) -> CalibrationSummary:
-    """Read a calibration; moduli of a linear wall are not those of one that bends as far as it does."""
-    summary = read_calibration(path)
-    if reader.fixed_modulus_pa is None and summary.mechanics == "linear":
+def _refuse_linear(reader: Reader, calibration: CalibrationSummary) -> None:
+    """Moduli of a linear wall are not those of one that bends as far as it does."""
+    if reader.fixed_modulus_pa is None and calibration.mechanics == "linear":
         raise CalibrationError(
-            f"{path}: mechanics: linear; {reader.path} reads with finite strain: calibrate with "
+            f"{calibration.path}: mechanics: linear; {reader.path} reads with finite strain: calibrate with "
             "--mechanics finite-strain"
         )
-    return summary
 
 
 def _notes(

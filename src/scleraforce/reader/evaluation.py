@@ -22,7 +22,7 @@ from scleraforce.units import n_to_mn
 __all__ = ["Evaluation", "FrameAnswer"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FrameAnswer:
     """One frame: what was measured, what the model said.
 
@@ -85,7 +85,7 @@ def _times(value: float | None, factor: float) -> float | None:
     return None if value is None else value * factor
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Evaluation:
     """The answers of a model to the frames of one or more recordings, and the metrics over those that count.
 
@@ -126,7 +126,7 @@ class Evaluation:
     def forces(self) -> tuple[ForceTrial, ...]:
         """Measured and read force of each usable frame that counts; none with a classifier."""
         return tuple(
-            ForceTrial(frame.measured_force_n, frame.predicted_force_n, frame.interval_n)
+            ForceTrial(measured_n=frame.measured_force_n, read_n=frame.predicted_force_n, interval_n=frame.interval_n)
             for frame in self.scored
             if frame.measured_force_n is not None and frame.predicted_force_n is not None and frame.interval_n
         )

@@ -179,5 +179,11 @@ class ForceReader:
                 f"{n_to_mn(reading.width_n):.0f} mN",
             )
         return Answer(
-            reading.predicted, reading.probabilities, True, None, reading.force_n, reading.interval_n, reading.contact_m
+            predicted=reading.predicted,
+            probabilities=reading.probabilities,
+            usable=True,
+            reason=None,
+            force_n=reading.force_n,
+            interval_n=reading.interval_n,
+            contact_m=reading.contact_m,
         )

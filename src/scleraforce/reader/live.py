@@ -45,7 +45,7 @@ class LiveReader:
         Returns:
             The reading; `can_calibrate` of its answer is False, as it is not asked in the loop.
         """
-        scale = PixelScale(scale.lateral_m, scale.depth_m, self._refractive_index)
+        scale = PixelScale(lateral_m=scale.lateral_m, depth_m=scale.depth_m, refractive_index=self._refractive_index)
         return self._reader.read_live(frame, scale, self._known)
 
 

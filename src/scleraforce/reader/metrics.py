@@ -97,7 +97,7 @@ def precision(confusion: NDArray[np.int64]) -> tuple[Proportion, ...]:
     return _shares(confusion, confusion.sum(axis=0))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ForceTrial:
     """A trial's measured and read force, N, and the interval that was read."""
 
@@ -115,7 +115,9 @@ class ForceTrial:
 def mean_absolute_error(trials: Sequence[ForceTrial]) -> float:
     """Return the mean absolute error, N; NaN where there is no trial.
 
-    >>> mean_absolute_error([ForceTrial(0.25, 0.5, (0.0, 1.0)), ForceTrial(1.0, 0.5, (0.0, 1.0))])
+    >>> from dataclasses import replace
+    >>> trial = ForceTrial(measured_n=0.25, read_n=0.5, interval_n=(0.0, 1.0))
+    >>> mean_absolute_error([trial, replace(trial, measured_n=1.0)])
     0.375
     """
     return sum(abs(trial.read_n - trial.measured_n) for trial in trials) / len(trials) if trials else nan
@@ -124,7 +126,9 @@ def mean_absolute_error(trials: Sequence[ForceTrial]) -> float:
 def coverage(trials: Sequence[ForceTrial]) -> Proportion:
     """Return the share of trials whose measured force lies in its interval.
 
-    >>> coverage([ForceTrial(1.0, 0.9, (0.8, 1.2)), ForceTrial(3.0, 2.0, (1.5, 2.5))]).value
+    >>> from dataclasses import replace
+    >>> trial = ForceTrial(measured_n=1.0, read_n=0.9, interval_n=(0.8, 1.2))
+    >>> coverage([trial, replace(trial, measured_n=3.0)]).value
     0.5
     """
     return Proportion(sum(trial.covered for trial in trials), len(trials))

@@ -12,7 +12,7 @@ __all__ = ["METHODS", "Reading", "disagreement", "fit_reading"]
 METHODS = ("network", "fit")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Reading:
     """Class probabilities, force (median) with its 90 % interval, and the contact's place from the frame's middle.
 
@@ -46,7 +46,13 @@ class Reading:
 
 def fit_reading(fit: BoundaryFit, bounds_n: tuple[float, ...]) -> Reading:
     """Return what a fit says."""
-    return Reading(fit.probabilities(bounds_n), fit.force_n, fit.interval_n, fit.contact_m, float(fit.sd[LATERAL]))
+    return Reading(
+        probabilities=fit.probabilities(bounds_n),
+        force_n=fit.force_n,
+        interval_n=fit.interval_n,
+        contact_m=fit.contact_m,
+        contact_sd_m=float(fit.sd[LATERAL]),
+    )
 
 
 def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str | None:
@@ -55,7 +61,9 @@ def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str
     The intervals count as independent: their half widths towards each other add in squares. A check that is no number
     is no agreement.
 
-    >>> near, far = Reading((0, 1, 0), 0.010, (0.009, 0.011), 0.0), Reading((0, 1, 0), 0.013, (0.011, 0.015), 0.0)
+    >>> from dataclasses import replace
+    >>> near = Reading(probabilities=(0, 1, 0), force_n=0.010, interval_n=(0.009, 0.011), contact_m=0.0)
+    >>> far = replace(near, force_n=0.013, interval_n=(0.011, 0.015))
     >>> disagreement(near, near, ("network", "fit"))
     >>> disagreement(near, far, ("network", "fit"))
     'the network reads 10.0 mN, the fit 13.0 mN: more apart than their intervals allow'

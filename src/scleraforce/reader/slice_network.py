@@ -57,7 +57,12 @@ class OnnxSliceNetwork:
             raise ModelError(f"{self._place}: answers {histogram.shape} and {contact_m.shape} to {len(cuts)} slices")
         mean = histogram.mean(axis=0).tolist()
         force = single_force(mean, self._edges_m2, modulus_pa, self._study.classes.bounds_n)
-        return Reading(force.probabilities, force.median_n, force.interval_n, float(contact_m.mean()))
+        return Reading(
+            probabilities=force.probabilities,
+            force_n=force.median_n,
+            interval_n=force.interval_n,
+            contact_m=float(contact_m.mean()),
+        )
 
     def _prepared(self, known: Known) -> tuple[NDArray[np.float32], float]:
         """Return the network's second input for an eye, (1, len(GIVEN)), and the modulus that it is told."""

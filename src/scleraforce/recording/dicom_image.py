@@ -57,7 +57,7 @@ def _read(path: Path, data: bytes) -> FrameImage:
     depth_m, lateral_m = _spacing(dataset)
     if maker in A_SCANS_ALONG_ROWS:
         pixels, depth_m, lateral_m = np.ascontiguousarray(pixels.swapaxes(0, 1)), lateral_m, depth_m
-    return FrameImage(grey_pixels(pixels, path), depth_m, lateral_m)
+    return FrameImage(grey_pixels(pixels, path), depth_pixel_m=depth_m, lateral_pixel_m=lateral_m)
 
 
 def _check_header(path: Path, dataset: "pydicom.Dataset", kind: str) -> None:

@@ -1,6 +1,6 @@
 """The typed record of `recording.toml`: what a laboratory states about one eye's recording. All keys are SI."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, quantity, required
@@ -36,6 +36,7 @@ class EyeInfo:
     """The eye: a name, and what was measured on it (None: not measured)."""
 
     id: str
+    _: KW_ONLY
     thickness_m: float | None = quantity(None, None, 100e-6, 3e-3)
     iop_pa: float | None = quantity(None, None, 0.0, 15e3)
 
@@ -46,7 +47,7 @@ class EyeInfo:
             raise StudyError(f"id: {fault}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class OctInfo:
     """The frames: pixels, used bits, field of view (black bands included), and the plane's direction and tilt."""
 
@@ -63,7 +64,7 @@ class OctInfo:
         check_fields(self)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class NeedleInfo:
     """The needle: gauge, distance of the B-scan plane from its axis, polar angle of the contact where known."""
 

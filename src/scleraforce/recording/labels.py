@@ -36,7 +36,7 @@ LARGEST_NOISE_N = 0.3
 LARGEST_FORCE_BOUNDS = 100.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Trial:
     """A frame with its label: force in N and class (both None without a force log).
 
@@ -65,7 +65,13 @@ def label_frames(recording: Recording, classes: ClassesStudy, max_force_n: float
     """
     if recording.forces is None or recording.info.force is None:
         return tuple(
-            Trial(frame.file, frame.time_s, None, None, "pierced" if frame.pierced else None)
+            Trial(
+                file=frame.file,
+                time_s=frame.time_s,
+                measured_force_n=None,
+                target=None,
+                excluded="pierced" if frame.pierced else None,
+            )
             for frame in recording.frames
         )
     log, info = recording.forces, recording.info.force
@@ -113,7 +119,13 @@ def _trial(
     excluded = "pierced" if frame.pierced else None
     if max_force_n is not None and force_n > max_force_n:
         excluded = excluded or f"above the largest force of the study, {max_force_n * 1e3:g} mN"
-    return Trial(frame.file, frame.time_s, force_n, classes.classify(force_n), excluded)
+    return Trial(
+        file=frame.file,
+        time_s=frame.time_s,
+        measured_force_n=force_n,
+        target=classes.classify(force_n),
+        excluded=excluded,
+    )
 
 
 def contact_force(log: ForceLog, info: ForceInfo) -> Samples:

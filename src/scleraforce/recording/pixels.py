@@ -1,6 +1,6 @@
 """The pixels of one frame, whatever file they come from: their type and size, colour turned into grey."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -47,7 +47,7 @@ class _FieldOfView(Protocol):
     def refractive_index(self) -> float: ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PixelScale:
     """The size of a frame's pixel: along a row (lateral) and along a column (optical depth), m.
 
@@ -67,7 +67,11 @@ class PixelScale:
     @classmethod
     def of(cls, scanner: _FieldOfView) -> "PixelScale":
         """Return the scale of a scanner's frames (`OctStudy`, `OctInfo`)."""
-        return cls(scanner.width_m / scanner.columns, scanner.depth_m / scanner.rows, scanner.refractive_index)
+        return cls(
+            lateral_m=scanner.width_m / scanner.columns,
+            depth_m=scanner.depth_m / scanner.rows,
+            refractive_index=scanner.refractive_index,
+        )
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,7 @@ class FrameImage:
     """A frame: `pixels` uint8 or uint16 (rows, columns); sizes of a pixel where the file says so, else None."""
 
     pixels: Pixels
+    _: KW_ONLY
     depth_pixel_m: float | None = None
     lateral_pixel_m: float | None = None
 

@@ -23,7 +23,7 @@ class Sourced:
     source: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Scanner:
     """Width and depth of frames in m, and by which index depth is stretched; None: not stated."""
 
@@ -46,7 +46,11 @@ class ScaledFrame:
     def scale(self) -> PixelScale:
         """Size of a pixel as stored, with the refractive index."""
         rows, columns = self.pixels.shape
-        return PixelScale(self.width_m.value / columns, self.depth_m.value / rows, self.refractive_index.value)
+        return PixelScale(
+            lateral_m=self.width_m.value / columns,
+            depth_m=self.depth_m.value / rows,
+            refractive_index=self.refractive_index.value,
+        )
 
 
 def recording_of(path: Path) -> Path | None:
@@ -79,7 +83,7 @@ def read_scaled_frame(path: Path, told: Scanner, assumed: tuple[Scanner, str], t
     info = None if recording is None else read_info(recording / "recording.toml")
     if info is not None:
         check_frame(pixels, info.oct.rows, info.oct.columns, info.oct.bits, str(path))
-    file = Scanner(lateral_m and lateral_m * columns, depth_m and depth_m * rows)
+    file = Scanner(width_m=lateral_m and lateral_m * columns, depth_m=depth_m and depth_m * rows)
     stated = ((told, "option"), (_scanner(info), "recording.toml"), (file, "file"), assumed)
     width, depth, index = (
         next((Sourced(value, source) for scanner, source in stated if (value := getattr(scanner, name))), None)
@@ -95,7 +99,11 @@ def read_scaled_frame(path: Path, told: Scanner, assumed: tuple[Scanner, str], t
 
 
 def _scanner(info: RecordingInfo | None) -> Scanner:
-    return Scanner(info.oct.width_m, info.oct.depth_m, info.oct.refractive_index) if info else Scanner()
+    return (
+        Scanner(width_m=info.oct.width_m, depth_m=info.oct.depth_m, refractive_index=info.oct.refractive_index)
+        if info
+        else Scanner()
+    )
 
 
 def _check_extent(path: Path, word: str, option: str, extent: Sourced) -> None:

@@ -51,7 +51,7 @@ def read_tiff(path: Path, data: bytes) -> FrameImage:
         raise
     except Exception as fault:  # tifffile and its codecs raise whatever the damage leads to
         raise FrameError(f"{path}: damaged or an unknown kind of TIFF: {fault}") from fault
-    return FrameImage(grey_pixels(pixels, path), depth_m, lateral_m)
+    return FrameImage(grey_pixels(pixels, path), depth_pixel_m=depth_m, lateral_pixel_m=lateral_m)
 
 
 def _check_page(path: Path, page: "tifffile.TiffPage", data: bytes) -> None:

@@ -18,7 +18,7 @@ SUB_CODES = {cause.value: cause.name for cause in Cause}
 OK = State.WATCHING.value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Change:
     """A STATUS that differs from the one before it, in code or sub-code.
 
@@ -50,7 +50,7 @@ class Change:
         return SUB_CODES.get(self.sub_code)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TimedAnswer:
     """The STATUS that answers a frame.
 
@@ -131,7 +131,16 @@ class AnswerLog:
         if before is None or (before.code, before.subcode) != (status.code, status.subcode):
             number, sent_s = self._last or (None, None)
             after_s = None if sent_s is None else at_s - sent_s
-            self.changes.append(Change(at_s, status.code, status.subcode, status.message, number, after_s))
+            self.changes.append(
+                Change(
+                    at_s=at_s,
+                    code=status.code,
+                    sub_code=status.subcode,
+                    message=status.message,
+                    frame=number,
+                    after_s=after_s,
+                )
+            )
 
     def _hear_reading(self, text: str) -> None:
         """Take the reading of a frame: the STATUS just before it was the frame's."""
@@ -147,7 +156,9 @@ class AnswerLog:
             return
         number, sent_s = self._waiting.pop(frame_id)
         self.answered = number
-        self.answers.append(TimedAnswer(at_s, at_s - sent_s, reading.get("latency_ms"), status.code))
+        self.answers.append(
+            TimedAnswer(at_s=at_s, took_s=at_s - sent_s, server_ms=reading.get("latency_ms"), code=status.code)
+        )
         if self.changes and self.changes[-1].at_s == at_s:
             self.changes[-1] = replace(
                 self.changes[-1], frame=number, after_s=at_s - sent_s, answers=True,

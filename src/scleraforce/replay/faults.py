@@ -1,7 +1,7 @@
 """Faults of a scanner and its connection, injected on purpose: does the monitor withdraw, when, and why?"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from time import monotonic
 from types import MappingProxyType
 
@@ -70,6 +70,7 @@ class FaultReport:
     """
 
     name: str
+    _: KW_ONLY
     began_s: float
     delay_s: float | None
     code: int | None
@@ -138,18 +139,46 @@ def inject(player: Player, prepared: Prepared) -> FaultReport:
             client.listen(began_s + WITHIN_S, lambda: log.first_doubt(since_s) is not None)
             change = log.first_doubt(since_s)
     except LinkError as fault_of_link:
-        return FaultReport(prepared.name, began_s, monotonic() - began_s, None, None, str(fault_of_link), False)
+        return FaultReport(
+            prepared.name,
+            began_s=began_s,
+            delay_s=monotonic() - began_s,
+            code=None,
+            cause=None,
+            message=str(fault_of_link),
+            expected=False,
+        )
     if change is None and _silent(player, began_s):
         heard_s = log.status_s or began_s
         return FaultReport(
-            prepared.name, began_s, heard_s + SILENT_S - began_s, None, None, "no STATUS for 150 ms", False
+            prepared.name,
+            began_s=began_s,
+            delay_s=heard_s + SILENT_S - began_s,
+            code=None,
+            cause=None,
+            message="no STATUS for 150 ms",
+            expected=False,
         )
     if change is None:
-        return FaultReport(prepared.name, began_s, None, None, None, "the monitor still says OK", False)
+        return FaultReport(
+            prepared.name,
+            began_s=began_s,
+            delay_s=None,
+            code=None,
+            cause=None,
+            message="the monitor still says OK",
+            expected=False,
+        )
     expected = change.cause in [cause.name for cause in fault.causes]
     return FaultReport(
-        prepared.name, began_s, change.at_s - began_s, change.code, change.cause, change.message, expected
-    )  # fmt: skip
+        prepared.name,
+        began_s=began_s,
+        delay_s=change.at_s - began_s,
+        code=change.code,
+        cause=change.cause,
+        message=change.message,
+        expected=expected,
+    )
 
 
 def _silent(player: Player, began_s: float) -> bool:

@@ -1,6 +1,6 @@
 """What Mendizabal, Sznitman and Cotin (2020) report, to stand beside what was computed here."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 __all__ = ["CONFUSION", "EYES", "MEAN_MODULUS_PA", "PAPER_TITLE", "SECONDS_A_SLICE", "PaperEye"]
 
@@ -12,6 +12,7 @@ class PaperEye:
     """One eye of the paper: wall thickness and trials in each class (Table 1), Young's modulus (Table 2)."""
 
     name: str
+    _: KW_ONLY
     thickness_m: float
     trials: tuple[int, int, int]
     modulus_pa: float | None
@@ -19,11 +20,11 @@ class PaperEye:
 
 
 EYES = (
-    PaperEye("eye 1", 800e-6, (0, 11, 14), 0.27e6, 4.7e3),
-    PaperEye("eye 2", 500e-6, (1, 2, 2), 0.22e6, 6.7e3),
-    PaperEye("eye 3", 650e-6, (2, 0, 3), 0.24e6, 3.9e3),
-    PaperEye("eye 4", 560e-6, (2, 1, 2), 0.29e6, 4.9e3),
-    PaperEye("eye 5", 800e-6, (2, 1, 2), None, None),
+    PaperEye("eye 1", thickness_m=800e-6, trials=(0, 11, 14), modulus_pa=0.27e6, modulus_sd_pa=4.7e3),
+    PaperEye("eye 2", thickness_m=500e-6, trials=(1, 2, 2), modulus_pa=0.22e6, modulus_sd_pa=6.7e3),
+    PaperEye("eye 3", thickness_m=650e-6, trials=(2, 0, 3), modulus_pa=0.24e6, modulus_sd_pa=3.9e3),
+    PaperEye("eye 4", thickness_m=560e-6, trials=(2, 1, 2), modulus_pa=0.29e6, modulus_sd_pa=4.9e3),
+    PaperEye("eye 5", thickness_m=800e-6, trials=(2, 1, 2), modulus_pa=None, modulus_sd_pa=None),
 )
 
 MEAN_MODULUS_PA = 0.25e6  # sec. 3.2, for all eyes

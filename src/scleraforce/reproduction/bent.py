@@ -11,7 +11,9 @@ from functools import partial
 from pathlib import Path
 
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
+from scleraforce.calibration.saved import calibration_as_json
 from scleraforce.dataset import open_dataset, read_population_modulus
+from scleraforce.known.calibration_file import read_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections, paper_eyes
 from scleraforce.learning.classifier.train import train_classifier
@@ -22,7 +24,6 @@ from scleraforce.processes import work_units
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.recording.files import read_recording
-from scleraforce.report.calibration_file import write_calibration
 from scleraforce.reproduction.run import Progress, Run
 from scleraforce.study import Study, study_hash
 
@@ -83,7 +84,7 @@ def calibrate_bent(run: Run, progress: Progress) -> None:
     as_in_paper = _calibrated(run, paths[:CALIBRATED], progress, None, frames=None)
     run.bent.calibrations.mkdir(parents=True)
     for calibration, path in ((by_reader, run.bent.finite_strain), (as_in_paper, run.bent.linear)):
-        write_calibration(calibration, path)
+        write_calibration(calibration_as_json(calibration), path)
 
 
 def _calibrated(
@@ -107,7 +108,7 @@ def train_bent_model(run: Run, progress: Progress) -> None:
 
 def read_bent(run: Run, progress: Progress) -> tuple[Evaluation, Evaluation]:
     """Return the answers of the paper's method and of the reader to the same trials; `progress` counts frames."""
-    paths, calibration = bent_recordings(run), run.bent.finite_strain
+    paths, calibration = bent_recordings(run), read_calibration(run.bent.finite_strain)
     paper, reader = (
         evaluate_recordings(load_model(path), paths, calibration, progress) for path in (run.bent.model, run.reader)
     )

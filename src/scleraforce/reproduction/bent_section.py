@@ -111,7 +111,9 @@ def _against_truth(reader: Evaluation) -> list[ForceTrial]:
     """Return the forces that were read beside the true ones."""
     true = {path: true_forces(Path(path)) for path in {frame.recording for frame in reader.scored}}
     return [
-        ForceTrial(true[frame.recording][frame.file], frame.predicted_force_n, frame.interval_n)
+        ForceTrial(
+            measured_n=true[frame.recording][frame.file], read_n=frame.predicted_force_n, interval_n=frame.interval_n
+        )
         for frame in reader.scored
         if frame.predicted_force_n is not None and frame.interval_n is not None
     ]

@@ -3,12 +3,13 @@
 from collections.abc import Callable, Sequence
 
 from scleraforce.calibration.calibrate import Calibration, EyeCalibration, calibrate_recordings
+from scleraforce.calibration.saved import parse_calibration
+from scleraforce.known.calibration_file import open_calibration
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import Proportion
 from scleraforce.recording.files import read_recording
 from scleraforce.report.answered_frame import look_at
 from scleraforce.report.calibration_figures import draw_modulus_over_frames, draw_observed_points
-from scleraforce.report.calibration_file import read_posteriors
 from scleraforce.report.html import Html, figure, paragraph, section, table
 from scleraforce.report.paper import EYES, MEAN_MODULUS_PA
 from scleraforce.report.style import data_uri
@@ -28,7 +29,7 @@ def calibration_section(run: Run, evaluation: Evaluation, drawn: Callable[[Html]
         evaluation: the answers to all eyes.
         drawn: called with each figure.
     """
-    calibration = read_posteriors(run.calibration)
+    calibration = parse_calibration(open_calibration(run.calibration))
     first = _with_points(run, next(iter(calibration.eyes)))
     mean_pa, spread_pa = calibration.population
     spread = "not known from one eye" if spread_pa is None else f"{spread_pa / 1e6:.3f} MPa"

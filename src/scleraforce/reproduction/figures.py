@@ -65,7 +65,7 @@ def network_figure(reader: Classifier) -> Html:
 
 def mesh_figure(study: Study) -> Html:
     """Return the deformed mesh under a dangerous force (Fig. 1b)."""
-    contact = Contact(sum(study.needle.polar_angle_rad.bounds) / 2)
+    contact = Contact(polar_rad=sum(study.needle.polar_angle_rad.bounds) / 2)
     eye = simulate_eye(study, 500e-6, study.classes.bounds_n[1], contact)
     caption = (
         f"The deformed mesh (the paper's Fig. 1b), cut open at the needle (orange), under {n_to_mn(eye.force_n):g} mN, "

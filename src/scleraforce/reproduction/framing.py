@@ -28,4 +28,4 @@ def framed_for_laboratory(study: Study) -> Study:
 
 def _rounded(low_m: float, high_m: float) -> Range:
     """Return a range free of the last bits' rounding, so that its TOML reads back to the same."""
-    return Range(round(low_m, 9), round(high_m, 9))
+    return Range(min=round(low_m, 9), max=round(high_m, 9))

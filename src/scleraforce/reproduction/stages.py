@@ -10,7 +10,9 @@ from datetime import datetime
 from pathlib import Path
 
 from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
+from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.dataset import generate_dataset, open_dataset, read_population_modulus
+from scleraforce.known.calibration_file import open_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import linear_sections, paper_eyes
 from scleraforce.learning.classifier.train import train_classifier
@@ -18,7 +20,6 @@ from scleraforce.library.plan import plan_library
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.recording.files import read_recording
-from scleraforce.report.calibration_file import read_posteriors, write_calibration
 from scleraforce.reproduction.bent import (
     CALIBRATED,
     bend_eyes,
@@ -74,10 +75,8 @@ def reproduce(
             answers.append(evaluate_recordings(model, recordings, progress=progress))
 
     def leave_out(run: Run, progress: Progress) -> None:
-        write_left_out(
-            read_left_out(open_dataset(run.dataset), read_posteriors(run.calibration), answers[0], progress),
-            run.left_out,
-        )
+        calibration = parse_calibration(open_calibration(run.calibration))
+        write_left_out(read_left_out(open_dataset(run.dataset), calibration, answers[0], progress), run.left_out)
 
     def read_bent_eyes(run: Run, progress: Progress) -> None:
         answers.extend(read_bent(run, progress))
@@ -107,7 +106,7 @@ def reproduce(
     )
     seconds = run_stages(run, stages, announce, tell)
     evaluation, to_the_bounds, bent_paper, bent_reader = answers
-    calibration = read_posteriors(run.calibration)
+    calibration = parse_calibration(open_calibration(run.calibration))
     return Reproduction(calibration, evaluation, to_the_bounds, bent_paper, bent_reader, seconds)
 
 
@@ -158,7 +157,7 @@ def _make_eyes_to_the_bounds(run: Run, progress: Progress) -> None:
 def _calibrate(run: Run, progress: Progress) -> None:
     opened = [read_recording(path) for path in _recordings(run, run.recordings)[:CALIBRATED]]
     calibration = calibrate_recordings(opened, run.study, study_hash(run.study), library=None, progress=progress)
-    write_calibration(calibration, run.calibration)
+    write_calibration(calibration_as_json(calibration), run.calibration)
 
 
 def _make_library(run: Run, progress: Progress) -> None:

@@ -1,6 +1,6 @@
 """The B-scan plane, the section that it cuts out of the wall, and the window that becomes the slice."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from math import cos, sin
 
 import numpy as np
@@ -22,6 +22,7 @@ class ScanPlane:
     """
 
     contact: Contact
+    _: KW_ONLY
     gap_m: float
     direction_rad: float = 0.0
     tilt_rad: float = 0.0
@@ -73,7 +74,7 @@ class Section:
         return Section(self.outer + move, self.inner + move)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SliceWindow:
     """The window of the slice in the plane's frame: position of its upper left corner, pixels, pixel size."""
 

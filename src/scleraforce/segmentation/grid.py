@@ -47,7 +47,11 @@ def make_grid(frame: Pixels, scale: PixelScale) -> Grid:
         The grid; `scale` is that of its cells.
     """
     cells, step_columns, step_rows = _halve(frame)
-    cell = PixelScale(scale.lateral_m * step_columns, scale.depth_m * step_rows, scale.refractive_index)
+    cell = PixelScale(
+        lateral_m=scale.lateral_m * step_columns,
+        depth_m=scale.depth_m * step_rows,
+        refractive_index=scale.refractive_index,
+    )
     return Grid(cells, _noise_floor(cells), step_columns, step_rows, cell)
 
 

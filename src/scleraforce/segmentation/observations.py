@@ -46,7 +46,7 @@ class Observation:
     sd_m: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Roughness:
     """How a boundary scatters about its smooth course: standard deviation along the normal, lag-1 correlation."""
 
@@ -70,7 +70,7 @@ def observe_points(boundaries: Boundaries, count: int, centre_m: float, span_m: 
     parts: list[tuple[float, float, int, float]] = []
     for boundary, wanted in enumerate((ceil(count / 2), count // 2)):
         columns = _columns(boundaries, boundary, wanted, centre_m, span_m)
-        rough = roughness(boundaries, boundary) if len(columns) else Roughness(0.0, 0.0)
+        rough = roughness(boundaries, boundary) if len(columns) else Roughness(sd_m=0.0, correlation=0.0)
         for column in columns:
             depth_m, sd_m = _point(boundaries, boundary, column, rough)
             parts.append((boundaries.lateral_m[column], depth_m, boundary, sd_m))
@@ -84,12 +84,12 @@ def roughness(boundaries: Boundaries, boundary: int) -> Roughness:
     step = float(np.median(np.diff(boundaries.lateral_m)))
     half = max(2, round(STRETCH_M / step))
     if seen.sum() < 4 * half:
-        return Roughness(boundaries.pixel_m, 0.0)
+        return Roughness(sd_m=boundaries.pixel_m, correlation=0.0)
     columns = np.flatnonzero(seen)
     starts = columns[: len(columns) // (2 * half) * 2 * half].reshape(-1, 2 * half)
     whole = starts[(np.diff(starts, axis=1) == 1).all(axis=1)]
     if len(whole) < 2:
-        return Roughness(boundaries.pixel_m, 0.0)
+        return Roughness(sd_m=boundaries.pixel_m, correlation=0.0)
     x = np.linspace(-1, 1, 2 * half)
     basis = np.linalg.qr(np.stack([np.ones_like(x), x, x * x], axis=1))[0]
     depth = boundaries.depth_m[boundary][whole]
@@ -101,7 +101,7 @@ def roughness(boundaries: Boundaries, boundary: int) -> Roughness:
     correlation = float(np.median((rest[:, 1:] * rest[:, :-1]).sum(axis=1) / square))
     correlation += (1 + 3 * correlation) / (2 * half)  # what the parabola takes off it (Kendall 1954)
     sd = sqrt(max(variance, boundaries.pixel_m**2 / 12))
-    return Roughness(sd, min(max(correlation, 0.0), LARGEST_CORRELATION))
+    return Roughness(sd_m=sd, correlation=min(max(correlation, 0.0), LARGEST_CORRELATION))
 
 
 def _columns(boundaries: Boundaries, boundary: int, count: int, centre_m: float, span_m: float) -> list[int]:

@@ -104,7 +104,7 @@ def _inner(
     frame: Pixels, floor: float, scale: PixelScale, surface: Surface, present: NDArray[np.bool_]
 ) -> tuple[Float, float]:
     """Return the inner boundary's rows and the median thickness along the normal (NaN: not found)."""
-    tissue = PixelScale(scale.lateral_m, scale.depth_m / scale.refractive_index)
+    tissue = PixelScale(lateral_m=scale.lateral_m, depth_m=scale.depth_m / scale.refractive_index)
     row = _bridged(surface.row, present)
     along_rows = surface_stretch(surface.column, row, tissue)
     along_rows /= np.float32(tissue.depth_m)

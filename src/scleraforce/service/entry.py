@@ -9,7 +9,7 @@ from scleraforce.plain_json import finite
 __all__ = ["Entry"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Entry:
     """A decision and its event. `text` is its JSON, for the STRING `ForceReading`, the log and the console.
 

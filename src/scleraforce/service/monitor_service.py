@@ -92,7 +92,8 @@ def monitor_service(
         InputError: an address cannot be listened on, a folder cannot be written, or there is too little memory.
     """
     rows, columns = settings.limits.size or (0, 0)
-    scale = PixelScale(*(settings.limits.scale_m or (0.0, 0.0)), settings.refractive_index)
+    lateral_m, depth_m = settings.limits.scale_m or (0.0, 0.0)
+    scale = PixelScale(lateral_m=lateral_m, depth_m=depth_m, refractive_index=settings.refractive_index)
     cv2.setNumThreads(1)
     with ExitStack() as stack:
         listener = stack.enter_context(listen(settings.address.host, settings.address.port))
@@ -135,13 +136,19 @@ def _recording_info(settings: MonitorSettings, study: Study, scale: PixelScale) 
     (rows, columns), known = settings.limits.size or (0, 0), settings.known
     gap_m = study.needle.gap_m if known.gap_m is None else known.gap_m
     return RecordingInfo(
-        EyeInfo(settings.eye, known.thickness_m, known.iop_pa),
+        EyeInfo(settings.eye, thickness_m=known.thickness_m, iop_pa=known.iop_pa),
         OctInfo(
-            columns, rows, MOST_BITS, columns * scale.lateral_m, rows * scale.depth_m,
+            columns=columns,
+            rows=rows,
+            bits=MOST_BITS,
+            width_m=columns * scale.lateral_m,
+            depth_m=rows * scale.depth_m,
             refractive_index=settings.refractive_index,
         ),
-        NeedleInfo(nearest_gauge(study.needle.outer_diameter_m), gap_m, known.polar_rad),
-    )  # fmt: skip
+        NeedleInfo(
+            gauge=nearest_gauge(study.needle.outer_diameter_m), slice_gap_m=gap_m, polar_angle_rad=known.polar_rad
+        ),
+    )
 
 
 def _console_child(

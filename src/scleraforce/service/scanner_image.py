@@ -1,6 +1,6 @@
 """From the IMAGE messages of a scanner to B-scans: counts, the size of a pixel, and images sent in parts."""
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from math import hypot, prod
 from typing import Any
 
@@ -29,6 +29,7 @@ class ScannerFrame:
     """
 
     pixels: Pixels
+    _: KW_ONLY
     lateral_m: float
     depth_m: float
 
@@ -88,7 +89,7 @@ class FrameAssembler:
             self._begun = begun
             return None
         begun.pixels.flags.writeable = False
-        return ScannerFrame(begun.pixels, frame.lateral_m, frame.depth_m)
+        return ScannerFrame(begun.pixels, lateral_m=frame.lateral_m, depth_m=frame.depth_m)
 
 
 @dataclass(frozen=True)
@@ -171,4 +172,4 @@ def _frame(image: Image) -> ScannerFrame:
         raise ProtocolError(f"IMAGE: pixels of {lateral_m} x {depth_m} m: the matrix's columns must have a length")
     counts = pixels[0].view(COUNTS[pixels.dtype])
     counts.flags.writeable = False
-    return ScannerFrame(counts, lateral_m, depth_m)
+    return ScannerFrame(counts, lateral_m=lateral_m, depth_m=depth_m)

@@ -375,12 +375,12 @@ def _opinion(message: Mapping[str, Any], now_s: float) -> SecondOpinion:
     """Return the second opinion in a message of its process."""
     shares, interval_n = message["probabilities"], message["interval_n"]
     return SecondOpinion(
-        now_s,
-        message["frame"],
-        message["usable"],
-        message["reason"],
-        message["predicted"],
-        None if shares is None else tuple(shares),
-        message["force_n"],
-        None if interval_n is None else (interval_n[0], interval_n[1]),
+        at_s=now_s,
+        frame_id=message["frame"],
+        usable=message["usable"],
+        reason=message["reason"],
+        predicted=message["predicted"],
+        probabilities=None if shares is None else tuple(shares),
+        force_n=message["force_n"],
+        interval_n=None if interval_n is None else (interval_n[0], interval_n[1]),
     )

@@ -21,7 +21,7 @@ __all__ = ["Frame", "Read", "Session", "Withdrawal"]
 Read = Callable[[Pixels, PixelScale], LiveReading]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Frame:
     """A frame as it came: `number` in this session, `sender_id` of its sender, `at_s` when its last byte arrived.
 
@@ -111,7 +111,16 @@ class Session:
         order = self._offset + sender_id
         misfit = order <= self._order or not self._fits(image)
         self._order = max(self._order, order)
-        return Frame(self._frames, order, sender_id, at_s, image, self._shown.back(image.pixels), misfit, sent_s)
+        return Frame(
+            number=self._frames,
+            order=order,
+            sender_id=sender_id,
+            at_s=at_s,
+            image=image,
+            shown_back=self._shown.back(image.pixels),
+            misfit=misfit,
+            sent_s=sent_s,
+        )
 
     def _fits(self, image: ScannerFrame) -> bool:
         """Return whether an image is of the expected size and scale."""
@@ -142,15 +151,35 @@ class Session:
         size = image.pixels.shape[0], image.pixels.shape[1]
         if size != self.limits.size:
             return None, FrameRead(
-                frame.at_s, frame.order, self.limits.withdraw_class, None, False, "another size", None, None,
-                frame.shown_back, size, (image.lateral_m, image.depth_m), frame.sent_s,
-            )  # fmt: skip
-        reading = self._read(image.pixels, PixelScale(image.lateral_m, image.depth_m))
+                at_s=frame.at_s,
+                frame_id=frame.order,
+                predicted=self.limits.withdraw_class,
+                probabilities=None,
+                usable=False,
+                reason="another size",
+                force_n=None,
+                interval_n=None,
+                shown_back=frame.shown_back,
+                size=size,
+                scale_m=(image.lateral_m, image.depth_m),
+                sent_s=frame.sent_s,
+            )
+        reading = self._read(image.pixels, PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m))
         answer = reading.answer
         return reading, FrameRead(
-            frame.at_s, frame.order, answer.predicted, answer.probabilities, answer.usable, answer.reason,
-            answer.force_n, answer.interval_n, frame.shown_back, size, (image.lateral_m, image.depth_m), frame.sent_s,
-        )  # fmt: skip
+            at_s=frame.at_s,
+            frame_id=frame.order,
+            predicted=answer.predicted,
+            probabilities=answer.probabilities,
+            usable=answer.usable,
+            reason=answer.reason,
+            force_n=answer.force_n,
+            interval_n=answer.interval_n,
+            shown_back=frame.shown_back,
+            size=size,
+            scale_m=(image.lateral_m, image.depth_m),
+            sent_s=frame.sent_s,
+        )
 
     def summary(self) -> dict[str, Any]:
         """Return a summary so far, for JSON."""

@@ -5,7 +5,7 @@ A record keeps SI; a field made by `quantity` knows the human unit of its TOML k
 """
 
 from collections.abc import Callable
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import KW_ONLY, Field, dataclass, field, fields
 from math import isfinite
 from typing import Any
 
@@ -32,6 +32,7 @@ class Unit:
     """How a field reads in TOML: its unit (None: as it is), bounds in that unit, allowed words."""
 
     name: str | None = None
+    _: KW_ONLY
     low: float | None = None
     high: float | None = None
     words: tuple[str, ...] = ()
@@ -51,12 +52,12 @@ class Unit:
 
 
 # Of a needle's force: what every force of a study may be at most, and more than a sclera bears before it is pierced.
-NEEDLE_FORCE = Unit("mn", 0.0, 1000.0)
+NEEDLE_FORCE = Unit("mn", low=0.0, high=1000.0)
 
 
 def quantity(default: Any, unit: str | None = None, low: float | None = None, high: float | None = None) -> Any:
     """Declare a field: `default` in the human `unit` (a number, tuple, Choice or Range), bounds in the same unit."""
-    spec = Unit(unit, low, high)
+    spec = Unit(unit, low=low, high=high)
     return field(default=map_numbers(default, spec.to_si), metadata={"unit": spec})
 
 
@@ -89,7 +90,7 @@ def map_numbers(value: Any, change: Callable[[float], float]) -> Any:
     if isinstance(value, Choice):
         return Choice(tuple(float(change(v)) for v in value.values))
     if isinstance(value, Range):
-        return Range(float(change(value.min)), float(change(value.max)))
+        return Range(min=float(change(value.min)), max=float(change(value.max)))
     if isinstance(value, tuple):
         return tuple(map_numbers(v, change) for v in value)
     if isinstance(value, float) or (isinstance(value, int) and not isinstance(value, bool)):

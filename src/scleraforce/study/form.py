@@ -14,7 +14,7 @@ __all__ = ["FormStudy", "RegionStudy", "WaveStudy"]
 MOST_UNEVEN = 0.5  # sum of the waves' amplitudes
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class WaveStudy:
     """One wave of the wall's thickness: a Legendre polynomial of the angle to an axis, times the amplitude.
 
@@ -30,7 +30,7 @@ class WaveStudy:
         check_fields(self)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RegionStudy:
     """A spherical cap of another modulus; the default is as wide as the cornea: 11.5 mm across on an eye of 24 mm.
 

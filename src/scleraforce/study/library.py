@@ -12,7 +12,7 @@ from scleraforce.study.sampled import Range, Sampled
 __all__ = ["LibraryStudy"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LibraryStudy:
     """Ranges of the library and how finely it covers them; `docs/library.md` says what the interpolation is worth.
 
@@ -22,9 +22,9 @@ class LibraryStudy:
     are those of the wall's meridian.
     """
 
-    thickness_m: Sampled = quantity(Range(350.0, 900.0), "um", 100.0, 3000.0)
+    thickness_m: Sampled = quantity(Range(min=350.0, max=900.0), "um", 100.0, 3000.0)
     thicknesses: int = quantity(10, None, 4, 1000)
-    iop_ratio: Sampled = quantity(Range(8e-5, 6e-3), None, 1e-7, 0.1)
+    iop_ratio: Sampled = quantity(Range(min=8e-5, max=6e-3), None, 1e-7, 0.1)
     iop_ratios: int = quantity(10, None, 4, 1000)
     max_tip_m: float = quantity(10.0, "mm", 0.1, 50.0)
     tips: int = quantity(56, None, 4, 10_000)

@@ -12,7 +12,7 @@ from scleraforce.study.sampled import Range, Sampled
 __all__ = ["ReaderStudy"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ReaderStudy:
     """The reader's training: eyes, framing, what is known of an eye, the network and its descent.
 
@@ -31,21 +31,21 @@ class ReaderStudy:
     value is missing in `*_missing_fraction` of the samples.
     """
 
-    youngs_modulus_pa: Sampled = quantity(Range(0.15, 0.65), "mpa", 0.001, 100.0)
-    iop_pa: Sampled = quantity(Range(0.5, 5.0), "mmhg", 0.01, 80.0)
-    thickness_m: Sampled = quantity(Range(380.0, 900.0), "um", 300.0, 1200.0)
-    gap_m: Sampled = quantity(Range(0.3, 1.0), "mm", 0.0, 5.0)
+    youngs_modulus_pa: Sampled = quantity(Range(min=0.15, max=0.65), "mpa", 0.001, 100.0)
+    iop_pa: Sampled = quantity(Range(min=0.5, max=5.0), "mmhg", 0.01, 80.0)
+    thickness_m: Sampled = quantity(Range(min=380.0, max=900.0), "um", 300.0, 1200.0)
+    gap_m: Sampled = quantity(Range(min=0.3, max=1.0), "mm", 0.0, 5.0)
     max_force_n: float = quantity(70.0, "mn", 1.0, 1000.0)
     small_force_n: float = quantity(8.0, "mn", 0.1, 1000.0)
     small_force_share: float = quantity(0.15, None, 0.0, 1.0)
-    lateral_m: Sampled = quantity(Range(-1.0, 1.0), "mm", -10.0, 10.0)
-    surface_depth_m: Sampled = quantity(Range(0.15, 0.9), "mm", -10.0, 10.0)
-    size: Sampled = quantity(Range(0.95, 1.05), None, 0.5, 2.0)
-    tilt_rad: Sampled = quantity(Range(-5.0, 5.0), "deg", -45.0, 45.0)
-    rotation_rad: Sampled = quantity(Range(-5.0, 5.0), "deg", -45.0, 45.0)
+    lateral_m: Sampled = quantity(Range(min=-1.0, max=1.0), "mm", -10.0, 10.0)
+    surface_depth_m: Sampled = quantity(Range(min=0.15, max=0.9), "mm", -10.0, 10.0)
+    size: Sampled = quantity(Range(min=0.95, max=1.05), None, 0.5, 2.0)
+    tilt_rad: Sampled = quantity(Range(min=-5.0, max=5.0), "deg", -45.0, 45.0)
+    rotation_rad: Sampled = quantity(Range(min=-5.0, max=5.0), "deg", -45.0, 45.0)
     plain_share: float = quantity(0.5, None, 0.0, 1.0)
     boundary_errors: float = quantity(1.5, None, 0.0, 100.0)
-    modulus_sd_fraction: Sampled = quantity(Range(0.5, 30.0), "percent", 0.01, 100.0)
+    modulus_sd_fraction: Sampled = quantity(Range(min=0.5, max=30.0), "percent", 0.01, 100.0)
     iop_noise_fraction: float = quantity(5.0, "percent", 0.0, 50.0)
     thickness_noise_fraction: float = quantity(3.0, "percent", 0.0, 50.0)
     gap_noise_fraction: float = quantity(3.0, "percent", 0.0, 50.0)

@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EyeStudy:
     """The half-sphere and its material (paper sec. 2.1, 2.2)."""
 
@@ -69,7 +69,7 @@ class MeshStudy:
             raise StudyError(f"core: {self.core} is odd; the square under the needle needs an even number per side")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class NeedleStudy:
     """The needle and where it pushes (22G: 0.7 mm).
 
@@ -79,7 +79,7 @@ class NeedleStudy:
 
     outer_diameter_m: float = quantity(0.7, "mm", 0.1, 5.0)
     gap_m: float = quantity(0.5, "mm", 0.0, 5.0)
-    polar_angle_rad: Sampled = quantity(Range(25.0, 45.0), "deg", 0.0, 80.0)
+    polar_angle_rad: Sampled = quantity(Range(min=25.0, max=45.0), "deg", 0.0, 80.0)
     max_force_n: float = quantity(60.0, "mn", 1.0, 1000.0)
     tilt_rad: float = quantity(0.0, "deg", 0.0, 30.0)
     tilt_direction_rad: float = quantity(0.0, "deg", -360.0, 360.0)
@@ -88,7 +88,7 @@ class NeedleStudy:
         check_fields(self)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class OctStudy:
     """The scanner's raw frame (paper sec. 3.1). `refractive_index` 1: depth is corrected already."""
 
@@ -103,7 +103,7 @@ class OctStudy:
         check_fields(self)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SliceStudy:
     """The binary slice. `margin_m`: depth of the unloaded wall's top below row 0."""
 
@@ -136,7 +136,7 @@ class ClassesStudy:
         return 0 if force_n < low else 2 if force_n > high else 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CalibrationStudy:
     """The reduced-order unscented Kalman filter (paper sec. 2.2, 3.2); `docs/calibration.md` explains each value."""
 
@@ -162,7 +162,7 @@ class CalibrationStudy:
         check_fields(self)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DatasetGroup:
     """A part of the data set with one wall thickness."""
 
@@ -200,7 +200,7 @@ class DatasetStudy:
             raise StudyError("group: give at least one [[dataset.group]]")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class NetworkStudy:
     """The classifier and its training (paper sec. 2.4). `dropout` is the fraction dropped.
 

@@ -28,11 +28,11 @@ class Choice:
         return rng.choice(np.asarray(self.values, dtype=np.float64), size=count)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Range:
     """Uniform between `min` and `max`.
 
-    >>> Range(0.0, 1.0).bounds
+    >>> Range(min=0.0, max=1.0).bounds
     (0.0, 1.0)
     """
 

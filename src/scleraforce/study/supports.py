@@ -7,7 +7,7 @@ from scleraforce.study.fields import check_fields, option, quantity
 __all__ = ["SupportsStudy"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SupportsStudy:
     """The paper's clamped base; or what an eye has in the head: an elastic bed, straps of the rectus muscles, or both.
 

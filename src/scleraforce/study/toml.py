@@ -161,7 +161,7 @@ def _sampled(value: Any, place: str) -> Choice | Range:
     if isinstance(value, dict):
         if set(value) != {"min", "max"}:
             raise StudyError(f"{place}: a range is {{ min = a, max = b }}")
-        return Range(_scalar(float, value["min"], place), _scalar(float, value["max"], place))
+        return Range(min=_scalar(float, value["min"], place), max=_scalar(float, value["max"], place))
     entries = value if isinstance(value, list) else [value]
     _check_length(entries, place)
     return Choice(tuple(_scalar(float, entry, place) for entry in entries))

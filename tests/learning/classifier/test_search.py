@@ -14,10 +14,10 @@ from scleraforce.study import NetworkStudy
 
 def test_the_best_candidate_is_the_most_accurate_and_of_equals_the_smallest() -> None:
     tried = (
-        Candidate((9,), 500, 0.97, 0.1),
-        Candidate((5,), 300, 0.99, 0.3),
-        Candidate((3, 3), 200, 0.99, 0.4),
-        Candidate((2,), 100, None, None),
+        Candidate(hidden=(9,), weights=500, validation_accuracy=0.97, validation_loss=0.1),
+        Candidate(hidden=(5,), weights=300, validation_accuracy=0.99, validation_loss=0.3),
+        Candidate(hidden=(3, 3), weights=200, validation_accuracy=0.99, validation_loss=0.4),
+        Candidate(hidden=(2,), weights=100, validation_accuracy=None, validation_loss=None),
     )
     assert best(tried) == 2
     with pytest.raises(SolverError, match="every size"):

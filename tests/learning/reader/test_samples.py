@@ -82,7 +82,7 @@ def test_without_errors_a_slice_is_the_section_of_the_eye_that_was_drawn(library
             eyes.thickness_m[n : n + 1] / 1.04, eyes.iop_pa[n : n + 1] / eyes.modulus_pa[n], np.array([ratio])
         )
         section = cut_surfaces(1.04 * wall.curves_sbnc[0], eyes.gap_m[n], eyes.tilt_rad[n]).shifted(0.4e-3, depth_m[n])
-        expected = fill_section(section, SliceWindow(-7e-3, 0.0, 140, 40, 1e-4))
+        expected = fill_section(section, SliceWindow(left_m=-7e-3, top_m=0.0, columns=140, rows=40, pixel_m=1e-4))
         inner = slice(25, 115)  # sides and the bottom are lost as in a frame
         top = slice(1, 38)
         agreeing.append((expected[top, inner] == drawn.slices[n][top, inner]).mean())

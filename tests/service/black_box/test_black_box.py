@@ -21,7 +21,10 @@ from scleraforce.study.records import ClassesStudy
 
 SHAPE = 24, 32
 INFO = RecordingInfo(
-    EyeInfo("eye", 600e-6, 266.0), OctInfo(32, 24, 16, 15e-3, 4e-3), NeedleInfo(22, 0.5e-3), ForceInfo("fz", -1, 0.2)
+    EyeInfo("eye", thickness_m=600e-6, iop_pa=266.0),
+    OctInfo(columns=32, rows=24, bits=16, width_m=15e-3, depth_m=4e-3),
+    NeedleInfo(gauge=22, slice_gap_m=0.5e-3),
+    ForceInfo("fz", -1, 0.2),
 )
 
 
@@ -50,9 +53,17 @@ class Monitor:
             self.ring.put(self.frames, frame(self.frames))
         cause = "FORCE_BOUND" if state == "WITHDRAW" else None
         entry = Entry(
-            self.decisions, 1.8e9 + self.at_s, self.at_s, "frame", state, 1, 0, cause, "x",
+            number=self.decisions,
+            time_s=1.8e9 + self.at_s,
+            at_s=self.at_s,
+            event="frame",
+            state=state,
+            code=1,
+            sub_code=0,
+            cause=cause,
+            message="x",
             frame=self.frames if with_frame else None,
-        )  # fmt: skip
+        )
         self.tell({"kind": "entry", "entry": entry.as_json()}, turns)
 
     def tell(self, message, turns=1):
@@ -441,7 +452,18 @@ class Process:
         for number in numbers:
             self.ring.put(number, frame(number))
             cause = "FORCE_BOUND" if state == "WITHDRAW" else None
-            entry = Entry(number, time.time(), time.monotonic(), "frame", state, 1, 0, cause, "x", frame=number)
+            entry = Entry(
+                number=number,
+                time_s=time.time(),
+                at_s=time.monotonic(),
+                event="frame",
+                state=state,
+                code=1,
+                sub_code=0,
+                cause=cause,
+                message="x",
+                frame=number,
+            )
             assert self.child.channel.send({"kind": "entry", "entry": entry.as_json()})
 
     def wait_for(self, kind):

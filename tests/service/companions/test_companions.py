@@ -87,7 +87,17 @@ def test_one_that_takes_nothing_for_two_seconds_does_not_keep_up_until_it_does(c
 
 
 def entry(number: int) -> Entry:
-    return Entry(number, 1.8e9, 10.0, "tick", "WATCHING", 1, 0, None, "x" * 1000)
+    return Entry(
+        number=number,
+        time_s=1.8e9,
+        at_s=10.0,
+        event="tick",
+        state="WATCHING",
+        code=1,
+        sub_code=0,
+        cause=None,
+        message="x" * 1000,
+    )
 
 
 def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_else(companions, children):

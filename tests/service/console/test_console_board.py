@@ -17,7 +17,18 @@ from scleraforce.service.entry import Entry
 
 
 def entry(at_s: float, state: str = "WATCHING", cause: str | None = None, **said: Any) -> dict[str, Any]:
-    made = Entry(1, 0.0, at_s, "frame", state, 1, 0, cause, f"{state}: because; class 1; 7.0 mN", **said)
+    made = Entry(
+        number=1,
+        time_s=0.0,
+        at_s=at_s,
+        event="frame",
+        state=state,
+        code=1,
+        sub_code=0,
+        cause=cause,
+        message=f"{state}: because; class 1; 7.0 mN",
+        **said,
+    )
     return made.as_json()
 
 

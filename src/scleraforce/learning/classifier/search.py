@@ -12,7 +12,7 @@ from scleraforce.study import NetworkStudy
 __all__ = ["Candidate", "Search", "best", "grid", "search_sizes", "weights"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Candidate:
     """One size and what it reached; the figures are None where its training diverged."""
 
@@ -114,5 +114,10 @@ def _try(
 def _candidate(hidden: tuple[int, ...], training: Samples, classes: int, fitted: Fitted | None) -> Candidate:
     count = weights(training.pixels.shape[1], hidden, classes)
     if fitted is None:
-        return Candidate(hidden, count, None, None)
-    return Candidate(hidden, count, fitted.curves.validation_accuracy[-1], fitted.curves.validation_loss[-1])
+        return Candidate(hidden=hidden, weights=count, validation_accuracy=None, validation_loss=None)
+    return Candidate(
+        hidden=hidden,
+        weights=count,
+        validation_accuracy=fitted.curves.validation_accuracy[-1],
+        validation_loss=fitted.curves.validation_loss[-1],
+    )

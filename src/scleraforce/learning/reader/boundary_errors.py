@@ -22,7 +22,7 @@ __all__ = ["BoundaryErrors", "disturb"]
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class BoundaryErrors:
     """Sizes of the errors; lengths along the columns are standard deviations of the Gaussians that smooth noise.
 

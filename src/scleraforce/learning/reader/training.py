@@ -66,7 +66,7 @@ class Answers:
     lateral_m: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ReaderMetrics:
     """How answers agree with the truth.
 

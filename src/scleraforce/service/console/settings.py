@@ -14,7 +14,7 @@ from scleraforce.units import n_to_mn
 __all__ = ["ConsoleSettings", "console_settings"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ConsoleSettings:
     """Where to serve, where the frames are, and what a page needs from the start.
 

@@ -1,4 +1,7 @@
-"""The file that `calibrate` writes: JSON, with all that is needed to go on from it."""
+"""A calibration as it is saved: JSON with the filter's state, so that all that is needed to go on stands in its file.
+
+The file itself is opened, checked and written by `known.calibration_file`.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -16,8 +19,8 @@ from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import (
     FORMAT,
     WRITER,
+    CalibrationFile,
     number_of,
-    parse_content,
     summary_of_eye,
     table_of,
     text_of,
@@ -87,13 +90,13 @@ def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
     }
 
 
-def parse_calibration(text: str, name: str = "calibration") -> Calibration:
-    """Read a calibration from its text; `name` stands in the messages.
+def parse_calibration(file: CalibrationFile) -> Calibration:
+    """Return the calibration of a file, to go on from it or to report it.
 
     Raises:
         CalibrationError: naming the file and the key.
     """
-    content = parse_content(text, name)
+    name, content = file.path, file.content
     eyes = {eye: _parse_eye(eye, entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()}
     bounds_n = _numbers(content, "class_bounds_n", name, 1)
     if not (np.diff(bounds_n) > 0.0).all() or not len(bounds_n):
@@ -153,11 +156,11 @@ def _parse_state(state: dict[str, Any], size: int, place: str) -> EyeState:
 
 def _parse_recording(entry: Mapping[str, Any], place: str) -> UsedRecording:
     return UsedRecording(
-        _text(entry, "path", place),
-        text_of(entry, "sha256", place),
-        number_of(entry, "zero_n", place, -LARGEST, LARGEST),
-        number_of(entry, "drift_n_per_s", place, -LARGEST, LARGEST),
-        tuple(text_of({"doubts": doubt}, "doubts", place) for doubt in _list(entry, "doubts", place)),
+        path=_text(entry, "path", place),
+        sha256=text_of(entry, "sha256", place),
+        zero_n=number_of(entry, "zero_n", place, -LARGEST, LARGEST),
+        drift_n_per_s=number_of(entry, "drift_n_per_s", place, -LARGEST, LARGEST),
+        doubts=tuple(text_of({"doubts": doubt}, "doubts", place) for doubt in _list(entry, "doubts", place)),
     )
 
 
@@ -166,19 +169,19 @@ def _parse_frame(entry: Mapping[str, Any], place: str) -> FrameRecord:
     if not isinstance(gated, list) or not all(type(index) is int and index >= 0 for index in gated):
         raise CalibrationError(f"{place}.gated: expected a list of indices; {WRITER}")
     return FrameRecord(
-        _text(entry, "recording", place),
-        text_of(entry, "file", place),
-        text_of(entry, "sha256", place),
-        number_of(entry, "force_n", place, -LARGEST, LARGEST),
-        number_of(entry, "mean_pa", place, 0.0, LARGEST),
-        number_of(entry, "sd_pa", place, 0.0, LARGEST),
-        None if own is None else number_of(entry, "own_modulus_pa", place, 0.0, LARGEST),
-        round(number_of(entry, "points", place, 0.0, LARGEST)),
-        tuple(gated),
-        number_of(entry, "nis", place, 0.0, LARGEST),
-        number_of(entry, "inflation", place, 0.0, LARGEST),
-        text_of(entry, "status", place),
-        None if skipped is None else text_of(entry, "skipped", place),
+        recording=_text(entry, "recording", place),
+        file=text_of(entry, "file", place),
+        sha256=text_of(entry, "sha256", place),
+        force_n=number_of(entry, "force_n", place, -LARGEST, LARGEST),
+        mean_pa=number_of(entry, "mean_pa", place, 0.0, LARGEST),
+        sd_pa=number_of(entry, "sd_pa", place, 0.0, LARGEST),
+        own_modulus_pa=None if own is None else number_of(entry, "own_modulus_pa", place, 0.0, LARGEST),
+        points=round(number_of(entry, "points", place, 0.0, LARGEST)),
+        gated=tuple(gated),
+        nis=number_of(entry, "nis", place, 0.0, LARGEST),
+        inflation=number_of(entry, "inflation", place, 0.0, LARGEST),
+        status=text_of(entry, "status", place),
+        skipped=None if skipped is None else text_of(entry, "skipped", place),
     )
 
 

@@ -1,0 +1,64 @@
+"""A module, or a name in one, that a page, a docstring or a comment speaks of is there."""
+
+import re
+from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+import scleraforce
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = Path(scleraforce.__file__).parent
+TEXTS = [
+    ROOT / "README.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted(PACKAGE.rglob("*.py")),
+    *sorted((ROOT / "benchmarks").rglob("*.py")),
+]
+FOLDERS = (ROOT, PACKAGE, PACKAGE.parent, ROOT / "benchmarks")  # that `room/module.py` may start from
+FILE = re.compile(r"(?<![\w./])(\w+(?:/\w+)+\.py)\b")
+# `recording.toml` is a file; pages and docstrings have eyes, recordings and data sets as variables, too.
+VARIABLES = {"eye", "recording", "dataset"}
+ENDINGS = {"toml", "npz", "json", "csv", "zarr", "md", "py", "onnx"}
+ROOMS = {path.stem for path in PACKAGE.iterdir() if path.suffix in {"", ".py"} and path.stem[0] != "_"}
+DOTTED = re.compile(
+    rf"\bscleraforce((?:\.[A-Za-z_]\w*)+)|`((?:{'|'.join(sorted(ROOMS - VARIABLES))})(?:\.[A-Za-z_]\w*)+)"
+)
+
+
+@cache
+def is_there(dotted: str) -> bool:
+    """Whether a module below `scleraforce`, or a name in one, can be imported."""
+    found: object = scleraforce
+    for name in dotted.split("."):
+        if hasattr(found, "__path__") and find_spec(f"{found.__name__}.{name}"):
+            found = import_module(f"{found.__name__}.{name}")
+        elif hasattr(found, name):
+            found = getattr(found, name)
+        else:
+            return False
+    return True
+
+
+def names(text: str) -> list[str]:
+    found = [(below or "").lstrip(".") or within for below, within in DOTTED.findall(text)]
+    return [name for name in found if name.split(".")[-1] not in ENDINGS]
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_every_module_that_a_text_names_is_there(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    missing = [name for name in FILE.findall(text) if not any((folder / name).is_file() for folder in FOLDERS)]
+    missing += [name for name in names(text) if not is_there(name)]
+    assert not missing, f"{path.relative_to(ROOT)} names what is not there: {', '.join(missing)}"
+
+
+def test_a_name_that_is_not_there_would_be_found() -> None:
+    assert is_there("reader.live")
+    assert is_there("reader.live.LiveReader")
+    assert not is_there("imaging.segmentation")
+    assert not is_there("reader.life")
+    assert names("`reader.life` and scleraforce.gone, `recording.toml`") == ["reader.life", "gone"]
