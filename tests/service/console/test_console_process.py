@@ -21,6 +21,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Close
 from websockets.sync.client import ClientConnection, connect
 
+from scleraforce.service.companions.messages import Outline, ResetAnswered, ResetAsked
+
 FRAME = np.tile(np.arange(0, 64 * 60, 60, dtype=np.uint16)[:, None], (1, 96))
 
 
@@ -148,7 +150,9 @@ def test_a_page_is_told_the_settings_the_state_and_the_picture_with_its_outline(
         assert hello["pixel_mm"] == pytest.approx([15 / 96, 4 / 64])
         frame = monitor.frame(FRAME, "WATCHING", "class 1; 12.0 mN", **reading(12.0))
         outline = {"step": 4, "outer": [None, 3.5], "inner": [7.0, 8.0]}
-        monitor.tell({"kind": "outline", "frame": frame, **outline})
+        monitor.tell(
+            Outline(frame=frame, step=outline["step"], outer=tuple(outline["outer"]), inner=tuple(outline["inner"]))
+        )
         monitor.rates(frames_per_second=99.0, lost=5)
         message = told(link, "WATCHING", lost=5)
         assert message["reading"]["force_mn"] == 12.0
@@ -170,9 +174,9 @@ def test_a_reset_goes_to_the_monitor_with_its_token_and_comes_back_with_its_answ
     with closing(http.client.HTTPConnection("127.0.0.1", monitor.port, timeout=10)) as link:
         for granted, said in ((False, "no frame is fresh"), (True, "WATCHING")):
             link.request("POST", "/reset", json.dumps({"token": TOKEN}), own)
-            asked = monitor.hear("reset")
-            assert asked["token"] == TOKEN
-            monitor.tell({"kind": "reset-answer", "request": asked["request"], "granted": granted, "message": said})
+            asked = monitor.hear(ResetAsked)
+            assert asked.token == TOKEN
+            monitor.tell(ResetAnswered(request=asked.request, granted=granted, message=said))
             assert json.loads(link.getresponse().read()) == {"granted": granted, "message": said}
 
 
@@ -184,7 +188,7 @@ def test_a_page_that_stalls_gets_no_queue_and_disturbs_no_other(monitor: Console
         seen = 0
         while monotonic() < end_s:
             monitor.frame(FRAME, "WATCHING", **reading(12.0))
-            monitor.tell({"kind": "outline", "frame": monitor.frames, "step": 4, "outer": [], "inner": []})
+            monitor.tell(Outline(frame=monitor.frames, step=4, outer=(), inner=()))
             told(lively)
             seen += 1
         monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
