@@ -23,7 +23,7 @@ from playwright.sync_api import Page, sync_playwright
 from scleraforce.monitor import MonitorLimits
 from scleraforce.service.companions.child import Child
 from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import Decided, ListensAt, Message, Outline, Rates
+from scleraforce.service.companions.messages import CompanionMessage, Decided, ListensAt, Outline, Rates
 from scleraforce.service.console import console_settings
 from scleraforce.service.entry import Entry
 from scleraforce.service.listening import listen
@@ -81,7 +81,7 @@ class Session:
             self.send(Rates(frames_per_second=100.0, lost=0, clients=()))
         return sent_s
 
-    def send(self, message: Message) -> None:
+    def send(self, message: CompanionMessage) -> None:
         """Send a message, and note how long that took."""
         begin_s = monotonic()
         self.refused += not self.child.channel.send(message)

@@ -21,9 +21,9 @@ from scleraforce.openigtlink import Image, Query, Sensor, Status, Text, Transfor
 from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
 from scleraforce.service.companions.messages import (
     Alive,
+    CompanionMessage,
     Decided,
     ForceHeard,
-    Message,
     Note,
     OpinionAsked,
     OpinionGiven,
@@ -470,7 +470,7 @@ def test_the_second_opinion_is_asked_about_each_frame_and_what_it_says_counts() 
     companions = {OPINION: FakeCompanion()}
     with serving(Companions(companions)) as port, Peer(port) as scanner:  # type: ignore[arg-type]  # a stand-in
         scanner.watch(frames=12)
-        asked: list[Message] = []
+        asked: list[CompanionMessage] = []
         wait_until(lambda: asked.extend(companions[OPINION].theirs.receive()) or len(asked) >= 12)
         questions = [message for message in asked if isinstance(message, OpinionAsked)]
         assert [question.number for question in questions] == list(range(1, 13))
@@ -521,7 +521,7 @@ def test_a_companion_that_does_not_keep_to_the_protocol_is_a_cause_for_good() ->
 def test_clients_that_flood_the_log_take_nothing_of_the_decisions_and_the_log_says_what_it_left_out() -> None:
     box = FakeCompanion()
     wrong = encode(Status(1), "X")[:-1] + b"\1"
-    heard: list[Message] = []
+    heard: list[CompanionMessage] = []
     with serving(Companions({BLACK_BOX: box})) as port, Peer(port) as scanner, Peer(port) as rude:  # type: ignore[arg-type]  # a stand-in
         for _ in range(20):
             rude.link.sendall((encode(Sensor((0.01,)), "RobotForce") * 20 + wrong) * 5)

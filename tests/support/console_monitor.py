@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scleraforce.monitor import MonitorLimits
 from scleraforce.service.companions.child import Child
 from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import ClientRole, Decided, ListensAt, Message, Rates
+from scleraforce.service.companions.messages import ClientRole, CompanionMessage, Decided, ListensAt, Rates
 from scleraforce.service.console import console_settings
 from scleraforce.service.entry import Entry
 from scleraforce.service.listening import listen
@@ -88,7 +88,7 @@ class ConsoleMonitor:
         assert isinstance(message, kind), message
         return message
 
-    def tell(self, message: Message) -> None:
+    def tell(self, message: CompanionMessage) -> None:
         """Send a message."""
         assert self.child.channel.send(message)
 

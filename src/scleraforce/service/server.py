@@ -11,9 +11,17 @@ from itertools import count
 from select import select
 
 from scleraforce.errors import ProtocolError
-from scleraforce.monitor.events import BadImage, ChecksumError, Failure, QueueLoss, Reset, SecondOpinion, Tick
-from scleraforce.monitor.events import Event as MonitorEvent
-from scleraforce.openigtlink import BadChecksum, Broken, Event, Image, Malformed, Query, Received, Sensor, Text
+from scleraforce.monitor.events import (
+    BadImage,
+    ChecksumError,
+    Failure,
+    MonitorEvent,
+    QueueLoss,
+    Reset,
+    SecondOpinion,
+    Tick,
+)  # fmt: skip
+from scleraforce.openigtlink import BadChecksum, Broken, Image, Malformed, PeerEvent, Query, Received, Sensor, Text
 from scleraforce.service.allowance import Allowance
 from scleraforce.service.clients import Clients
 from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, Companions
@@ -21,10 +29,10 @@ from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.guard import Guard
 from scleraforce.service.companions.messages import (
     ClientRole,
+    CompanionMessage,
     Decided,
     ForceHeard,
     ListensAt,
-    Message,
     Note,
     OpinionGiven,
     Rates,
@@ -205,7 +213,7 @@ class Server:
         vacant = scanner is None or scanner not in self._clients
         return vacant or client is scanner or now_s - self._scanned_s > self.session.limits.silence_s
 
-    def _hear_event(self, client: Connection, event: Event, at_s: float, may_scan: bool) -> Frame | None:
+    def _hear_event(self, client: Connection, event: PeerEvent, at_s: float, may_scan: bool) -> Frame | None:
         """Handle a client's message; return the frame that it completes, if any."""
         if not isinstance(event, Broken):
             self._clients.speaks(client, event.header.version)
@@ -342,7 +350,7 @@ class Server:
             self._clients.selector.unregister(descriptor)
             self._note(f"the {name} has ended{self._companions.last_words(name)}")
 
-    def _take_message(self, message: Message, now_s: float) -> None:
+    def _take_message(self, message: CompanionMessage, now_s: float) -> None:
         match message:
             case OpinionGiven():
                 self._decide("opinion", _opinion(message, now_s))

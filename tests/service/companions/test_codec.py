@@ -20,13 +20,13 @@ from scleraforce.service.black_box.settings import BlackBoxSettings
 from scleraforce.service.companions.codec import MESSAGE_BYTES, decode_message, encode_message, message_as_json
 from scleraforce.service.companions.frame_ring import RingPlace
 from scleraforce.service.companions.messages import (
-    KINDS,
+    MESSAGE_KINDS,
     Alive,
     ClientRole,
+    CompanionMessage,
     Decided,
     ForceHeard,
     ListensAt,
-    Message,
     MonitorEnds,
     Note,
     OpinionAsked,
@@ -53,7 +53,7 @@ TICK = Entry(1, 1.8e9, 12.5, "tick", "NOT_READY", 13, 0, None, "no good frame ye
 INFO = RecordingInfo(
     EyeInfo("eye", 600e-6, None), OctInfo(32, 24, 16, 15e-3, 4e-3), NeedleInfo(22, 0.5e-3), ForceInfo("fz", -1, 0.2)
 )
-MESSAGES: list[Message] = [
+MESSAGES: list[CompanionMessage] = [
     Decided(entry=ENTRY),
     Decided(entry=TICK),
     ForceHeard(at_s=1.0, time_s=1.8e9, values=(0.01, -inf), device="Robot"),
@@ -96,12 +96,12 @@ WRONG: list[Any] = [None, True, 1, 1.5, "1", [], [1], [[]], {}, {"a": 1}, 10**40
 
 
 def test_each_kind_has_an_example_here() -> None:
-    assert {type(message) for message in MESSAGES} == set(KINDS.values())
-    assert len(set(KINDS.values())) == len(KINDS)
+    assert {type(message) for message in MESSAGES} == set(MESSAGE_KINDS.values())
+    assert len(set(MESSAGE_KINDS.values())) == len(MESSAGE_KINDS)
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=repr)
-def test_what_is_sent_is_what_arrives(message: Message) -> None:
+def test_what_is_sent_is_what_arrives(message: CompanionMessage) -> None:
     assert decode_message(encode_message(message)) == message
 
 
@@ -118,7 +118,7 @@ def test_what_is_no_number_arrives_as_such() -> None:
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=repr)
-def test_a_message_that_is_cut_anywhere_is_refused(message: Message) -> None:
+def test_a_message_that_is_cut_anywhere_is_refused(message: CompanionMessage) -> None:
     data = encode_message(message)
     for length in range(len(data)):
         with pytest.raises(MessageError):
@@ -126,7 +126,7 @@ def test_a_message_that_is_cut_anywhere_is_refused(message: Message) -> None:
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=repr)
-def test_a_missing_an_unknown_or_another_field_is_refused_by_its_name(message: Message) -> None:
+def test_a_missing_an_unknown_or_another_field_is_refused_by_its_name(message: CompanionMessage) -> None:
     record = json.loads(encode_message(message))
     for name in set(record) - {"kind"}:
         with pytest.raises(MessageError, match=f"{record['kind']}: without {name}"):
@@ -136,7 +136,7 @@ def test_a_missing_an_unknown_or_another_field_is_refused_by_its_name(message: M
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=repr)
-def test_whatever_stands_in_a_field_is_read_or_refused_by_its_name(message: Message) -> None:
+def test_whatever_stands_in_a_field_is_read_or_refused_by_its_name(message: CompanionMessage) -> None:
     """A value that is read comes out again; one of another type is refused."""
     record = json.loads(encode_message(message))
     for path in places(record):
@@ -148,7 +148,7 @@ def test_whatever_stands_in_a_field_is_read_or_refused_by_its_name(message: Mess
                 assert repr(decode_message(encode_message(read))) == repr(read)
 
 
-def read_or_refused(data: bytes) -> Message | str:
+def read_or_refused(data: bytes) -> CompanionMessage | str:
     """The message in some bytes, or why it is none."""
     try:
         return decode_message(data)
@@ -198,7 +198,9 @@ def test_any_bytes_are_a_message_or_that_error(data: bytes) -> None:
 
 
 @given(st.sampled_from(MESSAGES), st.data())
-def test_a_message_with_changed_bytes_is_a_message_or_that_error(message: Message, drawn: st.DataObject) -> None:
+def test_a_message_with_changed_bytes_is_a_message_or_that_error(
+    message: CompanionMessage, drawn: st.DataObject
+) -> None:
     data = bytearray(encode_message(message))
     for _ in range(drawn.draw(st.integers(1, 3))):
         data[drawn.draw(st.integers(0, len(data) - 1))] = drawn.draw(st.integers(0, 255))
@@ -206,11 +208,11 @@ def test_a_message_with_changed_bytes_is_a_message_or_that_error(message: Messag
         read = decode_message(bytes(data))
     except MessageError:
         return
-    assert type(read) in KINDS.values()
+    assert type(read) in MESSAGE_KINDS.values()
 
 
 @pytest.mark.parametrize("message", MESSAGES, ids=repr)
-def test_a_field_of_another_type_is_not_sent(message: Message) -> None:
+def test_a_field_of_another_type_is_not_sent(message: CompanionMessage) -> None:
     for field in fields(message):
         with pytest.raises(MessageError, match=f": {field.name}: "):
             encode_message(replace(message, **{field.name: object()}))

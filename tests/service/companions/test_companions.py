@@ -8,10 +8,10 @@ from fake_companion import FakeCompanion
 from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
 from scleraforce.service.companions.messages import (
     Alive,
+    CompanionMessage,
     Decided,
     ForceHeard,
     ListensAt,
-    Message,
     Note,
     OpinionGiven,
     ResetAsked,
@@ -39,7 +39,7 @@ def companions(children: dict[str, FakeCompanion]) -> Companions:
     return Companions(children)  # type: ignore[arg-type]  # a stand-in
 
 
-def hear(companions: Companions, name: str, now_s: float) -> list[Message]:
+def hear(companions: Companions, name: str, now_s: float) -> list[CompanionMessage]:
     return list(companions.hear(name, now_s))
 
 
@@ -112,7 +112,7 @@ def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_
     for number in range(1, 501):
         companions.entry(entry(number))
         companions.tell(BLACK_BOX, Note(time_s=1.5, text=str(number)), 10.0)
-    heard: list[Message] = []
+    heard: list[CompanionMessage] = []
     while messages := children[BLACK_BOX].theirs.receive(50):
         heard += messages
         companions.faults(10.1)
@@ -136,7 +136,7 @@ def test_a_black_box_that_loses_a_decision_is_at_fault_at_once(companions, child
 
 
 def test_what_one_says_of_the_frames_is_passed_on(companions, children):
-    console: list[Message] = [ResetAsked(request=1, token="t"), ListensAt(url="u"), WrongTokens(count=2)]
+    console: list[CompanionMessage] = [ResetAsked(request=1, token="t"), ListensAt(url="u"), WrongTokens(count=2)]
     kept = WithdrawalKept(folder="x")
     for name, messages in ((OPINION, [OPINION_OF_3]), (BLACK_BOX, [kept]), (CONSOLE, console)):
         for message in messages:

@@ -12,7 +12,13 @@ from fixed_reader import write_fixed_reader
 from scleraforce.service.companions.channel import ChannelClosedError
 from scleraforce.service.companions.child import Child
 from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import Message, MonitorEnds, OpinionAsked, OpinionGiven, SelfReport
+from scleraforce.service.companions.messages import (
+    CompanionMessage,
+    MonitorEnds,
+    OpinionAsked,
+    OpinionGiven,
+    SelfReport,
+)
 from scleraforce.service.companions.opinion_settings import OpinionSettings
 
 pytest.importorskip("torch")
@@ -31,7 +37,7 @@ class Reader:
     def ask(self, number: int, order: int) -> None:
         assert self.child.channel.send(OpinionAsked(number=number, order=order))
 
-    def hear(self, within_s: float = 30.0) -> Message:
+    def hear(self, within_s: float = 30.0) -> CompanionMessage:
         assert select([self.child.channel], [], [], within_s)[0], "no opinion came"
         (message,) = self.child.channel.receive()
         return message

@@ -8,7 +8,7 @@ from console_monitor import reading
 
 from scleraforce.monitor.causes import Cause
 from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import ClientRole, Decided, Message, Outline, Rates
+from scleraforce.service.companions.messages import ClientRole, CompanionMessage, Decided, Outline, Rates
 from scleraforce.service.console.board import Board
 from scleraforce.service.console.history import HISTORY_S, STEP_S, History
 from scleraforce.service.console.origin import refusal
@@ -21,7 +21,7 @@ def entry(at_s: float, state: str = "WATCHING", cause: str | None = None, **said
     return Entry(1, 0.0, at_s, "frame", state, 1, 0, cause, f"{state}: because; class 1; 7.0 mN", **said)
 
 
-def board_with(*messages: tuple[float, Entry | Message]) -> Board:
+def board_with(*messages: tuple[float, Entry | CompanionMessage]) -> Board:
     board = Board(0.0)
     for now_s, message in messages:
         board.take(Decided(entry=message) if isinstance(message, Entry) else message, now_s)

@@ -67,6 +67,17 @@ def told(link: ClientConnection, state: str | None = None, **awaited: Any) -> di
     raise AssertionError(f"{awaited} was never told")
 
 
+def shown_picture(link: ClientConnection) -> bytes:
+    """The next picture; what comes before it is acknowledged."""
+    while True:
+        data = link.recv(timeout=10)
+        if isinstance(data, bytes):
+            link.send(json.dumps({"drawn": header(data)["frame"]}))
+            return data
+        if (message := json.loads(data))["kind"] == "state":
+            link.send(json.dumps({"seen": message["number"]}))
+
+
 def what_waits(link: ClientConnection) -> Iterator[str | bytes]:
     """All that comes within a moment; nothing of it is acknowledged."""
     with suppress(TimeoutError):
@@ -153,13 +164,13 @@ def test_a_page_is_told_the_settings_the_state_and_the_picture_with_its_outline(
         monitor.tell(
             Outline(frame=frame, step=outline["step"], outer=tuple(outline["outer"]), inner=tuple(outline["inner"]))
         )
+        picture = shown_picture(link)
         monitor.rates(frames_per_second=99.0, lost=5)
         message = told(link, "WATCHING", lost=5)
         assert message["reading"]["force_mn"] == 12.0
         assert message["steps"][-1][1:] == [12.0, 10.0, 14.0, "WATCHING", 1]
         assert message["latency_ms"] == [1.1, 1.1]
         assert [client["role"] for client in message["clients"]] == ["scanner", "listener"]
-        picture = next(data for data in iter(link.recv, None) if isinstance(data, bytes))
         assert header(picture) == {"frame": frame, "rows": 64, "columns": 96, "outline": outline}
         shown = np.frombuffer(picture[-64 * 96 :], np.uint8).reshape(64, 96)
         np.testing.assert_allclose(shown[:, 0], np.minimum(FRAME[:, 0] / FRAME[60, 0] * 255, 255), atol=6)

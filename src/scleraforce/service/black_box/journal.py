@@ -8,7 +8,7 @@ from pathlib import Path
 from scleraforce.service.black_box.decision_log import DecisionLog, format_line
 from scleraforce.service.companions.channel import Channel, ChannelClosedError
 from scleraforce.service.companions.codec import message_as_json
-from scleraforce.service.companions.messages import Alive, Decided, Message, Note, SelfReport, WithdrawalKept
+from scleraforce.service.companions.messages import Alive, CompanionMessage, Decided, Note, SelfReport, WithdrawalKept
 
 __all__ = ["Journal"]
 
@@ -76,6 +76,6 @@ class Journal:
         """Tell the monitor that a withdrawal is complete."""
         self._tell(WithdrawalKept(folder=str(folder)))
 
-    def _tell(self, message: Message) -> None:
+    def _tell(self, message: CompanionMessage) -> None:
         with suppress(ChannelClosedError):  # the black box notices it when it listens
             self._channel.send(message)

@@ -23,7 +23,7 @@ from scleraforce.service.black_box.withdrawals import Withdrawals
 from scleraforce.service.companions.channel import Channel, ChannelClosedError
 from scleraforce.service.companions.child import settings_of_child
 from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import Decided, ForceHeard, Message, MonitorEnds, Note, SelfReport
+from scleraforce.service.companions.messages import CompanionMessage, Decided, ForceHeard, MonitorEnds, Note, SelfReport
 from scleraforce.service.entry import Entry
 
 __all__ = ["BlackBox", "main"]
@@ -112,7 +112,7 @@ class BlackBox:
             return False
         return bool(messages)
 
-    def _take(self, message: Message) -> None:
+    def _take(self, message: CompanionMessage) -> None:
         match message:
             case Decided(entry=entry):
                 self._take_entry(message, entry)

@@ -4,7 +4,7 @@ import socket
 from typing import Self
 
 from scleraforce.service.companions.codec import MESSAGE_BYTES, decode_message, encode_message
-from scleraforce.service.companions.messages import Message
+from scleraforce.service.companions.messages import CompanionMessage
 
 __all__ = ["Channel", "ChannelClosedError"]
 
@@ -48,7 +48,7 @@ class Channel:
         """Return the file descriptor, for a selector."""
         return self._end.fileno()
 
-    def send(self, message: Message) -> bool:
+    def send(self, message: CompanionMessage) -> bool:
         """Send a message; False if the other end does not keep up and the message is lost.
 
         Raises:
@@ -67,14 +67,14 @@ class Channel:
             raise ChannelClosedError from fault
         return True
 
-    def receive(self, most: int = 1000) -> list[Message]:
+    def receive(self, most: int = 1000) -> list[CompanionMessage]:
         """Return the messages that wait, oldest first, `most` at most.
 
         Raises:
             ChannelClosedError: the other end is closed, and no message is left.
             MessageError: one of them is no message; those before it are lost, those after it still wait.
         """
-        messages: list[Message] = []
+        messages: list[CompanionMessage] = []
         while len(messages) < most:
             try:
                 data = self._end.recv(MESSAGE_BYTES + 1)  # one that is larger is cut, and refused

@@ -6,16 +6,16 @@ from types import MappingProxyType
 from typing import Any
 
 from scleraforce.errors import MessageError
-from scleraforce.service.companions.messages import KINDS, Message
+from scleraforce.service.companions.messages import MESSAGE_KINDS, CompanionMessage
 from scleraforce.service.record_json import record_as_json, record_of_json
 
 __all__ = ["MESSAGE_BYTES", "decode_message", "encode_message", "message_as_json"]
 
 MESSAGE_BYTES = 128 * 1024  # more than any message needs
-KIND_OF: Mapping[type[Any], str] = MappingProxyType({record: kind for kind, record in KINDS.items()})
+KIND_OF: Mapping[type[Any], str] = MappingProxyType({record: kind for kind, record in MESSAGE_KINDS.items()})
 
 
-def message_as_json(message: Message) -> dict[str, Any]:
+def message_as_json(message: CompanionMessage) -> dict[str, Any]:
     """Return a message as a JSON object.
 
     Raises:
@@ -34,7 +34,7 @@ def message_as_json(message: Message) -> dict[str, Any]:
         raise MessageError(f"{kind}: {fault}") from fault
 
 
-def encode_message(message: Message) -> bytes:
+def encode_message(message: CompanionMessage) -> bytes:
     """Return the bytes of a message.
 
     Raises:
@@ -45,7 +45,7 @@ def encode_message(message: Message) -> bytes:
     return data
 
 
-def decode_message(data: bytes) -> Message:
+def decode_message(data: bytes) -> CompanionMessage:
     """Return the message in bytes that came.
 
     Raises:
@@ -61,10 +61,10 @@ def decode_message(data: bytes) -> Message:
     except (ValueError, RecursionError) as fault:
         raise MessageError(f"not JSON: {fault}") from fault
     kind = fields.pop("kind", None) if isinstance(fields, dict) else None
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise MessageError(f"{data[:60]!r}: not an object with one of these kinds: {', '.join(KINDS)}")
+    if not isinstance(kind, str) or kind not in MESSAGE_KINDS:
+        raise MessageError(f"{data[:60]!r}: not an object with one of these kinds: {', '.join(MESSAGE_KINDS)}")
     try:
-        return record_of_json(KINDS[kind], fields)
+        return record_of_json(MESSAGE_KINDS[kind], fields)
     except MessageError as fault:
         raise MessageError(f"{kind}: {fault}") from fault
 

@@ -14,9 +14,9 @@ from scleraforce.service.companions.child import Child
 from scleraforce.service.companions.codec import encode_message
 from scleraforce.service.companions.messages import (
     Alive,
+    CompanionMessage,
     Decided,
     ListensAt,
-    Message,
     MonitorEnds,
     OpinionAsked,
     OpinionGiven,
@@ -107,7 +107,7 @@ class Companions:
         """Ask for a second opinion on a frame in the ring."""
         self.tell(OPINION, OpinionAsked(number=number, order=order), now_s)
 
-    def tell(self, name: str, message: Message, now_s: float) -> None:
+    def tell(self, name: str, message: CompanionMessage, now_s: float) -> None:
         """Send a message to a companion, if it runs; to the black box only while no decision waits."""
         if name == BLACK_BOX:
             self._send_waiting(now_s)
@@ -133,7 +133,7 @@ class Companions:
             self._dead.add(name)
         return False
 
-    def hear(self, name: str, now_s: float) -> Iterator[Message]:
+    def hear(self, name: str, now_s: float) -> Iterator[CompanionMessage]:
         """Yield a companion's messages, except those about its own state, which are taken note of.
 
         One that sends what is no message, or not its to send, has failed for good.

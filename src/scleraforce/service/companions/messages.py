@@ -14,13 +14,13 @@ from scleraforce.service.console.settings import ConsoleSettings
 from scleraforce.service.entry import Entry
 
 __all__ = [
-    "KINDS",
+    "MESSAGE_KINDS",
     "Alive",
     "ClientRole",
+    "CompanionMessage",
     "Decided",
     "ForceHeard",
     "ListensAt",
-    "Message",
     "MonitorEnds",
     "Note",
     "OpinionAsked",
@@ -168,7 +168,7 @@ class WithdrawalKept:
 
 Settings = BlackBoxSettings | OpinionSettings | ConsoleSettings  # the first message to each companion
 
-Message = (
+CompanionMessage = (
     Decided
     | ForceHeard
     | Note
@@ -187,7 +187,7 @@ Message = (
     | Settings
 )
 
-KINDS: Mapping[str, type[Message]] = MappingProxyType(
+MESSAGE_KINDS: Mapping[str, type[CompanionMessage]] = MappingProxyType(
     {
         "entry": Decided,
         "force": ForceHeard,

@@ -29,7 +29,7 @@ from scleraforce.service.companions.watchdog_messages import (
     unpack_for_watchdog,
 )
 from scleraforce.service.priority import WATCHDOG_PRIORITY, run_in_real_time
-from scleraforce.service.stamp import stamp
+from scleraforce.service.stamp import stamp_time
 
 __all__ = ["LOOK_S", "MISSES", "Watchdog", "main"]
 
@@ -112,7 +112,7 @@ class Watchdog:
         """Send the emergency to every client; a client that does not read misses it, one that has left is forgotten."""
         now_s = time.time()
         for message in self._messages.values():
-            stamp(message, now_s)
+            stamp_time(message, now_s)
         for number, client in list(self._clients.items()):
             try:
                 client.send(self._messages[self._versions[number]])

@@ -4,7 +4,7 @@ from collections import deque
 from statistics import median
 from typing import Any
 
-from scleraforce.service.companions.messages import Decided, Message, Outline, Rates
+from scleraforce.service.companions.messages import CompanionMessage, Decided, Outline, Rates
 from scleraforce.service.console.history import STEP_S, History
 from scleraforce.service.console.sentences import detail_of, sentence_of
 from scleraforce.service.entry import Entry
@@ -39,7 +39,7 @@ class Board:
         self._ended = False
         self.history = History()
 
-    def take(self, message: Message, now_s: float) -> bool:
+    def take(self, message: CompanionMessage, now_s: float) -> bool:
         """Take a message of the monitor; return whether pages must be told at once."""
         self._heard_s = now_s
         match message:

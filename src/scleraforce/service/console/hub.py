@@ -8,7 +8,7 @@ from time import monotonic
 
 from scleraforce.errors import MessageError
 from scleraforce.service.companions.channel import Channel, ChannelClosedError
-from scleraforce.service.companions.messages import Message, ResetAnswered, ResetAsked, SelfReport, WrongTokens
+from scleraforce.service.companions.messages import CompanionMessage, ResetAnswered, ResetAsked, SelfReport, WrongTokens
 from scleraforce.service.console.board import Board
 from scleraforce.service.console.pictures import Pictures
 from scleraforce.service.reset_token import ResetToken
@@ -59,7 +59,7 @@ class Hub:
         """Read the channel from now on."""
         asyncio.get_running_loop().add_reader(self._channel.fileno(), self.read)
 
-    def tell(self, message: Message) -> None:
+    def tell(self, message: CompanionMessage) -> None:
         """Send a message to the monitor, if it still runs."""
         try:
             self._channel.send(message)
