@@ -15,7 +15,6 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic, sleep, time
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,7 @@ from playwright.sync_api import Page, sync_playwright
 from scleraforce.monitor import MonitorLimits
 from scleraforce.service.companions.child import Child
 from scleraforce.service.companions.frame_ring import FrameRing
+from scleraforce.service.companions.messages import CompanionMessage, Decided, ListensAt, Outline, Rates
 from scleraforce.service.console import console_settings
 from scleraforce.service.entry import Entry
 from scleraforce.service.listening import listen
@@ -55,9 +55,11 @@ class Session:
         self.child = Child("scleraforce.service.console", settings, [self.ring.descriptor, listener.fileno()])
         listener.close()
         select.select([self.child.channel], [], [], 30)
-        self.address = self.child.channel.receive()[0]["url"]
+        (listens,) = self.child.channel.receive()
+        assert isinstance(listens, ListensAt), listens
+        self.address = listens.url
         self.pictures = [rng.integers(0, 4096, (SIZE, SIZE), dtype=np.uint16) for _ in range(8)]
-        self.curve = np.linspace(100, 140, SIZE // 4).tolist()
+        self.curve = tuple(np.linspace(100, 140, SIZE // 4).tolist())
         self.state = "WATCHING"
         self.frames = self.refused = 0
         self.sending_s: list[float] = []
@@ -88,15 +90,14 @@ class Session:
             latency_ms=1.0,
         )
         sent_s = time()
-        self.send({"kind": "entry", "entry": entry.as_json()})
+        self.send(Decided(entry=entry))
         if self.frames % 4 == 0:
-            outline = {"step": 4, "outer": self.curve, "inner": self.curve}
-            self.send({"kind": "outline", "frame": self.frames, **outline})
+            self.send(Outline(frame=self.frames, step=4, outer=self.curve, inner=self.curve))
         if self.frames % 50 == 0:
-            self.send({"kind": "rates", "frames_per_second": 100.0, "lost": 0, "clients": []})
+            self.send(Rates(frames_per_second=100.0, lost=0, clients=()))
         return sent_s
 
-    def send(self, message: dict[str, Any]) -> None:
+    def send(self, message: CompanionMessage) -> None:
         """Send a message, and note how long that took."""
         begin_s = monotonic()
         self.refused += not self.child.channel.send(message)

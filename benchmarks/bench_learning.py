@@ -18,7 +18,7 @@ from scleraforce.dataset.store import open_dataset
 from scleraforce.learning.classifier.graph import onnx_bytes
 from scleraforce.learning.classifier.samples import Samples
 from scleraforce.learning.classifier.train import split_samples
-from scleraforce.learning.classifier.training import THREADS, Fitted, fit
+from scleraforce.learning.classifier.training import CLASSIFIER_THREADS, Fitted, fit
 from scleraforce.models.writing import write_folder
 from scleraforce.reader import load_classifier
 from scleraforce.study import NetworkStudy, Study, format_study, study_hash
@@ -47,7 +47,7 @@ def print_epoch_times(training: Samples, validation: Samples) -> Fitted:
         processor, clock = time.process_time(), time.perf_counter()
         fitted = fit(NetworkStudy(epochs=1, dropout_masks=masks), training, validation)
         spent = time.process_time() - processor, time.perf_counter() - clock
-        print(f"{f'{masks} dropout masks, {THREADS} threads':<40}{spent[0]:>12.1f}{spent[1]:>10.1f}")
+        print(f"{f'{masks} dropout masks, {CLASSIFIER_THREADS} threads':<40}{spent[0]:>12.1f}{spent[1]:>10.1f}")
     return fitted
 
 

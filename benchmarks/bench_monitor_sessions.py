@@ -36,7 +36,7 @@ from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.optics import BscanOptics, Pose, sample_optics
 from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections
 from scleraforce.monitor import Decision, MonitorLimits, MonitorState, decide
-from scleraforce.monitor.events import Event, FrameRead, QueueLoss, Reset, SecondOpinion
+from scleraforce.monitor.events import FrameRead, MonitorEvent, QueueLoss, Reset, SecondOpinion
 from scleraforce.processes import work_units
 from scleraforce.reader import load_force_reader
 from scleraforce.reader.answers import Answer
@@ -292,7 +292,7 @@ class Bench:
         for n, frame in enumerate(self.frames(eye, path, rng)):
             shown_back = shown.back(frame)
             at_s = FRAME_S * (n + 1) + float(np.clip(rng.normal(0.0, JITTER_S), -4e-3, 4e-3))
-            events: list[Event] = []
+            events: list[MonitorEvent] = []
             while pending and pending[0].at_s <= at_s:
                 events.append(pending.pop(0))
             if rng.random() < LOSS:

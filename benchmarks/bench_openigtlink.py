@@ -31,9 +31,9 @@ from fastcrc.crc64 import ecma_182
 from scleraforce.errors import ProtocolError
 from scleraforce.openigtlink import (
     Decoder,
-    Event,
     Image,
     Message,
+    PeerEvent,
     Query,
     Received,
     Sensor,
@@ -187,7 +187,7 @@ def pieces(data: bytes, draw: Random) -> Iterator[bytes]:
         place += step
 
 
-def feed(decoder: Decoder, piece: bytes, lend: bool) -> Iterator[tuple[Event, ...]]:
+def feed(decoder: Decoder, piece: bytes, lend: bool) -> Iterator[tuple[PeerEvent, ...]]:
     """Yield the events of a piece, fed as it is or written into the places that are lent."""
     if not lend:
         yield decoder.feed(piece)
@@ -226,7 +226,7 @@ class Peer:
             if decoder.broken:
                 return
 
-    def _count(self, events: tuple[Event, ...]) -> None:
+    def _count(self, events: tuple[PeerEvent, ...]) -> None:
         for event in events:
             name = type(event).__name__
             if isinstance(event, Received):

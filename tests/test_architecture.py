@@ -6,12 +6,14 @@ import subprocess
 import sys
 from functools import cache
 from importlib import import_module
+from math import pi
 from pathlib import Path
 
 import pytest
 
 import scleraforce
 from scleraforce.cli.main import COMMANDS
+from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2
 
 ROOT = Path(scleraforce.__file__).parent
 ORDER = [
@@ -37,6 +39,12 @@ RUNTIME = [
     "segmentation.wall", "library", "known.calibration_file", "reader", "reader.answers", "service.monitor_service",
     "service.companions.second_opinion", "service.black_box.process", "service.operator", "replay.player",
 ]  # fmt: skip
+# Factors between units that are no powers of ten; of each also what undoes it.
+FACTORS = {
+    what: value
+    for name, factor in {"mmHg": SI_PER_UNIT["mmhg"][1], "degree": pi / 180, "gravity": STANDARD_GRAVITY_M_S2}.items()
+    for what, value in ((name, factor), (f"1 / {name}", 1 / factor))
+}
 MODULES = sorted(path for path in ROOT.rglob("*.py"))
 
 
@@ -107,6 +115,17 @@ def test_pure_rooms_touch_no_file_clock_socket_or_global_random_state(path: Path
             assert not drawn or drawn[1] in {"default_rng", "SeedSequence"}, f"{dotted(path)}:{node.lineno}: {called}"
         if isinstance(node, ast.Attribute):
             assert ast.unparse(node) not in {"os.environ", "os.getenv"}, f"{dotted(path)}:{node.lineno}: environment"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=dotted)
+def test_only_units_knows_the_factors_between_units(path: Path) -> None:
+    """Powers of ten apart: whoever converts mmHg, degrees or weights with a number of its own is found."""
+    if dotted(path) == "units":
+        return
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Constant) and isinstance(node.value, float):
+            near = [name for name, factor in FACTORS.items() if abs(node.value / factor - 1) < 4e-4]
+            assert not near, f"{dotted(path)}:{node.lineno}: {node.value}: take {near[0]} from units"
 
 
 @pytest.mark.parametrize("path", MODULES, ids=dotted)

@@ -66,11 +66,25 @@ def test_a_module_of_a_package_is_asked_only_for_what_it_offers(name: str) -> No
             assert node.attr in offered(other), f"{name}:{node.lineno}: {node.attr}: not in __all__ of {other}"
 
 
-def test_no_two_classes_have_the_same_name() -> None:
+def public(name: str) -> set[str]:
+    """What a module defines and offers, other than classes: functions, constants, aliases of types."""
+    defined: set[str] = set()
+    for node in tree(name).body:
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            defined.add(node.name)
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            defined |= {part.id for target in targets for part in ast.walk(target) if isinstance(part, ast.Name)}
+    return defined & offered(name)
+
+
+def test_a_public_name_stands_for_one_thing() -> None:
+    """A command of the terminal and a function of the notebook may be called as the task that they offer."""
     places: dict[str, list[str]] = {}
     for name in MODULES:
-        for node in tree(name).body:
-            if isinstance(node, ast.ClassDef) and node.name[0] != "_":
-                places.setdefault(node.name, []).append(name)
+        classes = {node.name for node in tree(name).body if isinstance(node, ast.ClassDef) and node.name[0] != "_"}
+        edge = name.startswith(("scleraforce.cli.", "scleraforce.notebook"))
+        for found in classes if edge else classes | public(name) - {"main"}:
+            places.setdefault(found, []).append(name)
     twice = {name: where for name, where in places.items() if where[1:]}
     assert not twice, f"a name stands for one thing: {twice}"

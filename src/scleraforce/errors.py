@@ -12,6 +12,7 @@
     │   ├── ModelError           a model folder
     │   └── ProtocolError        a peer's bytes, or what cannot be said to it (OpenIGTLink)
     ├── SolverError              a numerical method failed: exit code 1
+    ├── MessageError             what a process of the monitor sent to another is no message of theirs: exit code 1
     └── LinkError                a connection was lost, or its other end is not what was expected: exit code 1
 
 A message is one line: where (file and field), what was found, what to do or what is allowed.
@@ -23,6 +24,7 @@ __all__ = [
     "FrameError",
     "InputError",
     "LinkError",
+    "MessageError",
     "ModelError",
     "ProtocolError",
     "RecordingError",
@@ -78,6 +80,10 @@ class ProtocolError(InputError):
 
 class SolverError(ScleraforceError):
     """A numerical method failed on valid input."""
+
+
+class MessageError(ScleraforceError):
+    """What one process of the monitor sent to another, or was about to send, is no message of theirs."""
 
 
 class LinkError(ScleraforceError):

@@ -14,15 +14,13 @@ def finite(value: Any) -> Any:
     >>> finite({"force_mn": float("nan"), "interval_mn": (1.0, 2.0)})
     {'force_mn': None, 'interval_mn': [1.0, 2.0]}
     """
-    match value:
-        case Mapping():
-            return {key: finite(entry) for key, entry in value.items()}
-        case list() | tuple():
-            return [finite(entry) for entry in value]
-        case float() if not isfinite(value):
-            return None
-        case _:
-            return value
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    if isinstance(value, (list, tuple)):
+        return [finite(entry) for entry in value]
+    if not isinstance(value, str | int | None) and isinstance(value, Mapping):  # the cheaper question first
+        return {key: finite(entry) for key, entry in value.items()}
+    return value
 
 
 def parse_json(content: str | bytes) -> Any:

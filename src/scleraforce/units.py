@@ -6,7 +6,7 @@
 
 from math import pi
 
-__all__ = ["SI_PER_UNIT", "STANDARD_GRAVITY_M_S2", "mmhg_to_pa", "n_to_mn"]
+__all__ = ["SI_PER_UNIT", "STANDARD_GRAVITY_M_S2", "mmhg_to_pa", "n_to_mn", "pa_to_mmhg"]
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 
@@ -32,6 +32,15 @@ SI_PER_UNIT: dict[str, tuple[str, float]] = {
 def mmhg_to_pa(pressure_mmhg: float) -> float:
     """Return a pressure in Pa; the paper's 2 mmHg is about 266 Pa (sec. 2.2)."""
     return pressure_mmhg * SI_PER_UNIT["mmhg"][1]
+
+
+def pa_to_mmhg(pressure_pa: float) -> float:
+    """Return a pressure in mmHg.
+
+    >>> round(pa_to_mmhg(mmhg_to_pa(15.0)), 9)
+    15.0
+    """
+    return pressure_pa / SI_PER_UNIT["mmhg"][1]
 
 
 def n_to_mn(force_n: float) -> float:

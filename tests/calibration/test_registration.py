@@ -4,7 +4,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scleraforce.calibration.placement import DEPTH, LATERAL, POLAR, ROTATION, place_section, predict
+from scleraforce.calibration.placement import BY_DEPTH, BY_LATERAL, BY_POLAR, BY_ROTATION, place_section, predict_frame
 from scleraforce.calibration.registration import first_belief, frame_prior, register, updated_belief
 from scleraforce.fitting.placement import Places
 from scleraforce.laboratory.optics import Pose
@@ -20,7 +20,7 @@ def test_poses_are_found_to_50_um_with_the_contact_angle_unknown(laboratory: Any
         prior = frame_prior(belief, study)
         fit = register(model, frame.boundaries, frame.force_n, 0.49e6, prior)
         belief = updated_belief(belief, prior, fit)
-        errors_m.append([fit.nuisance[LATERAL] - pose.lateral_m, fit.nuisance[DEPTH] - pose.depth_m])
+        errors_m.append([fit.nuisance[BY_LATERAL] - pose.lateral_m, fit.nuisance[BY_DEPTH] - pose.depth_m])
         assert fit.youngs_modulus_pa == pytest.approx(eye.youngs_modulus_pa, rel=0.12)
     assert np.sqrt(np.mean(np.square(errors_m), axis=0)).max() < 50e-6
 
@@ -34,10 +34,10 @@ def test_belief_of_the_recordings_pose_narrows_to_how_far_the_eye_moves(laborato
         belief = updated_belief(belief, prior, fit)
         assert np.linalg.eigvalsh(belief.covariance).min() > -1e-18
     sd = np.sqrt(np.diag(belief.covariance))
-    assert belief.mean[LATERAL] == pytest.approx(0.3e-3, abs=0.15e-3)
-    assert sd[LATERAL] == pytest.approx(study.shift_sd_m / 12**0.5, rel=0.2)
-    assert sd[ROTATION] < 0.004
-    assert belief.mean[ROTATION] == pytest.approx(0.01, abs=0.004)
+    assert belief.mean[BY_LATERAL] == pytest.approx(0.3e-3, abs=0.15e-3)
+    assert sd[BY_LATERAL] == pytest.approx(study.shift_sd_m / 12**0.5, rel=0.2)
+    assert sd[BY_ROTATION] < 0.004
+    assert belief.mean[BY_ROTATION] == pytest.approx(0.01, abs=0.004)
 
 
 def test_a_section_is_placed_as_the_virtual_scanner_places_it() -> None:
@@ -52,14 +52,14 @@ def test_derivatives_of_what_a_frame_shows_are_those_of_differences(laboratory: 
     model = laboratory.model(laboratory.stated(eye))
     places = Places(np.linspace(-5e-3, 5e-3, 12), np.repeat([0, 1], 6))
     nuisance = np.array([0.1e-3, 0.4e-3, 0.02, eye.polar_rad, 10e-6])
-    placed = predict(model, 0.27e6, 0.03, nuisance, places)
-    for index, step in ((LATERAL, 1e-5), (DEPTH, 1e-5), (ROTATION, 1e-3), (4, 1e-6)):
+    placed = predict_frame(model, 0.27e6, 0.03, nuisance, places)
+    for index, step in ((BY_LATERAL, 1e-5), (BY_DEPTH, 1e-5), (BY_ROTATION, 1e-3), (4, 1e-6)):
         ends = []
         for sign in (-1, 1):
             moved = nuisance.copy()
             moved[index] += sign * step
-            ends.append(predict(model, 0.27e6, 0.03, moved, places).depth_m)
+            ends.append(predict_frame(model, 0.27e6, 0.03, moved, places).depth_m)
         difference = (ends[1] - ends[0]) / (2 * step)
         scale = np.abs(difference).max()
         np.testing.assert_allclose(placed.jacobian[:, index], difference, atol=0.03 * scale)
-    assert not placed.jacobian[:, POLAR].any()
+    assert not placed.jacobian[:, BY_POLAR].any()

@@ -34,7 +34,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 Shown = dict[int, list[np.ndarray]]
-FRAMES: Shown = {force_mn: [image(wall_section(tip_of(force_mn / 1e3)), seed) for seed in (1, 2, 3)] for force_mn in (8, 40)}
+FRAMES: Shown = {
+    force_mn: [image(wall_section(tip_of(force_mn / 1e3)), seed) for seed in (1, 2, 3)] for force_mn in (8, 40)
+}
 IDS = count(1)
 SENT: list[np.ndarray] = []
 

@@ -19,7 +19,13 @@ from scleraforce.dataset import workers
 from scleraforce.dataset.generate import generate_dataset
 from scleraforce.dataset.modulus import CalibratedModulus
 from scleraforce.dataset.plan import plan_dataset
-from scleraforce.dataset.store import complete_store, create_store, missing_units, open_dataset, write_unit
+from scleraforce.dataset.store import (
+    complete_dataset,
+    create_dataset,
+    missing_dataset_units,
+    open_dataset,
+    write_dataset_unit,
+)
 from scleraforce.errors import DatasetError, SolverError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import build_mesh
@@ -248,7 +254,7 @@ def test_no_store_another_thing_and_a_complete_store_are_refused(made, tmp_path)
 def partial_store(path, study=None, youngs_modulus_pa=MODULUS_PA, calibration=None):
     study = study or small_study()
     plan = plan_dataset(study)
-    create_store(path, study, youngs_modulus_pa, calibration, plan)
+    create_dataset(path, study, youngs_modulus_pa, calibration, plan)
     return plan
 
 
@@ -270,17 +276,19 @@ def test_what_a_kill_leaves_is_taken_up(tmp_path):
     path = tmp_path / "d"
     plan = partial_store(path)
     for unit in range(plan.units):
-        write_unit(path, plan, small_study(), unit, np.zeros((len(plan.force_n[plan.unit(unit)]), 40, 140), np.uint8))
+        write_dataset_unit(
+            path, plan, small_study(), unit, np.zeros((len(plan.force_n[plan.unit(unit)]), 40, 140), np.uint8)
+        )
     chunk = path / "slices" / "c" / "1" / "0" / "0"
     chunk.write_bytes(chunk.read_bytes()[:50])  # a disk that lost power
     chunk.with_suffix(".1234.partial").write_bytes(b"half")
     shutil.rmtree(path / "force_n")  # killed while the metadata was written
     assert partial_store(path).units == plan.units
-    assert missing_units(path, plan, small_study()) == [1]
+    assert missing_dataset_units(path, plan, small_study()) == [1]
     with pytest.raises(DatasetError, match="1 of 3 parts"):
-        complete_store(path, plan, small_study())
-    write_unit(path, plan, small_study(), 1, np.zeros((200, 40, 140), np.uint8))
-    complete_store(path, plan, small_study())
+        complete_dataset(path, plan, small_study())
+    write_dataset_unit(path, plan, small_study(), 1, np.zeros((200, 40, 140), np.uint8))
+    complete_dataset(path, plan, small_study())
     assert not list(path.rglob("*.partial"))
     assert open_dataset(path).images == 465
 

@@ -10,7 +10,7 @@ from analytic_library import RADIUS_M, analytic_library
 from scleraforce.fitting.fit_prediction import (
     DEPTH,
     GAP,
-    INNER,
+    INNER_OFFSET,
     IOP,
     LATERAL,
     MODULUS,
@@ -21,7 +21,7 @@ from scleraforce.fitting.fit_prediction import (
     TIP,
     cut_by_plane,
     force_n,
-    predict,
+    predict_wall,
 )
 from scleraforce.fitting.library_fit import fit_boundaries, prior_of
 from scleraforce.fitting.placement import Places
@@ -61,7 +61,7 @@ def drawn_eye(rng: np.random.Generator) -> np.ndarray:
 
 def boundaries(unknown: np.ndarray, noise_m: float = 0.0, rng: np.random.Generator | None = None) -> np.ndarray:
     """What a frame would show (2, column), with errors that are correlated over 0.35 mm; NaN below the window."""
-    predicted = predict(LIBRARY, unknown, BOTH)
+    predicted = predict_wall(LIBRARY, unknown, BOTH)
     depth = predicted.depth_m.reshape(2, -1)
     if rng is not None:
         kernel = np.exp(-(np.linspace(-3, 3, 19) ** 2) / 2)
@@ -100,14 +100,14 @@ def test_a_plane_beside_the_axis_cuts_a_sphere_in_a_smaller_circle() -> None:
 @pytest.mark.parametrize("tip_m", [0.3e-3, 2.2e-3])
 def test_derivatives_equal_differences(tip_m: float) -> None:
     unknown = eye(tip_m, log_size=0.01, inner_m=5e-6)
-    predicted = predict(LIBRARY, unknown, BOTH)
+    predicted = predict_wall(LIBRARY, unknown, BOTH)
     steps = dict(zip(NAMES, (2e-6, 2e-6, 1e-6, 2e-4, 2e-6, 1e-6, 1e-3, 1e-3, 2e-4, 1e-6), strict=True))
     for number, (name, step) in enumerate(steps.items()):
         ends = []
         for sign in (-1, 1):
             moved = unknown.copy()
             moved[number] += sign * step
-            ends.append(predict(LIBRARY, moved, BOTH).depth_m)
+            ends.append(predict_wall(LIBRARY, moved, BOTH).depth_m)
         difference = (ends[1] - ends[0]) / (2 * step)
         off = np.abs(predicted.jacobian[:, number] - difference)
         scale = np.abs(difference).max()
@@ -237,4 +237,4 @@ def test_an_inner_boundary_that_is_another_layers_does_not_change_what_is_known_
     fit = fitted(truth, depth)
     assert abs(fit.force_n - sound.force_n) < 0.25 * (sound.interval_n[1] - sound.interval_n[0])
     assert fit.unknown[THICKNESS] == pytest.approx(truth[THICKNESS], abs=15e-6)
-    assert fit.unknown[INNER] == pytest.approx(0.15e-3, abs=20e-6)
+    assert fit.unknown[INNER_OFFSET] == pytest.approx(0.15e-3, abs=20e-6)

@@ -18,7 +18,13 @@ from rehash import rehash_store
 from scleraforce.errors import InputError, SolverError
 from scleraforce.library.build import build_library, solve_path
 from scleraforce.library.plan import plan_library
-from scleraforce.library.store import complete_store, create_store, missing_units, open_library, write_unit
+from scleraforce.library.store import (
+    complete_library,
+    create_library,
+    missing_library_units,
+    open_library,
+    write_library_unit,
+)
 from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
 from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
 from scleraforce.study import LibraryStudy, NeedleStudy, Range, Study
@@ -106,12 +112,12 @@ def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
     chunk.write_bytes(content)
     with pytest.raises(InputError, match="curves/c/2/3/0/0/0/0: damaged"):
         open_library(path)
-    assert missing_units(path, plan_library(STUDY)) == [13]
+    assert missing_library_units(path, plan_library(STUDY)) == [13]
     chunk.unlink()
     with pytest.raises(InputError, match=r"curves: 1 of 20 chunks are missing"):
         open_library(path)
     with pytest.raises(InputError, match="1 of 116 load paths are missing"):
-        complete_store(path, plan_library(STUDY))
+        complete_library(path, plan_library(STUDY))
 
 
 def test_load_paths_in_each_others_place_are_found(made, tmp_path):
@@ -142,7 +148,7 @@ def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):
         build_library(STUDY, tmp_path / "folder", solve=solve_analytic)
     with pytest.raises(InputError, match="no such library"):
         open_library(tmp_path / "nothing")
-    create_store(tmp_path / "begun", plan_library(STUDY))
+    create_library(tmp_path / "begun", plan_library(STUDY))
     other = Study(needle=NeedleStudy(outer_diameter_m=0.8e-3), library=STUDY.library)
     with pytest.raises(InputError, match="begun with another plan"):
         build_library(other, tmp_path / "begun", solve=solve_analytic)
@@ -180,9 +186,9 @@ def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path):
     )
     assert np.array_equal(force_d, expected.force_ratio_m2)
     assert curves_dbnc == pytest.approx(expected.curves_sbnc, abs=1e-9)
-    create_store(tmp_path / "library", plan)
-    write_unit(tmp_path / "library", plan, 6, force_d, curves_dbnc)
-    assert missing_units(tmp_path / "library", plan) == [n for n in range(plan.units) if n != 6]
+    create_library(tmp_path / "library", plan)
+    write_library_unit(tmp_path / "library", plan, 6, force_d, curves_dbnc)
+    assert missing_library_units(tmp_path / "library", plan) == [n for n in range(plan.units) if n != 6]
 
 
 @pytest.mark.slow

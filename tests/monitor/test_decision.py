@@ -17,9 +17,9 @@ from scleraforce.monitor.decision import Decision, decide
 from scleraforce.monitor.events import (
     BadImage,
     ChecksumError,
-    Event,
     Failure,
     FrameRead,
+    MonitorEvent,
     OvertakenRead,
     QueueLoss,
     Reset,
@@ -83,12 +83,14 @@ def no_opinion(number: int) -> SecondOpinion:
     )  # fmt: skip
 
 
-def both(*numbers: int, force_n: float = 0.01) -> list[Event]:
+def both(*numbers: int, force_n: float = 0.01) -> list[MonitorEvent]:
     """Frames, each with its opinion."""
     return [event for n in numbers for event in (frame(n, force_n), opinion(n, force_n))]
 
 
-def play(events: Sequence[Event], state: MonitorState | None = None, limits: MonitorLimits = LIMITS) -> MonitorState:
+def play(
+    events: Sequence[MonitorEvent], state: MonitorState | None = None, limits: MonitorLimits = LIMITS
+) -> MonitorState:
     state = state or MonitorState()
     for event in events:
         state, _ = decide(state, event, limits)
@@ -110,7 +112,7 @@ STATES: dict[State, Callable[[], MonitorState]] = {
     State.WATCHING: watching,
     State.WITHDRAW: withdrawn,
 }
-ALARMS: dict[str, tuple[Event, Cause]] = {
+ALARMS: dict[str, tuple[MonitorEvent, Cause]] = {
     "class 2": (replace(frame(6), predicted=2, probabilities=(0.0, 0.0, 1.0)), Cause.DANGEROUS_CLASS),
     "force": (frame(6, 0.031), Cause.BOUND),
     "upper end": (frame(6, 0.0286), Cause.BOUND),
@@ -137,7 +139,7 @@ ALARMS: dict[str, tuple[Event, Cause]] = {
     "opinion on no frame": (opinion(7, at_s=0.06), Cause.OUT_OF_ORDER),
     "NaN time of an opinion": (opinion(5, at_s=NAN), Cause.NO_NUMBER),
 }
-AFTER_A_FRAME: dict[str, tuple[Event, Cause]] = {
+AFTER_A_FRAME: dict[str, tuple[MonitorEvent, Cause]] = {
     "silence": (Tick(0.1501), Cause.SILENCE),
     "late frame": (frame(6, at_s=0.1501), Cause.SILENCE),
     "late reset": (Reset(0.1501), Cause.SILENCE),
@@ -166,7 +168,7 @@ OVERTAKEN: dict[str, tuple[FrameRead, Cause]] = {
     "NaN force": (replace(frame(4), force_n=NAN), Cause.NO_NUMBER),
     "no probabilities": (replace(frame(4), probabilities=None), Cause.NO_NUMBER),
 }
-SIGNALS: dict[Signal, list[Event]] = {
+SIGNALS: dict[Signal, list[MonitorEvent]] = {
     Signal.HARMLESS: [frame(6)],
     Signal.TOLERATED: [frame(6), unusable(7)],
     Signal.UNJUDGED: [unusable(6)],
@@ -232,7 +234,7 @@ def test_the_sub_codes_of_timeout_and_checksum_are_those_of_openigtlink() -> Non
     assert len({cause.value for cause in Cause}) == len(Cause)
 
 
-def shown(backs: Sequence[int]) -> list[Event]:
+def shown(backs: Sequence[int]) -> list[MonitorEvent]:
     """Frames from 6 on, each with how many frames ago its picture was shown last."""
     return [replace(frame(6 + n), shown_back=back) for n, back in enumerate(backs)]
 
@@ -255,7 +257,7 @@ def test_an_old_picture_between_live_ones_is_frozen_the_second_time_within_the_w
     assert play(shown([0, 2, *[0] * 50, 2, 0]), watching()).state is State.WATCHING
 
 
-def late(lags_s: Sequence[float], ahead_s: float = 1.8e9, rate_hz: float = 100.0) -> list[Event]:
+def late(lags_s: Sequence[float], ahead_s: float = 1.8e9, rate_hz: float = 100.0) -> list[MonitorEvent]:
     """Frames from 6 on, each so long after the time that its sender states, whose clock is ahead."""
     times_s = [0.05 + (n + 1) / rate_hz for n in range(len(lags_s))]
     return [
@@ -301,8 +303,8 @@ def test_frames_that_state_no_time_are_never_stale_and_no_number_is() -> None:
 
 
 def test_losses_add_up_within_the_window_and_are_forgotten_after_it() -> None:
-    def losing(every: int) -> list[Event]:
-        events: list[Event] = []
+    def losing(every: int) -> list[MonitorEvent]:
+        events: list[MonitorEvent] = []
         for n in range(6, 300):
             events += [frame(n)] + ([QueueLoss(0.01 * n, 1)] if n % every == 0 else [])
         return events
@@ -418,7 +420,7 @@ def test_after_a_pause_before_contact_an_old_opinion_does_not_count() -> None:
     """The last frame before the pause got none: that is no cause, but nothing is OK before the next opinion."""
     before = play([*both(1, 2, force_n=1e-3), unusable(3)], limits=OPINED)
     assert before.state is State.NOT_READY
-    after: list[Event] = [frame(n) for n in range(1000, 1005)]
+    after: list[MonitorEvent] = [frame(n) for n in range(1000, 1005)]
     assert play(after, before, OPINED).state is State.NOT_READY
     assert play([*after, opinion(1004), frame(1005)], before, OPINED).state is State.WATCHING
 
@@ -427,15 +429,15 @@ def test_after_a_pause_before_contact_an_old_opinion_does_not_count() -> None:
 def test_a_second_reader_that_has_gone_is_a_cause(kind: str) -> None:
     state = play(both(*range(1, 11)), limits=OPINED)
     assert state.state is State.WATCHING
-    frames: list[Event] = [frame(n) for n in range(11, 61)]  # the first that gets none comes at 0.11 s
+    frames: list[MonitorEvent] = [frame(n) for n in range(11, 61)]  # the first that gets none comes at 0.11 s
     assert play(frames, state, OPINED).state is State.WATCHING
-    last: Event = frame(61) if kind == "frame" else Tick(0.61)
+    last: MonitorEvent = frame(61) if kind == "frame" else Tick(0.61)
     assert play([*frames, last], state, OPINED).cause is Cause.NO_OPINION
     assert play([*frames, last], state).state is State.WATCHING, "where none is expected"
 
 
 def test_an_opinion_answers_for_all_frames_up_to_its_own() -> None:
-    events: list[Event] = []
+    events: list[MonitorEvent] = []
     for n in range(1, 1000):
         events.append(frame(n))
         if n % 45 == 0:
@@ -456,7 +458,7 @@ def test_what_waits_for_an_opinion_does_not_grow() -> None:
 
 def test_a_reset_needs_the_second_opinion_too() -> None:
     state = play([*both(*range(1, 6)), ChecksumError(0.056, "CRC")], limits=OPINED)
-    alone: list[Event] = [frame(n) for n in range(6, 16)]
+    alone: list[MonitorEvent] = [frame(n) for n in range(6, 16)]
     assert play([*alone, Reset(0.151)], state, OPINED).state is State.WITHDRAW
     agreed = [*both(*range(6, 12)), Reset(0.116)]
     assert play(agreed, state, OPINED).state is State.WATCHING
@@ -467,7 +469,7 @@ def test_a_reset_needs_the_second_opinion_too() -> None:
 
 def test_a_client_that_starts_counting_again_can_be_reset_with_opinions_too() -> None:
     state = play([*(frame(n) for n in range(1, 6)), ChecksumError(0.051, "CRC")], limits=OPINED)
-    again: list[Event] = []
+    again: list[MonitorEvent] = []
     for n in range(1, 9):
         at_s = 0.06 + 0.01 * n
         again += [frame(n, at_s=at_s), opinion(n, at_s=at_s + 0.005)]
@@ -476,7 +478,7 @@ def test_a_client_that_starts_counting_again_can_be_reset_with_opinions_too() ->
 
 
 def test_a_needle_that_is_lifted_off_may_be_placed_anew() -> None:
-    lifted: list[Event] = [frame(n, 3e-4) for n in range(6, 57)]
+    lifted: list[MonitorEvent] = [frame(n, 3e-4) for n in range(6, 57)]
     assert play([*lifted, unusable(57)], watching()).state is State.NOT_READY
     assert play([*lifted[:-1], unusable(56)], watching()).cause is Cause.UNUSABLE, "half a second is needed"
     assert play([*lifted[:30], frame(36, 2.1e-3), *lifted[31:], unusable(57)], watching()).cause is Cause.UNUSABLE
@@ -507,7 +509,7 @@ def test_the_first_cause_is_kept() -> None:
 
 
 def test_a_reset_needs_fresh_harmless_frames_in_a_row() -> None:
-    fresh: list[Event] = [frame(n) for n in range(6, 11)]
+    fresh: list[MonitorEvent] = [frame(n) for n in range(6, 11)]
     assert play([Reset(0.052)], withdrawn()).state is State.WITHDRAW
     assert play([*fresh[:4], Reset(0.091)], withdrawn()).state is State.WITHDRAW
     assert play([*fresh, Reset(0.101)], withdrawn()).state is State.WATCHING
@@ -525,7 +527,7 @@ def test_after_the_reset_it_watches_as_before() -> None:
 
 
 def test_a_client_that_starts_counting_again_can_be_reset() -> None:
-    again: list[Event] = [frame(n, at_s=0.06 + 0.01 * n) for n in range(1, 8)]
+    again: list[MonitorEvent] = [frame(n, at_s=0.06 + 0.01 * n) for n in range(1, 8)]
     assert play([*again, Reset(0.131)], withdrawn()).state is State.WATCHING
 
 
@@ -534,30 +536,30 @@ DIRTY += [OvertakenRead(0.06, read) for read, _ in OVERTAKEN.values()]
 
 
 @st.composite
-def sequences(draw: st.DrawFn) -> list[Event]:
+def sequences(draw: st.DrawFn) -> list[MonitorEvent]:
     """Frames, ticks, resets and faults in any order, the times going on."""
-    events: list[Event] = []
+    events: list[MonitorEvent] = []
     now_s = 0.0
     for number in range(1, draw(st.integers(5, 60))):
         now_s += draw(st.sampled_from([0.001, 0.01, 0.01, 0.01, 0.11]))
         force_n = draw(st.sampled_from([0.001, 0.01, 0.01, 0.02, 0.029, NAN]))
         plain = frame(number, force_n, now_s)
         seen = [opinion(number - 1, 0.01, now_s), replace(no_opinion(number - 1), at_s=now_s)]
-        choices: list[Event] = [*[plain] * 8, *seen * 2]
+        choices: list[MonitorEvent] = [*[plain] * 8, *seen * 2]
         choices += [replace(unusable(number), at_s=now_s), Tick(now_s), Reset(now_s), QueueLoss(now_s, 1)]
         choices += [OvertakenRead(now_s, frame(number - 1)), OvertakenRead(now_s, unusable(number - 1))]
         events.append(draw(st.sampled_from([*choices, draw(st.sampled_from(DIRTY))])))
     return events
 
 
-def harmless(event: Event) -> bool:
+def harmless(event: MonitorEvent) -> bool:
     return isinstance(event, FrameRead) and event.usable and event.interval_n is not None and event.interval_n[1] < 0.03
 
 
 @settings(max_examples=150, deadline=None)
 @given(sequences(), st.sampled_from([LIMITS, OPINED]))
 def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_frame(
-    events: list[Event], limits: MonitorLimits
+    events: list[MonitorEvent], limits: MonitorLimits
 ) -> None:
     state, good, seen = MonitorState(), False, False
     for event in events:

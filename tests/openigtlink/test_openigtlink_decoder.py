@@ -17,10 +17,10 @@ from scleraforce.openigtlink import (
     Broken,
     Decoder,
     DecoderState,
-    Event,
     Image,
     Malformed,
     Message,
+    PeerEvent,
     Query,
     Received,
     Sensor,
@@ -125,7 +125,7 @@ def test_an_image_of_known_bytes() -> None:
     assert not event.message.pixels.flags.writeable
 
 
-def read_through_spaces(data: bytes, cuts: list[int], decoder: Decoder) -> list[Event]:
+def read_through_spaces(data: bytes, cuts: list[int], decoder: Decoder) -> list[PeerEvent]:
     """As a socket fills what is lent: pieces of the sizes of `cuts` in turn, as far as there is room."""
     events, place, turn = [], 0, 0
     while place < len(data) and not decoder.broken:
@@ -138,7 +138,7 @@ def read_through_spaces(data: bytes, cuts: list[int], decoder: Decoder) -> list[
     return events
 
 
-def told(events: Iterable[Event]) -> list[object]:
+def told(events: Iterable[PeerEvent]) -> list[object]:
     """What can be compared of events: an image as its bytes and its place."""
     return [
         (type(e), {**vars(e), "message": (m.pixels.tobytes(), m.pixels.dtype, *list(vars(m).values())[1:])})

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from itertools import count
 from time import time
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +19,16 @@ from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.events import Tick
 from scleraforce.openigtlink import Image, Query, Sensor, Status, Text, Transform, encode
 from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
+from scleraforce.service.companions.messages import (
+    Alive,
+    CompanionMessage,
+    Decided,
+    ForceHeard,
+    Note,
+    OpinionAsked,
+    OpinionGiven,
+    SelfReport,
+)
 from scleraforce.service.operator import ask_reset
 from scleraforce.service.session import Frame, Session
 
@@ -461,11 +470,15 @@ def test_the_second_opinion_is_asked_about_each_frame_and_what_it_says_counts() 
     companions = {OPINION: FakeCompanion()}
     with serving(Companions(companions)) as port, Peer(port) as scanner:  # type: ignore[arg-type]  # a stand-in
         scanner.watch(frames=12)
-        asked: list[dict[str, Any]] = []
+        asked: list[CompanionMessage] = []
         wait_until(lambda: asked.extend(companions[OPINION].theirs.receive()) or len(asked) >= 12)
-        assert [message["number"] for message in asked] == list(range(1, 13))
-        opinion = {"kind": "opinion", "frame": asked[-1]["order"], "usable": True, "reason": None, "predicted": 2}
-        companions[OPINION].says(**opinion, probabilities=[0.0, 0.0, 1.0], force_n=0.031, interval_n=[0.03, 0.032])
+        questions = [message for message in asked if isinstance(message, OpinionAsked)]
+        assert [question.number for question in questions] == list(range(1, 13))
+        opinion = OpinionGiven(
+            order=questions[-1].order, usable=True, reason=None, predicted=2,
+            probabilities=(0.0, 0.0, 1.0), force_n=0.031, interval_n=(0.03, 0.032),
+        )  # fmt: skip
+        companions[OPINION].says(opinion)
         status = scanner.wait_for_code(3)
         assert (status.name, "second opinion" in status.message) == ("DANGEROUS_CLASS", True)
     companions[OPINION].end()
@@ -476,12 +489,12 @@ def test_a_companion_that_fails_is_a_cause_until_it_says_that_this_is_over(name:
     companions = {name: FakeCompanion()}
     with serving(Companions(companions)) as port, Peer(port) as scanner:  # type: ignore[arg-type]  # a stand-in
         scanner.watch()
-        companions[name].says(kind="fault", detail="log: no space left")
+        companions[name].says(SelfReport(detail="log: no space left"))
         status = scanner.wait_for_code(3)
         assert (status.name, f"{name}: log: no space left" in status.message) == ("EXCEPTION", True)
         for over in (False, True):
             if over:
-                companions[name].says(kind="alive", faults=[])
+                companions[name].says(Alive(faults=()))
             for _ in range(8):
                 scanner.show(10.0)
                 scanner.hear(0.02)
@@ -490,10 +503,25 @@ def test_a_companion_that_fails_is_a_cause_until_it_says_that_this_is_over(name:
     companions[name].end()
 
 
+def test_a_companion_that_does_not_keep_to_the_protocol_is_a_cause_for_good() -> None:
+    companions = {OPINION: FakeCompanion()}
+    with serving(Companions(companions)) as port, Peer(port) as scanner:  # type: ignore[arg-type]  # a stand-in
+        scanner.watch()
+        companions[OPINION].theirs.send_encoded(b'{"kind": "opinion", "order": 1}')
+        status = scanner.wait_for_code(3)
+        assert (status.name, "does not keep to the protocol: opinion: without" in status.message) == ("EXCEPTION", True)
+        companions[OPINION].says(Alive(faults=()))
+        for _ in range(8):
+            scanner.show(10.0)
+            scanner.hear(0.02)
+        assert not ask_reset("127.0.0.1", port, TOKEN)[0]
+    companions[OPINION].end()
+
+
 def test_clients_that_flood_the_log_take_nothing_of_the_decisions_and_the_log_says_what_it_left_out() -> None:
     box = FakeCompanion()
     wrong = encode(Status(1), "X")[:-1] + b"\1"
-    heard: list[dict[str, Any]] = []
+    heard: list[CompanionMessage] = []
     with serving(Companions({BLACK_BOX: box})) as port, Peer(port) as scanner, Peer(port) as rude:  # type: ignore[arg-type]  # a stand-in
         for _ in range(20):
             rude.link.sendall((encode(Sensor((0.01,)), "RobotForce") * 20 + wrong) * 5)
@@ -501,12 +529,12 @@ def test_clients_that_flood_the_log_take_nothing_of_the_decisions_and_the_log_sa
             heard += box.theirs.receive()
         wait_until(lambda: heard.extend(box.theirs.receive()) or any("were dropped" in str(m) for m in heard))
     box.end()
-    entries = [message["entry"]["number"] for message in heard if message["kind"] == "entry"]
+    entries = [message.entry.number for message in heard if isinstance(message, Decided)]
     assert entries == list(range(1, len(entries) + 1))
     assert len(entries) >= 60
-    checksums = [message for message in heard if "checksum" in message.get("text", "")]
+    checksums = [message for message in heard if isinstance(message, Note) and "checksum" in message.text]
     assert 10 <= len(checksums) < 40
-    assert sum(message["kind"] == "force" for message in heard) >= 100
+    assert sum(isinstance(message, ForceHeard) for message in heard) >= 100
 
 
 def test_while_no_frames_come_the_console_is_told_the_state_again_and_the_log_has_no_gaps() -> None:
@@ -515,13 +543,13 @@ def test_while_no_frames_come_the_console_is_told_the_state_again_and_the_log_ha
         scanner.watch()
         scanner.hear(1.7)
         logged, shown = (
-            [message["entry"] for message in children[name].theirs.receive() if message["kind"] == "entry"]
+            [message.entry for message in children[name].theirs.receive() if isinstance(message, Decided)]
             for name in (BLACK_BOX, CONSOLE)
         )
     for child in children.values():
         child.end()
-    assert [entry["number"] for entry in logged] == list(range(1, len(logged) + 1))
-    assert logged[-1]["state"] == "WITHDRAW"
-    assert sum(entry["event"] == "tick" for entry in logged) == 1  # a silence is told once, however long it lasts
-    again = [entry for entry in shown if entry["event"] == "again"]
-    assert (again[-1]["state"], again[-1]["number"], again[-1]["frame"]) == ("WITHDRAW", logged[-1]["number"], None)
+    assert [entry.number for entry in logged] == list(range(1, len(logged) + 1))
+    assert logged[-1].state == "WITHDRAW"
+    assert sum(entry.event == "tick" for entry in logged) == 1  # a silence is told once, however long it lasts
+    again = [entry for entry in shown if entry.event == "again"]
+    assert (again[-1].state, again[-1].number, again[-1].frame) == ("WITHDRAW", logged[-1].number, None)

@@ -2,9 +2,8 @@
 
 import select
 import socket
-from collections.abc import Mapping
 from time import monotonic, time
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from scleraforce.monitor import MonitorLimits
 from scleraforce.service.companions.child import Child
 from scleraforce.service.companions.frame_ring import FrameRing
+from scleraforce.service.companions.messages import ClientRole, CompanionMessage, Decided, ListensAt, Rates
 from scleraforce.service.console import console_settings
 from scleraforce.service.entry import Entry
 from scleraforce.service.listening import listen
@@ -21,7 +21,11 @@ __all__ = ["TOKEN", "ConsoleMonitor", "free_port", "reading"]
 TOKEN = "seven of nine"
 
 CODES = {"NOT_READY": 13, "WATCHING": 1, "WITHDRAW": 3}
-CLIENTS = [{"address": "127.0.0.1:50112", "role": "scanner"}, {"address": "127.0.0.1:50114", "role": "listener"}]
+CLIENTS = (
+    ClientRole(address="127.0.0.1:50112", role="scanner"),
+    ClientRole(address="127.0.0.1:50114", role="listener"),
+)
+Kind = TypeVar("Kind")
 
 
 def free_port() -> int:
@@ -58,7 +62,7 @@ class ConsoleMonitor:
         listener.close()
         self.entries = self.frames = 0
         try:
-            assert self.hear("listening")["url"] == self.address
+            assert self.hear(ListensAt).url == self.address
         except AssertionError:
             self.child.end()
             raise
@@ -74,15 +78,17 @@ class ConsoleMonitor:
         """Where the page is."""
         return f"http://127.0.0.1:{self.port}/"
 
-    def hear(self, kind: str, within_s: float = 20.0) -> dict[str, Any]:
+    def hear(self, kind: type[Kind], within_s: float = 20.0) -> Kind:
         """Wait for a message of the console."""
         if not select.select([self.child.channel], [], [], within_s)[0]:
-            raise AssertionError(f"the console said nothing, {kind} was awaited; exit code {self.child.exit_code}")
+            raise AssertionError(
+                f"the console said nothing, {kind.__name__} was awaited; exit code {self.child.exit_code}"
+            )
         (message,) = self.child.channel.receive(1)
-        assert message["kind"] == kind, message
+        assert isinstance(message, kind), message
         return message
 
-    def tell(self, message: Mapping[str, Any]) -> None:
+    def tell(self, message: CompanionMessage) -> None:
         """Send a message."""
         assert self.child.channel.send(message)
 
@@ -94,7 +100,7 @@ class ConsoleMonitor:
             state=state, code=CODES[state], sub_code=0, cause=cause,
             message=f"{state}: {message}" if message else state, **said,
         )  # fmt: skip
-        assert self.child.channel.send_text(f'{{"kind": "entry", "entry": {entry.text}}}')
+        assert self.child.channel.send(Decided(entry=entry))
 
     def frame(self, pixels: NDArray[np.uint16], state: str = "WATCHING", message: str = "", **said: Any) -> int:
         """Put a frame into the ring and tell the decision on it; return its number."""
@@ -105,4 +111,4 @@ class ConsoleMonitor:
 
     def rates(self, **changed: Any) -> None:
         """Tell the rates."""
-        self.tell({"kind": "rates", "frames_per_second": 100.0, "lost": 0, "clients": CLIENTS} | changed)
+        self.tell(Rates(**{"frames_per_second": 100.0, "lost": 0, "clients": CLIENTS, **changed}))

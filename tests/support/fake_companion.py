@@ -1,8 +1,7 @@
 """A companion of the monitor without a process."""
 
-from typing import Any
-
 from scleraforce.service.companions.channel import Channel
+from scleraforce.service.companions.messages import CompanionMessage
 
 
 class FakeCompanion:
@@ -11,7 +10,7 @@ class FakeCompanion:
     def __init__(self) -> None:
         self.channel, self.theirs = Channel.pair()
 
-    def says(self, **message: Any) -> None:
+    def says(self, message: CompanionMessage) -> None:
         assert self.theirs.send(message)
 
     def end(self) -> None:

@@ -42,7 +42,7 @@ VALUES: list[Any] = [None, True, -1, 0, 10**30, 1e308, float("nan"), float("inf"
 def write_whole_ones(folder: Path) -> None:
     """Write a file or folder of every kind."""
     from scleraforce.dataset.plan import plan_dataset
-    from scleraforce.dataset.store import complete_store, create_store, write_unit
+    from scleraforce.dataset.store import complete_dataset, create_dataset, write_dataset_unit
     from scleraforce.library.build import build_library
     from scleraforce.study import DatasetGroup, DatasetStudy, SliceStudy
 
@@ -53,11 +53,11 @@ def write_whole_ones(folder: Path) -> None:
     (folder / "calibration.json").write_text(calibration_text(eyes={"eye-1": {}}))
     write_fixed_reader(folder / "model", analytic_library(thicknesses=4, ratios=4, tips=5), [1.0] * 8)
     plan = plan_dataset(study)
-    create_store(folder / "dataset", study, 3e5, None, plan)
+    create_dataset(folder / "dataset", study, 3e5, None, plan)
     rows = np.arange(8)[:, None] > np.arange(10) // 2
     for unit in range(plan.units):
-        write_unit(folder / "dataset", plan, study, unit, np.repeat(np.uint8(255) * rows[None], 20, axis=0))
-    complete_store(folder / "dataset", plan, study)
+        write_dataset_unit(folder / "dataset", plan, study, unit, np.repeat(np.uint8(255) * rows[None], 20, axis=0))
+    complete_dataset(folder / "dataset", plan, study)
     build_library(Study(library=SMALL_LIBRARY), folder / "library", workers=1, solve=solve_analytic)
     picture = np.random.default_rng(0).integers(0, 255, (24, 32), dtype=np.uint8)
     (folder / "frames").mkdir()

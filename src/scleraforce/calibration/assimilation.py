@@ -15,14 +15,14 @@ from scleraforce.calibration.eye_model import EyeModel, parameter_sections, stat
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
 from scleraforce.calibration.parameters import Parameter, ParameterSpace
 from scleraforce.calibration.placement import (
-    INNER,
-    LATERAL,
+    BY_INNER,
+    BY_LATERAL,
+    BY_POLAR,
     LOG_MODULUS,
-    POLAR,
     force_derivative,
     place_section,
     polar_derivative,
-    predict,
+    predict_frame,
 )
 from scleraforce.calibration.registration import (
     PoseBelief,
@@ -175,10 +175,10 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
     prior = frame_prior(state.belief, eye.study)
     modulus = _modulus(eye, state)
     fit = register(eye.model, frame.boundaries, frame.force_n, modulus, prior)
-    observation = observe_points(frame.boundaries, eye.study.points, float(fit.nuisance[LATERAL]), eye.study.span_m)
+    observation = observe_points(frame.boundaries, eye.study.points, float(fit.nuisance[BY_LATERAL]), eye.study.span_m)
     places = Places(observation.lateral_m, observation.boundary)
     at = (eye.model, fit.youngs_modulus_pa, frame.force_n, fit.nuisance, places)
-    placed = predict(*at)
+    placed = predict_frame(*at)
     if placed.seen.sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
     by_force, by_polar = force_derivative(*at), polar_derivative(*at)
@@ -263,8 +263,8 @@ def _depths(eye: EyeFilter, states_rp: Array, force_n: float, nuisance: Array, p
     sound = (values > 0).all(axis=1)
     depths = np.full((len(values), len(places.lateral_m)), np.nan)
     if sound.any():
-        curves = parameter_sections(eye.model, eye.space.names, values[sound], force_n, float(nuisance[POLAR]))
+        curves = parameter_sections(eye.model, eye.space.names, values[sound], force_n, float(nuisance[BY_POLAR]))
         placed = place_section(curves, nuisance)
-        inner = nuisance[INNER] * places.is_inner
+        inner = nuisance[BY_INNER] * places.is_inner
         depths[sound] = [curve_depths(curve, places)[0] + inner for curve in placed]
     return depths

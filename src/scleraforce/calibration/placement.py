@@ -7,8 +7,17 @@ from scleraforce.calibration.eye_model import EyeModel, stated_wall
 from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
 
 __all__ = [
-    "DEPTH", "INNER", "LATERAL", "LOG_MODULUS", "NUISANCES", "POLAR", "ROTATION", "force_derivative", "place_section",
-    "polar_derivative", "predict",
+    "BY_DEPTH",
+    "BY_INNER",
+    "BY_LATERAL",
+    "BY_POLAR",
+    "BY_ROTATION",
+    "LOG_MODULUS",
+    "NUISANCES",
+    "force_derivative",
+    "place_section",
+    "polar_derivative",
+    "predict_frame",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -16,7 +25,7 @@ Array = NDArray[np.float64]
 # What a frame depends on beside the eye: the pose, the contact's polar angle, and an offset of the inner boundary (the
 # segmentation's, or a wall that is not as thick as stated).
 NUISANCES = ("lateral_m", "depth_m", "rotation_rad", "polar_rad", "inner_m")
-LATERAL, DEPTH, ROTATION, POLAR, INNER = range(5)
+BY_LATERAL, BY_DEPTH, BY_ROTATION, BY_POLAR, BY_INNER = range(5)
 LOG_MODULUS = 5  # comes after the nuisances among the unknowns of a frame
 
 MODULUS_STEP = 0.01
@@ -25,7 +34,7 @@ FORCE_STEP_N = 1e-4
 
 def place_section(curves: Array, nuisance: Array) -> Array:
     """Return sections (..., sample, 2) in the frame at the pose of `nuisance` (5,)."""
-    return place_curves(curves, nuisance[LATERAL], nuisance[DEPTH], nuisance[ROTATION])
+    return place_curves(curves, nuisance[BY_LATERAL], nuisance[BY_DEPTH], nuisance[BY_ROTATION])
 
 
 def polar_derivative(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Array:
@@ -39,7 +48,7 @@ def polar_derivative(model: EyeModel, modulus_pa: float, force_n: float, nuisanc
     return slope
 
 
-def predict(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Placed:
+def predict_frame(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Placed:
     """Return what a frame shows at places; derivatives by the `NUISANCES` and by ln E, (place, 6).
 
     Args:
@@ -50,20 +59,20 @@ def predict(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array,
         places: where the frame is looked at.
     """
     moduli = (modulus_pa, modulus_pa * (1 + MODULUS_STEP))
-    states = [stated_wall(model.constants, modulus, force_n, nuisance[POLAR]) for modulus in moduli]
+    states = [stated_wall(model.constants, modulus, force_n, nuisance[BY_POLAR]) for modulus in moduli]
     curves = place_section(model.curves(states), nuisance)
     (depth, slope, seen), stiffer = (curve_depths(curve, places) for curve in curves)
-    by_pose = pose_derivatives(places, depth, slope, (nuisance[LATERAL], nuisance[DEPTH]))
+    by_pose = pose_derivatives(places, depth, slope, (nuisance[BY_LATERAL], nuisance[BY_DEPTH]))
     by_polar = np.zeros_like(depth)  # held while a frame is fitted, see `polar_derivative`
     by_modulus = (stiffer[0] - depth) / MODULUS_STEP
     jacobian = np.stack([*by_pose, by_polar, places.is_inner, by_modulus], axis=1)
-    return Placed(depth + nuisance[INNER] * places.is_inner, slope, jacobian, seen)
+    return Placed(depth + nuisance[BY_INNER] * places.is_inner, slope, jacobian, seen)
 
 
 def force_derivative(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Array:
     """Return how the depths at places turn with the force, (place,) in m/N."""
     forces = (force_n - FORCE_STEP_N, force_n + FORCE_STEP_N)
-    states = [stated_wall(model.constants, modulus_pa, force, nuisance[POLAR]) for force in forces]
+    states = [stated_wall(model.constants, modulus_pa, force, nuisance[BY_POLAR]) for force in forces]
     less, more = (curve_depths(curve, places)[0] for curve in place_section(model.curves(states), nuisance))
     slope: Array = (more - less) / (2 * FORCE_STEP_N)
     return slope

@@ -12,7 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.calibration.eye_model import EyeModel, stated_wall
-from scleraforce.calibration.placement import DEPTH, INNER, LATERAL, POLAR, ROTATION, place_section, predict
+from scleraforce.calibration.placement import (
+    BY_DEPTH,
+    BY_INNER,
+    BY_LATERAL,
+    BY_POLAR,
+    BY_ROTATION,
+    place_section,
+    predict_frame,
+)
 from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
 from scleraforce.fitting.placement import Placed, Places, curve_depths
 from scleraforce.segmentation.observations import Boundaries
@@ -22,7 +30,7 @@ __all__ = ["PoseBelief", "Registered", "first_belief", "frame_prior", "register"
 
 Array = NDArray[np.float64]
 
-FIRST_SD = {LATERAL: 2e-3, DEPTH: 1.5e-3, ROTATION: 0.1}  # of a recording's pose, before its first frame
+FIRST_SD = {BY_LATERAL: 2e-3, BY_DEPTH: 1.5e-3, BY_ROTATION: 0.1}  # of a recording's pose, before its first frame
 COLUMNS = 48  # of each boundary that are fitted
 COLUMN_SD_M = 10e-6
 INNER_FRAMES = 25  # the offset of the inner boundary is common to all: so many frames then say as much of it as one
@@ -56,17 +64,17 @@ def first_belief(model: EyeModel) -> PoseBelief:
     which a fit could not tell from an uneven segmentation.
     """
     sd = np.zeros(5)
-    sd[[LATERAL, DEPTH, ROTATION]] = [FIRST_SD[axis] for axis in (LATERAL, DEPTH, ROTATION)]
+    sd[[BY_LATERAL, BY_DEPTH, BY_ROTATION]] = [FIRST_SD[axis] for axis in (BY_LATERAL, BY_DEPTH, BY_ROTATION)]
     mean = np.zeros(5)
-    mean[POLAR] = model.constants.polar_rad
+    mean[BY_POLAR] = model.constants.polar_rad
     return PoseBelief(mean, np.diag(sd**2))
 
 
 def frame_prior(belief: PoseBelief, study: CalibrationStudy) -> PoseBelief:
     """Return what is known of the next frame's nuisances: the recording's, and that the eye may have moved."""
     moved = np.zeros(5)
-    moved[[LATERAL, DEPTH, ROTATION]] = (study.shift_sd_m, study.shift_sd_m, study.turn_sd_rad)
-    moved[INNER] = INNER_FRAMES**0.5 * study.inner_sd_m
+    moved[[BY_LATERAL, BY_DEPTH, BY_ROTATION]] = (study.shift_sd_m, study.shift_sd_m, study.turn_sd_rad)
+    moved[BY_INNER] = INNER_FRAMES**0.5 * study.inner_sd_m
     return PoseBelief(belief.mean, belief.covariance + np.diag(moved**2))
 
 
@@ -126,33 +134,33 @@ class _Fit:
         self.precision = np.zeros((6, 6))
         free = np.ix_(self.free, self.free)
         self.precision[free] = np.linalg.inv(covariance[free])
-        self.wide = covariance[LATERAL, LATERAL] > (0.5e-3) ** 2
+        self.wide = covariance[BY_LATERAL, BY_LATERAL] > (0.5e-3) ** 2
 
     def start(self) -> Array:
         """Return where to begin: the prior's mean, or the best of a coarse search where the pose is unknown."""
         if not self.wide:
             return self.mean.copy()
         moduli = np.exp(self.mean[5]) * np.array(START_MODULUS)
-        eye, polar = self.model.constants, float(self.mean[POLAR])
+        eye, polar = self.model.constants, float(self.mean[BY_POLAR])
         curves = self.model.curves([stated_wall(eye, float(modulus), self.force_n, polar) for modulus in moduli])
         best, unknown = np.inf, self.mean.copy()
         for modulus, curve in zip(moduli, curves, strict=True):
             for lateral in START_LATERAL_M:
                 nuisance = self.mean[:5].copy()
-                nuisance[LATERAL] = lateral
+                nuisance[BY_LATERAL] = lateral
                 depth = curve_depths(place_section(curve, nuisance), self.columns.places)[0]
                 rest = self.columns.depth_m - depth
                 shift = float(np.median(rest))
                 cost = float(np.abs(rest - shift).sum())
                 if cost < best:
-                    nuisance[DEPTH] += shift
+                    nuisance[BY_DEPTH] += shift
                     best, unknown = cost, np.append(nuisance, log(modulus))
         return unknown
 
     def evaluate(self, unknown: Array) -> tuple[Placed, float]:
         """Return the prediction and the cost."""
         modulus_pa = float(np.exp(unknown[5]))
-        placed = predict(self.model, modulus_pa, self.force_n, unknown[:5], self.columns.places)
+        placed = predict_frame(self.model, modulus_pa, self.force_n, unknown[:5], self.columns.places)
         away = unknown - self.mean
         return placed, self.columns.loss(placed) + float(away @ self.precision @ away)
 

@@ -17,7 +17,7 @@ from scleraforce.calibration.registration import PoseBelief
 from scleraforce.calibration.roukf import Posterior
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import (
-    FORMAT,
+    CALIBRATION_FORMAT,
     WRITER,
     CalibrationFile,
     number_of,
@@ -45,7 +45,7 @@ def calibration_as_json(calibration: Calibration) -> dict[str, Any]:
     """Return a calibration as it stands in its file and in `calibrate --json`."""
     mean_pa, sd_pa = calibration.population
     return {
-        "format": FORMAT,
+        "format": CALIBRATION_FORMAT,
         "scleraforce": __version__,
         "mechanics": calibration.mechanics,
         "study_sha256": calibration.study_sha256,

@@ -16,6 +16,7 @@ from scleraforce.cli.known_eye import known_eye, known_eye_options
 from scleraforce.cli.output import print_json
 from scleraforce.errors import InputError
 from scleraforce.processes import one_thread
+from scleraforce.units import pa_to_mmhg
 
 if TYPE_CHECKING:
     from scleraforce.known.eye import Known
@@ -221,7 +222,7 @@ def _told(known: "Known") -> str:
     modulus = known.modulus
     words = [
         f"{modulus.mean_pa / 1e6:.3f} MPa ({modulus.source})" if modulus else "modulus unknown",
-        "IOP unknown" if known.iop_pa is None else f"IOP {known.iop_pa / 133.322:.1f} mmHg",
+        "IOP unknown" if known.iop_pa is None else f"IOP {pa_to_mmhg(known.iop_pa):.1f} mmHg",
         "thickness unknown" if known.thickness_m is None else f"{known.thickness_m * 1e6:.0f} µm thick",
         "gap unknown" if known.gap_m is None else f"gap {known.gap_m * 1e3:.2f} mm",
     ]

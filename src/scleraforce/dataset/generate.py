@@ -9,7 +9,7 @@ from time import perf_counter
 from scleraforce.dataset.library_samples import draw_units
 from scleraforce.dataset.modulus import CalibratedModulus
 from scleraforce.dataset.plan import plan_dataset
-from scleraforce.dataset.store import complete_store, create_store, missing_units, write_unit
+from scleraforce.dataset.store import complete_dataset, create_dataset, missing_dataset_units, write_dataset_unit
 from scleraforce.dataset.workers import simulate_units
 from scleraforce.errors import DatasetError
 from scleraforce.library import Library
@@ -73,8 +73,8 @@ def generate_dataset(
     report = progress or (lambda _: None)
     study = parse_study(format_study(study))  # as the store keeps it: rounded to 15 digits in human units
     plan = plan_dataset(study)
-    create_store(out, study, modulus, calibration, plan, mechanics)
-    todo = missing_units(out, plan, study)
+    create_dataset(out, study, modulus, calibration, plan, mechanics)
+    todo = missing_dataset_units(out, plan, study)
     missing = sum(len(range(*plan.unit(unit).indices(plan.images))) for unit in todo)
     report(plan.images - missing)
     with closing(
@@ -83,7 +83,7 @@ def generate_dataset(
         else draw_units(study, modulus, plan, todo, library)
     ) as results:
         for unit, images in results:
-            write_unit(out, plan, study, unit, images)
+            write_dataset_unit(out, plan, study, unit, images)
             report(len(images))
-    complete_store(out, plan, study)
+    complete_dataset(out, plan, study)
     return Generation(plan.images, missing, perf_counter() - start)

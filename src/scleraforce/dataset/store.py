@@ -24,7 +24,14 @@ from scleraforce.stored_array import StoredArray
 from scleraforce.study import Study, format_study, parse_study, study_hash
 from scleraforce.units import n_to_mn
 
-__all__ = ["Dataset", "complete_store", "create_store", "missing_units", "open_dataset", "write_unit"]
+__all__ = [
+    "Dataset",
+    "complete_dataset",
+    "create_dataset",
+    "missing_dataset_units",
+    "open_dataset",
+    "write_dataset_unit",
+]
 
 STORE = CheckedStore(
     noun="data set",
@@ -163,7 +170,7 @@ def _impossible(name: str, values: NDArray[Any], study: Study) -> str | None:
     return None
 
 
-def create_store(
+def create_dataset(
     path: Path,
     study: Study,
     youngs_modulus_pa: float,
@@ -185,13 +192,13 @@ def create_store(
             slices.create(group)
 
 
-def missing_units(path: Path, plan: DatasetPlan, study: Study) -> list[int]:
+def missing_dataset_units(path: Path, plan: DatasetPlan, study: Study) -> list[int]:
     """Return the units of work whose slices are not in the store, or cannot be read there."""
     slices, *_ = _arrays(study)
     return [unit for unit in range(plan.units) if not STORE.is_readable(path, slices, (unit,))]
 
 
-def write_unit(path: Path, plan: DatasetPlan, study: Study, unit: int, images: NDArray[np.uint8]) -> None:
+def write_dataset_unit(path: Path, plan: DatasetPlan, study: Study, unit: int, images: NDArray[np.uint8]) -> None:
     """Write the slices of one unit of work, shape (samples of the unit, rows, columns).
 
     Raises:
@@ -201,13 +208,13 @@ def write_unit(path: Path, plan: DatasetPlan, study: Study, unit: int, images: N
     STORE.write(path, slices, plan.unit(unit), images)
 
 
-def complete_store(path: Path, plan: DatasetPlan, study: Study) -> None:
+def complete_dataset(path: Path, plan: DatasetPlan, study: Study) -> None:
     """Mark the store as complete, and clear what killed runs have left beside their chunks.
 
     Raises:
         DatasetError: units are missing.
     """
-    if missing := missing_units(path, plan, study):
+    if missing := missing_dataset_units(path, plan, study):
         raise DatasetError(f"{path}: {len(missing)} of {plan.units} parts are missing; generate it again")
     STORE.finish(path, _arrays(study))
 

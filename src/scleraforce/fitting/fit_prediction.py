@@ -15,7 +15,7 @@ from scleraforce.library.responses import Library
 __all__ = [
     "DEPTH",
     "GAP",
-    "INNER",
+    "INNER_OFFSET",
     "IOP",
     "LATERAL",
     "MODULUS",
@@ -27,7 +27,7 @@ __all__ = [
     "cut_by_plane",
     "force_n",
     "place_walls",
-    "predict",
+    "predict_wall",
 ]
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ NAMES = (
     "tip_m", "lateral_m", "depth_m", "rotation_rad", "gap_m", "thickness_m", "log_modulus", "log_iop", "log_size",
     "inner_m",
 )  # fmt: skip
-TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS, MODULUS, IOP, SIZE, INNER = range(len(NAMES))
+TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS, MODULUS, IOP, SIZE, INNER_OFFSET = range(len(NAMES))
 
 TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP = 20e-6, 10e-6, 5e-6, 0.05
 
@@ -59,7 +59,7 @@ def place_walls(library: Library, unknown_su: Array) -> Array:
     return place_curves(_cut_walls(library, unknown_su), pose[LATERAL], pose[DEPTH], pose[ROTATION])
 
 
-def predict(library: Library, unknown: Array, places: Places) -> Placed:
+def predict_wall(library: Library, unknown: Array, places: Places) -> Placed:
     """Return what a frame shows at places.
 
     Args:
@@ -84,7 +84,7 @@ def predict(library: Library, unknown: Array, places: Places) -> Placed:
          places.is_inner], axis=1,
     )  # fmt: skip
     jacobian[~seen] = 0.0
-    return Placed(depth + unknown[INNER] * places.is_inner, slope, jacobian, seen)
+    return Placed(depth + unknown[INNER_OFFSET] * places.is_inner, slope, jacobian, seen)
 
 
 def _inward(library: Library, unknown: Array, steps: Array) -> Array:

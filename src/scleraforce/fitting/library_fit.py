@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scleraforce.fitting.fit_prediction import (
     DEPTH,
     GAP,
-    INNER,
+    INNER_OFFSET,
     IOP,
     LATERAL,
     MODULUS,
@@ -30,7 +30,7 @@ from scleraforce.fitting.fit_prediction import (
     TIP,
     force_n,
     place_walls,
-    predict,
+    predict_wall,
 )
 from scleraforce.fitting.fit_start import starts
 from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
@@ -48,7 +48,7 @@ POINT_SD_M = np.array([5e-6, 9e-6])  # of the outer and the inner boundary along
 CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
 OUTLIER_SD = 8.0
 LAYER_M = 0.3e-3  # so far below the wall the choroid may end, which stretches of the inner boundary may follow
-FREE_SD = {TIP: 10e-3, LATERAL: 2e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.03, INNER: 15e-6}
+FREE_SD = {TIP: 10e-3, LATERAL: 2e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.03, INNER_OFFSET: 15e-6}
 INNER_CAUCHY = 2.0  # standard deviations: now and then another layer is taken for the inner boundary
 KNOWN_SD = {GAP: 30e-6, THICKNESS: 15e-6, IOP: 0.05}  # of what is stated
 # At a given dent a force goes as E t^2 IOP^(1/3), in the middle of the library (per power of E).
@@ -199,10 +199,10 @@ class _Problem:
 
     def evaluate(self, unknown: Array) -> tuple[Placed, float]:
         """Return the prediction and its cost: the loss of the columns, and of leaving the prior."""
-        placed = predict(self.library, unknown, self.columns.places)
+        placed = predict_wall(self.library, unknown, self.columns.places)
         away = unknown - self.prior.mean
-        inner = away[INNER] / (INNER_CAUCHY * self.prior.sd[INNER])
-        away[INNER] = 0.0
+        inner = away[INNER_OFFSET] / (INNER_CAUCHY * self.prior.sd[INNER_OFFSET])
+        away[INNER_OFFSET] = 0.0
         known = away @ self.prior.precision @ away + INNER_CAUCHY**2 * np.log1p(inner**2)
         return placed, self.columns.loss(placed) + float(known)
 
@@ -210,7 +210,9 @@ class _Problem:
         """Return the normal matrix (unknown, unknown) and the gradient (unknown,)."""
         normal, gradient = self.columns.normal_equations(placed, scale)
         precision, away = self.prior.precision.copy(), unknown - self.prior.mean
-        precision[INNER, INNER] /= 1 + (away[INNER] / (INNER_CAUCHY * self.prior.sd[INNER])) ** 2
+        precision[INNER_OFFSET, INNER_OFFSET] /= (
+            1 + (away[INNER_OFFSET] / (INNER_CAUCHY * self.prior.sd[INNER_OFFSET])) ** 2
+        )
         return normal + precision, gradient - precision @ away
 
     def inside(self, unknown: Array) -> Array:

@@ -18,7 +18,7 @@ from scleraforce.recording.info import eye_id_fault
 from scleraforce.whole_files import KINDS, read_bytes, write_whole
 
 __all__ = [
-    "FORMAT",
+    "CALIBRATION_FORMAT",
     "MECHANICS",
     "WRITER",
     "CalibrationFile",
@@ -36,7 +36,7 @@ __all__ = [
     "write_calibration",
 ]
 
-FORMAT = 3
+CALIBRATION_FORMAT = 3
 MECHANICS = ("finite-strain", "linear")
 SOFTEST_MPA, STIFFEST_MPA = 0.001, 100.0
 THINNEST_UM, THICKEST_UM = 1.0, 10e3
@@ -162,10 +162,11 @@ def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
         content = parse_json(text)
     except ValueError as fault:
         raise CalibrationError(f"{name}: {fault}") from fault
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
+    if not isinstance(content, dict) or content.get("format") != CALIBRATION_FORMAT:
         found = f"found {content.get('format')!r:.40}" if isinstance(content, dict) else "found no object"
         raise CalibrationError(
-            f"{name}: format: expected a JSON object with format {FORMAT}, {found}; {WRITER} of this version"
+            f"{name}: format: expected a JSON object with format {CALIBRATION_FORMAT}, {found}; "
+            f"{WRITER} of this version"
         )
     if content.get("mechanics") not in MECHANICS:
         found = f"{content.get('mechanics')!r:.40}"

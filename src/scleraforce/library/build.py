@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scleraforce.errors import InputError
 from scleraforce.library.cluster import work_on_cluster
 from scleraforce.library.plan import LibraryPlan, plan_library
-from scleraforce.library.store import complete_store, create_store, missing_units, write_unit
+from scleraforce.library.store import complete_library, create_library, missing_library_units, write_library_unit
 from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
 from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
 from scleraforce.processes import available_cores, work_units
@@ -66,14 +66,14 @@ def build_library(
         raise InputError(f"workers: {found}; give at least 1, or a scheduler instead")
     report = progress or (lambda _: None)
     plan = plan_library(study)
-    create_store(out, plan)
-    todo = missing_units(out, plan)
+    create_library(out, plan)
+    todo = missing_library_units(out, plan)
     report(plan.units - len(todo))
     with closing(_solved(plan, todo, scheduler, workers, solve or solve_path)) as results:
         for unit, (force_d, curves_dbnc) in results:
-            write_unit(out, plan, unit, force_d, curves_dbnc)
+            write_library_unit(out, plan, unit, force_d, curves_dbnc)
             report(1)
-    complete_store(out, plan)
+    complete_library(out, plan)
     return Building(plan.units, len(todo), perf_counter() - start)
 
 

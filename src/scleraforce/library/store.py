@@ -19,7 +19,7 @@ from scleraforce.library.plan import LibraryPlan, parse_plan
 from scleraforce.library.responses import Library
 from scleraforce.stored_array import StoredArray
 
-__all__ = ["complete_store", "create_store", "missing_units", "open_library", "write_unit"]
+__all__ = ["complete_library", "create_library", "missing_library_units", "open_library", "write_library_unit"]
 
 FORCES, CURVES, SUPPORT_FORCES = "force_ratio", "curves", "support_force_ratio"
 AXES = ("thickness_m", "iop_ratio", "tip_m")
@@ -36,7 +36,7 @@ STORE = CheckedStore(
 )
 
 
-def create_store(path: Path, plan: LibraryPlan) -> None:
+def create_library(path: Path, plan: LibraryPlan) -> None:
     """Create the store with its axes and no paths, or take up what a killed run of the same plan has left.
 
     Raises:
@@ -51,7 +51,7 @@ def create_store(path: Path, plan: LibraryPlan) -> None:
                 array.create(group)
 
 
-def missing_units(path: Path, plan: LibraryPlan) -> list[int]:
+def missing_library_units(path: Path, plan: LibraryPlan) -> list[int]:
     """Return the numbers of the load paths that are not in the store, or cannot be read there."""
     arrays = _arrays(plan)
     return [
@@ -61,7 +61,7 @@ def missing_units(path: Path, plan: LibraryPlan) -> list[int]:
     ]
 
 
-def write_unit(
+def write_library_unit(
     path: Path, plan: LibraryPlan, unit: int, force_d: NDArray[np.float64], curves_dbnc: NDArray[np.float32]
 ) -> None:
     """Write one load path: F/E (tip,), m^2, and the boundaries (tip, boundary, node, 2), m, where they are kept.
@@ -75,13 +75,13 @@ def write_unit(
         STORE.write(path, arrays[name], plan.place(unit), values[name])
 
 
-def complete_store(path: Path, plan: LibraryPlan) -> None:
+def complete_library(path: Path, plan: LibraryPlan) -> None:
     """Mark the store as complete, and clear what killed runs have left beside their chunks.
 
     Raises:
         InputError: paths are missing.
     """
-    if missing := missing_units(path, plan):
+    if missing := missing_library_units(path, plan):
         raise InputError(f"{path}: {len(missing)} of {plan.units} load paths are missing; make it again")
     STORE.finish(path, tuple(_arrays(plan).values()))
 

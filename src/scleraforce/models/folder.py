@@ -21,8 +21,8 @@ from scleraforce.whole_files import KINDS, read_bytes
 __all__ = [
     "CARD_FILE",
     "FILES",
-    "FORMAT",
     "LIBRARY_FILE",
+    "MODEL_FORMAT",
     "NETWORK_FILE",
     "RECORD_FILE",
     "STUDY_FILE",
@@ -31,7 +31,7 @@ __all__ = [
     "sha256",
 ]
 
-FORMAT = 1
+MODEL_FORMAT = 1
 NETWORK_FILE, STUDY_FILE, CARD_FILE, RECORD_FILE = "model.onnx", "study.toml", "card.md", "model.json"
 LIBRARY_FILE = "library.npz"
 COMMON_FILES = (NETWORK_FILE, STUDY_FILE, CARD_FILE)
@@ -72,9 +72,9 @@ def _read_record(path: Path) -> dict[str, Any]:
         record = parse_json(read_bytes(path, KINDS["model record"]))
     except ValueError as fault:
         raise ModelError(f"{path}: {fault}") from fault
-    if not isinstance(record, dict) or record.get("format") != FORMAT:
+    if not isinstance(record, dict) or record.get("format") != MODEL_FORMAT:
         found = reprlib.repr(record.get("format") if isinstance(record, dict) else None)
-        raise ModelError(f"{path}: format: found {found}, this version reads {FORMAT}; train the model again")
+        raise ModelError(f"{path}: format: found {found}, this version reads {MODEL_FORMAT}; train the model again")
     if record.get("kind") not in list(FILES):
         found = reprlib.repr(record.get("kind"))
         raise ModelError(f"{path}: kind: found {found}, this version reads {', '.join(FILES)}")

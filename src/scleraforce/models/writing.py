@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from scleraforce.errors import ModelError
-from scleraforce.models.folder import CARD_FILE, FORMAT, NETWORK_FILE, RECORD_FILE, STUDY_FILE, sha256
+from scleraforce.models.folder import CARD_FILE, MODEL_FORMAT, NETWORK_FILE, RECORD_FILE, STUDY_FILE, sha256
 
 __all__ = ["check_place", "write_folder"]
 
@@ -54,7 +54,7 @@ def write_folder(
     check_place(out)
     files = {NETWORK_FILE: network, STUDY_FILE: study_toml.encode(), CARD_FILE: card.encode(), **more}
     hashes = {name: sha256(content) for name, content in files.items()}
-    record_json = json.dumps({"format": FORMAT, **record, "files": hashes}, indent=2, allow_nan=False)
+    record_json = json.dumps({"format": MODEL_FORMAT, **record, "files": hashes}, indent=2, allow_nan=False)
     partial = out.with_name(f".{out.name}.partial-{os.getpid()}")
     try:
         partial.mkdir(parents=True)

@@ -8,9 +8,9 @@ from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.events import (
     BadImage,
     ChecksumError,
-    Event,
     Failure,
     FrameRead,
+    MonitorEvent,
     OvertakenRead,
     QueueLoss,
     Reset,
@@ -49,7 +49,7 @@ class _Finding:
 QUIET = _Finding(Signal.QUIET, "")
 
 
-def decide(state: MonitorState, event: Event, limits: MonitorLimits) -> tuple[MonitorState, Decision]:
+def decide(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> tuple[MonitorState, Decision]:
     """Return the next state and the message to the robot.
 
     It never raises: an exception in here is a cause of a withdrawal like any other.
@@ -81,7 +81,7 @@ def _alarm(cause: Cause, reason: str) -> _Finding:
     return _Finding(Signal.ALARM, reason, cause)
 
 
-def _clock(state: MonitorState, event: Event, limits: MonitorLimits) -> _Finding | None:
+def _clock(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> _Finding | None:
     """Check the time of an event: is it finite, does it not go back, was there silence before it?"""
     if not isfinite(event.at_s):
         return _alarm(Cause.NO_NUMBER, f"the time of an event is {event.at_s}")
@@ -95,7 +95,7 @@ def _clock(state: MonitorState, event: Event, limits: MonitorLimits) -> _Finding
     return None
 
 
-def _waiting(now: MonitorState, event: Event, limits: MonitorLimits) -> _Finding | None:
+def _waiting(now: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> _Finding | None:
     """Return the alarm for a second reader that stays away; before the first good frame there is no time limit."""
     waited_s = _waited(now, event.at_s)
     if now.state is State.NOT_READY or waited_s < limits.opinion_s or isinstance(event, Reset):
@@ -103,7 +103,7 @@ def _waiting(now: MonitorState, event: Event, limits: MonitorLimits) -> _Finding
     return _alarm(Cause.NO_OPINION, f"no second opinion for {limits.opinion_s * 1e3:.0f} ms")
 
 
-def _meaning(before: MonitorState, now: MonitorState, event: Event, limits: MonitorLimits) -> _Finding:
+def _meaning(before: MonitorState, now: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> _Finding:
     match event:
         case FrameRead():
             return _transport(before, now, event, limits) or _reading(now, event, limits)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 __all__ = [
     "BadImage",
     "ChecksumError",
-    "Event",
     "Failure",
     "FrameRead",
+    "MonitorEvent",
     "OvertakenRead",
     "QueueLoss",
     "Reset",
@@ -111,4 +111,4 @@ class Reset:
     at_s: float
 
 
-Event = FrameRead | SecondOpinion | OvertakenRead | Tick | ChecksumError | Failure | QueueLoss | BadImage | Reset
+MonitorEvent = FrameRead | SecondOpinion | OvertakenRead | Tick | ChecksumError | Failure | QueueLoss | BadImage | Reset

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from math import isfinite
 
 from scleraforce.monitor.causes import Cause
-from scleraforce.monitor.events import Event, FrameRead, QueueLoss, SecondOpinion
+from scleraforce.monitor.events import FrameRead, MonitorEvent, QueueLoss, SecondOpinion
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.monitor.rate import NOISE_WINDOWS
 from scleraforce.monitor.soundness import lag_of, sound_pixels, touches, unsound
@@ -53,7 +53,7 @@ class MonitorState:
     unanswered: tuple[tuple[int, float], ...] = ()
 
 
-def remember(state: MonitorState, event: Event, limits: MonitorLimits) -> MonitorState:
+def remember(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> MonitorState:
     """Return the state updated by an event, before its meaning is decided.
 
     Args:

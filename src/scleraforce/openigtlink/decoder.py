@@ -24,8 +24,8 @@ __all__ = [
     "Broken",
     "Decoder",
     "DecoderState",
-    "Event",
     "Malformed",
+    "PeerEvent",
     "Received",
     "Unknown",
 ]
@@ -75,7 +75,7 @@ class Broken:
     reason: str
 
 
-Event = Received | Unknown | BadChecksum | Malformed | Broken
+PeerEvent = Received | Unknown | BadChecksum | Malformed | Broken
 
 
 class DecoderState(Enum):
@@ -139,7 +139,7 @@ class Decoder:
             return self._room[-self._left :]
         return self._scratch[: HEADERS_BYTES if self.state is DecoderState.HEADER else min(self._left, PASSED_BYTES)]
 
-    def received(self, count: int) -> tuple[Event, ...]:
+    def received(self, count: int) -> tuple[PeerEvent, ...]:
         """Take the first bytes of the room that `space` lent.
 
         Args:
@@ -160,7 +160,7 @@ class Decoder:
         event = self._advance(count)
         return () if event is None else (event,)
 
-    def feed(self, data: bytes | bytearray | memoryview) -> tuple[Event, ...]:
+    def feed(self, data: bytes | bytearray | memoryview) -> tuple[PeerEvent, ...]:
         """Take the next bytes of the stream, in pieces of any size.
 
         Returns:
@@ -176,7 +176,7 @@ class Decoder:
         if self.broken:
             raise ProtocolError("the stream is broken: close the connection and start a new decoder")
 
-    def _take(self, rest: memoryview) -> tuple[Event, ...]:
+    def _take(self, rest: memoryview) -> tuple[PeerEvent, ...]:
         events = []
         while rest and not self.broken:
             used, event = self._step(rest)
@@ -185,7 +185,7 @@ class Decoder:
                 events.append(event)
         return tuple(events)
 
-    def _step(self, rest: memoryview) -> tuple[int, Event | None]:
+    def _step(self, rest: memoryview) -> tuple[int, PeerEvent | None]:
         """Use some of the bytes; return how many, and the event that they complete."""
         if self.state is DecoderState.HEADER:
             used = min(HEADER_BYTES - len(self._head), len(rest))
@@ -196,7 +196,7 @@ class Decoder:
             self._room[-self._left :][:used] = rest[:used]
         return used, self._advance(used)
 
-    def _begin(self) -> Event | None:
+    def _begin(self) -> PeerEvent | None:
         """Read a complete header; memory for its body is taken only once its size is known to be allowed."""
         try:
             self._header = unpack_header(self._head)
@@ -213,14 +213,14 @@ class Decoder:
         self._start_body(np.empty(size if kept else 0, dtype=np.uint8), size)
         return None if size else self._end()
 
-    def _advance(self, count: int) -> Event | None:
+    def _advance(self, count: int) -> PeerEvent | None:
         """Count bytes of the body that are in place; the checksum is updated on the way."""
         if self.state is DecoderState.BODY and count:
             self._crc = ecma_182(self._room[-self._left :][:count], self._crc)
         self._left -= count
         return None if self._left else self._end()
 
-    def _end(self) -> Event:
+    def _end(self) -> PeerEvent:
         """Return the event of a complete body; the decoder keeps no reference to the body."""
         header, body, crc, kept = self._header, self._body, self._crc, self.state is DecoderState.BODY
         self.state = DecoderState.HEADER
@@ -233,7 +233,7 @@ class Decoder:
         return _read(header, body)
 
 
-def _read(header: Header, body: NDArray[np.uint8]) -> Event:
+def _read(header: Header, body: NDArray[np.uint8]) -> PeerEvent:
     try:
         content, message_id, metadata = split_body(memoryview(body.data), header.version)
         return Received(header, unpack(header.type, content), message_id, metadata)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import INNER, SIZE, THICKNESS
+from scleraforce.fitting.fit_prediction import INNER_OFFSET, SIZE, THICKNESS
 from scleraforce.fitting.library_fit import BoundaryFit, Prior
 from scleraforce.reader.readings import Reading
 from scleraforce.segmentation.wall import Segmentation
@@ -103,7 +103,7 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
     away = np.abs(fit.unknown - prior.mean) / prior.sd
     if not away[SIZE] <= DEVIATION_SD:
         return f"not the wall of an eye: its curvature is that of one {np.exp(fit.unknown[SIZE]):.2f} times as large"
-    shown_m, stated_m = float(fit.unknown[THICKNESS] + fit.unknown[INNER]), float(prior.mean[THICKNESS])
+    shown_m, stated_m = float(fit.unknown[THICKNESS] + fit.unknown[INNER_OFFSET]), float(prior.mean[THICKNESS])
     slack_m = DEVIATION_SD * float(prior.sd[THICKNESS])
     if not -THINNER_M - slack_m <= shown_m - stated_m <= THICKER_M + slack_m:
         return f"the wall looks {shown_m * 1e6:.0f} µm thick, not {stated_m * 1e6:.0f} µm as it should"

@@ -10,7 +10,7 @@ from scleraforce.errors import InputError, LinkError
 from scleraforce.openigtlink import Broken, Decoder, Image, Message, Received, encode
 from scleraforce.recording.images import Pixels
 from scleraforce.recording.info import OctInfo
-from scleraforce.service.stamp import stamp, stamped_s
+from scleraforce.service.stamp import stamp_time, stamped_s
 
 __all__ = ["SCANNER_DEVICE", "ScannerClient", "Unstamped", "frame_message", "image_matrix"]
 
@@ -33,7 +33,7 @@ class Unstamped:
 
     def stamped(self, time_s: float) -> bytearray:
         """Return the message with a time, s since 1970; valid until the next call."""
-        stamp(self._bytes, time_s)
+        stamp_time(self._bytes, time_s)
         return self._bytes
 
     @property

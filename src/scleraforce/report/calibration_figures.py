@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scleraforce.calibration.assimilation import FrameStep, predicted_points
 from scleraforce.calibration.calibrate import Calibration, EyeCalibration
 from scleraforce.calibration.eye_model import stated_wall
-from scleraforce.calibration.placement import POLAR, place_section
+from scleraforce.calibration.placement import BY_POLAR, place_section
 from scleraforce.report.html import Html, table
 from scleraforce.report.style import BLACK, BLUE, GREY, RED, SCAN_COLOURS, inches, styled
 from scleraforce.report.tables import NOTHING
@@ -184,7 +184,7 @@ def _first_and_last(eye: EyeCalibration) -> tuple[tuple[str, float], tuple[str, 
 def _draw_points(axes: Axes, eye: EyeCalibration, step: FrameStep, modulus_pa: float) -> None:
     assert eye.filter is not None  # checked by _first_and_last
     depth_m = predicted_points(eye.filter, step, modulus_pa)
-    model, polar_rad = eye.filter.model, float(step.registered.nuisance[POLAR])
+    model, polar_rad = eye.filter.model, float(step.registered.nuisance[BY_POLAR])
     curves = model.curves([stated_wall(model.constants, modulus_pa, step.force_n, polar_rad)])[0]
     for curve in place_section(curves, step.registered.nuisance):
         axes.plot(MM * curve[:, 0], MM * curve[:, 1], color=RED, linewidth=0.5, scalex=False, scaley=False)

@@ -11,7 +11,7 @@ from scleraforce.report.files import write_page
 from scleraforce.report.force_figures import draw_trial_forces
 from scleraforce.report.frame_pictures import frame_pictures
 from scleraforce.report.html import Html, bullets, cards, figure, page, paragraph, section
-from scleraforce.report.provenance import stamp
+from scleraforce.report.provenance import made_line
 from scleraforce.report.reading_figure import draw_read_forces
 from scleraforce.report.style import data_uri
 from scleraforce.report.tables import NOTHING, confusion_table, frame_table
@@ -50,7 +50,7 @@ def write_evaluation_html(
     pictures = [frame_pictures(evaluation, looks)] if looks else []
     sections = [_result(evaluation), *limits, *pictures, _frames(evaluation)]
     title = "Forces of recordings" if evaluation.reads_force else "Force classes of recordings"
-    write_page(page(title, _lead(evaluation), stamp(made_at), *sections), path, overwrite=overwrite)
+    write_page(page(title, _lead(evaluation), made_line(made_at), *sections), path, overwrite=overwrite)
 
 
 def _lead(evaluation: Evaluation) -> str:

@@ -9,7 +9,7 @@ from scleraforce.reader import Reader
 from scleraforce.report.html import Html, table
 from scleraforce.study import Study, study_hash
 
-__all__ = ["provenance_table", "stamp"]
+__all__ = ["made_line", "provenance_table"]
 
 RESEARCH_USE = "Research use only: not a medical device."
 
@@ -24,11 +24,11 @@ PACKAGES = (
 )
 
 
-def stamp(made_at: datetime) -> str:
+def made_line(made_at: datetime) -> str:
     """Return which version made a page, when, and what it may be used for.
 
     >>> from datetime import timedelta, timezone
-    >>> stamp(datetime(2026, 3, 1, 0, 30, tzinfo=timezone(timedelta(hours=1)))).partition(", ")[2]
+    >>> made_line(datetime(2026, 3, 1, 0, 30, tzinfo=timezone(timedelta(hours=1)))).partition(", ")[2]
     '2026-02-28 23:30 UTC. Research use only: not a medical device.'
 
     Raises:

@@ -12,7 +12,7 @@ from scleraforce.report.evaluation_page import NAMES_REMARK, evaluation_cards, f
 from scleraforce.report.files import write_figure, write_page
 from scleraforce.report.html import Html, figure, notice, page, paragraph, section, table
 from scleraforce.report.paper import CONFUSION, EYES, PAPER_TITLE, SECONDS_A_SLICE
-from scleraforce.report.provenance import provenance_table, stamp
+from scleraforce.report.provenance import made_line, provenance_table
 from scleraforce.report.style import data_uri
 from scleraforce.report.tables import NOTHING, class_names, confusion_table, frame_table
 from scleraforce.reproduction.bent_section import bent_section
@@ -109,7 +109,7 @@ def write_reproduction_html(
         section("Time and provenance", _times(seconds), provenance_table(run.study, reader)),
     )
     lead = f"The method of {PAPER_TITLE}, run from end to end, beside what the paper reports."
-    write_page(page("Force from a single OCT slice", lead, stamp(made_at), *sections), run.report, overwrite=True)
+    write_page(page("Force from a single OCT slice", lead, made_line(made_at), *sections), run.report, overwrite=True)
 
 
 def _overview(run: Run, evaluation: Evaluation) -> Html:

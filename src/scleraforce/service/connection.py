@@ -7,7 +7,7 @@ import termios
 from contextlib import suppress
 
 from scleraforce.errors import ProtocolError
-from scleraforce.openigtlink import Decoder, Event
+from scleraforce.openigtlink import Decoder, PeerEvent
 from scleraforce.service.allowance import Allowance
 from scleraforce.service.scanner_image import FrameAssembler
 
@@ -50,7 +50,7 @@ class Connection:
         """Return the socket's descriptor."""
         return self._link.fileno()
 
-    def receive(self, max_body_bytes: int, now_s: float) -> tuple[list[Event], bool]:
+    def receive(self, max_body_bytes: int, now_s: float) -> tuple[list[PeerEvent], bool]:
         """Read what has arrived, up to the share of one turn.
 
         Args:
@@ -60,7 +60,7 @@ class Connection:
         Returns:
             The events that are complete, and whether the peer is still there.
         """
-        events: list[Event] = []
+        events: list[PeerEvent] = []
         self.heard_s = now_s
         self._decoder.max_body_bytes = max_body_bytes
         left, alive = TURN_BYTES, True

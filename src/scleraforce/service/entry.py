@@ -2,11 +2,17 @@
 
 import json
 from dataclasses import dataclass
+from math import nan
 from typing import Any
 
+from scleraforce.errors import MessageError
+from scleraforce.monitor.transitions import State
 from scleraforce.plain_json import finite
+from scleraforce.service.record_json import record_as_json, record_of_json
 
 __all__ = ["Entry"]
+
+NUMBERS = float, tuple  # what may hold NaN; asking the others would take twice as long
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,10 +62,33 @@ class Entry:
     lost: int = 0
 
     def as_json(self) -> dict[str, Any]:
-        """Return the JSON object: the attributes by name, `predicted` as `class`; NaN and infinity become null."""
-        record: dict[str, Any] = finite(vars(self))
+        """Return the JSON object: the attributes by name, `predicted` as `class`; NaN and infinity become null.
+
+        Raises:
+            MessageError: an attribute is of another type than it states.
+        """
+        fields = record_as_json(self)
+        record = {name: finite(value) if type(value) in NUMBERS else value for name, value in fields.items()}
         record["class"] = record.pop("predicted")
         return record
+
+    @classmethod
+    def from_json(cls, value: Any) -> "Entry":
+        """Return the entry of a JSON object of `as_json`; in a tuple null becomes NaN, elsewhere None.
+
+        Raises:
+            MessageError: it is none.
+        """
+        if not isinstance(value, dict) or "class" not in value or "predicted" in value:
+            raise MessageError("not an entry: an object with a class")
+        record = {"predicted" if name == "class" else name: entry for name, entry in value.items()}
+        for name in ("probabilities", "interval_mn"):
+            if isinstance(numbers := record.get(name), list):
+                record[name] = [nan if number is None else number for number in numbers]
+        entry = record_of_json(cls, record)
+        if entry.state not in State.__members__:
+            raise MessageError(f"state: {entry.state[:20]!r}; must be one of {', '.join(State.__members__)}")
+        return entry
 
     @property
     def text(self) -> str:

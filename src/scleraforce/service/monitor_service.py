@@ -17,12 +17,12 @@ from scleraforce.reader import Reader
 from scleraforce.reader.live import LiveReader
 from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.service.black_box.process import black_box_settings
+from scleraforce.service.black_box.settings import black_box_settings
 from scleraforce.service.companions.child import Child
 from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.guard import Guard
-from scleraforce.service.companions.second_opinion import opinion_settings
+from scleraforce.service.companions.opinion_settings import OpinionSettings
 from scleraforce.service.console.settings import console_settings
 from scleraforce.service.folders import try_folders
 from scleraforce.service.listening import listen
@@ -105,7 +105,7 @@ def monitor_service(
         kept = black_box_settings(settings.black_box, ring, info, settings.record, KEPT_S)
         children = {BLACK_BOX: Child("scleraforce.service.black_box.process", kept, [ring.descriptor])}
         if settings.limits.expects_opinion:
-            opinion = opinion_settings(model, settings.known, scale, ring)
+            opinion = OpinionSettings(model=model, known=settings.known, scale=scale, ring=ring.place)
             children[OPINION] = Child("scleraforce.service.companions.second_opinion", opinion, [ring.descriptor])
         if settings.console and console:
             children[CONSOLE] = _console_child(settings, settings.console, console, reader, scale, ring)

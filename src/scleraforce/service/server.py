@@ -4,22 +4,42 @@ import json
 import selectors
 import socket
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import count
 from select import select
-from typing import Any
 
 from scleraforce.errors import ProtocolError
-from scleraforce.monitor.events import BadImage, ChecksumError, Failure, QueueLoss, Reset, SecondOpinion, Tick
-from scleraforce.monitor.events import Event as MonitorEvent
-from scleraforce.openigtlink import BadChecksum, Broken, Event, Image, Malformed, Query, Received, Sensor, Text
+from scleraforce.monitor.events import (
+    BadImage,
+    ChecksumError,
+    Failure,
+    MonitorEvent,
+    QueueLoss,
+    Reset,
+    Tick,
+)  # fmt: skip
+from scleraforce.openigtlink import BadChecksum, Broken, Image, Malformed, PeerEvent, Query, Received, Sensor, Text
 from scleraforce.service.allowance import Allowance
 from scleraforce.service.clients import Clients
-from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
+from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, Companions
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.guard import Guard
+from scleraforce.service.companions.messages import (
+    ClientRole,
+    CompanionMessage,
+    Decided,
+    ForceHeard,
+    ListensAt,
+    Note,
+    OpinionGiven,
+    Rates,
+    ResetAnswered,
+    ResetAsked,
+    WithdrawalKept,
+    WrongTokens,
+)
 from scleraforce.service.connection import Connection
 from scleraforce.service.reset_token import ResetToken, token_digest
 from scleraforce.service.session import Frame, Session
@@ -192,7 +212,7 @@ class Server:
         vacant = scanner is None or scanner not in self._clients
         return vacant or client is scanner or now_s - self._scanned_s > self.session.limits.silence_s
 
-    def _hear_event(self, client: Connection, event: Event, at_s: float, may_scan: bool) -> Frame | None:
+    def _hear_event(self, client: Connection, event: PeerEvent, at_s: float, may_scan: bool) -> Frame | None:
         """Handle a client's message; return the frame that it completes, if any."""
         if not isinstance(event, Broken):
             self._clients.speaks(client, event.header.version)
@@ -214,7 +234,7 @@ class Server:
         if not (client.forces.take(at_s) and self._forces.take(at_s)):
             self._left_out += 1
             return
-        force = {"kind": "force", "at_s": at_s, "time_s": self.session.wall_clock(), "values": values, "device": device}
+        force = ForceHeard(at_s=at_s, time_s=self.session.wall_clock(), values=values, device=device)
         self._companions.tell(BLACK_BOX, force, at_s)
 
     def _put_together(self, client: Connection, event: Received, image: Image, at_s: float) -> Frame | None:
@@ -289,8 +309,7 @@ class Server:
             self._left_out += 1
 
     def _log_note(self, text: str, now_s: float) -> None:
-        note = {"kind": "note", "time_s": self.session.wall_clock(), "text": text}
-        self._companions.tell(BLACK_BOX, note, now_s)
+        self._companions.tell(BLACK_BOX, Note(time_s=self.session.wall_clock(), text=text), now_s)
 
     # What happens by itself.
 
@@ -311,36 +330,38 @@ class Server:
             self._left_out = 0
         frames, since_s = self._counted or (0, now_s - RATES_S)
         self._counted = self.session.frames, now_s
-        clients = [
-            {"address": client.address, "role": "scanner" if client is self._scanner else "listener"}
+        clients = tuple(
+            ClientRole(address=client.address, role="scanner" if client is self._scanner else "listener")
             for client in self._clients
-        ]
+        )
         rate = (self.session.frames - frames) / (now_s - since_s)
-        rates = {"kind": "rates", "frames_per_second": rate, "lost": self.session.lost, "clients": clients}
+        rates = Rates(frames_per_second=rate, lost=self.session.lost, clients=clients)
         self._companions.tell(CONSOLE, rates, now_s)
         if not rate:  # a console that has lost a message must not show an old state for long
-            entry = self.session.entry_again(now_s).as_json()
-            self._companions.tell(CONSOLE, {"kind": "entry", "entry": entry}, now_s)
+            self._companions.tell(CONSOLE, Decided(entry=self.session.entry_again(now_s)), now_s)
 
     def _hear_companion(self, name: str) -> None:
         now_s = self.session.clock()
         for message in self._companions.hear(name, now_s):
-            if name == OPINION:
-                self._decide("opinion", _opinion(message, now_s))
-            elif message.get("kind") == "reset":
-                granted, text = self._reset(str(message.get("token")), now_s)
-                answer = {"kind": "reset-answer", "request": message.get("request"), "granted": granted}
-                self._companions.tell(CONSOLE, {**answer, "message": text}, now_s)
-            elif message.get("kind") == "kept":
-                self._note(f"the last seconds were kept in {message.get('folder')}")
-            elif message.get("kind") == "listening":
-                self._note(f"console    {message.get('url')}")
-            elif message.get("kind") == "wrong-tokens":
-                self._note_client(f"console: {message.get('count')} resets with a wrong token")
+            self._take_message(message, now_s)
         if self._companions.dead(name):
             descriptor = next(key for key, of in self._companions.channels.items() if of == name)
             self._clients.selector.unregister(descriptor)
             self._note(f"the {name} has ended{self._companions.last_words(name)}")
+
+    def _take_message(self, message: CompanionMessage, now_s: float) -> None:
+        match message:
+            case OpinionGiven():
+                self._decide("opinion", message.at(now_s))
+            case ResetAsked(request=request, token=token):
+                granted, text = self._reset(token, now_s)
+                self._companions.tell(CONSOLE, ResetAnswered(request=request, granted=granted, message=text), now_s)
+            case ListensAt(url=url):
+                self._note(f"console    {url}")
+            case WrongTokens(count=count):
+                self._note_client(f"console: {count} resets with a wrong token")
+            case WithdrawalKept(folder=folder):
+                self._note(f"the last seconds were kept in {folder}")
 
     # The operator's reset.
 
@@ -369,18 +390,3 @@ def _said(event: BadChecksum | Malformed | Broken) -> str:
     if isinstance(event, BadChecksum):
         return f"{event.header.type}: checksum {event.found:016x}, not {event.header.crc:016x}"
     return event.reason
-
-
-def _opinion(message: Mapping[str, Any], now_s: float) -> SecondOpinion:
-    """Return the second opinion in a message of its process."""
-    shares, interval_n = message["probabilities"], message["interval_n"]
-    return SecondOpinion(
-        at_s=now_s,
-        frame_id=message["frame"],
-        usable=message["usable"],
-        reason=message["reason"],
-        predicted=message["predicted"],
-        probabilities=None if shares is None else tuple(shares),
-        force_n=message["force_n"],
-        interval_n=None if interval_n is None else (interval_n[0], interval_n[1]),
-    )

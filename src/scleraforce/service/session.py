@@ -6,7 +6,7 @@ from time import monotonic, time
 from typing import Any
 
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
-from scleraforce.monitor.events import Event, Failure, FrameRead, OvertakenRead, Tick
+from scleraforce.monitor.events import Failure, FrameRead, MonitorEvent, OvertakenRead, Tick
 from scleraforce.monitor.soundness import of_scale
 from scleraforce.reader.answers import LiveReading
 from scleraforce.recording.pixels import Pixels, PixelScale
@@ -92,7 +92,7 @@ class Session:
         """What was found in the last frame; None if it was not read."""
         return self._reading
 
-    def take(self, event: Event) -> bool:
+    def take(self, event: MonitorEvent) -> bool:
         """Decide on an event; return whether the decision has changed."""
         before = self.decision
         self._state, self.decision = decide(self._state, event, self.limits)
@@ -137,7 +137,7 @@ class Session:
         else:
             self.take(read)
 
-    def overtaken(self, frame: Frame) -> Event:
+    def overtaken(self, frame: Frame) -> MonitorEvent:
         """Read a frame that newer ones overtook; return the event to decide on."""
         try:
             _, read = self._read_frame(frame)
@@ -221,7 +221,7 @@ class Session:
         )
 
 
-def _failure(frame: Frame, fault: Exception, at_s: float) -> Event:
+def _failure(frame: Frame, fault: Exception, at_s: float) -> MonitorEvent:
     return Failure(at_s, f"frame {frame.number}: {type(fault).__name__}: {fault}")
 
 

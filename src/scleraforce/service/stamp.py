@@ -2,13 +2,13 @@
 
 from struct import Struct
 
-__all__ = ["stamp", "stamped_s"]
+__all__ = ["stamp_time", "stamped_s"]
 
 TIME = slice(34, 42)  # of a header, in any version
 FIXED = Struct(">Q")  # seconds since 1970, in 2^-32 s
 
 
-def stamp(message: bytearray, time_s: float) -> None:
+def stamp_time(message: bytearray, time_s: float) -> None:
     """Write a time into a message, s since 1970."""
     message[TIME] = FIXED.pack(int(time_s * 2**32))
 
@@ -17,7 +17,7 @@ def stamped_s(message: bytearray) -> float:
     """Return the time in a message, s since 1970.
 
     >>> message = bytearray(58)
-    >>> stamp(message, 1.5)
+    >>> stamp_time(message, 1.5)
     >>> stamped_s(message)
     1.5
     """

@@ -12,7 +12,7 @@ import torch
 
 from scleraforce.cli.main import run
 from scleraforce.dataset.plan import plan_dataset
-from scleraforce.dataset.store import complete_store, create_store, open_dataset, write_unit
+from scleraforce.dataset.store import complete_dataset, create_dataset, open_dataset, write_dataset_unit
 from scleraforce.errors import ModelError
 from scleraforce.learning.classifier.train import split_samples, train_classifier
 from scleraforce.reader import load_model
@@ -39,13 +39,13 @@ def store(tmp_path_factory) -> Path:
     """A complete data set whose wall lies deeper the larger the force is."""
     path = tmp_path_factory.mktemp("data") / "bars.zarr"
     plan = plan_dataset(STUDY)
-    create_store(path, STUDY, MODULUS_PA, None, plan)
+    create_dataset(path, STUDY, MODULUS_PA, None, plan)
     top = plan.force_n / 10e-3
     row = np.arange(8)[:, None]
     bars = np.broadcast_to((row >= top[:, None, None]) & (row < top[:, None, None] + 2), (plan.images, 8, 10))
     for unit in range(plan.units):
-        write_unit(path, plan, STUDY, unit, bars[plan.unit(unit)].astype(np.uint8) * np.uint8(255))
-    complete_store(path, plan, STUDY)
+        write_dataset_unit(path, plan, STUDY, unit, bars[plan.unit(unit)].astype(np.uint8) * np.uint8(255))
+    complete_dataset(path, plan, STUDY)
     return path
 
 

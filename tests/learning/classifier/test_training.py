@@ -119,7 +119,7 @@ def test_the_first_logits_are_as_large_with_the_papers_dropout_as_without() -> N
 def test_two_runs_with_one_seed_give_the_same_weights_and_another_seed_others(
     bars, small, monkeypatch, threads: int
 ) -> None:
-    monkeypatch.setattr("scleraforce.learning.classifier.training.THREADS", threads)
+    monkeypatch.setattr("scleraforce.learning.classifier.training.CLASSIFIER_THREADS", threads)
     first, again, other = (fit(study, *bars) for study in (small, small, replace(small, seed=1)))
     assert first.curves == again.curves
     for one, two, three in zip(first.network.layers, again.network.layers, other.network.layers, strict=True):

@@ -7,15 +7,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import scleraforce.service.black_box.log_sync as log_sync
 import scleraforce.service.black_box.process as module
 from scleraforce.recording.files import read_recording
 from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.labels import label_frames
 from scleraforce.service.black_box.decision_log import DecisionLog, read_log
-from scleraforce.service.black_box.process import BlackBox, black_box_settings
+from scleraforce.service.black_box.process import BlackBox
+from scleraforce.service.black_box.settings import black_box_settings
 from scleraforce.service.companions.channel import Channel
 from scleraforce.service.companions.child import Child
 from scleraforce.service.companions.frame_ring import FrameRing
+from scleraforce.service.companions.messages import (
+    Alive,
+    Decided,
+    ForceHeard,
+    MonitorEnds,
+    Note,
+    OpinionAsked,
+    SelfReport,
+    WithdrawalKept,
+)
 from scleraforce.service.entry import Entry
 from scleraforce.study.records import ClassesStudy
 
@@ -37,10 +49,10 @@ class Monitor:
 
     def __init__(self, folder, record=None, ring_frames=1100, info=INFO):
         self.folder, self.ring = folder, FrameRing.create(ring_frames, *SHAPE)
-        self.settings = black_box_settings(folder / "box", self.ring, info, record)
+        settings = black_box_settings(folder / "box", self.ring, info, record)
         self.channel, self.theirs = Channel.pair()
-        self.settings["ring"]["descriptor"] = os.dup(self.ring.descriptor)
-        self.box = BlackBox(self.theirs, self.settings)
+        ring = replace(settings.ring, descriptor=os.dup(self.ring.descriptor))
+        self.box = BlackBox(self.theirs, replace(settings, ring=ring))
         self.decisions = self.frames = 0
         self.at_s = 1000.0
         self.answers = []
@@ -64,7 +76,7 @@ class Monitor:
             message="x",
             frame=self.frames if with_frame else None,
         )
-        self.tell({"kind": "entry", "entry": entry.as_json()}, turns)
+        self.tell(Decided(entry=entry), turns)
 
     def tell(self, message, turns=1):
         assert self.channel.send(message)
@@ -73,27 +85,27 @@ class Monitor:
 
     def force(self, values, at_s=None, device="robot"):
         at_s = self.at_s if at_s is None else at_s
-        self.tell({"kind": "force", "at_s": at_s, "time_s": 1.8e9 + at_s, "values": values, "device": device})
+        self.tell(ForceHeard(at_s=at_s, time_s=1.8e9 + at_s, values=tuple(values), device=device))
 
     def hear(self):
         self.answers += self.channel.receive()
         return self.answers
 
     def heard(self, kind):
-        return [answer for answer in self.hear() if answer["kind"] == kind]
+        return [answer for answer in self.hear() if isinstance(answer, kind)]
 
     def wait_for(self, kind, count=1):
         deadline_s = time.monotonic() + 30.0
         while len(self.heard(kind)) < count:
             if time.monotonic() > deadline_s:
                 self.close()
-                raise AssertionError(f"no {kind} in 30 s; notes: {self.notes()}")
+                raise AssertionError(f"no {kind.__name__} in 30 s; notes: {self.notes()}")
             self.box.turn()
         return self.heard(kind)[-1]
 
     def end(self, planned=True):
         if planned:
-            self.channel.send({"kind": "end"})
+            self.channel.send(MonitorEnds())
         else:
             self.channel.close()
         self.box.run()
@@ -123,7 +135,7 @@ def test_every_decision_and_note_is_in_the_log_in_its_order(tmp_path):
     monitor = Monitor(tmp_path)
     for number in range(20):
         monitor.decide(with_frame=number % 2)
-    monitor.tell({"kind": "note", "time_s": 1.5, "text": "robot came"})
+    monitor.tell(Note(time_s=1.5, text="robot came"))
     monitor.decide()
     monitor.end()
     kinds = [record["kind"] for record in monitor.records()]
@@ -149,7 +161,7 @@ def test_a_withdrawal_keeps_the_last_ten_seconds_without_loss(tmp_path):
     monitor.decide("WITHDRAW")
     for _ in range(5):
         monitor.decide("WITHDRAW")  # it latches: one withdrawal
-    folder = monitor.wait_for("kept")["folder"]
+    folder = monitor.wait_for(WithdrawalKept).folder
     monitor.end()
     assert [str(path) for path in monitor.withdrawals()] == [folder]
     assert folder.endswith("Z-force_bound")
@@ -171,7 +183,7 @@ def test_a_withdrawal_while_one_is_written_follows_it_and_only_the_latest_does(t
         monitor.decide()
     for state in ("WITHDRAW", "WATCHING", "WITHDRAW", "NOT_READY", "WITHDRAW"):
         monitor.decide(state, turns=1)
-    monitor.wait_for("kept", 2)
+    monitor.wait_for(WithdrawalKept, 2)
     monitor.end()
     first, second = map(read_recording, monitor.withdrawals())
     assert [len(first.frames), len(second.frames)] == [51, 55]
@@ -185,7 +197,7 @@ def test_frames_that_were_overwritten_are_counted_and_never_mixed_up(tmp_path):
     monitor.decide("WITHDRAW", turns=0)
     for _ in range(5):
         monitor.decide("WITHDRAW", turns=0)
-    monitor.wait_for("kept")
+    monitor.wait_for(WithdrawalKept)
     monitor.end()
     recording = read_recording(monitor.withdrawals()[0])
     assert [entry.file for entry in recording.frames] == [f"{number:07d}.png" for number in range(47, 62)]
@@ -218,17 +230,17 @@ def test_a_monitor_that_ends_as_planned_keeps_nothing_more_than_was_asked_for(tm
 def test_labels_of_a_withdrawal_are_the_force_although_the_needle_touched_long_before(tmp_path):
     """The sensor reads 50 mN without contact; contact of 20 mN begins 20 s before the withdrawal."""
     monitor = Monitor(tmp_path, ring_frames=300)
-    monitor.box._recent._keep_s = 1.0
+    monitor.box._heard.recent._keep_s = 1.0
     for number in range(2500):
         pushed_n = 0.02 if number > 500 else 0.0
         monitor.force([0.0, 0.001, 0.05 - pushed_n], monitor.at_s + 0.005)
         monitor.decide(turns=0)
     monitor.decide("WITHDRAW")
-    monitor.box._finish_s = 0.0
+    monitor.box._withdrawals._writing.due_s = 0.0
     for _ in range(30):
         monitor.force([0.0, 0.001, 0.03], monitor.at_s + 0.005)
         monitor.at_s += 0.01
-    monitor.wait_for("kept")
+    monitor.wait_for(WithdrawalKept)
     monitor.end()
     recording = read_recording(monitor.withdrawals()[0])
     assert recording.forces.columns == ("fx_n", "fy_n", "fz_n")
@@ -246,8 +258,8 @@ def test_a_force_log_that_gives_no_labels_stands_beside_a_recording_that_can_be_
             monitor.force([0.001])
         monitor.decide()
     monitor.decide("WITHDRAW")
-    monitor.box._finish_s = 0.0
-    monitor.wait_for("kept")
+    monitor.box._withdrawals._writing.due_s = 0.0
+    monitor.wait_for(WithdrawalKept)
     monitor.end()
     (folder,) = monitor.withdrawals()
     assert read_recording(folder).forces is None
@@ -333,7 +345,7 @@ def test_a_folder_that_exists_is_never_written_into(tmp_path):
     (tmp_path / "rec" / "mine").write_text("precious")
     monitor = Monitor(tmp_path, record=tmp_path / "rec")
     monitor.decide()
-    assert "session" in monitor.heard("fault")[0]["detail"]
+    assert "session" in monitor.heard(SelfReport)[0].detail
     monitor.end()
     assert [path.name for path in (tmp_path / "rec").iterdir()] == ["mine"]
 
@@ -347,7 +359,7 @@ def test_below_a_gigabyte_nothing_is_kept_the_monitor_is_told_and_the_log_goes_o
     for _ in range(10):
         monitor.decide()
     monitor.decide("WITHDRAW")
-    details = [fault["detail"] for fault in monitor.heard("fault")]
+    details = [fault.detail for fault in monitor.heard(SelfReport)]
     assert any(detail.startswith("session: ") and "1.00 GB free" in detail for detail in details)
     assert any(detail.startswith("withdrawal: ") for detail in details)
     assert len(details) == len(set(details)) <= 3  # each is said once
@@ -370,8 +382,8 @@ def test_a_disk_that_fills_while_a_withdrawal_is_written_leaves_nothing_half_and
         return write(file, data)
 
     monkeypatch.setattr(os, "write", full)
-    assert "No space left" in monitor.wait_for("fault")["detail"]
-    monitor.wait_for("kept")
+    assert "No space left" in monitor.wait_for(SelfReport).detail
+    monitor.wait_for(WithdrawalKept)
     monkeypatch.undo()
     monitor.end()
     recording = read_recording(monitor.withdrawals()[0])
@@ -393,35 +405,49 @@ def test_a_log_that_cannot_be_written_is_told_once_until_it_can(tmp_path, monkey
             for _ in range(5):
                 monitor.decide()
         monitor.decide()
-    assert [fault["detail"] for fault in monitor.heard("fault")] == ["log: [Errno 28] No space left on device"] * 2
+    assert [fault.detail for fault in monitor.heard(SelfReport)] == ["log: [Errno 28] No space left on device"] * 2
     monitor.end()
     assert sum(record["kind"] == "entry" for record in monitor.records()) == 2
 
 
 def test_alive_says_what_is_wrong_until_it_is_no_longer(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "CHECK_S", 0.0)
+    monkeypatch.setattr(log_sync, "CHECK_S", 0.0)
     monitor = Monitor(tmp_path)
     usage = shutil.disk_usage(tmp_path)
     monitor.decide()
-    assert monitor.heard("alive")[-1]["faults"] == []
+    assert monitor.heard(Alive)[-1].faults == ()
     with monkeypatch.context() as disk:
         disk.setattr(shutil, "disk_usage", lambda _: usage._replace(free=10**6))
         monitor.decide("WITHDRAW")
-        disk_fault, withdrawal_fault = sorted(monitor.heard("alive")[-1]["faults"])
+        disk_fault, withdrawal_fault = sorted(monitor.heard(Alive)[-1].faults)
         assert disk_fault.startswith("disk: ")
         assert withdrawal_fault.startswith("withdrawal: ")
     monitor.decide()
-    assert monitor.heard("alive")[-1]["faults"] == []
+    assert monitor.heard(Alive)[-1].faults == ()
     monitor.end()
 
 
 def test_a_log_whose_folder_is_gone_is_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "CHECK_S", 0.0)
+    monkeypatch.setattr(log_sync, "CHECK_S", 0.0)
     monitor = Monitor(tmp_path)
     monitor.decide()
     (tmp_path / "box").rename(tmp_path / "gone")
-    assert "decisions-000001.jsonl" in monitor.wait_for("fault")["detail"]
+    assert "decisions-000001.jsonl" in monitor.wait_for(SelfReport).detail
     monitor.end()
+
+
+def test_what_is_no_message_or_not_for_it_is_told_for_good_and_the_log_goes_on(tmp_path):
+    monitor = Monitor(tmp_path)
+    monitor.decide()
+    assert monitor.channel.send_encoded(b'{"kind": "note"}')
+    assert monitor.channel.send(OpinionAsked(number=1, order=1))
+    for _ in range(3):
+        monitor.decide()
+    (told,) = monitor.heard(SelfReport)
+    assert told.detail == "message: note: without time_s, text"
+    assert monitor.heard(Alive)[-1].faults == (told.detail,)
+    monitor.end()
+    assert sum(record["kind"] == "entry" for record in monitor.records()) == 4
 
 
 def test_a_ring_of_other_frames_than_the_recording_states_is_refused():
@@ -464,28 +490,28 @@ class Process:
                 message="x",
                 frame=number,
             )
-            assert self.child.channel.send({"kind": "entry", "entry": entry.as_json()})
+            assert self.child.channel.send(Decided(entry=entry))
 
     def wait_for(self, kind):
         deadline_s = time.monotonic() + 30.0
         while time.monotonic() < deadline_s:
             for message in self.child.channel.receive():
-                if message["kind"] == kind:
+                if isinstance(message, kind):
                     return message
             time.sleep(0.01)
-        raise AssertionError(f"no {kind} in 30 s")
+        raise AssertionError(f"no {kind.__name__} in 30 s")
 
 
 def test_the_process_keeps_a_withdrawal_ignores_sigterm_and_ends_when_told(tmp_path):
     process = Process(tmp_path)
-    process.wait_for("alive")
+    process.wait_for(Alive)
     os.kill(process.child.pid, signal.SIGTERM)
     assert os.getpriority(os.PRIO_PROCESS, process.child.pid) == min(os.nice(0) + 5, 19)
     process.frames(range(1, 100))
     process.frames([100], "WITHDRAW")
-    folder = process.wait_for("kept")["folder"]
+    folder = process.wait_for(WithdrawalKept).folder
     assert process.child.exit_code is None
-    process.child.channel.send({"kind": "end"})
+    process.child.channel.send(MonitorEnds())
     assert process.child.end() == 0
     assert len(read_recording(tmp_path / "box" / "withdrawals" / folder).frames) == 100
 
@@ -494,15 +520,16 @@ def test_what_the_process_writes_is_readable_by_its_owner_only(tmp_path):
     (tmp_path / "box" / "log").mkdir(parents=True)
     (tmp_path / "box" / "log" / "decisions-000001.jsonl").touch(mode=0o644)  # of an earlier version
     process = Process(tmp_path, tmp_path / "rec")
-    process.wait_for("alive")
+    process.wait_for(Alive)
     for number in range(1, 20):
         for step in range(3):
-            force = {"kind": "force", "values": [0.01], "device": "Robot", "time_s": time.time()}
-            process.child.channel.send({**force, "at_s": time.monotonic() + 0.03 * number + 0.01 * step})
+            at_s = time.monotonic() + 0.03 * number + 0.01 * step
+            force = ForceHeard(at_s=at_s, time_s=time.time(), values=(0.01,), device="Robot")
+            process.child.channel.send(force)
         process.frames([number])
     process.frames([20], "WITHDRAW")
-    process.wait_for("kept")
-    process.child.channel.send({"kind": "end"})
+    process.wait_for(WithdrawalKept)
+    process.child.channel.send(MonitorEnds())
     assert process.child.end() == 0
     inside = [*(tmp_path / "box").rglob("*"), tmp_path / "rec", *(tmp_path / "rec").rglob("*")]
     inside.remove(tmp_path / "box" / "log")  # made before
@@ -512,7 +539,7 @@ def test_what_the_process_writes_is_readable_by_its_owner_only(tmp_path):
 
 def test_a_black_box_that_is_killed_leaves_a_session_and_a_log_that_can_be_read(tmp_path):
     process = Process(tmp_path, tmp_path / "rec")
-    process.wait_for("alive")
+    process.wait_for(Alive)
     process.frames(range(1, 150))
     deadline_s = time.monotonic() + 10.0
     while not (tmp_path / "rec" / "frames" / "0000020.png").exists():
@@ -531,6 +558,6 @@ def test_a_black_box_that_is_killed_leaves_a_session_and_a_log_that_can_be_read(
 def test_a_process_whose_log_cannot_be_opened_says_so_and_ends(tmp_path, capfd):
     (tmp_path / "box").write_text("a file")
     process = Process(tmp_path)
-    assert "Not a directory" in process.wait_for("fault")["detail"]
+    assert "Not a directory" in process.wait_for(SelfReport).detail
     assert process.child.end() == 1
     assert "Traceback" in capfd.readouterr().err

@@ -1,13 +1,29 @@
 """The companions as the monitor sees them: their faults come and go, and one that says nothing is one."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
 from fake_companion import FakeCompanion
 
 from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
+from scleraforce.service.companions.messages import (
+    Alive,
+    CompanionMessage,
+    Decided,
+    ForceHeard,
+    ListensAt,
+    Note,
+    OpinionGiven,
+    ResetAsked,
+    SelfReport,
+    WithdrawalKept,
+    WrongTokens,
+)
 from scleraforce.service.entry import Entry
+
+OPINION_OF_3 = OpinionGiven(
+    order=3, usable=True, reason=None, predicted=0, probabilities=None, force_n=None, interval_n=None
+)
 
 
 @pytest.fixture
@@ -23,18 +39,18 @@ def companions(children: dict[str, FakeCompanion]) -> Companions:
     return Companions(children)  # type: ignore[arg-type]  # a stand-in
 
 
-def hear(companions: Companions, name: str, now_s: float) -> list[dict[str, Any]]:
+def hear(companions: Companions, name: str, now_s: float) -> list[CompanionMessage]:
     return list(companions.hear(name, now_s))
 
 
 def test_a_fault_is_one_until_the_black_box_says_that_it_is_over(companions, children):
-    children[BLACK_BOX].says(kind="fault", detail="log: full")
+    children[BLACK_BOX].says(SelfReport(detail="log: full"))
     assert hear(companions, BLACK_BOX, 1.0) == []
     assert companions.faults(1.0) == ("black box: log: full",)
-    children[BLACK_BOX].says(kind="alive", faults=["log: full", "session: full"])
+    children[BLACK_BOX].says(Alive(faults=("log: full", "session: full")))
     hear(companions, BLACK_BOX, 1.5)
     assert companions.faults(1.5) == ("black box: log: full; session: full",)
-    children[BLACK_BOX].says(kind="alive", faults=[])
+    children[BLACK_BOX].says(Alive(faults=()))
     hear(companions, BLACK_BOX, 2.0)
     assert companions.faults(2.0) == ()
 
@@ -42,13 +58,13 @@ def test_a_fault_is_one_until_the_black_box_says_that_it_is_over(companions, chi
 def test_a_black_box_that_says_nothing_for_five_seconds_is_at_fault_until_it_does(companions, children):
     assert companions.faults(100.0) == ()
     assert companions.faults(129.0) == ()  # it may take so long to start
-    children[BLACK_BOX].says(kind="alive", faults=[])
+    children[BLACK_BOX].says(Alive(faults=()))
     hear(companions, BLACK_BOX, 129.0)
     assert companions.faults(133.9) == ()
-    children[OPINION].says(kind="alive", faults=[])  # speaks for itself only
+    children[OPINION].says(Alive(faults=()))  # speaks for itself only
     hear(companions, OPINION, 134.0)
     assert companions.faults(134.1) == ("black box: it does not answer",)
-    children[BLACK_BOX].says(kind="alive", faults=[])
+    children[BLACK_BOX].says(Alive(faults=()))
     hear(companions, BLACK_BOX, 135.0)
     assert companions.faults(135.0) == ()
 
@@ -60,7 +76,7 @@ def test_a_black_box_that_never_says_anything_is_at_fault_after_half_a_minute(co
 
 @pytest.mark.parametrize("name", [BLACK_BOX, OPINION])
 def test_one_that_is_needed_and_dies_is_at_fault_for_ever_by_its_last_words(companions, children, name):
-    children[name].says(kind="fault", detail="no model")
+    children[name].says(SelfReport(detail="no model"))
     children[name].theirs.close()
     hear(companions, name, 1.0)
     hear(companions, name, 1.1)
@@ -76,7 +92,7 @@ def test_a_console_that_dies_is_no_fault(companions, children):
 
 
 def test_one_that_takes_nothing_for_two_seconds_does_not_keep_up_until_it_does(companions, children):
-    message = {"text": "x" * 100_000}
+    message = Note(time_s=1.5, text="x" * 100_000)
     for _ in range(1000):
         companions.tell(OPINION, message, 10.0)
     assert companions.faults(11.9) == ()
@@ -102,18 +118,18 @@ def entry(number: int) -> Entry:
 
 def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_else(companions, children):
     for _ in range(5000):
-        companions.tell(BLACK_BOX, {"kind": "force", "text": "x" * 1000}, 10.0)
+        companions.tell(BLACK_BOX, ForceHeard(at_s=1.0, time_s=1.0, values=(0.0,), device="x" * 1000), 10.0)
     for number in range(1, 501):
         companions.entry(entry(number))
-        companions.tell(BLACK_BOX, {"kind": "note", "number": number}, 10.0)
-    heard: list[dict[str, Any]] = []
+        companions.tell(BLACK_BOX, Note(time_s=1.5, text=str(number)), 10.0)
+    heard: list[CompanionMessage] = []
     while messages := children[BLACK_BOX].theirs.receive(50):
         heard += messages
         companions.faults(10.1)
-    assert [message["entry"]["number"] for message in heard if message["kind"] == "entry"] == list(range(1, 501))
-    assert not [message for message in heard if message["kind"] == "note"]
-    companions.tell(BLACK_BOX, {"kind": "note"}, 10.2)
-    assert children[BLACK_BOX].theirs.receive() == [{"kind": "note"}]
+    assert [message.entry.number for message in heard if isinstance(message, Decided)] == list(range(1, 501))
+    assert not [message for message in heard if isinstance(message, Note)]
+    companions.tell(BLACK_BOX, Note(time_s=1.5, text="late"), 10.2)
+    assert children[BLACK_BOX].theirs.receive() == [Note(time_s=1.5, text="late")]
     assert companions.faults(10.3) == ()
 
 
@@ -130,7 +146,37 @@ def test_a_black_box_that_loses_a_decision_is_at_fault_at_once(companions, child
 
 
 def test_what_one_says_of_the_frames_is_passed_on(companions, children):
-    children[OPINION].says(kind="opinion", frame=3)
-    children[BLACK_BOX].says(kind="kept", folder="x")
-    assert hear(companions, OPINION, 1.0) == [{"kind": "opinion", "frame": 3}]
-    assert hear(companions, BLACK_BOX, 1.0) == [{"kind": "kept", "folder": "x"}]
+    console: list[CompanionMessage] = [ResetAsked(request=1, token="t"), ListensAt(url="u"), WrongTokens(count=2)]
+    kept = WithdrawalKept(folder="x")
+    for name, messages in ((OPINION, [OPINION_OF_3]), (BLACK_BOX, [kept]), (CONSOLE, console)):
+        for message in messages:
+            children[name].says(message)
+        assert hear(companions, name, 1.0) == messages
+    assert companions.faults(1.0) == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "reason"),
+    [
+        (OPINION, b'{"kind": "opinion"}', "opinion: without order, usable, "),
+        (BLACK_BOX, b"\xff", "not JSON"),
+        (BLACK_BOX, b'{"kind": "reset", "request": 1, "token": "t"}', "a ResetAsked is not its to say"),
+        (OPINION, b'{"kind": "kept", "folder": "x"}', "a WithdrawalKept is not its to say"),
+    ],
+)
+def test_one_that_does_not_keep_to_the_protocol_is_at_fault_for_good(companions, children, name, said, reason):
+    children[name].theirs.send_encoded(said)
+    assert hear(companions, name, 1.0) == []
+    children[name].says(Alive(faults=()))
+    hear(companions, name, 1.5)
+    (fault,) = companions.faults(1.5)
+    assert fault.startswith(f"{name}: it does not keep to the protocol: ")
+    assert reason in fault
+    assert reason in companions.last_words(name)
+    assert not companions.dead(name)
+
+
+def test_a_console_that_does_not_keep_to_the_protocol_is_no_fault(companions, children):
+    children[CONSOLE].theirs.send_encoded(b"{}")
+    assert hear(companions, CONSOLE, 1.0) == []
+    assert companions.faults(1.0) == ()

@@ -1,5 +1,6 @@
 import errno
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,8 +46,8 @@ def test_memory_is_left_to_the_processes_beside_it(monkeypatch):
 def test_another_process_with_the_descriptor_sees_the_same_frames():
     ring = FrameRing.create(4, 3, 5)
     ring.put(1, frame(1))
-    settings = ring.settings() | {"descriptor": os.dup(ring.descriptor)}
-    other = FrameRing(**settings)
+    place = replace(ring.place, descriptor=os.dup(ring.descriptor))
+    other = FrameRing.at(place)
     ring.put(2, frame(2))
     assert (other.get(1) == frame(1)).all()
     assert (other.get(2) == frame(2)).all()

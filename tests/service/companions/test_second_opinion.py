@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from pathlib import Path
 from select import select
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +12,14 @@ from fixed_reader import write_fixed_reader
 from scleraforce.service.companions.channel import ChannelClosedError
 from scleraforce.service.companions.child import Child
 from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.second_opinion import opinion_settings
+from scleraforce.service.companions.messages import (
+    CompanionMessage,
+    MonitorEnds,
+    OpinionAsked,
+    OpinionGiven,
+    SelfReport,
+)
+from scleraforce.service.companions.opinion_settings import OpinionSettings
 
 pytest.importorskip("torch")
 
@@ -25,15 +31,20 @@ class Reader:
 
     def __init__(self, model: Path) -> None:
         self.ring = FrameRing.create(4, STUDY.oct.rows, STUDY.oct.columns)
-        settings = opinion_settings(model, KNOWN, SCALE, self.ring)
+        settings = OpinionSettings(model=model, known=KNOWN, scale=SCALE, ring=self.ring.place)
         self.child = Child("scleraforce.service.companions.second_opinion", settings, [self.ring.descriptor])
 
     def ask(self, number: int, order: int) -> None:
-        assert self.child.channel.send({"number": number, "order": order})
+        assert self.child.channel.send(OpinionAsked(number=number, order=order))
 
-    def hear(self, within_s: float = 30.0) -> dict[str, Any]:
+    def hear(self, within_s: float = 30.0) -> CompanionMessage:
         assert select([self.child.channel], [], [], within_s)[0], "no opinion came"
         (message,) = self.child.channel.receive()
+        return message
+
+    def opinion(self) -> OpinionGiven:
+        message = self.hear()
+        assert isinstance(message, OpinionGiven), message
         return message
 
 
@@ -49,20 +60,22 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
 def test_a_wall_is_read_with_its_force_by_the_fit(reader: Reader) -> None:
     reader.ring.put(1, image(wall_section(tip_of(0.015))))
     reader.ask(1, 71)
-    opinion = reader.hear()
-    assert (opinion["kind"], opinion["frame"], opinion["usable"], opinion["predicted"]) == ("opinion", 71, True, 1)
-    assert opinion["force_n"] == pytest.approx(0.015, abs=1.2e-3)
-    assert opinion["interval_n"][0] < 0.015 < opinion["interval_n"][1]
-    assert sum(opinion["probabilities"]) == pytest.approx(1.0)
+    opinion = reader.opinion()
+    assert (opinion.order, opinion.usable, opinion.predicted) == (71, True, 1)
+    assert opinion.force_n == pytest.approx(0.015, abs=1.2e-3)
+    assert opinion.interval_n
+    assert opinion.probabilities
+    assert opinion.interval_n[0] < 0.015 < opinion.interval_n[1]
+    assert sum(opinion.probabilities) == pytest.approx(1.0)
 
 
 def test_what_is_no_wall_cannot_be_judged(reader: Reader) -> None:
     noise = np.random.default_rng(0).integers(0, 1500, reader.ring.shape).astype(np.uint16)
     reader.ring.put(2, noise)
     reader.ask(2, 72)
-    opinion = reader.hear()
-    assert (opinion["frame"], opinion["usable"], opinion["force_n"]) == (72, False, None)
-    assert opinion["reason"]
+    opinion = reader.opinion()
+    assert (opinion.order, opinion.usable, opinion.force_n) == (72, False, None)
+    assert opinion.reason
 
 
 def test_of_frames_that_wait_the_newest_is_read_and_one_that_is_gone_is_left_out(reader: Reader) -> None:
@@ -70,14 +83,26 @@ def test_of_frames_that_wait_the_newest_is_read_and_one_that_is_gone_is_left_out
         reader.ring.put(number, image(wall_section(tip_of(force_n))))
     reader.ask(1, 80)  # gone: frame 5 stands in its place
     reader.ask(5, 85)
-    assert reader.hear()["frame"] == 85
+    assert reader.opinion().order == 85
 
 
 def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(tmp_path: Path) -> None:
     broken = Reader(tmp_path / "nowhere")
     message = broken.hear()
-    assert message["kind"] == "fault"
-    assert "nowhere" in message["detail"]
+    assert isinstance(message, SelfReport)
+    assert "nowhere" in message.detail
     assert broken.child.end(20.0) == 1
     with pytest.raises(ChannelClosedError):
-        broken.child.channel.send({})
+        broken.child.channel.send(MonitorEnds())
+
+
+def test_what_is_no_question_ends_the_process_with_a_word(tmp_path: Path) -> None:
+    model = tmp_path / "reader"
+    write_fixed_reader(model, LIBRARY, [float(number == BIN) for number in range(BINS)])
+    other = Reader(model)
+    assert other.child.channel.send(MonitorEnds())
+    message = other.hear()
+    assert message == SelfReport(
+        detail="MessageError: a MonitorEnds came; the second opinion is asked about frames only"
+    )
+    assert other.child.end(20.0) == 1

@@ -8,6 +8,7 @@ from console_monitor import reading
 
 from scleraforce.monitor.causes import Cause
 from scleraforce.service.companions.frame_ring import FrameRing
+from scleraforce.service.companions.messages import ClientRole, CompanionMessage, Decided, Outline, Rates
 from scleraforce.service.console.board import Board
 from scleraforce.service.console.history import HISTORY_S, STEP_S, History
 from scleraforce.service.console.origin import refusal
@@ -16,8 +17,8 @@ from scleraforce.service.console.sentences import SENTENCES, detail_of
 from scleraforce.service.entry import Entry
 
 
-def entry(at_s: float, state: str = "WATCHING", cause: str | None = None, **said: Any) -> dict[str, Any]:
-    made = Entry(
+def entry(at_s: float, state: str = "WATCHING", cause: str | None = None, **said: Any) -> Entry:
+    return Entry(
         number=1,
         time_s=0.0,
         at_s=at_s,
@@ -29,17 +30,16 @@ def entry(at_s: float, state: str = "WATCHING", cause: str | None = None, **said
         message=f"{state}: because; class 1; 7.0 mN",
         **said,
     )
-    return made.as_json()
 
 
-def board_with(*messages: tuple[float, dict[str, Any]]) -> Board:
+def board_with(*messages: tuple[float, Entry | CompanionMessage]) -> Board:
     board = Board(0.0)
     for now_s, message in messages:
-        board.take(message if "kind" in message else {"kind": "entry", "entry": message}, now_s)
+        board.take(Decided(entry=message) if isinstance(message, Entry) else message, now_s)
     return board
 
 
-RATES = {"kind": "rates", "frames_per_second": 99.0, "lost": 3, "clients": [{"address": "a:1", "role": "scanner"}]}
+RATES = Rates(frames_per_second=99.0, lost=3, clients=(ClientRole(address="a:1", role="scanner"),))
 
 
 def test_every_cause_has_a_sentence_and_no_sentence_is_without_a_cause() -> None:
@@ -64,7 +64,7 @@ def test_the_reason_is_told_without_the_state_before_and_the_reading_after_it(me
 def test_a_change_of_state_or_cause_is_urgent_and_another_frame_is_not() -> None:
     board = Board(0.0)
     told = [entry(0.0), entry(0.01), entry(0.02, "WITHDRAW", "BOUND"), entry(0.03, "WITHDRAW", "BOUND"), entry(0.04)]
-    assert [board.take({"kind": "entry", "entry": one}, one["at_s"]) for one in told] == [
+    assert [board.take(Decided(entry=one), one.at_s) for one in told] == [
         True,
         False,
         True,
@@ -104,10 +104,10 @@ def test_latency_is_the_median_and_the_worst_of_the_last_five_seconds() -> None:
 
 
 def test_a_frame_whose_wall_is_not_found_is_shown_without_an_outline() -> None:
-    outline = {"kind": "outline", "frame": 4, "step": 4, "outer": [], "inner": []}
+    outline = Outline(frame=4, step=4, outer=(), inner=())
     board = board_with((0.0, entry(0.0, frame=4)), (0.0, outline), (0.1, entry(0.1, frame=5)))
     assert board.picture() == (4, outline)
-    board.take({"kind": "entry", "entry": entry(0.3, frame=6)}, 0.3)
+    board.take(Decided(entry=entry(0.3, frame=6)), 0.3)
     assert board.picture() == (6, None)
 
 
@@ -120,21 +120,29 @@ def test_steps_of_the_history_hold_the_worst_of_what_came() -> None:
         said = reading(float(rng.uniform(0, 40))) if rng.random() < 0.8 else {"usable": False}
         told.append(entry(float(at_s), state, frame=1, **said))
         history.take(told[-1])
-    by_step: dict[int, list[dict[str, Any]]] = {}
+    by_step: dict[int, list[Entry]] = {}
     for one in told:
-        by_step.setdefault(int(one["at_s"] / STEP_S), []).append(one)
+        by_step.setdefault(int(one.at_s / STEP_S), []).append(one)
     last = max(by_step)
     assert history.since(0)[0].number >= last - HISTORY_S / STEP_S
     assert len(history.since(0)) > 500
     for step in history.since(0):
         within = by_step[step.number]
-        good = [one for one in within if one["usable"]]
-        assert step.force_mn == max((one["force_mn"] for one in good), default=None)
-        assert step.low_mn == min((one["interval_mn"][0] for one in good), default=None)
-        assert step.high_mn == max((one["interval_mn"][1] for one in good), default=None)
-        states = {one["state"] for one in within}
+        good = [one for one in within if one.usable]
+        assert step.force_mn == max((one.force_mn for one in good), default=None)
+        assert step.low_mn == min((one.interval_mn[0] for one in good), default=None)
+        assert step.high_mn == max((one.interval_mn[1] for one in good), default=None)
+        states = {one.state for one in within}
         assert step.state == next(one for one in ("WITHDRAW", "NOT_READY", "WATCHING") if one in states)
     assert [step.number for step in history.since(last)] == [last]
+
+
+def test_what_is_no_number_changes_no_step_of_the_history() -> None:
+    history = History()
+    for low_mn, force_mn, high_mn in ((1.0, 2.0, 3.0), (float("nan"), None, 9.0), (0.5, 7.0, float("inf"))):
+        history.take(entry(0.01, frame=1, usable=True, predicted=1, force_mn=force_mn, interval_mn=(low_mn, high_mn)))
+    (step,) = history.since(0)
+    assert step.as_json() == [0, 7.0, 0.5, 9.0, "WATCHING", 1]
 
 
 def test_a_picture_is_the_frame_in_eight_bits_and_no_larger_than_a_screen() -> None:

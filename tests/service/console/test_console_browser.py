@@ -14,6 +14,8 @@ import pytest
 from console_monitor import TOKEN, ConsoleMonitor, free_port, reading
 from playwright.sync_api import Browser, Dialog, Page, expect, sync_playwright
 
+from scleraforce.service.companions.messages import Outline, ResetAnswered, ResetAsked, WrongTokens
+
 CHROMIUM = "/usr/bin/chromium"
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(shutil.which(CHROMIUM) is None, reason="needs chromium")]
 NOTHING = "\u2013"  # what stands for a value that is not known
@@ -112,7 +114,9 @@ def watching(monitor: ConsoleMonitor, force_mn: float = 12.3) -> Callable[[], No
     def tell() -> None:
         frame = monitor.frame(BRIGHT, "WATCHING", f"class 1; {force_mn} mN", **reading(force_mn))
         outline = {"step": 4, "outer": [20.0] * 24, "inner": [40.0] * 24}
-        monitor.tell({"kind": "outline", "frame": frame, **outline})
+        monitor.tell(
+            Outline(frame=frame, step=outline["step"], outer=tuple(outline["outer"]), inner=tuple(outline["inner"]))
+        )
         monitor.rates()
 
     return tell
@@ -215,8 +219,8 @@ def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(op
             monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
 
         def answer(granted: bool, message: str) -> dict[str, Any]:
-            asked = monitor.hear("reset")
-            told = {"kind": "reset-answer", "request": asked["request"], "granted": granted, "message": message}
+            asked = monitor.hear(ResetAsked)
+            told = ResetAnswered(request=asked.request, granted=granted, message=message)
             monitor.tell(told)
             return asked
 
@@ -233,7 +237,7 @@ def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(op
             page.keyboard.type("wrong")
             page.keyboard.press("Enter")
             found.shows(refusal="Refused: the token is wrong; the monitor printed the right one at its start")
-            assert monitor.hear("wrong-tokens")["count"] == 1
+            assert monitor.hear(WrongTokens).count == 1
             assert page.locator("#token").input_value() == ""
             page.keyboard.type(TOKEN)
             page.keyboard.press("Enter")

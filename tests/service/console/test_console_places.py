@@ -10,6 +10,7 @@ from console_monitor import TOKEN, ConsoleMonitor
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
+from scleraforce.service.companions.messages import ResetAnswered, ResetAsked, WrongTokens
 from scleraforce.service.console.hub import MOST_PAGES
 
 MOST = 128  # connections that are kept
@@ -36,9 +37,9 @@ def close_code(link: ClientConnection) -> int | None:
 
 def operator_resets(monitor: ConsoleMonitor) -> None:
     with closing(post(monitor, TOKEN)) as operator:
-        asked = monitor.hear("reset")
-        assert asked["token"] == TOKEN
-        monitor.tell({"kind": "reset-answer", "request": asked["request"], "granted": True, "message": "WATCHING"})
+        asked = monitor.hear(ResetAsked)
+        assert asked.token == TOKEN
+        monitor.tell(ResetAnswered(request=asked.request, granted=True, message="WATCHING"))
         assert json.loads(operator.getresponse().read())["granted"] is True
 
 
@@ -51,7 +52,7 @@ def test_no_number_of_wrong_tokens_keeps_the_operator_waiting_and_the_monitor_he
         }
         counted = 0
         while counted < 60:
-            counted += monitor.hear("wrong-tokens")["count"]
+            counted += monitor.hear(WrongTokens).count
         assert counted == 60
         more = [stack.enter_context(closing(post(monitor, "wrong"))) for _ in range(20)]
         operator_resets(monitor)  # while those wait for their answers: nothing of them came before

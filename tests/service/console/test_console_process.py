@@ -21,6 +21,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Close
 from websockets.sync.client import ClientConnection, connect
 
+from scleraforce.service.companions.messages import Outline, ResetAnswered, ResetAsked
+
 FRAME = np.tile(np.arange(0, 64 * 60, 60, dtype=np.uint16)[:, None], (1, 96))
 
 
@@ -63,6 +65,17 @@ def told(link: ClientConnection, state: str | None = None, **awaited: Any) -> di
             if all(message[name] == value for name, value in awaited.items()):
                 return dict(message)
     raise AssertionError(f"{awaited} was never told")
+
+
+def shown_picture(link: ClientConnection) -> bytes:
+    """The next picture; what comes before it is acknowledged."""
+    while True:
+        data = link.recv(timeout=10)
+        if isinstance(data, bytes):
+            link.send(json.dumps({"drawn": header(data)["frame"]}))
+            return data
+        if (message := json.loads(data))["kind"] == "state":
+            link.send(json.dumps({"seen": message["number"]}))
 
 
 def what_waits(link: ClientConnection) -> Iterator[str | bytes]:
@@ -148,14 +161,16 @@ def test_a_page_is_told_the_settings_the_state_and_the_picture_with_its_outline(
         assert hello["pixel_mm"] == pytest.approx([15 / 96, 4 / 64])
         frame = monitor.frame(FRAME, "WATCHING", "class 1; 12.0 mN", **reading(12.0))
         outline = {"step": 4, "outer": [None, 3.5], "inner": [7.0, 8.0]}
-        monitor.tell({"kind": "outline", "frame": frame, **outline})
+        monitor.tell(
+            Outline(frame=frame, step=outline["step"], outer=tuple(outline["outer"]), inner=tuple(outline["inner"]))
+        )
+        picture = shown_picture(link)
         monitor.rates(frames_per_second=99.0, lost=5)
         message = told(link, "WATCHING", lost=5)
         assert message["reading"]["force_mn"] == 12.0
         assert message["steps"][-1][1:] == [12.0, 10.0, 14.0, "WATCHING", 1]
         assert message["latency_ms"] == [1.1, 1.1]
         assert [client["role"] for client in message["clients"]] == ["scanner", "listener"]
-        picture = next(data for data in iter(link.recv, None) if isinstance(data, bytes))
         assert header(picture) == {"frame": frame, "rows": 64, "columns": 96, "outline": outline}
         shown = np.frombuffer(picture[-64 * 96 :], np.uint8).reshape(64, 96)
         np.testing.assert_allclose(shown[:, 0], np.minimum(FRAME[:, 0] / FRAME[60, 0] * 255, 255), atol=6)
@@ -170,9 +185,9 @@ def test_a_reset_goes_to_the_monitor_with_its_token_and_comes_back_with_its_answ
     with closing(http.client.HTTPConnection("127.0.0.1", monitor.port, timeout=10)) as link:
         for granted, said in ((False, "no frame is fresh"), (True, "WATCHING")):
             link.request("POST", "/reset", json.dumps({"token": TOKEN}), own)
-            asked = monitor.hear("reset")
-            assert asked["token"] == TOKEN
-            monitor.tell({"kind": "reset-answer", "request": asked["request"], "granted": granted, "message": said})
+            asked = monitor.hear(ResetAsked)
+            assert asked.token == TOKEN
+            monitor.tell(ResetAnswered(request=asked.request, granted=granted, message=said))
             assert json.loads(link.getresponse().read()) == {"granted": granted, "message": said}
 
 
@@ -184,7 +199,7 @@ def test_a_page_that_stalls_gets_no_queue_and_disturbs_no_other(monitor: Console
         seen = 0
         while monotonic() < end_s:
             monitor.frame(FRAME, "WATCHING", **reading(12.0))
-            monitor.tell({"kind": "outline", "frame": monitor.frames, "step": 4, "outer": [], "inner": []})
+            monitor.tell(Outline(frame=monitor.frames, step=4, outer=(), inner=()))
             told(lively)
             seen += 1
         monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")

@@ -15,7 +15,7 @@ from scleraforce.learning.classifier.card import model_card
 from scleraforce.learning.classifier.graph import onnx_bytes
 from scleraforce.learning.classifier.samples import Samples, classes_at_modulus, content_hash
 from scleraforce.learning.classifier.search import Candidate, search_sizes
-from scleraforce.learning.classifier.training import THREADS, Curves, Fitted, fit
+from scleraforce.learning.classifier.training import CLASSIFIER_THREADS, Curves, Fitted, fit
 from scleraforce.learning.framework import onnx, torch
 from scleraforce.models.writing import check_place, write_folder
 from scleraforce.reader.metrics import accuracy, confusion_matrix, recall
@@ -111,7 +111,7 @@ def _provenance(study: Study, training: Samples, validation: Samples) -> dict[st
         "study_sha256": study_hash(study),
         "dataset_sha256": content_hash(training, validation),
         "seed": str(study.network.seed),
-        "threads": str(THREADS),
+        "threads": str(CLASSIFIER_THREADS),
         "class_bounds_mn": ", ".join(f"{n_to_mn(bound):g}" for bound in study.classes.bounds_n),
         "youngs_modulus_mpa": f"{study.eye.youngs_modulus_pa / 1e6:.6g}",
         "scleraforce": __version__,

@@ -20,10 +20,10 @@ from scleraforce.learning.classifier.samples import Normalisation, Samples, mirr
 from scleraforce.learning.framework import torch
 from scleraforce.study import NetworkStudy, ReaderStudy
 
-__all__ = ["THREADS", "Curves", "Fitted", "fit", "learning_rate", "repeatable", "train_step"]
+__all__ = ["CLASSIFIER_THREADS", "Curves", "Fitted", "fit", "learning_rate", "repeatable", "train_step"]
 
 # Sums in another order differ in the last bit, so the number of threads is part of what makes a run repeatable.
-THREADS = 2
+CLASSIFIER_THREADS = 2
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def fit(
     if study.mirror:
         seen = replace(seen, mirrored=torch.from_numpy(mirrored_pixels(norm, training.slices.shape[2])))
     curves = Curves()
-    with repeatable(study.seed, THREADS):
+    with repeatable(study.seed, CLASSIFIER_THREADS):
         network = build_network(int(norm.varies.sum()), study, classes)
         optimiser = torch.optim.SGD(network.parameters(), study.learning_rate, study.momentum, fused=True)
         for epoch in range(study.epochs):

@@ -16,7 +16,7 @@ from scleraforce.learning.framework import onnx, torch
 from scleraforce.learning.reader.card import reader_card
 from scleraforce.learning.reader.draws import CHUNK, Source
 from scleraforce.learning.reader.graph import reader_onnx_bytes
-from scleraforce.learning.reader.training import THREADS, FittedReader, ReaderMetrics, fit_reader
+from scleraforce.learning.reader.training import READER_THREADS, FittedReader, ReaderMetrics, fit_reader
 from scleraforce.library import Library, save_library
 from scleraforce.models.folder import LIBRARY_FILE
 from scleraforce.models.writing import check_place, write_folder
@@ -96,7 +96,7 @@ def _provenance(study: Study, library: bytes) -> dict[str, str]:
         "study_sha256": study_hash(study),
         "library_sha256": sha256(library).hexdigest(),
         "seed": str(study.reader.seed),
-        "threads": str(THREADS),
+        "threads": str(READER_THREADS),
         "class_bounds_mn": ", ".join(f"{n_to_mn(bound):g}" for bound in study.classes.bounds_n),
         "scleraforce": __version__,
         "python": platform.python_version(),

@@ -23,7 +23,7 @@ from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.study import ReaderStudy, Study
 
 __all__ = [
-    "THREADS",
+    "READER_THREADS",
     "Answers",
     "FittedReader",
     "ReaderCurves",
@@ -36,7 +36,7 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-THREADS = 1  # the other cores draw samples; more threads would also sum in another order
+READER_THREADS = 1  # the other cores draw samples; more threads would also sum in another order
 PLACE_WEIGHT, PLACE_KNEE_MM = 2.0, 0.2
 VALIDATION_CHUNK = 2**31  # numbers from here on are chunks of the validation set
 
@@ -110,7 +110,7 @@ def fit_reader(
     steps = reader.epochs * chunks * -(-CHUNK // reader.batch_size)
     losses: list[float] = []
     with (
-        repeatable(reader.seed, THREADS),
+        repeatable(reader.seed, READER_THREADS),
         closing(chunks_ahead(source, range(reader.epochs * chunks), workers)) as drawn,
     ):
         network = ReaderNetwork(reader, study.slice, study.eye.radius_m)

@@ -1,13 +1,13 @@
-"""A two-way channel between two processes of the monitor: JSON messages, whole or not at all, without waiting."""
+"""A two-way channel between two processes of the monitor: messages, whole or not at all, without waiting."""
 
-import json
 import socket
-from collections.abc import Mapping
-from typing import Any, Self
+from typing import Self
+
+from scleraforce.service.companions.codec import MESSAGE_BYTES, decode_message, encode_message
+from scleraforce.service.companions.messages import CompanionMessage
 
 __all__ = ["Channel", "ChannelClosedError"]
 
-MESSAGE_BYTES = 128 * 1024  # more than any message needs
 BUFFER_BYTES = 4 * 1024 * 1024  # asked for; the system may give less
 
 
@@ -19,10 +19,11 @@ class Channel:
     """One end. A UNIX socket that keeps messages apart (SOCK_SEQPACKET, Linux), non-blocking at both ends.
 
     >>> ours, theirs = Channel.pair()
-    >>> ours.send({"frame": 7})
+    >>> from scleraforce.service.companions.messages import OpinionAsked
+    >>> ours.send(OpinionAsked(number=7, order=71))
     True
     >>> theirs.receive()
-    [{'frame': 7}]
+    [OpinionAsked(number=7, order=71)]
     >>> ours.close()
     >>> theirs.close()
     """
@@ -47,20 +48,17 @@ class Channel:
         """Return the file descriptor, for a selector."""
         return self._end.fileno()
 
-    def send(self, message: Mapping[str, Any]) -> bool:
+    def send(self, message: CompanionMessage) -> bool:
         """Send a message; False if the other end does not keep up and the message is lost.
 
         Raises:
             ChannelClosedError: the other end is closed.
-            ValueError: the message is too large.
+            MessageError: the message holds what it may not, or is too large.
         """
-        return self.send_text(json.dumps(message))
+        return self.send_encoded(encode_message(message))
 
-    def send_text(self, text: str) -> bool:
-        """Send a JSON object that is text already; see `send`."""
-        data = text.encode()
-        if len(data) > MESSAGE_BYTES:
-            raise ValueError(f"a message of {len(data)} bytes; the other end takes {MESSAGE_BYTES}")
+    def send_encoded(self, data: bytes) -> bool:
+        """Send a message that is encoded already; see `send`."""
         try:
             self._end.send(data)
         except BlockingIOError:
@@ -69,16 +67,17 @@ class Channel:
             raise ChannelClosedError from fault
         return True
 
-    def receive(self, most: int = 1000) -> list[dict[str, Any]]:
+    def receive(self, most: int = 1000) -> list[CompanionMessage]:
         """Return the messages that wait, oldest first, `most` at most.
 
         Raises:
             ChannelClosedError: the other end is closed, and no message is left.
+            MessageError: one of them is no message; those before it are lost, those after it still wait.
         """
-        messages: list[dict[str, Any]] = []
+        messages: list[CompanionMessage] = []
         while len(messages) < most:
             try:
-                data = self._end.recv(MESSAGE_BYTES)
+                data = self._end.recv(MESSAGE_BYTES + 1)  # one that is larger is cut, and refused
             except BlockingIOError:
                 break
             except ConnectionResetError:  # raised once if the other end left messages unread; ours can still be read
@@ -89,7 +88,7 @@ class Channel:
                 if messages:
                     break
                 raise ChannelClosedError
-            messages.append(json.loads(data))
+            messages.append(decode_message(data))
         return messages
 
     def close(self) -> None:

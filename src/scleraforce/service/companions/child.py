@@ -4,14 +4,18 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from select import select
-from typing import Any
+from typing import TypeVar
 
+from scleraforce.errors import MessageError
 from scleraforce.processes import one_thread
 from scleraforce.service.companions.channel import Channel
+from scleraforce.service.companions.messages import Settings
 
 __all__ = ["Child", "settings_of_child", "start_companion"]
+
+ChildSettings = TypeVar("ChildSettings", bound=Settings)
 
 UNHEARD = (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGTERM)
 
@@ -65,7 +69,7 @@ class Child:
         descriptors: of files that it inherits, under the same numbers.
     """
 
-    def __init__(self, module: str, settings: Mapping[str, Any], descriptors: Sequence[int] = ()) -> None:
+    def __init__(self, module: str, settings: Settings, descriptors: Sequence[int] = ()) -> None:
         self.channel, theirs = Channel.pair()
         self._process = start_companion(module, [str(theirs.fileno())], [theirs.fileno(), *descriptors])
         theirs.close()
@@ -91,19 +95,25 @@ class Child:
             return self._process.wait()
 
 
-def settings_of_child(arguments: Sequence[str], within_s: float = 10.0) -> tuple[Channel, dict[str, Any]]:
+def settings_of_child(
+    arguments: Sequence[str], kind: type[ChildSettings], within_s: float = 10.0
+) -> tuple[Channel, ChildSettings]:
     """Return the channel and the settings of this child process, from its command line.
 
     Raises:
         ChannelClosedError: the monitor has ended already.
+        MessageError: what came are not settings of this kind.
         RuntimeError: no settings came.
     """
     channel = Channel.inherited(int(arguments[1]))
     try:
-        settings = channel.receive(1) if select([channel], [], [], within_s)[0] else []
-        if not settings:
+        messages = channel.receive(1) if select([channel], [], [], within_s)[0] else []
+        if not messages:
             raise RuntimeError("no settings came: this module is started by `scleraforce monitor`")
+        settings = messages[0]
+        if not isinstance(settings, kind):
+            raise MessageError(f"a {type(settings).__name__} came; the first message must be a {kind.__name__}")
     except BaseException:
         channel.close()
         raise
-    return channel, settings[0]
+    return channel, settings

@@ -2,6 +2,7 @@
 
 import mmap
 import os
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -10,9 +11,19 @@ from numpy.typing import NDArray
 from scleraforce.errors import InputError
 from scleraforce.service.companions.memory import available_bytes
 
-__all__ = ["FrameRing"]
+__all__ = ["FrameRing", "RingPlace"]
 
 SPARED_BYTES = 512 * 2**20  # for the processes beside the monitor: models, library, what is written
+
+
+@dataclass(frozen=True, kw_only=True)
+class RingPlace:
+    """Where a ring is: the descriptor of its memory, how many frames it holds, and their pixels."""
+
+    descriptor: int
+    frames: int
+    rows: int
+    columns: int
 
 
 class FrameRing:
@@ -33,7 +44,7 @@ class FrameRing:
 
     @classmethod
     def create(cls, frames: int, rows: int, columns: int) -> Self:
-        """Return a new ring; `descriptor`, `frames` and `shape` let another process open it with `FrameRing(...)`.
+        """Return a new ring; another process opens it with `FrameRing.at(ring.place)`.
 
         Raises:
             InputError: there is too little memory for the ring and the other processes.
@@ -56,10 +67,16 @@ class FrameRing:
             ) from fault
         return cls(descriptor, frames, rows, columns, prepared=True)
 
-    def settings(self) -> dict[str, int]:
-        """Return the arguments with which a child that inherits the descriptor opens it."""
+    @classmethod
+    def at(cls, place: RingPlace) -> Self:
+        """Open the ring of another process, which passed on its descriptor."""
+        return cls(place.descriptor, place.frames, place.rows, place.columns)
+
+    @property
+    def place(self) -> RingPlace:
+        """Where a child that inherits the descriptor finds the ring."""
         rows, columns = self.shape
-        return {"descriptor": self.descriptor, "frames": self.frames, "rows": rows, "columns": columns}
+        return RingPlace(descriptor=self.descriptor, frames=self.frames, rows=rows, columns=columns)
 
     def put(self, number: int, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
         """Keep a frame (row, column) in place of the oldest one."""

@@ -7,7 +7,17 @@ import subprocess
 from scleraforce.monitor.causes import Cause
 from scleraforce.openigtlink import Status, encode
 from scleraforce.service.companions.child import start_companion
-from scleraforce.service.companions.watchdog import ALIVE
+from scleraforce.service.companions.watchdog_messages import (
+    ALIVE,
+    Beat,
+    ClientCame,
+    ClientLeft,
+    ClientSpeaks,
+    Emergency,
+    PlannedEnd,
+    WatchdogMessage,
+    pack_for_watchdog,
+)
 from scleraforce.service.connection import Connection
 from scleraforce.service.telling import STATUS_DEVICE
 
@@ -38,7 +48,7 @@ class Guard:
             raise OSError("the watchdog did not start")
         self._channel.setblocking(False)
         for version in (1, 2, 3):
-            self._send(b"M%d " % version + encode(EMERGENCY, STATUS_DEVICE, version=version))
+            self._send(Emergency(version=version, status=encode(EMERGENCY, STATUS_DEVICE, version=version)))
 
     @property
     def pid(self) -> int:
@@ -47,15 +57,15 @@ class Guard:
 
     def watch(self, client: Connection) -> None:
         """Pass it a client's socket."""
-        self._send(b"C%d" % client.number, client.fileno())
+        self._send(ClientCame(client=client.number), client.fileno())
 
     def version(self, client: Connection) -> None:
         """Tell it the header version of a client."""
-        self._send(b"V%d %d" % (client.number, client.version))
+        self._send(ClientSpeaks(client=client.number, version=client.version))
 
     def forget(self, client: Connection) -> None:
         """Let it close its duplicate of a client's socket."""
-        self._send(b"D%d" % client.number)
+        self._send(ClientLeft(client=client.number))
 
     def beat(self, now_s: float) -> str | None:
         """Send a sign of life, and look for the watchdog's; call it every few ms.
@@ -68,7 +78,7 @@ class Guard:
         if now_s - self._beaten_s > SILENT_S:  # the first time, or after a pause of this process
             self._answered_s = now_s
         self._beaten_s = now_s
-        self._send(b"B")
+        self._send(Beat())
         self._hear(now_s)
         if self._fault is None and now_s - self._answered_s > SILENT_S:
             return f"the watchdog has not answered for {SILENT_S:g} s"
@@ -76,7 +86,7 @@ class Guard:
 
     def end(self) -> None:
         """End the watchdog, before the monitor ends."""
-        self._send(b"Q")
+        self._send(PlannedEnd())
         try:
             self._process.wait(5.0)
         except subprocess.TimeoutExpired:
@@ -84,7 +94,8 @@ class Guard:
             self._process.wait()
         self._channel.close()  # not earlier: closing it with unread answers would discard the message
 
-    def _send(self, data: bytes, descriptor: int | None = None) -> None:
+    def _send(self, message: WatchdogMessage, descriptor: int | None = None) -> None:
+        data = pack_for_watchdog(message)
         try:
             socket.send_fds(self._channel, [data], [] if descriptor is None else [descriptor])
         except BlockingIOError:

@@ -3,11 +3,8 @@
 It holds duplicates of the clients' sockets. If no sign of life comes for `MISSES` looks of `LOOK_S`, it kills the
 monitor (which might otherwise go on later and say OK) and sends the emergency STATUS to all clients, every `REPEAT_S`,
 until the last one has left. A pause of the whole machine counts as one look. The process uses the standard library
-alone, so that it starts before the model is loaded.
-
-Messages to it are one datagram each, told apart by the first byte: `M` version and the STATUS to send, `C` client
-number, with a socket, `V` client number and version, `D` client number, `B` a sign of life, `Q` the planned end. It
-answers `A` when it is ready and to each sign of life.
+alone, so that it starts before the model is loaded. `watchdog_messages` says what the monitor tells
+it.
 """
 
 import os
@@ -18,15 +15,27 @@ import sys
 import time
 from contextlib import suppress
 
+from scleraforce.errors import MessageError
+from scleraforce.service.companions.watchdog_messages import (
+    ALIVE,
+    MOST_BYTES,
+    Beat,
+    ClientCame,
+    ClientLeft,
+    ClientSpeaks,
+    Emergency,
+    PlannedEnd,
+    WatchdogMessage,
+    unpack_for_watchdog,
+)
 from scleraforce.service.priority import WATCHDOG_PRIORITY, run_in_real_time
-from scleraforce.service.stamp import stamp
+from scleraforce.service.stamp import stamp_time
 
-__all__ = ["ALIVE", "LOOK_S", "MISSES", "Watchdog", "main"]
+__all__ = ["LOOK_S", "MISSES", "Watchdog", "main"]
 
 LOOK_S = 0.02
 MISSES = 5
 REPEAT_S = 0.05
-ALIVE = b"A"
 
 
 class Watchdog:
@@ -53,30 +62,33 @@ class Watchdog:
                 continue
             misses = 0
             try:
-                data, sockets, _, _ = socket.recv_fds(self._monitor, 4096, 1)
+                data, sockets, _, _ = socket.recv_fds(self._monitor, MOST_BYTES + 1, 1)
             except ConnectionResetError:  # it died before it had heard an answer
                 return False
             if not data:
                 return False
-            if data == b"Q":
+            message = unpack_for_watchdog(data)
+            if isinstance(message, PlannedEnd):
                 return True
-            self._take(data, sockets)
+            self._take(message, sockets)
         return False
 
-    def _take(self, data: bytes, sockets: list[int]) -> None:
-        kind, words = data[:1], data[1:].split(b" ", 1)
-        if kind == b"B":
-            with suppress(BlockingIOError, BrokenPipeError):  # it may have died since; the next look will show it
-                self._monitor.send(ALIVE)
-        elif kind == b"M":
-            self._messages[int(words[0])] = bytearray(words[1])
-        elif kind == b"C":
-            self._clients[int(words[0])] = socket.socket(fileno=sockets[0])
-            self._versions[int(words[0])] = 1
-        elif kind == b"V":
-            self._versions[int(words[0])] = int(words[1])
-        elif kind == b"D":
-            self._clients.pop(int(words[0])).close()
+    def _take(self, message: WatchdogMessage, sockets: list[int]) -> None:
+        match message:
+            case Beat():
+                with suppress(BlockingIOError, BrokenPipeError):  # it may have died since; the next look will show it
+                    self._monitor.send(ALIVE)
+            case Emergency(version=version, status=status):
+                self._messages[version] = bytearray(status)
+            case ClientCame(client=number):
+                if not sockets:
+                    raise MessageError(f"client {number} came without its socket")
+                self._clients[number] = socket.socket(fileno=sockets[0])
+                self._versions[number] = 1
+            case ClientSpeaks(client=number, version=version):
+                self._versions[number] = version
+            case ClientLeft(client=number):
+                self._clients.pop(number).close()
 
     def alarm(self) -> None:
         """Kill the monitor and tell the clients to withdraw, until none is left."""
@@ -100,7 +112,7 @@ class Watchdog:
         """Send the emergency to every client; a client that does not read misses it, one that has left is forgotten."""
         now_s = time.time()
         for message in self._messages.values():
-            stamp(message, now_s)
+            stamp_time(message, now_s)
         for number, client in list(self._clients.items()):
             try:
                 client.send(self._messages[self._versions[number]])

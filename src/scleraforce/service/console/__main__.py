@@ -3,22 +3,22 @@
 import sys
 
 from scleraforce.service.companions.child import settings_of_child
+from scleraforce.service.companions.messages import SelfReport
+from scleraforce.service.console.settings import ConsoleSettings
 
 __all__ = ["main"]
 
 
 def main() -> int:
     """Serve until the monitor ends; return the exit code."""
-    channel, message = settings_of_child(sys.argv)
+    channel, settings = settings_of_child(sys.argv, ConsoleSettings)
     try:
         from scleraforce.service.console.server import serve
     except ModuleNotFoundError as missing:
         detail = f"console: {missing.name} is not installed; run pip install 'scleraforce[web]'"
-        channel.send({"kind": "fault", "detail": detail})
+        channel.send(SelfReport(detail=detail))
         return 1
-    from scleraforce.service.console.settings import ConsoleSettings
-
-    return serve(channel, ConsoleSettings.from_message(message))
+    return serve(channel, settings)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,13 @@
 """The force of the last half minute, in time steps as fine as the pixels of a page."""
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import takewhile
+from math import isfinite
 from typing import Any
+
+from scleraforce.service.entry import Entry
 
 __all__ = ["HISTORY_S", "STEP_S", "History", "Step"]
 
@@ -27,17 +30,17 @@ class Step:
     high_mn: float | None = None
     predicted: int | None = None
 
-    def take(self, entry: Mapping[str, Any]) -> None:
+    def take(self, entry: Entry) -> None:
         """Add a decision."""
-        self.state = max(self.state, str(entry["state"]), key=SEVERITY.index)
-        if not entry["usable"]:
+        self.state = max(self.state, entry.state, key=SEVERITY.index)
+        if not entry.usable:
             return
-        self.predicted = _largest(self.predicted, entry["class"])
-        self.force_mn = _largest(self.force_mn, entry["force_mn"])
-        if entry["interval_mn"]:
-            low_mn, high_mn = entry["interval_mn"]
-            self.low_mn = low_mn if self.low_mn is None else min(self.low_mn, low_mn)
-            self.high_mn = _largest(self.high_mn, high_mn)
+        if entry.predicted is not None:
+            self.predicted = max(entry.predicted, self.predicted or 0)
+        low_mn, high_mn = entry.interval_mn or (None, None)
+        self.force_mn = _farther(max, self.force_mn, entry.force_mn)
+        self.low_mn = _farther(min, self.low_mn, low_mn)
+        self.high_mn = _farther(max, self.high_mn, high_mn)
 
     def as_json(self) -> list[Any]:
         """Return the step for the page, rounded to tenths of a micronewton, which is finer than the page shows."""
@@ -51,11 +54,11 @@ class History:
     def __init__(self) -> None:
         self._steps: deque[Step] = deque()
 
-    def take(self, entry: Mapping[str, Any]) -> None:
-        """Add a decision (`Entry.as_json`)."""
-        number = int(entry["at_s"] / STEP_S)
+    def take(self, entry: Entry) -> None:
+        """Add a decision."""
+        number = int(entry.at_s / STEP_S)
         if not self._steps or number > self._steps[-1].number:
-            self._steps.append(Step(number, str(entry["state"])))
+            self._steps.append(Step(number, entry.state))
         self._steps[-1].take(entry)
         while self._steps[0].number < self._steps[-1].number - HISTORY_S / STEP_S:
             self._steps.popleft()
@@ -66,6 +69,8 @@ class History:
         return late[::-1]
 
 
-def _largest(one: Any, other: Any) -> Any:
-    found = [value for value in (one, other) if value is not None]
-    return max(found, default=None)
+def _farther(which: Callable[[float, float], float], one_mn: float | None, other_mn: float | None) -> float | None:
+    """Return `which`, the larger or the smaller, of two forces; what is missing or NaN does not count."""
+    if other_mn is None or not isfinite(other_mn):
+        return one_mn
+    return other_mn if one_mn is None else which(one_mn, other_mn)

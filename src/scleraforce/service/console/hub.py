@@ -5,9 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count
 from time import monotonic
-from typing import Any
 
+from scleraforce.errors import MessageError
 from scleraforce.service.companions.channel import Channel, ChannelClosedError
+from scleraforce.service.companions.messages import CompanionMessage, ResetAnswered, ResetAsked, SelfReport, WrongTokens
 from scleraforce.service.console.board import Board
 from scleraforce.service.console.pictures import Pictures
 from scleraforce.service.reset_token import ResetToken
@@ -58,7 +59,7 @@ class Hub:
         """Read the channel from now on."""
         asyncio.get_running_loop().add_reader(self._channel.fileno(), self.read)
 
-    def tell(self, message: dict[str, Any]) -> None:
+    def tell(self, message: CompanionMessage) -> None:
         """Send a message to the monitor, if it still runs."""
         try:
             self._channel.send(message)
@@ -66,16 +67,19 @@ class Hub:
             self._end()
 
     def read(self) -> None:
-        """Read all messages that wait in the channel."""
+        """Read all messages that wait in the channel; after one that is none, the board shows a silent monitor."""
         try:
             messages = self._channel.receive()
         except ChannelClosedError:
             self._end()
             return
+        except MessageError as fault:
+            self.tell(SelfReport(detail=f"the monitor does not keep to the protocol: {fault}"))
+            return
         now_s = monotonic()
         urgent = False
         for message in messages:
-            if message["kind"] == "reset-answer":
+            if isinstance(message, ResetAnswered):
                 self._answer(message)
             urgent = self.board.take(message, now_s) or urgent
         if urgent:
@@ -105,10 +109,10 @@ class Hub:
         self.pages.add(place)
         return place
 
-    def _answer(self, message: dict[str, Any]) -> None:
-        future = self._waiting.pop(message["request"], None)
+    def _answer(self, answered: ResetAnswered) -> None:
+        future = self._waiting.pop(answered.request, None)
         if future is not None and not future.done():
-            future.set_result((bool(message["granted"]), str(message["message"])))
+            future.set_result((answered.granted, answered.message))
 
     async def reset(self, token: str) -> ResetAnswer:
         """Ask the monitor for a reset; return whether it was granted, and the monitor's message.
@@ -121,7 +125,7 @@ class Hub:
             return False, "the token is wrong; the monitor printed the right one at its start"
         number = next(self._numbers)
         future = self._waiting[number] = asyncio.get_running_loop().create_future()
-        self.tell({"kind": "reset", "request": number, "token": token})
+        self.tell(ResetAsked(request=number, token=token))
         try:
             return await asyncio.wait_for(future, ANSWER_S)
         except TimeoutError:
@@ -136,5 +140,5 @@ class Hub:
             asyncio.get_running_loop().call_later(WRONG_S, self._tell_wrong)
 
     def _tell_wrong(self) -> None:
-        self.tell({"kind": "wrong-tokens", "count": self._wrong_tokens})
+        self.tell(WrongTokens(count=self._wrong_tokens))
         self._wrong_tokens = 0

@@ -1,14 +1,13 @@
 """A frame of the ring for a page: 8 bits, no larger than a screen shows, with the outline of its wall."""
 
 import json
-from collections.abc import Mapping
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.service.companions.frame_ring import FrameRing
+from scleraforce.service.companions.messages import Outline
 
 __all__ = ["Pictures"]
 
@@ -29,7 +28,7 @@ class Pictures:
         self._made: tuple[int, bytes] = (0, b"")
         self._white = 1.0
 
-    def of(self, frame: int, outline: Mapping[str, Any] | None) -> bytes | None:
+    def of(self, frame: int, outline: Outline | None) -> bytes | None:
         """Return the picture of a frame; None if the frame is gone."""
         if self._made[0] == frame:
             return self._made[1]
@@ -39,13 +38,13 @@ class Pictures:
         self._made = frame, self._picture(frame, pixels, outline)
         return self._made[1]
 
-    def _picture(self, frame: int, pixels: NDArray[np.uint16], outline: Mapping[str, Any] | None) -> bytes:
+    def _picture(self, frame: int, pixels: NDArray[np.uint16], outline: Outline | None) -> bytes:
         white = float(np.percentile(pixels[::4, ::4], WHITE_PERCENTILE))
         self._white = max(white, FADING * self._white, 1.0)
         rows, columns = (min(length, MOST_PIXELS) for length in pixels.shape)
         if (rows, columns) != pixels.shape:
             pixels = cv2.resize(pixels, (columns, rows), interpolation=cv2.INTER_AREA).astype(np.uint16)
         shown = cv2.convertScaleAbs(pixels, alpha=255 / self._white)
-        lines = {name: outline[name] for name in ("step", "outer", "inner")} if outline else None
+        lines = {"step": outline.step, "outer": outline.outer, "inner": outline.inner} if outline else None
         header = json.dumps({"frame": frame, "rows": rows, "columns": columns, "outline": lines}).encode()
         return len(header).to_bytes(4, "little") + header + shown.tobytes()

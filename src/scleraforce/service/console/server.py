@@ -8,6 +8,7 @@ import uvicorn
 
 from scleraforce.service.companions.channel import Channel
 from scleraforce.service.companions.frame_ring import FrameRing
+from scleraforce.service.companions.messages import ListensAt
 from scleraforce.service.console.app import console_app
 from scleraforce.service.console.connections import NewestConnections
 from scleraforce.service.console.hub import Hub
@@ -35,7 +36,7 @@ async def _serve(channel: Channel, settings: ConsoleSettings, listener: socket.s
     def end() -> None:
         loop.call_later(LAST_WORDS_S if hub.pages else 0.0, setattr, server, "should_exit", True)
 
-    hub = Hub(channel, Pictures(FrameRing(*settings.ring)), ResetToken(settings.token_digest), end)
+    hub = Hub(channel, Pictures(FrameRing.at(settings.ring)), ResetToken(settings.token_digest), end)
     server = uvicorn.Server(
         uvicorn.Config(
             console_app(hub, settings),
@@ -51,7 +52,7 @@ async def _serve(channel: Channel, settings: ConsoleSettings, listener: socket.s
         )
     )
     hub.listen()
-    hub.tell({"kind": "listening", "url": _url(settings.host, listener.getsockname()[1])})
+    hub.tell(ListensAt(url=_url(settings.host, listener.getsockname()[1])))
     await server.serve([listener])
 
 

@@ -1,13 +1,13 @@
 """The settings that the monitor sends its console at the start."""
 
 import socket
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from scleraforce import __version__
 from scleraforce.monitor import MonitorLimits
-from scleraforce.service.companions.frame_ring import FrameRing
+from scleraforce.service.companions.frame_ring import FrameRing, RingPlace
 from scleraforce.service.reset_token import token_digest
 from scleraforce.units import n_to_mn
 
@@ -22,7 +22,7 @@ class ConsoleSettings:
         host: address that is listened on.
         listener: descriptor of the socket that listens there.
         token_digest: of the token of the operator's reset.
-        ring: of the frames: its descriptor, how many frames, rows, columns.
+        ring: of the frames.
         pixel_mm: lateral and in depth.
         class_bounds_mn: between the classes of force.
         bound_mn: of the interval's upper end, where the robot withdraws.
@@ -37,7 +37,7 @@ class ConsoleSettings:
     host: str
     listener: int
     token_digest: str
-    ring: tuple[int, int, int, int]
+    ring: RingPlace
     pixel_mm: tuple[float, float]
     class_bounds_mn: tuple[float, ...]
     bound_mn: float
@@ -48,20 +48,11 @@ class ConsoleSettings:
     eye: str
     version: str
 
-    @classmethod
-    def from_message(cls, message: Mapping[str, Any]) -> "ConsoleSettings":
-        """Return the settings in a message of `console_settings`."""
-        fields: dict[str, Any] = {
-            name: tuple(value) if isinstance(value, list) else value for name, value in message.items()
-        }
-        return cls(**fields)
-
     def for_page(self) -> dict[str, Any]:
         """Return the settings for the page, as a JSON object."""
-        _, _, rows, columns = self.ring
         known = ("pixel_mm", "class_bounds_mn", "bound_mn", "withdraw_class", "silence_s", "reads_force")
         named = {name: getattr(self, name) for name in (*known, "model", "eye", "version")}
-        return {**named, "rows": rows, "columns": columns}
+        return {**named, "rows": self.ring.rows, "columns": self.ring.columns}
 
 
 def console_settings(
@@ -76,8 +67,8 @@ def console_settings(
     class_bounds_n: Sequence[float],
     model: str,
     eye: str = "",
-) -> dict[str, Any]:
-    """Return the settings of the console's process, as its first message.
+) -> ConsoleSettings:
+    """Return the settings of the console's process, its first message.
 
     Args:
         host: address that is listened on.
@@ -91,11 +82,11 @@ def console_settings(
         model: its name.
         eye: whose eye; "" where that is not said.
     """
-    settings = ConsoleSettings(
+    return ConsoleSettings(
         host=host,
         listener=listener.fileno(),
         token_digest=token_digest(token),
-        ring=(ring.descriptor, ring.frames, *ring.shape),
+        ring=ring.place,
         pixel_mm=(1e3 * lateral_m, 1e3 * depth_m),
         class_bounds_mn=tuple(n_to_mn(bound_n) for bound_n in class_bounds_n),
         bound_mn=n_to_mn(limits.bound_n),
@@ -106,4 +97,3 @@ def console_settings(
         eye=eye,
         version=__version__,
     )
-    return vars(settings).copy()

@@ -1,0 +1,81 @@
+"""What the black box says: records and notes into its log, signs of life and what it cannot keep to the monitor."""
+
+import shutil
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from scleraforce.service.black_box.decision_log import DecisionLog, format_line
+from scleraforce.service.companions.channel import Channel, ChannelClosedError
+from scleraforce.service.companions.codec import message_as_json
+from scleraforce.service.companions.messages import Alive, CompanionMessage, Decided, Note, SelfReport, WithdrawalKept
+
+__all__ = ["Journal"]
+
+LEAST_FREE_BYTES = 10**9
+
+
+class Journal:
+    """Writes the log and tells the monitor of each thing that cannot be kept: once, until it is kept again.
+
+    Args:
+        log: of the decisions.
+        channel: to the monitor.
+    """
+
+    def __init__(self, log: DecisionLog, channel: Channel) -> None:
+        self._log, self._channel = log, channel
+        self._faults: dict[str, str] = {}
+
+    def record(self, message: Decided | Note) -> bytes:
+        """Append a message to the log; return its line, also if it could not be written."""
+        record = message_as_json(message)
+        try:
+            line = self._log.append(record)
+        except OSError as fault:
+            self.fault("log", fault)
+            return format_line(record)
+        self.mended("log")
+        return line
+
+    def note(self, text: str) -> None:
+        """Append a note of the black box itself."""
+        self.record(Note(time_s=time.time(), text=text))
+
+    def fault(self, what: str, fault: BaseException) -> None:
+        """Tell the monitor what is not kept, and why; note it, unless the log itself is at fault."""
+        if what in self._faults:
+            return
+        self._faults[what] = detail = f"{what}: {fault}"
+        if not what.startswith("log"):
+            self.note(detail)
+        self._tell(SelfReport(detail=detail))
+
+    def mended(self, what: str) -> None:
+        """Note that something can be kept again."""
+        self._faults.pop(what, None)
+
+    def has_room(self, what: str, folder: Path) -> bool:
+        """Return whether the disk of a folder, which need not exist yet, has enough space for `what`."""
+        place = next(path for path in (folder, *folder.parents) if path.exists())
+        try:
+            free_bytes = shutil.disk_usage(place).free
+            if free_bytes < LEAST_FREE_BYTES:
+                raise OSError(f"{place}: {free_bytes / 1e9:.2f} GB free; below 1 GB nothing is kept")
+        except OSError as fault:
+            self.fault(what, fault)
+            return False
+        self.mended(what)
+        return True
+
+    def sign_of_life(self) -> None:
+        """Tell the monitor that the black box works, and what it cannot keep now."""
+        self._tell(Alive(faults=tuple(self._faults.values())))
+
+    def kept(self, folder: Path) -> None:
+        """Tell the monitor that a withdrawal is complete."""
+        self._tell(WithdrawalKept(folder=str(folder)))
+
+    def _tell(self, message: CompanionMessage) -> None:
+        with suppress(ChannelClosedError):  # the black box notices it when it listens
+            self._channel.send(message)
