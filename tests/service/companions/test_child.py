@@ -42,7 +42,9 @@ time.sleep(60)
 def ending_with(code, descriptor=0):
     """Settings of some child: its exit code in place of a number of frames; it waits for ever for 0."""
     ring = RingPlace(descriptor=descriptor, frames=code, rows=1, columns=1)
-    return OpinionSettings(model=Path("é"), known=NOTHING_KNOWN, scale=PixelScale(1e-5, 1e-5), ring=ring)
+    return OpinionSettings(
+        model=Path("é"), known=NOTHING_KNOWN, scale=PixelScale(lateral_m=1e-5, depth_m=1e-5), ring=ring
+    )
 
 
 @pytest.fixture(autouse=True)

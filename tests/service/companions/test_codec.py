@@ -49,9 +49,22 @@ ENTRY = Entry(
     message="OK:\n“12 mN”", frame=3, frame_id=77, predicted=1, probabilities=(0.0, 0.75, 0.25), force_mn=12.5,
     interval_mn=(11.0, 13.5), usable=True, reason=None, latency_ms=0.75, lost=2,
 )  # fmt: skip
-TICK = Entry(1, 1.8e9, 12.5, "tick", "NOT_READY", 13, 0, None, "no good frame yet")
+TICK = Entry(
+    number=1,
+    time_s=1.8e9,
+    at_s=12.5,
+    event="tick",
+    state="NOT_READY",
+    code=13,
+    sub_code=0,
+    cause=None,
+    message="no good frame yet",
+)
 INFO = RecordingInfo(
-    EyeInfo("eye", 600e-6, None), OctInfo(32, 24, 16, 15e-3, 4e-3), NeedleInfo(22, 0.5e-3), ForceInfo("fz", -1, 0.2)
+    EyeInfo("eye", thickness_m=600e-6, iop_pa=None),
+    OctInfo(columns=32, rows=24, bits=16, width_m=15e-3, depth_m=4e-3),
+    NeedleInfo(gauge=22, slice_gap_m=0.5e-3),
+    ForceInfo("fz", -1, 0.2),
 )
 MESSAGES: list[CompanionMessage] = [
     Decided(entry=ENTRY),
@@ -82,9 +95,9 @@ MESSAGES: list[CompanionMessage] = [
     BlackBoxSettings(
         folder=Path("/tmp/box"), ring=RING, info=replace(INFO, force=None), record=Path("/tmp/é"), keep_s=10.0
     ),
-    OpinionSettings(model=Path("m"), known=Known(), scale=PixelScale(29e-6, 8e-6), ring=RING),
+    OpinionSettings(model=Path("m"), known=Known(), scale=PixelScale(lateral_m=29e-6, depth_m=8e-6), ring=RING),
     OpinionSettings(
-        model=Path("m"), known=Known(Modulus(250e3, 10e3, "own"), 2000.0, 6e-4), scale=PixelScale(1e-5, 1e-5), ring=RING
+        model=Path("m"), known=Known(modulus=Modulus(mean_pa=250e3, sd_pa=10e3, source="own"), iop_pa=2000.0, thickness_m=6e-4), scale=PixelScale(lateral_m=1e-5, depth_m=1e-5), ring=RING
     ),
     ConsoleSettings(
         host="::1", listener=7, token_digest="d", ring=RING, pixel_mm=(0.03, 0.01), class_bounds_mn=(5.0, 30.0),
