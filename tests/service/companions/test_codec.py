@@ -97,7 +97,8 @@ MESSAGES: list[CompanionMessage] = [
     ),
     OpinionSettings(model=Path("m"), known=Known(), scale=PixelScale(lateral_m=29e-6, depth_m=8e-6), ring=RING),
     OpinionSettings(
-        model=Path("m"), known=Known(modulus=Modulus(mean_pa=250e3, sd_pa=10e3, source="own"), iop_pa=2000.0, thickness_m=6e-4), scale=PixelScale(lateral_m=1e-5, depth_m=1e-5), ring=RING
+        model=Path("m"), scale=PixelScale(lateral_m=1e-5, depth_m=1e-5), ring=RING,
+        known=Known(modulus=Modulus(mean_pa=250e3, sd_pa=10e3, source="own"), iop_pa=2000.0, thickness_m=6e-4),
     ),
     ConsoleSettings(
         host="::1", listener=7, token_digest="d", ring=RING, pixel_mm=(0.03, 0.01), class_bounds_mn=(5.0, 30.0),
