@@ -61,5 +61,5 @@ def test_no_such_law_and_no_negative_rigidity() -> None:
     with pytest.raises(InputError, match="'linear' is not one of cube-root, logarithmic"):
         Globe("linear", 1.0)
     for rigidity in (-1.0, np.nan):
-        with pytest.raises(InputError, match="rigidity: (-1|nan); must be 0"):
+        with pytest.raises(InputError, match=r"rigidity: (-1|nan); must be 0"):
             sealed_globe(rigidity)

@@ -7,6 +7,7 @@ from time import perf_counter
 
 import click
 
+from scleraforce.cli.globe import globe_options, with_globe
 from scleraforce.cli.output import print_json, share_bar
 from scleraforce.errors import InputError
 from scleraforce.study import Choice, Study, fixed, read_study
@@ -25,6 +26,7 @@ __all__ = ["simulate"]
 @click.option("--iop-mmhg", type=float, help="Intraocular pressure; the study's by default.")
 @click.option("--polar-angle-deg", type=float, help="Contact, from the pole; the middle of the study's by default.")
 @click.option("--gap-mm", type=float, help="B-scan plane to needle axis; the study's by default.")
+@globe_options
 @click.option("--mechanics", type=click.Choice(["linear", "finite-strain"]), help="Small displacements, or any; the "
               "study's by default (linear, if it does not say).")  # fmt: skip
 @click.option("--vtu", type=click.Path(path_type=Path), help="Write the mesh and its displacement (VTK) here.")
@@ -42,6 +44,8 @@ def simulate(
     iop_mmhg: float | None,
     polar_angle_deg: float | None,
     gap_mm: float | None,
+    globe: str | None,
+    rigidity: float | None,
     mechanics: str | None,
     vtu: Path | None,
     plot: Path | None,
@@ -57,6 +61,7 @@ def simulate(
 
     study = Study() if study_path is None else read_study(study_path)
     study = _with_options(study, thickness_um, youngs_modulus_mpa, iop_mmhg, polar_angle_deg, gap_mm)
+    study = with_globe(study, globe, rigidity)
     if mechanics is not None:
         study = replace(study, mechanics=replace(study.mechanics, kind=mechanics))
     refuse_unused(study, "simulate", study.mechanics.kind, study_path)
@@ -85,6 +90,9 @@ def simulate(
         write_figure(draw_simulation(eye), plot)
     result = {
         "tip_displacement_mm": eye.tip_m * 1e3,
+        "dent_mm": eye.dent_m * 1e3,
+        "pressure_mmhg": eye.pressure_pa / mmhg_to_pa(1.0),
+        "globe": study.globe.kind,
         "elements": len(eye.mesh.cells_en),
         "dofs": eye.mesh.points_nc.size,
         "seconds": round(seconds, 3),
@@ -94,6 +102,10 @@ def simulate(
         print_json(result)
         return
     click.echo(f"the contact sinks in by {eye.tip_m * 1e3:.3f} mm under {n_to_mn(eye.force_n):g} mN")
+    if study.globe.kind == "sealed":
+        resting, loaded = (pressure / mmhg_to_pa(1.0) for pressure in (study.eye.iop_pa, eye.pressure_pa))
+        click.echo(f"the pressure rises from {resting:.3g} to {loaded:.3g} mmHg; the dent is {eye.dent_m * 1e3:.3f} mm "
+                   "deep, from the undented wall at that pressure")  # fmt: skip
     if study.mechanics.kind == "linear" and eye.tip_m > eye.mesh.thickness_m:
         click.echo(f"that is {eye.tip_m / eye.mesh.thickness_m:.1f} times the wall's thickness: more than linear "
                    "mechanics describes")  # fmt: skip

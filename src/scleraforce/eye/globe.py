@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
+from scleraforce.study import GlobeStudy
 from scleraforce.units import mmhg_to_pa
 
-__all__ = ["LAWS", "OPEN_GLOBE", "Globe", "sealed_globe"]
+__all__ = ["LAWS", "OPEN_GLOBE", "Globe", "sealed_globe", "study_globe"]
 
 Floats = NDArray[np.float64]
 Values = Floats | float
@@ -90,3 +91,8 @@ def sealed_globe(rigidity_pa13_per_m3: Values, law: str = LAWS[0]) -> Globe:
         InputError: no such law, or a negative rigidity.
     """
     return Globe(law, rigidity_pa13_per_m3 * (3.0 / np.cbrt(SAME_SLOPE_PA) if law == LAWS[1] else 1.0))
+
+
+def study_globe(globe: GlobeStudy) -> Globe:
+    """Return the globe of a study."""
+    return sealed_globe(globe.rigidity_pa13_per_m3, globe.rigidity_law) if globe.kind == "sealed" else OPEN_GLOBE
