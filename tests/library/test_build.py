@@ -46,9 +46,10 @@ def test_what_is_read_is_what_was_solved(made):
     assert library.thickness_m == pytest.approx(plan.thickness_m)
     assert (library.radius_m, library.poisson_ratio, library.needle_radius_m) == (12e-3, 0.45, 0.35e-3)
     for number in (0, 7, 19):
-        force_d, curves_dbnc = solve_analytic(plan, number)
+        force_d, displaced_d, curves_dbnc = solve_analytic(plan, number)
         place = divmod(number, 5)
         assert np.array_equal(library.force_ratio_tpd[place], force_d)
+        assert np.array_equal(library.displaced_tpd[place], displaced_d)
         assert np.array_equal(library.curves_tpdbnc[place], curves_dbnc)
     assert library.contact_polar_rad == pytest.approx(np.radians(35.0))
 
@@ -173,15 +174,16 @@ def test_the_default_covers_what_it_says():
 
 def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path):
     plan = plan_library(Study(library=LibraryStudy(thicknesses=4, iop_ratios=4, tips=5, max_tip_m=1e-3, elements=16)))
-    force_d, curves_dbnc = solve_path(plan, 6)
+    force_d, displaced_d, curves_dbnc = solve_path(plan, 6)
     thickness_m, iop_ratio = plan.wall(6)
     expected = axisymmetric_path(
         12e-3, thickness_m, 0.45, 0.35e-3, iop_ratio, tips_m=plan.tip_m[1:], size=MeridianSize(16, 1)
     )
     assert np.array_equal(force_d, expected.force_ratio_m2)
+    assert np.array_equal(displaced_d, expected.displaced_m3)
     assert curves_dbnc == pytest.approx(expected.curves_sbnc, abs=1e-9)
     create_store(tmp_path / "library", plan)
-    write_unit(tmp_path / "library", plan, 6, force_d, curves_dbnc)
+    write_unit(tmp_path / "library", plan, 6, force_d, displaced_d, curves_dbnc)
     assert missing_units(tmp_path / "library", plan) == [n for n in range(plan.units) if n != 6]
 
 

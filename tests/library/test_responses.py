@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from analytic_library import analytic_library, curves, draw_walls, force_ratio
+from analytic_library import analytic_library, curves, displaced_m3, draw_walls, force_ratio
 
 from scleraforce.errors import InputError
+from scleraforce.eye.globe import LAWS, OPEN_GLOBE, Globe
 
 
 @pytest.fixture(scope="module")
@@ -129,3 +130,37 @@ def test_a_library_that_does_not_fit_together_is_refused(library):
     broken[2, 2, 2] = np.inf
     with pytest.raises(InputError, match="not finite"):
         replace(library, force_ratio_tpd=broken)
+
+
+def test_the_displaced_volume_is_interpolated(library):
+    rng = np.random.default_rng(5)
+    t, p = draw_walls(rng, 300)
+    tip = rng.uniform(0.0, 7.5e-3, 300)
+    assert library.displaced_m3(t, p, tip) == pytest.approx(displaced_m3(t, p, tip), rel=1e-3)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_pressure_of_a_sealed_globe_is_the_lowest_that_solves_its_law(library, law):
+    rng = np.random.default_rng(6)
+    t, p = draw_walls(rng, 400)
+    tip, globe = rng.uniform(0.0, 3e-3, 400), Globe(law, np.exp(rng.uniform(*np.log([1e5, 1e8]), 400)))
+    found = library.sealed_iop_ratio(t, p, tip, globe)
+    ratios = np.geomspace(8e-5, 6e-3, 20_001)[:, None]
+    missing = globe.level(ratios) - globe.level(p) - globe.rate * displaced_m3(t, ratios, tip)
+    first = np.where((missing >= 0.0).any(axis=0), ratios[np.argmax(missing >= 0.0, axis=0), 0], np.nan)
+    assert 40 < np.isfinite(first).sum() < 360
+    # Where the law is met only just, or just not, either may be.
+    close = np.isfinite(found) & np.isfinite(first)
+    assert (np.isfinite(found) != np.isfinite(first)).sum() <= 2
+    off = np.abs(found[close] / first[close] - 1.0)
+    assert np.quantile(off, 0.98) < 1e-3
+    assert off.max() < 0.03  # where the pressure is about to run away, a small error of the volume moves it far
+    assert (found[close] >= p[close] * (1.0 - 1e-9)).all()
+
+
+def test_an_open_globe_keeps_its_pressure_and_so_does_one_without_a_dent(library):
+    t, p = draw_walls(np.random.default_rng(7), 20)
+    assert np.array_equal(library.sealed_iop_ratio(t, p, np.full(20, 1e-3), OPEN_GLOBE), p)
+    assert library.sealed_iop_ratio(t, p, np.zeros(20), Globe(rate=1e6)) == pytest.approx(p, rel=1e-4)
+    with pytest.raises(InputError, match=r"tip: 8 mm is outside"):
+        library.sealed_iop_ratio(t, p, np.full(20, 8e-3), OPEN_GLOBE)

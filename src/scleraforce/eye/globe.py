@@ -66,6 +66,10 @@ class Globe:
         """Return what of the pressure is linear in the volume: its cube root or its logarithm."""
         return np.asarray(np.log(pressure) if self.law == LAWS[1] else np.cbrt(pressure))
 
+    def level_slope(self, pressure: Values) -> Floats:
+        """Return the derivative of the level by the pressure."""
+        return np.asarray(1.0 / (pressure if self.law == LAWS[1] else 3.0 * np.cbrt(pressure) ** 2))
+
     def pressure(self, resting: Values, displaced_m3: Values) -> Floats:
         """Return the pressure when a dent displaces a volume, in the unit of the resting pressure; never below 0."""
         if self.law == LAWS[1]:
@@ -74,7 +78,7 @@ class Globe:
 
     def stiffness(self, pressure: Values) -> Floats:
         """Return dP/dV at a pressure, in its unit over m^3."""
-        return np.asarray(self.rate * (pressure if self.law == LAWS[1] else 3.0 * np.cbrt(pressure) ** 2))
+        return np.asarray(self.rate / self.level_slope(pressure))
 
     def displaced_m3(self, resting: Values, pressure: Values) -> Floats:
         """Return the volume whose displacement brings the resting pressure to another; in sealed globes only."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,13 @@ from scleraforce.study import Study
 
 __all__ = ["Building", "PathSolver", "SolvedPath", "build_library", "solve_path"]
 
-SolvedPath = tuple[NDArray[np.float64], NDArray[np.float32]]
-PathSolver = Callable[[LibraryPlan, int], SolvedPath]
+
+class SolvedPath(NamedTuple):
+    """F/E (tip,), m^2, displaced volume (tip,), m^3, and boundaries (tip, boundary, node, 2), m, of a unit."""
+
+    force_d: NDArray[np.float64]
+    displaced_d: NDArray[np.float64]
+    curves_dbnc: NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -32,6 +38,9 @@ class Building:
     paths: int
     solved: int
     seconds: float
+
+
+PathSolver = Callable[[LibraryPlan, int], SolvedPath]
 
 
 def build_library(
@@ -70,15 +79,15 @@ def build_library(
     todo = missing_units(out, plan)
     report(plan.units - len(todo))
     with closing(_solved(plan, todo, scheduler, workers, solve or solve_path)) as results:
-        for unit, (force_d, curves_dbnc) in results:
-            write_unit(out, plan, unit, force_d, curves_dbnc)
+        for unit, path in results:
+            write_unit(out, plan, unit, *path)
             report(1)
     complete_store(out, plan)
     return Building(plan.units, len(todo), perf_counter() - start)
 
 
 def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
-    """Return F/E (tip,), m^2, and the boundaries (tip, boundary, node, 2), m, of a unit.
+    """Return the path of a unit, with an open globe.
 
     Raises:
         SolverError: the path cannot be followed to its last tip.
@@ -95,7 +104,7 @@ def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
         support_rad=plan.support_rad(unit),
         size=MeridianSize(plan.grid.elements, plan.grid.layers),
     )
-    return path.force_ratio_m2, path.curves_sbnc.astype(np.float32)
+    return SolvedPath(path.force_ratio_m2, path.displaced_m3, path.curves_sbnc.astype(np.float32))
 
 
 def _solved(

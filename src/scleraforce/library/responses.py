@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
+from scleraforce.eye.globe import Globe
 from scleraforce.library.crossing import first_crossing
 from scleraforce.library.splines import SUPPORT, CubicSpline
 
@@ -53,15 +54,17 @@ class Library:
     """Load paths over thickness and IOP ratio, and their interpolation. All evaluation is vectorised over samples.
 
     `thickness_m` (t,), `iop_ratio` (p,) and `tip_m` (d,) increase, at least four values each; `tip_m` starts at 0.
-    `force_ratio_tpd` is F/E in m^2 and `curves_tpdbnc` what `Responses` says, of walls clamped 90 degrees from the
-    needle axis. `stiffness_atpd` is the factor of the force for contacts at the polar angles `polar_rad` (a,), from 0;
-    the library answers for `contact_polar_rad`. `max_force_ratio` is the largest F/E that it is asked for.
+    `force_ratio_tpd` is F/E in m^2, `displaced_tpd` the volume in m^3 between the wall without the needle and with it,
+    at one pressure, and `curves_tpdbnc` what `Responses` says, of walls clamped 90 degrees from the needle axis.
+    `stiffness_atpd` is the factor of the force for contacts at the polar angles `polar_rad` (a,), from 0; the library
+    answers for `contact_polar_rad`. `max_force_ratio` is the largest F/E that it is asked for.
     """
 
     thickness_m: Floats
     iop_ratio: Floats
     tip_m: Floats
     force_ratio_tpd: Floats
+    displaced_tpd: Floats
     curves_tpdbnc: Curves
     radius_m: float
     poisson_ratio: float
@@ -75,9 +78,12 @@ class Library:
         shape = (len(self.thickness_m), len(self.iop_ratio), len(self.tip_m))
         if min(shape) < SUPPORT:
             raise InputError(f"library: {shape} thicknesses, IOP ratios, tips; must be at least {SUPPORT} of each")
-        if self.force_ratio_tpd.shape != shape or self.curves_tpdbnc.shape[:4] != (*shape, 2):
-            raise InputError(f"library: forces {self.force_ratio_tpd.shape} and curves {self.curves_tpdbnc.shape} "
-                             f"do not fit the axes {shape}")  # fmt: skip
+        if {self.force_ratio_tpd.shape, self.displaced_tpd.shape} != {shape} or self.curves_tpdbnc.shape[:4] != (
+            *shape,
+            2,
+        ):
+            raise InputError(f"library: forces {self.force_ratio_tpd.shape}, volumes {self.displaced_tpd.shape} and "
+                             f"curves {self.curves_tpdbnc.shape} do not fit the axes {shape}")  # fmt: skip
         if self.stiffness_atpd.shape != (len(self.polar_rad), *shape) or len(self.polar_rad) < SUPPORT:
             raise InputError(f"library: stiffness {self.stiffness_atpd.shape} does not fit {len(self.polar_rad)} "
                              f"polar angles (at least {SUPPORT}) and the axes {shape}")  # fmt: skip
@@ -92,7 +98,7 @@ class Library:
             raise InputError(f"library: radius, needle radius, largest F/E, first thickness and IOP ratio {sizes}, "
                              f"Poisson's ratio {self.poisson_ratio}: impossible")  # fmt: skip
         axes = (self.thickness_m, self.iop_ratio, self.tip_m, self.polar_rad)
-        values = (*axes, self.force_ratio_tpd, self.curves_tpdbnc, self.stiffness_atpd)
+        values = (*axes, self.force_ratio_tpd, self.displaced_tpd, self.curves_tpdbnc, self.stiffness_atpd)
         if not all(np.isfinite(array).all() for array in values):
             raise InputError("library: values that are not finite")
 
@@ -142,6 +148,43 @@ class Library:
         rows, weights = self._states(walls, tip_m)
         ratios: Floats = (self._state_coefficients[rows] * weights).sum(axis=1)
         return ratios
+
+    def displaced_m3(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
+        """Return the volume between the wall without the needle and with it, at one pressure, (sample,), m^3.
+
+        Raises:
+            InputError: a sample lies outside the library.
+        """
+        walls = self._walls(thickness_m, iop_ratio)
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
+        rows, weights = self._states(walls, tip_m)
+        volumes: Floats = (self._volume_coefficients[rows] * weights).sum(axis=1)
+        return volumes
+
+    def sealed_iop_ratio(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, globe: Globe) -> Floats:
+        """Return the pressure over E (sample,) under dents of sealed globes, whose states are the open ones at it.
+
+        Dents count from the undented wall at that pressure, as they do in all states here. Of several pressures that
+        solve the globe's law, the lowest counts; NaN where none of the library's does: the pressure runs away
+        (`mechanics.sealed_dent`), or rises beyond them.
+
+        Args:
+            thickness_m: wall thickness (sample,), m.
+            iop_ratio: pressure without the needle over E (sample,).
+            tip_m: dent (sample,), m.
+            globe: how the pressure follows the displaced volume, over E; its rate is a number or (sample,).
+
+        Raises:
+            InputError: a sample without the needle lies outside the library, or its dent does.
+        """
+        self._walls(thickness_m, iop_ratio)
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
+        volumes, slopes = self._along_pressure(thickness_m, tip_m)
+        rate = np.broadcast_to(globe.rate, np.shape(tip_m))[:, None]
+        level, level_slope = globe.level(self.iop_ratio), globe.level_slope(self.iop_ratio)
+        missing, rise = level - rate * volumes, level_slope * self.iop_ratio - rate * slopes
+        log_ratio = first_crossing(np.log(self.iop_ratio), missing, rise, globe.level(iop_ratio))
+        return np.where(rate[:, 0] > 0.0, np.exp(log_ratio), iop_ratio)
 
     def tips(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
         """Return the tips (sample,), m, at which loading first reaches the forces; arguments and errors of `curves`."""
@@ -229,6 +272,24 @@ class Library:
         return weights.reshape(-1)
 
     @cached_property
+    def _volume_coefficients(self) -> Floats:
+        """Spline weights of the displaced volume (t p d,)."""
+        weights = self.displaced_tpd
+        for axis, spline in enumerate(self._splines):
+            weights = spline.coefficients(weights, axis)
+        return weights.reshape(-1)
+
+    @cached_property
+    def _pressure_coefficients(self) -> Floats:
+        """Spline weights over thickness and tip of the volume and its slope by log IOP ratio, there (t d, 2 p)."""
+        volumes_tdp = self.displaced_tpd.swapaxes(1, 2)
+        along_pressure = self._splines[1].coefficients(volumes_tdp, axis=2)
+        both = np.concatenate([volumes_tdp, self._splines[1].slopes(along_pressure)], axis=2)
+        for axis, spline in ((0, self._splines[0]), (1, self._splines[2])):
+            both = spline.coefficients(both, axis)
+        return both.reshape(-1, both.shape[2])
+
+    @cached_property
     def _curve_coefficients(self) -> Curves:
         """Spline weights of the curves (t p d, b n c)."""
         weights = self.curves_tpdbnc.astype(np.float64)
@@ -241,6 +302,14 @@ class Library:
         rows, weights = walls
         both = (weights[:, None] @ self._force_coefficients[rows])[:, 0]
         return both[:, : len(self.tip_m)], both[:, len(self.tip_m) :]
+
+    def _along_pressure(self, thickness_m: Floats, tip_m: Floats) -> tuple[Floats, Floats]:
+        """Displaced volume and its slope by log IOP ratio at the library's ratios, each (sample, p)."""
+        t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
+        d, of_d = self._splines[2].weights(self._inside(tip_m, self.tip_m))
+        rows, weights = _products(t, of_t, d, of_d, len(self.tip_m))
+        both = (weights[:, None] @ self._pressure_coefficients[rows])[:, 0]
+        return both[:, : len(self.iop_ratio)], both[:, len(self.iop_ratio) :]
 
     def _curves(self, walls: Walls, tip_m: Floats) -> Curves:
         rows, weights = self._states(walls, tip_m)
@@ -265,10 +334,7 @@ class Library:
         _check("IOP/E", iop_ratio, *self._ends(self.iop_ratio), 1.0, "")
         t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
         p, of_p = self._splines[1].weights(np.log(self._inside(iop_ratio, self.iop_ratio)))
-        support = np.arange(SUPPORT)
-        rows = (t[:, None] + support)[:, :, None] * len(self.iop_ratio) + (p[:, None] + support)[:, None]
-        weights = of_t[:, :, None] * of_p[:, None]
-        return rows.reshape(len(t), SUPPORT**2), weights.reshape(len(t), SUPPORT**2)
+        return _products(t, of_t, p, of_p, len(self.iop_ratio))
 
     @staticmethod
     def _ends(axis: Floats) -> tuple[float, float]:
@@ -278,6 +344,16 @@ class Library:
     def _inside(values: Floats, axis: Floats) -> Floats:
         """Values of a range that was checked, without what rounding added."""
         return np.clip(np.asarray(values, dtype=np.float64), axis[0], axis[-1])
+
+
+def _products(
+    first: NDArray[np.intp], of_first: Floats, second: NDArray[np.intp], of_second: Floats, seconds: int
+) -> Walls:
+    """Rows (sample, 16) of a table over two axes, the second of a length, and the products of their weights."""
+    support = np.arange(SUPPORT)
+    rows = (first[:, None] + support)[:, :, None] * seconds + (second[:, None] + support)[:, None]
+    weights = of_first[:, :, None] * of_second[:, None]
+    return rows.reshape(len(first), SUPPORT**2), weights.reshape(len(first), SUPPORT**2)
 
 
 def _check(name: str, values: Floats, low: float, high: float, factor: float, unit: str) -> None:
