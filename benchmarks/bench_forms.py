@@ -24,7 +24,6 @@ from scleraforce.mechanics.study_path import BentEye, bend_eye
 from scleraforce.study import (
     EyeStudy,
     FormStudy,
-    GlobeStudy,
     MechanicsStudy,
     MeshStudy,
     NeedleStudy,
@@ -61,7 +60,6 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "force leans 10° away from the pole": {"needle": leaning(0.0)},
     "force leans 10° to the pole": {"needle": leaning(180.0)},
     "force leans 10° sideways": {"needle": leaning(90.0)},
-    "sealed globe": {"globe": GlobeStudy("sealed")},
     "pressure as a dead load": {"mechanics": MechanicsStudy("finite-strain", follower=False)},
     "no weight": {"eye": EyeStudy(density_kg_m3=0.0)},
 }

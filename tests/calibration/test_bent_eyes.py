@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow
 EYE = PhantomEye("bent", 0.65e-3, 0.3e6, 300.0, 0.6e-3, radians(42), direction_rad=radians(230))
 FORCES = (0.040, 0.010, 0.052, 0.022, 0.031)
 NARROW = LibraryStudy(
-    thickness_m=Range(0.58e-3, 0.72e-3), thicknesses=4, iop_ratio=Range(3e-4, 3e-3), iop_ratios=4, max_tip_m=5.5e-3
+    thickness_m=Range(0.58e-3, 0.72e-3), thicknesses=4, tension=Range(5e-3, 6e-2), tensions=4, max_tip_m=5.5e-3
 )
 
 

@@ -39,7 +39,7 @@ core = 4
 rings = 6
 [library]
 thicknesses = 4
-iop_ratios = 4
+tensions = 4
 tips = 4
 max_tip_mm = 0.5
 elements = 16

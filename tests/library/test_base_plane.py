@@ -13,7 +13,7 @@ from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
 from scleraforce.mechanics.polar import polar_path
 from scleraforce.study import LibraryStudy, Range, Study
 
-GRID = LibraryStudy(thickness_m=Range(500.0e-6, 800.0e-6), thicknesses=4, iop_ratio=Range(4e-4, 3e-3), iop_ratios=4,
+GRID = LibraryStudy(thickness_m=Range(500.0e-6, 800.0e-6), thicknesses=4, tension=Range(8e-3, 6e-2), tensions=4,
                     tips=24, max_tip_m=5e-3, elements=32)  # fmt: skip
 
 

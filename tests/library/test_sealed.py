@@ -24,8 +24,8 @@ DENTS_M = 1e-3 * np.array([0.3, 0.8, 1.4, 2.0])
 GRID = LibraryStudy(
     thickness_m=Range(0.45e-3, 0.9e-3),
     thicknesses=5,
-    iop_ratio=Range(3e-4, 6e-3),
-    iop_ratios=8,
+    tension=Range(4e-3, 0.2),
+    tensions=8,
     max_tip_m=3e-3,
     tips=24,
 )

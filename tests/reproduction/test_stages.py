@@ -22,7 +22,8 @@ core = 4
 rings = 6
 [library]
 thicknesses = 4
-iop_ratios = 4
+tension = { min = 1e-3, max = 0.21 }
+tensions = 4
 elements = 24
 [reader]
 epochs = 1

@@ -53,15 +53,16 @@ def stiffness(polar_rad):
     return 1.0 + 0.1 * polar_rad**2
 
 
-def analytic_library(thicknesses=9, ratios=9, tips=40, max_tip_m=7.5e-3):
+def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3):
     """The library of this eye."""
     t = np.geomspace(0.35e-3, 0.9e-3, thicknesses)
-    p = np.geomspace(8e-5, 6e-3, ratios)
+    tension = np.geomspace(1e-3, 0.21, ratios)
     d = max_tip_m * np.linspace(0.0, 1.0, tips) ** 1.5
-    grid = np.meshgrid(t, p, d, indexing="ij")
+    grid = list(np.meshgrid(t, tension, d, indexing="ij"))
+    grid[1] = grid[1] * grid[0] / RADIUS_M  # IOP/E
     return Library(
         t,
-        p,
+        tension,
         d,
         force_ratio(*grid),
         displaced_m3(*grid),

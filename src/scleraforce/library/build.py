@@ -23,6 +23,11 @@ from scleraforce.study import Study
 __all__ = ["Building", "PathSolver", "SolvedPath", "build_library", "solve_path"]
 
 
+Floats = NDArray[np.float64]
+
+SOLVED_FORCES = 2.0  # over the largest F/E of the library: what is done beyond it is not felt below
+
+
 class SolvedPath(NamedTuple):
     """F/E (tip,), m^2, displaced volume (tip,), m^3, and boundaries (tip, boundary, node, 2), m, of a unit."""
 
@@ -89,6 +94,8 @@ def build_library(
 def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
     """Return the path of a unit, with an open globe.
 
+    It is solved up to a force of twice the largest that the library is asked for, and goes straight on from there.
+
     Raises:
         SolverError: the path cannot be followed to its last tip.
     """
@@ -101,10 +108,21 @@ def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
         plan.needle_radius_m,
         iop_ratio,
         tips_m=tips_m[1:],
+        max_force_ratio_m2=SOLVED_FORCES * plan.grid.max_force_ratio_m2,
         support_rad=plan.support_rad(unit),
         size=MeridianSize(plan.grid.elements, plan.grid.layers),
     )
-    return SolvedPath(path.force_ratio_m2, path.displaced_m3, path.curves_sbnc.astype(np.float32))
+    force_d, displaced_d, curves_dbnc = (
+        _gone_on(values, path.tip_m, tips_m) for values in (path.force_ratio_m2, path.displaced_m3, path.curves_sbnc)
+    )
+    return SolvedPath(force_d, displaced_d, curves_dbnc.astype(np.float32))
+
+
+def _gone_on(values: NDArray[np.float64], solved_m: NDArray[np.float64], tips_m: NDArray[np.float64]) -> Floats:
+    """Return values (solved tip, ...) at all tips (tip,): beyond the last one on the line through the last two."""
+    slope = (values[-1] - values[-2]) / (solved_m[-1] - solved_m[-2])
+    beyond_m = tips_m[len(solved_m) :] - solved_m[-1]
+    return np.concatenate([values, values[-1] + np.multiply.outer(beyond_m, slope)])
 
 
 def _solved(

@@ -22,7 +22,7 @@ from scleraforce.stored_array import StoredArray
 __all__ = ["complete_store", "create_store", "missing_units", "open_library", "write_unit"]
 
 FORCES, DISPLACED, CURVES, SUPPORT_FORCES = "force_ratio", "displaced_m3", "curves", "support_force_ratio"
-AXES = ("thickness_m", "iop_ratio", "tip_m")
+AXES = ("thickness_m", "tension", "tip_m")
 VERSIONS = ("scleraforce", "numpy", "scipy", "zarr")
 STORE = CheckedStore(
     noun="library",
@@ -120,11 +120,11 @@ def open_library(path: str | PathLike[str]) -> Library:
     for name in AXES:
         if not np.allclose(arrays[name], getattr(plan, name), rtol=1e-12, atol=0.0):
             raise InputError(f"{path / name}: not the values of its plan: the store is damaged; make it again")
-    thickness_m, iop_ratio, tip_m = (arrays[name] for name in AXES)
-    polar_rad, stiffness_atpd = base_stiffness(thickness_m, iop_ratio, tip_m, arrays[FORCES], arrays[SUPPORT_FORCES])
+    thickness_m, tension, tip_m = (arrays[name] for name in AXES)
+    polar_rad, stiffness_atpd = base_stiffness(thickness_m, tension, tip_m, arrays[FORCES], arrays[SUPPORT_FORCES])
     return Library(
         thickness_m=thickness_m,
-        iop_ratio=iop_ratio,
+        tension=tension,
         tip_m=tip_m,
         force_ratio_tpd=arrays[FORCES],
         displaced_tpd=arrays[DISPLACED],
@@ -156,7 +156,7 @@ def _arrays_of(plan: LibraryPlan, unit: int) -> tuple[str, ...]:
 
 def _arrays(plan: LibraryPlan) -> dict[str, StoredArray]:
     """Return the arrays of a library by name: the axes, and what a load path has a chunk of."""
-    shape = (len(plan.thickness_m), len(plan.iop_ratio), len(plan.tip_m))
+    shape = (len(plan.thickness_m), len(plan.tension), len(plan.tip_m))
     supports = (*plan.support_shape, plan.support_tips)
     axes = [StoredArray(name, (size,), (size,), "float64") for name, size in zip(AXES, shape, strict=True)]
     paths = (
