@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from scleraforce.eye.contact import Contact
+from scleraforce.eye.globe import OPEN_GLOBE, study_globe
 from scleraforce.eye.graded import graded_mesh
 from scleraforce.mechanics.axisymmetric.mesh import MeridianSize, meridian_mesh
 from scleraforce.mechanics.axisymmetric.path import AxisymmetricPath, AxisymmetricWall, axisymmetric_path
@@ -24,6 +25,7 @@ from scleraforce.mechanics.needle import needle_at
 from scleraforce.mechanics.polar import BaseShift, base_shift, polar_path
 from scleraforce.section.cut import cut_section
 from scleraforce.section.plane import ScanPlane, Section
+from scleraforce.study import GlobeStudy
 
 Floats = NDArray[np.float64]
 
@@ -83,14 +85,17 @@ def print_r2(rows: int | None) -> None:
 
 def print_sealed(rows: int | None) -> None:
     """Pressure and force of a sealed globe over those of an open one."""
-    tips_m = np.array([1e-3, 2e-3, 3e-3])
-    print("sealed: t mm, E MPa, IOP Pa, support deg; pressure / IOP and force / force of the open globe at 1, 2, 3 mm")
+    tips_m = np.array([0.5e-3, 1e-3, 1.5e-3])
+    print(
+        "sealed: t mm, E MPa, IOP Pa, support deg; pressure / IOP and force / force of the open globe at 0.5, 1, 1.5 mm"
+    )
     for (thickness_mm, modulus_mpa, iop_pa), support_deg in islice(product(EYES, (90.0, 170.0)), rows):
         sizes = (RADIUS_M, 1e-3 * thickness_mm, NU, NEEDLE_RADIUS_M, 1e-6 * iop_pa / modulus_mpa)
         support_rad, size = np.radians(support_deg), MeridianSize(80)
+        globes = OPEN_GLOBE, study_globe(GlobeStudy("sealed")).over(1e6 * modulus_mpa)
         opened, sealed = (
-            axisymmetric_path(*sizes, tips_m=tips_m, support_rad=support_rad, size=size, sealed=shut)
-            for shut in (False, True)
+            axisymmetric_path(*sizes, tips_m=tips_m, support_rad=support_rad, size=size, globe=globe)
+            for globe in globes
         )
         pressure = sealed.iop_ratio[1:] / sealed.iop_ratio[0]
         force = sealed.force_ratio_m2[1:] / opened.force_ratio_m2[1:]

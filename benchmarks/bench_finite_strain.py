@@ -21,12 +21,13 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import SphericalVoronoi
 
 from scleraforce.eye.contact import Contact
+from scleraforce.eye.globe import OPEN_GLOBE, study_globe
 from scleraforce.eye.graded import graded_globe, graded_mesh
 from scleraforce.eye.mesh import HexMesh, build_mesh
 from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
 from scleraforce.mechanics.needle import Needle, needle_at, tip_at
 from scleraforce.mechanics.springs import study_springs
-from scleraforce.study import SupportsStudy
+from scleraforce.study import GlobeStudy, SupportsStudy
 
 Floats = NDArray[np.float64]
 
@@ -147,8 +148,8 @@ def product_paths(sizes: Sizes) -> None:
 
 
 def sealed_globes(sizes: Sizes) -> None:
-    """Print how the pressure rises in a sealed eye, half and clamped or a globe on a bed, and the forces of both."""
-    contact, dents_mm = Contact(polar_rad=np.radians(35.0)), np.array([0.5, 1.0, 2.0, 3.0, 4.0])[: sizes.loads]
+    """Print how the pressure rises in a sealed eye of the default rigidity, and its forces beside an open one's."""
+    contact, dents_mm = Contact(polar_rad=np.radians(35.0)), np.array([0.5, 1.0, 1.5])[: sizes.loads]
     supports = SupportsStudy(kind="bed")
     print("\nSealed and open eyes, 2 mmHg at rest: by dent [mm]" + row(list(dents_mm), 1))
     for thickness_m, modulus_pa in WALLS[: sizes.rows]:
@@ -161,7 +162,8 @@ def sealed_globes(sizes: Sizes) -> None:
             needle = needle_at(wall.mesh, contact, NEEDLE_RADIUS_M)
             loads: dict[str, Any] = {"youngs_modulus_pa": modulus_pa, "iop_pa": IOP_PA, "density_kg_m3": 1100.0}
             loads |= {"max_force_n": np.inf, "max_tip_m": 1e-3 * float(dents_mm[-1])}
-            paths = {kind: wall.load_path(needle, **loads, sealed=kind == "sealed") for kind in ("open", "sealed")}
+            kinds = {"open": OPEN_GLOBE, "sealed": study_globe(GlobeStudy("sealed"))}
+            paths = {kind: wall.load_path(needle, **loads, globe=globe) for kind, globe in kinds.items()}
             rise = np.interp(dents_mm, 1e3 * paths["sealed"].tips_m, paths["sealed"].pressures_pa) / IOP_PA - 1.0
             title = f"{thickness_m * 1e3:.1f} mm, {modulus_pa / 1e6:.2f} MPa, {name}"
             print(f"{title:36s}{'pressure rise [%]':22s}" + row(list(100.0 * rise), 1))

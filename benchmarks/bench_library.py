@@ -31,7 +31,7 @@ from scleraforce.mechanics.axisymmetric.path import AxisymmetricPath, axisymmetr
 from scleraforce.processes import available_cores
 from scleraforce.study import Study, read_study
 
-GRIDS = ((6, 6, 40), (8, 8, 56), (10, 10, 56), (12, 12, 72))  # thicknesses, IOP ratios, tips
+GRIDS = ((8, 12, 56), (10, 16, 56), (10, 20, 56), (12, 24, 72))  # thicknesses, tensions, tips
 VISIBLE_M = (0.3e-3, 9e-3)  # of the needle axis
 SLICES, ROUNDS = 2000, 5
 
@@ -40,10 +40,12 @@ Grid = tuple[int, int, int]
 
 
 def draw_walls(study: Study, count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Thickness (wall,), m, and IOP ratio (wall,), the latter with its logarithm evenly spread."""
+    """Thickness (wall,), m, and IOP ratio (wall,), the logarithm of the tension evenly spread."""
     grid = study.library
-    low, high = np.log(grid.iop_ratio.bounds)
-    return rng.uniform(*grid.thickness_m.bounds, count), np.exp(rng.uniform(low, high, count))
+    thickness_m = rng.uniform(*grid.thickness_m.bounds, count)
+    low, high = np.log(grid.tension.bounds)
+    tension = np.exp(rng.uniform(low, high, count))
+    return thickness_m, tension * thickness_m / study.eye.radius_m
 
 
 def held_out_path(study: Study, wall: tuple[float, float]) -> AxisymmetricPath:
@@ -52,7 +54,14 @@ def held_out_path(study: Study, wall: tuple[float, float]) -> AxisymmetricPath:
     tips_m = np.concatenate([[1e-5, 3e-5, 6e-5], np.linspace(0.1e-3, 0.99 * plan.grid.max_tip_m, 50)])
     size = MeridianSize(plan.grid.elements, plan.grid.layers)
     return axisymmetric_path(
-        plan.radius_m, wall[0], plan.poisson_ratio, plan.needle_radius_m, wall[1], tips_m=tips_m, size=size
+        plan.radius_m,
+        wall[0],
+        plan.poisson_ratio,
+        plan.needle_radius_m,
+        wall[1],
+        tips_m=tips_m,
+        size=size,
+        max_force_ratio_m2=plan.grid.max_force_ratio_m2,
     )
 
 
@@ -72,8 +81,8 @@ def errors(library: Library, wall: tuple[float, float], path: AxisymmetricPath) 
 
 def build(paper: Study, grid: Grid) -> tuple[Library, float, float]:
     """Build a library; return it, the seconds it took and those of all its processes."""
-    thicknesses, iop_ratios, tips = grid
-    finer = replace(paper.library, thicknesses=thicknesses, iop_ratios=iop_ratios, tips=tips)
+    thicknesses, tensions, tips = grid
+    finer = replace(paper.library, thicknesses=thicknesses, tensions=tensions, tips=tips)
     study = replace(paper, library=finer)
     with TemporaryDirectory() as folder:
         before = cpu_seconds()
@@ -111,7 +120,7 @@ def print_accuracy(study: Study, grids: tuple[Grid, ...], held_out: int) -> Libr
 
 def grid_of(study: Study) -> Grid:
     """Return how many thicknesses, IOP ratios and tips the study asks for."""
-    return study.library.thicknesses, study.library.iop_ratios, study.library.tips
+    return study.library.thicknesses, study.library.tensions, study.library.tips
 
 
 def print_rates(study: Study, library: Library) -> None:

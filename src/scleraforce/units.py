@@ -26,6 +26,7 @@ SI_PER_UNIT: dict[str, tuple[str, float]] = {
     "percent": ("fraction", 1e-2),
     "mm2": ("m2", 1e-6),
     "kpa_per_mm": ("pa_per_m", 1e6),
+    "mmhg13_per_ul": ("pa13_per_m3", 133.322387415 ** (1.0 / 3.0) * 1e9),  # mmHg^(1/3) per ul: of a sealed globe
 }
 
 

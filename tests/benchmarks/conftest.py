@@ -35,7 +35,8 @@ max_force_mn = 60
 
 [library]
 thicknesses = 4
-iop_ratios = 4
+tension = { min = 1e-3, max = 0.21 }
+tensions = 4
 tips = 12
 elements = 16
 """

@@ -32,8 +32,8 @@ FORCES = (0.040, 0.010, 0.052, 0.022, 0.031)
 NARROW = LibraryStudy(
     thickness_m=Range(min=0.58e-3, max=0.72e-3),
     thicknesses=4,
-    iop_ratio=Range(min=3e-4, max=3e-3),
-    iop_ratios=4,
+    tension=Range(min=5e-3, max=6e-2),
+    tensions=4,
     max_tip_m=5.5e-3,
 )
 

@@ -14,7 +14,7 @@ from scleraforce.errors import ModelError
 from scleraforce.library import build
 from scleraforce.models.writing import check_place
 
-LIBRARY = "[library]\nthicknesses = 4\niop_ratios = 4\ntips = 6\nelements = 16\n"
+LIBRARY = "[library]\nthicknesses = 4\ntensions = 4\ntips = 6\nelements = 16\n"
 DATASET = "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um = 500.0\nimages = 200\n"
 NETWORK = "[network]\nhidden = [200]\nepochs = 1\n"
 

@@ -14,7 +14,7 @@ STUDY = """
 [library]
 thickness_um = { min = 500.0, max = 800.0 }
 thicknesses = 4
-iop_ratios = 4
+tensions = 4
 tips = 4
 max_tip_mm = 1.0
 elements = 16

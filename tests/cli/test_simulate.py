@@ -117,3 +117,21 @@ def test_finite_strain_softens_past_the_thickness_and_the_study_or_the_option_as
         np.linalg.norm(mesh.point_data["needle_displacement"], axis=1).max() * 1e3 > 0.9 * large["tip_displacement_mm"]
     )
     assert (tmp_path / "eye.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_a_sealed_eye_gives_way_less_and_tells_its_pressure(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text('[mesh]\nkind = "graded"\ncore = 4\nrings = 6\n[mechanics]\nkind = "finite-strain"\n')
+    wall = ("--study", str(path), "--thickness-um", "600", "--force-mn", "25", "--youngs-modulus-mpa", "0.45")
+    opened = simulated(capsys, *wall)
+    sealed = simulated(capsys, *wall, "--globe", "sealed", "--rigidity", "0.03")
+    assert (opened["globe"], sealed["globe"]) == ("open", "sealed")
+    assert opened["pressure_mmhg"] == pytest.approx(2.0)
+    assert opened["dent_mm"] == opened["tip_displacement_mm"]
+    assert sealed["pressure_mmhg"] > 3.0
+    assert sealed["tip_displacement_mm"] < sealed["dent_mm"] < opened["dent_mm"]
+    assert run(["simulate", *wall, "--globe", "sealed"]) == 0
+    assert "the pressure rises from 2 to " in capsys.readouterr().out
+    assert run(["simulate", *wall, "--rigidity", "0.02"]) == 2
+    assert 'globe.rigidity_mmhg13_per_ul: has no effect with globe.kind = "open"' in capsys.readouterr().err

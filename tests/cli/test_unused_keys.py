@@ -22,7 +22,7 @@ from scleraforce.study import Study, parse_study
 from scleraforce.study.fields import field_key
 from scleraforce.study.unused import UNUSED
 
-PHYSICS = ("eye", "needle", "form", "mechanics", "supports")
+PHYSICS = ("eye", "needle", "form", "mechanics", "globe", "supports")
 # Of these sections, what commands are told in another way: options, recordings, groups of a data set, a library's axes.
 ELSEWHERE = {
     "eye.thickness_um", "eye.youngs_modulus_mpa", "eye.iop_mmhg", "needle.gap_mm", "needle.polar_angle_deg",
@@ -39,7 +39,7 @@ core = 4
 rings = 6
 [library]
 thicknesses = 4
-iop_ratios = 4
+tensions = 4
 tips = 4
 max_tip_mm = 0.5
 elements = 16
@@ -52,7 +52,7 @@ max_force_mn = 10.0
 """
 HEXAHEDRA, GRADED = SMALL.replace("KIND", "hexahedra"), SMALL.replace("KIND", "graded")
 HELD = '[supports]\nkind = "bed-and-straps"\n'
-BENT = HELD + '[mechanics]\nkind = "finite-strain"\nsealed = true\n[needle]\ntilt_deg = 2.0\n'
+BENT = HELD + '[mechanics]\nkind = "finite-strain"\n[globe]\nkind = "sealed"\n[needle]\ntilt_deg = 2.0\n'
 EVERYTHING = """
 [eye]
 density_kg_m3 = 1000.0
@@ -66,8 +66,11 @@ degree = 2
 [[form.region]]
 modulus_ratio = 0.7
 [mechanics]
-sealed = true
 follower = false
+[globe]
+kind = "sealed"
+rigidity_mmhg13_per_ul = 0.02
+rigidity_law = "logarithmic"
 [supports]
 kind = "bed-and-straps"
 bed_stiffness_kpa_per_mm = 2.0

@@ -14,7 +14,7 @@ from scleraforce.dataset.store import open_dataset
 from scleraforce.errors import DatasetError, InputError, StudyError
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.section.slices import fill_section, slice_window
-from scleraforce.study import DatasetGroup, MechanicsStudy, Range, Study, format_study, parse_study
+from scleraforce.study import DatasetGroup, GlobeStudy, MechanicsStudy, Range, Study, format_study, parse_study
 
 MODULUS_PA = 0.3e6
 
@@ -95,9 +95,11 @@ def test_a_library_of_another_eye_and_other_mechanics_are_refused(study, library
     other = replace(library, radius_m=11e-3)
     with pytest.raises(DatasetError, match="library: of radius, nu, needle radius"):
         next(draw_units(study, MODULUS_PA, plan, [0], other))
-    for mechanics, key in ((MechanicsStudy(sealed=True), "sealed"), (MechanicsStudy(follower=False), "follower")):
-        with pytest.raises(StudyError, match=rf"mechanics\.{key}: not used by `generate` with finite-strain mechanics"):
-            generate_dataset(replace(study, mechanics=mechanics), tmp_path / "slices", library=library)
+    dead = MechanicsStudy(follower=False)
+    others = {"globe.kind": {"globe": GlobeStudy("sealed")}, "mechanics.follower": {"mechanics": dead}}
+    for key, changes in others.items():
+        with pytest.raises(StudyError, match=rf"{key}: not used by `generate` with finite-strain mechanics"):
+            generate_dataset(replace(study, **changes), tmp_path / "slices", library=library)
     assert not (tmp_path / "slices").exists()
 
 

@@ -51,6 +51,7 @@ def test_recording_comes_back_as_it_was_planned(written):
     recording = read_recording(written)
     assert recording.info.eye.id == "eye-x"
     assert recording.info.eye.thickness_m == 600e-6
+    assert recording.info.eye.globe == "open"
     assert recording.info.needle.slice_gap_m == 0.5e-3
     assert recording.info.needle.gauge == 22
     assert recording.info.oct.plane_direction_rad == 0.2
@@ -72,6 +73,8 @@ def test_truth_has_every_parameter(written):
     truth = json.loads((written / "truth.json").read_text())
     assert truth["simulated"] is True
     assert truth["eye"] == asdict(EYE)
+    assert truth["globe"]["kind"] == "open"
+    assert [frame["pressure_pa"] for frame in truth["frames"]] == [EYE.iop_pa] * 3
     assert truth["seed"] == 3
     assert set(truth["versions"]) >= {"scleraforce", "numpy"}
     assert [frame["force_n"] for frame in truth["frames"]] == pytest.approx(FORCES_N)
@@ -194,6 +197,7 @@ def test_command_writes_a_recording_and_prints_json(tmp_path, capsys):
         "frames": 2,
         "seed": 0,
         "mechanics": "linear",
+        "globe": "open",
     }
     recording = read_recording(out)
     assert recording.info.eye.id == "pig"

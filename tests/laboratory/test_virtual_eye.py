@@ -12,11 +12,13 @@ from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections, linear_sections, study_sections
 from scleraforce.mechanics.study_path import bend_eye
+from scleraforce.recording.files import read_recording
 from scleraforce.section.cut import cut_section
 from scleraforce.section.plane import Section
 from scleraforce.study import (
     EyeStudy,
     FormStudy,
+    GlobeStudy,
     MechanicsStudy,
     MeshStudy,
     NeedleStudy,
@@ -25,6 +27,7 @@ from scleraforce.study import (
     WaveStudy,
     format_study,
 )
+from scleraforce.units import mmhg_to_pa
 
 STUDY = Study(
     oct=OctStudy(columns=128, rows=96),
@@ -96,7 +99,7 @@ def test_eye_and_study_go_to_another_process_and_sections_come_back() -> None:
     [
         ({}, r"form\.semi_axes, form\.wave: not used by `phantom` with linear mechanics"),
         ({"form": FormStudy(), "needle": NeedleStudy(tilt_rad=0.1)}, "tilt_deg"),
-        ({"form": FormStudy(), "mechanics": MechanicsStudy("linear", sealed=True)}, "sealed"),
+        ({"form": FormStudy(), "globe": GlobeStudy("sealed")}, r"globe\.kind"),
     ],
 )
 def test_linear_mechanics_refuses_an_eye_that_it_does_not_know(changes: dict, message: str) -> None:
@@ -121,3 +124,23 @@ def test_the_phantom_command_bends_at_finite_strain_and_says_so(tmp_path: Path, 
     assert truth["form"]["semi_axes"] == [1.04, 1.0, 0.96]
     polar = np.radians(35.0)
     assert truth["thickness_at_contact_m"] == pytest.approx(800e-6 * (1 + 0.1 * (1.5 * np.cos(polar) ** 2 - 0.5)))
+
+
+@pytest.mark.slow
+def test_the_phantom_of_a_sealed_eye_says_so_and_has_the_pressure_at_each_dent(tmp_path: Path, capsys) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text('[mesh]\nkind = "graded"\ncore = 4\nrings = 6\n')
+    out = tmp_path / "eye"
+    arguments = ["phantom", "--study", str(study), "--out", str(out), "--forces-mn", "12,0,25", "--globe", "sealed"]
+    assert run([*arguments, "--json"]) == 2
+    assert "globe.kind: not used by `phantom` with linear mechanics" in capsys.readouterr().err
+    assert run([*arguments, "--mechanics", "finite-strain", "--rigidity", "0.02", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    truth = json.loads((out / "truth.json").read_text())
+    pressures_pa = [frame["pressure_pa"] for frame in truth["frames"]]
+    assert pressures_pa[1] == pytest.approx(truth["eye"]["iop_pa"])
+    assert pressures_pa[1] < pressures_pa[0] < pressures_pa[2]
+    assert truth["globe"]["kind"] == answer["globe"] == "sealed"
+    assert truth["globe"]["rigidity_pa13_per_m3"] == pytest.approx(0.02 * mmhg_to_pa(1.0) ** (1 / 3) * 1e9)
+    eye = read_recording(out).info.eye
+    assert (eye.globe, eye.rigidity_pa13_per_m3) == ("sealed", None)  # as a laboratory knows it

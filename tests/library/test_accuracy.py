@@ -20,13 +20,14 @@ def test_interpolation_is_worth_a_tenth_of_a_pixel_and_half_a_per_cent(tmp_path)
     library, plan = open_library(tmp_path / "library.zarr").for_contact(0.0), plan_library(study)
     rng = np.random.default_rng(7)
     thicknesses = rng.uniform(*plan.thickness_m[[0, -1]], WALLS)
-    ratios = np.exp(rng.uniform(*np.log(plan.iop_ratio[[0, -1]]), WALLS))
-    tips = np.concatenate([[2e-5], np.linspace(0.1e-3, 9.9e-3, 30)])
+    ratios = np.exp(rng.uniform(*np.log(plan.tension[[0, -1]]), WALLS)) * thicknesses / plan.radius_m
+    dents_m = np.concatenate([[2e-5], np.linspace(0.1e-3, 9.9e-3, 30)])
     for wall in zip(thicknesses, ratios, strict=True):
         path = axisymmetric_path(
-            plan.radius_m, wall[0], plan.poisson_ratio, plan.needle_radius_m, wall[1], tips_m=tips,
-            size=MeridianSize(plan.grid.elements, plan.grid.layers),
+            plan.radius_m, wall[0], plan.poisson_ratio, plan.needle_radius_m, wall[1], tips_m=dents_m,
+            max_force_ratio_m2=plan.grid.max_force_ratio_m2, size=MeridianSize(plan.grid.elements, plan.grid.layers),
         )  # fmt: skip
+        tips = path.tip_m[1:]
         thickness, ratio = (np.full(len(tips), value) for value in wall)
         forces, curves = path.force_ratio_m2[1:], path.curves_sbnc[1:]
         found = library.at_tip(thickness, ratio, tips)

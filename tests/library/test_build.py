@@ -29,8 +29,8 @@ from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
 from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
 from scleraforce.study import LibraryStudy, NeedleStudy, Range, Study
 
-UNITS = 20 + 6 * 4 * 4  # paths, and those with other supports
-STUDY = Study(library=LibraryStudy(thicknesses=4, iop_ratios=5, tips=6, elements=16))
+UNITS = 20 + 6 * 4 * 5  # paths, and those with other supports
+STUDY = Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))
 
 
 def contents(path: Path):
@@ -52,9 +52,10 @@ def test_what_is_read_is_what_was_solved(made):
     assert library.thickness_m == pytest.approx(plan.thickness_m)
     assert (library.radius_m, library.poisson_ratio, library.needle_radius_m) == (12e-3, 0.45, 0.35e-3)
     for number in (0, 7, 19):
-        force_d, curves_dbnc = solve_analytic(plan, number)
+        force_d, displaced_d, curves_dbnc = solve_analytic(plan, number)
         place = divmod(number, 5)
         assert np.array_equal(library.force_ratio_tpd[place], force_d)
+        assert np.array_equal(library.displaced_tpd[place], displaced_d)
         assert np.array_equal(library.curves_tpdbnc[place], curves_dbnc)
     assert library.contact_polar_rad == pytest.approx(np.radians(35.0))
 
@@ -87,7 +88,7 @@ def test_a_build_killed_at_any_time_is_completed(made, tmp_path):
         "from scleraforce.library.build import build_library\n"
         "from scleraforce.study import LibraryStudy, Study\n"
         "if __name__ == '__main__':\n"
-        "    study = Study(library=LibraryStudy(thicknesses=4, iop_ratios=5, tips=6, elements=16))\n"
+        "    study = Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))\n"
         "    build_library(study, Path(sys.argv[1]), workers=2, solve=solve_slowly)\n"
     )
     script = tmp_path / "build.py"
@@ -116,7 +117,7 @@ def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
     chunk.unlink()
     with pytest.raises(InputError, match=r"curves: 1 of 20 chunks are missing"):
         open_library(path)
-    with pytest.raises(InputError, match="1 of 116 load paths are missing"):
+    with pytest.raises(InputError, match="1 of 140 load paths are missing"):
         complete_library(path, plan_library(STUDY))
 
 
@@ -157,7 +158,7 @@ def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):
 
 
 def test_a_path_that_fails_is_named_and_a_worker_that_dies_is_no_hang(tmp_path):
-    with pytest.raises(SolverError, match="path 0 of 116: no equilibrium"):
+    with pytest.raises(SolverError, match="path 0 of 140: no equilibrium"):
         build_library(STUDY, tmp_path / "a", workers=1, solve=no_solution)
     with pytest.raises(SolverError, match="worker ended"):
         build_library(STUDY, tmp_path / "b", workers=1, solve=no_worker)
@@ -172,22 +173,24 @@ def test_the_plan_depends_on_nothing_else_of_the_study():
 def test_the_default_covers_what_it_says():
     plan = plan_library(Study())
     lowest, highest = 0.5 * 133.322 / 0.8e6, 5.0 * 133.322 / 0.12e6
-    assert plan.iop_ratio[0] < lowest < highest < plan.iop_ratio[-1]
+    lowest_tension, highest_tension = lowest * 12e-3 / plan.thickness_m[-1], highest * 12e-3 / plan.thickness_m[0]
+    assert plan.tension[0] < lowest_tension < highest_tension < plan.tension[-1]
     assert plan.grid.max_force_ratio_m2 == pytest.approx(60e-3 / 0.12e6)
     assert (np.diff(plan.tip_m, 2) > 0.0).all()
 
 
 def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path):
-    plan = plan_library(Study(library=LibraryStudy(thicknesses=4, iop_ratios=4, tips=5, max_tip_m=1e-3, elements=16)))
-    force_d, curves_dbnc = solve_path(plan, 6)
+    plan = plan_library(Study(library=LibraryStudy(thicknesses=4, tensions=4, tips=5, max_tip_m=1e-3, elements=16)))
+    force_d, displaced_d, curves_dbnc = solve_path(plan, 6)
     thickness_m, iop_ratio = plan.wall(6)
     expected = axisymmetric_path(
         12e-3, thickness_m, 0.45, 0.35e-3, iop_ratio, tips_m=plan.tip_m[1:], size=MeridianSize(16, 1)
     )
     assert np.array_equal(force_d, expected.force_ratio_m2)
+    assert np.array_equal(displaced_d, expected.displaced_m3)
     assert curves_dbnc == pytest.approx(expected.curves_sbnc, abs=1e-9)
     create_library(tmp_path / "library", plan)
-    write_library_unit(tmp_path / "library", plan, 6, force_d, curves_dbnc)
+    write_library_unit(tmp_path / "library", plan, 6, force_d, displaced_d, curves_dbnc)
     assert missing_library_units(tmp_path / "library", plan) == [n for n in range(plan.units) if n != 6]
 
 
@@ -195,7 +198,7 @@ def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path):
 def test_the_real_library_is_the_same_on_any_number_of_workers(tmp_path):
     study = Study(
         library=LibraryStudy(
-            thickness_m=Range(min=0.5e-3, max=0.8e-3), thicknesses=4, iop_ratios=4, tips=4, max_tip_m=1e-3, elements=16
+            thickness_m=Range(min=0.5e-3, max=0.8e-3), thicknesses=4, tensions=4, tips=4, max_tip_m=1e-3, elements=16
         )
     )
     for workers in (1, 2):

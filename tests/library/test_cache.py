@@ -15,7 +15,7 @@ from scleraforce.library.plan import LibraryPlan
 from scleraforce.study import LibraryStudy, Study
 
 UNITS = 16 + 6 * 4 * 4
-STUDY = Study(library=LibraryStudy(thicknesses=4, iop_ratios=4, tips=5, elements=8))
+STUDY = Study(library=LibraryStudy(thicknesses=4, tensions=4, tips=5, elements=8))
 
 
 def places(folder):
@@ -68,7 +68,7 @@ def test_makers_at_the_same_time_do_no_harm_and_one_of_them_builds(tmp_path):
         "from scleraforce.library.cache import cached_library\n"
         "from scleraforce.study import LibraryStudy, Study\n"
         "if __name__ == '__main__':\n"
-        "    study = Study(library=LibraryStudy(thicknesses=4, iop_ratios=4, tips=5, elements=8))\n"
+        "    study = Study(library=LibraryStudy(thicknesses=4, tensions=4, tips=5, elements=8))\n"
         "    done = []\n"
         "    library = cached_library(study, folder=Path(sys.argv[1]), workers=1, progress=done.append, "
         "solve=solve_slowly)\n"

@@ -20,7 +20,7 @@ from scleraforce.study import LibraryStudy, Range, Study
 pytest.importorskip("distributed", reason="the extra [cluster] is not installed")
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 
-STUDY = Study(library=LibraryStudy(thicknesses=4, iop_ratios=5, tips=6, elements=16))
+STUDY = Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))
 SUPPORT = Path(__file__).parents[1] / "support"
 THREADS = 2  # of a worker: results must not depend on them
 
@@ -87,7 +87,7 @@ def test_a_worker_killed_half_way_changes_no_byte(cluster, tmp_path):
         STUDY, tmp_path / "cluster", scheduler=cluster.address, progress=kill_half_way, solve=solve_slowly
     )
     assert victim.wait() == -signal.SIGKILL
-    assert result.solved == sum(done) == 116
+    assert result.solved == sum(done) == 140
     build_library(STUDY, tmp_path / "here", workers=2, solve=solve_analytic)
     assert contents(tmp_path / "cluster") == contents(tmp_path / "here")
 
@@ -95,7 +95,7 @@ def test_a_worker_killed_half_way_changes_no_byte(cluster, tmp_path):
 @pytest.mark.slow
 def test_real_paths_are_the_same_on_a_cluster_and_on_processes(cluster, tmp_path):
     cluster.worker()
-    grid = LibraryStudy(thickness_m=Range(min=0.5e-3, max=0.8e-3), thicknesses=4, iop_ratios=4, tips=5, max_tip_m=2e-3)
+    grid = LibraryStudy(thickness_m=Range(min=0.5e-3, max=0.8e-3), thicknesses=4, tensions=4, tips=5, max_tip_m=2e-3)
     build_library(Study(library=grid), tmp_path / "cluster", scheduler=cluster.address)
     build_library(Study(library=grid), tmp_path / "here", workers=2)
     assert contents(tmp_path / "cluster") == contents(tmp_path / "here")
@@ -104,7 +104,7 @@ def test_real_paths_are_the_same_on_a_cluster_and_on_processes(cluster, tmp_path
 @pytest.mark.slow
 def test_what_fails_on_the_cluster_fails_here(cluster, tmp_path):
     cluster.worker("--nanny")  # starts a worker anew after each death
-    with pytest.raises(SolverError, match=r"path \d+ of 116: no equilibrium"):
+    with pytest.raises(SolverError, match=r"path \d+ of 140: no equilibrium"):
         build_library(STUDY, tmp_path / "a", scheduler=cluster.address, solve=no_solution)
     with pytest.raises(SolverError, match="die one after the other"):
         build_library(STUDY, tmp_path / "b", scheduler=cluster.address, solve=no_worker)

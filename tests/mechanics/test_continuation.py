@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, SolverError
+from scleraforce.eye.globe import LAWS, Globe
 from scleraforce.mechanics.continuation import pressurise, trace
 
 Floats = NDArray[np.float64]
@@ -134,29 +135,36 @@ class SealedSprings:
         return 1.0 + float(self.gradient @ u), self.gradient
 
 
-def test_sealed_linear_structure_takes_the_exact_force_and_pressure() -> None:
+@pytest.mark.parametrize("law", LAWS)
+def test_a_sealed_linear_structure_takes_the_exact_force_and_pressure(law: str) -> None:
     random = np.random.default_rng(3)
     root = random.normal(size=(6, 6))
     K, g, b = root @ root.T + np.eye(6), random.normal(size=6), random.normal(size=6)
+    needle = np.linalg.solve(K, b)
+    b, needle = -np.sign(g @ needle) * b, -np.sign(g @ needle) * needle  # it displaces volume
+    tips, pressure, globe = np.array([0.1, 0.4, 1.0]), 0.3, Globe(law, 0.7)
     springs = SealedSprings(K, g, b, b, [])
-    tips, pressure = np.array([0.1, 0.4, 1.0]), 0.3
     start = pressurise(springs, pressure)
     np.testing.assert_allclose(start, pressure * np.linalg.solve(K, g), rtol=1e-8)
-    path = trace(springs, start, pressure, tips_m=tips, sealed=True, first_step_m=0.1, largest_step_m=1.0)
+    path = trace(springs, start, pressure, tips_m=tips, globe=globe, first_step_m=0.1, largest_step_m=1.0)
 
-    needle, inflated = np.linalg.solve(K, b), np.linalg.solve(K, g)
-    rise = -(g @ needle) / (g @ inflated)  # pressure per force that keeps g u
-    force = tips / (b @ (needle + rise * inflated))
-    np.testing.assert_allclose(path.force[1:], force, rtol=1e-8)
-    np.testing.assert_allclose(path.pressure[1:], pressure + rise * force, rtol=1e-8)
-    np.testing.assert_allclose(path.displacement_su @ g, start @ g, rtol=0.0, atol=1e-9)
-    assert springs.factored[:2] == [pressure, pressure]  # the borders are exact: one factor for it, one for the dent
-    assert len(springs.factored) == 2  # and from there the line through both states is the path
+    force = np.append(0.0, tips / (b @ needle))  # the dent counts from the undented wall at the same pressure
+    rising = globe.pressure(pressure, -force * (g @ needle))
+    undented = rising[:, None] * np.linalg.solve(K, g)
+    np.testing.assert_allclose(path.force, force, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(path.pressure, rising, rtol=1e-8)
+    np.testing.assert_allclose(path.undented_su, undented, rtol=1e-7)
+    np.testing.assert_allclose(path.displacement_su, undented + force[:, None] * needle, atol=1e-8)
+
+
+def test_an_open_globe_has_one_undented_wall() -> None:
+    path = trace(Truss(1.0), np.zeros(2), 0.0, max_tip_m=0.1)
+    np.testing.assert_array_equal(path.undented_su, np.zeros_like(path.displacement_su))
 
 
 def test_sealing_a_wall_that_does_not_know_its_volume_is_refused() -> None:
     with pytest.raises(InputError, match="sealed globe"):
-        trace(Truss(1.0), np.zeros(2), 0.0, max_tip_m=0.1, sealed=True)
+        trace(Truss(1.0), np.zeros(2), 0.0, max_tip_m=0.1, globe=Globe(rate=1.0))
 
 
 @pytest.mark.parametrize("tips", [np.array([]), np.array([0.0, 0.1]), np.array([0.2, 0.1])])

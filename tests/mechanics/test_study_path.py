@@ -12,6 +12,7 @@ from scleraforce.mechanics.study_path import BentEye, bend_eye
 from scleraforce.study import (
     EyeStudy,
     FormStudy,
+    GlobeStudy,
     MechanicsStudy,
     MeshStudy,
     NeedleStudy,
@@ -131,11 +132,11 @@ def test_a_leaning_needle_drags_the_wall_to_its_side_and_its_mirror_image_to_the
 @pytest.mark.slow
 def test_in_a_sealed_globe_the_pressure_rises_and_a_dead_pressure_is_another() -> None:
     kinds = {
-        "open": MechanicsStudy("finite-strain"),
-        "sealed": MechanicsStudy("finite-strain", sealed=True),
-        "dead": MechanicsStudy("finite-strain", follower=False),
+        "open": {},
+        "sealed": {"globe": GlobeStudy("sealed")},
+        "dead": {"mechanics": MechanicsStudy("finite-strain", follower=False)},
     }
-    eyes = {name: bent(replace(WEIGHTLESS, mechanics=kind)) for name, kind in kinds.items()}
+    eyes = {name: bent(replace(WEIGHTLESS, **kind)) for name, kind in kinds.items()}
     assert eyes["open"].path.pressure_pa(FORCE_N) == pytest.approx(266.0)
     assert eyes["sealed"].path.pressure_pa(FORCE_N) > 270.0
     tips = {name: eye.path.tip_m(FORCE_N) for name, eye in eyes.items()}

@@ -198,3 +198,31 @@ def test_sample_recordings_are_read(name, frames):
     assert len(recording.frames) == frames
     assert recording.forces.sample_rate_hz == pytest.approx(200.0)
     assert recording.frame(recording.frames[-1]).shape == (512, 512)
+
+
+def test_the_globe_of_an_eye_is_open_sealed_or_unknown(folder):
+    assert read_recording(folder).info.eye.globe is None
+    change(folder / "recording.toml", "[oct]", 'globe = "sealed"\nrigidity_mmhg13_per_ul = 0.03\n[oct]')
+    eye = read_recording(folder).info.eye
+    assert eye.globe == "sealed"
+    assert eye.rigidity_pa13_per_m3 == pytest.approx(0.03 * 133.322387415 ** (1 / 3) * 1e9)
+    assert eye.rigidity_law is None
+    change(folder / "recording.toml", "[oct]", 'rigidity_law = "logarithmic"\n[oct]')
+    assert read_recording(folder).info.eye.rigidity_law == "logarithmic"
+
+
+@pytest.mark.parametrize("globe", ["", 'globe = "open"'])
+@pytest.mark.parametrize("key", ["rigidity_mmhg13_per_ul = 0.03", 'rigidity_law = "cube-root"'])
+def test_a_rigidity_wants_a_sealed_globe(folder, globe, key):
+    change(folder / "recording.toml", "[oct]", f"{key}\n{globe}\n[oct]")
+    found = "missing" if not globe else '"open"'
+    with pytest.raises(
+        RecordingError, match=rf"recording\.toml:\d+: eye\.rigidity_\w+: of a sealed globe, globe is {found}"
+    ):
+        read_recording(folder)
+
+
+def test_another_word_for_the_globe_is_refused(folder):
+    change(folder / "recording.toml", "[oct]", 'globe = "closed"\n[oct]')
+    with pytest.raises(RecordingError, match=r"eye\.globe: 'closed' is not one of open, sealed"):
+        read_recording(folder)

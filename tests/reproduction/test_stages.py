@@ -22,7 +22,8 @@ core = 2
 rings = 5
 [library]
 thicknesses = 4
-iop_ratios = 4
+tension = { min = 1e-3, max = 0.21 }
+tensions = 4
 elements = 24
 [reader]
 epochs = 1

@@ -209,3 +209,19 @@ def test_a_text_with_quotes_and_backslashes_is_escaped() -> None:
 def test_a_section_left_out_has_the_defaults() -> None:
     assert parse_study("[oct]\nbits = 8").oct == OctStudy(bits=8)
     assert parse_study("[oct]\nbits = 8").dataset == DatasetStudy()
+
+
+def test_a_key_that_another_section_replaces_says_what_to_write() -> None:
+    with pytest.raises(
+        StudyError, match=r'^study:2: mechanics\.sealed: no longer a key; write \[globe\] kind = "sealed"'
+    ):
+        parse_study("[mechanics]\nsealed = true")
+
+
+def test_the_globe_is_told_in_human_units_and_kept_in_si() -> None:
+    globe = parse_study('[globe]\nkind = "sealed"\nrigidity_mmhg13_per_ul = 0.02').globe
+    assert globe.rigidity_pa13_per_m3 == pytest.approx(0.02 * 133.322387415 ** (1 / 3) * 1e9)
+    with pytest.raises(StudyError, match=r"globe\.kind: 'shut' is not one of open, sealed"):
+        parse_study('[globe]\nkind = "shut"')
+    with pytest.raises(StudyError, match=r"globe\.rigidity_mmhg13_per_ul: 2 is above the largest allowed value 1"):
+        parse_study("[globe]\nrigidity_mmhg13_per_ul = 2.0")

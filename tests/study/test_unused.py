@@ -10,6 +10,7 @@ from scleraforce.errors import StudyError
 from scleraforce.study import (
     EyeStudy,
     FormStudy,
+    GlobeStudy,
     MechanicsStudy,
     MeshStudy,
     NeedleStudy,
@@ -29,7 +30,9 @@ CHANGED = {
     "form.region": Study(form=FormStudy(region=(RegionStudy(modulus_ratio=0.7),))),
     "needle.tilt_deg": Study(needle=NeedleStudy(tilt_rad=radians(5.0))),
     "needle.tilt_direction_deg": Study(needle=NeedleStudy(tilt_rad=0.1, tilt_direction_rad=1.0)),
-    "mechanics.sealed": Study(mechanics=MechanicsStudy(sealed=True)),
+    "globe.kind": Study(globe=GlobeStudy("sealed")),
+    "globe.rigidity_mmhg13_per_ul": Study(globe=GlobeStudy("sealed", rigidity_pa13_per_m3=0.1e9)),
+    "globe.rigidity_law": Study(globe=GlobeStudy("sealed", rigidity_law="logarithmic")),
     "mechanics.follower": Study(mechanics=MechanicsStudy(follower=False)),
     "supports.kind": Study(supports=SupportsStudy(kind="straps")),
     "supports.bed_stiffness_kpa_per_mm": Study(supports=replace(BED, bed_stiffness_pa_per_m=1e6)),

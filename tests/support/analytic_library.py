@@ -8,6 +8,7 @@ import numpy as np
 
 from scleraforce.errors import SolverError
 from scleraforce.library import Library
+from scleraforce.library.build import SolvedPath
 
 RADIUS_M = 12e-3
 
@@ -41,22 +42,30 @@ def curves(thickness_m, iop_ratio, tip_m, angles=ANGLES):
     return np.stack([r, depth], axis=-1)
 
 
+def displaced_m3(thickness_m, iop_ratio, tip_m):
+    """Volume that the dent displaces in m^3: wider in thicker walls and under more pressure, and with its depth."""
+    width = np.sqrt(RADIUS_M * thickness_m) * (1.0 + 20.0 * np.sqrt(iop_ratio))
+    return np.pi * width**2 * tip_m * (1.0 + 100.0 * tip_m)
+
+
 def stiffness(polar_rad):
     """Factor of the force for a contact beside the pole."""
     return 1.0 + 0.1 * polar_rad**2
 
 
-def analytic_library(thicknesses=9, ratios=9, tips=40, max_tip_m=7.5e-3):
+def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3):
     """The library of this eye."""
     t = np.geomspace(0.35e-3, 0.9e-3, thicknesses)
-    p = np.geomspace(8e-5, 6e-3, ratios)
+    tension = np.geomspace(1e-3, 0.21, ratios)
     d = max_tip_m * np.linspace(0.0, 1.0, tips) ** 1.5
-    grid = np.meshgrid(t, p, d, indexing="ij")
+    grid = list(np.meshgrid(t, tension, d, indexing="ij"))
+    grid[1] = grid[1] * grid[0] / RADIUS_M  # IOP/E
     return Library(
         thickness_m=t,
-        iop_ratio=p,
+        tension=tension,
         tip_m=d,
         force_ratio_tpd=force_ratio(*grid),
+        displaced_tpd=displaced_m3(*grid),
         curves_tpdbnc=curves(*grid).astype(np.float32),
         radius_m=RADIUS_M,
         poisson_ratio=0.45,
@@ -78,7 +87,8 @@ def solve_analytic(plan, number):
     wall = plan.wall(number)
     tip_m = plan.tip_m if number < plan.paths else plan.tip_m[: plan.support_tips]
     forces = force_ratio(*wall, tip_m) * (1.0 + 0.05 * np.cos(plan.support_rad(number)))
-    return forces, curves(*wall, tip_m, node_angles(plan.nodes)).astype(np.float32)
+    volumes = displaced_m3(*wall, tip_m)
+    return SolvedPath(forces, volumes, curves(*wall, tip_m, node_angles(plan.nodes)).astype(np.float32))
 
 
 def solve_slowly(plan, number):

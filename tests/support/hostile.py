@@ -31,7 +31,7 @@ __all__ = ["KINDS", "SPECIAL", "damage", "judge", "write_whole_ones"]
 
 SECONDS, MEMORY = 20, 3 * 2**30
 SPECIAL = ("pipe", "endless", "folder", "empty", "nothing")
-SMALL_LIBRARY = LibraryStudy(thicknesses=4, iop_ratios=4, tips=6, elements=16)
+SMALL_LIBRARY = LibraryStudy(thicknesses=4, tensions=4, tips=6, elements=16)
 NASTY = ["1e308", "-1e308", "1e999", "nan", "inf", "-1", "0", "1_000", "9" * 5000, "", "null", "true", "[]", "{}",
          '"x"', "[" * 3000, '{"a":' * 3000, "\x00", "\ufeff", "١٢", "1000000000",
          "../../etc/passwd", "/dev/zero"]  # fmt: skip

@@ -19,7 +19,8 @@ from scleraforce.study import read_study
 STUDY = """
 [library]
 thicknesses = 4
-iop_ratios = 4
+tension = { min = 3e-3, max = 0.1 }
+tensions = 4
 tips = 24
 
 [dataset]

@@ -87,7 +87,7 @@ class LibraryEye:
         library = self.library
         thickness, pressure, force = _ratios(states)
         thickness = np.clip(thickness, library.thickness_m[0], library.thickness_m[-1])
-        pressure = np.clip(pressure, library.iop_ratio[0], library.iop_ratio[-1])
+        pressure = np.clip(pressure, *library.iop_ratio_ends(thickness))
         force = np.maximum(force, 0.0)
         if (thickness == self.constants.thickness_m).all() and force.max() <= self._reached_force_ratio:
             return library.curves(thickness, pressure, force).curves_sbnc.astype(np.float64)
@@ -108,7 +108,7 @@ class LibraryEye:
     @cached_property
     def _reached_force_ratio(self) -> float:
         """F/E that the stated wall is known to carry at every pressure of the library, m^2."""
-        pressure = self.library.iop_ratio
+        pressure = self.library.tension * self.constants.thickness_m / self.library.radius_m
         thickness = np.full(len(pressure), self.constants.thickness_m)
         return (1 - 1e-6) * float(self.library.largest_force_ratio(thickness, pressure).min())
 

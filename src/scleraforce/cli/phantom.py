@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from scleraforce.cli.globe import globe_options, with_globe
 from scleraforce.cli.output import print_json, progress_bar, share_bar
 from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study
@@ -52,6 +53,7 @@ class _Forces(click.ParamType[tuple[float, ...]]):
 @click.option("--azimuth-deg", type=float, default=0.0, show_default=True, help="Contact, about the pole.")
 @click.option("--direction-deg", type=float, default=0.0, show_default=True, help="B-scan plane about the needle axis.")
 @click.option("--tilt-deg", type=float, default=0.0, show_default=True, help="B-scan plane against the needle axis.")
+@globe_options
 @click.option("--mechanics", type=click.Choice(["linear", "finite-strain"]), help="How the wall bends; the study's by "
               "default (linear, if it does not say).")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**31 - 1), help="Of all that is drawn; the study's by default.")
@@ -72,6 +74,8 @@ def phantom(
     azimuth_deg: float,
     direction_deg: float,
     tilt_deg: float,
+    globe: str | None,
+    rigidity: float | None,
     mechanics: str | None,
     seed: int | None,
     as_json: bool,
@@ -95,6 +99,7 @@ def phantom(
     if rate_hz is None and not (ramp_mn_per_s is None and hold_s is None):
         raise click.UsageError("--ramp-mn-per-s and --hold-s are of a needle that moves; give --rate-hz too")
     study = with_mechanics(Study() if study_path is None else read_study(study_path), mechanics)
+    study = with_globe(study, globe, rigidity)
     refuse_unused(study, "phantom", study.mechanics.kind, study_path)
     if out.exists():
         raise InputError(f"{out}: exists already; remove it or choose another folder")
@@ -128,6 +133,7 @@ def phantom(
         "frames": len(plan.frames),
         "seed": plan.seed,
         "mechanics": study.mechanics.kind,
+        "globe": study.globe.kind,
     }
     if as_json:
         print_json(result)

@@ -6,6 +6,7 @@ from time import perf_counter
 
 import click
 
+from scleraforce.cli.globe import globe_options, with_globe
 from scleraforce.cli.output import print_json, share_bar
 from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study
@@ -24,6 +25,7 @@ __all__ = ["simulate"]
 @click.option("--iop-mmhg", type=float, help="Intraocular pressure; the study's by default.")
 @click.option("--polar-angle-deg", type=float, help="Contact, from the pole; the middle of the study's by default.")
 @click.option("--gap-mm", type=float, help="B-scan plane to needle axis; the study's by default.")
+@globe_options
 @click.option("--mechanics", type=click.Choice(["linear", "finite-strain"]), help="Small displacements, or any; the "
               "study's by default (linear, if it does not say).")  # fmt: skip
 @click.option("--vtu", type=click.Path(path_type=Path), help="Write the mesh and its displacement (VTK) here.")
@@ -41,6 +43,8 @@ def simulate(
     iop_mmhg: float | None,
     polar_angle_deg: float | None,
     gap_mm: float | None,
+    globe: str | None,
+    rigidity: float | None,
     mechanics: str | None,
     vtu: Path | None,
     plot: Path | None,
@@ -62,6 +66,7 @@ def simulate(
         gap_m=None if gap_mm is None else gap_mm / 1e3,
         polar_angle_rad=None if polar_angle_deg is None else radians(polar_angle_deg),
     )
+    study = with_globe(study, globe, rigidity)
     refuse_unused(study, "simulate", study.mechanics.kind, study_path)
     check_number("force_mn", force_mn, NEEDLE_FORCE)
     for path in filter(None, (vtu, plot)):
@@ -88,6 +93,9 @@ def simulate(
         write_figure(draw_simulation(eye), plot)
     result = {
         "tip_displacement_mm": eye.tip_m * 1e3,
+        "dent_mm": eye.dent_m * 1e3,
+        "pressure_mmhg": eye.pressure_pa / mmhg_to_pa(1.0),
+        "globe": study.globe.kind,
         "elements": len(eye.mesh.cells_en),
         "dofs": eye.mesh.points_nc.size,
         "seconds": round(seconds, 3),
@@ -97,6 +105,10 @@ def simulate(
         print_json(result)
         return
     click.echo(f"the contact sinks in by {eye.tip_m * 1e3:.3f} mm under {n_to_mn(eye.force_n):g} mN")
+    if study.globe.kind == "sealed":
+        resting, loaded = (pressure / mmhg_to_pa(1.0) for pressure in (study.eye.iop_pa, eye.pressure_pa))
+        click.echo(f"the pressure rises from {resting:.3g} to {loaded:.3g} mmHg; the dent is {eye.dent_m * 1e3:.3f} mm "
+                   "deep, from the undented wall at that pressure")  # fmt: skip
     if study.mechanics.kind == "linear" and eye.tip_m > eye.mesh.thickness_m:
         click.echo(f"that is {eye.tip_m / eye.mesh.thickness_m:.1f} times the wall's thickness: more than linear "
                    "mechanics describes")  # fmt: skip

@@ -90,11 +90,12 @@ def predict_wall(library: Library, unknown: Array, places: Places) -> Placed:
 def _inward(library: Library, unknown: Array, steps: Array) -> Array:
     """Turn the steps that would leave the library, where derivatives are 0, the other way."""
     size = np.exp(unknown[SIZE])
+    highest = library.iop_ratio_ends(unknown[THICKNESS] / size)[1]
     out = [
         unknown[TIP] / size + TIP_STEP_M > library.tip_m[-1],
         False,
         unknown[THICKNESS] / size + THICKNESS_STEP_M > library.thickness_m[-1],
-        np.exp(unknown[IOP] - unknown[MODULUS] + LOG_PRESSURE_STEP) > library.iop_ratio[-1],
+        np.exp(unknown[IOP] - unknown[MODULUS] + LOG_PRESSURE_STEP) > highest,
     ]
     return np.where(out, -steps, steps)
 
@@ -102,11 +103,11 @@ def _inward(library: Library, unknown: Array, steps: Array) -> Array:
 def _library_place(library: Library, unknown_su: Array) -> tuple[Array, Array, Array]:
     """Return thickness, IOP/E and tip of samples in the library's own size, kept within what it holds."""
     size = np.exp(unknown_su[:, SIZE])
-    thickness = unknown_su[:, THICKNESS] / size
+    thickness = np.clip(unknown_su[:, THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
     pressure = np.exp(unknown_su[:, IOP] - unknown_su[:, MODULUS])
     return (
-        np.clip(thickness, library.thickness_m[0], library.thickness_m[-1]),
-        np.clip(pressure, library.iop_ratio[0], library.iop_ratio[-1]),
+        thickness,
+        np.clip(pressure, *library.iop_ratio_ends(thickness)),
         np.clip(unknown_su[:, TIP] / size, library.tip_m[0], library.tip_m[-1]),
     )
 

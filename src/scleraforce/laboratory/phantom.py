@@ -1,7 +1,7 @@
 """The virtual laboratory: a recording folder of a virtual eye, as a scanner and a force sensor would write it.
 
-Beside the recording's own files stands `truth.json`: every parameter that was drawn, the true force and the pose of
-each frame, the seed and the versions.
+Beside the recording's own files stands `truth.json`: every parameter that was drawn, the true force, pressure and pose
+of each frame, the seed and the versions.
 """
 
 import json
@@ -37,7 +37,7 @@ from scleraforce.laboratory.pushes import (
     sense,
     true_force,
 )
-from scleraforce.laboratory.virtual_eye import PhantomEye, SectionsAt
+from scleraforce.laboratory.virtual_eye import PhantomEye, SectionsAt, pressures_pa
 from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.writing import RecordingWriter
 from scleraforce.section.plane import Section
@@ -242,7 +242,7 @@ def write_phantom(
         shutil.rmtree(partial, ignore_errors=True)
         comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
         with closing(RecordingWriter(partial, _info(plan, study), comment)) as writer:
-            _write_log_and_truth(partial, plan, study)
+            _write_log_and_truth(partial, plan, study, pressures_pa(plan.eye, sections_at, plan.forces_n))
             for frame, section in zip(plan.frames, sections_at(plan.forces_n), strict=True):
                 writer.add(frame.file, frame.time_s, render_frame(frame, section, study).frame)
                 if progress is not None:
@@ -268,12 +268,12 @@ def true_forces(recording: Path) -> dict[str, float]:
         raise RecordingError(f"{path}: not the truth of a virtual acquisition: {fault}") from fault
 
 
-def _write_log_and_truth(folder: Path, plan: PhantomPlan, study: Study) -> None:
+def _write_log_and_truth(folder: Path, plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> None:
     axis = ("fx", "fy", "fz").index(AXIS)
     noise = _generator(plan.eye, plan.seed, NOISE)
     log = sense(plan.motion, plan.sensor, axis, CONTACT_SIGN, motion_end_s(plan.motion) + TAIL_S, noise)
     (folder / "forces.csv").write_text(format_log(log), encoding="utf-8")
-    truth = json.dumps(_truth(plan, study), indent=1, allow_nan=False)
+    truth = json.dumps(_truth(plan, study, pressures_pa), indent=1, allow_nan=False)
     (folder / "truth.json").write_text(truth + "\n", encoding="utf-8")
 
 
@@ -281,7 +281,7 @@ def _info(plan: PhantomPlan, study: Study) -> RecordingInfo:
     scanner, eye = study.oct, plan.eye
     average_s = MOVING_AVERAGE_S if isinstance(plan.motion, ForcePath) else HELD_AVERAGE_S
     return RecordingInfo(
-        EyeInfo(eye.id, thickness_m=eye.thickness_m, iop_pa=eye.iop_pa),
+        EyeInfo(eye.id, thickness_m=eye.thickness_m, iop_pa=eye.iop_pa, globe=study.globe.kind),
         OctInfo(
             columns=scanner.columns,
             rows=scanner.rows,
@@ -299,7 +299,7 @@ def _info(plan: PhantomPlan, study: Study) -> RecordingInfo:
     )
 
 
-def _truth(plan: PhantomPlan, study: Study) -> dict[str, Any]:
+def _truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> dict[str, Any]:
     versions = {
         "scleraforce": __version__,
         "numpy": np.__version__,
@@ -312,6 +312,7 @@ def _truth(plan: PhantomPlan, study: Study) -> dict[str, Any]:
         "study_hash": study_hash(study),
         "seed": plan.seed,
         "mechanics": asdict(study.mechanics),
+        "globe": asdict(study.globe),
         "eye": asdict(plan.eye),
         "form": asdict(study.form),
         "thickness_at_contact_m": _thickness_at_contact(plan.eye, study),
@@ -323,13 +324,14 @@ def _truth(plan: PhantomPlan, study: Study) -> dict[str, Any]:
                 "file": frame.file,
                 "time_s": frame.time_s,
                 "force_n": force_n,
+                "pressure_pa": pressure_pa,
                 "target": study.classes.classify(force_n),
                 **({"push": asdict(frame.push)} if frame.push else {}),
                 "pose": asdict(frame.pose),
                 "optics": asdict(frame.optics),
                 "seed": list(frame.seed),
             }
-            for frame, force_n in zip(plan.frames, plan.forces_n, strict=True)
+            for frame, force_n, pressure_pa in zip(plan.frames, plan.forces_n, pressures_pa, strict=True)
         ],
     }
 

@@ -29,7 +29,8 @@ class SimulatedEye:
 
     `displacement_nc` (node, 3) in m, from the unloaded wall; `needle_nc` (node, 3) the needle's part of it, from the
     state under IOP and gravity. `tip_m`: inward displacement of the outer surface at the contact along the needle axis
-    from that state. `slice` (rows, columns): 255 = wall, in `window`.
+    from that state. `dent_m`: the same from the undented wall at `pressure_pa`, the pressure under the needle; in a
+    sealed globe it is the larger one. `slice` (rows, columns): 255 = wall, in `window`.
     """
 
     mesh: HexMesh
@@ -38,18 +39,22 @@ class SimulatedEye:
     displacement_nc: Floats
     needle_nc: Floats
     tip_m: float
+    dent_m: float
+    pressure_pa: float
     slice: NDArray[np.uint8]
     window: SliceWindow
 
 
 @dataclass(frozen=True, eq=False)
 class _Bent:
-    """A wall without and with the needle: displacements (node, 3) from the unloaded wall, and the tip's."""
+    """A wall without and with the needle: displacements (node, 3) from the unloaded wall, the tip's, the pressure."""
 
     mesh: HexMesh
     resting_nc: Floats
     displacement_nc: Floats
     tip_m: float
+    dent_m: float
+    pressure_pa: float
 
 
 def simulate_eye(
@@ -59,7 +64,7 @@ def simulate_eye(
     contact: Contact,
     progress: Callable[[float], object] | None = None,
 ) -> SimulatedEye:
-    """Bend a wall by the study's `[mechanics]` and cut its slice beside the needle.
+    """Bend a wall by the study's `[mechanics]` and `[globe]` and cut its slice beside the needle.
 
     `progress` is for a load path: called with the share of it that is done.
 
@@ -82,6 +87,8 @@ def simulate_eye(
         displacement_nc=bent.displacement_nc,
         needle_nc=bent.displacement_nc - bent.resting_nc,
         tip_m=bent.tip_m,
+        dent_m=bent.dent_m,
+        pressure_pa=bent.pressure_pa,
         slice=fill_section(loaded, window),
         window=window,
     )
@@ -101,7 +108,14 @@ def _bend(
         progress=progress,
     )
     path = bent.path
-    return _Bent(bent.mesh, path.displacement_nc(0.0), path.displacement_nc(force_n), path.tip_m(force_n))
+    return _Bent(
+        bent.mesh,
+        resting_nc=path.displacement_nc(0.0),
+        displacement_nc=path.displacement_nc(force_n),
+        tip_m=path.travel_m(force_n),
+        dent_m=path.tip_m(force_n),
+        pressure_pa=path.pressure_pa(force_n),
+    )
 
 
 def _bend_linearly(study: Study, thickness_m: float, force_n: float, contact: Contact) -> _Bent:
@@ -122,4 +136,4 @@ def _bend_linearly(study: Study, thickness_m: float, force_n: float, contact: Co
         for force in (0.0, force_n)
     )
     tip_m = tip_displacement(wall.mesh, contact, displacement_nc - resting_nc)
-    return _Bent(wall.mesh, resting_nc, displacement_nc, tip_m)
+    return _Bent(wall.mesh, resting_nc, displacement_nc, tip_m, dent_m=tip_m, pressure_pa=eye.iop_pa)

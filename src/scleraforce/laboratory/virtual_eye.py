@@ -19,11 +19,13 @@ from scleraforce.study.unused import refuse_unused
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
 __all__ = [
+    "BentSections",
     "PhantomEye",
     "SectionsAt",
     "finite_strain_sections",
     "linear_sections",
     "paper_eyes",
+    "pressures_pa",
     "study_sections",
 ]
 
@@ -87,9 +89,43 @@ def study_sections(eye: PhantomEye, study: Study, progress: Callable[[float], ob
     return finite_strain_sections(eye, study, progress)
 
 
+class BentSections:
+    """An eye's sections for needle forces in N, and its pressure under them, from one load path."""
+
+    def __init__(self, eye: PhantomEye, study: Study, progress: Callable[[float], object] | None = None) -> None:
+        """Take the arguments of `finite_strain_sections`; the path is computed when it is needed."""
+        self.eye, self._study, self._progress = eye, study, progress
+        self._bent: BentEye | None = None
+
+    def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
+        """Return the sections."""
+        bent = self._bent_to(forces_n)
+        parts = [forces_n[start : start + FORCES_AT_ONCE] for start in range(0, len(forces_n), FORCES_AT_ONCE)]
+        return [section for part in parts for section in _cut_states(bent, self.eye.plane, part)]
+
+    def pressures_pa(self, forces_n: Sequence[float]) -> list[float]:
+        """Return the eye pressure at each force in Pa."""
+        path = self._bent_to(forces_n).path
+        return [path.pressure_pa(force_n) for force_n in forces_n]
+
+    def _bent_to(self, forces_n: Sequence[float]) -> BentEye:
+        largest_n = max(forces_n, default=0.0)
+        if self._bent is None or self._bent.path.max_force_n < largest_n:
+            self._bent = bend_eye(
+                self._study,
+                self.eye.plane.contact,
+                thickness_m=self.eye.thickness_m,
+                youngs_modulus_pa=self.eye.youngs_modulus_pa,
+                iop_pa=self.eye.iop_pa,
+                max_force_n=largest_n,
+                progress=self._progress,
+            )
+        return self._bent
+
+
 def finite_strain_sections(
     eye: PhantomEye, study: Study, progress: Callable[[float], object] | None = None
-) -> SectionsAt:
+) -> BentSections:
     """Return the function that gives an eye's sections for needle forces in N, from finite-strain mechanics.
 
     Its first call computes the load path, up to the largest force that it is given (some 10 s on one core), and so does
@@ -98,28 +134,17 @@ def finite_strain_sections(
 
     Args:
         eye: the eye and the plane of the B-scan.
-        study: its form, needle, mesh and mechanics.
+        study: its form, needle, mesh, mechanics and globe.
         progress: called with the share of the largest force that the path has reached.
     """
-    bent: BentEye | None = None
+    return BentSections(eye, study, progress)
 
-    def sections_at(forces_n: Sequence[float]) -> Sequence[Section]:
-        nonlocal bent
-        largest_n = max(forces_n, default=0.0)
-        if bent is None or bent.path.max_force_n < largest_n:
-            bent = bend_eye(
-                study,
-                eye.plane.contact,
-                thickness_m=eye.thickness_m,
-                youngs_modulus_pa=eye.youngs_modulus_pa,
-                iop_pa=eye.iop_pa,
-                max_force_n=largest_n,
-                progress=progress,
-            )
-        parts = [forces_n[start : start + FORCES_AT_ONCE] for start in range(0, len(forces_n), FORCES_AT_ONCE)]
-        return [section for part in parts for section in _cut_states(bent, eye.plane, part)]
 
-    return sections_at
+def pressures_pa(eye: PhantomEye, sections_at: SectionsAt, forces_n: Sequence[float]) -> list[float]:
+    """Return the pressure of an eye at each force in Pa; only walls bent at finite strain know of sealed globes."""
+    if isinstance(sections_at, BentSections):
+        return sections_at.pressures_pa(forces_n)
+    return [eye.iop_pa] * len(forces_n)
 
 
 def _cut_states(bent: BentEye, plane: ScanPlane, forces_n: Sequence[float]) -> list[Section]:

@@ -8,7 +8,7 @@ with the clamp at 90 degrees is the correction.
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.library.plan import LARGEST_POLAR_DEG, SUPPORT_NODES, SUPPORTS_DEG
+from scleraforce.library.plan import LARGEST_POLAR_DEG, SUPPORTS_DEG, spread
 from scleraforce.library.splines import SUPPORT, CubicSpline
 from scleraforce.mechanics.polar import DIRECTIONS, SHARE, base_angle
 
@@ -21,19 +21,20 @@ RIGHT_ANGLE = int(np.searchsorted(SUPPORTS_DEG, 90.0))  # where it stands among 
 
 
 def base_stiffness(
-    thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, force_tpd: Floats, support_force_bklt: Floats
+    thickness_m: Floats, tension: Floats, tip_m: Floats, force_tpd: Floats, support_force_bklt: Floats
 ) -> tuple[Floats, Floats]:
     """Return polar angles of the contact (a,), rad, and the factor of the force there (a, t, p, d).
 
     Args:
         thickness_m: thicknesses of the library (t,), m.
-        iop_ratio: IOP ratios (p,).
+        tension: tensions p R/(E t) (p,).
         tip_m: tips (d,), m.
         force_tpd: F/E with the clamp at 90 degrees.
-        support_force_bklt: F/E with the clamps of the plan, at its thicknesses and ratios for that, at the first tips.
+        support_force_bklt: F/E with the clamps of the plan, at its thicknesses and tensions, at the first tips.
     """
     tips = support_force_bklt.shape[3]
-    nodes = [np.rint(np.linspace(0, len(axis) - 1, SUPPORT_NODES)).astype(np.intp) for axis in (thickness_m, iop_ratio)]
+    counts = support_force_bklt.shape[1:3]
+    nodes = [spread(len(axis), count) for axis, count in zip((thickness_m, tension), counts, strict=True)]
     even_klt = force_tpd[np.ix_(*nodes, np.arange(1, tips))]
     ratio_bklt = np.insert(support_force_bklt[..., 1:] / even_klt, RIGHT_ANGLE, 1.0, axis=0)
     angles = np.radians(np.insert(SUPPORTS_DEG, RIGHT_ANGLE, 90.0))
@@ -44,7 +45,7 @@ def base_stiffness(
         for polar in polar_rad
     ]
     factor_aklt = np.stack(factor)
-    for axis, (values, known) in enumerate(zip((thickness_m, iop_ratio), nodes, strict=True), start=1):
+    for axis, (values, known) in enumerate(zip((thickness_m, tension), nodes, strict=True), start=1):
         moved = np.moveaxis(factor_aklt, axis, 0)
         factor_aklt = np.moveaxis(_along(np.log(values[known]), moved, np.log(values)), 0, axis)
     # The ratio has a limit at no dent, and stays as it is beyond the last tip.

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,18 @@ from scleraforce.study import Study
 
 __all__ = ["Building", "PathSolver", "SolvedPath", "build_library", "solve_path"]
 
-SolvedPath = tuple[NDArray[np.float64], NDArray[np.float32]]
-PathSolver = Callable[[LibraryPlan, int], SolvedPath]
+
+Floats = NDArray[np.float64]
+
+SOLVED_FORCES = 2.0  # over the largest F/E of the library: what is done beyond it is not felt below
+
+
+class SolvedPath(NamedTuple):
+    """F/E (tip,), m^2, displaced volume (tip,), m^3, and boundaries (tip, boundary, node, 2), m, of a unit."""
+
+    force_d: NDArray[np.float64]
+    displaced_d: NDArray[np.float64]
+    curves_dbnc: NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -32,6 +43,9 @@ class Building:
     paths: int
     solved: int
     seconds: float
+
+
+PathSolver = Callable[[LibraryPlan, int], SolvedPath]
 
 
 def build_library(
@@ -70,15 +84,17 @@ def build_library(
     todo = missing_library_units(out, plan)
     report(plan.units - len(todo))
     with closing(_solved(plan, todo, scheduler, workers, solve or solve_path)) as results:
-        for unit, (force_d, curves_dbnc) in results:
-            write_library_unit(out, plan, unit, force_d, curves_dbnc)
+        for unit, path in results:
+            write_library_unit(out, plan, unit, *path)
             report(1)
     complete_library(out, plan)
     return Building(plan.units, len(todo), perf_counter() - start)
 
 
 def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
-    """Return F/E (tip,), m^2, and the boundaries (tip, boundary, node, 2), m, of a unit.
+    """Return the path of a unit, with an open globe.
+
+    It is solved up to a force of twice the largest that the library is asked for, and goes straight on from there.
 
     Raises:
         SolverError: the path cannot be followed to its last tip.
@@ -92,10 +108,21 @@ def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
         plan.needle_radius_m,
         iop_ratio,
         tips_m=tips_m[1:],
+        max_force_ratio_m2=SOLVED_FORCES * plan.grid.max_force_ratio_m2,
         support_rad=plan.support_rad(unit),
         size=MeridianSize(plan.grid.elements, plan.grid.layers),
     )
-    return path.force_ratio_m2, path.curves_sbnc.astype(np.float32)
+    force_d, displaced_d, curves_dbnc = (
+        _gone_on(values, path.tip_m, tips_m) for values in (path.force_ratio_m2, path.displaced_m3, path.curves_sbnc)
+    )
+    return SolvedPath(force_d, displaced_d, curves_dbnc.astype(np.float32))
+
+
+def _gone_on(values: NDArray[np.float64], solved_m: NDArray[np.float64], tips_m: NDArray[np.float64]) -> Floats:
+    """Return values (solved tip, ...) at all tips (tip,): beyond the last one on the line through the last two."""
+    slope = (values[-1] - values[-2]) / (solved_m[-1] - solved_m[-2])
+    beyond_m = tips_m[len(solved_m) :] - solved_m[-1]
+    return np.concatenate([values, values[-1] + np.multiply.outer(beyond_m, slope)])
 
 
 def _solved(

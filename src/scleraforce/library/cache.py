@@ -40,7 +40,7 @@ def cached_library(
     progress: Callable[[int], None] | None = None,
     solve: PathSolver | None = None,
 ) -> Library:
-    """Return the library of a study; the first time it is built, which takes half a minute.
+    """Return the library of a study; the first time it is built, which takes a minute or two.
 
     Args:
         study: the study.

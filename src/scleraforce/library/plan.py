@@ -1,7 +1,7 @@
 """What a library holds: its axes, and the load paths that make it.
 
-There is a path for each pair of thickness and IOP ratio, and forces alone for some pairs with the support nearer to the
-needle axis or farther from it (`library.base_plane` needs them).
+There is a path for each pair of thickness and tension, p R/(E t), and forces alone for some pairs with the support
+nearer to the needle axis or farther from it (`library.base_plane` needs them).
 """
 
 import json
@@ -13,18 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
+from scleraforce.mechanics.burst import burst_tension
 from scleraforce.plain_json import parse_json
 from scleraforce.source_hash import PACKAGE, hash_files
 from scleraforce.study import Choice, LibraryStudy, Range, Sampled, Study
 
-__all__ = ["LARGEST_POLAR_DEG", "SUPPORTS_DEG", "SUPPORT_NODES", "LibraryPlan", "parse_plan", "plan_library"]
+__all__ = ["LARGEST_POLAR_DEG", "SUPPORTS_DEG", "LibraryPlan", "parse_plan", "plan_library", "spread"]
 
 Floats = NDArray[np.float64]
 
 TIP_GRADING = 1.5  # tips stand like the numbers 0, 1, 2 ... to this power
 SUPPORTS_DEG = (40.0, 55.0, 70.0, 110.0, 125.0, 140.0)  # beside 90: where the base may lie for a contact up to 50 deg
 LARGEST_POLAR_DEG = 50.0
-SUPPORT_NODES = 4  # thicknesses, and ratios, among those of the library
+SUPPORT_THICKNESSES, SUPPORT_TENSIONS = 4, 6  # at most, among those of the library
 SUPPORT_TIP_M = 6e-3  # deeper dents run into the base where it is nearest: the factor stays as it is there
 
 
@@ -44,9 +45,12 @@ class LibraryPlan:
         return np.geomspace(*self.grid.thickness_m.bounds, self.grid.thicknesses)
 
     @property
-    def iop_ratio(self) -> Floats:
-        """Ratios IOP/E (p,)."""
-        return np.geomspace(*self.grid.iop_ratio.bounds, self.grid.iop_ratios)
+    def tension(self) -> Floats:
+        """Tensions p R/(E t) (p,): even in log(tension / what is left of it to the burst)."""
+        low, high = self.grid.tension.bounds
+        burst = burst_tension(self.poisson_ratio)
+        odds = np.geomspace(low / (burst - low), high / (burst - high), self.grid.tensions)
+        return np.clip(burst * odds / (1.0 + odds), low, high)
 
     @property
     def tip_m(self) -> Floats:
@@ -62,7 +66,7 @@ class LibraryPlan:
     @property
     def paths(self) -> int:
         """Number of load paths whose forces and curves are kept: the first of all units."""
-        return self.grid.thicknesses * self.grid.iop_ratios
+        return self.grid.thicknesses * self.grid.tensions
 
     @property
     def units(self) -> int:
@@ -71,18 +75,18 @@ class LibraryPlan:
 
     @property
     def support_shape(self) -> tuple[int, int, int]:
-        """Supports, thicknesses and ratios of the paths with another support."""
-        return len(SUPPORTS_DEG), len(self.support_thicknesses), len(self.support_ratios)
+        """Supports, thicknesses and tensions of the paths with another support."""
+        return len(SUPPORTS_DEG), len(self.support_thicknesses), len(self.support_tensions)
 
     @property
     def support_thicknesses(self) -> NDArray[np.intp]:
         """Which thicknesses have paths with other supports."""
-        return _spread(self.grid.thicknesses)
+        return spread(self.grid.thicknesses, SUPPORT_THICKNESSES)
 
     @property
-    def support_ratios(self) -> NDArray[np.intp]:
-        """Which IOP ratios have paths with other supports."""
-        return _spread(self.grid.iop_ratios)
+    def support_tensions(self) -> NDArray[np.intp]:
+        """Which tensions have paths with other supports."""
+        return spread(self.grid.tensions, SUPPORT_TENSIONS)
 
     @property
     def support_tips(self) -> int:
@@ -90,23 +94,23 @@ class LibraryPlan:
         return max(2, int(np.searchsorted(self.tip_m, SUPPORT_TIP_M, side="right")))
 
     def place(self, unit: int) -> tuple[int, ...]:
-        """Return where a unit stands: (thickness, ratio), or (support, thickness, ratio)."""
+        """Return where a unit stands: (thickness, tension), or (support, thickness, tension)."""
         if unit < self.paths:
-            return divmod(unit, self.grid.iop_ratios)
+            return divmod(unit, self.grid.tensions)
         return tuple(int(number) for number in np.unravel_index(unit - self.paths, self.support_shape))
 
     def wall(self, unit: int) -> tuple[float, float]:
         """Return the thickness, m, and the IOP ratio of a unit.
 
         >>> plan = plan_library(Study())
-        >>> tuple(float(value) for value in plan.wall(0))
-        (0.00035, 8e-05)
+        >>> tuple(float(f"{value:.3g}") for value in plan.wall(0))
+        (0.00035, 5.83e-06)
         """
-        place = self.place(unit)
-        if unit < self.paths:
-            return float(self.thickness_m[place[0]]), float(self.iop_ratio[place[1]])
-        thickness, ratio = self.support_thicknesses[place[1]], self.support_ratios[place[2]]
-        return float(self.thickness_m[thickness]), float(self.iop_ratio[ratio])
+        thickness, tension = self.place(unit)[-2:]
+        if unit >= self.paths:
+            thickness, tension = int(self.support_thicknesses[thickness]), int(self.support_tensions[tension])
+        thickness_m = float(self.thickness_m[thickness])
+        return thickness_m, float(self.tension[tension]) * thickness_m / self.radius_m
 
     def support_rad(self, unit: int) -> float:
         """Return the angle from the needle axis at which a unit's wall is clamped, rad."""
@@ -126,9 +130,16 @@ class LibraryPlan:
 
 
 def plan_library(study: Study) -> LibraryPlan:
-    """Return the plan that a study asks for: `[library]`, sizes and nu, and the middle of the needle's polar angles."""
+    """Return the plan that a study asks for: `[library]`, sizes and nu, and the middle of the needle's polar angles.
+
+    Raises:
+        InputError: the wall would burst.
+    """
     eye, needle = study.eye, study.needle
     middle_rad = min(0.5 * sum(needle.polar_angle_rad.bounds), float(np.radians(LARGEST_POLAR_DEG)))
+    highest, burst = study.library.tension.bounds[1], burst_tension(eye.poisson_ratio)
+    if not highest < burst:
+        raise InputError(f"library.tension: up to {highest:g}; must stay below {burst:.3g}, at which the wall bursts")
     return LibraryPlan(
         radius_m=eye.radius_m,
         poisson_ratio=eye.poisson_ratio,
@@ -166,6 +177,6 @@ def _sampled(value: dict[str, Any]) -> Sampled:
     return Range(**value) if "min" in value else Choice(tuple(value["values"]))
 
 
-def _spread(count: int) -> NDArray[np.intp]:
-    """Numbers from first to last of `count`, as even as they can be."""
-    return np.rint(np.linspace(0, count - 1, SUPPORT_NODES)).astype(np.intp)
+def spread(count: int, most: int) -> NDArray[np.intp]:
+    """Return at most so many numbers from first to last of `count`, as even as they can be."""
+    return np.rint(np.linspace(0, count - 1, min(count, most))).astype(np.intp)

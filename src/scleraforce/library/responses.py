@@ -2,9 +2,10 @@
 
 Without gravity, the deformed shape depends on Young's modulus E, force F and pressure IOP only through F/E ("force
 ratio", m^2) and IOP/E ("IOP ratio"), for a given thickness, radius, needle and Poisson's ratio. So paths over thickness
-and IOP ratio serve every eye. A path is stored at given displacements of the tip, in which it is smooth also where the
+and pressure serve every eye. The axis of the pressure is the tension, p R/(E t), because walls of every thickness burst
+at about the same one. A path is stored at given displacements of the tip, in which it is smooth also where the
 force falls; a force is turned into a tip afterwards. Interpolation is a tensor of cubic splines in log thickness, log
-IOP ratio and tip.
+tension and tip.
 
 The paths are those of a wall of revolution about the needle axis. A needle beside the pole is nearer to the base on one
 side and meets a stiffer wall: forces are larger by a factor over the contact's polar angle (`library.base_plane`).
@@ -18,14 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
+from scleraforce.eye.globe import Globe
 from scleraforce.library.crossing import first_crossing
 from scleraforce.library.splines import SUPPORT, CubicSpline
+from scleraforce.mechanics.burst import burst_tension
 
 __all__ = ["INNER", "OUTER", "Library", "Responses"]
 
 Floats = NDArray[np.float64]
 Curves = NDArray[np.float32]
-Walls = tuple[NDArray[np.intp], Floats]  # rows of (thickness, IOP ratio) and their weights, each (sample, 16)
+Walls = tuple[NDArray[np.intp], Floats]  # rows of (thickness, tension) and their weights, each (sample, 16)
 
 OUTER, INNER = 0, 1  # the boundaries of a wall, as an index
 BLOCK = 32  # samples interpolated together: what they gather stays in the cache
@@ -52,14 +55,33 @@ class _Shapes:
     """The curves of a library, ready to be interpolated: computed once, whatever the contact."""
 
     thickness_m: Floats
-    iop_ratio: Floats
+    tension: Floats
     tip_m: Floats
+    displaced_tpd: Floats
     curves_tpdbnc: Curves
 
     @cached_property
     def splines(self) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
-        """Splines over log thickness, log IOP ratio, tip."""
-        return CubicSpline(np.log(self.thickness_m)), CubicSpline(np.log(self.iop_ratio)), CubicSpline(self.tip_m)
+        """Splines over log thickness, log tension, tip."""
+        return CubicSpline(np.log(self.thickness_m)), CubicSpline(np.log(self.tension)), CubicSpline(self.tip_m)
+
+    @cached_property
+    def volume_coefficients(self) -> Floats:
+        """Spline weights of the displaced volume (t p d,)."""
+        weights = self.displaced_tpd
+        for axis, spline in enumerate(self.splines):
+            weights = spline.coefficients(weights, axis)
+        return weights.reshape(-1)
+
+    @cached_property
+    def pressure_coefficients(self) -> Floats:
+        """Spline weights over thickness and tip of the volume and its slope by log tension, there (t d, 2 p)."""
+        volumes_tdp = self.displaced_tpd.swapaxes(1, 2)
+        along_pressure = self.splines[1].coefficients(volumes_tdp, axis=2)
+        both = np.concatenate([volumes_tdp, self.splines[1].slopes(along_pressure)], axis=2)
+        for axis, spline in ((0, self.splines[0]), (1, self.splines[2])):
+            both = spline.coefficients(both, axis)
+        return both.reshape(-1, both.shape[2])
 
     @cached_property
     def coefficients(self) -> Curves:
@@ -72,18 +94,20 @@ class _Shapes:
 
 @dataclass(frozen=True, kw_only=True)
 class Library:
-    """Load paths over thickness and IOP ratio, and their interpolation. All evaluation is vectorised over samples.
+    """Load paths over thickness and tension, and their interpolation. All evaluation is vectorised over samples.
 
-    `thickness_m` (t,), `iop_ratio` (p,) and `tip_m` (d,) increase, at least four values each; `tip_m` starts at 0.
-    `force_ratio_tpd` is F/E in m^2 and `curves_tpdbnc` what `Responses` says, of walls clamped 90 degrees from the
-    needle axis. `stiffness_atpd` is the factor of the force for contacts at the polar angles `polar_rad` (a,), from 0;
-    the library answers for `contact_polar_rad`. `max_force_ratio` is the largest F/E that it is asked for.
+    `thickness_m` (t,), `tension` (p,) and `tip_m` (d,) increase, at least four values each; `tip_m` starts at 0.
+    `force_ratio_tpd` is F/E in m^2, `displaced_tpd` the volume in m^3 between the wall without the needle and with it,
+    at one pressure, and `curves_tpdbnc` what `Responses` says, of walls clamped 90 degrees from the needle axis.
+    `stiffness_atpd` is the factor of the force for contacts at the polar angles `polar_rad` (a,), from 0; the library
+    answers for `contact_polar_rad`. `max_force_ratio` is the largest F/E that it is asked for.
     """
 
     thickness_m: Floats
-    iop_ratio: Floats
+    tension: Floats
     tip_m: Floats
     force_ratio_tpd: Floats
+    displaced_tpd: Floats
     curves_tpdbnc: Curves
     radius_m: float
     poisson_ratio: float
@@ -96,30 +120,33 @@ class Library:
     _shapes: _Shapes = field(init=False, repr=False, compare=False)
 
     def __post_init__(self, shapes_of: "Library | None") -> None:
-        shape = (len(self.thickness_m), len(self.iop_ratio), len(self.tip_m))
+        shape = (len(self.thickness_m), len(self.tension), len(self.tip_m))
         if min(shape) < SUPPORT:
-            raise InputError(f"library: {shape} thicknesses, IOP ratios, tips; must be at least {SUPPORT} of each")
-        if self.force_ratio_tpd.shape != shape or self.curves_tpdbnc.shape[:4] != (*shape, 2):
-            raise InputError(f"library: forces {self.force_ratio_tpd.shape} and curves {self.curves_tpdbnc.shape} "
-                             f"do not fit the axes {shape}")  # fmt: skip
+            raise InputError(f"library: {shape} thicknesses, tensions, tips; must be at least {SUPPORT} of each")
+        if {self.force_ratio_tpd.shape, self.displaced_tpd.shape} != {shape} or self.curves_tpdbnc.shape[:4] != (
+            *shape,
+            2,
+        ):
+            raise InputError(f"library: forces {self.force_ratio_tpd.shape}, volumes {self.displaced_tpd.shape} and "
+                             f"curves {self.curves_tpdbnc.shape} do not fit the axes {shape}")  # fmt: skip
         if self.stiffness_atpd.shape != (len(self.polar_rad), *shape) or len(self.polar_rad) < SUPPORT:
             raise InputError(f"library: stiffness {self.stiffness_atpd.shape} does not fit {len(self.polar_rad)} "
                              f"polar angles (at least {SUPPORT}) and the axes {shape}")  # fmt: skip
         _check("polar angle", np.asarray(self.contact_polar_rad), *self._ends(self.polar_rad), 180.0 / np.pi, "deg")
-        for axis in (self.polar_rad, self.thickness_m, self.iop_ratio, self.tip_m):
+        for axis in (self.polar_rad, self.thickness_m, self.tension, self.tip_m):
             if not (np.diff(axis) > 0.0).all():
                 raise InputError("library: an axis that does not increase")
         if self.curves_tpdbnc.shape[4] < 2 or self.curves_tpdbnc.shape[5:] != (2,):
             raise InputError(f"library: curves {self.curves_tpdbnc.shape}; at least two points of two coordinates")
-        sizes = (self.radius_m, self.needle_radius_m, self.max_force_ratio, self.thickness_m[0], self.iop_ratio[0])
+        sizes = (self.radius_m, self.needle_radius_m, self.max_force_ratio, self.thickness_m[0], self.tension[0])
         if not all(0.0 < size < np.inf for size in sizes) or not 0.0 <= self.poisson_ratio < 0.5:
-            raise InputError(f"library: radius, needle radius, largest F/E, first thickness and IOP ratio {sizes}, "
+            raise InputError(f"library: radius, needle radius, largest F/E, first thickness and tension {sizes}, "
                              f"Poisson's ratio {self.poisson_ratio}: impossible")  # fmt: skip
-        axes = (self.thickness_m, self.iop_ratio, self.tip_m, self.polar_rad)
-        values = (*axes, self.force_ratio_tpd, self.curves_tpdbnc, self.stiffness_atpd)
+        axes = (self.thickness_m, self.tension, self.tip_m, self.polar_rad)
+        values = (*axes, self.force_ratio_tpd, self.displaced_tpd, self.curves_tpdbnc, self.stiffness_atpd)
         if not all(np.isfinite(array).all() for array in values):
             raise InputError("library: values that are not finite")
-        own = _Shapes(self.thickness_m, self.iop_ratio, self.tip_m, self.curves_tpdbnc)
+        own = _Shapes(self.thickness_m, self.tension, self.tip_m, self.displaced_tpd, self.curves_tpdbnc)
         object.__setattr__(self, "_shapes", own if shapes_of is None else shapes_of._shapes)
 
     def curves(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Responses:
@@ -169,6 +196,49 @@ class Library:
         ratios: Floats = (self._state_coefficients[rows] * weights).sum(axis=1)
         return ratios
 
+    def displaced_m3(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
+        """Return the volume between the wall without the needle and with it, at one pressure, (sample,), m^3.
+
+        Raises:
+            InputError: a sample lies outside the library.
+        """
+        walls = self._walls(thickness_m, iop_ratio)
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
+        rows, weights = self._states(walls, tip_m)
+        volumes: Floats = (self._shapes.volume_coefficients[rows] * weights).sum(axis=1)
+        return volumes
+
+    def sealed_iop_ratio(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, globe: Globe) -> Floats:
+        """Return the pressure over E (sample,) under dents of sealed globes, whose states are the open ones at it.
+
+        Dents count from the undented wall at that pressure, as they do in all states here. Of several pressures that
+        solve the globe's law, the lowest counts; NaN where none of the library's does: the pressure runs away
+        (`mechanics.sealed_dent`), or rises beyond them.
+
+        Args:
+            thickness_m: wall thickness (sample,), m.
+            iop_ratio: pressure without the needle over E (sample,).
+            tip_m: dent (sample,), m.
+            globe: how the pressure follows the displaced volume, over E; its rate is a number or (sample,).
+
+        Raises:
+            InputError: a sample without the needle lies outside the library, or its dent does.
+        """
+        self._walls(thickness_m, iop_ratio)
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
+        volumes, slopes = self._along_pressure(thickness_m, tip_m)
+        rate = np.broadcast_to(globe.rate, np.shape(tip_m))
+        ratios = self.tension * (np.asarray(thickness_m) / self.radius_m)[:, None]
+        missing = globe.level(ratios) - rate[:, None] * volumes
+        rise = globe.level_slope(ratios) * ratios - rate[:, None] * slopes
+        log_tension = first_crossing(np.log(self.tension), missing, rise, globe.level(iop_ratio))
+        return np.where(rate > 0.0, np.exp(log_tension) * thickness_m / self.radius_m, iop_ratio)
+
+    def iop_ratio_ends(self, thickness_m: Floats) -> tuple[Floats, Floats]:
+        """Return the lowest and the highest IOP ratio (sample,) that the library has of walls."""
+        per_tension = np.asarray(thickness_m) / self.radius_m
+        return self.tension[0] * per_tension, self.tension[-1] * per_tension
+
     def tips(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
         """Return the tips (sample,), m, at which loading first reaches the forces; arguments and errors of `curves`."""
         return self._tips(self._walls(thickness_m, iop_ratio), thickness_m, iop_ratio, force_ratio)
@@ -186,12 +256,13 @@ class Library:
 
     def covers(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> NDArray[np.bool_]:
         """Return which samples `curves` answers (sample,)."""
-        values = np.broadcast_arrays(thickness_m, iop_ratio, force_ratio)
-        ranges = (self._ends(self.thickness_m), self._ends(self.iop_ratio), (0.0, self.max_force_ratio))
+        values = np.broadcast_arrays(thickness_m, self._tension(thickness_m, iop_ratio), force_ratio)
+        ranges = (self._ends(self.thickness_m), self._ends(self.tension), (0.0, self.max_force_ratio))
         known = np.ones(values[0].shape, dtype=bool)
         for value, (low, high) in zip(values, ranges, strict=True):
             known &= (value >= low - SLACK * high) & (value <= high * (1.0 + SLACK))
-        thickness, ratio, force = (value[known] for value in values)
+        thickness, tension, force = (value[known] for value in values)
+        ratio = tension * thickness / self.radius_m
         known[known] = np.isfinite(first_crossing(self.tip_m, *self._paths(self._walls(thickness, ratio)), force))
         return known
 
@@ -220,7 +291,7 @@ class Library:
 
     @property
     def _splines(self) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
-        """Splines over log thickness, log IOP ratio, tip."""
+        """Splines over log thickness, log tension, tip."""
         return self._shapes.splines
 
     @cached_property
@@ -234,7 +305,7 @@ class Library:
 
     @cached_property
     def _force_coefficients(self) -> Floats:
-        """Spline weights over thickness and IOP ratio of the force and of its slope at the tips (t p, 2 d)."""
+        """Spline weights over thickness and tension of the force and of its slope at the tips (t p, 2 d)."""
         along_tip = self._splines[2].coefficients(self._contact_forces, axis=2)
         both = np.concatenate([self._contact_forces, self._splines[2].slopes(along_tip)], axis=2)
         for axis in (0, 1):
@@ -254,6 +325,14 @@ class Library:
         rows, weights = walls
         both = (weights[:, None] @ self._force_coefficients[rows])[:, 0]
         return both[:, : len(self.tip_m)], both[:, len(self.tip_m) :]
+
+    def _along_pressure(self, thickness_m: Floats, tip_m: Floats) -> tuple[Floats, Floats]:
+        """Displaced volume and its slope by log tension at the library's tensions, each (sample, p)."""
+        t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
+        d, of_d = self._splines[2].weights(self._inside(tip_m, self.tip_m))
+        rows, weights = _products(t, of_t, d, of_d, len(self.tip_m))
+        both = (weights[:, None] @ self._shapes.pressure_coefficients[rows])[:, 0]
+        return both[:, : len(self.tension)], both[:, len(self.tension) :]
 
     def _curves(self, walls: Walls, tip_m: Floats) -> Curves:
         rows, weights = self._states(walls, tip_m)
@@ -275,13 +354,30 @@ class Library:
     def _walls(self, thickness_m: Floats, iop_ratio: Floats) -> Walls:
         """Return where walls stand between those of the library, after a check that they do."""
         _check("thickness", thickness_m, *self._ends(self.thickness_m), 1e6, "um")
-        _check("IOP/E", iop_ratio, *self._ends(self.iop_ratio), 1.0, "")
+        tension = self._tension(thickness_m, iop_ratio)
+        self._check_tension(tension, thickness_m)
         t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
-        p, of_p = self._splines[1].weights(np.log(self._inside(iop_ratio, self.iop_ratio)))
-        support = np.arange(SUPPORT)
-        rows = (t[:, None] + support)[:, :, None] * len(self.iop_ratio) + (p[:, None] + support)[:, None]
-        weights = of_t[:, :, None] * of_p[:, None]
-        return rows.reshape(len(t), SUPPORT**2), weights.reshape(len(t), SUPPORT**2)
+        p, of_p = self._splines[1].weights(np.log(self._inside(tension, self.tension)))
+        return _products(t, of_t, p, of_p, len(self.tension))
+
+    def _check_tension(self, tension: Floats, thickness_m: Floats) -> None:
+        """Check that tensions lie in the library's range; the message gives what they are in the wall's IOP/E."""
+        inside = (tension >= self.tension[0] * (1.0 - SLACK)) & (tension <= self.tension[-1] * (1.0 + SLACK))
+        if inside.all():
+            return
+        worst = int(np.argmin(inside))  # NaN is outside, too
+        thickness = float(np.broadcast_to(thickness_m, tension.shape)[worst])
+        low, high, burst = (
+            value * thickness / self.radius_m
+            for value in (*self._ends(self.tension), burst_tension(self.poisson_ratio))
+        )
+        raise InputError(
+            f"IOP/E: {tension[worst] * thickness / self.radius_m:.4g} is outside the library's range for a wall of "
+            f"{thickness * 1e6:.0f} um, {low:.3g} to {high:.3g}; it bursts at {burst:.3g}"
+        )
+
+    def _tension(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
+        return np.asarray(iop_ratio) * (self.radius_m / np.asarray(thickness_m))
 
     @staticmethod
     def _ends(axis: Floats) -> tuple[float, float]:
@@ -291,6 +387,16 @@ class Library:
     def _inside(values: Floats, axis: Floats) -> Floats:
         """Values of a range that was checked, without what rounding added."""
         return np.clip(np.asarray(values, dtype=np.float64), axis[0], axis[-1])
+
+
+def _products(
+    first: NDArray[np.intp], of_first: Floats, second: NDArray[np.intp], of_second: Floats, seconds: int
+) -> Walls:
+    """Rows (sample, 16) of a table over two axes, the second of a length, and the products of their weights."""
+    support = np.arange(SUPPORT)
+    rows = (first[:, None] + support)[:, :, None] * seconds + (second[:, None] + support)[:, None]
+    weights = of_first[:, :, None] * of_second[:, None]
+    return rows.reshape(len(first), SUPPORT**2), weights.reshape(len(first), SUPPORT**2)
 
 
 def _check(name: str, values: Floats, low: float, high: float, factor: float, unit: str) -> None:

@@ -21,14 +21,14 @@ from scleraforce.stored_array import StoredArray
 
 __all__ = ["complete_library", "create_library", "missing_library_units", "open_library", "write_library_unit"]
 
-FORCES, CURVES, SUPPORT_FORCES = "force_ratio", "curves", "support_force_ratio"
-AXES = ("thickness_m", "iop_ratio", "tip_m")
+FORCES, DISPLACED, CURVES, SUPPORT_FORCES = "force_ratio", "displaced_m3", "curves", "support_force_ratio"
+AXES = ("thickness_m", "tension", "tip_m")
 VERSIONS = ("scleraforce", "numpy", "scipy", "zarr")
 STORE = CheckedStore(
     noun="library",
     command="library",
     verb="make",
-    schema="scleraforce-library-2",
+    schema="scleraforce-library-3",
     required=frozenset({"complete", "plan", "plan_hash", "key", "seed", "versions"}),
     same=("plan", "key", "versions"),
     others={"scleraforce-dataset": "a data set and no response library; `train --kind classifier` learns from it"},
@@ -62,15 +62,25 @@ def missing_library_units(path: Path, plan: LibraryPlan) -> list[int]:
 
 
 def write_library_unit(
-    path: Path, plan: LibraryPlan, unit: int, force_d: NDArray[np.float64], curves_dbnc: NDArray[np.float32]
+    path: Path,
+    plan: LibraryPlan,
+    unit: int,
+    force_d: NDArray[np.float64],
+    displaced_d: NDArray[np.float64],
+    curves_dbnc: NDArray[np.float32],
 ) -> None:
-    """Write one load path: F/E (tip,), m^2, and the boundaries (tip, boundary, node, 2), m, where they are kept.
+    """Write one load path: what `build.SolvedPath` says, as far as it is kept.
 
     Raises:
         InputError: the folder cannot be written to, or the disk is full.
     """
     arrays = _arrays(plan)
-    values: dict[str, NDArray[Any]] = {FORCES: force_d, CURVES: curves_dbnc, SUPPORT_FORCES: force_d}
+    values: dict[str, NDArray[Any]] = {
+        FORCES: force_d,
+        DISPLACED: displaced_d,
+        CURVES: curves_dbnc,
+        SUPPORT_FORCES: force_d,
+    }
     for name in _arrays_of(plan, unit):
         STORE.write(path, arrays[name], plan.place(unit), values[name])
 
@@ -110,13 +120,14 @@ def open_library(path: str | PathLike[str]) -> Library:
     for name in AXES:
         if not np.allclose(arrays[name], getattr(plan, name), rtol=1e-12, atol=0.0):
             raise InputError(f"{path / name}: not the values of its plan: the store is damaged; make it again")
-    thickness_m, iop_ratio, tip_m = (arrays[name] for name in AXES)
-    polar_rad, stiffness_atpd = base_stiffness(thickness_m, iop_ratio, tip_m, arrays[FORCES], arrays[SUPPORT_FORCES])
+    thickness_m, tension, tip_m = (arrays[name] for name in AXES)
+    polar_rad, stiffness_atpd = base_stiffness(thickness_m, tension, tip_m, arrays[FORCES], arrays[SUPPORT_FORCES])
     return Library(
         thickness_m=thickness_m,
-        iop_ratio=iop_ratio,
+        tension=tension,
         tip_m=tip_m,
         force_ratio_tpd=arrays[FORCES],
+        displaced_tpd=arrays[DISPLACED],
         curves_tpdbnc=arrays[CURVES],
         radius_m=plan.radius_m,
         poisson_ratio=plan.poisson_ratio,
@@ -140,17 +151,18 @@ def _describe(plan: LibraryPlan) -> dict[str, Any]:
 
 def _arrays_of(plan: LibraryPlan, unit: int) -> tuple[str, ...]:
     """Return the arrays that a unit has a part in."""
-    return (CURVES, FORCES) if unit < plan.paths else (SUPPORT_FORCES,)
+    return (CURVES, DISPLACED, FORCES) if unit < plan.paths else (SUPPORT_FORCES,)
 
 
 def _arrays(plan: LibraryPlan) -> dict[str, StoredArray]:
     """Return the arrays of a library by name: the axes, and what a load path has a chunk of."""
-    shape = (len(plan.thickness_m), len(plan.iop_ratio), len(plan.tip_m))
+    shape = (len(plan.thickness_m), len(plan.tension), len(plan.tip_m))
     supports = (*plan.support_shape, plan.support_tips)
     axes = [StoredArray(name, (size,), (size,), "float64") for name, size in zip(AXES, shape, strict=True)]
     paths = (
         StoredArray(CURVES, (*shape, 2, plan.nodes, 2), (1, 1, *shape[2:], 2, plan.nodes, 2), "float32"),
         StoredArray(FORCES, shape, (1, 1, *shape[2:]), "float64"),
+        StoredArray(DISPLACED, shape, (1, 1, *shape[2:]), "float64"),
         StoredArray(SUPPORT_FORCES, supports, (1, 1, 1, *supports[3:]), "float64"),
     )
     return {array.name: array for array in (*axes, *paths)}

@@ -2,6 +2,7 @@
 
 The force may fall while the dent grows (snap-through of a wall without pressure), so the tip is what advances. Steps
 start from a polynomial through the states before, and adapt: shorter after a failure, longer while they are easy.
+The dent counts from the undented wall at the same pressure: in an open globe, from the first state.
 Everything is at E = 1 Pa: forces are F/E in m^2 and pressures p/E.
 """
 
@@ -12,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, SolverError
-from scleraforce.mechanics.equilibrium import Balance, Dent, Equilibrium, sealed_dent, solve_balance
+from scleraforce.eye.globe import OPEN_GLOBE, Globe
+from scleraforce.mechanics.equilibrium import Balance, Dent, Equilibrium, solve_balance
+from scleraforce.mechanics.sealed_dent import SealedDent
 
 __all__ = ["PathStates", "pressurise", "trace"]
 
@@ -26,16 +29,18 @@ class PathStates:
     """States along a load path; the first is the one without the needle.
 
     Attributes:
-        tip_m: inward displacement of the tip from the first state, ascending, (state,) in m.
+        tip_m: inward displacement of the tip from the undented wall at the state's pressure, ascending, (state,) in m.
         force: F/E, (state,) in m^2.
         pressure: p/E, (state,); the same everywhere unless the globe is sealed.
         displacement_su: free displacements, (state, unknown) in m.
+        undented_su: those of the undented wall at the state's pressure, (state, unknown) in m.
     """
 
     tip_m: Floats
     force: Floats
     pressure: Floats
     displacement_su: Floats
+    undented_su: Floats
 
 
 def pressurise(problem: Equilibrium, pressure: float) -> Floats:
@@ -74,7 +79,7 @@ def trace(
     max_force: float = np.inf,
     first_step_m: float = 1e-4,
     largest_step_m: float = 5e-4,
-    sealed: bool = False,
+    globe: Globe = OPEN_GLOBE,
     progress: Callable[[float], object] | None = None,
 ) -> PathStates:
     """Follow the path from the state without the needle, by the tip's inward displacement.
@@ -89,7 +94,7 @@ def trace(
         max_force: F/E in m^2; the path ends at the first kept state that carries it.
         first_step_m: of the tip.
         largest_step_m: of the tip.
-        sealed: hold the volume inside constant and let the pressure follow; `problem` is a `SealedEquilibrium`.
+        globe: how the pressure follows the volume, over E; a sealed one wants a `SealedEquilibrium`.
         progress: called after each step with the largest F/E so far.
 
     Raises:
@@ -97,7 +102,8 @@ def trace(
         SolverError: no equilibrium was found; the message says what dent and force were reached.
     """
     end_m = _end(tips_m, max_tip_m, max_force)
-    control = sealed_dent(problem, start, pressure) if sealed else Dent(problem, start, pressure)
+    sealed = globe.is_sealed
+    control = SealedDent(problem, start, pressure, globe) if sealed else Dent(problem, start, pressure)
     walk = _Walk(control, first_step_m, largest_step_m, end_m)
     kept = [walk.history[0]]
     for goal_m in _goals(tips_m, end_m):
@@ -107,7 +113,7 @@ def trace(
                 progress(control.largest_force)
             if tips_m is None or walk.tip_m >= goal_m:
                 kept.append(walk.history[-1])
-    return _states(kept, len(start), pressure)
+    return _states(kept, len(start), control)
 
 
 def _end(tips_m: Floats | None, max_tip_m: float | None, max_force: float) -> float:
@@ -123,11 +129,14 @@ def _goals(tips_m: Floats | None, end_m: float) -> list[float]:
     return [end_m] if tips_m is None else [float(tip) for tip in tips_m if tip <= end_m]
 
 
-def _states(kept: list[tuple[float, float, Floats]], unknowns: int, pressure: float) -> PathStates:
-    pressures = [float(x[unknowns + 1]) if len(x) > unknowns + 1 else pressure for _, _, x in kept]
-    tips, forces = [tip for tip, _, _ in kept], [force for _, force, _ in kept]
-    displacement_su = np.stack([x[:unknowns] for _, _, x in kept])
-    return PathStates(np.array(tips), np.array(forces), np.array(pressures), displacement_su)
+def _states(kept: list[tuple[float, float, Floats]], unknowns: int, control: Dent | SealedDent) -> PathStates:
+    tips, forces = np.array([tip for tip, _, _ in kept]), np.array([force for _, force, _ in kept])
+    unknowns_sx = np.stack([x for _, _, x in kept])
+    displacement_su = unknowns_sx[:, :unknowns]
+    if isinstance(control, SealedDent):
+        return PathStates(tips, forces, unknowns_sx[:, -1], displacement_su, unknowns_sx[:, unknowns : 2 * unknowns])
+    undented_su = np.broadcast_to(control.start, displacement_su.shape)
+    return PathStates(tips, forces, np.full(len(tips), control.pressure), displacement_su, undented_su)
 
 
 class _Walk:
@@ -137,7 +146,7 @@ class _Walk:
         history: up to three last states: tip in m, force, unknowns.
     """
 
-    def __init__(self, control: Dent, step_m: float, largest_m: float, end_m: float) -> None:
+    def __init__(self, control: Dent | SealedDent, step_m: float, largest_m: float, end_m: float) -> None:
         self.control, self.step_m, self.largest_m = control, step_m, largest_m
         self.shortest_m = SMALLEST_STEP * min(end_m, largest_m)
         self.history: list[tuple[float, float, Floats]] = [(0.0, 0.0, control.unloaded)]
@@ -167,7 +176,7 @@ class _Walk:
         self.step_m = 0.5 * (tip_m - self.tip_m)
         if self.step_m < self.shortest_m:
             reached = f"a dent of {1e3 * self.tip_m:.4g} mm, F/E = {1e6 * self.history[-1][1]:.4g} mm^2"
-            raise SolverError(f"load path: no equilibrium found beyond {reached}; ask for a smaller dent") from fault
+            raise SolverError(f"load path: no equilibrium found beyond {reached}; {self.control.remedy}") from fault
 
     def _extrapolated(self, tip_m: float) -> Floats:
         """Lagrange's polynomial through the last states, at most three."""

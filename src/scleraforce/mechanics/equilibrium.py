@@ -1,10 +1,10 @@
 """Equilibrium at a prescribed dent: the equations, and Newton's method for them.
 
 The displacement of the needle's tip is prescribed and the force is an unknown of its own; in a sealed globe the
-pressure is another, with the volume prescribed. Both enter as borders of the tangent: K du - b df - g dp = -r is split
-into one solve per column, and a small matrix gives the increments of force and pressure (Batoz and Dhatt, Int. J. Num.
-Meth. Engng 14, 1979). Newton's steps are damped by the natural monotonicity test, and a factor is used again while it
-contracts fast (Deuflhard, Newton Methods for Nonlinear Problems, sec. 3.3): neither depends on units or conditioning.
+pressure is another (`sealed_dent`). They enter as borders of the tangent: K du - b df = -r is split into one solve per
+column, and a small matrix gives their increments (Batoz and Dhatt, Int. J. Num. Meth. Engng 14, 1979). Newton's steps
+are damped by the natural monotonicity test, and a factor is used again while it contracts fast (Deuflhard, Newton
+Methods for Nonlinear Problems, sec. 3.3): neither depends on units or conditioning.
 
 Everything is at E = 1 Pa: forces are F/E in m^2 and pressures p/E.
 """
@@ -15,14 +15,14 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.errors import InputError, SolverError
+from scleraforce.errors import SolverError
 
-__all__ = ["Balance", "Dent", "Equilibrium", "SealedDent", "SealedEquilibrium", "Solve", "sealed_dent", "solve_balance"]
+__all__ = ["Balance", "Control", "Dent", "Equilibrium", "SealedEquilibrium", "Solve", "bordered", "solve_balance"]
 
 Floats = NDArray[np.float64]
 Solve = Callable[[Floats], Floats]
 
-TOLERANCE = 1e-9  # largest force out of balance, over the forces applied; also of the tip and the volume
+TOLERANCE = 1e-9  # largest force out of balance, over the forces applied; also of the tip and the pressure
 SETTLED = 1e-10  # of the displacement by the needle: smaller corrections count as zero
 MOST_FACTORS = 10  # for one equilibrium
 FAST = 0.3  # a factor is reused while each step leaves less than this share of the error
@@ -62,6 +62,27 @@ class SealedEquilibrium(Equilibrium, Protocol):
         """
 
 
+class Control(Protocol):
+    """What Newton's method solves: unknowns x, the displacements first, and a defect that is to vanish."""
+
+    @property
+    def count(self) -> int:
+        """How many of the unknowns are displacements."""
+
+    @property
+    def unloaded(self) -> Floats:
+        """The unknowns without the load that the control adds."""
+
+    def defect(self, x: Floats) -> Floats:
+        """Return what is to vanish, (unknown,)."""
+
+    def met(self, defect: Floats, x: Floats) -> bool:
+        """Return whether a defect is none."""
+
+    def factor(self, x: Floats) -> Solve:
+        """Factor the derivative of the defect."""
+
+
 class Balance:
     """Equilibrium at a given pressure without the needle: no borders. The unknowns x are u.
 
@@ -97,7 +118,10 @@ class Dent:
         tip_m: the prescribed displacement of the tip; `continuation` sets it along the path.
         unloaded: the unknowns without the needle.
         largest_force: on the path so far; errors are relative to it where the force passes through zero.
+        remedy: what to do where the path ends.
     """
+
+    remedy = "ask for a smaller dent"
 
     def __init__(self, problem: Equilibrium, start: Floats, pressure: float) -> None:
         self.problem, self.start, self.pressure = problem, start, pressure
@@ -124,53 +148,13 @@ class Dent:
     def factor(self, x: Floats) -> Solve:
         """Factor the derivative of the defect."""
         tangent = self.problem.factor(x[: self.count], self.pressure)
-        return _bordered(tangent, self.problem.needle[:, None], self.problem.tip[None])
+        return bordered(tangent, self.problem.needle[:, None], self.problem.tip[None], np.zeros((1, 1)))
 
 
-class SealedDent(Dent):
-    """The same with the volume inside held constant. The unknowns x are u, the force and the pressure."""
-
-    problem: SealedEquilibrium
-
-    def __init__(self, problem: SealedEquilibrium, start: Floats, pressure: float) -> None:
-        super().__init__(problem, start, pressure)
-        self.unloaded = np.append(self.unloaded, pressure)
-        self.volume_m3 = problem.volume(start)[0]
-
-    def defect(self, x: Floats) -> Floats:
-        """Return the forces out of balance and the errors of the tip and the volume."""
-        u, force, pressure = x[: self.count], x[self.count], float(x[self.count + 1])
-        balance = self.problem.residual(u, pressure) - force * self.problem.needle
-        dent = self.problem.tip @ (u - self.start) - self.tip_m
-        return np.append(balance, [dent, self.problem.volume(u)[0] - self.volume_m3])
-
-    def met(self, defect: Floats, x: Floats) -> bool:
-        """Return whether a defect is none."""
-        return super().met(defect, x) and bool(abs(defect[-1]) <= TOLERANCE * abs(self.volume_m3))
-
-    def factor(self, x: Floats) -> Solve:
-        """Factor the derivative of the defect."""
-        u = x[: self.count]
-        tangent, gradient = self.problem.factor(u, float(x[-1])), self.problem.volume(u)[1]
-        columns = np.stack([self.problem.needle, gradient], axis=1)
-        return _bordered(tangent, columns, np.stack([self.problem.tip, gradient]))
-
-
-def sealed_dent(problem: Equilibrium, start: Floats, pressure: float) -> SealedDent:
-    """Return the control of a sealed globe.
-
-    Raises:
-        InputError: the wall does not know its volume.
-    """
-    if not isinstance(problem, SealedEquilibrium):
-        raise InputError("sealed globe: this wall does not know its volume; use an open globe")
-    return SealedDent(problem, start, pressure)
-
-
-def _bordered(tangent: Solve, columns_uk: Floats, rows_ku: Floats) -> Solve:
-    """Solve K du - C dy = r, R du = c for (du, dy): one solve for C, one for each r, and a small matrix."""
+def bordered(tangent: Solve, columns_uk: Floats, rows_ku: Floats, corner_kk: Floats) -> Solve:
+    """Solve K du - C dy = r, R du + D dy = c for (du, dy): one solve for C, one for each r, and a small matrix."""
     answers_uk = tangent(columns_uk)
-    small_kk = rows_ku @ answers_uk
+    small_kk = rows_ku @ answers_uk + corner_kk
     unknowns = len(columns_uk)
 
     def solve(defect: Floats) -> Floats:
@@ -181,7 +165,7 @@ def _bordered(tangent: Solve, columns_uk: Floats, rows_ku: Floats) -> Solve:
     return solve
 
 
-def solve_balance(control: Balance | Dent, x: Floats) -> tuple[Floats, int]:
+def solve_balance(control: Control, x: Floats) -> tuple[Floats, int]:
     """Return the unknowns that meet the control, from a guess x, and how many factors it took.
 
     Raises:
@@ -200,7 +184,7 @@ def solve_balance(control: Balance | Dent, x: Floats) -> tuple[Floats, int]:
     raise SolverError("equilibrium: Newton's method did not converge; use a shorter step")
 
 
-def _newton_step(control: Balance | Dent, x: Floats, defect: Floats) -> tuple[Floats, Floats, bool]:
+def _newton_step(control: Control, x: Floats, defect: Floats) -> tuple[Floats, Floats, bool]:
     """Factor at x, take a damped step, and go on with the same factor while it converges fast.
 
     Returns the new x, its defect, and whether it is an equilibrium.
@@ -221,7 +205,7 @@ def _newton_step(control: Balance | Dent, x: Floats, defect: Floats) -> tuple[Fl
     return x, defect, _found(control, x, defect, step)
 
 
-def _found(control: Balance | Dent, x: Floats, defect: Floats, step: Floats) -> bool:
+def _found(control: Control, x: Floats, defect: Floats, step: Floats) -> bool:
     """Whether the forces balance, or the correction by `step` is negligible.
 
     The second test is for tiny forces, where the rounding of the stresses exceeds the tolerance.
@@ -229,7 +213,7 @@ def _found(control: Balance | Dent, x: Floats, defect: Floats, step: Floats) -> 
     return control.met(defect, x) or _size(control, step) <= SETTLED * _size(control, x - control.unloaded)
 
 
-def _damped(control: Balance | Dent, solve: Solve, x: Floats, step: Floats) -> tuple[Floats, Floats, Floats, float]:
+def _damped(control: Control, solve: Solve, x: Floats, step: Floats) -> tuple[Floats, Floats, Floats, float]:
     """Shorten a step until the next correction with the same factor is small enough.
 
     Returns the new x, its defect, that next correction, and its size over the size of this step.
@@ -247,6 +231,6 @@ def _damped(control: Balance | Dent, solve: Solve, x: Floats, step: Floats) -> t
     raise SolverError("equilibrium: no step reduces the error; use a shorter step")
 
 
-def _size(control: Balance | Dent, step: Floats) -> float:
+def _size(control: Control, step: Floats) -> float:
     """Return the size of a step by its displacements alone; the borders have other units."""
     return float(np.linalg.norm(step[: control.count]))

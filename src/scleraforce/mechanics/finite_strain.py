@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 from scipy.sparse.linalg import splu
 
 from scleraforce.errors import InputError, SolverError
+from scleraforce.eye.globe import OPEN_GLOBE, Globe
 from scleraforce.eye.mesh import HexMesh
 from scleraforce.mechanics.assembly import FreePart
 from scleraforce.mechanics.continuation import PathStates, pressurise, trace
@@ -43,15 +44,18 @@ class LoadPath:
     """States of equilibrium of one eye along the needle's path; between them everything is cubic in the tip.
 
     Attributes:
-        tips_m: the tip's inward displacement from the state without the needle, ascending from 0, (state,) in m.
+        tips_m: the tip's inward displacement from the undented wall at the state's pressure, ascending from 0,
+            (state,) in m.
         forces_n: force through the needle, (state,) in N; it need not ascend.
         pressures_pa: eye pressure, (state,) in Pa; constant unless the globe is sealed.
+        rises_m: outward displacement of the undented wall's tip from rest to the state's pressure, (state,) in m.
         displacement_snc: displacement from the undeformed wall, (state, node, 3) in m.
     """
 
     tips_m: Floats
     forces_n: Floats
     pressures_pa: Floats
+    rises_m: Floats
     displacement_snc: Floats
 
     @property
@@ -97,6 +101,14 @@ class LoadPath:
     def pressure_pa(self, force_n: float) -> float:
         """Return the eye pressure at a force in Pa; errors are those of `tip_m`."""
         return float(self._weights(self.tip_m(force_n)) @ self.pressures_pa)
+
+    def travel_m(self, force_n: float) -> float:
+        """Return the tip's inward displacement from rest at a force, in m: the dent, less the wall's rise under it.
+
+        In an open globe it is the dent. Errors are those of `tip_m`.
+        """
+        tip_m = self.tip_m(force_n)
+        return tip_m - float(self._weights(tip_m) @ self.rises_m)
 
     @cached_property
     def _force(self) -> CubicSpline:
@@ -181,7 +193,7 @@ class FiniteWall:
         density_kg_m3: float,
         max_force_n: float,
         max_tip_m: float | None = None,
-        sealed: bool = False,
+        globe: Globe = OPEN_GLOBE,
         largest_step_m: float = LARGEST_STEP_M,
         progress: Callable[[float], object] | None = None,
     ) -> LoadPath:
@@ -194,7 +206,7 @@ class FiniteWall:
             density_kg_m3: of the wall; 0 leaves its weight out.
             max_force_n: where the path may end; its last state carries at least that force.
             max_tip_m: the deepest dent to go to.
-            sealed: the vitreous keeps its volume under the needle, and the pressure follows; otherwise it is constant.
+            globe: how the pressure follows the volume that the dent displaces.
             largest_step_m: of the tip between two states.
             progress: called after each step with the largest force so far in N.
 
@@ -202,7 +214,7 @@ class FiniteWall:
             InputError: a sealed globe with a dead pressure.
             SolverError: no equilibrium was found; the message says what was reached.
         """
-        if sealed and self.dead_pressure_nc is not None:
+        if globe.is_sealed and self.dead_pressure_nc is not None:
             raise InputError("sealed globe: its pressure has to follow the wall; leave the dead pressure out")
         problem = _WallEquilibrium(self, needle, youngs_modulus_pa, density_kg_m3)
         pressure = iop_pa / youngs_modulus_pa
@@ -214,15 +226,16 @@ class FiniteWall:
             max_force=max_force_n / youngs_modulus_pa,
             first_step_m=min(FIRST_STEP_M, largest_step_m),
             largest_step_m=largest_step_m,
-            sealed=sealed,
+            globe=globe.over(youngs_modulus_pa),
             progress=None if progress is None else lambda ratio: progress(ratio * youngs_modulus_pa),
         )
-        return self._path(states, youngs_modulus_pa)
+        return self._path(states, problem.tip, youngs_modulus_pa)
 
-    def _path(self, states: PathStates, youngs_modulus_pa: float) -> LoadPath:
+    def _path(self, states: PathStates, tip: Floats, youngs_modulus_pa: float) -> LoadPath:
         displacement_snc = np.stack([self.full_nc(u) for u in states.displacement_su])
         forces_n, pressures_pa = states.force * youngs_modulus_pa, states.pressure * youngs_modulus_pa
-        return LoadPath(states.tip_m, forces_n, pressures_pa, displacement_snc)
+        rises_m = (states.displacement_su[0] - states.undented_su) @ tip
+        return LoadPath(states.tip_m, forces_n, pressures_pa, rises_m, displacement_snc)
 
     def full_nc(self, free: Floats) -> Floats:
         """Return the displacement (node, 3) whose free components are given, (unknown,); the held ones are zero."""

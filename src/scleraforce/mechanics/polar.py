@@ -15,7 +15,7 @@ the pole) it lies at the angle b with tan b = cot a / cos phi. Two corrections m
 `docs/physics.md` has the errors with both, with each and with none, and what other reductions gave.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,19 +59,19 @@ def polar_path(
     *,
     polar_rad: float,
     tips_m: Floats,
-    sealed: bool = False,
     size: MeridianSize | None = None,
 ) -> AxisymmetricPath:
     """Return the path of `axisymmetric_path` with the forces of a needle at a polar angle, up to 55 deg.
 
     Arguments, units and errors are those of `axisymmetric_path`; `tips_m` is required, because all walls share them.
+    The globe is open.
     """
     if not 0.0 <= polar_rad <= LARGEST_POLAR_RAD:
         raise InputError(f"polar angle: {np.degrees(polar_rad):g} deg; must be 0 to 55 deg")
 
     def path_to(support_rad: float) -> AxisymmetricPath:
         sizes = (radius_m, thickness_m, poisson_ratio, needle_radius_m, iop_ratio)
-        return axisymmetric_path(*sizes, tips_m=tips_m, support_rad=support_rad, sealed=sealed, size=size)
+        return axisymmetric_path(*sizes, tips_m=tips_m, support_rad=support_rad, size=size)
 
     even = path_to(0.5 * np.pi)
     if polar_rad == 0.0:
@@ -79,7 +79,7 @@ def polar_path(
     around = np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
     forces = [path_to(float(angle)).force_ratio_m2 for angle in base_angle(polar_rad, around)]
     stiffer = SHARE * (np.mean(forces, axis=0) - even.force_ratio_m2)
-    return AxisymmetricPath(even.tip_m, even.force_ratio_m2 + stiffer, even.iop_ratio, even.curves_sbnc)
+    return replace(even, force_ratio_m2=even.force_ratio_m2 + stiffer)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from math import sqrt
 
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.form import form_mesh
+from scleraforce.eye.globe import study_globe
 from scleraforce.eye.graded import graded_globe, graded_mesh
 from scleraforce.eye.mesh import HexMesh
 from scleraforce.mechanics.finite_strain import LARGEST_STEP_M, FiniteWall, LoadPath
@@ -45,7 +46,7 @@ def bend_eye(
     """Bend an eye at finite strain, up to a force; radius, material, form and needle are the study's.
 
     Args:
-        study: `[eye]`, `[mesh]` (of the graded kind), `[needle]`, `[form]`, `[mechanics]`, `[supports]` count.
+        study: all of its sections on the eye count, with a mesh of the graded kind.
         contact: where the needle pushes.
         thickness_m: nominal thickness of the wall.
         youngs_modulus_pa: E outside all regions.
@@ -80,7 +81,7 @@ def bend_eye(
         density_kg_m3=eye.density_kg_m3,
         max_force_n=goal_n,
         max_tip_m=max_tip_m,
-        sealed=study.mechanics.sealed,
+        globe=study_globe(study.globe),
         largest_step_m=min(LARGEST_STEP_M, linear_tip_m / STEPS_TO_LINEAR_TIP),
         progress=None if progress is None else lambda force_n: progress(min(force_n / goal_n, 1.0)),
     )

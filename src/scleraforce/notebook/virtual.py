@@ -30,6 +30,8 @@ def simulate(
     gap_m: float | None = None,
     polar_angle_rad: float | None = None,
     mechanics: str | None = None,
+    globe: str | None = None,
+    rigidity_pa13_per_m3: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> SimulatedEye:
     r"""Bend one eye by one force.
@@ -43,10 +45,12 @@ def simulate(
         gap_m: distance of the B-scan plane from the needle axis.
         polar_angle_rad: of the contact, from the pole; None: the middle of the study's range.
         mechanics: "linear" or "finite-strain".
+        globe: "open" or "sealed" (finite strain only).
+        rigidity_pa13_per_m3: of a sealed globe (`[globe]` of the study has it in mmHg^(1/3) per µl).
         progress: called with the share of the load path that is done (finite strain).
 
     Returns:
-        Mesh, displacements, the tip's displacement `tip_m` and the binary `slice`.
+        Mesh, displacements, the tip's displacement `tip_m`, the pressure under the needle and the binary `slice`.
 
     Raises:
         StudyError: a value is out of bounds, or the study has keys that this mechanics does not use.
@@ -61,7 +65,7 @@ def simulate(
     (40, 140)
     """
     study = with_one_eye(
-        with_mechanics(study or Study(), mechanics),
+        _told(study, mechanics, globe, rigidity_pa13_per_m3),
         thickness_m=thickness_m,
         youngs_modulus_pa=youngs_modulus_pa,
         iop_pa=iop_pa,
@@ -88,6 +92,8 @@ def phantom(
     direction_rad: float = 0.0,
     tilt_rad: float = 0.0,
     mechanics: str | None = None,
+    globe: str | None = None,
+    rigidity_pa13_per_m3: float | None = None,
     seed: int | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> Recording:
@@ -107,6 +113,8 @@ def phantom(
         direction_rad: of the B-scan plane, about the needle axis.
         tilt_rad: of the B-scan plane, against the needle axis.
         mechanics: "linear" or "finite-strain"; None: the study's.
+        globe: "open" or "sealed" (finite strain only); None: the study's.
+        rigidity_pa13_per_m3: of a sealed globe; None: the study's.
         seed: of all that is drawn; None: the study's.
         progress: called with 1 after each frame.
 
@@ -120,7 +128,7 @@ def phantom(
     >>> [frame.file for frame in recording.frames]
     ['0001.png', '0002.png']
     """
-    study = with_mechanics(study or Study(), mechanics)
+    study = _told(study, mechanics, globe, rigidity_pa13_per_m3)
     refuse_unused(study, "phantom", study.mechanics.kind)
     pushed = PhantomEye(
         id=eye,
@@ -172,3 +180,13 @@ def with_one_eye(
 def middle_contact(study: Study) -> Contact:
     """Return the contact in the middle of the study's polar angles."""
     return Contact(polar_rad=sum(study.needle.polar_angle_rad.bounds) / 2)
+
+
+def _told(study: Study | None, mechanics: str | None, globe: str | None, rigidity_pa13_per_m3: float | None) -> Study:
+    """Return the study, the paper's where there is none, with the mechanics and the globe that were told."""
+    study = with_mechanics(study or Study(), mechanics)
+    if globe is not None:
+        study = replace(study, globe=replace(study.globe, kind=globe))
+    if rigidity_pa13_per_m3 is not None:
+        study = replace(study, globe=replace(study.globe, rigidity_pa13_per_m3=rigidity_pa13_per_m3))
+    return study

@@ -89,7 +89,8 @@ def _library(folder: ModelFolder) -> Library:
         library = load_library(folder.path / LIBRARY_FILE, folder.files[LIBRARY_FILE])
     except InputError as fault:
         raise ModelError(str(fault)) from fault
-    library.at_tip(library.thickness_m[:1], library.iop_ratio[:1], library.tip_m[:1])
+    thickness_m = library.thickness_m[:1]
+    library.at_tip(thickness_m, library.iop_ratio_ends(thickness_m)[0], library.tip_m[:1])
     return library
 
 

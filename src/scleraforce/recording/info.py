@@ -1,9 +1,10 @@
-"""The typed record of `recording.toml`: what a laboratory states about one eye's recording. All keys are SI."""
+"""The typed record of `recording.toml`: what a laboratory states about one eye's recording. All keys are SI but one."""
 
 from dataclasses import KW_ONLY, dataclass
 
 from scleraforce.errors import StudyError
-from scleraforce.study.fields import check_fields, quantity, required
+from scleraforce.eye.globe import LAWS
+from scleraforce.study.fields import check_fields, option, quantity, required
 
 __all__ = ["EyeInfo", "ForceInfo", "NeedleInfo", "OctInfo", "RecordingInfo", "eye_id_fault", "nearest_gauge"]
 
@@ -33,18 +34,30 @@ LONGEST_ID = 200
 
 @dataclass(frozen=True)
 class EyeInfo:
-    """The eye: a name, and what was measured on it (None: not measured)."""
+    """The eye: a name, and what was measured on it or is known of it (None: it was not, it is not).
+
+    `globe`: "open" (infused or vented: the needle leaves the pressure as it is) or "sealed"; of a sealed one the
+    rigidity and its law (`eye.globe`), where they were measured.
+    """
 
     id: str
     _: KW_ONLY
     thickness_m: float | None = quantity(None, None, 100e-6, 3e-3)
     iop_pa: float | None = quantity(None, None, 0.0, 15e3)
+    globe: str | None = option(None, "open", "sealed")
+    rigidity_pa13_per_m3: float | None = quantity(None, "mmhg13_per_ul", 1e-4, 1.0)
+    rigidity_law: str | None = option(None, *LAWS)
 
     def __post_init__(self) -> None:
         check_fields(self)
         fault = eye_id_fault(self.id)
         if fault:
             raise StudyError(f"id: {fault}")
+        told = {"rigidity_mmhg13_per_ul": self.rigidity_pa13_per_m3, "rigidity_law": self.rigidity_law}
+        for key, value in told.items():
+            if value is not None and self.globe != "sealed":
+                found = "missing" if self.globe is None else f'"{self.globe}"'
+                raise StudyError(f'{key}: of a sealed globe, globe is {found}; write globe = "sealed", or leave it out')
 
 
 @dataclass(frozen=True, kw_only=True)

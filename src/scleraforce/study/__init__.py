@@ -1,6 +1,7 @@
 """The study: one typed record of everything that a run depends on, read from TOML."""
 
 from scleraforce.study.form import FormStudy, RegionStudy, WaveStudy
+from scleraforce.study.globe import GlobeStudy
 from scleraforce.study.library import LibraryStudy
 from scleraforce.study.mechanics import MechanicsStudy
 from scleraforce.study.phantom import PhantomStudy
@@ -31,6 +32,7 @@ __all__ = [
     "DatasetStudy",
     "EyeStudy",
     "FormStudy",
+    "GlobeStudy",
     "LibraryStudy",
     "MechanicsStudy",
     "MeshStudy",

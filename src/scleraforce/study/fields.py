@@ -61,8 +61,8 @@ def quantity(default: Any, unit: str | None = None, low: float | None = None, hi
     return field(default=map_numbers(default, spec.to_si), metadata={"unit": spec})
 
 
-def option(default: str, *words: str) -> Any:
-    """Declare a field that holds one of `words`."""
+def option(default: str | None, *words: str) -> Any:
+    """Declare a field that holds one of `words`; None where it may be left out."""
     return field(default=default, metadata={"unit": Unit(words=words)})
 
 
@@ -118,7 +118,7 @@ def check_fields(record: Any) -> None:
     """
     for item in fields(record):
         unit, value = field_unit(item), getattr(record, item.name)
-        if unit.words and value not in unit.words:
+        if unit.words and value is not None and value not in unit.words:
             raise StudyError(f"{field_key(item)}: {value!r} is not one of {', '.join(unit.words)}")
         if isinstance(value, Range) and value.min > value.max:
             raise StudyError(f"{field_key(item)}: min is larger than max")

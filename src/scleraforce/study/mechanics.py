@@ -11,13 +11,11 @@ __all__ = ["MechanicsStudy"]
 class MechanicsStudy:
     """Linear mechanics, or finite strain on the mesh graded towards the contact.
 
-    `sealed`: the vitreous keeps its volume, so that the eye pressure rises with the dent; the paper keeps the pressure.
-    `follower`: the pressure stays normal to the wall as it bends; false: it keeps its first direction and size at every
-    node. Both are for finite strain.
+    `follower`, for finite strain: the pressure stays normal to the wall as it bends; false: it keeps its first
+    direction and size at every node.
     """
 
     kind: str = option("linear", "linear", "finite-strain")
-    sealed: bool = False
     follower: bool = True
 
     def __post_init__(self) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, option, quantity
 from scleraforce.study.form import FormStudy
+from scleraforce.study.globe import GlobeStudy
 from scleraforce.study.library import LibraryStudy
 from scleraforce.study.mechanics import MechanicsStudy
 from scleraforce.study.phantom import PhantomStudy
@@ -255,4 +256,5 @@ class Study:
     reader: ReaderStudy = field(default_factory=ReaderStudy)
     form: FormStudy = field(default_factory=FormStudy)
     mechanics: MechanicsStudy = field(default_factory=MechanicsStudy)
+    globe: GlobeStudy = field(default_factory=GlobeStudy)
     supports: SupportsStudy = field(default_factory=SupportsStudy)

@@ -30,6 +30,8 @@ __all__ = [
 
 Record = TypeVar("Record")
 
+# Keys of earlier versions, and what to write instead.
+REPLACED: dict[tuple[str, ...], str] = {("mechanics", "sealed"): 'write [globe] kind = "sealed" or "open"'}
 MAX_ENTRIES = 1000  # of a list
 MAX_WHOLE = 10**15  # what a float holds exactly
 
@@ -103,6 +105,8 @@ def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], text: str,
     values: dict[str, Any] = {}
     for key, value in table.items():
         place = f"{name}:{_line(text, (*path, key), nth)}: {'.'.join((*path, key))}"
+        if found := REPLACED.get((*path, key)):
+            raise StudyError(f"{place}: no longer a key; {found}")
         if key not in known:
             raise StudyError(f"{place}: unknown key; known here: {', '.join(known)}")
         item = known[key]

@@ -16,8 +16,8 @@ from scleraforce.study.records import Study
 __all__ = ["UNUSED", "refuse_unused"]
 
 FINITE_STRAIN_ONLY = (
-    "form.semi_axes", "form.wave", "form.region", "needle.tilt_deg", "needle.tilt_direction_deg", "mechanics.sealed",
-    "mechanics.follower",
+    "form.semi_axes", "form.wave", "form.region", "needle.tilt_deg", "needle.tilt_direction_deg",
+    "mechanics.follower", "globe.kind", "globe.rigidity_mmhg13_per_ul", "globe.rigidity_law",
 )  # fmt: skip
 SUPPORTS = (
     "supports.kind", "supports.bed_stiffness_kpa_per_mm", "supports.bed_shear_stiffness_kpa_per_mm",
@@ -92,3 +92,6 @@ def _switched_off(study: Study) -> Iterator[tuple[str, str, str]]:
         yield SUPPORTS[4], kind, '"straps" or "bed-and-straps"'
     if study.needle.tilt_rad == 0.0:
         yield "needle.tilt_direction_deg", "needle.tilt_deg = 0", "a tilt"
+    if study.globe.kind == "open":
+        yield "globe.rigidity_mmhg13_per_ul", 'globe.kind = "open"', '"sealed"'
+        yield "globe.rigidity_law", 'globe.kind = "open"', '"sealed"'

@@ -10,7 +10,7 @@ from boundary_errors.statistics import boundary_statistics
 from scleraforce.learning.reader.boundary_errors import BoundaryErrors, disturb
 from scleraforce.library import INNER, OUTER
 from scleraforce.library.cache import cached_library
-from scleraforce.study import LibraryStudy, SliceStudy, Study
+from scleraforce.study import LibraryStudy, Range, SliceStudy, Study
 
 SLICE = SliceStudy()
 NONE = BoundaryErrors(
@@ -107,7 +107,9 @@ def test_sides_are_lost_as_often_and_as_far_as_stated() -> None:
 
 @pytest.mark.slow
 def test_the_errors_made_are_like_those_of_freshly_segmented_frames(tmp_path) -> None:
-    study = Study(library=LibraryStudy(thicknesses=5, iop_ratios=5, tips=30, max_tip_m=6e-3))
+    study = Study(
+        library=LibraryStudy(thicknesses=5, tension=Range(min=1e-3, max=0.21), tensions=6, tips=30, max_tip_m=6e-3)
+    )
     library = cached_library(study, folder=tmp_path)
     forces_n = np.linspace(0.0, 55e-3, 12).tolist()
     eyes = random_eyes(study, 14, 271)

@@ -20,13 +20,13 @@ from scleraforce.learning.reader.train import train_reader
 from scleraforce.learning.reader.training import answer, fit_reader, measure, reader_loss
 from scleraforce.library.build import build_library
 from scleraforce.reader import load_model
-from scleraforce.study import EyeStudy, LibraryStudy, ReaderStudy, SliceStudy, Study, format_study
+from scleraforce.study import EyeStudy, LibraryStudy, Range, ReaderStudy, SliceStudy, Study, format_study
 
 TINY = Study(
     reader=ReaderStudy(
         channels=(6, 8), hidden=(24,), bins=16, batch_size=100, epochs=3, samples_per_epoch=2000, validation_samples=500
     ),
-    library=LibraryStudy(thicknesses=4, iop_ratios=4, tips=16, elements=40),
+    library=LibraryStudy(thicknesses=4, tension=Range(min=1e-3, max=0.21), tensions=4, tips=16, elements=40),
 )
 CIRCLE_MM = 12.0 - np.sqrt(12.0**2 - 3.95**2)  # depth at column 30, 39.5 columns from the middle
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgbtrf, dgbtrs
 
 from scleraforce.errors import SolverError
+from scleraforce.eye.globe import OPEN_GLOBE, Globe
 from scleraforce.mechanics.axisymmetric.loads import Interior, needle_load, spread_load
 from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh, MeridianSize, meridian_mesh
 from scleraforce.mechanics.axisymmetric.solid import SolidOfRevolution
@@ -32,9 +33,11 @@ class AxisymmetricPath:
     """States along a load path of a wall of revolution; the first is under pressure without the needle.
 
     Attributes:
-        tip_m: inward displacement of the outer surface at the contact from the first state, (state,) in m.
+        tip_m: inward displacement of the outer surface at the contact from the undented wall at the state's pressure,
+            (state,) in m.
         force_ratio_m2: F/E, (state,); it may fall where the wall snaps.
         iop_ratio: p/E, (state,); constant unless the globe is sealed.
+        displaced_m3: volume inside the undented wall at the state's pressure less that inside the state, (state,).
         curves_sbnc: deformed boundaries, (state, [outer, inner], node, [distance from the needle axis, depth below the
             undeformed contact]) in m, from the axis to the support; the same nodes for every wall of one size of mesh.
     """
@@ -42,6 +45,7 @@ class AxisymmetricPath:
     tip_m: Floats
     force_ratio_m2: Floats
     iop_ratio: Floats
+    displaced_m3: Floats
     curves_sbnc: Floats
 
 
@@ -56,7 +60,7 @@ def axisymmetric_path(
     max_tip_m: float | None = None,
     max_force_ratio_m2: float = np.inf,
     support_rad: float = 0.5 * np.pi,
-    sealed: bool = False,
+    globe: Globe = OPEN_GLOBE,
     size: MeridianSize | None = None,
 ) -> AxisymmetricPath:
     """Return the load path of a sphere with an even wall under a needle along its normal.
@@ -71,7 +75,7 @@ def axisymmetric_path(
         max_tip_m: how far to go, by default the last of `tips_m`.
         max_force_ratio_m2: F/E at which the path may end.
         support_rad: angle from the needle axis at which the wall is clamped.
-        sealed: the vitreous keeps its volume and the pressure follows.
+        globe: how the pressure follows the displaced volume, over Young's modulus (`Globe.over`).
         size: of the mesh.
 
     Raises:
@@ -89,7 +93,7 @@ def axisymmetric_path(
         max_force=max_force_ratio_m2,
         first_step_m=FIRST_STEP_M,
         largest_step_m=LARGEST_STEP_M,
-        sealed=sealed,
+        globe=globe,
     )
     return wall.boundaries(path)
 
@@ -164,12 +168,13 @@ class AxisymmetricWall:
 
     def boundaries(self, path: PathStates) -> AxisymmetricPath:
         """Return the path as the two boundary curves of each state."""
-        everywhere = np.zeros((len(path.tip_m), self.mesh.points_nc.size))
-        everywhere[:, self.free] = path.displacement_su
-        points_snc = self.mesh.points_nc + everywhere.reshape(len(path.tip_m), -1, 2)
+        points_snc = self.mesh.points_nc + np.stack([self._all(u).reshape(-1, 2) for u in path.displacement_su])
         curves_sbnc: Floats = points_snc[:, np.stack([self.mesh.outer_n, self.mesh.inner_n])]
         curves_sbnc[..., 1] = self.mesh.radius_m - curves_sbnc[..., 1]
-        return AxisymmetricPath(path.tip_m, path.force, path.pressure, curves_sbnc)
+        inside, undented = (
+            np.array([self.volume(u)[0] for u in states]) for states in (path.displacement_su, path.undented_su)
+        )
+        return AxisymmetricPath(path.tip_m, path.force, path.pressure, undented - inside, curves_sbnc)
 
     def _all(self, u: Floats) -> Floats:
         everywhere = np.zeros(self.mesh.points_nc.size)
