@@ -5,6 +5,7 @@ SHELL := /bin/bash
 OUT ?= out/reproduce
 FIGURES ?= out/figures
 PYTEST_ARGS ?= -n 2
+ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 PIP := .venv/bin/python -m pip --disable-pip-version-check -qq
 FIND_PYTHON = for python in python3.11 python3 python3.12 python3.13; do \
 	$$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$python; exit; }; done
@@ -19,10 +20,10 @@ reproduce: .venv/installed  ## the whole pipeline, to out/reproduce/report.html 
 	.venv/bin/scleraforce reproduce --out $(OUT)
 
 test: .venv/installed  ## the default tests
-	.venv/bin/pytest $(PYTEST_ARGS)
+	$(ONE_THREAD) .venv/bin/pytest $(PYTEST_ARGS)
 
 slow: .venv/installed  ## the tests that take longer (some need Chromium, CalculiX or g++)
-	.venv/bin/pytest $(PYTEST_ARGS) -m slow
+	$(ONE_THREAD) .venv/bin/pytest $(PYTEST_ARGS) -m slow
 
 lint: .venv/installed  ## ruff (rules and format) and mypy
 	.venv/bin/ruff check .

@@ -50,6 +50,7 @@ def test_the_papers_gaussian_prior_gives_the_same_modulus(laboratory: Any, eye: 
     assert steps[-1].moments[0][0] == pytest.approx(eye.youngs_modulus_pa, rel=0.02)
 
 
+@pytest.mark.slow
 def test_thickness_is_corrected_when_it_is_uncertain(laboratory: Any, eye: PhantomEye) -> None:
     wrong = replace(laboratory.stated(eye), thickness_m=0.65e-3)
     frames = laboratory.frames(eye, FORCES[:10], np.random.default_rng(2))

@@ -27,6 +27,7 @@ def test_nothing_moves_under_a_needle_on_the_pole() -> None:
     assert not base_moves(STUDY, STATED, 0.0, LATERAL).at(*LOADS).any()
 
 
+@pytest.mark.slow
 def test_along_the_plane_the_motion_is_that_of_the_shift() -> None:
     moved = base_moves(STUDY, STATED, STATED.polar_rad, LATERAL).at(*LOADS)[0]
     shift = base_shift(12e-3, 0.65e-3, 0.45, 0.35e-3, polar_rad=STATED.polar_rad, size=SIZE)
@@ -43,6 +44,7 @@ def test_along_the_plane_the_motion_is_that_of_the_shift() -> None:
                 assert np.abs(found - expected[boundary, here, theirs]).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_the_dent_moves_across_a_plane_that_lies_across_the_meridian() -> None:
     # The tip's own motion in 3-D: along the meridian, so across a plane whose lateral axis is the parallel.
     contact = Contact(polar_rad=STATED.polar_rad)
@@ -57,6 +59,7 @@ def test_the_dent_moves_across_a_plane_that_lies_across_the_meridian() -> None:
     assert moved[0] == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_needle_farther_than_the_mesh_goes_moves_no_more() -> None:
     far, farthest = (base_moves(STUDY, STATED, radians(angle), LATERAL).at(*LOADS) for angle in (55.0, 70.0))
     np.testing.assert_allclose(far, farthest)

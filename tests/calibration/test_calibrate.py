@@ -63,11 +63,13 @@ def test_frames_of_no_force_are_references_and_not_calibrated_on(calibration: Ca
     assert all(frame.skipped is None for frame in others)
 
 
+@pytest.mark.slow
 def test_the_first_frames_above_5_mn_are_taken_when_few_are_asked_for(laboratory: Any, recording: Recording) -> None:
     found = calibrate_recordings([recording], laboratory.study, "hash", None, frames=2).eyes["virtual"]
     assert [frame.file for frame in found.used] == ["0002.png", "0003.png"]
 
 
+@pytest.mark.slow
 def test_going_on_from_a_saved_posterior_equals_an_uninterrupted_run(
     laboratory: Any, recording: Recording, calibration: Calibration
 ) -> None:

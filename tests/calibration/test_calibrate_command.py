@@ -51,6 +51,7 @@ def test_it_writes_the_posterior_and_the_picture_and_prints_one_json_object(
     assert sorted(path.name for path in folder.iterdir()) == ["eye", "out.json", "out.png", "study.toml"]
 
 
+@pytest.mark.slow
 def test_finite_strain_is_the_default_and_takes_the_cached_library(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -134,6 +134,7 @@ def test_one_modulus_fits_low_and_high_forces(library: Library) -> None:
     assert found.filter.model.polar_ends_rad == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_thickness_is_corrected_when_it_is_uncertain(library: Library) -> None:
     study = replace(STUDY, calibration=replace(STUDY.calibration, thickness_sd_m=50e-6, inner_sd_m=3e-6))
     forces = [0.02, 0.05, 0.01, 0.04, 0.03, 0.055]

@@ -12,6 +12,7 @@ from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.section.plane import Section
 
 
+@pytest.mark.slow
 def test_poses_are_found_to_50_um_with_the_contact_angle_unknown(laboratory: Any, eye: PhantomEye) -> None:
     elsewhere = replace(laboratory.stated(eye, polar_sd_rad=0.1), polar_rad=eye.polar_rad + 0.1)
     model, study = laboratory.model(elsewhere), laboratory.study.calibration

@@ -11,6 +11,7 @@ from scleraforce.section.cut import cut_section
 from scleraforce.section.plane import ScanPlane
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("direction", "tilt", "force_n"), [(0.0, 0.0, 0.03), (0.5, 0.0, 0.05), (0.3, 0.05, 0.03)])
 def test_predicted_section_is_the_cut_through_the_deformed_mesh(
     laboratory: Any, direction: float, tilt: float, force_n: float
@@ -80,6 +81,7 @@ def test_a_larger_gap_moves_the_section_away_from_the_dent(laboratory: Any) -> N
     assert (np.interp(at, *near[0].T) > np.interp(at, *far[0].T) + 20e-6).all()
 
 
+@pytest.mark.slow
 def test_responses_between_thicknesses_are_those_of_a_wall_of_that_thickness(laboratory: Any) -> None:
     uncertain = laboratory.model(
         EyeConstants(iop_pa=266.0, thickness_m=0.65e-3, gap_m=0.5e-3, polar_rad=0.6, polar_sd_rad=0.0),

@@ -129,6 +129,7 @@ def test_every_step_equals_filterpys_ukf_with_the_same_points(rule: str) -> None
         np.testing.assert_allclose(posterior.covariance, peer.P, rtol=1e-8, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_covariance_stays_positive_definite_over_ten_thousand_steps() -> None:
     rng = np.random.default_rng(5)
     params, posterior = FilterParams(sigma_points("simplex", 3)), initial_posterior(np.zeros(3), 100 * np.eye(3))

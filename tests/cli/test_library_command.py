@@ -49,6 +49,7 @@ def test_an_interrupted_library_says_what_it_keeps_and_exits_with_130(study, tmp
     assert "7 of 112 load paths are kept; the same command completes them" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_other_commands_find_the_library_in_the_users_cache(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     made = study_library(parse_study(STUDY))

@@ -96,6 +96,7 @@ def test_bad_input_is_exit_code_2_and_one_line_that_names_it(options: dict, name
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_finite_strain_softens_past_the_thickness_and_the_study_or_the_option_asks_for_it(tmp_path, capsys) -> None:
     path = tmp_path / "finite.toml"
     path.write_text('[mesh]\ncore = 4\nrings = 6\n[mechanics]\nkind = "finite-strain"\n')

@@ -78,6 +78,7 @@ def copy(made, tmp_path):
     return Path(shutil.copytree(made, tmp_path / "copy"))
 
 
+@pytest.mark.slow
 def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
     path = tmp_path / "dataset.zarr"
 

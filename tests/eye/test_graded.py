@@ -109,6 +109,7 @@ def test_the_linear_tip_is_within_half_a_percent_of_a_fine_mesh(thickness_m: flo
     assert tip_of(graded_mesh(R, thickness_m, contact), contact) == pytest.approx(fine, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_the_linear_tip_is_that_of_the_ungraded_mesh() -> None:
     contact = Contact(polar_rad=radians(35), azimuth_rad=0.3)
     other = tip_of(build_mesh(R, T), contact)  # itself 1 % below the converged value (docs/physics.md)

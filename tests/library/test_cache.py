@@ -49,6 +49,7 @@ def test_an_interrupted_build_is_taken_up(tmp_path):
     assert places(tmp_path) == [".lock", ".zarr"]
 
 
+@pytest.mark.slow
 def test_a_damaged_library_and_a_useless_beginning_are_made_again(tmp_path):
     cached_library(STUDY, folder=tmp_path, workers=1, solve=solve_analytic)
     (place,) = tmp_path.glob("*.zarr")
@@ -88,6 +89,7 @@ def test_makers_at_the_same_time_do_no_harm_and_one_of_them_builds(tmp_path):
     assert len({total for _, total in answers}) == 1
 
 
+@pytest.mark.slow
 def test_the_key_changes_with_the_plan_and_with_the_code(monkeypatch, tmp_path):
     cached_library(STUDY, folder=tmp_path, workers=1, solve=solve_analytic)
     monkeypatch.setattr(LibraryPlan, "key", "another code")

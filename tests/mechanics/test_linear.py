@@ -33,6 +33,7 @@ def r1_displacement(wall: LinearWall) -> np.ndarray:
     return wall.solve_one(gaussian_load(wall.mesh)) * 0.03 / E
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("thickness_m", "expected_m"), [(0.5e-3, 2.135e-3), (0.8e-3, 0.894e-3)])
 def test_reference_problem_r1_within_one_percent_on_the_default_mesh(thickness_m: float, expected_m: float) -> None:
     wall = default_wall(thickness_m)
@@ -81,6 +82,7 @@ def observed_order(divisions: list[int], **kind: object) -> float:
     return float(np.log2(coarse / fine))
 
 
+@pytest.mark.slow
 def test_strain_energy_of_quadratic_elements_converges_with_fourth_order() -> None:
     assert observed_order([4, 8, 16], serendipity=True) == pytest.approx(4.0, abs=0.25)
 

@@ -102,7 +102,10 @@ def test_small_strains_follow_hookes_law(kind: str) -> None:
 
 @pytest.mark.parametrize(
     ("kind", "element", "mesh_type"),
-    [("8 nodes", skfem.ElementHex1, skfem.MeshHex1), ("27 nodes", skfem.ElementHex2, skfem.MeshHex2)],
+    [
+        ("8 nodes", skfem.ElementHex1, skfem.MeshHex1),
+        pytest.param("27 nodes", skfem.ElementHex2, skfem.MeshHex2, marks=pytest.mark.slow),
+    ],
 )
 def test_forces_and_tangent_are_those_of_scikit_fem(kind: str, element: type, mesh_type: type) -> None:
     mesh = small_mesh(kind)

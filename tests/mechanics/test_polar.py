@@ -43,6 +43,7 @@ def test_on_the_pole_nothing_changes() -> None:
     assert np.abs(shift.needle_mbnc).max() < 0.005 * dent  # the 3-D mesh under the needle
 
 
+@pytest.mark.slow
 def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
     contact = Contact(polar_rad=np.radians(45.0))
     iop_ratio, force_ratio = IOP_RATIO, 2e-9

@@ -120,6 +120,7 @@ def test_the_wall_of_the_paper_has_the_bound_of_the_paper() -> None:
     assert bound(500.0) == pytest.approx(0.03, rel=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("modulus_mpa", [0.25, 0.5])
 def test_a_thicker_wall_has_no_lower_bound(modulus_mpa: float) -> None:
     bounds = [bound(t, modulus_mpa) for t in (400.0, 500.0, 700.0, 900.0)]

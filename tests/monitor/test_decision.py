@@ -276,6 +276,7 @@ def test_frames_that_come_much_later_than_the_quickest_one_are_stale(ahead_s: fl
     assert play(late(queue, ahead_s), watching()).cause is Cause.STALE
 
 
+@pytest.mark.slow
 def test_a_clock_may_drift_for_hours_and_a_queue_that_grows_faster_is_stale() -> None:
     patient = replace(LIMITS, silence_s=2.0)
 
@@ -556,7 +557,7 @@ def harmless(event: MonitorEvent) -> bool:
     return isinstance(event, FrameRead) and event.usable and event.interval_n is not None and event.interval_n[1] < 0.03
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(sequences(), st.sampled_from([LIMITS, OPINED]))
 def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_frame(
     events: list[MonitorEvent], limits: MonitorLimits

@@ -88,6 +88,7 @@ def assert_dice_of_phantoms(eyes: int, frames: int, seed: int) -> None:
     assert np.percentile(reached, 5) >= 0.90
 
 
+@pytest.mark.slow
 def test_phantoms_over_the_range_of_their_parameters_reach_the_dice_that_was_asked_for():
     assert_dice_of_phantoms(eyes=5, frames=8, seed=2)
 

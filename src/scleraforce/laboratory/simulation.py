@@ -45,7 +45,7 @@ class SimulatedEye:
     window: SliceWindow
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Bent:
     """A wall without and with the needle: displacements (node, 3) from the unloaded wall, the tip's, the pressure."""
 
@@ -109,7 +109,7 @@ def _bend(
     )
     path = bent.path
     return _Bent(
-        bent.mesh,
+        mesh=bent.mesh,
         resting_nc=path.displacement_nc(0.0),
         displacement_nc=path.displacement_nc(force_n),
         tip_m=path.travel_m(force_n),
@@ -136,4 +136,11 @@ def _bend_linearly(study: Study, thickness_m: float, force_n: float, contact: Co
         for force in (0.0, force_n)
     )
     tip_m = tip_displacement(wall.mesh, contact, displacement_nc - resting_nc)
-    return _Bent(wall.mesh, resting_nc, displacement_nc, tip_m, dent_m=tip_m, pressure_pa=eye.iop_pa)
+    return _Bent(
+        mesh=wall.mesh,
+        resting_nc=resting_nc,
+        displacement_nc=displacement_nc,
+        tip_m=tip_m,
+        dent_m=tip_m,
+        pressure_pa=eye.iop_pa,
+    )

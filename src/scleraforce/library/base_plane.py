@@ -8,7 +8,7 @@ with the clamp at 90 degrees is the correction.
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.library.plan import LARGEST_POLAR_DEG, SUPPORTS_DEG, spread
+from scleraforce.library.plan import LARGEST_POLAR_DEG, SUPPORTS_DEG, evenly_picked
 from scleraforce.library.splines import SUPPORT, CubicSpline
 from scleraforce.mechanics.polar import DIRECTIONS, SHARE, base_angle
 
@@ -34,7 +34,7 @@ def base_stiffness(
     """
     tips = support_force_bklt.shape[3]
     counts = support_force_bklt.shape[1:3]
-    nodes = [spread(len(axis), count) for axis, count in zip((thickness_m, tension), counts, strict=True)]
+    nodes = [evenly_picked(len(axis), count) for axis, count in zip((thickness_m, tension), counts, strict=True)]
     even_klt = force_tpd[np.ix_(*nodes, np.arange(1, tips))]
     ratio_bklt = np.insert(support_force_bklt[..., 1:] / even_klt, RIGHT_ANGLE, 1.0, axis=0)
     angles = np.radians(np.insert(SUPPORTS_DEG, RIGHT_ANGLE, 90.0))

@@ -18,7 +18,7 @@ from scleraforce.plain_json import parse_json
 from scleraforce.source_hash import PACKAGE, hash_files
 from scleraforce.study import Choice, LibraryStudy, Range, Sampled, Study
 
-__all__ = ["LARGEST_POLAR_DEG", "SUPPORTS_DEG", "LibraryPlan", "parse_plan", "plan_library", "spread"]
+__all__ = ["LARGEST_POLAR_DEG", "SUPPORTS_DEG", "LibraryPlan", "evenly_picked", "parse_plan", "plan_library"]
 
 Floats = NDArray[np.float64]
 
@@ -81,12 +81,12 @@ class LibraryPlan:
     @property
     def support_thicknesses(self) -> NDArray[np.intp]:
         """Which thicknesses have paths with other supports."""
-        return spread(self.grid.thicknesses, SUPPORT_THICKNESSES)
+        return evenly_picked(self.grid.thicknesses, SUPPORT_THICKNESSES)
 
     @property
     def support_tensions(self) -> NDArray[np.intp]:
         """Which tensions have paths with other supports."""
-        return spread(self.grid.tensions, SUPPORT_TENSIONS)
+        return evenly_picked(self.grid.tensions, SUPPORT_TENSIONS)
 
     @property
     def support_tips(self) -> int:
@@ -177,6 +177,6 @@ def _sampled(value: dict[str, Any]) -> Sampled:
     return Range(**value) if "min" in value else Choice(tuple(value["values"]))
 
 
-def spread(count: int, most: int) -> NDArray[np.intp]:
+def evenly_picked(count: int, most: int) -> NDArray[np.intp]:
     """Return at most so many numbers from first to last of `count`, as even as they can be."""
     return np.rint(np.linspace(0, count - 1, min(count, most))).astype(np.intp)

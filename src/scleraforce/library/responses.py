@@ -13,7 +13,6 @@ side and meets a stiffer wall: forces are larger by a factor over the contact's 
 
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
-from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from scleraforce.errors import InputError
 from scleraforce.eye.globe import Globe
 from scleraforce.library.crossing import first_crossing
+from scleraforce.library.spline_weights import SplineWeights
 from scleraforce.library.splines import SUPPORT, CubicSpline
 from scleraforce.mechanics.burst import burst_tension
 
@@ -50,48 +50,6 @@ class Responses:
     force_ratio: Floats
 
 
-@dataclass(frozen=True, eq=False)
-class _Shapes:
-    """The curves of a library, ready to be interpolated: computed once, whatever the contact."""
-
-    thickness_m: Floats
-    tension: Floats
-    tip_m: Floats
-    displaced_tpd: Floats
-    curves_tpdbnc: Curves
-
-    @cached_property
-    def splines(self) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
-        """Splines over log thickness, log tension, tip."""
-        return CubicSpline(np.log(self.thickness_m)), CubicSpline(np.log(self.tension)), CubicSpline(self.tip_m)
-
-    @cached_property
-    def volume_coefficients(self) -> Floats:
-        """Spline weights of the displaced volume (t p d,)."""
-        weights = self.displaced_tpd
-        for axis, spline in enumerate(self.splines):
-            weights = spline.coefficients(weights, axis)
-        return weights.reshape(-1)
-
-    @cached_property
-    def pressure_coefficients(self) -> Floats:
-        """Spline weights over thickness and tip of the volume and its slope by log tension, there (t d, 2 p)."""
-        volumes_tdp = self.displaced_tpd.swapaxes(1, 2)
-        along_pressure = self.splines[1].coefficients(volumes_tdp, axis=2)
-        both = np.concatenate([volumes_tdp, self.splines[1].slopes(along_pressure)], axis=2)
-        for axis, spline in ((0, self.splines[0]), (1, self.splines[2])):
-            both = spline.coefficients(both, axis)
-        return both.reshape(-1, both.shape[2])
-
-    @cached_property
-    def coefficients(self) -> Curves:
-        """Spline weights of the curves (t p d, b n c)."""
-        weights = self.curves_tpdbnc.astype(np.float64)
-        for axis, spline in enumerate(self.splines):
-            weights = spline.coefficients(weights, axis)
-        return weights.reshape(prod(self.curves_tpdbnc.shape[:3]), -1).astype(np.float32)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Library:
     """Load paths over thickness and tension, and their interpolation. All evaluation is vectorised over samples.
@@ -117,7 +75,7 @@ class Library:
     stiffness_atpd: Floats
     contact_polar_rad: float
     shapes_of: InitVar["Library | None"] = None  # of the same walls, with which it shares what they cost
-    _shapes: _Shapes = field(init=False, repr=False, compare=False)
+    _weights: SplineWeights = field(init=False, repr=False, compare=False)
 
     def __post_init__(self, shapes_of: "Library | None") -> None:
         shape = (len(self.thickness_m), len(self.tension), len(self.tip_m))
@@ -146,8 +104,8 @@ class Library:
         values = (*axes, self.force_ratio_tpd, self.displaced_tpd, self.curves_tpdbnc, self.stiffness_atpd)
         if not all(np.isfinite(array).all() for array in values):
             raise InputError("library: values that are not finite")
-        own = _Shapes(self.thickness_m, self.tension, self.tip_m, self.displaced_tpd, self.curves_tpdbnc)
-        object.__setattr__(self, "_shapes", own if shapes_of is None else shapes_of._shapes)
+        own = SplineWeights(self.thickness_m, self.tension, self.tip_m, self.displaced_tpd, self.curves_tpdbnc)
+        object.__setattr__(self, "_weights", own if shapes_of is None else shapes_of._weights)
 
     def curves(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Responses:
         """Return the first state on loading that carries a force.
@@ -205,7 +163,7 @@ class Library:
         walls = self._walls(thickness_m, iop_ratio)
         _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
         rows, weights = self._states(walls, tip_m)
-        volumes: Floats = (self._shapes.volume_coefficients[rows] * weights).sum(axis=1)
+        volumes: Floats = (self._weights.of_volume[rows] * weights).sum(axis=1)
         return volumes
 
     def sealed_iop_ratio(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, globe: Globe) -> Floats:
@@ -292,7 +250,7 @@ class Library:
     @property
     def _splines(self) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
         """Splines over log thickness, log tension, tip."""
-        return self._shapes.splines
+        return self._weights.splines
 
     @cached_property
     def _contact_forces(self) -> Floats:
@@ -331,16 +289,16 @@ class Library:
         t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
         d, of_d = self._splines[2].weights(self._inside(tip_m, self.tip_m))
         rows, weights = _products(t, of_t, d, of_d, len(self.tip_m))
-        both = (weights[:, None] @ self._shapes.pressure_coefficients[rows])[:, 0]
+        both = (weights[:, None] @ self._weights.along_pressure[rows])[:, 0]
         return both[:, : len(self.tension)], both[:, len(self.tension) :]
 
     def _curves(self, walls: Walls, tip_m: Floats) -> Curves:
         rows, weights = self._states(walls, tip_m)
         samples, weights32 = len(weights), weights[:, None].astype(np.float32)
-        curves = np.empty((samples, 1, self._shapes.coefficients.shape[1]), dtype=np.float32)
+        curves = np.empty((samples, 1, self._weights.of_curves.shape[1]), dtype=np.float32)
         for start in range(0, samples, BLOCK):
             block = slice(start, start + BLOCK)
-            np.matmul(weights32[block], self._shapes.coefficients[rows[block]], out=curves[block])
+            np.matmul(weights32[block], self._weights.of_curves[rows[block]], out=curves[block])
         return curves.reshape(samples, *self.curves_tpdbnc.shape[3:])
 
     def _states(self, walls: Walls, tip_m: Floats) -> Walls:

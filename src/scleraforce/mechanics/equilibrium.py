@@ -17,12 +17,22 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import SolverError
 
-__all__ = ["Balance", "Control", "Dent", "Equilibrium", "SealedEquilibrium", "Solve", "bordered", "solve_balance"]
+__all__ = [
+    "BALANCE_TOLERANCE",
+    "Balance",
+    "Control",
+    "Dent",
+    "Equilibrium",
+    "SealedEquilibrium",
+    "Solve",
+    "bordered",
+    "solve_balance",
+]
 
 Floats = NDArray[np.float64]
 Solve = Callable[[Floats], Floats]
 
-TOLERANCE = 1e-9  # largest force out of balance, over the forces applied; also of the tip and the pressure
+BALANCE_TOLERANCE = 1e-9  # largest force out of balance, over the forces applied; also of the tip and the pressure
 SETTLED = 1e-10  # of the displacement by the needle: smaller corrections count as zero
 MOST_FACTORS = 10  # for one equilibrium
 FAST = 0.3  # a factor is reused while each step leaves less than this share of the error
@@ -104,7 +114,7 @@ class Balance:
 
     def met(self, defect: Floats, x: Floats) -> bool:  # noqa: ARG002 (what is applied depends on x in other controls)
         """Return whether a defect is none."""
-        return bool(np.linalg.norm(defect) <= TOLERANCE * self.applied)
+        return bool(np.linalg.norm(defect) <= BALANCE_TOLERANCE * self.applied)
 
     def factor(self, x: Floats) -> Solve:
         """Factor the derivative of the defect."""
@@ -142,8 +152,8 @@ class Dent:
         """Return whether a defect is none."""
         force = max(abs(float(x[self.count])), self.largest_force)
         applied = self.applied + force * self._needle_norm
-        balanced = np.linalg.norm(defect[: self.count]) <= TOLERANCE * applied
-        return bool(balanced and abs(defect[self.count]) <= TOLERANCE * self.tip_m)
+        balanced = np.linalg.norm(defect[: self.count]) <= BALANCE_TOLERANCE * applied
+        return bool(balanced and abs(defect[self.count]) <= BALANCE_TOLERANCE * self.tip_m)
 
     def factor(self, x: Floats) -> Solve:
         """Factor the derivative of the defect."""

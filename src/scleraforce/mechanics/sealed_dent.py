@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
 from scleraforce.eye.globe import Globe
-from scleraforce.mechanics.equilibrium import TOLERANCE, Balance, Equilibrium, SealedEquilibrium, Solve, bordered
+from scleraforce.mechanics.equilibrium import (
+    BALANCE_TOLERANCE,
+    Balance,
+    Equilibrium,
+    SealedEquilibrium,
+    Solve,
+    bordered,
+)
 
 __all__ = ["SealedDent"]
 
@@ -73,8 +80,12 @@ class SealedDent:
         _, _, force, pressure = self._parts(x)
         applied = self.applied * max(1.0, pressure / self.resting if self.resting > 0.0 else 1.0)
         applied += max(abs(force), self.largest_force) * self._needle_norm
-        balanced = np.linalg.norm(defect[: self.count]) <= TOLERANCE * applied
-        return bool(balanced and abs(defect[-2]) <= TOLERANCE * self.tip_m and abs(defect[-1]) <= TOLERANCE * pressure)
+        balanced = np.linalg.norm(defect[: self.count]) <= BALANCE_TOLERANCE * applied
+        return bool(
+            balanced
+            and abs(defect[-2]) <= BALANCE_TOLERANCE * self.tip_m
+            and abs(defect[-1]) <= BALANCE_TOLERANCE * pressure
+        )
 
     def factor(self, x: Floats) -> Solve:
         """Factor the derivative of the defect."""

@@ -30,6 +30,7 @@ def test_weights_are_counted_as_pytorch_counts_them() -> None:
     assert weights(50, (7, 4), 3) == expected
 
 
+@pytest.mark.slow
 def test_the_search_returns_what_training_the_chosen_size_alone_would(bars, small) -> None:
     study = replace(small, search_widths=(2, 12), search_depths=(1, 2), epochs=2)
     ticks: list[int] = []

@@ -103,6 +103,7 @@ def test_a_library_without_such_eyes_is_refused(library) -> None:
         draw_eyes(library, replace(READER, thickness_m=fixed(1.1e-3)), 10, np.random.default_rng(0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_chunks_from_any_number_of_processes_are_the_same_and_in_order(library, workers: int) -> None:
     source = Source.of(library, READER, SLICE)

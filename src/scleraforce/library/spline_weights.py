@@ -1,0 +1,57 @@
+"""What a library's states weigh in the splines between them: computed when first needed, whatever the contact."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.library.splines import CubicSpline
+
+__all__ = ["SplineWeights"]
+
+Floats = NDArray[np.float64]
+Curves = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class SplineWeights:
+    """Spline weights over a library's axes: `thickness_m` (t,), `tension` (p,), `tip_m` (d,). Each is computed once."""
+
+    thickness_m: Floats
+    tension: Floats
+    tip_m: Floats
+    displaced_tpd: Floats
+    curves_tpdbnc: Curves
+
+    @cached_property
+    def splines(self) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
+        """Splines over log thickness, log tension, tip."""
+        return CubicSpline(np.log(self.thickness_m)), CubicSpline(np.log(self.tension)), CubicSpline(self.tip_m)
+
+    @cached_property
+    def of_volume(self) -> Floats:
+        """Spline weights of the displaced volume (t p d,)."""
+        weights = self.displaced_tpd
+        for axis, spline in enumerate(self.splines):
+            weights = spline.coefficients(weights, axis)
+        return weights.reshape(-1)
+
+    @cached_property
+    def along_pressure(self) -> Floats:
+        """Spline weights over thickness and tip of the volume and its slope by log tension, there (t d, 2 p)."""
+        volumes_tdp = self.displaced_tpd.swapaxes(1, 2)
+        pressed = self.splines[1].coefficients(volumes_tdp, axis=2)
+        both = np.concatenate([volumes_tdp, self.splines[1].slopes(pressed)], axis=2)
+        for axis, spline in ((0, self.splines[0]), (1, self.splines[2])):
+            both = spline.coefficients(both, axis)
+        return both.reshape(-1, both.shape[2])
+
+    @cached_property
+    def of_curves(self) -> Curves:
+        """Spline weights of the curves (t p d, b n c)."""
+        weights = self.curves_tpdbnc.astype(np.float64)
+        for axis, spline in enumerate(self.splines):
+            weights = spline.coefficients(weights, axis)
+        return weights.reshape(prod(self.curves_tpdbnc.shape[:3]), -1).astype(np.float32)
