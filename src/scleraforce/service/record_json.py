@@ -28,7 +28,7 @@ def record_as_json(record: Any) -> dict[str, Any]:
         MessageError: a field holds a value of another type than it states; the message names it.
 
     >>> from scleraforce.recording.pixels import PixelScale
-    >>> record_as_json(PixelScale(29e-6, 8e-6))
+    >>> record_as_json(PixelScale(lateral_m=29e-6, depth_m=8e-6))
     {'lateral_m': 2.9e-05, 'depth_m': 8e-06, 'refractive_index': 1.0}
     """
     found: dict[str, Any] = {}
