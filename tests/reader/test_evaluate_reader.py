@@ -12,12 +12,13 @@ from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, STUDY, THICKNESS
 from calibration_file import calibration_text
 from fixed_reader import write_fixed_reader
 
+from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.cli.main import run
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
-from scleraforce.recording.files import frame_digest, read_frame
+from scleraforce.recording.files import frame_digest, read_frame, read_recording
 from scleraforce.units import n_to_mn
 
 pytest.importorskip("torch")
@@ -129,6 +130,18 @@ def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warn
     )
     assert "note: " in (printed := capsys.readouterr().out)
     assert "stranger is not in" in " ".join(printed.split())
+
+
+def test_a_sealed_eye_is_read_with_a_warning_at_every_frame(places, tmp_path: Path) -> None:
+    path = shutil.copytree(places["mine"], tmp_path / "sealed")
+    text = (path / "recording.toml").read_text()
+    (path / "recording.toml").write_text(text.replace("[eye]\n", '[eye]\nglobe = "sealed"\n'))
+    words = "eye.globe is sealed, and every eye is read as an open one"
+    found = evaluate_recordings(load_model(places["model"]), [path], read_calibration(places["calibration"]))
+    assert sum(words in note for note in found.notes) == 1
+    assert all(any(words in warning for warning in frame.warnings) for frame in found.frames)
+    found = calibrate_recordings([read_recording(path)], STUDY, "0", library=LIBRARY)
+    assert words in found.eyes["mine"].recordings[0].doubts[0]
 
 
 def test_forces_of_another_size_than_those_read_are_noted(places, tmp_path: Path) -> None:

@@ -41,6 +41,9 @@ def test_only_what_a_model_was_trained_on_limits_it(model: Path) -> None:
         assert reader.limits(Known(), SCAN) == ()
         (limit,) = reader.limits(thick, SCAN)
         assert limit.startswith("wall thickness 3000 µm, the model was trained on")
+        assert reader.limits(Known(globe="open"), SCAN) == ()
+        (limit,) = reader.limits(Known(globe="sealed"), SCAN)
+        assert "sealed" in limit
 
 
 def test_a_classifier_where_a_reader_is_needed_is_refused(model: Path) -> None:

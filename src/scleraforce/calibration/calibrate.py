@@ -12,6 +12,7 @@ from scleraforce.calibration.parameters import spread
 from scleraforce.calibration.registration import first_belief
 from scleraforce.calibration.session import EyeSession, begin, step
 from scleraforce.errors import CalibrationError
+from scleraforce.known.eye import sealed_doubt
 from scleraforce.library import Library
 from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, tables_digest
@@ -53,7 +54,7 @@ class FrameRecord:
 class UsedRecording:
     """A recording that was calibrated on: path as given, SHA-256 of its tables, zero of its force taken off.
 
-    `doubts` are sentences on a log that does not go with the frames (`recording.agreement`).
+    `doubts` are sentences on a log that does not go with the frames (`recording.agreement`), and on a sealed globe.
     """
 
     path: str
@@ -245,7 +246,8 @@ def _calibrate(
                 left -= 1
         if progress is not None:
             progress(1)
-    doubts = log_doubts(recording, study.classes, shown)
+    sealed = sealed_doubt(recording.info.eye.globe)
+    doubts = (*((sealed,) if sealed else ()), *log_doubts(recording, study.classes, shown))
     if all(record.skipped is not None for record in records):
         reason = next((record.skipped for record in records), "excluded")
         raise CalibrationError(

@@ -19,6 +19,7 @@ __all__ = [
     "known_of_eye",
     "known_of_recording",
     "outside_training",
+    "sealed_doubt",
 ]
 
 STATED_MODULUS_SD = 0.03  # relative, of a modulus that comes without its uncertainty
@@ -56,6 +57,7 @@ class Known:
     """What is known of an eye and of the B-scan's place; None: unknown.
 
     `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact.
+    `globe` is "open" or "sealed". Every eye is read as an open one: `sealed_doubt` says so of a sealed one.
     """
 
     modulus: Modulus | None = None
@@ -63,6 +65,7 @@ class Known:
     thickness_m: float | None = None
     gap_m: float | None = None
     polar_rad: float | None = None
+    globe: str | None = None
 
 
 NOTHING_KNOWN = Known()
@@ -77,14 +80,26 @@ def known_of_recording(info: RecordingInfo) -> Known:
         thickness_m=info.eye.thickness_m,
         gap_m=needle.slice_gap_m,
         polar_rad=needle.polar_angle_rad,
+        globe=info.eye.globe,
     )
+
+
+def sealed_doubt(globe: str | None) -> str | None:
+    """Return a sentence on what is read of a sealed eye; None of an open or unknown one.
+
+    >>> sealed_doubt("open") is None
+    True
+    """
+    if globe != "sealed":
+        return None
+    return "eye.globe is sealed, and every eye is read as an open one: forces are read too low, intervals do not hold"
 
 
 def completed(told: Known, stated: Known) -> Known:
     """Return what was told of an eye, and what else was stated.
 
     >>> completed(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0))
-    Known(modulus=None, iop_pa=266.0, thickness_m=None, gap_m=0.0004, polar_rad=None)
+    Known(modulus=None, iop_pa=266.0, thickness_m=None, gap_m=0.0004, polar_rad=None, globe=None)
     """
     missing = [item.name for item in fields(Known) if getattr(told, item.name) is None]
     return replace(told, **{name: getattr(stated, name) for name in missing})

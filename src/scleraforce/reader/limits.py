@@ -2,7 +2,7 @@
 
 from math import degrees
 
-from scleraforce.known.eye import Known
+from scleraforce.known.eye import Known, sealed_doubt
 from scleraforce.recording.info import OctInfo
 from scleraforce.study import Choice, Sampled, Study
 from scleraforce.units import mmhg_to_pa
@@ -13,7 +13,7 @@ Compared = tuple[str, float | None, Sampled, float, str]  # what, value, covered
 
 
 def wall_limits(study: Study, known: Known, scan: OctInfo) -> tuple[str, ...]:
-    """Return a sentence for each known quantity that the walls of the library did not cover.
+    """Return a sentence for each known quantity that the walls of the library did not cover, and on a sealed globe.
 
     They do not depend on where on the eye the needle pushes.
 
@@ -24,6 +24,7 @@ def wall_limits(study: Study, known: Known, scan: OctInfo) -> tuple[str, ...]:
     """
     reader = study.reader
     return _sentences(
+        known,
         ("gap between B-scan and needle axis", known.gap_m, reader.gap_m, 1e3, "mm"),
         ("wall thickness", known.thickness_m, reader.thickness_m, 1e6, "µm"),
         ("IOP", known.iop_pa, reader.iop_pa, 1 / mmhg_to_pa(1.0), "mmHg"),
@@ -36,6 +37,7 @@ def slice_limits(study: Study, known: Known, scan: OctInfo) -> tuple[str, ...]:
     gap = study.dataset.gap_m or Choice((study.needle.gap_m,))
     thickness = Choice(tuple(group.thickness_m for group in study.dataset.group))
     return _sentences(
+        known,
         ("gap between B-scan and needle axis", known.gap_m, gap, 1e3, "mm"),
         ("wall thickness", known.thickness_m, thickness, 1e6, "µm"),
         ("polar angle", known.polar_rad, study.needle.polar_angle_rad, degrees(1.0), "°"),
@@ -44,8 +46,9 @@ def slice_limits(study: Study, known: Known, scan: OctInfo) -> tuple[str, ...]:
     )
 
 
-def _sentences(*compared: Compared) -> tuple[str, ...]:
-    return tuple(sentence for entry in compared if (sentence := _outside(*entry)))
+def _sentences(known: Known, *compared: Compared) -> tuple[str, ...]:
+    doubt = sealed_doubt(known.globe)
+    return (*((doubt,) if doubt else ()), *(sentence for entry in compared if (sentence := _outside(*entry))))
 
 
 def _outside(name: str, value: float | None, trained: Sampled, factor: float, unit: str) -> str | None:
