@@ -6,7 +6,8 @@ files do not count.
 """
 
 import ast
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
@@ -60,7 +61,7 @@ def sources(
         file = _file(name, places)
         if file is not None and name not in found and name not in left_out:
             found[name] = file
-            waiting += [*_imported(file), *_parents(name)]
+            waiting += [*_imported(file, file.stat().st_mtime_ns), *_parents(name)]
     return frozenset(found.values())
 
 
@@ -78,11 +79,14 @@ def _file(name: str, places: Mapping[str, Path]) -> Path | None:
     return next((file for file in candidates if file.is_file()), None)
 
 
-def _imported(file: Path) -> Iterator[str]:
-    """Yield what a file imports; of `from a import b` both a and a.b, either of which may be the module.
+@cache
+def _imported(file: Path, _changed_ns: int) -> tuple[str, ...]:
+    """Return what a file imports; of `from a import b` both a and a.b, either of which may be the module.
 
-    What is imported for type checkers alone decides no result: the package's own face would lead to every module.
+    A file is read again where its time of change is another. What is imported for type checkers alone decides no
+    result: the package's own face would lead to every module.
     """
+    found: list[str] = []
     waiting: list[ast.AST] = [ast.parse(file.read_bytes())]
     while waiting:
         node = waiting.pop()
@@ -91,10 +95,10 @@ def _imported(file: Path) -> Iterator[str]:
             continue
         waiting += ast.iter_child_nodes(node)
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found += (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
-            yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            found += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return tuple(found)
 
 
 def _parents(name: str) -> list[str]:

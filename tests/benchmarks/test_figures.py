@@ -187,6 +187,7 @@ def test_an_eye_is_computed_anew_when_the_sources_that_compute_it_have_changed(t
     assert made == ["plain-01", "plain-02", "plain-03"] * 2
 
 
+@pytest.mark.slow
 def test_a_command_is_run_once_and_what_it_left_unfinished_is_removed(tmp_path, capsys):
     out = tmp_path / "made" / "recording"
     (out.parent / ".recording.partial").mkdir(parents=True)

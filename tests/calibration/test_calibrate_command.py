@@ -91,6 +91,7 @@ def test_unknown_parameters_are_a_usage_error(
     assert "of iop, thickness, gap" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_figures_show_what_the_filter_saw(laboratory: Any, folder: Path, eye: PhantomEye) -> None:
     recording = read_recording(folder / "eye")
     calibration = calibrate_recordings([recording], laboratory.study, "", None)

@@ -56,6 +56,7 @@ def one_by_one(study, library, plan, sample):
     return fill_section(loaded, slice_window(study.slice, float(resting.outer[:, 1].min()), *framing))
 
 
+@pytest.mark.slow
 def test_slices_are_those_of_cutting_and_filling_one_by_one(study, library):
     plan = plan_dataset(study)
     ((unit, images),) = draw_units(study, MODULUS_PA, plan, [1], library)

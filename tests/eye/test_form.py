@@ -130,6 +130,7 @@ def test_a_region_has_its_modulus_inside_and_the_eyes_outside_with_a_smooth_edge
     assert soft == pytest.approx(1 - np.cos(asin(5.75 / 12)), rel=2e-2)  # share of a cap of the half-sphere's area
 
 
+@pytest.mark.slow
 def test_an_ellipsoid_of_revolution_bends_as_its_turned_twin() -> None:
     """Long axis along x, needle at (35 deg, 0), is the long axis along y with the needle a quarter turn further."""
     tips = []

@@ -60,6 +60,7 @@ def test_what_is_read_is_what_was_solved(made):
     assert library.contact_polar_rad == pytest.approx(np.radians(35.0))
 
 
+@pytest.mark.slow
 def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
     path = tmp_path / "library.zarr"
     done = []

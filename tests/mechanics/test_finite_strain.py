@@ -183,6 +183,7 @@ def test_a_thick_sphere_under_pressure_swells_as_its_radial_equation_says() -> N
     assert np.log2(coarse / fine) > 2.5
 
 
+@pytest.mark.slow
 def test_the_path_does_not_depend_on_the_steps() -> None:
     fine = coarse_path(largest_step_m=1e-4)
     for force_n in np.linspace(2e-3, 0.95 * fine.max_force_n, 15):

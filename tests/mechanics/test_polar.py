@@ -65,6 +65,7 @@ def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
             np.testing.assert_allclose((curves[0, :, 1] + depth)[shown], expected, atol=4e-6)
 
 
+@pytest.mark.slow
 def test_beside_the_needle_the_shift_is_the_motion_along_the_meridian() -> None:
     """A wall of revolution does not move that way there, so that the 3-D displacement is all of it."""
     contact = Contact(polar_rad=np.radians(45.0))

@@ -64,6 +64,7 @@ def test_a_region_that_covers_the_eye_is_another_modulus() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_stiff_cap_under_the_needle_resists_and_a_far_one_hardly_matters() -> None:
     cap = RegionStudy(modulus_ratio=1.4)
     plain, near, far = (
@@ -159,6 +160,7 @@ def test_progress_ends_at_one() -> None:
     assert shares[-1] == 1.0
 
 
+@pytest.mark.slow
 def test_an_eye_on_a_bed_is_a_whole_globe_that_gives_way() -> None:
     held, lying = bent(WEIGHTLESS), bent(replace(WEIGHTLESS, supports=SupportsStudy(kind="bed")))
     assert lying.mesh.points_nc[:, 2].min() < -0.9 * 12e-3

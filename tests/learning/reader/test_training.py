@@ -98,6 +98,7 @@ def test_onnx_runtime_answers_as_pytorch_does(source) -> None:
     assert [entry.value for entry in onnx.load_from_string(content).metadata_props] == ["7"]
 
 
+@pytest.mark.slow
 def test_training_learns_and_is_the_same_with_any_number_of_processes(source) -> None:
     first, second = (fit_reader(TINY, source, workers) for workers in (1, 2))
     assert first.curves == second.curves
