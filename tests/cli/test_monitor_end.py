@@ -91,6 +91,7 @@ def test_a_monitor_that_is_stopped_in_its_terminal_is_ended_by_its_watchdog(
 ) -> None:
     """Ctrl-Z stops all processes of a terminal's session; the watchdog and the black box have their own."""
     with started(folder, "--black-box", str(tmp_path / "box")) as monitor, Peer(monitor.port) as robot:
+        robot.hear(5.0, lambda peer: bool(peer.statuses()))  # the monitor has taken the connection
         children = Path(f"/proc/{monitor.process.pid}/task/{monitor.process.pid}/children").read_text().split()
         assert len(children) == 3
         assert {os.getsid(int(child)) for child in children} == {int(child) for child in children}

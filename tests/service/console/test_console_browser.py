@@ -241,7 +241,7 @@ def test_the_reset_asks_sends_the_token_keeps_it_nowhere_and_shows_the_answer(op
             assert page.locator("#token").input_value() == ""
             page.keyboard.type(TOKEN)
             page.keyboard.press("Enter")
-            assert answer(True, "WATCHING")["token"] == TOKEN
+            assert answer(True, "WATCHING").token == TOKEN
             expect(page.locator("#dialog")).to_be_hidden()
             expect(page.locator("#answer")).to_contain_text("Reset granted at")
         assert page.locator("#token").input_value() == ""
