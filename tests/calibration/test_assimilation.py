@@ -118,9 +118,9 @@ def test_parameters_that_do_not_exist_are_refused(laboratory: Any, eye: PhantomE
 
 
 @pytest.mark.slow
-def test_the_true_modulus_lies_within_two_sd_for_at_least_90_percent_of_50_eyes(laboratory: Any) -> None:
+def test_the_true_modulus_lies_within_two_sd_for_at_least_90_percent_of_30_eyes(laboratory: Any) -> None:
     rng, honest, right = np.random.default_rng(7), 0, 0
-    for number in range(50):
+    for number in range(30):
         eye = PhantomEye(
             id=f"eye-{number}",
             thickness_m=(0.5e-3, 0.65e-3, 0.8e-3)[number % 3],
@@ -137,5 +137,5 @@ def test_the_true_modulus_lies_within_two_sd_for_at_least_90_percent_of_50_eyes(
         honest += abs(mean - eye.youngs_modulus_pa) < 2 * sd
         right += abs(mean / eye.youngs_modulus_pa - 1) < 0.02
         assert sd < 10e3
-    assert honest >= 45
-    assert right >= 45
+    assert honest >= 27
+    assert right >= 27
