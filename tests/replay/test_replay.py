@@ -263,4 +263,4 @@ def test_control_c_is_exit_code_130_with_the_summary_so_far(tmp_path) -> None:
         out, err = child.communicate(timeout=30)
     assert child.returncode == 130
     assert err.strip() == "error: interrupted"
-    assert 5 <= json.loads(out)["frames_sent"] < 300
+    assert 4 <= json.loads(out)["frames_sent"] < 300  # the fifth may have come before it was counted
