@@ -21,7 +21,7 @@ from scleraforce.errors import InputError
 from scleraforce.eye.globe import Globe
 from scleraforce.library.crossing import first_crossing
 from scleraforce.library.spline_weights import SplineWeights
-from scleraforce.library.splines import SUPPORT, CubicSpline
+from scleraforce.library.splines import SUPPORT, CubicSpline, tensor_coefficients, values_and_slopes
 from scleraforce.mechanics.burst import burst_tension
 
 __all__ = ["INNER", "OUTER", "Library", "Responses"]
@@ -264,19 +264,12 @@ class Library:
     @cached_property
     def _force_coefficients(self) -> Floats:
         """Spline weights over thickness and tension of the force and of its slope at the tips (t p, 2 d)."""
-        along_tip = self._splines[2].coefficients(self._contact_forces, axis=2)
-        both = np.concatenate([self._contact_forces, self._splines[2].slopes(along_tip)], axis=2)
-        for axis in (0, 1):
-            both = self._splines[axis].coefficients(both, axis)
-        return both.reshape(-1, both.shape[2])
+        return values_and_slopes(self._splines, self._contact_forces, axis=2)
 
     @cached_property
     def _state_coefficients(self) -> Floats:
         """Spline weights of the force (t p d,)."""
-        weights = self._contact_forces
-        for axis, spline in enumerate(self._splines):
-            weights = spline.coefficients(weights, axis)
-        return weights.reshape(-1)
+        return tensor_coefficients(self._splines, self._contact_forces).reshape(-1)
 
     def _paths(self, walls: Walls) -> tuple[Floats, Floats]:
         """Force and slope at the library's tips for some walls, each (sample, d)."""

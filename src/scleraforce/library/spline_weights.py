@@ -7,7 +7,7 @@ from math import prod
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.library.splines import CubicSpline
+from scleraforce.library.splines import CubicSpline, tensor_coefficients, values_and_slopes
 
 __all__ = ["SplineWeights"]
 
@@ -33,25 +33,15 @@ class SplineWeights:
     @cached_property
     def of_volume(self) -> Floats:
         """Spline weights of the displaced volume (t p d,)."""
-        weights = self.displaced_tpd
-        for axis, spline in enumerate(self.splines):
-            weights = spline.coefficients(weights, axis)
-        return weights.reshape(-1)
+        return tensor_coefficients(self.splines, self.displaced_tpd).reshape(-1)
 
     @cached_property
     def along_pressure(self) -> Floats:
         """Spline weights over thickness and tip of the volume and its slope by log tension, there (t d, 2 p)."""
-        volumes_tdp = self.displaced_tpd.swapaxes(1, 2)
-        pressed = self.splines[1].coefficients(volumes_tdp, axis=2)
-        both = np.concatenate([volumes_tdp, self.splines[1].slopes(pressed)], axis=2)
-        for axis, spline in ((0, self.splines[0]), (1, self.splines[2])):
-            both = spline.coefficients(both, axis)
-        return both.reshape(-1, both.shape[2])
+        return values_and_slopes(self.splines, self.displaced_tpd, axis=1)
 
     @cached_property
     def of_curves(self) -> Curves:
         """Spline weights of the curves (t p d, b n c)."""
-        weights = self.curves_tpdbnc.astype(np.float64)
-        for axis, spline in enumerate(self.splines):
-            weights = spline.coefficients(weights, axis)
+        weights = tensor_coefficients(self.splines, self.curves_tpdbnc.astype(np.float64))
         return weights.reshape(prod(self.curves_tpdbnc.shape[:3]), -1).astype(np.float32)

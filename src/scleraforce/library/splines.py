@@ -5,13 +5,14 @@ B-splines are solved for once; afterwards a value costs four products, also in a
 derivative is continuous, its error of fourth order up to the ends (de Boor, A Practical Guide to Splines, IX, XIII).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SUPPORT", "CubicSpline"]
+__all__ = ["SUPPORT", "CubicSpline", "tensor_coefficients", "values_and_slopes"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -80,3 +81,28 @@ class CubicSpline:
                 rest = (places - knots[span + number + 1 - order]) * part
             weights[:, order] = rest
         return span - degree, weights
+
+
+def tensor_coefficients(splines: Sequence[CubicSpline], values: Floats) -> Floats:
+    """Return the weights of the products of B-splines through values, the same shape; a spline for each first axis."""
+    for axis, spline in enumerate(splines):
+        values = spline.coefficients(values, axis)
+    return values
+
+
+def values_and_slopes(splines: Sequence[CubicSpline], values: Floats, axis: int) -> Floats:
+    """Return what gives the values and their slopes at the nodes of one axis, by weights over the other two.
+
+    Args:
+        splines: of the three axes.
+        values: at their nodes, (node, node, node).
+        axis: whose nodes stay.
+
+    Returns:
+        A row for each pair of nodes of the other two axes, with values and then slopes at the n nodes, (pair, 2 n).
+    """
+    moved = np.moveaxis(values, axis, -1)
+    slopes = splines[axis].slopes(splines[axis].coefficients(moved, axis=2))
+    others = [spline for number, spline in enumerate(splines) if number != axis]
+    both = tensor_coefficients(others, np.concatenate([moved, slopes], axis=2))
+    return both.reshape(-1, both.shape[2])
