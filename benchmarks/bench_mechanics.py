@@ -19,7 +19,8 @@ from scipy.sparse.linalg import splu
 
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, build_mesh, locate
-from scleraforce.mechanics.assembly import element_stiffness, lame_constants, stiffness_matrix
+from scleraforce.mechanics.assembly import element_stiffness, stiffness_matrix
+from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.loads import needle_loads, weighted_surface_load
 from scleraforce.mechanics.quadrature import volume_points

@@ -8,7 +8,8 @@ from skfem.models.elasticity import linear_elasticity
 from scleraforce.errors import SolverError
 from scleraforce.eye.mesh import HexMesh, build_mesh
 from scleraforce.eye.shapes import node_positions
-from scleraforce.mechanics.assembly import element_stiffness, lame_constants, stiffness_matrix
+from scleraforce.mechanics.assembly import element_stiffness, stiffness_matrix
+from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.quadrature import volume_points
 
 R, T, NU = 12e-3, 1e-3, 0.45

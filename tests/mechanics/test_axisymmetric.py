@@ -12,10 +12,10 @@ from scleraforce.eye.globe import LAWS, sealed_globe
 from scleraforce.eye.graded import graded_mesh
 from scleraforce.eye.mesh import HexMesh, extrude_surface
 from scleraforce.eye.surface import half_cube, project_on_sphere
-from scleraforce.mechanics.assembly import lame_constants
 from scleraforce.mechanics.axisymmetric.mesh import MeridianSize, meridian_mesh
 from scleraforce.mechanics.axisymmetric.path import AxisymmetricWall, axisymmetric_path
 from scleraforce.mechanics.continuation import pressurise, trace
+from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.loads import weighted_surface_load
 from scleraforce.units import SI_PER_UNIT

@@ -11,7 +11,7 @@ from scleraforce.eye.contact import Contact
 from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.eye.graded import graded_globe
 from scleraforce.eye.mesh import HexMesh, build_mesh
-from scleraforce.mechanics.assembly import lame_constants
+from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.loads import gravity_load, needle_loads, pressure_load

@@ -8,7 +8,8 @@ from skfem.helpers import ddot, grad, identity, inv, transpose
 from scleraforce.errors import SolverError
 from scleraforce.eye.mesh import HexMesh, build_mesh
 from scleraforce.eye.shapes import node_positions
-from scleraforce.mechanics.assembly import BlockPattern, FreePart, element_stiffness, lame_constants, stiffness_matrix
+from scleraforce.mechanics.assembly import BlockPattern, FreePart, element_stiffness, stiffness_matrix
+from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
 from scleraforce.mechanics.quadrature import volume_points
 

@@ -7,20 +7,10 @@ from scipy import sparse
 from scleraforce.eye.mesh import HexMesh
 from scleraforce.mechanics.quadrature import VolumePoints
 
-__all__ = ["BlockPattern", "FreePart", "element_stiffness", "lame_constants", "stiffness_matrix"]
+__all__ = ["BlockPattern", "FreePart", "element_stiffness", "stiffness_matrix"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-
-
-def lame_constants(youngs_modulus_pa: float, poisson_ratio: float) -> tuple[float, float]:
-    """Return lambda and mu in Pa.
-
-    >>> lame_constants(2.5, 0.25)
-    (1.0, 1.0)
-    """
-    E, nu = youngs_modulus_pa, poisson_ratio
-    return E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
 
 
 def element_stiffness(points: VolumePoints, lame_lambda: float, lame_mu: float) -> Floats:

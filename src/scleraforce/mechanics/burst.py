@@ -1,6 +1,10 @@
 """The pressure at which a thin sphere of the wall's material bursts: no equilibrium holds more (NumPy only)."""
 
+from functools import cache
+
 import numpy as np
+
+from scleraforce.mechanics.elasticity import lame_constants
 
 __all__ = ["burst_tension"]
 
@@ -9,6 +13,7 @@ STRETCHES = 20_001
 NEWTON_STEPS = 40
 
 
+@cache
 def burst_tension(poisson_ratio: float) -> float:
     """Return the largest p R/(E t) of a thin neo-Hookean sphere of undeformed radius R and thickness t.
 
@@ -18,8 +23,7 @@ def burst_tension(poisson_ratio: float) -> float:
     >>> round(burst_tension(0.45), 3)
     0.416
     """
-    mu = 0.5 / (1.0 + poisson_ratio)  # at E = 1
-    lame_lambda = 2.0 * mu * poisson_ratio / (1.0 - 2.0 * poisson_ratio)
+    lame_lambda, mu = lame_constants(1.0, poisson_ratio)
     stretch = np.linspace(1.0, LARGEST_STRETCH, STRETCHES)
     across = 1.0 / stretch
     for _ in range(NEWTON_STEPS):

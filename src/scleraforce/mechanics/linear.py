@@ -11,7 +11,8 @@ from scipy.sparse.linalg import SuperLU, splu
 from scleraforce.errors import SolverError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, locate, surface_weights
-from scleraforce.mechanics.assembly import BlockPattern, element_stiffness, lame_constants
+from scleraforce.mechanics.assembly import BlockPattern, element_stiffness
+from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.loads import gravity_load, needle_loads, pressure_load
 from scleraforce.mechanics.quadrature import volume_points
 from scleraforce.mechanics.springs import Springs

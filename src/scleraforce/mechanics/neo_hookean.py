@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import SolverError
 from scleraforce.eye.mesh import HexMesh
-from scleraforce.mechanics.assembly import BlockPattern, lame_constants
+from scleraforce.mechanics.assembly import BlockPattern
+from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.quadrature import VolumePoints, volume_points
 
 __all__ = ["NeoHookeanSolid"]

@@ -72,7 +72,8 @@ class SealedDent:
         balance = self.problem.residual(dented, pressure) - force * self.problem.needle
         undented_balance = self.problem.residual(undented, pressure)
         tip = self.problem.tip @ (dented - undented) - self.tip_m
-        error = pressure - self.globe.pressure(self.resting, self._displaced_m3(x))
+        displaced_m3 = self.problem.volume(undented)[0] - self.problem.volume(dented)[0]
+        error = pressure - self.globe.pressure(self.resting, displaced_m3)
         return np.concatenate([balance, undented_balance, [tip, error]])
 
     def met(self, defect: Floats, x: Floats) -> bool:
@@ -92,8 +93,8 @@ class SealedDent:
         dented, undented, _, pressure = self._parts(x)
         problem, half = self.problem, self.count // 2
         solves = problem.factor(dented, pressure), problem.factor(undented, pressure)
-        gradient, undented_gradient = problem.volume(dented)[1], problem.volume(undented)[1]
-        stiffness = float(self.globe.stiffness(self.globe.pressure(self.resting, self._displaced_m3(x))))
+        (inside, gradient), (undented_inside, undented_gradient) = problem.volume(dented), problem.volume(undented)
+        stiffness = float(self.globe.stiffness(self.globe.pressure(self.resting, undented_inside - inside)))
         nothing = np.zeros(half)
         columns = np.stack(
             [np.append(problem.needle, nothing), np.append(gradient, undented_gradient)],
@@ -107,11 +108,6 @@ class SealedDent:
             return np.concatenate([solves[0](both[:half]), solves[1](both[half:])])
 
         return bordered(solve, columns, rows, np.diag([0.0, 1.0]))
-
-    def _displaced_m3(self, x: Floats) -> float:
-        """The volume between the undented and the dented wall."""
-        dented, undented, _, _ = self._parts(x)
-        return self.problem.volume(undented)[0] - self.problem.volume(dented)[0]
 
     def _parts(self, x: Floats) -> tuple[Floats, Floats, float, float]:
         half = self.count // 2

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.mechanics.assembly import lame_constants
 from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh, MeridianSize, meridian_mesh
 from scleraforce.mechanics.axisymmetric.path import AxisymmetricWall
 from scleraforce.mechanics.axisymmetric.solid import line_shapes
 from scleraforce.mechanics.continuation import pressurise, trace
+from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.quadrature import gauss_points
 from scleraforce.study import Study
 

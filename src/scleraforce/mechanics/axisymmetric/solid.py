@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.mechanics.assembly import lame_constants
 from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh
+from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.quadrature import gauss_points
 
 __all__ = ["SolidOfRevolution", "line_shapes"]
