@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import InputError
-from scleraforce.eye.globe import LAWS, OPEN_GLOBE, Globe, sealed_globe
+from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
+from scleraforce.study.globe import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT, mmhg_to_pa
 
 PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
@@ -27,7 +28,7 @@ def test_the_logarithmic_law_is_friedenwalds_and_has_the_slope_of_its_rigidity_a
     assert globe.stiffness(mmhg_to_pa(15.0)) == pytest.approx(cube_root.stiffness(mmhg_to_pa(15.0)))
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", RIGIDITY_LAWS)
 def test_volume_and_pressure_are_inverse_and_the_stiffness_is_the_slope(law: str) -> None:
     globe = sealed_globe(0.02 * PER_UL, law)
     resting, volumes = np.full(5, 300.0), np.linspace(0.0, 40.0, 5) * UL
@@ -40,7 +41,7 @@ def test_volume_and_pressure_are_inverse_and_the_stiffness_is_the_slope(law: str
     np.testing.assert_allclose(globe.stiffness(pressures), slopes, rtol=1e-6)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", RIGIDITY_LAWS)
 def test_a_pressure_over_a_modulus_follows_the_globe_over_it(law: str) -> None:
     globe, modulus = sealed_globe(0.03 * PER_UL, law), 0.45e6
     assert globe.over(modulus).pressure(266.0 / modulus, 2e-8) * modulus == pytest.approx(globe.pressure(266.0, 2e-8))

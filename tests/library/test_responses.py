@@ -7,8 +7,9 @@ import pytest
 from analytic_library import analytic_library, curves, displaced_m3, draw_walls, force_ratio
 
 from scleraforce.errors import InputError
-from scleraforce.eye.globe import LAWS, OPEN_GLOBE, Globe
+from scleraforce.eye.globe import OPEN_GLOBE, Globe
 from scleraforce.library.splines import CubicSpline
+from scleraforce.study.globe import RIGIDITY_LAWS
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +167,7 @@ def test_the_displaced_volume_is_interpolated(library):
     assert library.displaced_m3(t, p, tip) == pytest.approx(displaced_m3(t, p, tip), rel=1e-3)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", RIGIDITY_LAWS)
 def test_the_pressure_of_a_sealed_globe_is_the_lowest_that_solves_its_law(library, law):
     rng = np.random.default_rng(6)
     t, p = draw_walls(rng, 400)

@@ -9,8 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, SolverError
-from scleraforce.eye.globe import LAWS, Globe
+from scleraforce.eye.globe import Globe
 from scleraforce.mechanics.continuation import pressurise, trace
+from scleraforce.study.globe import RIGIDITY_LAWS
 
 Floats = NDArray[np.float64]
 
@@ -135,7 +136,7 @@ class SealedSprings:
         return 1.0 + float(self.gradient @ u), self.gradient
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", RIGIDITY_LAWS)
 def test_a_sealed_linear_structure_takes_the_exact_force_and_pressure(law: str) -> None:
     random = np.random.default_rng(3)
     root = random.normal(size=(6, 6))

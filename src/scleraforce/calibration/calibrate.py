@@ -12,7 +12,7 @@ from scleraforce.calibration.parameters import spread
 from scleraforce.calibration.registration import first_belief
 from scleraforce.calibration.session import EyeSession, begin, step
 from scleraforce.errors import CalibrationError
-from scleraforce.known.eye import sealed_doubt
+from scleraforce.known.eye import sealed_doubts
 from scleraforce.library import Library
 from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, tables_digest
@@ -246,8 +246,7 @@ def _calibrate(
                 left -= 1
         if progress is not None:
             progress(1)
-    sealed = sealed_doubt(recording.info.eye.globe)
-    doubts = (*((sealed,) if sealed else ()), *log_doubts(recording, study.classes, shown))
+    doubts = (*sealed_doubts(recording.info.eye.globe), *log_doubts(recording, study.classes, shown))
     if all(record.skipped is not None for record in records):
         reason = next((record.skipped for record in records), "excluded")
         raise CalibrationError(

@@ -8,7 +8,7 @@ import click
 
 from scleraforce.study import Study
 from scleraforce.study.fields import field_unit
-from scleraforce.study.globe import GlobeStudy
+from scleraforce.study.globe import GLOBES, GlobeStudy
 
 __all__ = ["globe_options", "with_globe"]
 
@@ -16,7 +16,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 RIGIDITY = field_unit(GlobeStudy.__dataclass_fields__["rigidity_pa13_per_m3"])
 OPTIONS = (
-    click.option("--globe", type=click.Choice(["open", "sealed"]), help="Whether the pressure stays as it is or rises "
+    click.option("--globe", type=click.Choice(GLOBES), help="Whether the pressure stays as it is or rises "
                  "with the dent (finite strain only); the study's by default (open, if it does not say)."),
     click.option("--rigidity", type=float, help="Of a sealed globe, in mmHg^(1/3) per µl; the study's by default "
                  "(0.03, if it does not say)."),
@@ -32,9 +32,4 @@ def globe_options(command: Command) -> Command:
 
 def with_globe(study: Study, globe: str | None, rigidity: float | None) -> Study:
     """Put the options into the study, whose records check them as they check a study file."""
-    changed = study.globe
-    if globe is not None:
-        changed = replace(changed, kind=globe)
-    if rigidity is not None:
-        changed = replace(changed, rigidity_pa13_per_m3=RIGIDITY.to_si(rigidity))
-    return replace(study, globe=changed)
+    return replace(study, globe=study.globe.told(globe, None if rigidity is None else RIGIDITY.to_si(rigidity)))

@@ -12,7 +12,7 @@ from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study
 from scleraforce.study.fields import NEEDLE_FORCE, check_number
 from scleraforce.study.unused import refuse_unused
-from scleraforce.units import mmhg_to_pa, n_to_mn
+from scleraforce.units import mmhg_to_pa, n_to_mn, pa_to_mmhg
 
 __all__ = ["simulate"]
 
@@ -94,7 +94,7 @@ def simulate(
     result = {
         "tip_displacement_mm": eye.tip_m * 1e3,
         "dent_mm": eye.dent_m * 1e3,
-        "pressure_mmhg": eye.pressure_pa / mmhg_to_pa(1.0),
+        "pressure_mmhg": pa_to_mmhg(eye.pressure_pa),
         "globe": study.globe.kind,
         "elements": len(eye.mesh.cells_en),
         "dofs": eye.mesh.points_nc.size,
@@ -106,7 +106,7 @@ def simulate(
         return
     click.echo(f"the contact sinks in by {eye.tip_m * 1e3:.3f} mm under {n_to_mn(eye.force_n):g} mN")
     if study.globe.kind == "sealed":
-        resting, loaded = (pressure / mmhg_to_pa(1.0) for pressure in (study.eye.iop_pa, eye.pressure_pa))
+        resting, loaded = map(pa_to_mmhg, (study.eye.iop_pa, eye.pressure_pa))
         click.echo(f"the pressure rises from {resting:.3g} to {loaded:.3g} mmHg; the dent is {eye.dent_m * 1e3:.3f} mm "
                    "deep, from the undented wall at that pressure")  # fmt: skip
     if study.mechanics.kind == "linear" and eye.tip_m > eye.mesh.thickness_m:

@@ -16,15 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.study import GlobeStudy
+from scleraforce.study.globe import RIGIDITY_LAWS, GlobeStudy
 from scleraforce.units import mmhg_to_pa
 
-__all__ = ["LAWS", "OPEN_GLOBE", "Globe", "sealed_globe", "study_globe"]
+__all__ = ["OPEN_GLOBE", "Globe", "sealed_globe", "study_globe"]
 
 Floats = NDArray[np.float64]
 Values = Floats | float
 
-LAWS = ("cube-root", "logarithmic")
 SAME_SLOPE_PA = mmhg_to_pa(15.0)  # where a logarithmic law is as steep as the cube-root law of its k
 
 
@@ -43,8 +42,8 @@ class Globe:
     rate: Values = 0.0
 
     def __post_init__(self) -> None:
-        if self.law not in LAWS:
-            raise InputError(f"rigidity law: {self.law!r} is not one of {', '.join(LAWS)}")
+        if self.law not in RIGIDITY_LAWS:
+            raise InputError(f"rigidity law: {self.law!r} is not one of {', '.join(RIGIDITY_LAWS)}")
         if not np.all(np.isfinite(self.rate) & (np.asarray(self.rate) >= 0.0)):
             raise InputError(f"rigidity: {np.min(self.rate):g}; must be 0 (an open globe) or more")
 
@@ -60,19 +59,19 @@ class Globe:
         >>> bool(np.isclose(1e6 * globe.over(1e6).pressure(266e-6, 1e-8), globe.pressure(266.0, 1e-8)))
         True
         """
-        return replace(self, rate=self.rate / np.cbrt(youngs_modulus_pa)) if self.law == LAWS[0] else self
+        return replace(self, rate=self.rate / np.cbrt(youngs_modulus_pa)) if self.law == RIGIDITY_LAWS[0] else self
 
     def level(self, pressure: Values) -> Floats:
         """Return what of the pressure is linear in the volume: its cube root or its logarithm."""
-        return np.asarray(np.log(pressure) if self.law == LAWS[1] else np.cbrt(pressure))
+        return np.asarray(np.log(pressure) if self.law == RIGIDITY_LAWS[1] else np.cbrt(pressure))
 
     def level_slope(self, pressure: Values) -> Floats:
         """Return the derivative of the level by the pressure."""
-        return np.asarray(1.0 / (pressure if self.law == LAWS[1] else 3.0 * np.cbrt(pressure) ** 2))
+        return np.asarray(1.0 / (pressure if self.law == RIGIDITY_LAWS[1] else 3.0 * np.cbrt(pressure) ** 2))
 
     def pressure(self, resting: Values, displaced_m3: Values) -> Floats:
         """Return the pressure when a dent displaces a volume, in the unit of the resting pressure; never below 0."""
-        if self.law == LAWS[1]:
+        if self.law == RIGIDITY_LAWS[1]:
             return np.asarray(resting * np.exp(self.rate * displaced_m3))
         return np.asarray(np.maximum(np.cbrt(resting) + self.rate * displaced_m3, 0.0) ** 3)
 
@@ -88,13 +87,13 @@ class Globe:
 OPEN_GLOBE = Globe()
 
 
-def sealed_globe(rigidity_pa13_per_m3: Values, law: str = LAWS[0]) -> Globe:
+def sealed_globe(rigidity_pa13_per_m3: Values, law: str = RIGIDITY_LAWS[0]) -> Globe:
     """Return a sealed globe of a rigidity k, in Pa^(1/3)/m^3; of 0, an open one.
 
     Raises:
         InputError: no such law, or a negative rigidity.
     """
-    return Globe(law, rigidity_pa13_per_m3 * (3.0 / np.cbrt(SAME_SLOPE_PA) if law == LAWS[1] else 1.0))
+    return Globe(law, rigidity_pa13_per_m3 * (3.0 / np.cbrt(SAME_SLOPE_PA) if law == RIGIDITY_LAWS[1] else 1.0))
 
 
 def study_globe(globe: GlobeStudy) -> Globe:

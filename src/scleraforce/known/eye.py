@@ -19,13 +19,14 @@ __all__ = [
     "known_of_eye",
     "known_of_recording",
     "outside_training",
-    "sealed_doubt",
+    "sealed_doubts",
 ]
 
 STATED_MODULUS_SD = 0.03  # relative, of a modulus that comes without its uncertainty
 POPULATION_SD = 0.12  # relative: eyes differ by so much (paper, Table 2), also where a file knows too few to tell
 LEAST_MODULUS_SD = 0.01  # relative: below it mechanics and segmentation are what is uncertain
 NAMED_EYES = 8  # of a calibration file, in a sentence
+SEALED = "eye.globe is sealed, and every eye is read as an open one: forces are read too low, intervals do not hold"
 SLACK = 1e-6  # of a bound: 0.45 mm that came through another unit is still 0.45 mm
 
 
@@ -57,7 +58,7 @@ class Known:
     """What is known of an eye and of the B-scan's place; None: unknown.
 
     `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact.
-    `globe` is "open" or "sealed". Every eye is read as an open one: `sealed_doubt` says so of a sealed one.
+    `globe` is "open" or "sealed". Every eye is read as an open one: `sealed_doubts` says so of a sealed one.
     """
 
     modulus: Modulus | None = None
@@ -84,15 +85,13 @@ def known_of_recording(info: RecordingInfo) -> Known:
     )
 
 
-def sealed_doubt(globe: str | None) -> str | None:
-    """Return a sentence on what is read of a sealed eye; None of an open or unknown one.
+def sealed_doubts(globe: str | None) -> tuple[str, ...]:
+    """Return a sentence on what is read of a sealed eye; none of an open or unknown one.
 
-    >>> sealed_doubt("open") is None
-    True
+    >>> sealed_doubts("open")
+    ()
     """
-    if globe != "sealed":
-        return None
-    return "eye.globe is sealed, and every eye is read as an open one: forces are read too low, intervals do not hold"
+    return (SEALED,) if globe == "sealed" else ()
 
 
 def completed(told: Known, stated: Known) -> Known:

@@ -185,8 +185,4 @@ def middle_contact(study: Study) -> Contact:
 def _told(study: Study | None, mechanics: str | None, globe: str | None, rigidity_pa13_per_m3: float | None) -> Study:
     """Return the study, the paper's where there is none, with the mechanics and the globe that were told."""
     study = with_mechanics(study or Study(), mechanics)
-    if globe is not None:
-        study = replace(study, globe=replace(study.globe, kind=globe))
-    if rigidity_pa13_per_m3 is not None:
-        study = replace(study, globe=replace(study.globe, rigidity_pa13_per_m3=rigidity_pa13_per_m3))
-    return study
+    return replace(study, globe=study.globe.told(globe, rigidity_pa13_per_m3))

@@ -2,7 +2,7 @@
 
 from math import degrees
 
-from scleraforce.known.eye import Known, sealed_doubt
+from scleraforce.known.eye import Known, sealed_doubts
 from scleraforce.recording.info import OctInfo
 from scleraforce.study import Choice, Sampled, Study
 from scleraforce.units import mmhg_to_pa
@@ -47,8 +47,7 @@ def slice_limits(study: Study, known: Known, scan: OctInfo) -> tuple[str, ...]:
 
 
 def _sentences(known: Known, *compared: Compared) -> tuple[str, ...]:
-    doubt = sealed_doubt(known.globe)
-    return (*((doubt,) if doubt else ()), *(sentence for entry in compared if (sentence := _outside(*entry))))
+    return (*sealed_doubts(known.globe), *(sentence for entry in compared if (sentence := _outside(*entry))))
 
 
 def _outside(name: str, value: float | None, trained: Sampled, factor: float, unit: str) -> str | None:

@@ -3,8 +3,8 @@
 from dataclasses import KW_ONLY, dataclass
 
 from scleraforce.errors import StudyError
-from scleraforce.eye.globe import LAWS
 from scleraforce.study.fields import check_fields, option, quantity, required
+from scleraforce.study.globe import GLOBES, RIGIDITY_LAWS
 
 __all__ = ["EyeInfo", "ForceInfo", "NeedleInfo", "OctInfo", "RecordingInfo", "eye_id_fault", "nearest_gauge"]
 
@@ -44,9 +44,9 @@ class EyeInfo:
     _: KW_ONLY
     thickness_m: float | None = quantity(None, None, 100e-6, 3e-3)
     iop_pa: float | None = quantity(None, None, 0.0, 15e3)
-    globe: str | None = option(None, "open", "sealed")
+    globe: str | None = option(None, *GLOBES)
     rigidity_pa13_per_m3: float | None = quantity(None, "mmhg13_per_ul", 1e-4, 1.0)
-    rigidity_law: str | None = option(None, *LAWS)
+    rigidity_law: str | None = option(None, *RIGIDITY_LAWS)
 
     def __post_init__(self) -> None:
         check_fields(self)

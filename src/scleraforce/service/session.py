@@ -8,7 +8,7 @@ from typing import Any
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
 from scleraforce.monitor.events import Failure, FrameRead, MonitorEvent, OvertakenRead, Tick
 from scleraforce.monitor.soundness import of_scale
-from scleraforce.reader.answers import LiveReading
+from scleraforce.reader.answers import Answer, LiveReading
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.service.entry import Entry
 from scleraforce.service.scanner_image import ScannerFrame
@@ -149,23 +149,10 @@ class Session:
         """Read a frame if it has the study's size; the decision handles frames of another size or scale."""
         image = frame.image
         size = image.pixels.shape[0], image.pixels.shape[1]
-        if size != self.limits.size:
-            return None, FrameRead(
-                at_s=frame.at_s,
-                frame_id=frame.order,
-                predicted=self.limits.withdraw_class,
-                probabilities=None,
-                usable=False,
-                reason="another size",
-                force_n=None,
-                interval_n=None,
-                shown_back=frame.shown_back,
-                size=size,
-                scale_m=(image.lateral_m, image.depth_m),
-                sent_s=frame.sent_s,
-            )
-        reading = self._read(image.pixels, PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m))
-        answer = reading.answer
+        reading = None
+        if size == self.limits.size:
+            reading = self._read(image.pixels, PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m))
+        answer = reading.answer if reading else self._of_another_size()
         return reading, FrameRead(
             at_s=frame.at_s,
             frame_id=frame.order,
@@ -180,6 +167,9 @@ class Session:
             scale_m=(image.lateral_m, image.depth_m),
             sent_s=frame.sent_s,
         )
+
+    def _of_another_size(self) -> Answer:
+        return Answer(predicted=self.limits.withdraw_class, probabilities=None, usable=False, reason="another size")
 
     def summary(self) -> dict[str, Any]:
         """Return a summary so far, for JSON."""
