@@ -43,6 +43,7 @@ from scleraforce.reader.answers import Answer
 from scleraforce.reader.live import LiveReader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
+from scleraforce.service.companions.second_opinion import opinion_of
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.study import Study, draw
 
@@ -329,17 +330,7 @@ class Bench:
 
     def opinion(self, frame: Frame, known: Known, at_s: float, number: int) -> SecondOpinion:
         """Ask the library's fit."""
-        answer = self.reader.read(frame, self.scale, known)
-        return SecondOpinion(
-            at_s=at_s,
-            frame_id=number,
-            usable=answer.usable,
-            reason=answer.reason,
-            predicted=answer.predicted,
-            probabilities=answer.probabilities,
-            force_n=answer.force_n,
-            interval_n=answer.interval_n,
-        )
+        return opinion_of(number, self.reader.read(frame, self.scale, known)).at(at_s)
 
     def compared(self, count: int) -> dict[str, list[float]]:
         """Return the errors of the live reader, N, on frames with pooled and with new random numbers."""

@@ -83,11 +83,13 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
     click.echo(f"Young's modulus {mean_pa / 1e6:.3f} MPa, mean of {len(found.calibration.eyes)} virtual eyes")
     right, total = evaluation.accuracy.hits, evaluation.accuracy.total
     click.echo(f"{right} of {total} simulated trials read right ({100 * evaluation.accuracy.value:.0f} %)")
-    right, total = found.to_the_bounds.accuracy.hits, found.to_the_bounds.accuracy.total
-    click.echo(f"with forces up to the bounds of the classes {right} of {total}")
-    for name, one in (("the paper's method", found.bent_paper), ("the force reader", found.bent_reader)):
-        right, total = one.accuracy.hits, one.accuracy.total
-        click.echo(f"on walls of finite strain: {name} {right} of {total}")
+    others = {
+        "with forces up to the bounds of the classes": found.to_the_bounds,
+        "on walls of finite strain: the paper's method": found.bent_paper,
+        "on walls of finite strain: the force reader": found.bent_reader,
+    }
+    for words, one in others.items():
+        click.echo(f"{words} {one.accuracy.hits} of {one.accuracy.total}")
     click.echo(f"wrote {run.report} in {sum(seconds.values()):.0f} s")
 
 

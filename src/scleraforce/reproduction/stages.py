@@ -4,7 +4,7 @@ Virtual eyes, Young's modulus, slices, network and answers for the one; eyes, li
 answers for the other; then the page.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -14,7 +14,7 @@ from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.dataset import generate_dataset, open_dataset, read_population_modulus
 from scleraforce.known.calibration_file import open_calibration, write_calibration
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
-from scleraforce.laboratory.virtual_eye import linear_sections, paper_eyes
+from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, paper_eyes
 from scleraforce.learning.classifier.train import train_classifier
 from scleraforce.library.plan import plan_library
 from scleraforce.reader import load_model
@@ -33,7 +33,7 @@ from scleraforce.reproduction.bent import (
 from scleraforce.reproduction.left_out import EPOCHS, read_left_out, write_left_out
 from scleraforce.reproduction.page import FIGURES, write_reproduction_html
 from scleraforce.reproduction.run import Announce, Progress, Run, Stage, run_stages, seconds_so_far
-from scleraforce.study import study_hash
+from scleraforce.study import Study, study_hash
 
 __all__ = ["Reproduction", "reproduce"]
 
@@ -141,17 +141,21 @@ def _left_out_epochs(run: Run) -> int:
 
 
 def _make_eyes(run: Run, progress: Progress) -> None:
-    run.recordings.mkdir()
-    for eye, forces_n in paper_eyes(run.study):
-        plan = plan_phantom(eye, forces_n, run.study, run.study.phantom.seed)
-        write_phantom(run.recordings / eye.id, plan, linear_sections(eye, run.study), run.study, progress)
+    _write_eyes(run.recordings, paper_eyes(run.study), run.study, run.study.phantom.seed, progress)
 
 
 def _make_eyes_to_the_bounds(run: Run, progress: Progress) -> None:
-    run.recordings_to_the_bounds.mkdir()
-    for eye, forces_n in paper_eyes(run.study, to_the_bounds=True):
-        plan = plan_phantom(eye, forces_n, run.study, run.study.phantom.seed + 1)
-        write_phantom(run.recordings_to_the_bounds / eye.id, plan, linear_sections(eye, run.study), run.study, progress)
+    eyes = paper_eyes(run.study, to_the_bounds=True)
+    _write_eyes(run.recordings_to_the_bounds, eyes, run.study, run.study.phantom.seed + 1, progress)
+
+
+def _write_eyes(
+    folder: Path, eyes: Sequence[tuple[PhantomEye, tuple[float, ...]]], study: Study, seed: int, progress: Progress
+) -> None:
+    folder.mkdir()
+    for eye, forces_n in eyes:
+        plan = plan_phantom(eye, forces_n, study, seed)
+        write_phantom(folder / eye.id, plan, linear_sections(eye, study), study, progress)
 
 
 def _calibrate(run: Run, progress: Progress) -> None:

@@ -20,7 +20,7 @@ from scleraforce.service.companions.messages import OpinionAsked, OpinionGiven, 
 from scleraforce.service.companions.opinion_settings import OpinionSettings
 from scleraforce.service.priority import OPINION_PRIORITY, run_in_real_time
 
-__all__ = ["main"]
+__all__ = ["main", "opinion_of"]
 
 LEAST_S = 0.02  # from frame to frame, which leaves some of the core to other programs
 
@@ -48,11 +48,12 @@ def _serve(channel: Channel, settings: OpinionSettings) -> None:
             raise MessageError(f"a {type(asked).__name__} came; the second opinion is asked about frames only")
         pixels = ring.get(asked.number)
         if pixels is not None:
-            channel.send(_opinion(asked.order, reader.read(pixels, settings.scale, settings.known)))
+            channel.send(opinion_of(asked.order, reader.read(pixels, settings.scale, settings.known)))
         sleep(max(0.0, begun_s + LEAST_S - monotonic()))
 
 
-def _opinion(order: int, answer: Answer) -> OpinionGiven:
+def opinion_of(order: int, answer: Answer) -> OpinionGiven:
+    """Return what the second opinion says of the frame of this order."""
     return OpinionGiven(
         order=order,
         usable=answer.usable,

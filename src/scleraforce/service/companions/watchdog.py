@@ -3,8 +3,7 @@
 It holds duplicates of the clients' sockets. If no sign of life comes for `MISSES` looks of `LOOK_S`, it kills the
 monitor (which might otherwise go on later and say OK) and sends the emergency STATUS to all clients, every `REPEAT_S`,
 until the last one has left. A pause of the whole machine counts as one look. The process uses the standard library
-alone, so that it starts before the model is loaded. `watchdog_messages` says what the monitor tells
-it.
+alone, so that it starts before the model is loaded. `watchdog_messages` says what the monitor tells it.
 """
 
 import os
