@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from analytic_frames import GAP_M, IOP_PA, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
 from fixed_reader import fixed_study
-from monitor_command import BINS, monitor_folder, started
+from monitor_command import BINS, Started, monitor_folder, started
 from peer import Peer, wait_until
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.monitor import MonitorLimits
-from scleraforce.openigtlink import Image, Sensor
+from scleraforce.openigtlink import Image, Sensor, Status
 from scleraforce.recording.files import read_recording
 from scleraforce.units import mmhg_to_pa
 
@@ -38,6 +38,7 @@ FRAMES: Shown = {
     force_mn: [image(wall_section(tip_of(force_mn / 1e3)), seed) for seed in (1, 2, 3)] for force_mn in (8, 40)
 }
 IDS = count(1)
+PAUSES = {"SILENCE", "STALE", "NO_OPINION", "QUEUE_BEHIND"}  # of a machine that did other things, not of the eye
 SENT: list[np.ndarray] = []
 
 
@@ -62,9 +63,7 @@ def test_a_session_from_the_first_frame_to_the_reset_is_told_kept_and_recorded(f
             scanner.say(Sensor((0.0, 0.0, -0.008, 0.0, 0.0, 0.0)), "RobotForce")
             scanner.hear(0.05, lambda peer: bool(peer.statuses()))
             assert scanner.statuses()[0].code == 13
-            wait_until(lambda: _after(scanner, 8).code == 1, within_s=20.0)  # the second opinion has come as well
-            push(scanner, 40, 20)  # which the network, always the same, does not see
-            withdrawal = next(status for status in scanner.statuses() if status.code == 3)
+            withdrawal = _undisturbed(scanner, monitor, 40)  # which the network, always the same, does not see
             assert withdrawal.name in {"BOUND", "DANGEROUS_CLASS"}
             push(scanner, 8, 20)
             assert run(["monitor-reset", "--port", str(monitor.port), "--token", "wrong"]) == 2
@@ -77,7 +76,7 @@ def test_a_session_from_the_first_frame_to_the_reset_is_told_kept_and_recorded(f
         told, _ = monitor.process.communicate(timeout=30.0)
         assert monitor.process.returncode == 0
     summary = json.loads(told)
-    assert summary["withdrawals"][0]["cause"] == withdrawal.name
+    assert withdrawal.name in {one["cause"] for one in summary["withdrawals"]}
     session = read_recording(tmp_path / "session")
     assert (session.info.eye.id, session.info.eye.thickness_m) == ("mine", THICKNESS_M)
     assert len(session.frames) == summary["frames"] - summary["lost"]
@@ -86,7 +85,7 @@ def test_a_session_from_the_first_frame_to_the_reset_is_told_kept_and_recorded(f
     assert read_recording(withdrawn).frames
 
 
-def _after(scanner: Peer, force_mn: int, shown: Shown = FRAMES) -> object:
+def _after(scanner: Peer, force_mn: int, shown: Shown = FRAMES) -> Status:
     push(scanner, force_mn, 3, shown=shown)
     return scanner.statuses()[-1]
 
@@ -107,10 +106,27 @@ def test_a_bound_that_adapts_withdraws_from_a_thin_soft_wall_below_the_bound_of_
         bound_mn = float(next(line for line in monitor.lines if "withdraws" in line).split("reaches ")[1].split()[0])
         assert bound_mn < 23.0 if adaptive else bound_mn == 30.0
         with Peer(monitor.port, version=2) as scanner:
-            wait_until(lambda: _after(scanner, 6, thin).code == 1, within_s=20.0)
-            push(scanner, 24, 20, shown=thin)
-            last = scanner.statuses()[-1]
+            last = _undisturbed(scanner, monitor, 24, thin)
     assert (last.code, last.name) == ((3, "BOUND") if adaptive else (1, "")), last
+
+
+def _undisturbed(scanner: Peer, monitor: Started, force_mn: int, shown: Shown = FRAMES) -> Status:
+    """Return the STATUS after 20 frames of this force; again where this machine paused longer than a scanner may."""
+
+    def at_rest() -> bool:
+        status = _after(scanner, min(shown), shown)
+        if status.code == 3:
+            assert status.name in PAUSES, status
+            run(["monitor-reset", "--port", str(monitor.port), "--token", monitor.token])
+        return status.code == 1
+
+    for _ in range(10):
+        wait_until(at_rest, within_s=20.0)  # the second opinion has come as well
+        push(scanner, force_mn, 20, shown=shown)
+        last = scanner.statuses()[-1]
+        if last.name not in PAUSES:
+            break
+    return last
 
 
 @pytest.mark.parametrize(
