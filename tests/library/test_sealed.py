@@ -8,6 +8,7 @@ from scleraforce.eye.globe import Globe, sealed_globe
 from scleraforce.eye.graded import graded_mesh
 from scleraforce.library import Library
 from scleraforce.library.build import build_library
+from scleraforce.library.sealed import iop_ratio_at_dent
 from scleraforce.library.store import open_library
 from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
 from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
@@ -43,7 +44,7 @@ def sealed_pressures(
 ) -> np.ndarray:
     """Pressures in Pa under dents of a sealed eye; NaN where it runs away."""
     thickness, resting = np.full(len(dents_m), thickness_m), np.full(len(dents_m), iop_pa / modulus_pa)
-    return library.sealed_iop_ratio(thickness, resting, dents_m, globe.over(modulus_pa)) * modulus_pa
+    return iop_ratio_at_dent(library, thickness, resting, dents_m, globe.over(modulus_pa)) * modulus_pa
 
 
 def sealed_states(

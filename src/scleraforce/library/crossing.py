@@ -8,7 +8,7 @@ a cubic (Hermite).
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["first_crossing"]
+__all__ = ["first_crossing", "highest_point"]
 
 Floats = NDArray[np.float64]
 
@@ -39,6 +39,14 @@ def first_crossing(tip_m: Floats, force_sd: Floats, slope_sd: Floats, wanted_s: 
     tip = np.where(force_sd[:, 0] >= wanted_s, tip_m[0], tip)
     found: Floats = np.where(reached.any(axis=1), tip, np.nan)
     return found
+
+
+def highest_point(tip_m: Floats, force_sd: Floats, slope_sd: Floats) -> Floats:
+    """Return the tip at which each path carries most (sample,), m; arguments of `first_crossing`."""
+    place, peak = _peaks(_cubics(np.diff(tip_m), force_sd, slope_sd))
+    interval = np.argmax(peak, axis=1)
+    highest: Floats = tip_m[interval] + place[np.arange(len(peak)), interval] * np.diff(tip_m)[interval]
+    return highest
 
 
 def _cubics(step: Floats, force: Floats, slope: Floats) -> tuple[Floats, Floats, Floats, Floats]:

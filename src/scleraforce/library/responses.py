@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.eye.globe import Globe
 from scleraforce.library.crossing import first_crossing
 from scleraforce.library.spline_weights import SplineWeights
 from scleraforce.library.splines import SUPPORT, CubicSpline, tensor_coefficients, values_and_slopes
@@ -166,31 +165,27 @@ class Library:
         volumes: Floats = (self._weights.of_volume[rows] * weights).sum(axis=1)
         return volumes
 
-    def sealed_iop_ratio(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, globe: Globe) -> Floats:
-        """Return the pressure over E (sample,) under dents of sealed globes, whose states are the open ones at it.
-
-        Dents count from the undented wall at that pressure, as they do in all states here. Of several pressures that
-        solve the globe's law, the lowest counts; NaN where none of the library's does: the pressure runs away
-        (`mechanics.sealed_dent`), or rises beyond them.
-
-        Args:
-            thickness_m: wall thickness (sample,), m.
-            iop_ratio: pressure without the needle over E (sample,).
-            tip_m: dent (sample,), m.
-            globe: how the pressure follows the displaced volume, over E; its rate is a number or (sample,).
+    def displaced_along_pressure(self, thickness_m: Floats, tip_m: Floats) -> tuple[Floats, Floats]:
+        """Return the volume of `displaced_m3` at the library's tensions, and its slope by log tension, (sample, p) each.
 
         Raises:
-            InputError: a sample without the needle lies outside the library, or its dent does.
+            InputError: a sample lies outside the library.
+        """
+        _check("thickness", thickness_m, *self._ends(self.thickness_m), 1e6, "um")
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
+        t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
+        d, of_d = self._splines[2].weights(self._inside(tip_m, self.tip_m))
+        rows, weights = _products(t, of_t, d, of_d, len(self.tip_m))
+        both = (weights[:, None] @ self._weights.along_pressure[rows])[:, 0]
+        return both[:, : len(self.tension)], both[:, len(self.tension) :]
+
+    def check_walls(self, thickness_m: Floats, iop_ratio: Floats) -> None:
+        """Check that walls lie in the library.
+
+        Raises:
+            InputError: one does not; names the value and the range.
         """
         self._walls(thickness_m, iop_ratio)
-        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
-        volumes, slopes = self._along_pressure(thickness_m, tip_m)
-        rate = np.broadcast_to(globe.rate, np.shape(tip_m))
-        ratios = self.tension * (np.asarray(thickness_m) / self.radius_m)[:, None]
-        missing = globe.level(ratios) - rate[:, None] * volumes
-        rise = globe.level_slope(ratios) * ratios - rate[:, None] * slopes
-        log_tension = first_crossing(np.log(self.tension), missing, rise, globe.level(iop_ratio))
-        return np.where(rate > 0.0, np.exp(log_tension) * thickness_m / self.radius_m, iop_ratio)
 
     def iop_ratio_ends(self, thickness_m: Floats) -> tuple[Floats, Floats]:
         """Return the lowest and the highest IOP ratio (sample,) that the library has of walls."""
@@ -200,6 +195,15 @@ class Library:
     def tips(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
         """Return the tips (sample,), m, at which loading first reaches the forces; arguments and errors of `curves`."""
         return self._tips(self._walls(thickness_m, iop_ratio), thickness_m, iop_ratio, force_ratio)
+
+    def reached_tips(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
+        """Return the tips of `tips`, and the library's deepest one where loading never reaches the force.
+
+        Raises:
+            InputError: a wall lies outside the library.
+        """
+        tips = first_crossing(self.tip_m, *self._paths(self._walls(thickness_m, iop_ratio)), np.asarray(force_ratio))
+        return np.where(np.isnan(tips), self.tip_m[-1], tips)
 
     def _tips(self, walls: Walls, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
         _check("F/E", force_ratio, 0.0, self.max_force_ratio, 1e6, "mm^2")
@@ -276,14 +280,6 @@ class Library:
         rows, weights = walls
         both = (weights[:, None] @ self._force_coefficients[rows])[:, 0]
         return both[:, : len(self.tip_m)], both[:, len(self.tip_m) :]
-
-    def _along_pressure(self, thickness_m: Floats, tip_m: Floats) -> tuple[Floats, Floats]:
-        """Displaced volume and its slope by log tension at the library's tensions, each (sample, p)."""
-        t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
-        d, of_d = self._splines[2].weights(self._inside(tip_m, self.tip_m))
-        rows, weights = _products(t, of_t, d, of_d, len(self.tip_m))
-        both = (weights[:, None] @ self._weights.along_pressure[rows])[:, 0]
-        return both[:, : len(self.tension)], both[:, len(self.tension) :]
 
     def _curves(self, walls: Walls, tip_m: Floats) -> Curves:
         rows, weights = self._states(walls, tip_m)

@@ -1,0 +1,52 @@
+"""Sealed globes under a force: the state of the library whose pressure solves the globe's law (`library.sealed`)."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import elementwise
+
+from scleraforce.eye.globe import Globe
+from scleraforce.library.responses import Library
+
+__all__ = ["iop_ratio_under_force"]
+
+Floats = NDArray[np.float64]
+
+TOLERANCES = {"xatol": 1e-7, "fatol": 0.0}  # of the logarithm of the pressure
+
+
+def iop_ratio_under_force(
+    library: Library, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats, globe: Globe
+) -> Floats:
+    """Return the pressure over E under forces (sample,); the library's highest where it rises beyond.
+
+    Under a force a higher pressure leaves a shallower dent, which displaces less: one pressure solves the law.
+
+    Args:
+        library: of responses.
+        thickness_m: wall thickness, m.
+        iop_ratio: pressure without the needle over E.
+        force_ratio: F/E, m^2; where it is more than a wall carries, the dent counts as the library's deepest.
+        globe: how the pressure follows the displaced volume, over E; its rate is a number or (sample,).
+
+    Raises:
+        InputError: a wall lies outside the library.
+    """
+    walls = np.broadcast_arrays(thickness_m, iop_ratio, force_ratio, globe.rate)
+    found: Floats = walls[1].astype(np.float64)
+    (sealed,) = np.nonzero((walls[3] > 0.0) & (walls[2] > 0.0))
+    if not len(sealed):
+        return found
+    thickness, resting, force, rate = (np.asarray(values[sealed], dtype=np.float64) for values in walls)
+
+    def missing(log_ratio: Floats, thickness: Floats, resting: Floats, force: Floats, rate: Floats) -> Floats:
+        ratio = np.exp(log_ratio)
+        volumes = library.displaced_m3(thickness, ratio, library.reached_tips(thickness, ratio, force))
+        return globe.level(ratio) - globe.level(resting) - rate * volumes
+
+    low, high = np.log(resting), np.log(library.iop_ratio_ends(thickness)[1])
+    within = missing(high, thickness, resting, force, rate) > 0.0
+    found[sealed] = np.exp(high)
+    args = tuple(values[within] for values in (thickness, resting, force, rate))
+    root = elementwise.find_root(missing, (low[within], high[within]), args=args, tolerances=TOLERANCES)
+    found[sealed[within]] = np.exp(root.x)
+    return found
