@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP, place_walls
+from scleraforce.fitting.fit_prediction import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP, Walls, place_walls
 from scleraforce.fitting.library_fit import fit_boundaries, prior_of
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
@@ -42,7 +42,7 @@ def draw_eye(library: Library, study: Study, rng: np.random.Generator) -> tuple[
     unknown = np.zeros((1, len(NAMES)))
     unknown[0, [MODULUS, IOP, THICKNESS, GAP, DEPTH]] = log(modulus_pa), log(iop_pa), thickness_m, gap_m, 0.45e-3
     unknown[0, TIP] = library.tips(*wall, np.array([0.999 * largest * rng.random()]))[0]
-    curves = place_walls(library, unknown)[0]
+    curves = place_walls(Walls(library), unknown)[0]
     ahead = [np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9]) for curve in curves]
     section = Section(*(curve[kept] for curve, kept in zip(curves, ahead, strict=True)))
     frame = render_bscan(section, study.oct, sample_optics(study.phantom, study.oct, rng), rng).frame

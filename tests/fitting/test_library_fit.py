@@ -19,6 +19,7 @@ from scleraforce.fitting.fit_prediction import (
     SIZE,
     THICKNESS,
     TIP,
+    Walls,
     cut_by_plane,
     force_n,
     predict_wall,
@@ -26,9 +27,11 @@ from scleraforce.fitting.fit_prediction import (
 from scleraforce.fitting.library_fit import fit_boundaries, prior_of
 from scleraforce.fitting.placement import Places
 from scleraforce.known.eye import Known, Modulus
+from scleraforce.known.globe import OPEN, UNKNOWN, KnownGlobe
 from scleraforce.study import Range, ReaderStudy
 
 LIBRARY = analytic_library()
+WALLS = Walls(LIBRARY)
 RANGES = ReaderStudy(
     youngs_modulus_pa=Range(min=0.15e6, max=0.6e6),
     iop_pa=Range(min=100.0, max=600.0),
@@ -61,7 +64,7 @@ def drawn_eye(rng: np.random.Generator) -> np.ndarray:
 
 def boundaries(unknown: np.ndarray, noise_m: float = 0.0, rng: np.random.Generator | None = None) -> np.ndarray:
     """What a frame would show (2, column), with errors that are correlated over 0.35 mm; NaN below the window."""
-    predicted = predict_wall(LIBRARY, unknown, BOTH)
+    predicted = predict_wall(WALLS, unknown, BOTH)
     depth = predicted.depth_m.reshape(2, -1)
     if rng is not None:
         kernel = np.exp(-(np.linspace(-3, 3, 19) ** 2) / 2)
@@ -77,6 +80,7 @@ def known_of(unknown: np.ndarray, relative_sd: float = 0.02) -> Known:
         iop_pa=exp(unknown[IOP]),
         thickness_m=unknown[THICKNESS],
         gap_m=unknown[GAP],
+        globe=OPEN,
     )
 
 
@@ -97,17 +101,19 @@ def test_a_plane_beside_the_axis_cuts_a_sphere_in_a_smaller_circle() -> None:
         assert (np.diff(lateral) >= 0).all()
 
 
+@pytest.mark.parametrize("globe", [OPEN, UNKNOWN], ids=["open", "unknown"])
 @pytest.mark.parametrize("tip_m", [0.3e-3, 2.2e-3])
-def test_derivatives_equal_differences(tip_m: float) -> None:
-    unknown = eye(tip_m, log_size=0.01, inner_m=5e-6)
-    predicted = predict_wall(LIBRARY, unknown, BOTH)
-    steps = dict(zip(NAMES, (2e-6, 2e-6, 1e-6, 2e-4, 2e-6, 1e-6, 1e-3, 1e-3, 2e-4, 1e-6), strict=True))
+def test_derivatives_equal_differences(tip_m: float, globe: KnownGlobe) -> None:
+    unknown = eye(tip_m, log_size=0.01, inner_m=5e-6, rigidity_score=-1.5)
+    walls = Walls(LIBRARY, globe)
+    predicted = predict_wall(walls, unknown, BOTH)
+    steps = dict(zip(NAMES, (2e-6, 2e-6, 1e-6, 2e-4, 2e-6, 1e-6, 1e-3, 1e-3, 2e-4, 1e-6, 1e-2), strict=True))
     for number, (name, step) in enumerate(steps.items()):
         ends = []
         for sign in (-1, 1):
             moved = unknown.copy()
             moved[number] += sign * step
-            ends.append(predict_wall(LIBRARY, moved, BOTH).depth_m)
+            ends.append(predict_wall(walls, moved, BOTH).depth_m)
         difference = (ends[1] - ends[0]) / (2 * step)
         off = np.abs(predicted.jacobian[:, number] - difference)
         scale = np.abs(difference).max()
@@ -118,7 +124,7 @@ def test_a_boundary_without_errors_gives_its_force_and_contact() -> None:
     for tip_m in (0.1e-3, 0.8e-3, 2.5e-3):
         truth = eye(tip_m)
         fit = fitted(truth, boundaries(truth))
-        assert fit.force_n == pytest.approx(float(force_n(LIBRARY, truth[None])[0]), rel=0.01, abs=5e-5)
+        assert fit.force_n == pytest.approx(float(force_n(WALLS, truth[None])[0]), rel=0.01, abs=5e-5)
         assert fit.contact_m == pytest.approx(truth[LATERAL], abs=5e-6)
         assert fit.misfit_m < 2e-6
         assert fit.outliers < 0.02
@@ -132,7 +138,7 @@ def test_intervals_cover_the_force_where_the_noise_is_as_stated() -> None:
         known = known_of(truth)
         spread = known.modulus.sd_pa
         known = replace(known, modulus=replace(known.modulus, mean_pa=known.modulus.mean_pa + spread * rng.normal()))
-        force = float(force_n(LIBRARY, truth[None])[0])
+        force = float(force_n(WALLS, truth[None])[0])
         fit = fitted(truth, boundaries(truth, 12e-6, rng), known)
         inside.append(fit.interval_n[0] <= force <= fit.interval_n[1])
         off.append(abs(fit.force_n - force) / force**0.5)
@@ -149,7 +155,7 @@ def test_what_is_not_known_of_the_eye_widens_the_interval() -> None:
     for missing in ("nothing", "modulus", "iop_pa", "thickness_m", "gap_m"):
         known = all_known if missing == "nothing" else replace(all_known, **{missing: None})
         low, high = fitted(truth, depth, known).interval_n
-        assert low < float(force_n(LIBRARY, truth[None])[0]) < high, missing
+        assert low < float(force_n(WALLS, truth[None])[0]) < high, missing
         width[missing] = high - low
     assert min(width.values()) == width["nothing"]
     assert width["modulus"] > 3 * width["nothing"]
@@ -191,7 +197,7 @@ def test_a_dent_that_leaves_the_window_is_read_from_its_flanks() -> None:
     depth = boundaries(truth, 8e-6, rng)
     assert np.isnan(depth[0, 110:150]).any()
     fit = fitted(truth, depth)
-    force = float(force_n(LIBRARY, truth[None])[0])
+    force = float(force_n(WALLS, truth[None])[0])
     assert fit.interval_n[0] < force < fit.interval_n[1]
     assert fit.tip_m == pytest.approx(4.2e-3, abs=0.3e-3)
 
@@ -199,7 +205,7 @@ def test_a_dent_that_leaves_the_window_is_read_from_its_flanks() -> None:
 def test_an_eye_of_another_size_is_the_same_eye_at_another_unit_of_length() -> None:
     truth = eye(1.5e-3, log_size=0.03)
     fit = fitted(truth, boundaries(truth))
-    assert fit.force_n == pytest.approx(float(force_n(LIBRARY, truth[None])[0]), rel=0.01)
+    assert fit.force_n == pytest.approx(float(force_n(WALLS, truth[None])[0]), rel=0.01)
     assert fit.unknown[SIZE] == pytest.approx(0.03, abs=0.004)
 
 
@@ -225,7 +231,7 @@ def test_without_the_inner_boundary_the_outer_one_is_enough() -> None:
     depth = boundaries(truth, 6e-6, rng)
     depth[1] = np.nan
     fit = fitted(truth, depth)
-    assert fit.interval_n[0] < float(force_n(LIBRARY, truth[None])[0]) < fit.interval_n[1]
+    assert fit.interval_n[0] < float(force_n(WALLS, truth[None])[0]) < fit.interval_n[1]
 
 
 def test_an_inner_boundary_that_is_another_layers_does_not_change_what_is_known_of_the_thickness() -> None:

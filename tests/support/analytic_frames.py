@@ -6,7 +6,18 @@ from math import log
 import numpy as np
 from analytic_library import analytic_library
 
-from scleraforce.fitting.fit_prediction import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP, place_walls
+from scleraforce.fitting.fit_prediction import (
+    DEPTH,
+    GAP,
+    IOP,
+    LATERAL,
+    MODULUS,
+    NAMES,
+    THICKNESS,
+    TIP,
+    Walls,
+    place_walls,
+)
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.optics import sample_optics
@@ -40,7 +51,7 @@ def wall_section(
     unknown = np.zeros(len(NAMES))
     unknown[[TIP, LATERAL, DEPTH, GAP, THICKNESS]] = tip_m, lateral_m, surface_m, GAP_M, thickness_m
     unknown[[MODULUS, IOP]] = log(MODULUS_PA), log(IOP_PA)
-    curves = place_walls(LIBRARY, unknown[None])[0]
+    curves = place_walls(Walls(LIBRARY), unknown[None])[0]
     return Section(*(curve[np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9])] for curve in curves))
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import DEPTH, LATERAL, SIZE, TIP, place_walls
-from scleraforce.library.responses import Library
+from scleraforce.fitting.fit_prediction import DEPTH, LATERAL, SIZE, TIP, Walls, place_walls
 
 __all__ = ["starts"]
 
@@ -19,13 +18,13 @@ MUCH_WORSE = 3.0  # times as far off as the best
 FAR_M = 0.3e-3  # a column that is farther off than this does not care how much
 
 
-def starts(library: Library, mean: Array, lateral_m: Array, depth_m: Array, count: int) -> list[Array]:
+def starts(walls: Walls, mean: Array, lateral_m: Array, depth_m: Array, count: int) -> list[Array]:
     """Return where to begin: dents that lie better than their neighbours, the best first, (unknown,) each.
 
     Each comes with its best lateral place and depth. A dent that lies much worse than the best is none to begin from.
 
     Args:
-        library: responses of walls.
+        walls: that may be seen.
         mean: of the prior (unknown,).
         lateral_m: places of the outer boundary that are seen (place,).
         depth_m: its depth there (place,).
@@ -34,10 +33,10 @@ def starts(library: Library, mean: Array, lateral_m: Array, depth_m: Array, coun
     some = np.unique(np.linspace(0, len(lateral_m) - 1, POINTS).astype(np.intp))
     lateral_m, depth_m = lateral_m[some], depth_m[some]
     # Dents crowd where they are shallow: forces grow quickest there.
-    tips = library.tip_m[-1] * np.exp(mean[SIZE]) * np.linspace(0.0, 1.0, DENTS) ** 1.5
+    tips = walls.library.tip_m[-1] * np.exp(mean[SIZE]) * np.linspace(0.0, 1.0, DENTS) ** 1.5
     samples = np.repeat(mean[None], DENTS, axis=0)
     samples[:, TIP] = tips
-    outer = place_walls(library, samples)[:, 0]
+    outer = place_walls(walls, samples)[:, 0]
     reach = int(np.ceil((np.abs(lateral_m).max() + FARTHEST_M) / GRID_M)) + 1
     grid = np.arange(-reach, reach + 1) * GRID_M
     depth_dg = np.stack([np.interp(grid, curve[:, 0], curve[:, 1]) for curve in outer])

@@ -2,8 +2,8 @@
 
 Least squares with a loss that a wrong stretch cannot pull (Cauchy's), by a damped Gauss-Newton method. Unknown are the
 dent and the pose; thickness, gap, E, IOP and the eye's size are unknown too, held by what is known of them, so that
-what is not known widens the force's interval by as much as it should. The force follows from the dent: F = E f(dent,
-wall).
+what is not known widens the force's interval by as much as it should; so is the rigidity of a globe that may be sealed.
+The force follows from the dent: F = E f(dent, wall, pressure under the needle).
 
 `docs/reader.md` says where the noise and the other constants come from.
 """
@@ -25,10 +25,13 @@ from scleraforce.fitting.fit_prediction import (
     MODULUS,
     NAMES,
     ROTATION,
+    SCORE,
     SIZE,
     THICKNESS,
     TIP,
+    Walls,
     force_n,
+    iop_under_needle_pa,
     place_walls,
     predict_wall,
 )
@@ -36,6 +39,7 @@ from scleraforce.fitting.fit_start import starts
 from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
 from scleraforce.fitting.placement import Placed, Places
 from scleraforce.known.eye import Known
+from scleraforce.known.globe import UNKNOWN, KnownGlobe
 from scleraforce.library.responses import Library
 from scleraforce.study import ReaderStudy
 
@@ -65,12 +69,14 @@ INTERVAL = (0.05, 0.95)
 class Prior:
     """What is known before a frame, in the order of NAMES.
 
-    `mean` and `sd` (unknown,) of each unknown; `precision` (unknown, unknown), the inverse of their covariance.
+    `mean` and `sd` (unknown,) of each unknown; `precision` (unknown, unknown), the inverse of their covariance; `globe`
+    says what its rigidity's score stands for.
     """
 
     mean: Array
     sd: Array
     precision: Array
+    globe: KnownGlobe
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -82,6 +88,7 @@ class BoundaryFit:
     the robust root mean square distance from the wall, `outliers` the share of columns farther off than that of a
     segmented wall ever is; an inner boundary at the end of a layer below the wall is none. `wall_bmc` (boundary,
     point, 2) is the wall in the frame, m; `unknown` and `sd` (unknown,) are the values in the order of `NAMES`.
+    `iop_pa` is the pressure in the eye under the needle.
     """
 
     force_n: float
@@ -94,6 +101,7 @@ class BoundaryFit:
     wall_bmc: Array
     unknown: Array
     sd: Array
+    iop_pa: float
 
     def probabilities(self, bounds_n: tuple[float, ...]) -> tuple[float, ...]:
         """Return the probability of each class: no class is ever certain, as the draws are so many."""
@@ -119,21 +127,27 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     modulus = None if known.modulus is None else log(known.modulus.mean_pa)
     modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
     mean[MODULUS], sd[MODULUS] = _stated(modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd)
-    return Prior(mean, sd, _precision(mean, sd, own=known.modulus is not None and known.modulus.source == "own"))
+    globe = UNKNOWN if known.globe is None else known.globe
+    mean[SCORE], sd[SCORE] = globe.score_mean, globe.score_sd
+    own = known.modulus is not None and known.modulus.source == "own"
+    return Prior(mean, sd, _precision(mean, sd, globe.correlation if own else 0.0, own), globe)
 
 
-def _precision(mean: Array, sd: Array, own: bool) -> Array:
+def _precision(mean: Array, sd: Array, correlation: float, own: bool) -> Array:
     """Return the inverse covariance of the prior.
 
     An eye's own modulus was fitted to its dents and forces at the stated thickness and IOP. Where these are wrong, so
-    is the modulus, and the force that belongs to a dent is right all the same: it is that force which is known.
+    is the modulus, and the force that belongs to a dent is right all the same: it is that force which is known. A
+    rigidity that was fitted with it is correlated with it.
     """
     precision = np.diag(sd**-2.0)
     if own:
-        along = np.zeros(len(sd))
-        along[[MODULUS, THICKNESS, IOP]] = 1.0, FORCE_BY_LOG_THICKNESS / mean[THICKNESS], FORCE_BY_LOG_IOP
-        precision[MODULUS, MODULUS] = 0.0
-        precision += np.outer(along, along) / sd[MODULUS] ** 2
+        along = np.zeros((2, len(sd)))
+        along[0, [MODULUS, THICKNESS, IOP]] = 1.0, FORCE_BY_LOG_THICKNESS / mean[THICKNESS], FORCE_BY_LOG_IOP
+        along[1, SCORE] = 1.0
+        precision[MODULUS, MODULUS] = precision[SCORE, SCORE] = 0.0
+        scaled = along / sd[[MODULUS, SCORE], None]
+        precision += scaled.T @ np.linalg.inv([[1.0, correlation], [correlation, 1.0]]) @ scaled
     return precision
 
 
@@ -167,8 +181,9 @@ def fit_boundaries(
     outer = columns.places.outer
     if outer < 2 * len(NAMES):
         return None
-    problem = _Problem(library, columns, prior)
-    begun = starts(library, prior.mean, columns.places.lateral_m[:outer], columns.depth_m[:outer], STARTS)
+    walls = Walls(library, prior.globe)
+    problem = _Problem(walls, columns, prior)
+    begun = starts(walls, prior.mean, columns.places.lateral_m[:outer], columns.depth_m[:outer], STARTS)
     fits = (gauss_newton(problem, start, STOPPING) for start in begun)
     unknown, placed, _ = min(fits, key=lambda fit: fit[2])
     return problem.result(unknown, placed)
@@ -193,13 +208,13 @@ def _columns_as_one(places: Places) -> float:
 class _Problem:
     """The least-squares problem of one frame."""
 
-    library: Library
+    walls: Walls
     columns: Columns
     prior: Prior
 
     def evaluate(self, unknown: Array) -> tuple[Placed, float]:
         """Return the prediction and its cost: the loss of the columns, and of leaving the prior."""
-        placed = predict_wall(self.library, unknown, self.columns.places)
+        placed = predict_wall(self.walls, unknown, self.columns.places)
         away = unknown - self.prior.mean
         inner = away[INNER_OFFSET] / (INNER_CAUCHY * self.prior.sd[INNER_OFFSET])
         away[INNER_OFFSET] = 0.0
@@ -217,7 +232,7 @@ class _Problem:
 
     def inside(self, unknown: Array) -> Array:
         """Keep the dent within what the library holds: outside it nothing would lead back."""
-        unknown[TIP] = np.clip(unknown[TIP], 0.0, self.library.tip_m[-1] * np.exp(unknown[SIZE]))
+        unknown[TIP] = np.clip(unknown[TIP], 0.0, self.walls.library.tip_m[-1] * np.exp(unknown[SIZE]))
         return unknown
 
     def result(self, unknown: Array, placed: Placed) -> BoundaryFit:
@@ -239,9 +254,10 @@ class _Problem:
             tip_m=float(unknown[TIP]),
             misfit_m=misfit * float(POINT_SD_M[0]),
             outliers=float(np.mean((residual > OUTLIER_SD * max(1.0, misfit)) & ~layer)),
-            wall_bmc=place_walls(self.library, unknown[None])[0],
+            wall_bmc=place_walls(self.walls, unknown[None])[0],
             unknown=unknown,
             sd=np.sqrt(np.diag(covariance)),
+            iop_pa=iop_under_needle_pa(self.walls, unknown),
         )
 
     def _drawn_forces(self, unknown: Array, covariance: Array) -> Array:
@@ -249,7 +265,7 @@ class _Problem:
         normal = _standard_normal(len(NAMES) + 2)
         drawn = unknown + normal[:, :-2] @ np.linalg.cholesky(covariance).T
         drawn[:, TIP] = np.maximum(drawn[:, TIP], 0.0)
-        forces = force_n(self.library, drawn) * np.exp(MODEL_SD * normal[:, -2]) + MODEL_SD_N * normal[:, -1]
+        forces = force_n(self.walls, drawn) * np.exp(MODEL_SD * normal[:, -2]) + MODEL_SD_N * normal[:, -1]
         return np.maximum(forces, 0.0)
 
 

@@ -4,7 +4,8 @@ from dataclasses import dataclass, fields, replace
 from math import sqrt
 
 from scleraforce.known.calibration_file import CalibrationSummary
-from scleraforce.recording.info import RecordingInfo
+from scleraforce.known.globe import KnownGlobe, known_globe
+from scleraforce.recording.info import EyeInfo, RecordingInfo
 from scleraforce.study import ReaderStudy
 from scleraforce.units import mmhg_to_pa
 
@@ -58,7 +59,7 @@ class Known:
     """What is known of an eye and of the B-scan's place; None: unknown.
 
     `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact.
-    `globe` is "open" or "sealed". Every eye is read as an open one: `sealed_doubts` says so of a sealed one.
+    `globe` is what was told of the globe; None, nothing, is read as `globe.UNKNOWN`.
     """
 
     modulus: Modulus | None = None
@@ -66,7 +67,7 @@ class Known:
     thickness_m: float | None = None
     gap_m: float | None = None
     polar_rad: float | None = None
-    globe: str | None = None
+    globe: KnownGlobe | None = None
 
 
 NOTHING_KNOWN = Known()
@@ -81,8 +82,15 @@ def known_of_recording(info: RecordingInfo) -> Known:
         thickness_m=info.eye.thickness_m,
         gap_m=needle.slice_gap_m,
         polar_rad=needle.polar_angle_rad,
-        globe=info.eye.globe,
+        globe=told_globe(info.eye),
     )
+
+
+def told_globe(eye: EyeInfo) -> KnownGlobe | None:
+    """Return what a recording says of its globe; None: nothing."""
+    if eye.globe is None:
+        return None
+    return known_globe(eye.globe, eye.rigidity_pa13_per_m3, eye.rigidity_law)
 
 
 def sealed_doubts(globe: str | None) -> tuple[str, ...]:

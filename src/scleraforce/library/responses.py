@@ -166,7 +166,7 @@ class Library:
         return volumes
 
     def displaced_along_pressure(self, thickness_m: Floats, tip_m: Floats) -> tuple[Floats, Floats]:
-        """Return the volume of `displaced_m3` at the library's tensions, and its slope by log tension, (sample, p) each.
+        """Return `displaced_m3` at the library's tensions and its slope by their logarithm, (sample, p) each.
 
         Raises:
             InputError: a sample lies outside the library.
