@@ -23,6 +23,7 @@ from scleraforce.library.crossing import first_crossing
 from scleraforce.library.spline_weights import SplineWeights
 from scleraforce.library.splines import SUPPORT, CubicSpline, tensor_coefficients, values_and_slopes
 from scleraforce.mechanics.burst import burst_tension
+from scleraforce.units import HumanUnit, from_si
 
 __all__ = ["INNER", "OUTER", "Library", "Responses"]
 
@@ -90,7 +91,7 @@ class Library:
         if self.stiffness_atpd.shape != (len(self.polar_rad), *shape) or len(self.polar_rad) < SUPPORT:
             raise InputError(f"library: stiffness {self.stiffness_atpd.shape} does not fit {len(self.polar_rad)} "
                              f"polar angles (at least {SUPPORT}) and the axes {shape}")  # fmt: skip
-        _check("polar angle", np.asarray(self.contact_polar_rad), *self._ends(self.polar_rad), 180.0 / np.pi, "deg")
+        _check("polar angle", np.asarray(self.contact_polar_rad), *self._ends(self.polar_rad), "deg")
         for axis in (self.polar_rad, self.thickness_m, self.tension, self.tip_m):
             if not (np.diff(axis) > 0.0).all():
                 raise InputError("library: an axis that does not increase")
@@ -139,7 +140,7 @@ class Library:
             InputError: a sample lies outside the library.
         """
         walls = self._walls(thickness_m, iop_ratio)
-        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         return self._curves(walls, np.asarray(tip_m, dtype=np.float64))
 
     def forces(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
@@ -149,7 +150,7 @@ class Library:
             InputError: a sample lies outside the library.
         """
         walls = self._walls(thickness_m, iop_ratio)
-        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         rows, weights = self._states(walls, tip_m)
         ratios: Floats = (self._state_coefficients[rows] * weights).sum(axis=1)
         return ratios
@@ -161,7 +162,7 @@ class Library:
             InputError: a sample lies outside the library.
         """
         walls = self._walls(thickness_m, iop_ratio)
-        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         rows, weights = self._states(walls, tip_m)
         volumes: Floats = (self._weights.of_volume[rows] * weights).sum(axis=1)
         return volumes
@@ -183,7 +184,7 @@ class Library:
             InputError: a sample without the needle lies outside the library, or its dent does.
         """
         self._walls(thickness_m, iop_ratio)
-        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         volumes, slopes = self._along_pressure(thickness_m, tip_m)
         rate = np.broadcast_to(globe.rate, np.shape(tip_m))
         ratios = self.tension * (np.asarray(thickness_m) / self.radius_m)[:, None]
@@ -202,13 +203,14 @@ class Library:
         return self._tips(self._walls(thickness_m, iop_ratio), thickness_m, iop_ratio, force_ratio)
 
     def _tips(self, walls: Walls, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
-        _check("F/E", force_ratio, 0.0, self.max_force_ratio, 1e6, "mm^2")
+        _check("F/E", force_ratio, 0.0, self.max_force_ratio, "mm2", "mm^2")
         tips = first_crossing(self.tip_m, *self._paths(walls), np.asarray(force_ratio))
         if np.isnan(tips).any():
             sample = int(np.argmax(np.isnan(tips)))
             raise InputError(
-                f"F/E: {force_ratio[sample] * 1e6:.4g} mm^2 dents a wall of {thickness_m[sample] * 1e6:.0f} um with "
-                f"IOP/E {iop_ratio[sample]:.3g} by more than the library's {self.tip_m[-1] * 1e3:g} mm"
+                f"F/E: {from_si(force_ratio[sample], 'mm2'):.4g} mm^2 dents a wall of "
+                f"{from_si(thickness_m[sample], 'um'):.0f} um with "
+                f"IOP/E {iop_ratio[sample]:.3g} by more than the library's {from_si(self.tip_m[-1], 'mm'):g} mm"
             )
         return tips
 
@@ -304,7 +306,7 @@ class Library:
 
     def _walls(self, thickness_m: Floats, iop_ratio: Floats) -> Walls:
         """Return where walls stand between those of the library, after a check that they do."""
-        _check("thickness", thickness_m, *self._ends(self.thickness_m), 1e6, "um")
+        _check("thickness", thickness_m, *self._ends(self.thickness_m), "um")
         tension = self._tension(thickness_m, iop_ratio)
         self._check_tension(tension, thickness_m)
         t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
@@ -324,7 +326,7 @@ class Library:
         )
         raise InputError(
             f"IOP/E: {tension[worst] * thickness / self.radius_m:.4g} is outside the library's range for a wall of "
-            f"{thickness * 1e6:.0f} um, {low:.3g} to {high:.3g}; it bursts at {burst:.3g}"
+            f"{from_si(thickness, 'um'):.0f} um, {low:.3g} to {high:.3g}; it bursts at {burst:.3g}"
         )
 
     def _tension(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
@@ -350,13 +352,13 @@ def _products(
     return rows.reshape(len(first), SUPPORT**2), weights.reshape(len(first), SUPPORT**2)
 
 
-def _check(name: str, values: Floats, low: float, high: float, factor: float, unit: str) -> None:
-    """Check that all values lie in a range; the message gives them in `unit`s, `factor` of them in one SI unit."""
+def _check(name: str, values: Floats, low: float, high: float, unit: HumanUnit, printed: str = "") -> None:
+    """Check that all values lie in a range; the message gives them in `unit`s, by another name where `printed`."""
     values = np.asarray(values)
     outside = ~((values >= low - SLACK * high) & (values <= high * (1.0 + SLACK)))  # NaN is outside, too
     if outside.any():
-        found = float(values[outside].flat[0])
+        found = from_si(float(values[outside].flat[0]), unit)
         raise InputError(
-            f"{name}: {found * factor:.4g} {unit}".rstrip()
-            + f" is outside the library's range, {low * factor:.4g} to {high * factor:.4g} {unit}".rstrip()
+            f"{name}: {found:.4g} {printed or unit} is outside the library's range, "
+            f"{from_si(low, unit):.4g} to {from_si(high, unit):.4g} {printed or unit}"
         )
