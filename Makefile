@@ -4,7 +4,7 @@ SHELL := /bin/bash
 
 OUT ?= out/reproduce
 FIGURES ?= out/figures
-PYTEST_ARGS ?= -n 2
+PYTEST_ARGS ?= -n 2 --dist worksteal
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 PIP := .venv/bin/python -m pip --disable-pip-version-check -qq
 FIND_PYTHON = for python in python3.11 python3 python3.12 python3.13; do \

@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
 from math import pi
@@ -44,6 +45,19 @@ FACTORS = {
     what: value
     for name, factor in {"mmHg": SI_PER_UNIT["mmhg"][1], "degree": pi / 180, "gravity": STANDARD_GRAVITY_M_S2}.items()
     for what, value in ((name, factor), (f"1 / {name}", 1 / factor))
+}
+# A product with a power of ten from a hundred on converts a unit, but for these: module, product -> what it is.
+NO_CONVERSIONS = {
+    ("calibration.assimilation", "0.01 * eye.study.prior_mean_pa"): "the softest wall from which a search starts",
+    ("calibration.saved", "1e-09 * np.abs(found).max()"): "what rounding leaves",
+    ("laboratory.bscan", "0.0001 * row_m.max()"): "what rounding leaves",
+    ("reader.limits", "0.0001 * max(abs(low), abs(high), 1.0)"): "the last digit that is printed",
+    ("replay.fault_acts", "place * 1e-05"): "a fault: frames 10 us apart, by their number",
+    ("report.calibration_figures", "100 * rows"): "a figure's height, mm, of so many rows",
+    ("segmentation.grid", "int(sample.max()) // 1000"): "a share of the brightest pixel",
+    ("segmentation.inner", "0.001 * float(level.max())"): "a share of the brightest level",
+    ("segmentation.wall", "0.001 * max(brightest, 1)"): "a share of the brightest pixel",
+    ("study.fields", "1e-09 * max(abs(number), 1.0)"): "what rounding leaves",
 }
 MODULES = sorted(path for path in ROOT.rglob("*.py"))
 
@@ -128,13 +142,44 @@ def check_that_it_is_pure(path: Path) -> None:
 
 @pytest.mark.parametrize("path", MODULES, ids=dotted)
 def test_only_units_knows_the_factors_between_units(path: Path) -> None:
-    """Powers of ten apart: whoever converts mmHg, degrees or weights with a number of its own is found."""
+    """Whoever converts mmHg, degrees, weights or powers of ten with a number of its own is found."""
     if dotted(path) == "units":
         return
     for node in ast.walk(tree(path)):
         if isinstance(node, ast.Constant) and isinstance(node.value, float):
             near = [name for name, factor in FACTORS.items() if abs(node.value / factor - 1) < 4e-4]
             assert not near, f"{dotted(path)}:{node.lineno}: {node.value}: take {near[0]} from units"
+    for line, product in products_with_powers_of_ten(tree(path)):
+        known = (dotted(path), product) in NO_CONVERSIONS
+        assert known, f"{dotted(path)}:{line}: {product}: take to_si or from_si of units"
+
+
+def test_every_product_that_is_no_conversion_is_there() -> None:
+    found = {(dotted(path), product) for path in MODULES for _, product in products_with_powers_of_ten(tree(path))}
+    assert set(NO_CONVERSIONS) <= found
+
+
+def products_with_powers_of_ten(module: ast.Module) -> Iterator[tuple[int, str]]:
+    """The products and quotients of which a side is 100, 1000, ... or one over it, or a constant named after a unit."""
+    for node in ast.walk(module):
+        sides = [node.left, node.right] if isinstance(node, ast.BinOp) else []
+        sides += [node.value] if isinstance(node, ast.AugAssign) else []
+        scales = isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.Mult | ast.Div | ast.FloorDiv)
+        if scales and any(is_power_of_ten(side) or is_named_after_a_unit(side) for side in sides):
+            yield node.lineno, ast.unparse(node)
+
+
+def is_named_after_a_unit(node: ast.expr) -> bool:
+    """Whether it is a constant like `MM` or `MM_PER_M`."""
+    name = node.id if isinstance(node, ast.Name) else ""
+    return name.isupper() and name.lower().split("_per_")[0] in SI_PER_UNIT
+
+
+def is_power_of_ten(node: ast.expr) -> bool:
+    number = node.operand if isinstance(node, ast.UnaryOp) else node
+    if not isinstance(number, ast.Constant) or type(number.value) not in (int, float):
+        return False
+    return number.value > 0 and number.value in {float(f"1e{sign}{power}") for sign in "+-" for power in range(2, 16)}
 
 
 def test_every_module_says_what_it_is_for() -> None:

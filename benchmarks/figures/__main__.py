@@ -25,7 +25,7 @@ from scleraforce.cli.output import progress_bar
 from scleraforce.errors import ScleraforceError
 from scleraforce.report.files import write_figure
 from scleraforce.study import Study
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 from scleraforce.whole_files import write_whole
 
 COMMANDS = ("calibrate", "evaluate", "generate", "library", "train")  # run as processes of their own
@@ -113,7 +113,7 @@ def _write_picture(groups: Sequence[Group], study: Study, path: Path) -> None:
         for method, answered in group.answers.items()
         if method.calibrated
     }
-    write_figure(draw_forces(shown, [n_to_mn(bound) for bound in study.classes.bounds_n]), path)
+    write_figure(draw_forces(shown, [from_si(bound, "mn") for bound in study.classes.bounds_n]), path)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import numpy as np
 
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.study import FormStudy, MechanicsStudy, MeshStudy, RegionStudy, Study, WaveStudy
-from scleraforce.units import mmhg_to_pa
+from scleraforce.units import to_si
 
 __all__ = ["GROUPS", "FigureEye", "draw_eyes"]
 
@@ -56,7 +56,7 @@ def _draw_eye(group: str, number: int, study: Study) -> FigureEye:
         id=f"{group}-{number:02d}",
         thickness_m=rng.uniform(0.45e-3, 0.85e-3),
         youngs_modulus_pa=rng.uniform(0.2e6, 0.5e6),
-        iop_pa=mmhg_to_pa(rng.uniform(1.0, 4.0)),
+        iop_pa=to_si(rng.uniform(1.0, 4.0), "mmhg"),
         gap_m=rng.uniform(0.4e-3, 0.9e-3),
         polar_rad=radians(rng.uniform(25.0, 45.0)),
         azimuth_rad=rng.uniform(-pi, pi),

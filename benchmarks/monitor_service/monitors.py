@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 from time import monotonic, sleep
 
 from scleraforce.processes import no_interrupts
-from scleraforce.units import mmhg_to_pa
+from scleraforce.units import to_si
 
 __all__ = ["Monitor", "Resources", "cores", "pin", "real_monitor", "resources"]
 
@@ -90,7 +90,7 @@ def real_monitor(model: Path, recording: Path, *options: str, pinned: bool = Tru
     """
     eye = json.loads((recording / "truth.json").read_text(encoding="utf-8"))["eye"]
     told = {
-        "--iop-mmhg": eye["iop_pa"] / mmhg_to_pa(1.0),
+        "--iop-mmhg": eye["iop_pa"] / to_si(1.0, "mmhg"),
         "--thickness-um": eye["thickness_m"] * 1e6,
         "--youngs-modulus-mpa": eye["youngs_modulus_pa"] / 1e6,
         "--gap-mm": eye["gap_m"] * 1e3,

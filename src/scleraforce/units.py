@@ -1,17 +1,28 @@
 """Unit conversions for the edges of the program; everything inside is SI.
 
->>> round(mmhg_to_pa(2.0), 1)
+>>> round(to_si(2.0, "mmhg"), 1)
 266.6
+>>> from_si(5e-4, "um")
+500.0
 """
 
-from math import pi
+from math import isclose, pi
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-__all__ = ["SI_PER_UNIT", "STANDARD_GRAVITY_M_S2", "mmhg_to_pa", "n_to_mn", "pa_to_mmhg"]
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["SI_PER_UNIT", "STANDARD_GRAVITY_M_S2", "HumanUnit", "from_si", "to_si"]
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 
+HumanUnit = Literal[
+    "mm", "um", "mn", "mpa", "kpa", "mmhg", "deg", "ms", "us", "per_mm", "mn_per_s", "mn_per_min", "mnm", "percent",
+    "mm2", "kpa_per_mm", "mmhg13_per_ul", "mb", "gb",
+]  # fmt: skip
+
 # Suffix of a name in human units -> (suffix in SI, factor).
-SI_PER_UNIT: dict[str, tuple[str, float]] = {
+SI_PER_UNIT: dict[HumanUnit, tuple[str, float]] = {
     "mm": ("m", 1e-3),
     "um": ("m", 1e-6),
     "mn": ("n", 1e-3),
@@ -20,30 +31,50 @@ SI_PER_UNIT: dict[str, tuple[str, float]] = {
     "mmhg": ("pa", 133.322387415),
     "deg": ("rad", pi / 180.0),
     "ms": ("s", 1e-3),
+    "us": ("s", 1e-6),
     "per_mm": ("per_m", 1e3),
+    "mn_per_s": ("n_per_s", 1e-3),
     "mn_per_min": ("n_per_s", 1e-3 / 60.0),
     "mnm": ("nm", 1e-3),  # mN m in N m
     "percent": ("fraction", 1e-2),
     "mm2": ("m2", 1e-6),
     "kpa_per_mm": ("pa_per_m", 1e6),
     "mmhg13_per_ul": ("pa13_per_m3", 133.322387415 ** (1.0 / 3.0) * 1e9),  # mmHg^(1/3) per ul: of a sealed globe
+    "mb": ("bytes", 1e6),
+    "gb": ("bytes", 1e9),
 }
 
+# How many of a unit make one of SI, where that is a whole number. A division by it rounds once, as a product with 1e-6,
+# itself rounded, does not: 400 * 1e-6 is 0.00039999999999999996.
+_UNITS_IN_SI = {
+    unit: float(round(1.0 / factor))
+    for unit, (_, factor) in SI_PER_UNIT.items()
+    if isclose(1.0 / factor, round(1.0 / factor))
+}
 
-def mmhg_to_pa(pressure_mmhg: float) -> float:
-    """Return a pressure in Pa; the paper's 2 mmHg is about 266 Pa (sec. 2.2)."""
-    return pressure_mmhg * SI_PER_UNIT["mmhg"][1]
+# A number, an array of any shape, or None for what is not known.
+Value = TypeVar("Value", float, float | None, "NDArray[Any]")
 
 
-def pa_to_mmhg(pressure_pa: float) -> float:
-    """Return a pressure in mmHg.
+def to_si(value: Value, unit: HumanUnit) -> Value:
+    """Return a number or an array, in a human unit, in SI; what is None stays None.
 
-    >>> round(pa_to_mmhg(mmhg_to_pa(15.0)), 9)
-    15.0
+    >>> to_si(0.7, "mm"), to_si(0.25, "mpa"), to_si(None, "mmhg")
+    (0.0007, 250000.0, None)
     """
-    return pressure_pa / SI_PER_UNIT["mmhg"][1]
+    if value is None:
+        return value
+    count = _UNITS_IN_SI.get(unit)
+    return value * SI_PER_UNIT[unit][1] if count is None else value / count
 
 
-def n_to_mn(force_n: float) -> float:
-    """Return a force in mN."""
-    return force_n * 1e3
+def from_si(value: Value, unit: HumanUnit) -> Value:
+    """Return a number or an array, in SI, in a human unit; what is None stays None.
+
+    >>> from_si(0.0007, "mm"), from_si(250e3, "mpa"), round(from_si(to_si(15.0, "mmhg"), "mmhg"), 9)
+    (0.7, 0.25, 15.0)
+    """
+    if value is None:
+        return value
+    count = _UNITS_IN_SI.get(unit)
+    return value / SI_PER_UNIT[unit][1] if count is None else value * count

@@ -19,7 +19,7 @@ from scleraforce.errors import ScleraforceError
 from scleraforce.laboratory.phantom import plan_phantom
 from scleraforce.section.plane import Section
 from scleraforce.study import Study
-from scleraforce.units import mmhg_to_pa
+from scleraforce.units import to_si
 
 STUDY = Study()
 
@@ -87,7 +87,7 @@ def test_eyes_lie_in_the_ranges_that_were_asked_for(group):
     bounds = {
         "youngs_modulus_pa": (0.2e6, 0.5e6),
         "thickness_m": (0.45e-3, 0.85e-3),
-        "iop_pa": (mmhg_to_pa(1.0), mmhg_to_pa(4.0)),
+        "iop_pa": (to_si(1.0, "mmhg"), to_si(4.0, "mmhg")),
         "polar_rad": (math.radians(25), math.radians(45)),
         "gap_m": (0.4e-3, 0.9e-3),
     }

@@ -139,12 +139,16 @@ def test_progress_is_silent_where_standard_error_is_no_terminal(capsys) -> None:
 
 
 def test_control_c_in_a_real_process_is_exit_code_130_and_one_line() -> None:
-    # A command that blocks: the test's own `wait`, installed in the child before the entry point runs.
+    # A command that blocks: the test's own `wait`, installed in the child before the entry point runs. As zarr does, it
+    # leaves a task in a loop of asyncio, which says so when it is destroyed.
     code = (
-        "import sys, time, click\n"
+        "import asyncio, sys, time, click\n"
         "from scleraforce.cli import main as entry\n"
         "@click.command()\n"
         "def wait():\n"
+        "    loop = asyncio.new_event_loop()\n"
+        "    loop.create_task(asyncio.sleep(60))\n"
+        "    loop.run_until_complete(asyncio.sleep(0))\n"
         "    print('ready', flush=True)\n"
         "    time.sleep(60)\n"
         "entry.cli.get_command = lambda ctx, name: wait\n"

@@ -20,12 +20,12 @@ from scleraforce.errors import InputError
 from scleraforce.monitor import MonitorLimits
 from scleraforce.openigtlink import Image, Sensor, Status
 from scleraforce.recording.files import read_recording
-from scleraforce.units import mmhg_to_pa
+from scleraforce.units import to_si
 
 pytest.importorskip("torch")
 
 MATRIX = (SCALE.lateral_m * 1e3, 0.0, 0.0, 0.0, SCALE.depth_m * 1e3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-EYE = ["--eye", "mine", "--iop-mmhg", f"{IOP_PA / mmhg_to_pa(1.0):.4f}", "--gap-mm", f"{GAP_M * 1e3}"]
+EYE = ["--eye", "mine", "--iop-mmhg", f"{IOP_PA / to_si(1.0, 'mmhg'):.4f}", "--gap-mm", f"{GAP_M * 1e3}"]
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +99,7 @@ def test_a_bound_that_adapts_withdraws_from_a_thin_soft_wall_below_the_bound_of_
     thin_m, softer = 420e-6, 2.0 / 3.0
     walls = {mn: wall_section(tip_of(mn / softer / 1e3, thin_m), thickness_m=thin_m) for mn in (6, 24)}
     thin = {force_mn: [image(wall, seed) for seed in (1, 2, 3)] for force_mn, wall in walls.items()}
-    iop_mmhg = softer * IOP_PA / mmhg_to_pa(1.0)
+    iop_mmhg = softer * IOP_PA / to_si(1.0, "mmhg")
     known = ["--youngs-modulus-mpa", f"{softer * MODULUS_PA / 1e6}", "--thickness-um", f"{thin_m * 1e6}"]
     known += ["--iop-mmhg", f"{iop_mmhg:.4f}", "--gap-mm", f"{GAP_M * 1e3}", "--black-box", str(tmp_path / "box")]
     with started(folder, *known, *(["--adaptive-bound"] if adaptive else [])) as monitor:
@@ -253,7 +253,7 @@ def test_each_option_arrives_where_it_belongs(
     assert (settings.eye, settings.record, settings.black_box) == ("yours", tmp_path / "session", tmp_path)
     assert settings.refractive_index == 1.3
     assert settings.known.polar_rad == pytest.approx(radians(30.0))
-    assert settings.known.iop_pa == pytest.approx(mmhg_to_pa(3.0))
+    assert settings.known.iop_pa == pytest.approx(to_si(3.0, "mmhg"))
     assert settings.known.thickness_m == pytest.approx(700e-6)
     assert settings.known.gap_m == pytest.approx(0.6e-3)
     assert settings.known.modulus is not None

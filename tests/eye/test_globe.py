@@ -6,7 +6,7 @@ import pytest
 from scleraforce.errors import InputError
 from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.study.globe import RIGIDITY_LAWS
-from scleraforce.units import SI_PER_UNIT, mmhg_to_pa
+from scleraforce.units import SI_PER_UNIT, to_si
 
 PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 UL = 1e-9
@@ -14,18 +14,18 @@ UL = 1e-9
 
 def test_the_cube_root_of_the_pressure_rises_by_003_a_microlitre_in_enucleated_human_eyes() -> None:
     globe = sealed_globe(0.03 * PER_UL)  # van der Werff 1981
-    assert globe.pressure(mmhg_to_pa(2.0), 32.0 * UL) == pytest.approx(mmhg_to_pa((2.0 ** (1 / 3) + 0.96) ** 3))
+    assert globe.pressure(to_si(2.0, "mmhg"), 32.0 * UL) == pytest.approx(to_si((2.0 ** (1 / 3) + 0.96) ** 3, "mmhg"))
     # 19 Pa a microlitre at 2 mmHg, 73 at 15.
-    assert globe.stiffness(mmhg_to_pa(2.0)) * UL == pytest.approx(19.0, abs=0.1)
-    assert globe.stiffness(mmhg_to_pa(15.0)) * UL == pytest.approx(73.0, abs=0.1)
+    assert globe.stiffness(to_si(2.0, "mmhg")) * UL == pytest.approx(19.0, abs=0.1)
+    assert globe.stiffness(to_si(15.0, "mmhg")) * UL == pytest.approx(73.0, abs=0.1)
 
 
 def test_the_logarithmic_law_is_friedenwalds_and_has_the_slope_of_its_rigidity_at_15_mmhg() -> None:
     globe = sealed_globe(0.0407 * PER_UL, "logarithmic")
-    ten_ul = globe.pressure(mmhg_to_pa(15.0), 10.0 * UL) / mmhg_to_pa(15.0)
+    ten_ul = globe.pressure(to_si(15.0, "mmhg"), 10.0 * UL) / to_si(15.0, "mmhg")
     assert np.log10(ten_ul) == pytest.approx(10.0 * 0.0215, rel=2e-3)  # Friedenwald's mean
     cube_root = sealed_globe(0.0407 * PER_UL)
-    assert globe.stiffness(mmhg_to_pa(15.0)) == pytest.approx(cube_root.stiffness(mmhg_to_pa(15.0)))
+    assert globe.stiffness(to_si(15.0, "mmhg")) == pytest.approx(cube_root.stiffness(to_si(15.0, "mmhg")))
 
 
 @pytest.mark.parametrize("law", RIGIDITY_LAWS)

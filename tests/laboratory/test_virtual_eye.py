@@ -27,7 +27,7 @@ from scleraforce.study import (
     WaveStudy,
     format_study,
 )
-from scleraforce.units import mmhg_to_pa
+from scleraforce.units import to_si
 
 STUDY = Study(
     oct=OctStudy(columns=128, rows=96),
@@ -141,6 +141,6 @@ def test_the_phantom_of_a_sealed_eye_says_so_and_has_the_pressure_at_each_dent(t
     assert pressures_pa[1] == pytest.approx(truth["eye"]["iop_pa"])
     assert pressures_pa[1] < pressures_pa[0] < pressures_pa[2]
     assert truth["globe"]["kind"] == answer["globe"] == "sealed"
-    assert truth["globe"]["rigidity_pa13_per_m3"] == pytest.approx(0.02 * mmhg_to_pa(1.0) ** (1 / 3) * 1e9)
+    assert truth["globe"]["rigidity_pa13_per_m3"] == pytest.approx(0.02 * to_si(1.0, "mmhg") ** (1 / 3) * 1e9)
     eye = read_recording(out).info.eye
     assert (eye.globe, eye.rigidity_pa13_per_m3) == ("sealed", None)  # as a laboratory knows it

@@ -19,7 +19,7 @@ from scleraforce.known.calibration_file import read_calibration
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.recording.files import frame_digest, read_frame, read_recording
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 pytest.importorskip("torch")
 
@@ -156,7 +156,9 @@ def test_forces_of_another_size_than_those_read_are_noted(places, tmp_path: Path
 
 def test_without_a_calibration_the_modulus_is_unknown_and_the_interval_says_so(places, both) -> None:
     unknown = evaluate_recordings(load_model(places["model"]), [places["mine"]])
-    widths = [n_to_mn(f.interval_n[1] - f.interval_n[0]) for f in (unknown.frames[2], both.frames[2], both.frames[7])]
+    widths = [
+        from_si(f.interval_n[1] - f.interval_n[0], "mn") for f in (unknown.frames[2], both.frames[2], both.frames[7])
+    ]
     assert widths[0] > widths[2] > widths[1]
     assert unknown.frames[2].modulus_source is None
 

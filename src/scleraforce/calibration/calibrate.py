@@ -21,6 +21,7 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observed import dent, segmented_boundaries
 from scleraforce.segmentation.wall import Segmentation, find_wall
 from scleraforce.study import Study
+from scleraforce.units import from_si
 
 __all__ = ["Calibration", "EyeCalibration", "FrameRecord", "UsedRecording", "calibrate_recordings", "eye_constants"]
 
@@ -251,7 +252,7 @@ def _calibrate(
         reason = next((record.skipped for record in records), "excluded")
         raise CalibrationError(
             f"{recording.path}: none of its {len(trials)} frames can be calibrated on ({reason}); it "
-            f"takes frames with a wall in view and more than {study.calibration.min_force_n * 1e3:g} mN"
+            f"takes frames with a wall in view and more than {from_si(study.calibration.min_force_n, 'mn'):g} mN"
             + "".join(f"; {doubt}" for doubt in doubts)
         )
     means, sds = moments(session.filter, session.state)

@@ -27,6 +27,7 @@ from scleraforce.errors import CalibrationError, InputError
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_rings
 from scleraforce.study import Study
+from scleraforce.units import from_si
 
 __all__ = ["LibraryEye", "library_eye", "section_depths"]
 
@@ -135,8 +136,8 @@ def library_eye(study: Study, constants: EyeConstants, library: Library) -> Libr
     thinnest, thickest = float(library.thickness_m[0]), float(library.thickness_m[-1])
     if not thinnest <= constants.thickness_m <= thickest:
         raise CalibrationError(
-            f"thickness: {constants.thickness_m * 1e6:g} um; the library has walls of {thinnest * 1e6:.0f} to "
-            f"{thickest * 1e6:.0f} um"
+            f"thickness: {from_si(constants.thickness_m, 'um'):g} um; the library has walls of "
+            f"{from_si(thinnest, 'um'):.0f} to {from_si(thickest, 'um'):.0f} um"
         )
     side = np.arange(0.0, REACH * library.radius_m, SAMPLE_STEP_M)
     lateral_m = np.concatenate([-side[:0:-1], side])

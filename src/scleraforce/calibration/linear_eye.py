@@ -17,7 +17,7 @@ from scleraforce.eye.contact import Contact
 from scleraforce.eye.study_mesh import study_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.study import Study
-from scleraforce.units import STANDARD_GRAVITY_M_S2
+from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
 __all__ = ["LinearEye", "linear_eye"]
 
@@ -84,7 +84,9 @@ def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool 
         CalibrationError: the thickness or the contact cannot be meshed.
     """
     if not 0.1e-3 <= constants.thickness_m <= 0.4 * study.eye.radius_m:
-        raise CalibrationError(f"thickness: {constants.thickness_m * 1e6:g} um cannot be meshed; state the wall's")
+        raise CalibrationError(
+            f"thickness: {from_si(constants.thickness_m, 'um'):g} um cannot be meshed; state the wall's"
+        )
     shares = THICKNESS_NODES if thickness_uncertain else (1.0,)
     thicknesses = tuple(share * constants.thickness_m for share in shares)
     polars = polar_nodes(constants)

@@ -25,6 +25,7 @@ from scleraforce.known.calibration_file import (
     table_of,
     text_of,
 )
+from scleraforce.units import from_si
 
 __all__ = ["calibration_as_json", "parse_calibration"]
 
@@ -50,8 +51,8 @@ def calibration_as_json(calibration: Calibration) -> dict[str, Any]:
         "mechanics": calibration.mechanics,
         "study_sha256": calibration.study_sha256,
         "population": {
-            "mean_mpa": mean_pa / 1e6,
-            "sd_mpa": None if sd_pa is None else sd_pa / 1e6,
+            "mean_mpa": from_si(mean_pa, "mpa"),
+            "sd_mpa": from_si(sd_pa, "mpa"),
             "eyes": len(calibration.eyes),
         },
         "class_bounds_n": list(calibration.bounds_n),
@@ -62,12 +63,12 @@ def calibration_as_json(calibration: Calibration) -> dict[str, Any]:
 def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
     posterior, belief = eye.state.posterior, eye.state.belief
     return {
-        "mean_mpa": eye.mean_pa / 1e6,
-        "sd_mpa": eye.sd_pa / 1e6,
-        "thickness_um": eye.thickness_m * 1e6,
+        "mean_mpa": from_si(eye.mean_pa, "mpa"),
+        "sd_mpa": from_si(eye.sd_pa, "mpa"),
+        "thickness_um": from_si(eye.thickness_m, "um"),
         "updates": posterior.updates,
         "status": eye.status,
-        "by_class_mpa": [None if value is None else value / 1e6 for value in eye.by_class(bounds_n)],
+        "by_class_mpa": [from_si(value, "mpa") for value in eye.by_class(bounds_n)],
         "recording": eye.recordings[0].path,
         "frames": [{"file": frame.file, "sha256": frame.sha256} for frame in eye.used],
         "parameters": {

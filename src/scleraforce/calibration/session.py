@@ -29,6 +29,7 @@ from scleraforce.calibration.registration import frame_prior, register, updated_
 from scleraforce.library import Library
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study
+from scleraforce.units import from_si
 
 __all__ = ["EyeSession", "begin", "eye_model", "step"]
 
@@ -135,5 +136,5 @@ def _refer(session: EyeSession, boundaries: Boundaries, force_n: float) -> EyeSe
         prior = frame_prior(state.belief, eye.study)
         fit = register(eye.model, boundaries, max(force_n, 0.0), session.mean_pa, prior)
         state = replace(state, belief=updated_belief(state.belief, prior, fit))
-    reason = f"at most {eye.study.min_force_n * 1e3:g} mN: used as a reference of the pose"
+    reason = f"at most {from_si(eye.study.min_force_n, 'mn'):g} mN: used as a reference of the pose"
     return replace(session, state=state, last=Skipped(reason))

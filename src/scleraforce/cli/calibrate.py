@@ -10,6 +10,7 @@ from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study, study_hash
 from scleraforce.study.unused import refuse_unused
+from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from scleraforce.calibration.calibrate import Calibration, EyeCalibration
@@ -107,8 +108,8 @@ def _lines(result: "Calibration") -> list[str]:
              for doubt in entry.doubts]  # fmt: skip
     mean_pa, sd_pa = result.population
     unknown = f"{'-':>9}{'':>9}  one eye says nothing of how eyes differ"
-    spread = unknown if sd_pa is None else f"{sd_pa / 1e6:>9.4f}"
-    return [*lines, f"{'population':<16}{mean_pa / 1e6:>8.3f}{spread}", *notes]
+    spread = unknown if sd_pa is None else f"{from_si(sd_pa, 'mpa'):>9.4f}"
+    return [*lines, f"{'population':<16}{from_si(mean_pa, 'mpa'):>8.3f}{spread}", *notes]
 
 
 def _line(name: str, eye: "EyeCalibration", bounds_n: tuple[float, ...]) -> str:
@@ -124,7 +125,8 @@ def _line(name: str, eye: "EyeCalibration", bounds_n: tuple[float, ...]) -> str:
         ),
     ]
     text = "; ".join(remark for remark in remarks if remark)
-    line = f"{name:<16}{eye.mean_pa / 1e6:>8.3f}{eye.sd_pa / 1e6:>9.4f}{eye.state.posterior.updates:>9}  {text}"
+    modulus = f"{from_si(eye.mean_pa, 'mpa'):>8.3f}{from_si(eye.sd_pa, 'mpa'):>9.4f}"
+    line = f"{name:<16}{modulus}{eye.state.posterior.updates:>9}  {text}"
     return line.rstrip()
 
 
@@ -133,5 +135,6 @@ def _softening(eye: "EyeCalibration", bounds_n: tuple[float, ...]) -> str:
     _, low, high = eye.by_class(bounds_n)
     if low is None or high is None or abs(high / low - 1) < 0.1:
         return ""
-    force = f"{1e3 * bounds_n[-1]:g} mN"
-    return f"E is {low / 1e6:.3f} MPa below {force} and {high / 1e6:.3f} above: the wall bends otherwise than the model"
+    force = f"{from_si(bounds_n[-1], 'mn'):g} mN"
+    moduli = f"{from_si(low, 'mpa'):.3f} MPa below {force} and {from_si(high, 'mpa'):.3f} above"
+    return f"E is {moduli}: the wall bends otherwise than the model"

@@ -18,7 +18,7 @@ from scleraforce.cli.single_frames import (
     told_scanner,
 )
 from scleraforce.errors import FrameError, InputError
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from scleraforce.known.eye import Known
@@ -121,7 +121,7 @@ def _notes(reader: "Reader", known: "Known") -> list[str]:
 
     if reader.fixed_modulus_pa is None or known == NOTHING_KNOWN:
         return []
-    modulus_mpa = reader.fixed_modulus_pa / 1e6
+    modulus_mpa = from_si(reader.fixed_modulus_pa, "mpa")
     return [f"a classifier takes no notice of what is known of an eye; it reads each as one of {modulus_mpa:g} MPa"]
 
 
@@ -154,9 +154,9 @@ def _answered(path: Path, answer: "Answer") -> dict[str, Any]:
         "file": str(path),
         "predicted": answer.predicted,
         "probabilities": answer.probabilities,
-        "predicted_force_mn": None if answer.force_n is None else n_to_mn(answer.force_n),
-        "interval_mn": None if answer.interval_n is None else [n_to_mn(end) for end in answer.interval_n],
-        "contact_mm": None if answer.contact_m is None else answer.contact_m * 1e3,
+        "predicted_force_mn": from_si(answer.force_n, "mn"),
+        "interval_mn": None if answer.interval_n is None else [from_si(end, "mn") for end in answer.interval_n],
+        "contact_mm": from_si(answer.contact_m, "mm"),
         "usable": answer.usable,
         "reason": answer.reason,
         "warnings": answer.warnings,
@@ -176,5 +176,5 @@ def _line(path: Path, answer: "Answer") -> str:
 
 
 def _force(force_n: float, interval_n: tuple[float, float]) -> str:
-    low, high = (f"{n_to_mn(end):.1f}" for end in interval_n)
-    return f"{n_to_mn(force_n):.1f} mN (90 %: {low} to {high})"
+    low, high = (f"{from_si(end, 'mn'):.1f}" for end in interval_n)
+    return f"{from_si(force_n, 'mn'):.1f} mN (90 %: {low} to {high})"

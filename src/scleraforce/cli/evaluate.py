@@ -8,7 +8,7 @@ import click
 
 from scleraforce.cli.output import print_json, progress_bar, wrapped
 from scleraforce.errors import InputError
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from scleraforce.reader.evaluate import Evaluation, FrameAnswer
@@ -71,7 +71,7 @@ def _frames(evaluation: "Evaluation") -> list[str]:
 
 
 def _frame(frame: "FrameAnswer", with_force: bool) -> str:
-    force = "-" if frame.measured_force_n is None else f"{n_to_mn(frame.measured_force_n):.1f}"
+    force = "-" if frame.measured_force_n is None else f"{from_si(frame.measured_force_n, 'mn'):.1f}"
     target = "-" if frame.target is None else str(frame.target)
     share = "-" if frame.probabilities is None else f"{max(frame.probabilities):.3f}"
     figures = f"  {frame.file:<16}{force:>9}{target:>7}{frame.predicted:>5}{share:>7}"
@@ -84,8 +84,8 @@ def _frame(frame: "FrameAnswer", with_force: bool) -> str:
 def _read_force(frame: "FrameAnswer") -> str:
     if frame.predicted_force_n is None or frame.interval_n is None:
         return f"{'-':>9}{'-':>14}"
-    low, high = (n_to_mn(end) for end in frame.interval_n)
-    return f"{n_to_mn(frame.predicted_force_n):>9.1f}{f'{low:.1f} to {high:.1f}':>14}"
+    low, high = (from_si(end, "mn") for end in frame.interval_n)
+    return f"{from_si(frame.predicted_force_n, 'mn'):>9.1f}{f'{low:.1f} to {high:.1f}':>14}"
 
 
 def _remark(frame: "FrameAnswer") -> str:
@@ -122,7 +122,7 @@ def _forces(evaluation: "Evaluation") -> list[str]:
         return []
     covered = evaluation.coverage
     return [
-        f"force error   {n_to_mn(evaluation.mae_n):.2f} mN in the mean, {covered.total} usable frames",
+        f"force error   {from_si(evaluation.mae_n, 'mn'):.2f} mN in the mean, {covered.total} usable frames",
         f"90 % interval holds the force in {_share(covered)}: {covered.hits} of {covered.total}",
     ]
 

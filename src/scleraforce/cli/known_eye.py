@@ -1,13 +1,13 @@
 """The options by which a user tells what is known of an eye, shared by the commands that read its frames."""
 
 from collections.abc import Callable
-from math import degrees, isfinite
+from math import isfinite
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from scleraforce.errors import InputError
-from scleraforce.units import mmhg_to_pa
+from scleraforce.units import HumanUnit, from_si, to_si
 
 if TYPE_CHECKING:
     from scleraforce.known.eye import Known
@@ -48,10 +48,10 @@ def known_eye(
         if value is not None and not isfinite(value):
             raise InputError(f"--{name}: {value} is not a finite number; leave it out where it is not known")
     return Known(
-        modulus=None if youngs_modulus_mpa is None else Modulus.stated(youngs_modulus_mpa * 1e6),
-        iop_pa=None if iop_mmhg is None else mmhg_to_pa(iop_mmhg),
-        thickness_m=None if thickness_um is None else thickness_um / 1e6,
-        gap_m=None if gap_mm is None else gap_mm / 1e3,
+        modulus=None if youngs_modulus_mpa is None else Modulus.stated(to_si(youngs_modulus_mpa, "mpa")),
+        iop_pa=to_si(iop_mmhg, "mmhg"),
+        thickness_m=to_si(thickness_um, "um"),
+        gap_m=to_si(gap_mm, "mm"),
     )
 
 
@@ -85,13 +85,13 @@ def _values(known: "Known") -> list[tuple[str, Words, float | None]]:
     """Return key, words and value, in the unit of both, of all that may be known of an eye."""
     modulus_pa = known.modulus.mean_pa if known.modulus else None
     return [
-        ("youngs_modulus_mpa", ("modulus", " MPa"), _times(modulus_pa, 1e-6)),
-        ("iop_mmhg", ("IOP", " mmHg"), _times(known.iop_pa, 1.0 / mmhg_to_pa(1.0))),
-        ("thickness_um", ("thickness", " µm"), _times(known.thickness_m, 1e6)),
-        ("gap_mm", ("gap", " mm"), _times(known.gap_m, 1e3)),
-        ("polar_angle_deg", ("polar angle", "°"), _times(known.polar_rad, degrees(1.0))),
+        ("youngs_modulus_mpa", ("modulus", " MPa"), _in_unit(modulus_pa, "mpa")),
+        ("iop_mmhg", ("IOP", " mmHg"), _in_unit(known.iop_pa, "mmhg")),
+        ("thickness_um", ("thickness", " µm"), _in_unit(known.thickness_m, "um")),
+        ("gap_mm", ("gap", " mm"), _in_unit(known.gap_m, "mm")),
+        ("polar_angle_deg", ("polar angle", "°"), _in_unit(known.polar_rad, "deg")),
     ]
 
 
-def _times(value: float | None, factor: float) -> float | None:
-    return None if value is None else float(f"{value * factor:.12g}")
+def _in_unit(value: float | None, unit: HumanUnit) -> float | None:
+    return None if value is None else float(f"{from_si(value, unit):.12g}")

@@ -4,6 +4,7 @@ Exit codes: 0 done, 1 an internal fault, 2 bad input or usage, 130 interrupted.
 """
 
 import errno
+import logging
 import os
 import sys
 from importlib import import_module
@@ -15,6 +16,7 @@ from scleraforce.errors import InputError, ScleraforceError
 
 __all__ = ["cli", "fail", "main", "run"]
 
+INTERRUPTED = 130
 FULL_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # comes without the file's name
 
 # Command -> one line of help. `monitor-reset` lives in `cli/monitor_reset.py` as the function `monitor_reset`.
@@ -68,7 +70,10 @@ def cli() -> None:
 
 def main() -> None:
     """Run the command line and exit with its code."""
-    sys.exit(run(sys.argv[1:]))
+    code = run(sys.argv[1:])
+    if code == INTERRUPTED:  # what zarr's own loop leaves unfinished is no news to the user
+        logging.getLogger("asyncio").disabled = True
+    sys.exit(code)
 
 
 def run(arguments: list[str]) -> int:
@@ -88,7 +93,7 @@ def run(arguments: list[str]) -> int:
     except ScleraforceError as fault:
         return fail(str(fault), 1)
     except (KeyboardInterrupt, click.Abort):
-        return fail("interrupted", 130)
+        return fail("interrupted", INTERRUPTED)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1

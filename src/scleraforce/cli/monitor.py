@@ -16,7 +16,7 @@ from scleraforce.cli.known_eye import known_eye, known_eye_options
 from scleraforce.cli.output import print_json
 from scleraforce.errors import InputError
 from scleraforce.processes import one_thread
-from scleraforce.units import pa_to_mmhg
+from scleraforce.units import from_si, to_si
 
 if TYPE_CHECKING:
     from scleraforce.known.eye import Known
@@ -144,14 +144,14 @@ def _limits(reader: "Reader", known: "Known", options: dict[str, Any]) -> "Monit
 
     study = reader.study
     columns, rows = options["columns"] or study.oct.columns, options["rows"] or study.oct.rows
-    width_m = study.oct.width_m if options["width_mm"] is None else options["width_mm"] / 1e3
-    depth_m = study.oct.depth_m if options["depth_mm"] is None else options["depth_mm"] / 1e3
+    width_m = study.oct.width_m if options["width_mm"] is None else to_si(options["width_mm"], "mm")
+    depth_m = study.oct.depth_m if options["depth_mm"] is None else to_si(options["depth_mm"], "mm")
     return MonitorLimits(
         withdraw_class=options["withdraw_class"] or reader.classes - 1,
         bound_n=_bound_n(study, known, options["bound_mn"], options["adaptive_bound"]),
         unusable_frames=options["unusable_frames"],
         unusable_opinions=options["unusable_opinions"],
-        reaction_s=options["reaction_ms"] / 1e3,
+        reaction_s=to_si(options["reaction_ms"], "ms"),
         size=(rows, columns),
         scale_m=(width_m / columns, depth_m / rows),
         reads_force=reader.reads_force,
@@ -162,7 +162,7 @@ def _limits(reader: "Reader", known: "Known", options: dict[str, Any]) -> "Monit
 def _bound_n(study: "Study", known: "Known", bound_mn: float | None, adaptive: bool) -> float:
     """Return the bound of the force: as given, as it adapts to this eye's wall, or the study's."""
     if not adaptive:
-        return study.classes.bounds_n[-1] if bound_mn is None else bound_mn / 1e3
+        return study.classes.bounds_n[-1] if bound_mn is None else to_si(bound_mn, "mn")
     from scleraforce.mechanics.wall_stress import adaptive_bound_n
 
     if bound_mn is not None:
@@ -205,13 +205,14 @@ def _greet(
     limits = settings.limits
     rows, columns = limits.size or (0, 0)
     lateral_m, depth_m = limits.scale_m or (0.0, 0.0)
-    forces = f", or where the force's interval reaches {limits.bound_n * 1e3:.1f} mN" if limits.reads_force else ""
+    bound_mn = from_si(limits.bound_n, "mn")
+    forces = f", or where the force's interval reaches {bound_mn:.1f} mN" if limits.reads_force else ""
     say("research use only: not a medical device")
     say(f"model      {reader.path} ({reader.kind})")
     say(f"eye        {settings.eye}: {_told(settings.known)}")
     if doubt:
         say(f"warning    {doubt}")
-    say(f"frames     {columns} x {rows} px of {lateral_m * 1e6:.2f} x {depth_m * 1e6:.2f} µm")
+    say(f"frames     {columns} x {rows} px of {from_si(lateral_m, 'um'):.2f} x {from_si(depth_m, 'um'):.2f} µm")
     say(f"withdraws  at class {limits.withdraw_class}{forces}")
     say(f"listens    on {address.host}:{address.port} (OpenIGTLink)")
     say(f"black box  {settings.black_box}")
@@ -221,10 +222,10 @@ def _greet(
 def _told(known: "Known") -> str:
     modulus = known.modulus
     words = [
-        f"{modulus.mean_pa / 1e6:.3f} MPa ({modulus.source})" if modulus else "modulus unknown",
-        "IOP unknown" if known.iop_pa is None else f"IOP {pa_to_mmhg(known.iop_pa):.1f} mmHg",
-        "thickness unknown" if known.thickness_m is None else f"{known.thickness_m * 1e6:.0f} µm thick",
-        "gap unknown" if known.gap_m is None else f"gap {known.gap_m * 1e3:.2f} mm",
+        f"{from_si(modulus.mean_pa, 'mpa'):.3f} MPa ({modulus.source})" if modulus else "modulus unknown",
+        "IOP unknown" if known.iop_pa is None else f"IOP {from_si(known.iop_pa, 'mmhg'):.1f} mmHg",
+        "thickness unknown" if known.thickness_m is None else f"{from_si(known.thickness_m, 'um'):.0f} µm thick",
+        "gap unknown" if known.gap_m is None else f"gap {from_si(known.gap_m, 'mm'):.2f} mm",
     ]
     return ", ".join(words)
 

@@ -11,6 +11,7 @@ import click
 from tqdm import tqdm
 
 from scleraforce.plain_json import finite
+from scleraforce.units import from_si
 
 __all__ = ["print_json", "progress_bar", "share_bar", "wrapped"]
 
@@ -44,6 +45,6 @@ def share_bar(title: str) -> Iterator[Callable[[float], None]]:
     with progress_bar((), title, total=100) as bar:
 
         def reach(share: float) -> None:
-            bar.update(max(int(100.0 * share) - bar.n, 0))
+            bar.update(max(int(from_si(share, "percent")) - bar.n, 0))
 
         yield reach

@@ -10,7 +10,7 @@ from scleraforce.cli.output import print_json, progress_bar, share_bar
 from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
-from scleraforce.units import mmhg_to_pa
+from scleraforce.units import to_si
 
 __all__ = ["phantom"]
 
@@ -27,7 +27,7 @@ class _Forces(click.ParamType[tuple[float, ...]]):
         if isinstance(value, tuple):
             return value
         try:
-            return tuple(float(entry) / 1e3 for entry in value.split(","))
+            return tuple(to_si(float(entry), "mn") for entry in value.split(","))
         except ValueError:
             self.fail(f"{value!r} is not a list of forces in mN; give for example 2,10,40", param, ctx)
 
@@ -105,10 +105,12 @@ def phantom(
         raise InputError(f"{out}: exists already; remove it or choose another folder")
     eye = PhantomEye(
         id=name,
-        thickness_m=thickness_um / 1e6,
-        youngs_modulus_pa=study.eye.youngs_modulus_pa if youngs_modulus_mpa is None else youngs_modulus_mpa * 1e6,
-        iop_pa=study.eye.iop_pa if iop_mmhg is None else mmhg_to_pa(iop_mmhg),
-        gap_m=study.needle.gap_m if gap_mm is None else gap_mm / 1e3,
+        thickness_m=to_si(thickness_um, "um"),
+        youngs_modulus_pa=study.eye.youngs_modulus_pa
+        if youngs_modulus_mpa is None
+        else to_si(youngs_modulus_mpa, "mpa"),
+        iop_pa=study.eye.iop_pa if iop_mmhg is None else to_si(iop_mmhg, "mmhg"),
+        gap_m=study.needle.gap_m if gap_mm is None else to_si(gap_mm, "mm"),
         polar_rad=radians(polar_angle_deg),
         azimuth_rad=radians(azimuth_deg),
         direction_rad=radians(direction_deg),
@@ -118,7 +120,7 @@ def phantom(
     if rate_hz is None:
         plan = plan_phantom(eye, forces_mn, study, seed)
     else:
-        ramp_n_per_s = (20.0 if ramp_mn_per_s is None else ramp_mn_per_s) / 1e3
+        ramp_n_per_s = to_si(20.0 if ramp_mn_per_s is None else ramp_mn_per_s, "mn_per_s")
         hold_s = 1.0 if hold_s is None else hold_s
         plan = plan_moving_phantom(
             eye, forces_mn, study, seed, rate_hz=rate_hz, ramp_n_per_s=ramp_n_per_s, hold_s=hold_s

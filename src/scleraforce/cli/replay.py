@@ -10,6 +10,7 @@ import click
 
 from scleraforce.cli.output import print_json
 from scleraforce.errors import InputError, LinkError
+from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from scleraforce.recording.files import Recording
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 __all__ = ["replay"]
 
 LIVE_S = 0.1  # between two renewals of the live line
-MN_PER_N, MS_PER_S = 1e3, 1e3
 
 
 def _list_faults(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:  # noqa: ARG001
@@ -217,7 +217,7 @@ class _Show:
         words = [f"frame {self._log.answered}", str(reading.get("state") or f"code {status.code}")]
         words += [f"class {reading['class']}"] if reading.get("class") is not None else []
         words += [f"{reading['force_mn']:.1f} mN"] if isinstance(reading.get("force_mn"), float) else []
-        words += [f"{self._log.answers[-1].took_s * MS_PER_S:.2f} ms"] if self._log.answers else []
+        words += [f"{from_si(self._log.answers[-1].took_s, 'ms'):.2f} ms"] if self._log.answers else []
         return ", ".join([*words, status.message])
 
     def _change_line(self, change: "Change") -> str:
@@ -229,7 +229,7 @@ class _Show:
         import numpy as np
 
         log = self._log
-        latencies_ms = np.array([answer.took_s for answer in log.answers]) * MS_PER_S
+        latencies_ms = from_si(np.array([answer.took_s for answer in log.answers]), "ms")
         withdrawal = log.first_doubt(0.0, (3,))
         return {
             "recording": str(self._recording.path),
@@ -239,7 +239,7 @@ class _Show:
             "frames_answered": len(latencies_ms),
             "frames_lost": log.reading.get("lost"),
             "forces_sent": player.forces_sent,
-            "latest_ms": player.latest_s * MS_PER_S,
+            "latest_ms": from_si(player.latest_s, "ms"),
             "latency_ms": {
                 "median": float(np.median(latencies_ms)),
                 "p99": float(np.percentile(latencies_ms, 99)),
@@ -247,7 +247,7 @@ class _Show:
             }
             if len(latencies_ms)
             else None,
-            "longest_silence_ms": log.longest_silence_s * MS_PER_S,
+            "longest_silence_ms": from_si(log.longest_silence_s, "ms"),
             "changes": [self._change_record(change) for change in log.changes],
             "withdrawal": None if withdrawal is None else self._change_record(withdrawal),
             "fault": None if report is None else self._fault_record(report),
@@ -267,8 +267,8 @@ class _Show:
             "answers_frame": change.answers,
             "force_mn": change.force_mn,
             "interval_mn": change.interval_mn,
-            "after_ms": None if change.after_s is None else change.after_s * MS_PER_S,
-            "true_force_mn": self._forces_n[index] * MN_PER_N if known and self._forces_n is not None else None,
+            "after_ms": from_si(change.after_s, "ms"),
+            "true_force_mn": from_si(self._forces_n[index], "mn") if known and self._forces_n is not None else None,
         }
 
     def _fault_record(self, report: "FaultReport") -> dict[str, Any]:
@@ -276,7 +276,7 @@ class _Show:
             "name": report.name,
             "at_s": self._time_s(report.began_s),
             "withdraws": report.delay_s is not None,
-            "delay_ms": None if report.delay_s is None else report.delay_s * MS_PER_S,
+            "delay_ms": from_si(report.delay_s, "ms"),
             "code": report.code,
             "cause": report.cause,
             "cause_is_of_the_fault": report.expected,

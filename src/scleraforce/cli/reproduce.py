@@ -14,6 +14,7 @@ import click
 from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
+from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from scleraforce.reader.evaluate import Evaluation
@@ -70,7 +71,7 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
         "report": str(run.report),
         **{key: answer[key] for key in ("accuracy", "confusion", "recall", "precision", "intervals", "scored")},
         "to_the_bounds": {key: found.to_the_bounds.as_json()[key] for key in ("accuracy", "confusion", "scored")},
-        "youngs_modulus_mpa": {"mean_mpa": mean_pa / 1e6, "sd_mpa": None if spread_pa is None else spread_pa / 1e6},
+        "youngs_modulus_mpa": {"mean_mpa": from_si(mean_pa, "mpa"), "sd_mpa": from_si(spread_pa, "mpa")},
         "finite_strain": {
             "paper": _metrics(found.bent_paper),
             "reader": _metrics(found.bent_reader),
@@ -80,9 +81,11 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
     if as_json:
         print_json(result)
         return
-    click.echo(f"Young's modulus {mean_pa / 1e6:.3f} MPa, mean of {len(found.calibration.eyes)} virtual eyes")
+    click.echo(f"Young's modulus {from_si(mean_pa, 'mpa'):.3f} MPa, mean of {len(found.calibration.eyes)} virtual eyes")
     right, total = evaluation.accuracy.hits, evaluation.accuracy.total
-    click.echo(f"{right} of {total} simulated trials read right ({100 * evaluation.accuracy.value:.0f} %)")
+    click.echo(
+        f"{right} of {total} simulated trials read right ({from_si(evaluation.accuracy.value, 'percent'):.0f} %)"
+    )
     others = {
         "with forces up to the bounds of the classes": found.to_the_bounds,
         "on walls of finite strain: the paper's method": found.bent_paper,

@@ -20,6 +20,7 @@ from scleraforce.cli.single_frames import (
 )
 from scleraforce.errors import FrameError, InputError
 from scleraforce.study import OctStudy
+from scleraforce.units import from_si
 from scleraforce.whole_files import KINDS, read_bytes, write_whole
 
 if TYPE_CHECKING:
@@ -150,7 +151,7 @@ def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
         "usable": found.usable,
         "reason": found.reason,
         "inner_found": found.inner_found,
-        "thickness_um": found.thickness_m * 1e6,
+        "thickness_um": from_si(found.thickness_m, "um"),
         "scale": scale_entry(frame),
     }
 
@@ -180,7 +181,8 @@ def _lines(entries: Sequence[Mapping[str, Any]]) -> list[str]:
         scanner = OctStudy()
         lines.append(
             f"note: the scale of {assumed} of {len(entries)} frames is not known: where nothing states it, width is "
-            f"{scanner.width_m * 1e3:g} mm, depth {scanner.depth_m * 1e3:g} mm; tell --width-mm and --depth-mm"
+            f"{from_si(scanner.width_m, 'mm'):g} mm, depth {from_si(scanner.depth_m, 'mm'):g} mm; tell --width-mm and "
+            "--depth-mm"
         )
     return [wrapped(line) if line.startswith("note: ") else line for line in lines]
 

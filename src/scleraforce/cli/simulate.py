@@ -12,7 +12,7 @@ from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study
 from scleraforce.study.fields import NEEDLE_FORCE, check_number
 from scleraforce.study.unused import refuse_unused
-from scleraforce.units import mmhg_to_pa, n_to_mn, pa_to_mmhg
+from scleraforce.units import from_si, to_si
 
 __all__ = ["simulate"]
 
@@ -60,10 +60,10 @@ def simulate(
 
     study = with_one_eye(
         with_mechanics(Study() if study_path is None else read_study(study_path), mechanics),
-        thickness_m=thickness_um / 1e6,
-        youngs_modulus_pa=None if youngs_modulus_mpa is None else youngs_modulus_mpa * 1e6,
-        iop_pa=None if iop_mmhg is None else mmhg_to_pa(iop_mmhg),
-        gap_m=None if gap_mm is None else gap_mm / 1e3,
+        thickness_m=to_si(thickness_um, "um"),
+        youngs_modulus_pa=to_si(youngs_modulus_mpa, "mpa"),
+        iop_pa=to_si(iop_mmhg, "mmhg"),
+        gap_m=to_si(gap_mm, "mm"),
         polar_angle_rad=None if polar_angle_deg is None else radians(polar_angle_deg),
     )
     study = with_globe(study, globe, rigidity)
@@ -92,9 +92,9 @@ def simulate(
 
         write_figure(draw_simulation(eye), plot)
     result = {
-        "tip_displacement_mm": eye.tip_m * 1e3,
-        "dent_mm": eye.dent_m * 1e3,
-        "pressure_mmhg": pa_to_mmhg(eye.pressure_pa),
+        "tip_displacement_mm": from_si(eye.tip_m, "mm"),
+        "dent_mm": from_si(eye.dent_m, "mm"),
+        "pressure_mmhg": from_si(eye.pressure_pa, "mmhg"),
         "globe": study.globe.kind,
         "elements": len(eye.mesh.cells_en),
         "dofs": eye.mesh.points_nc.size,
@@ -104,11 +104,11 @@ def simulate(
     if as_json:
         print_json(result)
         return
-    click.echo(f"the contact sinks in by {eye.tip_m * 1e3:.3f} mm under {n_to_mn(eye.force_n):g} mN")
+    click.echo(f"the contact sinks in by {from_si(eye.tip_m, 'mm'):.3f} mm under {from_si(eye.force_n, 'mn'):g} mN")
     if study.globe.kind == "sealed":
-        resting, loaded = map(pa_to_mmhg, (study.eye.iop_pa, eye.pressure_pa))
-        click.echo(f"the pressure rises from {resting:.3g} to {loaded:.3g} mmHg; the dent is {eye.dent_m * 1e3:.3f} mm "
-                   "deep, from the undented wall at that pressure")  # fmt: skip
+        resting, loaded = (from_si(pressure_pa, "mmhg") for pressure_pa in (study.eye.iop_pa, eye.pressure_pa))
+        click.echo(f"the pressure rises from {resting:.3g} to {loaded:.3g} mmHg; the dent is "
+                   f"{from_si(eye.dent_m, 'mm'):.3f} mm deep, from the undented wall at that pressure")  # fmt: skip
     if study.mechanics.kind == "linear" and eye.tip_m > eye.mesh.thickness_m:
         click.echo(f"that is {eye.tip_m / eye.mesh.thickness_m:.1f} times the wall's thickness: more than linear "
                    "mechanics describes")  # fmt: skip

@@ -10,6 +10,7 @@ import click
 from scleraforce.cli.main import fail
 from scleraforce.cli.output import progress_bar
 from scleraforce.errors import InputError
+from scleraforce.units import from_si, to_si
 
 if TYPE_CHECKING:
     from scleraforce.recording.scaled_frame import ScaledFrame, Scanner
@@ -54,8 +55,8 @@ def told_scanner(width_mm: float | None, depth_mm: float | None, refractive_inde
     from scleraforce.recording.scaled_frame import Scanner
 
     return Scanner(
-        width_m=None if width_mm is None else width_mm / 1e3,
-        depth_m=None if depth_mm is None else depth_mm / 1e3,
+        width_m=to_si(width_mm, "mm"),
+        depth_m=to_si(depth_mm, "mm"),
         refractive_index=refractive_index,
     )
 
@@ -89,8 +90,8 @@ def scale_entry(frame: "ScaledFrame") -> dict[str, Any]:
     """Return the scale that a frame was read with, and who states it, for JSON."""
     width, depth, index = frame.width_m, frame.depth_m, frame.refractive_index
     return {
-        "width_mm": {"value": width.value * 1e3, "source": width.source},
-        "depth_mm": {"value": depth.value * 1e3, "source": depth.source},
+        "width_mm": {"value": from_si(width.value, "mm"), "source": width.source},
+        "depth_mm": {"value": from_si(depth.value, "mm"), "source": depth.source},
         "refractive_index": {"value": index.value, "source": index.source},
     }
 
@@ -101,7 +102,7 @@ def size_words(frame: "ScaledFrame") -> str:
     Sources that are alike stand once: "15 x 4 mm (recording.toml), refractive index 1 (option)".
     """
     width, depth, index = frame.width_m, frame.depth_m, frame.refractive_index
-    mm = [f"{extent.value * 1e3:.4g}" for extent in (width, depth)]
+    mm = [f"{from_si(extent.value, 'mm'):.4g}" for extent in (width, depth)]
     sizes = (
         f"{mm[0]} x {mm[1]} mm ({width.source})"
         if width.source == depth.source

@@ -9,7 +9,7 @@ import click
 from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from scleraforce.learning.classifier.train import Trained
@@ -69,9 +69,9 @@ def _train_reader(library_path: Path, out: Path, search: bool, study_path: Path 
                 "kind": "reader",
                 "validation_accuracy": metrics.accuracy,
                 "validation_interval": metrics.interval,
-                "mae_mn": n_to_mn(metrics.mae_n),
+                "mae_mn": from_si(metrics.mae_n, "mn"),
                 "coverage": metrics.coverage,
-                "lateral_mae_mm": 1e3 * metrics.lateral_mae_m,
+                "lateral_mae_mm": from_si(metrics.lateral_mae_m, "mm"),
                 "epochs": trained.epochs,
                 "samples": trained.samples,
                 "seconds": seconds,
@@ -81,7 +81,8 @@ def _train_reader(library_path: Path, out: Path, search: bool, study_path: Path 
     low, high = metrics.interval
     click.echo(
         f"wrote {out}: {trained.epochs} epochs, {trained.samples} samples, {seconds:.1f} s\n"
-        f"validation: force {n_to_mn(metrics.mae_n):.2f} mN off, {metrics.coverage:.1%} within the 90 % interval\n"
+        f"validation: force {from_si(metrics.mae_n, 'mn'):.2f} mN off, {metrics.coverage:.1%} within the 90 % "
+        "interval\n"
         f"validation accuracy {metrics.accuracy:.2%} (95 % interval {low:.2%} to {high:.2%})"
     )
 

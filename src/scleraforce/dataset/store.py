@@ -22,7 +22,7 @@ from scleraforce.dataset.plan import DatasetPlan, unit_images
 from scleraforce.errors import DatasetError
 from scleraforce.stored_array import StoredArray
 from scleraforce.study import Study, format_study, parse_study, study_hash
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = [
     "Dataset",
@@ -165,8 +165,8 @@ def _impossible(name: str, values: NDArray[Any], study: Study) -> str | None:
     if name == "force_n":
         largest_n = max(group.max_force_n for group in study.dataset.group)
         if values.min() < 0.0 or values.max() > largest_n * (1.0 + SLACK):
-            found = f"{n_to_mn(values.min()):g} to {n_to_mn(values.max()):g} mN"
-            return f"{found}; its study asks for 0 to {n_to_mn(largest_n):g} mN"
+            found = f"{from_si(values.min(), 'mn'):g} to {from_si(values.max(), 'mn'):g} mN"
+            return f"{found}; its study asks for 0 to {from_si(largest_n, 'mn'):g} mN"
     return None
 
 

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
 from scleraforce.study.globe import RIGIDITY_LAWS, GlobeStudy
-from scleraforce.units import mmhg_to_pa
+from scleraforce.units import to_si
 
 __all__ = ["OPEN_GLOBE", "Globe", "sealed_globe", "study_globe"]
 
 Floats = NDArray[np.float64]
 Values = Floats | float
 
-SAME_SLOPE_PA = mmhg_to_pa(15.0)  # where a logarithmic law is as steep as the cube-root law of its k
+SAME_SLOPE_PA = to_si(15.0, "mmhg")  # where a logarithmic law is as steep as the cube-root law of its k
 
 
 @dataclass(frozen=True)

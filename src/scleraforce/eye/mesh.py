@@ -10,6 +10,7 @@ from scleraforce.errors import InputError
 from scleraforce.eye.locate import SurfaceLocator
 from scleraforce.eye.shapes import shape_values
 from scleraforce.eye.surface import QuadSurface, catmull_clark, half_cube, project_on_sphere
+from scleraforce.units import from_si
 
 __all__ = ["HexMesh", "build_mesh", "extrude_surface", "locate", "surface_weights"]
 
@@ -115,7 +116,7 @@ def extrude_surface(
         InputError: a wall thicker than half the radius, no layers, or another order.
     """
     if not 0.0 < thickness_m < 0.5 * radius_m:
-        raise InputError(f"thickness: {thickness_m * 1e3:g} mm; must be above 0 and below half the radius")
+        raise InputError(f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below half the radius")
     if order not in (1, 2) or layers < 1:
         raise InputError(f"mesh: order {order}, layers {layers}; must be order 1 or 2 and at least 1 layer")
     directions, quads = _quad_nodes(surface, order)

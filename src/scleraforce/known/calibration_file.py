@@ -15,6 +15,7 @@ from typing import Any
 from scleraforce.errors import CalibrationError
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.info import eye_id_fault
+from scleraforce.units import to_si
 from scleraforce.whole_files import KINDS, read_bytes, write_whole
 
 __all__ = [
@@ -138,7 +139,7 @@ def summary_of(file: CalibrationFile) -> CalibrationSummary:
     population, place = table_of(content, "population", name), f"{name}: population"
     return CalibrationSummary(
         eyes={eye: summary_of_eye(entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()},
-        population_mean_pa=1e6 * number_of(population, "mean_mpa", place, SOFTEST_MPA, STIFFEST_MPA, "MPa"),
+        population_mean_pa=to_si(number_of(population, "mean_mpa", place, SOFTEST_MPA, STIFFEST_MPA, "MPa"), "mpa"),
         population_sd_pa=_spread_pa(population, place),
         mechanics=content["mechanics"],
         path=name,
@@ -149,7 +150,7 @@ def summary_of(file: CalibrationFile) -> CalibrationSummary:
 def _spread_pa(population: Mapping[str, Any], place: str) -> float | None:
     if "sd_mpa" in population and population["sd_mpa"] is None:
         return None
-    return 1e6 * number_of(population, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa")
+    return to_si(number_of(population, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa"), "mpa")
 
 
 def parse_calibration_file(text: bytes, name: str) -> CalibrationFile:
@@ -190,10 +191,10 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
     if not isinstance(frames, list):
         raise CalibrationError(f"{place}.frames: expected a list of the frames that were used; {WRITER}")
     return EyeSummary(
-        mean_pa=1e6 * number_of(entry, "mean_mpa", place, SOFTEST_MPA, STIFFEST_MPA, "MPa"),
-        sd_pa=1e6 * number_of(entry, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa"),
+        mean_pa=to_si(number_of(entry, "mean_mpa", place, SOFTEST_MPA, STIFFEST_MPA, "MPa"), "mpa"),
+        sd_pa=to_si(number_of(entry, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa"), "mpa"),
         frames=tuple(_frame(frame, f"{place}.frames[{index}]") for index, frame in enumerate(frames)),
-        thickness_m=1e-6 * number_of(entry, "thickness_um", place, THINNEST_UM, THICKEST_UM, "um"),
+        thickness_m=to_si(number_of(entry, "thickness_um", place, THINNEST_UM, THICKEST_UM, "um"), "um"),
         status=text_of(entry, "status", place),
     )
 

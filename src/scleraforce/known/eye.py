@@ -6,8 +6,8 @@ from math import sqrt
 from scleraforce.known.calibration_file import CalibrationSummary
 from scleraforce.known.globe import KnownGlobe, known_globe
 from scleraforce.recording.info import EyeInfo, RecordingInfo
-from scleraforce.study import ReaderStudy
-from scleraforce.units import mmhg_to_pa
+from scleraforce.study import ReaderStudy, Sampled
+from scleraforce.units import HumanUnit, from_si
 
 __all__ = [
     "NOTHING_KNOWN",
@@ -151,8 +151,8 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
     modulus = calibrated_modulus(summary, eye)
     count = "1 eye" if len(summary.eyes) == 1 else f"{len(summary.eyes)} eyes"
     return (
-        f"{eye} {there} {summary.path}, which has {count} ({names}): read with the "
-        f"population's modulus, {modulus.mean_pa / 1e6:.3g} MPa +- {100 * modulus.relative_sd:.0f} %"
+        f"{eye} {there} {summary.path}, which has {count} ({names}): read with the population's "
+        f"modulus, {from_si(modulus.mean_pa, 'mpa'):.3g} MPa +- {from_si(modulus.relative_sd, 'percent'):.0f} %"
     )
 
 
@@ -169,17 +169,17 @@ def outside_training(known: Known, trained: ReaderStudy) -> str | None:
     'wall thickness 1000 µm, the model was trained on 380 to 900 µm'
     """
     modulus_pa = known.modulus.mean_pa if known.modulus else None
-    stated = (
-        ("Young's modulus", modulus_pa, trained.youngs_modulus_pa, 1e-6, "MPa"),
-        ("IOP", known.iop_pa, trained.iop_pa, 1 / mmhg_to_pa(1.0), "mmHg"),
-        ("wall thickness", known.thickness_m, trained.thickness_m, 1e6, "µm"),
-        ("gap between B-scan and needle axis", known.gap_m, trained.gap_m, 1e3, "mm"),
+    stated: tuple[tuple[str, float | None, Sampled, HumanUnit, str], ...] = (
+        ("Young's modulus", modulus_pa, trained.youngs_modulus_pa, "mpa", "MPa"),
+        ("IOP", known.iop_pa, trained.iop_pa, "mmhg", "mmHg"),
+        ("wall thickness", known.thickness_m, trained.thickness_m, "um", "µm"),
+        ("gap between B-scan and needle axis", known.gap_m, trained.gap_m, "mm", "mm"),
     )
-    for words, value, sampled, factor, unit in stated:
+    for words, value, sampled, unit, printed in stated:
         if value is None:
             continue
         low, high = sampled.bounds
         if not low * (1 - SLACK) <= value <= high * (1 + SLACK):
-            covered = f"{low * factor:.4g} to {high * factor:.4g} {unit}"
-            return f"{words} {value * factor:.4g} {unit}, the model was trained on {covered}"
+            covered = f"{from_si(low, unit):.4g} to {from_si(high, unit):.4g} {printed}"
+            return f"{words} {from_si(value, unit):.4g} {printed}, the model was trained on {covered}"
     return None

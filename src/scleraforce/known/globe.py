@@ -13,16 +13,15 @@ from numpy.typing import NDArray
 
 from scleraforce.eye.globe import Globe, sealed_globe
 from scleraforce.study.globe import RIGIDITY_LAWS
-from scleraforce.units import SI_PER_UNIT
+from scleraforce.units import to_si
 
 __all__ = ["OPEN", "UNKNOWN", "KnownGlobe", "known_globe", "normal_distribution"]
 
 Floats = NDArray[np.float64]
 Kind = Literal["open", "sealed", "unknown"]
 
-MMHG13_PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
-STIFFEST = 0.06 * MMHG13_PER_UL  # twice van der Werff's mean of enucleated human eyes
-SLACKEST = 0.005 * MMHG13_PER_UL  # of a sealed globe: a sixth of it
+STIFFEST = to_si(0.06, "mmhg13_per_ul")  # twice van der Werff's mean of enucleated human eyes
+SLACKEST = to_si(0.005, "mmhg13_per_ul")  # of a sealed globe: a sixth of it
 STATED_SPREAD = 1.15  # a stated rigidity is right to this factor
 
 
@@ -52,7 +51,7 @@ class KnownGlobe:
     def rigidity(self, score: Floats | float) -> Floats:
         """Return the rigidity k of normal scores, Pa^(1/3)/m^3.
 
-        >>> bool(np.isclose(UNKNOWN.rigidity(0.0), 0.03 * MMHG13_PER_UL))
+        >>> bool(np.isclose(UNKNOWN.rigidity(0.0), to_si(0.03, "mmhg13_per_ul")))
         True
         """
         return self.lowest + (self.highest - self.lowest) * normal_distribution(score)

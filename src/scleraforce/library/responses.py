@@ -22,6 +22,7 @@ from scleraforce.library.crossing import first_crossing
 from scleraforce.library.spline_weights import SplineWeights
 from scleraforce.library.splines import SUPPORT, CubicSpline, tensor_coefficients, values_and_slopes
 from scleraforce.mechanics.burst import burst_tension
+from scleraforce.units import HumanUnit, from_si
 
 __all__ = ["INNER", "OUTER", "Library", "Responses"]
 
@@ -89,7 +90,7 @@ class Library:
         if self.stiffness_atpd.shape != (len(self.polar_rad), *shape) or len(self.polar_rad) < SUPPORT:
             raise InputError(f"library: stiffness {self.stiffness_atpd.shape} does not fit {len(self.polar_rad)} "
                              f"polar angles (at least {SUPPORT}) and the axes {shape}")  # fmt: skip
-        _check("polar angle", np.asarray(self.contact_polar_rad), *self._ends(self.polar_rad), 180.0 / np.pi, "deg")
+        _check("polar angle", np.asarray(self.contact_polar_rad), *self._ends(self.polar_rad), "deg")
         for axis in (self.polar_rad, self.thickness_m, self.tension, self.tip_m):
             if not (np.diff(axis) > 0.0).all():
                 raise InputError("library: an axis that does not increase")
@@ -138,7 +139,7 @@ class Library:
             InputError: a sample lies outside the library.
         """
         walls = self._walls(thickness_m, iop_ratio)
-        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         return self._curves(walls, np.asarray(tip_m, dtype=np.float64))
 
     def forces(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
@@ -148,7 +149,7 @@ class Library:
             InputError: a sample lies outside the library.
         """
         walls = self._walls(thickness_m, iop_ratio)
-        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         rows, weights = self._states(walls, tip_m)
         ratios: Floats = (self._state_coefficients[rows] * weights).sum(axis=1)
         return ratios
@@ -160,7 +161,7 @@ class Library:
             InputError: a sample lies outside the library.
         """
         walls = self._walls(thickness_m, iop_ratio)
-        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         rows, weights = self._states(walls, tip_m)
         volumes: Floats = (self._weights.of_volume[rows] * weights).sum(axis=1)
         return volumes
@@ -171,8 +172,8 @@ class Library:
         Raises:
             InputError: a sample lies outside the library.
         """
-        _check("thickness", thickness_m, *self._ends(self.thickness_m), 1e6, "um")
-        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), 1e3, "mm")
+        _check("thickness", thickness_m, *self._ends(self.thickness_m), "um")
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
         d, of_d = self._splines[2].weights(self._inside(tip_m, self.tip_m))
         rows, weights = _products(t, of_t, d, of_d, len(self.tip_m))
@@ -206,13 +207,14 @@ class Library:
         return np.where(np.isnan(tips), self.tip_m[-1], tips)
 
     def _tips(self, walls: Walls, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
-        _check("F/E", force_ratio, 0.0, self.max_force_ratio, 1e6, "mm^2")
+        _check("F/E", force_ratio, 0.0, self.max_force_ratio, "mm2", "mm^2")
         tips = first_crossing(self.tip_m, *self._paths(walls), np.asarray(force_ratio))
         if np.isnan(tips).any():
             sample = int(np.argmax(np.isnan(tips)))
             raise InputError(
-                f"F/E: {force_ratio[sample] * 1e6:.4g} mm^2 dents a wall of {thickness_m[sample] * 1e6:.0f} um with "
-                f"IOP/E {iop_ratio[sample]:.3g} by more than the library's {self.tip_m[-1] * 1e3:g} mm"
+                f"F/E: {from_si(force_ratio[sample], 'mm2'):.4g} mm^2 dents a wall of "
+                f"{from_si(thickness_m[sample], 'um'):.0f} um with "
+                f"IOP/E {iop_ratio[sample]:.3g} by more than the library's {from_si(self.tip_m[-1], 'mm'):g} mm"
             )
         return tips
 
@@ -300,7 +302,7 @@ class Library:
 
     def _walls(self, thickness_m: Floats, iop_ratio: Floats) -> Walls:
         """Return where walls stand between those of the library, after a check that they do."""
-        _check("thickness", thickness_m, *self._ends(self.thickness_m), 1e6, "um")
+        _check("thickness", thickness_m, *self._ends(self.thickness_m), "um")
         tension = self._tension(thickness_m, iop_ratio)
         self._check_tension(tension, thickness_m)
         t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
@@ -320,7 +322,7 @@ class Library:
         )
         raise InputError(
             f"IOP/E: {tension[worst] * thickness / self.radius_m:.4g} is outside the library's range for a wall of "
-            f"{thickness * 1e6:.0f} um, {low:.3g} to {high:.3g}; it bursts at {burst:.3g}"
+            f"{from_si(thickness, 'um'):.0f} um, {low:.3g} to {high:.3g}; it bursts at {burst:.3g}"
         )
 
     def _tension(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
@@ -346,13 +348,13 @@ def _products(
     return rows.reshape(len(first), SUPPORT**2), weights.reshape(len(first), SUPPORT**2)
 
 
-def _check(name: str, values: Floats, low: float, high: float, factor: float, unit: str) -> None:
-    """Check that all values lie in a range; the message gives them in `unit`s, `factor` of them in one SI unit."""
+def _check(name: str, values: Floats, low: float, high: float, unit: HumanUnit, printed: str = "") -> None:
+    """Check that all values lie in a range; the message gives them in `unit`s, by another name where `printed`."""
     values = np.asarray(values)
     outside = ~((values >= low - SLACK * high) & (values <= high * (1.0 + SLACK)))  # NaN is outside, too
     if outside.any():
-        found = float(values[outside].flat[0])
+        found = from_si(float(values[outside].flat[0]), unit)
         raise InputError(
-            f"{name}: {found * factor:.4g} {unit}".rstrip()
-            + f" is outside the library's range, {low * factor:.4g} to {high * factor:.4g} {unit}".rstrip()
+            f"{name}: {found:.4g} {printed or unit} is outside the library's range, "
+            f"{from_si(low, unit):.4g} to {from_si(high, unit):.4g} {printed or unit}"
         )

@@ -11,7 +11,7 @@ __all__ = ["iop_ratio_under_force"]
 
 Floats = NDArray[np.float64]
 
-TOLERANCES = {"xatol": 1e-7, "fatol": 0.0}  # of the logarithm of the pressure
+TOLERANCE = 1e-7  # of the logarithm of the pressure
 
 
 def iop_ratio_under_force(
@@ -47,6 +47,6 @@ def iop_ratio_under_force(
     within = missing(high, thickness, resting, force, rate) > 0.0
     found[sealed] = np.exp(high)
     args = tuple(values[within] for values in (thickness, resting, force, rate))
-    root = elementwise.find_root(missing, (low[within], high[within]), args=args, tolerances=TOLERANCES)
+    root = elementwise.find_root(missing, (low[within], high[within]), args=args, tolerances={"xatol": TOLERANCE, "fatol": 0.0})
     found[sealed[within]] = np.exp(root.x)
     return found

@@ -16,6 +16,7 @@ from scleraforce.errors import InputError, SolverError
 from scleraforce.eye.globe import OPEN_GLOBE, Globe
 from scleraforce.mechanics.equilibrium import Balance, Dent, Equilibrium, solve_balance
 from scleraforce.mechanics.sealed_dent import SealedDent
+from scleraforce.units import from_si
 
 __all__ = ["PathStates", "pressurise", "trace"]
 
@@ -175,7 +176,9 @@ class _Walk:
     def _shorten(self, tip_m: float, fault: SolverError) -> None:
         self.step_m = 0.5 * (tip_m - self.tip_m)
         if self.step_m < self.shortest_m:
-            reached = f"a dent of {1e3 * self.tip_m:.4g} mm, F/E = {1e6 * self.history[-1][1]:.4g} mm^2"
+            reached = (
+                f"a dent of {from_si(self.tip_m, 'mm'):.4g} mm, F/E = {from_si(self.history[-1][1], 'mm2'):.4g} mm^2"
+            )
             raise SolverError(f"load path: no equilibrium found beyond {reached}; {self.control.remedy}") from fault
 
     def _extrapolated(self, tip_m: float) -> Floats:

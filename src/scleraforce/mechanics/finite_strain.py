@@ -27,7 +27,7 @@ from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
 from scleraforce.mechanics.pressure import InnerSurface
 from scleraforce.mechanics.springs import Springs
 from scleraforce.mechanics.supports import clamped_base
-from scleraforce.units import STANDARD_GRAVITY_M_S2
+from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
 __all__ = ["LARGEST_STEP_M", "FiniteWall", "LoadPath"]
 
@@ -71,8 +71,8 @@ class LoadPath:
         """
         if not 0.0 <= force_n <= self.max_force_n:
             raise InputError(
-                f"force: {force_n * 1e3:g} mN; this load path carries 0 to {self.max_force_n * 1e3:g} mN, up to a dent "
-                f"of {self.tips_m[-1] * 1e3:.3g} mm"
+                f"force: {from_si(force_n, 'mn'):g} mN; this load path carries 0 to "
+                f"{from_si(self.max_force_n, 'mn'):g} mN, up to a dent of {from_si(self.tips_m[-1], 'mm'):.3g} mm"
             )
         if force_n == 0.0:
             return 0.0
@@ -121,7 +121,9 @@ class LoadPath:
 
     def _weights(self, tip_m: float) -> Floats:
         if not 0.0 <= tip_m <= self.tips_m[-1]:
-            raise InputError(f"tip: {tip_m * 1e3:g} mm; this load path goes from 0 to {self.tips_m[-1] * 1e3:g} mm")
+            raise InputError(
+                f"tip: {from_si(tip_m, 'mm'):g} mm; this load path goes from 0 to {from_si(self.tips_m[-1], 'mm'):g} mm"
+            )
         weights: Floats = self._basis(tip_m)
         return weights
 

@@ -22,6 +22,7 @@ from scleraforce.monitor.rate import risen_force
 from scleraforce.monitor.soundness import harm, lag_of, of_scale, sound_pixels, touches, unsound, upper_end
 from scleraforce.monitor.state import MonitorState, remember
 from scleraforce.monitor.transitions import TRANSITIONS, Signal, State
+from scleraforce.units import from_si
 
 __all__ = ["Decision", "decide"]
 
@@ -86,12 +87,12 @@ def _clock(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> _
     if not isfinite(event.at_s):
         return _alarm(Cause.NO_NUMBER, f"the time of an event is {event.at_s}")
     if state.at_s is not None and event.at_s < state.at_s:
-        return _alarm(Cause.OUT_OF_ORDER, f"time went back by {(state.at_s - event.at_s) * 1e3:.1f} ms")
+        return _alarm(Cause.OUT_OF_ORDER, f"time went back by {from_si(state.at_s - event.at_s, 'ms'):.1f} ms")
     silent_s = event.at_s - state.frame.at_s if state.frame else 0.0
     if state.state is not State.NOT_READY and not silent_s < limits.silence_s:
         if state.state is State.WITHDRAW and isinstance(event, Reset):
             return None  # refused, with its reason
-        return _alarm(Cause.SILENCE, f"no frame for {limits.silence_s * 1e3:.0f} ms")
+        return _alarm(Cause.SILENCE, f"no frame for {from_si(limits.silence_s, 'ms'):.0f} ms")
     return None
 
 
@@ -100,7 +101,7 @@ def _waiting(now: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> _
     waited_s = _waited(now, event.at_s)
     if now.state is State.NOT_READY or waited_s < limits.opinion_s or isinstance(event, Reset):
         return None  # a reset is refused, with its reason
-    return _alarm(Cause.NO_OPINION, f"no second opinion for {limits.opinion_s * 1e3:.0f} ms")
+    return _alarm(Cause.NO_OPINION, f"no second opinion for {from_si(limits.opinion_s, 'ms'):.0f} ms")
 
 
 def _meaning(before: MonitorState, now: MonitorState, event: MonitorEvent, limits: MonitorLimits) -> _Finding:
@@ -149,7 +150,7 @@ def _stale(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Findi
     if lag_s is None or now.least_lag is None:
         return None
     late_s = lag_s - now.least_lag[1]
-    return None if late_s < limits.lag_s else _alarm(Cause.STALE, f"the frame is {late_s * 1e3:.0f} ms late")
+    return None if late_s < limits.lag_s else _alarm(Cause.STALE, f"the frame is {from_si(late_s, 'ms'):.0f} ms late")
 
 
 def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding:
@@ -166,7 +167,7 @@ def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Fin
     if upper_n is not None and frame.force_n is not None:
         risen_n = risen_force(now.history, limits.reaction_s, limits.rate_deviations, limits.rate_frames)
         if risen_n is not None and risen_n + upper_n - frame.force_n >= limits.bound_n:
-            return _alarm(Cause.RISING, f"the bound is reached within {limits.reaction_s * 1e3:.0f} ms")
+            return _alarm(Cause.RISING, f"the bound is reached within {from_si(limits.reaction_s, 'ms'):.0f} ms")
     doubt = _doubt(now, frame.at_s, limits)
     if doubt:
         return _Finding(Signal.TOLERATED if now.touched else Signal.UNJUDGED, doubt)
@@ -278,7 +279,7 @@ def _decision(state: MonitorState, finding: _Finding) -> Decision:
     if state.frame is not None and state.frame.usable:
         words.append(f"class {state.frame.predicted}")
         if state.frame.force_n is not None:
-            words.append(f"{state.frame.force_n * 1e3:.1f} mN")
+            words.append(f"{from_si(state.frame.force_n, 'mn'):.1f} mN")
     if finding.reason and finding.reason not in words:
         words.append(finding.reason)
     return Decision(

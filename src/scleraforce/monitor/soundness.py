@@ -5,6 +5,7 @@ from math import isfinite
 from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.events import FrameRead, SecondOpinion
 from scleraforce.monitor.limits import MonitorLimits
+from scleraforce.units import from_si
 
 __all__ = ["harm", "lag_of", "of_scale", "sound_pixels", "touches", "unsound", "upper_end"]
 
@@ -36,7 +37,8 @@ def harm(reading: Reading, limits: MonitorLimits) -> tuple[Cause, str] | None:
         return Cause.DANGEROUS_CLASS, f"class {reading.predicted}"
     upper_n = upper_end(reading)
     if upper_n is not None and upper_n >= limits.bound_n:
-        return Cause.BOUND, f"up to {upper_n * 1e3:.1f} mN, the bound is {limits.bound_n * 1e3:.1f} mN"
+        upper_mn, bound_mn = from_si(upper_n, "mn"), from_si(limits.bound_n, "mn")
+        return Cause.BOUND, f"up to {upper_mn:.1f} mN, the bound is {bound_mn:.1f} mN"
     return None
 
 

@@ -16,6 +16,7 @@ from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.units import from_si
 
 __all__ = ["Evaluation", "FrameAnswer", "evaluate_recordings"]
 
@@ -100,7 +101,7 @@ def _notes(
     if summary is not None and reader.fixed_modulus_pa is not None:
         yield (
             f"{reader.path}: a classifier reads every eye with the modulus it was trained for, "
-            f"{reader.fixed_modulus_pa / 1e6:.3g} MPa; {summary.path} only marks frames"
+            f"{from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa; {summary.path} only marks frames"
         )
     for path, recording in zip(paths, recordings, strict=True):
         yield from _limits(reader, path, recording)

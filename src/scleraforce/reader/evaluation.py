@@ -17,7 +17,7 @@ from scleraforce.reader.metrics import (
     precision,
     recall,
 )
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["Evaluation", "FrameAnswer"]
 
@@ -63,26 +63,22 @@ class FrameAnswer:
             "recording": self.recording,
             "eye": self.eye,
             "file": self.file,
-            "measured_force_mn": _times(self.measured_force_n, 1e3),
+            "measured_force_mn": from_si(self.measured_force_n, "mn"),
             "target": self.target,
             "predicted": self.predicted,
             "probabilities": self.probabilities,
-            "predicted_force_mn": _times(self.predicted_force_n, 1e3),
-            "interval_mn": None if self.interval_n is None else [n_to_mn(end) for end in self.interval_n],
-            "contact_mm": _times(self.contact_m, 1e3),
+            "predicted_force_mn": from_si(self.predicted_force_n, "mn"),
+            "interval_mn": None if self.interval_n is None else [from_si(end, "mn") for end in self.interval_n],
+            "contact_mm": from_si(self.contact_m, "mm"),
             "usable": self.usable,
             "reason": self.reason,
             "warnings": self.warnings,
             "can_calibrate": self.can_calibrate,
             "calibration": self.calibration,
             "excluded": self.excluded,
-            "youngs_modulus_mpa": _times(self.youngs_modulus_pa, 1e-6),
+            "youngs_modulus_mpa": from_si(self.youngs_modulus_pa, "mpa"),
             "modulus_source": self.modulus_source,
         }
-
-
-def _times(value: float | None, factor: float) -> float | None:
-    return None if value is None else value * factor
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,7 +158,7 @@ class Evaluation:
             "model": self.model,
             "kind": self.kind,
             **self._metrics(),
-            "mae_mn": n_to_mn(self.mae_n),
+            "mae_mn": from_si(self.mae_n, "mn"),
             "coverage": self.coverage.value,
             "coverage_interval": self.coverage.interval,
             "usable": self.usable._metrics(),

@@ -22,7 +22,7 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import segmented_boundaries, surface
 from scleraforce.study import Study
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["SHIFTS", "WIDEST_N", "ForceReader", "SliceNetwork"]
 
@@ -176,7 +176,7 @@ class ForceReader:
             return unusable(
                 self.classes,
                 "the dent leaves the window of the slice, and its flanks leave the force open by "
-                f"{n_to_mn(reading.width_n):.0f} mN",
+                f"{from_si(reading.width_n, 'mn'):.0f} mN",
             )
         return Answer(
             predicted=reading.predicted,

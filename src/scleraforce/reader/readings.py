@@ -5,7 +5,7 @@ from math import hypot, isfinite
 
 from scleraforce.fitting.fit_prediction import LATERAL
 from scleraforce.fitting.library_fit import BoundaryFit
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["METHODS", "Reading", "disagreement", "fit_reading"]
 
@@ -75,6 +75,6 @@ def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str
     if high.force_n - low.force_n <= together:
         return None
     return (
-        f"the {names[0]} reads {n_to_mn(answer.force_n):.1f} mN, the {names[1]} {n_to_mn(check.force_n):.1f} mN: "
-        "more apart than their intervals allow"
+        f"the {names[0]} reads {from_si(answer.force_n, 'mn'):.1f} mN, "
+        f"the {names[1]} {from_si(check.force_n, 'mn'):.1f} mN: more apart than their intervals allow"
     )

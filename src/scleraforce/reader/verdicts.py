@@ -8,6 +8,7 @@ from scleraforce.fitting.library_fit import BoundaryFit, Prior
 from scleraforce.reader.readings import Reading
 from scleraforce.segmentation.wall import Segmentation
 from scleraforce.study import ReaderStudy, SliceStudy
+from scleraforce.units import from_si
 
 __all__ = ["allows_calibration", "contact_outside", "dent_leaves", "fit_leaves", "no_wall_of_an_eye", "too_little_wall"]
 
@@ -68,7 +69,9 @@ def too_little_wall(
     extent_m = float(seen[-1] - seen[0]) if len(seen) else 0.0
     if extent_m >= LEAST_WALL_SHARE * width_m:
         return None
-    return f"{extent_m * 1e3:.1f} mm of the wall are seen, not {LEAST_WALL_SHARE * width_m * 1e3:.1f} mm"
+    return (
+        f"{from_si(extent_m, 'mm'):.1f} mm of the wall are seen, not {from_si(LEAST_WALL_SHARE * width_m, 'mm'):.1f} mm"
+    )
 
 
 def contact_outside(reading: Reading, trained: ReaderStudy) -> str | None:
@@ -82,8 +85,10 @@ def contact_outside(reading: Reading, trained: ReaderStudy) -> str | None:
     slack_m = CONTACT_SLACK_M + CONTACT_SD * reading.contact_sd_m
     if low_m - slack_m <= reading.contact_m <= high_m + slack_m:
         return None
-    covered = f"{low_m * 1e3:.4g} to {high_m * 1e3:.4g} mm"
-    return f"contact {reading.contact_m * 1e3:.1f} mm from the frame's middle, the model was trained on {covered}"
+    covered = f"{from_si(low_m, 'mm'):.4g} to {from_si(high_m, 'mm'):.4g} mm"
+    return (
+        f"contact {from_si(reading.contact_m, 'mm'):.1f} mm from the frame's middle, the model was trained on {covered}"
+    )
 
 
 def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
@@ -97,7 +102,7 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
         prior: what was known before it.
     """
     if not fit.misfit_m <= MISFIT_M:
-        return f"not the wall of an eye: {fit.misfit_m * 1e6:.0f} µm off the nearest that is known"
+        return f"not the wall of an eye: {from_si(fit.misfit_m, 'um'):.0f} µm off the nearest that is known"
     if not fit.outliers <= (OUTLIERS if fit.misfit_m <= ROUGH_M else ROUGH_OUTLIERS):
         return f"not the wall of an eye: {fit.outliers:.0%} of the columns are far off the nearest that is known"
     away = np.abs(fit.unknown - prior.mean) / prior.sd
@@ -106,7 +111,9 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
     shown_m, stated_m = float(fit.unknown[THICKNESS] + fit.unknown[INNER_OFFSET]), float(prior.mean[THICKNESS])
     slack_m = DEVIATION_SD * float(prior.sd[THICKNESS])
     if not -THINNER_M - slack_m <= shown_m - stated_m <= THICKER_M + slack_m:
-        return f"the wall looks {shown_m * 1e6:.0f} µm thick, not {stated_m * 1e6:.0f} µm as it should"
+        return (
+            f"the wall looks {from_si(shown_m, 'um'):.0f} µm thick, not {from_si(stated_m, 'um'):.0f} µm as it should"
+        )
     return None
 
 

@@ -16,7 +16,7 @@ from scleraforce.recording.info import ForceInfo
 from scleraforce.recording.labels import contact_force
 from scleraforce.recording.tables import ForceLog
 from scleraforce.study import ClassesStudy
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["axis_doubt", "log_doubts"]
 
@@ -103,8 +103,9 @@ def axis_doubt(recording: Recording, classes: ClassesStudy) -> str | None:
     if peaks_n[largest] <= CROSS_FORCE * max(peaks_n[info.axis], classes.bounds_n[0]):
         return None
     return (
-        f"forces.csv has up to {n_to_mn(peaks_n[largest]):.1f} mN along {largest} under the frames, but "
-        f"{n_to_mn(peaks_n[info.axis]):.1f} mN along {info.axis}: check [force] axis, which is that along the needle"
+        f"forces.csv has up to {from_si(peaks_n[largest], 'mn'):.1f} mN along {largest} under the frames, but "
+        f"{from_si(peaks_n[info.axis], 'mn'):.1f} mN along {info.axis}: check [force] axis, which is that "
+        "along the needle"
     )
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.pixels import FrameImage, check_size, grey_pixels, inverted, jpeg_size, unpacked_bytes
+from scleraforce.units import to_si
 
 if TYPE_CHECKING:
     import pydicom
@@ -114,5 +115,5 @@ def _spacing(dataset: "pydicom.Dataset") -> tuple[float | None, float | None]:
         for name in ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing"):
             spacing = place.get(name, None)
             if spacing is not None and len(spacing) == 2 and min(float(value) for value in spacing) > 0.0:
-                return float(spacing[0]) * 1e-3, float(spacing[1]) * 1e-3
+                return to_si(float(spacing[0]), "mm"), to_si(float(spacing[1]), "mm")
     return None, None

@@ -16,7 +16,7 @@ from scleraforce.recording.files import Recording
 from scleraforce.recording.info import ForceInfo
 from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ, ForceLog, FrameEntry
 from scleraforce.study import ClassesStudy
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["CUTOFF_HZ", "Trial", "contact_force", "first_contact", "label_frames", "low_pass"]
 
@@ -98,7 +98,7 @@ def _check_unit(recording: Recording, raw_n: Samples, labels_n: Sequence[float],
     if abs(labels_n[peak]) > largest_n:
         found = f"{abs(labels_n[peak]):.4g} N under {recording.frames[peak].file}, more than {largest_n:.4g} N"
     elif noise_n > LARGEST_NOISE_N:
-        found = f"a noise of {noise_n:.2g} N, more than the {n_to_mn(LARGEST_NOISE_N):g} mN of a coarse sensor"
+        found = f"a noise of {noise_n:.2g} N, more than the {from_si(LARGEST_NOISE_N, 'mn'):g} mN of a coarse sensor"
     else:
         return
     axis = "" if recording.info.force is None else f": {recording.info.force.axis}_n"
@@ -113,12 +113,12 @@ def _trial(
 ) -> Trial:
     if force_n < -classes.bounds_n[0] and not frame.pierced:
         raise RecordingError(
-            f"{recording.path / 'forces.csv'}: the needle would pull with {-force_n * 1e3:.1f} mN at the time of "
-            f"{frame.file}, {frame.time_s:g} s; check contact_sign, and that the log starts before the first contact"
+            f"{recording.path / 'forces.csv'}: the needle would pull with {-from_si(force_n, 'mn'):.1f} mN at the time "
+            f"of {frame.file}, {frame.time_s:g} s; check contact_sign, and that the log starts before the first contact"
         )
     excluded = "pierced" if frame.pierced else None
     if max_force_n is not None and force_n > max_force_n:
-        excluded = excluded or f"above the largest force of the study, {max_force_n * 1e3:g} mN"
+        excluded = excluded or f"above the largest force of the study, {from_si(max_force_n, 'mn'):g} mN"
     return Trial(
         file=frame.file,
         time_s=frame.time_s,

@@ -9,6 +9,7 @@ from scleraforce.recording.files import read_info
 from scleraforce.recording.images import Pixels, check_frame, read_frame_image
 from scleraforce.recording.info import RecordingInfo
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.units import from_si
 
 __all__ = ["LARGEST_M", "LEAST_M", "ScaledFrame", "Scanner", "Sourced", "read_scaled_frame", "recording_of"]
 
@@ -109,5 +110,6 @@ def _scanner(info: RecordingInfo | None) -> Scanner:
 def _check_extent(path: Path, word: str, option: str, extent: Sourced) -> None:
     if not LEAST_M <= extent.value <= LARGEST_M:
         raise FrameError(
-            f"{path}: {extent.value * 1e3:.4g} mm {word} ({extent.source}); no B-scan is: tell its size with {option}"
+            f"{path}: {from_si(extent.value, 'mm'):.4g} mm {word} ({extent.source}); no B-scan is: tell its size "
+            f"with {option}"
         )

@@ -20,6 +20,7 @@ from scleraforce.recording.files import Recording
 from scleraforce.recording.images import Pixels
 from scleraforce.replay.player import median_interval_s
 from scleraforce.replay.scanner_client import Unstamped, frame_message, image_matrix
+from scleraforce.units import from_si
 
 __all__ = ["BOUND_N", "FLOOD", "WITHIN_S", "Act", "Prepared", "Sending", "prepare"]
 
@@ -129,7 +130,9 @@ class _Stage:
             raise InputError(f"{self.recording.path}: no force at its frames; add truth.json or forces.csv")
         forces_n = np.asarray(self._forces_n)
         if not forces_n.max() >= least_n:
-            found = f"forces up to {forces_n.max() * 1e3:.1f} mN; this fault needs {least_n * 1e3:g} mN"
+            found = (
+                f"forces up to {from_si(forces_n.max(), 'mn'):.1f} mN; this fault needs {from_si(least_n, 'mn'):g} mN"
+            )
             raise InputError(f"{self.recording.path}: {found}: choose another recording")
         return forces_n
 

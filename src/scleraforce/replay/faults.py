@@ -14,6 +14,7 @@ from scleraforce.replay.answer_log import Change
 from scleraforce.replay.fault_acts import BOUND_N, FLOOD, WITHIN_S, Act, Prepared, Sending
 from scleraforce.replay.player import STATED_S, Player, median_interval_s
 from scleraforce.replay.scanner_client import Unstamped
+from scleraforce.units import from_si
 
 __all__ = ["FAULTS", "Fault", "FaultReport", "draw_fault_time", "inject"]
 
@@ -96,8 +97,8 @@ def draw_fault_time(recording: Recording, forces_n: Sequence[float], rng: np.ran
     ]
     if not possible:
         raise InputError(
-            f"{recording.path}: no room for a fault: {WITHIN_S:g} s between contact ({CONTACT_N * 1e3:g} mN) and "
-            f"{HARMLESS_N * 1e3:g} mN are needed; use a slower ramp, or --fault-at-s"
+            f"{recording.path}: no room for a fault: {WITHIN_S:g} s between contact ({from_si(CONTACT_N, 'mn'):g} mN) "
+            f"and {from_si(HARMLESS_N, 'mn'):g} mN are needed; use a slower ramp, or --fault-at-s"
         )
     return float(frames_s[rng.choice(possible)])
 

@@ -11,6 +11,7 @@ from scleraforce.openigtlink import Broken, Decoder, Image, Message, Received, e
 from scleraforce.recording.images import Pixels
 from scleraforce.recording.info import OctInfo
 from scleraforce.service.stamp import stamp_time, stamped_s
+from scleraforce.units import from_si
 
 __all__ = ["SCANNER_DEVICE", "ScannerClient", "Unstamped", "frame_message", "image_matrix"]
 
@@ -18,7 +19,6 @@ SCANNER_DEVICE = "Scanner"
 CONNECT_S = 5.0
 STALL_S = 5.0  # a monitor that takes no bytes for this long counts as hung
 LAST_BYTES = 4096
-MM_PER_M = 1e3
 
 Hear = Callable[[float, str, Message], object]
 
@@ -39,7 +39,7 @@ class Unstamped:
     @property
     def frame_id(self) -> int:
         """The monitor's id of the frame: the message id, or without one the time in microseconds."""
-        return self._message_id or int(stamped_s(self._bytes) * 1e6)
+        return self._message_id or int(from_si(stamped_s(self._bytes), "us"))
 
 
 def frame_message(
@@ -51,8 +51,8 @@ def frame_message(
 
 def image_matrix(oct_info: OctInfo) -> tuple[float, ...]:
     """Return the matrix of an IMAGE: the steps to the next column, row and slice in mm, then the centre, at 0."""
-    lateral_mm = oct_info.width_m / oct_info.columns * MM_PER_M
-    depth_mm = oct_info.depth_m / oct_info.rows * MM_PER_M
+    lateral_mm = from_si(oct_info.width_m / oct_info.columns, "mm")
+    depth_mm = from_si(oct_info.depth_m / oct_info.rows, "mm")
     return (lateral_mm, 0.0, 0.0, 0.0, depth_mm, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 

@@ -15,7 +15,7 @@ from scleraforce.calibration.placement import BY_POLAR, place_section
 from scleraforce.report.html import Html, table
 from scleraforce.report.style import BLACK, BLUE, GREY, RED, SCAN_COLOURS, inches, styled
 from scleraforce.report.tables import NOTHING
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = [
     "draw_calibration",
@@ -25,7 +25,6 @@ __all__ = [
     "modulus_table",
 ]
 
-MM, MPA = 1e3, 1e-6
 PAPER_TABLE_2 = ((0.27, 4.7e-3), (0.22, 6.7e-3), (0.24, 3.9e-3), (0.29, 4.9e-3))  # mean, sd in MPa
 EYES_IN_A_ROW = 3
 
@@ -44,7 +43,7 @@ def draw_modulus_over_frames(eye: EyeCalibration, truth_pa: float | None = None)
     whole.set_title("from the prior on")
     _draw_over_frames(close, eye, truth_pa)
     close.set_title("the same, from the first frame on")
-    ends = [MPA * (f.mean_pa + sign * 3 * f.sd_pa) for f in eye.used for sign in (-1, 1)]
+    ends = [from_si(f.mean_pa + sign * 3 * f.sd_pa, "mpa") for f in eye.used for sign in (-1, 1)]
     close.set_xlim(1, max(len(eye.used), 2))
     close.set_ylim(min(ends), max(ends))
     close.get_legend().remove()
@@ -77,11 +76,11 @@ def draw_observed_points(
     """
     figure = Figure(figsize=inches(170, 52))
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    extent = (-width_m / 2 * MM, width_m / 2 * MM, depth_m * MM, 0.0)
+    extent = (from_si(-width_m / 2, "mm"), from_si(width_m / 2, "mm"), from_si(depth_m, "mm"), 0.0)
     for axes, (title, modulus_pa) in zip(panels, _first_and_last(eye), strict=True):
         axes.imshow(frame, cmap=SCAN_COLOURS, aspect="auto", extent=extent)
         _draw_points(axes, eye, eye.steps[index], modulus_pa)
-        axes.set_title(f"{title}: E = {modulus_pa * MPA:.2f} MPa")
+        axes.set_title(f"{title}: E = {from_si(modulus_pa, 'mpa'):.2f} MPa")
         axes.set_xlabel("lateral [mm]")
         axes.set_xlim(extent[:2])
         axes.set_ylim(extent[2:])
@@ -106,9 +105,9 @@ def draw_calibration(calibration: Calibration) -> Figure:
         above.set_visible(True)
         below.set_visible(True)
         _draw_over_frames(above, eye, None)
-        above.set_title(f"{eye.id}: {eye.mean_pa * MPA:.3f} MPa, sd {eye.sd_pa * MPA:.4f} MPa")
+        above.set_title(f"{eye.id}: {from_si(eye.mean_pa, 'mpa'):.3f} MPa, sd {from_si(eye.sd_pa, 'mpa'):.4f} MPa")
         _draw_by_force(below, eye, BLUE, "o")
-        below.axhline(eye.mean_pa * MPA, color=RED, linewidth=0.8)
+        below.axhline(from_si(eye.mean_pa, "mpa"), color=RED, linewidth=0.8)
     return figure
 
 
@@ -132,31 +131,33 @@ def modulus_table(calibration: Calibration, truth_pa: Mapping[str, float] | None
     rows: list[list[object]] = []
     for place, (name, eye) in enumerate(calibration.eyes.items()):
         paper = PAPER_TABLE_2[place] if place < len(PAPER_TABLE_2) else None
-        row: list[object] = [name, f"{eye.mean_pa * MPA:.3f}", f"{eye.sd_pa * MPA:.4f}", eye.state.posterior.updates]
+        mean, sd = f"{from_si(eye.mean_pa, 'mpa'):.3f}", f"{from_si(eye.sd_pa, 'mpa'):.4f}"
+        row: list[object] = [name, mean, sd, eye.state.posterior.updates]
         row += [f"{paper[0]:.2f}", f"{paper[1]:.4f}"] if paper else [NOTHING, NOTHING]
         if truth_pa:
-            row.append(f"{truth_pa[name] * MPA:.3f}" if name in truth_pa else NOTHING)
+            row.append(f"{from_si(truth_pa[name], 'mpa'):.3f}" if name in truth_pa else NOTHING)
         rows.append(row)
     mean_pa, sd_pa = calibration.population
-    spread = NOTHING if sd_pa is None else f"{sd_pa * MPA:.4f}"
-    mean_row: list[object] = ["mean, spread", f"{mean_pa * MPA:.3f}", spread, "", "0.25", "0.0311"]
+    spread = NOTHING if sd_pa is None else f"{from_si(sd_pa, 'mpa'):.4f}"
+    mean_row: list[object] = ["mean, spread", f"{from_si(mean_pa, 'mpa'):.3f}", spread, "", "0.25", "0.0311"]
     rows.append([*mean_row, *([""] * bool(truth_pa))])
     return table(head, rows, "Table 2: Young's modulus of each eye; last row: mean and spread of the means.")
 
 
 def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -> None:
-    mean = MPA * np.array([frame.mean_pa for frame in eye.used])
-    sd = MPA * np.array([frame.sd_pa for frame in eye.used])
+    mean = from_si(np.array([frame.mean_pa for frame in eye.used]), "mpa")
+    sd = from_si(np.array([frame.sd_pa for frame in eye.used]), "mpa")
     if eye.filter is not None:
         study = eye.filter.study
-        mean, sd = np.append(study.prior_mean_pa * MPA, mean), np.append(study.prior_sd_pa * MPA, sd)
+        mean = np.append(from_si(study.prior_mean_pa, "mpa"), mean)
+        sd = np.append(from_si(study.prior_sd_pa, "mpa"), sd)
     first = 0 if eye.filter is not None else 1
     count = np.arange(first, first + len(mean))
     axes.fill_between(count, mean - 2 * sd, mean + 2 * sd, color=BLUE, alpha=0.15, linewidth=0)
     axes.fill_between(count, mean - sd, mean + sd, color=BLUE, alpha=0.3, linewidth=0, label="one and two sd")
     axes.plot(count, mean, "o-", color=BLUE, markersize=2.5, label="mean")
     if truth_pa is not None:
-        axes.axhline(truth_pa * MPA, color=RED, linestyle="--", linewidth=0.8, label="true")
+        axes.axhline(from_si(truth_pa, "mpa"), color=RED, linestyle="--", linewidth=0.8, label="true")
     axes.set_ylim(0.0, 1.05 * float((mean + 2 * sd).max()))
     axes.set_xlabel("frames")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -165,7 +166,9 @@ def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -
 
 
 def _draw_by_force(axes: Axes, eye: EyeCalibration, colour: str, marker: str) -> None:
-    alone = [(n_to_mn(f.force_n), f.own_modulus_pa * MPA) for f in eye.used if f.own_modulus_pa is not None]
+    alone = [
+        (from_si(f.force_n, "mn"), from_si(f.own_modulus_pa, "mpa")) for f in eye.used if f.own_modulus_pa is not None
+    ]
     if alone:
         axes.plot(*zip(*alone, strict=True), marker, color=colour, markersize=3.5, label=f"{eye.id}, each frame alone")
     axes.set_xlabel("force [mN]")
@@ -187,7 +190,7 @@ def _draw_points(axes: Axes, eye: EyeCalibration, step: FrameStep, modulus_pa: f
     model, polar_rad = eye.filter.model, float(step.registered.nuisance[BY_POLAR])
     curves = model.curves([stated_wall(model.constants, modulus_pa, step.force_n, polar_rad)])[0]
     for curve in place_section(curves, step.registered.nuisance):
-        axes.plot(MM * curve[:, 0], MM * curve[:, 1], color=RED, linewidth=0.5, scalex=False, scaley=False)
-    lateral_mm = MM * step.observation.lateral_m
-    axes.plot(lateral_mm, MM * step.observation.depth_m, "o", color="#F0E442", markersize=4.5, label="observed")
-    axes.plot(lateral_mm, MM * depth_m, "o", color=RED, markersize=2.5, label="predicted")
+        axes.plot(*from_si(curve, "mm").T, color=RED, linewidth=0.5, scalex=False, scaley=False)
+    lateral_mm, observed_mm = (from_si(m, "mm") for m in (step.observation.lateral_m, step.observation.depth_m))
+    axes.plot(lateral_mm, observed_mm, "o", color="#F0E442", markersize=4.5, label="observed")
+    axes.plot(lateral_mm, from_si(depth_m, "mm"), "o", color=RED, markersize=2.5, label="predicted")

@@ -15,7 +15,7 @@ from scleraforce.report.provenance import made_line
 from scleraforce.report.reading_figure import draw_read_forces
 from scleraforce.report.style import data_uri
 from scleraforce.report.tables import NOTHING, confusion_table, frame_table
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["NAMES_REMARK", "evaluation_cards", "forces_figure", "read_forces_figure", "write_evaluation_html"]
 
@@ -56,11 +56,11 @@ def write_evaluation_html(
 def _lead(evaluation: Evaluation) -> str:
     """Say which model it was, and with which moduli it read the eyes."""
     if not evaluation.reads_force:
-        modulus_mpa = evaluation.youngs_modulus_pa / 1e6
+        modulus_mpa = from_si(evaluation.youngs_modulus_pa, "mpa")
         return f"Model {evaluation.model}, trained at a Young's modulus of {modulus_mpa:.3g} MPa."
     eyes = {frame.eye: (frame.youngs_modulus_pa, frame.modulus_source) for frame in evaluation.frames}
     moduli = (
-        f"{eye}: not known" if modulus_pa is None else f"{eye}: {modulus_pa / 1e6:.3g} MPa ({source})"
+        f"{eye}: not known" if modulus_pa is None else f"{eye}: {from_si(modulus_pa, 'mpa'):.3g} MPa ({source})"
         for eye, (modulus_pa, source) in eyes.items()
     )
     return f"Model {evaluation.model}. Young's modulus with which each eye was read: {', '.join(moduli)}."
@@ -88,7 +88,7 @@ def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
     if not covered.total:
         return []
     return [
-        (f"{n_to_mn(evaluation.mae_n):.2f} mN", "mean error of the force", f"{covered.total} usable trials"),
+        (f"{from_si(evaluation.mae_n, 'mn'):.2f} mN", "mean error of the force", f"{covered.total} usable trials"),
         (_percent(covered.value), "of logged forces in their 90 % interval", _of(covered.hits, covered.total)),
     ]
 
@@ -130,7 +130,7 @@ def _frames(evaluation: Evaluation) -> Html:
 
 
 def _percent(value: float) -> str:
-    return NOTHING if isnan(value) else f"{100 * value:.0f} %"
+    return NOTHING if isnan(value) else f"{from_si(value, 'percent'):.0f} %"
 
 
 def _of(hits: int, total: int) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.report.style import BLACK, BLUE, CLASS_COLOURS, CLASS_INKS, CLASS_MARKERS, GREY, RED, inches, styled
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["draw_force_log", "draw_trial_forces", "draw_trials"]
 
@@ -40,12 +40,12 @@ def draw_force_log(
     figure = Figure(figsize=inches(170, 62))
     axes = figure.subplots()
     every = max(1, len(time_s) // POINTS_DRAWN)
-    axes.plot(time_s[::every], n_to_mn(1.0) * raw_n[::every], color="#C9CED3", linewidth=0.5, label="as logged")
-    axes.plot(time_s[::every], n_to_mn(1.0) * filtered_n[::every], color=BLUE, label="filtered")
+    axes.plot(time_s[::every], from_si(raw_n[::every], "mn"), color="#C9CED3", linewidth=0.5, label="as logged")
+    axes.plot(time_s[::every], from_si(filtered_n[::every], "mn"), color=BLUE, label="filtered")
     axes.vlines(
         imaging_s, 0, 1, transform=axes.get_xaxis_transform(), color=BLACK, linewidth=0.6, label="imaging times"
     )
-    known = [(t, n_to_mn(f)) for t, f in zip(imaging_s, labels_n, strict=True) if f is not None]
+    known = [(t, from_si(f, "mn")) for t, f in zip(imaging_s, labels_n, strict=True) if f is not None]
     if known:
         axes.plot(*zip(*known, strict=True), "D", color=RED, markersize=3.5, label="label (mean over 2 s)", zorder=5)
     _mark_bounds(axes, bounds_n)
@@ -84,7 +84,7 @@ def draw_trials(
         _draw_trial(axes, x, frame)
     _mark_bounds(axes, bounds_n)
     _separate_eyes(axes, frames)
-    top = max([n_to_mn(max_force_n), *(n_to_mn(frame.measured_force_n or 0.0) for _, frame in known)])
+    top = max([from_si(max_force_n, "mn"), *(from_si(frame.measured_force_n or 0.0, "mn") for _, frame in known)])
     axes.set_ylim(-0.04 * top, 1.12 * top)
     axes.set_xlim(0.0, len(frames) + 1.0)
     axes.set_xlabel("trial")
@@ -101,7 +101,7 @@ def _name_trials(axes: Axes, frames: Sequence[FrameAnswer]) -> None:
 
 
 def _draw_trial(axes: Axes, x: int, frame: FrameAnswer) -> None:
-    force_mn = n_to_mn(frame.measured_force_n or 0.0)
+    force_mn = from_si(frame.measured_force_n or 0.0, "mn")
     fill = CLASS_COLOURS[frame.predicted] if frame.usable else "white"
     marker, colour = CLASS_MARKERS[frame.predicted], CLASS_COLOURS[frame.predicted]
     axes.plot(x, force_mn, marker, color=fill, markeredgecolor=colour, markersize=4.5, zorder=4)
@@ -112,11 +112,11 @@ def _draw_trial(axes: Axes, x: int, frame: FrameAnswer) -> None:
 def _mark_bounds(axes: Axes, bounds_n: Sequence[float]) -> None:
     """Draw the class bounds and name the classes at the right edge."""
     for bound in bounds_n:
-        axes.axhline(n_to_mn(bound), color=GREY, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
+        axes.axhline(from_si(bound, "mn"), color=GREY, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
     places = [0.5 * bounds_n[0], 0.5 * (bounds_n[0] + bounds_n[1]), bounds_n[1] + 0.25 * (bounds_n[1] - bounds_n[0])]
     for number, place in enumerate(places):
         axes.annotate(
-            f"class {number}", (1.0, n_to_mn(place)), (4, 0), xycoords=("axes fraction", "data"),
+            f"class {number}", (1.0, from_si(place, "mn")), (4, 0), xycoords=("axes fraction", "data"),
             textcoords="offset points", va="center", color=CLASS_INKS[number], annotation_clip=False,
         )  # fmt: skip
 

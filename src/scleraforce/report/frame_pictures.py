@@ -10,7 +10,7 @@ from scleraforce.reader.evaluation import Evaluation, FrameAnswer
 from scleraforce.report.answered_frame import AnsweredFrame
 from scleraforce.report.html import Html, gallery, paragraph, section
 from scleraforce.segmentation.overlay import draw_overlay
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["MOST_PICTURES", "frame_pictures", "shown_frames"]
 
@@ -86,13 +86,14 @@ def _words(answer: FrameAnswer) -> str:
     if answer.measured_force_n is None:
         measured = "not measured"
     else:
-        measured = f"measured {n_to_mn(answer.measured_force_n):.1f} mN (class {answer.target})"
+        measured = f"measured {from_si(answer.measured_force_n, 'mn'):.1f} mN (class {answer.target})"
     if not answer.usable:
         return f"{measured}; not usable: {answer.reason}" if answer.reason else f"{measured}; not usable"
     if answer.predicted_force_n is None or answer.interval_n is None:
         return f"{measured}; read class {answer.predicted}"
-    low_mn, high_mn = (n_to_mn(end) for end in answer.interval_n)
-    read = f"read {n_to_mn(answer.predicted_force_n):.1f} mN ({low_mn:.1f} to {high_mn:.1f}; class {answer.predicted})"
+    low_mn, high_mn = (from_si(end, "mn") for end in answer.interval_n)
+    read_mn = from_si(answer.predicted_force_n, "mn")
+    read = f"read {read_mn:.1f} mN ({low_mn:.1f} to {high_mn:.1f}; class {answer.predicted})"
     return f"{measured}; {read}"
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from scleraforce.laboratory.simulation import SimulatedEye
 from scleraforce.report.style import RED, SCAN_COLOURS, inches, styled
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["draw_deformed_mesh", "draw_simulation"]
 
@@ -18,7 +18,6 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 COLOURS = "viridis"
-MM = 1e3
 NEEDLE_LENGTH_M = 6e-3
 # The outline of each face of a hexahedron in VTK's order, mid-edge nodes included.
 FACE_OUTLINES = (
@@ -43,7 +42,7 @@ def draw_simulation(eye: SimulatedEye) -> Figure:
     _draw_mesh(figure, eye, width=0.5)
     axes = figure.add_axes((0.56, 0.2, 0.42, 0.6))
     rows, columns = eye.slice.shape
-    width, depth = columns * eye.window.pixel_m * MM, rows * eye.window.pixel_m * MM
+    width, depth = (from_si(pixels * eye.window.pixel_m, "mm") for pixels in (columns, rows))
     axes.imshow(eye.slice, cmap=SCAN_COLOURS, vmin=0, vmax=255, extent=(-width / 2, width / 2, depth, 0))
     axes.set_xlabel("lateral [mm]")
     axes.set_ylabel("depth [mm]")
@@ -60,23 +59,24 @@ def _figure(width_mm: float, height_mm: float) -> Figure:
 
 
 def _caption(eye: SimulatedEye) -> str:
-    wall = f"wall of {eye.mesh.thickness_m * 1e6:.0f} µm"
+    wall = f"wall of {from_si(eye.mesh.thickness_m, 'um'):.0f} µm"
     polar = f"{np.degrees(eye.contact.polar_rad):.0f}° from the pole"
-    return f"{wall}, {n_to_mn(eye.force_n):g} mN at {polar}: the contact sinks in by {eye.tip_m * MM:.2f} mm"
+    force, dent = f"{from_si(eye.force_n, 'mn'):g} mN", f"{from_si(eye.tip_m, 'mm'):.2f} mm"
+    return f"{wall}, {force} at {polar}: the contact sinks in by {dent}"
 
 
 def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
     """Put the cut wall, the needle and a colour bar into the left part of a figure."""
     axes: Axes3D = figure.add_axes((0.0, 0.1, width, 0.9), projection="3d")
     outlines = _skin(eye.mesh.cells_en[_behind(eye)])
-    moved = (eye.mesh.points_nc + eye.displacement_nc) * MM
-    amount = np.linalg.norm(eye.displacement_nc, axis=1)[outlines].mean(axis=1) * MM
+    moved = from_si(eye.mesh.points_nc + eye.displacement_nc, "mm")
+    amount = from_si(np.linalg.norm(eye.displacement_nc, axis=1)[outlines].mean(axis=1), "mm")
     scale = Normalize(0.0, max(float(amount.max()), 1e-6))
     colours = ScalarMappable(scale, COLOURS)
     faces = Poly3DCollection(moved[outlines], facecolors=colours.to_rgba(amount), edgecolors="white", linewidths=0.15)
     axes.add_collection3d(faces)
     _draw_needle(axes, eye)
-    radius = eye.mesh.radius_m * MM
+    radius = from_si(eye.mesh.radius_m, "mm")
     axes.set(xlim=(-radius, radius), ylim=(-radius, radius), zlim=(0, radius))
     axes.set_box_aspect((2, 2, 1), zoom=1.38)
     axes.view_init(elev=22, azim=np.degrees(eye.contact.azimuth_rad) - 78)
@@ -89,7 +89,7 @@ def _draw_needle(axes: Axes3D, eye: SimulatedEye) -> None:
     """Draw the needle's axis down to the sunken contact."""
     normal = eye.contact.normal
     tip = (eye.mesh.radius_m - eye.tip_m) * normal
-    ends = np.stack([tip, tip + NEEDLE_LENGTH_M * normal]) * MM
+    ends = from_si(np.stack([tip, tip + NEEDLE_LENGTH_M * normal]), "mm")
     axes.plot(*ends.T, color=RED, linewidth=2.0, zorder=10)
 
 

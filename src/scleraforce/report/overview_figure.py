@@ -10,7 +10,7 @@ from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.report.answered_frame import AnsweredFrame
 from scleraforce.report.force_figures import draw_trials
 from scleraforce.report.style import CLASS_INKS, SCAN_COLOURS, inches, styled
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["draw_overview"]
 
@@ -36,7 +36,7 @@ def draw_overview(
 
 
 def _draw_read_frame(axes: Axes, one: AnsweredFrame) -> None:
-    width_mm, depth_mm = 1e3 * one.extent_m[0], 1e3 * one.extent_m[1]
+    width_mm, depth_mm = from_si(one.extent_m[0], "mm"), from_si(one.extent_m[1], "mm")
     rows, columns = one.frame.shape
     axes.imshow(one.frame, cmap=SCAN_COLOURS, extent=(0.0, width_mm, depth_mm, 0.0))
     lateral_mm = (np.arange(columns) + 0.5) * width_mm / columns
@@ -48,5 +48,5 @@ def _draw_read_frame(axes: Axes, one: AnsweredFrame) -> None:
     answer = one.answer
     sure = "" if answer.probabilities is None else f" (p = {answer.probabilities[answer.predicted]:.2f})"
     axes.set_title(f"read: class {answer.predicted}{sure}", color=CLASS_INKS[answer.predicted], fontweight="bold")
-    measured = "" if answer.measured_force_n is None else f"measured: {n_to_mn(answer.measured_force_n):.1f} mN"
+    measured = "" if answer.measured_force_n is None else f"measured: {from_si(answer.measured_force_n, 'mn'):.1f} mN"
     axes.text(0.5, -0.04, measured, transform=axes.transAxes, ha="center", va="top")

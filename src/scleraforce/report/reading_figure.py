@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 
 from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.report.style import BLACK, CLASS_COLOURS, CLASS_MARKERS, GREY, RED, inches, styled
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["draw_force_against_force", "draw_read_forces"]
 
@@ -35,14 +35,14 @@ def draw_force_against_force(
     axes: Axes, frames: Sequence[FrameAnswer], bounds_n: Sequence[float], max_force_n: float
 ) -> None:
     """Draw the same on axes that are there."""
-    top = n_to_mn(max_force_n)
+    top = from_si(max_force_n, "mn")
     axes.plot([0.0, top], [0.0, top], color=GREY, linewidth=0.8, zorder=1, label="equal")
     for bound in bounds_n:
         for draw in (axes.axhline, axes.axvline):
-            draw(n_to_mn(bound), color=GREY, linewidth=0.6, linestyle=(0, (4, 3)), zorder=1)
+            draw(from_si(bound, "mn"), color=GREY, linewidth=0.6, linestyle=(0, (4, 3)), zorder=1)
     for frame in frames:
         if frame.measured_force_n is not None:
-            _draw_frame(axes, frame, n_to_mn(frame.measured_force_n), 1.08 * top)
+            _draw_frame(axes, frame, from_si(frame.measured_force_n, "mn"), 1.08 * top)
     axes.set_xlim(-0.05 * top, 1.08 * top)
     axes.set_ylim(-0.05 * top, 1.08 * top)
     axes.set_aspect("equal")
@@ -54,8 +54,8 @@ def _draw_frame(axes: Axes, frame: FrameAnswer, measured_mn: float, top_mn: floa
     if frame.predicted_force_n is None or frame.interval_n is None:
         axes.plot(measured_mn, 0.98 * top_mn, "x", color=RED, markersize=4, zorder=4, label="not usable")
         return
-    read_mn = n_to_mn(frame.predicted_force_n)
-    low_mn, high_mn = (n_to_mn(end) for end in frame.interval_n)
+    read_mn = from_si(frame.predicted_force_n, "mn")
+    low_mn, high_mn = (from_si(end, "mn") for end in frame.interval_n)
     colour, marker = CLASS_COLOURS[frame.predicted], CLASS_MARKERS[frame.predicted]
     axes.vlines(measured_mn, low_mn, high_mn, color=colour, linewidth=0.8, zorder=3)
     axes.plot(measured_mn, read_mn, marker, color=colour, markersize=3.5, zorder=4, label="read")

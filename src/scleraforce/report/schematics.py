@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from scleraforce.report.style import AMBER, BLACK, BLUE, CLASS_INKS, GREY, RED, inches, styled
 from scleraforce.study import Study
+from scleraforce.units import from_si
 
 __all__ = ["draw_model", "draw_network"]
 
 Floats = NDArray[np.float64]
 Point = tuple[float, float]
 
-MM = 1e3
 THICKNESS_DRAWN_MM = 1.3  # about twice a sclera: a true one is a line at this size
 ARROW = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, "mutation_scale": 8}
 BOX_MM, ROW_MM = 24.0, 14.0
@@ -26,7 +26,7 @@ BOX_MM, ROW_MM = 24.0, 14.0
 @styled
 def draw_model(study: Study) -> Figure:
     """Draw the meridian of the needle: the wall, its clamped base, pressure, weight, needle and the B-scan plane."""
-    radius = study.eye.radius_m * MM
+    radius = from_si(study.eye.radius_m, "mm")
     polar_deg = degrees(sum(study.needle.polar_angle_rad.bounds) / 2)
     figure = Figure(figsize=inches(120, 62))
     axes = figure.add_subplot()

@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from scleraforce.report.style import BLUE, CLASS_INKS, RED, SCAN_COLOURS, inches, styled
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["SlicePair", "dice", "draw_montage", "draw_segmentation", "draw_slice_pairs"]
 
@@ -87,7 +87,7 @@ def draw_montage(
         axes.set_axis_off()
     for axes, image, force, label, thickness in zip(grid, slices, force_n, target, thickness_m, strict=False):
         axes.imshow(image, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
-        title = f"{n_to_mn(force):.1f} mN · {1e6 * thickness:.0f} µm"
+        title = f"{from_si(force, 'mn'):.1f} mN · {from_si(thickness, 'um'):.0f} µm"
         axes.set_title(title, fontsize=6.5, pad=2, color=CLASS_INKS[int(label)])
     return figure
 
@@ -111,7 +111,7 @@ def draw_segmentation(
     """
     figure = Figure(figsize=inches(170, 68))
     grid = figure.subplots(2, 2, sharex=True, sharey=True)
-    width_mm, depth_mm = 1e3 * extent_m[0], 1e3 * extent_m[1]
+    width_mm, depth_mm = from_si(extent_m[0], "mm"), from_si(extent_m[1], "mm")
     lateral_mm = (np.arange(frame.shape[1]) + 0.5) * width_mm / frame.shape[1]
     for axes in grid[:, 0]:
         axes.set_ylabel("depth [mm]")
@@ -133,7 +133,7 @@ def draw_segmentation(
 
 
 def _draw_frame(axes: Axes, frame: NDArray[np.uint16], extent_m: tuple[float, float]) -> None:
-    extent = (0.0, 1e3 * extent_m[0], 1e3 * extent_m[1], 0.0)
+    extent = (0.0, from_si(extent_m[0], "mm"), from_si(extent_m[1], "mm"), 0.0)
     axes.imshow(frame, cmap=SCAN_COLOURS, extent=extent, aspect="equal")
 
 
@@ -165,4 +165,4 @@ def _draw_overlay(axes: Axes, pair: SlicePair) -> None:
 
 def _slice_extent(image: NDArray[np.uint8], pixel_m: float) -> tuple[float, float, float, float]:
     rows, columns = image.shape
-    return 0.0, 1e3 * pixel_m * columns, 1e3 * pixel_m * rows, 0.0
+    return 0.0, from_si(pixel_m, "mm") * columns, from_si(pixel_m, "mm") * rows, 0.0

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import Proportion, precision, recall
 from scleraforce.report.html import Html, table
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["NOTHING", "class_names", "confusion_table", "frame_table", "share"]
 
@@ -35,7 +35,7 @@ def class_names(bounds_n: Sequence[float]) -> tuple[str, str, str]:
     >>> class_names((0.005, 0.03))
     ('class 0: below 5 mN', 'class 1: 5 to 30 mN', 'class 2: above 30 mN')
     """
-    low, high = (f"{n_to_mn(bound):g}" for bound in bounds_n)
+    low, high = (f"{from_si(bound, 'mn'):g}" for bound in bounds_n)
     return f"class 0: below {low} mN", f"class 1: {low} to {high} mN", f"class 2: above {high} mN"
 
 
@@ -62,7 +62,7 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
     rows = [
         [
             f"{frame.eye}/{frame.file}" if several else frame.file,
-            NOTHING if frame.measured_force_n is None else f"{n_to_mn(frame.measured_force_n):.1f}",
+            NOTHING if frame.measured_force_n is None else f"{from_si(frame.measured_force_n, 'mn'):.1f}",
             NOTHING if frame.target is None else frame.target,
             frame.predicted,
             *(_read_force(frame) if with_force else []),
@@ -81,8 +81,8 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
 def _read_force(frame: FrameAnswer) -> list[str]:
     if frame.predicted_force_n is None or frame.interval_n is None:
         return [NOTHING, NOTHING]
-    low_mn, high_mn = (n_to_mn(end) for end in frame.interval_n)
-    return [f"{n_to_mn(frame.predicted_force_n):.1f}", f"{low_mn:.1f}{NO_BREAK}to{NO_BREAK}{high_mn:.1f}"]
+    low_mn, high_mn = (from_si(end, "mn") for end in frame.interval_n)
+    return [f"{from_si(frame.predicted_force_n, 'mn'):.1f}", f"{low_mn:.1f}{NO_BREAK}to{NO_BREAK}{high_mn:.1f}"]
 
 
 def _probabilities(frame: FrameAnswer, classes: int) -> list[str]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from scleraforce.report.style import AMBER, SCAN_COLOURS, inches, styled
 from scleraforce.section.plane import Section
+from scleraforce.units import from_si
 
 __all__ = ["ComputedWall", "FrameWithWalls", "draw_walls", "laid_on_surface"]
 
@@ -78,7 +79,7 @@ def draw_walls(frames: Sequence[FrameWithWalls]) -> Figure:
     figure = Figure(figsize=inches(170, 52))
     grid = figure.subplots(2, len(frames), squeeze=False, sharex="col", sharey="col")
     for column, shown in enumerate(frames):
-        width_mm, depth_mm = 1e3 * shown.extent_m[0], 1e3 * shown.extent_m[1]
+        width_mm, depth_mm = from_si(shown.extent_m[0], "mm"), from_si(shown.extent_m[1], "mm")
         for axes in grid[:, column]:
             extent = (0.0, width_mm, depth_mm, 0.0)
             axes.imshow(shown.frame, cmap=SCAN_COLOURS, extent=extent, aspect="equal")
@@ -86,7 +87,7 @@ def draw_walls(frames: Sequence[FrameWithWalls]) -> Figure:
             axes.set_ylim(depth_mm, 0.0)
         for wall, colour, line in zip(shown.walls, WALL_COLOURS, WALL_LINES, strict=False):
             for curve in (wall.section.outer, wall.section.inner):
-                grid[1, column].plot(*(1e3 * curve.T), color=colour, linestyle=line, linewidth=0.9)
+                grid[1, column].plot(*from_si(curve.T, "mm"), color=colour, linestyle=line, linewidth=0.9)
         grid[0, column].set_title(shown.title)
         grid[1, column].set_xlabel("lateral [mm]")
     for axes in grid[:, 0]:

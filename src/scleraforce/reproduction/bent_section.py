@@ -26,7 +26,7 @@ from scleraforce.reproduction.bent import CALIBRATED, CALIBRATION_FORCES_N, bent
 from scleraforce.reproduction.figures import eye_of
 from scleraforce.reproduction.run import Run
 from scleraforce.section.plane import Section
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["bent_section"]
 
@@ -42,7 +42,7 @@ def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callabl
         reader: those of the force reader to the same frames.
         drawn: called with each figure.
     """
-    forces = ", ".join(f"{n_to_mn(force):g}" for force in CALIBRATION_FORCES_N)
+    forces = ", ".join(f"{from_si(force, 'mn'):g}" for force in CALIBRATION_FORCES_N)
     words = (
         "Walls that are thin beside their dent soften and then stiffen, which linear mechanics does not know. Here the "
         "eyes of the same design are computed in three dimensions at finite strain and imaged anew. The paper's method "
@@ -73,8 +73,8 @@ def _comparison(paper: Evaluation, reader: Evaluation) -> Html:
         ["dangerous forces seen (recall of class 2)", *(share(one.recall[-1]) for one in both)],
         ["dangerous forces read as harmless (2 as 0)", *(int(one.confusion[-1, 0]) for one in both)],
         ["trials not usable, which count as class 2", *(len(one.scored) - len(one.usable.scored) for one in both)],
-        ["mean error of the force in mN", *(_number(n_to_mn(one.mae_n)) for one in both)],
-        ["the same against the true force", NOTHING, _number(n_to_mn(mean_absolute_error(true)))],
+        ["mean error of the force in mN", *(_number(from_si(one.mae_n, "mn")) for one in both)],
+        ["the same against the true force", NOTHING, _number(from_si(mean_absolute_error(true), "mn"))],
         ["logged forces within their 90 % interval", *(share(one.coverage) for one in both)],
         ["true forces within their 90 % interval", NOTHING, share(coverage(true))],
     ]
@@ -91,8 +91,8 @@ def _coverage_words(reader: Evaluation) -> tuple[Html, ...]:
     logged, true = reader.forces, _against_truth(reader)
     if not logged:
         return ()
-    off_mn = [n_to_mn(abs(log.measured_n - fact.measured_n)) for log, fact in zip(logged, true, strict=True)]
-    reach_mn = median(n_to_mn(high - low) / 2 for low, high in (trial.interval_n for trial in true))
+    off_mn = [from_si(abs(log.measured_n - fact.measured_n), "mn") for log, fact in zip(logged, true, strict=True)]
+    reach_mn = median(from_si(high - low, "mn") / 2 for low, high in (trial.interval_n for trial in true))
     _, most = Counter(frame.recording for frame in reader.scored).most_common(1)[0]
     words = (
         "The reader's 90 % interval is one of the true force under the needle; it allows for no error of the force "
@@ -124,7 +124,7 @@ def _moduli(run: Run) -> Html:
     linear, finite = read_calibration(run.bent.linear), read_calibration(run.bent.finite_strain)
     eyes = [eye for eye, _ in bent_trials(run.study)]
     rows: list[list[object]] = [
-        ["true", *(f"{eye.youngs_modulus_pa / 1e6:.3f}" for eye in eyes)],
+        ["true", *(f"{from_si(eye.youngs_modulus_pa, 'mpa'):.3f}" for eye in eyes)],
         ["linear, all frames", *(_modulus(linear, eye.id) for eye in eyes)],
         ["finite strain, three frames", *(_modulus(finite, eye.id) for eye in eyes)],
     ]
@@ -136,7 +136,7 @@ def _modulus(summary: CalibrationSummary, eye: str) -> str:
     if eye not in summary.eyes:
         return NOTHING
     found = summary.eyes[eye]
-    return f"{found.mean_pa / 1e6:.3f} ± {found.sd_pa / 1e6:.3f}"
+    return f"{from_si(found.mean_pa, 'mpa'):.3f} ± {from_si(found.sd_pa, 'mpa'):.3f}"
 
 
 def _misread(evaluation: Evaluation, name: str) -> tuple[Html, ...]:
@@ -183,7 +183,7 @@ def _with_walls(look: AnsweredFrame, computed: Mapping[str, Section]) -> FrameWi
     width_m, depth_m = look.extent_m
     surface_m = (look.found.outer_row + 0.5) * depth_m / len(look.frame)
     walls = tuple(ComputedWall(name, laid_on_surface(cut, surface_m, width_m)) for name, cut in computed.items())
-    force_mn = n_to_mn(max(look.answer.measured_force_n or 0.0, 0.0))
+    force_mn = from_si(max(look.answer.measured_force_n or 0.0, 0.0), "mn")
     return FrameWithWalls(f"{look.answer.file}, {force_mn:.0f} mN", look.frame, look.extent_m, walls)
 
 

@@ -17,6 +17,7 @@ from scleraforce.report.tables import NOTHING, share
 from scleraforce.reproduction.left_out import LeftOut
 from scleraforce.reproduction.run import Run
 from scleraforce.study import study_hash
+from scleraforce.units import from_si
 
 __all__ = ["calibration_section", "left_out_section"]
 
@@ -32,11 +33,11 @@ def calibration_section(run: Run, evaluation: Evaluation, drawn: Callable[[Html]
     calibration = parse_calibration(open_calibration(run.calibration))
     first = _with_points(run, next(iter(calibration.eyes)))
     mean_pa, spread_pa = calibration.population
-    spread = "not known from one eye" if spread_pa is None else f"{spread_pa / 1e6:.3f} MPa"
+    spread = "not known from one eye" if spread_pa is None else f"{_mpa(spread_pa)} MPa"
     words = (
         "A reduced-order unscented Kalman filter with two sigma points starts from the paper's prior, 0.49 ± 0.34 MPa. "
-        f"Mean of the means: {mean_pa / 1e6:.3f} MPa, spread {spread} (the paper: "
-        f"{MEAN_MODULUS_PA / 1e6:.2f} MPa). The network is trained with it, whatever eye it reads."
+        f"Mean of the means: {_mpa(mean_pa)} MPa, spread {spread} (the paper: "
+        f"{from_si(MEAN_MODULUS_PA, 'mpa'):.2f} MPa). The network is trained with it, whatever eye it reads."
     )
     return section(
         "Young's modulus",
@@ -50,7 +51,7 @@ def calibration_section(run: Run, evaluation: Evaluation, drawn: Callable[[Html]
 def left_out_section(results: Sequence[LeftOut], evaluation: Evaluation) -> Html:
     """Return the accuracy of each eye with the mean of all moduli, and with the mean of the others'."""
     rows: list[list[object]] = [
-        [one.eye, f"{one.youngs_modulus_pa / 1e6:.3f}", share(_of_eye(evaluation, one.eye)), share(one.accuracy)]
+        [one.eye, _mpa(one.youngs_modulus_pa), share(_of_eye(evaluation, one.eye)), share(one.accuracy)]
         for one in results
     ]
     together = Proportion(sum(one.accuracy.hits for one in results), sum(one.accuracy.total for one in results))
@@ -68,19 +69,26 @@ def left_out_section(results: Sequence[LeftOut], evaluation: Evaluation) -> Html
 
 
 def _table_2(calibration: Calibration) -> Html:
-    paper = dict(zip(calibration.eyes, EYES, strict=False))
+    paper = [eye for _, eye in zip(calibration.eyes, EYES, strict=False)]
     rows: list[list[object]] = [
-        ["mean in MPa", *(f"{eye.mean_pa / 1e6:.3f}" for eye in calibration.eyes.values())],
-        ["standard deviation in kPa", *(f"{eye.sd_pa / 1e3:.1f}" for eye in calibration.eyes.values())],
+        ["mean in MPa", *(_mpa(eye.mean_pa) for eye in calibration.eyes.values())],
+        ["standard deviation in kPa", *(f"{from_si(eye.sd_pa, 'kpa'):.1f}" for eye in calibration.eyes.values())],
         ["frames used", *(len(eye.used) for eye in calibration.eyes.values())],
-        ["true modulus = the paper's mean, in MPa", *(f"{(paper[n].modulus_pa or 0.0) / 1e6:.2f}" for n in paper)],
-        ["the paper's standard deviation in kPa", *(f"{(paper[n].modulus_sd_pa or 0.0) / 1e3:.1f}" for n in paper)],
+        ["true modulus = the paper's mean, in MPa", *(f"{from_si(eye.modulus_pa or 0.0, 'mpa'):.2f}" for eye in paper)],
+        [
+            "the paper's standard deviation in kPa",
+            *(f"{from_si(eye.modulus_sd_pa or 0.0, 'kpa'):.1f}" for eye in paper),
+        ],
     ]
     caption = (
         "Posterior of Young's modulus (the paper's Table 2). The virtual eyes were made with the paper's means, so the "
         "last rows are both the paper's figures and the truth to be found."
     )
     return table(["", *calibration.eyes], rows, caption)
+
+
+def _mpa(modulus_pa: float) -> str:
+    return f"{from_si(modulus_pa, 'mpa'):.3f}"
 
 
 def _over_frames(eye: EyeCalibration) -> Html:

@@ -27,7 +27,7 @@ from scleraforce.report.training_figure import draw_training_curves
 from scleraforce.section.plane import Section
 from scleraforce.section.slices import fill_section, slice_window
 from scleraforce.study import Study
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = [
     "eye_of",
@@ -68,8 +68,9 @@ def mesh_figure(study: Study) -> Html:
     contact = Contact(polar_rad=sum(study.needle.polar_angle_rad.bounds) / 2)
     eye = simulate_eye(study, 500e-6, study.classes.bounds_n[1], contact)
     caption = (
-        f"The deformed mesh (the paper's Fig. 1b), cut open at the needle (orange), under {n_to_mn(eye.force_n):g} mN, "
-        f"the bound of the dangerous class: {len(eye.mesh.cells_en)} curved hexahedra. Beside it the slice."
+        f"The deformed mesh (the paper's Fig. 1b), cut open at the needle (orange), under "
+        f"{from_si(eye.force_n, 'mn'):g} mN, the bound of the dangerous class: "
+        f"{len(eye.mesh.cells_en)} curved hexahedra. Beside it the slice."
     )
     return figure(data_uri(draw_simulation(eye)), "the deformed mesh and its slice", caption)
 
@@ -132,8 +133,8 @@ def pairs_figure(evaluation: Evaluation, reader: Classifier, rank: int, name: st
     likeness = np.mean([dice(pair.measured, pair.simulated) for pair in pairs])
     caption = (
         f"A frame of each class, its slice, and the slice simulated for its measured force at "
-        f"{reader.study.eye.youngs_modulus_pa / 1e6:.3g} MPa (the paper's {name}). The simulated slice is moved to "
-        f"where the eye lies in the frame, which shifts from frame to frame. Mean Dice {likeness:.3f}."
+        f"{from_si(reader.study.eye.youngs_modulus_pa, 'mpa'):.3g} MPa (the paper's {name}). The simulated slice is "
+        f"moved to where the eye lies in the frame, which shifts from frame to frame. Mean Dice {likeness:.3f}."
     )
     return figure(data_uri(draw_slice_pairs(pairs)), "frames beside simulated slices for each class", caption)
 
@@ -145,7 +146,7 @@ def _pair(answer: FrameAnswer, study: Study) -> SlicePair:
     force_n = max(answer.measured_force_n or 0.0, 0.0)
     unloaded, section = linear_sections(eye_of(look.recording, study), study)([0.0, force_n])
     return SlicePair(
-        f"class {answer.target}: {answer.eye}, {n_to_mn(force_n):.0f} mN",
+        f"class {answer.target}: {answer.eye}, {from_si(force_n, 'mn'):.0f} mN",
         answer.target or 0,
         look.frame,
         look.extent_m,

@@ -30,6 +30,7 @@ from scleraforce.reproduction.figures import (
 )
 from scleraforce.reproduction.left_out import read_left_out_file
 from scleraforce.reproduction.run import Progress, Run
+from scleraforce.units import from_si
 
 __all__ = ["FIGURES", "write_reproduction_html"]
 
@@ -127,9 +128,10 @@ def _design(run: Run, evaluation: Evaluation) -> Html:
     for frame in evaluation.scored:
         if frame.target is not None:
             counts[frame.target, eyes.index(frame.eye)] += 1
+    moduli = [eye.modulus_pa or 0.25e6 for eye in EYES]
     rows: list[list[object]] = [
-        ["wall thickness in µm", *(f"{1e6 * eye.thickness_m:.0f}" for eye in EYES), NOTHING],
-        ["Young's modulus in MPa (Table 2)", *(f"{(eye.modulus_pa or 0.25e6) / 1e6:.2f}" for eye in EYES), NOTHING],
+        ["wall thickness in µm", *(f"{from_si(eye.thickness_m, 'um'):.0f}" for eye in EYES), NOTHING],
+        ["Young's modulus in MPa (Table 2)", *(f"{from_si(modulus_pa, 'mpa'):.2f}" for modulus_pa in moduli), NOTHING],
     ]
     for target, name in enumerate(class_names(run.study.classes.bounds_n)):
         here = counts[target].tolist()
@@ -179,11 +181,11 @@ def _training_words(reader: Classifier, seconds: Mapping[str, float]) -> str:
     low, high = metrics["validation_interval"]
     rate = seconds["generate"] / images
     return (
-        f"{images} slices were simulated in {seconds['generate']:.0f} s ({1e3 * rate:.1f} ms each; the paper: "
+        f"{images} slices were simulated in {seconds['generate']:.0f} s ({from_si(rate, 'ms'):.1f} ms each; the paper: "
         f"{SECONDS_A_SLICE:.2f} s each), {samples['training']} of them to train on and {samples['validation']}, of "
         f"contacts that training never saw, to validate on. After {reader.record['epochs']} epochs the network reads "
-        f"{100 * metrics['validation_accuracy']:.2f} % of these (95 % interval {100 * low:.2f} to "
-        f"{100 * high:.2f} %; the paper: 100 %)."
+        f"{from_si(metrics['validation_accuracy'], 'percent'):.2f} % of these (95 % interval "
+        f"{from_si(low, 'percent'):.2f} to {from_si(high, 'percent'):.2f} %; the paper: 100 %)."
     )
 
 

@@ -18,6 +18,7 @@ from scleraforce.errors import SolverError
 from scleraforce.eye.mesh import HexMesh, locate, surface_weights
 from scleraforce.section.frames import PlaneFrames, place_stations
 from scleraforce.section.plane import ScanPlane, Section
+from scleraforce.units import from_si
 
 __all__ = ["cut_section", "cut_sections"]
 
@@ -77,7 +78,9 @@ def cut_sections(
         if outer is not None and inner is not None:
             return [[Section(*both) for both in zip(*pair, strict=True)] for pair in zip(outer, inner, strict=True)]
         bracket_m *= 2.0
-    raise SolverError(f"section: the wall has moved by more than {WIDEST_BRACKET_M * 1e3:g} mm across the B-scan plane")
+    raise SolverError(
+        f"section: the wall has moved by more than {from_si(WIDEST_BRACKET_M, 'mm'):g} mm across the B-scan plane"
+    )
 
 
 @dataclass(frozen=True)

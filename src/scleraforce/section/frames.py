@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
 from scleraforce.section.plane import ScanPlane
+from scleraforce.units import from_si
 
 __all__ = ["PlaneFrames", "place_stations"]
 
@@ -44,8 +45,9 @@ class PlaneFrames:
         sine = np.sum(self.axes_pac[:, 2] * self.origins_pc, axis=1) / radius_m
         if np.any(np.abs(sine) > 0.98):
             raise InputError(
-                f"B-scan plane: it passes {np.abs(sine).max() * radius_m * 1e3:.2f} mm from the eye's centre and "
-                f"misses the sphere of {radius_m * 1e3:.2f} mm, or only grazes it; use a smaller gap or tilt"
+                f"B-scan plane: it passes {from_si(np.abs(sine).max() * radius_m, 'mm'):.2f} mm from the eye's centre "
+                f"and misses the sphere of {from_si(radius_m, 'mm'):.2f} mm, or only grazes it; "
+                "use a smaller gap or tilt"
             )
         latitude: Floats = np.arcsin(sine)
         return latitude

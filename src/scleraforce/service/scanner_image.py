@@ -11,6 +11,7 @@ from scleraforce.errors import ProtocolError
 from scleraforce.openigtlink import Image
 from scleraforce.openigtlink.decoder import MAX_BODY_BYTES
 from scleraforce.recording.pixels import Pixels
+from scleraforce.units import to_si
 
 __all__ = ["FrameAssembler", "ScannerFrame"]
 
@@ -18,7 +19,6 @@ COUNTS: dict[np.dtype[Any], np.dtype[Any]] = {
     np.dtype(sent): np.dtype(counted)
     for sent, counted in [("int8", "uint8"), ("uint8", "uint8"), ("int16", "uint16"), ("uint16", "uint16")]
 }
-MM = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,7 @@ def _frame(image: Image) -> ScannerFrame:
         raise ProtocolError(f"IMAGE: {slices} slices, {components} components: a B-scan has one of each")
     if pixels.dtype.kind == "i" and pixels.min() < 0:
         raise ProtocolError(f"IMAGE: {pixels.dtype} pixels down to {pixels.min()}: none may be negative")
-    lateral_m, depth_m = (hypot(*image.matrix[n : n + 3]) * MM for n in (0, 3))
+    lateral_m, depth_m = (to_si(hypot(*image.matrix[n : n + 3]), "mm") for n in (0, 3))
     if not (lateral_m > 0.0 and depth_m > 0.0):
         raise ProtocolError(f"IMAGE: pixels of {lateral_m} x {depth_m} m: the matrix's columns must have a length")
     counts = pixels[0].view(COUNTS[pixels.dtype])

@@ -51,6 +51,7 @@ from scleraforce.service.telling import (
     reading_messages,
     status_message,
 )
+from scleraforce.units import from_si
 
 __all__ = ["Server", "ServerSettings"]
 
@@ -247,7 +248,7 @@ class Server:
             return None
         if whole is None:
             return None
-        sender_id = event.message_id or int(event.header.time_s * 1e6) or next(self._arrivals)
+        sender_id = event.message_id or int(from_si(event.header.time_s, "us")) or next(self._arrivals)
         return self.session.frame(whole, sender_id, client.number, at_s, event.header.time_s or None)
 
     def _take_wrong(

@@ -13,7 +13,7 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.service.entry import Entry
 from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.shown_pictures import ShownPictures
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["Frame", "Read", "Session", "Withdrawal"]
 
@@ -202,11 +202,11 @@ class Session:
             frame_id=frame.sender_id if frame else None,
             predicted=answer.predicted if answer else None,
             probabilities=answer.probabilities if answer else None,
-            force_mn=n_to_mn(answer.force_n) if answer and answer.force_n is not None else None,
+            force_mn=from_si(answer.force_n, "mn") if answer and answer.force_n is not None else None,
             interval_mn=_mn(answer.interval_n) if answer and answer.interval_n is not None else None,
             usable=answer.usable if answer else False if frame else None,
             reason=answer.reason if answer else None,
-            latency_ms=None if latency_s is None else 1e3 * latency_s,
+            latency_ms=from_si(latency_s, "ms"),
             lost=self.lost,
         )
 
@@ -216,4 +216,4 @@ def _failure(frame: Frame, fault: Exception, at_s: float) -> MonitorEvent:
 
 
 def _mn(interval_n: tuple[float, float]) -> tuple[float, float]:
-    return n_to_mn(interval_n[0]), n_to_mn(interval_n[1])
+    return from_si(interval_n[0], "mn"), from_si(interval_n[1], "mn")

@@ -6,6 +6,7 @@ from math import nan
 from scleraforce.monitor import Decision
 from scleraforce.openigtlink import Message, Sensor, Status, Text, encode
 from scleraforce.service.entry import Entry
+from scleraforce.units import to_si
 
 __all__ = ["READING_DEVICE", "RESET_DEVICE", "STATUS_DEVICE", "Telling", "reading_messages", "status_message"]
 
@@ -32,7 +33,7 @@ def reading_messages(entry: Entry) -> tuple[Text, Sensor]:
         nan if entry.frame is None else float(entry.frame),
         nan if entry.predicted is None else float(entry.predicted),
         *shares, *(nan,) * (3 - len(shares)),
-        force_mn / 1e3, low_mn / 1e3, high_mn / 1e3,
+        to_si(force_mn, "mn"), to_si(low_mn, "mn"), to_si(high_mn, "mn"),
         1.0 if entry.usable else 0.0,
         float(entry.code),
     )  # fmt: skip

@@ -11,7 +11,7 @@ from typing import Any
 
 from scleraforce.errors import StudyError
 from scleraforce.study.sampled import Choice, Range
-from scleraforce.units import SI_PER_UNIT
+from scleraforce.units import SI_PER_UNIT, HumanUnit, from_si, to_si
 
 __all__ = [
     "NEEDLE_FORCE",
@@ -31,31 +31,26 @@ __all__ = [
 class Unit:
     """How a field reads in TOML: its unit (None: as it is), bounds in that unit, allowed words."""
 
-    name: str | None = None
+    name: HumanUnit | None = None
     _: KW_ONLY
     low: float | None = None
     high: float | None = None
     words: tuple[str, ...] = ()
 
-    @property
-    def si_factor(self) -> float:
-        """SI value of one unit."""
-        return SI_PER_UNIT[self.name][1] if self.name else 1.0
-
     def to_si(self, value: float) -> float:
         """Return a human value in SI, free of the last bit's rounding: 400 um is 0.0004 m."""
-        return float(f"{value * self.si_factor:.15g}") if self.name else value
+        return float(f"{to_si(value, self.name):.15g}") if self.name else value
 
     def from_si(self, value: float) -> float:
         """Return an SI value in the human unit, free of the rounding of `to_si`: 58 deg come back as 58 deg."""
-        return float(f"{value / self.si_factor:.14g}") if self.name else value
+        return float(f"{from_si(value, self.name):.14g}") if self.name else value
 
 
 # Of a needle's force: what every force of a study may be at most, and more than a sclera bears before it is pierced.
 NEEDLE_FORCE = Unit("mn", low=0.0, high=1000.0)
 
 
-def quantity(default: Any, unit: str | None = None, low: float | None = None, high: float | None = None) -> Any:
+def quantity(default: Any, unit: HumanUnit | None = None, low: float | None = None, high: float | None = None) -> Any:
     """Declare a field: `default` in the human `unit` (a number, tuple, Choice or Range), bounds in the same unit."""
     spec = Unit(unit, low=low, high=high)
     return field(default=map_numbers(default, spec.to_si), metadata={"unit": spec})
@@ -125,7 +120,7 @@ def check_fields(record: Any) -> None:
         if isinstance(value, Choice) and not value.values:
             raise StudyError(f"{field_key(item)}: an empty list; give at least one value")
         for number in _numbers_in(value):
-            check_number(field_key(item), number / unit.si_factor, unit)
+            check_number(field_key(item), unit.from_si(number), unit)
 
 
 def check_number(key: str, number: float, unit: Unit) -> None:

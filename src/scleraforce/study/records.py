@@ -15,6 +15,7 @@ from scleraforce.study.phantom import PhantomStudy
 from scleraforce.study.reader import ReaderStudy
 from scleraforce.study.sampled import Choice, Range, Sampled, fixed
 from scleraforce.study.supports import SupportsStudy
+from scleraforce.units import to_si
 
 __all__ = [
     "CalibrationStudy",
@@ -177,7 +178,7 @@ class DatasetGroup:
 
 PAPER_GROUPS = (
     DatasetGroup(thickness_m=400e-6, images=3200, max_force_n=45e-3),
-    *(DatasetGroup(thickness_m=t / 1e6, images=4000, max_force_n=60e-3) for t in (500.0, 600.0, 700.0, 800.0)),
+    *(DatasetGroup(thickness_m=to_si(t, "um"), images=4000, max_force_n=60e-3) for t in (500.0, 600.0, 700.0, 800.0)),
 )
 
 

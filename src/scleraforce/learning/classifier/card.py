@@ -1,12 +1,11 @@
 """The model card: what a network was made from, what it reaches, and what it must not be used for."""
 
 from collections.abc import Mapping
-from math import degrees
 from typing import Any
 
 from scleraforce.reader.metrics import Proportion
 from scleraforce.study import Choice, Sampled, Study
-from scleraforce.units import n_to_mn
+from scleraforce.units import HumanUnit, from_si
 
 __all__ = ["model_card"]
 
@@ -23,13 +22,13 @@ def model_card(
         shares: recall of each class in the validation set.
     """
     metrics = record["metrics"]
-    low, high = study.classes.bounds_n
+    low_mn, high_mn = (from_si(bound, "mn") for bound in study.classes.bounds_n)
     mirrored = ";\nhalf of the slices shown with left and right exchanged" if study.network.mirror else ""
     return f"""# Force class of a needle on the sclera, from one OCT slice
 
 Reads a binary slice of the scleral wall ({study.slice.rows} x {study.slice.columns} pixels of
-{study.slice.pixel_m * 1e3:g} mm) and answers with the probability of three force classes:
-0 below {n_to_mn(low):g} mN, 1 from {n_to_mn(low):g} to {n_to_mn(high):g} mN, 2 above {n_to_mn(high):g} mN.
+{from_si(study.slice.pixel_m, "mm"):g} mm) and answers with the probability of three force classes:
+0 below {low_mn:g} mN, 1 from {low_mn:g} to {high_mn:g} mN, 2 above {high_mn:g} mN.
 
 ## What it learned from
 {samples[0]} simulated slices; {samples[1]} more, of contacts that it never saw, to validate. All are computed: a linear
@@ -37,10 +36,10 @@ elastic half-sphere, no real eye. Data set SHA-256 `{record["provenance"]["datas
 
 | | |
 |---|---|
-| Young's modulus | {study.eye.youngs_modulus_pa / 1e6:.4g} MPa |
+| Young's modulus | {from_si(study.eye.youngs_modulus_pa, "mpa"):.4g} MPa |
 | Poisson's ratio | {study.eye.poisson_ratio:g} |
 | intraocular pressure | {study.eye.iop_pa:.0f} Pa |
-| outer radius | {study.eye.radius_m * 1e3:g} mm |
+| outer radius | {from_si(study.eye.radius_m, "mm"):g} mm |
 {_groups(study)}
 | polar angle of the contact | {_degrees(study.needle.polar_angle_rad)} |
 | gap between B-scan and needle axis | {_millimetres(study.dataset.gap_m or Choice((study.needle.gap_m,)))} |
@@ -73,7 +72,8 @@ Research on force reading from OCT. Not a medical device; not for use on patient
 
 def _groups(study: Study) -> str:
     return "\n".join(
-        f"| wall of {group.thickness_m * 1e6:g} µm | {group.images} images, 0 to {n_to_mn(group.max_force_n):g} mN |"
+        f"| wall of {from_si(group.thickness_m, 'um'):g} µm | {group.images} images, "
+        f"0 to {from_si(group.max_force_n, 'mn'):g} mN |"
         for group in study.dataset.group
     )
 
@@ -84,18 +84,18 @@ def _sizes(study: Study) -> str:
 
 
 def _millimetres(value: Sampled) -> str:
-    return _spread(value, 1e3, "mm")
+    return _spread(value, "mm", "mm")
 
 
 def _degrees(value: Sampled) -> str:
-    return _spread(value, degrees(1.0), "°")
+    return _spread(value, "deg", "°")
 
 
-def _spread(value: Sampled, factor: float, unit: str) -> str:
+def _spread(value: Sampled, unit: HumanUnit, printed: str) -> str:
     if isinstance(value, Choice):
-        return ", ".join(f"{entry * factor:.4g}" for entry in value.values) + f" {unit}"
-    return f"{value.min * factor:.4g} to {value.max * factor:.4g} {unit}"
+        return ", ".join(f"{from_si(entry, unit):.4g}" for entry in value.values) + f" {printed}"
+    return f"{from_si(value.min, unit):.4g} to {from_si(value.max, unit):.4g} {printed}"
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.2f} %"
+    return f"{from_si(share, 'percent'):.2f} %"

@@ -20,7 +20,7 @@ from scleraforce.learning.framework import onnx, torch
 from scleraforce.models.writing import check_place, write_folder
 from scleraforce.reader.metrics import accuracy, confusion_matrix, recall
 from scleraforce.study import NetworkStudy, Study, format_study, study_hash
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["Trained", "split_samples", "train_classifier"]
 
@@ -112,8 +112,8 @@ def _provenance(study: Study, training: Samples, validation: Samples) -> dict[st
         "dataset_sha256": content_hash(training, validation),
         "seed": str(study.network.seed),
         "threads": str(CLASSIFIER_THREADS),
-        "class_bounds_mn": ", ".join(f"{n_to_mn(bound):g}" for bound in study.classes.bounds_n),
-        "youngs_modulus_mpa": f"{study.eye.youngs_modulus_pa / 1e6:.6g}",
+        "class_bounds_mn": ", ".join(f"{from_si(bound, 'mn'):g}" for bound in study.classes.bounds_n),
+        "youngs_modulus_mpa": f"{from_si(study.eye.youngs_modulus_pa, 'mpa'):.6g}",
         "scleraforce": __version__,
         "python": platform.python_version(),
         "numpy": np.__version__,

@@ -1,11 +1,10 @@
 """The model card of a reader: what it was made from, what it reaches, and what it must not be used for."""
 
 from collections.abc import Mapping
-from math import degrees
 from typing import Any
 
 from scleraforce.study import Study
-from scleraforce.units import mmhg_to_pa, n_to_mn
+from scleraforce.units import HumanUnit, from_si
 
 __all__ = ["reader_card"]
 
@@ -18,11 +17,12 @@ def reader_card(study: Study, record: Mapping[str, Any]) -> str:
         record: what `model.json` keeps.
     """
     reader, metrics, samples = study.reader, record["metrics"], record["samples"]
-    low, high = (n_to_mn(bound) for bound in study.classes.bounds_n)
+    low, high = (from_si(bound, "mn") for bound in study.classes.bounds_n)
     return f"""# Force of a needle on the sclera, from one OCT slice
 
 Reads a binary slice of the scleral wall ({study.slice.rows} x {study.slice.columns} pixels of
-{study.slice.pixel_m * 1e3:g} mm) and, where they are known, Young's modulus (with its uncertainty), IOP, wall thickness
+{from_si(study.slice.pixel_m, "mm"):g} mm) and, where they are known, Young's modulus (with its uncertainty), IOP, \
+wall thickness
 and the gap between B-scan and needle. It answers with a histogram of F/E ({reader.bins} bins): the force with a 90 %
 interval and the probability of three classes (below {low:g} mN, {low:g} to {high:g} mN, above {high:g} mN) follow from
 it. And with the contact's place along the slice. `library.npz` holds the computed walls, for the fit beside it.
@@ -34,19 +34,19 @@ finite strain (compressible neo-Hookean sphere, axisymmetric about the needle): 
 
 | | |
 |---|---|
-| Young's modulus | {_spread(reader.youngs_modulus_pa.bounds, 1e-6, "MPa")}; told with a standard deviation \
-of {_spread(reader.modulus_sd_fraction.bounds, 100.0, "%")} |
+| Young's modulus | {_spread(reader.youngs_modulus_pa.bounds, "mpa", "MPa")}; told with a standard deviation \
+of {_spread(reader.modulus_sd_fraction.bounds, "percent", "%")} |
 | Poisson's ratio | {study.eye.poisson_ratio:g} |
-| intraocular pressure | {_spread(reader.iop_pa.bounds, 1.0 / mmhg_to_pa(1.0), "mmHg")} |
-| wall thickness | {_spread(reader.thickness_m.bounds, 1e6, "µm")} |
-| outer radius | {_spread(tuple(size * study.eye.radius_m for size in reader.size.bounds), 1e3, "mm")} |
-| gap between B-scan and needle axis | {_spread(reader.gap_m.bounds, 1e3, "mm")} |
-| force | 0 to {n_to_mn(reader.max_force_n):g} mN, even; {reader.small_force_share:.0%} within 0 to \
-{n_to_mn(reader.small_force_n):g} mN |
-| contact, from the slice's middle | {_spread(reader.lateral_m.bounds, 1e3, "mm")} |
-| contact, below the upper edge | {_spread(reader.surface_depth_m.bounds, 1e3, "mm")} |
-| tilt of the B-scan | {_spread(reader.tilt_rad.bounds, degrees(1.0), "°")} |
-| rotation in the B-scan | {_spread(reader.rotation_rad.bounds, degrees(1.0), "°")} |
+| intraocular pressure | {_spread(reader.iop_pa.bounds, "mmhg", "mmHg")} |
+| wall thickness | {_spread(reader.thickness_m.bounds, "um", "µm")} |
+| outer radius | {_spread(tuple(size * study.eye.radius_m for size in reader.size.bounds), "mm", "mm")} |
+| gap between B-scan and needle axis | {_spread(reader.gap_m.bounds, "mm", "mm")} |
+| force | 0 to {from_si(reader.max_force_n, "mn"):g} mN, even; {reader.small_force_share:.0%} within 0 to \
+{from_si(reader.small_force_n, "mn"):g} mN |
+| contact, from the slice's middle | {_spread(reader.lateral_m.bounds, "mm", "mm")} |
+| contact, below the upper edge | {_spread(reader.surface_depth_m.bounds, "mm", "mm")} |
+| tilt of the B-scan | {_spread(reader.tilt_rad.bounds, "deg", "°")} |
+| rotation in the B-scan | {_spread(reader.rotation_rad.bounds, "deg", "°")} |
 | size 1, no tilt, no rotation | {reader.plain_share:.0%} of the samples |
 | errors of the boundaries | {reader.boundary_errors:g} times those of the segmentation on rendered frames |
 | told values are missing | modulus {reader.modulus_missing_fraction:.0%}, IOP {reader.iop_missing_fraction:.0%}, \
@@ -72,6 +72,6 @@ Research on force reading from OCT. Not a medical device; not for use on patient
 """
 
 
-def _spread(bounds: tuple[float, ...], factor: float, unit: str) -> str:
-    low, high = (f"{bound * factor:.4g}" for bound in bounds)
-    return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
+def _spread(bounds: tuple[float, ...], unit: HumanUnit, printed: str) -> str:
+    low, high = (f"{from_si(bound, unit):.4g}" for bound in bounds)
+    return f"{low} {printed}" if low == high else f"{low} to {high} {printed}"

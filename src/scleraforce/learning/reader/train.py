@@ -22,7 +22,7 @@ from scleraforce.models.folder import LIBRARY_FILE
 from scleraforce.models.writing import check_place, write_folder
 from scleraforce.processes import available_cores
 from scleraforce.study import Study, format_study, study_hash
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["TrainedReader", "train_reader"]
 
@@ -97,7 +97,7 @@ def _provenance(study: Study, library: bytes) -> dict[str, str]:
         "library_sha256": sha256(library).hexdigest(),
         "seed": str(study.reader.seed),
         "threads": str(READER_THREADS),
-        "class_bounds_mn": ", ".join(f"{n_to_mn(bound):g}" for bound in study.classes.bounds_n),
+        "class_bounds_mn": ", ".join(f"{from_si(bound, 'mn'):g}" for bound in study.classes.bounds_n),
         "scleraforce": __version__,
         "python": platform.python_version(),
         "numpy": np.__version__,
@@ -122,9 +122,9 @@ def _record(study: Study, fitted: FittedReader, provenance: dict[str, str]) -> d
             "validation_accuracy": metrics.accuracy,
             "validation_interval": metrics.interval,
             "validation_confusion": metrics.confusion,
-            "mae_mn": n_to_mn(metrics.mae_n),
+            "mae_mn": from_si(metrics.mae_n, "mn"),
             "coverage": metrics.coverage,
-            "lateral_mae_mm": 1e3 * metrics.lateral_mae_m,
+            "lateral_mae_mm": from_si(metrics.lateral_mae_m, "mm"),
         },
         "curves": asdict(fitted.curves),
     }

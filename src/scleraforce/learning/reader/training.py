@@ -21,6 +21,7 @@ from scleraforce.learning.reader.samples import ReaderSamples
 from scleraforce.reader.force_distribution import ForceDistribution, force_distribution, ratio_edges
 from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.study import ReaderStudy, Study
+from scleraforce.units import from_si, to_si
 
 __all__ = [
     "READER_THREADS",
@@ -166,10 +167,12 @@ def answer(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy) 
     batch = _batch(samples, reader)
     with torch.inference_mode():
         parts = [network(batch.slices[i], batch.given[i]) for i in torch.split(torch.arange(len(samples)), 512)]
-    mixtures, places = (torch.cat(values) for values in zip(*parts, strict=True))
+    mixtures, places_mm = (torch.cat(values) for values in zip(*parts, strict=True))
     edges = ratio_edges(reader.bins, reader.max_force_ratio)
     probabilities = histogram(mixtures, reader.bins).double().numpy()
-    return Answers(force_distribution(probabilities, edges, samples.modulus_pa), 1e-3 * places.double().numpy())
+    return Answers(
+        force_distribution(probabilities, edges, samples.modulus_pa), to_si(places_mm.double().numpy(), "mm")
+    )
 
 
 def reader_loss(
@@ -221,5 +224,5 @@ def _batch(samples: ReaderSamples, reader: ReaderStudy) -> _Batch:
         torch.from_numpy((samples.slices > 0).astype(np.float32)),
         torch.from_numpy(samples.given),
         torch.from_numpy(np.sqrt(share).astype(np.float32)),
-        torch.from_numpy((1e3 * samples.lateral_m).astype(np.float32)),
+        torch.from_numpy(from_si(samples.lateral_m, "mm").astype(np.float32)),
     )

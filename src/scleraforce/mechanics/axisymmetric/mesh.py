@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
+from scleraforce.units import from_si
 
 __all__ = ["MeridianMesh", "MeridianSize", "meridian_mesh"]
 
@@ -58,9 +59,9 @@ def meridian_mesh(
         InputError: the needle is wider than the eye, or the wall thicker than its radius.
     """
     if not 0.0 < thickness_m < radius_m:
-        raise InputError(f"thickness: {1e3 * thickness_m:g} mm; must be above 0 and below the radius")
+        raise InputError(f"thickness: {from_si(thickness_m, 'mm'):g} mm; must be above 0 and below the radius")
     if not 0.0 < needle_radius_m < radius_m * np.sin(min(support_rad, 0.5 * np.pi)):
-        raise InputError(f"needle radius: {1e3 * needle_radius_m:g} mm; must be above 0 and below the radius")
+        raise InputError(f"needle radius: {from_si(needle_radius_m, 'mm'):g} mm; must be above 0 and below the radius")
     angles = _with_middles(_edges(float(np.arcsin(needle_radius_m / radius_m)), support_rad, size.elements))
     radii = np.linspace(radius_m, radius_m - thickness_m, 2 * size.layers + 1)
     directions = np.stack([np.sin(angles), np.cos(angles)], axis=-1)

@@ -9,6 +9,7 @@ from scleraforce.service.black_box.decision_log import DecisionLog, format_line
 from scleraforce.service.companions.channel import Channel, ChannelClosedError
 from scleraforce.service.companions.codec import message_as_json
 from scleraforce.service.companions.messages import Alive, CompanionMessage, Decided, Note, SelfReport, WithdrawalKept
+from scleraforce.units import from_si
 
 __all__ = ["Journal"]
 
@@ -61,7 +62,7 @@ class Journal:
         try:
             free_bytes = shutil.disk_usage(place).free
             if free_bytes < LEAST_FREE_BYTES:
-                raise OSError(f"{place}: {free_bytes / 1e9:.2f} GB free; below 1 GB nothing is kept")
+                raise OSError(f"{place}: {from_si(free_bytes, 'gb'):.2f} GB free; below 1 GB nothing is kept")
         except OSError as fault:
             self.fault(what, fault)
             return False

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
 from scleraforce.service.companions.memory import available_bytes
+from scleraforce.units import from_si
 
 __all__ = ["FrameRing", "RingPlace"]
 
@@ -52,9 +53,9 @@ class FrameRing:
         size, available = _size(frames, rows, columns), available_bytes()
         if available is not None and size > available - SPARED_BYTES:
             raise InputError(
-                f"memory: the last {frames} frames of {rows} x {columns} pixels take {size / 1e6:,.0f} MB and other "
-                f"processes {SPARED_BYTES / 1e6:.0f} MB; {available / 1e6:,.0f} MB are there; give the scanner's own "
-                "--rows and --columns, or end other programs"
+                f"memory: the last {frames} frames of {rows} x {columns} pixels take {from_si(size, 'mb'):,.0f} MB "
+                f"and other processes {from_si(SPARED_BYTES, 'mb'):.0f} MB; {from_si(available, 'mb'):,.0f} MB are "
+                "there; give the scanner's own --rows and --columns, or end other programs"
             )
         descriptor = os.memfd_create("scleraforce-frames")
         try:
@@ -62,8 +63,8 @@ class FrameRing:
         except OSError as fault:
             os.close(descriptor)
             raise InputError(
-                f"memory: {fault.strerror} for the last {frames} frames of {rows} x {columns} pixels, {size / 1e6:.0f} "
-                "MB; end other programs"
+                f"memory: {fault.strerror} for the last {frames} frames of {rows} x {columns} pixels, "
+                f"{from_si(size, 'mb'):.0f} MB; end other programs"
             ) from fault
         return cls(descriptor, frames, rows, columns, prepared=True)
 

@@ -9,7 +9,7 @@ from scleraforce import __version__
 from scleraforce.monitor import MonitorLimits
 from scleraforce.service.companions.frame_ring import FrameRing, RingPlace
 from scleraforce.service.reset_token import token_digest
-from scleraforce.units import n_to_mn
+from scleraforce.units import from_si
 
 __all__ = ["ConsoleSettings", "console_settings"]
 
@@ -87,9 +87,9 @@ def console_settings(
         listener=listener.fileno(),
         token_digest=token_digest(token),
         ring=ring.place,
-        pixel_mm=(1e3 * lateral_m, 1e3 * depth_m),
-        class_bounds_mn=tuple(n_to_mn(bound_n) for bound_n in class_bounds_n),
-        bound_mn=n_to_mn(limits.bound_n),
+        pixel_mm=(from_si(lateral_m, "mm"), from_si(depth_m, "mm")),
+        class_bounds_mn=tuple(from_si(bound_n, "mn") for bound_n in class_bounds_n),
+        bound_mn=from_si(limits.bound_n, "mn"),
         withdraw_class=limits.withdraw_class,
         silence_s=limits.silence_s,
         reads_force=limits.reads_force,
