@@ -35,12 +35,14 @@ from scleraforce.calibration.registration import (
 from scleraforce.calibration.roukf import FilterParams, Posterior, StepResult, filter_step, initial_posterior
 from scleraforce.calibration.sigma_points import sigma_points
 from scleraforce.fitting.placement import Placed, Places, curve_depths
+from scleraforce.known.globe import KnownGlobe
 from scleraforce.segmentation.observations import Boundaries, Observation, observe_points
 from scleraforce.study import CalibrationStudy
 
 __all__ = [
     "LEAST_POINTS",
     "PARAMETERS",
+    "RIGIDITY_SCORE",
     "SHARED",
     "EyeFilter",
     "EyeState",
@@ -48,8 +50,10 @@ __all__ = [
     "FrameStep",
     "Skipped",
     "assimilate",
+    "at_rigidity",
     "eye_filter",
     "first_state",
+    "known_globe_after",
     "moments",
     "predicted_points",
 ]
@@ -58,6 +62,7 @@ Array = NDArray[np.float64]
 
 # Name on the command line -> name of the parameter.
 PARAMETERS = {"e": "youngs_modulus_pa", "iop": "iop_pa", "thickness": "thickness_m", "gap": "gap_m"}
+RIGIDITY_SCORE = "rigidity_score"  # comes after them, of an eye that may be sealed
 LEAST_POINTS = 3
 UNREACHED_SD_M = 1.0
 UNSEEN = "too little of the wall is in view"
@@ -124,7 +129,7 @@ class Skipped:
 
 
 def eye_filter(model: EyeModel, study: CalibrationStudy, parameters: tuple[str, ...] = ("e",)) -> EyeFilter:
-    """Set up the filter of an eye for parameters named as on the command line.
+    """Set up the filter of an eye for parameters named as on the command line; a globe's rigidity comes by itself.
 
     Raises:
         ValueError: an unknown or repeated parameter.
@@ -141,7 +146,11 @@ def eye_filter(model: EyeModel, study: CalibrationStudy, parameters: tuple[str, 
     space = ParameterSpace(
         tuple(Parameter(name, mean=mean, sd=sd, positive=study.positive) for name, mean, sd in means_sds)
     )
-    sigma = sigma_points(study.sigma_points, len(parameters))
+    globe = model.constants.globe
+    if globe.can_be_sealed:
+        score = Parameter(RIGIDITY_SCORE, mean=globe.score_mean, sd=globe.score_sd, positive=False, is_score=True)
+        space = ParameterSpace((*space.parameters, score))
+    sigma = sigma_points(study.sigma_points, len(space.parameters))
     return EyeFilter(model, space, FilterParams(sigma, study.iterations, gate=study.gate_sd, inflate=True), study)
 
 
@@ -155,6 +164,30 @@ def first_state(eye: EyeFilter) -> EyeState:
 def moments(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
     """Return means and standard deviations of the parameters in SI, with what all frames share."""
     return eye.space.moments(state.posterior.mean, _total_covariance(eye, state))
+
+
+def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
+    """Return what is known of the globe after some frames, with its correlation with the modulus."""
+    globe = eye.model.constants.globe
+    if not globe.can_be_sealed:
+        return globe
+    covariance = _total_covariance(eye, state)
+    score, modulus = (eye.space.names.index(name) for name in (RIGIDITY_SCORE, PARAMETERS["e"]))
+    sds = np.sqrt(np.diag(covariance))
+    return replace(
+        globe,
+        score_mean=float(state.posterior.mean[score]),
+        score_sd=float(sds[score]),
+        correlation=float(covariance[score, modulus] / (sds[score] * sds[modulus])),
+        calibrated=state.posterior.updates > 0,
+    )
+
+
+def at_rigidity(eye: EyeFilter, state: EyeState) -> EyeModel:
+    """Return the model of an eye with the rigidity that it is taken to have after some frames."""
+    if RIGIDITY_SCORE not in eye.space.names:
+        return eye.model
+    return eye.model.scored(float(state.posterior.mean[eye.space.names.index(RIGIDITY_SCORE)]))
 
 
 def _total_covariance(eye: EyeFilter, state: EyeState) -> Array:
@@ -173,11 +206,11 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
     if np.isfinite(frame.boundaries.depth_m).sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
     prior = frame_prior(state.belief, eye.study)
-    modulus = _modulus(eye, state)
-    fit = register(eye.model, frame.boundaries, frame.force_n, modulus, prior)
+    modulus, model = _modulus(eye, state), at_rigidity(eye, state)
+    fit = register(model, frame.boundaries, frame.force_n, modulus, prior)
     observation = observe_points(frame.boundaries, eye.study.points, float(fit.nuisance[BY_LATERAL]), eye.study.span_m)
     places = Places(observation.lateral_m, observation.boundary)
-    at = (eye.model, fit.youngs_modulus_pa, frame.force_n, fit.nuisance, places)
+    at = (model, fit.youngs_modulus_pa, frame.force_n, fit.nuisance, places)
     placed = predict_frame(*at)
     if placed.seen.sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
@@ -260,7 +293,7 @@ def _modulus(eye: EyeFilter, state: EyeState) -> float:
 def _depths(eye: EyeFilter, states_rp: Array, force_n: float, nuisance: Array, places: Places) -> Array:
     """Return predicted depths (row, place) for rows of the filter's coordinates; NaN where there is no such eye."""
     values = eye.space.values(states_rp)
-    sound = (values > 0).all(axis=1)
+    sound = eye.space.exist(values)
     depths = np.full((len(values), len(places.lateral_m)), np.nan)
     if sound.any():
         curves = parameter_sections(eye.model, eye.space.names, values[sound], force_n, float(nuisance[BY_POLAR]))

@@ -5,14 +5,22 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from scleraforce.calibration.assimilation import EyeFilter, EyeState, FrameStep, Skipped, moments
+from scleraforce.calibration.assimilation import (
+    EyeFilter,
+    EyeState,
+    FrameStep,
+    Skipped,
+    known_globe_after,
+    moments,
+)
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
 from scleraforce.calibration.parameters import spread
 from scleraforce.calibration.registration import first_belief
 from scleraforce.calibration.session import EyeSession, begin, step
 from scleraforce.errors import CalibrationError
-from scleraforce.known.eye import sealed_doubts
+from scleraforce.known.eye import open_doubts, told_globe
+from scleraforce.known.globe import OPEN, UNKNOWN, KnownGlobe
 from scleraforce.library import Library
 from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, tables_digest
@@ -69,8 +77,9 @@ class UsedRecording:
 class EyeCalibration:
     """One eye: what is known after its frames.
 
-    `names` of the uncertain parameters, `means` and `sds` of them in SI; `stated_thickness_m`: the recording's. `steps`
-    are kept for figures, and are empty for what was read from a file.
+    `names` of the uncertain parameters, `means` and `sds` of them in SI; `stated_thickness_m`: the recording's;
+    `globe`: what is known of it after the frames. `steps` are kept for figures, and are empty for what was read from a
+    file.
     """
 
     id: str
@@ -78,6 +87,7 @@ class EyeCalibration:
     means: tuple[float, ...]
     sds: tuple[float, ...]
     stated_thickness_m: float
+    globe: KnownGlobe
     state: EyeState = field(repr=False)
     recordings: tuple[UsedRecording, ...] = field(repr=False)
     frames: tuple[FrameRecord, ...] = field(repr=False)
@@ -125,6 +135,8 @@ class EyeCalibration:
 class Calibration:
     """All eyes; the population is the mean of their means, its `sd` their spread (None for one eye).
 
+    Eyes whose filter diverged are none of the population, unless all did.
+
     `mechanics`: "linear" or "finite-strain", what the wall was taken to do.
     """
 
@@ -136,12 +148,17 @@ class Calibration:
     @property
     def population(self) -> tuple[float, float | None]:
         """Mean and spread of the eyes' mean moduli, in Pa; one eye has no spread."""
-        return spread([eye.mean_pa for eye in self.eyes.values()])
+        return spread([eye.mean_pa for eye in self._sound])
 
     def left_out(self, eye_id: str) -> float:
         """Return the population's mean without one eye, in Pa (that eye's own where it is the only one)."""
-        others = [eye.mean_pa for name, eye in self.eyes.items() if name != eye_id]
+        others = [eye.mean_pa for eye in self._sound if eye.id != eye_id]
         return spread(others)[0] if others else self.population[0]
+
+    @property
+    def _sound(self) -> tuple[EyeCalibration, ...]:
+        eyes = tuple(self.eyes.values())
+        return tuple(eye for eye in eyes if eye.status == "ok") or eyes
 
 
 def calibrate_recordings(
@@ -196,6 +213,7 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
         raise CalibrationError(
             f"{recording.path / 'recording.toml'}: eye.thickness_m: missing; a calibration needs the wall's thickness"
         )
+    globe = told_globe(info.eye)
     low, high = study.needle.polar_angle_rad.bounds
     stated = info.needle.polar_angle_rad
     return EyeConstants(
@@ -206,6 +224,7 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
         polar_sd_rad=(high - low) / 12**0.5 if stated is None else 0.0,
         direction_rad=info.oct.plane_direction_rad,
         tilt_rad=info.oct.plane_tilt_rad,
+        globe=UNKNOWN if globe is None else globe,
     )
 
 
@@ -247,7 +266,9 @@ def _calibrate(
                 left -= 1
         if progress is not None:
             progress(1)
-    doubts = (*sealed_doubts(recording.info.eye.globe), *log_doubts(recording, study.classes, shown))
+    doubts = log_doubts(recording, study.classes, shown)
+    if library is None:
+        doubts = (*open_doubts(recording.info.eye.globe), *doubts)
     if all(record.skipped is not None for record in records):
         reason = next((record.skipped for record in records), "excluded")
         raise CalibrationError(
@@ -262,6 +283,7 @@ def _calibrate(
         means=tuple(means.tolist()),
         sds=tuple(sds.tolist()),
         stated_thickness_m=session.filter.model.constants.thickness_m,
+        globe=known_globe_after(session.filter, session.state),
         state=session.state,
         recordings=_recordings(recording, forces, earlier, doubts),
         frames=tuple(records),
@@ -279,7 +301,10 @@ def _begin(
     earlier: EyeCalibration | None,
 ) -> EyeSession:
     """Return the eye before this recording's frames; what a recording's frames share is new with each recording."""
-    session = begin(study, eye_constants(recording, study), library, parameters, forces.zero_covariance)
+    constants = eye_constants(recording, study)
+    if library is None:
+        constants = replace(constants, globe=OPEN)  # as in the paper: linear mechanics knows no other
+    session = begin(study, constants, library, parameters, forces.zero_covariance)
     if earlier is None:
         return session
     if earlier.names != session.filter.space.names:

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from scleraforce.known.globe import OPEN, KnownGlobe
+
 __all__ = [
     "SAMPLE_STEP_M",
     "EyeConstants",
@@ -28,7 +30,10 @@ SAMPLE_STEP_M = 0.1e-3  # between the samples of a section
 
 @dataclass(frozen=True, kw_only=True)
 class EyeConstants:
-    """What is stated about an eye and its plane, SI; `polar_sd_rad` is 0 where the recording states the angle."""
+    """What is stated about an eye and its plane, SI; `polar_sd_rad` is 0 where the recording states the angle.
+
+    `globe` is what is known of it, and `rigidity_score` what stands for its rigidity (`known.globe`).
+    """
 
     iop_pa: float
     thickness_m: float
@@ -37,6 +42,8 @@ class EyeConstants:
     polar_sd_rad: float
     direction_rad: float = 0.0
     tilt_rad: float = 0.0
+    globe: KnownGlobe = OPEN
+    rigidity_score: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +56,7 @@ class WallState:
     thickness_m: float
     gap_m: float
     polar_rad: float
+    rigidity_score: float = 0.0
 
 
 class EyeModel(Protocol):
@@ -68,6 +76,10 @@ class EyeModel(Protocol):
         """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth."""
         ...
 
+    def scored(self, rigidity_score: float) -> "EyeModel":
+        """Return the eye with another score for its rigidity."""
+        ...
+
     def outside(self, state: WallState) -> str | None:
         """Return why the model's mechanics does not hold at a state, None where it does.
 
@@ -85,6 +97,7 @@ def stated_wall(constants: EyeConstants, youngs_modulus_pa: float, force_n: floa
         thickness_m=constants.thickness_m,
         gap_m=constants.gap_m,
         polar_rad=polar_rad,
+        rigidity_score=constants.rigidity_score,
     )
 
 
@@ -95,7 +108,7 @@ def parameter_sections(
 
     Args:
         model: the eye.
-        names: of `youngs_modulus_pa`, `iop_pa`, `thickness_m`, `gap_m`, in the order of the columns.
+        names: of `youngs_modulus_pa`, `iop_pa`, `thickness_m`, `gap_m`, `rigidity_score`, in the order of the columns.
         values_rp: their values, SI.
         force_n: force of the needle.
         polar_rad: polar angle of the contact.

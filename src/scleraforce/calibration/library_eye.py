@@ -6,7 +6,7 @@ is neglected.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import cos, sin
 
@@ -26,6 +26,7 @@ from scleraforce.calibration.eye_model import (
 from scleraforce.errors import CalibrationError, InputError
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_rings
+from scleraforce.library.under_force import iop_ratio_under_force
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
@@ -35,6 +36,7 @@ Array = NDArray[np.float64]
 
 REACH = 0.72  # of the radius: how far the section reaches to either side of the contact
 FINE_STEP_M = 0.05e-3  # along the wall, between points that a section is interpolated between
+HIGHEST = 0.999  # of the library's highest pressure: what rises so far is outside
 END_SHARE = 0.97  # of the library's largest force: over the rest the continuation takes its slope
 
 
@@ -64,29 +66,49 @@ class LibraryEye:
         Beyond the library (a modulus too low for the force) the section goes on along the slope by ln(F/E) that it has
         at the end; pressure and thickness are held at the library's ends.
         """
-        _, pressure, force = _ratios(states)
+        thickness, pressure, force = self._ratios(states)
         nodes = self.polar_nodes_rad
         shares_sp = np.array([lagrange(nodes, state.polar_rad) for state in states])
         moved = np.einsum("sp,psbxc->sbxc", shares_sp, [moves.at(pressure, force) for moves in self.moves])
         gap_m = np.array([state.gap_m for state in states])
-        depth = section_depths(self._walls(states), self._fine, gap_m, self.constants.tilt_rad, self.lateral_m, moved)
+        depth = section_depths(
+            self._walls(thickness, pressure, force), self._fine, gap_m, self.constants.tilt_rad, self.lateral_m, moved
+        )
         curves = np.stack([np.broadcast_to(self.lateral_m, depth.shape), depth], axis=-1)
         curves[:, 0] = smoothed(curves[:, 0], self.smoothing_m)
         return curves
 
     def outside(self, state: WallState) -> str | None:
         """Return the sentence that says in what the library does not reach a state, None where it does."""
-        thickness, pressure, force = _ratios([state])
+        thickness, pressure, force = self._ratios([state])
         try:
             self.library.tips(thickness, pressure, force)
         except InputError as fault:
             return str(fault)
+        if self.constants.globe.can_be_sealed and pressure[0] >= HIGHEST * self.library.iop_ratio_ends(thickness)[1][0]:
+            return "the pressure under the needle rises beyond the library's"
         return None
 
-    def _walls(self, states: Sequence[WallState]) -> Array:
+    def scored(self, rigidity_score: float) -> "LibraryEye":
+        """Return the eye with another score for its rigidity."""
+        return replace(self, constants=replace(self.constants, rigidity_score=rigidity_score))
+
+    def _ratios(self, states: Sequence[WallState]) -> tuple[Array, Array, Array]:
+        """Return thickness, the pressure under the needle over E and F/E of states, each (state,)."""
+        modulus = np.array([state.youngs_modulus_pa for state in states])
+        thickness = np.array([state.thickness_m for state in states])
+        pressure = np.array([state.iop_pa for state in states]) / modulus
+        force = np.array([state.force_n for state in states]) / modulus
+        if self.constants.globe.can_be_sealed:
+            globe = self.constants.globe.globe(np.array([state.rigidity_score for state in states])).over(modulus)
+            held = np.clip(thickness, self.library.thickness_m[0], self.library.thickness_m[-1])
+            pressure = np.clip(pressure, *self.library.iop_ratio_ends(held))
+            pressure = iop_ratio_under_force(self.library, held, pressure, np.maximum(force, 0.0), globe)
+        return thickness, pressure, force
+
+    def _walls(self, thickness: Array, pressure: Array, force: Array) -> Array:
         """Return the library's curves (state, boundary, node, 2), gone on with where the library ends."""
         library = self.library
-        thickness, pressure, force = _ratios(states)
         thickness = np.clip(thickness, library.thickness_m[0], library.thickness_m[-1])
         pressure = np.clip(pressure, *library.iop_ratio_ends(thickness))
         force = np.maximum(force, 0.0)
@@ -102,7 +124,7 @@ class LibraryEye:
             np.concatenate([force, less]),
         )
         found = library.curves(*asked).curves_sbnc.astype(np.float64)
-        curves, before = found[: len(states)], found[len(states) :]
+        curves, before = found[: len(thickness)], found[len(thickness) :]
         curves[beyond] += (curves[beyond] - before) * (excess / -np.log(END_SHARE))[:, None, None, None]
         return curves
 
@@ -185,13 +207,3 @@ def _interpolated(rows: Sequence[tuple[Array, Array]], wanted: Array) -> Array:
     places = wanted.reshape(len(rows), -1)
     found = [np.interp(place, *row) for place, row in zip(places, rows, strict=True)]
     return np.array(found).reshape(wanted.shape)
-
-
-def _ratios(states: Sequence[WallState]) -> tuple[Array, Array, Array]:
-    """Return thickness, IOP/E and F/E of states, each (state,)."""
-    modulus = np.array([state.youngs_modulus_pa for state in states])
-    return (
-        np.array([state.thickness_m for state in states]),
-        np.array([state.iop_pa for state in states]) / modulus,
-        np.array([state.force_n for state in states]) / modulus,
-    )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce import __version__
-from scleraforce.calibration.assimilation import SHARED, EyeState
+from scleraforce.calibration.assimilation import RIGIDITY_SCORE, SHARED, EyeState
 from scleraforce.calibration.calibrate import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.calibration.placement import NUISANCES
 from scleraforce.calibration.registration import PoseBelief
@@ -20,6 +20,7 @@ from scleraforce.known.calibration_file import (
     CALIBRATION_FORMAT,
     WRITER,
     CalibrationFile,
+    globe_entry,
     number_of,
     summary_of_eye,
     table_of,
@@ -39,6 +40,7 @@ PARAMETERS = {
     "iop_pa": (-1e5, 1e5),
     "thickness_m": (1e-6, 10e-3),
     "gap_m": (-0.1, 0.1),
+    RIGIDITY_SCORE: (-100.0, 100.0),
 }
 
 
@@ -66,6 +68,7 @@ def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
         "mean_mpa": from_si(eye.mean_pa, "mpa"),
         "sd_mpa": from_si(eye.sd_pa, "mpa"),
         "thickness_um": from_si(eye.thickness_m, "um"),
+        "globe": globe_entry(eye.globe),
         "updates": posterior.updates,
         "status": eye.status,
         "by_class_mpa": [from_si(value, "mpa") for value in eye.by_class(bounds_n)],
@@ -118,6 +121,7 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
         tuple(mean for mean, _ in moments.values()),
         tuple(sd for _, sd in moments.values()),
         summary.thickness_m,
+        summary.globe,
         _parse_state(table_of(entry, "state", place), len(parameters), f"{place}.state"),
         tuple(_parse_recording(*named) for named in _entries(entry, "recordings", place)),
         tuple(_parse_frame(*named) for named in _entries(entry, "steps", place)),

@@ -10,12 +10,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from scleraforce.errors import CalibrationError
+from scleraforce.known.globe import OPEN, KnownGlobe
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.info import eye_id_fault
-from scleraforce.units import to_si
+from scleraforce.study.globe import RIGIDITY_LAWS
+from scleraforce.units import from_si, to_si
 from scleraforce.whole_files import KINDS, read_bytes, write_whole
 
 __all__ = [
@@ -26,6 +28,7 @@ __all__ = [
     "CalibrationSummary",
     "EyeSummary",
     "UsedFrame",
+    "globe_entry",
     "number_of",
     "open_calibration",
     "parse_calibration_file",
@@ -41,6 +44,10 @@ CALIBRATION_FORMAT = 3
 MECHANICS = ("finite-strain", "linear")
 SOFTEST_MPA, STIFFEST_MPA = 0.001, 100.0
 THINNEST_UM, THICKEST_UM = 1.0, 10e3
+RIGIDITY_UNIT: Final = "mmhg13_per_ul"
+STIFFEST_RIGIDITY = 2.0  # mmHg^(1/3) per ul
+KINDS_OF_GLOBE = ("open", "sealed", "unknown")
+FARTHEST_SCORE, LEAST_SCORE_SD, MOST_CORRELATED = 100.0, 1e-6, 1.0 - 1e-9
 WRITER = "give a file of `scleraforce calibrate`"
 
 
@@ -66,6 +73,7 @@ class EyeSummary:
     """Young's modulus of one eye: posterior mean and standard deviation, and the frames that it rests on.
 
     `thickness_m` is the wall's as the eye was calibrated with it, estimated along with E where that was asked for.
+    `globe` is what is known of it after the frames; files without it come from when every globe was taken for open.
     `status` is "ok", or says that the filter diverged: the standard deviation then means nothing.
     """
 
@@ -73,6 +81,7 @@ class EyeSummary:
     sd_pa: float
     frames: tuple[UsedFrame, ...]
     thickness_m: float
+    globe: KnownGlobe = OPEN
     status: str = "ok"
 
     @property
@@ -195,7 +204,41 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
         sd_pa=to_si(number_of(entry, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa"), "mpa"),
         frames=tuple(_frame(frame, f"{place}.frames[{index}]") for index, frame in enumerate(frames)),
         thickness_m=to_si(number_of(entry, "thickness_um", place, THINNEST_UM, THICKEST_UM, "um"), "um"),
+        globe=OPEN if "globe" not in entry else _globe(table_of(entry, "globe", place), f"{place}.globe"),
         status=text_of(entry, "status", place),
+    )
+
+
+def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
+    """Return a globe as it stands in the file, with the band that holds its rigidity with 90 %."""
+    low, high = (from_si(k, RIGIDITY_UNIT) for k in globe.band)
+    return {
+        "kind": globe.kind,
+        "rigidity_law": globe.law,
+        "rigidity_mmhg13_per_ul": {"low": low, "high": high},
+        "lowest_mmhg13_per_ul": from_si(globe.lowest, RIGIDITY_UNIT),
+        "highest_mmhg13_per_ul": from_si(globe.highest, RIGIDITY_UNIT),
+        "score_mean": globe.score_mean,
+        "score_sd": globe.score_sd,
+        "correlation": globe.correlation,
+        "calibrated": globe.calibrated,
+    }
+
+
+def _globe(entry: Mapping[str, Any], place: str) -> KnownGlobe:
+    kind, law, calibrated = entry.get("kind"), entry.get("rigidity_law"), entry.get("calibrated")
+    if kind not in KINDS_OF_GLOBE or law not in RIGIDITY_LAWS or not isinstance(calibrated, bool):
+        raise CalibrationError(f"{place}: kind, rigidity_law or calibrated: not as `calibrate` writes them; {WRITER}")
+    lowest = number_of(entry, "lowest_mmhg13_per_ul", place, 0.0, STIFFEST_RIGIDITY, RIGIDITY_UNIT)
+    return KnownGlobe(
+        kind=kind,
+        law=law,
+        lowest=to_si(lowest, RIGIDITY_UNIT),
+        highest=to_si(number_of(entry, "highest_mmhg13_per_ul", place, lowest, STIFFEST_RIGIDITY), RIGIDITY_UNIT),
+        score_mean=number_of(entry, "score_mean", place, -FARTHEST_SCORE, FARTHEST_SCORE),
+        score_sd=number_of(entry, "score_sd", place, LEAST_SCORE_SD, FARTHEST_SCORE),
+        correlation=number_of(entry, "correlation", place, -MOST_CORRELATED, MOST_CORRELATED),
+        calibrated=calibrated,
     )
 
 

@@ -19,15 +19,16 @@ __all__ = [
     "foreign_modulus",
     "known_of_eye",
     "known_of_recording",
+    "open_doubts",
     "outside_training",
-    "sealed_doubts",
+    "told_globe",
 ]
 
 STATED_MODULUS_SD = 0.03  # relative, of a modulus that comes without its uncertainty
 POPULATION_SD = 0.12  # relative: eyes differ by so much (paper, Table 2), also where a file knows too few to tell
 LEAST_MODULUS_SD = 0.01  # relative: below it mechanics and segmentation are what is uncertain
 NAMED_EYES = 8  # of a calibration file, in a sentence
-SEALED = "eye.globe is sealed, and every eye is read as an open one: forces are read too low, intervals do not hold"
+SEALED = "eye.globe is sealed, and linear mechanics takes every eye for an open one: forces are read too low"
 SLACK = 1e-6  # of a bound: 0.45 mm that came through another unit is still 0.45 mm
 
 
@@ -93,10 +94,10 @@ def told_globe(eye: EyeInfo) -> KnownGlobe | None:
     return known_globe(eye.globe, eye.rigidity_pa13_per_m3, eye.rigidity_law)
 
 
-def sealed_doubts(globe: str | None) -> tuple[str, ...]:
-    """Return a sentence on what is read of a sealed eye; none of an open or unknown one.
+def open_doubts(globe: str | None) -> tuple[str, ...]:
+    """Return a sentence on what linear mechanics makes of a globe; none of an open or unknown one.
 
-    >>> sealed_doubts("open")
+    >>> open_doubts("open")
     ()
     """
     return (SEALED,) if globe == "sealed" else ()
@@ -115,23 +116,30 @@ def completed(told: Known, stated: Known) -> Known:
 def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
     """Return what is known of an eye once a calibration adds its modulus.
 
-    A modulus of its own goes with the wall's thickness that it was calibrated with.
+    A modulus of its own goes with the wall's thickness that it was calibrated with, and with what was found of its
+    globe, unless another kind of globe is told.
     """
     modulus = calibrated_modulus(summary, eye)
-    if modulus.source != "own":
+    if modulus is None or modulus.source != "own":
         return replace(known, modulus=modulus)
-    return replace(known, modulus=modulus, thickness_m=summary.eyes[eye].thickness_m)
+    own = summary.eyes[eye]
+    globe = own.globe if known.globe is None or known.globe.kind == own.globe.kind else known.globe
+    return replace(known, modulus=modulus, thickness_m=own.thickness_m, globe=globe)
 
 
-def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus:
+def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:
     """Return an eye's own modulus where a calibration found it, else its population's with the spread of eyes.
 
-    The spread is at least the paper's. A single eye says nothing of it, and may itself lie off the mean by as much: the
-    eye that is read then differs from it by the spread of two eyes.
+    None for an eye whose calibration diverged: it is not one of those that the model describes, so nothing is known of
+    its modulus; likewise where that holds for all eyes. The spread is at least the paper's. A single eye says nothing
+    of it, and may itself lie off the mean by as much: the eye that is read then differs from it by the spread of two
+    eyes.
     """
     own = summary.eyes.get(eye)
     if own is not None and own.usable:
         return Modulus(mean_pa=own.mean_pa, sd_pa=own.sd_pa, source="own")
+    if own is not None or not any(other.usable for other in summary.eyes.values()):
+        return None
     mean_pa = summary.population_mean_pa
     if summary.population_sd_pa is None:
         return Modulus(mean_pa=mean_pa, sd_pa=sqrt(2.0) * POPULATION_SD * mean_pa, source="population")
@@ -139,7 +147,7 @@ def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus:
 
 
 def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
-    """Return a sentence where an eye is read with the population's modulus instead of its own, None where it is not.
+    """Return a sentence where an eye is read without a modulus of its own, None where it has one.
 
     It names the eye and the file's eyes, for the id may be mistyped.
     """
@@ -150,10 +158,15 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
     names = ", ".join(list(summary.eyes)[:NAMED_EYES]) + (", ..." if len(summary.eyes) > NAMED_EYES else "")
     modulus = calibrated_modulus(summary, eye)
     count = "1 eye" if len(summary.eyes) == 1 else f"{len(summary.eyes)} eyes"
-    return (
-        f"{eye} {there} {summary.path}, which has {count} ({names}): read with the population's "
-        f"modulus, {from_si(modulus.mean_pa, 'mpa'):.3g} MPa +- {from_si(modulus.relative_sd, 'percent'):.0f} %"
+    read = (
+        "as one of unknown modulus"
+        if modulus is None
+        else (
+            f"with the population's modulus, {from_si(modulus.mean_pa, 'mpa'):.3g} MPa +- "
+            f"{from_si(modulus.relative_sd, 'percent'):.0f} %"
+        )
     )
+    return f"{eye} {there} {summary.path}, which has {count} ({names}): read {read}"
 
 
 def outside_training(known: Known, trained: ReaderStudy) -> str | None:

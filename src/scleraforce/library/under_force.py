@@ -47,6 +47,8 @@ def iop_ratio_under_force(
     within = missing(high, thickness, resting, force, rate) > 0.0
     found[sealed] = np.exp(high)
     args = tuple(values[within] for values in (thickness, resting, force, rate))
-    root = elementwise.find_root(missing, (low[within], high[within]), args=args, tolerances={"xatol": TOLERANCE, "fatol": 0.0})
+    root = elementwise.find_root(
+        missing, (low[within], high[within]), args=args, tolerances={"xatol": TOLERANCE, "fatol": 0.0}
+    )
     found[sealed[within]] = np.exp(root.x)
     return found

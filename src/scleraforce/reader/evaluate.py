@@ -8,7 +8,7 @@ from typing import Any
 
 from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known.calibration_file import CalibrationSummary
-from scleraforce.known.eye import Known, foreign_modulus, known_of_eye, known_of_recording, sealed_doubts
+from scleraforce.known.eye import Known, foreign_modulus, known_of_eye, known_of_recording
 from scleraforce.reader.answers import Answer
 from scleraforce.reader.evaluation import Evaluation, FrameAnswer
 from scleraforce.reader.reader import Reader
@@ -140,7 +140,7 @@ def _answers(
         known = known_of_eye(known, summary, eye)
     modulus_pa, source = _modulus(reader, known)
     digests = frozenset[str]() if summary is None else summary.digests
-    doubts = (*(FOREIGN if _foreign(reader, recording, summary) else ()), *sealed_doubts(known.globe))
+    doubts = FOREIGN if _foreign(reader, recording, summary) else ()
     trials = label_frames(recording, study.classes, study.needle.max_force_n)
     for entry, trial in zip(recording.frames, trials, strict=True):
         pixels = recording.frame(entry)

@@ -1,6 +1,6 @@
 """Where an eye and its B-scans lie outside what a model was trained on: sentences for the reader of a result."""
 
-from scleraforce.known.eye import Known, sealed_doubts
+from scleraforce.known.eye import Known, open_doubts
 from scleraforce.recording.info import OctInfo
 from scleraforce.study import Choice, Sampled, Study
 from scleraforce.units import HumanUnit, from_si
@@ -11,7 +11,7 @@ Compared = tuple[str, float | None, Sampled, HumanUnit, str]  # what, value, cov
 
 
 def wall_limits(study: Study, known: Known, scan: OctInfo) -> tuple[str, ...]:
-    """Return a sentence for each known quantity that the walls of the library did not cover, and on a sealed globe.
+    """Return a sentence for each known quantity that the walls of the library did not cover.
 
     They do not depend on where on the eye the needle pushes.
 
@@ -22,7 +22,6 @@ def wall_limits(study: Study, known: Known, scan: OctInfo) -> tuple[str, ...]:
     """
     reader = study.reader
     return _sentences(
-        known,
         ("gap between B-scan and needle axis", known.gap_m, reader.gap_m, "mm", "mm"),
         ("wall thickness", known.thickness_m, reader.thickness_m, "um", "µm"),
         ("IOP", known.iop_pa, reader.iop_pa, "mmhg", "mmHg"),
@@ -31,11 +30,11 @@ def wall_limits(study: Study, known: Known, scan: OctInfo) -> tuple[str, ...]:
 
 
 def slice_limits(study: Study, known: Known, scan: OctInfo) -> tuple[str, ...]:
-    """Return a sentence for each known quantity that a classifier's data set did not cover; arguments as above."""
+    """Return a sentence for each known quantity that a classifier's data set did not cover, and on a sealed globe."""
     gap = study.dataset.gap_m or Choice((study.needle.gap_m,))
     thickness = Choice(tuple(group.thickness_m for group in study.dataset.group))
-    return _sentences(
-        known,
+    sealed = open_doubts(None if known.globe is None else known.globe.kind)
+    return sealed + _sentences(
         ("gap between B-scan and needle axis", known.gap_m, gap, "mm", "mm"),
         ("wall thickness", known.thickness_m, thickness, "um", "µm"),
         ("polar angle", known.polar_rad, study.needle.polar_angle_rad, "deg", "°"),
@@ -44,8 +43,8 @@ def slice_limits(study: Study, known: Known, scan: OctInfo) -> tuple[str, ...]:
     )
 
 
-def _sentences(known: Known, *compared: Compared) -> tuple[str, ...]:
-    return (*sealed_doubts(known.globe), *(sentence for entry in compared if (sentence := _outside(*entry))))
+def _sentences(*compared: Compared) -> tuple[str, ...]:
+    return tuple(sentence for entry in compared if (sentence := _outside(*entry)))
 
 
 def _outside(name: str, value: float | None, trained: Sampled, unit: HumanUnit, printed: str) -> str | None:
