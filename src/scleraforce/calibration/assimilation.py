@@ -206,11 +206,10 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
     if np.isfinite(frame.boundaries.depth_m).sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
     prior = frame_prior(state.belief, eye.study)
-    modulus, model = _modulus(eye, state), at_rigidity(eye, state)
-    fit = register(model, frame.boundaries, frame.force_n, modulus, prior)
+    fit = register(at_rigidity(eye, state), frame.boundaries, frame.force_n, _modulus(eye, state), prior)
     observation = observe_points(frame.boundaries, eye.study.points, float(fit.nuisance[BY_LATERAL]), eye.study.span_m)
     places = Places(observation.lateral_m, observation.boundary)
-    at = (model, fit.youngs_modulus_pa, frame.force_n, fit.nuisance, places)
+    at = (eye.model.scored(fit.rigidity_score), fit.youngs_modulus_pa, frame.force_n, fit.nuisance, places)
     placed = predict_frame(*at)
     if placed.seen.sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
@@ -221,7 +220,8 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
         return _depths(eye, states_rp, frame.force_n, fit.nuisance, places) + expected
 
     noise = _observation_noise(eye, observation, placed, by_force, by_polar, prior)
-    result = filter_step(eye.params, state.posterior, observe, observation.depth_m, noise)
+    start = _start(eye, state, fit)
+    result = filter_step(eye.params, state.posterior, observe, observation.depth_m, noise, start=start)
     if (outside := _outside(eye, result.posterior, frame.force_n)) is not None:
         return Skipped(outside)
     belief = updated_belief(state.belief, prior, fit)
@@ -238,12 +238,26 @@ def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Arra
     The other parameters are those of the posterior after the step.
     """
     coordinates = step.state.posterior.mean.copy()
-    place = eye.space.names.index("youngs_modulus_pa")
-    unit = eye.space.parameters[place].mean
-    coordinates[place] = np.log(modulus_pa / unit) if eye.study.positive else modulus_pa / unit
+    coordinates[eye.space.names.index(PARAMETERS["e"])] = _modulus_coordinate(eye, modulus_pa)
     places = Places(step.observation.lateral_m, step.observation.boundary)
     depth: Array = _depths(eye, coordinates[None], step.force_n, step.registered.nuisance, places)[0]
     return depth
+
+
+def _start(eye: EyeFilter, state: EyeState, fit: Registered) -> Array | None:
+    """Return where a frame's own fit stands in the filter's coordinates (p,); None: E alone is found from anywhere."""
+    if RIGIDITY_SCORE not in eye.space.names:
+        return None
+    start = state.posterior.mean.copy()
+    start[eye.space.names.index(RIGIDITY_SCORE)] = fit.rigidity_score
+    start[eye.space.names.index(PARAMETERS["e"])] = _modulus_coordinate(eye, fit.youngs_modulus_pa)
+    return start
+
+
+def _modulus_coordinate(eye: EyeFilter, modulus_pa: float) -> float:
+    """Return the filter's coordinate of a modulus."""
+    unit = eye.space.parameters[eye.space.names.index(PARAMETERS["e"])].mean
+    return float(np.log(modulus_pa / unit)) if eye.study.positive else modulus_pa / unit
 
 
 def _observation_noise(

@@ -1,5 +1,7 @@
 """What a frame shows of an eye at a pose, a modulus and a force, and how that turns with each of them."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,7 @@ __all__ = [
     "BY_ROTATION",
     "LOG_MODULUS",
     "NUISANCES",
+    "SCORE",
     "force_derivative",
     "place_section",
     "polar_derivative",
@@ -26,9 +29,9 @@ Array = NDArray[np.float64]
 # segmentation's, or a wall that is not as thick as stated).
 NUISANCES = ("lateral_m", "depth_m", "rotation_rad", "polar_rad", "inner_m")
 BY_LATERAL, BY_DEPTH, BY_ROTATION, BY_POLAR, BY_INNER = range(5)
-LOG_MODULUS = 5  # comes after the nuisances among the unknowns of a frame
+LOG_MODULUS, SCORE = 5, 6  # come after the nuisances among the unknowns of a frame; the score is that of the rigidity
 
-MODULUS_STEP = 0.01
+MODULUS_STEP, SCORE_STEP = 0.01, 0.02
 FORCE_STEP_N = 1e-4
 
 
@@ -49,7 +52,7 @@ def polar_derivative(model: EyeModel, modulus_pa: float, force_n: float, nuisanc
 
 
 def predict_frame(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Placed:
-    """Return what a frame shows at places; derivatives by the `NUISANCES` and by ln E, (place, 6).
+    """Return what a frame shows at places; derivatives by the `NUISANCES`, ln E and the rigidity's score, (place, 7).
 
     Args:
         model: the eye.
@@ -58,14 +61,17 @@ def predict_frame(model: EyeModel, modulus_pa: float, force_n: float, nuisance: 
         nuisance: pose and its kin (5,), in the order of `NUISANCES`.
         places: where the frame is looked at.
     """
-    moduli = (modulus_pa, modulus_pa * (1 + MODULUS_STEP))
-    states = [stated_wall(model.constants, modulus, force_n, nuisance[BY_POLAR]) for modulus in moduli]
+    state = stated_wall(model.constants, modulus_pa, force_n, nuisance[BY_POLAR])
+    states = [state, replace(state, youngs_modulus_pa=modulus_pa * (1 + MODULUS_STEP))]
+    if model.constants.globe.can_be_sealed:
+        states.append(replace(state, rigidity_score=state.rigidity_score + SCORE_STEP))
     curves = place_section(model.curves(states), nuisance)
-    (depth, slope, seen), stiffer = (curve_depths(curve, places) for curve in curves)
+    (depth, slope, seen), stiffer, *sealed = (curve_depths(curve, places) for curve in curves)
     by_pose = pose_derivatives(places, depth, slope, (nuisance[BY_LATERAL], nuisance[BY_DEPTH]))
     by_polar = np.zeros_like(depth)  # held while a frame is fitted, see `polar_derivative`
     by_modulus = (stiffer[0] - depth) / MODULUS_STEP
-    jacobian = np.stack([*by_pose, by_polar, places.is_inner, by_modulus], axis=1)
+    by_score = (sealed[0][0] - depth) / SCORE_STEP if sealed else np.zeros_like(depth)
+    jacobian = np.stack([*by_pose, by_polar, places.is_inner, by_modulus, by_score], axis=1)
     return Placed(depth + nuisance[BY_INNER] * places.is_inner, slope, jacobian, seen)
 
 

@@ -18,6 +18,8 @@ from scleraforce.calibration.placement import (
     BY_LATERAL,
     BY_POLAR,
     BY_ROTATION,
+    LOG_MODULUS,
+    SCORE,
     place_section,
     predict_frame,
 )
@@ -50,11 +52,12 @@ class PoseBelief:
 
 @dataclass(frozen=True, eq=False)
 class Registered:
-    """A frame's fit: nuisances (5,) and their covariance (5, 5), and the frame's own modulus."""
+    """A frame's fit: nuisances (5,), their covariance (5, 5), and the frame's own modulus and score of the rigidity."""
 
     nuisance: Array
     covariance: Array
     youngs_modulus_pa: float
+    rigidity_score: float
 
 
 def first_belief(model: EyeModel) -> PoseBelief:
@@ -121,17 +124,22 @@ def _thinned(boundaries: Boundaries) -> Columns:
 
 
 class _Fit:
-    """The least-squares problem of one frame; unknown (6,): the nuisances and ln E. What is certain stays fixed."""
+    """The least-squares problem of one frame; what is certain stays fixed.
+
+    Unknown (7,): the nuisances, ln E, and the normal score of the globe's rigidity, which is fixed in an open one.
+    """
 
     def __init__(
         self, model: EyeModel, columns: Columns, force_n: float, prior: PoseBelief, log_modulus: float
     ) -> None:
         self.model, self.columns, self.force_n = model, columns, force_n
-        self.mean = np.append(prior.mean, log_modulus)
-        self.free = np.append(np.diag(prior.covariance) > 0, True)
-        covariance = np.zeros((6, 6))
-        covariance[:5, :5], covariance[5, 5] = prior.covariance, LOG_MODULUS_SD**2
-        self.precision = np.zeros((6, 6))
+        globe = model.constants.globe
+        self.mean = np.append(prior.mean, [log_modulus, model.constants.rigidity_score])
+        self.free = np.append(np.diag(prior.covariance) > 0, [True, globe.can_be_sealed])
+        covariance = np.zeros((7, 7))
+        covariance[:5, :5] = prior.covariance
+        covariance[LOG_MODULUS, LOG_MODULUS], covariance[SCORE, SCORE] = LOG_MODULUS_SD**2, globe.score_sd**2
+        self.precision = np.zeros((7, 7))
         free = np.ix_(self.free, self.free)
         self.precision[free] = np.linalg.inv(covariance[free])
         self.wide = covariance[BY_LATERAL, BY_LATERAL] > (0.5e-3) ** 2
@@ -140,7 +148,7 @@ class _Fit:
         """Return where to begin: the prior's mean, or the best of a coarse search where the pose is unknown."""
         if not self.wide:
             return self.mean.copy()
-        moduli = np.exp(self.mean[5]) * np.array(START_MODULUS)
+        moduli = np.exp(self.mean[LOG_MODULUS]) * np.array(START_MODULUS)
         eye, polar = self.model.constants, float(self.mean[BY_POLAR])
         curves = self.model.curves([stated_wall(eye, float(modulus), self.force_n, polar) for modulus in moduli])
         best, unknown = np.inf, self.mean.copy()
@@ -154,18 +162,18 @@ class _Fit:
                 cost = float(np.abs(rest - shift).sum())
                 if cost < best:
                     nuisance[BY_DEPTH] += shift
-                    best, unknown = cost, np.append(nuisance, log(modulus))
+                    best, unknown = cost, np.append(nuisance, [log(modulus), self.mean[SCORE]])
         return unknown
 
     def evaluate(self, unknown: Array) -> tuple[Placed, float]:
         """Return the prediction and the cost."""
-        modulus_pa = float(np.exp(unknown[5]))
-        placed = predict_frame(self.model, modulus_pa, self.force_n, unknown[:5], self.columns.places)
+        modulus_pa, model = float(np.exp(unknown[LOG_MODULUS])), self.model.scored(float(unknown[SCORE]))
+        placed = predict_frame(model, modulus_pa, self.force_n, unknown[:5], self.columns.places)
         away = unknown - self.mean
         return placed, self.columns.loss(placed) + float(away @ self.precision @ away)
 
     def normal_equations(self, unknown: Array, placed: Placed) -> tuple[Array, Array]:
-        """Return the normal matrix (6, 6) and the gradient (6,); fixed unknowns do not move."""
+        """Return the normal matrix (7, 7) and the gradient (7,); fixed unknowns do not move."""
         normal, gradient = self.columns.normal_equations(self._free(placed))
         normal += self.precision
         normal[~self.free, ~self.free] = 1.0
@@ -184,7 +192,9 @@ class _Fit:
         size = np.abs(self.columns.residual(placed)[placed.seen])
         scale = max(1.0, robust_spread(size)) if len(size) else 1.0
         data, _ = self.columns.normal_equations(self._free(placed), scale)
-        covariance = np.zeros((6, 6))
+        covariance = np.zeros((7, 7))
         free = np.ix_(self.free, self.free)
         covariance[free] = np.linalg.inv((data + self.precision)[free])
-        return Registered(unknown[:5].copy(), covariance[:5, :5], float(np.exp(unknown[5])))
+        return Registered(
+            unknown[:5].copy(), covariance[:5, :5], float(np.exp(unknown[LOG_MODULUS])), float(unknown[SCORE])
+        )

@@ -35,6 +35,7 @@ Operator = Callable[[Array], Array]  # sigma points (r, n) -> states (r, n) or o
 WINDOW = 5  # updates over which the innovations are watched for divergence
 DIVERGENCE_PROBABILITY = 1e-6  # of a false alarm in one window, were the model right
 DIVERGED_SD = 3.0  # misses below are a noise that was underestimated; `inflate` sees to them
+NEAR_START = 0.1  # of the prior's standard deviations: the sampling about a state that is given
 LARGEST_GATED_SHARE = 0.3  # more outliers than this are no outliers: the model does not fit the frame
 
 
@@ -104,6 +105,7 @@ def filter_step(
     observation: Array,
     noise_covariance: Array,
     propagate: Operator | None = None,
+    start: Array | None = None,
 ) -> StepResult:
     """Assimilate one observation vector.
 
@@ -114,6 +116,8 @@ def filter_step(
         observation: y, shape (m,).
         noise_covariance: W, shape (m, m), positive definite.
         propagate: A; takes and returns sigma points (r, n). None: the state does not move.
+        start: a state (n,) from where the iteration may begin. Where that explains prior and observation better than
+            the prior's mean does, it begins there: from a wide prior about a bent valley it may not find the way.
 
     Returns:
         The posterior and the innovation. A step that fails keeps the old posterior, and `status` says why.
@@ -126,7 +130,9 @@ def filter_step(
     failed = StepResult(posterior, predicted, observed - predicted, np.inf, 0, (), 1.0, 0, "", none, same)
     if not np.isfinite(first_rm).all() or len(observed) == 0:
         return failed._replace(status="diverged: the model cannot be evaluated at the sigma points")
-    fit = _fit(params, _Frame(prior, observe, first_rm, observed, noise_covariance))
+    p = prior.factor.shape[1]
+    frame = _Frame(prior, observe, first_rm, observed, noise_covariance, np.zeros(p), np.eye(p))
+    fit = _fit(params, frame if start is None else _from(params, frame, start))
     if fit is None:
         return failed._replace(status="diverged: the iteration left the region in which the model can be evaluated")
     count, nis = int(fit.kept.sum()), _normalised_innovation(fit.linear, observed, fit.kept)
@@ -150,6 +156,23 @@ class _Frame(NamedTuple):
     first_rm: Array  # observations predicted at the propagated sigma points
     observed: Array
     noise: Array
+    centre: Array  # where the linearisation begins, in the coordinates v of x = mean + L v
+    root: Array  # of the covariance of v there
+
+
+def _from(params: FilterParams, frame: _Frame, start: Array) -> _Frame:
+    """Return the frame with its linearisation begun at a state, if that explains prior and observation better."""
+    prior, points = frame.prior, params.sigma.points_rp
+    centre = _solve(prior.factor, start - prior.mean)
+    rest = frame.observed - frame.observe(np.stack([prior.mean, start]))
+    misfit = np.einsum("rm,mr->r", rest, _solve(frame.noise, rest.T))
+    if not np.isfinite(misfit).all() or misfit[1] + centre @ centre >= misfit[0]:
+        return frame
+    root = NEAR_START * np.eye(len(centre))
+    predicted_rm = frame.observe(prior.mean + (centre + points @ root.T) @ prior.factor.T)
+    if not np.isfinite(predicted_rm).all():
+        return frame
+    return frame._replace(first_rm=predicted_rm, centre=centre, root=root)
 
 
 class _Fit(NamedTuple):
@@ -191,8 +214,7 @@ def _predict(params: FilterParams, posterior: Posterior, propagate: Operator | N
 def _linearise(params: FilterParams, frame: _Frame, kept: NDArray[np.bool_]) -> _Fit | None:
     """Linearise the observation about the (iterated) posterior; None where the model cannot be evaluated there."""
     points = params.sigma.points_rp
-    prior, dimension = frame.prior, points.shape[1]
-    centre, root = np.zeros(dimension), np.eye(dimension)
+    prior, centre, root = frame.prior, frame.centre, frame.root
     linear = _regress(params.sigma, frame.first_rm, centre, root, frame.noise)
     for iteration in range(1, params.iterations):
         new_centre, precision = _correct(linear, frame.observed, kept)
