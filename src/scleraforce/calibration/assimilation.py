@@ -42,7 +42,7 @@ from scleraforce.study import CalibrationStudy
 __all__ = [
     "LEAST_POINTS",
     "PARAMETERS",
-    "RIGIDITY_SCORE",
+    "RIGIDITY",
     "SHARED",
     "EyeFilter",
     "EyeState",
@@ -62,7 +62,7 @@ Array = NDArray[np.float64]
 
 # Name on the command line -> name of the parameter.
 PARAMETERS = {"e": "youngs_modulus_pa", "iop": "iop_pa", "thickness": "thickness_m", "gap": "gap_m"}
-RIGIDITY_SCORE = "rigidity_score"  # comes after them, of an eye that may be sealed
+RIGIDITY = "rigidity_pa13_per_m3"  # comes after them, of an eye that may be sealed
 LEAST_POINTS = 3
 UNREACHED_SD_M = 1.0
 UNSEEN = "too little of the wall is in view"
@@ -148,8 +148,8 @@ def eye_filter(model: EyeModel, study: CalibrationStudy, parameters: tuple[str, 
     )
     globe = model.constants.globe
     if globe.can_be_sealed:
-        score = Parameter(RIGIDITY_SCORE, mean=globe.score_mean, sd=globe.score_sd, positive=False, is_score=True)
-        space = ParameterSpace((*space.parameters, score))
+        rigidity = Parameter(RIGIDITY, mean=globe.mean, sd=globe.sd, positive=False, either_sign=True)
+        space = ParameterSpace((*space.parameters, rigidity))
     sigma = sigma_points(study.sigma_points, len(space.parameters))
     return EyeFilter(model, space, FilterParams(sigma, study.iterations, gate=study.gate_sd, inflate=True), study)
 
@@ -172,22 +172,23 @@ def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
     if not globe.can_be_sealed:
         return globe
     covariance = _total_covariance(eye, state)
-    score, modulus = (eye.space.names.index(name) for name in (RIGIDITY_SCORE, PARAMETERS["e"]))
+    rigidity, modulus = (eye.space.names.index(name) for name in (RIGIDITY, PARAMETERS["e"]))
     sds = np.sqrt(np.diag(covariance))
     return replace(
         globe,
-        score_mean=float(state.posterior.mean[score]),
-        score_sd=float(sds[score]),
-        correlation=float(covariance[score, modulus] / (sds[score] * sds[modulus])),
+        mean=globe.mean * float(state.posterior.mean[rigidity]),
+        sd=globe.mean * float(sds[rigidity]),
+        correlation=float(covariance[rigidity, modulus] / (sds[rigidity] * sds[modulus])),
         calibrated=state.posterior.updates > 0,
     )
 
 
 def at_rigidity(eye: EyeFilter, state: EyeState) -> EyeModel:
     """Return the model of an eye with the rigidity that it is taken to have after some frames."""
-    if RIGIDITY_SCORE not in eye.space.names:
+    if RIGIDITY not in eye.space.names:
         return eye.model
-    return eye.model.scored(float(state.posterior.mean[eye.space.names.index(RIGIDITY_SCORE)]))
+    values = eye.space.values(state.posterior.mean)
+    return eye.model.with_rigidity(float(values[eye.space.names.index(RIGIDITY)]))
 
 
 def _total_covariance(eye: EyeFilter, state: EyeState) -> Array:
@@ -209,7 +210,7 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
     fit = register(at_rigidity(eye, state), frame.boundaries, frame.force_n, _modulus(eye, state), prior)
     observation = observe_points(frame.boundaries, eye.study.points, float(fit.nuisance[BY_LATERAL]), eye.study.span_m)
     places = Places(observation.lateral_m, observation.boundary)
-    at = (eye.model.scored(fit.rigidity_score), fit.youngs_modulus_pa, frame.force_n, fit.nuisance, places)
+    at = (eye.model.with_rigidity(fit.rigidity_pa13_per_m3), fit.youngs_modulus_pa, frame.force_n, fit.nuisance, places)
     placed = predict_frame(*at)
     if placed.seen.sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
@@ -246,10 +247,10 @@ def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Arra
 
 def _start(eye: EyeFilter, state: EyeState, fit: Registered) -> Array | None:
     """Return where a frame's own fit stands in the filter's coordinates (p,); None: E alone is found from anywhere."""
-    if RIGIDITY_SCORE not in eye.space.names:
+    if RIGIDITY not in eye.space.names:
         return None
     start = state.posterior.mean.copy()
-    start[eye.space.names.index(RIGIDITY_SCORE)] = fit.rigidity_score
+    start[eye.space.names.index(RIGIDITY)] = fit.rigidity_pa13_per_m3 / eye.model.constants.globe.mean
     start[eye.space.names.index(PARAMETERS["e"])] = _modulus_coordinate(eye, fit.youngs_modulus_pa)
     return start
 

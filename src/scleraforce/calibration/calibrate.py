@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scleraforce.calibration.assimilation import (
     EyeFilter,
@@ -28,10 +29,12 @@ from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observed import dent, segmented_boundaries
 from scleraforce.segmentation.wall import Segmentation, find_wall
-from scleraforce.study import Study
+from scleraforce.study import CalibrationStudy, Study
 from scleraforce.units import from_si
 
 __all__ = ["Calibration", "EyeCalibration", "FrameRecord", "UsedRecording", "calibrate_recordings", "eye_constants"]
+
+Array = NDArray[np.float64]
 
 SAME_MODULUS = 0.01  # relative; what else is stated of the eye moves the mean of a lognormal by less
 
@@ -179,7 +182,7 @@ def calibrate_recordings(
         study_sha256: hash of the study, kept as provenance.
         library: responses of finite strain; None: linear mechanics, as in the paper.
         parameters: what is uncertain, of `e`, `iop`, `thickness`, `gap`; `e` among them.
-        frames: take the first so many frames of each recording that bear enough force; None: all.
+        frames: take so many frames of each recording that bear enough force, deep dents among them; None: all.
         earlier: to go on from; the frames that its eyes have used are left out.
         progress: called with 1 after each frame.
 
@@ -213,7 +216,7 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
         raise CalibrationError(
             f"{recording.path / 'recording.toml'}: eye.thickness_m: missing; a calibration needs the wall's thickness"
         )
-    globe = told_globe(info.eye)
+    globe = told_globe(info.eye) or UNKNOWN
     low, high = study.needle.polar_angle_rad.bounds
     stated = info.needle.polar_angle_rad
     return EyeConstants(
@@ -224,7 +227,8 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
         polar_sd_rad=(high - low) / 12**0.5 if stated is None else 0.0,
         direction_rad=info.oct.plane_direction_rad,
         tilt_rad=info.oct.plane_tilt_rad,
-        globe=UNKNOWN if globe is None else globe,
+        globe=globe,
+        rigidity_pa13_per_m3=globe.mean,
     )
 
 
@@ -247,7 +251,8 @@ def _calibrate(
     scale = PixelScale.of(recording.info.oct)
     left = len(trials) if frames is None else frames
     shown = [float("nan")] * len(trials)
-    for index, (entry, trial) in enumerate(zip(recording.frames, trials, strict=True)):
+    for index in _order(forces.force_n, [trial.excluded is None for trial in trials], frames, study.calibration):
+        entry, trial = recording.frames[index], trials[index]
         pixels = recording.frame(entry) if left > 0 and trial.excluded is None else None
         if pixels is not None and (sha256 := frame_digest(pixels)) not in seen:
             force_n, since_s = float(forces.force_n[index]), float(forces.since_start_s[index])
@@ -290,6 +295,27 @@ def _calibrate(
         steps=tuple(steps),
         filter=session.filter,
     )
+
+
+def _order(force_n: Array, included: Sequence[bool], frames: int | None, study: CalibrationStudy) -> list[int]:
+    """Return the frames of a recording in the order in which they are looked at.
+
+    All in theirs; or, where only some are wanted, the first few that say where the eye lies, then those of the highest
+    force and of even shares of it, which tell modulus and rigidity apart, then whatever else there is for those that
+    cannot be used.
+    """
+    if frames is None:
+        return list(range(len(included)))
+    light = [index for index, inside in enumerate(included) if inside and force_n[index] <= study.min_force_n]
+    left = [index for index, inside in enumerate(included) if inside and force_n[index] > study.min_force_n]
+    left.sort(key=lambda index: -force_n[index])
+    chosen, highest_n = list[int](), force_n[left[0]] if left else 0.0
+    for share in np.arange(frames, 0, -1) / frames:
+        if left:
+            nearest = min(left, key=lambda index: abs(force_n[index] - share * highest_n))
+            left.remove(nearest)
+            chosen.append(nearest)
+    return [*light[:frames], *reversed(chosen), *left]
 
 
 def _begin(

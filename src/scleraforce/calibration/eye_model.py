@@ -32,7 +32,7 @@ SAMPLE_STEP_M = 0.1e-3  # between the samples of a section
 class EyeConstants:
     """What is stated about an eye and its plane, SI; `polar_sd_rad` is 0 where the recording states the angle.
 
-    `globe` is what is known of it, and `rigidity_score` what stands for its rigidity (`known.globe`).
+    `globe` is what is known of it, and `rigidity_pa13_per_m3` the rigidity that it is taken to have.
     """
 
     iop_pa: float
@@ -43,7 +43,7 @@ class EyeConstants:
     direction_rad: float = 0.0
     tilt_rad: float = 0.0
     globe: KnownGlobe = OPEN
-    rigidity_score: float = 0.0
+    rigidity_pa13_per_m3: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ class WallState:
     thickness_m: float
     gap_m: float
     polar_rad: float
-    rigidity_score: float = 0.0
+    rigidity_pa13_per_m3: float = 0.0
 
 
 class EyeModel(Protocol):
@@ -76,8 +76,8 @@ class EyeModel(Protocol):
         """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth."""
         ...
 
-    def scored(self, rigidity_score: float) -> "EyeModel":
-        """Return the eye with another score for its rigidity."""
+    def with_rigidity(self, rigidity_pa13_per_m3: float) -> "EyeModel":
+        """Return the eye with another rigidity."""
         ...
 
     def outside(self, state: WallState) -> str | None:
@@ -97,7 +97,7 @@ def stated_wall(constants: EyeConstants, youngs_modulus_pa: float, force_n: floa
         thickness_m=constants.thickness_m,
         gap_m=constants.gap_m,
         polar_rad=polar_rad,
-        rigidity_score=constants.rigidity_score,
+        rigidity_pa13_per_m3=constants.rigidity_pa13_per_m3,
     )
 
 
@@ -108,7 +108,7 @@ def parameter_sections(
 
     Args:
         model: the eye.
-        names: of `youngs_modulus_pa`, `iop_pa`, `thickness_m`, `gap_m`, `rigidity_score`, in the order of the columns.
+        names: of the fields of `WallState`, in the order of the columns.
         values_rp: their values, SI.
         force_n: force of the needle.
         polar_rad: polar angle of the contact.

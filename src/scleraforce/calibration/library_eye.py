@@ -89,9 +89,9 @@ class LibraryEye:
             return "the pressure under the needle rises beyond the library's"
         return None
 
-    def scored(self, rigidity_score: float) -> "LibraryEye":
-        """Return the eye with another score for its rigidity."""
-        return replace(self, constants=replace(self.constants, rigidity_score=rigidity_score))
+    def with_rigidity(self, rigidity_pa13_per_m3: float) -> "LibraryEye":
+        """Return the eye with another rigidity."""
+        return replace(self, constants=replace(self.constants, rigidity_pa13_per_m3=rigidity_pa13_per_m3))
 
     def _ratios(self, states: Sequence[WallState]) -> tuple[Array, Array, Array]:
         """Return thickness, the pressure under the needle over E and F/E of states, each (state,)."""
@@ -100,7 +100,8 @@ class LibraryEye:
         pressure = np.array([state.iop_pa for state in states]) / modulus
         force = np.array([state.force_n for state in states]) / modulus
         if self.constants.globe.can_be_sealed:
-            globe = self.constants.globe.globe(np.array([state.rigidity_score for state in states])).over(modulus)
+            rigidity = np.array([state.rigidity_pa13_per_m3 for state in states])
+            globe = self.constants.globe.globe(rigidity).over(modulus)
             held = np.clip(thickness, self.library.thickness_m[0], self.library.thickness_m[-1])
             pressure = np.clip(pressure, *self.library.iop_ratio_ends(held))
             pressure = iop_ratio_under_force(self.library, held, pressure, np.maximum(force, 0.0), globe)

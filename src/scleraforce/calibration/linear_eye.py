@@ -57,7 +57,7 @@ class LinearEye:
         """Return None: linear mechanics has an answer to every load."""
         return None
 
-    def scored(self, rigidity_score: float) -> "LinearEye":  # noqa: ARG002
+    def with_rigidity(self, rigidity_pa13_per_m3: float) -> "LinearEye":  # noqa: ARG002
         """Return the eye itself: to linear mechanics every globe is open."""
         return self
 

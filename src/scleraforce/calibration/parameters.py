@@ -2,8 +2,7 @@
 
 The filter works on coordinates that are Gaussian. A positive parameter is lognormal: its coordinate is
 ln(value / unit), with the moments matched to the prior that is asked for. Unchanged (the paper's choice), the
-coordinate is value / unit; the unit, the prior's mean, only keeps the coordinates of order one. A score, which may have
-either sign, is its own coordinate.
+coordinate is value / unit; the unit, the prior's mean, only keeps the coordinates of order one.
 """
 
 from collections.abc import Sequence
@@ -20,25 +19,21 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One uncertain parameter: its name, the mean and standard deviation of its prior (SI); `positive`: lognormal."""
+    """One uncertain parameter: its name, the mean and standard deviation of its prior (SI).
+
+    `positive`: it is lognormal. `either_sign`: there are eyes also where it is not above 0.
+    """
 
     name: str
     _: KW_ONLY
     mean: float
     sd: float
     positive: bool = True
-    is_score: bool = False
+    either_sign: bool = False
 
     def __post_init__(self) -> None:
-        if not (self.sd > 0 and (self.is_score or (self.mean != 0 and (self.mean > 0 or not self.positive)))):
+        if not (self.sd > 0 and self.mean != 0 and (self.mean > 0 or not self.positive)):
             raise ValueError(f"{self.name}: a prior needs a mean that is not zero and a positive standard deviation")
-        if self.is_score and self.positive:
-            raise ValueError(f"{self.name}: a score has either sign, so it is not positive")
-
-    @property
-    def unit(self) -> float:
-        """What the value is counted in, in SI."""
-        return 1.0 if self.is_score else self.mean
 
 
 @dataclass(frozen=True)
@@ -62,8 +57,8 @@ class ParameterSpace:
         """Return mean (p,) and covariance (p, p) of the prior in the filter's coordinates."""
         means, variances = [], []
         for entry in self.parameters:
-            ratio = (entry.sd / entry.unit) ** 2
-            means.append(-log(1 + ratio) / 2 if entry.positive else entry.mean / entry.unit)
+            ratio = (entry.sd / entry.mean) ** 2
+            means.append(-log(1 + ratio) / 2 if entry.positive else 1.0)
             variances.append(log(1 + ratio) if entry.positive else ratio)
         return np.array(means), np.diag(variances)
 
@@ -73,9 +68,9 @@ class ParameterSpace:
         return scaled * self._units
 
     def exist(self, values: Vector) -> NDArray[np.bool_]:
-        """Return for which rows of values (..., p), SI, there is such an eye: all but scores are above 0."""
-        scores = np.array([entry.is_score for entry in self.parameters])
-        return np.asarray(((values > 0) | scores).all(axis=-1))
+        """Return for which rows of values (..., p), SI, there is such an eye."""
+        free = np.array([entry.either_sign for entry in self.parameters])
+        return np.asarray(((values > 0) | free).all(axis=-1))
 
     def moments(self, mean: Vector, covariance: Vector) -> tuple[Vector, Vector]:
         """Return means (p,) and standard deviations (p,) in SI of coordinates with the given Gaussian."""
@@ -97,7 +92,7 @@ class ParameterSpace:
 
     @property
     def _units(self) -> Vector:
-        return np.array([entry.unit for entry in self.parameters])
+        return np.array([entry.mean for entry in self.parameters])
 
 
 def spread(values: Sequence[float]) -> tuple[float, float | None]:

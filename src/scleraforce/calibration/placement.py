@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from scleraforce.calibration.eye_model import EyeModel, stated_wall
 from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
+from scleraforce.known.globe import REFERENCE_RIGIDITY
 
 __all__ = [
     "BY_DEPTH",
@@ -16,7 +17,7 @@ __all__ = [
     "BY_ROTATION",
     "LOG_MODULUS",
     "NUISANCES",
-    "SCORE",
+    "RIGIDITY",
     "force_derivative",
     "place_section",
     "polar_derivative",
@@ -29,9 +30,10 @@ Array = NDArray[np.float64]
 # segmentation's, or a wall that is not as thick as stated).
 NUISANCES = ("lateral_m", "depth_m", "rotation_rad", "polar_rad", "inner_m")
 BY_LATERAL, BY_DEPTH, BY_ROTATION, BY_POLAR, BY_INNER = range(5)
-LOG_MODULUS, SCORE = 5, 6  # come after the nuisances among the unknowns of a frame; the score is that of the rigidity
+# Come after the nuisances among the unknowns of a frame: ln E, and the globe's rigidity over `REFERENCE_RIGIDITY`.
+LOG_MODULUS, RIGIDITY = 5, 6
 
-MODULUS_STEP, SCORE_STEP = 0.01, 0.02
+MODULUS_STEP, RIGIDITY_STEP = 0.01, 0.02
 FORCE_STEP_N = 1e-4
 
 
@@ -52,7 +54,7 @@ def polar_derivative(model: EyeModel, modulus_pa: float, force_n: float, nuisanc
 
 
 def predict_frame(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Placed:
-    """Return what a frame shows at places; derivatives by the `NUISANCES`, ln E and the rigidity's score, (place, 7).
+    """Return what a frame shows at places; derivatives by the `NUISANCES`, ln E and the relative rigidity, (place, 7).
 
     Args:
         model: the eye.
@@ -64,14 +66,15 @@ def predict_frame(model: EyeModel, modulus_pa: float, force_n: float, nuisance: 
     state = stated_wall(model.constants, modulus_pa, force_n, nuisance[BY_POLAR])
     states = [state, replace(state, youngs_modulus_pa=modulus_pa * (1 + MODULUS_STEP))]
     if model.constants.globe.can_be_sealed:
-        states.append(replace(state, rigidity_score=state.rigidity_score + SCORE_STEP))
+        stiffer_globe = state.rigidity_pa13_per_m3 + RIGIDITY_STEP * REFERENCE_RIGIDITY
+        states.append(replace(state, rigidity_pa13_per_m3=stiffer_globe))
     curves = place_section(model.curves(states), nuisance)
     (depth, slope, seen), stiffer, *sealed = (curve_depths(curve, places) for curve in curves)
     by_pose = pose_derivatives(places, depth, slope, (nuisance[BY_LATERAL], nuisance[BY_DEPTH]))
     by_polar = np.zeros_like(depth)  # held while a frame is fitted, see `polar_derivative`
     by_modulus = (stiffer[0] - depth) / MODULUS_STEP
-    by_score = (sealed[0][0] - depth) / SCORE_STEP if sealed else np.zeros_like(depth)
-    jacobian = np.stack([*by_pose, by_polar, places.is_inner, by_modulus, by_score], axis=1)
+    by_rigidity = (sealed[0][0] - depth) / RIGIDITY_STEP if sealed else np.zeros_like(depth)
+    jacobian = np.stack([*by_pose, by_polar, places.is_inner, by_modulus, by_rigidity], axis=1)
     return Placed(depth + nuisance[BY_INNER] * places.is_inner, slope, jacobian, seen)
 
 

@@ -19,12 +19,13 @@ from scleraforce.calibration.placement import (
     BY_POLAR,
     BY_ROTATION,
     LOG_MODULUS,
-    SCORE,
+    RIGIDITY,
     place_section,
     predict_frame,
 )
 from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
 from scleraforce.fitting.placement import Placed, Places, curve_depths
+from scleraforce.known.globe import REFERENCE_RIGIDITY
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import CalibrationStudy
 
@@ -52,12 +53,12 @@ class PoseBelief:
 
 @dataclass(frozen=True, eq=False)
 class Registered:
-    """A frame's fit: nuisances (5,), their covariance (5, 5), and the frame's own modulus and score of the rigidity."""
+    """A frame's fit: nuisances (5,), their covariance (5, 5), and the frame's own modulus and rigidity."""
 
     nuisance: Array
     covariance: Array
     youngs_modulus_pa: float
-    rigidity_score: float
+    rigidity_pa13_per_m3: float
 
 
 def first_belief(model: EyeModel) -> PoseBelief:
@@ -126,7 +127,7 @@ def _thinned(boundaries: Boundaries) -> Columns:
 class _Fit:
     """The least-squares problem of one frame; what is certain stays fixed.
 
-    Unknown (7,): the nuisances, ln E, and the normal score of the globe's rigidity, which is fixed in an open one.
+    Unknown (7,): the nuisances, ln E, and the globe's rigidity over the reference, which is fixed in an open one.
     """
 
     def __init__(
@@ -134,11 +135,12 @@ class _Fit:
     ) -> None:
         self.model, self.columns, self.force_n = model, columns, force_n
         globe = model.constants.globe
-        self.mean = np.append(prior.mean, [log_modulus, model.constants.rigidity_score])
+        self.mean = np.append(prior.mean, [log_modulus, model.constants.rigidity_pa13_per_m3 / REFERENCE_RIGIDITY])
         self.free = np.append(np.diag(prior.covariance) > 0, [True, globe.can_be_sealed])
         covariance = np.zeros((7, 7))
         covariance[:5, :5] = prior.covariance
-        covariance[LOG_MODULUS, LOG_MODULUS], covariance[SCORE, SCORE] = LOG_MODULUS_SD**2, globe.score_sd**2
+        rigidity_sd = globe.sd / REFERENCE_RIGIDITY
+        covariance[LOG_MODULUS, LOG_MODULUS], covariance[RIGIDITY, RIGIDITY] = LOG_MODULUS_SD**2, rigidity_sd**2
         self.precision = np.zeros((7, 7))
         free = np.ix_(self.free, self.free)
         self.precision[free] = np.linalg.inv(covariance[free])
@@ -162,12 +164,13 @@ class _Fit:
                 cost = float(np.abs(rest - shift).sum())
                 if cost < best:
                     nuisance[BY_DEPTH] += shift
-                    best, unknown = cost, np.append(nuisance, [log(modulus), self.mean[SCORE]])
+                    best, unknown = cost, np.append(nuisance, [log(modulus), self.mean[RIGIDITY]])
         return unknown
 
     def evaluate(self, unknown: Array) -> tuple[Placed, float]:
         """Return the prediction and the cost."""
-        modulus_pa, model = float(np.exp(unknown[LOG_MODULUS])), self.model.scored(float(unknown[SCORE]))
+        modulus_pa = float(np.exp(unknown[LOG_MODULUS]))
+        model = self.model.with_rigidity(REFERENCE_RIGIDITY * float(unknown[RIGIDITY]))
         placed = predict_frame(model, modulus_pa, self.force_n, unknown[:5], self.columns.places)
         away = unknown - self.mean
         return placed, self.columns.loss(placed) + float(away @ self.precision @ away)
@@ -180,7 +183,10 @@ class _Fit:
         return normal, gradient - self.precision @ (unknown - self.mean)
 
     def inside(self, unknown: Array) -> Array:
-        """Return the unknowns as they are: a section goes on smoothly beyond what the mechanics holds for."""
+        """Keep the rigidity within its bounds; a section goes on smoothly beyond what the mechanics holds for."""
+        globe = self.model.constants.globe
+        ends = globe.lowest / REFERENCE_RIGIDITY, globe.highest / REFERENCE_RIGIDITY
+        unknown[RIGIDITY] = np.clip(unknown[RIGIDITY], *ends)
         return unknown
 
     def _free(self, placed: Placed) -> Placed:
@@ -195,6 +201,5 @@ class _Fit:
         covariance = np.zeros((7, 7))
         free = np.ix_(self.free, self.free)
         covariance[free] = np.linalg.inv((data + self.precision)[free])
-        return Registered(
-            unknown[:5].copy(), covariance[:5, :5], float(np.exp(unknown[LOG_MODULUS])), float(unknown[SCORE])
-        )
+        modulus_pa, rigidity = float(np.exp(unknown[LOG_MODULUS])), REFERENCE_RIGIDITY * float(unknown[RIGIDITY])
+        return Registered(unknown[:5].copy(), covariance[:5, :5], modulus_pa, rigidity)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce import __version__
-from scleraforce.calibration.assimilation import RIGIDITY_SCORE, SHARED, EyeState
+from scleraforce.calibration.assimilation import RIGIDITY, SHARED, EyeState
 from scleraforce.calibration.calibrate import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.calibration.placement import NUISANCES
 from scleraforce.calibration.registration import PoseBelief
@@ -40,7 +40,7 @@ PARAMETERS = {
     "iop_pa": (-1e5, 1e5),
     "thickness_m": (1e-6, 10e-3),
     "gap_m": (-0.1, 0.1),
-    RIGIDITY_SCORE: (-100.0, 100.0),
+    RIGIDITY: (-1e10, 1e10),
 }
 
 

@@ -38,7 +38,11 @@ class _Parameters(click.ParamType[tuple[str, ...]]):
 @click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--study", "study_path", type=click.Path(path_type=Path), help="Study file; the paper's by default.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write; must not exist.")
-@click.option("--frames", type=click.IntRange(1), help="Take the first so many frames above 5 mN of each recording.")
+@click.option(
+    "--frames",
+    type=click.IntRange(1),
+    help="Take so many frames above 5 mN of each recording: the highest force, and even shares of it.",
+)
 @click.option("--mechanics", type=click.Choice(["finite-strain", "linear"]), default="finite-strain",
               show_default=True, help="How the wall bends; linear is the paper's.")  # fmt: skip
 @click.option("--parameters", type=_Parameters(), default="e", show_default=True,

@@ -35,7 +35,8 @@ class Globe:
 
     Attributes:
         law: "cube-root" or "logarithmic": which `level` of the pressure is linear in the volume.
-        rate: of the level, Pa^(1/3)/m^3 or 1/m^3; an array is of as many globes.
+        rate: of the level, Pa^(1/3)/m^3 or 1/m^3; an array is of as many globes. Below 0 the law goes on: no globe is
+            like that, but a search for one that is nearly open needs both sides.
     """
 
     law: str = "cube-root"
@@ -44,13 +45,13 @@ class Globe:
     def __post_init__(self) -> None:
         if self.law not in RIGIDITY_LAWS:
             raise InputError(f"rigidity law: {self.law!r} is not one of {', '.join(RIGIDITY_LAWS)}")
-        if not np.all(np.isfinite(self.rate) & (np.asarray(self.rate) >= 0.0)):
-            raise InputError(f"rigidity: {np.min(self.rate):g}; must be 0 (an open globe) or more")
+        if not np.all(np.isfinite(self.rate)):
+            raise InputError(f"rigidity: {np.asarray(self.rate)}; must be a finite number")
 
     @property
     def is_sealed(self) -> bool:
         """Whether the pressure follows the volume at all."""
-        return bool(np.any(np.asarray(self.rate) > 0.0))
+        return bool(np.any(np.asarray(self.rate) != 0.0))
 
     def over(self, youngs_modulus_pa: Values) -> "Globe":
         """Return the same globe where pressures are given over a modulus, P/E.
@@ -91,7 +92,7 @@ def sealed_globe(rigidity_pa13_per_m3: Values, law: str = RIGIDITY_LAWS[0]) -> G
     """Return a sealed globe of a rigidity k, in Pa^(1/3)/m^3; of 0, an open one.
 
     Raises:
-        InputError: no such law, or a negative rigidity.
+        InputError: no such law, or a rigidity that is not finite.
     """
     return Globe(law, rigidity_pa13_per_m3 * (3.0 / np.cbrt(SAME_SLOPE_PA) if law == RIGIDITY_LAWS[1] else 1.0))
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
-from scleraforce.known.globe import OPEN, KnownGlobe
+from scleraforce.known.globe import OPEN, REFERENCE_RIGIDITY, KnownGlobe
 from scleraforce.library.responses import Library
 from scleraforce.library.sealed import nearest_iop_ratio_at_dent
 
@@ -27,8 +27,8 @@ __all__ = [
     "LATERAL",
     "MODULUS",
     "NAMES",
+    "RIGIDITY",
     "ROTATION",
-    "SCORE",
     "SIZE",
     "THICKNESS",
     "TIP",
@@ -44,12 +44,12 @@ Array = NDArray[np.float64]
 
 # The unknowns of a fit, (unknown,): dent and pose in m and rad; logarithms of the eye's size over the library's, of E
 # in Pa and of IOP in Pa, without the needle; an offset of the inner boundary in m, which the segmentation may see a
-# little too deep; and the normal score of the globe's rigidity (`known.globe`), which moves nothing in an open one.
+# little too deep; and the globe's rigidity over `REFERENCE_RIGIDITY`, which moves nothing in an open one.
 NAMES = (
     "tip_m", "lateral_m", "depth_m", "rotation_rad", "gap_m", "thickness_m", "log_modulus", "log_iop", "log_size",
-    "inner_m", "rigidity_score",
+    "inner_m", "rigidity",
 )  # fmt: skip
-TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS, MODULUS, IOP, SIZE, INNER_OFFSET, SCORE = range(len(NAMES))
+TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS, MODULUS, IOP, SIZE, INNER_OFFSET, RIGIDITY = range(len(NAMES))
 
 TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP = 20e-6, 10e-6, 5e-6, 0.02
 FINE_STEP_M, FINE_STEP = 1e-7, 1e-4  # of what moves the pressure alone, which is free of the curves' rounding
@@ -124,7 +124,7 @@ def _log_pressure(walls: Walls, unknown_su: Array) -> Array:
         return resting
     size, modulus = np.exp(unknown_su[:, SIZE]), np.exp(unknown_su[:, MODULUS])
     thickness, ratio, tip = _library_place(walls.library, unknown_su, resting)
-    globe = walls.globe.globe(unknown_su[:, SCORE]).over(modulus)
+    globe = walls.globe.globe(REFERENCE_RIGIDITY * unknown_su[:, RIGIDITY]).over(modulus)
     globe = replace(globe, rate=globe.rate * size**3)
     return np.asarray(np.log(nearest_iop_ratio_at_dent(walls.library, thickness, ratio, tip, globe)))
 
@@ -135,7 +135,7 @@ def _pressure_and_turns(walls: Walls, unknown: Array) -> tuple[float, Array]:
     turns[[IOP, MODULUS]] = 1.0, -1.0
     if not walls.globe.can_be_sealed:
         return float(unknown[IOP] - unknown[MODULUS]), turns
-    moving = [TIP, THICKNESS, MODULUS, IOP, SIZE, SCORE]
+    moving = [TIP, THICKNESS, MODULUS, IOP, SIZE, RIGIDITY]
     steps = np.array([FINE_STEP_M, FINE_STEP_M, FINE_STEP, FINE_STEP, FINE_STEP, FINE_STEP])
     varied = np.repeat(unknown[None], len(moving) + 1, axis=0)
     if unknown[TIP] / np.exp(unknown[SIZE]) + FINE_STEP_M > walls.library.tip_m[-1]:

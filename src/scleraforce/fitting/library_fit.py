@@ -24,8 +24,8 @@ from scleraforce.fitting.fit_prediction import (
     LATERAL,
     MODULUS,
     NAMES,
+    RIGIDITY,
     ROTATION,
-    SCORE,
     SIZE,
     THICKNESS,
     TIP,
@@ -39,7 +39,7 @@ from scleraforce.fitting.fit_start import starts
 from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
 from scleraforce.fitting.placement import Placed, Places
 from scleraforce.known.eye import Known
-from scleraforce.known.globe import UNKNOWN, KnownGlobe
+from scleraforce.known.globe import REFERENCE_RIGIDITY, UNKNOWN, KnownGlobe
 from scleraforce.library.responses import Library
 from scleraforce.study import ReaderStudy
 
@@ -70,7 +70,7 @@ class Prior:
     """What is known before a frame, in the order of NAMES.
 
     `mean` and `sd` (unknown,) of each unknown; `precision` (unknown, unknown), the inverse of their covariance; `globe`
-    says what its rigidity's score stands for.
+    is what is known of it.
     """
 
     mean: Array
@@ -128,7 +128,7 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
     mean[MODULUS], sd[MODULUS] = _stated(modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd)
     globe = UNKNOWN if known.globe is None else known.globe
-    mean[SCORE], sd[SCORE] = globe.score_mean, globe.score_sd
+    mean[RIGIDITY], sd[RIGIDITY] = globe.mean / REFERENCE_RIGIDITY, globe.sd / REFERENCE_RIGIDITY if globe.sd else 1.0
     own = known.modulus is not None and known.modulus.source == "own"
     return Prior(mean, sd, _precision(mean, sd, globe.correlation if own else 0.0, own), globe)
 
@@ -144,9 +144,9 @@ def _precision(mean: Array, sd: Array, correlation: float, own: bool) -> Array:
     if own:
         along = np.zeros((2, len(sd)))
         along[0, [MODULUS, THICKNESS, IOP]] = 1.0, FORCE_BY_LOG_THICKNESS / mean[THICKNESS], FORCE_BY_LOG_IOP
-        along[1, SCORE] = 1.0
-        precision[MODULUS, MODULUS] = precision[SCORE, SCORE] = 0.0
-        scaled = along / sd[[MODULUS, SCORE], None]
+        along[1, RIGIDITY] = 1.0
+        precision[MODULUS, MODULUS] = precision[RIGIDITY, RIGIDITY] = 0.0
+        scaled = along / sd[[MODULUS, RIGIDITY], None]
         precision += scaled.T @ np.linalg.inv([[1.0, correlation], [correlation, 1.0]]) @ scaled
     return precision
 
@@ -231,9 +231,15 @@ class _Problem:
         return normal + precision, gradient - precision @ away
 
     def inside(self, unknown: Array) -> Array:
-        """Keep the dent within what the library holds: outside it nothing would lead back."""
+        """Keep the dent within what the library holds, and the rigidity within its bounds."""
         unknown[TIP] = np.clip(unknown[TIP], 0.0, self.walls.library.tip_m[-1] * np.exp(unknown[SIZE]))
+        unknown[RIGIDITY] = np.clip(unknown[RIGIDITY], *self._rigidity_ends)
         return unknown
+
+    @property
+    def _rigidity_ends(self) -> tuple[float, float]:
+        """The bounds of the rigidity over the reference."""
+        return self.prior.globe.lowest / REFERENCE_RIGIDITY, self.prior.globe.highest / REFERENCE_RIGIDITY
 
     def result(self, unknown: Array, placed: Placed) -> BoundaryFit:
         """Return the fit with its uncertainty: the curvature's, scaled by the misfit where that is large (Birge)."""
@@ -265,6 +271,7 @@ class _Problem:
         normal = _standard_normal(len(NAMES) + 2)
         drawn = unknown + normal[:, :-2] @ np.linalg.cholesky(covariance).T
         drawn[:, TIP] = np.maximum(drawn[:, TIP], 0.0)
+        drawn[:, RIGIDITY] = np.clip(drawn[:, RIGIDITY], *self._rigidity_ends)
         forces = force_n(self.walls, drawn) * np.exp(MODEL_SD * normal[:, -2]) + MODEL_SD_N * normal[:, -1]
         return np.maximum(forces, 0.0)
 

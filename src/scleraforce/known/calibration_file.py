@@ -47,7 +47,7 @@ THINNEST_UM, THICKEST_UM = 1.0, 10e3
 RIGIDITY_UNIT: Final = "mmhg13_per_ul"
 STIFFEST_RIGIDITY = 2.0  # mmHg^(1/3) per ul
 KINDS_OF_GLOBE = ("open", "sealed", "unknown")
-FARTHEST_SCORE, LEAST_SCORE_SD, MOST_CORRELATED = 100.0, 1e-6, 1.0 - 1e-9
+MOST_CORRELATED = 1.0 - 1e-9
 WRITER = "give a file of `scleraforce calibrate`"
 
 
@@ -211,15 +211,19 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
 
 def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
     """Return a globe as it stands in the file, with the band that holds its rigidity with 90 %."""
-    low, high = (from_si(k, RIGIDITY_UNIT) for k in globe.band)
+    low, high = globe.band
+    values = {
+        "low": low,
+        "high": high,
+        "mean": globe.mean,
+        "sd": globe.sd,
+        "lowest": globe.lowest,
+        "highest": globe.highest,
+    }
     return {
         "kind": globe.kind,
         "rigidity_law": globe.law,
-        "rigidity_mmhg13_per_ul": {"low": low, "high": high},
-        "lowest_mmhg13_per_ul": from_si(globe.lowest, RIGIDITY_UNIT),
-        "highest_mmhg13_per_ul": from_si(globe.highest, RIGIDITY_UNIT),
-        "score_mean": globe.score_mean,
-        "score_sd": globe.score_sd,
+        "rigidity_mmhg13_per_ul": {name: from_si(value, RIGIDITY_UNIT) for name, value in values.items()},
         "correlation": globe.correlation,
         "calibrated": globe.calibrated,
     }
@@ -229,17 +233,16 @@ def _globe(entry: Mapping[str, Any], place: str) -> KnownGlobe:
     kind, law, calibrated = entry.get("kind"), entry.get("rigidity_law"), entry.get("calibrated")
     if kind not in KINDS_OF_GLOBE or law not in RIGIDITY_LAWS or not isinstance(calibrated, bool):
         raise CalibrationError(f"{place}: kind, rigidity_law or calibrated: not as `calibrate` writes them; {WRITER}")
-    lowest = number_of(entry, "lowest_mmhg13_per_ul", place, 0.0, STIFFEST_RIGIDITY, RIGIDITY_UNIT)
-    return KnownGlobe(
-        kind=kind,
-        law=law,
-        lowest=to_si(lowest, RIGIDITY_UNIT),
-        highest=to_si(number_of(entry, "highest_mmhg13_per_ul", place, lowest, STIFFEST_RIGIDITY), RIGIDITY_UNIT),
-        score_mean=number_of(entry, "score_mean", place, -FARTHEST_SCORE, FARTHEST_SCORE),
-        score_sd=number_of(entry, "score_sd", place, LEAST_SCORE_SD, FARTHEST_SCORE),
-        correlation=number_of(entry, "correlation", place, -MOST_CORRELATED, MOST_CORRELATED),
-        calibrated=calibrated,
-    )
+    rigidity, within = table_of(entry, "rigidity_mmhg13_per_ul", place), f"{place}.rigidity_mmhg13_per_ul"
+    ends = {"lowest": 0.0, "highest": 0.0, "sd": 0.0, "mean": -STIFFEST_RIGIDITY}  # the least that each may be
+    values = {
+        name: to_si(number_of(rigidity, name, within, least, STIFFEST_RIGIDITY), RIGIDITY_UNIT)
+        for name, least in ends.items()
+    }
+    if values["highest"] < values["lowest"] or (values["highest"] > 0.0 and not values["sd"] > 0.0):
+        raise CalibrationError(f"{within}: lowest above highest, or sd not above 0; {WRITER}")
+    correlation = number_of(entry, "correlation", place, -MOST_CORRELATED, MOST_CORRELATED)
+    return KnownGlobe(kind=kind, law=law, correlation=correlation, calibrated=calibrated, **values)
 
 
 def _frame(entry: Any, place: str) -> UsedFrame:

@@ -1,11 +1,11 @@
 """What is known of a globe: open, sealed with some rigidity, or nothing. The rigidity is an unknown of fit and filter.
 
-Its normal score z stands for it: k = low + (high - low) Phi(z), Phi the normal distribution. Before any frame z has the
-mean 0 and the standard deviation 1, so that k is even between its bounds; frames of known force move and narrow z.
+It is normal about a mean and lies between bounds. Before any frame of known force the mean and the standard deviation
+are those of what may be; such frames move and narrow them.
 """
 
-from dataclasses import dataclass
-from math import erf, sqrt
+from dataclasses import dataclass, replace
+from math import sqrt
 from typing import Literal
 
 import numpy as np
@@ -15,31 +15,33 @@ from scleraforce.eye.globe import Globe, sealed_globe
 from scleraforce.study.globe import RIGIDITY_LAWS
 from scleraforce.units import to_si
 
-__all__ = ["OPEN", "UNKNOWN", "KnownGlobe", "known_globe", "normal_distribution"]
+__all__ = ["OPEN", "REFERENCE_RIGIDITY", "SEALED", "UNKNOWN", "KnownGlobe", "known_globe"]
 
 Floats = NDArray[np.float64]
 Kind = Literal["open", "sealed", "unknown"]
 
-STIFFEST = to_si(0.06, "mmhg13_per_ul")  # twice van der Werff's mean of enucleated human eyes
-SLACKEST = to_si(0.005, "mmhg13_per_ul")  # of a sealed globe: a sixth of it
-STATED_SPREAD = 1.15  # a stated rigidity is right to this factor
+REFERENCE_RIGIDITY = to_si(0.03, "mmhg13_per_ul")  # of enucleated human eyes (van der Werff 1981), Pa^(1/3)/m^3
+SLACKEST, STIFFEST = REFERENCE_RIGIDITY / 6.0, 2.0 * REFERENCE_RIGIDITY  # 0.005 and 0.06 mmHg^(1/3)/ul
+STATED_SD, STATED_ENDS = 0.08, 1.3  # relative, of a rigidity that is told without its uncertainty
+NINETY_PERCENT = 1.6449  # standard deviations to either side
 
 
 @dataclass(frozen=True, kw_only=True)
 class KnownGlobe:
-    """A globe whose rigidity lies between two bounds.
+    """A globe of which so much is known.
 
-    `kind` is what was told of it. `lowest` and `highest` bound the rigidity k of the `law`, Pa^(1/3)/m^3: both 0 for an
-    open globe. `score_mean` and `score_sd` are of the normal score, `correlation` is its correlation with the logarithm
-    of the modulus that was estimated with it; `calibrated` says whether frames of known force have told them.
+    `kind` is what was told of it. `lowest` and `highest` bound the rigidity k of the `law`; `mean` and `sd` say where
+    it lies. All are Pa^(1/3)/m^3 and 0 for an open globe; the mean of a calibrated one may lie a little outside its
+    bounds. `correlation` is that with the logarithm of the modulus that was estimated with it; `calibrated` says
+    whether frames of known force have told these.
     """
 
     kind: Kind
     lowest: float
     highest: float
+    mean: float
+    sd: float
     law: str = RIGIDITY_LAWS[0]
-    score_mean: float = 0.0
-    score_sd: float = 1.0
     correlation: float = 0.0
     calibrated: bool = False
 
@@ -48,28 +50,26 @@ class KnownGlobe:
         """Whether the pressure may rise with the dent."""
         return self.highest > 0.0
 
-    def rigidity(self, score: Floats | float) -> Floats:
-        """Return the rigidity k of normal scores, Pa^(1/3)/m^3.
-
-        >>> bool(np.isclose(UNKNOWN.rigidity(0.0), to_si(0.03, "mmhg13_per_ul")))
-        True
-        """
-        return self.lowest + (self.highest - self.lowest) * normal_distribution(score)
-
-    def globe(self, score: Floats | float) -> Globe:
-        """Return the globe, or as many, of normal scores."""
-        return sealed_globe(self.rigidity(score), self.law)
+    def globe(self, rigidity: Floats | float) -> Globe:
+        """Return the globe, or as many, of a rigidity k, Pa^(1/3)/m^3; a little below 0 the law goes on."""
+        return sealed_globe(rigidity, self.law)
 
     @property
     def band(self) -> tuple[float, float]:
         """The rigidities, Pa^(1/3)/m^3, between which k lies with 90 %."""
-        low, high = self.rigidity(self.score_mean + 1.6449 * self.score_sd * np.array([-1.0, 1.0])).tolist()
-        return low, high
+        ends = np.clip(self.mean + NINETY_PERCENT * self.sd * np.array([-1.0, 1.0]), self.lowest, self.highest)
+        return float(ends[0]), float(ends[1])
 
 
-OPEN = KnownGlobe(kind="open", lowest=0.0, highest=0.0)
-UNKNOWN = KnownGlobe(kind="unknown", lowest=0.0, highest=STIFFEST)
-SEALED = KnownGlobe(kind="sealed", lowest=SLACKEST, highest=STIFFEST)
+OPEN = KnownGlobe(kind="open", lowest=0.0, highest=0.0, mean=0.0, sd=0.0)
+UNKNOWN = KnownGlobe(kind="unknown", lowest=0.0, highest=STIFFEST, mean=0.5 * STIFFEST, sd=STIFFEST / sqrt(12.0))
+SEALED = KnownGlobe(
+    kind="sealed",
+    lowest=SLACKEST,
+    highest=STIFFEST,
+    mean=0.5 * (SLACKEST + STIFFEST),
+    sd=(STIFFEST - SLACKEST) / sqrt(12.0),
+)
 
 
 def known_globe(kind: str | None, rigidity_pa13_per_m3: float | None = None, law: str | None = None) -> KnownGlobe:
@@ -84,13 +84,7 @@ def known_globe(kind: str | None, rigidity_pa13_per_m3: float | None = None, law
         return UNKNOWN
     law = RIGIDITY_LAWS[0] if law is None else law
     if rigidity_pa13_per_m3 is None:
-        return KnownGlobe(kind="sealed", lowest=SEALED.lowest, highest=SEALED.highest, law=law)
+        return replace(SEALED, law=law)
     k = rigidity_pa13_per_m3
-    return KnownGlobe(kind="sealed", lowest=k / STATED_SPREAD, highest=k * STATED_SPREAD, law=law)
-
-
-def normal_distribution(score: Floats | float) -> Floats:
-    """Return Phi of scores: the share of a normal distribution below them (NumPy and the standard library only)."""
-    scores = np.asarray(score, dtype=np.float64)
-    values = [0.5 * (1.0 + erf(z / sqrt(2.0))) for z in scores.ravel().tolist()]
-    return np.array(values).reshape(scores.shape)
+    ends = k / STATED_ENDS, k * STATED_ENDS
+    return KnownGlobe(kind="sealed", lowest=ends[0], highest=ends[1], mean=k, sd=STATED_SD * k, law=law)

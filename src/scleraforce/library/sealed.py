@@ -56,7 +56,7 @@ def _solved(
     rise = globe.level_slope(ratios) * ratios - rate[:, None] * slopes
     axis = np.log(library.tension)
     solved, nearest = (
-        np.where(rate > 0.0, np.exp(log_tension) * thickness_m / library.radius_m, iop_ratio)
+        np.where(rate != 0.0, np.exp(log_tension) * thickness_m / library.radius_m, iop_ratio)
         for log_tension in (
             first_crossing(axis, missing, rise, globe.level(iop_ratio)),
             highest_point(axis, missing, rise),

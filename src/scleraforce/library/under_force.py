@@ -33,7 +33,7 @@ def iop_ratio_under_force(
     """
     walls = np.broadcast_arrays(thickness_m, iop_ratio, force_ratio, globe.rate)
     found: Floats = walls[1].astype(np.float64)
-    (sealed,) = np.nonzero((walls[3] > 0.0) & (walls[2] > 0.0))
+    (sealed,) = np.nonzero((walls[3] != 0.0) & (walls[2] > 0.0))
     if not len(sealed):
         return found
     thickness, resting, force, rate = (np.asarray(values[sealed], dtype=np.float64) for values in walls)
@@ -43,9 +43,11 @@ def iop_ratio_under_force(
         volumes = library.displaced_m3(thickness, ratio, library.reached_tips(thickness, ratio, force))
         return globe.level(ratio) - globe.level(resting) - rate * volumes
 
-    low, high = np.log(resting), np.log(library.iop_ratio_ends(thickness)[1])
-    within = missing(high, thickness, resting, force, rate) > 0.0
-    found[sealed] = np.exp(high)
+    lowest, high = np.log(library.iop_ratio_ends(thickness))
+    low = np.where(rate > 0.0, np.log(resting), lowest)
+    above, below = (missing(end, thickness, resting, force, rate) for end in (high, low))
+    within = (above > 0.0) & (below < 0.0)
+    found[sealed] = np.exp(np.where(below >= 0.0, low, high))
     args = tuple(values[within] for values in (thickness, resting, force, rate))
     root = elementwise.find_root(
         missing, (low[within], high[within]), args=args, tolerances={"xatol": TOLERANCE, "fatol": 0.0}
