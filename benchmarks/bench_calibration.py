@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from calibration_eyes import drawn_eye, stated
 from scleraforce.calibration.assimilation import FrameInput, FrameStep, assimilate, eye_filter, first_state
 from scleraforce.calibration.eye_model import EyeConstants, EyeModel
 from scleraforce.calibration.library_eye import library_eye
@@ -53,19 +54,6 @@ def linear_frames(study: Study, count: int, eye: PhantomEye, rng: np.random.Gene
     """Return the frames of an eye of linear mechanics, whose wall may serve several."""
     built = wall(study, eye.thickness_m)
     return frames(study, count, rng, lambda forces: virtual_sections(built, eye, forces, study))
-
-
-def stated(study: Study, eye: PhantomEye) -> EyeConstants:
-    """Return what a recording would state; the contact's angle is not known."""
-    low, high = study.needle.polar_angle_rad.bounds
-    return EyeConstants(
-        iop_pa=eye.iop_pa,
-        thickness_m=eye.thickness_m,
-        gap_m=eye.gap_m,
-        polar_rad=(low + high) / 2,
-        polar_sd_rad=(high - low) / 12**0.5,
-        direction_rad=eye.direction_rad,
-    )
 
 
 def calibrated(study: Study, model: EyeModel, inputs: list[FrameInput]) -> tuple[float, float, list[float]]:
@@ -111,15 +99,7 @@ def print_honesty(study: Study, count: int, frame_count: int) -> None:
     """Print how far E is off over many eyes, and how often it lies within what the posterior says."""
     rng, errors, scores, sds = np.random.default_rng(0), [], [], []
     for number in range(count):
-        eye = PhantomEye(
-            id=f"eye-{number}",
-            thickness_m=(0.5e-3, 0.65e-3, 0.8e-3)[number % 3],
-            youngs_modulus_pa=float(rng.uniform(0.2e6, 0.35e6)),
-            iop_pa=float(rng.uniform(150.0, 400.0)),
-            gap_m=float(rng.uniform(0.4e-3, 0.8e-3)),
-            polar_rad=float(rng.uniform(0.436, 0.785)),
-            azimuth_rad=float(rng.uniform(0.0, 6.28)),
-        )
+        eye = drawn_eye(number, rng)
         mean, sd, _ = calibrated(
             study, linear_eye(study, stated(study, eye)), linear_frames(study, frame_count, eye, rng)
         )

@@ -10,15 +10,14 @@ import argparse
 import os
 import resource
 import tempfile
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from time import process_time
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
+from least_time import least_s
 from scleraforce.dataset.generate import generate_dataset
 from scleraforce.dataset.plan import plan_dataset
 from scleraforce.eye.contact import Contact
@@ -31,16 +30,6 @@ from scleraforce.study import Range, Study, read_study
 
 IMAGES = 20  # of one contact, as in the paper's study
 PAPER_IMAGES, PAPER_HOURS = 19_200, 2.5
-
-
-def least_ms(work: Callable[[], object], repeats: int = 5) -> float:
-    """Return the least CPU time of `work`, in ms."""
-    times = []
-    for _ in range(repeats):
-        start = process_time()
-        work()
-        times.append(process_time() - start)
-    return 1e3 * min(times)
 
 
 def open_study(study: Study) -> Study:
@@ -71,15 +60,15 @@ def print_stages(study: Study) -> None:
     section = cut_sections(mesh, own[:1], modes, weights)[0][IMAGES // 2]
     window = slice_window(study.slice, 0.0)
     stages = {
-        f"plan of {images:,} samples": least_ms(lambda: plan_dataset(study)),
-        "wall: mesh, stiffness, factor": least_ms(lambda: LinearWall(mesh, study.eye.poisson_ratio), 2),
-        "needle at one contact": least_ms(lambda: wall.needle_cnc(contacts, 0.35e-3)) / len(contacts),
-        "section, plane shared by 20": least_ms(lambda: cut_sections(mesh, own[:1], modes, weights)) / IMAGES,
-        "section, own plane": least_ms(lambda: cut_sections(mesh, own, modes, pairs)) / IMAGES,
-        "slice": least_ms(lambda: [fill_section(section, window) for _ in range(100)]) / 100,
+        f"plan of {images:,} samples": least_s(lambda: plan_dataset(study), 5),
+        "wall: mesh, stiffness, factor": least_s(lambda: LinearWall(mesh, study.eye.poisson_ratio), 2),
+        "needle at one contact": least_s(lambda: wall.needle_cnc(contacts, 0.35e-3), 5) / len(contacts),
+        "section, plane shared by 20": least_s(lambda: cut_sections(mesh, own[:1], modes, weights), 5) / IMAGES,
+        "section, own plane": least_s(lambda: cut_sections(mesh, own, modes, pairs), 5) / IMAGES,
+        "slice": least_s(lambda: [fill_section(section, window) for _ in range(100)], 5) / 100,
     }
-    for name, milliseconds in stages.items():
-        print(f"{name:32}{milliseconds:10.3f} ms")
+    for name, seconds in stages.items():
+        print(f"{name:32}{1e3 * seconds:10.3f} ms")
 
 
 def print_whole(name: str, study: Study, workers: int | None) -> None:

@@ -2,8 +2,7 @@
 
     python benchmarks/bench_finite_strain.py [--fine] [--rows N] [--loads N] [--quads 20] [--core 6] [--rings 14]
 
-R2 is the project's reference problem: 12 mm, nu 0.45, 266 Pa as a dead load by Voronoi areas, a Gaussian of 0.35 mm as
-nodal weights, 20 equiangular quads, no weight; tips were read at the node nearest to the load. Times are of one core.
+R2 is the project's reference problem (`reference_r2.py`), on 20 equiangular quads. Times are of one core.
 `--rows` and `--loads` keep the first N walls and the first N forces or dents of each table.
 """
 
@@ -16,30 +15,19 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
-from scipy.spatial import SphericalVoronoi
 
+from least_time import least_s
+from reference_r2 import FORCES_MN, IOP_PA, NEEDLE_RADIUS_M, NU, RADIUS_M, TIPS_MM, reference_path
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.globe import OPEN_GLOBE, study_globe
 from scleraforce.eye.graded import graded_globe, graded_mesh
 from scleraforce.eye.mesh import HexMesh, build_mesh
-from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
-from scleraforce.mechanics.needle import Needle, needle_at, tip_at
+from scleraforce.mechanics.finite_strain import FiniteWall
+from scleraforce.mechanics.needle import needle_at
 from scleraforce.mechanics.springs import study_springs
 from scleraforce.study import GlobeStudy, SupportsStudy
 
-Floats = NDArray[np.float64]
-
-RADIUS_M, NU, IOP_PA, NEEDLE_RADIUS_M = 12e-3, 0.45, 266.0, 0.35e-3
-FORCES_MN = (5, 10, 15, 20, 25, 30, 40, 50, 60)
-R2_TIPS_MM = {
-    (0.8e-3, 0.27e6, 35.0): (0.144, 0.309, 0.505, 0.750, 1.073, 1.502, 2.541, 3.503, 4.379),
-    (0.8e-3, 0.38e6, 35.0): (0.102, 0.215, 0.342, 0.488, 0.660, 0.872, 1.484, 2.319, 3.125),
-    (0.5e-3, 0.22e6, 35.0): (0.422, 1.141, 1.941, 2.663, 3.343, 4.001, 5.289, 6.562),
-    (0.8e-3, 0.38e6, 0.0): (0.106, 0.222, 0.353, 0.503, 0.680, 0.897, 1.528, 2.393, 3.233),
-    (0.8e-3, 0.38e6, 50.0): (0.102, 0.215, 0.342, 0.487, 0.657, 0.865, 1.456, 2.265, 3.057),
-}
 WALLS = ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6))
 
 
@@ -63,38 +51,11 @@ def row(values: list[float], digits: int = 3) -> str:
     return "".join(f"{value:8.{digits}f}" for value in values)
 
 
-def voronoi_pressure(mesh: HexMesh) -> Floats:
-    """Return R2's nodal forces of 1 Pa."""
-    inner, radius = np.unique(mesh.inner_qn), RADIUS_M - mesh.thickness_m
-    directions = mesh.points_nc[inner] / radius
-    load = np.zeros_like(mesh.points_nc)
-    load[inner] = SphericalVoronoi(directions).calculate_areas()[:, None] * radius**2 * directions
-    return load
-
-
-def nodal_gaussian(mesh: HexMesh, contact: Contact) -> Floats:
-    """Return R2's nodal forces of 1 N."""
-    outer = np.unique(mesh.outer_qn)
-    square = np.sum((mesh.points_nc[outer] - RADIUS_M * contact.normal) ** 2, axis=1)
-    weights = np.exp(-square / (2 * NEEDLE_RADIUS_M**2))
-    load = np.zeros_like(mesh.points_nc)
-    load[outer] = -(weights / weights.sum())[:, None] * contact.normal
-    return load
-
-
-def reference_path(mesh: HexMesh, youngs_modulus_pa: float, contact: Contact, max_force_n: float) -> LoadPath:
-    """Return R2's load path."""
-    wall = FiniteWall(mesh, NU, dead_pressure_nc=voronoi_pressure(mesh))
-    needle = Needle(nodal_gaussian(mesh, contact), tip_at(mesh, contact, -contact.normal))
-    loads: dict[str, Any] = {"youngs_modulus_pa": youngs_modulus_pa, "iop_pa": IOP_PA, "density_kg_m3": 0.0}
-    return wall.load_path(needle, **loads, max_force_n=max_force_n)
-
-
 def reference_problem(sizes: Sizes) -> None:
     """Print every row of R2 as it should be and as it is, at the node and at the load's centre."""
     forces = row([float(force) for force in FORCES_MN[: sizes.loads]], 0)
     print(f"\nR2 on its own mesh and loads: tip [mm]{forces} mN   worst")
-    for (thickness_m, modulus_pa, polar_deg), all_mm in islice(R2_TIPS_MM.items(), sizes.rows):
+    for (thickness_m, modulus_pa, polar_deg), all_mm in islice(TIPS_MM.items(), sizes.rows):
         expected_mm = all_mm[: sizes.loads]
         mesh, contact = (
             build_mesh(RADIUS_M, thickness_m, sizes.quads, level=0),
@@ -191,12 +152,7 @@ def parts(sizes: Sizes) -> None:
         "factorisation": lambda: splu(matrix, permc_spec="MMD_AT_PLUS_A", **symmetric),
     }
     for name, call in work.items():
-        times = []
-        for _ in range(3):
-            start = process_time()
-            call()
-            times.append(process_time() - start)
-        marks[name] = min(times)
+        marks[name] = least_s(call)
     print(f"\nOne Newton step, {sizes.quads} quads, {len(wall.free)} free unknowns")
     for name, seconds in marks.items():
         print(f"{name:34s}{1e3 * seconds:9.1f} ms")

@@ -8,7 +8,6 @@ Times are the least of three, in seconds of one core; on a shared machine only t
 """
 
 import argparse
-from collections.abc import Callable
 from itertools import islice
 from time import process_time
 from typing import Any
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from least_time import least_s
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, build_mesh, locate
 from scleraforce.mechanics.assembly import element_stiffness, stiffness_matrix
@@ -44,16 +44,6 @@ FINE_MESHES: dict[str, dict[str, Any]] = {
     "40 quads, 20 nodes": {"level": 2, "serendipity": True},
     "40 quads, 27 nodes": {"level": 2},
 }
-
-
-def least(work: Callable[[], Any], repeats: int = 3) -> float:
-    """Return the least processor time of `work`."""
-    times = []
-    for _ in range(repeats):
-        start = process_time()
-        work()
-        times.append(process_time() - start)
-    return min(times)
 
 
 def gaussian_load(mesh: HexMesh, contact: Contact, spread_m: float) -> NDArray[np.float64]:
@@ -133,17 +123,17 @@ def timings(quads: int) -> None:
     mesh.locator  # noqa: B018 - made on first use
     loads = needle_loads(mesh, contacts, NEEDLE_RADIUS_M)
     rows: dict[str, float] = {
-        "mesh": least(lambda: build_mesh(RADIUS_M, 0.5e-3, quads // 2)),
-        "Gauss points": least(lambda: volume_points(mesh)),
-        "element matrices": least(lambda: element_stiffness(points, *lame_constants(1.0, NU))),
-        "sparse matrix": least(lambda: stiffness_matrix(mesh, element)),
-        "(scikit-fem: all of the matrix)": least(lambda: scikit_fem_matrix(mesh), 1),
-        "factorisation": least(lambda: splu(K, **symmetric)),
-        "(SuperLU's default ordering)": least(lambda: splu(K), 1),
-        "one contact's load": least(lambda: needle_loads(mesh, contacts, NEEDLE_RADIUS_M)) / len(contacts),
-        "one contact, 32 at once": least(lambda: wall.solve(loads)) / len(loads),
-        "one contact, one at a time": least(lambda: wall.solve_one(loads[0])),
-        "one direction located": least(lambda: locate(mesh, directions)) / len(directions),
+        "mesh": least_s(lambda: build_mesh(RADIUS_M, 0.5e-3, quads // 2)),
+        "Gauss points": least_s(lambda: volume_points(mesh)),
+        "element matrices": least_s(lambda: element_stiffness(points, *lame_constants(1.0, NU))),
+        "sparse matrix": least_s(lambda: stiffness_matrix(mesh, element)),
+        "(scikit-fem: all of the matrix)": least_s(lambda: scikit_fem_matrix(mesh), 1),
+        "factorisation": least_s(lambda: splu(K, **symmetric)),
+        "(SuperLU's default ordering)": least_s(lambda: splu(K), 1),
+        "one contact's load": least_s(lambda: needle_loads(mesh, contacts, NEEDLE_RADIUS_M)) / len(contacts),
+        "one contact, 32 at once": least_s(lambda: wall.solve(loads)) / len(loads),
+        "one contact, one at a time": least_s(lambda: wall.solve_one(loads[0])),
+        "one direction located": least_s(lambda: locate(mesh, directions)) / len(directions),
     }
     print(f"\nMesh of {quads} quads, {len(free)} free unknowns, {K.nnz / 1e6:.1f} M non-zeros")
     for name, seconds in rows.items():

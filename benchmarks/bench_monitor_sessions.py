@@ -44,6 +44,7 @@ from scleraforce.reader.live import LiveReader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
 from scleraforce.service.companions.second_opinion import opinion_of
+from scleraforce.service.session import read_event
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.study import Study, draw
 
@@ -275,6 +276,14 @@ class Bench:
             section = pose.place(section_at(states, float(force_n)))
             yield render_bscan(section, self.study.oct, optics, pooled).frame
 
+    def event(self, answer: Answer, at_s: float, number: int, frame: Frame, shown_back: int) -> FrameRead:
+        """Return a frame's answer as an event."""
+        rows, columns = frame.shape
+        scale_m = (self.scale.lateral_m, self.scale.depth_m)
+        return read_event(
+            answer, at_s=at_s, frame_id=number, size=(rows, columns), scale_m=scale_m, shown_back=shown_back
+        )
+
     def play(
         self,
         eye: PhantomEye,
@@ -300,7 +309,7 @@ class Bench:
                 events.append(QueueLoss(at_s, 1))
             else:
                 answer = live.read(frame, self.scale).answer
-                events.append(frame_read(answer, at_s, n, frame, self.scale, shown_back))
+                events.append(self.event(answer, at_s, n, frame, shown_back))
                 note(outcome, answer, path.force_n[n])
                 if n % OPINION_EVERY == 0:
                     pending.append(self.opinion(frame, known, at_s + OPINION_AFTER_S, n))
@@ -363,23 +372,6 @@ def optics_at(scanner: BscanOptics, path: Trajectory, n: int) -> BscanOptics:
     """Return the optics of a frame: the light swings, and shadows move with the eye."""
     shadows = tuple(replace(shadow, centre_m=shadow.centre_m + path.lateral_m[n]) for shadow in scanner.shadows)
     return replace(scanner, snr_db=scanner.snr_db + path.snr_db[n], shadows=shadows)
-
-
-def frame_read(answer: Answer, at_s: float, number: int, frame: Frame, scale: PixelScale, shown_back: int) -> FrameRead:
-    """Return a frame's reading as an event."""
-    return FrameRead(
-        at_s=at_s,
-        frame_id=number,
-        predicted=answer.predicted,
-        probabilities=answer.probabilities,
-        usable=answer.usable,
-        reason=answer.reason,
-        force_n=answer.force_n,
-        interval_n=answer.interval_n,
-        shown_back=shown_back,
-        size=(frame.shape[0], frame.shape[1]),
-        scale_m=(scale.lateral_m, scale.depth_m),
-    )
 
 
 def note(outcome: Outcome, answer: Answer, force_n: float) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calibration_eyes import drawn_eye
 from scleraforce.calibration.assimilation import assimilate, eye_filter, first_state, moments, predicted_points
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.segmentation.observations import Boundaries
@@ -121,15 +122,7 @@ def test_parameters_that_do_not_exist_are_refused(laboratory: Any, eye: PhantomE
 def test_the_true_modulus_lies_within_two_sd_for_at_least_90_percent_of_30_eyes(laboratory: Any) -> None:
     rng, honest, right = np.random.default_rng(7), 0, 0
     for number in range(30):
-        eye = PhantomEye(
-            id=f"eye-{number}",
-            thickness_m=(0.5e-3, 0.65e-3, 0.8e-3)[number % 3],
-            youngs_modulus_pa=float(rng.uniform(0.2e6, 0.35e6)),
-            iop_pa=float(rng.uniform(150.0, 400.0)),
-            gap_m=float(rng.uniform(0.4e-3, 0.8e-3)),
-            polar_rad=float(rng.uniform(0.45, 0.78)),
-            azimuth_rad=float(rng.uniform(0.0, 6.28)),
-        )
+        eye = drawn_eye(number, rng, (0.45, 0.78))
         stated = replace(laboratory.stated(eye, 0.1), polar_rad=0.61)  # the contact's angle is not known
         frames = laboratory.frames(eye, rng.uniform(6e-3, 58e-3, 24).tolist(), rng)
         _, _, steps = calibrate(laboratory, laboratory.model.__wrapped__(stated), frames)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calibration_eyes import stated
 from scleraforce.calibration import session
 from scleraforce.calibration.assimilation import FrameStep
-from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
 from scleraforce.laboratory.optics import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections
@@ -41,16 +41,7 @@ NARROW = LibraryStudy(
 def test_after_five_frames_the_modulus_is_within_3_percent_and_two_sd(tmp_path: Path) -> None:
     study, rng = replace(Study(), library=NARROW), np.random.default_rng(3)
     sections = finite_strain_sections(EYE, study)(FORCES)
-    low, high = (radians(angle) for angle in (25, 45))
-    stated = EyeConstants(
-        iop_pa=EYE.iop_pa,
-        thickness_m=EYE.thickness_m,
-        gap_m=EYE.gap_m,
-        polar_rad=(low + high) / 2,
-        polar_sd_rad=(high - low) / 12**0.5,
-        direction_rad=EYE.direction_rad,
-    )
-    eye = session.begin(study, stated, cached_library(study, folder=tmp_path, workers=1))
+    eye = session.begin(study, stated(study, EYE), cached_library(study, folder=tmp_path, workers=1))
     alone = []
     for force_n, section in zip(FORCES, sections, strict=True):
         lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)

@@ -43,31 +43,12 @@ def test_only_the_ratio_of_loads_to_modulus_counts(laboratory: Any) -> None:
         EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=radians(35), polar_sd_rad=0.0)
     )
     response = model.at(radians(35), 0.7e-3)
-    one = response.curves(
-        [
-            WallState(
-                youngs_modulus_pa=0.2e6,
-                force_n=0.02,
-                iop_pa=200.0,
-                thickness_m=0.7e-3,
-                gap_m=0.5e-3,
-                polar_rad=radians(35),
-            )
-        ]
+    wall = WallState(
+        youngs_modulus_pa=0.2e6, force_n=0.02, iop_pa=200.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=radians(35)
     )
+    one = response.curves([wall])
     heavier = replace(response, weight_pa_m=2 * response.weight_pa_m)
-    other = heavier.curves(
-        [
-            WallState(
-                youngs_modulus_pa=0.4e6,
-                force_n=0.04,
-                iop_pa=400.0,
-                thickness_m=0.7e-3,
-                gap_m=0.5e-3,
-                polar_rad=radians(35),
-            )
-        ]
-    )
+    other = heavier.curves([replace(wall, youngs_modulus_pa=0.4e6, force_n=0.04, iop_pa=400.0)])
     np.testing.assert_allclose(one, other, atol=1e-15)
 
 

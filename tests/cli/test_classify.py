@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
-from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, SCALE, STUDY, THICKNESS_M, image, tip_of, wall_section
+from analytic_frames import LIBRARY, MODULUS_PA, SCALE, image, recording_toml, tip_of, wall_section
 from fixed_reader import write_fixed_reader
 
 from scleraforce.cli.main import run
@@ -16,23 +16,7 @@ from scleraforce.cli.main import run
 pytest.importorskip("torch")
 
 SIZE = ["--width-mm", "15", "--depth-mm", "4"]
-STATED = f"""
-[eye]
-id = "mine"
-thickness_m = {THICKNESS_M}
-iop_pa = {IOP_PA}
-[oct]
-columns = {STUDY.oct.columns}
-rows = {STUDY.oct.rows}
-bits = {STUDY.oct.bits}
-width_m = {STUDY.oct.width_m}
-depth_m = {STUDY.oct.depth_m}
-plane_tilt_rad = 0.2
-[needle]
-gauge = 22
-slice_gap_m = {GAP_M}
-polar_angle_rad = 0.6
-"""
+STATED = recording_toml("mine", needle="polar_angle_rad = 0.6", more="plane_tilt_rad = 0.2")
 
 
 @pytest.fixture(scope="module")

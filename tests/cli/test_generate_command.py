@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from calibration_file import calibration_text
 
-from scleraforce.cli import generate as command
 from scleraforce.cli.main import run
+from scleraforce.dataset import generate as command
 from scleraforce.dataset.store import open_dataset
 
 STUDY = """

@@ -4,10 +4,11 @@ import json
 
 import pytest
 
-from scleraforce.cli.library import study_library
 from scleraforce.cli.main import run
+from scleraforce.cli.output import count_bar
 from scleraforce.library import build as library_build
 from scleraforce.library.store import open_library
+from scleraforce.notebook.work import library_for
 from scleraforce.study import parse_study
 
 STUDY = """
@@ -52,6 +53,9 @@ def test_an_interrupted_library_says_what_it_keeps_and_exits_with_130(study, tmp
 @pytest.mark.slow
 def test_other_commands_find_the_library_in_the_users_cache(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    made = study_library(parse_study(STUDY))
+    made = library_for(parse_study(STUDY), "finite-strain", count_bar)
+    assert made is not None
     assert len(list((tmp_path / "scleraforce" / "libraries").glob("*.zarr"))) == 1
-    assert (study_library(parse_study(STUDY)).force_ratio_tpd == made.force_ratio_tpd).all()
+    again = library_for(parse_study(STUDY), "finite-strain", count_bar)
+    assert again is not None
+    assert (again.force_ratio_tpd == made.force_ratio_tpd).all()

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zarr
+from folder_contents import contents
 from numcodecs import Zstd
 from numcodecs.checksum32 import CRC32C
 from rehash import rehash_store
@@ -56,10 +57,6 @@ def small_study(seed=0):
         ),
     )
     return parse_study(format_study(replace(study, dataset=dataset)))
-
-
-def contents(path: Path):
-    return {str(file.relative_to(path)): file.read_bytes() for file in sorted(path.rglob("*")) if file.is_file()}
 
 
 @pytest.fixture(scope="module")

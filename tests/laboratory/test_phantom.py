@@ -4,6 +4,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
+from folder_contents import contents
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
@@ -34,10 +35,6 @@ def dented_sections(forces_n):
     for force_n in forces_n:
         outer = outside + np.stack([0 * angle, 40e-3 * force_n * dent], axis=1)
         yield Section(outer, outer + 600e-6 * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
-
-
-def contents(folder):
-    return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import zarr
 from analytic_library import no_solution, no_worker, solve_analytic
+from folder_contents import contents
 from rehash import rehash_store
 
 from scleraforce.errors import InputError, SolverError
@@ -31,10 +32,6 @@ from scleraforce.study import LibraryStudy, NeedleStudy, Range, Study
 
 UNITS = 20 + 6 * 4 * 5  # paths, and those with other supports
 STUDY = Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))
-
-
-def contents(path: Path):
-    return {str(file.relative_to(path)): file.read_bytes() for file in sorted(path.rglob("*")) if file.is_file()}
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from analytic_library import no_solution, no_worker, solve_analytic, solve_slowly
+from folder_contents import contents
 
 from scleraforce.errors import InputError, SolverError
 from scleraforce.library import cluster as cluster_module
@@ -23,10 +24,6 @@ pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::R
 STUDY = Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))
 SUPPORT = Path(__file__).parents[1] / "support"
 THREADS = 2  # of a worker: results must not depend on them
-
-
-def contents(path):
-    return {str(file.relative_to(path)): file.read_bytes() for file in sorted(path.rglob("*")) if file.is_file()}
 
 
 class Cluster:

@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import skfem
+from scikit_fem import scikit_fem_basis
 from skfem.models.elasticity import linear_elasticity
 
 from scleraforce.errors import SolverError
 from scleraforce.eye.mesh import HexMesh, build_mesh
-from scleraforce.eye.shapes import node_positions
 from scleraforce.mechanics.assembly import element_stiffness, stiffness_matrix
 from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.quadrature import volume_points
@@ -77,30 +77,11 @@ def test_only_the_six_rigid_motions_cost_no_energy(kind: str) -> None:
 )
 def test_the_matrix_is_that_of_scikit_fem(kind: str, element: type, mesh_type: type) -> None:
     mesh = distorted(small_mesh(kind))
-    theirs, places = scikit_fem_stiffness(mesh, element, mesh_type)
-    ours_of_theirs = [int(np.argmin(np.linalg.norm(mesh.points_nc - place, axis=1))) for place in places]
-    unknowns = (3 * np.array(ours_of_theirs)[:, None] + np.arange(3)).ravel()
-    assert len(np.unique(unknowns)) == 3 * len(mesh.points_nc)
+    basis, unknowns = scikit_fem_basis(mesh, element, mesh_type)
+    theirs = linear_elasticity(*lame_constants(1.0, NU)).assemble(basis)
+    assert len(np.unique(unknowns)) == len(unknowns) == 3 * len(mesh.points_nc)
     difference = stiffness(mesh)[unknowns][:, unknowns] - theirs
     assert abs(difference).max() < 1e-12 * abs(theirs).max()
-
-
-def scikit_fem_stiffness(mesh: HexMesh, element: type, mesh_type: type):
-    """Stiffness in scikit-fem's numbering (node by node, three components each) and its nodes' places."""
-    reference = node_positions(3, mesh.cells_en.shape[1]) / 2 + 0.5
-    ours_for = [int(np.argmin(np.linalg.norm(reference - place, axis=1))) for place in element.doflocs]
-    corners, vertex_of = np.unique(mesh.cells_en[:, ours_for[:8]], return_inverse=True)
-    linear = skfem.MeshHex1(mesh.points_nc[corners].T, vertex_of.reshape(-1, 8).T.astype(np.int32))
-    scalar = skfem.CellBasis(linear, element(), intorder=2)
-    places = np.empty((scalar.N, 3))
-    places[scalar.element_dofs.T] = mesh.points_nc[mesh.cells_en[:, ours_for]]
-    # 5: three Gauss points along each direction; 2 for trilinear elements: two.
-    curved = mesh_type(places.T, linear.t) if mesh.order == 2 else linear
-    basis = skfem.CellBasis(curved, skfem.ElementVector(element()), intorder=5 if mesh.order == 2 else 3)
-    matrix = linear_elasticity(*lame_constants(1.0, NU)).assemble(basis)
-    order = np.empty((scalar.N, 3), dtype=int)
-    order[scalar.element_dofs.T] = basis.element_dofs.T.reshape(mesh.cells_en.shape[0], -1, 3)
-    return matrix.tocsr()[order.ravel()][:, order.ravel()], places
 
 
 def test_the_matrix_is_symmetric() -> None:

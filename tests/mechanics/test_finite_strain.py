@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from scipy.spatial import SphericalVoronoi
 
+from reference_r2 import FORCES_MN, TIPS_MM, reference_path
 from scleraforce.errors import InputError, SolverError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
@@ -15,7 +15,7 @@ from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.loads import gravity_load, needle_loads, pressure_load
-from scleraforce.mechanics.needle import Needle, needle_at, tip_at
+from scleraforce.mechanics.needle import needle_at, tip_at
 from scleraforce.mechanics.quadrature import volume_points
 from scleraforce.mechanics.springs import elastic_bed, rectus_straps
 from scleraforce.mechanics.supports import symmetric_base
@@ -27,14 +27,6 @@ LOADS = {"youngs_modulus_pa": E, "iop_pa": IOP, "density_kg_m3": 1100.0}
 # A needle wide enough for a mesh of 6 quads.
 WIDE = 1.5e-3
 GLOBE = sealed_globe(0.15e9)  # as rigid as enucleated human eyes
-# Tip in mm at 5, 10, 15, 20, 25, 30, 40, 50, 60 mN by another program (reference problem R2 of the project's figures).
-R2_FORCES_N = np.array([5, 10, 15, 20, 25, 30, 40, 50, 60]) * 1e-3
-R2_TIPS_MM = {
-    (0.8e-3, 0.27e6, 35.0): (0.144, 0.309, 0.505, 0.750, 1.073, 1.502, 2.541, 3.503, 4.379),
-    (0.8e-3, 0.38e6, 35.0): (0.102, 0.215, 0.342, 0.488, 0.660, 0.872, 1.484, 2.319, 3.125),
-    (0.8e-3, 0.38e6, 0.0): (0.106, 0.222, 0.353, 0.503, 0.680, 0.897, 1.528, 2.393, 3.233),
-    (0.5e-3, 0.22e6, 35.0): (0.422, 1.141, 1.941),
-}
 
 
 @cache
@@ -55,33 +47,6 @@ def coarse_path(globe: Globe = OPEN_GLOBE, largest_step_m: float = 3e-4) -> Load
     )
 
 
-def voronoi_pressure(mesh: HexMesh) -> np.ndarray:
-    """R2's eye pressure: normals of the undeformed inner sphere times the nodes' spherical Voronoi areas."""
-    inner = np.unique(mesh.inner_qn)
-    radius = R - mesh.thickness_m
-    directions = mesh.points_nc[inner] / radius
-    load = np.zeros_like(mesh.points_nc)
-    load[inner] = SphericalVoronoi(directions).calculate_areas()[:, None] * radius**2 * directions
-    return load
-
-
-def nodal_gaussian(mesh: HexMesh, contact: Contact) -> np.ndarray:
-    """R2's needle: nodal forces in proportion to a Gaussian, not integrated."""
-    outer = np.unique(mesh.outer_qn)
-    square = np.sum((mesh.points_nc[outer] - R * contact.normal) ** 2, axis=1)
-    weights = np.exp(-square / (2 * 0.35e-3**2))
-    load = np.zeros_like(mesh.points_nc)
-    load[outer] = -(weights / weights.sum())[:, None] * contact.normal
-    return load
-
-
-def reference_path(mesh: HexMesh, youngs_modulus_pa: float, contact: Contact, max_force_n: float) -> LoadPath:
-    wall = FiniteWall(mesh, NU, dead_pressure_nc=voronoi_pressure(mesh))
-    needle = Needle(nodal_gaussian(mesh, contact), tip_at(mesh, contact, -contact.normal))
-    loads = {"youngs_modulus_pa": youngs_modulus_pa, "iop_pa": 266.0, "density_kg_m3": 0.0}
-    return wall.load_path(needle, **loads, max_force_n=max_force_n)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("thickness_m", "modulus_pa", "polar_deg", "loads"),
@@ -95,8 +60,8 @@ def test_reference_problem_r2_on_its_own_mesh_and_loads(
     One of the four paths goes to the end: each is a minute to 60 mN.
     """
     mesh, contact = build_mesh(R, thickness_m, divisions=20, level=0), Contact(polar_rad=np.radians(polar_deg))
-    expected_mm = np.array(R2_TIPS_MM[thickness_m, modulus_pa, polar_deg][:loads])
-    forces_n = R2_FORCES_N[: len(expected_mm)]
+    expected_mm = np.array(TIPS_MM[thickness_m, modulus_pa, polar_deg][:loads])
+    forces_n = 1e-3 * np.array(FORCES_MN[: len(expected_mm)])
     path = reference_path(mesh, modulus_pa, contact, forces_n[-1])
     outer = np.unique(mesh.outer_qn)
     nearest = outer[np.argmin(np.linalg.norm(mesh.points_nc[outer] - R * contact.normal, axis=1))]
@@ -108,10 +73,10 @@ def test_reference_problem_r2_on_its_own_mesh_and_loads(
 def test_reference_problem_r2_on_the_default_mesh() -> None:
     """Here the tip is that at the load's centre, 0.2 mm beside the node of the reference."""
     mesh = build_mesh(R, 0.8e-3)
-    forces_n = R2_FORCES_N[:7]
+    forces_n = 1e-3 * np.array(FORCES_MN[:7])
     path = reference_path(mesh, 0.38e6, CONTACT, forces_n[-1])
     tips_mm = [1e3 * path.tip_m(force) for force in forces_n]
-    np.testing.assert_allclose(tips_mm, R2_TIPS_MM[0.8e-3, 0.38e6, 35.0][: len(forces_n)], rtol=0.03)
+    np.testing.assert_allclose(tips_mm, TIPS_MM[0.8e-3, 0.38e6, 35.0][: len(forces_n)], rtol=0.03)
 
 
 @pytest.mark.parametrize("dead", [False, True])

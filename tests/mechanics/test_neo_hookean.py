@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import skfem
+from scikit_fem import scikit_fem_basis
 from skfem.helpers import ddot, grad, identity, inv, transpose
 
 from scleraforce.errors import SolverError
 from scleraforce.eye.mesh import HexMesh, build_mesh
-from scleraforce.eye.shapes import node_positions
 from scleraforce.mechanics.assembly import BlockPattern, FreePart, element_stiffness, stiffness_matrix
 from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
@@ -119,25 +119,6 @@ def test_forces_and_tangent_are_those_of_scikit_fem(kind: str, element: type, me
     forces, K = solid.forces(u.reshape(-1, 3)).ravel(), tangent(solid, u.reshape(-1, 3))
     np.testing.assert_allclose(residual, forces[ours_of_theirs], atol=1e-12 * np.abs(forces).max())
     assert abs(K[ours_of_theirs][:, ours_of_theirs] - matrix).max() < 1e-12 * abs(K).max()
-
-
-def scikit_fem_basis(mesh: HexMesh, element: type, mesh_type: type):
-    """Their basis on our mesh, and our unknown for each of theirs."""
-    nodes = mesh.cells_en.shape[1]
-    reference = node_positions(3, nodes) / 2 + 0.5
-    ours_for = [int(np.argmin(np.linalg.norm(reference - place, axis=1))) for place in element.doflocs]
-    corners, vertex_of = np.unique(mesh.cells_en[:, ours_for[:8]], return_inverse=True)
-    linear = skfem.MeshHex1(mesh.points_nc[corners].T, vertex_of.reshape(-1, 8).T.astype(np.int32))
-    scalar = skfem.CellBasis(linear, element(), intorder=2)
-    places = np.empty((scalar.N, 3))
-    places[scalar.element_dofs.T] = mesh.points_nc[mesh.cells_en[:, ours_for]]
-    curved = mesh_type(places.T, linear.t) if mesh.order == 2 else linear
-    # 5: three Gauss points along each direction; 3: two.
-    basis = skfem.CellBasis(curved, skfem.ElementVector(element()), intorder=5 if mesh.order == 2 else 3)
-    ours = np.empty(basis.N, dtype=int)
-    unknowns = 3 * mesh.cells_en[:, ours_for][..., None] + np.arange(3)
-    ours[basis.element_dofs.T] = unknowns.reshape(len(mesh.cells_en), -1)
-    return basis, ours
 
 
 def scikit_fem_assembly(basis: skfem.CellBasis, u: np.ndarray):

@@ -8,7 +8,18 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, STUDY, THICKNESS_M, image, tip_of, wall_section
+from analytic_frames import (
+    GAP_M,
+    IOP_PA,
+    LIBRARY,
+    MODULUS_PA,
+    STUDY,
+    THICKNESS_M,
+    image,
+    recording_toml,
+    tip_of,
+    wall_section,
+)
 from calibration_file import calibration_text
 from fixed_reader import write_fixed_reader
 
@@ -24,30 +35,13 @@ from scleraforce.units import from_si
 pytest.importorskip("torch")
 
 FORCES_N = (0.002, 0.012, 0.022, 0.036)
-RECORDING_TOML = f"""
-[eye]
-id = "{{eye}}"
-thickness_m = {THICKNESS_M}
-iop_pa = {IOP_PA}
-[oct]
-columns = {STUDY.oct.columns}
-rows = {STUDY.oct.rows}
-bits = {STUDY.oct.bits}
-width_m = {STUDY.oct.width_m}
-depth_m = {STUDY.oct.depth_m}
-[needle]
-gauge = 22
-slice_gap_m = {{gap}}
-[force]
-axis = "fz"
-contact_sign = -1
-"""
+FORCE_TOML = '[force]\naxis = "fz"\ncontact_sign = -1'
 
 
 def write_recording(path: Path, eye: str, gap_m: float = GAP_M, seed: int = 0) -> Path:
     """Four frames of the analytic wall under known forces, and one that shows nothing."""
     (path / "frames").mkdir(parents=True)
-    (path / "recording.toml").write_text(RECORDING_TOML.format(eye=eye, gap=gap_m))
+    (path / "recording.toml").write_text(recording_toml(eye, gap_m, more=FORCE_TOML))
     forces_n = (*FORCES_N, 0.010)
     images = [image(wall_section(tip_of(force_n)), seed + k) for k, force_n in enumerate(FORCES_N)]
     images.append(np.full_like(images[0], 600))

@@ -71,19 +71,18 @@ def test_a_missing_file_is_named(tiny_model, name: str) -> None:
         load_model(tiny_model.path)
 
 
-def test_a_study_that_the_network_was_not_trained_with_is_refused_even_where_the_hashes_agree(tiny_model) -> None:
+@pytest.mark.parametrize(
+    ("stated", "other", "message"),
+    [("bounds_mn = [5.0, 30.0]", "bounds_mn = [5.0, 50.0]", "study_sha256"), ("rows = 8\n", "rows = 9\n", "input")],
+    ids=["not trained with it", "for other slices"],
+)
+def test_another_study_than_the_networks_is_refused_even_where_the_hashes_agree(
+    tiny_model, stated: str, other: str, message: str
+) -> None:
     study = tiny_model.path / "study.toml"
-    study.write_text(study.read_text().replace("bounds_mn = [5.0, 30.0]", "bounds_mn = [5.0, 50.0]"))
+    study.write_text(study.read_text().replace(stated, other))
     rehash(tiny_model.path, "study.toml")
-    with pytest.raises(ModelError, match="study_sha256"):
-        load_model(tiny_model.path)
-
-
-def test_a_network_for_other_slices_is_refused_even_where_the_hashes_agree(tiny_model) -> None:
-    study = tiny_model.path / "study.toml"
-    study.write_text(study.read_text().replace("rows = 8\n", "rows = 9\n"))
-    rehash(tiny_model.path, "study.toml")
-    with pytest.raises(ModelError, match="input"):
+    with pytest.raises(ModelError, match=message):
         load_model(tiny_model.path)
 
 

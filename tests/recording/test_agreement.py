@@ -5,20 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from logged_info import LOGGED_INFO
 
 from scleraforce.recording.agreement import axis_doubt, log_doubts
 from scleraforce.recording.files import Recording
-from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.info import ForceInfo
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
 from scleraforce.study import ClassesStudy
 
 CLASSES = ClassesStudy()
-INFO = RecordingInfo(
-    EyeInfo("eye"),
-    OctInfo(columns=32, rows=16, bits=12, width_m=15e-3, depth_m=4e-3),
-    NeedleInfo(gauge=22, slice_gap_m=5e-4),
-    ForceInfo("fz", -1),
-)
 PUSHES_N = np.array([0.031, 0.008, 0.045, 0.002, 0.022, 0.051, 0.015, 0.038, 0.004, 0.027])
 FRAMES_S = 8.0 + 10.0 * np.arange(len(PUSHES_N))
 
@@ -31,7 +26,7 @@ def recording(rng: np.random.Generator, later_s: float = 0.0, pushes_n: np.ndarr
     wrench[:, 2] -= force_n
     wrench[:, 0] += 0.02 * force_n
     frames = tuple(FrameEntry(f"{k}.png", t + later_s) for k, t in enumerate(FRAMES_S))
-    return Recording(Path("rec"), INFO, frames, ForceLog(time_s, wrench, FORCE_COLUMNS[1:]))
+    return Recording(Path("rec"), LOGGED_INFO, frames, ForceLog(time_s, wrench, FORCE_COLUMNS[1:]))
 
 
 def seen(rng: np.random.Generator, pushes_n: np.ndarray = PUSHES_N) -> list[float]:
@@ -66,7 +61,7 @@ def test_frames_of_another_session_are_doubted() -> None:
 
 def test_an_axis_across_the_needle_is_named_with_the_one_along_it() -> None:
     good = recording(np.random.default_rng(3))
-    wrong = replace(good, info=replace(INFO, force=ForceInfo("fx", -1)))
+    wrong = replace(good, info=replace(LOGGED_INFO, force=ForceInfo("fx", -1)))
     assert axis_doubt(good, CLASSES) is None
     doubt = axis_doubt(wrong, CLASSES)
     assert doubt is not None

@@ -5,25 +5,20 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from logged_info import LOGGED_INFO
 
 from scleraforce.errors import RecordingError
 from scleraforce.laboratory.phantom import plan_phantom
 from scleraforce.laboratory.pushes import sense
 from scleraforce.laboratory.virtual_eye import paper_eyes
 from scleraforce.recording.files import Recording, read_recording
-from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.info import ForceInfo
 from scleraforce.recording.labels import contact_force, first_contact, label_frames, low_pass
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
 from scleraforce.study import ClassesStudy, PhantomStudy, Study, fixed
 
 SHARED = Path(__file__).parents[3] / "shared" / "recordings"
 CLASSES = ClassesStudy()
-INFO = RecordingInfo(
-    EyeInfo("eye"),
-    OctInfo(columns=32, rows=16, bits=12, width_m=15e-3, depth_m=4e-3),
-    NeedleInfo(gauge=22, slice_gap_m=5e-4),
-    ForceInfo("fz", -1),
-)
 
 
 def log_of(fz_n, rate_hz=200.0, start_s=0.0):
@@ -33,7 +28,7 @@ def log_of(fz_n, rate_hz=200.0, start_s=0.0):
 
 
 def recording_of(log, *frames, average_s=2.0):
-    info = replace(INFO, force=ForceInfo("fz", -1, average_s))
+    info = replace(LOGGED_INFO, force=ForceInfo("fz", -1, average_s))
     return Recording(Path("rec"), info, tuple(FrameEntry(f"{k}.png", t) for k, t in enumerate(frames)), log)
 
 
@@ -111,7 +106,7 @@ def test_tare_is_right_to_a_third_of_a_millinewton():
         rng = np.random.default_rng(seed)
         force_n = step_and_hold(rng.uniform(5e-3, 60e-3), quiet_s=rng.uniform(2.0, 4.0))
         log = log_of(sensed(-force_n, rng, offset_n=rng.uniform(-0.05, 0.05)))
-        errors.append((contact_force(log, INFO.force) - force_n)[50:300].mean())
+        errors.append((contact_force(log, LOGGED_INFO.force) - force_n)[50:300].mean())
     assert np.sqrt(np.mean(np.square(errors))) < 0.3e-3
 
 
@@ -134,7 +129,7 @@ def test_label_is_the_mean_of_the_window_centred_on_the_frame():
 
 def test_sign_and_axis_of_contact_are_the_recordings():
     log = log_of(step_and_hold(0.04))
-    flipped = replace(INFO, force=ForceInfo("fz", 1))
+    flipped = replace(LOGGED_INFO, force=ForceInfo("fz", 1))
     recording = replace(recording_of(log, 8.0), info=flipped)
     assert label_frames(recording, CLASSES)[0].target == 2
     other = ForceLog(log.time_s, np.roll(log.wrench_sc, 1, axis=1), log.columns)

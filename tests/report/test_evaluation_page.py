@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from frame_answers import frame_answer, refused_frame
 
 from scleraforce import __version__
 from scleraforce.errors import InputError
-from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report.evaluation_page import write_evaluation_html
 
 MADE_AT = datetime(2026, 3, 1, 0, 30, tzinfo=UTC)
@@ -18,70 +19,15 @@ MADE_AT = datetime(2026, 3, 1, 0, 30, tzinfo=UTC)
 
 def answers() -> Evaluation:
     """Six frames of two eyes: one misread, one not usable, one over the largest force, one used for calibration."""
+    a, b = {"recording": "rec/a", "eye": "eye a"}, {"recording": "rec/b", "eye": "eye <b>"}
+    withdraw = {"target": 2, "predicted": 2, "probabilities": (0.0, 0.0, 1.0)}
     frames = (
-        FrameAnswer(
-            recording="rec/a",
-            eye="eye a",
-            file="0000.png",
-            measured_force_n=0.002,
-            target=0,
-            predicted=0,
-            probabilities=(0.9, 0.1, 0.0),
-            usable=True,
-        ),
-        FrameAnswer(
-            recording="rec/a",
-            eye="eye a",
-            file="0001.png",
-            measured_force_n=0.020,
-            target=1,
-            predicted=2,
-            probabilities=(0.0, 0.4, 0.6),
-            usable=True,
-        ),
-        FrameAnswer(
-            recording="rec/a",
-            eye="eye a",
-            file="0002.png",
-            measured_force_n=0.040,
-            target=2,
-            predicted=2,
-            probabilities=None,
-            usable=False,
-            reason="no wall found",
-        ),
-        FrameAnswer(
-            recording="rec/b",
-            eye="eye <b>",
-            file="0000.png",
-            measured_force_n=0.050,
-            target=2,
-            predicted=2,
-            probabilities=(0.0, 0.0, 1.0),
-            usable=True,
-        ),
-        FrameAnswer(
-            recording="rec/b",
-            eye="eye <b>",
-            file="0001.png",
-            measured_force_n=0.080,
-            target=2,
-            predicted=2,
-            probabilities=(0.0, 0.0, 1.0),
-            usable=True,
-            excluded="above 60 mN",
-        ),
-        FrameAnswer(
-            recording="rec/b",
-            eye="eye <b>",
-            file="0002.png",
-            measured_force_n=0.010,
-            target=1,
-            predicted=1,
-            probabilities=(0.0, 1.0, 0.0),
-            usable=True,
-            calibration=True,
-        ),
+        frame_answer(**a, measured_force_n=0.002, target=0, predicted=0, probabilities=(0.9, 0.1, 0.0)),
+        frame_answer(**a, file="0001.png", predicted=2, probabilities=(0.0, 0.4, 0.6)),
+        refused_frame(**a, file="0002.png", measured_force_n=0.040, target=2, reason="no wall found"),
+        frame_answer(**b, measured_force_n=0.050, **withdraw),
+        frame_answer(**b, file="0001.png", measured_force_n=0.080, **withdraw, excluded="above 60 mN"),
+        frame_answer(**b, file="0002.png", measured_force_n=0.010, calibration=True),
     )
     return Evaluation(
         model="out/model",

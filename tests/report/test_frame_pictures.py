@@ -7,6 +7,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from frame_answers import frame_answer
 from looked_at import looked_at_frames
 
 from scleraforce.reader.evaluation import Evaluation, FrameAnswer
@@ -14,19 +15,7 @@ from scleraforce.report.frame_pictures import MOST_PICTURES, frame_pictures, sho
 
 
 def many(count: int, misread: tuple[int, ...] = ()) -> tuple[FrameAnswer, ...]:
-    return tuple(
-        FrameAnswer(
-            recording="rec",
-            eye="eye",
-            file=f"{n:04d}.png",
-            measured_force_n=0.02,
-            target=1,
-            predicted=2 if n in misread else 1,
-            probabilities=(0.0, 1.0, 0.0),
-            usable=True,
-        )
-        for n in range(count)
-    )
+    return tuple(frame_answer(file=f"{n:04d}.png", predicted=2 if n in misread else 1) for n in range(count))
 
 
 def evaluation(frames: tuple[FrameAnswer, ...]) -> Evaluation:

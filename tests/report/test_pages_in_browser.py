@@ -1,20 +1,19 @@
 """The pages in a real browser: nothing is cut on a telephone or on paper, and dark mode follows the system."""
 
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+from chromium import NEEDS_CHROMIUM, started_chromium
 from looked_at import looked_at_frames
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
 from scleraforce.reader.evaluation import Evaluation
 from scleraforce.report.evaluation_page import write_evaluation_html
 
-CHROMIUM = "/usr/bin/chromium"
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(shutil.which(CHROMIUM) is None, reason="needs chromium")]
+pytestmark = NEEDS_CHROMIUM
 
 # Elements that reach beyond the window or that hide a part of what they hold.
 CUT = """() => [...document.querySelectorAll("body *")].filter((element) => {
@@ -26,10 +25,8 @@ CUT = """() => [...document.querySelectorAll("body *")].filter((element) => {
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    with started_chromium() as started:
         yield started
-        started.close()
 
 
 @pytest.fixture(scope="module")

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from frame_answers import frame_answer, refused_frame
 from matplotlib.figure import Figure
 
-from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.report.force_figures import draw_force_log, draw_trial_forces
 from scleraforce.report.reading_figure import draw_read_forces
 from scleraforce.report.slice_figures import SlicePair, dice, draw_montage, draw_segmentation, draw_slice_pairs
@@ -35,36 +35,9 @@ def test_a_long_log_is_thinned_and_not_cut() -> None:
 
 def test_a_trial_has_the_colour_of_what_was_read_and_a_misread_one_is_ringed() -> None:
     frames = [
-        FrameAnswer(
-            recording="r",
-            eye="eye 1",
-            file="0.png",
-            measured_force_n=0.010,
-            target=1,
-            predicted=1,
-            probabilities=(0.0, 1.0, 0.0),
-            usable=True,
-        ),
-        FrameAnswer(
-            recording="r",
-            eye="eye 1",
-            file="1.png",
-            measured_force_n=0.020,
-            target=1,
-            predicted=2,
-            probabilities=(0.0, 0.3, 0.7),
-            usable=True,
-        ),
-        FrameAnswer(
-            recording="r",
-            eye="eye 2",
-            file="2.png",
-            measured_force_n=0.050,
-            target=2,
-            predicted=2,
-            probabilities=None,
-            usable=False,
-        ),
+        frame_answer(eye="eye 1", file="0.png", measured_force_n=0.010),
+        frame_answer(eye="eye 1", file="1.png", predicted=2, probabilities=(0.0, 0.3, 0.7)),
+        refused_frame(eye="eye 2", file="2.png", measured_force_n=0.050, target=2),
     ]
     axes = draw_trial_forces(frames, (0.005, 0.03), 0.06).axes[0]
     points = [line for line in axes.lines if line.get_marker() in ("o", "s", "^") and line.get_color() != "none"]
@@ -132,38 +105,9 @@ def test_an_embedded_figure_is_the_same_each_time(kind) -> None:
 def test_a_read_force_stands_over_the_measured_one_with_its_interval() -> None:
     read = {"predicted_force_n": 0.012, "interval_n": (0.009, 0.016)}
     frames = [
-        FrameAnswer(
-            recording="r",
-            eye="e",
-            file="0.png",
-            measured_force_n=0.010,
-            target=1,
-            predicted=1,
-            probabilities=(0.0, 1.0, 0.0),
-            usable=True,
-            **read,
-        ),
-        FrameAnswer(
-            recording="r",
-            eye="e",
-            file="1.png",
-            measured_force_n=0.040,
-            target=2,
-            predicted=1,
-            probabilities=(0.0, 0.6, 0.4),
-            usable=True,
-            **read,
-        ),
-        FrameAnswer(
-            recording="r",
-            eye="e",
-            file="2.png",
-            measured_force_n=0.050,
-            target=2,
-            predicted=2,
-            probabilities=None,
-            usable=False,
-        ),
+        frame_answer(file="0.png", measured_force_n=0.010, **read),
+        frame_answer(file="1.png", measured_force_n=0.040, target=2, probabilities=(0.0, 0.6, 0.4), **read),
+        refused_frame(file="2.png", measured_force_n=0.050, target=2),
     ]
     axes = draw_read_forces(frames, (0.005, 0.03), 0.06).axes[0]
     places = {label: [] for label in ("read", "misread", "not usable")}

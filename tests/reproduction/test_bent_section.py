@@ -4,22 +4,20 @@ import json
 import re
 from pathlib import Path
 
-from scleraforce.reader.evaluation import Evaluation, FrameAnswer
+from frame_answers import frame_answer
+
+from scleraforce.reader.evaluation import Evaluation
 from scleraforce.reproduction.bent_section import _comparison, _coverage_words
 
 
 def evaluation(folder: Path, kind: str, read_n: tuple[float | None, ...]) -> Evaluation:
     """Answers to two frames, the log 2 mN above the truth."""
     frames = tuple(
-        FrameAnswer(
+        frame_answer(
             recording=str(folder),
             eye="eye-1",
             file=f"{number}.png",
             measured_force_n=true_n + 2e-3,
-            target=1,
-            predicted=1,
-            probabilities=(0.0, 1.0, 0.0),
-            usable=True,
             predicted_force_n=force_n,
             interval_n=None if force_n is None else (force_n - 1e-3, force_n + 1e-3),
         )

@@ -59,3 +59,24 @@ def image(section: Section, seed: int = 1, scanner: OctStudy = STUDY.oct) -> np.
     """A raw frame of a section, without shadows and with little noise."""
     rng = np.random.default_rng(seed)
     return render_bscan(section, scanner, sample_optics(CLEAN, scanner, rng), rng).frame
+
+
+def recording_toml(eye: str, gap_m: float = GAP_M, needle: str = "", more: str = "") -> str:
+    """What `recording.toml` states of such frames; `needle`: other keys of [needle], `more`: of [oct], and sections."""
+    return f"""
+[eye]
+id = "{eye}"
+thickness_m = {THICKNESS_M}
+iop_pa = {IOP_PA}
+[needle]
+gauge = 22
+slice_gap_m = {gap_m}
+{needle}
+[oct]
+columns = {STUDY.oct.columns}
+rows = {STUDY.oct.rows}
+bits = {STUDY.oct.bits}
+width_m = {STUDY.oct.width_m}
+depth_m = {STUDY.oct.depth_m}
+{more}
+"""

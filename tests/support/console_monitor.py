@@ -6,6 +6,7 @@ from time import monotonic, time
 from typing import Any, Self, TypeVar
 
 import numpy as np
+from decisions import decision
 from numpy.typing import NDArray
 
 from scleraforce.monitor import MonitorLimits
@@ -13,7 +14,6 @@ from scleraforce.service.companions.child import Child
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.messages import ClientRole, CompanionMessage, Decided, ListensAt, Rates
 from scleraforce.service.console import console_settings
-from scleraforce.service.entry import Entry
 from scleraforce.service.listening import listen
 
 __all__ = ["TOKEN", "ConsoleMonitor", "free_port", "reading"]
@@ -95,10 +95,9 @@ class ConsoleMonitor:
     def entry(self, state: str, message: str = "", cause: str | None = None, **said: Any) -> None:
         """Tell a decision."""
         self.entries += 1
-        entry = Entry(
-            number=self.entries, time_s=time(), at_s=monotonic(), event="frame" if "frame" in said else "tick",
-            state=state, code=CODES[state], sub_code=0, cause=cause,
-            message=f"{state}: {message}" if message else state, **said,
+        entry = decision(
+            state, number=self.entries, time_s=time(), at_s=monotonic(), event="frame" if "frame" in said else "tick",
+            code=CODES[state], cause=cause, message=f"{state}: {message}" if message else state, **said,
         )  # fmt: skip
         assert self.child.channel.send(Decided(entry=entry))
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from frame_answers import frame_answer
 
-from scleraforce.reader.evaluation import FrameAnswer
 from scleraforce.report.answered_frame import AnsweredFrame, look_at_all
 
 __all__ = ["looked_at_frames"]
@@ -34,19 +34,7 @@ def looked_at_frames(folder: Path, count: int) -> tuple[AnsweredFrame, ...]:
     rng = np.random.default_rng(7)
     for name in names:
         cv2.imwrite(str(folder / "frames" / name), _wall(rng))
-    return look_at_all(
-        FrameAnswer(
-            recording=str(folder),
-            eye="eye",
-            file=name,
-            measured_force_n=0.02,
-            target=1,
-            predicted=1,
-            probabilities=(0.0, 1.0, 0.0),
-            usable=True,
-        )
-        for name in names
-    )
+    return look_at_all(frame_answer(recording=str(folder), file=name) for name in names)
 
 
 def _wall(rng: np.random.Generator) -> np.ndarray:

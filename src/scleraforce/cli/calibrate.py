@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scleraforce.cli.library import study_library
-from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.cli.output import count_bar, print_json
 from scleraforce.errors import InputError
-from scleraforce.study import Study, read_study, study_hash
+from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import from_si
 
@@ -68,10 +67,9 @@ def calibrate(
     population's modulus is the mean of the eyes' means. Finite strain needs
     the response library, which is made on first need (half a minute).
     """
-    from scleraforce.calibration.calibrate import calibrate_recordings
     from scleraforce.calibration.saved import calibration_as_json, parse_calibration
     from scleraforce.known.calibration_file import open_calibration, write_calibration
-    from scleraforce.recording.files import read_recording
+    from scleraforce.notebook.work import calibrate_eyes
     from scleraforce.report.files import check_figure_path
 
     for path in (out, plot):
@@ -82,11 +80,9 @@ def calibrate(
     study = Study() if study_path is None else read_study(study_path)
     refuse_unused(study, "calibrate", mechanics, study_path)
     earlier = None if resume is None else parse_calibration(open_calibration(resume))
-    opened = [read_recording(path) for path in recordings]
-    library = None if mechanics == "linear" else study_library(study)
-    with progress_bar(range(sum(len(recording.frames) for recording in opened)), "frames") as bar:
-        advance, sha256 = bar.update, study_hash(study)
-        result = calibrate_recordings(opened, study, sha256, library, parameters, frames, earlier, advance)
+    result = calibrate_eyes(
+        recordings, study, count_bar, mechanics=mechanics, parameters=parameters, frames=frames, earlier=earlier
+    )
     content = calibration_as_json(result)
     write_calibration(content, out)
     if plot is not None:

@@ -1,12 +1,12 @@
 """`scleraforce generate`: simulate the slices that a network learns from."""
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import click
 
-from scleraforce.cli.library import study_library
-from scleraforce.cli.output import print_json, progress_bar
-from scleraforce.dataset import generate_dataset, read_population_modulus
+from scleraforce.cli.output import count_bar, print_json, resumable_bar
 from scleraforce.study import read_study
 from scleraforce.study.unused import refuse_unused
 
@@ -34,29 +34,21 @@ def generate(
     (half a minute). An interrupted run is taken up by the same command. The
     data set is the same for any number of workers.
     """
+    # Imported here: the simulation takes longer to import than the help to print.
+    from scleraforce.dataset.modulus import read_population_modulus
+    from scleraforce.notebook.work import simulate_slices
+
     study = read_study(study_path)
     refuse_unused(study, "generate", mechanics or study.mechanics.kind, study_path)
     modulus = read_population_modulus(calibration) if calibration else None
     kind = mechanics or study.mechanics.kind
     if modulus and modulus.mechanics != kind:
         click.echo(f"{calibration}: E was fitted with {modulus.mechanics} mechanics, the slices are {kind}", err=True)
-    library = study_library(study) if kind == "finite-strain" else None
-    images = sum(group.images for group in study.dataset.group)
-    done: list[int] = []
-    with progress_bar(range(images), "generate", total=images) as bar:
 
-        def advance(count: int) -> None:
-            done.append(count)
-            bar.update(count)
+    def bar(title: str, total: int) -> AbstractContextManager[Callable[[int], None]]:
+        return resumable_bar(out, "images", title, total) if title == "generate" else count_bar(title, total)
 
-        try:
-            result = generate_dataset(
-                study, out, calibration=modulus, library=library, workers=workers, progress=advance
-            )
-        except KeyboardInterrupt:
-            bar.close()
-            click.echo(f"{out}: {sum(done)} of {images} images are kept; the same command completes them", err=True)
-            raise
+    result = simulate_slices(study, out, bar, mechanics=mechanics, calibration=modulus, workers=workers)
     if as_json:
         print_json({"images": result.images, "seconds": result.seconds, "images_per_second": result.images_per_second})
     else:

@@ -3,14 +3,12 @@
 from pathlib import Path
 
 import click
-from tqdm import tqdm
 
-from scleraforce.cli.output import print_json, progress_bar
-from scleraforce.library import Library
+from scleraforce.cli.output import print_json, resumable_bar
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
 
-__all__ = ["library", "study_library"]
+__all__ = ["library"]
 
 
 @click.command()
@@ -33,34 +31,9 @@ def library(study_path: Path | None, out: Path, scheduler: str | None, workers: 
     study = Study() if study_path is None else read_study(study_path)
     refuse_unused(study, "library", file=study_path)
     paths = plan_library(study).units
-    done: list[int] = []
-    with progress_bar(range(paths), "library", total=paths) as bar:
-
-        def advance(count: int) -> None:
-            done.append(count)
-            bar.update(count)
-
-        try:
-            result = build_library(study, out, scheduler=scheduler, workers=workers, progress=advance)
-        except KeyboardInterrupt:
-            bar.close()
-            click.echo(f"{out}: {sum(done)} of {paths} load paths are kept; the same command completes them", err=True)
-            raise
+    with resumable_bar(out, "load paths", "library", paths) as advance:
+        result = build_library(study, out, scheduler=scheduler, workers=workers, progress=advance)
     if as_json:
         print_json({"paths": result.paths, "seconds": result.seconds})
     else:
         click.echo(f"{out}: {result.paths} load paths, {result.seconds:.1f} s")
-
-
-def study_library(study: Study) -> Library:
-    """Return the library of a study from the user's cache; a bar shows where it has to be made."""
-    from scleraforce.library.cache import cached_library
-    from scleraforce.library.plan import plan_library
-
-    bar: tqdm[None]
-    with progress_bar((), "library", total=plan_library(study).units) as bar:
-
-        def advance(count: int) -> None:
-            bar.update(count)
-
-        return cached_library(study, progress=advance)

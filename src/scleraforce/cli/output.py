@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from textwrap import fill
 from typing import Any, TypeVar
 
@@ -13,7 +14,7 @@ from tqdm import tqdm
 from scleraforce.plain_json import finite
 from scleraforce.units import from_si
 
-__all__ = ["print_json", "progress_bar", "share_bar", "wrapped"]
+__all__ = ["count_bar", "print_json", "progress_bar", "resumable_bar", "share_bar", "wrapped"]
 
 Item = TypeVar("Item")
 
@@ -36,6 +37,35 @@ def wrapped(text: str, start: str = "") -> str:
 def progress_bar(items: Iterable[Item], title: str, total: int | None = None) -> "tqdm[Item]":
     """Show a bar on standard error while `items` are used up; nothing where that is not a terminal."""
     return tqdm(items, desc=title, total=total, file=sys.stderr, disable=None, leave=False, dynamic_ncols=True)
+
+
+@contextmanager
+def count_bar(title: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Show a bar for work that says how many of its steps are newly done: what is yielded is called with that."""
+    bar: tqdm[None]
+    with progress_bar((), title, total=total) as bar:
+
+        def advance(count: int) -> None:
+            bar.update(count)
+
+        yield advance
+
+
+@contextmanager
+def resumable_bar(out: Path, things: str, title: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Show a bar as `count_bar` does, for work that is resumed: Ctrl-C says how many things are kept in `out`."""
+    done: list[int] = []
+    try:
+        with count_bar(title, total) as advance:
+
+            def count(steps: int) -> None:
+                done.append(steps)
+                advance(steps)
+
+            yield count
+    except KeyboardInterrupt:
+        click.echo(f"{out}: {sum(done)} of {total} {things} are kept; the same command completes them", err=True)
+        raise
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.cli.output import count_bar, print_json
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import from_si
@@ -54,13 +54,11 @@ def _train_reader(library_path: Path, out: Path, search: bool, study_path: Path 
         raise click.UsageError("--search is for --kind classifier: a reader has the sizes of [reader]")
     study = Study() if study_path is None else read_study(study_path)
     refuse_unused(study, "train --kind reader", file=study_path)
-    # Imported here: PyTorch takes seconds, and only this command needs it.
-    from scleraforce.learning.reader.train import train_reader
+    # Imported here: stores take longer to import than the help to print.
     from scleraforce.library.store import open_library
+    from scleraforce.notebook.work import train_on_library
 
-    library = open_library(library_path)
-    with progress_bar(range(study.reader.epochs), "epochs") as bar:
-        trained = train_reader(library, study, out, progress=bar.update)
+    trained = train_on_library(open_library(library_path), study, out, count_bar)
     metrics, seconds = trained.metrics, time.perf_counter() - start
     if as_json:
         print_json(
@@ -89,16 +87,13 @@ def _train_reader(library_path: Path, out: Path, search: bool, study_path: Path 
 
 def _train_classifier(dataset_path: Path, out: Path, search: bool, study_path: Path | None, as_json: bool) -> None:
     start = time.perf_counter()
-    # Imported here: PyTorch takes seconds, and only this command needs it.
+    # Imported here: stores take longer to import than the help to print.
     from scleraforce.dataset.store import open_dataset
-    from scleraforce.learning.classifier.search import grid
-    from scleraforce.learning.classifier.train import train_classifier
+    from scleraforce.notebook.work import train_on_slices
 
     dataset = open_dataset(dataset_path)
-    network = dataset.study.network if study_path is None else read_study(study_path).network
-    epochs = network.epochs * (len(grid(network)) if search else 1)
-    with progress_bar(range(epochs), "epochs") as bar:
-        trained = train_classifier(dataset, out, network, search, bar.update)
+    network = None if study_path is None else read_study(study_path).network
+    trained = train_on_slices(dataset, network, out, count_bar, search=search)
     seconds = time.perf_counter() - start
     if as_json:
         print_json(_result(trained, out, seconds))

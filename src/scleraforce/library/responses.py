@@ -148,11 +148,7 @@ class Library:
         Raises:
             InputError: a sample lies outside the library.
         """
-        walls = self._walls(thickness_m, iop_ratio)
-        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
-        rows, weights = self._states(walls, tip_m)
-        ratios: Floats = (self._state_coefficients[rows] * weights).sum(axis=1)
-        return ratios
+        return self._at_tips(self._state_coefficients, thickness_m, iop_ratio, tip_m)
 
     def displaced_m3(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
         """Return the volume between the wall without the needle and with it, at one pressure, (sample,), m^3.
@@ -160,11 +156,7 @@ class Library:
         Raises:
             InputError: a sample lies outside the library.
         """
-        walls = self._walls(thickness_m, iop_ratio)
-        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
-        rows, weights = self._states(walls, tip_m)
-        volumes: Floats = (self._weights.of_volume[rows] * weights).sum(axis=1)
-        return volumes
+        return self._at_tips(self._weights.of_volume, thickness_m, iop_ratio, tip_m)
 
     def displaced_along_pressure(self, thickness_m: Floats, tip_m: Floats) -> tuple[Floats, Floats]:
         """Return `displaced_m3` at the library's tensions and its slope by their logarithm, (sample, p) each.
@@ -266,6 +258,14 @@ class Library:
         near = spline.coefficients(self.stiffness_atpd)[first[0] : first[0] + SUPPORT]
         forces: Floats = self.force_ratio_tpd * np.tensordot(weights[0], near, axes=1)
         return forces
+
+    def _at_tips(self, coefficients: Floats, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
+        """Values (sample,) at given tips of the spline over (t p d,) with these coefficients."""
+        walls = self._walls(thickness_m, iop_ratio)
+        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
+        rows, weights = self._states(walls, tip_m)
+        values: Floats = (coefficients[rows] * weights).sum(axis=1)
+        return values
 
     @cached_property
     def _force_coefficients(self) -> Floats:

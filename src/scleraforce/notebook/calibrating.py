@@ -4,21 +4,18 @@ from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 
-from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
+from scleraforce.calibration.calibrate import Calibration
 from scleraforce.calibration.saved import calibration_as_json
 from scleraforce.errors import InputError
 from scleraforce.known.calibration_file import write_calibration
 from scleraforce.notebook.frames import check_model, summary_of_calibration
-from scleraforce.notebook.training import library_of
+from scleraforce.notebook.work import Given, calibrate_eyes, counting_for, opened
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.reader import Reader
-from scleraforce.recording.files import Recording, read_recording
-from scleraforce.study import Study, study_hash
-from scleraforce.study.unused import refuse_unused
+from scleraforce.study import Study
 
 __all__ = ["calibrate", "evaluate"]
 
-Given = Recording | str | PathLike[str]
 MECHANICS = ("finite-strain", "linear")
 PARAMETERS = ("e", "iop", "thickness", "gap")
 
@@ -58,7 +55,6 @@ def calibrate(
     >>> print(f"{calibration.eyes['eye-a'].mean_pa / 1e6:.1f} MPa")
     0.3 MPa
     """
-    study = study or Study()
     if mechanics not in MECHANICS:
         raise InputError(f"mechanics: {mechanics!r}; give {' or '.join(MECHANICS)}")
     if "e" not in parameters or set(parameters) - set(PARAMETERS):
@@ -67,11 +63,14 @@ def calibrate(
         raise InputError(f"frames: {frames}; give at least 1")
     if out is not None and Path(out).exists():
         raise InputError(f"{out}: exists already; remove it or choose another name")
-    refuse_unused(study, "calibrate", mechanics)
-    opened = _opened(recordings)
-    library = library_of(study) if mechanics == "finite-strain" else None
-    found = calibrate_recordings(
-        opened, study, study_hash(study), library, tuple(parameters), frames, earlier, progress
+    found = calibrate_eyes(
+        recordings,
+        study or Study(),
+        counting_for("frames", progress),
+        mechanics=mechanics,
+        parameters=parameters,
+        frames=frames,
+        earlier=earlier,
     )
     if out is not None:
         write_calibration(calibration_as_json(found), Path(out))
@@ -105,18 +104,6 @@ def evaluate(
     [1, 1, 2]
     """
     check_model(model)
-    folders = [recording.path for recording in _opened(recordings)]
+    folders = [recording.path for recording in opened(recordings)]
     summary = None if calibration is None else summary_of_calibration(calibration)
     return evaluate_recordings(model, folders, summary, progress)
-
-
-def _opened(given: Given | Sequence[Given]) -> list[Recording]:
-    """Return recordings, those that are folders read.
-
-    Raises:
-        InputError: there is none, or one cannot be read.
-    """
-    each = [given] if isinstance(given, Recording | str | PathLike) else list(given)
-    if not each:
-        raise InputError("recordings: none; give at least one")
-    return [entry if isinstance(entry, Recording) else read_recording(entry) for entry in each]

@@ -4,13 +4,14 @@ from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 
-from scleraforce.dataset import Dataset, generate_dataset, open_dataset
+from scleraforce.dataset import Dataset, open_dataset
 from scleraforce.errors import InputError
 from scleraforce.library import Library
 from scleraforce.library.build import build_library
 from scleraforce.library.cache import cached_library
 from scleraforce.library.store import open_library
 from scleraforce.notebook.frames import load_model
+from scleraforce.notebook.work import counting_for, simulate_slices, train_on_library, train_on_slices
 from scleraforce.reader.reader import Reader
 from scleraforce.study import Study
 from scleraforce.study.unused import refuse_unused
@@ -79,12 +80,14 @@ def generate(
     >>> slices.images
     200
     """
-    study = study or Study()
-    kind = mechanics or study.mechanics.kind
-    refuse_unused(study, "generate", kind)
-    library = library_of(study) if kind == "finite-strain" else None
-    generate_dataset(
-        study, Path(out), youngs_modulus_pa=youngs_modulus_pa, library=library, workers=workers, progress=progress
+    counting = counting_for("generate", progress)
+    simulate_slices(
+        study or Study(),
+        Path(out),
+        counting,
+        mechanics=mechanics,
+        youngs_modulus_pa=youngs_modulus_pa,
+        workers=workers,
     )
     return open_dataset(out)
 
@@ -119,19 +122,13 @@ def train(
     >>> 0.0 <= model.record["metrics"]["validation_accuracy"] <= 1.0
     True
     """
-    # PyTorch takes seconds to import, and nothing else here needs it.
+    counting = counting_for("epochs", progress)
     if isinstance(source, Library):
         if search:
             raise InputError("search: is for classifiers; a reader has the sizes of [reader]")
-        from scleraforce.learning.reader.train import train_reader
-
-        study = study or Study()
-        refuse_unused(study, "train --kind reader")
-        train_reader(source, study, Path(out), progress=progress)
+        train_on_library(source, study or Study(), Path(out), counting)
     elif isinstance(source, Dataset):
-        from scleraforce.learning.classifier.train import train_classifier
-
-        train_classifier(source, Path(out), None if study is None else study.network, search, progress)
+        train_on_slices(source, None if study is None else study.network, Path(out), counting, search=search)
     else:
         raise InputError(f"source: found {type(source).__name__}; give a library (library_of) or a data set (generate)")
     return load_model(out)

@@ -15,7 +15,7 @@ from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import from_si
 
-__all__ = ["Frame", "Read", "Session", "Withdrawal"]
+__all__ = ["Frame", "Read", "Session", "Withdrawal", "read_event"]
 
 
 Read = Callable[[Pixels, PixelScale], LiveReading]
@@ -153,20 +153,16 @@ class Session:
         if size == self.limits.size:
             reading = self._read(image.pixels, PixelScale(lateral_m=image.lateral_m, depth_m=image.depth_m))
         answer = reading.answer if reading else self._of_another_size()
-        return reading, FrameRead(
+        read = read_event(
+            answer,
             at_s=frame.at_s,
             frame_id=frame.order,
-            predicted=answer.predicted,
-            probabilities=answer.probabilities,
-            usable=answer.usable,
-            reason=answer.reason,
-            force_n=answer.force_n,
-            interval_n=answer.interval_n,
-            shown_back=frame.shown_back,
             size=size,
             scale_m=(image.lateral_m, image.depth_m),
+            shown_back=frame.shown_back,
             sent_s=frame.sent_s,
         )
+        return reading, read
 
     def _of_another_size(self) -> Answer:
         return Answer(predicted=self.limits.withdraw_class, probabilities=None, usable=False, reason="another size")
@@ -209,6 +205,33 @@ class Session:
             latency_ms=from_si(latency_s, "ms"),
             lost=self.lost,
         )
+
+
+def read_event(
+    answer: Answer,
+    *,
+    at_s: float,
+    frame_id: int,
+    size: tuple[int, int],
+    scale_m: tuple[float, float],
+    shown_back: int,
+    sent_s: float | None = None,
+) -> FrameRead:
+    """Return the event of a frame that was read; what is not of the answer is as `FrameRead` says."""
+    return FrameRead(
+        at_s=at_s,
+        frame_id=frame_id,
+        predicted=answer.predicted,
+        probabilities=answer.probabilities,
+        usable=answer.usable,
+        reason=answer.reason,
+        force_n=answer.force_n,
+        interval_n=answer.interval_n,
+        shown_back=shown_back,
+        size=size,
+        scale_m=scale_m,
+        sent_s=sent_s,
+    )
 
 
 def _failure(frame: Frame, fault: Exception, at_s: float) -> MonitorEvent:

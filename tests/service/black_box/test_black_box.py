@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from decisions import decision
 
 import scleraforce.service.black_box.log_sync as log_sync
 import scleraforce.service.black_box.process as module
@@ -28,10 +29,10 @@ from scleraforce.service.companions.messages import (
     SelfReport,
     WithdrawalKept,
 )
-from scleraforce.service.entry import Entry
 from scleraforce.study.records import ClassesStudy
 
 SHAPE = 24, 32
+CAUSES = {"WITHDRAW": "FORCE_BOUND"}
 INFO = RecordingInfo(
     EyeInfo("eye", thickness_m=600e-6, iop_pa=266.0),
     OctInfo(columns=32, rows=24, bits=16, width_m=15e-3, depth_m=4e-3),
@@ -63,17 +64,12 @@ class Monitor:
         if with_frame:
             self.frames += 1
             self.ring.put(self.frames, frame(self.frames))
-        cause = "FORCE_BOUND" if state == "WITHDRAW" else None
-        entry = Entry(
+        entry = decision(
+            state,
             number=self.decisions,
             time_s=1.8e9 + self.at_s,
             at_s=self.at_s,
-            event="frame",
-            state=state,
-            code=1,
-            sub_code=0,
-            cause=cause,
-            message="x",
+            cause=CAUSES.get(state),
             frame=self.frames if with_frame else None,
         )
         self.tell(Decided(entry=entry), turns)
@@ -477,19 +473,8 @@ class Process:
     def frames(self, numbers, state="WATCHING"):
         for number in numbers:
             self.ring.put(number, frame(number))
-            cause = "FORCE_BOUND" if state == "WITHDRAW" else None
-            entry = Entry(
-                number=number,
-                time_s=time.time(),
-                at_s=time.monotonic(),
-                event="frame",
-                state=state,
-                code=1,
-                sub_code=0,
-                cause=cause,
-                message="x",
-                frame=number,
-            )
+            now = {"time_s": time.time(), "at_s": time.monotonic()}
+            entry = decision(state, number=number, cause=CAUSES.get(state), frame=number, **now)
             assert self.child.channel.send(Decided(entry=entry))
 
     def wait_for(self, kind):

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from decisions import READ_ENTRY, TICK_ENTRY
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -41,25 +42,8 @@ from scleraforce.service.companions.messages import (
 )
 from scleraforce.service.companions.opinion_settings import OpinionSettings
 from scleraforce.service.console.settings import ConsoleSettings
-from scleraforce.service.entry import Entry
 
 RING = RingPlace(descriptor=5, frames=1200, rows=512, columns=1024)
-ENTRY = Entry(
-    number=3, time_s=1.8e9, at_s=12.5, event="frame", state="WATCHING", code=1, sub_code=0, cause=None,
-    message="OK:\n“12 mN”", frame=3, frame_id=77, predicted=1, probabilities=(0.0, 0.75, 0.25), force_mn=12.5,
-    interval_mn=(11.0, 13.5), usable=True, reason=None, latency_ms=0.75, lost=2,
-)  # fmt: skip
-TICK = Entry(
-    number=1,
-    time_s=1.8e9,
-    at_s=12.5,
-    event="tick",
-    state="NOT_READY",
-    code=13,
-    sub_code=0,
-    cause=None,
-    message="no good frame yet",
-)
 INFO = RecordingInfo(
     EyeInfo("eye", thickness_m=600e-6, iop_pa=None),
     OctInfo(columns=32, rows=24, bits=16, width_m=15e-3, depth_m=4e-3),
@@ -67,8 +51,8 @@ INFO = RecordingInfo(
     ForceInfo("fz", -1, 0.2),
 )
 MESSAGES: list[CompanionMessage] = [
-    Decided(entry=ENTRY),
-    Decided(entry=TICK),
+    Decided(entry=READ_ENTRY),
+    Decided(entry=TICK_ENTRY),
     ForceHeard(at_s=1.0, time_s=1.8e9, values=(0.01, -inf), device="Robot"),
     ForceHeard(at_s=1.0, time_s=1.8e9, values=(), device=""),
     Note(time_s=1.5, text='é "\\ \n\t\0'),
@@ -124,7 +108,7 @@ def test_what_is_no_number_arrives_as_such() -> None:
         order=3, usable=True, reason=None, predicted=1, probabilities=(nan, 1.0), force_n=nan, interval_n=(-inf, nan)
     )
     assert repr(decode_message(encode_message(opinion))) == repr(opinion)
-    entry = replace(ENTRY, force_mn=nan, probabilities=(nan, 0.5, inf), interval_mn=(nan, 1.0))
+    entry = replace(READ_ENTRY, force_mn=nan, probabilities=(nan, 0.5, inf), interval_mn=(nan, 1.0))
     arrived = decode_message(encode_message(Decided(entry=entry)))
     assert isinstance(arrived, Decided)
     assert arrived.entry.as_json() == entry.as_json()
@@ -246,7 +230,7 @@ def test_what_is_no_message_or_too_large_is_not_sent() -> None:
 
 def test_the_log_keeps_the_lines_that_it_had_before_messages_were_records() -> None:
     """The keys, their order and the values of the log are a contract (docs/black_box.md)."""
-    assert format_line(message_as_json(Decided(entry=ENTRY))) == (
+    assert format_line(message_as_json(Decided(entry=READ_ENTRY))) == (
         b'{"kind": "entry", "entry": {"number": 3, "time_s": 1800000000.0, "at_s": 12.5, "event": "frame", "state": '
         b'"WATCHING", "code": 1, "sub_code": 0, "cause": null, "message": "OK:\\n\\u201c12 mN\\u201d", "frame": 3, '
         b'"frame_id": 77, "probabilities": [0.0, 0.75, 0.25], "force_mn": 12.5, "interval_mn": [11.0, 13.5], "usable": '

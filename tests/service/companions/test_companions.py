@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
+from decisions import decision
 from fake_companion import FakeCompanion
 
 from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
@@ -19,7 +20,6 @@ from scleraforce.service.companions.messages import (
     WithdrawalKept,
     WrongTokens,
 )
-from scleraforce.service.entry import Entry
 
 OPINION_OF_3 = OpinionGiven(
     order=3, usable=True, reason=None, predicted=0, probabilities=None, force_n=None, interval_n=None
@@ -102,25 +102,11 @@ def test_one_that_takes_nothing_for_two_seconds_does_not_keep_up_until_it_does(c
     assert companions.faults(12.2) == ()
 
 
-def entry(number: int) -> Entry:
-    return Entry(
-        number=number,
-        time_s=1.8e9,
-        at_s=10.0,
-        event="tick",
-        state="WATCHING",
-        code=1,
-        sub_code=0,
-        cause=None,
-        message="x" * 1000,
-    )
-
-
 def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_else(companions, children):
     for _ in range(5000):
         companions.tell(BLACK_BOX, ForceHeard(at_s=1.0, time_s=1.0, values=(0.0,), device="x" * 1000), 10.0)
     for number in range(1, 501):
-        companions.entry(entry(number))
+        companions.entry(decision(number=number, message="x" * 1000))
         companions.tell(BLACK_BOX, Note(time_s=1.5, text=str(number)), 10.0)
     heard: list[CompanionMessage] = []
     while messages := children[BLACK_BOX].theirs.receive(50):
@@ -135,10 +121,10 @@ def test_decisions_wait_for_a_black_box_that_does_not_keep_up_and_go_before_all_
 
 def test_a_black_box_that_loses_a_decision_is_at_fault_at_once(companions, children):
     for number in range(1, 200):
-        companions.entry(entry(number))
+        companions.entry(decision(number=number, message="x" * 1000))
     assert companions.faults(10.1) == ()
     for number in range(200, 5000):
-        companions.entry(entry(number))
+        companions.entry(decision(number=number, message="x" * 1000))
     assert companions.faults(10.1) == ("black box: it does not keep up",)
     while children[BLACK_BOX].theirs.receive(50):
         companions.faults(10.2)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from console_monitor import reading
+from decisions import decision
 
 from scleraforce.monitor.causes import Cause
 from scleraforce.service.companions.frame_ring import FrameRing
@@ -18,18 +19,7 @@ from scleraforce.service.entry import Entry
 
 
 def entry(at_s: float, state: str = "WATCHING", cause: str | None = None, **said: Any) -> Entry:
-    return Entry(
-        number=1,
-        time_s=0.0,
-        at_s=at_s,
-        event="frame",
-        state=state,
-        code=1,
-        sub_code=0,
-        cause=cause,
-        message=f"{state}: because; class 1; 7.0 mN",
-        **said,
-    )
+    return decision(state, at_s=at_s, cause=cause, message=f"{state}: because; class 1; 7.0 mN", **said)
 
 
 def board_with(*messages: tuple[float, Entry | CompanionMessage]) -> Board:

@@ -1,7 +1,6 @@
 """The console's page in a real browser: what a person sees."""
 
 import os
-import shutil
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from chromium import NEEDS_CHROMIUM, started_chromium
 from console_monitor import TOKEN, ConsoleMonitor, free_port, reading
-from playwright.sync_api import Browser, Dialog, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Dialog, Page, expect
 
 from scleraforce.service.companions.messages import Outline, ResetAnswered, ResetAsked, WrongTokens
 
-CHROMIUM = "/usr/bin/chromium"
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(shutil.which(CHROMIUM) is None, reason="needs chromium")]
+pytestmark = NEEDS_CHROMIUM
 NOTHING = "\u2013"  # what stands for a value that is not known
 
 BRIGHT = np.zeros((64, 96), np.uint16)
@@ -26,10 +25,8 @@ BRIGHT[20:40] = 4000
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    with started_chromium() as started:
         yield started
-        started.close()
 
 
 class Opened:
