@@ -63,7 +63,7 @@ def test_scale_and_eye_come_from_the_recording_beside_the_frame(model, frame, ca
     }
     assert {name: told["source"] for name, told in entry["known"].items()} == {
         "youngs_modulus_mpa": "option", "iop_mmhg": "recording.toml", "thickness_um": "recording.toml",
-        "gap_mm": "recording.toml", "polar_angle_deg": "recording.toml",
+        "gap_mm": "recording.toml", "polar_angle_deg": "recording.toml", "globe": "unknown",
     }  # fmt: skip
     assert entry["known"]["thickness_um"]["value"] == 650.0
 
@@ -76,6 +76,67 @@ def test_options_come_before_the_recording(model, frame, capsys) -> None:
     assert entry["known"]["gap_mm"] == {"value": 0.5, "source": "option"}
     (refused,) = classified(capsys, model, frame, "--iop-mmhg", 30)
     assert refused["reason"].startswith("IOP 30 mmHg")
+
+
+K = "rigidity_mmhg13_per_ul"
+RECORDED = {
+    "globe": {"value": "sealed", "source": "recording.toml"},
+    K: {"value": 0.03, "source": "recording.toml"},
+}
+
+
+@pytest.mark.parametrize(
+    ("stated", "options", "used"),
+    [
+        ("", [], {"globe": {"value": None, "source": "unknown"}}),
+        ("", ["--globe", "open"], {"globe": {"value": "open", "source": "option"}}),
+        ('globe = "sealed"', [], {"globe": {"value": "sealed", "source": "recording.toml"}}),
+        (f'globe = "sealed"\n{K} = 0.03', [], RECORDED),
+        (f'globe = "sealed"\n{K} = 0.03', ["--globe", "open"], {"globe": {"value": "open", "source": "option"}}),
+        (
+            f'globe = "sealed"\n{K} = 0.03',
+            ["--globe", "sealed"],
+            {**RECORDED, "globe": {"value": "sealed", "source": "option"}},
+        ),
+        (
+            f'globe = "sealed"\n{K} = 0.03',
+            ["--globe", "sealed", "--rigidity", 0.012],
+            {"globe": {"value": "sealed", "source": "option"}, K: {"value": 0.012, "source": "option"}},
+        ),
+    ],
+)
+def test_the_globe_is_that_of_the_option_then_of_the_recording_then_unknown(
+    model, frame, capsys, stated, options, used
+) -> None:
+    (frame.parents[1] / "recording.toml").write_text(STATED.replace("[needle]", f"{stated}\n[needle]"))
+    (entry,) = classified(capsys, model, frame, *options)
+    assert {key: told for key, told in entry["known"].items() if key in RECORDED} == used
+
+
+def test_a_frame_says_the_pressure_at_its_dent_which_is_higher_in_a_sealed_eye(model, frame, capsys) -> None:
+    told = ["--youngs-modulus-mpa", MODULUS_PA / 1e6]
+    (vented,) = classified(capsys, model, frame, *told, "--globe", "open")
+    (sealed,) = classified(capsys, model, frame, *told, "--globe", "sealed", "--rigidity", 0.03)
+    (unknown,) = classified(capsys, model, frame, *told)
+    assert vented["iop_at_dent_mmhg"] == pytest.approx(2.025, rel=0.1)
+    assert sealed["iop_at_dent_mmhg"] > 1.2 * vented["iop_at_dent_mmhg"]
+    widths = [entry["interval_mn"][1] - entry["interval_mn"][0] for entry in (vented, unknown)]
+    assert widths[1] > 1.5 * widths[0]
+    assert run(["classify", str(model), str(frame), "--globe", "open"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "mmHg at the dent" in text
+    assert "globe open (option)" in text
+
+
+def test_a_rigidity_wants_a_globe_that_is_told_sealed(model, frame, capsys) -> None:
+    for options, words in (
+        (["--rigidity", "0.03"], "--rigidity: of a sealed globe; tell --globe sealed, too, or leave 0.03 out"),
+        (["--globe", "open", "--rigidity", "0.03"], "--rigidity: of a sealed globe"),
+        (["--globe", "sealed", "--rigidity", "5"], "--rigidity: rigidity_mmhg13_per_ul: 5 is above"),
+        (["--globe", "sealed", "--rigidity", "nan"], "--rigidity: nan is not a finite number"),
+    ):
+        assert run(["classify", str(model), str(frame), *options]) == 2
+        assert words in capsys.readouterr().err
 
 
 def test_a_frame_of_unknown_scale_is_refused_and_the_options_are_named(model, loose, capsys) -> None:

@@ -7,6 +7,7 @@ from fixed_network import force_reader
 
 import scleraforce as sf
 from scleraforce.errors import FrameError, InputError
+from scleraforce.known.globe import REFERENCE_RIGIDITY
 from scleraforce.notebook.calibrating import calibrate, evaluate
 from scleraforce.notebook.frames import read, segment
 from scleraforce.notebook.training import train
@@ -22,6 +23,22 @@ def test_an_array_is_read_as_the_reader_reads_it() -> None:
     answer = read(force_reader(), FRAME, youngs_modulus_pa=KNOWN.modulus.mean_pa, **told, **SIZE)
     assert answer.force_n == pytest.approx(expected.force_n, rel=0.01)
     assert answer.usable
+
+
+def test_what_is_told_of_the_globe_is_read_with() -> None:
+    told = {"youngs_modulus_pa": 0.3e6, "iop_pa": KNOWN.iop_pa, "gap_m": KNOWN.gap_m, **SIZE}
+    vented = read(force_reader(), FRAME, globe="open", **told)
+    sealed = read(force_reader(), FRAME, globe="sealed", rigidity_pa13_per_m3=REFERENCE_RIGIDITY / 3, **told)
+    assert vented.iop_at_dent_pa == pytest.approx(KNOWN.iop_pa, rel=0.1)
+    assert sealed.iop_at_dent_pa > 1.2 * vented.iop_at_dent_pa
+    for globe, k, words in (
+        (None, 1.5e8, 'give globe="sealed", too'),
+        ("open", 1.5e8, 'give globe="sealed", too'),
+        ("shut", None, "shut"),
+        ("sealed", 0.03, "rigidity_mmhg13_per_ul"),
+    ):
+        with pytest.raises(InputError, match=words):
+            read(force_reader(), FRAME, globe=globe, rigidity_pa13_per_m3=k, **told)
 
 
 def test_an_array_is_segmented() -> None:

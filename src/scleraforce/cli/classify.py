@@ -46,6 +46,8 @@ def classify(
     iop_mmhg: float | None,
     thickness_um: float | None,
     gap_mm: float | None,
+    globe: str | None,
+    rigidity: float | None,
     as_json: bool,
 ) -> None:
     """Read the force class of raw frames (PNG, TIFF, JPEG, DICOM) with MODEL.
@@ -60,6 +62,7 @@ def classify(
 
     Example: scleraforce classify reader frames/0001.png
     --youngs-modulus-mpa 0.27 --iop-mmhg 2 --thickness-um 650 --gap-mm 0.5
+    --globe open
     """
     from scleraforce.reader import load_model
 
@@ -67,7 +70,7 @@ def classify(
         raise InputError(f"{path}: a folder; `scleraforce evaluate {model} {path}` reads a recording, this one frames")
     reader = load_model(model)
     told = told_scanner(width_mm, depth_mm, refractive_index)
-    known = known_eye(youngs_modulus_mpa, iop_mmhg, thickness_um, gap_mm)
+    known = known_eye(youngs_modulus_mpa, iop_mmhg, thickness_um, gap_mm, globe, rigidity)
     found = list(each_of(frames, lambda path: _read(reader, path, told, known, transpose)))
     read = [(path, answer) for path, answer in found if not isinstance(answer, InputError)]
     notes = [*_notes(reader, known), *_limits(read)]
@@ -157,6 +160,7 @@ def _answered(path: Path, answer: "Answer") -> dict[str, Any]:
         "predicted_force_mn": from_si(answer.force_n, "mn"),
         "interval_mn": None if answer.interval_n is None else [from_si(end, "mn") for end in answer.interval_n],
         "contact_mm": from_si(answer.contact_m, "mm"),
+        "iop_at_dent_mmhg": from_si(answer.iop_at_dent_pa, "mmhg"),
         "usable": answer.usable,
         "reason": answer.reason,
         "warnings": answer.warnings,
@@ -168,13 +172,17 @@ def _line(path: Path, answer: "Answer") -> str:
     if answer.probabilities is None:
         return f"{path}: class {answer.predicted} (withdraw): not usable: {answer.reason}"
     shares = ", ".join(f"{share:.3f}" for share in answer.probabilities)
-    force = (
-        "" if answer.force_n is None or answer.interval_n is None else f", {_force(answer.force_n, answer.interval_n)}"
-    )
-    lines = [f"{path}: class {answer.predicted} (probabilities {shares}){force}"]
+    read = "".join(f", {words}" for words in _force(answer))
+    lines = [f"{path}: class {answer.predicted} (probabilities {shares}){read}"]
     return "\n".join([*lines, *(f"  warning: {warning}" for warning in answer.warnings)])
 
 
-def _force(force_n: float, interval_n: tuple[float, float]) -> str:
-    low, high = (f"{from_si(end, 'mn'):.1f}" for end in interval_n)
-    return f"{from_si(force_n, 'mn'):.1f} mN (90 %: {low} to {high})"
+def _force(answer: "Answer") -> list[str]:
+    """Return the force with its interval and the pressure at the dent, as far as they were read."""
+    words = []
+    if answer.force_n is not None and answer.interval_n is not None:
+        low, high = (f"{from_si(end, 'mn'):.1f}" for end in answer.interval_n)
+        words.append(f"{from_si(answer.force_n, 'mn'):.1f} mN (90 %: {low} to {high})")
+    if answer.iop_at_dent_pa is not None:
+        words.append(f"{from_si(answer.iop_at_dent_pa, 'mmhg'):.1f} mmHg at the dent")
+    return words

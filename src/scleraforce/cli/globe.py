@@ -1,35 +1,70 @@
-"""The options by which a user makes virtual eyes open or sealed, shared by `simulate` and `phantom`."""
+"""The options by which a user tells whether a globe is open or sealed: of virtual eyes, and of those that are read."""
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from scleraforce.errors import InputError, StudyError
 from scleraforce.study import Study
 from scleraforce.study.fields import field_unit
 from scleraforce.study.globe import GLOBES, GlobeStudy
 
-__all__ = ["globe_options", "with_globe"]
+if TYPE_CHECKING:
+    from scleraforce.known.globe import KnownGlobe
+
+__all__ = ["globe_options", "known_globe_options", "told_globe", "with_globe"]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 RIGIDITY = field_unit(GlobeStudy.__dataclass_fields__["rigidity_pa13_per_m3"])
-OPTIONS = (
-    click.option("--globe", type=click.Choice(GLOBES), help="Whether the pressure stays as it is or rises "
-                 "with the dent (finite strain only); the study's by default (open, if it does not say)."),
-    click.option("--rigidity", type=float, help="Of a sealed globe, in mmHg^(1/3) per µl; the study's by default "
-                 "(0.03, if it does not say)."),
-)  # fmt: skip
+KIND = "Whether the pressure stays as it is or rises with the dent"
+RATE = "Of a sealed globe, in mmHg^(1/3) per µl"
 
 
-def globe_options(command: Command) -> Command:
-    """Add the options to a command: the last arguments of `with_globe`."""
-    for option in reversed(OPTIONS):
-        command = option(command)
-    return command
+def _options(kind: str, rate: str) -> Callable[[Command], Command]:
+    """Return a decorator that adds the options, each with the rest of its help."""
+
+    def decorated(command: Command) -> Command:
+        return click.option("--globe", type=click.Choice(GLOBES), help=f"{KIND}{kind}")(
+            click.option("--rigidity", type=float, help=f"{RATE}{rate}")(command)
+        )
+
+    return decorated
+
+
+globe_options = _options(  # of a command on virtual eyes: the last arguments of `with_globe`
+    " (finite strain only); the study's by default (open, if it does not say).",
+    "; the study's by default (0.03, if it does not say).",
+)
+known_globe_options = _options(  # of a command that reads eyes: the arguments of `told_globe`
+    "; by default it is not known, and intervals are wider.",
+    "; by default it is not known.",
+)
 
 
 def with_globe(study: Study, globe: str | None, rigidity: float | None) -> Study:
     """Put the options into the study, whose records check them as they check a study file."""
     return replace(study, globe=study.globe.told(globe, None if rigidity is None else RIGIDITY.to_si(rigidity)))
+
+
+def told_globe(globe: str | None, rigidity: float | None) -> "KnownGlobe | None":
+    """Return what the options say of a globe; None: nothing.
+
+    Raises:
+        InputError: a rigidity of a globe that is not said to be sealed, or one that no globe has.
+    """
+    from scleraforce.known.globe import known_globe
+
+    if rigidity is not None and globe != "sealed":
+        raise InputError(f"--rigidity: of a sealed globe; tell --globe sealed, too, or leave {rigidity:g} out")
+    if globe is None:
+        return None
+    if rigidity is None:
+        return known_globe(globe)
+    try:
+        told = GlobeStudy().told(globe, RIGIDITY.to_si(rigidity))
+    except StudyError as fault:
+        raise InputError(f"--rigidity: {fault}") from fault
+    return known_globe(globe, told.rigidity_pa13_per_m3)

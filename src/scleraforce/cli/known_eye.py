@@ -2,17 +2,18 @@
 
 from collections.abc import Callable
 from math import isfinite
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
+from scleraforce.cli.globe import known_globe_options, told_globe
 from scleraforce.errors import InputError
 from scleraforce.units import HumanUnit, from_si, to_si
 
 if TYPE_CHECKING:
     from scleraforce.known.eye import Known
 
-__all__ = ["known_entry", "known_eye", "known_eye_options", "known_words"]
+__all__ = ["globe_words", "known_entry", "known_eye", "known_eye_options", "known_words"]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -27,23 +28,29 @@ OPTIONS = (
 
 def known_eye_options(command: Command) -> Command:
     """Add the options to a command: the arguments of `known_eye`."""
+    command = known_globe_options(command)
     for option in reversed(OPTIONS):
         command = option(command)
     return command
 
 
 def known_eye(
-    youngs_modulus_mpa: float | None, iop_mmhg: float | None, thickness_um: float | None, gap_mm: float | None
+    youngs_modulus_mpa: float | None,
+    iop_mmhg: float | None,
+    thickness_um: float | None,
+    gap_mm: float | None,
+    globe: str | None,
+    rigidity: float | None,
 ) -> "Known":
     """Return what the options say of an eye.
 
     Raises:
-        InputError: a value that is no number.
+        InputError: a value that is no number, or a rigidity without a sealed globe.
     """
     from scleraforce.known.eye import Known, Modulus
 
     given = {"youngs-modulus-mpa": youngs_modulus_mpa, "iop-mmhg": iop_mmhg, "thickness-um": thickness_um,
-             "gap-mm": gap_mm}  # fmt: skip
+             "gap-mm": gap_mm, "rigidity": rigidity}  # fmt: skip
     for name, value in given.items():
         if value is not None and not isfinite(value):
             raise InputError(f"--{name}: {value} is not a finite number; leave it out where it is not known")
@@ -52,45 +59,90 @@ def known_eye(
         iop_pa=to_si(iop_mmhg, "mmhg"),
         thickness_m=to_si(thickness_um, "um"),
         gap_m=to_si(gap_mm, "mm"),
+        globe=told_globe(globe, rigidity),
     )
 
 
 def known_entry(told: "Known", stated: "Known") -> dict[str, Any]:
     """Return what a frame was read with, each value with who states it, for JSON."""
-    return {name: {"value": value, "source": source} for name, _, value, source in _sourced(told, stated)}
+    return {key: {"value": value, "source": source} for key, value, source in _sourced(told, stated)}
 
 
 def known_words(told: "Known", stated: "Known") -> str:
     """Return the same for people: "modulus 0.3 MPa (option), IOP unknown"."""
     return ", ".join(
-        f"{name} unknown" if value is None else f"{name} {value:.4g}{unit} ({source})"
-        for _, (name, unit), value, source in _sourced(told, stated)
+        f"{WORDS[key][0]} unknown" if value is None else f"{WORDS[key][0]} {_printed(key, value)} ({source})"
+        for key, value, source in _sourced(told, stated)
     )
 
 
-Words = tuple[str, str]  # name and unit
+def globe_words(known: "Known", reads_force: bool) -> str:
+    """Return with which globe a model reads an eye, and what it costs where that is not known.
+
+    >>> from scleraforce.known.eye import Known
+    >>> from scleraforce.known.globe import SEALED
+    >>> globe_words(Known(globe=SEALED), reads_force=True)
+    'sealed, k between 0.005 and 0.06 mmHg^(1/3)/µl'
+    """
+    from scleraforce.known.globe import UNKNOWN
+
+    globe = UNKNOWN if known.globe is None else known.globe
+    if not reads_force:
+        return "taken for open: a classifier knows no other, and in a sealed eye forces are read too low"
+    if not globe.can_be_sealed:
+        return "open"
+    ends = globe.band if globe.calibrated or globe.rigidity_told else (globe.lowest, globe.highest)
+    low, high = (f"{from_si(end, RIGIDITY_UNIT):.2g}" for end in ends)
+    k = f"k between {low} and {high} mmHg^(1/3)/µl"
+    if globe.calibrated:
+        return f"{'open or sealed' if globe.kind == 'unknown' else globe.kind}, {k} (calibrated)"
+    return f"sealed, {k}" if globe.kind == "sealed" else UNKNOWN_GLOBE
 
 
-def _sourced(told: "Known", stated: "Known") -> list[tuple[str, Words, float | None, str]]:
-    """Return key, words, value and source of all that may be known: what was told comes first."""
+UNKNOWN_GLOBE = "unknown: tell --globe; intervals are wider and withdrawals come earlier"
+RIGIDITY_UNIT: Final = "mmhg13_per_ul"
+RIGIDITY = f"rigidity_{RIGIDITY_UNIT}"
+WORDS = {  # name and unit of each key, for people
+    "youngs_modulus_mpa": ("modulus", " MPa"),
+    "iop_mmhg": ("IOP", " mmHg"),
+    "thickness_um": ("thickness", " µm"),
+    "gap_mm": ("gap", " mm"),
+    "polar_angle_deg": ("polar angle", "°"),
+    "globe": ("globe", ""),
+    RIGIDITY: ("k", " mmHg^(1/3)/µl"),
+}
+Value = float | str | None
+
+
+def _printed(key: str, value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.4g}{WORDS[key][1]}"
+
+
+def _sourced(told: "Known", stated: "Known") -> list[tuple[str, Value, str]]:
+    """Return key, value and source of all that may be known: what was told comes first. k stands where it is told."""
+    from scleraforce.known.eye import completed
+
+    first, used = _values(told), _values(completed(told, stated))
     return [
-        (key, words, second, "unknown" if second is None else "recording.toml")
-        if first is None
-        else (key, words, first, "option")
-        for (key, words, first), (_, _, second) in zip(_values(told), _values(stated), strict=True)
+        (key, value, "unknown" if value is None else "recording.toml" if first[key] is None else "option")
+        for key, value in used.items()
+        if key != RIGIDITY or value is not None
     ]
 
 
-def _values(known: "Known") -> list[tuple[str, Words, float | None]]:
-    """Return key, words and value, in the unit of both, of all that may be known of an eye."""
+def _values(known: "Known") -> dict[str, Value]:
+    """Return all that may be known of an eye, each value in the unit of its key."""
     modulus_pa = known.modulus.mean_pa if known.modulus else None
-    return [
-        ("youngs_modulus_mpa", ("modulus", " MPa"), _in_unit(modulus_pa, "mpa")),
-        ("iop_mmhg", ("IOP", " mmHg"), _in_unit(known.iop_pa, "mmhg")),
-        ("thickness_um", ("thickness", " µm"), _in_unit(known.thickness_m, "um")),
-        ("gap_mm", ("gap", " mm"), _in_unit(known.gap_m, "mm")),
-        ("polar_angle_deg", ("polar angle", "°"), _in_unit(known.polar_rad, "deg")),
-    ]
+    globe = known.globe
+    return {
+        "youngs_modulus_mpa": _in_unit(modulus_pa, "mpa"),
+        "iop_mmhg": _in_unit(known.iop_pa, "mmhg"),
+        "thickness_um": _in_unit(known.thickness_m, "um"),
+        "gap_mm": _in_unit(known.gap_m, "mm"),
+        "polar_angle_deg": _in_unit(known.polar_rad, "deg"),
+        "globe": None if globe is None else globe.kind,
+        RIGIDITY: _in_unit(globe.mean, RIGIDITY_UNIT) if globe and globe.rigidity_told else None,
+    }
 
 
 def _in_unit(value: float | None, unit: HumanUnit) -> float | None:

@@ -242,7 +242,16 @@ def _globe(entry: Mapping[str, Any], place: str) -> KnownGlobe:
     if values["highest"] < values["lowest"] or (values["highest"] > 0.0 and not values["sd"] > 0.0):
         raise CalibrationError(f"{within}: lowest above highest, or sd not above 0; {WRITER}")
     correlation = number_of(entry, "correlation", place, -MOST_CORRELATED, MOST_CORRELATED)
-    return KnownGlobe(kind=kind, law=law, correlation=correlation, calibrated=calibrated, **values)
+    return KnownGlobe(
+        kind=kind,
+        lowest=values["lowest"],
+        highest=values["highest"],
+        mean=values["mean"],
+        sd=values["sd"],
+        law=law,
+        correlation=correlation,
+        calibrated=calibrated,
+    )
 
 
 def _frame(entry: Any, place: str) -> UsedFrame:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields, replace
 from math import sqrt
 
 from scleraforce.known.calibration_file import CalibrationSummary
-from scleraforce.known.globe import KnownGlobe, known_globe
+from scleraforce.known.globe import KnownGlobe, completed_globe, known_globe
 from scleraforce.recording.info import EyeInfo, RecordingInfo
 from scleraforce.study import ReaderStudy, Sampled
 from scleraforce.units import HumanUnit, from_si
@@ -21,6 +21,7 @@ __all__ = [
     "known_of_recording",
     "open_doubts",
     "outside_training",
+    "stated_eye",
     "told_globe",
 ]
 
@@ -94,6 +95,22 @@ def told_globe(eye: EyeInfo) -> KnownGlobe | None:
     return known_globe(eye.globe, eye.rigidity_pa13_per_m3, eye.rigidity_law)
 
 
+def stated_eye(eye: str, known: Known) -> EyeInfo:
+    """Return what a recording of an eye may state of it: what was told; what a calibration found stands in its file."""
+    globe = known.globe
+    if globe is None or globe.kind != "sealed":
+        told = None if globe is None or globe.kind == "unknown" else globe.kind
+        return EyeInfo(eye, thickness_m=known.thickness_m, iop_pa=known.iop_pa, globe=told)
+    return EyeInfo(
+        eye,
+        thickness_m=known.thickness_m,
+        iop_pa=known.iop_pa,
+        globe=globe.kind,
+        rigidity_pa13_per_m3=globe.mean if globe.rigidity_told and not globe.calibrated else None,
+        rigidity_law=globe.law,
+    )
+
+
 def open_doubts(globe: str | None) -> tuple[str, ...]:
     """Return a sentence on what linear mechanics makes of a globe; none of an open or unknown one.
 
@@ -104,13 +121,14 @@ def open_doubts(globe: str | None) -> tuple[str, ...]:
 
 
 def completed(told: Known, stated: Known) -> Known:
-    """Return what was told of an eye, and what else was stated.
+    """Return what was told of an eye, and what else was stated; likewise of a globe of the kind that was told.
 
     >>> completed(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0))
     Known(modulus=None, iop_pa=266.0, thickness_m=None, gap_m=0.0004, polar_rad=None, globe=None)
     """
     missing = [item.name for item in fields(Known) if getattr(told, item.name) is None]
-    return replace(told, **{name: getattr(stated, name) for name in missing})
+    globe = completed_globe(told.globe, stated.globe)
+    return replace(told, **{**{name: getattr(stated, name) for name in missing}, "globe": globe})
 
 
 def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:

@@ -15,7 +15,7 @@ from scleraforce.eye.globe import Globe, sealed_globe
 from scleraforce.study.globe import RIGIDITY_LAWS
 from scleraforce.units import to_si
 
-__all__ = ["OPEN", "REFERENCE_RIGIDITY", "SEALED", "UNKNOWN", "KnownGlobe", "known_globe"]
+__all__ = ["OPEN", "REFERENCE_RIGIDITY", "SEALED", "UNKNOWN", "KnownGlobe", "completed_globe", "known_globe"]
 
 Floats = NDArray[np.float64]
 Kind = Literal["open", "sealed", "unknown"]
@@ -33,7 +33,7 @@ class KnownGlobe:
     `kind` is what was told of it. `lowest` and `highest` bound the rigidity k of the `law`; `mean` and `sd` say where
     it lies. All are Pa^(1/3)/m^3 and 0 for an open globe; the mean of a calibrated one may lie a little outside its
     bounds. `correlation` is that with the logarithm of the modulus that was estimated with it; `calibrated` says
-    whether frames of known force have told these.
+    whether frames of known force have told these, `rigidity_told` whether k was told as a number.
     """
 
     kind: Kind
@@ -44,6 +44,7 @@ class KnownGlobe:
     law: str = RIGIDITY_LAWS[0]
     correlation: float = 0.0
     calibrated: bool = False
+    rigidity_told: bool = False
 
     @property
     def can_be_sealed(self) -> bool:
@@ -87,4 +88,20 @@ def known_globe(kind: str | None, rigidity_pa13_per_m3: float | None = None, law
         return replace(SEALED, law=law)
     k = rigidity_pa13_per_m3
     ends = k / STATED_ENDS, k * STATED_ENDS
-    return KnownGlobe(kind="sealed", lowest=ends[0], highest=ends[1], mean=k, sd=STATED_SD * k, law=law)
+    return KnownGlobe(
+        kind="sealed", lowest=ends[0], highest=ends[1], mean=k, sd=STATED_SD * k, law=law, rigidity_told=True
+    )
+
+
+def completed_globe(told: KnownGlobe | None, stated: KnownGlobe | None) -> KnownGlobe | None:
+    """Return what was told of a globe, and what else was stated of one of the same kind; None: nothing.
+
+    >>> k = 0.5 * REFERENCE_RIGIDITY
+    >>> completed_globe(known_globe("sealed"), known_globe("sealed", k)).rigidity_told
+    True
+    >>> completed_globe(known_globe("open"), known_globe("sealed", k)).kind
+    'open'
+    """
+    if told is None or stated is None or told.kind != stated.kind:
+        return told or stated
+    return replace(told, law=stated.law) if told.rigidity_told else stated

@@ -15,12 +15,14 @@ from scleraforce import reader
 from scleraforce.errors import FrameError, InputError
 from scleraforce.known.calibration_file import CalibrationSummary, parse_calibration_file, read_calibration, summary_of
 from scleraforce.known.eye import Known, Modulus, completed, foreign_modulus, known_of_eye, known_of_recording
+from scleraforce.known.globe import KnownGlobe, known_globe
 from scleraforce.reader.answers import Answer
 from scleraforce.reader.reader import Reader
 from scleraforce.recording.info import RecordingInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.recording.scaled_frame import LARGEST_M, LEAST_M, Scanner, read_scaled_frame, recording_of
 from scleraforce.segmentation.wall import Segmentation, find_wall
+from scleraforce.study.globe import GlobeStudy
 
 if TYPE_CHECKING:
     from scleraforce.calibration.calibrate import Calibration
@@ -104,6 +106,8 @@ def read(
     iop_pa: float | None = None,
     thickness_m: float | None = None,
     gap_m: float | None = None,
+    globe: str | None = None,
+    rigidity_pa13_per_m3: float | None = None,
     width_m: float | None = None,
     depth_m: float | None = None,
     refractive_index: float | None = None,
@@ -121,18 +125,20 @@ def read(
         iop_pa: intraocular pressure.
         thickness_m: of the wall.
         gap_m: distance of the B-scan plane from the needle axis.
+        globe: "open" or "sealed"; None: the recording's, or it is not known, and the interval is wider.
+        rigidity_pa13_per_m3: of a sealed globe (`recording.toml` has it in mmHg^(1/3) per µl).
         width_m: of the frame; an array needs it.
         depth_m: of the frame as stored; likewise.
         refractive_index: by which depth is stretched; None: the recording's, or that of the model's study.
 
     Returns:
-        `force_n` with its 90 % `interval_n` (None with a classifier), the class `predicted`, `probabilities`, and
-        `warnings` that limit the answer. A frame that cannot be judged is not `usable`, for a `reason`, and of the
-        highest class.
+        `force_n` with its 90 % `interval_n` and the pressure `iop_at_dent_pa` (None with a classifier), the class
+        `predicted`, `probabilities`, and `warnings` that limit the answer. A frame that cannot be judged is not
+        `usable`, for a `reason`, and of the highest class.
 
     Raises:
         FrameError: the frame cannot be read, or nothing says how large it is.
-        InputError: a modulus and a calibration, or a calibration and no name of an eye.
+        InputError: a modulus and a calibration, a calibration and no name of an eye, or no such globe.
         CalibrationError: the calibration file cannot be used.
 
     >>> import scleraforce as sf
@@ -149,7 +155,13 @@ def read(
         "model's study",
     )
     modulus = None if youngs_modulus_pa is None else Modulus.stated(youngs_modulus_pa)
-    told = Known(modulus=modulus, iop_pa=iop_pa, thickness_m=thickness_m, gap_m=gap_m)
+    told = Known(
+        modulus=modulus,
+        iop_pa=iop_pa,
+        thickness_m=thickness_m,
+        gap_m=gap_m,
+        globe=_told_globe(globe, rigidity_pa13_per_m3),
+    )
     known = completed(told, Known() if seen.info is None else known_of_recording(seen.info))
     warnings: list[str] = []
     if calibration is not None:
@@ -168,6 +180,16 @@ def read(
     except ValueError as fault:
         raise FrameError(f"{seen.place}: {fault}") from fault
     return replace(answer, warnings=(*answer.warnings, *warnings))
+
+
+def _told_globe(globe: str | None, rigidity_pa13_per_m3: float | None) -> KnownGlobe | None:
+    """Return what was told of a globe, checked as the keys of a recording are."""
+    if rigidity_pa13_per_m3 is not None and globe != "sealed":
+        raise InputError('rigidity_pa13_per_m3: of a sealed globe; give globe="sealed", too, or leave it out')
+    if globe is None:
+        return None
+    told = GlobeStudy().told(globe, rigidity_pa13_per_m3)
+    return known_globe(told.kind, rigidity_pa13_per_m3)
 
 
 def _scaled(frame: Frame, told: Scanner, assumed: Scanner, source: str) -> _Scaled:

@@ -34,6 +34,11 @@ class Answer:
     readings: tuple[tuple[str, Reading], ...] = ()
     fit: BoundaryFit | None = None
 
+    @property
+    def iop_at_dent_pa(self) -> float | None:
+        """Pressure in the eye under the needle, as the fit has it; None where nothing was fitted or is usable."""
+        return self.fit.iop_pa if self.fit is not None and self.usable else None
+
 
 @dataclass(frozen=True, eq=False)
 class LiveReading:

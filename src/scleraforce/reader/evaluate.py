@@ -178,6 +178,7 @@ def _read(answer: Answer) -> dict[str, Any]:
         "predicted_force_n": answer.force_n,
         "interval_n": answer.interval_n,
         "contact_m": answer.contact_m,
+        "iop_at_dent_pa": answer.iop_at_dent_pa,
         "warnings": answer.warnings,
         "can_calibrate": answer.can_calibrate,
     }

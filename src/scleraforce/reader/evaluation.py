@@ -30,7 +30,7 @@ class FrameAnswer:
     no force log. A frame that is not `usable` is never shown to the network: its `predicted` class is 2 (withdraw),
     its `probabilities` None, and `reason` says why. `excluded` says why a trial is left out of the metrics although
     it has a label (pierced, or over the study's largest force); `calibration` marks a frame that Young's modulus was
-    fitted on, which is left out as well.
+    fitted on, which is left out as well. `iop_at_dent_pa` is the pressure in the eye under the needle.
     """
 
     recording: str
@@ -47,6 +47,7 @@ class FrameAnswer:
     predicted_force_n: float | None = None
     interval_n: tuple[float, float] | None = None
     contact_m: float | None = None
+    iop_at_dent_pa: float | None = None
     warnings: tuple[str, ...] = ()
     can_calibrate: bool = False
     youngs_modulus_pa: float | None = None
@@ -70,6 +71,7 @@ class FrameAnswer:
             "predicted_force_mn": from_si(self.predicted_force_n, "mn"),
             "interval_mn": None if self.interval_n is None else [from_si(end, "mn") for end in self.interval_n],
             "contact_mm": from_si(self.contact_m, "mm"),
+            "iop_at_dent_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
             "usable": self.usable,
             "reason": self.reason,
             "warnings": self.warnings,
