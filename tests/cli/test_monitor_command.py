@@ -26,6 +26,7 @@ pytest.importorskip("torch")
 
 MATRIX = (SCALE.lateral_m * 1e3, 0.0, 0.0, 0.0, SCALE.depth_m * 1e3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 EYE = ["--eye", "mine", "--iop-mmhg", f"{IOP_PA / to_si(1.0, 'mmhg'):.4f}", "--gap-mm", f"{GAP_M * 1e3}"]
+EYE += ["--globe", "open"]
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +60,7 @@ def test_a_session_from_the_first_frame_to_the_reset_is_told_kept_and_recorded(f
     first = len(SENT)
     with started(folder, "--calibration", str(folder / "calibration.json"), *EYE, *kept) as monitor:
         assert f"0.300 MPa (own), IOP 2.0 mmHg, {THICKNESS_M * 1e6:.0f} µm thick, gap 0.60 mm" in "".join(monitor.lines)
+        assert any(line.split() == ["globe", "open"] for line in monitor.lines)
         with Peer(monitor.port, version=2) as scanner:
             scanner.say(Sensor((0.0, 0.0, -0.008, 0.0, 0.0, 0.0)), "RobotForce")
             scanner.hear(0.05, lambda peer: bool(peer.statuses()))
@@ -79,6 +81,7 @@ def test_a_session_from_the_first_frame_to_the_reset_is_told_kept_and_recorded(f
     assert withdrawal.name in {one["cause"] for one in summary["withdrawals"]}
     session = read_recording(tmp_path / "session")
     assert (session.info.eye.id, session.info.eye.thickness_m) == ("mine", THICKNESS_M)
+    assert session.info.eye.globe == "open"
     assert len(session.frames) == summary["frames"] - summary["lost"]
     assert (session.frame(session.frames[0]) == SENT[first]).all()
     (withdrawn, *_) = sorted((tmp_path / "box" / "withdrawals").iterdir())
@@ -101,7 +104,8 @@ def test_a_bound_that_adapts_withdraws_from_a_thin_soft_wall_below_the_bound_of_
     thin = {force_mn: [image(wall, seed) for seed in (1, 2, 3)] for force_mn, wall in walls.items()}
     iop_mmhg = softer * IOP_PA / to_si(1.0, "mmhg")
     known = ["--youngs-modulus-mpa", f"{softer * MODULUS_PA / 1e6}", "--thickness-um", f"{thin_m * 1e6}"]
-    known += ["--iop-mmhg", f"{iop_mmhg:.4f}", "--gap-mm", f"{GAP_M * 1e3}", "--black-box", str(tmp_path / "box")]
+    known += ["--iop-mmhg", f"{iop_mmhg:.4f}", "--gap-mm", f"{GAP_M * 1e3}", "--globe", "open"]
+    known += ["--black-box", str(tmp_path / "box")]
     with started(folder, *known, *(["--adaptive-bound"] if adaptive else [])) as monitor:
         bound_mn = float(next(line for line in monitor.lines if "withdraws" in line).split("reaches ")[1].split()[0])
         assert bound_mn < 23.0 if adaptive else bound_mn == 30.0
@@ -137,6 +141,7 @@ def _undisturbed(scanner: Peer, monitor: Started, force_mn: int, shown: Shown = 
         (["--calibration", "nowhere.json", "--eye", "mine"], "nowhere.json"),
         (["--thickness-um", "5000"], "wall thickness 5000"),
         (["--thickness-um", "nan"], "nan"),
+        (["--rigidity", "0.03"], "--rigidity: of a sealed globe; tell --globe sealed, too"),
         (["--adaptive-bound"], "needs the eye's modulus, thickness and IOP"),
         (["--adaptive-bound", "--bound-mn", "20"], "leave out one"),
         (["--record", "."], "exists already"),

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.known_eye import known_eye, known_eye_options
+from scleraforce.cli.known_eye import globe_words, known_eye, known_eye_options
 from scleraforce.cli.output import print_json
 from scleraforce.errors import InputError
 from scleraforce.processes import one_thread
@@ -84,7 +84,7 @@ def monitor(
     at the start. Ctrl-C ends the monitor, with exit code 0.
 
     Example: scleraforce monitor reader --calibration modulus.json --eye eye-a
-    --iop-mmhg 2 --gap-mm 0.5 --web-port 8080
+    --iop-mmhg 2 --gap-mm 0.5 --globe open --web-port 8080
     """
     _fill_standard_files()
     with one_thread():  # the second core is for the other processes
@@ -124,7 +124,8 @@ def _known(calibration: Path | None, eye: str | None, options: dict[str, Any]) -
     from scleraforce.known.calibration_file import read_calibration
     from scleraforce.known.eye import foreign_modulus, known_of_eye
 
-    told = {name: options[name] for name in ("youngs_modulus_mpa", "iop_mmhg", "thickness_um", "gap_mm")}
+    names = ("youngs_modulus_mpa", "iop_mmhg", "thickness_um", "gap_mm", "globe", "rigidity")
+    told = {name: options[name] for name in names}
     polar_deg = options["polar_angle_deg"]
     known = replace(known_eye(**told), polar_rad=None if polar_deg is None else radians(polar_deg))
     if calibration is None:
@@ -210,6 +211,7 @@ def _greet(
     say("research use only: not a medical device")
     say(f"model      {reader.path} ({reader.kind})")
     say(f"eye        {settings.eye}: {_told(settings.known)}")
+    say(f"globe      {globe_words(settings.known, reader.reads_force)}")
     if doubt:
         say(f"warning    {doubt}")
     say(f"frames     {columns} x {rows} px of {from_si(lateral_m, 'um'):.2f} x {from_si(depth_m, 'um'):.2f} µm")

@@ -11,11 +11,11 @@ from pathlib import Path
 import cv2
 
 from scleraforce.errors import InputError
-from scleraforce.known.eye import Known
+from scleraforce.known.eye import Known, stated_eye
 from scleraforce.monitor import MonitorLimits
 from scleraforce.reader import Reader
 from scleraforce.reader.live import LiveReader
-from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
+from scleraforce.recording.info import NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.black_box.settings import black_box_settings
 from scleraforce.service.companions.child import Child
@@ -136,7 +136,7 @@ def _recording_info(settings: MonitorSettings, study: Study, scale: PixelScale) 
     (rows, columns), known = settings.limits.size or (0, 0), settings.known
     gap_m = study.needle.gap_m if known.gap_m is None else known.gap_m
     return RecordingInfo(
-        EyeInfo(settings.eye, thickness_m=known.thickness_m, iop_pa=known.iop_pa),
+        stated_eye(settings.eye, known),
         OctInfo(
             columns=columns,
             rows=rows,

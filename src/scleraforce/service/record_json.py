@@ -1,7 +1,8 @@
 """Frozen records as JSON objects and back, checked field by field; anything else raises MessageError.
 
-A field may hold a `bool`, `int`, `float`, `str`, `Path`, another record, a tuple of one of these, or any of them or
-None. JSON has a list for a tuple and a text for a path. Numbers may be NaN or infinite: receivers check them.
+A field may hold a `bool`, `int`, `float`, `str`, `Path`, one of some words (`Literal`), another record, a tuple of one
+of these, or any of them or None. JSON has a list for a tuple and a text for a path. Numbers may be NaN or infinite:
+receivers check them.
 """
 
 from collections.abc import Callable, Mapping
@@ -9,7 +10,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType, NoneType, UnionType
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from scleraforce.errors import MessageError, ScleraforceError
 
@@ -98,7 +99,20 @@ def _form(hint: Any) -> _Form:
     if get_origin(hint) is tuple:
         (one,) = (_form(argument) for argument in set(arguments))
         return _list_form(one, len(arguments))
+    if get_origin(hint) is Literal:
+        return _word_form(arguments)
     return _record_form(hint) if is_dataclass(hint) else FORMS[hint]
+
+
+def _word_form(words: tuple[str, ...]) -> _Form:
+    """Return the form of a text that is one of some words."""
+
+    def checked(value: Any) -> str:
+        if isinstance(value, str) and value in words:
+            return value
+        raise MessageError(f"{_shown(value)}; must be {', '.join(words[:-1])} or {words[-1]}")
+
+    return _Form(frozenset(), checked, checked)
 
 
 def _list_form(one: _Form, length: int | None) -> _Form:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from scleraforce.errors import MessageError
 from scleraforce.known.eye import Known, Modulus
+from scleraforce.known.globe import known_globe
 from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.black_box.decision_log import format_line
@@ -83,6 +84,10 @@ MESSAGES: list[CompanionMessage] = [
     OpinionSettings(
         model=Path("m"), scale=PixelScale(lateral_m=1e-5, depth_m=1e-5), ring=RING,
         known=Known(modulus=Modulus(mean_pa=250e3, sd_pa=10e3, source="own"), iop_pa=2000.0, thickness_m=6e-4),
+    ),
+    OpinionSettings(
+        model=Path("m"), scale=PixelScale(lateral_m=1e-5, depth_m=1e-5), ring=RING,
+        known=Known(globe=known_globe("sealed", 1.5e8, "logarithmic")),
     ),
     ConsoleSettings(
         host="::1", listener=7, token_digest="d", ring=RING, pixel_mm=(0.03, 0.01), class_bounds_mn=(5.0, 30.0),
