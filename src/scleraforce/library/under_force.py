@@ -11,11 +11,16 @@ __all__ = ["iop_ratio_under_force"]
 
 Floats = NDArray[np.float64]
 
-TOLERANCE = 1e-7  # of the logarithm of the pressure
+SPARE = 1e-3  # of the volume: the pressure of an end of the bracket lies beyond the solution
 
 
 def iop_ratio_under_force(
-    library: Library, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats, globe: Globe
+    library: Library,
+    thickness_m: Floats,
+    iop_ratio: Floats,
+    force_ratio: Floats,
+    globe: Globe,
+    tolerance: float = 1e-7,
 ) -> Floats:
     """Return the pressure over E under forces (sample,); the library's highest where it rises beyond.
 
@@ -27,6 +32,7 @@ def iop_ratio_under_force(
         iop_ratio: pressure without the needle over E.
         force_ratio: F/E, m^2; where it is more than a wall carries, the dent counts as the library's deepest.
         globe: how the pressure follows the displaced volume, over E; its rate is a number or (sample,).
+        tolerance: of the logarithm of the pressure.
 
     Raises:
         InputError: a wall lies outside the library.
@@ -43,14 +49,18 @@ def iop_ratio_under_force(
         volumes = library.displaced_m3(thickness, ratio, library.reached_tips(thickness, ratio, force))
         return globe.level(ratio) - globe.level(resting) - rate * volumes
 
-    lowest, high = np.log(library.iop_ratio_ends(thickness))
-    low = np.where(rate > 0.0, np.log(resting), lowest)
-    above, below = (missing(end, thickness, resting, force, rate) for end in (high, low))
+    state, (lowest, highest) = (thickness, resting, force, rate), library.iop_ratio_ends(thickness)
+    # The dent of the resting pressure hardly ever displaces less than that of a higher one.
+    most = library.displaced_m3(thickness, resting, library.reached_tips(thickness, resting, force))
+    bound = np.clip(Globe(globe.law, rate).pressure(resting, (1.0 + SPARE) * most), resting, highest)
+    bound = np.where(missing(np.log(bound), *state) > 0.0, bound, highest)
+    low, high = np.log(np.where(rate > 0.0, resting, lowest)), np.log(bound)
+    above, below = missing(high, *state), missing(low, *state)
     within = (above > 0.0) & (below < 0.0)
     found[sealed] = np.exp(np.where(below >= 0.0, low, high))
-    args = tuple(values[within] for values in (thickness, resting, force, rate))
+    args = tuple(values[within] for values in state)
     root = elementwise.find_root(
-        missing, (low[within], high[within]), args=args, tolerances={"xatol": TOLERANCE, "fatol": 0.0}
+        missing, (low[within], high[within]), args=args, tolerances={"xatol": tolerance, "fatol": 0.0}
     )
     found[sealed[within]] = np.exp(root.x)
     return found
