@@ -113,16 +113,14 @@ def _lines(result: "Calibration") -> list[str]:
 
 
 def _line(name: str, eye: "EyeCalibration", bounds_n: tuple[float, ...]) -> str:
+    from scleraforce.calibration.words import found_words
+
     gated = sum(len(frame.gated) for frame in eye.used)
     remarks = [
         f"{gated} outlying points left out" if gated else "",
         "" if eye.status == "ok" else eye.status,
         _softening(eye, bounds_n),
-        *(
-            f"{entry} {mean:.4g} +- {sd:.2g}"
-            for entry, mean, sd in zip(eye.names, eye.means, eye.sds, strict=True)
-            if entry != "youngs_modulus_pa"
-        ),
+        *found_words(eye),
     ]
     text = "; ".join(remark for remark in remarks if remark)
     modulus = f"{from_si(eye.mean_pa, 'mpa'):>8.3f}{from_si(eye.sd_pa, 'mpa'):>9.4f}"

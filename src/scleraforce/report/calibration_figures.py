@@ -8,10 +8,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from scleraforce.calibration.assimilation import FrameStep, predicted_points
+from scleraforce.calibration.assimilation import FrameStep, at_rigidity, predicted_points
 from scleraforce.calibration.calibrate import Calibration, EyeCalibration
 from scleraforce.calibration.eye_model import stated_wall
 from scleraforce.calibration.placement import BY_POLAR, place_section
+from scleraforce.calibration.words import found_words
 from scleraforce.report.html import Html, table
 from scleraforce.report.style import BLACK, BLUE, GREY, RED, SCAN_COLOURS, inches, styled
 from scleraforce.report.tables import NOTHING
@@ -105,7 +106,8 @@ def draw_calibration(calibration: Calibration) -> Figure:
         above.set_visible(True)
         below.set_visible(True)
         _draw_over_frames(above, eye, None)
-        above.set_title(f"{eye.id}: {from_si(eye.mean_pa, 'mpa'):.3f} MPa, sd {from_si(eye.sd_pa, 'mpa'):.4f} MPa")
+        modulus = f"{eye.id}: {from_si(eye.mean_pa, 'mpa'):.3f} MPa, sd {from_si(eye.sd_pa, 'mpa'):.4f} MPa"
+        above.set_title("\n".join((modulus, *found_words(eye))))
         _draw_by_force(below, eye, BLUE, "o")
         below.axhline(from_si(eye.mean_pa, "mpa"), color=RED, linewidth=0.8)
     return figure
@@ -187,7 +189,7 @@ def _first_and_last(eye: EyeCalibration) -> tuple[tuple[str, float], tuple[str, 
 def _draw_points(axes: Axes, eye: EyeCalibration, step: FrameStep, modulus_pa: float) -> None:
     assert eye.filter is not None  # checked by _first_and_last
     depth_m = predicted_points(eye.filter, step, modulus_pa)
-    model, polar_rad = eye.filter.model, float(step.registered.nuisance[BY_POLAR])
+    model, polar_rad = at_rigidity(eye.filter, step.state), float(step.registered.nuisance[BY_POLAR])
     curves = model.curves([stated_wall(model.constants, modulus_pa, step.force_n, polar_rad)])[0]
     for curve in place_section(curves, step.registered.nuisance):
         axes.plot(*from_si(curve, "mm").T, color=RED, linewidth=0.5, scalex=False, scaley=False)

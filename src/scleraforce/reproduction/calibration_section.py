@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 from scleraforce.calibration.calibrate import Calibration, EyeCalibration, calibrate_recordings
 from scleraforce.calibration.saved import parse_calibration
+from scleraforce.calibration.words import found_words
 from scleraforce.known.calibration_file import open_calibration
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import Proportion
@@ -73,6 +74,7 @@ def _table_2(calibration: Calibration) -> Html:
     rows: list[list[object]] = [
         ["mean in MPa", *(_mpa(eye.mean_pa) for eye in calibration.eyes.values())],
         ["standard deviation in kPa", *(f"{from_si(eye.sd_pa, 'kpa'):.1f}" for eye in calibration.eyes.values())],
+        *_found_rows(list(calibration.eyes.values())),
         ["frames used", *(len(eye.used) for eye in calibration.eyes.values())],
         ["true modulus = the paper's mean, in MPa", *(f"{from_si(eye.modulus_pa or 0.0, 'mpa'):.2f}" for eye in paper)],
         [
@@ -85,6 +87,12 @@ def _table_2(calibration: Calibration) -> Html:
         "last rows are both the paper's figures and the truth to be found."
     )
     return table(["", *calibration.eyes], rows, caption)
+
+
+def _found_rows(eyes: Sequence[EyeCalibration]) -> list[list[object]]:
+    """Return a row with what was found beside the modulus, such as k of a sealed eye; none where nothing was."""
+    found = ["; ".join(found_words(eye)) or NOTHING for eye in eyes]
+    return [["found with it", *found]] if set(found) != {NOTHING} else []
 
 
 def _mpa(modulus_pa: float) -> str:

@@ -1,0 +1,26 @@
+"""`calibrate` says what it found beside the modulus in the units that people use, in its text and its picture."""
+
+from pathlib import Path
+
+import pytest
+from calibrated_eye import calibration_of_a_sealed_eye
+
+from scleraforce.cli.main import run
+from scleraforce.notebook import work
+from scleraforce.report.calibration_figures import draw_calibration
+
+FOUND = ("thickness 651 ± 12 µm", "k 0.031 ± 0.001 mmHg^(1/3)/µl")
+
+
+def test_text_and_picture_have_what_was_found_beside_the_modulus(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = calibration_of_a_sealed_eye()
+    monkeypatch.setattr(work, "calibrate_eyes", lambda *_, **__: result)
+    plot = tmp_path / "out.png"
+    assert run(["calibrate", "mine", "--out", str(tmp_path / "out.json"), "--plot", str(plot)]) == 0
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("mine"))
+    assert line.endswith("; ".join(FOUND))
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    title = draw_calibration(result).axes[0].get_title(loc="left")
+    assert title.splitlines() == ["mine: 0.300 MPa, sd 0.0100 MPa", *FOUND]

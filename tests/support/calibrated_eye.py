@@ -1,0 +1,38 @@
+"""A calibrated sealed eye as the filter leaves it, made by hand."""
+
+import numpy as np
+
+from scleraforce.calibration.assimilation import PARAMETERS, RIGIDITY, SHARED, EyeState
+from scleraforce.calibration.calibrate import Calibration, EyeCalibration, FrameRecord, UsedRecording
+from scleraforce.calibration.placement import NUISANCES
+from scleraforce.calibration.registration import PoseBelief
+from scleraforce.calibration.roukf import Posterior
+from scleraforce.known.globe import REFERENCE_RIGIDITY, SEALED
+
+__all__ = ["calibration_of_a_sealed_eye"]
+
+
+def calibration_of_a_sealed_eye() -> Calibration:
+    """E 0.3 ± 0.01 MPa, thickness 651 ± 12 µm and k 0.0312 ± 0.0012 mmHg^(1/3)/µl after three frames."""
+    names, pose = (PARAMETERS["e"], PARAMETERS["thickness"], RIGIDITY), len(NUISANCES)
+    count = len(names)
+    posterior = Posterior(np.zeros(count), np.eye(count), np.eye(count), 3, ())
+    state = EyeState(posterior, PoseBelief(np.zeros(pose), np.eye(pose)), np.zeros((count, len(SHARED))), np.eye(2))
+    frames = tuple(
+        FrameRecord(
+            recording="mine", file=f"{number}.png", sha256=str(number), force_n=0.01 * number, mean_pa=0.3e6, sd_pa=1e4
+        )
+        for number in (1, 2, 3)
+    )
+    eye = EyeCalibration(
+        "mine",
+        names,
+        (0.3e6, 651e-6, 1.04 * REFERENCE_RIGIDITY),
+        (1e4, 12e-6, 0.04 * REFERENCE_RIGIDITY),
+        650e-6,
+        SEALED,
+        state,
+        (UsedRecording(path="mine", sha256="0" * 64, zero_n=0.0, drift_n_per_s=0.0),),
+        frames,
+    )
+    return Calibration({"mine": eye}, "0" * 64, (0.005, 0.03), "finite-strain")
