@@ -128,6 +128,16 @@ def test_a_frame_says_the_pressure_at_its_dent_which_is_higher_in_a_sealed_eye(m
     assert "globe open (option)" in text
 
 
+def test_evaluate_has_the_pressure_at_each_dent_too(model, frame, capsys) -> None:
+    (frame.parents[1] / "recording.toml").write_text(STATED.replace("[needle]", 'globe = "open"\n[needle]'))
+    (frame.parents[1] / "frames.csv").write_text("file,time_s\n1.png,1.0\n")
+    (entry,) = classified(capsys, model, frame)
+    assert run(["evaluate", str(model), str(frame.parents[1]), "--json"]) == 0
+    (answered,) = json.loads(capsys.readouterr().out)["frames"]
+    assert answered["iop_at_dent_mmhg"] == pytest.approx(entry["iop_at_dent_mmhg"])
+    assert answered["iop_at_dent_mmhg"] == pytest.approx(2.025, rel=0.1)
+
+
 def test_a_rigidity_wants_a_globe_that_is_told_sealed(model, frame, capsys) -> None:
     for options, words in (
         (["--rigidity", "0.03"], "--rigidity: of a sealed globe; tell --globe sealed, too, or leave 0.03 out"),
