@@ -34,32 +34,27 @@ def iop_ratio_at_dent(library: Library, thickness_m: Floats, iop_ratio: Floats, 
         InputError: a sample without the needle lies outside the library, or its dent does.
     """
     library.check_walls(thickness_m, iop_ratio)
-    return _solved(library, thickness_m, iop_ratio, tip_m, globe)[0]
+    return _solved(library, thickness_m, iop_ratio, tip_m, globe, nearest=False)
 
 
 def nearest_iop_ratio_at_dent(
     library: Library, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, globe: Globe
 ) -> Floats:
     """Return the same, and where no pressure solves the law the one that comes nearest: a fit finds its way back."""
-    solved, nearest = _solved(library, thickness_m, iop_ratio, tip_m, globe)
-    return np.where(np.isnan(solved), nearest, solved)
+    return _solved(library, thickness_m, iop_ratio, tip_m, globe, nearest=True)
 
 
 def _solved(
-    library: Library, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, globe: Globe
-) -> tuple[Floats, Floats]:
-    """Return the solution (NaN: none), and the pressure of the library that comes nearest, (sample,) each."""
+    library: Library, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, globe: Globe, nearest: bool
+) -> Floats:
     thickness_m, iop_ratio, tip_m, rate = np.broadcast_arrays(thickness_m, iop_ratio, tip_m, globe.rate)
     volumes, slopes = library.displaced_along_pressure(thickness_m, tip_m)
     ratios = library.tension * (thickness_m / library.radius_m)[:, None]
     missing = globe.level(ratios) - rate[:, None] * volumes
     rise = globe.level_slope(ratios) * ratios - rate[:, None] * slopes
     axis = np.log(library.tension)
-    solved, nearest = (
-        np.where(rate != 0.0, np.exp(log_tension) * thickness_m / library.radius_m, iop_ratio)
-        for log_tension in (
-            first_crossing(axis, missing, rise, globe.level(iop_ratio)),
-            highest_point(axis, missing, rise),
-        )
-    )
-    return solved, nearest
+    log_tension = first_crossing(axis, missing, rise, globe.level(iop_ratio))
+    none = np.isnan(log_tension)
+    if nearest and none.any():
+        log_tension[none] = highest_point(axis, missing[none], rise[none])
+    return np.where(rate != 0.0, np.exp(log_tension) * thickness_m / library.radius_m, iop_ratio)
