@@ -8,7 +8,7 @@ The force follows from the dent: F = E f(dent, wall, pressure under the needle).
 `docs/reader.md` says where the noise and the other constants come from.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from math import log, sqrt
@@ -61,6 +61,8 @@ MODEL_SD = 0.01  # relative, of the force: real walls against the library's
 MODEL_SD_N = 0.1e-3
 STARTS = 2
 STOPPING = Stopping(iterations=20, converged_sd=0.05, retry_damping=1e-2)
+# Dent and rigidity lie in a bent valley, along which the steps are short.
+SEALED_STOPPING = replace(STOPPING, iterations=60)
 DRAWS = 512
 INTERVAL = (0.05, 0.95)
 
@@ -183,8 +185,11 @@ def fit_boundaries(
         return None
     walls = Walls(library, prior.globe)
     problem = _Problem(walls, columns, prior)
-    begun = starts(walls, prior.mean, columns.places.lateral_m[:outer], columns.depth_m[:outer], STARTS)
-    fits = (gauss_newton(problem, start, STOPPING) for start in begun)
+    slackest = prior.mean.copy()  # where the pressure of no dent runs away: from there nothing leads back
+    slackest[RIGIDITY] = prior.globe.lowest / REFERENCE_RIGIDITY
+    begun = starts(walls, slackest, columns.places.lateral_m[:outer], columns.depth_m[:outer], STARTS)
+    stopping = SEALED_STOPPING if prior.globe.can_be_sealed else STOPPING
+    fits = (gauss_newton(problem, start, stopping) for start in begun)
     unknown, placed, _ = min(fits, key=lambda fit: fit[2])
     return problem.result(unknown, placed)
 
