@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.known.eye import Known, Modulus
+from scleraforce.known.globe import OPEN
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.optics import BscanOptics, Pose, sample_optics
 from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections
@@ -166,6 +167,7 @@ def told(eye: PhantomEye, rng: np.random.Generator) -> Known:
     modulus_pa = eye.youngs_modulus_pa * same_force * (1.0 + rng.normal(0.0, 0.015))
     gap_m = eye.gap_m + rng.normal(0.0, 20e-6)
     return Known(
+        globe=OPEN,
         modulus=Modulus(mean_pa=modulus_pa, sd_pa=0.015 * modulus_pa, source="own"),
         iop_pa=iop_pa,
         thickness_m=thickness_m,

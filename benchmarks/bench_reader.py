@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scleraforce.fitting.fit_prediction import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP, Walls, place_walls
 from scleraforce.fitting.library_fit import fit_boundaries, prior_of
 from scleraforce.known.eye import Known, Modulus
+from scleraforce.known.globe import OPEN
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.optics import sample_optics
 from scleraforce.library import Library
@@ -47,6 +48,7 @@ def draw_eye(library: Library, study: Study, rng: np.random.Generator) -> tuple[
     section = Section(*(curve[kept] for curve, kept in zip(curves, ahead, strict=True)))
     frame = render_bscan(section, study.oct, sample_optics(study.phantom, study.oct, rng), rng).frame
     return frame, Known(
+        globe=OPEN,
         modulus=Modulus(mean_pa=exp(log(modulus_pa)), sd_pa=0.015 * modulus_pa, source="own"),
         iop_pa=iop_pa,
         thickness_m=thickness_m,

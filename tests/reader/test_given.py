@@ -1,12 +1,16 @@
 """What the reader's network is told: values of order one, zeros where nothing is known."""
 
 import numpy as np
+import pytest
 
+from scleraforce.known.globe import OPEN, UNKNOWN, known_globe
 from scleraforce.reader.given import GIVEN, Told, given_inputs, told_modulus
 from scleraforce.study import ReaderStudy
+from scleraforce.units import to_si
 
 STUDY = ReaderStudy()
-NOTHING = np.array([np.nan])
+NOTHING, ZERO = np.array([np.nan]), np.array([0.0])
+OPEN_GLOBE = ZERO, ZERO
 
 
 def column(values: np.ndarray, name: str) -> float:
@@ -17,7 +21,7 @@ def test_the_ends_of_a_range_are_minus_one_and_one() -> None:
     for end, wanted in ((0, -1.0), (1, 1.0)):
         e, p = STUDY.youngs_modulus_pa.bounds[end], STUDY.iop_pa.bounds[end]
         sd, t, g = (s.bounds[end] for s in (STUDY.modulus_sd_fraction, STUDY.thickness_m, STUDY.gap_m))
-        found = given_inputs(Told(*(np.array([value]) for value in (e, sd, p, t, g))), STUDY)
+        found = given_inputs(Told(*(np.array([value]) for value in (e, sd, p, t, g, 0.0, 0.0))), STUDY)
         for name in ("modulus", "log modulus sd", "log iop", "thickness", "gap"):
             assert abs(column(found, name) - wanted) < 1e-6, name
         assert all(column(found, f"{name} known") == 1.0 for name in ("modulus", "iop", "thickness", "gap"))
@@ -26,12 +30,12 @@ def test_the_ends_of_a_range_are_minus_one_and_one() -> None:
 def test_the_iop_ratio_spans_its_range_at_opposite_ends_of_modulus_and_iop() -> None:
     (low_e, high_e), (low_p, high_p) = STUDY.youngs_modulus_pa.bounds, STUDY.iop_pa.bounds
     for e, p, wanted in ((high_e, low_p, -1.0), (low_e, high_p, 1.0)):
-        told = Told(np.array([e]), np.array([0.02]), np.array([p]), NOTHING, NOTHING)
+        told = Told(np.array([e]), np.array([0.02]), np.array([p]), NOTHING, NOTHING, *OPEN_GLOBE)
         assert abs(column(given_inputs(told, STUDY), "log iop ratio") - wanted) < 1e-6
 
 
 def test_of_what_is_unknown_flag_and_value_are_zero() -> None:
-    found = given_inputs(Told(NOTHING, NOTHING, NOTHING, NOTHING, NOTHING), STUDY)
+    found = given_inputs(Told(NOTHING, NOTHING, NOTHING, NOTHING, NOTHING, *OPEN_GLOBE), STUDY)
     assert found.dtype == np.float32
     for name in ("modulus", "iop", "thickness", "gap"):
         assert column(found, f"{name} known") == 0.0
@@ -40,7 +44,19 @@ def test_of_what_is_unknown_flag_and_value_are_zero() -> None:
 
 
 def test_an_unknown_modulus_is_as_uncertain_as_the_range_is_wide() -> None:
-    mean, sd = told_modulus(Told(NOTHING, NOTHING, NOTHING, NOTHING, NOTHING), STUDY)
+    mean, sd = told_modulus(Told(NOTHING, NOTHING, NOTHING, NOTHING, NOTHING, *OPEN_GLOBE), STUDY)
     drawn = STUDY.youngs_modulus_pa.sample(np.random.default_rng(0), 200_000)
     assert abs(drawn.mean() / mean[0] - 1.0) < 0.005
     assert abs(drawn.std() / drawn.mean() / sd[0] - 1.0) < 0.01
+
+
+def test_the_rigidity_counts_from_an_open_globe_to_the_stiffest() -> None:
+    for globe, (low, high) in (
+        (OPEN, (-1.0, -1.0)),
+        (UNKNOWN, (-0.949, 0.949)),
+        (known_globe("sealed", to_si(0.03, "mmhg13_per_ul")), (-0.132, 0.132)),
+    ):
+        told = Told(*[NOTHING] * 5, *(np.array([end]) for end in globe.band))
+        found = given_inputs(told, STUDY)
+        assert column(found, "rigidity low") == pytest.approx(low, abs=1e-3)
+        assert column(found, "rigidity high") == pytest.approx(high, abs=1e-3)

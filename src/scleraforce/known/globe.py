@@ -15,7 +15,7 @@ from scleraforce.eye.globe import Globe, sealed_globe
 from scleraforce.study.globe import RIGIDITY_LAWS
 from scleraforce.units import to_si
 
-__all__ = ["OPEN", "REFERENCE_RIGIDITY", "SEALED", "UNKNOWN", "KnownGlobe", "known_globe"]
+__all__ = ["NINETY_PERCENT", "OPEN", "REFERENCE_RIGIDITY", "SEALED", "UNKNOWN", "KnownGlobe", "known_globe"]
 
 Floats = NDArray[np.float64]
 Kind = Literal["open", "sealed", "unknown"]

@@ -11,6 +11,8 @@ __all__ = ["iop_ratio_under_force"]
 
 Floats = NDArray[np.float64]
 
+SPARE = 1e-3  # of the volume: the pressure of an end of the bracket lies beyond the solution
+
 
 def iop_ratio_under_force(
     library: Library,
@@ -47,15 +49,16 @@ def iop_ratio_under_force(
         volumes = library.displaced_m3(thickness, ratio, library.reached_tips(thickness, ratio, force))
         return globe.level(ratio) - globe.level(resting) - rate * volumes
 
-    # The dent of the resting pressure displaces most: the pressure that it would bring is never exceeded.
+    state, (lowest, highest) = (thickness, resting, force, rate), library.iop_ratio_ends(thickness)
+    # The dent of the resting pressure hardly ever displaces less than that of a higher one.
     most = library.displaced_m3(thickness, resting, library.reached_tips(thickness, resting, force))
-    lowest, highest = library.iop_ratio_ends(thickness)
-    bound = np.clip(Globe(globe.law, rate).pressure(resting, most), resting, highest)
+    bound = np.clip(Globe(globe.law, rate).pressure(resting, (1.0 + SPARE) * most), resting, highest)
+    bound = np.where(missing(np.log(bound), *state) > 0.0, bound, highest)
     low, high = np.log(np.where(rate > 0.0, resting, lowest)), np.log(bound)
-    above, below = (missing(end, thickness, resting, force, rate) for end in (high, low))
+    above, below = missing(high, *state), missing(low, *state)
     within = (above > 0.0) & (below < 0.0)
     found[sealed] = np.exp(np.where(below >= 0.0, low, high))
-    args = tuple(values[within] for values in (thickness, resting, force, rate))
+    args = tuple(values[within] for values in state)
     root = elementwise.find_root(
         missing, (low[within], high[within]), args=args, tolerances={"xatol": tolerance, "fatol": 0.0}
     )

@@ -6,6 +6,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.known.globe import UNKNOWN
 from scleraforce.study import ReaderStudy
 
 __all__ = ["GIVEN", "Told", "given_inputs", "told_modulus", "unknown_modulus"]
@@ -15,7 +16,7 @@ Floats = NDArray[np.float64]
 # One column of the network's input for each.
 GIVEN = (
     "modulus known", "modulus", "log modulus sd", "iop known", "log iop", "log iop ratio",
-    "thickness known", "thickness", "gap known", "gap",
+    "thickness known", "thickness", "gap known", "gap", "rigidity low", "rigidity high",
 )  # fmt: skip
 
 
@@ -24,6 +25,8 @@ class Told:
     """What is known of some eyes, each (sample,); NaN: unknown.
 
     `modulus_pa` and `modulus_sd_fraction` (relative) describe a normal distribution; both or none of them are known.
+    The globe's rigidity lies with 90 % between `rigidity_low` and `rigidity_high`, Pa^(1/3)/m^3, of the cube-root law:
+    both 0 in an open globe; that is never unknown, only wide.
     """
 
     modulus_pa: Floats
@@ -31,6 +34,8 @@ class Told:
     iop_pa: Floats
     thickness_m: Floats
     gap_m: Floats
+    rigidity_low: Floats
+    rigidity_high: Floats
 
 
 def unknown_modulus(study: ReaderStudy) -> tuple[float, float]:
@@ -74,6 +79,8 @@ def given_inputs(told: Told, study: ReaderStudy) -> NDArray[np.float32]:
         _scaled(told.thickness_m, *study.thickness_m.bounds),
         ~np.isnan(told.gap_m),
         _scaled(told.gap_m, *study.gap_m.bounds),
+        _scaled(told.rigidity_low, UNKNOWN.lowest, UNKNOWN.highest),
+        _scaled(told.rigidity_high, UNKNOWN.lowest, UNKNOWN.highest),
     )
     inputs: NDArray[np.float32] = np.nan_to_num(np.stack(columns, axis=1)).astype(np.float32)
     return inputs

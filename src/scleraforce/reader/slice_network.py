@@ -9,11 +9,14 @@ import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from numpy.typing import NDArray
 
 from scleraforce.errors import ModelError
+from scleraforce.eye.globe import SAME_SLOPE_PA
 from scleraforce.known.eye import Known
+from scleraforce.known.globe import UNKNOWN
 from scleraforce.reader.force_distribution import ratio_edges, single_force
 from scleraforce.reader.given import GIVEN, Told, given_inputs, told_modulus
 from scleraforce.reader.readings import Reading
 from scleraforce.study import Study
+from scleraforce.study.globe import RIGIDITY_LAWS
 
 __all__ = ["CONTACT", "HISTOGRAM", "INPUTS", "OnnxSliceNetwork", "run_network", "told_of"]
 
@@ -108,5 +111,16 @@ def told_of(known: Known) -> Told:
         known.iop_pa,
         known.thickness_m,
         known.gap_m,
+        *_rigidity_band(known),
     )
     return Told(*(np.array([np.nan if value is None else value]) for value in values))
+
+
+def _rigidity_band(known: Known) -> tuple[float, float]:
+    """Return the band of a globe's rigidity by the cube-root law, as steep at the resting pressure as its own law."""
+    globe = UNKNOWN if known.globe is None else known.globe
+    if globe.law == RIGIDITY_LAWS[0]:
+        return globe.band
+    resting_pa = SAME_SLOPE_PA if known.iop_pa is None else known.iop_pa
+    low, high = globe.band
+    return low * float(np.cbrt(resting_pa / SAME_SLOPE_PA)), high * float(np.cbrt(resting_pa / SAME_SLOPE_PA))

@@ -29,6 +29,11 @@ class ReaderStudy:
     `modulus_sd_fraction`); the eye's own is drawn from that normal distribution. Other known values are off by
     `*_noise_fraction` (standard deviation); a modulus that is told as surer than 6 % was calibrated with these. Each
     value is missing in `*_missing_fraction` of the samples.
+
+    `globe_open_fraction` of the globes are open and told so, of `globe_missing_fraction` nothing is told
+    (`known.globe`: the rigidity is even in its range); the others are sealed. Of `rigidity_missing_fraction` of these
+    no rigidity is told, of the rest its mean and its standard deviation, as a calibration finds them (the logarithm
+    even over `rigidity_sd_pa13_per_m3`).
     """
 
     youngs_modulus_pa: Sampled = quantity(Range(min=0.15, max=0.65), "mpa", 0.001, 100.0)
@@ -53,6 +58,10 @@ class ReaderStudy:
     iop_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
     thickness_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
     gap_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
+    globe_open_fraction: float = quantity(40.0, "percent", 0.0, 100.0)
+    globe_missing_fraction: float = quantity(20.0, "percent", 0.0, 100.0)
+    rigidity_missing_fraction: float = quantity(40.0, "percent", 0.0, 100.0)
+    rigidity_sd_pa13_per_m3: Sampled = quantity(Range(min=2e-4, max=6e-3), "mmhg13_per_ul", 1e-6, 1.0)
     bins: int = quantity(128, None, 8, 4096)
     channels: tuple[int, ...] = quantity((32, 48, 64), None, 1, 4096)
     hidden: tuple[int, ...] = quantity((256, 256), None, 1, 100_000)
@@ -73,6 +82,8 @@ class ReaderStudy:
             raise StudyError(f"{key}: an empty list; give at least one value")
         if self.small_force_n > self.max_force_n:
             raise StudyError("small_force_mn: larger than max_force_mn")
+        if self.globe_open_fraction + self.globe_missing_fraction > 1.0:
+            raise StudyError("globe_missing_percent: with globe_open_percent more than 100")
 
     @property
     def max_force_ratio(self) -> float:

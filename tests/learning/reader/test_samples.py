@@ -7,6 +7,7 @@ import pytest
 from analytic_library import analytic_library
 
 from scleraforce.errors import InputError
+from scleraforce.known.globe import SEALED, UNKNOWN
 from scleraforce.learning.reader.draws import CHUNK, Source, chunks_ahead
 from scleraforce.learning.reader.samples import draw_eyes, draw_samples
 from scleraforce.library.sections import cut_surfaces
@@ -53,11 +54,40 @@ def test_told_values_are_off_and_missing_as_often_as_stated(eyes, told: str, tru
     assert abs((values / truth - 1.0)[known].std() / getattr(READER, f"{true}_noise_fraction") - 1.0) < 0.05
 
 
+def test_globes_are_open_sealed_or_not_told_as_often_as_stated(eyes) -> None:
+    low, high = eyes.told.rigidity_low, eyes.told.rigidity_high
+    is_open = high == 0.0
+    unknown, sealed = ((low == globe.band[0]) & (high == globe.band[1]) for globe in (UNKNOWN, SEALED))
+    assert abs(is_open.mean() - 0.4) < 0.01
+    assert abs(unknown.mean() - 0.2) < 0.01
+    assert abs(sealed.mean() - 0.4 * 0.4) < 0.01
+    assert not eyes.rigidity[is_open].any()
+    for which, globe in ((unknown, UNKNOWN), (sealed, SEALED)):
+        share = (eyes.rigidity[which] - globe.lowest) / (globe.highest - globe.lowest)
+        assert abs(share.mean() - 0.5) < 0.02
+        assert abs(share.std() - 12**-0.5) < 0.02
+    told = ~(is_open | unknown | sealed) & (low > 0.0) & (high < UNKNOWN.highest)
+    inside = (eyes.rigidity >= low) & (eyes.rigidity <= high)
+    assert abs(inside[told].mean() - 0.905) < 0.015  # a normal distribution that ends at 2.5 standard deviations
+
+
+def test_the_pressure_under_the_needle_solves_the_law_of_the_globe_that_was_drawn(eyes, library) -> None:
+    some = slice(0, 300)
+    resting, size = eyes.iop_pa[some] / eyes.modulus_pa[some], eyes.size[some]
+    ratio, thickness = eyes.iop_ratio[some], eyes.thickness_m[some] / size
+    force = eyes.force_n[some] / (eyes.modulus_pa[some] * size**2)
+    volume = library.displaced_m3(thickness, ratio, library.reached_tips(thickness, ratio, force)) * size**3
+    rate = eyes.rigidity[some] / np.cbrt(eyes.modulus_pa[some])
+    assert (ratio < library.iop_ratio_ends(thickness)[1]).all()
+    np.testing.assert_allclose(ratio, (np.cbrt(resting) + rate * volume) ** 3, rtol=5e-3)
+    assert (ratio[eyes.rigidity[some] == 0.0] == resting[eyes.rigidity[some] == 0.0]).all()
+
+
 def test_forces_are_even_with_a_share_of_small_ones(eyes, library) -> None:
     ratio = eyes.iop_pa / eyes.modulus_pa
     largest_n = library.largest_force_ratio(eyes.thickness_m / eyes.size, ratio) * eyes.modulus_pa * eyes.size**2
     assert (eyes.force_n <= largest_n).all()
-    free = largest_n > READER.max_force_n
+    free = (largest_n > READER.max_force_n) & (eyes.rigidity == 0.0)  # a sealed one may run away before
     expected = 0.15 + 0.85 * 8.0 / 70.0
     assert abs((eyes.force_n[free] < READER.small_force_n).mean() - expected) < 0.01
     upper = eyes.force_n[free & (eyes.force_n > READER.small_force_n)]
@@ -78,9 +108,7 @@ def test_without_errors_a_slice_is_the_section_of_the_eye_that_was_drawn(library
     agreeing = []
     for n in range(count):
         ratio = eyes.force_n[n] / (eyes.modulus_pa[n] * eyes.size[n] ** 2)
-        wall = library.curves(
-            eyes.thickness_m[n : n + 1] / 1.04, eyes.iop_pa[n : n + 1] / eyes.modulus_pa[n], np.array([ratio])
-        )
+        wall = library.curves(eyes.thickness_m[n : n + 1] / 1.04, eyes.iop_ratio[n : n + 1], np.array([ratio]))
         section = cut_surfaces(1.04 * wall.curves_sbnc[0], eyes.gap_m[n], eyes.tilt_rad[n]).shifted(0.4e-3, depth_m[n])
         expected = fill_section(section, SliceWindow(left_m=-7e-3, top_m=0.0, columns=140, rows=40, pixel_m=1e-4))
         inner = slice(25, 115)  # sides and the bottom are lost as in a frame

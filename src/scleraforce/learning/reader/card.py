@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from scleraforce.known.globe import UNKNOWN
 from scleraforce.study import Study
 from scleraforce.units import HumanUnit, from_si
 
@@ -40,6 +41,9 @@ of {_spread(reader.modulus_sd_fraction.bounds, "percent", "%")} |
 | intraocular pressure | {_spread(reader.iop_pa.bounds, "mmhg", "mmHg")} |
 | wall thickness | {_spread(reader.thickness_m.bounds, "um", "µm")} |
 | outer radius | {_spread(tuple(size * study.eye.radius_m for size in reader.size.bounds), "mm", "mm")} |
+| globe | told to be open {reader.globe_open_fraction:.0%}, nothing told {reader.globe_missing_fraction:.0%}, the rest \
+sealed; a rigidity of up to {from_si(UNKNOWN.highest, "mmhg13_per_ul"):g} mmHg^(1/3)/µl, of \
+{reader.rigidity_missing_fraction:.0%} of the sealed ones not told |
 | gap between B-scan and needle axis | {_spread(reader.gap_m.bounds, "mm", "mm")} |
 | force | 0 to {from_si(reader.max_force_n, "mn"):g} mN, even; {reader.small_force_share:.0%} within 0 to \
 {from_si(reader.small_force_n, "mn"):g} mN |

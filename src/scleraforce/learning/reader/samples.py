@@ -1,4 +1,4 @@
-"""Samples for the reader, drawn from the response library: any number, each of an eye of its own (NumPy only)."""
+"""Samples for the reader, drawn from the response library: any number, each of an eye of its own."""
 
 from dataclasses import dataclass
 
@@ -6,9 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
+from scleraforce.eye.globe import Globe, sealed_globe
+from scleraforce.known.globe import NINETY_PERCENT, SEALED, UNKNOWN
 from scleraforce.learning.reader.boundary_errors import disturb
 from scleraforce.library import Library
 from scleraforce.library.slices import Framing, fill_boundaries, wall_boundaries
+from scleraforce.library.under_force import iop_ratio_under_force
 from scleraforce.reader.given import Told, given_inputs, told_modulus
 from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy
 
@@ -19,12 +22,16 @@ Floats = NDArray[np.float64]
 BARELY_INSIDE = 1.0 - 1e-9
 ROUNDS = 40
 CALIBRATED_SD = 0.06  # relative: a modulus that is told as surer than this was calibrated on the eye itself
+PRESSURE_TOLERANCE = 1e-3  # relative, of that under the needle
 TRUNCATED_SD = 2.5  # a told modulus is never farther off than this
 
 
 @dataclass(frozen=True)
 class Eyes:
-    """Eyes under a needle, the B-scan's tilt and the section's rotation, and what is told of them; (sample,), SI."""
+    """Eyes under a needle, the B-scan's tilt and the section's rotation, and what is told of them; (sample,), SI.
+
+    `rigidity` is k of the globe, 0 where it is open; `iop_ratio` the pressure under the needle over E.
+    """
 
     told: Told
     modulus_pa: Floats
@@ -35,6 +42,8 @@ class Eyes:
     tilt_rad: Floats
     rotation_rad: Floats
     force_n: Floats
+    rigidity: Floats
+    iop_ratio: Floats
 
 
 @dataclass(frozen=True)
@@ -75,7 +84,7 @@ def draw_samples(
         reader.lateral_m.sample(rng, count), reader.surface_depth_m.sample(rng, count), eyes.size, eyes.rotation_rad
     )
     ratio = eyes.force_n / (eyes.modulus_pa * eyes.size**2)
-    walls = library.curves(eyes.thickness_m / eyes.size, eyes.iop_pa / eyes.modulus_pa, ratio)
+    walls = library.curves(eyes.thickness_m / eyes.size, eyes.iop_ratio, ratio)
     true = wall_boundaries(walls.curves_sbnc, eyes.gap_m / eyes.size, eyes.tilt_rad, framing, slice_study)
     seen = disturb(true.depth_sbc, slice_study, rng, scale=reader.boundary_errors)
     slices = fill_boundaries(seen, slice_study)
@@ -112,12 +121,66 @@ def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.
     told_gap_m = _told(gap_m, reader.gap_noise_fraction, reader.gap_missing_fraction, rng)
     calibrated = told_sd < CALIBRATED_SD
     told_pa *= np.where(calibrated, _calibration_factor(told_thickness_m / thickness_m, told_iop_pa / iop_pa), 1.0)
-    told = Told(told_pa, told_sd, told_iop_pa, told_thickness_m, told_gap_m)
     tilt_rad, rotation_rad = (
         np.where(plain, 0.0, angle.sample(rng, count)) for angle in (reader.tilt_rad, reader.rotation_rad)
     )
     force_n = _forces(reader, largest_n, rng)
-    return Eyes(told, modulus_pa, iop_pa, thickness_m, gap_m, size, tilt_rad, rotation_rad, force_n)
+    rigidity, low, high = _globes(reader, count, rng)
+    told = Told(told_pa, told_sd, told_iop_pa, told_thickness_m, told_gap_m, low, high)
+    iop_ratio = _pressures(library, (thickness_m, iop_pa, modulus_pa, size), rigidity, force_n, rng)
+    eye = (told, modulus_pa, iop_pa, thickness_m, gap_m, size)
+    return Eyes(*eye, tilt_rad, rotation_rad, force_n, rigidity, iop_ratio)
+
+
+def _pressures(
+    library: Library, eye: tuple[Floats, ...], rigidity: Floats, force_n: Floats, rng: np.random.Generator
+) -> Floats:
+    """Return the pressure under the needle over E (sample,); a force that drives it beyond the library is drawn less.
+
+    Args:
+        library: of responses.
+        eye: thickness, IOP, modulus and size (sample,).
+        rigidity: of the globe (sample,).
+        force_n: (sample,); changed where the pressure would leave the library.
+        rng: source of all randomness.
+    """
+    thickness_m, iop_pa, modulus_pa, size = eye
+    thickness, globe = thickness_m / size, sealed_globe(rigidity * size**3).over(modulus_pa)  # volumes go as size^3
+    highest = BARELY_INSIDE * library.iop_ratio_ends(thickness)[1]
+    ratio, left = iop_pa / modulus_pa, np.flatnonzero(rigidity > 0.0)
+    resting = ratio.copy()
+    for _ in range(ROUNDS):
+        force_ratio = force_n[left] / (modulus_pa[left] * size[left] ** 2)
+        one = Globe(globe.law, np.asarray(globe.rate)[left])
+        ratio[left] = iop_ratio_under_force(
+            library, thickness[left], resting[left], force_ratio, one, PRESSURE_TOLERANCE
+        )
+        left = left[ratio[left] >= highest[left]]
+        if not len(left):
+            return ratio
+        force_n[left] *= rng.random(len(left))
+    raise InputError("the library holds hardly any sealed eye of [reader]; make one that covers its pressures")
+
+
+def _globes(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
+    """Return rigidities of globes and the ends of the band that is told of each, (sample,) in Pa^(1/3)/m^3."""
+    rigidity, low, high = np.zeros(count), np.zeros(count), np.zeros(count)
+    drawn, missing = rng.random(count), rng.random(count) < reader.rigidity_missing_fraction
+    sealed = drawn >= reader.globe_open_fraction + reader.globe_missing_fraction
+    unknown = (drawn >= reader.globe_open_fraction) & ~sealed
+    for which, globe in ((unknown, UNKNOWN), (sealed & missing, SEALED)):
+        rigidity[which] = rng.uniform(globe.lowest, globe.highest, count)[which]
+        low[which], high[which] = globe.band
+    told = sealed & ~missing
+    middle, sd = (
+        rng.uniform(UNKNOWN.lowest, UNKNOWN.highest, count),
+        _log_even(reader.rigidity_sd_pa13_per_m3, count, rng),
+    )
+    own = middle + sd * np.clip(rng.standard_normal(count), -TRUNCATED_SD, TRUNCATED_SD)
+    ends = (own, middle - NINETY_PERCENT * sd, middle + NINETY_PERCENT * sd)
+    for values, found in zip(ends, (rigidity, low, high), strict=True):
+        found[told] = np.clip(values, UNKNOWN.lowest, UNKNOWN.highest)[told]
+    return rigidity, low, high
 
 
 def _moduli(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
