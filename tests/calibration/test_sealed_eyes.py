@@ -126,7 +126,9 @@ def test_an_open_eye_of_which_nothing_is_told_is_found_open(library: Library, nu
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0)], ids=["rising", "falling"])
-def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(library: Library, order: tuple[int, ...]) -> None:
+def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(
+    library: Library, order: tuple[int, ...]
+) -> None:
     eye = EyeConstants(
         iop_pa=378.0, thickness_m=0.541e-3, gap_m=0.517e-3, polar_rad=0.689, polar_sd_rad=0.0
     )  # was begun from a stiff globe, and the first frame led to 0.01 MPa

@@ -126,8 +126,9 @@ def test_what_is_not_told_of_a_globe_widens_the_interval() -> None:
     widths = [high - low for low, high in ends]
     assert widths[1] > 2.0 * widths[0]
     assert widths[2] > 0.95 * widths[1]
-    low, high = fitted(depth, known_of(truth, OPEN)).interval_n
-    assert high < force  # what a sealed eye is taken for when it is told open
+    assert (
+        fitted(depth, known_of(truth, OPEN)).interval_n[1] < force
+    )  # what a sealed eye is taken for when it is told open
 
 
 def test_the_pressure_under_the_needle_is_that_of_the_law() -> None:
@@ -141,7 +142,7 @@ def test_the_pressure_under_the_needle_is_that_of_the_law() -> None:
 
 
 def spread_on_a_grid_n(truth: np.ndarray, known: Known) -> float:
-    """The standard deviation of the force over a grid of (ln E, k), each weighted by what is known; at the true dent."""
+    """The standard deviation of the force at the true dent over a grid of (ln E, k), weighted by what is known."""
     globe, modulus = known.globe, known.modulus
     assert globe is not None
     assert modulus is not None

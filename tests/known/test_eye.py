@@ -102,14 +102,18 @@ def test_an_eye_of_the_population_says_nothing_of_another_globe(summary: Calibra
 
 @pytest.mark.parametrize(
     ("eye", "kind", "rigidity"),
-    [(EyeInfo("e"), None, None), (EyeInfo("e", globe="open"), "open", 0.0), (EyeInfo("e", globe="sealed"), "sealed", SEALED.mean),
-     (EyeInfo("e", globe="sealed", rigidity_pa13_per_m3=1e8), "sealed", 1e8)],
-)  # fmt: skip
+    [
+        (EyeInfo("e"), None, None),
+        (EyeInfo("e", globe="open"), "open", 0.0),
+        (EyeInfo("e", globe="sealed"), "sealed", SEALED.mean),
+        (EyeInfo("e", globe="sealed", rigidity_pa13_per_m3=1e8), "sealed", 1e8),
+    ],
+)
 def test_a_recordings_globe_is_what_it_says_and_nothing_where_it_says_nothing(
     eye: EyeInfo, kind: str | None, rigidity: float | None
 ) -> None:
     told = told_globe(eye)
-    assert (None, None) == (kind, rigidity) if told is None else (told.kind, told.mean) == (kind, rigidity)
+    assert (kind, rigidity) == (None, None) if told is None else (told.kind, told.mean) == (kind, rigidity)
 
 
 def test_the_spread_of_one_eye_is_not_zero(tmp_path: Path) -> None:

@@ -129,7 +129,7 @@ def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warn
 
 @pytest.mark.parametrize(("stated", "kind"), [('globe = "sealed"\n', "sealed"), ("", "unknown")])
 def test_what_a_recording_says_of_its_globe_reaches_reading_and_calibration(
-    places, both, tmp_path: Path, stated: str, kind: str
+    places, tmp_path: Path, stated: str, kind: str
 ) -> None:
     path = shutil.copytree(places["mine"], tmp_path / "mine")
     text = (path / "recording.toml").read_text()

@@ -155,9 +155,7 @@ class _Fit:
         begun = [(float(modulus), rigidity) for rigidity in self._start_rigidities() for modulus in moduli]
         eye, polar = self.model.constants, float(self.mean[BY_POLAR])
         states = [
-            replace(
-                stated_wall(eye, modulus, self.force_n, polar), rigidity_pa13_per_m3=REFERENCE_RIGIDITY * rigidity
-            )
+            replace(stated_wall(eye, modulus, self.force_n, polar), rigidity_pa13_per_m3=REFERENCE_RIGIDITY * rigidity)
             for modulus, rigidity in begun
         ]
         best, unknown = np.inf, self.mean.copy()

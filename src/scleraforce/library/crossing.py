@@ -46,7 +46,8 @@ def highest_point(tip_m: Floats, force_sd: Floats, slope_sd: Floats) -> Floats:
     place, peak = _peaks(_cubics(np.diff(tip_m), force_sd, slope_sd))
     interval = np.argmax(peak, axis=1)
     highest = tip_m[interval] + place[np.arange(len(peak)), interval] * np.diff(tip_m)[interval]
-    return np.where(force_sd[:, 0] > peak.max(axis=1), tip_m[0], highest)
+    found: Floats = np.where(force_sd[:, 0] > peak.max(axis=1), tip_m[0], highest)
+    return found
 
 
 def _cubics(step: Floats, force: Floats, slope: Floats) -> tuple[Floats, Floats, Floats, Floats]:
