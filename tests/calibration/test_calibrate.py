@@ -6,10 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
-from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
+from scleraforce.calibration.calibrate import Calibration, _order, calibrate_recordings
 from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import open_calibration, parse_calibration_file
@@ -17,6 +18,7 @@ from scleraforce.laboratory.ideal_boundaries import virtual_sections
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.recording.files import Recording, read_recording
+from scleraforce.study import CalibrationStudy
 
 FORCES = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
 
@@ -64,16 +66,51 @@ def test_frames_of_no_force_are_references_and_not_calibrated_on(calibration: Ca
 
 
 @pytest.mark.slow
-def test_the_first_frames_above_5_mn_are_taken_when_few_are_asked_for(laboratory: Any, recording: Recording) -> None:
-    found = calibrate_recordings([recording], laboratory.study, "hash", None, frames=2).eyes["virtual"]
-    assert [frame.file for frame in found.used] == ["0002.png", "0003.png"]
+def test_few_frames_are_the_highest_and_even_shares_of_it_rising(laboratory: Any, recording: Recording) -> None:
+    for few, files in ((1, ["0004"]), (2, ["0005", "0004"]), (3, ["0003", "0002", "0004"])):
+        found = calibrate_recordings([recording], laboratory.study, "hash", None, frames=few).eyes["virtual"]
+        assert [frame.file for frame in found.used] == [f"{file}.png" for file in files]
+
+
+@pytest.mark.slow
+def test_a_chosen_frame_that_cannot_be_used_is_replaced(laboratory: Any, recording: Recording, tmp_path: Path) -> None:
+    path = shutil.copytree(recording.path, tmp_path / "virtual")
+    highest = path / "frames" / "0004.png"
+    cv2.imwrite(str(highest), np.zeros_like(cv2.imread(str(highest), cv2.IMREAD_UNCHANGED)))
+    found = calibrate_recordings([read_recording(path)], laboratory.study, "hash", None, frames=2).eyes["virtual"]
+    assert len(found.used) == 2
+    assert "0004.png" in {frame.file for frame in found.frames if frame.skipped}
+
+
+FORCES_N = np.array([0.0, 30.0, 12.0, 45.0, 20.0, 38.0, 2.0, 44.0]) * 1e-3
+FEW = CalibrationStudy()
+
+
+@pytest.mark.parametrize(
+    ("included", "frames", "order"),
+    [
+        ([True] * 8, None, [0, 1, 2, 3, 4, 5, 6, 7]),
+        ([True] * 8, 1, [0, 3, 7, 5, 1, 4, 2]),
+        ([True] * 8, 3, [0, 6, 2, 1, 3, 7, 5, 4]),
+        ([True] * 3 + [False] + [True] * 4, 2, [0, 6, 4, 7, 5, 1, 2]),
+        ([False] * 8, 3, []),
+        ([True, False, False, False, False, False, True, False], 3, [0, 6]),
+    ],
+    ids=["all", "one", "three", "highest excluded", "none", "light ones only"],
+)
+def test_few_frames_are_looked_at_light_ones_first_then_rising_then_the_rest_from_the_highest(
+    included: list[bool], frames: int | None, order: list[int]
+) -> None:
+    assert _order(FORCES_N, included, frames, FEW) == order
 
 
 @pytest.mark.slow
 def test_going_on_from_a_saved_posterior_equals_an_uninterrupted_run(
-    laboratory: Any, recording: Recording, calibration: Calibration
+    laboratory: Any, recording: Recording, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("scleraforce.calibration.calibrate._order", lambda _, included, *__: range(len(included)))
     begun = calibrate_recordings([recording], laboratory.study, "hash", None, frames=2)
+    assert [frame.file for frame in begun.eyes["virtual"].used] == ["0002.png", "0003.png"]
     saved = parsed(json.dumps(calibration_as_json(begun)))
     resumed = calibrate_recordings([recording], laboratory.study, "hash", None, earlier=saved).eyes["virtual"]
     whole = calibration.eyes["virtual"]

@@ -174,6 +174,48 @@ def test_without_iterating_the_first_step_is_surer_than_it_may_be() -> None:
     assert abs(plain.mean[0] + 0.6) > 2 * np.sqrt(plain.covariance[0, 0])
 
 
+def valley(states: Array) -> Array:
+    """Like the dents of a globe: shallow ones tell the first parameter, deep ones only both together."""
+    shares = np.linspace(0.2, 1.0, 8)
+    soft, sealed = (np.exp(np.clip(values, -40.0, 40.0)) for values in (-states[:, :1], states[:, 1:]))
+    return soft * shares - sealed * soft**2 * shares**3
+
+
+def test_a_start_in_a_bent_valley_gives_the_posterior_of_a_grid_from_a_wide_prior() -> None:
+    truth, noise = np.array([[-1.0, 1.0]]), 0.05**2 * np.eye(8)
+    y = valley(truth)[0] + 0.05 * np.random.default_rng(0).normal(size=8)
+    axis = np.linspace(-4.0, 4.0, 801)
+    grid = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    log_weights = -0.5 * (((y - valley(grid)) / 0.05) ** 2).sum(axis=1) - 0.5 * (grid**2).sum(axis=1)
+    weights = np.exp(log_weights - log_weights.max())
+    mean, sd = np.average(grid, axis=0, weights=weights), np.sqrt(np.diag(np.cov(grid.T, aweights=weights)))
+    params, prior = FilterParams(sigma_points("simplex", 2), iterations=30), initial_posterior(np.zeros(2), np.eye(2))
+    begun = filter_step(params, prior, valley, y, noise, start=truth[0] + [0.1, 0.2])
+    assert begun.status == "ok"
+    np.testing.assert_array_less(np.abs(begun.posterior.mean - mean), 0.2 * sd)
+    np.testing.assert_allclose(np.sqrt(np.diag(begun.posterior.covariance)), sd, rtol=0.15)
+    assert filter_step(params, prior, valley, y, noise).status.startswith("diverged")  # does not find the way
+
+
+def test_a_start_that_explains_less_than_the_prior_is_not_taken() -> None:
+    rng = np.random.default_rng(12)
+    H, y = rng.normal(size=(5, 2)), rng.normal(size=5)
+    params, prior = FilterParams(sigma_points("simplex", 2), iterations=8), initial_posterior(np.zeros(2), np.eye(2))
+    steps = [filter_step(params, prior, lambda x: x @ H.T, y, np.eye(5), start=at) for at in (None, np.full(2, 50.0))]
+    assert steps[0].iterations == steps[1].iterations
+    np.testing.assert_array_equal(steps[0].posterior.mean, steps[1].posterior.mean)
+
+
+def test_a_start_does_not_move_the_posterior_of_a_linear_problem() -> None:
+    rng = np.random.default_rng(13)
+    H, y = rng.normal(size=(5, 2)), 5.0 * rng.normal(size=5)
+    params, prior = FilterParams(sigma_points("simplex", 2), iterations=8), initial_posterior(np.zeros(2), np.eye(2))
+    best = np.linalg.solve(np.eye(2) + H.T @ H, H.T @ y)
+    steps = [filter_step(params, prior, lambda x: x @ H.T, y, np.eye(5), start=at) for at in (None, best + 0.1)]
+    np.testing.assert_allclose(steps[1].posterior.mean, steps[0].posterior.mean, rtol=1e-9)
+    np.testing.assert_allclose(steps[1].posterior.covariance, steps[0].posterior.covariance, rtol=1e-9)
+
+
 def test_an_outlier_is_gated_and_reported_and_leaves_the_posterior_as_without_it() -> None:
     rng = np.random.default_rng(8)
     H, prior = rng.normal(size=(10, 2)), initial_posterior(np.zeros(2), 25 * np.eye(2))

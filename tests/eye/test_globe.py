@@ -58,9 +58,19 @@ def test_a_dent_outwards_takes_the_pressure_to_nothing_and_not_below() -> None:
     assert sealed_globe(0.03 * PER_UL).pressure(266.0, -1e-6) == 0.0
 
 
-def test_no_such_law_and_no_negative_rigidity() -> None:
+@pytest.mark.parametrize("law", RIGIDITY_LAWS)
+def test_below_no_rigidity_the_law_goes_on_smoothly_for_a_search_that_needs_both_sides(law: str) -> None:
+    rigidities = PER_UL * np.array([-2e-4, -1e-4, 0.0, 1e-4, 2e-4])
+    pressures = sealed_globe(rigidities, law).pressure(np.full(5, 300.0), 20.0 * UL)
+    assert pressures[2] == pytest.approx(300.0)
+    assert (np.diff(pressures) > 0.0).all()
+    np.testing.assert_allclose(np.diff(pressures), np.diff(pressures).mean(), rtol=0.01)
+    assert sealed_globe(-PER_UL, law).is_sealed
+
+
+def test_no_such_law_and_no_rigidity_that_is_not_finite() -> None:
     with pytest.raises(InputError, match="'linear' is not one of cube-root, logarithmic"):
         Globe("linear", 1.0)
-    for rigidity in (-1.0, np.nan):
-        with pytest.raises(InputError, match=r"rigidity: (-1|nan); must be 0"):
+    for rigidity in (np.inf, np.nan):
+        with pytest.raises(InputError, match=r"rigidity: (inf|nan); must be a finite number"):
             sealed_globe(rigidity)

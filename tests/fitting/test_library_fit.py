@@ -104,7 +104,7 @@ def test_a_plane_beside_the_axis_cuts_a_sphere_in_a_smaller_circle() -> None:
 @pytest.mark.parametrize("globe", [OPEN, UNKNOWN], ids=["open", "unknown"])
 @pytest.mark.parametrize("tip_m", [0.3e-3, 2.2e-3])
 def test_derivatives_equal_differences(tip_m: float, globe: KnownGlobe) -> None:
-    unknown = eye(tip_m, log_size=0.01, inner_m=5e-6, rigidity=0.2)
+    unknown = eye(tip_m, log_size=0.01, inner_m=5e-6, log_pressure=log(420.0))
     walls = Walls(LIBRARY, globe)
     predicted = predict_wall(walls, unknown, BOTH)
     steps = dict(zip(NAMES, (2e-6, 2e-6, 1e-6, 2e-4, 2e-6, 1e-6, 1e-3, 1e-3, 2e-4, 1e-6, 1e-2), strict=True))

@@ -1,11 +1,14 @@
 import hashlib
+from dataclasses import astuple, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from calibration_file import calibration_text
 
 from scleraforce.errors import CalibrationError
-from scleraforce.known.calibration_file import read_calibration
+from scleraforce.known.calibration_file import globe_entry, read_calibration
+from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, KnownGlobe, known_globe
 
 EYES = {
     "a": {"frames": [{"file": "1.png", "sha256": "1f"}, {"file": "2.png", "sha256": "2f"}], "mean_mpa": 0.31},
@@ -71,6 +74,83 @@ def test_a_file_that_cannot_be_used_is_refused_by_name_and_key(tmp_path: Path, t
     with pytest.raises(CalibrationError, match=message) as fault:
         read_calibration(file)
     assert str(file) in str(fault.value)
+
+
+GLOBES = {
+    "open": OPEN,
+    "unknown": UNKNOWN,
+    "stated": known_globe("sealed", 1e8, "logarithmic"),
+    "calibrated": replace(SEALED, mean=1.3e8, sd=4e6, correlation=-0.4, calibrated=True),
+    "nearly open": replace(UNKNOWN, mean=-1e5, sd=1e6, correlation=0.7, calibrated=True),
+}
+
+
+@pytest.mark.parametrize("globe", GLOBES.values(), ids=GLOBES)
+def test_a_globe_is_read_as_it_was_written_with_its_band_for_people(tmp_path: Path, globe: KnownGlobe) -> None:
+    file, entry = tmp_path / "calibration.json", globe_entry(globe)
+    file.write_text(calibration_text(0.27, {"a": {"globe": entry}}))
+    found = read_calibration(file).eyes["a"].globe
+    assert [value if isinstance(value, str | bool) else pytest.approx(value) for value in astuple(globe)] == list(
+        astuple(found)
+    )
+    low, high = (entry["rigidity_mmhg13_per_ul"][end] for end in ("low", "high"))
+    assert 0.0 <= low <= high <= 0.06
+
+
+def test_an_eye_without_a_globe_was_calibrated_as_an_open_one(tmp_path: Path) -> None:
+    file = tmp_path / "calibration.json"
+    file.write_text(calibration_text(0.27, {"a": {}}))
+    assert read_calibration(file).eyes["a"].globe is OPEN
+
+
+K = "rigidity_mmhg13_per_ul"
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ([], None, "globe: missing"),
+        ([], [], "globe: missing, or no object"),
+        (["kind"], "shut", "globe: kind, rigidity_law or calibrated"),
+        (["kind"], ["open"], "globe: kind, rigidity_law or calibrated"),
+        (["rigidity_law"], "linear", "globe: kind, rigidity_law or calibrated"),
+        (["calibrated"], 1, "globe: kind, rigidity_law or calibrated"),
+        ([K], 0.03, f"globe: {K}: missing"),
+        ([K, "mean"], "stiff", f"globe.{K}.mean: expected a number"),
+        ([K, "mean"], -3.0, f"globe.{K}.mean: -3 is not between"),
+        ([K, "sd"], -0.1, f"globe.{K}.sd: -0.1 is not between"),
+        ([K, "sd"], 0.0, f"globe.{K}: .* sd not above 0"),
+        ([K, "lowest"], 0.07, f"globe.{K}: lowest above highest"),
+        ([K, "lowest"], -0.01, f"globe.{K}.lowest: -0.01 is not between"),
+        ([K, "highest"], 1e9, f"globe.{K}.highest: 1e\\+09 is not between"),
+        (["correlation"], 1.0, "globe.correlation: 1 is not between"),
+        (["correlation"], True, "globe.correlation: expected a number"),
+    ],
+)
+def test_a_globe_that_cannot_be_is_refused_in_one_line_with_its_key(
+    tmp_path: Path, path: list[str], value: Any, message: str
+) -> None:
+    file, entry = tmp_path / "calibration.json", {"globe": globe_entry(GLOBES["calibrated"])}
+    target: Any = entry
+    *parents, last = ["globe", *path]
+    for parent in parents:
+        target = target[parent]
+    assert last in target
+    target[last] = value
+    file.write_text(calibration_text(0.27, {"a": entry}))
+    with pytest.raises(CalibrationError, match=rf"eyes\.a(\.|: ){message}") as fault:
+        read_calibration(file)
+    assert str(fault.value).startswith(f"{file}: eyes.a")
+    assert "\n" not in str(fault.value)
+
+
+@pytest.mark.parametrize("name", ["lowest", "highest", "mean", "sd"])
+def test_a_globe_that_lacks_a_number_is_refused(tmp_path: Path, name: str) -> None:
+    file, entry = tmp_path / "calibration.json", globe_entry(GLOBES["calibrated"])
+    del entry[K][name]
+    file.write_text(calibration_text(0.27, {"a": {"globe": entry}}))
+    with pytest.raises(CalibrationError, match=rf"eyes\.a\.globe\.{K}\.{name} is missing"):
+        read_calibration(file)
 
 
 def test_a_population_of_one_eye_has_no_spread(tmp_path: Path) -> None:

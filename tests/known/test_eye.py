@@ -1,13 +1,24 @@
 """What is known of an eye: where it comes from, and what lies outside a model's training."""
 
+from dataclasses import replace
 from math import nan
 from pathlib import Path
 
 import pytest
 from calibration_file import calibration_text
 
-from scleraforce.known.calibration_file import read_calibration
-from scleraforce.known.eye import Known, Modulus, calibrated_modulus, known_of_recording, outside_training
+from scleraforce.known.calibration_file import CalibrationSummary, globe_entry, read_calibration
+from scleraforce.known.eye import (
+    Known,
+    Modulus,
+    calibrated_modulus,
+    foreign_modulus,
+    known_of_eye,
+    known_of_recording,
+    outside_training,
+    told_globe,
+)
+from scleraforce.known.globe import OPEN, SEALED, KnownGlobe
 from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.study import Range, ReaderStudy
 
@@ -17,6 +28,7 @@ TRAINED = ReaderStudy(
     thickness_m=Range(min=0.45e-3, max=0.85e-3),
     gap_m=Range(min=0.35e-3, max=1e-3),
 )
+CALIBRATED = replace(SEALED, mean=1.3e8, sd=4e6, correlation=-0.4, calibrated=True)
 INSIDE = Known(modulus=Modulus(mean_pa=0.3e6, sd_pa=5e3, source="own"), iop_pa=270.0, thickness_m=0.6e-3, gap_m=0.5e-3)
 
 
@@ -29,17 +41,79 @@ def test_a_recordings_statements_are_taken_and_what_it_omits_is_unknown() -> Non
     assert known_of_recording(info) == Known(modulus=None, iop_pa=None, thickness_m=0.6e-3, gap_m=0.5e-3, polar_rad=0.6)
 
 
-def test_an_eye_has_its_own_modulus_and_another_that_of_its_population_with_its_spread(tmp_path: Path) -> None:
-    eyes = {
-        "mine": {"mean_mpa": 0.3, "sd_mpa": 0.004},
-        "lost": {"mean_mpa": 0.1, "status": "diverged"},
-    }
+EYES = {
+    "mine": {"mean_mpa": 0.3, "sd_mpa": 0.004, "globe": globe_entry(CALIBRATED)},
+    "lost": {"mean_mpa": 0.1, "status": "diverged: by 4 sd"},
+}
+
+
+@pytest.fixture
+def summary(tmp_path: Path) -> CalibrationSummary:
     file = tmp_path / "calibration.json"
-    file.write_text(calibration_text(0.25, eyes, population={"mean_mpa": 0.25, "sd_mpa": 0.05}))
-    summary = read_calibration(file)
+    file.write_text(calibration_text(0.25, EYES, population={"mean_mpa": 0.25, "sd_mpa": 0.05}))
+    return read_calibration(file)
+
+
+def test_an_eye_has_its_own_modulus_and_another_that_of_its_population_with_its_spread(
+    summary: CalibrationSummary,
+) -> None:
     assert calibrated_modulus(summary, "mine") == Modulus(mean_pa=0.3e6, sd_pa=4e3, source="own")
-    for eye in ("lost", "stranger"):
-        assert calibrated_modulus(summary, eye) == Modulus(mean_pa=0.25e6, sd_pa=0.05e6, source="population")
+    assert calibrated_modulus(summary, "stranger") == Modulus(mean_pa=0.25e6, sd_pa=0.05e6, source="population")
+    assert foreign_modulus(summary, "mine") is None
+    assert str(foreign_modulus(summary, "stranger")).endswith("read with the population's modulus, 0.25 MPa +- 20 %")
+
+
+def test_an_eye_whose_calibration_diverged_is_read_as_one_of_unknown_modulus_and_a_sentence_says_so(
+    summary: CalibrationSummary,
+) -> None:
+    told = Known(iop_pa=270.0, thickness_m=0.6e-3)
+    assert calibrated_modulus(summary, "lost") is None
+    assert known_of_eye(told, summary, "lost") == told
+    assert foreign_modulus(summary, "lost") == (
+        f"lost is not usable (diverged: by 4 sd) in {summary.path}, which has 2 eyes (mine, lost): "
+        "read as one of unknown modulus"
+    )
+
+
+def test_where_all_diverged_no_eye_has_a_modulus(tmp_path: Path) -> None:
+    file = tmp_path / "calibration.json"
+    file.write_text(calibration_text(0.25, {"lost": EYES["lost"]}))
+    assert calibrated_modulus(read_calibration(file), "stranger") is None
+
+
+@pytest.mark.parametrize("told", [None, SEALED], ids=["nothing told", "the same kind told"])
+def test_an_eye_takes_the_globe_that_its_calibration_found(
+    summary: CalibrationSummary, told: KnownGlobe | None
+) -> None:
+    found = known_of_eye(Known(thickness_m=0.6e-3, globe=told), summary, "mine").globe
+    assert found is not None
+    assert (found.kind, found.calibrated, found.correlation) == ("sealed", True, CALIBRATED.correlation)
+    assert (found.mean, found.sd) == pytest.approx((CALIBRATED.mean, CALIBRATED.sd))
+
+
+def test_another_kind_of_globe_that_is_told_stands(summary: CalibrationSummary) -> None:
+    assert known_of_eye(Known(globe=OPEN), summary, "mine").globe is OPEN
+
+
+def test_an_eye_of_the_population_says_nothing_of_another_globe(summary: CalibrationSummary) -> None:
+    assert known_of_eye(Known(globe=SEALED), summary, "stranger").globe is SEALED
+    assert known_of_eye(Known(), summary, "stranger").globe is None
+
+
+@pytest.mark.parametrize(
+    ("eye", "kind", "rigidity"),
+    [
+        (EyeInfo("e"), None, None),
+        (EyeInfo("e", globe="open"), "open", 0.0),
+        (EyeInfo("e", globe="sealed"), "sealed", SEALED.mean),
+        (EyeInfo("e", globe="sealed", rigidity_pa13_per_m3=1e8), "sealed", 1e8),
+    ],
+)
+def test_a_recordings_globe_is_what_it_says_and_nothing_where_it_says_nothing(
+    eye: EyeInfo, kind: str | None, rigidity: float | None
+) -> None:
+    told = told_globe(eye)
+    assert (kind, rigidity) == (None, None) if told is None else (told.kind, told.mean) == (kind, rigidity)
 
 
 def test_the_spread_of_one_eye_is_not_zero(tmp_path: Path) -> None:

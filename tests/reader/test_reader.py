@@ -9,6 +9,7 @@ from fixed_network import force_reader
 import scleraforce
 from scleraforce.errors import ModelError
 from scleraforce.known.eye import Known, Modulus
+from scleraforce.known.globe import OPEN, SEALED
 from scleraforce.reader import load_classifier, load_force_reader
 from scleraforce.recording.info import OctInfo
 from scleraforce.study import Study
@@ -41,9 +42,10 @@ def test_only_what_a_model_was_trained_on_limits_it(model: Path) -> None:
         assert reader.limits(Known(), SCAN) == ()
         (limit,) = reader.limits(thick, SCAN)
         assert limit.startswith("wall thickness 3000 µm, the model was trained on")
-        assert reader.limits(Known(globe="open"), SCAN) == ()
-        (limit,) = reader.limits(Known(globe="sealed"), SCAN)
-        assert "sealed" in limit
+        assert reader.limits(Known(globe=OPEN), SCAN) == ()
+    (limit,) = classifier.limits(Known(globe=SEALED), SCAN)  # its linear mechanics knows no sealed eye
+    assert "sealed" in limit
+    assert force_reader().limits(Known(globe=SEALED), SCAN) == ()
 
 
 def test_a_classifier_where_a_reader_is_needed_is_refused(model: Path) -> None:

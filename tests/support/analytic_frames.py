@@ -19,6 +19,7 @@ from scleraforce.fitting.fit_prediction import (
     place_walls,
 )
 from scleraforce.known.eye import Known, Modulus
+from scleraforce.known.globe import OPEN
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.optics import sample_optics
 from scleraforce.recording.pixels import PixelScale
@@ -35,6 +36,7 @@ KNOWN = Known(
     iop_pa=IOP_PA,
     thickness_m=THICKNESS_M,
     gap_m=GAP_M,
+    globe=OPEN,
 )
 
 
@@ -68,6 +70,7 @@ def recording_toml(eye: str, gap_m: float = GAP_M, needle: str = "", more: str =
 id = "{eye}"
 thickness_m = {THICKNESS_M}
 iop_pa = {IOP_PA}
+globe = "open"
 [needle]
 gauge = 22
 slice_gap_m = {gap_m}

@@ -41,6 +41,7 @@ LOG_MODULUS_SD = 1.0  # a frame's own modulus is free: the pose must not follow 
 STOPPING = Stopping(iterations=25, converged_sd=0.1)
 START_LATERAL_M = np.linspace(-2.5e-3, 2.5e-3, 11)
 START_MODULUS = (0.15, 0.3, 0.6, 1.0, 2.0)  # of the modulus that is given
+START_RIGIDITY = (0.0, 0.2)  # of the range that the globe's rigidity has, beside the rigidity that is given
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,10 +152,14 @@ class _Fit:
         if not self.wide:
             return self.mean.copy()
         moduli = np.exp(self.mean[LOG_MODULUS]) * np.array(START_MODULUS)
+        begun = [(float(modulus), rigidity) for rigidity in self._start_rigidities() for modulus in moduli]
         eye, polar = self.model.constants, float(self.mean[BY_POLAR])
-        curves = self.model.curves([stated_wall(eye, float(modulus), self.force_n, polar) for modulus in moduli])
+        states = [
+            replace(stated_wall(eye, modulus, self.force_n, polar), rigidity_pa13_per_m3=REFERENCE_RIGIDITY * rigidity)
+            for modulus, rigidity in begun
+        ]
         best, unknown = np.inf, self.mean.copy()
-        for modulus, curve in zip(moduli, curves, strict=True):
+        for (modulus, rigidity), curve in zip(begun, self.model.curves(states), strict=True):
             for lateral in START_LATERAL_M:
                 nuisance = self.mean[:5].copy()
                 nuisance[BY_LATERAL] = lateral
@@ -164,8 +169,13 @@ class _Fit:
                 cost = float(np.abs(rest - shift).sum())
                 if cost < best:
                     nuisance[BY_DEPTH] += shift
-                    best, unknown = cost, np.append(nuisance, [log(modulus), self.mean[RIGIDITY]])
+                    best, unknown = cost, np.append(nuisance, [log(modulus), rigidity])
         return unknown
+
+    def _start_rigidities(self) -> list[float]:
+        """Return the rigidities over the reference to begin from: about a stiff globe an open eye is not found."""
+        low, high = self._rigidity_ends
+        return sorted({float(self.mean[RIGIDITY]), *(low + share * (high - low) for share in START_RIGIDITY)})
 
     def evaluate(self, unknown: Array) -> tuple[Placed, float]:
         """Return the prediction and the cost."""
@@ -184,10 +194,14 @@ class _Fit:
 
     def inside(self, unknown: Array) -> Array:
         """Keep the rigidity within its bounds; a section goes on smoothly beyond what the mechanics holds for."""
-        globe = self.model.constants.globe
-        ends = globe.lowest / REFERENCE_RIGIDITY, globe.highest / REFERENCE_RIGIDITY
-        unknown[RIGIDITY] = np.clip(unknown[RIGIDITY], *ends)
+        unknown[RIGIDITY] = np.clip(unknown[RIGIDITY], *self._rigidity_ends)
         return unknown
+
+    @property
+    def _rigidity_ends(self) -> tuple[float, float]:
+        """The bounds of the rigidity over the reference."""
+        globe = self.model.constants.globe
+        return globe.lowest / REFERENCE_RIGIDITY, globe.highest / REFERENCE_RIGIDITY
 
     def _free(self, placed: Placed) -> Placed:
         """Return a prediction that fixed unknowns do not move."""

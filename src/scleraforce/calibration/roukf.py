@@ -217,8 +217,11 @@ def _linearise(params: FilterParams, frame: _Frame, kept: NDArray[np.bool_]) -> 
     prior, centre, root = frame.prior, frame.centre, frame.root
     linear = _regress(params.sigma, frame.first_rm, centre, root, frame.noise)
     for iteration in range(1, params.iterations):
-        new_centre, precision = _correct(linear, frame.observed, kept)
-        new_root = np.linalg.cholesky(np.linalg.inv(precision))
+        try:
+            new_centre, precision = _correct(linear, frame.observed, kept)
+            new_root = np.linalg.cholesky(np.linalg.inv(precision))
+        except np.linalg.LinAlgError:  # so far off that nothing but rounding is left
+            return None
         predicted_rm = frame.observe(prior.mean + (new_centre + points @ new_root.T) @ prior.factor.T)
         if not np.isfinite(predicted_rm).all():
             return None

@@ -5,19 +5,18 @@ gap, sees a point of it at the distance r from the axis at the lateral place sqr
 is larger by a factor is the same eye at another length unit: thickness and dent count relative to it, and so do F/E, by
 its square, and volumes, by its cube.
 
-What a frame shows is the state at the pressure under the needle. In an open globe that is the IOP; in a sealed one it
-follows from the IOP, the dent and the rigidity (`library.sealed`).
+What a frame shows is the state at the pressure under the needle. In an open globe that is the IOP. In one that may be
+sealed it is an unknown of its own, which what is known of the rigidity ties to IOP and dent (`fitting.globe_term`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
-from scleraforce.known.globe import OPEN, REFERENCE_RIGIDITY, KnownGlobe
+from scleraforce.known.globe import OPEN, KnownGlobe
 from scleraforce.library.responses import Library
-from scleraforce.library.sealed import nearest_iop_ratio_at_dent
 
 __all__ = [
     "DEPTH",
@@ -27,15 +26,15 @@ __all__ = [
     "LATERAL",
     "MODULUS",
     "NAMES",
-    "RIGIDITY",
+    "PRESSURE",
     "ROTATION",
     "SIZE",
     "THICKNESS",
     "TIP",
     "Walls",
     "cut_by_plane",
+    "displaced_m3",
     "force_n",
-    "iop_under_needle_pa",
     "place_walls",
     "predict_wall",
 ]
@@ -43,16 +42,15 @@ __all__ = [
 Array = NDArray[np.float64]
 
 # The unknowns of a fit, (unknown,): dent and pose in m and rad; logarithms of the eye's size over the library's, of E
-# in Pa and of IOP in Pa, without the needle; an offset of the inner boundary in m, which the segmentation may see a
-# little too deep; and the globe's rigidity over `REFERENCE_RIGIDITY`, which moves nothing in an open one.
+# in Pa and of the IOP without the needle in Pa; an offset of the inner boundary in m, which the segmentation may see a
+# little too deep; and the logarithm of the pressure under the needle in Pa, which counts where the globe may be sealed.
 NAMES = (
     "tip_m", "lateral_m", "depth_m", "rotation_rad", "gap_m", "thickness_m", "log_modulus", "log_iop", "log_size",
-    "inner_m", "rigidity",
+    "inner_m", "log_pressure",
 )  # fmt: skip
-TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS, MODULUS, IOP, SIZE, INNER_OFFSET, RIGIDITY = range(len(NAMES))
+TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS, MODULUS, IOP, SIZE, INNER_OFFSET, PRESSURE = range(len(NAMES))
 
 TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP = 20e-6, 10e-6, 5e-6, 0.02
-FINE_STEP_M, FINE_STEP = 1e-7, 1e-4  # of what moves the pressure alone, which is free of the curves' rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,14 +64,14 @@ class Walls:
 def force_n(walls: Walls, unknown_su: Array) -> Array:
     """Return the needle's force for each set of unknowns (sample, unknown), (sample,) in N."""
     size, modulus = np.exp(unknown_su[:, SIZE]), np.exp(unknown_su[:, MODULUS])
-    place = _library_place(walls.library, unknown_su, _log_pressure(walls, unknown_su))
-    forces: Array = modulus * size**2 * walls.library.forces(*place)
+    forces: Array = modulus * size**2 * walls.library.forces(*_library_place(walls, unknown_su))
     return forces
 
 
-def iop_under_needle_pa(walls: Walls, unknown: Array) -> float:
-    """Return the pressure in the eye under the needle, for unknowns (unknown,)."""
-    return float(np.exp(_log_pressure(walls, unknown[None])[0] + unknown[MODULUS]))
+def displaced_m3(walls: Walls, unknown_su: Array) -> Array:
+    """Return the volume that the dent displaces for each set of unknowns, (sample,)."""
+    volumes: Array = np.exp(3.0 * unknown_su[:, SIZE]) * walls.library.displaced_m3(*_library_place(walls, unknown_su))
+    return volumes
 
 
 def place_walls(walls: Walls, unknown_su: Array) -> Array:
@@ -81,7 +79,10 @@ def place_walls(walls: Walls, unknown_su: Array) -> Array:
 
     All lie at the first sample's pose.
     """
-    return _place_walls(walls.library, unknown_su, _log_pressure(walls, unknown_su))
+    size = np.exp(unknown_su[:, SIZE])[:, None, None, None]
+    curves = walls.library.shapes(*_library_place(walls, unknown_su)).astype(np.float64)
+    pose = unknown_su[0]
+    return place_curves(cut_by_plane(curves * size, unknown_su[:, GAP]), pose[LATERAL], pose[DEPTH], pose[ROTATION])
 
 
 def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
@@ -92,14 +93,13 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
         unknown: (unknown,), in the order of `NAMES`.
         places: where the frame was looked at.
     """
-    library = walls.library
-    pressure, turns = _pressure_and_turns(walls, unknown)
+    pressure = PRESSURE if walls.globe.can_be_sealed else IOP
     steps = np.array([TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP])
-    moved = _inward(library, unknown, pressure, steps)
-    varied, pressures = np.repeat(unknown[None], 5, axis=0), np.full(5, pressure)
-    varied[1:4, [TIP, GAP, THICKNESS]] += np.diag(moved[:3])
-    pressures[4] += moved[3]
-    found = [curve_depths(curves, places) for curves in _place_walls(library, varied, pressures)]
+    moving = [TIP, GAP, THICKNESS, pressure]
+    varied = np.repeat(unknown[None], 5, axis=0)
+    varied[1:, moving] += np.diag(_inward(walls, unknown, steps))
+    moved = varied[1:, moving].diagonal() - unknown[moving]
+    found = [curve_depths(curves, places) for curves in place_walls(walls, varied)]
     (depth, slope, seen), others = found[0], found[1:]
     by_tip, by_gap, by_thickness, by_pressure = (
         (other[0] - depth) / step for other, step in zip(others, moved, strict=True)
@@ -107,75 +107,44 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
     by_lateral, by_depth, by_rotation = pose_derivatives(places, depth, slope, (unknown[LATERAL], unknown[DEPTH]))
     by_size = depth - unknown[DEPTH] - slope * (places.lateral_m - unknown[LATERAL])
     by_size -= unknown[TIP] * by_tip + unknown[GAP] * by_gap + unknown[THICKNESS] * by_thickness
-    nothing = np.zeros_like(depth)
-    jacobian = np.stack(
-        [by_tip, by_lateral, by_depth, by_rotation, by_gap, by_thickness, nothing, nothing, by_size, places.is_inner,
-         nothing], axis=1,
-    )  # fmt: skip
-    jacobian += by_pressure[:, None] * turns
+    jacobian = np.zeros((len(depth), len(NAMES)))
+    jacobian[:, [TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS]] = np.stack(
+        [by_tip, by_lateral, by_depth, by_rotation, by_gap, by_thickness], axis=1
+    )
+    jacobian[:, [MODULUS, SIZE, INNER_OFFSET]] = np.stack([-by_pressure, by_size, places.is_inner], axis=1)
+    jacobian[:, pressure] = by_pressure
     jacobian[~seen] = 0.0
     return Placed(depth + unknown[INNER_OFFSET] * places.is_inner, slope, jacobian, seen)
 
 
-def _log_pressure(walls: Walls, unknown_su: Array) -> Array:
-    """Return the logarithm of the pressure under the needle over E (sample,)."""
-    resting: Array = unknown_su[:, IOP] - unknown_su[:, MODULUS]
-    if not walls.globe.can_be_sealed:
-        return resting
-    size, modulus = np.exp(unknown_su[:, SIZE]), np.exp(unknown_su[:, MODULUS])
-    thickness, ratio, tip = _library_place(walls.library, unknown_su, resting)
-    globe = walls.globe.globe(REFERENCE_RIGIDITY * unknown_su[:, RIGIDITY]).over(modulus)
-    globe = replace(globe, rate=globe.rate * size**3)
-    return np.asarray(np.log(nearest_iop_ratio_at_dent(walls.library, thickness, ratio, tip, globe)))
-
-
-def _pressure_and_turns(walls: Walls, unknown: Array) -> tuple[float, Array]:
-    """Return the logarithm of the pressure under the needle over E, and how it turns with each unknown (unknown,)."""
-    turns = np.zeros(len(NAMES))
-    turns[[IOP, MODULUS]] = 1.0, -1.0
-    if not walls.globe.can_be_sealed:
-        return float(unknown[IOP] - unknown[MODULUS]), turns
-    moving = [TIP, THICKNESS, MODULUS, IOP, SIZE, RIGIDITY]
-    steps = np.array([FINE_STEP_M, FINE_STEP_M, FINE_STEP, FINE_STEP, FINE_STEP, FINE_STEP])
-    varied = np.repeat(unknown[None], len(moving) + 1, axis=0)
-    if unknown[TIP] / np.exp(unknown[SIZE]) + FINE_STEP_M > walls.library.tip_m[-1]:
-        steps[0] = -steps[0]
-    varied[1:, moving] += np.diag(steps)
-    pressures = _log_pressure(walls, varied)
-    turns[moving] = (pressures[1:] - pressures[0]) / (varied[1:, moving].diagonal() - unknown[moving])
-    return float(pressures[0]), turns
-
-
-def _inward(library: Library, unknown: Array, log_pressure: float, steps: Array) -> Array:
+def _inward(walls: Walls, unknown: Array, steps: Array) -> Array:
     """Turn the steps that would leave the library, where derivatives are 0, the other way."""
-    size = np.exp(unknown[SIZE])
+    library, size = walls.library, np.exp(unknown[SIZE])
     highest = library.iop_ratio_ends(unknown[THICKNESS] / size)[1]
     out = [
         unknown[TIP] / size + TIP_STEP_M > library.tip_m[-1],
         False,
         unknown[THICKNESS] / size + THICKNESS_STEP_M > library.thickness_m[-1],
-        np.exp(log_pressure + LOG_PRESSURE_STEP) > highest,
+        np.exp(_log_ratio(walls, unknown[None])[0] + LOG_PRESSURE_STEP) > highest,
     ]
     return np.where(out, -steps, steps)
 
 
-def _library_place(library: Library, unknown_su: Array, log_pressure_s: Array) -> tuple[Array, Array, Array]:
+def _log_ratio(walls: Walls, unknown_su: Array) -> Array:
+    """Return the logarithm of the pressure under the needle over E (sample,)."""
+    ratio: Array = unknown_su[:, PRESSURE if walls.globe.can_be_sealed else IOP] - unknown_su[:, MODULUS]
+    return ratio
+
+
+def _library_place(walls: Walls, unknown_su: Array) -> tuple[Array, Array, Array]:
     """Return thickness, pressure over E and tip of samples in the library's own size, kept within what it holds."""
-    size = np.exp(unknown_su[:, SIZE])
+    library, size = walls.library, np.exp(unknown_su[:, SIZE])
     thickness = np.clip(unknown_su[:, THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
     return (
         thickness,
-        np.clip(np.exp(log_pressure_s), *library.iop_ratio_ends(thickness)),
+        np.clip(np.exp(_log_ratio(walls, unknown_su)), *library.iop_ratio_ends(thickness)),
         np.clip(unknown_su[:, TIP] / size, library.tip_m[0], library.tip_m[-1]),
     )
-
-
-def _place_walls(library: Library, unknown_su: Array, log_pressure_s: Array) -> Array:
-    """Return the boundaries of `place_walls` at pressures over E that are given."""
-    size = np.exp(unknown_su[:, SIZE])[:, None, None, None]
-    curves = library.shapes(*_library_place(library, unknown_su, log_pressure_s)).astype(np.float64)
-    pose = unknown_su[0]
-    return place_curves(cut_by_plane(curves * size, unknown_su[:, GAP]), pose[LATERAL], pose[DEPTH], pose[ROTATION])
 
 
 def cut_by_plane(curves_sbnc: Array, gap_s: Array) -> Array:

@@ -8,7 +8,7 @@ The force follows from the dent: F = E f(dent, wall, pressure under the needle).
 `docs/reader.md` says where the noise and the other constants come from.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from math import log, sqrt
@@ -24,22 +24,22 @@ from scleraforce.fitting.fit_prediction import (
     LATERAL,
     MODULUS,
     NAMES,
-    RIGIDITY,
+    PRESSURE,
     ROTATION,
     SIZE,
     THICKNESS,
     TIP,
     Walls,
     force_n,
-    iop_under_needle_pa,
     place_walls,
     predict_wall,
 )
 from scleraforce.fitting.fit_start import starts
+from scleraforce.fitting.globe_term import globe_term, keep_within
 from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
 from scleraforce.fitting.placement import Placed, Places
 from scleraforce.known.eye import Known
-from scleraforce.known.globe import REFERENCE_RIGIDITY, UNKNOWN, KnownGlobe
+from scleraforce.known.globe import UNKNOWN, KnownGlobe
 from scleraforce.library.responses import Library
 from scleraforce.study import ReaderStudy
 
@@ -61,8 +61,7 @@ MODEL_SD = 0.01  # relative, of the force: real walls against the library's
 MODEL_SD_N = 0.1e-3
 STARTS = 2
 STOPPING = Stopping(iterations=20, converged_sd=0.05, retry_damping=1e-2)
-# Dent and rigidity lie in a bent valley, along which the steps are short.
-SEALED_STOPPING = replace(STOPPING, iterations=60)
+PRESSURE_SD = 3.0  # of the logarithm of that under the needle: the globe's rigidity ties it
 DRAWS = 512
 INTERVAL = (0.05, 0.95)
 
@@ -71,13 +70,15 @@ INTERVAL = (0.05, 0.95)
 class Prior:
     """What is known before a frame, in the order of NAMES.
 
-    `mean` and `sd` (unknown,) of each unknown; `precision` (unknown, unknown), the inverse of their covariance; `globe`
-    is what is known of it.
+    `mean` and `sd` (unknown,) of each unknown; `precision` (unknown, unknown), the inverse of their covariance, without
+    what `same_force` (unknown,) says: that combination of unknowns, 0 where it says nothing, is as far off its mean as
+    a standard normal number. `globe` is what is known of it.
     """
 
     mean: Array
     sd: Array
     precision: Array
+    same_force: Array
     globe: KnownGlobe
 
 
@@ -129,28 +130,22 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     modulus = None if known.modulus is None else log(known.modulus.mean_pa)
     modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
     mean[MODULUS], sd[MODULUS] = _stated(modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd)
-    globe = UNKNOWN if known.globe is None else known.globe
-    mean[RIGIDITY], sd[RIGIDITY] = globe.mean / REFERENCE_RIGIDITY, globe.sd / REFERENCE_RIGIDITY if globe.sd else 1.0
+    mean[PRESSURE], sd[PRESSURE] = mean[IOP], PRESSURE_SD
     own = known.modulus is not None and known.modulus.source == "own"
-    return Prior(mean, sd, _precision(mean, sd, globe.correlation if own else 0.0, own), globe)
+    same_force = _same_force(mean, sd) if own else np.zeros(len(NAMES))
+    precision = np.diag(np.where(own & (np.arange(len(NAMES)) == MODULUS), 0.0, sd**-2.0))
+    return Prior(mean, sd, precision, same_force, UNKNOWN if known.globe is None else known.globe)
 
 
-def _precision(mean: Array, sd: Array, correlation: float, own: bool) -> Array:
-    """Return the inverse covariance of the prior.
+def _same_force(mean: Array, sd: Array) -> Array:
+    """Return the combination of unknowns that an eye's own modulus is sure of.
 
-    An eye's own modulus was fitted to its dents and forces at the stated thickness and IOP. Where these are wrong, so
-    is the modulus, and the force that belongs to a dent is right all the same: it is that force which is known. A
-    rigidity that was fitted with it is correlated with it.
+    It was fitted to its dents and forces at the stated thickness and IOP. Where these are wrong, so is the modulus, and
+    the force that belongs to a dent is right all the same: it is that force which is known.
     """
-    precision = np.diag(sd**-2.0)
-    if own:
-        along = np.zeros((2, len(sd)))
-        along[0, [MODULUS, THICKNESS, IOP]] = 1.0, FORCE_BY_LOG_THICKNESS / mean[THICKNESS], FORCE_BY_LOG_IOP
-        along[1, RIGIDITY] = 1.0
-        precision[MODULUS, MODULUS] = precision[RIGIDITY, RIGIDITY] = 0.0
-        scaled = along / sd[[MODULUS, RIGIDITY], None]
-        precision += scaled.T @ np.linalg.inv([[1.0, correlation], [correlation, 1.0]]) @ scaled
-    return precision
+    along = np.zeros(len(NAMES))
+    along[[MODULUS, THICKNESS, IOP]] = 1.0, FORCE_BY_LOG_THICKNESS / mean[THICKNESS], FORCE_BY_LOG_IOP
+    return np.asarray(along / sd[MODULUS])
 
 
 def _stated(value: float | None, bounds: tuple[float, float], sd: float) -> tuple[float, float]:
@@ -185,11 +180,8 @@ def fit_boundaries(
         return None
     walls = Walls(library, prior.globe)
     problem = _Problem(walls, columns, prior)
-    slackest = prior.mean.copy()  # where the pressure of no dent runs away: from there nothing leads back
-    slackest[RIGIDITY] = prior.globe.lowest / REFERENCE_RIGIDITY
-    begun = starts(walls, slackest, columns.places.lateral_m[:outer], columns.depth_m[:outer], STARTS)
-    stopping = SEALED_STOPPING if prior.globe.can_be_sealed else STOPPING
-    fits = (gauss_newton(problem, start, stopping) for start in begun)
+    begun = starts(walls, prior.mean, columns.places.lateral_m[:outer], columns.depth_m[:outer], STARTS)
+    fits = (gauss_newton(problem, start, STOPPING) for start in begun)
     unknown, placed, _ = min(fits, key=lambda fit: fit[2])
     return problem.result(unknown, placed)
 
@@ -224,6 +216,8 @@ class _Problem:
         inner = away[INNER_OFFSET] / (INNER_CAUCHY * self.prior.sd[INNER_OFFSET])
         away[INNER_OFFSET] = 0.0
         known = away @ self.prior.precision @ away + INNER_CAUCHY**2 * np.log1p(inner**2)
+        off, _, weight = self._calibrated(unknown)
+        known += off @ weight @ off
         return placed, self.columns.loss(placed) + float(known)
 
     def normal_equations(self, unknown: Array, placed: Placed, scale: float = 1.0) -> tuple[Array, Array]:
@@ -233,18 +227,30 @@ class _Problem:
         precision[INNER_OFFSET, INNER_OFFSET] /= (
             1 + (away[INNER_OFFSET] / (INNER_CAUCHY * self.prior.sd[INNER_OFFSET])) ** 2
         )
-        return normal + precision, gradient - precision @ away
+        off, slopes, weight = self._calibrated(unknown)
+        normal += precision + slopes.T @ weight @ slopes
+        return normal, gradient - precision @ away - slopes.T @ weight @ off
+
+    def _calibrated(self, unknown: Array) -> tuple[Array, Array, Array]:
+        """Return what a calibration correlates: the force at a dent and the rigidity.
+
+        How far off they are (2,), how that turns with the unknowns (2, unknown), and the inverse covariance (2, 2).
+        """
+        globe, correlation = globe_term(self.walls, unknown), self.prior.globe.correlation
+        off = np.array([self.prior.same_force @ (unknown - self.prior.mean), globe.residual])
+        both = np.array([[1.0, correlation], [correlation, 1.0]] if self.prior.same_force.any() else np.eye(2))
+        return off, np.stack([self.prior.same_force, globe.slope]), np.asarray(np.linalg.inv(both))
 
     def inside(self, unknown: Array) -> Array:
-        """Keep the dent within what the library holds, and the rigidity within its bounds."""
+        """Keep the dent within what the library holds, and the pressure."""
         unknown[TIP] = np.clip(unknown[TIP], 0.0, self.walls.library.tip_m[-1] * np.exp(unknown[SIZE]))
-        unknown[RIGIDITY] = np.clip(unknown[RIGIDITY], *self._rigidity_ends)
+        unknown[PRESSURE] = np.clip(unknown[PRESSURE], *self._log_pressure_ends(unknown))
         return unknown
 
-    @property
-    def _rigidity_ends(self) -> tuple[float, float]:
-        """The bounds of the rigidity over the reference."""
-        return self.prior.globe.lowest / REFERENCE_RIGIDITY, self.prior.globe.highest / REFERENCE_RIGIDITY
+    def _log_pressure_ends(self, unknown: Array) -> Array:
+        """The logarithms of the lowest and the highest pressure, Pa, that the library holds of a wall."""
+        ends = self.walls.library.iop_ratio_ends(unknown[THICKNESS] / np.exp(unknown[SIZE]))
+        return np.asarray(np.log(ends) + unknown[MODULUS])
 
     def result(self, unknown: Array, placed: Placed) -> BoundaryFit:
         """Return the fit with its uncertainty: the curvature's, scaled by the misfit where that is large (Birge)."""
@@ -268,7 +274,7 @@ class _Problem:
             wall_bmc=place_walls(self.walls, unknown[None])[0],
             unknown=unknown,
             sd=np.sqrt(np.diag(covariance)),
-            iop_pa=iop_under_needle_pa(self.walls, unknown),
+            iop_pa=float(np.exp(unknown[PRESSURE if self.walls.globe.can_be_sealed else IOP])),
         )
 
     def _drawn_forces(self, unknown: Array, covariance: Array) -> Array:
@@ -276,8 +282,10 @@ class _Problem:
         normal = _standard_normal(len(NAMES) + 2)
         drawn = unknown + normal[:, :-2] @ np.linalg.cholesky(covariance).T
         drawn[:, TIP] = np.maximum(drawn[:, TIP], 0.0)
-        drawn[:, RIGIDITY] = np.clip(drawn[:, RIGIDITY], *self._rigidity_ends)
-        forces = force_n(self.walls, drawn) * np.exp(MODEL_SD * normal[:, -2]) + MODEL_SD_N * normal[:, -1]
+        forces = (
+            force_n(self.walls, keep_within(self.walls, drawn)) * np.exp(MODEL_SD * normal[:, -2])
+            + MODEL_SD_N * normal[:, -1]
+        )
         return np.maximum(forces, 0.0)
 
 

@@ -45,8 +45,9 @@ def highest_point(tip_m: Floats, force_sd: Floats, slope_sd: Floats) -> Floats:
     """Return the tip at which each path carries most (sample,), m; arguments of `first_crossing`."""
     place, peak = _peaks(_cubics(np.diff(tip_m), force_sd, slope_sd))
     interval = np.argmax(peak, axis=1)
-    highest: Floats = tip_m[interval] + place[np.arange(len(peak)), interval] * np.diff(tip_m)[interval]
-    return highest
+    highest = tip_m[interval] + place[np.arange(len(peak)), interval] * np.diff(tip_m)[interval]
+    found: Floats = np.where(force_sd[:, 0] > peak.max(axis=1), tip_m[0], highest)
+    return found
 
 
 def _cubics(step: Floats, force: Floats, slope: Floats) -> tuple[Floats, Floats, Floats, Floats]:

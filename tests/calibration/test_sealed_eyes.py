@@ -1,0 +1,144 @@
+"""Sealed and open eyes from the library's own walls: modulus and rigidity from three frames of known force."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scleraforce.calibration import session
+from scleraforce.calibration.assimilation import FrameStep, known_globe_after
+from scleraforce.calibration.eye_model import EyeConstants, stated_wall
+from scleraforce.calibration.library_eye import library_eye
+from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, KnownGlobe
+from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
+from scleraforce.laboratory.optics import Pose
+from scleraforce.library import Library
+from scleraforce.library.cache import cached_library
+from scleraforce.library.sealed import iop_ratio_at_dent
+from scleraforce.section.plane import Section
+from scleraforce.segmentation.observations import Boundaries
+from scleraforce.study import LibraryStudy, Range, Study
+from scleraforce.units import SI_PER_UNIT
+
+pytestmark = pytest.mark.slow
+
+PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
+STUDY = replace(
+    Study(),
+    library=LibraryStudy(
+        thickness_m=Range(min=0.5e-3, max=0.8e-3),
+        thicknesses=4,
+        tension=Range(min=4e-3, max=0.3),
+        tensions=10,
+        max_tip_m=4e-3,
+        tips=28,
+    ),
+)
+SHARP = replace(STUDY, calibration=replace(STUDY.calibration, surface_smoothing_m=0.0))
+DENTS_M = 1e-3 * np.linspace(1.0, 2.2, 13)  # the deepest that the library has of an eye is its highest force
+SHARES = (0.35, 0.7, 1.0)  # of that force
+NOISE_M = 10e-6
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
+    return cached_library(STUDY, folder=tmp_path_factory.mktemp("library"), workers=1)
+
+
+def drawn_eye(rng: np.random.Generator, rigidity: float) -> tuple[float, EyeConstants]:
+    """A modulus and what is true of an eye, whose contact is where none is stated."""
+    modulus_pa = float(rng.uniform(0.25e6, 0.45e6))
+    eye = EyeConstants(
+        iop_pa=float(rng.uniform(150.0, 400.0)),
+        thickness_m=float(rng.uniform(0.52e-3, 0.78e-3)),
+        gap_m=float(rng.uniform(0.4e-3, 0.8e-3)),
+        polar_rad=float(rng.uniform(0.45, 0.78)),
+        polar_sd_rad=0.0,
+        globe=SEALED if rigidity else OPEN,
+        rigidity_pa13_per_m3=rigidity * PER_UL,
+    )
+    return modulus_pa, eye
+
+
+def highest_force_n(library: Library, modulus_pa: float, eye: EyeConstants) -> float:
+    """The force at the deepest dent whose pressure neither runs away nor leaves the library."""
+    thickness = np.full(len(DENTS_M), eye.thickness_m)
+    resting = np.full(len(DENTS_M), eye.iop_pa / modulus_pa)
+    globe = SEALED.globe(eye.rigidity_pa13_per_m3).over(modulus_pa)
+    pressures = iop_ratio_at_dent(library, thickness, resting, DENTS_M, globe)
+    deepest = int(np.flatnonzero(np.isfinite(pressures))[-1])
+    near = library.for_contact(eye.polar_rad)
+    there = slice(deepest, deepest + 1)
+    force = modulus_pa * float(near.forces(thickness[there], pressures[there], DENTS_M[there])[0])
+    return min(0.95 * force, 60e-3)
+
+
+def frames(
+    library: Library, modulus_pa: float, eye: EyeConstants, forces_n: list[float], rng: np.random.Generator
+) -> list[Boundaries]:
+    """What an ideal segmentation finds in frames of an eye that moves."""
+    model, made = library_eye(SHARP, eye, library), []
+    for force_n in forces_n:
+        state = stated_wall(eye, modulus_pa, force_n, eye.polar_rad)
+        assert model.outside(state) is None
+        outer, inner = model.curves([state])[0]
+        lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
+        pose = Pose(lateral_m=0.3e-3 + lateral_m, depth_m=0.5e-3 + depth_m, tilt_rad=0.01)
+        smoothing_m = STUDY.calibration.surface_smoothing_m
+        made.append(ideal_boundaries(Section(outer, inner), pose, STUDY.oct, NOISE_M, rng, smoothing_m))
+    return made
+
+
+def calibrated(
+    library: Library, rigidity: float, told: KnownGlobe, rng: np.random.Generator
+) -> tuple[float, KnownGlobe, float]:
+    """Return the error of E relative to it, and what is then known of the globe; that of E over its deviation."""
+    modulus_pa, eye = drawn_eye(rng, rigidity)
+    forces_n = [share * highest_force_n(library, modulus_pa, eye) for share in SHARES]
+    stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=told, rigidity_pa13_per_m3=told.mean)
+    found = session.begin(STUDY, stated, library)
+    for force_n, boundaries in zip(forces_n, frames(library, modulus_pa, eye, forces_n, rng), strict=True):
+        found = session.step(found, boundaries, force_n)
+        assert isinstance(found.last, FrameStep), found.last
+        assert found.last.result.status == "ok"
+    off_pa = found.mean_pa - modulus_pa
+    return off_pa / modulus_pa, known_globe_after(found.filter, found.state), off_pa / found.sd_pa
+
+
+@pytest.mark.parametrize("number", range(8))
+def test_modulus_and_rigidity_of_a_sealed_eye_are_found_from_three_frames(library: Library, number: int) -> None:
+    rng = np.random.default_rng(100 + number)
+    rigidity = float(np.linspace(0.008, 0.043, 8)[number])
+    off, globe, off_sd = calibrated(library, rigidity, SEALED, rng)
+    assert globe.mean / PER_UL == pytest.approx(rigidity, rel=0.08)
+    assert abs(off) < 0.06
+    assert abs(off_sd) < 3.0
+    assert abs(globe.mean - rigidity * PER_UL) < 3.0 * globe.sd
+    assert globe.calibrated
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_an_open_eye_of_which_nothing_is_told_is_found_open(library: Library, number: int) -> None:
+    off, globe, _ = calibrated(library, 0.0, UNKNOWN, np.random.default_rng(200 + number))
+    assert abs(off) < 0.03
+    assert globe.mean / PER_UL == pytest.approx(0.0, abs=0.002)
+    assert globe.band[1] / PER_UL < 0.003
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0)], ids=["rising", "falling"])
+def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(
+    library: Library, order: tuple[int, ...]
+) -> None:
+    eye = EyeConstants(
+        iop_pa=378.0, thickness_m=0.541e-3, gap_m=0.517e-3, polar_rad=0.689, polar_sd_rad=0.0
+    )  # was begun from a stiff globe, and the first frame led to 0.01 MPa
+    forces_n = [(0.0106, 0.0232, 0.036)[place] for place in order]
+    made = frames(library, 0.2217e6, eye, forces_n, np.random.default_rng(3))
+    stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=UNKNOWN, rigidity_pa13_per_m3=UNKNOWN.mean)
+    found = session.begin(STUDY, stated, library)
+    for force_n, boundaries in zip(forces_n, made, strict=True):
+        found = session.step(found, boundaries, force_n)
+        assert isinstance(found.last, FrameStep), found.last
+        assert found.last.registered.youngs_modulus_pa == pytest.approx(0.2217e6, rel=0.1)
+    if order[0] == 0:
+        assert found.mean_pa == pytest.approx(0.2217e6, rel=0.05)

@@ -1,0 +1,192 @@
+"""The fit of sealed walls: its intervals hold whatever is known of the globe, and are as narrow as that allows."""
+
+from dataclasses import replace
+from math import exp, log
+
+import numpy as np
+import pytest
+from analytic_library import analytic_library
+
+from scleraforce.fitting.fit_prediction import (
+    DEPTH,
+    GAP,
+    IOP,
+    LATERAL,
+    MODULUS,
+    NAMES,
+    PRESSURE,
+    THICKNESS,
+    TIP,
+    Walls,
+    force_n,
+    predict_wall,
+)
+from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries, prior_of
+from scleraforce.fitting.placement import Places
+from scleraforce.known.eye import Known, Modulus
+from scleraforce.known.globe import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, KnownGlobe, known_globe
+from scleraforce.library.sealed import iop_ratio_at_dent
+from scleraforce.study import Range, ReaderStudy
+
+LIBRARY = analytic_library()
+SEALED_WALLS = Walls(LIBRARY, UNKNOWN)
+RANGES = ReaderStudy(
+    youngs_modulus_pa=Range(min=0.15e6, max=0.6e6),
+    iop_pa=Range(min=100.0, max=600.0),
+    thickness_m=Range(min=0.4e-3, max=0.9e-3),
+    gap_m=Range(min=0.3e-3, max=1.0e-3),
+)
+LATERAL_M = (np.arange(256) + 0.5 - 128) * 15e-3 / 256
+BOTH = Places(np.concatenate([LATERAL_M, LATERAL_M]), np.repeat([0, 1], 256))
+NOISE_M = 10e-6
+EYES = 120
+
+
+def eye(tip_m: float, rigidity: float) -> np.ndarray:
+    """The unknowns of a middling eye; `rigidity` over that of enucleated human eyes."""
+    unknown = np.zeros(len(NAMES))
+    unknown[[TIP, LATERAL, DEPTH]] = tip_m, 0.4e-3, 0.5e-3
+    unknown[[GAP, THICKNESS, MODULUS, IOP]] = 0.6e-3, 0.65e-3, log(0.3e6), log(270.0)
+    unknown[PRESSURE] = log_pressures(unknown[None], np.array([rigidity]))[0]
+    return unknown
+
+
+def log_pressures(unknown_su: np.ndarray, rigidity: np.ndarray) -> np.ndarray:
+    """Logarithms of the pressures under the needle (sample,) of rigidities; NaN where they run away."""
+    modulus = np.exp(unknown_su[:, MODULUS])
+    walls = unknown_su[:, THICKNESS], np.exp(unknown_su[:, IOP]) / modulus, unknown_su[:, TIP]
+    law = UNKNOWN.globe(REFERENCE_RIGIDITY * rigidity).over(modulus)
+    return np.log(iop_ratio_at_dent(LIBRARY, *walls, law) * modulus)
+
+
+def drawn_eye(rng: np.random.Generator, globe: KnownGlobe) -> tuple[np.ndarray, float]:
+    """An eye of a rigidity anywhere in a globe's range, whose pressure does not run away, and its rigidity."""
+    while True:
+        rigidity = rng.uniform(globe.lowest, globe.highest)
+        unknown = eye(rng.uniform(0.2e-3, 1.4e-3), 0.0)
+        unknown[[GAP, THICKNESS, MODULUS, IOP]] = (
+            rng.uniform(0.4e-3, 0.9e-3), rng.uniform(0.45e-3, 0.85e-3), log(rng.uniform(0.2e6, 0.5e6)),
+            log(rng.uniform(133.0, 533.0)),
+        )  # fmt: skip
+        unknown[PRESSURE] = log_pressures(unknown[None], np.array([rigidity / REFERENCE_RIGIDITY]))[0]
+        if np.isfinite(unknown[PRESSURE]):
+            return unknown, rigidity
+
+
+def boundaries(unknown: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """What a frame would show (2, column), with errors that are correlated over 0.35 mm."""
+    predicted = predict_wall(SEALED_WALLS, unknown, BOTH)
+    kernel = np.exp(-(np.linspace(-3, 3, 19) ** 2) / 2)
+    rough = [np.convolve(rng.standard_normal(256 + 18), kernel / np.sqrt((kernel**2).sum()), "valid") for _ in "oi"]
+    slopes = predicted.slope.reshape(2, -1)
+    return predicted.depth_m.reshape(2, -1) + NOISE_M * np.array(rough) * np.sqrt(1 + slopes**2)
+
+
+def known_of(unknown: np.ndarray, globe: KnownGlobe, rng: np.random.Generator | None = None) -> Known:
+    """What is known of an eye; with `rng`, its modulus as it would be found, 2 % off."""
+    modulus = exp(unknown[MODULUS])
+    found = modulus * (1.0 + 0.02 * rng.normal()) if rng else modulus
+    return Known(
+        modulus=Modulus(mean_pa=found, sd_pa=0.02 * modulus, source="own"),
+        iop_pa=exp(unknown[IOP]),
+        thickness_m=unknown[THICKNESS],
+        gap_m=unknown[GAP],
+        globe=globe,
+    )
+
+
+def fitted(depth: np.ndarray, known: Known) -> BoundaryFit:
+    fit = fit_boundaries(LIBRARY, LATERAL_M, depth, prior_of(known, RANGES))
+    assert fit is not None
+    return fit
+
+
+def true_force_n(unknown: np.ndarray) -> float:
+    return float(force_n(SEALED_WALLS, unknown[None])[0])
+
+
+def coverage(seed: int, drawn: KnownGlobe, told: str) -> float:
+    """The share of eyes whose 90 % interval holds the force, of as many as `EYES`."""
+    rng, inside = np.random.default_rng(seed), 0
+    for _ in range(EYES):
+        truth, k = drawn_eye(rng, drawn)
+        globe = known_globe("sealed", k * (1.0 + 0.08 * rng.normal())) if told == "rigidity" else drawn
+        low, high = fitted(boundaries(truth, rng), known_of(truth, globe, rng)).interval_n
+        inside += low <= true_force_n(truth) <= high
+    return inside / EYES
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("drawn", "told"), [(SEALED, "rigidity"), (SEALED, "sealed"), (UNKNOWN, "nothing")], ids=["k", "sealed", "nothing"]
+)
+def test_intervals_of_sealed_walls_hold_the_force_whatever_is_told_of_the_globe(drawn: KnownGlobe, told: str) -> None:
+    assert coverage(11, drawn, told) >= 0.83  # 90 % of so many, less two and a half standard deviations
+
+
+def test_what_is_not_told_of_a_globe_widens_the_interval() -> None:
+    truth = eye(0.8e-3, 0.2)
+    depth, force = boundaries(truth, np.random.default_rng(5)), true_force_n(truth)
+    globes = (known_globe("sealed", 0.2 * REFERENCE_RIGIDITY), SEALED, UNKNOWN)
+    ends = [fitted(depth, known_of(truth, globe)).interval_n for globe in globes]
+    assert all(low < force < high for low, high in ends)
+    widths = [high - low for low, high in ends]
+    assert widths[1] > 2.0 * widths[0]
+    assert widths[2] > 0.95 * widths[1]
+    assert (
+        fitted(depth, known_of(truth, OPEN)).interval_n[1] < force
+    )  # what a sealed eye is taken for when it is told open
+
+
+def test_the_pressure_under_the_needle_is_that_of_the_law() -> None:
+    truth = eye(0.8e-3, 0.2)
+    globe = known_globe("sealed", 0.2 * REFERENCE_RIGIDITY)
+    fit = fitted(boundaries(truth, np.random.default_rng(6)), known_of(truth, globe))
+    law = globe.globe(globe.mean).over(0.3e6)
+    (ratio,) = iop_ratio_at_dent(LIBRARY, truth[[THICKNESS]], np.array([270.0 / 0.3e6]), truth[[TIP]], law)
+    assert fit.iop_pa == pytest.approx(0.3e6 * ratio, rel=0.1)
+    assert ratio > 1.5 * 270.0 / 0.3e6
+
+
+def spread_on_a_grid_n(truth: np.ndarray, known: Known) -> float:
+    """The standard deviation of the force at the true dent over a grid of (ln E, k), weighted by what is known."""
+    globe, modulus = known.globe, known.modulus
+    assert globe is not None
+    assert modulus is not None
+    scores = np.stack(np.meshgrid(np.linspace(-3.5, 3.5, 41), np.linspace(-3.5, 3.5, 41)), axis=-1).reshape(-1, 2)
+    apart = np.sqrt(1.0 - globe.correlation**2)
+    sample = np.repeat(truth[None], len(scores), axis=0)
+    sample[:, MODULUS] = log(modulus.mean_pa) + modulus.relative_sd * scores[:, 0]
+    rigidity = globe.mean + globe.sd * (globe.correlation * scores[:, 0] + apart * scores[:, 1])
+    sample[:, PRESSURE] = log_pressures(sample, rigidity / REFERENCE_RIGIDITY)
+    forces, weights = force_n(Walls(LIBRARY, globe), sample), np.exp(-0.5 * (scores**2).sum(axis=1))
+    mean = np.average(forces, weights=weights)
+    return float(np.sqrt(np.average((forces - mean) ** 2, weights=weights)))
+
+
+def calibrated(modulus_sd: float, rigidity_sd: float, correlation: float) -> Known:
+    """What a calibration leaves of the middling eye of rigidity 0.2."""
+    globe = replace(
+        SEALED,
+        lowest=0.0,
+        mean=0.2 * REFERENCE_RIGIDITY,
+        sd=rigidity_sd * REFERENCE_RIGIDITY,
+        correlation=correlation,
+        calibrated=True,
+    )
+    modulus = Modulus(mean_pa=0.3e6, sd_pa=modulus_sd * 0.3e6, source="own")
+    return replace(known_of(eye(0.8e-3, 0.2), globe), modulus=modulus)
+
+
+def test_a_calibrated_modulus_and_rigidity_tell_the_force_as_well_as_their_correlation_says() -> None:
+    truth = eye(0.8e-3, 0.2)
+    depth = predict_wall(SEALED_WALLS, truth, BOTH).depth_m.reshape(2, -1)
+    certain = calibrated(0.01, 1e-4, 0.0)
+    else_n2 = fitted(depth, certain).draws_n.var() - spread_on_a_grid_n(truth, certain) ** 2
+    found = []
+    for correlation in (-0.9, 0.0, 0.9):
+        known = calibrated(0.06, 0.02, correlation)
+        expected_n = np.sqrt(spread_on_a_grid_n(truth, known) ** 2 + else_n2)
+        found.append(fitted(depth, known).draws_n.std())
+        assert found[-1] == pytest.approx(expected_n, rel=0.2)
+    assert max(found) > 1.3 * min(found)

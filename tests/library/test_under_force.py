@@ -1,0 +1,84 @@
+"""The pressure of sealed eyes under a force, against the pressure at the dent that the force makes."""
+
+import numpy as np
+import pytest
+from analytic_library import analytic_library, draw_walls
+
+from scleraforce.errors import InputError
+from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
+from scleraforce.library.sealed import iop_ratio_at_dent
+from scleraforce.library.under_force import iop_ratio_under_force
+from scleraforce.study.globe import RIGIDITY_LAWS
+from scleraforce.units import SI_PER_UNIT
+
+PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
+LIBRARY = analytic_library()
+WALL = (np.array([0.65e-3]), np.array([9e-4]))
+
+
+def sealed_eyes(law: str, count: int = 200) -> tuple[np.ndarray, np.ndarray, np.ndarray, Globe]:
+    """Walls, dents and globes, of which some run away."""
+    rng = np.random.default_rng(5)
+    thickness, resting = draw_walls(rng, count)
+    resting = np.minimum(resting, 0.05 * thickness / LIBRARY.radius_m)
+    dents = rng.uniform(0.05e-3, 1.2e-3, count)
+    return thickness, resting, dents, sealed_globe(rng.uniform(0.001, 0.06, count) * PER_UL, law).over(0.4e6)
+
+
+@pytest.mark.parametrize("law", RIGIDITY_LAWS)
+def test_the_pressure_is_that_at_the_dent_which_the_force_makes(law: str) -> None:
+    thickness, resting, dents, globe = sealed_eyes(law)
+    expected = iop_ratio_at_dent(LIBRARY, thickness, resting, dents, globe)
+    stays = np.isfinite(expected)
+    walls, rate = (thickness[stays], resting[stays]), np.asarray(globe.rate)[stays]
+    forces = LIBRARY.forces(walls[0], expected[stays], dents[stays])
+    first = np.isclose(LIBRARY.reached_tips(walls[0], expected[stays], forces), dents[stays], rtol=1e-9)
+    found = iop_ratio_under_force(LIBRARY, *walls, forces, Globe(law, rate))
+    assert first.sum() > 60
+    assert np.median(expected[stays][first] / walls[1][first]) > 1.2
+    np.testing.assert_allclose(found[first], expected[stays][first], rtol=1e-5)
+
+
+def test_an_open_globe_and_one_without_a_force_keep_their_pressure() -> None:
+    thickness, resting, _, globe = sealed_eyes("cube-root")
+    forces = np.full(len(thickness), 5e-8)
+    np.testing.assert_array_equal(iop_ratio_under_force(LIBRARY, thickness, resting, forces, OPEN_GLOBE), resting)
+    np.testing.assert_array_equal(iop_ratio_under_force(LIBRARY, thickness, resting, 0.0 * forces, globe), resting)
+    some = Globe("cube-root", np.where(np.arange(len(thickness)) % 2, globe.rate, 0.0))
+    found = iop_ratio_under_force(LIBRARY, thickness, resting, forces, some)
+    np.testing.assert_array_equal(found[::2], resting[::2])
+    assert (found[1::2] > resting[1::2]).all()
+
+
+def test_the_pressure_rises_with_force_and_rigidity() -> None:
+    thickness, resting = (np.repeat(value, 12) for value in WALL)
+    forces, rates = np.linspace(1e-9, 8e-8, 12), np.linspace(1e-4, 0.02, 12) * PER_UL / np.cbrt(0.4e6)
+    for walls in ((forces, np.full(12, rates[5])), (np.full(12, forces[5]), rates)):
+        found = iop_ratio_under_force(LIBRARY, thickness, resting, walls[0], Globe("cube-root", walls[1]))
+        assert (np.diff(found) > 0.0).all()
+
+
+def test_where_the_pressure_rises_beyond_the_library_its_highest_counts() -> None:
+    highest = LIBRARY.iop_ratio_ends(WALL[0])[1]
+    stiff = Globe("cube-root", 50.0 * PER_UL / np.cbrt(0.4e6))
+    assert iop_ratio_under_force(LIBRARY, *WALL, np.array([1e-7]), stiff) == pytest.approx(highest)
+
+
+@pytest.mark.parametrize("law", RIGIDITY_LAWS)
+def test_a_little_below_no_rigidity_the_pressure_falls_as_it_rises_above(law: str) -> None:
+    rates = sealed_globe(np.array([-1e-4, 1e-4]) * PER_UL, law).over(0.4e6)
+    thickness, resting = (np.repeat(value, 2) for value in WALL)
+    fallen, risen = iop_ratio_under_force(LIBRARY, thickness, resting, np.full(2, 5e-8), rates) / resting - 1.0
+    assert risen > 1e-4
+    assert fallen == pytest.approx(-risen, rel=0.05)
+
+
+def test_a_wall_outside_the_library_is_refused() -> None:
+    with pytest.raises(InputError, match="thickness"):
+        iop_ratio_under_force(LIBRARY, np.array([2e-3]), WALL[1], np.array([5e-8]), sealed_globe(PER_UL))
+
+
+def test_where_a_force_is_more_than_a_wall_carries_the_deepest_dent_counts() -> None:
+    largest = LIBRARY.largest_force_ratio(*WALL)
+    assert LIBRARY.reached_tips(*WALL, 0.5 * largest) == pytest.approx(LIBRARY.tips(*WALL, 0.5 * largest))
+    assert LIBRARY.reached_tips(*WALL, 100.0 * largest) == LIBRARY.tip_m[-1]
