@@ -1,4 +1,4 @@
-"""Recordings in ../shared: an open eye of which nothing is told, and a sealed one."""
+"""Recordings in ../shared: two open eyes of which nothing is told, and a sealed one."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -26,8 +26,9 @@ def calibrated(name: str, globe: str | None, frames: int | None = None) -> EyeCa
     return calibrate_recordings([told], Study(), "", cached_library(Study(), workers=1), frames=frames).eyes[name]
 
 
-def test_an_open_eye_of_which_nothing_is_told_is_found_open() -> None:
-    untold, told = calibrated("sample-b", None), calibrated("sample-b", "open")
+@pytest.mark.parametrize(("name", "frames"), [("sample-a", 3), ("sample-b", None)])
+def test_an_open_eye_of_which_nothing_is_told_is_found_open(name: str, frames: int | None) -> None:
+    untold, told = calibrated(name, None, frames), calibrated(name, "open")
     assert (untold.status, told.status) == ("ok", "ok")
     assert abs(untold.globe.mean) / PER_UL < 0.001
     assert untold.mean_pa == pytest.approx(told.mean_pa, rel=0.03)
