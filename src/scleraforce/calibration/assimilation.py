@@ -162,8 +162,21 @@ def first_state(eye: EyeFilter) -> EyeState:
 
 
 def moments(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
-    """Return means and standard deviations of the parameters in SI, with what all frames share."""
-    return eye.space.moments(state.posterior.mean, _total_covariance(eye, state))
+    """Return means and standard deviations of the parameters in SI, with what all frames share.
+
+    Where the filter has left the bounds of the rigidity, which it does not know, they are those on the bound.
+    """
+    return eye.space.moments(*_within_bounds(eye, state))
+
+
+def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
+    """Return mean and covariance in the filter's coordinates, the mean that of a rigidity within its bounds."""
+    mean, covariance = state.posterior.mean, _total_covariance(eye, state)
+    if RIGIDITY not in eye.space.names:
+        return mean, covariance
+    globe, place = eye.model.constants.globe, eye.space.names.index(RIGIDITY)
+    away = np.clip(globe.mean * mean[place], globe.lowest, globe.highest) / globe.mean - mean[place]
+    return mean + away * covariance[:, place] / covariance[place, place], covariance
 
 
 def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
@@ -171,12 +184,12 @@ def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
     globe = eye.model.constants.globe
     if not globe.can_be_sealed:
         return globe
-    covariance = _total_covariance(eye, state)
+    mean, covariance = _within_bounds(eye, state)
     rigidity, modulus = (eye.space.names.index(name) for name in (RIGIDITY, PARAMETERS["e"]))
     sds = np.sqrt(np.diag(covariance))
     return replace(
         globe,
-        mean=globe.mean * float(state.posterior.mean[rigidity]),
+        mean=globe.mean * float(mean[rigidity]),
         sd=globe.mean * float(sds[rigidity]),
         correlation=float(covariance[rigidity, modulus] / (sds[rigidity] * sds[modulus])),
         calibrated=state.posterior.updates > 0,

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scleraforce.calibration.assimilation import (
     EyeFilter,
@@ -16,6 +15,7 @@ from scleraforce.calibration.assimilation import (
 )
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
+from scleraforce.calibration.frame_order import frame_order
 from scleraforce.calibration.parameters import spread
 from scleraforce.calibration.registration import first_belief
 from scleraforce.calibration.session import EyeSession, begin, step
@@ -29,12 +29,10 @@ from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observed import dent, segmented_boundaries
 from scleraforce.segmentation.wall import Segmentation, find_wall
-from scleraforce.study import CalibrationStudy, Study
+from scleraforce.study import Study
 from scleraforce.units import from_si
 
 __all__ = ["Calibration", "EyeCalibration", "FrameRecord", "UsedRecording", "calibrate_recordings", "eye_constants"]
-
-Array = NDArray[np.float64]
 
 SAME_MODULUS = 0.01  # relative; what else is stated of the eye moves the mean of a lognormal by less
 
@@ -250,8 +248,11 @@ def _calibrate(
     seen = {record.sha256 for record in records}
     scale = PixelScale.of(recording.info.oct)
     left = len(trials) if frames is None else frames
+    included = [trial.excluded is None for trial in trials]
+    rising = session.filter.model.constants.globe.can_be_sealed
+    order = frame_order(forces.force_n, included, study.calibration.min_force_n, frames, rising)
     shown = [float("nan")] * len(trials)
-    for index in _order(forces.force_n, [trial.excluded is None for trial in trials], frames, study.calibration):
+    for index in order:
         entry, trial = recording.frames[index], trials[index]
         pixels = recording.frame(entry) if left > 0 and trial.excluded is None else None
         if pixels is not None and (sha256 := frame_digest(pixels)) not in seen:
@@ -271,6 +272,8 @@ def _calibrate(
                 left -= 1
         if progress is not None:
             progress(1)
+    if progress is not None:
+        progress(len(trials) - len(order))
     doubts = log_doubts(recording, study.classes, shown)
     if library is None:
         doubts = (*open_doubts(recording.info.eye.globe), *doubts)
@@ -295,27 +298,6 @@ def _calibrate(
         steps=tuple(steps),
         filter=session.filter,
     )
-
-
-def _order(force_n: Array, included: Sequence[bool], frames: int | None, study: CalibrationStudy) -> list[int]:
-    """Return the frames of a recording in the order in which they are looked at.
-
-    All in theirs; or, where only some are wanted, the first few that say where the eye lies, then those of the highest
-    force and of even shares of it, which tell modulus and rigidity apart, then whatever else there is for those that
-    cannot be used.
-    """
-    if frames is None:
-        return list(range(len(included)))
-    light = [index for index, inside in enumerate(included) if inside and force_n[index] <= study.min_force_n]
-    left = [index for index, inside in enumerate(included) if inside and force_n[index] > study.min_force_n]
-    left.sort(key=lambda index: -force_n[index])
-    chosen, highest_n = list[int](), force_n[left[0]] if left else 0.0
-    for share in np.arange(frames, 0, -1) / frames:
-        if left:
-            nearest = min(left, key=lambda index: abs(force_n[index] - share * highest_n))
-            left.remove(nearest)
-            chosen.append(nearest)
-    return [*light[:frames], *reversed(chosen), *left]
 
 
 def _begin(

@@ -40,9 +40,9 @@ class KnownGlobe:
     """A globe of which so much is known.
 
     `kind` is what was told of it. `lowest` and `highest` bound the rigidity k of the `law`; `mean` and `sd` say where
-    it lies. All are Pa^(1/3)/m^3 and 0 for an open globe; the mean of a calibrated one may lie a little outside its
-    bounds. `correlation` is that with the logarithm of the modulus that was estimated with it; `calibrated` says
-    whether frames of known force have told these, `rigidity_told` whether k was told as a number.
+    it lies. All are Pa^(1/3)/m^3 and 0 for an open globe. `correlation` is that with the logarithm of the modulus that
+    was estimated with it; `calibrated` says whether frames of known force have told these, `rigidity_told` whether k
+    was told as a number.
     """
 
     kind: Kind
