@@ -16,7 +16,7 @@ from scleraforce.cli.main import run
 pytest.importorskip("torch")
 
 SIZE = ["--width-mm", "15", "--depth-mm", "4"]
-STATED = recording_toml("mine", needle="polar_angle_rad = 0.6", more="plane_tilt_rad = 0.2")
+STATED = recording_toml("mine", globe="", needle="polar_angle_rad = 0.6", more="plane_tilt_rad = 0.2")
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def classified(capsys: pytest.CaptureFixture[str], *arguments: object, code: int
 
 
 def test_scale_and_eye_come_from_the_recording_beside_the_frame(model, frame, capsys) -> None:
-    (entry,) = classified(capsys, model, frame, "--youngs-modulus-mpa", MODULUS_PA / 1e6)
+    (entry,) = classified(capsys, model, frame, "--youngs-modulus-mpa", MODULUS_PA / 1e6, "--globe", "open")
     assert entry["predicted_force_mn"] == pytest.approx(15.0, abs=1.0)
     assert entry["scale"] == {
         "width_mm": {"value": 15.0, "source": "recording.toml"},
@@ -63,7 +63,7 @@ def test_scale_and_eye_come_from_the_recording_beside_the_frame(model, frame, ca
     }
     assert {name: told["source"] for name, told in entry["known"].items()} == {
         "youngs_modulus_mpa": "option", "iop_mmhg": "recording.toml", "thickness_um": "recording.toml",
-        "gap_mm": "recording.toml", "polar_angle_deg": "recording.toml", "globe": "unknown",
+        "gap_mm": "recording.toml", "polar_angle_deg": "recording.toml", "globe": "option",
     }  # fmt: skip
     assert entry["known"]["thickness_um"]["value"] == 650.0
 

@@ -19,7 +19,7 @@ SIZE = {"width_m": 15e-3, "depth_m": 4e-3}
 def test_an_array_is_read_as_the_reader_reads_it() -> None:
     expected = force_reader().read(FRAME, SCALE, KNOWN)
     assert KNOWN.modulus is not None
-    told = {"iop_pa": KNOWN.iop_pa, "thickness_m": KNOWN.thickness_m, "gap_m": KNOWN.gap_m}
+    told = {"iop_pa": KNOWN.iop_pa, "thickness_m": KNOWN.thickness_m, "gap_m": KNOWN.gap_m, "globe": "open"}
     answer = read(force_reader(), FRAME, youngs_modulus_pa=KNOWN.modulus.mean_pa, **told, **SIZE)
     assert answer.force_n == pytest.approx(expected.force_n, rel=0.01)
     assert answer.usable

@@ -63,14 +63,16 @@ def image(section: Section, seed: int = 1, scanner: OctStudy = STUDY.oct) -> np.
     return render_bscan(section, scanner, sample_optics(CLEAN, scanner, rng), rng).frame
 
 
-def recording_toml(eye: str, gap_m: float = GAP_M, needle: str = "", more: str = "") -> str:
+def recording_toml(
+    eye: str, gap_m: float = GAP_M, needle: str = "", more: str = "", globe: str = 'globe = "open"'
+) -> str:
     """What `recording.toml` states of such frames; `needle`: other keys of [needle], `more`: of [oct], and sections."""
     return f"""
 [eye]
 id = "{eye}"
 thickness_m = {THICKNESS_M}
 iop_pa = {IOP_PA}
-globe = "open"
+{globe}
 [needle]
 gauge = 22
 slice_gap_m = {gap_m}

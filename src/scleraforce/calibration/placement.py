@@ -17,7 +17,7 @@ __all__ = [
     "BY_ROTATION",
     "LOG_MODULUS",
     "NUISANCES",
-    "RIGIDITY",
+    "RELATIVE_RIGIDITY",
     "force_derivative",
     "place_section",
     "polar_derivative",
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 NUISANCES = ("lateral_m", "depth_m", "rotation_rad", "polar_rad", "inner_m")
 BY_LATERAL, BY_DEPTH, BY_ROTATION, BY_POLAR, BY_INNER = range(5)
 # Come after the nuisances among the unknowns of a frame: ln E, and the globe's rigidity over `REFERENCE_RIGIDITY`.
-LOG_MODULUS, RIGIDITY = 5, 6
+LOG_MODULUS, RELATIVE_RIGIDITY = 5, 6
 
 MODULUS_STEP, RIGIDITY_STEP = 0.01, 0.02
 FORCE_STEP_N = 1e-4

@@ -19,7 +19,7 @@ from scleraforce.calibration.placement import (
     BY_POLAR,
     BY_ROTATION,
     LOG_MODULUS,
-    RIGIDITY,
+    RELATIVE_RIGIDITY,
     place_section,
     predict_frame,
 )
@@ -52,7 +52,7 @@ class PoseBelief:
     covariance: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Registered:
     """A frame's fit: nuisances (5,), their covariance (5, 5), and the frame's own modulus and rigidity."""
 
@@ -141,7 +141,8 @@ class _Fit:
         covariance = np.zeros((7, 7))
         covariance[:5, :5] = prior.covariance
         rigidity_sd = globe.sd / REFERENCE_RIGIDITY
-        covariance[LOG_MODULUS, LOG_MODULUS], covariance[RIGIDITY, RIGIDITY] = LOG_MODULUS_SD**2, rigidity_sd**2
+        covariance[LOG_MODULUS, LOG_MODULUS] = LOG_MODULUS_SD**2
+        covariance[RELATIVE_RIGIDITY, RELATIVE_RIGIDITY] = rigidity_sd**2
         self.precision = np.zeros((7, 7))
         free = np.ix_(self.free, self.free)
         self.precision[free] = np.linalg.inv(covariance[free])
@@ -175,12 +176,12 @@ class _Fit:
     def _start_rigidities(self) -> list[float]:
         """Return the rigidities over the reference to begin from: about a stiff globe an open eye is not found."""
         low, high = self._rigidity_ends
-        return sorted({float(self.mean[RIGIDITY]), *(low + share * (high - low) for share in START_RIGIDITY)})
+        return sorted({float(self.mean[RELATIVE_RIGIDITY]), *(low + share * (high - low) for share in START_RIGIDITY)})
 
     def evaluate(self, unknown: Array) -> tuple[Placed, float]:
         """Return the prediction and the cost."""
         modulus_pa = float(np.exp(unknown[LOG_MODULUS]))
-        model = self.model.with_rigidity(REFERENCE_RIGIDITY * float(unknown[RIGIDITY]))
+        model = self.model.with_rigidity(REFERENCE_RIGIDITY * float(unknown[RELATIVE_RIGIDITY]))
         placed = predict_frame(model, modulus_pa, self.force_n, unknown[:5], self.columns.places)
         away = unknown - self.mean
         return placed, self.columns.loss(placed) + float(away @ self.precision @ away)
@@ -194,7 +195,7 @@ class _Fit:
 
     def inside(self, unknown: Array) -> Array:
         """Keep the rigidity within its bounds; a section goes on smoothly beyond what the mechanics holds for."""
-        unknown[RIGIDITY] = np.clip(unknown[RIGIDITY], *self._rigidity_ends)
+        unknown[RELATIVE_RIGIDITY] = np.clip(unknown[RELATIVE_RIGIDITY], *self._rigidity_ends)
         return unknown
 
     @property
@@ -215,5 +216,9 @@ class _Fit:
         covariance = np.zeros((7, 7))
         free = np.ix_(self.free, self.free)
         covariance[free] = np.linalg.inv((data + self.precision)[free])
-        modulus_pa, rigidity = float(np.exp(unknown[LOG_MODULUS])), REFERENCE_RIGIDITY * float(unknown[RIGIDITY])
-        return Registered(unknown[:5].copy(), covariance[:5, :5], modulus_pa, rigidity)
+        return Registered(
+            nuisance=unknown[:5].copy(),
+            covariance=covariance[:5, :5],
+            youngs_modulus_pa=float(np.exp(unknown[LOG_MODULUS])),
+            rigidity_pa13_per_m3=REFERENCE_RIGIDITY * float(unknown[RELATIVE_RIGIDITY]),
+        )

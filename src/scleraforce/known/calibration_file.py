@@ -226,13 +226,16 @@ def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
         "rigidity_mmhg13_per_ul": {name: from_si(value, RIGIDITY_UNIT) for name, value in values.items()},
         "correlation": globe.correlation,
         "calibrated": globe.calibrated,
+        "rigidity_told": globe.rigidity_told,
     }
 
 
 def _globe(entry: Mapping[str, Any], place: str) -> KnownGlobe:
-    kind, law, calibrated = entry.get("kind"), entry.get("rigidity_law"), entry.get("calibrated")
-    if kind not in KINDS_OF_GLOBE or law not in RIGIDITY_LAWS or not isinstance(calibrated, bool):
-        raise CalibrationError(f"{place}: kind, rigidity_law or calibrated: not as `calibrate` writes them; {WRITER}")
+    kind, law, calibrated, told = (entry.get(key) for key in ("kind", "rigidity_law", "calibrated", "rigidity_told"))
+    if kind not in KINDS_OF_GLOBE or law not in RIGIDITY_LAWS or not {type(calibrated), type(told)} == {bool}:
+        raise CalibrationError(
+            f"{place}: kind, rigidity_law, calibrated or rigidity_told: not as `calibrate` writes them; {WRITER}"
+        )
     rigidity, within = table_of(entry, "rigidity_mmhg13_per_ul", place), f"{place}.rigidity_mmhg13_per_ul"
     ends = {"lowest": 0.0, "highest": 0.0, "sd": 0.0, "mean": -STIFFEST_RIGIDITY}  # the least that each may be
     values = {
@@ -250,7 +253,8 @@ def _globe(entry: Mapping[str, Any], place: str) -> KnownGlobe:
         sd=values["sd"],
         law=law,
         correlation=correlation,
-        calibrated=calibrated,
+        calibrated=bool(calibrated),
+        rigidity_told=bool(told),
     )
 
 

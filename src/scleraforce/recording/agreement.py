@@ -30,6 +30,7 @@ RELATED = 4.6  # gain of log likelihood of a curve over none that chance gives o
 BETTER = 10.0  # the same of a shift over the stated times; chance gives about 7 where 12 frames try 240 shifts
 FARTHEST_S, STEP_S, LEAST_SHIFT_S = 60.0, 0.5, 1.0  # of the frames' times, in the search for a shift
 LEAST_SCATTER = 1e-3  # of the variance: what reading and label leave over at best
+LEAST_VARIANCE_M2 = (1e-9) ** 2  # of what frames show: where all show the same, no shift fits better
 LEAST_SHARE = 0.75  # of the frames that must lie on the log under a shift
 
 
@@ -151,4 +152,4 @@ def _likelihood(force_n: Array, shown: Array) -> float:
     scaled = force_n / max(float(np.abs(force_n).max()), 1e-12)
     design = np.stack([np.ones_like(scaled), scaled, scaled**2], axis=1)
     rest = shown - design @ np.linalg.lstsq(design, shown, rcond=None)[0]
-    return -0.5 * len(shown) * float(np.log(rest.var() / shown.var() + LEAST_SCATTER))
+    return -0.5 * len(shown) * float(np.log(rest.var() / max(shown.var(), LEAST_VARIANCE_M2) + LEAST_SCATTER))
