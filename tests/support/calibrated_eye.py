@@ -20,7 +20,13 @@ def calibration_of_a_sealed_eye() -> Calibration:
     state = EyeState(posterior, PoseBelief(np.zeros(pose), np.eye(pose)), np.zeros((count, len(SHARED))), np.eye(2))
     frames = tuple(
         FrameRecord(
-            recording="mine", file=f"{number}.png", sha256=str(number), force_n=0.01 * number, mean_pa=0.3e6, sd_pa=1e4
+            recording="mine",
+            file=f"{number}.png",
+            sha256=str(number),
+            force_n=0.015 * number,
+            mean_pa=0.3e6,
+            sd_pa=1e4,
+            own_modulus_pa=(0.2 + 0.05 * number) * 1e6,
         )
         for number in (1, 2, 3)
     )

@@ -129,9 +129,9 @@ def _line(name: str, eye: "EyeCalibration", bounds_n: tuple[float, ...]) -> str:
 
 
 def _softening(eye: "EyeCalibration", bounds_n: tuple[float, ...]) -> str:
-    """Return a remark where low and high forces do not agree on E."""
+    """Return a remark where low and high forces do not agree on E; a frame alone cannot tell E from a rigidity."""
     _, low, high = eye.by_class(bounds_n)
-    if low is None or high is None or abs(high / low - 1) < 0.1:
+    if eye.globe.can_be_sealed or low is None or high is None or abs(high / low - 1) < 0.1:
         return ""
     force = f"{from_si(bounds_n[-1], 'mn'):g} mN"
     moduli = f"{from_si(low, 'mpa'):.3f} MPa below {force} and {from_si(high, 'mpa'):.3f} above"
