@@ -23,7 +23,7 @@ from scleraforce.cli.main import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
-SLOW_COMMANDS = {"reproduce", "library", "generate", "train"}
+SLOW_COMMANDS = {"reproduce", "library", "generate", "train", "phantom", "calibrate"}
 LANGUAGES = {"console", "python", "toml", "json", "text", "csv", "mermaid", ""}
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 PACKAGE = Path(scleraforce.__file__).parent

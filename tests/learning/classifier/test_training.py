@@ -64,6 +64,7 @@ def test_a_network_that_learned_with_mirroring_reads_slices_that_only_the_mirror
     assert accuracy[False] < 0.7
 
 
+@pytest.mark.slow
 def test_the_gradient_over_many_dropout_masks_comes_close_to_its_expectation() -> None:
     rng = np.random.default_rng(0)
     inputs, target = torch.from_numpy(rng.normal(size=(16, 8))).float(), torch.from_numpy(rng.integers(0, 3, size=16))
