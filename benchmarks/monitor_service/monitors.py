@@ -88,7 +88,8 @@ def real_monitor(model: Path, recording: Path, *options: str, pinned: bool = Tru
         options: further ones of the command.
         pinned: the monitor to the first core, its companions to the others.
     """
-    eye = json.loads((recording / "truth.json").read_text(encoding="utf-8"))["eye"]
+    truth = json.loads((recording / "truth.json").read_text(encoding="utf-8"))
+    eye = truth["eye"]
     told = {
         "--iop-mmhg": eye["iop_pa"] / to_si(1.0, "mmhg"),
         "--thickness-um": eye["thickness_m"] * 1e6,
@@ -97,6 +98,7 @@ def real_monitor(model: Path, recording: Path, *options: str, pinned: bool = Tru
         "--polar-angle-deg": degrees(eye["polar_rad"]),
     }
     known = [text for name, value in told.items() for text in (name, f"{value:.6g}")]
+    known += ["--globe", truth["globe"]["kind"]]
     with TemporaryDirectory(prefix="bench-monitor-", ignore_cleanup_errors=True) as folder:
         said, black_box = Path(folder, "said"), Path(folder, "box")
         command = [sys.executable, "-c", "from scleraforce.cli.main import main; main()", "monitor", str(model)]

@@ -7,6 +7,7 @@ mean.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from scleraforce.library.cache import cached_library
 from scleraforce.processes import work_units
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.files import Recording, read_recording
 from scleraforce.reproduction.run import Progress, Run
 from scleraforce.study import Study, study_hash
 
@@ -79,20 +80,17 @@ def run_library(run: Run, progress: Progress | None = None) -> Library:
 
 def calibrate_bent(run: Run, progress: Progress) -> None:
     """Calibrate both ways; `progress` counts the frames of both."""
-    paths = bent_recordings(run)
-    by_reader = _calibrated(run, paths, progress, run_library(run), frames=len(CALIBRATION_FORCES_N))
-    as_in_paper = _calibrated(run, paths[:CALIBRATED], progress, None, frames=None)
+    opened = [read_recording(path) for path in bent_recordings(run)]
+    before = [replace(one, frames=one.frames[: len(CALIBRATION_FORCES_N)]) for one in opened]  # the trials
+    by_reader = _calibrated(run, before, progress, run_library(run))
+    as_in_paper = _calibrated(run, opened[:CALIBRATED], progress, None)
     run.bent.calibrations.mkdir(parents=True)
     for calibration, path in ((by_reader, run.bent.finite_strain), (as_in_paper, run.bent.linear)):
         write_calibration(calibration_as_json(calibration), path)
 
 
-def _calibrated(
-    run: Run, paths: Sequence[Path], progress: Progress, library: Library | None, frames: int | None
-) -> Calibration:
-    opened = [read_recording(path) for path in paths]
-    sha256 = study_hash(run.study)
-    return calibrate_recordings(opened, run.study, sha256, library=library, frames=frames, progress=progress)
+def _calibrated(run: Run, recordings: Sequence[Recording], progress: Progress, library: Library | None) -> Calibration:
+    return calibrate_recordings(recordings, run.study, study_hash(run.study), library=library, progress=progress)
 
 
 def train_force_reader(run: Run, progress: Progress) -> None:

@@ -22,6 +22,7 @@ from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.recording.files import read_recording
 from scleraforce.reproduction.bent import (
     CALIBRATED,
+    CALIBRATION_FORCES_N,
     bend_eyes,
     bent_trials,
     calibrate_bent,
@@ -129,7 +130,7 @@ def _bent_answers(run: Run) -> int:
 
 def _bent_frames(run: Run) -> int:
     counts = [len(forces_n) for _, forces_n in bent_trials(run.study)]
-    return sum(counts) + sum(counts[:CALIBRATED])
+    return len(counts) * len(CALIBRATION_FORCES_N) + sum(counts[:CALIBRATED])
 
 
 def _images(run: Run) -> int:
