@@ -105,7 +105,7 @@ def calibrated(
     return off_pa / modulus_pa, known_globe_after(found.filter, found.state), off_pa / found.sd_pa
 
 
-@pytest.mark.parametrize("number", range(5))
+@pytest.mark.parametrize("number", [0, 2, 4, 6, 7])
 def test_modulus_and_rigidity_of_a_sealed_eye_are_found_from_three_frames(library: Library, number: int) -> None:
     rng = np.random.default_rng(100 + number)
     rigidity = float(np.linspace(0.008, 0.043, 8)[number])
