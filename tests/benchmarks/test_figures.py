@@ -206,6 +206,7 @@ def test_a_command_is_run_once_and_what_it_left_unfinished_is_removed(tmp_path, 
     assert (out / "mark").exists()
 
 
+@pytest.mark.slow
 def test_what_a_command_prints_is_kept(tmp_path):
     out = tmp_path / "answers" / "kept.json"
     out.parent.mkdir()

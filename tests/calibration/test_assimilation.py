@@ -23,6 +23,7 @@ def calibrate(laboratory: Any, model: Any, frames: list[Any], study: Any = None,
     return filtered, state, steps
 
 
+@pytest.mark.slow
 def test_modulus_is_within_2_percent_and_10_kpa_after_24_frames(laboratory: Any, eye: PhantomEye) -> None:
     frames = laboratory.frames(eye, FORCES, np.random.default_rng(1))
     _, state, steps = calibrate(laboratory, laboratory.model(laboratory.stated(eye)), frames)
@@ -87,6 +88,7 @@ def test_an_eye_that_softens_with_force_makes_the_filter_say_that_it_diverges(la
     assert steps[-1].result.status.startswith("diverged")
 
 
+@pytest.mark.slow
 def test_what_all_frames_share_is_not_averaged_away(laboratory: Any, eye: PhantomEye) -> None:
     model, study = laboratory.model(laboratory.stated(eye)), laboratory.study.calibration
     frames = laboratory.frames(eye, FORCES, np.random.default_rng(5), noise_m=1e-6)

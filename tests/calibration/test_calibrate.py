@@ -155,6 +155,7 @@ def test_what_low_and_high_forces_say_stands_apart(calibration: Calibration, eye
     assert high == pytest.approx(eye.youngs_modulus_pa, rel=0.04)
 
 
+@pytest.mark.slow
 def test_a_recording_that_cannot_be_calibrated_on_says_why(laboratory: Any, recording: Recording) -> None:
     info = recording.info
     without = replace(recording, info=replace(info, eye=replace(info.eye, thickness_m=None)))
@@ -167,6 +168,7 @@ def test_a_recording_that_cannot_be_calibrated_on_says_why(laboratory: Any, reco
         calibrate_recordings([recording], strict, "", None)
 
 
+@pytest.mark.slow
 def test_an_earlier_file_of_other_parameters_is_refused(
     laboratory: Any, recording: Recording, calibration: Calibration
 ) -> None:
@@ -220,6 +222,7 @@ def test_hostile_values_are_refused_by_their_key_before_they_are_used(calibratio
         assert "\n" not in str(fault.value)
 
 
+@pytest.mark.slow
 def test_a_state_that_is_not_that_of_its_parameters_is_refused(
     laboratory: Any, recording: Recording, calibration: Calibration
 ) -> None:
@@ -229,6 +232,7 @@ def test_a_state_that_is_not_that_of_its_parameters_is_refused(
         calibrate_recordings([recording], laboratory.study, "", None, earlier=parsed(json.dumps(content)))
 
 
+@pytest.mark.slow
 def test_frames_that_were_seen_are_left_out_under_any_name_and_path(
     laboratory: Any, recording: Recording, calibration: Calibration, tmp_path: Path
 ) -> None:

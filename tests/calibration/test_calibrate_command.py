@@ -36,6 +36,7 @@ def folder(laboratory: Any, eye: PhantomEye, tmp_path_factory: pytest.TempPathFa
     return folder
 
 
+@pytest.mark.slow
 def test_it_writes_the_posterior_and_the_picture_and_prints_one_json_object(
     folder: Path, capsys: pytest.CaptureFixture[str], eye: PhantomEye
 ) -> None:

@@ -125,6 +125,7 @@ def test_sections_go_on_smoothly_where_the_library_ends_and_say_so(library: Libr
     assert np.isfinite(model.curves([stated_wall(STATED, 1e4, 0.03, 0.0), stated_wall(STATED, 1e7, 0.03, 0.0)])).all()
 
 
+@pytest.mark.slow
 def test_one_modulus_fits_low_and_high_forces(library: Library) -> None:
     forces = [0.04, 0.008, 0.055, 0.02, 0.03]
     found = run(session.begin(STUDY, STATED, library), forces, frames(forces, np.random.default_rng(0)))
@@ -145,6 +146,7 @@ def test_thickness_is_corrected_when_it_is_uncertain(library: Library) -> None:
     assert both.mean_pa == pytest.approx(MODULUS_PA, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_frame_beyond_the_library_is_left_out_with_its_reason(library: Library) -> None:
     short = replace(library, max_force_ratio=0.1e-6)
     made = frames([0.02, 0.05], np.random.default_rng(2))

@@ -32,6 +32,7 @@ def study(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_generate_makes_a_data_set_with_the_calibrations_modulus_and_says_how_fast(study, tmp_path, capsys):
     calibration = tmp_path / "calibration.json"
     calibration.write_text(calibration_text(0.31))

@@ -29,6 +29,7 @@ def study(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_library_is_made_and_its_size_and_time_are_said(study, tmp_path, capsys):
     out = tmp_path / "library.zarr"
     assert run(["library", "--study", str(study), "--out", str(out), "--workers", "1", "--json"]) == 0

@@ -220,6 +220,7 @@ def _children(pid: int) -> list[int]:
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
+@pytest.mark.slow
 def test_an_eye_that_is_not_in_the_calibration_is_named_at_the_start(folder: Path, tmp_path: Path) -> None:
     told = ["--calibration", str(folder / "calibration.json"), "--black-box", str(tmp_path / "box")]
     with started(folder, "--eye", "mein", *told, "--iop-mmhg", "2") as monitor:

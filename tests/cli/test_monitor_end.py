@@ -25,6 +25,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return monitor_folder(tmp_path_factory.mktemp("monitor"))
 
 
+@pytest.mark.slow
 def test_ctrl_c_is_its_end_and_no_module_of_the_current_folder_has_run(folder: Path, tmp_path: Path) -> None:
     for name in ("numpy", "signal", "json", "socket", "scleraforce", "fastapi", "cv2", "onnxruntime"):
         (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\n")

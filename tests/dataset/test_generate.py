@@ -95,6 +95,7 @@ def test_two_workers_and_an_interruption_change_no_byte(made, tmp_path):
     assert contents(path) == contents(made)
 
 
+@pytest.mark.slow
 def test_a_sample_can_be_made_again_from_its_metadata_the_slow_way(made):
     dataset = open_dataset(made)
     study, columns = dataset.study, {name: dataset.read(name) for name in plan_dataset(dataset.study).columns}
@@ -302,6 +303,7 @@ def test_a_calibration_is_recorded(tmp_path):
     }
 
 
+@pytest.mark.slow
 def test_a_fault_in_a_worker_reaches_the_caller():
     study = small_study()
     steep = replace(
@@ -314,6 +316,7 @@ def test_a_fault_in_a_worker_reaches_the_caller():
         next(results)
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_is_an_error_and_not_a_hang(monkeypatch):
     started = []
     start = processes._start

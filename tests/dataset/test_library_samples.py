@@ -70,6 +70,7 @@ def test_slices_are_those_of_cutting_and_filling_one_by_one(study, library):
     assert np.mean(differing) < 0.4
 
 
+@pytest.mark.slow
 def test_the_store_says_finite_strain_and_is_taken_up(study, library, tmp_path):
     def interrupt(done: int) -> None:
         if done:

@@ -108,6 +108,7 @@ def test_a_cache_that_cannot_be_written_is_named(tmp_path):
         cached_library(STUDY, folder=tmp_path / "file" / "below", solve=solve_analytic)
 
 
+@pytest.mark.slow
 def test_the_cache_holds_what_build_library_makes(tmp_path):
     cached_library(STUDY, folder=tmp_path / "cache", workers=1, solve=solve_analytic)
     build_library(STUDY, tmp_path / "built", workers=1, solve=solve_analytic)

@@ -147,6 +147,7 @@ def thick_sphere_error(divisions: int) -> float:
     return float(np.abs(rest_nc - exact_nc).max() / np.abs(exact_nc).max())
 
 
+@pytest.mark.slow
 def test_a_thick_sphere_under_pressure_swells_as_its_radial_equation_says() -> None:
     coarse, fine = thick_sphere_error(4), thick_sphere_error(8)
     assert fine < 2e-3

@@ -34,6 +34,7 @@ def test_base_lies_where_the_direction_meets_its_plane(polar_deg: float) -> None
     np.testing.assert_allclose(points[:, 2], 0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_on_the_pole_nothing_changes() -> None:
     tips = np.array([0.5e-3, 2e-3])
     beside = polar_path(*EYE, IOP_RATIO, polar_rad=0.0, tips_m=tips)

@@ -46,6 +46,7 @@ def test_small_forces_on_an_odd_eye_bend_it_as_linear_mechanics_does() -> None:
     assert eye.path.tip_m(2e-6) == pytest.approx(linear_m, rel=5e-3)  # the needle's disc is laid on the form exactly
 
 
+@pytest.mark.slow
 def test_a_path_may_end_at_a_dent_and_is_the_same_up_to_there() -> None:
     whole, part = bent(WEIGHTLESS).path, bent(WEIGHTLESS, max_tip_m=0.2e-3).path
     assert part.tips_m[-1] == pytest.approx(0.2e-3)
@@ -53,6 +54,7 @@ def test_a_path_may_end_at_a_dent_and_is_the_same_up_to_there() -> None:
     assert part.tip_m(0.9 * part.max_force_n) == pytest.approx(whole.tip_m(0.9 * part.max_force_n), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_region_that_covers_the_eye_is_another_modulus() -> None:
     everywhere = with_form(
         FormStudy(region=(RegionStudy(modulus_ratio=2.0, half_angle_rad=pi, edge_rad=radians(0.1)),))
@@ -79,6 +81,7 @@ def test_a_stiff_cap_under_the_needle_resists_and_a_far_one_hardly_matters() -> 
     assert far == pytest.approx(plain, rel=0.01)
 
 
+@pytest.mark.slow
 def test_an_eye_turned_with_its_needle_bends_alike() -> None:
     one = bent(with_form(FormStudy(semi_axes=(1.06, 1.0, 0.95))), Contact(polar_rad=CONTACT.polar_rad, azimuth_rad=0.0))
     other = bent(

@@ -557,6 +557,7 @@ def harmless(event: MonitorEvent) -> bool:
     return isinstance(event, FrameRead) and event.usable and event.interval_n is not None and event.interval_n[1] < 0.03
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(sequences(), st.sampled_from([LIMITS, OPINED]))
 def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_frame(

@@ -330,6 +330,7 @@ def test_a_stream_that_cannot_be_followed_is_refused_from_then_on(data: bytes) -
 STREAM = b"".join(encode(message, "peer", version=1 + n % 3) for n, message in enumerate(MESSAGES))
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(
     st.lists(st.tuples(st.integers(0, len(STREAM) - 1), st.integers(0, 255)), max_size=6),
@@ -372,6 +373,7 @@ def test_a_mutated_image_with_a_right_checksum_is_a_message_or_malformed(changes
     assert isinstance(event, Received | Malformed)
 
 
+@pytest.mark.slow
 def test_a_long_stream_does_not_grow() -> None:
     decoder = Decoder()
     for _ in range(50):

@@ -167,6 +167,7 @@ def test_probabilities_are_shown_for_usable_frames_only(page: Page) -> None:
     assert rows["40.0"][4:7] == ["\N{EN DASH}"] * 3
 
 
+@pytest.mark.slow
 def test_a_readers_page_has_forces_intervals_and_the_moduli_it_was_told(tmp_path: Path) -> None:
     read = {
         "0000.png": (0.0021, (0.001, 0.004)),

@@ -95,6 +95,7 @@ def test_training_curves_have_one_point_an_epoch() -> None:
     assert loss.lines[0].get_xdata().tolist() == [1, 2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["png", "svg"])
 def test_an_embedded_figure_is_the_same_each_time(kind) -> None:
     first, second = (data_uri(draw_training_curves([1.0, 0.5], [0.9, 0.3], [0.4, 0.6], [0.5, 0.8]), kind) for _ in "ab")

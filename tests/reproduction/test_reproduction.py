@@ -56,6 +56,7 @@ def test_stages_are_done_in_order_and_timed(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "study.toml").exists()
 
 
+@pytest.mark.slow
 def test_a_finished_stage_is_taken_up_and_keeps_its_time(tmp_path: Path) -> None:
     first = run_stages(open_run(tmp_path, Study(), 1), (stage("a"), stage("b")), announce)
     second = run_stages(open_run(tmp_path, Study(), 1), (stage("a"), stage("b"), stage("c")), announce)
@@ -63,6 +64,7 @@ def test_a_finished_stage_is_taken_up_and_keeps_its_time(tmp_path: Path) -> None
     assert {name: second[name] for name in first} == first
 
 
+@pytest.mark.slow
 def test_a_stage_whose_result_is_gone_is_done_again(tmp_path: Path) -> None:
     run_stages(open_run(tmp_path, Study(), 1), (stage("a"),), announce)
     (tmp_path / "a").rmdir()
@@ -77,6 +79,7 @@ def interrupted(run: Run, progress: Progress) -> None:
     raise KeyboardInterrupt
 
 
+@pytest.mark.slow
 def test_after_control_c_the_finished_stages_stand_and_the_half_one_is_done_anew(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         run_stages(open_run(tmp_path, Study(), 1), (stage("a"), stage("b", interrupted)), announce)
@@ -84,6 +87,7 @@ def test_after_control_c_the_finished_stages_stand_and_the_half_one_is_done_anew
     assert DONE == ["a", "b"]
 
 
+@pytest.mark.slow
 def test_a_stage_that_resumes_finds_its_half_result(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         run_stages(open_run(tmp_path, Study(), 1), (stage("b", interrupted),), announce)
@@ -98,6 +102,7 @@ def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
+@pytest.mark.slow
 def test_a_reproduction_of_another_study_is_left_alone(tmp_path: Path) -> None:
     open_run(tmp_path, Study(), 1)
     with pytest.raises(InputError, match="made from another study; remove it or give a new folder"):
@@ -135,6 +140,7 @@ def test_results_of_other_code_are_made_again_and_one_line_says_so(tmp_path: Pat
     assert (len(DONE), len(lines)) == (4, 1)
 
 
+@pytest.mark.slow
 def test_after_control_c_what_the_new_code_has_made_stands(tmp_path: Path, monkeypatch) -> None:
     run_stages(open_run(tmp_path, Study(), 1), (stage("a"), stage("b")), announce)
     other_code(monkeypatch)

@@ -421,6 +421,7 @@ def test_a_watchdog_that_dies_is_a_cause_and_no_reset_helps() -> None:
         assert ask_reset("127.0.0.1", running.port, TOKEN)[0] is False
 
 
+@pytest.mark.slow
 def test_a_watchdog_that_is_stopped_is_a_cause() -> None:
     with small_monitor() as running, Peer(running.port) as scanner:
         scanner.watch()

@@ -73,6 +73,7 @@ def test_the_model_knows_the_modulus_data_and_study_that_it_was_made_from(store:
     assert "0.31 MPa" in (tmp_path / "model/card.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_two_trainings_write_the_same_bytes(store: Path, tmp_path: Path) -> None:
     for name in ("one", "two"):
         train_classifier(open_dataset(store), tmp_path / name)
@@ -130,6 +131,7 @@ def test_the_command_searches_and_shows_the_table_within_80_columns(store: Path,
     assert reader.study.network.hidden in ((4,), (16,))
 
 
+@pytest.mark.slow
 def test_without_pytorch_there_is_one_clear_line(store: Path, tmp_path: Path) -> None:
     block = "import sys; sys.modules['torch'] = None; from scleraforce.cli.main import main; main()"
     arguments = ["train", str(store), "--out", str(tmp_path / "model")]

@@ -141,6 +141,7 @@ def test_a_library_of_another_eye_is_refused(library, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_the_command_trains_a_reader_and_prints_its_json(tmp_path: Path, capsys) -> None:
     build_library(TINY, tmp_path / "library.zarr", workers=1, solve=solve_analytic)
     (tmp_path / "study.toml").write_text(format_study(replace(TINY, reader=replace(TINY.reader, epochs=1))))

@@ -150,6 +150,7 @@ def test_decisions_that_never_came_are_said(tmp_path):
     assert monitor.notes() == ["decisions 2 to 4 never arrived"]
 
 
+@pytest.mark.slow
 def test_a_withdrawal_keeps_the_last_ten_seconds_without_loss(tmp_path):
     monitor = Monitor(tmp_path)
     for _ in range(1200):
@@ -223,6 +224,7 @@ def test_a_monitor_that_ends_as_planned_keeps_nothing_more_than_was_asked_for(tm
     assert len(read_recording(monitor.withdrawals()[0]).frames) == 6
 
 
+@pytest.mark.slow
 def test_labels_of_a_withdrawal_are_the_force_although_the_needle_touched_long_before(tmp_path):
     """The sensor reads 50 mN without contact; contact of 20 mN begins 20 s before the withdrawal."""
     monitor = Monitor(tmp_path, ring_frames=300)
@@ -501,6 +503,7 @@ def test_the_process_keeps_a_withdrawal_ignores_sigterm_and_ends_when_told(tmp_p
     assert len(read_recording(tmp_path / "box" / "withdrawals" / folder).frames) == 100
 
 
+@pytest.mark.slow
 def test_what_the_process_writes_is_readable_by_its_owner_only(tmp_path):
     (tmp_path / "box" / "log").mkdir(parents=True)
     (tmp_path / "box" / "log" / "decisions-000001.jsonl").touch(mode=0o644)  # of an earlier version
