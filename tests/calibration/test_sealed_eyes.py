@@ -105,7 +105,7 @@ def calibrated(
     return off_pa / modulus_pa, known_globe_after(found.filter, found.state), off_pa / found.sd_pa
 
 
-@pytest.mark.parametrize("number", [0, 2, 4, 6, 7])
+@pytest.mark.parametrize("number", [0, 4, 7])
 def test_modulus_and_rigidity_of_a_sealed_eye_are_found_from_three_frames(library: Library, number: int) -> None:
     rng = np.random.default_rng(100 + number)
     rigidity = float(np.linspace(0.008, 0.043, 8)[number])
@@ -117,7 +117,7 @@ def test_modulus_and_rigidity_of_a_sealed_eye_are_found_from_three_frames(librar
     assert globe.calibrated
 
 
-@pytest.mark.parametrize("number", range(3))
+@pytest.mark.parametrize("number", range(2))
 def test_an_open_eye_of_which_nothing_is_told_is_found_open(library: Library, number: int) -> None:
     off, globe, _ = calibrated(library, 0.0, UNKNOWN, np.random.default_rng(200 + number))
     assert abs(off) < 0.03

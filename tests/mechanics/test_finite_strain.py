@@ -50,12 +50,7 @@ def coarse_path(globe: Globe = OPEN_GLOBE, largest_step_m: float = 3e-4) -> Load
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("thickness_m", "modulus_pa", "polar_deg", "loads"),
-    [
-        (0.8e-3, 0.27e6, 35.0, 5),
-        (0.8e-3, 0.38e6, 35.0, 4),
-        (0.8e-3, 0.38e6, 0.0, 5),
-        (0.5e-3, 0.22e6, 35.0, 2),
-    ],  # `bench_finite_strain.py` has the rest
+    [(0.8e-3, 0.27e6, 35.0, 5), (0.8e-3, 0.38e6, 0.0, 4)],  # `bench_finite_strain.py` has the rest
 )
 def test_reference_problem_r2_on_its_own_mesh_and_loads(
     thickness_m: float, modulus_pa: float, polar_deg: float, loads: int
