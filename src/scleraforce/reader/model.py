@@ -118,7 +118,9 @@ def _session(folder: ModelFolder, threads: int) -> onnxruntime.InferenceSession:
     if EXTERNAL in folder.files[NETWORK_FILE]:
         raise ModelError(f"{folder.path / NETWORK_FILE}: asks for data in other files; ours have all in this one")
     try:
-        return onnxruntime.InferenceSession(folder.files[NETWORK_FILE], options, providers=["CPUExecutionProvider"])
+        network = folder.files[NETWORK_FILE]
+        # There is no other provider to fall back to, and it would print to standard output that it does.
+        return onnxruntime.InferenceSession(network, options, providers=["CPUExecutionProvider"], enable_fallback=0)
     except Exception as fault:  # ONNX Runtime's exceptions have no common base of their own
         raise ModelError(f"{folder.path / NETWORK_FILE}: not a network that ONNX Runtime reads: {fault}") from fault
 
