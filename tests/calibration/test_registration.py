@@ -4,6 +4,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scleraforce.calibration.eye_model import stated_wall
 from scleraforce.calibration.placement import BY_DEPTH, BY_LATERAL, BY_POLAR, BY_ROTATION, place_section, predict_frame
 from scleraforce.calibration.registration import first_belief, frame_prior, register, updated_belief
 from scleraforce.fitting.placement import Places
@@ -53,13 +54,14 @@ def test_derivatives_of_what_a_frame_shows_are_those_of_differences(laboratory: 
     model = laboratory.model(laboratory.stated(eye))
     places = Places(np.linspace(-5e-3, 5e-3, 12), np.repeat([0, 1], 6))
     nuisance = np.array([0.1e-3, 0.4e-3, 0.02, eye.polar_rad, 10e-6])
-    placed = predict_frame(model, 0.27e6, 0.03, nuisance, places)
+    state = stated_wall(model.constants, 0.27e6, 0.03, eye.polar_rad)
+    placed = predict_frame(model, state, nuisance, places)
     for index, step in ((BY_LATERAL, 1e-5), (BY_DEPTH, 1e-5), (BY_ROTATION, 1e-3), (4, 1e-6)):
         ends = []
         for sign in (-1, 1):
             moved = nuisance.copy()
             moved[index] += sign * step
-            ends.append(predict_frame(model, 0.27e6, 0.03, moved, places).depth_m)
+            ends.append(predict_frame(model, state, moved, places).depth_m)
         difference = (ends[1] - ends[0]) / (2 * step)
         scale = np.abs(difference).max()
         np.testing.assert_allclose(placed.jacobian[:, index], difference, atol=0.03 * scale)

@@ -54,8 +54,7 @@ def drawn_eye(rng: np.random.Generator, rigidity: float) -> tuple[float, EyeCons
         gap_m=float(rng.uniform(0.4e-3, 0.8e-3)),
         polar_rad=float(rng.uniform(0.45, 0.78)),
         polar_sd_rad=0.0,
-        globe=SEALED if rigidity else OPEN,
-        rigidity_pa13_per_m3=rigidity * PER_UL,
+        globe=replace(SEALED, mean=rigidity * PER_UL) if rigidity else OPEN,
     )
     return modulus_pa, eye
 
@@ -64,7 +63,7 @@ def highest_force_n(library: Library, modulus_pa: float, eye: EyeConstants) -> f
     """The force at the deepest dent whose pressure neither runs away nor leaves the library."""
     thickness = np.full(len(DENTS_M), eye.thickness_m)
     resting = np.full(len(DENTS_M), eye.iop_pa / modulus_pa)
-    globe = SEALED.globe(eye.rigidity_pa13_per_m3).over(modulus_pa)
+    globe = SEALED.globe(eye.globe.mean).over(modulus_pa)
     pressures = iop_ratio_at_dent(library, thickness, resting, DENTS_M, globe)
     deepest = int(np.flatnonzero(np.isfinite(pressures))[-1])
     near = library.for_contact(eye.polar_rad)
@@ -95,7 +94,7 @@ def calibrated(
     """Return the error of E relative to it, and what is then known of the globe; that of E over its deviation."""
     modulus_pa, eye = drawn_eye(rng, rigidity)
     forces_n = [share * highest_force_n(library, modulus_pa, eye) for share in SHARES]
-    stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=told, rigidity_pa13_per_m3=told.mean)
+    stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=told)
     found = session.begin(STUDY, stated, library)
     for force_n, boundaries in zip(forces_n, frames(library, modulus_pa, eye, forces_n, rng), strict=True):
         found = session.step(found, boundaries, force_n)
@@ -134,7 +133,7 @@ def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(
     )  # was begun from a stiff globe, and the first frame led to 0.01 MPa
     forces_n = [(0.0106, 0.0232, 0.036)[place] for place in order]
     made = frames(library, 0.2217e6, eye, forces_n, np.random.default_rng(3))
-    stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=UNKNOWN, rigidity_pa13_per_m3=UNKNOWN.mean)
+    stated = replace(eye, polar_rad=0.61, polar_sd_rad=0.1, globe=UNKNOWN)
     found = session.begin(STUDY, stated, library)
     for force_n, boundaries in zip(forces_n, made, strict=True):
         found = session.step(found, boundaries, force_n)

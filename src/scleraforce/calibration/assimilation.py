@@ -50,12 +50,12 @@ __all__ = [
     "FrameStep",
     "Skipped",
     "assimilate",
-    "at_rigidity",
     "eye_filter",
     "first_state",
     "known_globe_after",
     "moments",
     "predicted_points",
+    "rigidity_after",
 ]
 
 Array = NDArray[np.float64]
@@ -196,12 +196,11 @@ def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
     )
 
 
-def at_rigidity(eye: EyeFilter, state: EyeState) -> EyeModel:
-    """Return the model of an eye with the rigidity that it is taken to have after some frames."""
+def rigidity_after(eye: EyeFilter, state: EyeState) -> float:
+    """Return the rigidity that a globe is taken to have after some frames, Pa^(1/3)/m^3: 0 for an open one."""
     if RIGIDITY not in eye.space.names:
-        return eye.model
-    values = eye.space.values(state.posterior.mean)
-    return eye.model.with_rigidity(float(values[eye.space.names.index(RIGIDITY)]))
+        return eye.model.constants.globe.mean
+    return float(eye.space.values(state.posterior.mean)[eye.space.names.index(RIGIDITY)])
 
 
 def _total_covariance(eye: EyeFilter, state: EyeState) -> Array:
@@ -220,10 +219,11 @@ def assimilate(eye: EyeFilter, state: EyeState, frame: FrameInput) -> FrameStep 
     if np.isfinite(frame.boundaries.depth_m).sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
     prior = frame_prior(state.belief, eye.study)
-    fit = register(at_rigidity(eye, state), frame.boundaries, frame.force_n, _modulus(eye, state), prior)
+    sought = _modulus(eye, state), prior, rigidity_after(eye, state)
+    fit = register(eye.model, frame.boundaries, frame.force_n, *sought)
     observation = observe_points(frame.boundaries, eye.study.points, float(fit.nuisance[BY_LATERAL]), eye.study.span_m)
     places = Places(observation.lateral_m, observation.boundary)
-    at = (eye.model.with_rigidity(fit.rigidity_pa13_per_m3), fit.youngs_modulus_pa, frame.force_n, fit.nuisance, places)
+    at = (eye.model, fit.wall, fit.nuisance, places)
     placed = predict_frame(*at)
     if placed.seen.sum() < LEAST_POINTS:
         return Skipped(UNSEEN)
@@ -263,7 +263,7 @@ def _start(eye: EyeFilter, state: EyeState, fit: Registered) -> Array | None:
     if RIGIDITY not in eye.space.names:
         return None
     start = state.posterior.mean.copy()
-    start[eye.space.names.index(RIGIDITY)] = fit.rigidity_pa13_per_m3 / eye.model.constants.globe.mean
+    start[eye.space.names.index(RIGIDITY)] = fit.wall.rigidity_pa13_per_m3 / eye.model.constants.globe.mean
     start[eye.space.names.index(PARAMETERS["e"])] = _modulus_coordinate(eye, fit.youngs_modulus_pa)
     return start
 

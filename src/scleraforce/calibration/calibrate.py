@@ -214,7 +214,6 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
         raise CalibrationError(
             f"{recording.path / 'recording.toml'}: eye.thickness_m: missing; a calibration needs the wall's thickness"
         )
-    globe = told_globe(info.eye) or UNKNOWN
     low, high = study.needle.polar_angle_rad.bounds
     stated = info.needle.polar_angle_rad
     return EyeConstants(
@@ -225,8 +224,7 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
         polar_sd_rad=(high - low) / 12**0.5 if stated is None else 0.0,
         direction_rad=info.oct.plane_direction_rad,
         tilt_rad=info.oct.plane_tilt_rad,
-        globe=globe,
-        rigidity_pa13_per_m3=globe.mean,
+        globe=told_globe(info.eye) or UNKNOWN,
     )
 
 

@@ -32,7 +32,7 @@ SAMPLE_STEP_M = 0.1e-3  # between the samples of a section
 class EyeConstants:
     """What is stated about an eye and its plane, SI; `polar_sd_rad` is 0 where the recording states the angle.
 
-    `globe` is what is known of it, and `rigidity_pa13_per_m3` the rigidity that it is taken to have.
+    `globe` is what is known of it.
     """
 
     iop_pa: float
@@ -43,7 +43,6 @@ class EyeConstants:
     direction_rad: float = 0.0
     tilt_rad: float = 0.0
     globe: KnownGlobe = OPEN
-    rigidity_pa13_per_m3: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,10 +75,6 @@ class EyeModel(Protocol):
         """Return the sections as a segmentation sees them, (state, boundary, sample, 2) in m: lateral and depth."""
         ...
 
-    def with_rigidity(self, rigidity_pa13_per_m3: float) -> "EyeModel":
-        """Return the eye with another rigidity."""
-        ...
-
     def outside(self, state: WallState) -> str | None:
         """Return why the model's mechanics does not hold at a state, None where it does.
 
@@ -88,8 +83,17 @@ class EyeModel(Protocol):
         ...
 
 
-def stated_wall(constants: EyeConstants, youngs_modulus_pa: float, force_n: float, polar_rad: float) -> WallState:
-    """Return the state of the eye as stated, at a modulus, a force and the contact's polar angle."""
+def stated_wall(
+    constants: EyeConstants,
+    youngs_modulus_pa: float,
+    force_n: float,
+    polar_rad: float,
+    rigidity_pa13_per_m3: float | None = None,
+) -> WallState:
+    """Return the state of the eye as stated, at a modulus, a force, the contact's polar angle and a rigidity.
+
+    The rigidity is that in the middle of what is known of the globe where it is None.
+    """
     return WallState(
         youngs_modulus_pa=youngs_modulus_pa,
         force_n=force_n,
@@ -97,7 +101,7 @@ def stated_wall(constants: EyeConstants, youngs_modulus_pa: float, force_n: floa
         thickness_m=constants.thickness_m,
         gap_m=constants.gap_m,
         polar_rad=polar_rad,
-        rigidity_pa13_per_m3=constants.rigidity_pa13_per_m3,
+        rigidity_pa13_per_m3=constants.globe.mean if rigidity_pa13_per_m3 is None else rigidity_pa13_per_m3,
     )
 
 

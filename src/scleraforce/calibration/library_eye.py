@@ -6,7 +6,7 @@ is neglected.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import cos, sin
 
@@ -88,10 +88,6 @@ class LibraryEye:
         if self.constants.globe.can_be_sealed and pressure[0] >= HIGHEST * self.library.iop_ratio_ends(thickness)[1][0]:
             return "the pressure under the needle rises beyond the library's"
         return None
-
-    def with_rigidity(self, rigidity_pa13_per_m3: float) -> "LibraryEye":
-        """Return the eye with another rigidity."""
-        return replace(self, constants=replace(self.constants, rigidity_pa13_per_m3=rigidity_pa13_per_m3))
 
     def _ratios(self, states: Sequence[WallState]) -> tuple[Array, Array, Array]:
         """Return thickness, the pressure under the needle over E and F/E of states, each (state,)."""

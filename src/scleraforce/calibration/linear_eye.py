@@ -57,10 +57,6 @@ class LinearEye:
         """Return None: linear mechanics has an answer to every load."""
         return None
 
-    def with_rigidity(self, rigidity_pa13_per_m3: float) -> "LinearEye":  # noqa: ARG002
-        """Return the eye itself: to linear mechanics every globe is open."""
-        return self
-
     def at(self, polar_rad: float, thickness_m: float) -> WallResponse:
         """Return the response for a polar angle and a thickness."""
         if polar_rad in self.polar_nodes_rad and thickness_m in self.thickness_nodes_m:

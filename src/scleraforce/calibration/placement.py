@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.eye_model import EyeModel, stated_wall
+from scleraforce.calibration.eye_model import EyeModel, WallState
 from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
 from scleraforce.known.globe import REFERENCE_RIGIDITY
 
@@ -42,29 +42,27 @@ def place_section(curves: Array, nuisance: Array) -> Array:
     return place_curves(curves, nuisance[BY_LATERAL], nuisance[BY_DEPTH], nuisance[BY_ROTATION])
 
 
-def polar_derivative(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Array:
+def polar_derivative(model: EyeModel, state: WallState, nuisance: Array, places: Places) -> Array:
     """Return how the depths at places turn with the contact's polar angle, (place,) in m/rad; 0 where it is stated."""
     low, high = model.polar_ends_rad
     if low == high:
         return np.zeros(len(places.lateral_m))
-    ends = model.curves([stated_wall(model.constants, modulus_pa, force_n, polar) for polar in (low, high)])
+    ends = model.curves([replace(state, polar_rad=polar) for polar in (low, high)])
     below, above = (curve_depths(curves, places)[0] for curves in place_section(ends, nuisance))
     slope: Array = (above - below) / (high - low)
     return slope
 
 
-def predict_frame(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Placed:
+def predict_frame(model: EyeModel, state: WallState, nuisance: Array, places: Places) -> Placed:
     """Return what a frame shows at places; derivatives by the `NUISANCES`, ln E and the relative rigidity, (place, 7).
 
     Args:
         model: the eye.
-        modulus_pa: Young's modulus.
-        force_n: force of the needle.
-        nuisance: pose and its kin (5,), in the order of `NUISANCES`.
+        state: of its wall.
+        nuisance: pose and its kin (5,), in the order of `NUISANCES`; the polar angle counts as the state has it.
         places: where the frame is looked at.
     """
-    state = stated_wall(model.constants, modulus_pa, force_n, nuisance[BY_POLAR])
-    states = [state, replace(state, youngs_modulus_pa=modulus_pa * (1 + MODULUS_STEP))]
+    states = [state, replace(state, youngs_modulus_pa=state.youngs_modulus_pa * (1 + MODULUS_STEP))]
     if model.constants.globe.can_be_sealed:
         stiffer_globe = state.rigidity_pa13_per_m3 + RIGIDITY_STEP * REFERENCE_RIGIDITY
         states.append(replace(state, rigidity_pa13_per_m3=stiffer_globe))
@@ -78,10 +76,9 @@ def predict_frame(model: EyeModel, modulus_pa: float, force_n: float, nuisance: 
     return Placed(depth + nuisance[BY_INNER] * places.is_inner, slope, jacobian, seen)
 
 
-def force_derivative(model: EyeModel, modulus_pa: float, force_n: float, nuisance: Array, places: Places) -> Array:
+def force_derivative(model: EyeModel, state: WallState, nuisance: Array, places: Places) -> Array:
     """Return how the depths at places turn with the force, (place,) in m/N."""
-    forces = (force_n - FORCE_STEP_N, force_n + FORCE_STEP_N)
-    states = [stated_wall(model.constants, modulus_pa, force, nuisance[BY_POLAR]) for force in forces]
+    states = [replace(state, force_n=state.force_n + step) for step in (-FORCE_STEP_N, FORCE_STEP_N)]
     less, more = (curve_depths(curve, places)[0] for curve in place_section(model.curves(states), nuisance))
     slope: Array = (more - less) / (2 * FORCE_STEP_N)
     return slope

@@ -11,7 +11,7 @@ from math import log
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.eye_model import EyeModel, stated_wall
+from scleraforce.calibration.eye_model import EyeModel, WallState, stated_wall
 from scleraforce.calibration.placement import (
     BY_DEPTH,
     BY_INNER,
@@ -54,12 +54,16 @@ class PoseBelief:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Registered:
-    """A frame's fit: nuisances (5,), their covariance (5, 5), and the frame's own modulus and rigidity."""
+    """A frame's fit: nuisances (5,), their covariance (5, 5), and the wall, of the frame's own modulus and rigidity."""
 
     nuisance: Array
     covariance: Array
-    youngs_modulus_pa: float
-    rigidity_pa13_per_m3: float
+    wall: WallState
+
+    @property
+    def youngs_modulus_pa(self) -> float:
+        """The frame's own modulus."""
+        return self.wall.youngs_modulus_pa
 
 
 def first_belief(model: EyeModel) -> PoseBelief:
@@ -95,7 +99,12 @@ def updated_belief(belief: PoseBelief, prior: PoseBelief, fit: Registered) -> Po
 
 
 def register(
-    model: EyeModel, boundaries: Boundaries, force_n: float, modulus_pa: float, prior: PoseBelief
+    model: EyeModel,
+    boundaries: Boundaries,
+    force_n: float,
+    modulus_pa: float,
+    prior: PoseBelief,
+    rigidity_pa13_per_m3: float | None = None,
 ) -> Registered:
     """Fit pose and modulus to a frame by a damped Gauss-Newton method on Cauchy's loss.
 
@@ -105,8 +114,10 @@ def register(
         force_n: force of the needle.
         modulus_pa: from where the frame's modulus is sought.
         prior: what is known of the frame's nuisances.
+        rigidity_pa13_per_m3: from where the globe's is sought; None: the middle of what is known of it.
     """
-    fit = _Fit(model, _thinned(boundaries), force_n, prior, log(modulus_pa))
+    sought = stated_wall(model.constants, modulus_pa, force_n, float(prior.mean[BY_POLAR]), rigidity_pa13_per_m3)
+    fit = _Fit(model, _thinned(boundaries), sought, prior)
     unknown, placed, _ = gauss_newton(fit, fit.start(), STOPPING)
     return fit.result(unknown, placed)
 
@@ -131,12 +142,11 @@ class _Fit:
     Unknown (7,): the nuisances, ln E, and the globe's rigidity over the reference, which is fixed in an open one.
     """
 
-    def __init__(
-        self, model: EyeModel, columns: Columns, force_n: float, prior: PoseBelief, log_modulus: float
-    ) -> None:
-        self.model, self.columns, self.force_n = model, columns, force_n
+    def __init__(self, model: EyeModel, columns: Columns, sought: WallState, prior: PoseBelief) -> None:
+        self.model, self.columns, self.sought = model, columns, sought
         globe = model.constants.globe
-        self.mean = np.append(prior.mean, [log_modulus, model.constants.rigidity_pa13_per_m3 / REFERENCE_RIGIDITY])
+        own = [log(sought.youngs_modulus_pa), sought.rigidity_pa13_per_m3 / REFERENCE_RIGIDITY]
+        self.mean = np.append(prior.mean, own)
         self.free = np.append(np.diag(prior.covariance) > 0, [True, globe.can_be_sealed])
         covariance = np.zeros((7, 7))
         covariance[:5, :5] = prior.covariance
@@ -152,15 +162,11 @@ class _Fit:
         """Return where to begin: the prior's mean, or the best of a coarse search where the pose is unknown."""
         if not self.wide:
             return self.mean.copy()
-        moduli = np.exp(self.mean[LOG_MODULUS]) * np.array(START_MODULUS)
-        begun = [(float(modulus), rigidity) for rigidity in self._start_rigidities() for modulus in moduli]
-        eye, polar = self.model.constants, float(self.mean[BY_POLAR])
-        states = [
-            replace(stated_wall(eye, modulus, self.force_n, polar), rigidity_pa13_per_m3=REFERENCE_RIGIDITY * rigidity)
-            for modulus, rigidity in begun
-        ]
+        moduli = np.log(START_MODULUS) + self.mean[LOG_MODULUS]
+        begun = [(float(log_modulus), rigidity) for rigidity in self._start_rigidities() for log_modulus in moduli]
+        curves = self.model.curves([self._state(*own) for own in begun])
         best, unknown = np.inf, self.mean.copy()
-        for (modulus, rigidity), curve in zip(begun, self.model.curves(states), strict=True):
+        for own, curve in zip(begun, curves, strict=True):
             for lateral in START_LATERAL_M:
                 nuisance = self.mean[:5].copy()
                 nuisance[BY_LATERAL] = lateral
@@ -170,7 +176,7 @@ class _Fit:
                 cost = float(np.abs(rest - shift).sum())
                 if cost < best:
                     nuisance[BY_DEPTH] += shift
-                    best, unknown = cost, np.append(nuisance, [log(modulus), rigidity])
+                    best, unknown = cost, np.append(nuisance, own)
         return unknown
 
     def _start_rigidities(self) -> list[float]:
@@ -178,11 +184,15 @@ class _Fit:
         low, high = self._rigidity_ends
         return sorted({float(self.mean[RELATIVE_RIGIDITY]), *(low + share * (high - low) for share in START_RIGIDITY)})
 
+    def _state(self, log_modulus: float, rigidity: float) -> WallState:
+        """Return the wall at a modulus and a rigidity over the reference; a frame's polar angle stays where it is."""
+        modulus_pa, k = float(np.exp(log_modulus)), REFERENCE_RIGIDITY * float(rigidity)
+        return replace(self.sought, youngs_modulus_pa=modulus_pa, rigidity_pa13_per_m3=k)
+
     def evaluate(self, unknown: Array) -> tuple[Placed, float]:
         """Return the prediction and the cost."""
-        modulus_pa = float(np.exp(unknown[LOG_MODULUS]))
-        model = self.model.with_rigidity(REFERENCE_RIGIDITY * float(unknown[RELATIVE_RIGIDITY]))
-        placed = predict_frame(model, modulus_pa, self.force_n, unknown[:5], self.columns.places)
+        state = self._state(unknown[LOG_MODULUS], unknown[RELATIVE_RIGIDITY])
+        placed = predict_frame(self.model, state, unknown[:5], self.columns.places)
         away = unknown - self.mean
         return placed, self.columns.loss(placed) + float(away @ self.precision @ away)
 
@@ -219,6 +229,5 @@ class _Fit:
         return Registered(
             nuisance=unknown[:5].copy(),
             covariance=covariance[:5, :5],
-            youngs_modulus_pa=float(np.exp(unknown[LOG_MODULUS])),
-            rigidity_pa13_per_m3=REFERENCE_RIGIDITY * float(unknown[RELATIVE_RIGIDITY]),
+            wall=self._state(unknown[LOG_MODULUS], unknown[RELATIVE_RIGIDITY]),
         )

@@ -17,10 +17,10 @@ from scleraforce.calibration.assimilation import (
     FrameStep,
     Skipped,
     assimilate,
-    at_rigidity,
     eye_filter,
     first_state,
     moments,
+    rigidity_after,
 )
 from scleraforce.calibration.eye_model import EyeConstants, EyeModel
 from scleraforce.calibration.forces import ZERO_PRIOR
@@ -135,7 +135,8 @@ def _refer(session: EyeSession, boundaries: Boundaries, force_n: float) -> EyeSe
     eye, state = session.filter, session.state
     if np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
         prior = frame_prior(state.belief, eye.study)
-        fit = register(at_rigidity(eye, state), boundaries, max(force_n, 0.0), session.mean_pa, prior)
+        sought = session.mean_pa, prior, rigidity_after(eye, state)
+        fit = register(eye.model, boundaries, max(force_n, 0.0), *sought)
         state = replace(state, belief=updated_belief(state.belief, prior, fit))
     reason = f"at most {from_si(eye.study.min_force_n, 'mn'):g} mN: used as a reference of the pose"
     return replace(session, state=state, last=Skipped(reason))

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from scleraforce.calibration.assimilation import FrameStep, at_rigidity, predicted_points
+from scleraforce.calibration.assimilation import FrameStep, predicted_points, rigidity_after
 from scleraforce.calibration.calibrate import Calibration, EyeCalibration
 from scleraforce.calibration.eye_model import stated_wall
 from scleraforce.calibration.placement import BY_POLAR, place_section
@@ -189,8 +189,9 @@ def _first_and_last(eye: EyeCalibration) -> tuple[tuple[str, float], tuple[str, 
 def _draw_points(axes: Axes, eye: EyeCalibration, step: FrameStep, modulus_pa: float) -> None:
     assert eye.filter is not None  # checked by _first_and_last
     depth_m = predicted_points(eye.filter, step, modulus_pa)
-    model, polar_rad = at_rigidity(eye.filter, step.state), float(step.registered.nuisance[BY_POLAR])
-    curves = model.curves([stated_wall(model.constants, modulus_pa, step.force_n, polar_rad)])[0]
+    model, polar_rad = eye.filter.model, float(step.registered.nuisance[BY_POLAR])
+    rigidity = rigidity_after(eye.filter, step.state)
+    curves = model.curves([stated_wall(model.constants, modulus_pa, step.force_n, polar_rad, rigidity)])[0]
     for curve in place_section(curves, step.registered.nuisance):
         axes.plot(*from_si(curve, "mm").T, color=RED, linewidth=0.5, scalex=False, scaley=False)
     lateral_mm, observed_mm = (from_si(m, "mm") for m in (step.observation.lateral_m, step.observation.depth_m))
