@@ -60,6 +60,11 @@ class Walls:
     library: Library
     globe: KnownGlobe = OPEN
 
+    @property
+    def pressure(self) -> int:
+        """Which unknown is the pressure under the needle: the IOP where the globe is open."""
+        return PRESSURE if self.globe.can_be_sealed else IOP
+
 
 def force_n(walls: Walls, unknown_su: Array) -> Array:
     """Return the needle's force for each set of unknowns (sample, unknown), (sample,) in N."""
@@ -93,9 +98,8 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
         unknown: (unknown,), in the order of `NAMES`.
         places: where the frame was looked at.
     """
-    pressure = PRESSURE if walls.globe.can_be_sealed else IOP
     steps = np.array([TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP])
-    moving = [TIP, GAP, THICKNESS, pressure]
+    moving = [TIP, GAP, THICKNESS, walls.pressure]
     varied = np.repeat(unknown[None], 5, axis=0)
     varied[1:, moving] += np.diag(_inward(walls, unknown, steps))
     moved = varied[1:, moving].diagonal() - unknown[moving]
@@ -112,7 +116,7 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
         [by_tip, by_lateral, by_depth, by_rotation, by_gap, by_thickness], axis=1
     )
     jacobian[:, [MODULUS, SIZE, INNER_OFFSET]] = np.stack([-by_pressure, by_size, places.is_inner], axis=1)
-    jacobian[:, pressure] = by_pressure
+    jacobian[:, walls.pressure] = by_pressure
     jacobian[~seen] = 0.0
     return Placed(depth + unknown[INNER_OFFSET] * places.is_inner, slope, jacobian, seen)
 
@@ -132,7 +136,7 @@ def _inward(walls: Walls, unknown: Array, steps: Array) -> Array:
 
 def _log_ratio(walls: Walls, unknown_su: Array) -> Array:
     """Return the logarithm of the pressure under the needle over E (sample,)."""
-    ratio: Array = unknown_su[:, PRESSURE if walls.globe.can_be_sealed else IOP] - unknown_su[:, MODULUS]
+    ratio: Array = unknown_su[:, walls.pressure] - unknown_su[:, MODULUS]
     return ratio
 
 

@@ -5,49 +5,46 @@ says that level(P) is normal about level(P0) + mean(k) dV with the standard devi
 fitted, which a frame shows, and not the rigidity, which it shows only where the dent is deep.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.fitting.fit_prediction import IOP, MODULUS, NAMES, PRESSURE, SIZE, THICKNESS, TIP, Walls, displaced_m3
 
-__all__ = ["GlobeTerm", "globe_term", "keep_within"]
+__all__ = ["keep_within", "law_slope", "off_the_law"]
 
 Array = NDArray[np.float64]
 
 MOVING = (TIP, THICKNESS, MODULUS, IOP, SIZE, PRESSURE)
-STEP_M, LOG_STEP = 1e-7, 1e-4
+STEPS = np.where(np.isin(MOVING, [TIP, THICKNESS]), 1e-7, 1e-4)  # m, or of a logarithm
 LEAST_SD = 3e-3  # relative, of the pressure that the law gives: volumes of the library
 
 
-@dataclass(frozen=True, eq=False)
-class GlobeTerm:
-    """How far unknowns are off the law, in standard deviations, and how that turns with each of them (unknown,)."""
-
-    residual: float
-    slope: Array
-
-
-def globe_term(walls: Walls, unknown: Array) -> GlobeTerm:
-    """Return the residual of unknowns (unknown,); 0 where the globe is open."""
-    slope = np.zeros(len(NAMES))
+def off_the_law(walls: Walls, unknown: Array) -> float:
+    """Return how far unknowns (unknown,) are off the law, in standard deviations; 0 where the globe is open."""
     if not walls.globe.can_be_sealed:
-        return GlobeTerm(0.0, slope)
-    moving = list(MOVING)
-    steps = np.where(np.isin(moving, [TIP, THICKNESS]), STEP_M, LOG_STEP)
-    varied = np.repeat(unknown[None], len(moving) + 1, axis=0)
-    varied[1:, moving] += np.diag(steps)
-    off, sd = _off(walls, varied)
-    slope[moving] = (off[1:] - off[0]) / (steps * sd[0])
-    return GlobeTerm(float(off[0] / sd[0]), slope)
+        return 0.0
+    off, sd = _off(walls, unknown[None])
+    return float(off[0] / sd[0])
+
+
+def law_slope(walls: Walls, unknown: Array) -> Array:
+    """Return how `off_the_law` turns with each unknown (unknown,)."""
+    slope = np.zeros(len(NAMES))
+    if walls.globe.can_be_sealed:
+        moving = list(MOVING)
+        varied = np.repeat(unknown[None], len(moving) + 1, axis=0)
+        varied[1:, moving] += np.diag(STEPS)
+        off, sd = _off(walls, varied)
+        slope[moving] = (off[1:] - off[0]) / (STEPS * sd[0])
+    return slope
 
 
 def keep_within(walls: Walls, unknown_su: Array) -> Array:
     """Return unknowns (sample, unknown) whose pressure is that of a rigidity within the globe's bounds."""
-    known, volume = walls.globe, displaced_m3(walls, unknown_su)
+    known = walls.globe
     if not known.can_be_sealed:
         return unknown_su
+    volume = displaced_m3(walls, unknown_su)
     resting_pa = np.exp(unknown_su[:, IOP])
     ends = [np.log(known.globe(k).pressure(resting_pa, volume)) for k in (known.lowest, known.highest)]
     kept = unknown_su.copy()

@@ -35,7 +35,7 @@ from scleraforce.fitting.fit_prediction import (
     predict_wall,
 )
 from scleraforce.fitting.fit_start import starts
-from scleraforce.fitting.globe_term import globe_term, keep_within
+from scleraforce.fitting.globe_term import keep_within, law_slope, off_the_law
 from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
 from scleraforce.fitting.placement import Placed, Places
 from scleraforce.known.eye import Known
@@ -72,7 +72,8 @@ class Prior:
 
     `mean` and `sd` (unknown,) of each unknown; `precision` (unknown, unknown), the inverse of their covariance, without
     what `same_force` (unknown,) says: that combination of unknowns, 0 where it says nothing, is as far off its mean as
-    a standard normal number. `globe` is what is known of it.
+    a standard normal number. `globe` is what is known of it; `calibrated` (2, 2) the inverse covariance of that number
+    and of how far the pressure is off the globe's law, which a calibration correlates.
     """
 
     mean: Array
@@ -80,6 +81,7 @@ class Prior:
     precision: Array
     same_force: Array
     globe: KnownGlobe
+    calibrated: Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -134,7 +136,10 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     own = known.modulus is not None and known.modulus.source == "own"
     same_force = _same_force(mean, sd) if own else np.zeros(len(NAMES))
     precision = np.diag(np.where(own & (np.arange(len(NAMES)) == MODULUS), 0.0, sd**-2.0))
-    return Prior(mean, sd, precision, same_force, UNKNOWN if known.globe is None else known.globe)
+    globe = UNKNOWN if known.globe is None else known.globe
+    correlation = globe.correlation if own else 0.0
+    calibrated = np.asarray(np.linalg.inv([[1.0, correlation], [correlation, 1.0]]))
+    return Prior(mean, sd, precision, same_force, globe, calibrated)
 
 
 def _same_force(mean: Array, sd: Array) -> Array:
@@ -216,8 +221,8 @@ class _Problem:
         inner = away[INNER_OFFSET] / (INNER_CAUCHY * self.prior.sd[INNER_OFFSET])
         away[INNER_OFFSET] = 0.0
         known = away @ self.prior.precision @ away + INNER_CAUCHY**2 * np.log1p(inner**2)
-        off, _, weight = self._calibrated(unknown)
-        known += off @ weight @ off
+        off = self._off(unknown)
+        known += off @ self.prior.calibrated @ off
         return placed, self.columns.loss(placed) + float(known)
 
     def normal_equations(self, unknown: Array, placed: Placed, scale: float = 1.0) -> tuple[Array, Array]:
@@ -227,19 +232,13 @@ class _Problem:
         precision[INNER_OFFSET, INNER_OFFSET] /= (
             1 + (away[INNER_OFFSET] / (INNER_CAUCHY * self.prior.sd[INNER_OFFSET])) ** 2
         )
-        off, slopes, weight = self._calibrated(unknown)
-        normal += precision + slopes.T @ weight @ slopes
-        return normal, gradient - precision @ away - slopes.T @ weight @ off
+        slopes = np.stack([self.prior.same_force, law_slope(self.walls, unknown)])
+        weighted = slopes.T @ self.prior.calibrated
+        return normal + precision + weighted @ slopes, gradient - precision @ away - weighted @ self._off(unknown)
 
-    def _calibrated(self, unknown: Array) -> tuple[Array, Array, Array]:
-        """Return what a calibration correlates: the force at a dent and the rigidity.
-
-        How far off they are (2,), how that turns with the unknowns (2, unknown), and the inverse covariance (2, 2).
-        """
-        globe, correlation = globe_term(self.walls, unknown), self.prior.globe.correlation
-        off = np.array([self.prior.same_force @ (unknown - self.prior.mean), globe.residual])
-        both = np.array([[1.0, correlation], [correlation, 1.0]] if self.prior.same_force.any() else np.eye(2))
-        return off, np.stack([self.prior.same_force, globe.slope]), np.asarray(np.linalg.inv(both))
+    def _off(self, unknown: Array) -> Array:
+        """Return how far the force at a dent and the pressure are off what is known, in standard deviations (2,)."""
+        return np.array([self.prior.same_force @ (unknown - self.prior.mean), off_the_law(self.walls, unknown)])
 
     def inside(self, unknown: Array) -> Array:
         """Keep the dent within what the library holds, and the pressure."""
@@ -274,7 +273,7 @@ class _Problem:
             wall_bmc=place_walls(self.walls, unknown[None])[0],
             unknown=unknown,
             sd=np.sqrt(np.diag(covariance)),
-            iop_pa=float(np.exp(unknown[PRESSURE if self.walls.globe.can_be_sealed else IOP])),
+            iop_pa=float(np.exp(unknown[self.walls.pressure])),
         )
 
     def _drawn_forces(self, unknown: Array, covariance: Array) -> Array:
