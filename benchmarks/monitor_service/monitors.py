@@ -98,7 +98,7 @@ def real_monitor(model: Path, recording: Path, *options: str, pinned: bool = Tru
         "--polar-angle-deg": degrees(eye["polar_rad"]),
     }
     known = [text for name, value in told.items() for text in (name, f"{value:.6g}")]
-    known += ["--globe", truth.get("globe", {"kind": "open"})["kind"]]  # without: from when all were open
+    known += ["--globe", truth["globe"]["kind"]]
     with TemporaryDirectory(prefix="bench-monitor-", ignore_cleanup_errors=True) as folder:
         said, black_box = Path(folder, "said"), Path(folder, "box")
         command = [sys.executable, "-c", "from scleraforce.cli.main import main; main()", "monitor", str(model)]

@@ -70,7 +70,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     writer.close()
     eye = {"thickness_m": THICKNESS_M, "iop_pa": IOP_PA, "youngs_modulus_pa": MODULUS_PA, "gap_m": GAP_M}
     frames = [{"file": f"{number:04}.png", "force_n": FORCE_N} for number in range(FRAMES)]
-    (folder / "eye" / "truth.json").write_text(json.dumps({"eye": {**eye, "polar_rad": 0.6}, "frames": frames}))
+    truth = {"eye": {**eye, "polar_rad": 0.6}, "globe": {"kind": "open"}, "frames": frames}
+    (folder / "eye" / "truth.json").write_text(json.dumps(truth))
     return folder
 
 

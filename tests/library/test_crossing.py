@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from scleraforce.library.crossing import first_crossing, highest_point
+from scleraforce.library.crossing import first_crossing
 
 TIP = 7e-3 * np.linspace(0.0, 1.0, 25) ** 1.5
 
@@ -49,15 +49,3 @@ def test_no_force_is_no_dent_and_too_much_force_is_none():
     found = first_crossing(TIP, force, slope, np.array([0.0, 7e-3, 7.001e-3]))
     assert found[:2] == pytest.approx([0.0, 7e-3], abs=1e-12)
     assert np.isnan(found[2])
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_the_highest_point_is_that_of_a_fine_scan(seed):
-    rng = np.random.default_rng(seed)
-    force = rng.normal(size=(40, len(TIP))).cumsum(axis=1)  # some only fall: these are highest where they begin
-    force[::4] = -np.abs(force[::4]).cumsum(axis=1)
-    slope = np.array([CubicSpline(TIP, row)(TIP, 1) for row in force])
-    fine = np.linspace(TIP[0], TIP[-1], 70_001)
-    curves = [CubicHermiteSpline(TIP, *row) for row in zip(force, slope, strict=True)]
-    found = [curve(tip) for curve, tip in zip(curves, highest_point(TIP, force, slope), strict=True)]
-    assert found == pytest.approx([curve(fine).max() for curve in curves], abs=1e-5)

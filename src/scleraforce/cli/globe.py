@@ -61,10 +61,7 @@ def told_globe(globe: str | None, rigidity: float | None) -> "KnownGlobe | None"
         raise InputError(f"--rigidity: of a sealed globe; tell --globe sealed, too, or leave {rigidity:g} out")
     if globe is None:
         return None
-    if rigidity is None:
-        return known_globe(globe)
     try:
-        told = GlobeStudy().told(globe, RIGIDITY.to_si(rigidity))
+        return known_globe(globe, None if rigidity is None else RIGIDITY.to_si(rigidity))
     except StudyError as fault:
         raise InputError(f"--rigidity: {fault}") from fault
-    return known_globe(globe, told.rigidity_pa13_per_m3)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.eye.globe import Globe, sealed_globe
-from scleraforce.study.globe import RIGIDITY_LAWS
+from scleraforce.study.globe import RIGIDITY_LAWS, GlobeStudy
 from scleraforce.units import to_si
 
 __all__ = [
@@ -85,13 +85,16 @@ SEALED = KnownGlobe(
 def known_globe(kind: str | None, rigidity_pa13_per_m3: float | None = None, law: str | None = None) -> KnownGlobe:
     """Return what is known of a globe of which this was told; None: nothing.
 
+    Raises:
+        StudyError: a kind that there is none of, or a rigidity that no globe has, as in a study file.
+
     >>> known_globe(None).kind, known_globe("open").can_be_sealed
     ('unknown', False)
     """
-    if kind == "open":
-        return OPEN
     if kind is None:
         return UNKNOWN
+    if GlobeStudy().told(kind, rigidity_pa13_per_m3).kind == "open":
+        return OPEN
     law = RIGIDITY_LAWS[0] if law is None else law
     if rigidity_pa13_per_m3 is None:
         return replace(SEALED, law=law)

@@ -8,7 +8,7 @@ a cubic (Hermite).
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["first_crossing", "highest_point"]
+__all__ = ["first_crossing"]
 
 Floats = NDArray[np.float64]
 
@@ -38,15 +38,6 @@ def first_crossing(tip_m: Floats, force_sd: Floats, slope_sd: Floats, wanted_s: 
     tip = tip_m[interval] + place * np.diff(tip_m)[interval]
     tip = np.where(force_sd[:, 0] >= wanted_s, tip_m[0], tip)
     found: Floats = np.where(reached.any(axis=1), tip, np.nan)
-    return found
-
-
-def highest_point(tip_m: Floats, force_sd: Floats, slope_sd: Floats) -> Floats:
-    """Return the tip at which each path carries most (sample,), m; arguments of `first_crossing`."""
-    place, peak = _peaks(_cubics(np.diff(tip_m), force_sd, slope_sd))
-    interval = np.argmax(peak, axis=1)
-    highest = tip_m[interval] + place[np.arange(len(peak)), interval] * np.diff(tip_m)[interval]
-    found: Floats = np.where(force_sd[:, 0] > peak.max(axis=1), tip_m[0], highest)
     return found
 
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.eye.globe import Globe
-from scleraforce.library.crossing import first_crossing, highest_point
+from scleraforce.library.crossing import first_crossing
 from scleraforce.library.responses import Library
 
-__all__ = ["iop_ratio_at_dent", "nearest_iop_ratio_at_dent"]
+__all__ = ["iop_ratio_at_dent"]
 
 Floats = NDArray[np.float64]
 
@@ -34,27 +34,10 @@ def iop_ratio_at_dent(library: Library, thickness_m: Floats, iop_ratio: Floats, 
         InputError: a sample without the needle lies outside the library, or its dent does.
     """
     library.check_walls(thickness_m, iop_ratio)
-    return _solved(library, thickness_m, iop_ratio, tip_m, globe, nearest=False)
-
-
-def nearest_iop_ratio_at_dent(
-    library: Library, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, globe: Globe
-) -> Floats:
-    """Return the same, and where no pressure solves the law the one that comes nearest: a fit finds its way back."""
-    return _solved(library, thickness_m, iop_ratio, tip_m, globe, nearest=True)
-
-
-def _solved(
-    library: Library, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, globe: Globe, nearest: bool
-) -> Floats:
     thickness_m, iop_ratio, tip_m, rate = np.broadcast_arrays(thickness_m, iop_ratio, tip_m, globe.rate)
     volumes, slopes = library.displaced_along_pressure(thickness_m, tip_m)
     ratios = library.tension * (thickness_m / library.radius_m)[:, None]
     missing = globe.level(ratios) - rate[:, None] * volumes
     rise = globe.level_slope(ratios) * ratios - rate[:, None] * slopes
-    axis = np.log(library.tension)
-    log_tension = first_crossing(axis, missing, rise, globe.level(iop_ratio))
-    none = np.isnan(log_tension)
-    if nearest and none.any():
-        log_tension[none] = highest_point(axis, missing[none], rise[none])
+    log_tension = first_crossing(np.log(library.tension), missing, rise, globe.level(iop_ratio))
     return np.where(rate != 0.0, np.exp(log_tension) * thickness_m / library.radius_m, iop_ratio)

@@ -53,9 +53,13 @@ def iop_ratio_under_force(
     # The dent of the resting pressure hardly ever displaces less than that of a higher one.
     most = library.displaced_m3(thickness, resting, library.reached_tips(thickness, resting, force))
     bound = np.clip(Globe(globe.law, rate).pressure(resting, (1.0 + SPARE) * most), resting, highest)
-    bound = np.where(missing(np.log(bound), *state) > 0.0, bound, highest)
     low, high = np.log(np.where(rate > 0.0, resting, lowest)), np.log(bound)
-    above, below = missing(high, *state), missing(low, *state)
+    above, below = missing(high, *state), -rate * most
+    beyond, under = above <= 0.0, rate < 0.0
+    high[beyond] = np.log(highest[beyond])
+    for place, ends, values in ((beyond, high, above), (under, low, below)):
+        if place.any():
+            values[place] = missing(ends[place], *(part[place] for part in state))
     within = (above > 0.0) & (below < 0.0)
     found[sealed] = np.exp(np.where(below >= 0.0, low, high))
     args = tuple(values[within] for values in state)

@@ -22,7 +22,6 @@ from scleraforce.recording.info import RecordingInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.recording.scaled_frame import LARGEST_M, LEAST_M, Scanner, read_scaled_frame, recording_of
 from scleraforce.segmentation.wall import Segmentation, find_wall
-from scleraforce.study.globe import GlobeStudy
 
 if TYPE_CHECKING:
     from scleraforce.calibration.calibrate import Calibration
@@ -186,10 +185,7 @@ def _told_globe(globe: str | None, rigidity_pa13_per_m3: float | None) -> KnownG
     """Return what was told of a globe, checked as the keys of a recording are."""
     if rigidity_pa13_per_m3 is not None and globe != "sealed":
         raise InputError('rigidity_pa13_per_m3: of a sealed globe; give globe="sealed", too, or leave it out')
-    if globe is None:
-        return None
-    told = GlobeStudy().told(globe, rigidity_pa13_per_m3)
-    return known_globe(told.kind, rigidity_pa13_per_m3)
+    return None if globe is None else known_globe(globe, rigidity_pa13_per_m3)
 
 
 def _scaled(frame: Frame, told: Scanner, assumed: Scanner, source: str) -> _Scaled:

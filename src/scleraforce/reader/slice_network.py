@@ -121,6 +121,6 @@ def _rigidity_band(known: Known) -> tuple[float, float]:
     globe = UNKNOWN if known.globe is None else known.globe
     if globe.law == RIGIDITY_LAWS[0]:
         return globe.band
-    resting_pa = SAME_SLOPE_PA if known.iop_pa is None else known.iop_pa
     low, high = globe.band
-    return low * float(np.cbrt(resting_pa / SAME_SLOPE_PA)), high * float(np.cbrt(resting_pa / SAME_SLOPE_PA))
+    factor = 1.0 if known.iop_pa is None else float(np.cbrt(known.iop_pa / SAME_SLOPE_PA))
+    return low * factor, high * factor

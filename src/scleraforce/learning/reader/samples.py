@@ -172,10 +172,8 @@ def _globes(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[
         rigidity[which] = rng.uniform(globe.lowest, globe.highest, count)[which]
         low[which], high[which] = globe.band
     told = sealed & ~missing
-    middle, sd = (
-        rng.uniform(UNKNOWN.lowest, UNKNOWN.highest, count),
-        _log_even(reader.rigidity_sd_pa13_per_m3, count, rng),
-    )
+    middle = rng.uniform(UNKNOWN.lowest, UNKNOWN.highest, count)
+    sd = _log_even(reader.rigidity_sd_pa13_per_m3, count, rng)
     own = middle + sd * np.clip(rng.standard_normal(count), -TRUNCATED_SD, TRUNCATED_SD)
     ends = (own, middle - NINETY_PERCENT * sd, middle + NINETY_PERCENT * sd)
     for values, found in zip(ends, (rigidity, low, high), strict=True):
