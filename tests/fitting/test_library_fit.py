@@ -5,7 +5,8 @@ from math import exp, log
 
 import numpy as np
 import pytest
-from analytic_library import RADIUS_M, analytic_library
+from analytic_library import RADIUS_M
+from analytic_walls import BOTH, LATERAL_M, LIBRARY, RANGES, noisy_boundaries
 
 from scleraforce.fitting.fit_prediction import (
     DEPTH,
@@ -25,21 +26,10 @@ from scleraforce.fitting.fit_prediction import (
     predict_wall,
 )
 from scleraforce.fitting.library_fit import fit_boundaries, prior_of
-from scleraforce.fitting.placement import Places
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, UNKNOWN, KnownGlobe
-from scleraforce.study import Range, ReaderStudy
 
-LIBRARY = analytic_library()
 WALLS = Walls(LIBRARY)
-RANGES = ReaderStudy(
-    youngs_modulus_pa=Range(min=0.15e6, max=0.6e6),
-    iop_pa=Range(min=100.0, max=600.0),
-    thickness_m=Range(min=0.4e-3, max=0.9e-3),
-    gap_m=Range(min=0.3e-3, max=1.0e-3),
-)
-LATERAL_M = (np.arange(256) + 0.5 - 128) * 15e-3 / 256
-BOTH = Places(np.concatenate([LATERAL_M, LATERAL_M]), np.repeat([0, 1], 256))
 BOTTOM_M = 3.9e-3
 
 
@@ -65,11 +55,7 @@ def drawn_eye(rng: np.random.Generator) -> np.ndarray:
 def boundaries(unknown: np.ndarray, noise_m: float = 0.0, rng: np.random.Generator | None = None) -> np.ndarray:
     """What a frame would show (2, column), with errors that are correlated over 0.35 mm; NaN below the window."""
     predicted = predict_wall(WALLS, unknown, BOTH)
-    depth = predicted.depth_m.reshape(2, -1)
-    if rng is not None:
-        kernel = np.exp(-(np.linspace(-3, 3, 19) ** 2) / 2)
-        rough = [np.convolve(rng.standard_normal(256 + 18), kernel / np.sqrt((kernel**2).sum()), "valid") for _ in "oi"]
-        depth = depth + noise_m * np.array(rough) * np.sqrt(1 + predicted.slope.reshape(2, -1) ** 2)
+    depth = noisy_boundaries(predicted, noise_m, rng)
     return np.where(depth < BOTTOM_M, depth, np.nan)
 
 

@@ -5,7 +5,7 @@ from math import exp, log
 
 import numpy as np
 import pytest
-from analytic_library import analytic_library
+from analytic_walls import BOTH, LATERAL_M, LIBRARY, RANGES, noisy_boundaries
 
 from scleraforce.fitting.fit_prediction import (
     DEPTH,
@@ -22,22 +22,11 @@ from scleraforce.fitting.fit_prediction import (
     predict_wall,
 )
 from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries, prior_of
-from scleraforce.fitting.placement import Places
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, KnownGlobe, known_globe
 from scleraforce.library.sealed import iop_ratio_at_dent
-from scleraforce.study import Range, ReaderStudy
 
-LIBRARY = analytic_library()
 SEALED_WALLS = Walls(LIBRARY, UNKNOWN)
-RANGES = ReaderStudy(
-    youngs_modulus_pa=Range(min=0.15e6, max=0.6e6),
-    iop_pa=Range(min=100.0, max=600.0),
-    thickness_m=Range(min=0.4e-3, max=0.9e-3),
-    gap_m=Range(min=0.3e-3, max=1.0e-3),
-)
-LATERAL_M = (np.arange(256) + 0.5 - 128) * 15e-3 / 256
-BOTH = Places(np.concatenate([LATERAL_M, LATERAL_M]), np.repeat([0, 1], 256))
 NOISE_M = 10e-6
 EYES = 120
 
@@ -75,11 +64,7 @@ def drawn_eye(rng: np.random.Generator, globe: KnownGlobe) -> tuple[np.ndarray, 
 
 def boundaries(unknown: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """What a frame would show (2, column), with errors that are correlated over 0.35 mm."""
-    predicted = predict_wall(SEALED_WALLS, unknown, BOTH)
-    kernel = np.exp(-(np.linspace(-3, 3, 19) ** 2) / 2)
-    rough = [np.convolve(rng.standard_normal(256 + 18), kernel / np.sqrt((kernel**2).sum()), "valid") for _ in "oi"]
-    slopes = predicted.slope.reshape(2, -1)
-    return predicted.depth_m.reshape(2, -1) + NOISE_M * np.array(rough) * np.sqrt(1 + slopes**2)
+    return noisy_boundaries(predict_wall(SEALED_WALLS, unknown, BOTH), NOISE_M, rng)
 
 
 def known_of(unknown: np.ndarray, globe: KnownGlobe, rng: np.random.Generator | None = None) -> Known:
