@@ -21,7 +21,7 @@ BOTH = Places(np.concatenate([LATERAL_M, LATERAL_M]), np.repeat([0, 1], COLUMNS)
 
 
 def noisy_boundaries(predicted: Placed, noise_m: float, rng: np.random.Generator | None) -> np.ndarray:
-    """Boundaries at BOTH (2, column), with errors along the normal that are correlated over 0.35 mm where rng is given."""
+    """Boundaries at BOTH (2, column); where rng is given, with errors along the normal, correlated over 0.35 mm."""
     depth = predicted.depth_m.reshape(2, -1)
     if rng is None:
         return depth
