@@ -29,6 +29,8 @@ __all__ = [
 ]
 
 Record = TypeVar("Record")
+# Of keys and tables, by their path and the number of the table of its name that a key stands in, 0 outside of any.
+Lines = dict[tuple[tuple[str, ...], int], int]
 
 # Keys of earlier versions, and what to write instead.
 REPLACED: dict[tuple[str, ...], str] = {("mechanics", "sealed"): 'write [globe] kind = "sealed" or "open"'}
@@ -78,7 +80,7 @@ def parse_record(kind: type[Record], text: str, name: str) -> Record:
         raise StudyError(f"{name}: not TOML: {fault}") from fault
     except RecursionError as fault:
         raise StudyError(f"{name}: not TOML: nested too deep") from fault
-    record = _record(kind, table, (), text, name)
+    record = _record(kind, table, (), _lines(text), name)
     assert isinstance(record, kind)
     return record
 
@@ -99,12 +101,12 @@ def study_hash(study: Study) -> str:
     return hashlib.sha256(format_study(study).encode()).hexdigest()
 
 
-def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], text: str, name: str, nth: int = 1) -> object:
+def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], lines: Lines, name: str, nth: int = 1) -> object:
     hints = get_type_hints(kind)
     known = {field_key(item): item for item in fields(kind)}
     values: dict[str, Any] = {}
     for key, value in table.items():
-        place = f"{name}:{_line(text, (*path, key), nth)}: {'.'.join((*path, key))}"
+        place = f"{name}:{_line(lines, (*path, key), nth)}: {'.'.join((*path, key))}"
         if found := REPLACED.get((*path, key)):
             raise StudyError(f"{place}: no longer a key; {found}")
         if key not in known:
@@ -114,9 +116,9 @@ def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], text: str,
         if is_dataclass(hint):
             if not isinstance(value, dict):
                 raise StudyError(f"{place}: expected a table [{key}]")
-            values[item.name] = _record(hint, value, (*path, key), text, name)  # type: ignore[arg-type]  # a class
+            values[item.name] = _record(hint, value, (*path, key), lines, name)  # type: ignore[arg-type]  # a class
         elif get_origin(hint) is tuple and is_dataclass(get_args(hint)[0]):
-            values[item.name] = _records(get_args(hint)[0], value, (*path, key), text, name, place)
+            values[item.name] = _records(get_args(hint)[0], value, (*path, key), lines, name, place)
         else:
             values[item.name] = map_numbers(_value(hint, value, place), field_unit(item).to_si)
     missing = [
@@ -125,20 +127,20 @@ def _record(kind: type, table: dict[str, Any], path: tuple[str, ...], text: str,
         if item.name not in values and item.default is MISSING and item.default_factory is MISSING
     ]
     if missing:
-        place = f"{name}:{_line(text, path, nth)}" if path else name
+        place = f"{name}:{_line(lines, path, nth)}" if path else name
         raise StudyError(f"{place}: {'.'.join((*path, missing[0]))}: missing")
     try:
         return kind(**values)
     except StudyError as fault:
         key = str(fault).partition(":")[0]
-        raise StudyError(f"{name}:{_line(text, (*path, key), nth)}: {'.'.join((*path, ''))}{fault}") from None
+        raise StudyError(f"{name}:{_line(lines, (*path, key), nth)}: {'.'.join((*path, ''))}{fault}") from None
 
 
-def _records(kind: Any, value: Any, path: tuple[str, ...], text: str, name: str, place: str) -> tuple[object, ...]:
+def _records(kind: Any, value: Any, path: tuple[str, ...], lines: Lines, name: str, place: str) -> tuple[object, ...]:
     if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value):
         raise StudyError(f"{place}: expected a list of tables [[{'.'.join(path)}]]")
     _check_length(value, place)
-    return tuple(_record(kind, entry, path, text, name, nth) for nth, entry in enumerate(value, start=1))
+    return tuple(_record(kind, entry, path, lines, name, nth) for nth, entry in enumerate(value, start=1))
 
 
 def _required(hint: Any) -> Any:
@@ -187,20 +189,24 @@ def _scalar(kind: type, value: Any, place: str) -> Any:
     return value
 
 
-def _line(text: str, path: tuple[str, ...], nth: int) -> int:
-    """Return the line of a key in TOML text, in the nth table of its name (1 where it cannot be told)."""
+def _lines(text: str) -> Lines:
+    """Return the lines of all keys and tables of TOML text, in one pass; the first of those of one name."""
     table: tuple[str, ...] = ()
     seen: Counter[tuple[str, ...]] = Counter()
+    found: Lines = {}
     for number, line in enumerate(text.splitlines(), start=1):
         if header := re.match(r"\s*\[\[?\s*([\w.\- ]+?)\s*\]\]?", line):
             table = tuple(part.strip() for part in header[1].split("."))
             seen[table] += 1
-            if table == path:
-                return number
-        key = re.match(r"\s*([\w.\-]+)\s*=", line)
-        if key and seen[table] in (0, nth) and (*table, *key[1].split(".")) == path:
-            return number
-    return 1
+            found.setdefault((table, 0), number)
+        if key := re.match(r"\s*([\w.\-]+)\s*=", line):
+            found.setdefault(((*table, *key[1].split(".")), seen[table]), number)
+    return found
+
+
+def _line(lines: Lines, path: tuple[str, ...], nth: int) -> int:
+    """Return the line of a key or table, in the nth table of its name (1 where it cannot be told)."""
+    return min((lines[path, table] for table in (0, nth) if (path, table) in lines), default=1)
 
 
 def _format_section(name: str, record: Any) -> str:
