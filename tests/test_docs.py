@@ -23,7 +23,9 @@ from scleraforce.cli.main import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
-SLOW_COMMANDS = {"reproduce", "library", "generate", "train", "phantom", "calibrate"}
+SLOW_COMMANDS = {"simulate", "reproduce", "library", "generate", "train", "phantom", "calibrate"}
+SLOW_CALLS = re.compile(r"\bsf\.train\(|\blinear_sections\(")
+SLOW_MODULES = {"scleraforce.notebook.training", "scleraforce.notebook.virtual"}  # whose examples train and solve
 LANGUAGES = {"console", "python", "toml", "json", "text", "csv", "mermaid", ""}
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 PACKAGE = Path(scleraforce.__file__).parent
@@ -141,10 +143,10 @@ def run_python(page: Path) -> None:
 
 
 def pages_with_python() -> list[object]:
-    """Pages whose Python trains are marked slow; that of the README runs after its commands, on what they write."""
+    """Pages whose Python trains or solves are slow; that of the README runs after its commands, on what they write."""
     found = [(page, "\n".join(blocks(page, "python"))) for page in PAGES if page.name != "README.md"]
     return [
-        pytest.param(page, id=page.name, marks=[pytest.mark.slow] if "sf.train(" in python else [])
+        pytest.param(page, id=page.name, marks=[pytest.mark.slow] if SLOW_CALLS.search(python) else [])
         for page, python in found
         if python
     ]
@@ -171,7 +173,10 @@ def test_the_examples_in_docstrings_are_true(name: str) -> None:
     assert doctest.testmod(import_module(name), optionflags=doctest.ELLIPSIS).failed == 0
 
 
-@pytest.mark.parametrize("name", PUBLIC_MODULES)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW_MODULES else [], id=name) for name in PUBLIC_MODULES],
+)
 def test_the_examples_of_what_is_public_are_true(
     name: str, notebook_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

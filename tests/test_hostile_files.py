@@ -32,7 +32,7 @@ def test_hundreds_of_mutations_end_well_or_in_one_line(whole: Path, kind: str) -
     check(whole, kind, SLOW.get(kind, SEEDS))
 
 
-@pytest.mark.parametrize("kind", ["study", "png", "model record"])
+@pytest.mark.parametrize("kind", ["study", "png"])
 def test_a_few_mutations_end_well_or_in_one_line(whole: Path, kind: str) -> None:
     check(whole, kind, 3)
 

@@ -47,8 +47,15 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     return err
 
 
-@pytest.mark.parametrize("size", [200, 3000], ids=["at the start", "at a chunk"])
-@pytest.mark.parametrize("command", ["library", "generate"])
+@pytest.mark.parametrize(
+    ("command", "size"),
+    [
+        pytest.param("library", 200, id="library-at the start"),
+        pytest.param("library", 3000, id="library-at a chunk", marks=pytest.mark.slow),
+        pytest.param("generate", 200, id="generate-at the start"),
+        pytest.param("generate", 3000, id="generate-at a chunk"),
+    ],
+)
 def test_a_store_on_a_full_disk_is_one_line(tmp_path: Path, capsys, monkeypatch, command: str, size: int) -> None:
     monkeypatch.setattr(build, "solve_path", solve_analytic)
     study, out = tmp_path / "study.toml", tmp_path / "out"

@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import socket
+from functools import cache
 from itertools import count
 from math import radians
 from pathlib import Path
@@ -35,16 +36,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 Shown = dict[int, list[np.ndarray]]
-FRAMES: Shown = {
-    force_mn: [image(wall_section(tip_of(force_mn / 1e3)), seed) for seed in (1, 2, 3)] for force_mn in (8, 40)
-}
 IDS = count(1)
 PAUSES = {"SILENCE", "STALE", "NO_OPINION", "QUEUE_BEHIND"}  # of a machine that did other things, not of the eye
 SENT: list[np.ndarray] = []
 
 
-def push(scanner: Peer, force_mn: int, frames: int, every_s: float = 0.03, shown: Shown = FRAMES) -> None:
+@cache
+def usual_frames() -> Shown:
+    return {force_mn: [image(wall_section(tip_of(force_mn / 1e3)), seed) for seed in (1, 2, 3)] for force_mn in (8, 40)}
+
+
+def push(scanner: Peer, force_mn: int, frames: int, every_s: float = 0.03, shown: Shown | None = None) -> None:
     """Send frames of a wall under a force, as a scanner does."""
+    shown = shown or usual_frames()
     for number in range(frames):
         serial = next(IDS)
         noise = np.random.default_rng(serial).integers(0, 8, shown[force_mn][0].shape, dtype=np.uint16)
@@ -88,7 +92,7 @@ def test_a_session_from_the_first_frame_to_the_reset_is_told_kept_and_recorded(f
     assert read_recording(withdrawn).frames
 
 
-def _after(scanner: Peer, force_mn: int, shown: Shown = FRAMES) -> Status:
+def _after(scanner: Peer, force_mn: int, shown: Shown | None = None) -> Status:
     push(scanner, force_mn, 3, shown=shown)
     return scanner.statuses()[-1]
 
@@ -114,11 +118,11 @@ def test_a_bound_that_adapts_withdraws_from_a_thin_soft_wall_below_the_bound_of_
     assert (last.code, last.name) == ((3, "BOUND") if adaptive else (1, "")), last
 
 
-def _undisturbed(scanner: Peer, monitor: Started, force_mn: int, shown: Shown = FRAMES) -> Status:
+def _undisturbed(scanner: Peer, monitor: Started, force_mn: int, shown: Shown | None = None) -> Status:
     """Return the STATUS after 20 frames of this force; again where this machine paused longer than a scanner may."""
 
     def at_rest() -> bool:
-        status = _after(scanner, min(shown), shown)
+        status = _after(scanner, min(shown or usual_frames()), shown)
         if status.code == 3:
             assert status.name in PAUSES, status
             run(["monitor-reset", "--port", str(monitor.port), "--token", monitor.token])

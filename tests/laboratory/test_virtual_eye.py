@@ -31,7 +31,7 @@ from scleraforce.units import to_si
 
 STUDY = Study(
     oct=OctStudy(columns=128, rows=96),
-    mesh=MeshStudy(kind="graded", core=4, rings=6),
+    mesh=MeshStudy(kind="graded", core=2, rings=4),
     mechanics=MechanicsStudy("finite-strain"),
     form=FormStudy(semi_axes=(1.04, 1.0, 0.96), wave=(WaveStudy(amplitude_fraction=0.1, degree=2),)),
 )

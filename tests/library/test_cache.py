@@ -32,6 +32,7 @@ def test_a_library_is_built_on_first_need_only(tmp_path):
     assert places(tmp_path) == [".lock", ".zarr"]
 
 
+@pytest.mark.slow
 def test_an_interrupted_build_is_taken_up(tmp_path):
     done = []
 

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -18,8 +19,10 @@ from scleraforce.library import cluster as cluster_module
 from scleraforce.library.build import build_library
 from scleraforce.study import LibraryStudy, Range, Study
 
-pytest.importorskip("distributed", reason="the extra [cluster] is not installed")
-pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+pytestmark = [
+    pytest.mark.skipif(find_spec("distributed") is None, reason="the extra [cluster] is not installed"),
+    pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning"),
+]
 
 STUDY = Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))
 SUPPORT = Path(__file__).parents[1] / "support"

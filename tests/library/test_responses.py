@@ -20,7 +20,7 @@ def library():
 
 def test_the_nodes_of_the_grid_are_met(library):
     nodes = np.stack([array.ravel() for array in np.meshgrid(library.thickness_m, library.tension, library.tip_m)])
-    t, tension, d = nodes[:, ::7]
+    t, tension, d = nodes[:, ::29]
     p = tension * t / library.radius_m
     found = library.at_tip(t, p, d)
     assert found.curves_sbnc == pytest.approx(curves(t, p, d), abs=5e-9)
@@ -46,7 +46,7 @@ def test_a_finer_grid_gains_at_least_the_third_order(axis):
 
     def error(count):
         fine = {"thicknesses": 24, "ratios": 24, "tips": 160} | {axis: count}
-        found = analytic_library(**fine).at_tip(t, p, tip)
+        found = analytic_library(**fine, nodes=5).at_tip(t, p, tip)
         return np.abs(found.force_ratio - force_ratio(t, p, tip)).max()
 
     coarse = {"thicknesses": 4, "ratios": 4, "tips": 12}[axis]

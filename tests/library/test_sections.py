@@ -1,5 +1,7 @@
 """Cuts of surfaces of revolution against the general cut of a 3-D mesh, and against rotating every ring by hand."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from analytic_library import RADIUS_M, curves
@@ -54,12 +56,17 @@ def test_rings_are_cut_where_turning_them_about_the_axis_meets_the_plane(plane, 
         assert depth[met] == pytest.approx(expected[:, 1], abs=1e-9)
 
 
+@cache
+def fine_mesh(thickness_m):
+    return build_mesh(RADIUS_M, thickness_m, 40, 1, 2)
+
+
 @pytest.mark.parametrize("plane", PLANES[:4])
 def test_the_section_is_that_of_the_general_cut_of_a_mesh(plane):
     """The wall of the analytic eye as nodal displacements of a 3-D mesh: within what its elements can follow."""
     gap_m, tilt_rad, direction_rad = plane
     thickness_m, tip_m, contact = 0.5e-3, 1.5e-3, Contact(polar_rad=0.3, azimuth_rad=0.7)
-    mesh = build_mesh(RADIUS_M, thickness_m, 40, 1, 2)
+    mesh = fine_mesh(thickness_m)
     deep = RADIUS_M - mesh.points_nc @ contact.normal
     across = mesh.points_nc - (mesh.points_nc @ contact.normal)[:, None] * contact.normal
     arc = RADIUS_M * np.arctan2(np.linalg.norm(across, axis=1), RADIUS_M - deep)

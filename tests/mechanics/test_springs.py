@@ -1,4 +1,5 @@
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ CONTACT = Contact(polar_rad=np.radians(35.0))
 NORMAL, SHEAR = 1.4e6, 0.04e6
 
 
+@cache
 def globe(core: int = 4, rings: int = 6) -> HexMesh:
     return graded_globe(R, T, CONTACT, core=core, rings=rings)
 
@@ -104,7 +106,7 @@ def test_a_globe_on_a_bed_balances_the_needle_with_the_beds_force() -> None:
 
 
 def test_a_very_stiff_bed_clamps_and_a_wall_of_one_modulus_is_that_of_another_with_scaled_springs() -> None:
-    mesh = globe()
+    mesh = globe(core=2, rings=4)
     bed = elastic_bed(mesh, NORMAL, SHEAR)
     load_nc = needle_loads(mesh, [CONTACT], 0.35e-3)[0]
     doubled = replace(bed, blocks_qnnii=2 * bed.blocks_qnnii)
@@ -119,7 +121,7 @@ def test_a_very_stiff_bed_clamps_and_a_wall_of_one_modulus_is_that_of_another_wi
 
 @pytest.mark.parametrize("kind", ["bed", "bed and straps"])
 def test_small_forces_at_finite_strain_are_linear_with_springs_too(kind: str) -> None:
-    mesh = globe()
+    mesh = globe(core=2, rings=4)
     springs = elastic_bed(mesh, NORMAL, SHEAR)
     if kind == "bed and straps":
         springs = springs + rectus_straps(mesh, 20.0)
@@ -139,7 +141,7 @@ def test_small_forces_at_finite_strain_are_linear_with_springs_too(kind: str) ->
 
 
 def test_the_pressure_of_a_sealed_globe_on_a_bed_follows_the_law() -> None:
-    mesh = globe()
+    mesh = globe(core=2, rings=4)
     wall = FiniteWall(mesh, NU, springs=elastic_bed(mesh, NORMAL, SHEAR))
     loads = {"youngs_modulus_pa": E, "density_kg_m3": 1100.0}
     law = sealed_globe(0.15e9)

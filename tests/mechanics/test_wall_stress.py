@@ -77,6 +77,7 @@ def test_a_small_force_at_a_given_stretch_goes_with_the_square_of_the_thickness(
     assert np.diff(np.log(force)) / np.diff(np.log(thicknesses)) == pytest.approx(2.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_real_force_goes_with_less_than_the_first_power_and_more_than_nothing() -> None:
     """Dents of several thicknesses: the wall's tension carries, not its bending (docs/monitor_decision.md)."""
     exponent = np.log(bound(500.0) / bound(400.0)) / np.log(500.0 / 400.0)
@@ -97,6 +98,7 @@ def test_a_sphere_under_pressure_has_the_stress_of_lame() -> None:
     assert stretch[:, 2] - 1.0 == pytest.approx(hoop * (1.0 - NU) + NU * pressure, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thickness_m", [0.5e-3, 0.8e-3])
 def test_the_measures_converge_with_the_mesh(thickness_m: float) -> None:
     force = 0.03 / 0.25e6
@@ -141,6 +143,7 @@ def test_no_wall_has_more_than_twice_the_bound() -> None:
     assert bound(900.0, 0.65) == 0.06
 
 
+@pytest.mark.slow
 def test_below_the_bound_force_goes_with_the_modulus_at_equal_iop_over_modulus() -> None:
     assert bound(420.0, 0.2) == pytest.approx(bound(420.0, 0.16, 0.8 * IOP) * 1.25, rel=1e-6)
 

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from dataclasses import replace
 from math import isnan
 from pathlib import Path
 
@@ -28,9 +29,10 @@ from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.cli.main import run
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import read_calibration
-from scleraforce.reader import load_model
+from scleraforce.reader import Reader, load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.recording.files import frame_digest, read_frame, read_recording
+from scleraforce.study import MeshStudy
 from scleraforce.units import from_si
 
 pytest.importorskip("torch")
@@ -81,10 +83,18 @@ def places(tmp_path_factory) -> dict[str, Path]:
 
 
 @pytest.fixture(scope="module")
-def both(places) -> Evaluation:
-    return evaluate_recordings(
-        load_model(places["model"]), [places["mine"], places["other"]], read_calibration(places["calibration"])
-    )
+def model(places) -> Reader:
+    return load_model(places["model"])
+
+
+@pytest.fixture(scope="module")
+def both(places, model) -> Evaluation:
+    return evaluate_recordings(model, [places["mine"], places["other"]], read_calibration(places["calibration"]))
+
+
+@pytest.fixture(scope="module")
+def uncalibrated(places, model) -> Evaluation:
+    return evaluate_recordings(model, [places["mine"]])
 
 
 def test_an_eye_is_read_with_its_own_modulus_and_a_stranger_with_the_populations(both) -> None:
@@ -129,50 +139,50 @@ def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warn
 
 @pytest.mark.parametrize(("stated", "kind"), [('globe = "sealed"\n', "sealed"), ("", "unknown")])
 def test_what_a_recording_says_of_its_globe_reaches_reading_and_calibration(
-    places, tmp_path: Path, stated: str, kind: str
+    places, model, uncalibrated, tmp_path: Path, stated: str, kind: str
 ) -> None:
     path = shutil.copytree(places["mine"], tmp_path / "mine")
-    text = (path / "recording.toml").read_text()
+    text = (path / "recording.toml").read_text().replace("[needle]\n", "[needle]\npolar_angle_rad = 0.0\n")
     (path / "recording.toml").write_text(text.replace('globe = "open"\n', stated))
-    found = evaluate_recordings(load_model(places["model"]), [path])
-    told_open = evaluate_recordings(load_model(places["model"]), [places["mine"]])
-    for frame, of_open in zip(found.frames[1:4], told_open.frames[1:4], strict=True):
+    found = evaluate_recordings(model, [path])
+    for frame, of_open in zip(found.frames[1:4], uncalibrated.frames[1:4], strict=True):
         assert np.diff(frame.interval_n) > 1.05 * np.diff(of_open.interval_n)
-    eye = calibrate_recordings([read_recording(path)], STUDY, "0", library=LIBRARY).eyes["mine"]
+    eye = calibrate_recordings([read_recording(path)], STUDY, "0", library=LIBRARY, frames=1).eyes["mine"]
     assert (eye.globe.kind, eye.globe.calibrated) == (kind, True)
     assert eye.recordings[0].doubts == ()
-    linear = calibrate_recordings([read_recording(path)], STUDY, "0", library=None).eyes["mine"]
+    coarse = replace(STUDY, mesh=MeshStudy(divisions=4))
+    linear = calibrate_recordings([read_recording(path)], coarse, "0", library=None, frames=1).eyes["mine"]
     assert linear.globe.kind == "open"
     assert any("linear mechanics" in doubt for doubt in linear.recordings[0].doubts) == (kind == "sealed")
 
 
-def test_forces_of_another_size_than_those_read_are_noted(places, tmp_path: Path) -> None:
+def test_forces_of_another_size_than_those_read_are_noted(places, model, tmp_path: Path) -> None:
     path = shutil.copytree(places["mine"], tmp_path / "kilogram-force")
     log = np.loadtxt(path / "forces.csv", delimiter=",", skiprows=1)
     log[:, 1:] /= 9.80665
     header = (path / "forces.csv").read_text().splitlines()[0]
     np.savetxt(path / "forces.csv", log, fmt="%.6f", delimiter=",", header=header, comments="")
-    found = evaluate_recordings(load_model(places["model"]), [path], read_calibration(places["calibration"]))
+    found = evaluate_recordings(model, [path], read_calibration(places["calibration"]))
     (times,) = re.findall(r"forces\.csv has ([0-9.]+) times the force that the frames show", " ".join(found.notes))
     assert float(times) == pytest.approx(1 / 9.80665, rel=0.06)  # as exact as four frames are read
 
 
-def test_without_a_calibration_the_modulus_is_unknown_and_the_interval_says_so(places, both) -> None:
-    unknown = evaluate_recordings(load_model(places["model"]), [places["mine"]])
+def test_without_a_calibration_the_modulus_is_unknown_and_the_interval_says_so(uncalibrated, both) -> None:
     widths = [
-        from_si(f.interval_n[1] - f.interval_n[0], "mn") for f in (unknown.frames[2], both.frames[2], both.frames[7])
+        from_si(f.interval_n[1] - f.interval_n[0], "mn")
+        for f in (uncalibrated.frames[2], both.frames[2], both.frames[7])
     ]
     assert widths[0] > widths[2] > widths[1]
-    assert unknown.frames[2].modulus_source is None
+    assert uncalibrated.frames[2].modulus_source is None
 
 
-def test_moduli_of_linear_walls_are_refused(places) -> None:
+def test_moduli_of_linear_walls_are_refused(places, model) -> None:
     with pytest.raises(CalibrationError, match="calibrate with --mechanics finite-strain"):
-        evaluate_recordings(load_model(places["model"]), [places["mine"]], read_calibration(places["linear"]))
+        evaluate_recordings(model, [places["mine"]], read_calibration(places["linear"]))
 
 
-def test_an_eye_outside_the_training_is_noted_and_all_its_frames_are_withdrawn_from(places) -> None:
-    found = evaluate_recordings(load_model(places["model"]), [places["far"]])
+def test_an_eye_outside_the_training_is_noted_and_all_its_frames_are_withdrawn_from(places, model) -> None:
+    found = evaluate_recordings(model, [places["far"]])
     assert "gap between B-scan and needle axis 1.5 mm" in found.notes[0]
     assert {(frame.usable, frame.predicted) for frame in found.frames} == {(False, 2)}
     assert isnan(found.mae_n)

@@ -152,7 +152,7 @@ def test_out_of_order_sends_one_frame_with_an_older_id(recording, version: int) 
 
 
 @pytest.mark.usefixtures("_soon")
-@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("version", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_checksum_nan_and_bad_image_are_what_they_say_and_the_stream_goes_on(recording, version: int) -> None:
     for name, kind in (("checksum", BadChecksum), ("nan", Malformed), ("bad-image", Malformed)):
         monitor, report = injected(recording, name, version)

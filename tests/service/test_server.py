@@ -390,7 +390,9 @@ DEATHS: dict[str, Callable[[Running, Peer], None]] = {
 }
 
 
-@pytest.mark.parametrize("death", DEATHS)
+@pytest.mark.parametrize(
+    "death", ["killed", *(pytest.param(death, marks=pytest.mark.slow) for death in ("stopped", "a tight loop"))]
+)
 def test_the_watchdog_tells_everybody_when_the_monitor_hangs_or_dies(death: str) -> None:
     with small_monitor() as running:
         with Peer(running.port) as scanner, Peer(running.port, version=2) as robot:
@@ -538,6 +540,7 @@ def test_clients_that_flood_the_log_take_nothing_of_the_decisions_and_the_log_sa
     assert sum(isinstance(message, ForceHeard) for message in heard) >= 100
 
 
+@pytest.mark.slow
 def test_while_no_frames_come_the_console_is_told_the_state_again_and_the_log_has_no_gaps() -> None:
     children = {name: FakeCompanion() for name in (BLACK_BOX, CONSOLE)}
     with serving(Companions(children)) as port, Peer(port) as scanner:  # type: ignore[arg-type]  # stand-ins

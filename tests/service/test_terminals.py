@@ -26,7 +26,7 @@ def spoil(how: str, ours: int, theirs: int) -> None:
             os.close(ours)
 
 
-@pytest.mark.parametrize("how", ["stopped", "full", "closed"])
+@pytest.mark.parametrize("how", ["closed", *(pytest.param(how, marks=pytest.mark.slow) for how in ("stopped", "full"))])
 def test_the_emergency_goes_on_whatever_becomes_of_the_terminal(how: str) -> None:
     ours, theirs = pty.openpty()
     with small_monitor(errors=theirs) as running, Peer(running.port) as robot:
@@ -56,7 +56,13 @@ def test_the_watchdog_says_in_the_terminal_what_it_did() -> None:
     os.close(read)
 
 
-@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGQUIT, signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number",
+    [
+        signal.SIGHUP,
+        *(pytest.param(number, marks=pytest.mark.slow) for number in (signal.SIGQUIT, signal.SIGINT, signal.SIGTERM)),
+    ],
+)
 def test_the_watchdog_ends_with_the_monitor_alone(number: signal.Signals) -> None:
     with small_monitor() as running, Peer(running.port) as scanner:
         assert (

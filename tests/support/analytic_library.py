@@ -53,8 +53,8 @@ def stiffness(polar_rad):
     return 1.0 + 0.1 * polar_rad**2
 
 
-def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3):
-    """The library of this eye."""
+def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3, nodes=81):
+    """The library of this eye; of few `nodes` where only forces are asked for."""
     t = np.geomspace(0.35e-3, 0.9e-3, thicknesses)
     tension = np.geomspace(1e-3, 0.21, ratios)
     d = max_tip_m * np.linspace(0.0, 1.0, tips) ** 1.5
@@ -66,7 +66,7 @@ def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3):
         tip_m=d,
         force_ratio_tpd=force_ratio(*grid),
         displaced_tpd=displaced_m3(*grid),
-        curves_tpdbnc=curves(*grid).astype(np.float32),
+        curves_tpdbnc=curves(*grid, node_angles(nodes)).astype(np.float32),
         radius_m=RADIUS_M,
         poisson_ratio=0.45,
         needle_radius_m=0.35e-3,

@@ -49,7 +49,7 @@ def write_notebook_folder(folder: Path) -> None:
     cache = folder / "cache" / "scleraforce" / "libraries"
     cached_library(study, folder=cache, workers=1, solve=solve_analytic)
     copytree(next(cache.glob("*.zarr")), folder / "responses")
-    generate_dataset(study, folder / "dataset", library=LIBRARY)
+    generate_dataset(study, folder / "dataset", library=LIBRARY, workers=1)
     write_fixed_reader(folder / "reader", LIBRARY, [0.0, 1.0] + [0.0] * 14)
 
 

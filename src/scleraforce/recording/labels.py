@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from scleraforce.errors import RecordingError
 from scleraforce.recording.files import Recording
@@ -156,6 +155,8 @@ def low_pass(force_n: Samples, time_s: Samples) -> Samples:
 
 def _low_pass(force_n: Samples, time_s: Samples) -> Samples:
     """Filter samples without a long gap."""
+    from scipy import signal  # half a second, which who only reads frames does not wait for
+
     span_s = float(time_s[-1] - time_s[0])
     if span_s < LONGEST_GAP_S / 4.0:
         return np.full_like(force_n, force_n.mean())

@@ -6,6 +6,7 @@ from contextlib import ExitStack, closing, suppress
 from http.client import HTTPConnection
 from threading import Thread
 
+import pytest
 from console_monitor import TOKEN, ConsoleMonitor
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
@@ -43,6 +44,7 @@ def operator_resets(monitor: ConsoleMonitor) -> None:
         assert json.loads(operator.getresponse().read())["granted"] is True
 
 
+@pytest.mark.slow
 def test_no_number_of_wrong_tokens_keeps_the_operator_waiting_and_the_monitor_hears_their_sum() -> None:
     with ConsoleMonitor() as monitor, ExitStack() as stack:
         guessers = [stack.enter_context(closing(post(monitor, f"wrong {number}"))) for number in range(60)]
@@ -92,6 +94,7 @@ def test_a_page_that_answers_keeps_its_place_while_silent_ones_come() -> None:
         thread.join()
 
 
+@pytest.mark.slow
 def test_connections_that_say_nothing_give_way_to_the_operators() -> None:
     with ConsoleMonitor() as monitor, ExitStack() as stack:
         idle = [
