@@ -7,7 +7,7 @@ import pytest
 
 from scleraforce.cli.main import run
 
-COARSE = "[mesh]\ndivisions = 6\nlevel = 0\n"
+COARSE = "[mesh]\ndivisions = 4\nlevel = 0\n"
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def simulated(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict:
 def test_the_answer_has_the_promised_keys_and_the_mesh_of_the_study(study: str, capsys) -> None:
     answer = simulated(capsys, "--study", study, "--thickness-um", "800", "--force-mn", "10")
     assert {"tip_displacement_mm", "elements", "dofs", "seconds"} <= set(answer)
-    assert (answer["elements"], answer["dofs"]) == (3 * 6**2, 3 * 3 * (13**2 + 4 * 13 * 6 - 4 * 6))
+    assert (answer["elements"], answer["dofs"]) == (3 * 4**2, 3 * 3 * (9**2 + 4 * 9 * 4 - 4 * 4))
     assert 0.1 < answer["tip_displacement_mm"] < 1.0
 
 

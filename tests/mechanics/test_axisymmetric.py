@@ -125,7 +125,7 @@ def test_pressurised_sphere_takes_the_radius_of_its_radial_problem(thickness_mm:
     np.testing.assert_allclose(radii - RADIUS, expected - RADIUS, rtol=1e-3)
 
 
-@pytest.mark.parametrize("thickness_mm", [0.5, 0.8])
+@pytest.mark.parametrize("thickness_mm", [0.5, pytest.param(0.8, marks=pytest.mark.slow)])
 def test_small_forces_meet_the_linear_wall_of_three_dimensions(thickness_mm: float) -> None:
     contact = Contact(polar_rad=0.0)
     mesh = graded_mesh(RADIUS, 1e-3 * thickness_mm, contact)

@@ -243,7 +243,7 @@ def test_a_real_scan_at_its_true_scale_shows_too_little_of_a_wall(path: Path, kn
 
 @pytest.mark.real
 @pytest.mark.parametrize("path", real_scans(), ids=lambda path: path.name)
-@pytest.mark.parametrize("known", [KNOWN, None], ids=["known", "unknown"])
+@pytest.mark.parametrize("known", [KNOWN, pytest.param(None, marks=pytest.mark.slow)], ids=["known", "unknown"])
 def test_a_real_scan_taken_for_one_as_wide_as_the_product_s_is_no_wall_of_an_eye(
     path: Path, known: Known | None
 ) -> None:

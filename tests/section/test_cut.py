@@ -208,7 +208,7 @@ def cut_tetrahedra(mesh, plane, displacement, pieces):
 @pytest.mark.parametrize(
     ("deform", "tilt", "which", "pieces"),
     [
-        (dent, 0.0, "mesh", 16),
+        pytest.param(dent, 0.0, "mesh", 16, marks=pytest.mark.slow),
         (dent, 0.3, "mesh", 16),
         (twisted_dent, 0.3, "fine_mesh", 8),
         (fold, 0.0, "fine_mesh", 8),

@@ -163,7 +163,9 @@ FAULTS: dict[str, tuple[Callable[[Peer], object], set[Cause]]] = {
 }
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize(
+    "fault", [pytest.param(fault, marks=[pytest.mark.slow] if fault == "stale" else []) for fault in FAULTS]
+)
 def test_a_fault_withdraws_and_says_why_to_everybody(port: int, scanner: Peer, fault: str) -> None:
     inject, causes = FAULTS[fault]
     with Peer(port) as robot:

@@ -41,6 +41,7 @@ VALUES: list[Any] = [None, True, -1, 0, 10**30, 1e308, float("nan"), float("inf"
 
 def write_whole_ones(folder: Path) -> None:
     """Write a file or folder of every kind."""
+    write_whole_files(folder)
     from scleraforce.dataset.plan import plan_dataset
     from scleraforce.dataset.store import complete_dataset, create_dataset, write_dataset_unit
     from scleraforce.library.build import build_library
@@ -48,9 +49,6 @@ def write_whole_ones(folder: Path) -> None:
 
     group = DatasetGroup(images=20)
     study = Study(slice=SliceStudy(rows=8, columns=10), dataset=DatasetStudy(contacts=2, group=(group,)))
-    (folder / "study.toml").write_text(format_study(study))
-    write_small_recording(folder / "recording", frames=4)
-    (folder / "calibration.json").write_text(calibration_text(eyes={"eye-1": {}}))
     write_fixed_reader(folder / "model", analytic_library(thicknesses=4, ratios=4, tips=5), [1.0] * 8)
     plan = plan_dataset(study)
     create_dataset(folder / "dataset", study, 3e5, None, plan)
@@ -59,6 +57,13 @@ def write_whole_ones(folder: Path) -> None:
         write_dataset_unit(folder / "dataset", plan, study, unit, np.repeat(np.uint8(255) * rows[None], 20, axis=0))
     complete_dataset(folder / "dataset", plan, study)
     build_library(Study(library=SMALL_LIBRARY), folder / "library", workers=1, solve=solve_analytic)
+
+
+def write_whole_files(folder: Path) -> None:
+    """Write those that are made in a moment: study, recording, calibration and frames."""
+    (folder / "study.toml").write_text(format_study(Study()))
+    write_small_recording(folder / "recording", frames=4)
+    (folder / "calibration.json").write_text(calibration_text(eyes={"eye-1": {}}))
     picture = np.random.default_rng(0).integers(0, 255, (24, 32), dtype=np.uint8)
     (folder / "frames").mkdir()
     for suffix in ("png", "tif", "jpg"):

@@ -112,7 +112,13 @@ def test_no_module_of_the_current_folder_runs_in_a_child(tmp_path, monkeypatch):
     assert not (tmp_path / "ran").exists()
 
 
-@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGQUIT, signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number",
+    [
+        signal.SIGHUP,
+        *(pytest.param(number, marks=pytest.mark.slow) for number in (signal.SIGQUIT, signal.SIGINT, signal.SIGTERM)),
+    ],
+)
 def test_a_child_does_not_hear_of_a_terminal_that_is_closed(number):
     child = Child("some_child", ending_with(5))
     answer(child)
