@@ -148,6 +148,19 @@ def test_the_population_is_the_mean_of_means_and_can_leave_an_eye_out(calibratio
     assert calibration.left_out("virtual") == one.mean_pa
 
 
+def test_an_eye_whose_filter_diverged_is_none_of_the_population_unless_all_did(calibration: Calibration) -> None:
+    sound = calibration.eyes["virtual"]
+    diverged = replace(sound, frames=(*sound.frames[:-1], replace(sound.frames[-1], status="E has run away")))
+    eyes = {
+        name: replace(eye, id=name, means=(mean,))
+        for name, eye, mean in (("a", sound, 0.2e6), ("b", sound, 0.3e6), ("c", diverged, 9e6))
+    }
+    many = Calibration(eyes, "", (5e-3, 30e-3), "linear")
+    assert many.population == pytest.approx((0.25e6, 0.1e6 / 2**0.5))
+    assert many.left_out("a") == pytest.approx(0.3e6)
+    assert Calibration({"c": eyes["c"]}, "", (5e-3, 30e-3), "linear").population == (9e6, None)
+
+
 def test_what_low_and_high_forces_say_stands_apart(calibration: Calibration, eye: PhantomEye) -> None:
     none, low, high = calibration.eyes["virtual"].by_class((5e-3, 25e-3))
     assert none is None

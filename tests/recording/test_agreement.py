@@ -53,6 +53,15 @@ def test_shifted_times_are_said_with_their_direction(later_s: float, words: str)
     assert f" s {words} than frames.csv says" in doubt
 
 
+def test_dents_that_differ_by_less_than_a_nanometre_say_nothing_of_the_clocks() -> None:
+    """The same frames as above, of a wall that hardly moved: what is left of their shape is rounding."""
+    rng = np.random.default_rng(1)
+    doubted = recording(rng, 6.0)
+    shown = np.array(seen(rng))
+    assert log_doubts(doubted, CLASSES, (1e-3 * shown).tolist())
+    assert not any("times are off" in doubt for doubt in log_doubts(doubted, CLASSES, (1e-12 * shown).tolist()))
+
+
 def test_frames_of_another_session_are_doubted() -> None:
     rng = np.random.default_rng(2)
     (doubt,) = log_doubts(recording(rng), CLASSES, [1.0, 9.0, 4.0, 6.0, 2.0, 3.0, 9.0, 5.0, 8.0, 2.0])
