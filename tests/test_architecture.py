@@ -83,16 +83,22 @@ def tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def imported(path: Path) -> set[str]:
+@cache
+def nodes(path: Path) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(tree(path)))
+
+
+@cache
+def imported(path: Path) -> frozenset[str]:
     """Every module that a file imports, by its full name, wherever the statement stands."""
     names: set[str] = set()
-    for node in ast.walk(tree(path)):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: relative import; write scleraforce..."
             names |= {node.module or ""} | {f"{node.module}.{alias.name}" for alias in node.names}
-    return names
+    return frozenset(names)
 
 
 def test_the_rooms_are_those_of_the_picture() -> None:
@@ -128,7 +134,7 @@ def check_that_it_is_pure(path: Path) -> None:
     assert not roots & IMPURE_MODULES, f"{dotted(path)} imports {roots & IMPURE_MODULES}"
     files = (roots | imported(path)) & FILE_MODULES
     assert not files, f"{dotted(path)} imports {files}"
-    for node in ast.walk(tree(path)):
+    for node in nodes(path):
         if isinstance(node, ast.Call):
             called = ast.unparse(node.func)
             assert called not in IMPURE_CALLS, f"{dotted(path)}:{node.lineno}: {called}()"
@@ -145,23 +151,23 @@ def test_only_units_knows_the_factors_between_units(path: Path) -> None:
     """Whoever converts mmHg, degrees, weights or powers of ten with a number of its own is found."""
     if dotted(path) == "units":
         return
-    for node in ast.walk(tree(path)):
+    for node in nodes(path):
         if isinstance(node, ast.Constant) and isinstance(node.value, float):
             near = [name for name, factor in FACTORS.items() if abs(node.value / factor - 1) < 4e-4]
             assert not near, f"{dotted(path)}:{node.lineno}: {node.value}: take {near[0]} from units"
-    for line, product in products_with_powers_of_ten(tree(path)):
+    for line, product in products_with_powers_of_ten(path):
         known = (dotted(path), product) in NO_CONVERSIONS
         assert known, f"{dotted(path)}:{line}: {product}: take to_si or from_si of units"
 
 
 def test_every_product_that_is_no_conversion_is_there() -> None:
-    found = {(dotted(path), product) for path in MODULES for _, product in products_with_powers_of_ten(tree(path))}
+    found = {(dotted(path), product) for path in MODULES for _, product in products_with_powers_of_ten(path)}
     assert set(NO_CONVERSIONS) <= found
 
 
-def products_with_powers_of_ten(module: ast.Module) -> Iterator[tuple[int, str]]:
+def products_with_powers_of_ten(path: Path) -> Iterator[tuple[int, str]]:
     """The products and quotients of which a side is 100, 1000, ... or one over it, or a constant named after a unit."""
-    for node in ast.walk(module):
+    for node in nodes(path):
         sides = [node.left, node.right] if isinstance(node, ast.BinOp) else []
         sides += [node.value] if isinstance(node, ast.AugAssign) else []
         scales = isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.Mult | ast.Div | ast.FloorDiv)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
-from analytic_frames import LIBRARY, MODULUS_PA, SCALE, image, recording_toml, tip_of, wall_section
+from analytic_frames import MODULUS_PA, SCALE, SMALL_LIBRARY, image, recording_toml, tip_of, wall_section
 from fixed_reader import write_fixed_reader
 
 from scleraforce.cli.main import run
@@ -27,7 +27,7 @@ def pixels() -> np.ndarray:
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("model") / "reader"
-    write_fixed_reader(path, LIBRARY, (0.0, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
+    write_fixed_reader(path, SMALL_LIBRARY, (0.0, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
     return path
 
 

@@ -15,6 +15,7 @@ from analytic_frames import (
     IOP_PA,
     LIBRARY,
     MODULUS_PA,
+    SMALL_LIBRARY,
     STUDY,
     THICKNESS_M,
     image,
@@ -64,7 +65,7 @@ def write_recording(path: Path, eye: str, gap_m: float = GAP_M, seed: int = 0) -
 @pytest.fixture(scope="module")
 def places(tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("reader")
-    write_fixed_reader(folder / "model", LIBRARY, (0.0, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
+    write_fixed_reader(folder / "model", SMALL_LIBRARY, (0.0, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
     mpa = MODULUS_PA / 1e6
     mine = write_recording(folder / "mine", "mine")
     used = [{"file": "1.png", "sha256": frame_digest(read_frame(mine / "frames" / "1.png"))}]

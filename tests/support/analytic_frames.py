@@ -27,6 +27,7 @@ from scleraforce.section.plane import Section
 from scleraforce.study import OctStudy, Study, fixed
 
 LIBRARY = analytic_library()
+SMALL_LIBRARY = analytic_library(thicknesses=6, ratios=7, tips=28)  # for models that each test loads anew
 STUDY = Study()
 CLEAN = replace(STUDY.phantom, snr_db=fixed(28.0), shadow_count=fixed(0))
 SCALE = PixelScale(lateral_m=STUDY.oct.width_m / STUDY.oct.columns, depth_m=STUDY.oct.depth_m / STUDY.oct.rows)

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from analytic_frames import LIBRARY, MODULUS_PA, THICKNESS_M
+from analytic_frames import MODULUS_PA, SMALL_LIBRARY, THICKNESS_M
 from calibration_file import calibration_text
 from fixed_reader import write_fixed_reader
 
@@ -19,7 +19,7 @@ BINS, BIN = 64, 20
 
 def monitor_folder(folder: Path) -> Path:
     """A reader whose network always answers the same small force, and whose fit reads; a calibration of one eye."""
-    write_fixed_reader(folder / "reader", LIBRARY, [float(number == BIN) for number in range(BINS)])
+    write_fixed_reader(folder / "reader", SMALL_LIBRARY, [float(number == BIN) for number in range(BINS)])
     mpa = MODULUS_PA / 1e6
     eyes = {"mine": {"mean_mpa": mpa, "sd_mpa": 0.01 * mpa, "thickness_um": THICKNESS_M * 1e6}}
     text = calibration_text(eyes=eyes, population={"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05})

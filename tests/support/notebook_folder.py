@@ -6,7 +6,7 @@ The walls are those of the analytic library: nothing is solved.
 from pathlib import Path
 from shutil import copytree
 
-from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, THICKNESS_M, tip_of, wall_section
+from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, SMALL_LIBRARY, THICKNESS_M, tip_of, wall_section
 from analytic_library import solve_analytic
 from fixed_reader import write_fixed_reader
 
@@ -50,7 +50,7 @@ def write_notebook_folder(folder: Path) -> None:
     cached_library(study, folder=cache, workers=1, solve=solve_analytic)
     copytree(next(cache.glob("*.zarr")), folder / "responses")
     generate_dataset(study, folder / "dataset", library=LIBRARY, workers=1)
-    write_fixed_reader(folder / "reader", LIBRARY, [0.0, 1.0] + [0.0] * 14)
+    write_fixed_reader(folder / "reader", SMALL_LIBRARY, [0.0, 1.0] + [0.0] * 14)
 
 
 def _sections(forces_n):
