@@ -24,7 +24,7 @@ from scleraforce.cli.main import COMMANDS
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 SLOW_COMMANDS = {"simulate", "reproduce", "library", "generate", "train", "phantom", "calibrate"}
-SLOW_CALLS = re.compile(r"\bsf\.train\(|\blinear_sections\(")
+SLOW_CALLS = re.compile(r"\b(sf\.train|linear_sections|FiniteWall)\(")
 SLOW_MODULES = {"scleraforce.notebook.training", "scleraforce.notebook.virtual"}  # whose examples train and solve
 LANGUAGES = {"console", "python", "toml", "json", "text", "csv", "mermaid", ""}
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)

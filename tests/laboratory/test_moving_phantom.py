@@ -86,6 +86,7 @@ def test_the_eye_and_the_light_change_smoothly_within_their_ranges() -> None:
     assert len({frame.seed for frame in frames}) == len(frames)
 
 
+@pytest.mark.slow
 def test_a_recording_of_it_is_labelled_with_the_force_at_each_frame(tmp_path) -> None:
     moving = plan(ramp_n_per_s=0.02)
     write_phantom(tmp_path / "rec", moving, flat_sections, STUDY)

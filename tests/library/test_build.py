@@ -155,10 +155,11 @@ def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):
         build_library(STUDY, tmp_path / "x", workers=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("solve", "said"),
     [
-        pytest.param(no_solution, "path 0 of 140: no equilibrium", marks=pytest.mark.slow),
+        (no_solution, "path 0 of 140: no equilibrium"),
         (no_worker, "worker ended"),
     ],
 )

@@ -140,6 +140,7 @@ def test_small_forces_at_finite_strain_are_linear_with_springs_too(kind: str) ->
     np.testing.assert_allclose(path.displacement_nc(force_n), linear_nc, atol=1e-3 * np.abs(linear_nc).max())
 
 
+@pytest.mark.slow
 def test_the_pressure_of_a_sealed_globe_on_a_bed_follows_the_law() -> None:
     mesh = globe(core=2, rings=4)
     wall = FiniteWall(mesh, NU, springs=elastic_bed(mesh, NORMAL, SHEAR))

@@ -131,6 +131,7 @@ def test_a_thicker_wall_has_no_lower_bound(modulus_mpa: float) -> None:
     assert bounds[0] <= 0.03 <= bounds[2]
 
 
+@pytest.mark.slow
 def test_at_its_bound_a_thin_wall_is_stretched_as_the_wall_of_the_paper_is() -> None:
     stretches = []
     for thickness_m, force in ((0.4e-3, bound(400.0) / 0.25e6), (0.5e-3, 0.03 / 0.25e6)):
@@ -148,6 +149,7 @@ def test_below_the_bound_force_goes_with_the_modulus_at_equal_iop_over_modulus()
     assert bound(420.0, 0.2) == pytest.approx(bound(420.0, 0.16, 0.8 * IOP) * 1.25, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_stiffness_alone_raises_no_bound() -> None:
     assert bound(500.0, 0.5) == 0.03
     assert bound(500.0, 0.2) < 0.03

@@ -210,9 +210,9 @@ def cut_tetrahedra(mesh, plane, displacement, pieces):
     [
         pytest.param(dent, 0.0, "mesh", 16, marks=pytest.mark.slow),
         (dent, 0.3, "mesh", 16),
-        (twisted_dent, 0.3, "fine_mesh", 8),
+        pytest.param(twisted_dent, 0.3, "fine_mesh", 8, marks=pytest.mark.slow),
         (fold, 0.0, "fine_mesh", 8),
-        (w_dent, 0.0, "fine_mesh", 8),
+        pytest.param(w_dent, 0.0, "fine_mesh", 8, marks=pytest.mark.slow),
     ],
 )
 def test_the_section_is_what_all_the_small_tetrahedra_cut(request, deform, tilt, which, pieces):

@@ -2,6 +2,7 @@
 
 from contextlib import ExitStack
 
+import pytest
 from peer import Peer, serving
 from small_monitor import TOKEN
 
@@ -43,6 +44,7 @@ def test_after_three_wrong_tokens_the_right_one_in_the_same_bytes_is_not_obeyed(
         assert {status.code for status in scanner.statuses()} == {3}
 
 
+@pytest.mark.slow
 def test_wrong_tokens_of_many_are_counted_together_and_the_right_one_is_granted_all_the_same() -> None:
     with serving() as port, ExitStack() as stack, Peer(port) as scanner:
         guessers = [stack.enter_context(Peer(port)) for _ in range(ANSWERED)]

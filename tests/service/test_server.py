@@ -370,6 +370,7 @@ def gone(peer: Peer) -> bool:
     return not peer.link.recv(1)
 
 
+@pytest.mark.slow
 def test_who_was_there_first_and_the_scanner_keep_their_places() -> None:
     with serving(clients=20) as port, ExitStack() as stack:
         first = [stack.enter_context(Peer(port)) for _ in range(17)]
@@ -523,6 +524,7 @@ def test_a_companion_that_does_not_keep_to_the_protocol_is_a_cause_for_good() ->
     companions[OPINION].end()
 
 
+@pytest.mark.slow
 def test_clients_that_flood_the_log_take_nothing_of_the_decisions_and_the_log_says_what_it_left_out() -> None:
     box = FakeCompanion()
     wrong = encode(Status(1), "X")[:-1] + b"\1"

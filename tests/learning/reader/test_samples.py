@@ -144,6 +144,7 @@ def test_chunks_from_any_number_of_processes_are_the_same_and_in_order(library, 
     assert not np.array_equal(found[0].force_n, found[1].force_n)
 
 
+@pytest.mark.slow
 def test_what_raises_in_a_worker_raises_here(library) -> None:
     source = Source.of(library, replace(READER, thickness_m=fixed(1.1e-3)), SLICE)
     with pytest.raises(InputError, match="hardly any eye"):
