@@ -122,7 +122,7 @@ def punch_spread(rows: int | None = None) -> str:
         "t = 1.17 mm": (replace(SIZE, thickness_m=1.17e-3), 130.0, False),
         "R = 7.37 mm": (replace(SIZE, radius_m=7.37e-3), 130.0, False),
         "R = 8.35 mm": (replace(SIZE, radius_m=8.35e-3), 130.0, False),
-        "ν = 0.49": (replace(SIZE, poisson_ratio=0.49), 130.0, False),
+        "nu = 0.49": (replace(SIZE, poisson_ratio=0.49), 130.0, False),
         "a whole sphere between two punches": (SIZE, 130.0, True),
     }
     found = []

@@ -1,6 +1,7 @@
 """Our mechanics beside published theory and measurement: the closed forms, the flat punch, and docs/real_tissue.md."""
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,7 @@ def test_the_whole_sphere_becomes_the_shallow_shell_as_it_gets_thinner(tension: 
         whole = sphere(thickness_m, RADIUS_M, pressure, disc_m, NU, shear=False)
         apart.append(abs(whole / shallow(thickness_m, RADIUS_M, pressure, disc_m, NU) - 1.0))
     assert apart[0] < 0.025
-    assert all(0.45 < thinner / thicker < 0.65 for thicker, thinner in zip(apart[:-1], apart[1:], strict=True))
+    assert all(0.45 < thinner / thicker < 0.65 for thicker, thinner in pairwise(apart))
 
 
 @pytest.mark.parametrize("thickness_mm", [0.15, 0.25])
@@ -79,7 +80,7 @@ def test_the_thinner_the_wall_the_closer_it_comes_to_vella(tension: float) -> No
         apart.append(1.0 - ours / shallow(thickness_m, RADIUS_M, pressure, disc_m, NU))
     assert 0.0 < apart[2] < apart[1] < apart[0] < 0.05
     assert apart[2] < 0.017
-    assert all(0.4 < thinner / thicker < 0.67 for thicker, thinner in zip(apart[:-1], apart[1:], strict=True))
+    assert all(0.4 < thinner / thicker < 0.67 for thicker, thinner in pairwise(apart))
 
 
 def test_the_stiffness_for_small_loads_is_that_of_a_small_dent() -> None:
