@@ -70,6 +70,7 @@ def test_thin_walls_are_as_stiff_as_the_closed_form_within_two_percent(thickness
     assert ours.stiffness_m == pytest.approx(under_pressure, rel=0.012)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tension", [0.0, 1.0, 4.0])
 def test_the_thinner_the_wall_the_closer_it_comes_to_vella(tension: float) -> None:
     """A disc of four thicknesses, the shallow shell: half as thick, less than two thirds as far apart."""
@@ -92,6 +93,7 @@ def test_the_stiffness_for_small_loads_is_that_of_a_small_dent() -> None:
     assert 2.0 * first - second == pytest.approx(pressed_wall(wall, pressure).outer_stiffness_m, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_finer_meshes_change_nothing() -> None:
     thickness_m = 0.25e-3
     pressure, radius_m = ratio(2.0, thickness_m), RADIUS_M + 0.5 * thickness_m
@@ -100,6 +102,7 @@ def test_finer_meshes_change_nothing() -> None:
     assert found == pytest.approx(pressed(thickness_m, pressure).stiffness_m, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thickness_mm", [0.25, 0.5, 0.8])
 def test_the_mesh_of_the_library_is_as_stiff_as_the_fine_one(thickness_mm: float) -> None:
     """One element below the needle: within 2 % at the outer surface, which sinks in below it."""
@@ -110,6 +113,7 @@ def test_the_mesh_of_the_library_is_as_stiff_as_the_fine_one(thickness_mm: float
     assert 2.0 * first - second == pytest.approx(pressed_wall(wall, pressure).outer_stiffness_m, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_small_punch_that_touches_with_its_whole_face_is_as_stiff_as_a_disc_that_is_bonded() -> None:
     """And before that less, for a flat punch meets a sphere at a point."""
     thickness_m, dents_m = 1.5e-3, np.linspace(4e-6, 40e-6, 10)
@@ -125,6 +129,7 @@ def test_a_small_punch_that_touches_with_its_whole_face_is_as_stiff_as_a_disc_th
     np.testing.assert_allclose(share[whole], 1.0, atol=0.025)
 
 
+@pytest.mark.slow
 def test_below_the_punch_a_sealed_globe_is_an_open_one_at_its_pressure() -> None:
     size, modulus_pa, rigidity, iop = PunchedEye(), 0.3e6, 0.01, to_si(15.0, "mmhg") / 0.3e6
     sealed = pushed(modulus_pa, rigidity, size=size, dents_m=np.array([0.2e-3, 0.4e-3, 0.6e-3]))
@@ -176,6 +181,7 @@ def test_the_models_own_sphere_is_as_compliant_as_a_thin_balloon() -> None:
     assert found == pytest.approx(mmhg_per_ul(thin), rel=0.02)
 
 
+@pytest.mark.slow
 def test_the_models_own_volume_lets_the_pressure_rise_less_than_the_measured_law() -> None:
     thickness_m, modulus_pa, iop_pa, tip_m = 0.6e-3, 0.45e6, 266.0, 1.4e-3
     half, whole = (own_pressure(thickness_m, modulus_pa, iop_pa, tip_m, half=half) for half in (True, False))
