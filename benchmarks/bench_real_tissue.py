@@ -2,7 +2,7 @@
 
     python benchmarks/bench_real_tissue.py [--rows N] [TABLE...]
 
-About a minute on one core, most of it for the flat punch. The stamp above the tables is that of the page.
+Some minutes on one core, most of it for the flat punch. The stamp above the tables is that of the page.
 """
 
 import argparse
