@@ -27,7 +27,9 @@ SMALLEST = {
     "bench_monitor_sessions": "{model} --sessions 1 --seconds 1 --compared 2 --rates-mn-s 100",
     "bench_openigtlink": "--messages 1000",
     "bench_reader": "{model} --frames 2 --rounds 2",
+    "bench_real_tissue": "--rows 1",
     "bench_segmentation": "--frames 2 --rounds 8",
+    "figure_real_tissue": "--out {out}",
     "figure_supports": "--study {study} --out {out}",
 }
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?")
