@@ -2,12 +2,13 @@ import json
 import math
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from pieces_of_work import leave_a_mark_or_fail, leave_a_mark_or_wait
 
-from figures import commands, recordings
+from figures import commands, readings, recordings
 from figures.commands import answers, made_by
 from figures.folder import FiguresFolder
 from figures.groups import GROUPS, draw_eyes
@@ -189,6 +190,27 @@ def test_the_limbus_lies_2_to_5_mm_before_the_contact():
         assert 2e-3 <= 12e-3 * (drawn.eye.polar_rad - limbus_rad) <= 5e-3
         assert region.half_angle_rad == limbus_rad
         assert 0.6 <= region.modulus_ratio <= 1.4
+
+
+def test_frames_that_an_eye_is_calibrated_on_are_left_out_of_every_way_of_reading(tmp_path, monkeypatch):
+    eyes = draw_eyes("sealed", 2, STUDY)
+    files = tuple(f"{number:04}.png" for number in range(1, 6))
+    made = MadeEye(files, 0.05, np.full(5, 0.02), np.zeros(5), np.zeros((5, 2)), 1.0)
+    used = {drawn.eye.id: SimpleNamespace(frames=[SimpleNamespace(file=file) for file in files[1:4]]) for drawn in eyes}
+    known = {"target": 1, "measured_force_mn": 20.0, "predicted": 1, "usable": True, "excluded": None}
+
+    def evaluated(_out, command):
+        return {"frames": [{"eye": command[2].name, "file": file, **known} for file in files]}
+
+    monkeypatch.setattr(readings, "read_made", lambda *_: made)
+    monkeypatch.setattr(readings, "calibrated_eyes", lambda *_: used)
+    monkeypatch.setattr(readings, "_calibration", lambda *_: tmp_path / "calibration.json")
+    monkeypatch.setattr(readings, "answers", evaluated)
+    for method in (Method("fit", "", tmp_path), Method("paper", "", tmp_path, calibrated=False)):
+        answered = readings.read_frames(FiguresFolder(tmp_path), eyes, method)
+        assert [(entry.eye, entry.file) for entry in answered] == [
+            (drawn.eye.id, file) for drawn in eyes for file in ("0001.png", "0005.png")
+        ]
 
 
 def test_every_group_names_a_reader_that_there_is():
