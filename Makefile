@@ -33,7 +33,7 @@ lint: .venv/installed  ## ruff (rules and format) and mypy
 bench: .venv/installed  ## the benchmarks, as tables; BENCH='--model MODEL --recording RECORDING' for those that read
 	.venv/bin/python benchmarks/bench.py $(BENCH)
 
-figures: .venv/installed  ## forces read on 40 virtual eyes that no training has seen, to out/figures/figures.md (FIGURES=...)
+figures: .venv/installed  ## forces read on virtual eyes that no training has seen, to out/figures/figures.md (FIGURES=...)
 	PYTHONPATH=benchmarks .venv/bin/python -m figures --out $(FIGURES)
 
 stale: .venv/installed  ## which figures of the pages are older than the sources that decide them

@@ -6,17 +6,18 @@ virtual laboratory of the paper's study, and read. What is in the folder is take
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import click
 
-from figures.eyes import GROUPS, FigureEye, draw_eyes
+from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
+from figures.groups import DEFAULT_READER, GROUPS, draw_eyes
 from figures.page import insert_tables
 from figures.picture import draw_forces
-from figures.readings import CALIBRATED_FRAMES, Method, calibrated_eyes, make_methods, read_frames
+from figures.readings import CALIBRATED_FRAMES, Method, calibrated_eyes, make_methods, paper_method, read_frames
 from figures.recordings import make_recordings, read_made
 from figures.scores import AnsweredFrame, score
 from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
@@ -27,6 +28,22 @@ from scleraforce.report.files import write_figure
 from scleraforce.study import Study
 from scleraforce.units import from_si
 from scleraforce.whole_files import write_whole
+
+
+class _Groups(click.ParamType[tuple[str, ...]]):
+    """Names of groups, separated by commas."""
+
+    name = "GROUP,GROUP,..."
+
+    def convert(
+        self, value: str | tuple[str, ...], param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, ...]:
+        """Return the names, each once, in the order given."""
+        names = value if isinstance(value, tuple) else tuple(dict.fromkeys(value.split(",")))
+        if unknown := [name for name in names if name not in GROUPS]:
+            self.fail(f"{unknown[0]!r} is no group; there are {', '.join(GROUPS)}", param, ctx)
+        return names
+
 
 COMMANDS = ("calibrate", "evaluate", "generate", "library", "train")  # run as processes of their own
 ERROR_FRAMES = (CALIBRATED_FRAMES, 5)  # after which the error of E is stated
@@ -44,19 +61,31 @@ class Group:
 @click.command()
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/figures"), show_default=True,
               help="Folder of the results; what this code has made there is taken up.")  # fmt: skip
-@click.option("--eyes", "count", type=click.IntRange(2), default=20, show_default=True, help="Of each group.")
+@click.option("--eyes", "count", type=click.IntRange(2), default=30, show_default=True, help="Of each group.")
+@click.option("--groups", "names", type=_Groups(), default=tuple(GROUPS), help="Which groups, as they are to come; all "
+              f"by default: {','.join(GROUPS)}.")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True, help="Processes that compute eyes.")
-@click.option("--reader", type=click.Path(path_type=Path), help="A trained reader; otherwise one is trained.")
+@click.option(
+    "--reader", type=click.Path(path_type=Path), help="A trained reader, as the default one; otherwise one is trained."
+)
 @click.option(
     "--page",
     type=click.Path(path_type=Path, exists=True),
     help="Page of the docs to put the tables into; a JSON file and the picture go beside it.",
 )
 @click.option("--recordings-only", is_flag=True, help="Stop when the eyes are computed and imaged.")
-def main(out: Path, count: int, workers: int, reader: Path | None, page: Path | None, recordings_only: bool) -> None:
+def main(
+    out: Path,
+    count: int,
+    names: tuple[str, ...],
+    workers: int,
+    reader: Path | None,
+    page: Path | None,
+    recordings_only: bool,
+) -> None:
     """Read virtual eyes that no training has seen; write figures.md, figures.json and figures.png to the folder."""
     study, folder = Study(), FiguresFolder(out)
-    drawn = {group: draw_eyes(group, count, study) for group in GROUPS}
+    drawn = {group: draw_eyes(group, count, study) for group in names}
     everyone = [eye for eyes in drawn.values() for eye in eyes]
     with progress_bar(range(len(everyone)), "eyes", total=len(everyone)) as bar:
         failed = make_recordings(folder, everyone, workers, bar.update)
@@ -65,8 +94,7 @@ def main(out: Path, count: int, workers: int, reader: Path | None, page: Path | 
     if recordings_only:
         return
     left = {group: tuple(eye for eye in eyes if eye.eye.id not in failed) for group, eyes in drawn.items()}
-    methods = make_methods(folder, left["plain"], study, reader)
-    groups = [_read(folder, name, eyes, methods) for name, eyes in left.items()]
+    groups = [_read(folder, name, eyes, _methods(folder, name, left, study, reader)) for name, eyes in left.items()]
     results = [_result(folder, group, study) for group in groups]
     stamp = new_stamp("make figures", "figures.__main__", *(f"scleraforce.cli.{command}" for command in COMMANDS))
     found = {"made": vars(stamp), "groups": as_json(results)}
@@ -78,6 +106,15 @@ def main(out: Path, count: int, workers: int, reader: Path | None, page: Path | 
         write_whole(json.dumps(found, indent=2, allow_nan=False) + "\n", page.with_suffix(".json"))
         _write_picture(groups, study, page.parent / "images" / "figures.png")
     click.echo(as_markdown(results))
+
+
+def _methods(
+    folder: FiguresFolder, group: str, eyes: Mapping[str, Sequence[FigureEye]], study: Study, given: Path | None
+) -> list[Method]:
+    """Return the ways of reading a group: those of its reader and, where there are plain eyes, the paper's."""
+    name = GROUPS[group].reader
+    methods = make_methods(folder, name, study, given if name == DEFAULT_READER else None)
+    return [*methods, paper_method(folder, eyes["plain"], study)] if "plain" in eyes else methods
 
 
 def _read(folder: FiguresFolder, name: str, eyes: tuple[FigureEye, ...], methods: Sequence[Method]) -> Group:
@@ -102,17 +139,13 @@ def _result(folder: FiguresFolder, group: Group, study: Study) -> GroupResult:
 
 def _modulus_errors(folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int) -> ModulusErrors:
     found = calibrated_eyes(folder, eyes, frames)
-    errors = [found[drawn.eye.id].mean_pa / drawn.eye.youngs_modulus_pa - 1.0 for drawn in eyes]
-    return ModulusErrors(frames, tuple(errors))
+    usable = [drawn for drawn in eyes if found[drawn.eye.id].usable]
+    errors = [found[drawn.eye.id].mean_pa / drawn.eye.youngs_modulus_pa - 1.0 for drawn in usable]
+    return ModulusErrors(frames, tuple(errors), len(eyes) - len(usable))
 
 
 def _write_picture(groups: Sequence[Group], study: Study, path: Path) -> None:
-    shown = {
-        (method.title, group.name): answered
-        for group in groups
-        for method, answered in group.answers.items()
-        if method.calibrated
-    }
+    shown = {group.name: next(iter(group.answers.values())) for group in groups}
     write_figure(draw_forces(shown, [from_si(bound, "mn") for bound in study.classes.bounds_n]), path)
 
 

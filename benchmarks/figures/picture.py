@@ -1,4 +1,4 @@
-"""Force against force: what each way of reading says of every frame, beside the force that was put in."""
+"""Force against force: what is read of every frame, beside the force that was put in; a panel for each group."""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,29 +12,31 @@ from scleraforce.report.style import BLACK, BLUE, GREY, RED, inches, styled
 __all__ = ["draw_forces"]
 
 LARGEST_MN = 70.0
+PANEL_MM, ACROSS = 58, 4  # panels in a row
 
 
 @styled
-def draw_forces(answers: Mapping[tuple[str, str], Sequence[AnsweredFrame]], bounds_mn: Sequence[float]) -> Figure:
-    """Draw one panel for each group of eyes and way of reading that reads forces.
+def draw_forces(answers: Mapping[str, Sequence[AnsweredFrame]], bounds_mn: Sequence[float]) -> Figure:
+    """Draw one panel for each group of eyes.
 
     Args:
-        answers: frames by (title of the reading, group).
+        answers: frames as one way of reading answers them, by group.
         bounds_mn: the class bounds.
     """
-    titles = list(dict.fromkeys(title for title, _ in answers))
-    groups = list(dict.fromkeys(group for _, group in answers))
-    figure = Figure(figsize=inches(85 * len(groups), 75 * len(titles) + 8))
-    grid = figure.subplots(len(titles), len(groups), squeeze=False, sharex=True, sharey=True)
-    for row, title in enumerate(titles):
-        for column, group in enumerate(groups):
-            axes = grid[row, column]
-            _draw(axes, answers[title, group], bounds_mn)
-            axes.set_title(f"{title}: {group} eyes")
-    for axes in grid[-1]:
+    across = min(len(answers), ACROSS)
+    down = -(-len(answers) // across)
+    figure = Figure(figsize=inches(PANEL_MM * across + 8, PANEL_MM * down + 12))
+    panels = figure.subplots(down, across, squeeze=False, sharex=True, sharey=True).ravel()
+    for axes, (group, frames) in zip(panels, answers.items(), strict=False):
+        _draw(axes, frames, bounds_mn)
+        axes.set_title(group)
+    for axes in panels[len(answers) :]:
+        axes.set_visible(False)
+    for axes in panels[max(len(answers) - across, 0) : len(answers)]:
+        axes.tick_params(labelbottom=True)
         axes.set_xlabel("true force [mN]")
-    for axes in grid[:, 0]:
-        axes.set_ylabel("force read, with its 90 % interval [mN]")
+    for axes in panels[::across]:
+        axes.set_ylabel("force read, 90 % interval [mN]")
     figure.legend(handles=_legend(), loc="outside lower center", ncols=3)
     return figure
 
@@ -51,7 +53,7 @@ def _draw(axes: Axes, frames: Sequence[AnsweredFrame], bounds_mn: Sequence[float
             continue
         low, high = frame.interval_mn
         axes.plot([frame.true_mn] * 2, [low, high], color=colour, linewidth=0.6, alpha=0.6)
-        axes.plot(frame.true_mn, frame.read_mn, "o", color=colour, markersize=2.0)
+        axes.plot(frame.true_mn, frame.read_mn, "o", color=colour, markersize=1.5)
     axes.set_xlim(0.0, 62.0)
     axes.set_ylim(-4.0, LARGEST_MN)
 

@@ -2,13 +2,14 @@
 
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from figures.commands import answers, content_key, made, made_by
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
+from figures.groups import DEFAULT_READER
 from figures.recordings import read_made
 from figures.scores import AnsweredFrame, answered_frame
 from scleraforce.known.calibration_file import EyeSummary, read_calibration
@@ -17,10 +18,12 @@ from scleraforce.reproduction.framing import framed_for_laboratory
 from scleraforce.study import Range, Study, format_study
 from scleraforce.whole_files import write_whole
 
-__all__ = ["CALIBRATED_FRAMES", "Method", "calibrated_eyes", "make_methods", "read_frames"]
+__all__ = ["CALIBRATED_FRAMES", "READERS", "Method", "calibrated_eyes", "make_methods", "paper_method", "read_frames"]
 
 CALIBRATED_FRAMES = 3
 GAP_M = Range(min=0.4e-3, max=0.9e-3)  # of the eyes
+# The readers that groups name, each by the study that it is trained with: a preset for other eyes goes here.
+READERS: Mapping[str, Callable[[Study], Study]] = {DEFAULT_READER: lambda study: study}
 READINGS = {"network": "the reader's network", "fit": "the reader's fit"}
 
 
@@ -39,37 +42,48 @@ class Method:
     calibrated: bool = True
 
 
-def make_methods(folder: FiguresFolder, plain: Sequence[FigureEye], study: Study, given: Path | None) -> list[Method]:
-    """Return the ways of reading, the default one first; train the models that are not there yet.
+def make_methods(folder: FiguresFolder, name: str, study: Study, given: Path | None = None) -> list[Method]:
+    """Return the ways of reading of a reader, the default one first; train what is not there yet.
 
     Args:
         folder: where models are kept.
-        plain: the plain eyes.
-        study: of the reader.
+        name: one of `READERS`.
+        study: of the default reader.
         given: a trained reader, instead of training one.
     """
-    reader = given or _reader(folder, study)
+    reader = given or _reader(folder, name, READERS[name](study))
     default = json.loads((reader / RECORD_FILE).read_text(encoding="utf-8"))["default"]
     ways = sorted(READINGS, key=lambda way: way != default)
+    mark = "" if name == DEFAULT_READER else f"{name}-"
     own = [
-        Method(way, f"{READINGS[way]}{' (default)' * (way == default)}, the eye's E", _answering(folder, reader, way))
+        Method(
+            f"{mark}{way}",
+            f"{READINGS[way]}{' (default)' * (way == default)}, the eye's E",
+            _answering(folder, reader, mark, way),
+        )
         for way in ways
     ]
-    others = Method(f"{default}-population", f"{READINGS[default]}, E of other eyes", own[0].model, own_modulus=False)
-    paper = Method(
-        "paper", "the paper's: linear, E of the population", _classifier(folder, plain, study), calibrated=False
-    )
-    return [*own, others, paper]
+    title = f"{READINGS[default]}, E of other eyes"
+    return [*own, Method(f"{mark}{default}-population", title, own[0].model, own_modulus=False)]
 
 
-def _reader(folder: FiguresFolder, study: Study) -> Path:
-    path = folder.work("study.toml")
+def paper_method(folder: FiguresFolder, plain: Sequence[FigureEye], study: Study) -> Method:
+    """Return the paper's way of reading, with the modulus of the plain eyes; train a classifier that is not there."""
+    model = _classifier(folder, plain, study)
+    return Method("paper", "the paper's: linear, E of the population", model, calibrated=False)
+
+
+def _reader(folder: FiguresFolder, name: str, study: Study) -> Path:
+    """Return a trained reader; the default one stands in the folder of the figures, others in folders of their own."""
+    part = folder if name == DEFAULT_READER else FiguresFolder(folder.work(f"{name}-reader"))
+    path = part.work("study.toml")
+    path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(format_study(study), path)
-    library = made_by(folder.work("library.zarr"), ["library", "--study", path])
-    return made_by(folder.work("reader"), ["train", library, "--study", path, "--kind", "reader"])
+    library = made_by(part.work("library.zarr"), ["library", "--study", path])
+    return made_by(part.work("reader"), ["train", library, "--study", path, "--kind", "reader"])
 
 
-def _answering(folder: FiguresFolder, reader: Path, way: str) -> Path:
+def _answering(folder: FiguresFolder, reader: Path, mark: str, way: str) -> Path:
     """Return a copy of a reader whose default is one of its two ways."""
 
     def copy(part: Path) -> None:
@@ -77,7 +91,7 @@ def _answering(folder: FiguresFolder, reader: Path, way: str) -> Path:
         record = json.loads((part / RECORD_FILE).read_text(encoding="utf-8"))
         write_whole(json.dumps({**record, "default": way}, indent=2) + "\n", part / RECORD_FILE)
 
-    return made(folder.work(f"reader-{way}"), f"{content_key(reader)} {way}", copy)
+    return made(folder.work(f"{mark}reader-{way}"), f"{content_key(reader)} {way}", copy)
 
 
 def _classifier(folder: FiguresFolder, plain: Sequence[FigureEye], study: Study) -> Path:

@@ -85,24 +85,21 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
     computed = compute_eye(drawn)
     plan = plan_phantom(drawn.eye, drawn.forces_n(computed.largest_n), drawn.study, drawn.seed)
 
-    def sections_at(forces_n: Sequence[float]) -> Sequence[Section]:
-        sections = computed.sections(forces_n)
-        pairs = zip(plan.frames, sections, strict=True)
-        made = MadeEye(
-            files=tuple(frame.file for frame in plan.frames),
-            largest_n=computed.largest_n,
-            forces_n=np.array(forces_n),
-            tips_m=np.array(computed.tips_m(forces_n)),
-            lowest_m=np.array([lowest_m(frame, section, drawn.study) for frame, section in pairs]),
-            seconds=perf_counter() - start,
-        )
-        _write_made(folder, drawn, made)
-        return sections
-
+    sections_at, forces_n = computed.sections_at, plan.forces_n
+    pairs = zip(plan.frames, sections_at(forces_n), strict=True)
+    made = MadeEye(
+        files=tuple(frame.file for frame in plan.frames),
+        largest_n=computed.largest_n,
+        forces_n=np.array(forces_n),
+        tips_m=np.array(computed.tips_m(forces_n)),
+        lowest_m=np.array([lowest_m(frame, section, drawn.study) for frame, section in pairs]),
+        seconds=perf_counter() - start,
+    )
+    _write_made(folder, drawn, made)
     recording = folder.recording(drawn)
     recording.parent.mkdir(parents=True, exist_ok=True)
     remove(recording)
-    write_phantom(recording, plan, sections_at, drawn.study)
+    write_phantom(recording, plan, sections_at, drawn.study, tell_globe=drawn.tell_globe)
     write_key(recording, recording_key(drawn))
 
 

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from scleraforce.reader.metrics import Proportion
 from scleraforce.study import ClassesStudy
 
-__all__ = ["AnsweredFrame", "Scores", "answered_frame", "score"]
+__all__ = ["AnsweredFrame", "Scores", "answered_frame", "coverage_band", "score"]
 
 DANGEROUS = 2  # the class of forces that hurt
+HIGH_MN, BOUND_MN = 35.0, 30.0  # a force above the one must not be read, with confidence, as one below the other
+RESAMPLES, RESAMPLING_SEED, BAND = 2000, 20_261_122, (2.5, 97.5)  # of the eyes; percent
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,10 @@ class Scores:
 
     `accuracy`, `usable_accuracy` (of the frames called usable), `recall` of class 2 and `as_harmless` (class 2 read as
     class 0) are against the truth; what begins with `log_` is against the force log, as `evaluate` counts. `unusable`:
-    of the frames whose wall stays in the window. Errors in mN and coverage are over the usable frames with a force.
+    of the frames whose wall stays in the window; `refused_eyes` have no usable frame at all. `as_safe`: of the forces
+    above 35 mN, those that are read as class 1 or 0 with an interval that ends below 30 mN. Errors in mN and coverage
+    are over the usable frames with a force. `coverage_band` holds the coverage of other such eyes with 95 %, by drawing
+    whole eyes anew; None without an interval. `width_mn`: median width of the intervals.
     """
 
     frames: int
@@ -60,11 +65,15 @@ class Scores:
     log_usable_accuracy: Proportion
     recall: Proportion
     as_harmless: int
+    as_safe: Proportion
     unusable: Proportion
+    refused_eyes: int
     mae_mn: float
     log_mae_mn: float
     bias_mn: float
     coverage: Proportion
+    coverage_band: tuple[float, float] | None
+    width_mn: float
     log_coverage: Proportion
 
 
@@ -106,8 +115,8 @@ def score(frames: Sequence[AnsweredFrame]) -> Scores:
     errors = [(frame.read_mn - frame.true_mn, frame.read_mn - frame.measured_mn)
               for frame in usable if frame.read_mn is not None]  # fmt: skip
     of_truth, of_log = zip(*errors, strict=True) if errors else ((), ())
-    covered = [(low <= frame.true_mn <= high, low <= frame.measured_mn <= high)
-               for frame in usable if frame.interval_mn is not None for low, high in [frame.interval_mn]]  # fmt: skip
+    held = [frame for frame in usable if frame.interval_mn is not None]
+    covered = [_holds(frame, frame.true_mn) for frame in held]
     return Scores(
         frames=len(frames),
         accuracy=_share([frame.right for frame in frames]),
@@ -116,13 +125,48 @@ def score(frames: Sequence[AnsweredFrame]) -> Scores:
         log_usable_accuracy=_share([frame.predicted == frame.target for frame in usable]),
         recall=_share([frame.right for frame in dangerous]),
         as_harmless=sum(frame.predicted == 0 for frame in dangerous),
+        as_safe=_share([_as_safe(frame) for frame in frames if frame.true_mn > HIGH_MN]),
         unusable=_share([not frame.usable for frame in seen]),
+        refused_eyes=len({frame.eye for frame in frames} - {frame.eye for frame in usable}),
         mae_mn=_mean(np.abs(of_truth)),
         log_mae_mn=_mean(np.abs(of_log)),
         bias_mn=_mean(np.array(of_truth)),
-        coverage=_share([truth for truth, _ in covered]),
-        log_coverage=_share([log for _, log in covered]),
+        coverage=_share(covered),
+        coverage_band=coverage_band([frame.eye for frame in held], covered),
+        width_mn=_median([high - low for frame in held if frame.interval_mn for low, high in [frame.interval_mn]]),
+        log_coverage=_share([_holds(frame, frame.measured_mn) for frame in held]),
     )
+
+
+def coverage_band(eyes: Sequence[str], covered: Sequence[bool]) -> tuple[float, float] | None:
+    """Return between which shares of covered frames lie with 95 %, by a bootstrap over whole eyes; None: no frames.
+
+    Frames of one eye share its errors, so eyes are drawn anew, not frames.
+
+    Args:
+        eyes: the eye of each frame.
+        covered: whether its interval holds.
+    """
+    if not eyes:
+        return None
+    _, numbers = np.unique(eyes, return_inverse=True)
+    hits_e, frames_e = np.bincount(numbers, weights=np.asarray(covered)), np.bincount(numbers)
+    rng = np.random.default_rng(RESAMPLING_SEED)
+    drawn_re = rng.integers(len(frames_e), size=(RESAMPLES, len(frames_e)))
+    low, high = np.percentile(hits_e[drawn_re].sum(axis=1) / frames_e[drawn_re].sum(axis=1), BAND)
+    return float(low), float(high)
+
+
+def _holds(frame: AnsweredFrame, force_mn: float) -> bool:
+    return frame.interval_mn is not None and frame.interval_mn[0] <= force_mn <= frame.interval_mn[1]
+
+
+def _as_safe(frame: AnsweredFrame) -> bool:
+    return frame.predicted < DANGEROUS and frame.interval_mn is not None and frame.interval_mn[1] < BOUND_MN
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(values)) if values else nan
 
 
 def _share(hits: Sequence[bool]) -> Proportion:

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 from figures.eyes import FigureEye
 from scleraforce.errors import SolverError
-from scleraforce.laboratory.virtual_eye import PhantomEye
+from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye
 from scleraforce.mechanics.study_path import BentEye, bend_eye
-from scleraforce.section.cut import cut_section
-from scleraforce.section.plane import Section
+from scleraforce.study import Study
 
 __all__ = ["ComputedEye", "compute_eye"]
 
@@ -21,13 +20,14 @@ class ComputedEye:
     """An eye whose load path is known: `largest_n` is the force that its frames go up to."""
 
     eye: PhantomEye
+    study: Study
     bent: BentEye
     largest_n: float
 
-    def sections(self, forces_n: Sequence[float]) -> list[Section]:
-        """Return the sections for needle forces in N."""
-        mesh, path, plane = self.bent.mesh, self.bent.path, self.eye.plane
-        return [cut_section(mesh, plane, path.displacement_nc(force_n)) for force_n in forces_n]
+    @property
+    def sections_at(self) -> BentSections:
+        """Gives the sections, and the pressures, for needle forces in N up to the largest."""
+        return BentSections(self.eye, self.study, bent=self.bent)
 
     def tips_m(self, forces_n: Sequence[float]) -> list[float]:
         """Return the depth of the dent for needle forces in N."""
@@ -45,7 +45,7 @@ def compute_eye(drawn: FigureEye) -> ComputedEye:
         bent = _bent(drawn, max_force_n, shares.append)
     except SolverError:  # a wall that has lost its symmetry: the path goes on somewhere else
         bent = _bent(drawn, max(shares) * max_force_n * (1.0 - ROOM))
-    return ComputedEye(drawn.eye, bent, min(max_force_n, bent.path.max_force_n * (1.0 - ROOM)))
+    return ComputedEye(drawn.eye, drawn.study, bent, min(max_force_n, bent.path.max_force_n * (1.0 - ROOM)))
 
 
 def _bent(drawn: FigureEye, max_force_n: float, progress: Callable[[float], object] | None = None) -> BentEye:

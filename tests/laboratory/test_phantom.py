@@ -13,7 +13,7 @@ from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, pape
 from scleraforce.recording.files import read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.section.plane import Section
-from scleraforce.study import MeshStudy, OctStudy, Study, format_study
+from scleraforce.study import CorneaStudy, FormStudy, MeshStudy, OctStudy, Study, format_study
 
 STUDY = Study(oct=OctStudy(columns=128, rows=96), mesh=MeshStudy(divisions=4))
 EYE = PhantomEye(
@@ -80,6 +80,23 @@ def test_truth_has_every_parameter(written):
         assert said["pose"] == asdict(frame.pose)
         assert said["optics"] == json.loads(json.dumps(asdict(frame.optics)))
         assert said["seed"] == list(frame.seed)
+
+
+def test_a_recording_may_keep_its_globe_to_itself_and_the_truth_has_it(written, tmp_path):
+    plan = plan_phantom(EYE, FORCES_N, STUDY, 3)
+    write_phantom(tmp_path / "untold", plan, dented_sections, STUDY, tell_globe=False)
+    told, untold = contents(written), contents(tmp_path / "untold")
+    assert {name for name in told if told[name] != untold[name]} == {"recording.toml"}
+    assert read_recording(tmp_path / "untold").info.eye.globe is None
+    assert json.loads((tmp_path / "untold" / "truth.json").read_text())["globe"]["kind"] == "open"
+
+
+def test_a_cornea_stands_in_the_truth_where_the_eye_has_one(written, tmp_path):
+    assert "cornea" not in json.loads((written / "truth.json").read_text())["form"]
+    study = replace(STUDY, form=FormStudy(cornea=CorneaStudy(radius_m=8e-3)))
+    write_phantom(tmp_path / "cornea", plan_phantom(EYE, FORCES_N, study, 3), dented_sections, study)
+    truth = json.loads((tmp_path / "cornea" / "truth.json").read_text())
+    assert truth["form"]["cornea"] == asdict(CorneaStudy(radius_m=8e-3))
 
 
 def test_same_seed_gives_the_same_bytes_and_another_seed_or_eye_others(written, tmp_path):

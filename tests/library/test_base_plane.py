@@ -10,7 +10,7 @@ from scleraforce.library.build import build_library
 from scleraforce.library.plan import LARGEST_POLAR_DEG, SUPPORTS_DEG, plan_library
 from scleraforce.library.store import open_library
 from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
-from scleraforce.mechanics.polar import polar_path
+from scleraforce.mechanics.polar import DIRECTIONS, base_angle, polar_path
 from scleraforce.study import LibraryStudy, Range, Study
 
 GRID = LibraryStudy(thickness_m=Range(min=500.0e-6, max=800.0e-6), thicknesses=4, tips=24,
@@ -36,25 +36,52 @@ def test_the_pole_is_the_wall_of_revolution_itself_and_deeper_dents_keep_the_las
     assert len(polar_rad) == len(factor)
 
 
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    path = tmp_path_factory.mktemp("library") / "library.zarr"
+    build_library(Study(library=GRID), path)
+    return open_library(path)
+
+
+def forces_beside_the_pole(thickness, ratio, polar, tips):
+    """F/E of a needle beside the pole, every direction's wall solved for it."""
+    plan = plan_library(Study(library=GRID))
+    sizes = plan.radius_m, thickness, plan.poisson_ratio, plan.needle_radius_m, ratio
+    return polar_path(*sizes, polar_rad=polar, tips_m=tips, size=MeridianSize(32, 1)).force_ratio_m2[1:]
+
+
 @pytest.mark.slow
-def test_forces_beside_the_pole_are_those_of_polar_path(tmp_path):
-    study = Study(library=GRID)
-    build_library(study, tmp_path / "library.zarr")
-    library, plan = open_library(tmp_path / "library.zarr"), plan_library(study)
+def test_forces_beside_the_pole_are_those_of_polar_path(library):
     tips = np.array([0.2e-3, 1e-3, 2.1e-3, 3.3e-3, 4.6e-3])
     errors = []
     for thickness, ratio, polar in ((0.55e-3, 6e-4, 0.45), (0.7e-3, 2e-3, 0.6), (0.78e-3, 9e-4, 0.75)):
-        expected = polar_path(
-            plan.radius_m, thickness, plan.poisson_ratio, plan.needle_radius_m, ratio, polar_rad=polar, tips_m=tips,
-            size=MeridianSize(32, 1),
-        )  # fmt: skip
+        expected = forces_beside_the_pole(thickness, ratio, polar, tips)
         wall = np.full(len(tips), thickness), np.full(len(tips), ratio)
         found = library.for_contact(polar).forces(*wall, tips)
         even = library.for_contact(0.0).forces(*wall, tips)
-        assert found == pytest.approx(expected.force_ratio_m2[1:], rel=4e-3)
-        errors.append([np.abs(forces / expected.force_ratio_m2[1:] - 1.0).sum() for forces in (found, even)])
+        assert found == pytest.approx(expected, rel=4e-3)
+        errors.append([np.abs(forces / expected - 1.0).sum() for forces in (found, even)])
     left, before = np.sum(errors, axis=0)
     assert left < 0.3 * before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("thickness", "ratio"), [(0.55e-3, 6e-4), (0.78e-3, 3e-3)])
+def test_forces_behind_the_limbus_are_those_of_polar_path_as_far_as_the_base_lets_them(library, thickness, ratio):
+    """At 55 deg the base is 7 mm from the needle: dents beyond 4 mm begin to run into it."""
+    tips, polar = np.array([0.2e-3, 1e-3, 2.1e-3, 3.3e-3, 4e-3, 4.6e-3]), float(np.radians(LARGEST_POLAR_DEG))
+    expected = forces_beside_the_pole(thickness, ratio, polar, tips)
+    found = library.for_contact(polar).forces(np.full(6, thickness), np.full(6, ratio), tips)
+    assert found[:5] == pytest.approx(expected[:5], rel=5e-3)
+    assert found[5] == pytest.approx(expected[5], rel=2e-2)
+
+
+def test_the_base_of_every_contact_lies_within_the_supports():
+    around = np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
+    for polar_deg in (0.0, 30.0, LARGEST_POLAR_DEG):
+        angles = np.degrees(base_angle(np.radians(polar_deg), around))
+        assert SUPPORTS_DEG[0] < angles.min()
+        assert angles.max() < SUPPORTS_DEG[-1]
 
 
 def test_the_library_answers_for_its_contact():

@@ -112,8 +112,8 @@ def test_the_commented_paper_study_and_the_defaults_have_one_hash() -> None:
 def test_the_commented_paper_study_names_every_key() -> None:
     for section in fields(Study):
         for item in fields(getattr(Study(), section.name)):
-            repeated = item.name in ("group", "wave", "region")
-            key = f"[[{section.name}.{item.name}]]" if repeated else field_key(item) + " ="
+            tables = {"group": "[[{}]]", "wave": "[[{}]]", "region": "[[{}]]", "cornea": "[{}]"}
+            key = tables.get(item.name, f"{field_key(item)} =").format(f"{section.name}.{item.name}")
             assert key in PAPER_STUDY_TOML, f"{section.name}.{key} is missing from paper.toml"
 
 

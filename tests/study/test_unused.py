@@ -8,6 +8,7 @@ import pytest
 
 from scleraforce.errors import StudyError
 from scleraforce.study import (
+    CorneaStudy,
     EyeStudy,
     FormStudy,
     GlobeStudy,
@@ -28,6 +29,7 @@ CHANGED = {
     "form.semi_axes": Study(form=FormStudy(semi_axes=(1.1, 1.0, 1.0))),
     "form.wave": Study(form=FormStudy(wave=(WaveStudy(),))),
     "form.region": Study(form=FormStudy(region=(RegionStudy(modulus_ratio=0.7),))),
+    "form.cornea": Study(form=FormStudy(cornea=CorneaStudy())),
     "needle.tilt_deg": Study(needle=NeedleStudy(tilt_rad=radians(5.0))),
     "needle.tilt_direction_deg": Study(needle=NeedleStudy(tilt_rad=0.1, tilt_direction_rad=1.0)),
     "globe.kind": Study(globe=GlobeStudy("sealed")),

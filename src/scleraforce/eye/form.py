@@ -1,9 +1,10 @@
 """Eyes that are not spheres, walls that are not even, regions of another modulus.
 
-The wall is shaped from that of a sphere: a node in direction d goes to the ellipsoid's point A d (A the semi-axes) and
-from there inward along the ellipsoid's normal by its share of the local thickness. Then the whole eye moves rigidly, so
-that the contact and the outward normal there are where the sphere has them: needle, B-scan plane and tip displacement
-need not know of the form. The nodes' places on the sphere stay the coordinates by which material points are found.
+The wall is shaped from that of a sphere: a node in direction d goes to the outer surface's point in that direction,
+stretched by the semi-axes, and from there inward along the surface's normal by its share of the local thickness. Then
+the whole eye moves rigidly, so that the contact and the outward normal there are where the sphere has them: needle,
+B-scan plane and tip displacement need not know of the form. The nodes' places on the sphere stay the coordinates by
+which material points are found.
 """
 
 from dataclasses import dataclass, replace
@@ -13,6 +14,7 @@ from numpy.polynomial.legendre import legval
 from numpy.typing import NDArray
 
 from scleraforce.eye.contact import Contact
+from scleraforce.eye.cornea import corneal_surface
 from scleraforce.eye.mesh import HexMesh
 from scleraforce.eye.shapes import shape_values
 from scleraforce.study.form import FormStudy, RegionStudy
@@ -41,11 +43,14 @@ def form_mesh(mesh: HexMesh, form: FormStudy, contact: Contact) -> FormedEye:
 
     Args:
         mesh: the wall of a sphere about the origin.
-        form: semi-axes, waves of the thickness, regions.
+        form: semi-axes, waves of the thickness, regions, cornea.
         contact: the needle's; the material in this direction on the sphere is what it touches.
 
     Returns:
         The eye. Its `mesh` locates directions as the sphere does, and keeps the nominal radius and thickness.
+
+    Raises:
+        InputError: a cornea that is none of this globe.
 
     >>> from scleraforce.eye.mesh import build_mesh
     >>> eye = form_mesh(build_mesh(12e-3, 0.5e-3), FormStudy(semi_axes=(1.1, 1.0, 0.9)), Contact(polar_rad=0.0))
@@ -57,9 +62,9 @@ def form_mesh(mesh: HexMesh, form: FormStudy, contact: Contact) -> FormedEye:
     radii_n = np.linalg.norm(sphere_nc, axis=1)
     directions_nc = sphere_nc / radii_n[:, None]
     depths_n = (mesh.radius_m - radii_n) * thickness_factor(form, directions_nc)
-    surface_nc, normals_nc = _ellipsoid(directions_nc, form, mesh.radius_m)
+    surface_nc, normals_nc = _outer_surface(directions_nc, form, mesh.radius_m)
     shaped_nc = surface_nc - depths_n[:, None] * normals_nc
-    touched_1c, normal_1c = _ellipsoid(contact.normal[None], form, mesh.radius_m)
+    touched_1c, normal_1c = _outer_surface(contact.normal[None], form, mesh.radius_m)
     turn_cc = _rotation(normal_1c[0], contact.normal)
     placed_nc = (shaped_nc - touched_1c) @ turn_cc.T + mesh.radius_m * contact.normal
     return FormedEye(replace(mesh, points_nc=placed_nc, shaped_from_nc=sphere_nc), form)
@@ -92,10 +97,13 @@ def _inside(region: RegionStudy, directions_nc: Floats) -> Floats:
     return smooth
 
 
-def _ellipsoid(directions_nc: Floats, form: FormStudy, radius_m: float) -> tuple[Floats, Floats]:
+def _outer_surface(directions_nc: Floats, form: FormStudy, radius_m: float) -> tuple[Floats, Floats]:
     """Points of the outer surface and its outward unit normals there, (direction, 3)."""
     axes = np.array(form.semi_axes)
-    return radius_m * axes * directions_nc, _unit(directions_nc / axes)
+    if form.cornea is None:
+        return radius_m * axes * directions_nc, _unit(directions_nc / axes)
+    points_nc, normals_nc = corneal_surface(directions_nc, form.cornea, radius_m)
+    return axes * points_nc, _unit(normals_nc / axes)
 
 
 def _rotation(start: Floats, end: Floats) -> Floats:

@@ -222,6 +222,8 @@ def write_phantom(
     sections_at: SectionsAt,
     study: Study,
     progress: Callable[[int], object] | None = None,
+    *,
+    tell_globe: bool = True,
 ) -> None:
     """Write a virtual acquisition as a recording folder with `truth.json`; equal plans give equal bytes.
 
@@ -231,6 +233,7 @@ def write_phantom(
         sections_at: the eye's sections for needle forces in N (`study_sections`).
         study: frame size, classes, needle; the one that the plan was drawn from.
         progress: called with 1 after each frame.
+        tell_globe: whether `recording.toml` says that the globe is open or sealed; `truth.json` always does.
 
     Raises:
         RecordingError: `out` exists, or cannot be written.
@@ -241,7 +244,7 @@ def write_phantom(
     try:
         shutil.rmtree(partial, ignore_errors=True)
         comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
-        with closing(RecordingWriter(partial, _info(plan, study), comment)) as writer:
+        with closing(RecordingWriter(partial, _info(plan, study, tell_globe), comment)) as writer:
             _write_log_and_truth(partial, plan, study, pressures_pa(plan.eye, sections_at, plan.forces_n))
             for frame, section in zip(plan.frames, sections_at(plan.forces_n), strict=True):
                 writer.add(frame.file, frame.time_s, render_frame(frame, section, study).frame)
@@ -277,11 +280,11 @@ def _write_log_and_truth(folder: Path, plan: PhantomPlan, study: Study, pressure
     (folder / "truth.json").write_text(truth + "\n", encoding="utf-8")
 
 
-def _info(plan: PhantomPlan, study: Study) -> RecordingInfo:
-    scanner, eye = study.oct, plan.eye
+def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:
+    scanner, eye, globe = study.oct, plan.eye, study.globe.kind if tell_globe else None
     average_s = MOVING_AVERAGE_S if isinstance(plan.motion, ForcePath) else HELD_AVERAGE_S
     return RecordingInfo(
-        EyeInfo(eye.id, thickness_m=eye.thickness_m, iop_pa=eye.iop_pa, globe=study.globe.kind),
+        EyeInfo(eye.id, thickness_m=eye.thickness_m, iop_pa=eye.iop_pa, globe=globe),
         OctInfo(
             columns=scanner.columns,
             rows=scanner.rows,
@@ -314,7 +317,7 @@ def _truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> di
         "mechanics": asdict(study.mechanics),
         "globe": asdict(study.globe),
         "eye": asdict(plan.eye),
-        "form": asdict(study.form),
+        "form": {key: value for key, value in asdict(study.form).items() if value is not None},
         "thickness_at_contact_m": _thickness_at_contact(plan.eye, study),
         "needle": asdict(study.needle),
         "sensor": asdict(plan.sensor),

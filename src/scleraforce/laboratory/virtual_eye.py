@@ -92,10 +92,16 @@ def study_sections(eye: PhantomEye, study: Study, progress: Callable[[float], ob
 class BentSections:
     """An eye's sections for needle forces in N, and its pressure under them, from one load path."""
 
-    def __init__(self, eye: PhantomEye, study: Study, progress: Callable[[float], object] | None = None) -> None:
-        """Take the arguments of `finite_strain_sections`; the path is computed when it is needed."""
+    def __init__(
+        self,
+        eye: PhantomEye,
+        study: Study,
+        progress: Callable[[float], object] | None = None,
+        bent: BentEye | None = None,
+    ) -> None:
+        """Take the arguments of `finite_strain_sections`; a path that is not given is computed when it is needed."""
         self.eye, self._study, self._progress = eye, study, progress
-        self._bent: BentEye | None = None
+        self._bent = bent
 
     def __call__(self, forces_n: Sequence[float]) -> Sequence[Section]:
         """Return the sections."""

@@ -23,8 +23,8 @@ __all__ = ["LARGEST_POLAR_DEG", "SUPPORTS_DEG", "LibraryPlan", "evenly_picked", 
 Floats = NDArray[np.float64]
 
 TIP_GRADING = 1.5  # tips stand like the numbers 0, 1, 2 ... to this power
-SUPPORTS_DEG = (40.0, 55.0, 70.0, 110.0, 125.0, 140.0)  # beside 90: where the base may lie for a contact up to 50 deg
-LARGEST_POLAR_DEG = 50.0
+LARGEST_POLAR_DEG = 55.0  # of a contact
+SUPPORTS_DEG = (35.0, 40.0, 55.0, 70.0, 110.0, 125.0, 140.0, 145.0)  # beside 90: where its base may lie
 SUPPORT_THICKNESSES, SUPPORT_TENSIONS = 4, 6  # at most, among those of the library
 SUPPORT_TIP_M = 6e-3  # deeper dents run into the base where it is nearest: the factor stays as it is there
 

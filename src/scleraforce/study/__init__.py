@@ -1,6 +1,6 @@
 """The study: one typed record of everything that a run depends on, read from TOML."""
 
-from scleraforce.study.form import FormStudy, RegionStudy, WaveStudy
+from scleraforce.study.form import CorneaStudy, FormStudy, RegionStudy, WaveStudy
 from scleraforce.study.globe import GlobeStudy
 from scleraforce.study.library import LibraryStudy
 from scleraforce.study.mechanics import MechanicsStudy
@@ -28,6 +28,7 @@ __all__ = [
     "CalibrationStudy",
     "Choice",
     "ClassesStudy",
+    "CorneaStudy",
     "DatasetGroup",
     "DatasetStudy",
     "EyeStudy",

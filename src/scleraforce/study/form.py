@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, quantity
+from scleraforce.units import from_si
 
-__all__ = ["FormStudy", "RegionStudy", "WaveStudy"]
+__all__ = ["CorneaStudy", "FormStudy", "RegionStudy", "WaveStudy"]
 
 MOST_UNEVEN = 0.5  # sum of the waves' amplitudes
 
@@ -47,13 +48,38 @@ class RegionStudy:
         check_fields(self)
 
 
+@dataclass(frozen=True, kw_only=True)
+class CorneaStudy:
+    """A cornea of another radius than the globe's; the defaults are those of human eyes.
+
+    The outer surface inside the limbus, a ring of `limbus_radius_m` about the cornea's axis, is a sphere of `radius_m`
+    through the ring. Across the ring, `edge_m` wide as measured along the globe, it goes over into the globe smoothly.
+    """
+
+    radius_m: float = quantity(7.8, "mm", 2.0, 30.0)
+    limbus_radius_m: float = quantity(5.75, "mm", 1.0, 20.0)
+    edge_m: float = quantity(2.0, "mm", 0.5, 10.0)
+    polar_rad: float = quantity(0.0, "deg", 0.0, 90.0)
+    azimuth_rad: float = quantity(0.0, "deg", -360.0, 360.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if not self.limbus_radius_m < self.radius_m:
+            ring, cornea = (f"{from_si(value, 'mm'):g}" for value in (self.limbus_radius_m, self.radius_m))
+            raise StudyError(f"limbus_radius_mm: {ring}; must be below the cornea's radius_mm, {cornea}")
+
+
 @dataclass(frozen=True)
 class FormStudy:
-    """Semi-axes of the outer surface along x, y and z as shares of the radius, waves of the thickness, regions."""
+    """Semi-axes of the outer surface along x, y and z as shares of the radius, waves of the thickness, regions, cornea.
+
+    The semi-axes stretch the whole eye, a cornea of another radius too.
+    """
 
     semi_axes: tuple[float, ...] = quantity((1.0, 1.0, 1.0), None, 0.7, 1.3)
     wave: tuple[WaveStudy, ...] = ()
     region: tuple[RegionStudy, ...] = ()
+    cornea: CorneaStudy | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -215,6 +215,8 @@ def _format_section(name: str, record: Any) -> str:
         value = getattr(record, item.name)
         if isinstance(value, tuple) and value and is_dataclass(value[0]):
             groups += [_format_section(f"[{name}.{item.name}]", entry) for entry in value]
+        elif is_dataclass(value) and not isinstance(value, Choice | Range):
+            groups.append(_format_section(f"{name}.{item.name}", value))
         elif value is not None:
             human = map_numbers(value, field_unit(item).from_si)
             lines.append(f"{field_key(item)} = {_format_value(human)}")

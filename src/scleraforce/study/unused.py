@@ -16,7 +16,7 @@ from scleraforce.study.records import Study
 __all__ = ["UNUSED", "refuse_unused"]
 
 FINITE_STRAIN_ONLY = (
-    "form.semi_axes", "form.wave", "form.region", "needle.tilt_deg", "needle.tilt_direction_deg",
+    "form.semi_axes", "form.wave", "form.region", "form.cornea", "needle.tilt_deg", "needle.tilt_direction_deg",
     "mechanics.follower", "globe.kind", "globe.rigidity_mmhg13_per_ul", "globe.rigidity_law",
 )  # fmt: skip
 SUPPORTS = (
