@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench_reader import draw_eye
-from scleraforce.fitting.library_fit import fit_boundaries, prior_of
+from scleraforce.fitting.library_fit import fit_boundaries
+from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Known, known_of_recording
 from scleraforce.reader import ForceReader, load_force_reader
 from scleraforce.reader.force_reader import SHIFTS

@@ -21,7 +21,8 @@ from scleraforce.fitting.fit_prediction import (
     force_n,
     predict_wall,
 )
-from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries, prior_of
+from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries
+from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, KnownGlobe, known_globe
 from scleraforce.library.sealed import iop_ratio_at_dent

@@ -22,9 +22,10 @@ from scleraforce.calibration.assimilation import (
     moments,
     rigidity_after,
 )
+from scleraforce.calibration.even_wall import without_form
 from scleraforce.calibration.eye_model import EyeConstants, EyeModel
 from scleraforce.calibration.forces import ZERO_PRIOR
-from scleraforce.calibration.library_eye import library_eye
+from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.calibration.linear_eye import linear_eye
 from scleraforce.calibration.registration import frame_prior, register, updated_belief
 from scleraforce.library import Library
@@ -116,7 +117,10 @@ def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_star
         force_n: the needle's force under the frame.
         since_start_s: time of the frame, from where the zero's drift counts.
     """
-    if force_n <= session.filter.study.min_force_n:
+    eye = session.filter
+    if isinstance(eye.model, LibraryEye):
+        boundaries = without_form(eye.model, boundaries, eye.study)
+    if force_n <= eye.study.min_force_n:
         return _refer(session, boundaries, force_n)
     return _update(session, boundaries, force_n, since_start_s)
 

@@ -7,6 +7,8 @@ its square, and volumes, by its cube.
 
 What a frame shows is the state at the pressure under the needle. In an open globe that is the IOP. In one that may be
 sealed it is an unknown of its own, which what is known of the rigidity ties to IOP and dent (`fitting.globe_term`).
+
+What an eye that is no even sphere adds comes on top (`fitting.resting_form`): its form at rest, not how that bends.
 """
 
 from dataclasses import dataclass
@@ -15,11 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
+from scleraforce.fitting.resting_form import FORMS, form_depths
 from scleraforce.known.globe import OPEN, KnownGlobe
 from scleraforce.library.responses import Library
 
 __all__ = [
     "DEPTH",
+    "FORM",
     "GAP",
     "INNER_OFFSET",
     "IOP",
@@ -35,6 +39,7 @@ __all__ = [
     "cut_by_plane",
     "displaced_m3",
     "force_n",
+    "formed_wall",
     "place_walls",
     "predict_wall",
 ]
@@ -43,12 +48,14 @@ Array = NDArray[np.float64]
 
 # The unknowns of a fit, (unknown,): dent and pose in m and rad; logarithms of the eye's size over the library's, of E
 # in Pa and of the IOP without the needle in Pa; an offset of the inner boundary in m, which the segmentation may see a
-# little too deep; and the logarithm of the pressure under the needle in Pa, which counts where the globe may be sealed.
+# little too deep; the logarithm of the pressure under the needle in Pa, which counts where the globe may be sealed; and
+# the form at rest (`resting_form.FORMS`), in m.
 NAMES = (
     "tip_m", "lateral_m", "depth_m", "rotation_rad", "gap_m", "thickness_m", "log_modulus", "log_iop", "log_size",
-    "inner_m", "log_pressure",
+    "inner_m", "log_pressure", *FORMS,
 )  # fmt: skip
-TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS, MODULUS, IOP, SIZE, INNER_OFFSET, PRESSURE = range(len(NAMES))
+TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS, MODULUS, IOP, SIZE, INNER_OFFSET, PRESSURE = range(11)
+FORM = slice(PRESSURE + 1, len(NAMES))
 
 TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP = 20e-6, 10e-6, 5e-6, 0.02
 
@@ -82,12 +89,21 @@ def displaced_m3(walls: Walls, unknown_su: Array) -> Array:
 def place_walls(walls: Walls, unknown_su: Array) -> Array:
     """Return the two boundaries of walls in the frame (sample, boundary, point, 2): lateral from its middle, depth, m.
 
-    All lie at the first sample's pose.
+    All lie at the first sample's pose, and none has a form of its own.
     """
     size = np.exp(unknown_su[:, SIZE])[:, None, None, None]
     curves = walls.library.shapes(*_library_place(walls, unknown_su)).astype(np.float64)
     pose = unknown_su[0]
     return place_curves(cut_by_plane(curves * size, unknown_su[:, GAP]), pose[LATERAL], pose[DEPTH], pose[ROTATION])
+
+
+def formed_wall(walls: Walls, unknown: Array) -> Array:
+    """Return the two boundaries of a wall in the frame (boundary, point, 2), with its form at rest."""
+    placed: Array = place_walls(walls, unknown[None])[0]
+    for is_inner, curve in enumerate(placed):
+        is_boundary = np.full(len(curve), float(is_inner))
+        curve[:, 1] += form_depths(unknown[FORM], curve[:, 0] - unknown[LATERAL], is_boundary)[0]
+    return placed
 
 
 def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
@@ -117,8 +133,12 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
     )
     jacobian[:, [MODULUS, SIZE, INNER_OFFSET]] = np.stack([-by_pressure, by_size, places.is_inner], axis=1)
     jacobian[:, walls.pressure] = by_pressure
+    formed, form_slope, by_form = form_depths(unknown[FORM], places.lateral_m - unknown[LATERAL], places.is_inner)
+    jacobian[:, FORM] = by_form
+    jacobian[:, LATERAL] -= form_slope
     jacobian[~seen] = 0.0
-    return Placed(depth + unknown[INNER_OFFSET] * places.is_inner, slope, jacobian, seen)
+    offset = unknown[INNER_OFFSET] * places.is_inner + formed
+    return Placed(depth + offset, slope + form_slope, jacobian, seen)
 
 
 def _inward(walls: Walls, unknown: Array, steps: Array) -> Array:

@@ -11,39 +11,33 @@ The force follows from the dent: F = E f(dent, wall, pressure under the needle).
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from math import log, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.fitting.fit_prediction import (
-    DEPTH,
-    GAP,
-    INNER_OFFSET,
-    IOP,
+    FORM,
     LATERAL,
     MODULUS,
     NAMES,
     PRESSURE,
-    ROTATION,
     SIZE,
     THICKNESS,
     TIP,
     Walls,
     force_n,
-    place_walls,
+    formed_wall,
     predict_wall,
 )
 from scleraforce.fitting.fit_start import starts
 from scleraforce.fitting.globe_term import keep_within, law_slope, off_the_law
 from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
+from scleraforce.fitting.limbus_start import limbus_starts
 from scleraforce.fitting.placement import Placed, Places
-from scleraforce.known.eye import Known
-from scleraforce.known.globe import UNKNOWN, KnownGlobe
+from scleraforce.fitting.prior import HEAVY, Prior
 from scleraforce.library.responses import Library
-from scleraforce.study import ReaderStudy
 
-__all__ = ["BoundaryFit", "Prior", "fit_boundaries", "prior_of"]
+__all__ = ["BoundaryFit", "fit_boundaries"]
 
 Array = NDArray[np.float64]
 
@@ -52,36 +46,17 @@ POINT_SD_M = np.array([5e-6, 9e-6])  # of the outer and the inner boundary along
 CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
 OUTLIER_SD = 8.0
 LAYER_M = 0.3e-3  # so far below the wall the choroid may end, which stretches of the inner boundary may follow
-FREE_SD = {TIP: 10e-3, LATERAL: 2e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.03, INNER_OFFSET: 15e-6}
-INNER_CAUCHY = 2.0  # standard deviations: now and then another layer is taken for the inner boundary
-KNOWN_SD = {GAP: 30e-6, THICKNESS: 15e-6, IOP: 0.05}  # of what is stated
-# At a given dent a force goes as E t^2 IOP^(1/3), in the middle of the library (per power of E).
-FORCE_BY_LOG_THICKNESS, FORCE_BY_LOG_IOP = 2.0, 1.0 / 3.0
+HEAVY_CAUCHY = 2.0  # standard deviations, of what has a heavy prior
 MODEL_SD = 0.01  # relative, of the force: real walls against the library's
 MODEL_SD_N = 0.1e-3
 STARTS = 2
+# A limbus turns up: the cornea bulges.
+FORM_ENDS = np.array([[1.5e-3, -0.5, -20.0, 1.5e-3, -0.5, -20.0, -0.05], [7e-3, 0.01, 60.0, 7e-3, 0.01, 60.0, 0.05]])
+LARGEST_LOG_SIZE = 0.5
+LOST = 0.05  # share of the columns that a fit may leave aside before a limbus is looked for
 STOPPING = Stopping(iterations=20, converged_sd=0.05, retry_damping=1e-2)
-PRESSURE_SD = 3.0  # of the logarithm of that under the needle: the globe's rigidity ties it
 DRAWS = 512
 INTERVAL = (0.05, 0.95)
-
-
-@dataclass(frozen=True, eq=False)
-class Prior:
-    """What is known before a frame, in the order of NAMES.
-
-    `mean` and `sd` (unknown,) of each unknown; `precision` (unknown, unknown), the inverse of their covariance, without
-    what `same_force` (unknown,) says: that combination of unknowns, 0 where it says nothing, is as far off its mean as
-    a standard normal number. `globe` is what is known of it; `calibrated` (2, 2) the inverse covariance of that number
-    and of how far the pressure is off the globe's law, which a calibration correlates.
-    """
-
-    mean: Array
-    sd: Array
-    precision: Array
-    same_force: Array
-    globe: KnownGlobe
-    calibrated: Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -115,54 +90,6 @@ class BoundaryFit:
         return tuple(high - low for high, low in pairwise(edges))
 
 
-def prior_of(known: Known, trained: ReaderStudy) -> Prior:
-    """Return the prior of a frame's unknowns: what is known of the eye, else what the model was trained on.
-
-    Args:
-        known: of the eye.
-        trained: the study's ranges.
-    """
-    mean, sd = np.zeros(len(NAMES)), np.zeros(len(NAMES))
-    for place, value in FREE_SD.items():
-        sd[place] = value
-    mean[GAP], sd[GAP] = _stated(known.gap_m, trained.gap_m.bounds, KNOWN_SD[GAP])
-    mean[THICKNESS], sd[THICKNESS] = _stated(known.thickness_m, trained.thickness_m.bounds, KNOWN_SD[THICKNESS])
-    iop = None if known.iop_pa is None else log(max(known.iop_pa, 1.0))
-    mean[IOP], sd[IOP] = _stated(iop, _logs(trained.iop_pa.bounds), KNOWN_SD[IOP])
-    modulus = None if known.modulus is None else log(known.modulus.mean_pa)
-    modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
-    mean[MODULUS], sd[MODULUS] = _stated(modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd)
-    mean[PRESSURE], sd[PRESSURE] = mean[IOP], PRESSURE_SD
-    own = known.modulus is not None and known.modulus.source == "own"
-    same_force = _same_force(mean, sd) if own else np.zeros(len(NAMES))
-    precision = np.diag(np.where(own & (np.arange(len(NAMES)) == MODULUS), 0.0, sd**-2.0))
-    globe = UNKNOWN if known.globe is None else known.globe
-    correlation = globe.correlation if own else 0.0
-    calibrated = np.asarray(np.linalg.inv([[1.0, correlation], [correlation, 1.0]]))
-    return Prior(mean, sd, precision, same_force, globe, calibrated)
-
-
-def _same_force(mean: Array, sd: Array) -> Array:
-    """Return the combination of unknowns that an eye's own modulus is sure of.
-
-    It was fitted to its dents and forces at the stated thickness and IOP. Where these are wrong, so is the modulus, and
-    the force that belongs to a dent is right all the same: it is that force which is known.
-    """
-    along = np.zeros(len(NAMES))
-    along[[MODULUS, THICKNESS, IOP]] = 1.0, FORCE_BY_LOG_THICKNESS / mean[THICKNESS], FORCE_BY_LOG_IOP
-    return np.asarray(along / sd[MODULUS])
-
-
-def _stated(value: float | None, bounds: tuple[float, float], sd: float) -> tuple[float, float]:
-    """Return mean and standard deviation of what is stated, else of the range that it lies in."""
-    low, high = bounds
-    return ((low + high) / 2, max((high - low) / sqrt(12), sd)) if value is None else (value, sd)
-
-
-def _logs(bounds: tuple[float, float]) -> tuple[float, float]:
-    return log(max(bounds[0], 1.0)), log(max(bounds[1], 1.0))
-
-
 def fit_boundaries(
     library: Library, lateral_m: Array, depth_bc: Array, prior: Prior, smoothing_m: float = 0.0
 ) -> BoundaryFit | None:
@@ -187,8 +114,12 @@ def fit_boundaries(
     problem = _Problem(walls, columns, prior)
     begun = starts(walls, prior.mean, columns.places.lateral_m[:outer], columns.depth_m[:outer], STARTS)
     fits = (gauss_newton(problem, start, STOPPING) for start in begun)
-    unknown, placed, _ = min(fits, key=lambda fit: fit[2])
-    return problem.result(unknown, placed)
+    best = min(fits, key=lambda fit: fit[2])
+    if problem.outliers(best[1]) > LOST:
+        near = ((best[0], best[1]), (begun[0], problem.evaluate(begun[0])[0]))
+        again = [problem.inside(start) for where in near for start in limbus_starts(columns, *where)]
+        best = min(best, *(gauss_newton(problem, start, STOPPING) for start in again), key=lambda fit: fit[2])
+    return problem.result(best[0], best[1])
 
 
 def _thinned(lateral_m: Array, depth_bc: Array, smoothing_m: float) -> Columns:
@@ -214,13 +145,17 @@ class _Problem:
     columns: Columns
     prior: Prior
 
+    def outliers(self, placed: Placed) -> float:
+        """Return the share of columns that the loss leaves aside."""
+        return float(np.mean(np.where(placed.seen, np.abs(self.columns.residual(placed)), np.inf) > OUTLIER_SD))
+
     def evaluate(self, unknown: Array) -> tuple[Placed, float]:
         """Return the prediction and its cost: the loss of the columns, and of leaving the prior."""
         placed = predict_wall(self.walls, unknown, self.columns.places)
         away = unknown - self.prior.mean
-        inner = away[INNER_OFFSET] / (INNER_CAUCHY * self.prior.sd[INNER_OFFSET])
-        away[INNER_OFFSET] = 0.0
-        known = away @ self.prior.precision @ away + INNER_CAUCHY**2 * np.log1p(inner**2)
+        heavy = away[HEAVY] / (HEAVY_CAUCHY * self.prior.sd[HEAVY])
+        away[HEAVY] = 0.0
+        known = away @ self.prior.precision @ away + HEAVY_CAUCHY**2 * np.log1p(heavy**2).sum()
         off = self._off(unknown)
         known += off @ self.prior.calibrated @ off
         return placed, self.columns.loss(placed) + float(known)
@@ -229,9 +164,7 @@ class _Problem:
         """Return the normal matrix (unknown, unknown) and the gradient (unknown,)."""
         normal, gradient = self.columns.normal_equations(placed, scale)
         precision, away = self.prior.precision.copy(), unknown - self.prior.mean
-        precision[INNER_OFFSET, INNER_OFFSET] /= (
-            1 + (away[INNER_OFFSET] / (INNER_CAUCHY * self.prior.sd[INNER_OFFSET])) ** 2
-        )
+        precision[HEAVY, HEAVY] /= 1.0 + (away[HEAVY] / (HEAVY_CAUCHY * self.prior.sd[HEAVY])) ** 2
         slopes = np.stack([self.prior.same_force, law_slope(self.walls, unknown)])
         weighted = slopes.T @ self.prior.calibrated
         return normal + precision + weighted @ slopes, gradient - precision @ away - weighted @ self._off(unknown)
@@ -242,8 +175,10 @@ class _Problem:
 
     def inside(self, unknown: Array) -> Array:
         """Keep the dent within what the library holds, and the pressure."""
+        unknown[SIZE] = np.clip(unknown[SIZE], -LARGEST_LOG_SIZE, LARGEST_LOG_SIZE)
         unknown[TIP] = np.clip(unknown[TIP], 0.0, self.walls.library.tip_m[-1] * np.exp(unknown[SIZE]))
         unknown[PRESSURE] = np.clip(unknown[PRESSURE], *self._log_pressure_ends(unknown))
+        unknown[FORM] = np.clip(unknown[FORM], *FORM_ENDS)
         return unknown
 
     def _log_pressure_ends(self, unknown: Array) -> Array:
@@ -259,8 +194,8 @@ class _Problem:
         below_m = signed * POINT_SD_M[1]
         layer = (self.columns.places.boundary == 1) & placed.seen & (below_m > 0.0) & (below_m < LAYER_M)
         normal, _ = self.normal_equations(unknown, placed, max(1.0, min(misfit, 1e3)))
-        covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
-        draws_n = self._drawn_forces(unknown, covariance)
+        spread_uz = self._spread(normal)
+        draws_n = self._drawn_forces(unknown, spread_uz)
         low_n, force, high_n = np.quantile(draws_n, [INTERVAL[0], 0.5, INTERVAL[1]])
         return BoundaryFit(
             force_n=float(force),
@@ -270,16 +205,22 @@ class _Problem:
             tip_m=float(unknown[TIP]),
             misfit_m=misfit * float(POINT_SD_M[0]),
             outliers=float(np.mean((residual > OUTLIER_SD * max(1.0, misfit)) & ~layer)),
-            wall_bmc=place_walls(self.walls, unknown[None])[0],
+            wall_bmc=formed_wall(self.walls, unknown),
             unknown=unknown,
-            sd=np.sqrt(np.diag(covariance)),
+            sd=np.linalg.norm(spread_uz, axis=1),
             iop_pa=float(np.exp(unknown[self.walls.pressure])),
         )
 
-    def _drawn_forces(self, unknown: Array, covariance: Array) -> Array:
+    def _spread(self, normal: Array) -> Array:
+        """Return what turns standard normal numbers into draws about the unknowns (unknown, number)."""
+        sd = self.prior.sd  # in these units the matrix is well conditioned
+        lower = np.linalg.cholesky(sd[:, None] * normal * sd)
+        return np.asarray(sd[:, None] * np.linalg.inv(lower).T)
+
+    def _drawn_forces(self, unknown: Array, spread_uz: Array) -> Array:
         """Return forces drawn from the posterior; what the library does not know of real walls comes on top."""
         normal = _standard_normal(len(NAMES) + 2)
-        drawn = unknown + normal[:, :-2] @ np.linalg.cholesky(covariance).T
+        drawn = unknown + normal[:, :-2] @ spread_uz.T
         drawn[:, TIP] = np.maximum(drawn[:, TIP], 0.0)
         forces = (
             force_n(self.walls, keep_within(self.walls, drawn)) * np.exp(MODEL_SD * normal[:, -2])

@@ -3,8 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import INNER_OFFSET, SIZE, THICKNESS
-from scleraforce.fitting.library_fit import BoundaryFit, Prior
+from scleraforce.fitting.fit_prediction import FORM, INNER_OFFSET, SIZE, THICKNESS
+from scleraforce.fitting.library_fit import BoundaryFit
+from scleraforce.fitting.prior import Prior
+from scleraforce.fitting.resting_form import FORMS
 from scleraforce.reader.readings import Reading
 from scleraforce.segmentation.wall import Segmentation
 from scleraforce.study import ReaderStudy, SliceStudy
@@ -23,6 +25,8 @@ THINNER_M, THICKER_M = 40e-6, 200e-6
 # Of contacts up to the edge of the training, the network placed none more than 0.15 mm beyond it; the fit none more
 # than 0.09 mm where there was a dent, and 1.9 of its own standard deviations where there was hardly any.
 CONTACT_SLACK_M, CONTACT_SD = 0.25e-3, 3.0
+# A limbus, or a surface that curves more than the sides of an ellipsoid: an eye has one cornea, 5 mm and more across.
+SIDES, CORNEA_RAD, CORNEA_CURVATURE = ("left", "right"), -0.05, 25.0
 DENT_M = 1e-3  # to either side of the contact: the dent's deepest part
 CALIBRATED_SPAN_M = 4e-3  # to either side of the contact
 CALIBRATED_SHARE = 0.6  # of the columns there: both boundaries are seen
@@ -108,6 +112,9 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
     away = np.abs(fit.unknown - prior.mean) / prior.sd
     if not away[SIZE] <= DEVIATION_SD:
         return f"not the wall of an eye: its curvature is that of one {np.exp(fit.unknown[SIZE]):.2f} times as large"
+    form = dict(zip(FORMS, fit.unknown[FORM].tolist(), strict=True))
+    if all(form[f"{side}_angle_rad"] < CORNEA_RAD or form[f"{side}_curvature"] > CORNEA_CURVATURE for side in SIDES):
+        return "not the wall of an eye: it bends like a cornea on both sides of the contact"
     shown_m, stated_m = float(fit.unknown[THICKNESS] + fit.unknown[INNER_OFFSET]), float(prior.mean[THICKNESS])
     slack_m = DEVIATION_SD * float(prior.sd[THICKNESS])
     if not -THINNER_M - slack_m <= shown_m - stated_m <= THICKER_M + slack_m:

@@ -1,0 +1,50 @@
+"""A cornea in view is taken off the boundaries before the filter sees them; even walls stay as they are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from analytic_library import analytic_library
+
+from scleraforce.calibration.even_wall import without_form
+from scleraforce.calibration.library_eye import LibraryEye
+from scleraforce.learning.reader.uneven import Forms
+from scleraforce.learning.reader.virtual_eyes import VirtualEye, calibrated, draw_eye, draw_frames
+from scleraforce.study import Range, ReaderStudy, Study, fixed
+
+STUDY = Study(
+    reader=ReaderStudy(
+        uneven_share=0.0, iop_noise_fraction=0.0, thickness_noise_fraction=0.0, gap_noise_fraction=0.0,
+        thickness_m=Range(min=500e-6, max=700e-6), iop_pa=Range(min=200.0, max=400.0), lateral_m=fixed(0.0),
+    )
+)  # fmt: skip
+RIGHT = {"curvature": 0.0, "skew": 0.0, "wedge": 0.0, "bow": 0.0, "limbus_m": 3.2e-3, "limbus_rad": 0.3, "soft_m": 3e-4}
+OPEN_EYE, FRAMES = 0, 6
+
+
+@pytest.fixture(scope="module")
+def eye() -> VirtualEye:
+    library = analytic_library(thicknesses=5, ratios=5, tips=24)
+    return draw_eye(STUDY, library, OPEN_EYE, np.random.default_rng(5))
+
+
+def boundaries(eye: VirtualEye):
+    return draw_frames(eye, STUDY, 1, np.random.default_rng(2))[0].boundaries
+
+
+def test_an_even_wall_stays_as_it_is(eye: VirtualEye) -> None:
+    assert isinstance(eye.model, LibraryEye)
+    seen = boundaries(eye)
+    np.testing.assert_array_equal(without_form(eye.model, seen, STUDY.calibration).depth_m, seen.depth_m)
+
+
+def test_a_cornea_in_view_hardly_changes_the_modulus(eye: VirtualEye) -> None:
+    assert isinstance(eye.model, LibraryEye)
+    cornea = replace(eye, forms=Forms(**{name: np.array([value]) for name, value in RIGHT.items()}))
+    moduli_pa = []
+    for one in (eye, cornea):
+        frames = draw_frames(one, STUDY, FRAMES, np.random.default_rng(6))
+        known, _ = calibrated(one, frames, STUDY, eye.model.library, np.random.default_rng(7))
+        assert known.modulus is not None
+        moduli_pa.append(known.modulus.mean_pa)
+    assert moduli_pa == pytest.approx([eye.wall.youngs_modulus_pa] * 2, rel=0.05)
