@@ -15,6 +15,7 @@ from scleraforce.cli import main as entry
 from scleraforce.cli.main import COMMANDS, cli, run
 from scleraforce.cli.output import print_json, progress_bar
 from scleraforce.errors import SolverError, StudyError
+from scleraforce.study import Study, read_study
 
 SCLERAFORCE = [sys.executable, "-c", "from scleraforce.cli.main import main; main()"]
 
@@ -178,3 +179,14 @@ def test_the_entry_point_of_the_installed_command_is_main() -> None:
 
     (script,) = entry_points(group="console_scripts", name="scleraforce")
     assert script.load() is entry.main
+
+
+def test_a_preset_is_a_study_of_its_own(tmp_path: Path, capsys) -> None:
+    assert run(["init", str(tmp_path / "living"), "--preset", "living"]) == 0
+    study = read_study(tmp_path / "living" / "study.toml")
+    assert study.globe.kind == "sealed"
+    assert study.reader.youngs_modulus_pa.bounds[0] > Study().reader.youngs_modulus_pa.bounds[0]
+    assert run(["init", str(tmp_path), "--preset", "ex-vivo"]) == 0
+    assert read_study(tmp_path / "study.toml") == Study()
+    assert run(["init", str(tmp_path / "a"), "--preset", "mars"]) == 2
+    assert "'ex-vivo', 'living'" in capsys.readouterr().err

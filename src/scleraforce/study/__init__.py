@@ -21,10 +21,19 @@ from scleraforce.study.records import (
 )
 from scleraforce.study.sampled import Choice, Range, Sampled, draw, fixed
 from scleraforce.study.supports import SupportsStudy
-from scleraforce.study.toml import PAPER_STUDY_TOML, format_study, parse_study, read_study, study_hash
+from scleraforce.study.toml import (
+    PAPER_STUDY_TOML,
+    PRESETS,
+    format_study,
+    parse_study,
+    preset_toml,
+    read_study,
+    study_hash,
+)
 
 __all__ = [
     "PAPER_STUDY_TOML",
+    "PRESETS",
     "CalibrationStudy",
     "Choice",
     "ClassesStudy",
@@ -53,6 +62,7 @@ __all__ = [
     "fixed",
     "format_study",
     "parse_study",
+    "preset_toml",
     "read_study",
     "study_hash",
 ]

@@ -20,10 +20,12 @@ from scleraforce.whole_files import KINDS, read_text
 
 __all__ = [
     "PAPER_STUDY_TOML",
+    "PRESETS",
     "format_record",
     "format_study",
     "parse_record",
     "parse_study",
+    "preset_toml",
     "read_study",
     "study_hash",
 ]
@@ -37,7 +39,21 @@ REPLACED: dict[tuple[str, ...], str] = {("mechanics", "sealed"): 'write [globe] 
 MAX_ENTRIES = 1000  # of a list
 MAX_WHOLE = 10**15  # what a float holds exactly
 
-PAPER_STUDY_TOML = files("scleraforce.study").joinpath("paper.toml").read_text(encoding="utf-8")
+# Studies to begin from, by name: their files beside this one. The first is the default, the paper's.
+PRESETS = ("ex-vivo", "living")
+PRESET_FILES = dict(zip(PRESETS, ("paper.toml", "living.toml"), strict=True))
+
+
+def preset_toml(name: str) -> str:
+    """Return the text of a preset.
+
+    >>> parse_study(preset_toml("living")).eye.youngs_modulus_pa
+    1800000.0
+    """
+    return files("scleraforce.study").joinpath(PRESET_FILES[name]).read_text(encoding="utf-8")
+
+
+PAPER_STUDY_TOML = preset_toml(PRESETS[0])
 
 
 def read_study(path: str | PathLike[str]) -> Study:
