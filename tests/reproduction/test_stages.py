@@ -27,6 +27,7 @@ tensions = 4
 elements = 24
 [reader]
 epochs = 1
+interval_eyes = 0
 samples_per_epoch = 300
 validation_samples = 60
 channels = [8]

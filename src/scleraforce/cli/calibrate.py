@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 __all__ = ["calibrate"]
 
+CALIBRATED = 3  # frames of each recording, where the others are read
+FEW_EYES = 9  # 90 % of a new eye's readings: with fewer eyes no quantile promises as much
+
 
 class _Parameters(click.ParamType[tuple[str, ...]]):
     """Names of parameters, separated by commas."""
@@ -47,6 +50,8 @@ class _Parameters(click.ParamType[tuple[str, ...]]):
 @click.option("--parameters", type=_Parameters(), default="e", show_default=True,
               help="What is uncertain, of e, iop, thickness, gap.")  # fmt: skip
 @click.option("--resume", type=click.Path(path_type=Path), help="Go on from an earlier file of this command.")
+@click.option("--intervals", "model", type=click.Path(path_type=Path), metavar="MODEL",
+              help="Stretch a reader's intervals to hold on these recordings; --out is its copy.")  # fmt: skip
 @click.option("--plot", type=click.Path(path_type=Path), help="Picture to write as well; must not exist.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def calibrate(
@@ -57,6 +62,7 @@ def calibrate(
     mechanics: str,
     parameters: tuple[str, ...],
     resume: Path | None,
+    model: Path | None,
     plot: Path | None,
     as_json: bool,
 ) -> None:
@@ -66,7 +72,16 @@ def calibrate(
     boundaries with those of the simulated section, frame by frame. The
     population's modulus is the mean of the eyes' means. Finite strain needs
     the response library, which is made on first need (half a minute).
+
+    With --intervals, each eye is calibrated on three of its frames (or on
+    --frames); the reader reads the others, and its copy in --out has intervals
+    that hold for 90 % of them.
     """
+    if model is not None:
+        if study_path or resume or plot or mechanics != "finite-strain" or parameters != ("e",):
+            raise click.UsageError("--intervals: takes the model's own study; of the options, only --frames and --json")
+        _stretch(model, recordings, out, frames or CALIBRATED, as_json)
+        return
     from scleraforce.calibration.saved import calibration_as_json, parse_calibration
     from scleraforce.known.calibration_file import open_calibration, write_calibration
     from scleraforce.notebook.work import calibrate_eyes
@@ -92,6 +107,40 @@ def calibrate(
     else:
         click.echo("\n".join(_lines(result)))
         click.echo(f"wrote {out}")
+
+
+def _stretch(model: Path, recordings: tuple[Path, ...], out: Path, frames: int, as_json: bool) -> None:
+    """Write a reader whose intervals hold on recordings, and say by how much they changed."""
+    from scleraforce.notebook.work import recalibrate_intervals
+    from scleraforce.reader.model import load_force_reader
+
+    before, scores = recalibrate_intervals(model, recordings, out, count_bar, frames=frames)
+    after = load_force_reader(out).factors
+    groups = [
+        {
+            "method": method,
+            "group": group,
+            "eyes": len({entry.eye for entry in found}),
+            "readings": len(found),
+            "held": sum(entry.score <= 1.0 for entry in found) / len(found),
+            "factor_before": getattr(before.factors, method).get(group, 1.0),
+            "factor": getattr(after, method)[group],
+        }
+        for method, group in sorted({(entry.method, entry.group) for entry in scores})
+        for found in [[entry for entry in scores if (entry.method, entry.group) == (method, group)]]
+    ]
+    if as_json:
+        print_json({"model": str(out), "from": str(model), "groups": groups})
+        return
+    click.echo(f"{'method':<9}{'group':<24}{'eyes':>5}{'readings':>10}{'held':>7}{'factor':>15}")
+    for row in groups:
+        change = f"{row['factor_before']:.2f} -> {row['factor']:.2f}"
+        click.echo(
+            f"{row['method']:<9}{row['group']:<24}{row['eyes']:>5}{row['readings']:>10}{row['held']:>7.0%}{change:>15}"
+        )
+    if max(int(str(row["eyes"])) for row in groups) < FEW_EYES:
+        click.echo(f"note: fewer than {FEW_EYES} eyes: the widest of their readings counts")
+    click.echo(f"wrote {out}")
 
 
 def _draw(result: "Calibration", path: Path) -> None:

@@ -4,6 +4,7 @@ Commands show bars and notebooks call the `progress` of their user, so whoever a
 Each function imports the rooms that it needs: they take seconds, PyTorch most of them.
 """
 
+import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from os import PathLike
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from scleraforce.learning.classifier.train import Trained
     from scleraforce.learning.reader.train import TrainedReader
     from scleraforce.library import Library
+    from scleraforce.reader.force_reader import ForceReader
+    from scleraforce.reader.interval_scores import Score
 
 __all__ = [
     "Counting",
@@ -29,6 +32,7 @@ __all__ = [
     "counting_for",
     "library_for",
     "opened",
+    "recalibrate_intervals",
     "simulate_slices",
     "train_on_library",
     "train_on_slices",
@@ -109,6 +113,57 @@ def calibrate_eyes(
         )
 
 
+def recalibrate_intervals(
+    model: str | PathLike[str], recordings: Sequence[str | PathLike[str]], out: Path, counting: Counting, *, frames: int
+) -> "tuple[ForceReader, list[Score]]":
+    """Write a reader whose intervals hold on recordings: counts "calibration" and "reading".
+
+    Each eye is calibrated on so many of its frames; the others are read, and their scores stretch the intervals.
+
+    Args:
+        model: folder of a reader.
+        recordings: with force logs.
+        out: the folder to make.
+        counting: how the work is counted.
+        frames: of each recording that calibrate its eye.
+
+    Returns:
+        The reader as it was, and the scores of its readings: 1 is at the end of an interval.
+
+    Raises:
+        InputError: the model is no reader, a recording cannot be calibrated on, or leaves no frame to read.
+    """
+    from scleraforce.calibration.calibrate import calibrate_recordings
+    from scleraforce.calibration.saved import calibration_as_json
+    from scleraforce.known.calibration_file import parse_calibration_file, summary_of
+    from scleraforce.models.folder import CARD_FILE, COMMON_FILES, NETWORK_FILE, STUDY_FILE, read_folder
+    from scleraforce.models.writing import check_place, write_folder
+    from scleraforce.reader.interval_scores import recording_scores, stretched
+    from scleraforce.reader.model import load_force_reader
+
+    check_place(out)
+    reader, folder, each = load_force_reader(model), read_folder(Path(model)), opened(recordings)
+    study, count = reader.study, sum(len(recording.frames) for recording in each)
+    with counting("calibration", count) as advance:
+        calibration = calibrate_recordings(
+            each, study, study_hash(study), reader.library, frames=frames, progress=advance
+        )
+    text = json.dumps(calibration_as_json(calibration)).encode()
+    summary = summary_of(parse_calibration_file(text, "calibration"))
+    with counting("reading", count) as advance:
+        scores = [found for recording in each for found in recording_scores(reader, recording, summary, advance)]
+    if not scores:
+        raise InputError(f"{each[0].path}: no frame with a known force is left to read; take fewer --frames")
+    source = "recordings of " + ", ".join(sorted({recording.info.eye.id for recording in each}))
+    record = {key: value for key, value in folder.record.items() if key not in ("format", "files")}
+    record["intervals"] = stretched(reader.factors, scores, source)
+    more = {name: content for name, content in folder.files.items() if name not in COMMON_FILES}
+    study_toml, card = (folder.files[name].decode() for name in (STUDY_FILE, CARD_FILE))
+    card += f"\n## Intervals\nStretched to hold on {source}, by groups that `intervals` of model.json names.\n"
+    write_folder(out, folder.files[NETWORK_FILE], study_toml, card, record, more)
+    return reader, scores
+
+
 def simulate_slices(
     study: Study,
     out: Path,
@@ -144,7 +199,7 @@ def simulate_slices(
 
 
 def train_on_library(library: "Library", study: Study, out: Path, counting: Counting) -> "TrainedReader":
-    """Train a force reader and write its folder: counts "epochs".
+    """Train a force reader and write its folder: counts "epochs", then the "eyes" of its intervals.
 
     Raises:
         InputError: as of `sf.train`.
@@ -153,8 +208,9 @@ def train_on_library(library: "Library", study: Study, out: Path, counting: Coun
     refuse_unused(study, "train --kind reader")
     from scleraforce.learning.reader.train import train_reader
 
-    with counting("epochs", study.reader.epochs) as advance:
-        return train_reader(library, study, out, progress=advance)
+    reader = study.reader
+    with counting("epochs", reader.epochs) as advance, counting("eyes", reader.interval_eyes) as measured:
+        return train_reader(library, study, out, progress=advance, measured=measured)
 
 
 def train_on_slices(

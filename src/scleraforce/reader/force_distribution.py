@@ -119,7 +119,11 @@ def class_probabilities(distribution: ForceDistribution, bounds_n: tuple[float, 
 
 
 def single_force(
-    histogram: Sequence[float], edges_m2: Sequence[float], modulus_pa: float, bounds_n: tuple[float, ...]
+    histogram: Sequence[float],
+    edges_m2: Sequence[float],
+    modulus_pa: float,
+    bounds_n: tuple[float, ...],
+    factor: float = 1.0,
 ) -> SingleForce:
     """Return what one histogram says of the force: the same as the arrays' functions, for one sample.
 
@@ -128,6 +132,7 @@ def single_force(
         edges_m2: of the bins, one more.
         modulus_pa: that the network was told.
         bounds_n: increasing bounds between the classes, N.
+        factor: by which the distribution is stretched about its median (`interval_factors`); no force is below 0.
 
     >>> single_force([1.0, 1.0], [0.0, 1e-8, 3e-8], 1e6, (5e-3, 20e-3)).probabilities
     (0.25, 0.5, 0.25)
@@ -137,7 +142,9 @@ def single_force(
     low_n, median_n, high_n = (
         modulus_pa * _crossing(sums, edges_m2, share * total) for share in (INTERVAL[0], 0.5, INTERVAL[1])
     )
-    below = [0.0, *(_sum_below(sums, edges_m2, bound / modulus_pa) / total for bound in bounds_n), 1.0]
+    low_n, high_n = (max(median_n + factor * (end_n - median_n), 0.0) for end_n in (low_n, high_n))
+    asked_n = (max(median_n + (bound_n - median_n) / factor, 0.0) for bound_n in bounds_n)
+    below = [0.0, *(_sum_below(sums, edges_m2, force_n / modulus_pa) / total for force_n in asked_n), 1.0]
     return SingleForce(median_n, (low_n, high_n), tuple(after - before for before, after in pairwise(below)))
 
 

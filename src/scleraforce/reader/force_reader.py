@@ -9,10 +9,12 @@ from typing import Any, Protocol, final
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries, prior_of
+from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries
+from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import NOTHING_KNOWN, Known, outside_training
 from scleraforce.library.responses import Library
 from scleraforce.reader.answers import Answer, LiveReading, unusable
+from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors
 from scleraforce.reader.limits import wall_limits
 from scleraforce.reader.look import Look, can_calibrate, look
 from scleraforce.reader.readings import METHODS, Reading, disagreement, fit_reading
@@ -53,7 +55,14 @@ class ForceReader:
     fixed_modulus_pa = None
 
     def __init__(
-        self, path: Path, study: Study, record: Mapping[str, Any], network: SliceNetwork, library: Library, default: str
+        self,
+        path: Path,
+        study: Study,
+        record: Mapping[str, Any],
+        network: SliceNetwork,
+        library: Library,
+        default: str,
+        factors: IntervalFactors = NO_FACTORS,
     ) -> None:
         if default not in METHODS:
             raise ValueError(f"default: found {default!r}, expected {' or '.join(METHODS)}")
@@ -62,6 +71,7 @@ class ForceReader:
         self.record = record
         self.library = library
         self.default = default
+        self.factors = factors
         self._network = network
         self._library_of = lru_cache(maxsize=CONTACTS)(library.for_contact)
 
@@ -144,12 +154,12 @@ class ForceReader:
         reason = no_wall_of_an_eye(fit, prior)
         if reason:
             return replace(unusable(self.classes, reason), fit=fit)
-        answer = self._checked(seen, fit, self.read_slices(seen.cuts, known))
+        by_fit = fit_reading(fit, self.study.classes.bounds_n, self.factors.of_fit(known, fit))
+        answer = self._checked(seen, fit, {"network": self.read_slices(seen.cuts, known), "fit": by_fit})
         return replace(answer, can_calibrate=can_calibrate(seen, boundaries, fit.contact_m), fit=fit)
 
-    def _checked(self, seen: Look, fit: BoundaryFit, by_network: Reading) -> Answer:
+    def _checked(self, seen: Look, fit: BoundaryFit, readings: Mapping[str, Reading]) -> Answer:
         """Return the answer of the model's default method, checked by the other one."""
-        readings = {"network": by_network, "fit": fit_reading(fit, self.study.classes.bounds_n)}
         default, other = readings[self.default], readings[self.other]
         leaves = dent_leaves(seen.cut) or fit_leaves(fit, self.study.slice)
         answer = self._answer(default, self.default, leaves)

@@ -21,12 +21,13 @@ from scleraforce.models.folder import (
 )
 from scleraforce.reader.classifier import Classifier
 from scleraforce.reader.force_reader import ForceReader
+from scleraforce.reader.interval_factors import parse_factors
 from scleraforce.reader.reader import Reader
 from scleraforce.reader.readings import METHODS
 from scleraforce.reader.slice_network import OnnxSliceNetwork
 from scleraforce.study import Study, parse_study
 
-__all__ = ["load_classifier", "load_force_reader", "load_model"]
+__all__ = ["load_classifier", "load_force_reader", "load_model", "slice_network"]
 
 EXTERNAL = b"location"  # the key of data in other files (onnx.proto, TensorProto.external_data); none of ours has it
 
@@ -54,9 +55,10 @@ def load_model(path: str | PathLike[str], threads: int = 1) -> Reader:
         classifier = Classifier(folder.path, study, folder.record, session)
         _check_provenance(folder, session)
         return classifier
-    network = OnnxSliceNetwork(session, study, str(folder.path / NETWORK_FILE))
+    factors = parse_factors(folder.record, str(folder.path / RECORD_FILE))
+    network = OnnxSliceNetwork(session, study, str(folder.path / NETWORK_FILE), factors)
     _check_provenance(folder, session)
-    return ForceReader(folder.path, study, folder.record, network, _library(folder), _default(folder))
+    return ForceReader(folder.path, study, folder.record, network, _library(folder), _default(folder), factors)
 
 
 def load_classifier(path: str | PathLike[str], threads: int = 1) -> Classifier:
@@ -75,6 +77,15 @@ def load_force_reader(path: str | PathLike[str], threads: int = 1) -> ForceReade
         ModelError: it is of another kind.
     """
     return _of_kind(load_model(path, threads), ForceReader)
+
+
+def slice_network(network: bytes, study: Study, place: str = NETWORK_FILE) -> OnnxSliceNetwork:
+    """Return a reader's network from its bytes, without factors for its intervals.
+
+    Raises:
+        ModelError: it is none, or another one than its study asks for.
+    """
+    return OnnxSliceNetwork(_network_session(network, place, 1), study, place)
 
 
 def _of_kind(model: Reader, wanted: type[Kind]) -> Kind:
@@ -111,18 +122,21 @@ def _study(folder: ModelFolder) -> Study:
 
 
 def _session(folder: ModelFolder, threads: int) -> onnxruntime.InferenceSession:
+    return _network_session(folder.files[NETWORK_FILE], str(folder.path / NETWORK_FILE), threads)
+
+
+def _network_session(network: bytes, place: str, threads: int) -> onnxruntime.InferenceSession:
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
     options.log_severity_level = 4
-    if EXTERNAL in folder.files[NETWORK_FILE]:
-        raise ModelError(f"{folder.path / NETWORK_FILE}: asks for data in other files; ours have all in this one")
+    if EXTERNAL in network:
+        raise ModelError(f"{place}: asks for data in other files; ours have all in this one")
     try:
-        network = folder.files[NETWORK_FILE]
         # There is no other provider to fall back to, and it would print to standard output that it does.
         return onnxruntime.InferenceSession(network, options, providers=["CPUExecutionProvider"], enable_fallback=0)
     except Exception as fault:  # ONNX Runtime's exceptions have no common base of their own
-        raise ModelError(f"{folder.path / NETWORK_FILE}: not a network that ONNX Runtime reads: {fault}") from fault
+        raise ModelError(f"{place}: not a network that ONNX Runtime reads: {fault}") from fault
 
 
 def _check_provenance(folder: ModelFolder, session: onnxruntime.InferenceSession) -> None:

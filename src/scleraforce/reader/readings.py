@@ -44,12 +44,14 @@ class Reading:
         return all(map(isfinite, numbers)) and low <= self.force_n <= high
 
 
-def fit_reading(fit: BoundaryFit, bounds_n: tuple[float, ...]) -> Reading:
-    """Return what a fit says."""
+def fit_reading(fit: BoundaryFit, bounds_n: tuple[float, ...], factor: float = 1.0) -> Reading:
+    """Return what a fit says, its uncertainty stretched about the median by a factor (`interval_factors`)."""
+    median_n = fit.force_n
+    low_n, high_n = (max(median_n + factor * (end_n - median_n), 0.0) for end_n in fit.interval_n)
     return Reading(
-        probabilities=fit.probabilities(bounds_n),
-        force_n=fit.force_n,
-        interval_n=fit.interval_n,
+        probabilities=fit.probabilities(tuple(median_n + (bound_n - median_n) / factor for bound_n in bounds_n)),
+        force_n=median_n,
+        interval_n=(low_n, high_n),
         contact_m=fit.contact_m,
         contact_sd_m=float(fit.sd[LATERAL]),
     )

@@ -14,6 +14,7 @@ from scleraforce.known.eye import Known
 from scleraforce.known.globe import UNKNOWN
 from scleraforce.reader.force_distribution import ratio_edges, single_force
 from scleraforce.reader.given import GIVEN, Told, given_inputs, told_modulus
+from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors
 from scleraforce.reader.readings import Reading
 from scleraforce.study import Study
 from scleraforce.study.globe import RIGIDITY_LAWS
@@ -36,8 +37,14 @@ class OnnxSliceNetwork:
         ModelError: the network has other inputs or outputs than its study asks for; names `place`.
     """
 
-    def __init__(self, session: onnxruntime.InferenceSession, study: Study, place: str) -> None:
-        self._session, self._study, self._place = session, study, place
+    def __init__(
+        self,
+        session: onnxruntime.InferenceSession,
+        study: Study,
+        place: str,
+        factors: IntervalFactors = NO_FACTORS,
+    ) -> None:
+        self._session, self._study, self._place, self._factors = session, study, place, factors
         self._edges_m2: list[float] = ratio_edges(study.reader.bins, study.reader.max_force_ratio).tolist()
         self._told = lru_cache(maxsize=EYES)(self._prepared)
         self._check()
@@ -50,7 +57,7 @@ class OnnxSliceNetwork:
 
     def read(self, cuts: NDArray[np.uint8], known: Known) -> Reading:
         """Return what the network reads in slices of one wall (slice, row, column): the mean of its histograms."""
-        given, modulus_pa = self._told(known)
+        given, modulus_pa, factor = self._told(known)
         inputs: dict[str, NDArray[Any]] = {
             SLICES: np.ascontiguousarray(cuts),
             TOLD: np.repeat(given, len(cuts), axis=0),
@@ -59,7 +66,7 @@ class OnnxSliceNetwork:
         if histogram.shape != (len(cuts), len(self._edges_m2) - 1) or contact_m.shape != (len(cuts),):
             raise ModelError(f"{self._place}: answers {histogram.shape} and {contact_m.shape} to {len(cuts)} slices")
         mean = histogram.mean(axis=0).tolist()
-        force = single_force(mean, self._edges_m2, modulus_pa, self._study.classes.bounds_n)
+        force = single_force(mean, self._edges_m2, modulus_pa, self._study.classes.bounds_n, factor)
         return Reading(
             probabilities=force.probabilities,
             force_n=force.median_n,
@@ -67,11 +74,11 @@ class OnnxSliceNetwork:
             contact_m=float(contact_m.mean()),
         )
 
-    def _prepared(self, known: Known) -> tuple[NDArray[np.float32], float]:
-        """Return the network's second input for an eye, (1, len(GIVEN)), and the modulus that it is told."""
+    def _prepared(self, known: Known) -> tuple[NDArray[np.float32], float, float]:
+        """Return the network's second input for an eye, (1, len(GIVEN)), the modulus in it, the intervals' factor."""
         told = told_of(known)
         modulus_pa, _ = told_modulus(told, self._study.reader)
-        return given_inputs(told, self._study.reader), float(modulus_pa[0])
+        return given_inputs(told, self._study.reader), float(modulus_pa[0]), self._factors.of_network(known)
 
     def _check(self) -> None:
         rows, columns = self._study.slice.rows, self._study.slice.columns

@@ -94,8 +94,8 @@ def _calibrated(run: Run, recordings: Sequence[Recording], progress: Progress, l
 
 
 def train_force_reader(run: Run, progress: Progress) -> None:
-    """Train the reader; `progress` counts epochs."""
-    train_reader(run_library(run), run.study, run.reader, progress=progress)
+    """Train the reader; `progress` counts epochs, then the eyes of its intervals."""
+    train_reader(run_library(run), run.study, run.reader, progress=progress, measured=progress)
 
 
 def train_bent_model(run: Run, progress: Progress) -> None:

@@ -101,7 +101,7 @@ def reproduce(
         Stage("library", lambda run: plan_library(run.study).units, _make_library),
         Stage("calibrate bent", _bent_frames, calibrate_bent, lambda run: run.bent.calibrations),
         Stage("train bent", lambda run: run.study.network.epochs, train_bent_model, lambda run: run.bent.model),
-        Stage("train reader", lambda run: run.study.reader.epochs, train_force_reader, lambda run: run.reader),
+        Stage("train reader", _reader_steps, train_force_reader, lambda run: run.reader),
         Stage("read bent", _bent_answers, read_bent_eyes),
         Stage("report", lambda _: FIGURES, report),
     )
@@ -135,6 +135,10 @@ def _bent_frames(run: Run) -> int:
 
 def _images(run: Run) -> int:
     return sum(group.images for group in run.study.dataset.group)
+
+
+def _reader_steps(run: Run) -> int:
+    return run.study.reader.epochs + run.study.reader.interval_eyes
 
 
 def _left_out_epochs(run: Run) -> int:

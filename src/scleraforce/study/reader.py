@@ -23,6 +23,9 @@ class ReaderStudy:
     network that met every tilt alike would be as unsure of all of them. `surface_depth_m` is the depth of the
     undeformed contact below the frame's top edge.
 
+    `uneven_share` of the walls are no even spheres at rest (`learning.reader.uneven`). So many `interval_eyes`, of
+    which as many are uneven, tell how wide intervals have to be (`reader.interval_factors`); 0: they stay as they are.
+
     `boundary_errors`: times the errors that the segmentation of rendered frames makes.
 
     The modulus that the network is told comes with its relative standard deviation (its logarithm even over
@@ -49,6 +52,8 @@ class ReaderStudy:
     tilt_rad: Sampled = quantity(Range(min=-5.0, max=5.0), "deg", -45.0, 45.0)
     rotation_rad: Sampled = quantity(Range(min=-5.0, max=5.0), "deg", -45.0, 45.0)
     plain_share: float = quantity(0.5, None, 0.0, 1.0)
+    uneven_share: float = quantity(0.4, None, 0.0, 1.0)
+    interval_eyes: int = quantity(210, None, 0, 1_000_000)
     boundary_errors: float = quantity(1.5, None, 0.0, 100.0)
     modulus_sd_fraction: Sampled = quantity(Range(min=0.5, max=30.0), "percent", 0.01, 100.0)
     iop_noise_fraction: float = quantity(5.0, "percent", 0.0, 50.0)

@@ -24,7 +24,14 @@ from scleraforce.study import EyeStudy, LibraryStudy, Range, ReaderStudy, SliceS
 
 TINY = Study(
     reader=ReaderStudy(
-        channels=(6, 8), hidden=(24,), bins=16, batch_size=100, epochs=3, samples_per_epoch=2000, validation_samples=500
+        channels=(6, 8),
+        hidden=(24,),
+        bins=16,
+        batch_size=100,
+        epochs=3,
+        samples_per_epoch=2000,
+        validation_samples=500,
+        interval_eyes=0,
     ),
     library=LibraryStudy(thicknesses=4, tension=Range(min=1e-3, max=0.21), tensions=4, tips=16, elements=40),
 )

@@ -9,8 +9,9 @@ from scleraforce.errors import InputError
 from scleraforce.eye.globe import Globe, sealed_globe
 from scleraforce.known.globe import NINETY_PERCENT, SEALED, UNKNOWN
 from scleraforce.learning.reader.boundary_errors import disturb
+from scleraforce.learning.reader.uneven import draw_forms, form_depths
 from scleraforce.library import Library
-from scleraforce.library.slices import Framing, fill_boundaries, wall_boundaries
+from scleraforce.library.slices import Framing, column_laterals, fill_boundaries, wall_boundaries
 from scleraforce.library.under_force import iop_ratio_under_force
 from scleraforce.reader.given import Told, given_inputs, told_modulus
 from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy
@@ -86,7 +87,10 @@ def draw_samples(
     ratio = eyes.force_n / (eyes.modulus_pa * eyes.size**2)
     walls = library.curves(eyes.thickness_m / eyes.size, eyes.iop_ratio, ratio)
     true = wall_boundaries(walls.curves_sbnc, eyes.gap_m / eyes.size, eyes.tilt_rad, framing, slice_study)
-    seen = disturb(true.depth_sbc, slice_study, rng, scale=reader.boundary_errors)
+    radius_m = library.radius_m * eyes.size
+    forms = draw_forms(eyes.thickness_m, radius_m, rng.random(count) < reader.uneven_share, rng)
+    formed = true.depth_sbc + form_depths(forms, radius_m, column_laterals(slice_study) - framing.lateral_m[:, None])
+    seen = disturb(formed, slice_study, rng, scale=reader.boundary_errors)
     slices = fill_boundaries(seen, slice_study)
     told_pa, _ = told_modulus(eyes.told, reader)
     return ReaderSamples(slices, given_inputs(eyes.told, reader), eyes.force_n, told_pa, framing.lateral_m)

@@ -16,6 +16,7 @@ from scleraforce.learning.framework import onnx, torch
 from scleraforce.learning.reader.card import reader_card
 from scleraforce.learning.reader.draws import CHUNK, Source
 from scleraforce.learning.reader.graph import reader_onnx_bytes
+from scleraforce.learning.reader.intervals import measured_intervals
 from scleraforce.learning.reader.training import READER_THREADS, FittedReader, ReaderMetrics, fit_reader
 from scleraforce.library import Library, save_library
 from scleraforce.models.folder import LIBRARY_FILE
@@ -44,6 +45,7 @@ def train_reader(
     out: Path,
     workers: int | None = None,
     progress: Callable[[int], object] | None = None,
+    measured: Callable[[int], object] | None = None,
 ) -> TrainedReader:
     """Train the reader on a library and write its model folder.
 
@@ -53,6 +55,7 @@ def train_reader(
         out: the folder to make; it must not exist.
         workers: processes that draw samples; None: one for each other core that this process may use.
         progress: called with 1 after each epoch.
+        measured: called with 1 after each of the eyes that the intervals are measured on.
 
     Raises:
         ModelError: `out` exists or cannot be written.
@@ -65,8 +68,10 @@ def train_reader(
     fitted = fit_reader(study, source, workers or max(1, available_cores() - 1), progress)
     content = _library_bytes(library)
     provenance = _provenance(study, content)
-    record = _record(study, fitted, provenance)
     graph = reader_onnx_bytes(fitted.network, study.slice.rows, study.slice.columns, provenance)
+    record = _record(study, fitted, provenance)
+    if study.reader.interval_eyes:
+        record["intervals"] = measured_intervals(study, library, graph, workers or available_cores(), measured)
     write_folder(out, graph, format_study(study), reader_card(study, record), record, {LIBRARY_FILE: content})
     return TrainedReader(fitted.metrics, study.reader.epochs, record["samples"]["training"])
 

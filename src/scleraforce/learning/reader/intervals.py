@@ -1,0 +1,104 @@
+"""How wide a reader's intervals have to be: its scores (`reader.interval_scores`) on whole virtual eyes."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import CalibrationError
+from scleraforce.fitting.library_fit import fit_boundaries
+from scleraforce.fitting.prior import prior_of
+from scleraforce.known.eye import Known
+from scleraforce.learning.reader.virtual_eyes import (
+    FRAMES,
+    VirtualFrame,
+    calibrated,
+    draw_eye,
+    draw_frames,
+    of_population,
+)
+from scleraforce.library import Library
+from scleraforce.processes import work_in_order
+from scleraforce.reader.interval_factors import group_of
+from scleraforce.reader.interval_scores import Score, intervals_record, score
+from scleraforce.reader.model import slice_network
+from scleraforce.reader.readings import Reading, fit_reading
+from scleraforce.study import Study
+
+__all__ = ["measured_intervals"]
+
+STREAM = 2**30  # of random numbers: the samples' streams are below, those of the validation above
+AHEAD = 2  # eyes for each process that are drawn or wait
+
+
+def measured_intervals(
+    study: Study,
+    library: Library,
+    network: bytes,
+    workers: int,
+    progress: Callable[[int], object] | None = None,
+) -> dict[str, Any]:
+    """Return `intervals` of `model.json`: factors, and on how many eyes of which kind they rest.
+
+    Args:
+        study: with `[reader]`.
+        library: of responses, whole.
+        network: of the slices, as ONNX.
+        workers: processes.
+        progress: called with 1 after each eye.
+
+    Raises:
+        SolverError: a worker died.
+    """
+    prepare = partial(_measuring, study, library, network)
+    scores: list[Score] = []
+    for of_eye in work_in_order(prepare, range(study.reader.interval_eyes), workers, ahead=AHEAD * workers):
+        scores += of_eye
+        if progress:
+            progress(1)
+    return intervals_record(scores, "virtual eyes of the library's walls")
+
+
+def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
+    """Return what scores an eye, in its process."""
+    reads_slices = slice_network(network, study)
+
+    def scores_of(number: int) -> list[Score]:
+        rng = np.random.default_rng([study.reader.seed, STREAM + number])
+        try:
+            eye = draw_eye(study, library, number, rng)
+            frames = draw_frames(eye, study, FRAMES, rng)
+            known, left = calibrated(eye, frames, study, library, rng)
+        except CalibrationError:  # a corner of the ranges that the library does not have
+            return []
+        near = library.for_contact(eye.wall.polar_rad)
+        found = []
+        for told in (known, of_population(eye, study, rng)):
+            for frame in left:
+                found += _scores(study, near, reads_slices.read, told, frame, str(number))
+        return found
+
+    return scores_of
+
+
+def _scores(
+    study: Study,
+    library: Library,
+    read: Callable[[NDArray[np.uint8], Known], Reading],
+    known: Known,
+    frame: VirtualFrame,
+    eye: str,
+) -> list[Score]:
+    """Return the scores of both methods on a frame."""
+    by_network = read(frame.cuts, known)
+    found = [Score("network", group_of(known), eye, score(by_network, frame.force_n))]
+    seen = frame.boundaries
+    fit = fit_boundaries(
+        library, seen.lateral_m, seen.depth_m, prior_of(known, study.reader), study.calibration.surface_smoothing_m
+    )
+    if fit is not None:
+        by_fit = fit_reading(fit, study.classes.bounds_n)
+        found.append(Score("fit", group_of(known, fit), eye, score(by_fit, frame.force_n)))
+    return found

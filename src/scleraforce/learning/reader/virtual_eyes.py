@@ -1,0 +1,204 @@
+"""Whole virtual eyes from library walls, as the intervals of a reader are measured on them: calibrated, then read.
+
+An eye has a wall, a pressure, a globe and a needle's place of its own. A share of the eyes are uneven: their form is
+not a sphere's (`uneven`), and their forces drift away from those of the library with the dent, as those of uneven eyes
+computed in three dimensions do. What is told of an eye is off by what a study says. Three frames of known force
+calibrate it, as `calibrate --frames 3` does; the others are read.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.calibration.assimilation import FrameStep, known_globe_after
+from scleraforce.calibration.eye_model import EyeConstants, EyeModel, WallState, stated_wall
+from scleraforce.calibration.frame_order import frame_order
+from scleraforce.calibration.library_eye import library_eye
+from scleraforce.calibration.placement import place_section
+from scleraforce.calibration.session import EyeSession, begin, step
+from scleraforce.fitting.placement import Places, curve_depths
+from scleraforce.known.eye import POPULATION_SD, Known, Modulus
+from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.learning.reader.boundary_errors import disturb
+from scleraforce.learning.reader.uneven import Forms, draw_forms, form_depths
+from scleraforce.library import Library
+from scleraforce.library.slices import column_laterals, fill_boundaries
+from scleraforce.segmentation.observations import Boundaries
+from scleraforce.study import Sampled, SliceStudy, Study, draw
+
+__all__ = ["FRAMES", "VirtualEye", "VirtualFrame", "calibrated", "draw_eye", "draw_frames", "of_population"]
+
+Floats = NDArray[np.float64]
+
+FRAMES, CALIBRATED = 12, 3
+FINER = 4  # columns and rows of a frame for one of a slice
+FORCE_DRIFT_SD = (
+    0.035  # relative, from no force to the largest: eyes of the figures' kind, computed in three dimensions
+)
+LABEL_SD_N = 0.2e-3
+ROTATION_RAD = np.radians(3.0)
+SHIFT_M = 0.05e-3  # of an eye between frames
+WEAKER = 0.9  # a largest force that the library does not hold is lowered by this
+OPEN_OR_SEALED = (OPEN, SEALED, UNKNOWN)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VirtualEye:
+    """An eye and what is told of it.
+
+    `model` gives its true sections, `wall` is its state without force, `told` what is said of it, `forms` (1,) its form
+    at rest. `drift`: its forces over those of the library grow by this share up to `largest_n`.
+    """
+
+    model: EyeModel
+    wall: WallState
+    told: Known
+    forms: Forms
+    radius_m: float
+    drift: float
+    largest_n: float
+
+
+@dataclass(frozen=True, eq=False)
+class VirtualFrame:
+    """One frame: its true force, N, the boundaries seen in it, and slices of it, each half a row lower."""
+
+    force_n: float
+    boundaries: Boundaries
+    cuts: NDArray[np.uint8]
+
+
+def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generator) -> VirtualEye:
+    """Draw an eye within the ranges of `[reader]`; every third one is told open, sealed and nothing of its globe.
+
+    Raises:
+        CalibrationError: the library does not have it.
+    """
+    reader, told_globe = study.reader, OPEN_OR_SEALED[number % 3]
+    drawn = (draw(values, rng) for values in (reader.youngs_modulus_pa, reader.thickness_m, reader.gap_m))
+    modulus_pa, thickness_m, gap_m = drawn
+    iop_pa = _log_even(reader.iop_pa, rng)
+    polar_rad = float(min(draw(study.needle.polar_angle_rad, rng), library.polar_rad[-1]))
+    sealed = told_globe is SEALED or (told_globe is UNKNOWN and rng.random() < 0.5)
+    rigidity = rng.uniform(SEALED.lowest, SEALED.highest) if sealed else 0.0
+    uneven = np.array([rng.random() < reader.uneven_share])
+    radius_m = library.radius_m
+    forms = draw_forms(np.array([thickness_m]), np.array([radius_m]), uneven, rng)
+    drift = FORCE_DRIFT_SD * rng.standard_normal() * float(uneven[0])
+    globe = replace(UNKNOWN, mean=rigidity) if sealed else OPEN
+    true = EyeConstants(
+        iop_pa=iop_pa, thickness_m=thickness_m, gap_m=gap_m, polar_rad=polar_rad, polar_sd_rad=0.0, globe=globe
+    )
+    sharp = replace(study, calibration=replace(study.calibration, surface_smoothing_m=0.0))  # `disturb` smooths
+    model = library_eye(sharp, true, library)
+    wall = stated_wall(true, modulus_pa, 0.0, polar_rad)
+    noise = 1.0 + rng.standard_normal(3) * (
+        reader.iop_noise_fraction,
+        reader.thickness_noise_fraction,
+        reader.gap_noise_fraction,
+    )
+    told = Known(
+        iop_pa=iop_pa * float(noise[0]),
+        thickness_m=float(np.clip(thickness_m * noise[1], *reader.thickness_m.bounds)),
+        gap_m=gap_m * float(noise[2]),
+        polar_rad=polar_rad,
+        globe=told_globe,
+    )
+    largest_n = _bearable(model, wall, study.needle.max_force_n)
+    return VirtualEye(
+        model=model, wall=wall, told=told, forms=forms, radius_m=radius_m, drift=drift, largest_n=largest_n
+    )
+
+
+def draw_frames(eye: VirtualEye, study: Study, count: int, rng: np.random.Generator) -> tuple[VirtualFrame, ...]:
+    """Draw frames of an eye with even forces, with errors like those of the segmentation."""
+    reader = study.reader
+    forces_n = rng.uniform(0.0, eye.largest_n, count)
+    effective_n = forces_n / (1.0 + eye.drift * (forces_n / eye.largest_n - 0.5))
+    states = [replace(eye.wall, force_n=float(force_n)) for force_n in effective_n]
+    lateral_m, depth_m = draw(reader.lateral_m, rng), draw(reader.surface_depth_m, rng)
+    pose = np.array([lateral_m, depth_m, rng.uniform(-ROTATION_RAD, ROTATION_RAD), 0.0, 0.0])
+    fine = _finer(study.slice)
+    columns_m = column_laterals(fine)
+    both = Places(np.concatenate([columns_m, columns_m]), np.repeat([0, 1], fine.columns))
+    seen_sbc = np.empty((count, 2, fine.columns))
+    for depths, curves in zip(seen_sbc, eye.model.curves(states), strict=True):
+        moved = pose + np.array([*rng.uniform(-SHIFT_M, SHIFT_M, 2), 0.0, 0.0, 0.0])
+        depth, _, reached = curve_depths(place_section(curves, moved), both)
+        form = form_depths(eye.forms, np.array([eye.radius_m]), (columns_m - moved[0])[None])[0]
+        depths[:] = np.where(reached, depth, np.nan).reshape(2, -1) + form
+    seen_sbc = disturb(seen_sbc, fine, rng, scale=reader.boundary_errors)
+    coarse_sbc = seen_sbc.reshape(count, 2, study.slice.columns, FINER)[..., FINER // 2 - 1 : FINER // 2 + 1].mean(
+        axis=3
+    )
+    halves = [fill_boundaries(coarse_sbc + shift * study.slice.pixel_m, study.slice) for shift in (0.0, 0.5)]
+    return tuple(
+        VirtualFrame(float(force_n), Boundaries(columns_m, depths, fine.pixel_m), np.stack(cuts))
+        for force_n, depths, cuts in zip(forces_n, seen_sbc, zip(*halves, strict=True), strict=True)
+    )
+
+
+def calibrated(
+    eye: VirtualEye, frames: Sequence[VirtualFrame], study: Study, library: Library, rng: np.random.Generator
+) -> tuple[Known, tuple[VirtualFrame, ...]]:
+    """Return what is known of an eye after a calibration on three of its frames, and the frames that are left.
+
+    Raises:
+        CalibrationError: the library does not have the eye as it was told.
+    """
+    session = begin(study, _constants(eye.told), library)
+    labels_n = np.array([frame.force_n for frame in frames]) + LABEL_SD_N * rng.standard_normal(len(frames))
+    order = frame_order(labels_n, [True] * len(frames), study.calibration.min_force_n, CALIBRATED, rising=True)
+    used = set[int]()
+    for place in order:
+        if session.updates < CALIBRATED:
+            session = step(session, frames[place].boundaries, float(labels_n[place]))
+            used.add(place)
+    left = tuple(frame for place, frame in enumerate(frames) if place not in used)
+    return _known_after(session, eye.told), left
+
+
+def _known_after(session: EyeSession, told: Known) -> Known:
+    """Return what is known of an eye after its calibration; nothing of its modulus where that diverged."""
+    if not isinstance(session.last, FrameStep) or session.last.result.status != "ok":
+        return told
+    modulus = Modulus(mean_pa=session.mean_pa, sd_pa=session.sd_pa, source="own")
+    return replace(told, modulus=modulus, globe=known_globe_after(session.filter, session.state))
+
+
+def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Known:
+    """Return what is known of an eye that is read with the modulus of other eyes."""
+    low, high = study.reader.youngs_modulus_pa.bounds
+    mean_pa = float(np.clip(eye.wall.youngs_modulus_pa * (1.0 + POPULATION_SD * rng.standard_normal()), low, high))
+    return replace(eye.told, modulus=Modulus(mean_pa=mean_pa, sd_pa=POPULATION_SD * mean_pa, source="population"))
+
+
+def _constants(told: Known) -> EyeConstants:
+    """Return what a calibration is told; nothing is missing of a virtual eye."""
+    assert None not in (told.iop_pa, told.thickness_m, told.gap_m, told.polar_rad)
+    return EyeConstants(
+        iop_pa=float(told.iop_pa or 0.0),
+        thickness_m=float(told.thickness_m or 0.0),
+        gap_m=float(told.gap_m or 0.0),
+        polar_rad=float(told.polar_rad or 0.0),
+        polar_sd_rad=0.0,
+        globe=told.globe or UNKNOWN,
+    )
+
+
+def _bearable(model: EyeModel, wall: WallState, largest_n: float) -> float:
+    """Return the largest force that the library holds for an eye, at most `largest_n`."""
+    while model.outside(replace(wall, force_n=largest_n)) is not None:
+        largest_n *= WEAKER
+    return largest_n
+
+
+def _finer(study: SliceStudy) -> SliceStudy:
+    """Return frames as wide and deep as a slice, with more columns and rows."""
+    return replace(study, columns=FINER * study.columns, rows=FINER * study.rows, pixel_m=study.pixel_m / FINER)
+
+
+def _log_even(values: Sampled, rng: np.random.Generator) -> float:
+    return float(np.exp(rng.uniform(*np.log(values.bounds))))

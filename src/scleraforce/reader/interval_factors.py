@@ -1,0 +1,94 @@
+"""By how much intervals are stretched about the median, so that 90 % of them hold over whole eyes.
+
+What a method says of its own uncertainty leaves out what its model leaves out. So its intervals are measured on eyes
+that are not in its model (split-conformal prediction: Vovk, Gammerman and Shafer, Algorithmic Learning in a Random
+World, 2005; over groups of frames that belong together: Dunn, Wasserman and Ramdas 2023), one factor for each group of
+what makes a reader wrong: whether E is the eye's own, what is told of the globe, and whether the wall is
+even. `model.json` keeps the factors; a model without them has intervals as its methods say.
+"""
+
+import reprlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import product
+from math import isfinite
+from typing import Any
+
+from scleraforce.errors import ModelError
+from scleraforce.fitting.library_fit import BoundaryFit
+from scleraforce.fitting.prior import form_size
+from scleraforce.known.eye import Known
+from scleraforce.known.globe import UNKNOWN
+
+__all__ = ["FIT_GROUPS", "NETWORK_GROUPS", "NO_FACTORS", "IntervalFactors", "group_of", "parse_factors"]
+
+MODULI, GLOBES, FORMS = ("own E", "other E"), ("open", "sealed", "unknown"), ("even", "uneven")
+NETWORK_GROUPS = tuple(", ".join(words) for words in product(MODULI, GLOBES))
+FIT_GROUPS = tuple(", ".join(words) for words in product(MODULI, GLOBES, FORMS))
+# Of the fit: frames of even walls lie nearer to an even wall of the library, those of uneven ones are farther from it.
+LARGEST_MISFIT_M, LARGEST_FORM = 6e-6, 1.0
+
+
+@dataclass(frozen=True)
+class IntervalFactors:
+    """Factors of the intervals of both methods, by the group; 1 where a group has none."""
+
+    network: Mapping[str, float] = field(default_factory=dict)
+    fit: Mapping[str, float] = field(default_factory=dict)
+
+    def of_network(self, known: Known) -> float:
+        """Return the factor of the network's intervals for an eye."""
+        return self.network.get(group_of(known), 1.0)
+
+    def of_fit(self, known: Known, fit: BoundaryFit) -> float:
+        """Return the factor of the interval of a fit."""
+        return self.fit.get(group_of(known, fit), 1.0)
+
+
+NO_FACTORS = IntervalFactors()
+
+
+def group_of(known: Known, fit: BoundaryFit | None = None) -> str:
+    """Return the group of a reading: of the network, or with a fit that of the fit.
+
+    >>> group_of(Known())
+    'other E, unknown'
+    """
+    own = known.modulus is not None and known.modulus.source != "population"
+    globe = UNKNOWN if known.globe is None else known.globe
+    words = [MODULI[0 if own else 1], globe.kind]
+    if fit is not None:
+        even = fit.misfit_m <= LARGEST_MISFIT_M and form_size(fit.unknown) <= LARGEST_FORM
+        words.append(FORMS[0 if even else 1])
+    return ", ".join(words)
+
+
+def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:
+    """Return the factors of a model's record; none where it has no `intervals`.
+
+    Args:
+        record: of `model.json`.
+        place: the file, for messages.
+
+    Raises:
+        ModelError: they are not what they should be.
+    """
+    intervals = record.get("intervals")
+    if intervals is None:
+        return NO_FACTORS
+    if not isinstance(intervals, dict):
+        raise ModelError(f"{place}: intervals: found {reprlib.repr(intervals)}, expected an object")
+    return IntervalFactors(
+        _factors(intervals.get("network", {}), NETWORK_GROUPS, f"{place}: intervals.network"),
+        _factors(intervals.get("fit", {}), FIT_GROUPS, f"{place}: intervals.fit"),
+    )
+
+
+def _factors(values: object, groups: tuple[str, ...], place: str) -> dict[str, float]:
+    """Return the factors of one method's groups."""
+    if not isinstance(values, dict) or not set(values) <= set(groups):
+        raise ModelError(f"{place}: found {reprlib.repr(values)}, expected factors of {'; '.join(groups)}")
+    for group, value in values.items():
+        if type(value) not in (int, float) or not isfinite(value) or not value > 0.0:
+            raise ModelError(f"{place}: {group}: found {reprlib.repr(value)}, expected a number above 0")
+    return {group: float(value) for group, value in values.items()}

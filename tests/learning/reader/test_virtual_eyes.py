@@ -1,0 +1,80 @@
+"""Whole virtual eyes of a library's walls: what is drawn, calibrated and scored."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from analytic_library import analytic_library
+
+from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.learning.reader.uneven import CORNEA_RADIUS_M, Forms, draw_forms, form_depths
+from scleraforce.learning.reader.virtual_eyes import calibrated, draw_eye, draw_frames, of_population
+from scleraforce.library import INNER, OUTER
+from scleraforce.study import Range, ReaderStudy, Study
+
+RADIUS_M = np.array([12e-3])
+EXACT = Study(
+    reader=ReaderStudy(
+        uneven_share=0.0, iop_noise_fraction=0.0, thickness_noise_fraction=0.0, gap_noise_fraction=0.0,
+        thickness_m=Range(min=500e-6, max=700e-6), iop_pa=Range(min=200.0, max=400.0),
+    )
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def library():
+    return analytic_library(thicknesses=5, ratios=5, tips=24)
+
+
+def test_even_walls_have_no_form_and_uneven_ones_are_as_uneven_as_said() -> None:
+    rng = np.random.default_rng(0)
+    thickness_m, radius_m = np.full(4000, 0.6e-3), np.full(4000, 12e-3)
+    from_contact_m = np.tile(np.linspace(-6e-3, 6e-3, 13), (4000, 1))
+    even = draw_forms(thickness_m, radius_m, np.zeros(4000, dtype=bool), rng)
+    np.testing.assert_array_equal(form_depths(even, radius_m, from_contact_m), 0.0)
+    uneven = draw_forms(thickness_m, radius_m, np.ones(4000, dtype=bool), rng)
+    assert np.std(uneven.curvature * radius_m) == pytest.approx(0.08, rel=0.05)
+    thickness = np.diff(form_depths(uneven, radius_m, from_contact_m), axis=1)[:, 0]
+    assert np.std(thickness[:, 9] / 0.6e-3) == pytest.approx(0.12 * 3 / 12 * np.hypot(1.0, 3 / 12), rel=0.05)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_beyond_the_limbus_the_surface_curves_like_the_cornea(side: float) -> None:
+    nothing, limbus_m = np.zeros(1), np.array([side * 3e-3])
+    at_limbus = {"limbus_m": limbus_m, "limbus_rad": np.array([0.2]), "soft_m": np.array([0.2e-3])}
+    forms = Forms(curvature=nothing, skew=nothing, wedge=nothing, bow=nothing, **at_limbus)
+    across_m = np.linspace(-6e-3, 6e-3, 2401)
+    depths = form_depths(forms, RADIUS_M, across_m[None])[0]
+    np.testing.assert_array_equal(depths[INNER], depths[OUTER])
+    slope = np.gradient(depths[OUTER], side * across_m)
+    curvature = np.gradient(slope, side * across_m)
+    far = side * across_m > 4.5e-3
+    np.testing.assert_allclose(curvature[far][5:-5], 1 / CORNEA_RADIUS_M - 1 / 12e-3, rtol=0.05)
+    assert slope[np.argmin(np.abs(side * across_m - 3.6e-3))] == pytest.approx(0.6e-3 * 44.9 - np.tan(0.2), abs=0.01)
+    assert np.abs(depths[OUTER][side * across_m < 1e-3]).max() < 2e-6
+
+
+def test_eyes_are_told_open_sealed_or_nothing_by_turns(library) -> None:
+    eyes = [draw_eye(EXACT, library, number, np.random.default_rng(number)) for number in range(3)]
+    assert [eye.told.globe for eye in eyes] == [OPEN, SEALED, UNKNOWN]
+    assert (eyes[0].wall.rigidity_pa13_per_m3, eyes[1].wall.rigidity_pa13_per_m3 > 0) == (0.0, True)
+
+
+def test_an_even_eye_is_calibrated_and_three_frames_are_used_up(library) -> None:
+    eye = draw_eye(EXACT, library, 0, np.random.default_rng(5))
+    frames = draw_frames(eye, EXACT, 8, np.random.default_rng(6))
+    again = draw_frames(eye, EXACT, 8, np.random.default_rng(6))
+    np.testing.assert_array_equal(frames[3].cuts, again[3].cuts)
+    known, left = calibrated(eye, frames, EXACT, library, np.random.default_rng(7))
+    assert len(left) == 5
+    assert known.modulus is not None
+    assert known.modulus.source == "own"
+    assert known.modulus.mean_pa == pytest.approx(eye.wall.youngs_modulus_pa, rel=0.05)
+
+
+def test_what_is_told_of_other_eyes_is_off_as_eyes_differ(library) -> None:
+    eye = draw_eye(EXACT, library, 0, np.random.default_rng(5))
+    study = replace(EXACT, reader=replace(EXACT.reader, youngs_modulus_pa=Range(min=1e4, max=1e7)))
+    rng = np.random.default_rng(1)
+    means = [found.mean_pa for _ in range(2000) if (found := of_population(eye, study, rng).modulus)]
+    assert np.std(means) / eye.wall.youngs_modulus_pa == pytest.approx(0.12, rel=0.06)

@@ -1,0 +1,151 @@
+"""Intervals that hold: scores, factors by group, and what a factor does to a reading."""
+
+from dataclasses import replace
+from math import inf, nan
+
+import numpy as np
+import pytest
+
+from scleraforce.errors import ModelError
+from scleraforce.fitting.fit_prediction import FORM, NAMES
+from scleraforce.fitting.library_fit import BoundaryFit
+from scleraforce.fitting.prior import prior_of
+from scleraforce.fitting.resting_form import FORMS
+from scleraforce.known.eye import Known, Modulus
+from scleraforce.known.globe import OPEN, SEALED
+from scleraforce.reader.force_distribution import ratio_edges, single_force
+from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors, group_of, parse_factors
+from scleraforce.reader.interval_scores import Score, interval_factors, intervals_record, score, stretched
+from scleraforce.reader.readings import Reading, fit_reading
+from scleraforce.reader.verdicts import no_wall_of_an_eye
+from scleraforce.study import ReaderStudy
+
+BOUNDS_N = (5e-3, 30e-3)
+
+
+def scores_of_eyes(rng: np.random.Generator, eyes: int, frames: int) -> list[Score]:
+    """Scores of eyes that differ: each has an error of its own, larger than those of its frames."""
+    own = np.abs(rng.standard_normal(eyes))
+    return [
+        Score("fit", "own E, open, even", str(eye), float(abs(own[eye] + 0.2 * rng.standard_normal())))
+        for eye in range(eyes)
+        for _ in range(frames)
+    ]
+
+
+def test_the_factor_of_some_eyes_holds_on_others() -> None:
+    rng = np.random.default_rng(3)
+    held = []
+    for _ in range(200):
+        factor = interval_factors(scores_of_eyes(rng, 60, 5))["fit"]["own E, open, even"]
+        held.append(np.mean([entry.score <= factor for entry in scores_of_eyes(rng, 60, 5)]))
+    assert np.mean(held) == pytest.approx(0.905, abs=0.012)  # 0.9 (n + 1)/n of the eyes' readings
+
+
+def test_an_eye_of_many_frames_weighs_as_one_of_few() -> None:
+    few = [Score("fit", "g", str(eye), 0.5) for eye in range(99)]
+    many = [Score("fit", "g", "long", 9.0)] * 10_000
+    assert interval_factors([*few, *many])["fit"]["g"] == pytest.approx(0.5)
+    assert interval_factors(few[:4] + many)["fit"]["g"] == pytest.approx(9.0)
+
+
+def test_with_few_eyes_the_widest_reading_counts() -> None:
+    scores = [Score("fit", "g", str(eye), 1.0 + eye) for eye in range(5)]
+    assert interval_factors(scores)["fit"]["g"] == pytest.approx(5.0)
+
+
+def test_a_score_is_one_at_both_ends_of_an_interval() -> None:
+    reading = Reading(probabilities=(0.0, 1.0, 0.0), force_n=10e-3, interval_n=(8e-3, 14e-3), contact_m=0.0)
+    assert [score(reading, force_n) for force_n in (8e-3, 10e-3, 14e-3)] == pytest.approx([1.0, 0.0, 1.0])
+
+
+def drawn_fit(draws_n: np.ndarray) -> BoundaryFit:
+    low_n, median_n, high_n = np.quantile(draws_n, [0.05, 0.5, 0.95])
+    return BoundaryFit(
+        force_n=float(median_n), interval_n=(float(low_n), float(high_n)), draws_n=draws_n, contact_m=0.0, tip_m=1e-3,
+        misfit_m=3e-6, outliers=0.0, wall_bmc=np.zeros((2, 2, 2)), iop_pa=300.0,
+        unknown=np.zeros(len(NAMES)), sd=np.zeros(len(NAMES)),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
+def test_a_stretched_fit_is_that_of_stretched_draws(factor: float) -> None:
+    rng = np.random.default_rng(0)
+    draws_n = 28e-3 + 3e-3 * rng.standard_normal(4001)
+    fit = drawn_fit(draws_n)
+    found = fit_reading(fit, BOUNDS_N, factor)
+    wanted = drawn_fit(fit.force_n + factor * (draws_n - fit.force_n))
+    assert found.interval_n == pytest.approx(wanted.interval_n, rel=1e-9)
+    assert found.probabilities == pytest.approx(wanted.probabilities(BOUNDS_N), abs=1e-3)
+    assert found.force_n == fit.force_n
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.5])
+def test_a_stretched_histogram_is_that_of_stretched_forces(factor: float) -> None:
+    rng = np.random.default_rng(1)
+    edges_m2 = ratio_edges(64, 0.2e-6)
+    histogram = np.exp(-0.5 * ((np.arange(64) - 40.0) / 4.0) ** 2)
+    plain = single_force(histogram.tolist(), edges_m2.tolist(), 0.3e6, BOUNDS_N)
+    found = single_force(histogram.tolist(), edges_m2.tolist(), 0.3e6, BOUNDS_N, factor)
+    drawn = np.interp(rng.random(400_000), np.append(0.0, histogram.cumsum() / histogram.sum()), edges_m2) * 0.3e6
+    drawn = plain.median_n + factor * (drawn - plain.median_n)
+    assert found.interval_n == pytest.approx(tuple(np.quantile(drawn, [0.05, 0.95])), rel=5e-3)
+    below = np.searchsorted(np.sort(drawn), BOUNDS_N) / len(drawn)
+    assert found.probabilities == pytest.approx((below[0], below[1] - below[0], 1.0 - below[1]), abs=4e-3)
+
+
+def test_no_stretched_interval_begins_below_zero_and_no_nan_becomes_a_number() -> None:
+    fit = drawn_fit(np.abs(1e-3 + 1e-3 * np.random.default_rng(0).standard_normal(501)))
+    assert fit_reading(fit, BOUNDS_N, 5.0).interval_n[0] == 0.0
+    broken = replace(fit, force_n=nan, interval_n=(nan, nan))
+    assert not fit_reading(broken, BOUNDS_N, 5.0).finite
+
+
+def test_groups_follow_what_makes_a_reader_wrong() -> None:
+    own, fit = Modulus(mean_pa=3e5, sd_pa=1e4, source="own"), drawn_fit(np.linspace(0.0, 1e-2, 11))
+    assert group_of(Known(modulus=own, globe=OPEN), fit) == "own E, open, even"
+    assert group_of(Known(modulus=own, globe=OPEN), replace(fit, misfit_m=20e-6)) == "own E, open, uneven"
+    bulging = fit.unknown.copy()
+    bulging[FORM.start + 1] = -0.1
+    other = Known(modulus=replace(own, source="population"), globe=SEALED)
+    assert group_of(other, replace(fit, unknown=bulging)) == "other E, sealed, uneven"
+    assert group_of(Known(modulus=replace(own, source="stated"))) == "own E, unknown"
+
+
+def test_factors_come_from_the_record_and_are_one_where_it_has_none() -> None:
+    record = {"intervals": {"fit": {"own E, open, even": 1.5}, "network": {"other E, sealed": 2}}}
+    factors, fit = parse_factors(record, "model.json"), drawn_fit(np.linspace(0.0, 1e-2, 11))
+    own = Known(modulus=Modulus(mean_pa=3e5, sd_pa=1e4, source="own"), globe=OPEN)
+    assert (factors.of_fit(own, fit), factors.of_fit(own, replace(fit, misfit_m=1e-3))) == (1.5, 1.0)
+    assert (factors.of_network(Known(globe=SEALED)), factors.of_network(own)) == (2.0, 1.0)
+    assert parse_factors({}, "model.json") == NO_FACTORS
+
+
+@pytest.mark.parametrize(
+    "intervals",
+    [3, {"fit": 3}, {"fit": {"nobody": 1.0}}]
+    + [{"network": {"own E, open": value}} for value in (0.0, -1.0, nan, inf, "1", True, None)],
+)
+def test_a_record_with_other_factors_is_refused(intervals: object) -> None:
+    with pytest.raises(ModelError, match=r"model\.json: intervals"):
+        parse_factors({"intervals": intervals}, "model.json")
+
+
+def test_scores_that_count_from_stretched_intervals_stretch_them_again() -> None:
+    before = IntervalFactors(network={"own E, open": 3.0}, fit={"own E, open, even": 1.5, "own E, open, uneven": 4.0})
+    scores = [Score("fit", "own E, open, even", str(eye), 2.0) for eye in range(20)]
+    record = stretched(before, scores, "recordings of eye-a")
+    assert record["fit"] == {"own E, open, even": 3.0, "own E, open, uneven": 4.0}
+    assert record["network"] == {"own E, open": 3.0}
+    assert parse_factors({"intervals": record}, "m").fit == record["fit"]
+    assert intervals_record(scores, "x")["eyes"] == 20
+
+
+def test_a_surface_that_bends_like_a_cornea_on_both_sides_is_no_sclera() -> None:
+    prior = prior_of(Known(), ReaderStudy())
+    fit = replace(drawn_fit(np.linspace(0.0, 1e-2, 11)), unknown=prior.mean.copy())
+    assert no_wall_of_an_eye(fit, prior) is None
+    fit.unknown[FORM.start + FORMS.index("left_curvature")] = 45.0
+    assert no_wall_of_an_eye(fit, prior) is None
+    fit.unknown[FORM.start + FORMS.index("right_angle_rad")] = -0.2
+    assert "cornea on both sides" in str(no_wall_of_an_eye(fit, prior))
