@@ -65,6 +65,8 @@ semi_axes = [1.05, 1.0, 1.0]
 degree = 2
 [[form.region]]
 modulus_ratio = 0.7
+[form.cornea]
+radius_mm = 8.0
 [mechanics]
 follower = false
 [globe]

@@ -11,6 +11,7 @@ from scleraforce.units import HumanUnit, from_si
 
 __all__ = [
     "NOTHING_KNOWN",
+    "POPULATION_SD",
     "STATED_MODULUS_SD",
     "Known",
     "Modulus",

@@ -7,7 +7,7 @@ import pytest
 from analytic_library import analytic_library
 
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
-from scleraforce.learning.reader.uneven import CORNEA_RADIUS_M, Forms, draw_forms, form_depths
+from scleraforce.learning.reader.uneven import CORNEA_RADIUS_M, Forms, added_depths, draw_forms
 from scleraforce.learning.reader.virtual_eyes import calibrated, draw_eye, draw_frames, of_population
 from scleraforce.library import INNER, OUTER
 from scleraforce.study import Range, ReaderStudy, Study
@@ -31,10 +31,10 @@ def test_even_walls_have_no_form_and_uneven_ones_are_as_uneven_as_said() -> None
     thickness_m, radius_m = np.full(4000, 0.6e-3), np.full(4000, 12e-3)
     from_contact_m = np.tile(np.linspace(-6e-3, 6e-3, 13), (4000, 1))
     even = draw_forms(thickness_m, radius_m, np.zeros(4000, dtype=bool), rng)
-    np.testing.assert_array_equal(form_depths(even, radius_m, from_contact_m), 0.0)
+    np.testing.assert_array_equal(added_depths(even, radius_m, from_contact_m), 0.0)
     uneven = draw_forms(thickness_m, radius_m, np.ones(4000, dtype=bool), rng)
     assert np.std(uneven.curvature * radius_m) == pytest.approx(0.08, rel=0.05)
-    thickness = np.diff(form_depths(uneven, radius_m, from_contact_m), axis=1)[:, 0]
+    thickness = np.diff(added_depths(uneven, radius_m, from_contact_m), axis=1)[:, 0]
     assert np.std(thickness[:, 9] / 0.6e-3) == pytest.approx(0.12 * 3 / 12 * np.hypot(1.0, 3 / 12), rel=0.05)
 
 
@@ -44,7 +44,7 @@ def test_beyond_the_limbus_the_surface_curves_like_the_cornea(side: float) -> No
     at_limbus = {"limbus_m": limbus_m, "limbus_rad": np.array([0.2]), "soft_m": np.array([0.2e-3])}
     forms = Forms(curvature=nothing, skew=nothing, wedge=nothing, bow=nothing, **at_limbus)
     across_m = np.linspace(-6e-3, 6e-3, 2401)
-    depths = form_depths(forms, RADIUS_M, across_m[None])[0]
+    depths = added_depths(forms, RADIUS_M, across_m[None])[0]
     np.testing.assert_array_equal(depths[INNER], depths[OUTER])
     slope = np.gradient(depths[OUTER], side * across_m)
     curvature = np.gradient(slope, side * across_m)

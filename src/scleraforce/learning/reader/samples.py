@@ -9,7 +9,7 @@ from scleraforce.errors import InputError
 from scleraforce.eye.globe import Globe, sealed_globe
 from scleraforce.known.globe import NINETY_PERCENT, SEALED, UNKNOWN
 from scleraforce.learning.reader.boundary_errors import disturb
-from scleraforce.learning.reader.uneven import draw_forms, form_depths
+from scleraforce.learning.reader.uneven import added_depths, draw_forms
 from scleraforce.library import Library
 from scleraforce.library.slices import Framing, column_laterals, fill_boundaries, wall_boundaries
 from scleraforce.library.under_force import iop_ratio_under_force
@@ -89,7 +89,7 @@ def draw_samples(
     true = wall_boundaries(walls.curves_sbnc, eyes.gap_m / eyes.size, eyes.tilt_rad, framing, slice_study)
     radius_m = library.radius_m * eyes.size
     forms = draw_forms(eyes.thickness_m, radius_m, rng.random(count) < reader.uneven_share, rng)
-    formed = true.depth_sbc + form_depths(forms, radius_m, column_laterals(slice_study) - framing.lateral_m[:, None])
+    formed = true.depth_sbc + added_depths(forms, radius_m, column_laterals(slice_study) - framing.lateral_m[:, None])
     seen = disturb(formed, slice_study, rng, scale=reader.boundary_errors)
     slices = fill_boundaries(seen, slice_study)
     told_pa, _ = told_modulus(eyes.told, reader)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from scleraforce.library import INNER
 
-__all__ = ["Forms", "draw_forms", "form_depths"]
+__all__ = ["Forms", "added_depths", "draw_forms"]
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def draw_forms(thickness_m: Floats, radius_m: Floats, uneven: NDArray[np.bool_],
     )
 
 
-def form_depths(forms: Forms, radius_m: Floats, from_contact_m: Floats) -> Floats:
+def added_depths(forms: Forms, radius_m: Floats, from_contact_m: Floats) -> Floats:
     """Return what forms add to the depths of both boundaries (sample, boundary, column), m.
 
     Args:

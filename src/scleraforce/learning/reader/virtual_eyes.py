@@ -22,7 +22,7 @@ from scleraforce.fitting.placement import Places, curve_depths
 from scleraforce.known.eye import POPULATION_SD, Known, Modulus
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
 from scleraforce.learning.reader.boundary_errors import disturb
-from scleraforce.learning.reader.uneven import Forms, draw_forms, form_depths
+from scleraforce.learning.reader.uneven import Forms, added_depths, draw_forms
 from scleraforce.library import Library
 from scleraforce.library.slices import column_laterals, fill_boundaries
 from scleraforce.segmentation.observations import Boundaries
@@ -127,7 +127,7 @@ def draw_frames(eye: VirtualEye, study: Study, count: int, rng: np.random.Genera
     for depths, curves in zip(seen_sbc, eye.model.curves(states), strict=True):
         moved = pose + np.array([*rng.uniform(-SHIFT_M, SHIFT_M, 2), 0.0, 0.0, 0.0])
         depth, _, reached = curve_depths(place_section(curves, moved), both)
-        form = form_depths(eye.forms, np.array([eye.radius_m]), (columns_m - moved[0])[None])[0]
+        form = added_depths(eye.forms, np.array([eye.radius_m]), (columns_m - moved[0])[None])[0]
         depths[:] = np.where(reached, depth, np.nan).reshape(2, -1) + form
     seen_sbc = disturb(seen_sbc, fine, rng, scale=reader.boundary_errors)
     coarse_sbc = seen_sbc.reshape(count, 2, study.slice.columns, FINER)[..., FINER // 2 - 1 : FINER // 2 + 1].mean(
