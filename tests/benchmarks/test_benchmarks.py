@@ -28,6 +28,7 @@ SMALLEST = {
     "bench_openigtlink": "--messages 1000",
     "bench_reader": "{model} --frames 2 --rounds 2",
     "bench_segmentation": "--frames 2 --rounds 8",
+    "bench_stiffening": "--rows 1",
     "figure_supports": "--study {study} --out {out}",
 }
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?")
