@@ -30,6 +30,7 @@ SMALLEST = {
     "bench_real_tissue": "--rows 1",
     "bench_segmentation": "--frames 2 --rounds 8",
     "figure_real_tissue": "--out {out}",
+    "bench_stiffening": "--rows 1",
     "figure_supports": "--study {study} --out {out}",
 }
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?")

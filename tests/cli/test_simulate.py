@@ -29,6 +29,7 @@ def test_the_answer_has_the_promised_keys_and_the_mesh_of_the_study(study: str, 
     assert {"tip_displacement_mm", "elements", "dofs", "seconds"} <= set(answer)
     assert (answer["elements"], answer["dofs"]) == (3 * 4**2, 3 * 3 * (9**2 + 4 * 9 * 4 - 4 * 4))
     assert 0.1 < answer["tip_displacement_mm"] < 1.0
+    assert answer["stiffening"] == 0.0
 
 
 def test_the_contact_sinks_in_proportion_to_the_force_and_against_the_modulus(study: str, capsys) -> None:

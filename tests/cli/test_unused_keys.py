@@ -22,7 +22,7 @@ from scleraforce.study import Study, parse_study
 from scleraforce.study.fields import field_key
 from scleraforce.study.unused import UNUSED
 
-PHYSICS = ("eye", "needle", "form", "mechanics", "globe", "supports")
+PHYSICS = ("eye", "needle", "form", "mechanics", "tissue", "globe", "supports")
 # Of these sections, what commands are told in another way: options, recordings, groups of a data set, a library's axes.
 ELSEWHERE = {
     "eye.thickness_um", "eye.youngs_modulus_mpa", "eye.iop_mmhg", "needle.gap_mm", "needle.polar_angle_deg",
@@ -69,6 +69,8 @@ modulus_ratio = 0.7
 radius_mm = 8.0
 [mechanics]
 follower = false
+[tissue]
+stiffening = 10.0
 [globe]
 kind = "sealed"
 rigidity_mmhg13_per_ul = 0.02

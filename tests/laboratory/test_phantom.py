@@ -71,6 +71,7 @@ def test_truth_has_every_parameter(written):
     assert truth["simulated"] is True
     assert truth["eye"] == asdict(EYE)
     assert truth["globe"]["kind"] == "open"
+    assert truth["tissue"] == {"stiffening": 0.0}
     assert [frame["pressure_pa"] for frame in truth["frames"]] == [EYE.iop_pa] * 3
     assert truth["seed"] == 3
     assert set(truth["versions"]) >= {"scleraforce", "numpy"}
@@ -212,6 +213,7 @@ def test_command_writes_a_recording_and_prints_json(tmp_path, capsys):
         "seed": 0,
         "mechanics": "linear",
         "globe": "open",
+        "stiffening": 0.0,
     }
     recording = read_recording(out)
     assert recording.info.eye.id == "pig"

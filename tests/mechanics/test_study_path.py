@@ -6,6 +6,7 @@ from math import pi, radians
 import numpy as np
 import pytest
 
+from scleraforce.errors import SolverError
 from scleraforce.eye.contact import Contact
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.study_path import BentEye, bend_eye
@@ -19,6 +20,7 @@ from scleraforce.study import (
     RegionStudy,
     Study,
     SupportsStudy,
+    TissueStudy,
     WaveStudy,
 )
 
@@ -45,6 +47,20 @@ def test_small_forces_on_an_odd_eye_bend_it_as_linear_mechanics_does() -> None:
     needle_nc = wall.needle_cnc([CONTACT], 0.35e-3)[0]
     linear_m = tip_displacement(eye.mesh, CONTACT, needle_nc) * 2e-6 / 0.3e6
     assert eye.path.tip_m(2e-6) == pytest.approx(linear_m, rel=5e-3)  # the needle's disc is laid on the form exactly
+
+
+@pytest.mark.slow
+def test_a_wall_that_bursts_says_at_what_pressure_one_like_it_does() -> None:
+    given = {"youngs_modulus_pa": 0.1e6, "iop_pa": 4000.0, "thickness_m": 0.5e-3}
+    with pytest.raises(SolverError, match=r"stiffer wall, or less pressure; an even sphere of it bursts at 13 mmHg"):
+        bent(COARSE, **given)
+
+
+@pytest.mark.slow
+def test_a_soft_eye_of_tissue_that_stiffens_stands_at_a_pressure_at_which_it_would_burst() -> None:
+    given = {"youngs_modulus_pa": 0.1e6, "iop_pa": 4000.0, "thickness_m": 0.5e-3, "max_force_n": 5e-3}
+    stiff, stiffer = (bent(replace(COARSE, tissue=TissueStudy(b)), **given).path.tip_m(5e-3) for b in (10.0, 30.0))
+    assert 0.0 < stiffer < stiff
 
 
 @pytest.mark.slow

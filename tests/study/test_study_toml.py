@@ -225,3 +225,17 @@ def test_the_globe_is_told_in_human_units_and_kept_in_si() -> None:
         parse_study('[globe]\nkind = "shut"')
     with pytest.raises(StudyError, match=r"globe\.rigidity_mmhg13_per_ul: 2 is above the largest allowed value 1"):
         parse_study("[globe]\nrigidity_mmhg13_per_ul = 2.0")
+
+
+def test_the_stiffening_of_the_tissue_is_a_number_from_0_to_200_and_part_of_the_hash() -> None:
+    stiffening = parse_study("[tissue]\nstiffening = 12")
+    assert stiffening.tissue.stiffening == 12.0
+    assert study_hash(stiffening) != study_hash(Study())
+    for text, said in {
+        "-1.0": r"study:2: tissue\.stiffening: -1 is below the smallest allowed value 0",
+        "300.0": r"study:2: tissue\.stiffening: 300 is above the largest allowed value 200",
+        "nan": r"study:2: tissue\.stiffening: nan is not a finite number",
+        '"much"': r"study:2: tissue\.stiffening: expected a number, found 'much'",
+    }.items():
+        with pytest.raises(StudyError, match=said):
+            parse_study(f"[tissue]\nstiffening = {text}")

@@ -19,6 +19,7 @@ from scleraforce.study import (
     RegionStudy,
     Study,
     SupportsStudy,
+    TissueStudy,
     WaveStudy,
 )
 from scleraforce.study.unused import UNUSED, refuse_unused
@@ -35,6 +36,7 @@ CHANGED = {
     "globe.kind": Study(globe=GlobeStudy("sealed")),
     "globe.rigidity_mmhg13_per_ul": Study(globe=GlobeStudy("sealed", rigidity_pa13_per_m3=0.1e9)),
     "globe.rigidity_law": Study(globe=GlobeStudy("sealed", rigidity_law="logarithmic")),
+    "tissue.stiffening": Study(tissue=TissueStudy(10.0)),
     "mechanics.follower": Study(mechanics=MechanicsStudy(follower=False)),
     "supports.kind": Study(supports=SupportsStudy(kind="straps")),
     "supports.bed_stiffness_kpa_per_mm": Study(supports=replace(BED, bed_stiffness_pa_per_m=1e6)),
@@ -57,6 +59,18 @@ def test_a_key_is_refused_by_the_commands_that_do_not_use_it_and_by_no_other(com
 
 def test_every_key_of_the_table_is_tried() -> None:
     assert {key for keys in UNUSED.values() for key in keys} == set(CHANGED)
+
+
+def test_tissue_that_stiffens_is_refused_with_the_reason_and_with_what_to_do() -> None:
+    why = "(neither linear mechanics nor the response library knows tissue that stiffens)"
+    for work, end in {
+        ("simulate", "linear"): f"with linear mechanics {why}; leave it out, or give --mechanics finite-strain",
+        ("generate", "finite-strain"): f"with finite-strain mechanics {why}; leave it out",
+        ("train --kind reader", None): f"{why}; leave it out",
+    }.items():
+        with pytest.raises(StudyError) as found:
+            refuse_unused(CHANGED["tissue.stiffening"], *work, Path("a.toml"))
+        assert str(found.value) == f"a.toml: tissue.stiffening: not used by `{work[0]}` {end}"
 
 
 @pytest.mark.parametrize(("command", "mechanics"), UNUSED)

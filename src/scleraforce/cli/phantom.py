@@ -136,6 +136,7 @@ def phantom(
         "seed": plan.seed,
         "mechanics": study.mechanics.kind,
         "globe": study.globe.kind,
+        "stiffening": study.tissue.stiffening,
     }
     if as_json:
         print_json(result)

@@ -96,6 +96,7 @@ def simulate(
         "dent_mm": from_si(eye.dent_m, "mm"),
         "pressure_mmhg": from_si(eye.pressure_pa, "mmhg"),
         "globe": study.globe.kind,
+        "stiffening": study.tissue.stiffening,
         "elements": len(eye.mesh.cells_en),
         "dofs": eye.mesh.points_nc.size,
         "seconds": round(seconds, 3),

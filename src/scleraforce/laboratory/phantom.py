@@ -315,6 +315,7 @@ def _truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> di
         "study_hash": study_hash(study),
         "seed": plan.seed,
         "mechanics": asdict(study.mechanics),
+        "tissue": asdict(study.tissue),
         "globe": asdict(study.globe),
         "eye": asdict(plan.eye),
         "form": {key: value for key, value in asdict(study.form).items() if value is not None},

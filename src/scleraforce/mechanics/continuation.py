@@ -64,7 +64,8 @@ def pressurise(problem: Equilibrium, pressure: float) -> Floats:
             step *= 0.5
             if step < SMALLEST_STEP:
                 found = f"found up to p/E = {reached * pressure:.4g} of {pressure:.4g}"
-                raise SolverError(f"pressure: equilibrium {found}; use a thicker wall or less pressure") from fault
+                remedy = "use a thicker or stiffer wall, or less pressure"
+                raise SolverError(f"pressure: equilibrium {found}; {remedy}") from fault
             continue
         reached, step = share, step * (2.0 if factors <= 2 else 1.0)
     return u

@@ -1,4 +1,6 @@
-"""Finite-strain mechanics of the wall: load paths of a neo-Hookean eye under pressure, weight and the needle.
+"""Finite-strain mechanics of the wall: load paths of an eye under pressure, weight and the needle.
+
+Its material is neo-Hookean, or an exponential of that, which stiffens (`mechanics.stiffening`).
 
 A dent of a few wall thicknesses softens the wall and then stiffens it, which linear mechanics does not know. A load
 path is computed once, by the tip's displacement (`mechanics.continuation`), and then read at any force.
@@ -129,7 +131,7 @@ class LoadPath:
 
 
 class FiniteWall:
-    """A wall of neo-Hookean material at finite strain, its sparse pattern found once for all paths.
+    """A wall at finite strain, its sparse pattern found once for all paths.
 
     Attributes:
         mesh: the wall's mesh, of any form.
@@ -146,6 +148,7 @@ class FiniteWall:
         modulus_factor_ep: Floats | None = None,
         dead_pressure_nc: Floats | None = None,
         springs: Springs | None = None,
+        stiffening: float = 0.0,
     ) -> None:
         """Prepare everything that does not depend on the displacement.
 
@@ -157,13 +160,14 @@ class FiniteWall:
             dead_pressure_nc: nodal forces of 1 Pa that keep their direction, (node, 3) in m^2, in place of a pressure
                 that follows the inner surface; `loads.pressure_load` is such.
             springs: on the outer surface, in N/m; they hold what `held_nc` leaves free.
+            stiffening: b of `mechanics.stiffening`; 0: neo-Hookean.
 
         Raises:
             SolverError: an element is turned inside out, or the supports leave a rigid motion free.
         """
         self.mesh = mesh
         self.held_nc = clamped_base(mesh) if held_nc is None else held_nc
-        self.solid = NeoHookeanSolid(mesh, poisson_ratio, modulus_factor_ep)
+        self.solid = NeoHookeanSolid(mesh, poisson_ratio, modulus_factor_ep, stiffening=stiffening)
         self.inner = InnerSurface(mesh, self.solid.pattern)
         self.dead_pressure_nc = dead_pressure_nc
         self.springs = springs

@@ -3,6 +3,7 @@
 Energy per undeformed volume W = mu/2 (tr C - 3) - mu ln J + lambda/2 (ln J)^2; F = I + du/dX, C = F^T F, J = det F.
 Total Lagrangian: every integral is over the undeformed wall. Source: Bonet and Wood, Nonlinear Continuum Mechanics for
 Finite Element Analysis, sec. 6.4.3 and 9.4. For small strains it is Hooke's law with the same lambda and mu.
+Tissue that stiffens (`stiffening`) multiplies its stress by exp(b Q), where mu Q/2 is this energy.
 """
 
 import numpy as np
@@ -13,6 +14,7 @@ from scleraforce.eye.mesh import HexMesh
 from scleraforce.mechanics.assembly import BlockPattern
 from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.quadrature import VolumePoints, volume_points
+from scleraforce.mechanics.stiffening import growth, strain_measure
 
 __all__ = ["NeoHookeanSolid"]
 
@@ -29,7 +31,14 @@ class NeoHookeanSolid:
         points: the Gauss points of the undeformed wall.
     """
 
-    def __init__(self, mesh: HexMesh, poisson_ratio: float, modulus_factor_ep: Floats | None = None) -> None:
+    def __init__(
+        self,
+        mesh: HexMesh,
+        poisson_ratio: float,
+        modulus_factor_ep: Floats | None = None,
+        *,
+        stiffening: float = 0.0,
+    ) -> None:
         """Prepare everything that does not depend on the displacement.
 
         Args:
@@ -37,6 +46,7 @@ class NeoHookeanSolid:
             poisson_ratio: nu.
             modulus_factor_ep: modulus over E at every Gauss point of `volume_points`, (element, point) or anything
                 that broadcasts to it; 1 by default.
+            stiffening: b of `stiffening`; 0: the neo-Hookean solid.
 
         Raises:
             SolverError: an element is turned inside out.
@@ -48,11 +58,11 @@ class NeoHookeanSolid:
         self.points: VolumePoints = points
         self.pattern = BlockPattern(mesh.cells_en, len(mesh.points_nc))
         self._cells_en = mesh.cells_en
+        self._poisson_ratio, self._stiffening = poisson_ratio, stiffening
         self._lambda_ep, self._mu_ep = lame_lambda * amount_ep, lame_mu * amount_ep
         # Rows of D are (point, direction J): D u gives all deformation gradients of an element in one product.
         self._gradients_erN = points.gradients_epnc.transpose(0, 1, 3, 2).reshape(elements, 3 * count, nodes).copy()
-        weighted = self._gradients_erN * np.repeat(self._mu_ep, 3, axis=1)[..., None]
-        self._laplacian_enn = weighted.transpose(0, 2, 1) @ self._gradients_erN
+        self._laplacian_enn = self._laplacian(slice(None), self._mu_ep)
 
     def volume_ratio(self, displacement_nc: Floats) -> Floats:
         """Return J at every Gauss point, (element, point); not positive where the wall is turned inside out."""
@@ -61,18 +71,19 @@ class NeoHookeanSolid:
     def forces(self, displacement_nc: Floats) -> Floats:
         """Return the nodal forces (node, 3) that hold a displacement (node, 3) in m; N per Pa of modulus.
 
-        f_ai = integral of P_iJ N_a,J with P = mu (F - F^-T) + lambda ln J F^-T. Not a number where J <= 0. Without loss
-        of digits where strains are tiny: with H = F - I, F - F^-T = H + H^T F^-T, and J - 1 is summed without the 1.
+        f_ai = integral of P_iJ N_a,J with P = mu (F - F^-T) + lambda ln J F^-T. Not a number where J <= 0, or where the
+        tissue is stretched too far. Without loss of digits where strains are tiny: with H = F - I, F - F^-T =
+        H + H^T F^-T, and J - 1 is summed without the 1.
         """
         H_epJi = self._displacement_gradient(displacement_nc)
         dilatation_ep = _dilatation(H_epJi)
         if not np.all(dilatation_ep > -1.0):
             return np.full(displacement_nc.shape, np.nan)
-        inverse_epiJ = np.linalg.inv(H_epJi + np.eye(3))  # of F^T: indices (i, J)
+        inverse_epiJ = _inverse(H_epJi)
         log_J_ep = np.log1p(dilatation_ep)
-        inverse_epJi = inverse_epiJ.transpose(0, 1, 3, 2)
-        P_epJi = self._mu_ep[..., None, None] * (H_epJi + inverse_epJi @ H_epJi.transpose(0, 1, 3, 2))
-        P_epJi += (self._lambda_ep * log_J_ep)[..., None, None] * inverse_epJi
+        P_epJi = self._stress(slice(None), H_epJi, inverse_epiJ, log_J_ep)
+        if self._stiffening > 0.0:
+            P_epJi *= self._growth(H_epJi, log_J_ep)[..., None, None]
         local_eni = self._gradients_erN.transpose(0, 2, 1) @ P_epJi.reshape(len(P_epJi), -1, 3)
         flat, count = self._cells_en.ravel(), len(displacement_nc)
         return np.stack([np.bincount(flat, local_eni[..., c].ravel(), minlength=count) for c in range(3)], axis=1)
@@ -81,7 +92,8 @@ class NeoHookeanSolid:
         """Return the derivative of the forces by the displacement as blocks (pair, 3, 3) of `pattern`.
 
         K_aibk = integral of mu delta_ik N_a,J N_b,J + lambda g_ai g_bk + (mu - lambda ln J) g_ak g_bi, where g = F^-T
-        grad N is the gradient by the deformed position. The first term does not depend on the displacement.
+        grad N is the gradient by the deformed position. The first term does not depend on the displacement. In tissue
+        that stiffens all of it is times exp(b Q), and so is (2 b/mu) p_ai p_bk with p_ai = P_iJ N_a,J of b = 0.
 
         Raises:
             SolverError: J <= 0 somewhere.
@@ -103,20 +115,56 @@ class NeoHookeanSolid:
         gradient: Floats = self._gradients_erN @ local_eni
         return gradient.reshape(len(local_eni), -1, 3, 3)
 
+    def _stress(self, part: slice, H_epJi: Floats, inverse_epiJ: Floats, log_J_ep: Floats) -> Floats:
+        """Stress of b = 0 of some elements times the volumes, P^T, (element, point, J, i)."""
+        inverse_epJi = inverse_epiJ.transpose(0, 1, 3, 2)
+        P_epJi = self._mu_ep[part][..., None, None] * (H_epJi + inverse_epJi @ H_epJi.transpose(0, 1, 3, 2))
+        P_epJi += (self._lambda_ep[part] * log_J_ep)[..., None, None] * inverse_epJi
+        return P_epJi
+
+    def _growth(self, H_epJi: Floats, log_J_ep: Floats) -> Floats:
+        """Factor of the stiffening on the stress, (element, point); I1 - 3 is summed without the 3."""
+        excess_ep = 2.0 * np.trace(H_epJi, axis1=-2, axis2=-1) + np.sum(H_epJi**2, axis=(-2, -1))
+        return growth(self._stiffening, strain_measure(excess_ep, log_J_ep, self._poisson_ratio))
+
+    def _laplacian(self, part: slice, weight_ep: Floats) -> Floats:
+        """Integral of weight N_a,J N_b,J over some elements, (element, node, node)."""
+        gradients_erN = self._gradients_erN[part]
+        weighted = gradients_erN * np.repeat(weight_ep, 3, axis=1)[..., None]
+        laplacian: Floats = weighted.transpose(0, 2, 1) @ gradients_erN
+        return laplacian
+
     def _element_tangents(self, part: slice, H_epJi: Floats, J_ep: Floats) -> Floats:
         """Tangents of some elements, (element, node, node, 3, 3)."""
         elements, count = J_ep.shape
         nodes = self._cells_en.shape[1]
         gradients = self._gradients_erN[part].reshape(elements, count, 3, nodes)
-        g = (np.linalg.inv(H_epJi + np.eye(3)) @ gradients).reshape(elements, count, 3 * nodes)
-        bulk_ep, shear_ep = self._lambda_ep[part], self._mu_ep[part] - self._lambda_ep[part] * np.log(J_ep)
+        log_J_ep = np.log(J_ep)
+        inverse_epiJ = _inverse(H_epJi)
+        g = (inverse_epiJ @ gradients).reshape(elements, count, 3 * nodes)
+        bulk_ep, shear_ep = self._lambda_ep[part], self._mu_ep[part] - self._lambda_ep[part] * log_J_ep
+        laplacian_enn = self._laplacian_enn[part]
+        if self._stiffening > 0.0:
+            growth_ep = self._growth(H_epJi, log_J_ep)
+            bulk_ep, shear_ep = growth_ep * bulk_ep, growth_ep * shear_ep
+            laplacian_enn = self._laplacian(part, growth_ep * self._mu_ep[part])
         transposed = g.transpose(0, 2, 1)
         shape = (elements, 3, nodes, 3, nodes)
         K_eiakb = (transposed @ (bulk_ep[..., None] * g)).reshape(shape)
         K_eiakb += (transposed @ (shear_ep[..., None] * g)).reshape(shape).transpose(0, 3, 2, 1, 4)
         for i in range(3):
-            K_eiakb[:, i, :, i] += self._laplacian_enn[part]
+            K_eiakb[:, i, :, i] += laplacian_enn
+        if self._stiffening > 0.0:
+            P_epiJ = self._stress(part, H_epJi, inverse_epiJ, log_J_ep).transpose(0, 1, 3, 2)
+            p = (P_epiJ @ gradients).reshape(elements, count, 3 * nodes)
+            rise_ep = 2.0 * self._stiffening * growth_ep / self._mu_ep[part]
+            K_eiakb += (p.transpose(0, 2, 1) @ (rise_ep[..., None] * p)).reshape(shape)
         return K_eiakb.transpose(0, 2, 4, 1, 3)
+
+
+def _inverse(H_epJi: Floats) -> Floats:
+    """Inverse of F^T = I + H^T, (element, point, i, J)."""
+    return np.asarray(np.linalg.inv(H_epJi + np.eye(3)), dtype=np.float64)
 
 
 def _dilatation(H: Floats) -> Floats:

@@ -5,17 +5,20 @@ from dataclasses import dataclass
 from functools import partial
 from math import sqrt
 
+from scleraforce.errors import SolverError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.form import form_mesh
 from scleraforce.eye.globe import study_globe
 from scleraforce.eye.graded import graded_globe, graded_mesh
 from scleraforce.eye.mesh import HexMesh
+from scleraforce.mechanics.burst import burst_tension
 from scleraforce.mechanics.finite_strain import LARGEST_STEP_M, FiniteWall, LoadPath
 from scleraforce.mechanics.loads import pressure_load
 from scleraforce.mechanics.needle import needle_at
 from scleraforce.mechanics.quadrature import gauss_points
 from scleraforce.mechanics.springs import study_springs
 from scleraforce.study import Study
+from scleraforce.units import from_si
 
 __all__ = ["BentEye", "bend_eye"]
 
@@ -69,6 +72,7 @@ def bend_eye(
         modulus_factor_ep=formed.modulus_factor(gauss_points(3, formed.mesh.order + 1)[0]),
         dead_pressure_nc=None if study.mechanics.follower else pressure_load(formed.mesh),
         springs=study_springs(study.supports, formed.mesh),
+        stiffening=study.tissue.stiffening,
     )
     axis_c = contact.leaning_axis(study.needle.tilt_rad, study.needle.tilt_direction_rad)
     goal_n = max(max_force_n, LEAST_FORCE_N)
@@ -85,10 +89,20 @@ def bend_eye(
         largest_step_m=min(LARGEST_STEP_M, linear_tip_m / STEPS_TO_LINEAR_TIP),
         progress=None if progress is None else lambda force_n: progress(min(force_n / goal_n, 1.0)),
     )
-    path = walk()
+    try:
+        path = walk()
+    except SolverError as fault:
+        raise SolverError(f"{fault}{_burst(study, thickness_m, youngs_modulus_pa, iop_pa)}") from fault
     if len(path.tips_m) < LEAST_STATES:  # high pressure: the dent is far shallower than a linear wall's
         path = walk(largest_step_m=path.tip_m(min(goal_n, path.max_force_n)) / LEAST_STATES)
     return BentEye(formed.mesh, path)
+
+
+def _burst(study: Study, thickness_m: float, youngs_modulus_pa: float, iop_pa: float) -> str:
+    """Return at what pressure a thin even sphere of a wall bursts, as the end of a sentence; empty where it stands."""
+    limit = burst_tension(study.eye.poisson_ratio, study.tissue.stiffening)
+    burst_pa = limit * youngs_modulus_pa * thickness_m / study.eye.radius_m
+    return f"; an even sphere of it bursts at {from_si(burst_pa, 'mmhg'):.3g} mmHg" if iop_pa > burst_pa else ""
 
 
 def _linear_tip_m(study: Study, force_n: float, youngs_modulus_pa: float, thickness_m: float) -> float:

@@ -21,6 +21,7 @@ from scleraforce.study.records import (
 )
 from scleraforce.study.sampled import Choice, Range, Sampled, draw, fixed
 from scleraforce.study.supports import SupportsStudy
+from scleraforce.study.tissue import TissueStudy
 from scleraforce.study.toml import (
     PAPER_STUDY_TOML,
     PRESETS,
@@ -57,6 +58,7 @@ __all__ = [
     "SliceStudy",
     "Study",
     "SupportsStudy",
+    "TissueStudy",
     "WaveStudy",
     "draw",
     "fixed",

@@ -15,6 +15,7 @@ from scleraforce.study.phantom import PhantomStudy
 from scleraforce.study.reader import ReaderStudy
 from scleraforce.study.sampled import Choice, Range, Sampled, fixed
 from scleraforce.study.supports import SupportsStudy
+from scleraforce.study.tissue import TissueStudy
 from scleraforce.units import to_si
 
 __all__ = [
@@ -257,5 +258,6 @@ class Study:
     reader: ReaderStudy = field(default_factory=ReaderStudy)
     form: FormStudy = field(default_factory=FormStudy)
     mechanics: MechanicsStudy = field(default_factory=MechanicsStudy)
+    tissue: TissueStudy = field(default_factory=TissueStudy)
     globe: GlobeStudy = field(default_factory=GlobeStudy)
     supports: SupportsStudy = field(default_factory=SupportsStudy)

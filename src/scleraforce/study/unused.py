@@ -17,7 +17,7 @@ __all__ = ["UNUSED", "refuse_unused"]
 
 FINITE_STRAIN_ONLY = (
     "form.semi_axes", "form.wave", "form.region", "form.cornea", "needle.tilt_deg", "needle.tilt_direction_deg",
-    "mechanics.follower", "globe.kind", "globe.rigidity_mmhg13_per_ul", "globe.rigidity_law",
+    "mechanics.follower", "tissue.stiffening", "globe.kind", "globe.rigidity_mmhg13_per_ul", "globe.rigidity_law",
 )  # fmt: skip
 SUPPORTS = (
     "supports.kind", "supports.bed_stiffness_kpa_per_mm", "supports.bed_shear_stiffness_kpa_per_mm",
@@ -41,6 +41,9 @@ UNUSED: dict[tuple[str, str | None], tuple[str, ...]] = {
     ("reproduce", None): SHARED_WALL,
 }
 
+# Why a key is not used, where its name does not tell.
+REASONS = {"tissue.stiffening": "neither linear mechanics nor the response library knows tissue that stiffens"}
+
 
 def refuse_unused(study: Study, command: str, mechanics: str | None = None, file: Path | None = None) -> None:
     """Check that a study asks for nothing that a command would drop: its physics has such keys at their defaults.
@@ -58,6 +61,7 @@ def refuse_unused(study: Study, command: str, mechanics: str | None = None, file
     changed = set(_changed(study))
     if found := [key for key in UNUSED[command, mechanics] if key in changed]:
         wall = f" with {mechanics} mechanics" if mechanics else ""
+        wall += "".join(f" ({reason})" for key, reason in REASONS.items() if key in found)
         remedy = f"leave {'it' if len(found) == 1 else 'them'} out{_other_mechanics(command, found)}"
         raise StudyError(f"{place}: {', '.join(found)}: not used by `{command}`{wall}; {remedy}")
     for key, cause, remedy in _switched_off(study):

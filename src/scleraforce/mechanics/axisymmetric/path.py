@@ -61,6 +61,7 @@ def axisymmetric_path(
     max_force_ratio_m2: float = np.inf,
     support_rad: float = 0.5 * np.pi,
     globe: Globe = OPEN_GLOBE,
+    stiffening: float = 0.0,
     size: MeridianSize | None = None,
 ) -> AxisymmetricPath:
     """Return the load path of a sphere with an even wall under a needle along its normal.
@@ -76,6 +77,7 @@ def axisymmetric_path(
         max_force_ratio_m2: F/E at which the path may end.
         support_rad: angle from the needle axis at which the wall is clamped.
         globe: how the pressure follows the displaced volume, over Young's modulus (`Globe.over`).
+        stiffening: b of `mechanics.stiffening`.
         size: of the mesh.
 
     Raises:
@@ -83,7 +85,7 @@ def axisymmetric_path(
         SolverError: no equilibrium was found; the message says what was reached.
     """
     mesh = meridian_mesh(radius_m, thickness_m, needle_radius_m, support_rad, size or MeridianSize())
-    wall = AxisymmetricWall(mesh, poisson_ratio)
+    wall = AxisymmetricWall(mesh, poisson_ratio, stiffening=stiffening)
     path = trace(
         wall,
         pressurise(wall, iop_ratio),
@@ -116,6 +118,7 @@ class AxisymmetricWall:
         symmetric: bool = False,
         follower: bool = True,
         spread: Callable[[Floats], Floats] | None = None,
+        stiffening: float = 0.0,
     ) -> None:
         """Prepare the wall.
 
@@ -126,10 +129,11 @@ class AxisymmetricWall:
             follower: pressure stays normal to the deformed wall; otherwise to the undeformed one (a dead load).
             spread: load per undeformed area at a distance (...) in m from the contact, of any scale, in place of the
                 needle's disc.
+            stiffening: b of `mechanics.stiffening`.
         """
         self.mesh = mesh
         self.free: Integers = np.flatnonzero(~_held(mesh, symmetric))
-        self._solid = SolidOfRevolution(mesh, poisson_ratio)
+        self._solid = SolidOfRevolution(mesh, poisson_ratio, stiffening)
         self._band = _Band(self._solid.unknowns_eN, self.free, mesh.points_nc.size)
         self._inside = Interior(mesh)
         self._follower = follower

@@ -2,6 +2,7 @@
 
 The energy is that of `neo_hookean`. The deformation gradient has five entries that are not zero, in the order
 F_rr, F_rz, F_zr, F_zz, F_tt (t: around the axis, F_tt = 1 + u_r / R). Every integral is over the undeformed wall.
+Tissue that stiffens (`stiffening`) multiplies its stress by exp(b Q).
 """
 
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh
 from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.quadrature import gauss_points
+from scleraforce.mechanics.stiffening import growth, strain_measure
 
 __all__ = ["SolidOfRevolution", "line_shapes"]
 
@@ -44,11 +46,12 @@ class _State:
 class SolidOfRevolution:
     """The wall's material on its meridian; unknown 2 n + c is node n, component c (from the axis, along it)."""
 
-    def __init__(self, mesh: MeridianMesh, poisson_ratio: float) -> None:
-        """Prepare everything that does not depend on the displacement."""
+    def __init__(self, mesh: MeridianMesh, poisson_ratio: float, stiffening: float = 0.0) -> None:
+        """Prepare everything that does not depend on the displacement; `stiffening`: b, 0 is the neo-Hookean solid."""
         lame_lambda, lame_mu = lame_constants(1.0, poisson_ratio)
         self.unknowns_eN: Integers = (2 * mesh.cells_en[:, :, None] + np.arange(2)).reshape(len(mesh.cells_en), -1)
         self._size = mesh.points_nc.size
+        self._poisson_ratio, self._stiffening = poisson_ratio, stiffening
         self._G, volumes_ep = _gradient_operator(mesh)
         self._lambda_ep, self._mu_ep = lame_lambda * volumes_ep, lame_mu * volumes_ep
         elements, points = volumes_ep.shape
@@ -57,9 +60,14 @@ class SolidOfRevolution:
         self._laplacian = weighted.transpose(0, 2, 1) @ self._G.reshape(self._flat)
 
     def forces(self, u: Floats) -> Floats:
-        """Return the nodal forces that hold a displacement u, both (all unknowns,); not finite where J <= 0."""
+        """Return the nodal forces that hold a displacement u, both (all unknowns,).
+
+        They are not finite where J <= 0, or where the tissue is stretched too far.
+        """
         state = self._state(u)
-        P = self._mu_ep[..., None] * state.F + (self._lambda_ep * state.log_ratio - self._mu_ep)[..., None] * state.H
+        P = self._stress(state)
+        if self._stiffening > 0.0:
+            P *= self._growth(state)[..., None]
         local_eN = (P.reshape(len(P), 1, -1) @ self._G.reshape(self._flat))[:, 0]
         forces = np.bincount(self.unknowns_eN.ravel(), local_eN.ravel(), minlength=self._size)
         return np.asarray(forces, dtype=np.float64)
@@ -67,14 +75,40 @@ class SolidOfRevolution:
     def tangents(self, u: Floats) -> Floats:
         """Return the derivative of the forces of every element, (element, 18, 18).
 
-        mu dF:dF + lambda (H:dF)^2 + (mu - lambda ln J) H dF^T:(H dF^T)^T; the first does not depend on u.
+        mu dF:dF + lambda (H:dF)^2 + (mu - lambda ln J) H dF^T:(H dF^T)^T; the first does not depend on u. In tissue
+        that stiffens all of it is times exp(b Q), and so is (2 b/mu) (P:dF)^2 with P of b = 0.
         """
         state = self._state(u)
         A = self._lambda_ep[..., None, None] * state.H[..., :, None] * state.H[..., None, :]
         A += (self._mu_ep - self._lambda_ep * state.log_ratio)[..., None, None] * _exchange(state.H)
-        AG = (A @ self._G).reshape(self._flat)
-        tangents: Floats = AG.transpose(0, 2, 1) @ self._G.reshape(self._flat) + self._laplacian
+        if self._stiffening > 0.0:
+            return self._products(self._stiffened(A, state))
+        tangents: Floats = self._products(A) + self._laplacian
         return tangents
+
+    def _stress(self, state: _State) -> Floats:
+        """Stress of b = 0 times the volumes, (element, point, 5)."""
+        along_H = self._lambda_ep * state.log_ratio - self._mu_ep
+        stress: Floats = self._mu_ep[..., None] * state.F + along_H[..., None] * state.H
+        return stress
+
+    def _growth(self, state: _State) -> Floats:
+        """Factor of the stiffening on the stress, (element, point)."""
+        excess = np.sum(state.F**2, axis=-1) - 3.0
+        return growth(self._stiffening, strain_measure(excess, state.log_ratio, self._poisson_ratio))
+
+    def _stiffened(self, A: Floats, state: _State) -> Floats:
+        """Elasticity of tissue that stiffens, from that of b = 0 without mu dF:dF: both (element, point, 5, 5)."""
+        P = self._stress(state)
+        rise = 2.0 * self._stiffening / self._mu_ep
+        whole = A + self._mu_ep[..., None, None] * np.eye(5) + rise[..., None, None] * P[..., :, None] * P[..., None, :]
+        stiffened: Floats = self._growth(state)[..., None, None] * whole
+        return stiffened
+
+    def _products(self, A: Floats) -> Floats:
+        """Return dF A dF of every element by its displacements, (element, 18, 18)."""
+        products: Floats = (A @ self._G).reshape(self._flat).transpose(0, 2, 1) @ self._G.reshape(self._flat)
+        return products
 
     def _state(self, u: Floats) -> _State:
         F = (self._G.reshape(self._flat) @ u[self.unknowns_eN][..., None]).reshape(*self._mu_ep.shape, 5)

@@ -1,0 +1,290 @@
+"""Tissue that stiffens: energy, stress and tangent; closed forms; eyes in three dimensions and of revolution."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from scleraforce.errors import SolverError
+from scleraforce.eye.contact import Contact
+from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
+from scleraforce.eye.graded import graded_mesh
+from scleraforce.eye.mesh import HexMesh, build_mesh
+from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh, MeridianSize, meridian_mesh
+from scleraforce.mechanics.axisymmetric.path import AxisymmetricWall, axisymmetric_path
+from scleraforce.mechanics.axisymmetric.solid import SolidOfRevolution, _gradient_operator
+from scleraforce.mechanics.burst import burst_tension
+from scleraforce.mechanics.continuation import pressurise, trace
+from scleraforce.mechanics.elasticity import lame_constants
+from scleraforce.mechanics.equilibrium import Solve
+from scleraforce.mechanics.finite_strain import FiniteWall
+from scleraforce.mechanics.needle import needle_at
+from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
+from scleraforce.mechanics.quadrature import volume_points
+from scleraforce.mechanics.stiffening import growth, strain_measure
+
+Floats = NDArray[np.float64]
+
+RADIUS, NEEDLE, NU, B = 12e-3, 0.35e-3, 0.45, 12.0
+RIGHT_ANGLE = 0.5 * np.pi
+LAMBDA, MU = lame_constants(1.0, NU)
+STEP = 1e-30  # of a complex step: its square is lost
+
+
+def energy(F: NDArray, b: float) -> NDArray:
+    """W of matrices (..., 3, 3), real or complex: the definition, with expm1 for small b."""
+    log_J = np.log(np.linalg.det(F))
+    Q = np.sum(F**2, axis=(-2, -1)) - 3.0 - 2.0 * log_J + LAMBDA / MU * log_J**2
+    return MU / (2.0 * b) * np.expm1(b * Q)
+
+
+def stress(F: NDArray, b: float) -> NDArray:
+    """P of matrices (..., 3, 3), real or complex, written straight from the law."""
+    log_J = np.log(np.linalg.det(F))[..., None, None]
+    turned = np.linalg.inv(F).swapaxes(-1, -2)
+    Q = np.sum(F**2, axis=(-2, -1))[..., None, None] - 3.0 - 2.0 * log_J + LAMBDA / MU * log_J**2
+    return np.exp(b * Q) * (MU * (F - turned) + LAMBDA * log_J * turned)
+
+
+def distorted(order: int) -> HexMesh:
+    mesh = build_mesh(RADIUS, 1e-3, divisions=2, level=0, order=order)
+    moves = np.random.default_rng(0).uniform(-5e-5, 5e-5, mesh.points_nc.shape)
+    return replace(mesh, points_nc=mesh.points_nc + moves)
+
+
+def bent(points: Floats) -> Floats:
+    """Strains of some 15 %, rotations, and noise on every node."""
+    random = np.random.default_rng(1)
+    return points @ (random.normal(size=(3, 3)) * 0.12) + random.normal(size=points.shape) * 1e-5
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_forces_and_tangent_are_the_derivatives_of_the_energy_at_any_deformation(order: int) -> None:
+    mesh = distorted(order)
+    points = volume_points(mesh)
+    factor_ep = np.random.default_rng(2).uniform(0.6, 1.4, points.volumes_ep.shape)
+    u_nc, moved_nc = bent(mesh.points_nc), np.random.default_rng(3).normal(size=mesh.points_nc.shape)
+
+    def gradient(field_nc: NDArray) -> NDArray:
+        return np.einsum("eni,epnj->epij", field_nc[mesh.cells_en], points.gradients_epnc)
+
+    F = np.eye(3) + gradient(u_nc) + 1j * STEP * gradient(moved_nc)
+    volumes_ep = factor_ep * points.volumes_ep
+    solid = NeoHookeanSolid(mesh, NU, factor_ep, stiffening=B)
+    forces_nc = solid.forces(u_nc)
+    work = np.sum(volumes_ep * energy(F, B).imag) / STEP
+    assert np.sum(forces_nc * moved_nc) == pytest.approx(work, rel=1e-11)
+
+    local_eni = np.einsum("ep,epij,epnj->eni", volumes_ep, stress(F, B).imag / STEP, points.gradients_epnc)
+    change_nc = np.zeros_like(forces_nc)
+    np.add.at(change_nc, mesh.cells_en, local_eni)
+    K = solid.pattern.matrix(solid.tangent_blocks(u_nc))
+    slope_nc = (K @ moved_nc.ravel()).reshape(-1, 3)
+    np.testing.assert_allclose(slope_nc, change_nc, rtol=0.0, atol=1e-12 * np.abs(change_nc).max())
+    assert abs(K - K.T).max() < 1e-13 * abs(K).max()
+
+
+def small_meridian() -> tuple[MeridianMesh, Floats]:
+    """A mesh, and strains of some 15 % with rotation and noise on it, none of them across the axis."""
+    mesh = meridian_mesh(RADIUS, 1e-3, NEEDLE, RIGHT_ANGLE, MeridianSize(8, 2))
+    r, z = mesh.points_nc.T
+    noise = np.random.default_rng(1).normal(size=mesh.points_nc.shape) * 5e-6
+    u_nc = np.stack(
+        [0.12 * r + 0.1 * r * z / RADIUS + noise[:, 0] * (r > 0.0), 0.2 * r - 0.08 * z + noise[:, 1]], axis=1
+    )
+    return mesh, u_nc.ravel()
+
+
+def test_forces_and_tangent_of_revolution_are_the_derivatives_of_the_energy() -> None:
+    mesh, u = small_meridian()
+    solid, (G, volumes_ep) = SolidOfRevolution(mesh, NU, B), _gradient_operator(mesh)
+    moved = np.random.default_rng(3).normal(size=u.shape)
+
+    def gradient(field: Floats) -> Floats:
+        return np.einsum("epkN,eN->epk", G, field[solid.unknowns_eN])
+
+    F = np.zeros((*volumes_ep.shape, 3, 3), dtype=complex)
+    F[..., [0, 0, 1, 1, 2], [0, 1, 0, 1, 2]] = gradient(u) + 1j * STEP * gradient(moved)
+    F += np.eye(3)
+    assert np.all(np.linalg.det(F.real) > 0.1)
+    work = np.sum(volumes_ep * energy(F, B).imag) / STEP
+    assert solid.forces(u) @ moved == pytest.approx(work, rel=1e-11)
+    P = stress(F, B).imag[..., [0, 0, 1, 1, 2], [0, 1, 0, 1, 2]] / STEP
+    change_eN = np.einsum("ep,epk,epkN->eN", volumes_ep, P, G)
+    tangents = solid.tangents(u)
+    slope_eN = np.einsum("eMN,eN->eM", tangents, moved[solid.unknowns_eN])
+    np.testing.assert_allclose(slope_eN, change_eN, rtol=0.0, atol=1e-12 * np.abs(change_eN).max())
+    np.testing.assert_allclose(tangents, tangents.transpose(0, 2, 1), atol=1e-13 * np.abs(tangents).max())
+
+
+def test_a_vanishing_stiffening_is_the_neo_hookean_solid_and_the_first_order_is_that_of_the_law() -> None:
+    mesh = distorted(2)
+    u_nc = bent(mesh.points_nc)
+    soft, tiny, small = (NeoHookeanSolid(mesh, NU, stiffening=b) for b in (0.0, 1e-300, 1e-6))
+    np.testing.assert_allclose(tiny.forces(u_nc), soft.forces(u_nc), rtol=1e-14)
+    blocks = soft.tangent_blocks(u_nc)
+    np.testing.assert_allclose(tiny.tangent_blocks(u_nc), blocks, atol=1e-14 * np.abs(blocks).max())
+    twice = NeoHookeanSolid(mesh, NU, stiffening=2e-6).forces(u_nc) - soft.forces(u_nc)
+    once = small.forces(u_nc) - soft.forces(u_nc)
+    np.testing.assert_allclose(twice, 2.0 * once, atol=1e-5 * np.abs(once).max())
+    meridian, u = small_meridian()
+    flat, faint = (SolidOfRevolution(meridian, NU, b) for b in (0.0, 1e-300))
+    np.testing.assert_allclose(faint.forces(u), flat.forces(u), rtol=1e-12)
+    tangents = flat.tangents(u)
+    np.testing.assert_allclose(faint.tangents(u), tangents, atol=1e-13 * np.abs(tangents).max())
+
+
+class Block:
+    """A unit cube of one element between three planes of symmetry, drawn by a nominal stress on other faces."""
+
+    def __init__(self, stiffening: float, drawn: tuple[int, ...]) -> None:
+        self.points_nc = np.array(
+            [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], dtype=np.float64
+        )
+        quads = np.array([[4, 5, 6, 7]])
+        mesh = HexMesh(
+            points_nc=self.points_nc, cells_en=np.arange(8)[None], outer_qn=quads, inner_qn=quads,
+            base_nodes=np.array([], dtype=np.int64), radius_m=1.0, thickness_m=1.0, order=1,
+        )  # fmt: skip
+        self.solid = NeoHookeanSolid(mesh, NU, stiffening=stiffening)
+        self.free = np.flatnonzero(self.points_nc.ravel() > 0.0)
+        load_nc = np.zeros((8, 3))
+        for axis in drawn:
+            load_nc[self.points_nc[:, axis] > 0.0, axis] = 0.25
+        self.needle = self.tip = load_nc.ravel()[self.free]
+
+    def all(self, u: Floats) -> Floats:
+        full = np.zeros(24)
+        full[self.free] = u
+        return full.reshape(8, 3)
+
+    def residual(self, u: Floats, pressure: float) -> Floats:
+        return self.solid.forces(self.all(u)).ravel()[self.free] - pressure * self.needle
+
+    def factor(self, u: Floats, pressure: float) -> Solve:  # noqa: ARG002 (a dead load)
+        K = self.solid.pattern.matrix(self.solid.tangent_blocks(self.all(u))).toarray()[np.ix_(self.free, self.free)]
+        return lambda rhs: np.linalg.solve(K, rhs)
+
+    def stretches(self, nominal_stress: float) -> Floats:
+        """Stretches of the edges under a stress over E; every face stays plane."""
+        places_nc = self.points_nc + self.all(pressurise(self, nominal_stress))
+        for axis in range(3):
+            np.testing.assert_allclose(np.ptp(places_nc[self.points_nc[:, axis] > 0.0, axis]), 0.0, atol=1e-9)
+        return places_nc[6]
+
+
+def nominal(stretches: Floats, b: float) -> Floats:
+    """Principal nominal stresses over E."""
+    return np.diag(stress(np.diag(stretches), b))
+
+
+@pytest.mark.parametrize("b", [0.0, 3.0, 30.0, 200.0])
+def test_one_element_in_tension_takes_the_stretch_of_the_closed_form(b: float) -> None:
+    along, *across = Block(b, drawn=(0,)).stretches(0.3)
+    free = brentq(lambda s: MU * (s * s - 1.0) + LAMBDA * np.log(along * s * s), 0.3, 1.0, xtol=1e-15)
+    assert across == pytest.approx([free, free], rel=1e-7)
+    np.testing.assert_allclose(nominal(np.array([along, free, free]), b), [0.3, 0.0, 0.0], atol=1e-7)
+
+
+@pytest.mark.parametrize("b", [0.0, 3.0, 30.0, 200.0])
+def test_one_element_drawn_both_ways_takes_the_stretch_of_the_closed_form(b: float) -> None:
+    along, second, across = Block(b, drawn=(0, 1)).stretches(0.25)
+    assert along == pytest.approx(second, rel=1e-9)
+    free = brentq(lambda s: MU * (s * s - 1.0) + LAMBDA * np.log(along**2 * s), 0.3, 1.0, xtol=1e-15)
+    assert across == pytest.approx(free, rel=1e-7)
+    np.testing.assert_allclose(nominal(np.array([along, along, free]), b), [0.25, 0.25, 0.0], atol=1e-7)
+
+
+def test_the_tangent_modulus_is_what_the_study_and_the_physics_say() -> None:
+    for b, said in {0.0: 0.92, 1.0: 0.93, 10.0: 1.12, 30.0: 1.62}.items():
+
+        def drawn(strain: float, b: float = b) -> float:
+            free = brentq(lambda s: MU * (s * s - 1.0) + LAMBDA * np.log((1.0 + strain) * s * s), 0.3, 1.0, xtol=1e-15)
+            return float(nominal(np.array([1.0 + strain, free, free]), b)[0])
+
+        assert (drawn(0.05 + 1e-5) - drawn(0.05 - 1e-5)) / 2e-5 == pytest.approx(said, abs=0.006)
+
+
+def thin_sphere(b: float, thickness_m: float = 60e-6) -> tuple[AxisymmetricWall, float]:
+    """A half-sphere on a plane of symmetry, and p/E for a tension p R/(E t) of 1 of its middle surface."""
+    mesh = meridian_mesh(RADIUS, thickness_m, NEEDLE, RIGHT_ANGLE, MeridianSize(24))
+    per_tension = thickness_m / (RADIUS - 0.5 * thickness_m)
+    return AxisymmetricWall(mesh, NU, symmetric=True, stiffening=b), per_tension
+
+
+def balloon_tension(stretch: float, b: float) -> float:
+    """p R/(E t) of a thin sphere by its stretch: 2 P_along/L^2 with P_across = 0; R and t are of the undeformed one."""
+    across = brentq(lambda s: MU * (s * s - 1.0) + LAMBDA * np.log(stretch**2 * s), 0.1, 1.0, xtol=1e-15)
+    return float(2.0 * nominal(np.array([stretch, stretch, across]), b)[0] / stretch**2)
+
+
+@pytest.mark.parametrize(
+    ("b", "tension"), [(0.0, 0.4), (1.0, 0.3), (1.0, 1.5), (10.0, 1.0), (30.0, 0.2), (30.0, 1.0), (200.0, 3.0)]
+)
+def test_a_balloon_has_the_radius_of_its_closed_form_also_beyond_the_neo_hookean_burst(
+    b: float, tension: float
+) -> None:
+    wall, per_tension = thin_sphere(b)
+    u = pressurise(wall, tension * per_tension)
+    path = trace(wall, u, tension * per_tension, tips_m=np.array([1e-6]))
+    places = wall.boundaries(path).curves_sbnc[0].mean(axis=0)  # of the middle surface
+    middle_m = RADIUS - 30e-6
+    radii = np.hypot(places[:, 0], RADIUS - places[:, 1])
+    np.testing.assert_allclose([balloon_tension(radius_m / middle_m, b) for radius_m in radii], tension, rtol=2e-3)
+
+
+def test_a_step_that_overflows_the_exponential_is_too_long_and_a_shorter_one_is_taken() -> None:
+    """Silently: pytest makes an error of a warning."""
+    wall, per_tension = thin_sphere(200.0)
+    pressure = 3.0 * per_tension
+    none = np.zeros_like(wall.needle)
+    too_far = -wall.factor(none, 0.0)(wall.residual(none, pressure))  # Newton's first step
+    assert not np.all(np.isfinite(wall.residual(too_far, pressure)))
+    assert np.all(np.isfinite(pressurise(wall, pressure)))
+    mesh = distorted(1)
+    solid = NeoHookeanSolid(mesh, NU, stiffening=200.0)
+    assert np.all(np.isfinite(solid.forces(0.1 * mesh.points_nc)))
+    assert np.any(np.isnan(solid.forces(9.0 * mesh.points_nc)))
+    np.testing.assert_array_equal(np.isnan(growth(1.0, np.array([0.0, 299.0, 1e4, np.inf, np.nan]))), [0, 0, 1, 1, 1])
+
+
+def test_the_strain_measure_is_twice_the_energy_over_mu() -> None:
+    F = np.eye(3) + 0.2 * np.random.default_rng(4).normal(size=(5, 3, 3))
+    J = np.linalg.det(F)
+    neo = MU / 2.0 * (np.sum(F**2, axis=(1, 2)) - 3.0) - MU * np.log(J) + LAMBDA / 2.0 * np.log(J) ** 2
+    np.testing.assert_allclose(strain_measure(np.sum(F**2, axis=(1, 2)) - 3.0, np.log(J), NU), 2.0 * neo / MU)
+
+
+# A soft eye at living pressure: 0.1 MPa, 0.5 mm, 18 mmHg.
+SOFT = (RADIUS, 0.5e-3, NU, NEEDLE, 2400.0 / 0.1e6)
+
+
+def test_a_soft_eye_that_bursts_at_living_pressure_stands_where_it_stiffens() -> None:
+    tension = SOFT[4] * RADIUS / SOFT[1]
+    assert burst_tension(NU) < tension < burst_tension(NU, 5.0)
+    with pytest.raises(SolverError, match=r"pressure: equilibrium found up to .*; use a thicker or stiffer wall"):
+        axisymmetric_path(*SOFT, max_tip_m=1e-3)
+    path = axisymmetric_path(*SOFT, tips_m=np.array([0.5e-3, 1e-3]), stiffening=5.0)
+    assert 0.0 < path.force_ratio_m2[1] < path.force_ratio_m2[2]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("globe", [OPEN_GLOBE, sealed_globe(0.15e9)], ids=["open", "sealed"])
+def test_an_eye_that_stiffens_is_the_same_in_three_dimensions_and_of_revolution(globe: Globe) -> None:
+    b, modulus_pa, iop_pa, thickness_m = 20.0, 0.4e6, 266.0, 0.6e-3
+    contact = Contact(polar_rad=0.0)
+    mesh = graded_mesh(RADIUS, thickness_m, contact, core=4, rings=10)
+    solid = FiniteWall(mesh, NU, stiffening=b).load_path(
+        needle_at(mesh, contact, NEEDLE), youngs_modulus_pa=modulus_pa, iop_pa=iop_pa, density_kg_m3=0.0,
+        max_force_n=1.0, max_tip_m=1.2e-3, globe=globe,
+    )  # fmt: skip
+    tips_m = np.array([0.4e-3, 0.8e-3, 1.2e-3])
+    sizes = (RADIUS, thickness_m, NU, NEEDLE, iop_pa / modulus_pa)
+    flat, plain = (
+        axisymmetric_path(*sizes, tips_m=tips_m, globe=globe.over(modulus_pa), stiffening=each) for each in (b, 0.0)
+    )
+    forces_n = np.interp(tips_m, solid.tips_m, solid.forces_n)
+    np.testing.assert_allclose(forces_n, modulus_pa * flat.force_ratio_m2[1:], rtol=0.02)
+    assert np.all(flat.force_ratio_m2[2:] > 1.15 * plain.force_ratio_m2[2:])
