@@ -21,6 +21,7 @@ from scleraforce.study import (
     MeshStudy,
     RegionStudy,
     Study,
+    TissueStudy,
     WaveStudy,
 )
 from scleraforce.units import to_si
@@ -105,6 +106,13 @@ def _behind_the_limbus(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     return replace(eye, polar_rad=limbus_rad + behind_m / radius_m), replace(study, form=form)
 
 
+def _stiffening(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+    """Return a sealed eye whose tissue stiffens: b of 1 to 30, its logarithm even."""
+    tissue = TissueStudy(stiffening=float(np.exp(rng.uniform(np.log(1.0), np.log(30.0)))))
+    eye, own = _sealed(eye, study, rng)
+    return eye, replace(own, tissue=tissue)
+
+
 def _living(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     """Return a living eye: sealed, 1 to 2 MPa, 10 to 25 mmHg; p R/(E t) is 0.09 at most, the wall bursts at 0.42."""
     eye = replace(eye, youngs_modulus_pa=rng.uniform(1e6, 2e6), iop_pa=to_si(rng.uniform(10.0, 25.0), "mmhg"))
@@ -133,6 +141,13 @@ GROUPS: Mapping[str, Group] = {
         own=_living,
         accuracy_percent=95,
         error_mn=1.5,
+        reader="living",
+    ),
+    "stiffening": Group(
+        words="b from 1 to 30; globe sealed, told so without its rigidity",
+        own=_stiffening,
+        accuracy_percent=96,
+        error_mn=1.0,
     ),
 }
 

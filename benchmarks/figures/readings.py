@@ -9,13 +9,13 @@ from pathlib import Path
 from figures.commands import answers, content_key, made, made_by
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
-from figures.groups import DEFAULT_READER
+from figures.groups import DEFAULT_READER, GROUPS
 from figures.recordings import read_made
 from figures.scores import AnsweredFrame, answered_frame
 from scleraforce.known.calibration_file import EyeSummary, read_calibration
 from scleraforce.models.folder import RECORD_FILE
 from scleraforce.reproduction.framing import framed_for_laboratory
-from scleraforce.study import Range, Study, format_study
+from scleraforce.study import Range, Study, format_study, parse_study, preset_toml
 from scleraforce.whole_files import write_whole
 
 __all__ = ["CALIBRATED_FRAMES", "READERS", "Method", "calibrated_eyes", "make_methods", "paper_method", "read_frames"]
@@ -23,7 +23,10 @@ __all__ = ["CALIBRATED_FRAMES", "READERS", "Method", "calibrated_eyes", "make_me
 CALIBRATED_FRAMES = 3
 GAP_M = Range(min=0.4e-3, max=0.9e-3)  # of the eyes
 # The readers that groups name, each by the study that it is trained with: a preset for other eyes goes here.
-READERS: Mapping[str, Callable[[Study], Study]] = {DEFAULT_READER: lambda study: study}
+READERS: Mapping[str, Callable[[Study], Study]] = {
+    DEFAULT_READER: lambda study: study,
+    "living": lambda _study: parse_study(preset_toml("living")),
+}
 READINGS = {"network": "the reader's network", "fit": "the reader's fit"}
 
 
@@ -75,12 +78,22 @@ def paper_method(folder: FiguresFolder, plain: Sequence[FigureEye], study: Study
 
 def _reader(folder: FiguresFolder, name: str, study: Study) -> Path:
     """Return a trained reader; the default one stands in the folder of the figures, others in folders of their own."""
-    part = folder if name == DEFAULT_READER else FiguresFolder(folder.work(f"{name}-reader"))
-    path = part.work("study.toml")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(format_study(study), path)
+    part = _reader_folder(folder, name)
+    path = _study_file(folder, name, study)
     library = made_by(part.work("library.zarr"), ["library", "--study", path])
     return made_by(part.work("reader"), ["train", library, "--study", path, "--kind", "reader"])
+
+
+def _reader_folder(folder: FiguresFolder, name: str) -> FiguresFolder:
+    return folder if name == DEFAULT_READER else FiguresFolder(folder.work(f"{name}-reader"))
+
+
+def _study_file(folder: FiguresFolder, name: str, study: Study) -> Path:
+    """Return the study of a reader, written."""
+    path = _reader_folder(folder, name).work("study.toml")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(format_study(study), path)
+    return path
 
 
 def _answering(folder: FiguresFolder, reader: Path, mark: str, way: str) -> Path:
@@ -162,9 +175,11 @@ def _frames(
 def _calibration(folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int) -> Path:
     """Return the calibration of eyes on the first frames of each, made where it is not there."""
     name = f"{eyes[0].eye.id}-to-{eyes[-1].eye.id}-{frames}-frames.json"
-    return made_by(
-        folder.work("calibrations") / name, ["calibrate", *_recordings(folder, eyes), "--frames", str(frames)]
-    )
+    command: list[str | Path] = ["calibrate", *_recordings(folder, eyes), "--frames", str(frames)]
+    reader = GROUPS[eyes[0].group].reader
+    if reader != DEFAULT_READER:
+        command += ["--study", _study_file(folder, reader, READERS[reader](Study()))]
+    return made_by(folder.work("calibrations") / name, command)
 
 
 def _recordings(folder: FiguresFolder, eyes: Sequence[FigureEye]) -> list[Path]:
