@@ -30,9 +30,12 @@ from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.cli.main import run
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import read_calibration
+from scleraforce.known.eye import Known, Modulus
+from scleraforce.known.globe import OPEN
 from scleraforce.reader import Reader, load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.recording.files import frame_digest, read_frame, read_recording
+from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import MeshStudy
 from scleraforce.units import from_si
 
@@ -253,3 +256,36 @@ def test_classify_refuses_what_is_not_a_number(places, capsys, option: str) -> N
     printed = capsys.readouterr()
     assert printed.out == ""
     assert printed.err == f"error: {option}: nan is not a finite number; leave it out where it is not known\n"
+
+
+@pytest.mark.slow
+def test_intervals_are_stretched_to_hold_on_recordings(places, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "stretched"
+    command = ["calibrate", str(places["mine"]), "--intervals", str(places["model"]), "--frames", "1", "--json"]
+    assert run([*command, "--out", str(out)]) == 0
+    found = json.loads(capsys.readouterr().out)
+    groups = {(row["method"], row["group"]): row for row in found["groups"]}
+    assert {method for method, _ in groups} == {"fit", "network"}
+    assert not [group for _, group in groups if not group.startswith("own E, open")]
+    assert all(row["factor_before"] == 1.0 for row in groups.values())
+    before, after = load_model(places["model"]), load_model(out)
+    assert after.record["intervals"]["source"] == "recordings of mine"
+    known = Known(modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own"), gap_m=GAP_M, globe=OPEN)
+    pixels = read_frame(places["mine"] / "frames" / "2.png")
+    scale = PixelScale.of(read_recording(places["mine"]).info.oct)
+    was, now = (model.read(pixels, scale, known) for model in (before, after))
+    assert now.force_n == was.force_n
+    name = next(group for method, group in groups if method == "fit")
+    widths = [answer.interval_n[1] - answer.force_n for answer in (was, now)]
+    assert widths[1] / widths[0] == pytest.approx(after.record["intervals"]["fit"][name], rel=1e-6)
+
+
+def test_intervals_take_a_reader_only_and_none_of_the_other_options(places, tmp_path: Path, capsys) -> None:
+    command = ["calibrate", str(places["mine"]), "--intervals", str(places["model"]), "--out", str(tmp_path / "new")]
+    assert run([*command, "--mechanics", "linear"]) == 2
+    assert "--intervals" in capsys.readouterr().err
+    assert run([*command[:-1], str(places["model"])]) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert run([*command[:3], str(tmp_path / "none"), *command[4:]]) == 2
+    assert "no such folder" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
