@@ -35,6 +35,7 @@ __all__ = [
     "bent_recordings",
     "bent_trials",
     "calibrate_bent",
+    "interval_eyes",
     "read_bent",
     "run_library",
     "train_bent_model",
@@ -42,6 +43,7 @@ __all__ = [
 ]
 
 CALIBRATED = 4  # of the five eyes, as in the paper (sec. 3.2, Table 2)
+INTERVAL_EYES = 60  # at most: 20 of each kind of globe
 CALIBRATION_FORCES_N = (10e-3, 20e-3, 30e-3)  # of the pushes before the trials: none above the bound of danger
 
 
@@ -95,7 +97,13 @@ def _calibrated(run: Run, recordings: Sequence[Recording], progress: Progress, l
 
 def train_force_reader(run: Run, progress: Progress) -> None:
     """Train the reader; `progress` counts epochs, then the eyes of its intervals."""
-    train_reader(run_library(run), run.study, run.reader, progress=progress, measured=progress)
+    study = replace(run.study, reader=replace(run.study.reader, interval_eyes=interval_eyes(run.study)))
+    train_reader(run_library(run), study, run.reader, progress=progress, measured=progress)
+
+
+def interval_eyes(study: Study) -> int:
+    """Return on how many virtual eyes the intervals of the run's reader are measured: fewer than of one to work with."""
+    return min(INTERVAL_EYES, study.reader.interval_eyes)
 
 
 def train_bent_model(run: Run, progress: Progress) -> None:

@@ -26,6 +26,7 @@ from scleraforce.reproduction.bent import (
     bend_eyes,
     bent_trials,
     calibrate_bent,
+    interval_eyes,
     read_bent,
     run_library,
     train_bent_model,
@@ -138,7 +139,7 @@ def _images(run: Run) -> int:
 
 
 def _reader_steps(run: Run) -> int:
-    return run.study.reader.epochs + run.study.reader.interval_eyes
+    return run.study.reader.epochs + interval_eyes(run.study)
 
 
 def _left_out_epochs(run: Run) -> int:
