@@ -102,7 +102,7 @@ def train_force_reader(run: Run, progress: Progress) -> None:
 
 
 def interval_eyes(study: Study) -> int:
-    """Return on how many virtual eyes the intervals of the run's reader are measured: fewer than of one to work with."""
+    """Return on how many eyes the intervals of the run's reader are measured: fewer than of one to work with."""
     return min(INTERVAL_EYES, study.reader.interval_eyes)
 
 
