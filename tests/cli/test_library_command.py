@@ -48,7 +48,7 @@ def test_an_interrupted_library_says_what_it_keeps_and_exits_with_130(study, tmp
 
     monkeypatch.setattr(library_build, "build_library", interrupted)
     assert run(["library", "--study", str(study), "--out", str(tmp_path / "d")]) == 130
-    assert "7 of 112 load paths are kept; the same command completes them" in capsys.readouterr().err
+    assert "7 of 144 load paths are kept; the same command completes them" in capsys.readouterr().err
 
 
 @pytest.mark.slow

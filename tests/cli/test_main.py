@@ -112,7 +112,10 @@ def test_init_writes_the_paper_study_once(tmp_path: Path, capsys) -> None:
 
 def test_init_prints_one_json_object(tmp_path: Path, capsys) -> None:
     assert run(["init", str(tmp_path / "a"), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"path": str(tmp_path / "a" / "study.toml")}
+    assert json.loads(capsys.readouterr().out) == {
+        "path": str(tmp_path / "a" / "study.toml"),
+        "preset": "ex-vivo",
+    }
 
 
 def test_every_command_has_json() -> None:

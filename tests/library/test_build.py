@@ -30,7 +30,7 @@ from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
 from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
 from scleraforce.study import LibraryStudy, NeedleStudy, Range, Study
 
-UNITS = 20 + 6 * 4 * 5  # paths, and those with other supports
+UNITS = 20 + 8 * 4 * 5  # paths, and those with other supports
 STUDY = Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))
 
 
@@ -115,7 +115,7 @@ def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
     chunk.unlink()
     with pytest.raises(InputError, match=r"curves: 1 of 20 chunks are missing"):
         open_library(path)
-    with pytest.raises(InputError, match="1 of 140 load paths are missing"):
+    with pytest.raises(InputError, match="1 of 180 load paths are missing"):
         complete_library(path, plan_library(STUDY))
 
 
@@ -159,7 +159,7 @@ def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):
 @pytest.mark.parametrize(
     ("solve", "said"),
     [
-        (no_solution, "path 0 of 140: no equilibrium"),
+        (no_solution, "path 0 of 180: no equilibrium"),
         (no_worker, "worker ended"),
     ],
 )

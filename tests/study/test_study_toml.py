@@ -2,7 +2,7 @@
 
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
-from types import UnionType
+from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 import pytest
@@ -44,7 +44,7 @@ def changed(record: Any, item: Any) -> st.SearchStrategy[Any]:
     elif isinstance(hint, UnionType) and Range in get_args(hint):
         pair = st.tuples(number, number).map(sorted).map(lambda ends: Range(min=ends[0], max=ends[1]))
         value = st.lists(number, min_size=1, max_size=4).map(lambda v: Choice(tuple(v))) | pair
-    elif get_origin(hint) is tuple:
+    elif get_origin(hint) is tuple or (isinstance(hint, UnionType) and NoneType in get_args(hint)):
         value = st.just(getattr(record, item.name))
     elif hint is bool:
         value = st.booleans()

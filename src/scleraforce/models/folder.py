@@ -20,6 +20,7 @@ from scleraforce.whole_files import KINDS, read_bytes
 
 __all__ = [
     "CARD_FILE",
+    "COMMON_FILES",
     "FILES",
     "LIBRARY_FILE",
     "MODEL_FORMAT",
