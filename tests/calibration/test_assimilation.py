@@ -35,7 +35,7 @@ def test_modulus_is_within_2_percent_and_10_kpa_after_24_frames(laboratory: Any,
     assert all(step.result.status == "ok" for step in steps)
 
 
-@pytest.mark.parametrize("rule", ["canonical", "star"])
+@pytest.mark.parametrize("rule", [pytest.param("canonical", marks=pytest.mark.slow), "star"])
 def test_other_sigma_points_agree(laboratory: Any, eye: PhantomEye, rule: str) -> None:
     frames = laboratory.frames(eye, FORCES[:6], np.random.default_rng(1))
     model = laboratory.model(laboratory.stated(eye))

@@ -38,6 +38,7 @@ def test_an_even_wall_stays_as_it_is(eye: VirtualEye) -> None:
     np.testing.assert_array_equal(without_form(eye.model, seen, STUDY.calibration).depth_m, seen.depth_m)
 
 
+@pytest.mark.slow
 def test_a_cornea_in_view_hardly_changes_the_modulus(eye: VirtualEye) -> None:
     assert isinstance(eye.model, LibraryEye)
     cornea = replace(eye, forms=Forms(**{name: np.array([value]) for name, value in RIGHT.items()}))

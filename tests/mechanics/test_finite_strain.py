@@ -226,6 +226,7 @@ def test_a_tilted_needle_moves_the_wall_sideways() -> None:
     assert 0.0 < sideways_m < 0.17 * path.tip_m(5e-3)
 
 
+@pytest.mark.slow
 def test_the_pressure_of_a_sealed_globe_follows_the_volume_that_the_dent_displaces() -> None:
     path, inner = coarse_path(GLOBE), coarse_wall().inner
     assert path.pressures_pa[0] == pytest.approx(IOP)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from analytic_frames import IOP_PA, LIBRARY, STUDY, THICKNESS_M
 from calibrated_eye import calibration_of_a_sealed_eye
 
@@ -16,6 +17,7 @@ from scleraforce.report.calibration_figures import draw_observed_points
 from scleraforce.section.plane import Section
 
 
+@pytest.mark.slow
 def test_the_wall_of_a_sealed_eye_is_drawn_through_its_predicted_points() -> None:
     """With the rigidity that the frames told, which is another than the one in the middle of what was known."""
     truth = EyeConstants(

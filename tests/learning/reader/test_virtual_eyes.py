@@ -54,6 +54,7 @@ def test_beyond_the_limbus_the_surface_curves_like_the_cornea(side: float) -> No
     assert np.abs(depths[OUTER][side * across_m < 1e-3]).max() < 2e-6
 
 
+@pytest.mark.slow
 def test_eyes_are_told_open_sealed_or_nothing_by_turns(library) -> None:
     eyes = [draw_eye(EXACT, library, number, np.random.default_rng(number)) for number in range(3)]
     assert [eye.told.globe for eye in eyes] == [OPEN, SEALED, UNKNOWN]

@@ -61,6 +61,7 @@ def test_no_number_of_wrong_tokens_keeps_the_operator_waiting_and_the_monitor_he
         assert more
 
 
+@pytest.mark.slow
 def test_sockets_that_say_nothing_give_way_to_a_page() -> None:
     with ConsoleMonitor() as monitor, ExitStack() as stack:
         silent = [stack.enter_context(page(monitor)) for _ in range(MOST_PAGES)]
@@ -70,6 +71,7 @@ def test_sockets_that_say_nothing_give_way_to_a_page() -> None:
         assert json.loads(silent[1].recv(timeout=10))["kind"] == "hello"
 
 
+@pytest.mark.slow
 def test_a_page_that_answers_keeps_its_place_while_silent_ones_come() -> None:
     with ConsoleMonitor() as monitor, ExitStack() as stack:
         lively = stack.enter_context(page(monitor))
