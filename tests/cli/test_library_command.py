@@ -34,7 +34,7 @@ def test_a_library_is_made_and_its_size_and_time_are_said(study, tmp_path, capsy
     out = tmp_path / "library.zarr"
     assert run(["library", "--study", str(study), "--out", str(out), "--workers", "1", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert answer["paths"] == 16 + 6 * 16
+    assert answer["paths"] == 16 + 8 * 16
     assert answer["seconds"] > 0.0
     assert open_library(out).force_ratio_tpd.shape == (4, 4, 4)
     assert run(["library", "--study", str(study), "--out", str(out)]) == 2

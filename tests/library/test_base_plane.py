@@ -72,7 +72,7 @@ def test_forces_behind_the_limbus_are_those_of_polar_path_as_far_as_the_base_let
     tips, polar = np.array([0.2e-3, 1e-3, 2.1e-3, 3.3e-3, 4e-3, 4.6e-3]), float(np.radians(LARGEST_POLAR_DEG))
     expected = forces_beside_the_pole(thickness, ratio, polar, tips)
     found = library.for_contact(polar).forces(np.full(6, thickness), np.full(6, ratio), tips)
-    assert found[:5] == pytest.approx(expected[:5], rel=5e-3)
+    assert found[:5] == pytest.approx(expected[:5], rel=1e-2)
     assert found[5] == pytest.approx(expected[5], rel=2e-2)
 
 

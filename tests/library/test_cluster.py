@@ -87,7 +87,7 @@ def test_a_worker_killed_half_way_changes_no_byte(cluster, tmp_path):
         STUDY, tmp_path / "cluster", scheduler=cluster.address, progress=kill_half_way, solve=solve_slowly
     )
     assert victim.wait() == -signal.SIGKILL
-    assert result.solved == sum(done) == 140
+    assert result.solved == sum(done) == 180
     build_library(STUDY, tmp_path / "here", workers=2, solve=solve_analytic)
     assert contents(tmp_path / "cluster") == contents(tmp_path / "here")
 

@@ -40,17 +40,25 @@ def base_stiffness(
     angles = np.radians(np.insert(SUPPORTS_DEG, RIGHT_ANGLE, 90.0))
     polar_rad = np.radians(np.linspace(0.0, LARGEST_POLAR_DEG, POLAR_ANGLES))
     around = np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
-    factor = [
-        1.0 + SHARE * (_along(angles, ratio_bklt, base_angle(float(polar), around)).mean(axis=0) - 1.0)
-        for polar in polar_rad
-    ]
-    factor_aklt = np.stack(factor)
+    factor_aklt = np.stack([_factor(angles, ratio_bklt, base_angle(float(polar), around)) for polar in polar_rad])
     for axis, (values, known) in enumerate(zip((thickness_m, tension), nodes, strict=True), start=1):
         moved = np.moveaxis(factor_aklt, axis, 0)
         factor_aklt = np.moveaxis(_along(np.log(values[known]), moved, np.log(values)), 0, axis)
     # The ratio has a limit at no dent, and stays as it is beyond the last tip.
     column = np.clip(np.arange(len(tip_m)) - 1, 0, tips - 2)
     return polar_rad, np.ascontiguousarray(factor_aklt[..., column])
+
+
+def _factor(angles: Floats, ratio_bklt: Floats, base_rad: Floats) -> Floats:
+    """Return the factor (k, l, t) of a contact whose base lies so far away around it.
+
+    The outermost supports, which deep dents run into, would make the spline between the others swing: they count where
+    they are needed.
+    """
+    inner = angles[1] <= base_rad.min() and base_rad.max() <= angles[-2]
+    near = slice(1, -1) if inner else slice(None)
+    factor: Floats = 1.0 + SHARE * (_along(angles[near], ratio_bklt[near], base_rad).mean(axis=0) - 1.0)
+    return factor
 
 
 def _along(nodes: Floats, values: Floats, places: Floats) -> Floats:
