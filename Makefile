@@ -5,6 +5,7 @@ SHELL := /bin/bash
 OUT ?= out/reproduce
 FIGURES ?= out/figures
 PYTEST_ARGS ?= -n 2 --dist worksteal
+SLOW ?= slow
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 PIP := .venv/bin/python -m pip --disable-pip-version-check -qq
 FIND_PYTHON = for python in python3.11 python3 python3.12 python3.13; do \
@@ -23,7 +24,7 @@ test: .venv/installed  ## the default tests
 	$(ONE_THREAD) .venv/bin/pytest $(PYTEST_ARGS)
 
 slow: .venv/installed  ## the tests that take longer (some need Chromium, CalculiX or g++)
-	$(ONE_THREAD) .venv/bin/pytest $(PYTEST_ARGS) -m slow
+	$(ONE_THREAD) .venv/bin/pytest $(PYTEST_ARGS) -m '$(SLOW)'
 
 lint: .venv/installed  ## ruff (rules and format) and mypy
 	.venv/bin/ruff check .

@@ -67,7 +67,8 @@ def pages_with_commands() -> list[object]:
     for page in PAGES:
         used = {name for example in examples(page) for name in COMMANDS if f"scleraforce {name}" in example.command}
         if any(not example.command.startswith(("make", "cd ", "git ")) for example in examples(page)):
-            found.append(pytest.param(page, id=page.name, marks=[pytest.mark.slow] if used & SLOW_COMMANDS else []))
+            marks = [pytest.mark.slow, *[pytest.mark.long] * (page.name != "README.md")] if used & SLOW_COMMANDS else []
+            found.append(pytest.param(page, id=page.name, marks=marks))
     return found
 
 

@@ -120,6 +120,7 @@ def test_parameters_that_do_not_exist_are_refused(laboratory: Any, eye: PhantomE
         eye_filter(model, laboratory.study.calibration, parameters)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_true_modulus_lies_within_two_sd_for_at_least_90_percent_of_30_eyes(laboratory: Any) -> None:
     rng, honest, right = np.random.default_rng(7), 0, 0

@@ -38,6 +38,7 @@ NARROW = LibraryStudy(
 )
 
 
+@pytest.mark.long
 def test_after_five_frames_the_modulus_is_within_3_percent_and_two_sd(tmp_path: Path) -> None:
     study, rng = replace(Study(), library=NARROW), np.random.default_rng(3)
     sections = finite_strain_sections(EYE, study)(FORCES)

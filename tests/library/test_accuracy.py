@@ -13,6 +13,7 @@ from scleraforce.study import Study
 WALLS = 12
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_interpolation_is_worth_a_tenth_of_a_pixel_and_half_a_per_cent(tmp_path):
     study = Study()

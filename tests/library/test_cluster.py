@@ -92,6 +92,7 @@ def test_a_worker_killed_half_way_changes_no_byte(cluster, tmp_path):
     assert contents(tmp_path / "cluster") == contents(tmp_path / "here")
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_real_paths_are_the_same_on_a_cluster_and_on_processes(cluster, tmp_path):
     cluster.worker()

@@ -108,6 +108,7 @@ def test_a_sealed_eye_is_that_of_a_path_with_its_own_volumes(
     np.testing.assert_allclose(forces_n, path.force_ratio_m2[1:] * modulus_pa, rtol=2e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("thickness_m", "modulus_pa", "iop_pa", "rigidity"), [(0.6e-3, 0.45e6, 266.0, 0.03), (0.8e-3, 0.3e6, 530.0, 0.02)]
 )

@@ -47,6 +47,7 @@ def coarse_path(globe: Globe = OPEN_GLOBE, largest_step_m: float = 3e-4) -> Load
     )
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("thickness_m", "modulus_pa", "polar_deg", "loads"),
@@ -69,6 +70,7 @@ def test_reference_problem_r2_on_its_own_mesh_and_loads(
     np.testing.assert_allclose(-1e3 * np.array(moved_nc) @ contact.normal, expected_mm, rtol=2.5e-3, atol=6e-4)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_reference_problem_r2_on_the_default_mesh() -> None:
     """Here the tip is that at the load's centre, 0.2 mm beside the node of the reference."""

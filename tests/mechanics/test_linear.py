@@ -102,6 +102,7 @@ def test_strain_energy_of_trilinear_elements_converges_with_second_order() -> No
     assert observed_order([8, 16, 32], order=1, layers=2) == pytest.approx(2.0, abs=0.25)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_tip_displacement_of_r1_converges() -> None:
     tips = []

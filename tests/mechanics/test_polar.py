@@ -84,6 +84,7 @@ def test_beside_the_needle_the_shift_is_the_motion_along_the_meridian() -> None:
     np.testing.assert_allclose(found, expected, rtol=0.05)  # the third harmonic is left out
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_needle_near_the_base_meets_the_force_of_three_dimensions() -> None:
     contact = Contact(polar_rad=np.radians(50.0))

@@ -141,6 +141,7 @@ def test_another_study_is_refused_with_one_line(done) -> None:
     assert re.fullmatch(r"error: .*: made from another study; remove it or give a new folder\n", result.stderr)
 
 
+@pytest.mark.long
 def test_control_c_leaves_a_folder_that_the_same_command_finishes(study: Path, tmp_path: Path, done) -> None:
     out = tmp_path / "out"
     shutil.copytree(done[0], out)

@@ -93,6 +93,7 @@ def test_phantoms_over_the_range_of_their_parameters_reach_the_dice_that_was_ask
     assert_dice_of_phantoms(eyes=5, frames=8, seed=2)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_three_hundred_phantoms_reach_the_dice_that_was_asked_for():
     assert_dice_of_phantoms(eyes=15, frames=20, seed=3)

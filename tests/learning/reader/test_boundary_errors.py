@@ -105,6 +105,7 @@ def test_sides_are_lost_as_often_and_as_far_as_stated() -> None:
     assert abs(lost[:, :70].sum(axis=1)[lost[:, 0]].mean() - 5.5) < 0.4  # the mean of an exponential, rounded up
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_errors_made_are_like_those_of_freshly_segmented_frames(tmp_path) -> None:
     study = Study(
