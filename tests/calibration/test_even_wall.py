@@ -7,7 +7,6 @@ import pytest
 from analytic_library import analytic_library
 
 from scleraforce.calibration.even_wall import without_form
-from scleraforce.calibration.library_eye import LibraryEye
 from scleraforce.learning.reader.uneven import Forms
 from scleraforce.learning.reader.virtual_eyes import VirtualEye, calibrated, draw_eye, draw_frames
 from scleraforce.study import Range, ReaderStudy, Study, fixed
@@ -33,14 +32,12 @@ def boundaries(eye: VirtualEye):
 
 
 def test_an_even_wall_stays_as_it_is(eye: VirtualEye) -> None:
-    assert isinstance(eye.model, LibraryEye)
     seen = boundaries(eye)
     np.testing.assert_array_equal(without_form(eye.model, seen, STUDY.calibration).depth_m, seen.depth_m)
 
 
 @pytest.mark.slow
 def test_a_cornea_in_view_hardly_changes_the_modulus(eye: VirtualEye) -> None:
-    assert isinstance(eye.model, LibraryEye)
     cornea = replace(eye, forms=Forms(**{name: np.array([value]) for name, value in RIGHT.items()}))
     moduli_pa = []
     for one in (eye, cornea):

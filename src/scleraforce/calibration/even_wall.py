@@ -9,19 +9,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from scleraforce.calibration.eye_model import known_of_constants
 from scleraforce.calibration.library_eye import LibraryEye
 from scleraforce.fitting.fit_prediction import FORM
-from scleraforce.fitting.library_fit import fit_boundaries
+from scleraforce.fitting.library_fit import NO_WALL_M, fit_boundaries
 from scleraforce.fitting.prior import form_size, prior_of
 from scleraforce.fitting.resting_form import form_depths
-from scleraforce.known.eye import Known, Modulus
+from scleraforce.known.eye import Modulus
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import CalibrationStudy, ReaderStudy
 
 __all__ = ["without_form"]
 
 CLEAR = 4.0  # forms that are smaller than so many times their spread are left
-LARGEST_MISFIT_M = 25e-6  # as of a reader: what is farther off is no wall
 
 
 def without_form(eye: LibraryEye, boundaries: Boundaries, study: CalibrationStudy) -> Boundaries:
@@ -32,20 +32,13 @@ def without_form(eye: LibraryEye, boundaries: Boundaries, study: CalibrationStud
         boundaries: of the frame.
         study: the prior of the modulus.
     """
-    constants = eye.constants
     modulus = Modulus(mean_pa=study.prior_mean_pa, sd_pa=study.prior_sd_pa, source="population")
-    known = Known(
-        modulus=modulus,
-        iop_pa=constants.iop_pa,
-        thickness_m=constants.thickness_m,
-        gap_m=constants.gap_m,
-        globe=constants.globe,
-    )
+    known = known_of_constants(eye.constants, modulus)
     prior = prior_of(known, ReaderStudy())  # nothing is left for it to say
     fit = fit_boundaries(eye.library, boundaries.lateral_m, boundaries.depth_m, prior, eye.smoothing_m)
-    if fit is None or fit.misfit_m > LARGEST_MISFIT_M or form_size(fit.unknown) < CLEAR:
+    if fit is None or fit.misfit_m > NO_WALL_M or form_size(fit.unknown) < CLEAR:
         return boundaries
     from_contact_m = boundaries.lateral_m - fit.contact_m
-    inner = np.ones_like(from_contact_m)
-    added = [form_depths(fit.unknown[FORM], from_contact_m, part)[0] for part in (0.0 * inner, inner)]
+    both = (np.full_like(from_contact_m, is_inner) for is_inner in (0.0, 1.0))
+    added = [form_depths(fit.unknown[FORM], from_contact_m, is_inner)[0] for is_inner in both]
     return replace(boundaries, depth_m=boundaries.depth_m - np.stack(added))

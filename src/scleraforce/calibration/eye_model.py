@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, KnownGlobe
 
 __all__ = [
@@ -16,6 +17,7 @@ __all__ = [
     "EyeConstants",
     "EyeModel",
     "WallState",
+    "known_of_constants",
     "lagrange",
     "parameter_sections",
     "polar_nodes",
@@ -102,6 +104,18 @@ def stated_wall(
         gap_m=constants.gap_m,
         polar_rad=polar_rad,
         rigidity_pa13_per_m3=constants.globe.mean if rigidity_pa13_per_m3 is None else rigidity_pa13_per_m3,
+    )
+
+
+def known_of_constants(constants: EyeConstants, modulus: Modulus | None = None) -> Known:
+    """Return what a reader is told of an eye of which this is stated, and its modulus."""
+    return Known(
+        modulus=modulus,
+        iop_pa=constants.iop_pa,
+        thickness_m=constants.thickness_m,
+        gap_m=constants.gap_m,
+        polar_rad=constants.polar_rad,
+        globe=constants.globe,
     )
 
 

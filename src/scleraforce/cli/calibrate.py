@@ -1,5 +1,6 @@
 """`scleraforce calibrate`: Young's modulus from recordings."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -112,33 +113,17 @@ def calibrate(
 def _stretch(model: Path, recordings: tuple[Path, ...], out: Path, frames: int, as_json: bool) -> None:
     """Write a reader whose intervals hold on recordings, and say by how much they changed."""
     from scleraforce.notebook.work import recalibrate_intervals
-    from scleraforce.reader.model import load_force_reader
 
-    before, scores = recalibrate_intervals(model, recordings, out, count_bar, frames=frames)
-    after = load_force_reader(out).factors
-    groups = [
-        {
-            "method": method,
-            "group": group,
-            "eyes": len({entry.eye for entry in found}),
-            "readings": len(found),
-            "held": sum(entry.score <= 1.0 for entry in found) / len(found),
-            "factor_before": getattr(before.factors, method).get(group, 1.0),
-            "factor": getattr(after, method)[group],
-        }
-        for method, group in sorted({(entry.method, entry.group) for entry in scores})
-        for found in [[entry for entry in scores if (entry.method, entry.group) == (method, group)]]
-    ]
+    changes = recalibrate_intervals(model, recordings, out, count_bar, frames=frames)
     if as_json:
-        print_json({"model": str(out), "from": str(model), "groups": groups})
+        print_json({"model": str(out), "from": str(model), "groups": [asdict(change) for change in changes]})
         return
     click.echo(f"{'method':<9}{'group':<24}{'eyes':>5}{'readings':>10}{'held':>7}{'factor':>15}")
-    for row in groups:
-        change = f"{row['factor_before']:.2f} -> {row['factor']:.2f}"
-        click.echo(
-            f"{row['method']:<9}{row['group']:<24}{row['eyes']:>5}{row['readings']:>10}{row['held']:>7.0%}{change:>15}"
-        )
-    if max(int(str(row["eyes"])) for row in groups) < FEW_EYES:
+    for change in changes:
+        counts = f"{change.eyes:>5}{change.readings:>10}{change.held:>7.0%}"
+        factors = f"{change.factor_before:.2f} -> {change.factor:.2f}"
+        click.echo(f"{change.method:<9}{change.group:<24}{counts}{factors:>15}")
+    if max(change.eyes for change in changes) < FEW_EYES:
         click.echo(f"note: fewer than {FEW_EYES} eyes: the widest of their readings counts")
     click.echo(f"wrote {out}")
 

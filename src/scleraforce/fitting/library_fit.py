@@ -37,13 +37,15 @@ from scleraforce.fitting.placement import Placed, Places
 from scleraforce.fitting.prior import HEAVY, Prior
 from scleraforce.library.responses import Library
 
-__all__ = ["BoundaryFit", "fit_boundaries"]
+__all__ = ["NO_WALL_M", "BoundaryFit", "fit_boundaries"]
 
 Array = NDArray[np.float64]
 
 COLUMNS = 110  # of each boundary that are fitted
 POINT_SD_M = np.array([5e-6, 9e-6])  # of the outer and the inner boundary along their normal
 CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
+# What is farther off is no wall. Virtual eyes reach 8 um, those that are no spheres of one material 18 um.
+NO_WALL_M = 25e-6
 OUTLIER_SD = 8.0
 LAYER_M = 0.3e-3  # so far below the wall the choroid may end, which stretches of the inner boundary may follow
 HEAVY_CAUCHY = 2.0  # standard deviations, of what has a heavy prior

@@ -4,7 +4,6 @@ Commands show bars and notebooks call the `progress` of their user, so whoever a
 Each function imports the rooms that it needs: they take seconds, PyTorch most of them.
 """
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from os import PathLike
@@ -22,8 +21,7 @@ if TYPE_CHECKING:
     from scleraforce.learning.classifier.train import Trained
     from scleraforce.learning.reader.train import TrainedReader
     from scleraforce.library import Library
-    from scleraforce.reader.force_reader import ForceReader
-    from scleraforce.reader.interval_scores import Score
+    from scleraforce.reader.interval_scores import GroupChange
 
 __all__ = [
     "Counting",
@@ -115,7 +113,7 @@ def calibrate_eyes(
 
 def recalibrate_intervals(
     model: str | PathLike[str], recordings: Sequence[str | PathLike[str]], out: Path, counting: Counting, *, frames: int
-) -> "tuple[ForceReader, list[Score]]":
+) -> "tuple[GroupChange, ...]":
     """Write a reader whose intervals hold on recordings: counts "calibration" and "reading".
 
     Each eye is calibrated on so many of its frames; the others are read, and their scores stretch the intervals.
@@ -128,17 +126,17 @@ def recalibrate_intervals(
         frames: of each recording that calibrate its eye.
 
     Returns:
-        The reader as it was, and the scores of its readings: 1 is at the end of an interval.
+        How the readings of each group did, and its factors before and after.
 
     Raises:
         InputError: the model is no reader, a recording cannot be calibrated on, or leaves no frame to read.
     """
     from scleraforce.calibration.calibrate import calibrate_recordings
-    from scleraforce.calibration.saved import calibration_as_json
-    from scleraforce.known.calibration_file import parse_calibration_file, summary_of
     from scleraforce.models.folder import CARD_FILE, COMMON_FILES, NETWORK_FILE, STUDY_FILE, read_folder
     from scleraforce.models.writing import check_place, write_folder
-    from scleraforce.reader.interval_scores import recording_scores, stretched
+    from scleraforce.notebook.frames import summary_of_calibration
+    from scleraforce.reader.interval_factors import parse_factors
+    from scleraforce.reader.interval_scores import group_changes, recording_scores, stretched
     from scleraforce.reader.model import load_force_reader
 
     check_place(out)
@@ -148,8 +146,7 @@ def recalibrate_intervals(
         calibration = calibrate_recordings(
             each, study, study_hash(study), reader.library, frames=frames, progress=advance
         )
-    text = json.dumps(calibration_as_json(calibration)).encode()
-    summary = summary_of(parse_calibration_file(text, "calibration"))
+    summary = summary_of_calibration(calibration)
     with counting("reading", count) as advance:
         scores = [found for recording in each for found in recording_scores(reader, recording, summary, advance)]
     if not scores:
@@ -161,7 +158,7 @@ def recalibrate_intervals(
     study_toml, card = (folder.files[name].decode() for name in (STUDY_FILE, CARD_FILE))
     card += f"\n## Intervals\nStretched to hold on {source}, by groups that `intervals` of model.json names.\n"
     write_folder(out, folder.files[NETWORK_FILE], study_toml, card, record, more)
-    return reader, scores
+    return group_changes(scores, reader.factors, parse_factors(record, str(out)))
 
 
 def simulate_slices(

@@ -26,6 +26,8 @@ __all__ = [
     "quantile",
     "ratio_edges",
     "single_force",
+    "stretched_interval",
+    "unstretched",
 ]
 
 Floats = NDArray[np.float64]
@@ -142,10 +144,25 @@ def single_force(
     low_n, median_n, high_n = (
         modulus_pa * _crossing(sums, edges_m2, share * total) for share in (INTERVAL[0], 0.5, INTERVAL[1])
     )
-    low_n, high_n = (max(median_n + factor * (end_n - median_n), 0.0) for end_n in (low_n, high_n))
-    asked_n = (max(median_n + (bound_n - median_n) / factor, 0.0) for bound_n in bounds_n)
+    low_n, high_n = stretched_interval(median_n, (low_n, high_n), factor)
+    asked_n = unstretched(median_n, bounds_n, factor)
     below = [0.0, *(_sum_below(sums, edges_m2, force_n / modulus_pa) / total for force_n in asked_n), 1.0]
     return SingleForce(median_n, (low_n, high_n), tuple(after - before for before, after in pairwise(below)))
+
+
+def stretched_interval(median_n: float, interval_n: tuple[float, float], factor: float) -> tuple[float, float]:
+    """Return an interval whose distribution is stretched about its median by a factor; no force is below 0."""
+    low_n, high_n = (max(median_n + factor * (end_n - median_n), 0.0) for end_n in interval_n)
+    return low_n, high_n
+
+
+def unstretched(median_n: float, forces_n: tuple[float, ...], factor: float) -> tuple[float, ...]:
+    """Return the forces of which a distribution says what the one that is stretched by a factor says of `forces_n`.
+
+    >>> unstretched(10.0, (16.0, 1.0), 2.0)
+    (13.0, 5.5)
+    """
+    return tuple(max(median_n + (force_n - median_n) / factor, 0.0) for force_n in forces_n)
 
 
 def _crossing(sums: Sequence[float], edges_m2: Sequence[float], wanted: float) -> float:

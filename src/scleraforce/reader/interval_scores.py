@@ -20,7 +20,17 @@ from scleraforce.recording.files import Recording, frame_digest
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
 
-__all__ = ["LEVEL", "Score", "interval_factors", "intervals_record", "recording_scores", "score", "stretched"]
+__all__ = [
+    "LEVEL",
+    "GroupChange",
+    "Score",
+    "group_changes",
+    "interval_factors",
+    "intervals_record",
+    "recording_scores",
+    "score",
+    "stretched",
+]
 
 LEVEL = 0.9
 LEAST_N = 1e-6  # of a half interval
@@ -35,6 +45,22 @@ class Score:
     group: str
     eye: str
     score: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroupChange:
+    """How a group's readings did, and what becomes of the factor of its intervals.
+
+    `held`: the share of the readings whose interval held the force, with the factor before.
+    """
+
+    method: str
+    group: str
+    eyes: int
+    readings: int
+    held: float
+    factor_before: float
+    factor: float
 
 
 def score(reading: Reading, force_n: float) -> float:
@@ -112,6 +138,25 @@ def recording_scores(
                 yield Score(method, group, eye, score(reading, force_n))
         if progress:
             progress(1)
+
+
+def group_changes(scores: Sequence[Score], before: IntervalFactors, after: IntervalFactors) -> tuple[GroupChange, ...]:
+    """Return what scores say of each group that they are of, with its factors before and after."""
+    found: dict[tuple[str, str], list[Score]] = {}
+    for entry in scores:
+        found.setdefault((entry.method, entry.group), []).append(entry)
+    return tuple(
+        GroupChange(
+            method=method,
+            group=group,
+            eyes=len({entry.eye for entry in entries}),
+            readings=len(entries),
+            held=sum(entry.score <= 1.0 for entry in entries) / len(entries),
+            factor_before=getattr(before, method).get(group, 1.0),
+            factor=getattr(after, method).get(group, 1.0),
+        )
+        for (method, group), entries in sorted(found.items())
+    )
 
 
 def stretched(before: IntervalFactors, scores: Sequence[Score], source: str) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from math import hypot, isfinite
 
 from scleraforce.fitting.fit_prediction import LATERAL
 from scleraforce.fitting.library_fit import BoundaryFit
+from scleraforce.reader.force_distribution import stretched_interval, unstretched
 from scleraforce.units import from_si
 
 __all__ = ["METHODS", "Reading", "disagreement", "fit_reading"]
@@ -46,12 +47,10 @@ class Reading:
 
 def fit_reading(fit: BoundaryFit, bounds_n: tuple[float, ...], factor: float = 1.0) -> Reading:
     """Return what a fit says, its uncertainty stretched about the median by a factor (`interval_factors`)."""
-    median_n = fit.force_n
-    low_n, high_n = (max(median_n + factor * (end_n - median_n), 0.0) for end_n in fit.interval_n)
     return Reading(
-        probabilities=fit.probabilities(tuple(median_n + (bound_n - median_n) / factor for bound_n in bounds_n)),
-        force_n=median_n,
-        interval_n=(low_n, high_n),
+        probabilities=fit.probabilities(unstretched(fit.force_n, bounds_n, factor)),
+        force_n=fit.force_n,
+        interval_n=stretched_interval(fit.force_n, fit.interval_n, factor),
         contact_m=fit.contact_m,
         contact_sd_m=float(fit.sd[LATERAL]),
     )

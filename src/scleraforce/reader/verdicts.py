@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.fitting.fit_prediction import FORM, INNER_OFFSET, SIZE, THICKNESS
-from scleraforce.fitting.library_fit import BoundaryFit
+from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit
 from scleraforce.fitting.prior import Prior
 from scleraforce.fitting.resting_form import FORMS
 from scleraforce.reader.readings import Reading
@@ -15,8 +15,6 @@ from scleraforce.units import from_si
 __all__ = ["allows_calibration", "contact_outside", "dent_leaves", "fit_leaves", "no_wall_of_an_eye", "too_little_wall"]
 
 LEAST_WALL_SHARE = 0.7  # of the slice's width, from end to end: on less, many a surface is like an eye's
-# Virtual eyes reach 8 um, those that are no spheres of one material 18 um (docs/reader.md).
-MISFIT_M = 25e-6
 OUTLIERS = 0.3  # deep dents have steep sides, which are segmented badly: in a fit that is good otherwise
 ROUGH_M, ROUGH_OUTLIERS = 8e-6, 0.1  # ... in one that is less good they say that it is none
 DEVIATION_SD = 4.0  # of thickness and size from what they are known to be
@@ -105,7 +103,7 @@ def no_wall_of_an_eye(fit: BoundaryFit, prior: Prior) -> str | None:
         fit: to the frame's boundaries.
         prior: what was known before it.
     """
-    if not fit.misfit_m <= MISFIT_M:
+    if not fit.misfit_m <= NO_WALL_M:
         return f"not the wall of an eye: {from_si(fit.misfit_m, 'um'):.0f} µm off the nearest that is known"
     if not fit.outliers <= (OUTLIERS if fit.misfit_m <= ROUGH_M else ROUGH_OUTLIERS):
         return f"not the wall of an eye: {fit.outliers:.0%} of the columns are far off the nearest that is known"

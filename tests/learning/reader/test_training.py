@@ -177,3 +177,20 @@ def test_a_reader_is_not_trained_on_a_folder_of_slices(tmp_path: Path, capsys) -
     assert "library" in capsys.readouterr().err
     assert run(["train", str(tmp_path), "--kind", "reader", "--search", "--out", str(tmp_path / "model")]) == 2
     assert "--search" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_training_ends_with_intervals_that_are_measured(library, tmp_path: Path) -> None:
+    study = replace(TINY, reader=replace(TINY.reader, epochs=1, interval_eyes=3))
+    counted: list[int] = []
+    train_reader(library, study, tmp_path / "model", workers=2, measured=counted.append)
+    model = load_model(tmp_path / "model")
+    intervals = model.record["intervals"]
+    assert counted == [1, 1, 1]
+    assert 1 <= intervals["eyes"] <= 3
+    assert {group.split(", ")[0] for group in intervals["network"]} == {"own E", "other E"}
+    assert model.factors.network == intervals["network"]
+    assert model.factors.fit == intervals["fit"]
+    assert "measured on" in (tmp_path / "model" / "card.md").read_text()
+    train_reader(library, study, tmp_path / "again", workers=1)
+    assert load_model(tmp_path / "again").record["intervals"] == intervals

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from analytic_library import analytic_library
 
+from scleraforce.errors import CalibrationError
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
 from scleraforce.learning.reader.uneven import CORNEA_RADIUS_M, Forms, added_depths, draw_forms
 from scleraforce.learning.reader.virtual_eyes import calibrated, draw_eye, draw_frames, of_population
@@ -79,3 +80,10 @@ def test_what_is_told_of_other_eyes_is_off_as_eyes_differ(library) -> None:
     rng = np.random.default_rng(1)
     means = [found.mean_pa for _ in range(2000) if (found := of_population(eye, study, rng).modulus)]
     assert np.std(means) / eye.wall.youngs_modulus_pa == pytest.approx(0.12, rel=0.06)
+
+
+def test_an_eye_that_the_library_does_not_hold_at_rest_is_refused(library) -> None:
+    high = Range(min=10e3, max=10.5e3)
+    study = replace(EXACT, reader=replace(EXACT.reader, iop_pa=high, youngs_modulus_pa=Range(min=1e4, max=1.1e4)))
+    with pytest.raises(CalibrationError, match="pressure"):
+        draw_eye(study, library, 0, np.random.default_rng(0))

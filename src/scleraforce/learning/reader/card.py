@@ -51,6 +51,8 @@ sealed; a rigidity of up to {from_si(UNKNOWN.highest, "mmhg13_per_ul"):g} mmHg^(
 | contact, below the upper edge | {_spread(reader.surface_depth_m.bounds, "mm", "mm")} |
 | tilt of the B-scan | {_spread(reader.tilt_rad.bounds, "deg", "°")} |
 | rotation in the B-scan | {_spread(reader.rotation_rad.bounds, "deg", "°")} |
+| no even spheres at rest (ellipsoids, a cornea in view, walls that grow thicker) | {reader.uneven_share:.0%} of the \
+samples |
 | size 1, no tilt, no rotation | {reader.plain_share:.0%} of the samples |
 | errors of the boundaries | {reader.boundary_errors:g} times those of the segmentation on rendered frames |
 | told values are missing | modulus {reader.modulus_missing_fraction:.0%}, IOP {reader.iop_missing_fraction:.0%}, \
@@ -68,12 +70,21 @@ evaluate` tells.
 ## Limits
 - Its answer scales with the modulus that it is told: one that is 10 % too large reads forces 10 % too large.
 - The forces of its training are even: where a slice says little, its answer leans to the middle of the range.
-- Eyes are spheres of one material with an even wall; others are read as the nearest of these.
+- Eyes are spheres of one material; of others the form at rest is known, not how they bend.
+- {_intervals(record)}
 - Outside the ranges above it still answers, and can be wrong with narrow intervals.
 
 ## Intended use
 Research on force reading from OCT. Not a medical device; not for use on patients.
 """
+
+
+def _intervals(record: Mapping[str, Any]) -> str:
+    """Return on what the width of the intervals rests."""
+    intervals = record.get("intervals")
+    if intervals is None:
+        return "Its intervals are as its methods say: they were not measured on whole eyes."
+    return f"Its intervals were measured on {intervals['eyes']} eyes: {intervals['source']}."
 
 
 def _spread(bounds: tuple[float, ...], unit: HumanUnit, printed: str) -> str:

@@ -16,7 +16,7 @@ from scleraforce.library.under_force import iop_ratio_under_force
 from scleraforce.reader.given import Told, given_inputs, told_modulus
 from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy
 
-__all__ = ["Eyes", "ReaderSamples", "draw_eyes", "draw_samples"]
+__all__ = ["Eyes", "ReaderSamples", "draw_eyes", "draw_samples", "log_even"]
 
 Floats = NDArray[np.float64]
 
@@ -107,7 +107,7 @@ def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.
     plain = rng.random(count) < reader.plain_share
     missing = np.arange(count)
     for _ in range(ROUNDS):  # a corner of the ranges may lie outside the library: draw these again
-        iop_pa[missing] = _log_even(reader.iop_pa, len(missing), rng)
+        iop_pa[missing] = log_even(reader.iop_pa, len(missing), rng)
         thickness_m[missing] = reader.thickness_m.sample(rng, len(missing))
         size[missing] = np.where(plain[missing], 1.0, reader.size.sample(rng, len(missing)))
         inside = library.covers(
@@ -177,7 +177,7 @@ def _globes(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[
         low[which], high[which] = globe.band
     told = sealed & ~missing
     middle = rng.uniform(UNKNOWN.lowest, UNKNOWN.highest, count)
-    sd = _log_even(reader.rigidity_sd_pa13_per_m3, count, rng)
+    sd = log_even(reader.rigidity_sd_pa13_per_m3, count, rng)
     own = middle + sd * np.clip(rng.standard_normal(count), -TRUNCATED_SD, TRUNCATED_SD)
     ends = (own, middle - NINETY_PERCENT * sd, middle + NINETY_PERCENT * sd)
     for values, found in zip(ends, (rigidity, low, high), strict=True):
@@ -191,7 +191,7 @@ def _moduli(reader: ReaderStudy, count: int, rng: np.random.Generator) -> tuple[
     The eye's own is drawn from what is told, so that it means what it says; where nothing is, evenly from the range.
     """
     middle_pa = reader.youngs_modulus_pa.sample(rng, count)
-    sd = _log_even(reader.modulus_sd_fraction, count, rng)
+    sd = log_even(reader.modulus_sd_fraction, count, rng)
     error = np.clip(rng.standard_normal(count), -TRUNCATED_SD, TRUNCATED_SD)
     missing = rng.random(count) < reader.modulus_missing_fraction
     own_pa = np.where(missing, middle_pa, middle_pa * (1.0 + sd * error))
@@ -222,7 +222,7 @@ def _told(values: Floats, noise: float, missing: float, rng: np.random.Generator
     return np.where(rng.random(len(values)) < missing, np.nan, told)
 
 
-def _log_even(values: Sampled, count: int, rng: np.random.Generator) -> Floats:
+def log_even(values: Sampled, count: int, rng: np.random.Generator) -> Floats:
     """Draw from a range with its logarithm evenly spread, or from a choice."""
     if not isinstance(values, Range):
         return values.sample(rng, count)

@@ -13,20 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.calibration.assimilation import FrameStep, known_globe_after
-from scleraforce.calibration.eye_model import EyeConstants, EyeModel, WallState, stated_wall
+from scleraforce.calibration.eye_model import EyeConstants, WallState, known_of_constants, stated_wall
 from scleraforce.calibration.frame_order import frame_order
-from scleraforce.calibration.library_eye import library_eye
+from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.calibration.placement import place_section
 from scleraforce.calibration.session import EyeSession, begin, step
+from scleraforce.errors import CalibrationError
 from scleraforce.fitting.placement import Places, curve_depths
 from scleraforce.known.eye import POPULATION_SD, Known, Modulus
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
 from scleraforce.learning.reader.boundary_errors import disturb
+from scleraforce.learning.reader.samples import log_even
 from scleraforce.learning.reader.uneven import Forms, added_depths, draw_forms
 from scleraforce.library import Library
 from scleraforce.library.slices import column_laterals, fill_boundaries
+from scleraforce.reader.force_reader import SHIFTS
 from scleraforce.segmentation.observations import Boundaries
-from scleraforce.study import Sampled, SliceStudy, Study, draw
+from scleraforce.study import SliceStudy, Study, draw
 
 __all__ = ["FRAMES", "VirtualEye", "VirtualFrame", "calibrated", "draw_eye", "draw_frames", "of_population"]
 
@@ -34,9 +37,7 @@ Floats = NDArray[np.float64]
 
 FRAMES, CALIBRATED = 12, 3
 FINER = 4  # columns and rows of a frame for one of a slice
-FORCE_DRIFT_SD = (
-    0.035  # relative, from no force to the largest: eyes of the figures' kind, computed in three dimensions
-)
+FORCE_DRIFT_SD = 0.035  # relative, from no force to the largest: uneven eyes computed in three dimensions
 LABEL_SD_N = 0.2e-3
 ROTATION_RAD = np.radians(3.0)
 SHIFT_M = 0.05e-3  # of an eye between frames
@@ -52,11 +53,10 @@ class VirtualEye:
     at rest. `drift`: its forces over those of the library grow by this share up to `largest_n`.
     """
 
-    model: EyeModel
+    model: LibraryEye
     wall: WallState
-    told: Known
+    told: EyeConstants
     forms: Forms
-    radius_m: float
     drift: float
     largest_n: float
 
@@ -79,13 +79,12 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
     reader, told_globe = study.reader, OPEN_OR_SEALED[number % 3]
     drawn = (draw(values, rng) for values in (reader.youngs_modulus_pa, reader.thickness_m, reader.gap_m))
     modulus_pa, thickness_m, gap_m = drawn
-    iop_pa = _log_even(reader.iop_pa, rng)
+    iop_pa = float(log_even(reader.iop_pa, 1, rng)[0])
     polar_rad = float(min(draw(study.needle.polar_angle_rad, rng), library.polar_rad[-1]))
     sealed = told_globe is SEALED or (told_globe is UNKNOWN and rng.random() < 0.5)
     rigidity = rng.uniform(SEALED.lowest, SEALED.highest) if sealed else 0.0
     uneven = np.array([rng.random() < reader.uneven_share])
-    radius_m = library.radius_m
-    forms = draw_forms(np.array([thickness_m]), np.array([radius_m]), uneven, rng)
+    forms = draw_forms(np.array([thickness_m]), np.array([library.radius_m]), uneven, rng)
     drift = FORCE_DRIFT_SD * rng.standard_normal() * float(uneven[0])
     globe = replace(UNKNOWN, mean=rigidity) if sealed else OPEN
     true = EyeConstants(
@@ -99,17 +98,15 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
         reader.thickness_noise_fraction,
         reader.gap_noise_fraction,
     )
-    told = Known(
+    told = replace(
+        true,
         iop_pa=iop_pa * float(noise[0]),
         thickness_m=float(np.clip(thickness_m * noise[1], *reader.thickness_m.bounds)),
         gap_m=gap_m * float(noise[2]),
-        polar_rad=polar_rad,
         globe=told_globe,
     )
     largest_n = _bearable(model, wall, study.needle.max_force_n)
-    return VirtualEye(
-        model=model, wall=wall, told=told, forms=forms, radius_m=radius_m, drift=drift, largest_n=largest_n
-    )
+    return VirtualEye(model=model, wall=wall, told=told, forms=forms, drift=drift, largest_n=largest_n)
 
 
 def draw_frames(eye: VirtualEye, study: Study, count: int, rng: np.random.Generator) -> tuple[VirtualFrame, ...]:
@@ -127,13 +124,12 @@ def draw_frames(eye: VirtualEye, study: Study, count: int, rng: np.random.Genera
     for depths, curves in zip(seen_sbc, eye.model.curves(states), strict=True):
         moved = pose + np.array([*rng.uniform(-SHIFT_M, SHIFT_M, 2), 0.0, 0.0, 0.0])
         depth, _, reached = curve_depths(place_section(curves, moved), both)
-        form = added_depths(eye.forms, np.array([eye.radius_m]), (columns_m - moved[0])[None])[0]
+        form = added_depths(eye.forms, np.array([eye.model.library.radius_m]), (columns_m - moved[0])[None])[0]
         depths[:] = np.where(reached, depth, np.nan).reshape(2, -1) + form
     seen_sbc = disturb(seen_sbc, fine, rng, scale=reader.boundary_errors)
-    coarse_sbc = seen_sbc.reshape(count, 2, study.slice.columns, FINER)[..., FINER // 2 - 1 : FINER // 2 + 1].mean(
-        axis=3
-    )
-    halves = [fill_boundaries(coarse_sbc + shift * study.slice.pixel_m, study.slice) for shift in (0.0, 0.5)]
+    middle = slice(FINER // 2 - 1, FINER // 2 + 1)
+    coarse_sbc = seen_sbc.reshape(count, 2, study.slice.columns, FINER)[..., middle].mean(axis=3)
+    halves = [fill_boundaries(coarse_sbc + shift * study.slice.pixel_m, study.slice) for shift in SHIFTS]
     return tuple(
         VirtualFrame(float(force_n), Boundaries(columns_m, depths, fine.pixel_m), np.stack(cuts))
         for force_n, depths, cuts in zip(forces_n, seen_sbc, zip(*halves, strict=True), strict=True)
@@ -148,7 +144,7 @@ def calibrated(
     Raises:
         CalibrationError: the library does not have the eye as it was told.
     """
-    session = begin(study, _constants(eye.told), library)
+    session = begin(study, eye.told, library)
     labels_n = np.array([frame.force_n for frame in frames]) + LABEL_SD_N * rng.standard_normal(len(frames))
     order = frame_order(labels_n, [True] * len(frames), study.calibration.min_force_n, CALIBRATED, rising=True)
     used = set[int]()
@@ -160,36 +156,30 @@ def calibrated(
     return _known_after(session, eye.told), left
 
 
-def _known_after(session: EyeSession, told: Known) -> Known:
+def _known_after(session: EyeSession, told: EyeConstants) -> Known:
     """Return what is known of an eye after its calibration; nothing of its modulus where that diverged."""
     if not isinstance(session.last, FrameStep) or session.last.result.status != "ok":
-        return told
+        return known_of_constants(told)
     modulus = Modulus(mean_pa=session.mean_pa, sd_pa=session.sd_pa, source="own")
-    return replace(told, modulus=modulus, globe=known_globe_after(session.filter, session.state))
+    return replace(known_of_constants(told, modulus), globe=known_globe_after(session.filter, session.state))
 
 
 def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Known:
     """Return what is known of an eye that is read with the modulus of other eyes."""
     low, high = study.reader.youngs_modulus_pa.bounds
     mean_pa = float(np.clip(eye.wall.youngs_modulus_pa * (1.0 + POPULATION_SD * rng.standard_normal()), low, high))
-    return replace(eye.told, modulus=Modulus(mean_pa=mean_pa, sd_pa=POPULATION_SD * mean_pa, source="population"))
+    modulus = Modulus(mean_pa=mean_pa, sd_pa=POPULATION_SD * mean_pa, source="population")
+    return known_of_constants(eye.told, modulus)
 
 
-def _constants(told: Known) -> EyeConstants:
-    """Return what a calibration is told; nothing is missing of a virtual eye."""
-    assert None not in (told.iop_pa, told.thickness_m, told.gap_m, told.polar_rad)
-    return EyeConstants(
-        iop_pa=float(told.iop_pa or 0.0),
-        thickness_m=float(told.thickness_m or 0.0),
-        gap_m=float(told.gap_m or 0.0),
-        polar_rad=float(told.polar_rad or 0.0),
-        polar_sd_rad=0.0,
-        globe=told.globe or UNKNOWN,
-    )
+def _bearable(model: LibraryEye, wall: WallState, largest_n: float) -> float:
+    """Return the largest force that the library holds for an eye, at most `largest_n`.
 
-
-def _bearable(model: EyeModel, wall: WallState, largest_n: float) -> float:
-    """Return the largest force that the library holds for an eye, at most `largest_n`."""
+    Raises:
+        CalibrationError: the library does not hold the eye at rest.
+    """
+    if reason := model.outside(wall):
+        raise CalibrationError(reason)
     while model.outside(replace(wall, force_n=largest_n)) is not None:
         largest_n *= WEAKER
     return largest_n
@@ -198,7 +188,3 @@ def _bearable(model: EyeModel, wall: WallState, largest_n: float) -> float:
 def _finer(study: SliceStudy) -> SliceStudy:
     """Return frames as wide and deep as a slice, with more columns and rows."""
     return replace(study, columns=FINER * study.columns, rows=FINER * study.rows, pixel_m=study.pixel_m / FINER)
-
-
-def _log_even(values: Sampled, rng: np.random.Generator) -> float:
-    return float(np.exp(rng.uniform(*np.log(values.bounds))))
