@@ -24,7 +24,7 @@ from provenance.stamps import new_stamp, read_stamps
 from scleraforce.errors import ScleraforceError
 from scleraforce.laboratory.phantom import plan_phantom
 from scleraforce.section.plane import Section
-from scleraforce.study import Study
+from scleraforce.study import Study, read_study
 from scleraforce.units import to_si
 
 STUDY = Study()
@@ -388,3 +388,15 @@ def test_figures_are_older_where_a_source_has_changed_or_has_gone(tmp_path, monk
     assert not stamp.current
     (folder / "decides.py").unlink()
     assert not stamp.current
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_eyes_with_a_reader_of_their_own_are_calibrated_with_its_study(tmp_path, monkeypatch, group):
+    asked = []
+    monkeypatch.setattr(readings, "made_by", lambda _, command: asked.append(command))
+    readings._calibration(FiguresFolder(tmp_path), draw_eyes(group, 2, STUDY), 3)
+    (command,) = asked
+    assert ("--study" in command) == (group == "living")
+    if group == "living":
+        study = read_study(command[command.index("--study") + 1])
+        assert study.calibration.prior_mean_pa > 2 * STUDY.calibration.prior_mean_pa

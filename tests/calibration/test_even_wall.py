@@ -36,6 +36,14 @@ def test_an_even_wall_stays_as_it_is(eye: VirtualEye) -> None:
     np.testing.assert_array_equal(without_form(eye.model, seen, STUDY.calibration).depth_m, seen.depth_m)
 
 
+def test_a_cornea_is_taken_off_both_boundaries_alike(eye: VirtualEye) -> None:
+    cornea = replace(eye, forms=Forms(**{name: np.array([value]) for name, value in RIGHT.items()}))
+    seen = boundaries(cornea)
+    off = seen.depth_m - without_form(eye.model, seen, STUDY.calibration).depth_m
+    assert np.nanmin(off) < -0.2e-3  # the cornea lies higher
+    np.testing.assert_allclose(off[1], off[0], atol=30e-6)
+
+
 @pytest.mark.slow
 def test_a_cornea_in_view_hardly_changes_the_modulus(eye: VirtualEye) -> None:
     cornea = replace(eye, forms=Forms(**{name: np.array([value]) for name, value in RIGHT.items()}))

@@ -15,7 +15,14 @@ from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, SEALED
 from scleraforce.reader.force_distribution import ratio_edges, single_force
 from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors, group_of, parse_factors
-from scleraforce.reader.interval_scores import Score, interval_factors, intervals_record, score, stretched
+from scleraforce.reader.interval_scores import (
+    Score,
+    group_changes,
+    interval_factors,
+    intervals_record,
+    score,
+    stretched,
+)
 from scleraforce.reader.readings import Reading, fit_reading
 from scleraforce.reader.verdicts import no_wall_of_an_eye
 from scleraforce.study import ReaderStudy
@@ -52,6 +59,20 @@ def test_an_eye_of_many_frames_weighs_as_one_of_few() -> None:
 def test_with_few_eyes_the_widest_reading_counts() -> None:
     scores = [Score("fit", "g", str(eye), 1.0 + eye) for eye in range(5)]
     assert interval_factors(scores)["fit"]["g"] == pytest.approx(5.0)
+
+
+def test_the_share_is_that_of_a_new_eye() -> None:
+    scores = [Score("fit", "g", str(eye), 1.0 + eye) for eye in range(10)]
+    assert interval_factors(scores)["fit"]["g"] == pytest.approx(10.0)  # 0.9 (10 + 1)/10 of them, not 0.9
+
+
+def test_changes_count_what_held_before_and_name_both_factors() -> None:
+    scores = [Score("fit", "own E, open, even", str(eye % 3), value) for eye, value in enumerate((0.5, 1.0, 1.5, 3.0))]
+    before = IntervalFactors(fit={"own E, open, even": 2.0})
+    after = parse_factors({"intervals": stretched(before, scores, "x")}, "m")
+    (change,) = group_changes(scores, before, after)
+    assert (change.eyes, change.readings, change.held) == (3, 4, 0.5)
+    assert (change.factor_before, change.factor) == (2.0, pytest.approx(6.0))
 
 
 def test_a_score_is_one_at_both_ends_of_an_interval() -> None:

@@ -72,6 +72,17 @@ def test_the_reading_of_several_slices_is_that_of_the_mean_of_their_histograms(
     np.testing.assert_array_equal(inputs["given"][0], inputs["given"][1])
 
 
+def test_the_factor_of_its_group_stretches_what_the_network_reads(folder: Path) -> None:
+    known = Known(modulus=Modulus(mean_pa=0.3e6, sd_pa=5e3, source="own"))
+    was = load_model(folder).read_slices(CUTS, known)
+    record = json.loads((folder / "model.json").read_text())
+    record["intervals"] = {"network": {"own E, unknown": 1.5, "other E, unknown": 9.0}}
+    (folder / "model.json").write_text(json.dumps(record))
+    now = load_model(folder).read_slices(CUTS, known)
+    assert now.force_n == was.force_n
+    assert now.interval_n[1] - now.force_n == pytest.approx(1.5 * (was.interval_n[1] - was.force_n))
+
+
 def test_an_unknown_modulus_is_the_middle_of_the_training(folder: Path) -> None:
     reader = load_model(folder)
     mean_pa, _ = unknown_modulus(reader.study.reader)

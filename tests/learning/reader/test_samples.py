@@ -96,8 +96,9 @@ def test_forces_are_even_with_a_share_of_small_ones(eyes, library) -> None:
 
 def test_without_errors_a_slice_is_the_section_of_the_eye_that_was_drawn(library) -> None:
     plain = replace(
-        READER, plain_share=0.0, boundary_errors=0.0, rotation_rad=fixed(0.0), lateral_m=fixed(0.4e-3), size=fixed(1.04)
-    )
+        READER, plain_share=0.0, uneven_share=0.0, boundary_errors=0.0, rotation_rad=fixed(0.0),
+        lateral_m=fixed(0.4e-3), size=fixed(1.04),
+    )  # fmt: skip
     count = 60
     drawn = draw_samples(library, plain, SLICE, count, np.random.default_rng(8))
     rng = np.random.default_rng(8)
@@ -116,6 +117,15 @@ def test_without_errors_a_slice_is_the_section_of_the_eye_that_was_drawn(library
         agreeing.append((expected[top, inner] == drawn.slices[n][top, inner]).mean())
     assert np.median(agreeing) > 0.99
     assert np.mean(agreeing) > 0.97
+
+
+def test_uneven_walls_are_drawn_as_often_as_stated(library) -> None:
+    slices = []
+    for share in (0.0, 0.5):
+        study = replace(READER, uneven_share=share, boundary_errors=0.0)
+        slices.append(draw_samples(library, study, SLICE, 400, np.random.default_rng(3)).slices)
+    differ = (slices[0] != slices[1]).any(axis=(1, 2)).mean()
+    assert differ == pytest.approx(0.5, abs=0.08)
 
 
 def test_the_stated_share_of_samples_is_plain(eyes) -> None:
