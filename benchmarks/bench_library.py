@@ -1,4 +1,4 @@
-"""The response library: what it takes to build, what its interpolation is worth, how fast slices come out of it.
+"""The response library: what it takes to build, what interpolation and file are worth, how fast slices come out.
 
     python benchmarks/bench_library.py [HELD_OUT] [--study FILE]
 
@@ -20,7 +20,7 @@ from time import process_time
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.library import Library
+from scleraforce.library import Library, load_library, save_library
 from scleraforce.library.build import build_library
 from scleraforce.library.plan import plan_library
 from scleraforce.library.sections import highest_depths
@@ -34,6 +34,7 @@ from scleraforce.study import Study, read_study
 GRIDS = ((8, 12, 56), (10, 16, 56), (10, 20, 56), (12, 24, 72))  # thicknesses, tensions, tips
 VISIBLE_M = (0.3e-3, 9e-3)  # of the needle axis
 SLICES, ROUNDS = 2000, 5
+STORED, CONTACT_RAD = 4000, 0.6  # states, and a contact beside the pole, at which a stored library is compared
 
 Floats = NDArray[np.float64]
 Grid = tuple[int, int, int]
@@ -154,6 +155,23 @@ def print_rates(study: Study, library: Library) -> None:
         print(f"{name:>16} {cells}  {1e6 / steps.sum():,.0f} slices a second; {boundaries.folded.sum()} fold over")
 
 
+def print_stored(study: Study, library: Library) -> None:
+    """Print how large the library is in a model folder, and by how much it is off at its states and elsewhere."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "library.npz"
+        told = save_library(library, path)
+        size, found = path.stat().st_size, load_library(path)
+    thickness, ratio = draw_walls(study, STORED, rng := np.random.default_rng(2))
+    tips = rng.uniform(0.0, 1.0, STORED) ** 1.5 * library.tip_m[-1]
+    off_m = np.abs(found.shapes(thickness, ratio, tips).astype(np.float64) - library.shapes(thickness, ratio, tips))
+    force, known = (eyes.for_contact(CONTACT_RAD).forces(thickness, ratio, tips) for eyes in (found, library))
+    print(
+        f"\nlibrary.npz: {size:,} bytes; curves {1e6 * told.curves_m:.3f} um off at states, {1e6 * off_m.max():.3f} "
+        f"at {STORED} others (rms {1e6 * np.sqrt(np.mean(off_m**2)):.4f}); factors of the force {told.stiffness:.1e}, "
+        f"forces {np.abs(force / known - 1.0).max():.1e}"
+    )
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
@@ -161,7 +179,9 @@ def main() -> None:
     parser.add_argument("--study", type=Path, help="the paper's where none is given, and three other grids")
     given = parser.parse_args()
     study = read_study(given.study) if given.study else Study()
-    print_rates(study, print_accuracy(study, (grid_of(study),) if given.study else GRIDS, given.held_out))
+    library = print_accuracy(study, (grid_of(study),) if given.study else GRIDS, given.held_out)
+    print_stored(study, library)
+    print_rates(study, library)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,10 @@
-"""The library in one file, `library.npz`, as a model folder carries it (NumPy only)."""
+"""The library in one file, `library.npz`, as a model folder carries it (NumPy only).
 
-from dataclasses import Field, fields, replace
+Its walls, and the factors of its forces, are stored in a reduced basis (`library.reduced_basis`) and unpacked when they
+are read. Their largest errors were measured when the file was written, and stand in it. All else is stored as it is.
+"""
+
+from dataclasses import dataclass, replace
 from io import BytesIO
 from math import prod
 from os import PathLike
@@ -10,26 +14,72 @@ from zipfile import ZIP_STORED, ZipFile, ZipInfo
 
 import numpy as np
 from numpy.lib.format import read_array, read_array_header_1_0, read_array_header_2_0, read_magic, write_array
+from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
+from scleraforce.library.reduced_basis import STEP_TYPES, ReducedRows, reduce_rows
 from scleraforce.library.responses import Library
-from scleraforce.whole_files import KINDS, read_bytes
+from scleraforce.whole_files import KINDS, MIB, read_bytes
 
-__all__ = ["load_library", "save_library"]
+__all__ = ["StoredErrors", "load_library", "save_library"]
 
 AXES = {
-    "thickness_m": 1, "tension": 1, "tip_m": 1, "force_ratio_tpd": 3, "displaced_tpd": 3, "curves_tpdbnc": 6,
-    "polar_rad": 1, "stiffness_atpd": 4,
+    "thickness_m": 1, "tension": 1, "tip_m": 1, "force_ratio_tpd": 3, "displaced_tpd": 3, "radius_m": 0,
+    "poisson_ratio": 0, "needle_radius_m": 0, "max_force_ratio": 0, "polar_rad": 1, "contact_polar_rad": 0,
 }  # fmt: skip
 ENCRYPTED = 1  # a bit of a ZIP entry's flags
+FOR_THE_BASIS = 0.9  # of an error; the rest is for what float32 rounds
 
 
-def save_library(library: Library, path: Path | IO[bytes]) -> None:
-    """Write a library; equal libraries give equal bytes. The file is for a folder whose hashes are checked."""
+@dataclass(frozen=True, kw_only=True)
+class StoredErrors:
+    """By how much a stored library differs from the computed one, at most, at its states.
+
+    `curves_m` is of a point of a wall, along each axis; `stiffness` of the factor of a force.
+    """
+
+    curves_m: float
+    stiffness: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ReducedArray:
+    """An array that is stored in a reduced basis.
+
+    Attributes:
+        name: with which the names of its entries begin.
+        error: the entry with its largest error.
+        row_axes: how many of its axes, the first, make its rows.
+        value_axes: how many make the values of a row.
+        largest_error: that a file may have.
+    """
+
+    name: str
+    error: str
+    row_axes: int
+    value_axes: int
+    largest_error: float
+
+
+CURVES = _ReducedArray(name="curves", error="curves_error_m", row_axes=3, value_axes=3, largest_error=0.02e-6)
+STIFFNESS = _ReducedArray(name="stiffness", error="stiffness_error", row_axes=2, value_axes=2, largest_error=1e-6)
+
+
+def save_library(library: Library, path: Path | IO[bytes]) -> StoredErrors:
+    """Write a library; equal libraries give equal bytes. The file is for a folder whose hashes are checked.
+
+    Raises:
+        InputError: the library is too large for a model folder, or cannot be stored so exactly.
+    """
+    _check_size(library.curves_tpdbnc.size)
+    curves, of_curves = _reduced(CURVES, library.curves_tpdbnc)
+    stiffness, of_stiffness = _reduced(STIFFNESS, np.moveaxis(library.stiffness_atpd, 0, 2))
+    plain = {name: np.asarray(getattr(library, name)) for name in AXES}
     with ZipFile(path, "w") as archive:
-        for item in _stored():
-            with archive.open(ZipInfo(f"{item.name}.npy"), "w", force_zip64=True) as file:
-                write_array(file, np.asarray(getattr(library, item.name)), allow_pickle=False)
+        for name, array in {**plain, **curves, **stiffness}.items():
+            with archive.open(ZipInfo(f"{name}.npy"), "w", force_zip64=True) as file:
+                write_array(file, array, allow_pickle=False)
+    return StoredErrors(curves_m=of_curves, stiffness=of_stiffness)
 
 
 def load_library(path: str | PathLike[str], content: bytes | None = None) -> Library:
@@ -44,30 +94,75 @@ def load_library(path: str | PathLike[str], content: bytes | None = None) -> Lib
     """
     data = read_bytes(Path(path), replace(KINDS["model file"], error=InputError)) if content is None else content
     try:
-        with ZipFile(BytesIO(data)) as archive:
-            found: dict[str, Any] = {item.name: _read(archive, item.name, len(data)) for item in _stored()}
+        with ZipFile(BytesIO(data)) as archive, np.errstate(over="ignore", invalid="ignore"):  # `Library` checks
+            _check_entries(archive, len(data))
+            found: dict[str, Any] = {name: _plain(archive, name, axes) for name, axes in AXES.items()}
+            shape = tuple(len(found[name]) for name in ("thickness_m", "tension", "tip_m"))
+            found["curves_tpdbnc"] = _unpacked(archive, CURVES, shape)
+            stiffness_tpad = _unpacked(archive, STIFFNESS, shape[: STIFFNESS.row_axes])
+        found["stiffness_atpd"] = np.ascontiguousarray(np.moveaxis(stiffness_tpad, 2, 0), dtype=np.float64)
         return Library(**found)
     except Exception as fault:  # whatever zipfile and NumPy raise where a file is damaged
-        raise InputError(f"{path}: not a response library of this version ({fault})") from fault
+        raise InputError(f"{path}: not a response library of this version ({fault}); train the model again") from fault
 
 
-def _stored() -> list[Field[Any]]:
-    """What of a library is stored; the rest follows from it."""
-    return [item for item in fields(Library) if item.init]
+def _check_size(values: int) -> None:
+    """Check that so many values of float32 are no more than a file of a model folder may have."""
+    found, most = 4 * values, KINDS["model file"].max_bytes
+    if found > most:
+        raise InputError(
+            f"library: its curves have {found // MIB} MiB, a model folder may have {most // MIB} MiB of them; "
+            "make one of fewer thicknesses, tensions, tips or elements"
+        )
 
 
-def _read(archive: ZipFile, name: str, most: int) -> Any:
-    """Read an array of at most so many bytes, as it is written here; one without axes is a number."""
-    entry = archive.getinfo(f"{name}.npy")
-    if entry.compress_type != ZIP_STORED or entry.flag_bits & ENCRYPTED or entry.file_size > most:
-        raise ValueError(f"{name}: compressed, encrypted or larger than the file")
-    data = archive.read(entry)
+def _reduced(stored: _ReducedArray, values: NDArray[np.floating]) -> tuple[dict[str, NDArray[Any]], float]:
+    """Return what is stored of an array, by name, and its largest error."""
+    rows_rv = values.reshape(prod(values.shape[: stored.row_axes]), -1)
+    reduced = reduce_rows(rows_rv, FOR_THE_BASIS * stored.largest_error)
+    error = float(np.abs(reduced.rows().astype(np.float32) - rows_rv.astype(np.float64)).max())
+    if error > stored.largest_error:
+        raise InputError(f"library: {stored.name} up to {np.abs(values).max():.3g} would be off by {error:.3g}, more "
+                         f"than {stored.largest_error:g}")  # fmt: skip
+    basis = reduced.basis_kv.reshape(-1, *values.shape[stored.row_axes :])
+    steps = {f"{stored.name}_{kind}": part for kind, part in zip(STEP_TYPES, reduced.steps, strict=True)}
+    return {stored.error: np.asarray(error), f"{stored.name}_basis": basis, **steps}, error
+
+
+def _unpacked(archive: ZipFile, stored: _ReducedArray, rows: tuple[int, ...]) -> NDArray[np.float32]:
+    """Read an array that is stored in a reduced basis, of so many rows along its first axes."""
+    error = _plain(archive, stored.error, 0)
+    if not 0.0 <= error <= stored.largest_error:
+        raise ValueError(f"{stored.error}: {error}; must be 0 to {stored.largest_error:g}")
+    basis = _read(archive, f"{stored.name}_basis", "float32", 1 + stored.value_axes)
+    steps = tuple(_read(archive, f"{stored.name}_{kind}", kind, 2) for kind in STEP_TYPES)
+    if {len(part) for part in steps} != {prod(rows)} or sum(part.shape[1] for part in steps) != len(basis):
+        raise ValueError(f"{stored.name}: steps {[part.shape for part in steps]} for {prod(rows)} rows of {len(basis)}")
+    _check_size(prod(rows) * prod(basis.shape[1:]))
+    reduced = ReducedRows(basis.reshape(len(basis), prod(basis.shape[1:])), steps)
+    return reduced.rows().astype(np.float32).reshape(*rows, *basis.shape[1:])
+
+
+def _check_entries(archive: ZipFile, most: int) -> None:
+    """Check that every entry is as it is written here, of at most so many bytes."""
+    for entry in archive.infolist():
+        if entry.compress_type != ZIP_STORED or entry.flag_bits & ENCRYPTED or entry.file_size > most:
+            raise ValueError(f"{entry.filename}: compressed, encrypted or larger than the file")
+
+
+def _plain(archive: ZipFile, name: str, axes: int) -> Any:
+    """Read what is stored as it is; an array without axes is a number."""
+    array = _read(archive, name, "float64", axes)
+    return array if array.ndim else float(array)
+
+
+def _read(archive: ZipFile, name: str, wanted: str, axes: int) -> NDArray[Any]:
+    """Read an array of a type and a number of axes, as it is written here."""
+    data = archive.read(f"{name}.npy")
     file = BytesIO(data)
     read_header = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}[read_magic(file)]
     shape, _, dtype = read_header(file)
-    wanted = "float32" if name == "curves_tpdbnc" else "float64"
     size = prod(shape) * np.dtype(wanted).itemsize
-    if dtype != np.dtype(wanted) or len(shape) != AXES.get(name, 0) or size != len(data) - file.tell():
+    if dtype != np.dtype(wanted) or len(shape) != axes or size != len(data) - file.tell():
         raise ValueError(f"{name}: {dtype} {shape} in {len(data)} bytes")
-    array = read_array(BytesIO(data), allow_pickle=False)
-    return array if array.ndim else float(array)
+    return read_array(BytesIO(data), allow_pickle=False)

@@ -8,6 +8,7 @@ derivative is continuous, its error of fourth order up to the ends (de Boor, A P
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,10 +42,9 @@ class CubicSpline:
 
     def coefficients(self, values: Floats, axis: int = 0) -> Floats:
         """Return the weights of the B-splines through `values` at the nodes along `axis`, the same shape."""
-        moved = np.moveaxis(values, axis, 0)
-        columns: Floats = moved.reshape(len(self.nodes), -1)
-        solved = np.linalg.solve(self._matrix(), columns)
-        return np.moveaxis(np.reshape(solved, moved.shape), 0, axis)
+        columns = values.reshape(prod(values.shape[:axis]), len(self.nodes), -1)
+        weights: Floats = np.matmul(self._inverse, columns).reshape(values.shape)
+        return weights
 
     def weights(self, places: Floats) -> tuple[Integers, Floats]:
         """Return, for places (place,) between the ends, the first B-spline (place,) and four weights (place, 4)."""
@@ -57,6 +57,11 @@ class CubicSpline:
         first, weights = self._basis(knots[1:-1], degree - 1, self.nodes)
         slopes: Floats = (of_slope[..., first[:, None] + np.arange(degree)] * weights).sum(axis=-1)
         return slopes
+
+    @cached_property
+    def _inverse(self) -> Floats:
+        """What turns values at the nodes into weights (B-spline, node): the matrix is small and well conditioned."""
+        return np.asarray(np.linalg.inv(self._matrix()))
 
     def _matrix(self) -> Floats:
         """Values of all B-splines at the nodes (node, B-spline)."""

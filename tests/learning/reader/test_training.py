@@ -140,6 +140,10 @@ def test_the_runtime_takes_the_folder_and_gives_the_network_s_answers(library, t
     card = (tmp_path / "model/card.md").read_text(encoding="utf-8")
     assert "0.15 to 0.65 MPa" in card
     assert f"{1e3 * trained.metrics.mae_n:.2f} mN" in card
+    with np.load(tmp_path / "model/library.npz") as stored:
+        curves_m, stiffness = float(stored["curves_error_m"]), float(stored["stiffness_error"])
+    assert model.record["library"] == {"curves_m": curves_m, "stiffness": stiffness}
+    assert f"off by at most {1e6 * curves_m:.2g} µm" in card
 
 
 def test_a_library_of_another_eye_is_refused(library, tmp_path: Path) -> None:

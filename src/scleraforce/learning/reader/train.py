@@ -19,6 +19,7 @@ from scleraforce.learning.reader.graph import reader_onnx_bytes
 from scleraforce.learning.reader.intervals import measured_intervals
 from scleraforce.learning.reader.training import READER_THREADS, FittedReader, ReaderMetrics, fit_reader
 from scleraforce.library import Library, save_library
+from scleraforce.library.files import StoredErrors
 from scleraforce.models.folder import LIBRARY_FILE
 from scleraforce.models.writing import check_place, write_folder
 from scleraforce.processes import available_cores
@@ -59,17 +60,17 @@ def train_reader(
 
     Raises:
         ModelError: `out` exists or cannot be written.
-        InputError: the library is of other eyes than the study, or does not hold those of `[reader]`.
+        InputError: the library is of other eyes than the study, does not hold those of `[reader]`, or is too large.
         SolverError: the training diverged.
     """
     check_place(out)
     _check_library(library, study)
+    content, errors = _stored(library)
     source = Source.of(library, study.reader, study.slice)
     fitted = fit_reader(study, source, workers or max(1, available_cores() - 1), progress)
-    content = _library_bytes(library)
     provenance = _provenance(study, content)
     graph = reader_onnx_bytes(fitted.network, study.slice.rows, study.slice.columns, provenance)
-    record = _record(study, fitted, provenance)
+    record = {**_record(study, fitted, provenance), "library": asdict(errors)}
     if study.reader.interval_eyes:
         record["intervals"] = measured_intervals(study, library, graph, workers or available_cores(), measured)
     write_folder(out, graph, format_study(study), reader_card(study, record), record, {LIBRARY_FILE: content})
@@ -88,10 +89,11 @@ def _check_library(library: Library, study: Study) -> None:
             raise InputError(f"library: {name} {found:g}, the study has {wanted:g}; make a library of this study")
 
 
-def _library_bytes(library: Library) -> bytes:
+def _stored(library: Library) -> tuple[bytes, StoredErrors]:
+    """Return a library as a model folder has it, and by how much that differs from what was computed."""
     file = BytesIO()
-    save_library(library, file)
-    return file.getvalue()
+    errors = save_library(library, file)
+    return file.getvalue(), errors
 
 
 def _provenance(study: Study, library: bytes) -> dict[str, str]:
