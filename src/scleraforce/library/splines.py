@@ -48,15 +48,19 @@ class CubicSpline:
 
     def weights(self, places: Floats) -> tuple[Integers, Floats]:
         """Return, for places (place,) between the ends, the first B-spline (place,) and four weights (place, 4)."""
-        return self._basis(self.knots, SUPPORT - 1, places)
+        return self._pieces.weights(places)
 
     def slopes(self, coefficients: Floats) -> Floats:
         """Return the spline's derivative at the nodes; `coefficients` and result have the nodes as last axis."""
         knots, degree = self.knots, SUPPORT - 1
         of_slope = np.diff(coefficients, axis=-1) * (degree / (knots[SUPPORT:-1] - knots[1:-SUPPORT]))
-        first, weights = self._basis(knots[1:-1], degree - 1, self.nodes)
+        first, weights = _Pieces.of(knots[1:-1], degree - 1).weights(self.nodes)
         slopes: Floats = (of_slope[..., first[:, None] + np.arange(degree)] * weights).sum(axis=-1)
         return slopes
+
+    @cached_property
+    def _pieces(self) -> "_Pieces":
+        return _Pieces.of(self.knots, SUPPORT - 1)
 
     @cached_property
     def _inverse(self) -> Floats:
@@ -70,22 +74,53 @@ class CubicSpline:
         np.put_along_axis(matrix, first[:, None] + np.arange(SUPPORT), weights, axis=1)
         return matrix
 
-    @staticmethod
-    def _basis(knots: Floats, degree: int, places: Floats) -> tuple[Integers, Floats]:
-        """Values of the `degree` + 1 B-splines that are not zero at places (Cox and de Boor's recursion)."""
-        inner = knots[degree + 1 : -degree - 1]
-        span = degree + np.searchsorted(inner, places, side="right")
-        weights = np.zeros((len(places), degree + 1))
-        weights[:, 0] = 1.0
+
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """The B-splines that are not zero between two knots, as polynomials in the share of the way from one to the next.
+
+    `start` and `step` are the first of two knots and their distance (interval,); `coefficient_ikb` those of each power
+    (interval, power, B-spline).
+    """
+
+    start: Floats
+    step: Floats
+    coefficient_ikb: Floats
+
+    @classmethod
+    def of(cls, knots: Floats, degree: int) -> "_Pieces":
+        """Return those of a degree, by Cox and de Boor's recursion."""
+        ends = knots[degree : len(knots) - degree]
+        start, step = ends[:-1], np.diff(ends)
+        span = degree + np.arange(len(start))
+        found = np.zeros((degree + 1, degree + 1, len(start)))  # B-spline, power, interval
+        found[0, 0] = 1.0
         for order in range(1, degree + 1):
-            rest = np.zeros(len(places))
+            rest = np.zeros_like(found[0])
             for number in range(order):
-                right = knots[span + number + 1]
-                part = weights[:, number] / (right - knots[span + number + 1 - order])
-                weights[:, number] = rest + (right - places) * part
-                rest = (places - knots[span + number + 1 - order]) * part
-            weights[:, order] = rest
-        return span - degree, weights
+                right, left = knots[span + number + 1], knots[span + number + 1 - order]
+                part = found[number] / (right - left)
+                found[number] = rest + _times(part, right - start, -step)
+                rest = _times(part, start - left, step)
+            found[order] = rest
+        return cls(start, step, np.ascontiguousarray(found.transpose(2, 1, 0)))
+
+    def weights(self, places: Floats) -> tuple[Integers, Floats]:
+        """Return the first B-spline (place,) and the values of all that are not zero there (place, B-spline)."""
+        interval = np.searchsorted(self.start[1:], places, side="right")
+        share = ((places - self.start[interval]) / self.step[interval])[:, None]
+        powers = self.coefficient_ikb[interval]
+        values = powers[:, -1]
+        for power in range(powers.shape[1] - 2, -1, -1):
+            values = values * share + powers[:, power]
+        return interval, values
+
+
+def _times(polynomial_ki: Floats, constant: Floats, slope: Floats) -> Floats:
+    """Return polynomials (power, interval) times linear ones, without the highest power, which is 0."""
+    product = constant * polynomial_ki
+    product[1:] += slope * polynomial_ki[:-1]
+    return product
 
 
 def tensor_coefficients(splines: Sequence[CubicSpline], values: Floats) -> Floats:
