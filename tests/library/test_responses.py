@@ -78,6 +78,16 @@ def test_answers_do_not_depend_on_the_other_samples(library):
     assert together.curves_sbnc[:1] == pytest.approx(alone.curves_sbnc, abs=2e-9)
 
 
+def test_walls_of_one_cell_are_the_same_in_the_company_of_others(library):
+    one = 0.6e-3 + 1e-6 * np.arange(3), np.full(3, 1e-3), np.full(3, 1.01e-3)
+    other = np.full(3, 0.4e-3), np.full(3, 1e-3), np.full(3, 3e-3)
+    mixed = tuple(np.concatenate(both) for both in zip(one, other, strict=True))
+    together = library.shapes(*mixed)
+    assert np.array_equal(together[:3], library.shapes(*one))
+    assert np.array_equal(together[3:], library.shapes(*other))
+    assert len(np.unique(together[:, 0, 5, 1])) == 4
+
+
 def test_states_are_smooth_across_the_cells(library):
     """A central difference over a node is a derivative: one-sided ones agree to the second order."""
     t, p, d = library.thickness_m[3], library.tension[4] * library.thickness_m[3] / library.radius_m, library.tip_m[20]

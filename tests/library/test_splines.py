@@ -33,6 +33,12 @@ def test_weights_add_up_to_one_also_at_the_nodes():
     assert first.max() == len(NODES) - SUPPORT
 
 
+def test_the_first_node_is_met_exactly():
+    for nodes in (4, 5, 8):
+        _, weights = CubicSpline(NODES[:nodes]).weights(np.zeros(1))
+        assert weights.tolist() == [[1.0, 0.0, 0.0, 0.0]]  # no dent takes no force at all
+
+
 def test_any_axis_is_interpolated_as_the_first():
     values = np.random.default_rng(1).normal(size=(3, 8, 2))
     spline = CubicSpline(NODES)

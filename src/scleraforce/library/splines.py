@@ -8,7 +8,6 @@ derivative is continuous, its error of fourth order up to the ends (de Boor, A P
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +41,11 @@ class CubicSpline:
 
     def coefficients(self, values: Floats, axis: int = 0) -> Floats:
         """Return the weights of the B-splines through `values` at the nodes along `axis`, the same shape."""
-        columns = values.reshape(prod(values.shape[:axis]), len(self.nodes), -1)
-        weights: Floats = np.matmul(self._inverse, columns).reshape(values.shape)
-        return weights
+        moved = np.moveaxis(values, axis, 0)
+        columns = moved.reshape(len(self.nodes), -1)
+        # One large product: each of many small ones would wait for busy cores.
+        weights: Floats = (self._inverse @ columns).reshape(moved.shape)
+        return np.moveaxis(weights, 0, axis)
 
     def weights(self, places: Floats) -> tuple[Integers, Floats]:
         """Return, for places (place,) between the ends, the first B-spline (place,) and four weights (place, 4)."""
