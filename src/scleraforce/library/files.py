@@ -19,7 +19,7 @@ __all__ = ["load_library", "save_library"]
 
 AXES = {
     "thickness_m": 1, "tension": 1, "tip_m": 1, "force_ratio_tpd": 3, "displaced_tpd": 3, "curves_tpdbnc": 6,
-    "polar_rad": 1, "stiffness_atpd": 4,
+    "polar_rad": 1, "stiffness_atpd": 4, "rise_atp": 3,
 }  # fmt: skip
 ENCRYPTED = 1  # a bit of a ZIP entry's flags
 
