@@ -1,10 +1,9 @@
 """One virtual eye in three dimensions at finite strain: its load path, and what the B-scan plane sees of it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from figures.eyes import FigureEye
-from scleraforce.errors import SolverError
 from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye
 from scleraforce.mechanics.study_path import BentEye, bend_eye
 from scleraforce.study import Study
@@ -38,19 +37,10 @@ def compute_eye(drawn: FigureEye) -> ComputedEye:
     """Compute an eye's path up to the study's largest force, or as far as the deepest dent, or as it is found.
 
     Raises:
-        SolverError: the path was found up to a force, but not once more.
+        SolverError: the eye cannot bear its pressure.
     """
-    max_force_n, shares = drawn.study.needle.max_force_n, [0.0]
-    try:
-        bent = _bent(drawn, max_force_n, shares.append)
-    except SolverError:  # a wall that has lost its symmetry: the path goes on somewhere else
-        bent = _bent(drawn, max(shares) * max_force_n * (1.0 - ROOM))
-    return ComputedEye(drawn.eye, drawn.study, bent, min(max_force_n, bent.path.max_force_n * (1.0 - ROOM)))
-
-
-def _bent(drawn: FigureEye, max_force_n: float, progress: Callable[[float], object] | None = None) -> BentEye:
-    eye = drawn.eye
-    return bend_eye(
+    eye, max_force_n = drawn.eye, drawn.study.needle.max_force_n
+    bent = bend_eye(
         drawn.study,
         eye.plane.contact,
         thickness_m=eye.thickness_m,
@@ -58,5 +48,6 @@ def _bent(drawn: FigureEye, max_force_n: float, progress: Callable[[float], obje
         iop_pa=eye.iop_pa,
         max_force_n=max_force_n,
         max_tip_m=DEEPEST_M,
-        progress=progress,
+        as_far_as_found=True,  # a pressure that runs away, or a wall that has lost its symmetry: it goes on elsewhere
     )
+    return ComputedEye(eye, drawn.study, bent, min(max_force_n, bent.path.max_force_n * (1.0 - ROOM)))

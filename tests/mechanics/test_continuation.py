@@ -83,6 +83,15 @@ def test_a_path_whose_tip_turns_back_raises_and_says_where() -> None:
         trace(Truss(soft), np.zeros(2), 0.0, max_tip_m=2.0, first_step_m=0.02, largest_step_m=0.02)
 
 
+def test_a_path_that_may_end_where_it_is_lost_keeps_what_was_found() -> None:
+    soft = 0.01
+    ends = {"max_tip_m": 2.0, "first_step_m": 0.02, "largest_step_m": 0.02}
+    path = trace(Truss(soft), np.zeros(2), 0.0, as_far_as_found=True, **ends)
+    assert_on_truss(soft, path.tip_m, path.force)
+    peak = truss_force(HEIGHT * (1.0 - 1.0 / np.sqrt(3.0)))
+    assert path.force.max() == pytest.approx(peak, rel=0.01)  # there the tip turns back
+
+
 def test_truss_under_a_dead_pressure_starts_where_it_pushed_the_apex() -> None:
     pressure = 0.5 * truss_force(0.05)
     start = pressurise(Truss(1.0), pressure)

@@ -9,6 +9,7 @@ import numpy as np
 from scleraforce.errors import SolverError
 from scleraforce.library import Library
 from scleraforce.library.build import SolvedPath
+from scleraforce.library.contact_rise import contact_rises
 
 RADIUS_M = 12e-3
 
@@ -60,19 +61,21 @@ def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3, nodes=
     d = max_tip_m * np.linspace(0.0, 1.0, tips) ** 1.5
     grid = list(np.meshgrid(t, tension, d, indexing="ij"))
     grid[1] = grid[1] * grid[0] / RADIUS_M  # IOP/E
+    walls = curves(*grid, node_angles(nodes)).astype(np.float32)
     return Library(
         thickness_m=t,
         tension=tension,
         tip_m=d,
         force_ratio_tpd=force_ratio(*grid),
         displaced_tpd=displaced_m3(*grid),
-        curves_tpdbnc=curves(*grid, node_angles(nodes)).astype(np.float32),
+        curves_tpdbnc=walls,
         radius_m=RADIUS_M,
         poisson_ratio=0.45,
         needle_radius_m=0.35e-3,
         max_force_ratio=0.5e-6,
         polar_rad=POLAR_RAD,
         stiffness_atpd=np.stack([np.full(grid[0].shape, stiffness(polar)) for polar in POLAR_RAD]),
+        rise_atp=contact_rises(walls, POLAR_RAD, RADIUS_M),
         contact_polar_rad=0.0,
     )
 

@@ -25,7 +25,8 @@ __all__ = ["StoredErrors", "load_library", "save_library"]
 
 AXES = {
     "thickness_m": 1, "tension": 1, "tip_m": 1, "force_ratio_tpd": 3, "displaced_tpd": 3, "radius_m": 0,
-    "poisson_ratio": 0, "needle_radius_m": 0, "max_force_ratio": 0, "polar_rad": 1, "contact_polar_rad": 0,
+    "poisson_ratio": 0, "needle_radius_m": 0, "max_force_ratio": 0, "polar_rad": 1, "rise_atp": 3,
+    "contact_polar_rad": 0,
 }  # fmt: skip
 ENCRYPTED = 1  # a bit of a ZIP entry's flags
 FOR_THE_BASIS = 0.9  # of an error; the rest is for what float32 rounds

@@ -8,7 +8,8 @@ force falls; a force is turned into a tip afterwards. Interpolation is a tensor 
 tension and tip.
 
 The paths are those of a wall of revolution about the needle axis. A needle beside the pole is nearer to the base on one
-side and meets a stiffer wall: forces are larger by a factor over the contact's polar angle (`library.base_plane`).
+side and meets a stiffer wall: forces are larger by a factor over the contact's polar angle (`library.base_plane`), and
+the dent displaces less, because the contact rises less under the pressure (`library.contact_rise`).
 """
 
 from dataclasses import InitVar, dataclass, field, replace
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
+from scleraforce.library.contact_rise import rise_slope
 from scleraforce.library.crossing import first_crossing
 from scleraforce.library.spline_weights import SplineWeights
 from scleraforce.library.splines import SUPPORT, CubicSpline, tensor_coefficients, values_and_slopes
@@ -57,8 +59,9 @@ class Library:
     `thickness_m` (t,), `tension` (p,) and `tip_m` (d,) increase, at least four values each; `tip_m` starts at 0.
     `force_ratio_tpd` is F/E in m^2, `displaced_tpd` the volume in m^3 between the wall without the needle and with it,
     at one pressure, and `curves_tpdbnc` what `Responses` says, of walls clamped 90 degrees from the needle axis.
-    `stiffness_atpd` is the factor of the force for contacts at the polar angles `polar_rad` (a,), from 0; the library
-    answers for `contact_polar_rad`. `max_force_ratio` is the largest F/E that it is asked for.
+    `stiffness_atpd` is the factor of the force for contacts at the polar angles `polar_rad` (a,), from 0, `rise_atp`
+    how far such contacts rise under the pressure alone, m; the library answers for `contact_polar_rad`.
+    `max_force_ratio` is the largest F/E that it is asked for.
     """
 
     thickness_m: Floats
@@ -73,6 +76,7 @@ class Library:
     max_force_ratio: float
     polar_rad: Floats
     stiffness_atpd: Floats
+    rise_atp: Floats
     contact_polar_rad: float
     shapes_of: InitVar["Library | None"] = None  # of the same walls, with which it shares what they cost
     _weights: SplineWeights = field(init=False, repr=False, compare=False)
@@ -90,6 +94,9 @@ class Library:
         if self.stiffness_atpd.shape != (len(self.polar_rad), *shape) or len(self.polar_rad) < SUPPORT:
             raise InputError(f"library: stiffness {self.stiffness_atpd.shape} does not fit {len(self.polar_rad)} "
                              f"polar angles (at least {SUPPORT}) and the axes {shape}")  # fmt: skip
+        if self.rise_atp.shape != self.stiffness_atpd.shape[:3]:
+            raise InputError(f"library: rise {self.rise_atp.shape} does not fit {len(self.polar_rad)} polar angles "
+                             f"and the axes {shape[:2]}")  # fmt: skip
         _check("polar angle", np.asarray(self.contact_polar_rad), *self._ends(self.polar_rad), "deg")
         for axis in (self.polar_rad, self.thickness_m, self.tension, self.tip_m):
             if not (np.diff(axis) > 0.0).all():
@@ -101,10 +108,11 @@ class Library:
             raise InputError(f"library: radius, needle radius, largest F/E, first thickness and tension {sizes}, "
                              f"Poisson's ratio {self.poisson_ratio}: impossible")  # fmt: skip
         axes = (self.thickness_m, self.tension, self.tip_m, self.polar_rad)
-        values = (*axes, self.force_ratio_tpd, self.displaced_tpd, self.curves_tpdbnc, self.stiffness_atpd)
+        factors = (self.stiffness_atpd, self.rise_atp)
+        values = (*axes, self.force_ratio_tpd, self.displaced_tpd, self.curves_tpdbnc, *factors)
         if not all(np.isfinite(array).all() for array in values):
             raise InputError("library: values that are not finite")
-        own = SplineWeights(self.thickness_m, self.tension, self.tip_m, self.displaced_tpd, self.curves_tpdbnc)
+        own = SplineWeights(self.thickness_m, self.tension, self.tip_m, self.curves_tpdbnc)
         object.__setattr__(self, "_weights", own if shapes_of is None else shapes_of._weights)
 
     def curves(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Responses:
@@ -156,7 +164,7 @@ class Library:
         Raises:
             InputError: a sample lies outside the library.
         """
-        return self._at_tips(self._weights.of_volume, thickness_m, iop_ratio, tip_m)
+        return self._at_tips(self._volume_coefficients, thickness_m, iop_ratio, tip_m)
 
     def displaced_along_pressure(self, thickness_m: Floats, tip_m: Floats) -> tuple[Floats, Floats]:
         """Return `displaced_m3` at the library's tensions and its slope by their logarithm, (sample, p) each.
@@ -169,7 +177,7 @@ class Library:
         t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
         d, of_d = self._splines[2].weights(self._inside(tip_m, self.tip_m))
         rows, weights = _products(t, of_t, d, of_d, len(self.tip_m))
-        both = (weights[:, None] @ self._weights.along_pressure[rows])[:, 0]
+        both = (weights[:, None] @ self._volumes_along_pressure[rows])[:, 0]
         return both[:, : len(self.tension)], both[:, len(self.tension) :]
 
     def check_walls(self, thickness_m: Floats, iop_ratio: Floats) -> None:
@@ -253,11 +261,21 @@ class Library:
     @cached_property
     def _contact_forces(self) -> Floats:
         """F/E at the contact's polar angle (t, p, d)."""
+        return self.force_ratio_tpd * self._at_contact(self.stiffness_atpd)
+
+    @cached_property
+    def _contact_volumes(self) -> Floats:
+        """The displaced volume at the contact's polar angle (t, p, d), m^3."""
+        rises = (self.rise_atp[0], self._at_contact(self.rise_atp))
+        polar, beside = (rise_slope(rise, self.thickness_m / self.radius_m, self.tension)[..., None] for rise in rises)
+        return self.displaced_tpd + self._contact_forces * beside - self.force_ratio_tpd * polar
+
+    def _at_contact(self, values: Floats) -> Floats:
+        """Interpolate values (a, ...) to the contact's polar angle."""
         spline = CubicSpline(self.polar_rad)
         first, weights = spline.weights(self._inside(np.array([self.contact_polar_rad]), self.polar_rad))
-        near = spline.coefficients(self.stiffness_atpd)[first[0] : first[0] + SUPPORT]
-        forces: Floats = self.force_ratio_tpd * np.tensordot(weights[0], near, axes=1)
-        return forces
+        found: Floats = np.tensordot(weights[0], spline.coefficients(values)[first[0] : first[0] + SUPPORT], axes=1)
+        return found
 
     def _at_tips(self, coefficients: Floats, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
         """Values (sample,) at given tips of the spline over (t p d,) with these coefficients."""
@@ -276,6 +294,16 @@ class Library:
     def _state_coefficients(self) -> Floats:
         """Spline weights of the force (t p d,)."""
         return tensor_coefficients(self._splines, self._contact_forces).reshape(-1)
+
+    @cached_property
+    def _volume_coefficients(self) -> Floats:
+        """Spline weights of the displaced volume (t p d,)."""
+        return tensor_coefficients(self._splines, self._contact_volumes).reshape(-1)
+
+    @cached_property
+    def _volumes_along_pressure(self) -> Floats:
+        """Spline weights over thickness and tip of the volume and its slope by log tension, there (t d, 2 p)."""
+        return values_and_slopes(self._splines, self._contact_volumes, axis=1)
 
     def _paths(self, walls: Walls) -> tuple[Floats, Floats]:
         """Force and slope at the library's tips for some walls, each (sample, d)."""

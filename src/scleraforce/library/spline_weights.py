@@ -7,7 +7,7 @@ from math import prod
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.library.splines import CubicSpline, tensor_coefficients, values_and_slopes
+from scleraforce.library.splines import CubicSpline, tensor_coefficients
 
 __all__ = ["SplineWeights"]
 
@@ -22,23 +22,12 @@ class SplineWeights:
     thickness_m: Floats
     tension: Floats
     tip_m: Floats
-    displaced_tpd: Floats
     curves_tpdbnc: Curves
 
     @cached_property
     def splines(self) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
         """Splines over log thickness, log tension, tip."""
         return CubicSpline(np.log(self.thickness_m)), CubicSpline(np.log(self.tension)), CubicSpline(self.tip_m)
-
-    @cached_property
-    def of_volume(self) -> Floats:
-        """Spline weights of the displaced volume (t p d,)."""
-        return tensor_coefficients(self.splines, self.displaced_tpd).reshape(-1)
-
-    @cached_property
-    def along_pressure(self) -> Floats:
-        """Spline weights over thickness and tip of the volume and its slope by log tension, there (t d, 2 p)."""
-        return values_and_slopes(self.splines, self.displaced_tpd, axis=1)
 
     @cached_property
     def of_curves(self) -> Curves:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scleraforce.checked_store import CheckedStore
 from scleraforce.errors import InputError
 from scleraforce.library.base_plane import base_stiffness
+from scleraforce.library.contact_rise import contact_rises
 from scleraforce.library.plan import LibraryPlan, parse_plan
 from scleraforce.library.responses import Library
 from scleraforce.stored_array import StoredArray
@@ -135,6 +136,7 @@ def open_library(path: str | PathLike[str]) -> Library:
         max_force_ratio=plan.grid.max_force_ratio_m2,
         polar_rad=polar_rad,
         stiffness_atpd=stiffness_atpd,
+        rise_atp=contact_rises(arrays[CURVES], polar_rad, plan.radius_m),
         contact_polar_rad=plan.contact_polar_rad,
     )
 

@@ -82,6 +82,7 @@ def trace(
     first_step_m: float = 1e-4,
     largest_step_m: float = 5e-4,
     globe: Globe = OPEN_GLOBE,
+    as_far_as_found: bool = False,
     progress: Callable[[float], object] | None = None,
 ) -> PathStates:
     """Follow the path from the state without the needle, by the tip's inward displacement.
@@ -97,6 +98,7 @@ def trace(
         first_step_m: of the tip.
         largest_step_m: of the tip.
         globe: how the pressure follows the volume, over E; a sealed one wants a `SealedEquilibrium`.
+        as_far_as_found: where no equilibrium is found beyond some state, the path ends there, and that is no error.
         progress: called after each step with the largest F/E so far.
 
     Raises:
@@ -110,7 +112,12 @@ def trace(
     kept = [walk.history[0]]
     for goal_m in _goals(tips_m, end_m):
         while walk.tip_m < goal_m and kept[-1][1] < max_force:
-            walk.step_towards(goal_m)
+            try:
+                walk.step_towards(goal_m)
+            except SolverError:
+                if as_far_as_found:
+                    return _states(kept, len(start), control)
+                raise
             if progress is not None:
                 progress(control.largest_force)
             if tips_m is None or walk.tip_m >= goal_m:

@@ -201,6 +201,7 @@ class FiniteWall:
         max_tip_m: float | None = None,
         globe: Globe = OPEN_GLOBE,
         largest_step_m: float = LARGEST_STEP_M,
+        as_far_as_found: bool = False,
         progress: Callable[[float], object] | None = None,
     ) -> LoadPath:
         """Apply pressure and weight, then push the needle until it carries `max_force_n` or has moved by `max_tip_m`.
@@ -214,6 +215,7 @@ class FiniteWall:
             max_tip_m: the deepest dent to go to.
             globe: how the pressure follows the volume that the dent displaces.
             largest_step_m: of the tip between two states.
+            as_far_as_found: where no equilibrium is found beyond some state, the path ends there, and that is no error.
             progress: called after each step with the largest force so far in N.
 
         Raises:
@@ -233,6 +235,7 @@ class FiniteWall:
             first_step_m=min(FIRST_STEP_M, largest_step_m),
             largest_step_m=largest_step_m,
             globe=globe.over(youngs_modulus_pa),
+            as_far_as_found=as_far_as_found,
             progress=None if progress is None else lambda ratio: progress(ratio * youngs_modulus_pa),
         )
         return self._path(states, problem.tip, youngs_modulus_pa)

@@ -44,6 +44,7 @@ def bend_eye(
     iop_pa: float,
     max_force_n: float,
     max_tip_m: float | None = None,
+    as_far_as_found: bool = False,
     progress: Callable[[float], object] | None = None,
 ) -> BentEye:
     """Bend an eye at finite strain, up to a force; radius, material, form and needle are the study's.
@@ -56,6 +57,7 @@ def bend_eye(
         iop_pa: eye pressure without the needle.
         max_force_n: where the path may end.
         max_tip_m: the deepest dent; the path may then end below the force.
+        as_far_as_found: the path may also end where no equilibrium is found any more.
         progress: called after every state with the share of the force that is reached.
 
     Raises:
@@ -87,6 +89,7 @@ def bend_eye(
         max_tip_m=max_tip_m,
         globe=study_globe(study.globe),
         largest_step_m=min(LARGEST_STEP_M, linear_tip_m / STEPS_TO_LINEAR_TIP),
+        as_far_as_found=as_far_as_found,
         progress=None if progress is None else lambda force_n: progress(min(force_n / goal_n, 1.0)),
     )
     try:

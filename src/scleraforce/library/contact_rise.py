@@ -1,0 +1,56 @@
+"""How far a contact beside the pole rises under the pressure, and what follows for the volume that its dent displaces.
+
+A half-sphere under pressure bulges between its clamps: its middle rises more than what lies beside it. At a pressure p
+the needle's force F moves the contact inwards by x, and the volume and the contact's way are the derivatives of one
+potential (Maxwell's reciprocity, Timoshenko and Goodier, Theory of Elasticity, sec. 97):
+
+    d(dV)/dF = -d(V)/dF = dx/dp = w'(p) - d(dent)/dp
+
+with w(p) the contact's rise without the needle and the dent from there, as in the library. At one pressure and one dent
+a contact at another polar angle differs by its force and by w', so its dent displaces F w' less F0 w0' more than one on
+the pole. What the dents of both differ by, d/dp of the integral of F - F0 over the dent, is left out: below 1 % of the
+volume. Under the pressure alone wall and base are of revolution about the eye's axis, so w is the pole's curve.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.library.splines import SUPPORT, CubicSpline
+
+__all__ = ["contact_rises", "rise_slope"]
+
+Floats = NDArray[np.float64]
+
+
+def contact_rises(curves_tpdbnc: NDArray[np.float32], polar_rad: Floats, radius_m: float) -> Floats:
+    """Return how far contacts rise along their normal under the pressure alone (a, t, p), m.
+
+    Args:
+        curves_tpdbnc: of the library (`library.responses`), the first of the dents being none.
+        polar_rad: polar angles of the contacts (a,).
+        radius_m: of the eye.
+    """
+    outer_tpnc = curves_tpdbnc[:, :, 0, 0].astype(np.float64)
+    at_rest = outer_tpnc[0, 0]  # hardly moved; and an angle a little off turns the rise by its square only
+    angle = np.arctan2(at_rest[:, 0], radius_m - at_rest[:, 1])
+    spline = CubicSpline(angle)
+    first, weights = spline.weights(polar_rad)
+    coefficients = spline.coefficients(outer_tpnc, axis=2)
+    near = coefficients[:, :, first[:, None] + np.arange(SUPPORT)]
+    contact_tpac = np.einsum("ak,tpakc->tpac", weights, near)
+    away, above = contact_tpac[..., 0], radius_m - contact_tpac[..., 1]
+    return np.moveaxis(away * np.sin(polar_rad) + above * np.cos(polar_rad) - radius_m, -1, 0)
+
+
+def rise_slope(rise_tp: Floats, thinness_t: Floats, tension: Floats) -> Floats:
+    """Return the derivative of a contact's rise by the pressure over E (t, p), m.
+
+    Args:
+        rise_tp: the rise at the library's thicknesses and tensions, m.
+        thinness_t: thickness over radius.
+        tension: p R/(E t) (p,).
+    """
+    ratio_tp = tension * thinness_t[:, None]
+    per_ratio = rise_tp / ratio_tp  # hardly turns where the wall is linear
+    spline = CubicSpline(np.log(tension))
+    return per_ratio + spline.slopes(spline.coefficients(per_ratio, axis=1))
