@@ -43,8 +43,9 @@ class CubicSpline:
         """Return the weights of the B-splines through `values` at the nodes along `axis`, the same shape."""
         moved = np.moveaxis(values, axis, 0)
         columns = moved.reshape(len(self.nodes), -1)
-        # One large product: each of many small ones would wait for busy cores.
-        weights: Floats = (self._inverse @ columns).reshape(moved.shape)
+        with np.errstate(over="ignore", invalid="ignore"):  # of values that are not finite neither are the weights
+            # One large product: each of many small ones would wait for busy cores.
+            weights: Floats = (self._inverse @ columns).reshape(moved.shape)
         return np.moveaxis(weights, 0, axis)
 
     def weights(self, places: Floats) -> tuple[Integers, Floats]:
