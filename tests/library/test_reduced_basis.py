@@ -18,6 +18,14 @@ def test_no_value_is_off_by_more_than_it_may_be(largest_error):
     assert len(reduced.basis_kv) < 15
 
 
+def test_what_is_rounded_at_many_parts_does_not_add_up():
+    rng = np.random.default_rng(0)
+    rows = rng.normal(size=(150, 70)) * np.geomspace(1.0, 1e-6, 70) @ np.linalg.qr(rng.normal(size=(70, 70)))[0]
+    reduced = reduce_rows(rows, 1e-5)
+    assert len(reduced.basis_kv) > 50
+    assert np.abs(reduced.rows() - rows).max() <= 1e-5
+
+
 def test_rows_of_three_functions_have_three_parts():
     functions = np.stack([np.ones(70), PLACES, np.sin(9.0 * PLACES)])
     rows = np.random.default_rng(0).normal(size=(150, 3)) @ functions
