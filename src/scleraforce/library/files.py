@@ -19,7 +19,8 @@ __all__ = ["load_library", "save_library"]
 
 AXES = {
     "thickness_m": 1, "tension": 1, "tip_m": 1, "force_ratio_tpd": 3, "displaced_tpd": 3, "curves_tpdbnc": 6,
-    "polar_rad": 1, "stiffness_atpd": 4, "rise_atp": 3,
+    "undented_tpbnc": 5,
+    "polar_rad": 1, "stiffness_atpd": 4,
 }  # fmt: skip
 ENCRYPTED = 1  # a bit of a ZIP entry's flags
 
@@ -65,7 +66,7 @@ def _read(archive: ZipFile, name: str, most: int) -> Any:
     file = BytesIO(data)
     read_header = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}[read_magic(file)]
     shape, _, dtype = read_header(file)
-    wanted = "float32" if name == "curves_tpdbnc" else "float64"
+    wanted = "float32" if name in ("curves_tpdbnc", "undented_tpbnc") else "float64"
     size = prod(shape) * np.dtype(wanted).itemsize
     if dtype != np.dtype(wanted) or len(shape) != AXES.get(name, 0) or size != len(data) - file.tell():
         raise ValueError(f"{name}: {dtype} {shape} in {len(data)} bytes")
