@@ -15,14 +15,15 @@ What an eye that is no even sphere adds comes on top (`fitting.resting_form`): i
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.fitting.base_motion import Stations, section_stations
 from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
 from scleraforce.fitting.resting_form import FORMS, form_depths
 from scleraforce.known.globe import OPEN, KnownGlobe
-from scleraforce.library.base_bulge import base_push
 from scleraforce.library.responses import Library
 
 __all__ = [
@@ -72,10 +73,20 @@ HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit t
 
 @dataclass(frozen=True, eq=False)
 class Walls:
-    """The walls that a fit looks among: those of a library, in globes of which so much is known."""
+    """The walls that a fit looks among: those of a library, in globes of which so much is known.
+
+    `gap_m` and `thickness_m` are about those of the walls.
+    """
 
     library: Library
     globe: KnownGlobe = OPEN
+    gap_m: float = 0.6e-3
+    thickness_m: float = 0.6e-3
+
+    @cached_property
+    def stations(self) -> Stations:
+        """Where what the base's nearness moves is found."""
+        return section_stations(self.library, self.gap_m, self.thickness_m)
 
     @property
     def pressure(self) -> int:
@@ -112,23 +123,8 @@ def _placed(walls: Walls, unknown_su: Array, place: tuple[Array, Array, Array], 
     size, gap, pose = np.exp(unknown_su[:, SIZE]), unknown_su[:, GAP], unknown_su[0]
     moved = None
     if unknown_su[:, POLE].any():
-        thickness, ratio, _ = place
-        rings = _rings_in_plane(walls.library, gap / size, thickness).reshape(len(size), 2, -1, 3)
-        moved = walls.library.base_bulge(thickness, ratio, rings, unknown_su[:, POLE])
-        pushed = base_push(walls.library.forces(*place), thickness, walls.library.poisson_ratio)
-        moved[..., :2] += (pushed[:, None] * unknown_su[:, POLE])[:, None, None, :]
-        moved = moved.reshape(*moved.shape[:2], 2, -1, 3) * size[:, None, None, None, None]
+        moved = walls.stations.moved(place, unknown_su[:, POLE]) * size[:, None, None, None, None]
     return place_curves(cut_by_plane(curves_sbnc, gap, moved), pose[LATERAL], pose[DEPTH], pose[ROTATION])
-
-
-def _rings_in_plane(library: Library, gap_s: Array, thickness_s: Array) -> Array:
-    """Return unit vectors to where the plane meets the library's rings at rest (sample, boundary, side, node, 3)."""
-    angles = library.node_angles()
-    radii = library.radius_m - np.stack([np.zeros_like(thickness_s), thickness_s], axis=1)[..., None]
-    across = np.minimum(gap_s[:, None, None] / radii, np.sin(angles))
-    along = np.sqrt(np.sin(angles) ** 2 - across**2)
-    above = np.broadcast_to(np.cos(angles), along.shape)
-    return np.stack([np.stack([sign * along, across, above], axis=-1) for sign in (-1.0, 1.0)], axis=2)
 
 
 def formed_wall(walls: Walls, unknown: Array) -> Array:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from scleraforce.fitting.fit_prediction import (
     FORM,
+    GAP,
     HIGHEST_POLE,
     LATERAL,
     MODULUS,
@@ -114,7 +115,7 @@ def fit_boundaries(
     outer = columns.places.outer
     if outer < 2 * len(NAMES):
         return None
-    walls = Walls(library, prior.globe)
+    walls = Walls(library, prior.globe, float(prior.mean[GAP]), float(prior.mean[THICKNESS]))
     problem = _Problem(walls, columns, prior)
     begun = starts(walls, prior.mean, columns.places.lateral_m[:outer], columns.depth_m[:outer], STARTS)
     fits = (gauss_newton(problem, start, STOPPING) for start in begun)
