@@ -21,6 +21,7 @@ from scleraforce.study import (
     MeshStudy,
     RegionStudy,
     Study,
+    SupportsStudy,
     TissueStudy,
     WaveStudy,
 )
@@ -43,7 +44,7 @@ class Group:
     Attributes:
         words: what the eyes are, for titles.
         own: turns a plain eye and the study into those of the group.
-        accuracy_percent: of the classes, asked for.
+        accuracy_percent: of the classes, asked for; None where nothing is.
         error_mn: of the force, asked for.
         tell_globe: whether the recordings say that the globe is open or sealed.
         reader: which of the trained readers reads them.
@@ -51,8 +52,8 @@ class Group:
 
     words: str
     own: Callable[[PhantomEye, Study, Generator], Drawn]
-    accuracy_percent: int
-    error_mn: float
+    accuracy_percent: int | None = None
+    error_mn: float | None = None
     tell_globe: bool = True
     reader: str = DEFAULT_READER
 
@@ -119,6 +120,20 @@ def _living(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     return _sealed(eye, study, rng)
 
 
+def _supported(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+    """Return an open eye on a bed, held by straps, half to twice as stiff as those of `SupportsStudy`."""
+    bed, straps = np.exp(rng.uniform(np.log(0.5), np.log(2.0), 2))
+    usual = SupportsStudy()
+    supports = SupportsStudy(
+        kind="bed-and-straps",
+        bed_stiffness_pa_per_m=bed * usual.bed_stiffness_pa_per_m,
+        bed_shear_stiffness_pa_per_m=bed * usual.bed_shear_stiffness_pa_per_m,
+        strap_stiffness_n_per_m=straps * usual.strap_stiffness_n_per_m,
+        medial_azimuth_rad=rng.uniform(-pi, pi),
+    )
+    return eye, replace(study, supports=supports)
+
+
 GROUPS: Mapping[str, Group] = {
     "plain": Group(words="globe open, and told so", own=_plain, accuracy_percent=99, error_mn=0.4),
     "harder": Group(words="globe open, and told so", own=_harder, accuracy_percent=97, error_mn=0.8),
@@ -148,6 +163,9 @@ GROUPS: Mapping[str, Group] = {
         own=_stiffening,
         accuracy_percent=96,
         error_mn=1.0,
+    ),
+    "supported": Group(
+        words="a whole globe on a bed, held by the rectus muscles, read as a clamped half-sphere", own=_supported
     ),
 }
 

@@ -12,11 +12,11 @@ NU, NEEDLE_M = 0.45, 0.35e-3
 
 
 def moved_half_spheres(grown_tp: np.ndarray, lifted_tp: np.ndarray) -> np.ndarray:
-    """Curves (t, p, 1, 1, n, 2) of half-spheres that grow and are lifted, both in m."""
+    """Curves (t, p, 1, n, 2) of half-spheres that grow and are lifted, both in m."""
     angle = np.linspace(0.0, np.pi / 2, 121)
     radius = RADIUS_M + grown_tp[..., None]
     curves = np.stack([radius * np.sin(angle), RADIUS_M - radius * np.cos(angle) - lifted_tp[..., None]], axis=-1)
-    return curves[:, :, None, None].astype(np.float32)
+    return curves[:, :, None].astype(np.float32)
 
 
 def test_the_rise_is_the_motion_along_the_contact_s_normal() -> None:
@@ -37,7 +37,8 @@ def test_a_contact_on_the_pole_displaces_what_is_stored_and_one_beside_it_what_i
     library, tips = analytic_library(nodes=41), np.linspace(1e-4, 3e-3, 7)
     walls = np.full(7, 0.6e-3), np.full(7, 8e-4)
     pole, beside = library.for_contact(0.0), library.for_contact(0.6)
-    slope = rise_slope(library.rise_atp[0], library.thickness_m / RADIUS_M, library.tension)  # the same at all angles
+    rise = contact_rises(library.undented_tpbnc, np.zeros(1), RADIUS_M)[0]  # the same at all angles
+    slope = rise_slope(rise, library.thickness_m / RADIUS_M, library.tension)
     at = np.interp(8e-4 * RADIUS_M / 0.6e-3, library.tension, slope[4])
     more = (beside.forces(*walls, tips) - pole.forces(*walls, tips)) * at
     found = beside.displaced_m3(*walls, tips) - pole.displaced_m3(*walls, tips)

@@ -9,7 +9,6 @@ import numpy as np
 from scleraforce.errors import SolverError
 from scleraforce.library import Library
 from scleraforce.library.build import SolvedPath
-from scleraforce.library.contact_rise import contact_rises
 
 RADIUS_M = 12e-3
 
@@ -69,13 +68,13 @@ def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3, nodes=
         force_ratio_tpd=force_ratio(*grid),
         displaced_tpd=displaced_m3(*grid),
         curves_tpdbnc=walls,
+        undented_tpbnc=np.ascontiguousarray(walls[:, :, 0]),
         radius_m=RADIUS_M,
         poisson_ratio=0.45,
         needle_radius_m=0.35e-3,
         max_force_ratio=0.5e-6,
         polar_rad=POLAR_RAD,
         stiffness_atpd=np.stack([np.full(grid[0].shape, stiffness(polar)) for polar in POLAR_RAD]),
-        rise_atp=contact_rises(walls, POLAR_RAD, RADIUS_M),
         contact_polar_rad=0.0,
     )
 

@@ -34,7 +34,7 @@ SAMPLE_STEP_M = 0.1e-3  # between the samples of a section
 class EyeConstants:
     """What is stated about an eye and its plane, SI; `polar_sd_rad` is 0 where the recording states the angle.
 
-    `globe` is what is known of it.
+    `direction_rad` is None where it is not stated. `globe` is what is known of it.
     """
 
     iop_pa: float
@@ -42,9 +42,14 @@ class EyeConstants:
     gap_m: float
     polar_rad: float
     polar_sd_rad: float
-    direction_rad: float = 0.0
+    direction_rad: float | None = None
     tilt_rad: float = 0.0
     globe: KnownGlobe = OPEN
+
+    @property
+    def section_direction_rad(self) -> float:
+        """Direction of the plane; one that is not stated counts as that of the meridian."""
+        return 0.0 if self.direction_rad is None else self.direction_rad
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,6 +120,7 @@ def known_of_constants(constants: EyeConstants, modulus: Modulus | None = None) 
         thickness_m=constants.thickness_m,
         gap_m=constants.gap_m,
         polar_rad=constants.polar_rad,
+        direction_rad=constants.direction_rad,
         globe=constants.globe,
     )
 

@@ -1,8 +1,8 @@
 """An eye of finite strain: its sections from the response library (`library.responses`).
 
 The library holds walls of revolution about the needle axis, so sections have a closed form (`library.sections`). What
-the contact's polar angle and the plane's direction add is small and in proportion to the loads (`base_moves`). Gravity
-is neglected.
+the contact's polar angle and the plane's direction add is small: by the pressure (`library.base_bulge`), and in
+proportion to the force (`base_moves`). Gravity is neglected.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from scleraforce.calibration.base_moves import BaseMoves, base_moves
+from scleraforce.calibration.base_moves import base_moves
 from scleraforce.calibration.eye_model import (
     SAMPLE_STEP_M,
     EyeConstants,
@@ -25,6 +25,7 @@ from scleraforce.calibration.eye_model import (
 )
 from scleraforce.errors import CalibrationError, InputError
 from scleraforce.library import Library
+from scleraforce.library.base_bulge import pole_direction
 from scleraforce.library.sections import cut_rings
 from scleraforce.library.under_force import iop_ratio_under_force
 from scleraforce.study import Study
@@ -44,15 +45,16 @@ END_SHARE = 0.97  # of the library's largest force: over the rest the continuati
 class LibraryEye:
     """An eye whose sections come from a library, see `EyeModel`.
 
-    `lateral_m` (sample,): places of the section. `moves`: at each of the polar angles `polar_nodes_rad`. `smoothing_m`:
-    over which a segmentation smooths the outer curve (a Gaussian's standard deviation).
+    `lateral_m` (sample,): places of the section. `moves_pbxc`: `base_moves` at each of the polar angles
+    `polar_nodes_rad`. `smoothing_m`: over which a segmentation smooths the outer curve (a Gaussian's standard
+    deviation).
     """
 
     constants: EyeConstants
     library: Library
     lateral_m: Array
     polar_nodes_rad: tuple[float, ...]
-    moves: tuple[BaseMoves, ...]
+    moves_pbxc: Array
     smoothing_m: float = 0.0
 
     @property
@@ -67,9 +69,8 @@ class LibraryEye:
         at the end; pressure and thickness are held at the library's ends.
         """
         thickness, pressure, force = self._ratios(states)
-        nodes = self.polar_nodes_rad
-        shares_sp = np.array([lagrange(nodes, state.polar_rad) for state in states])
-        moved = np.einsum("sp,psbxc->sbxc", shares_sp, [moves.at(pressure, force) for moves in self.moves])
+        polar = np.array([state.polar_rad for state in states])
+        moved = self._moved(thickness, pressure, force, polar)
         gap_m = np.array([state.gap_m for state in states])
         depth = section_depths(
             self._walls(thickness, pressure, force), self._fine, gap_m, self.constants.tilt_rad, self.lateral_m, moved
@@ -103,6 +104,17 @@ class LibraryEye:
             pressure = iop_ratio_under_force(self.library, held, pressure, np.maximum(force, 0.0), globe)
         return thickness, pressure, force
 
+    def _moved(self, thickness: Array, pressure: Array, force: Array, polar: Array) -> Array:
+        """Return what the base's nearness moves sections by (state, boundary, place, 3), m."""
+        shares_sp = np.array([lagrange(self.polar_nodes_rad, at) for at in polar.tolist()])
+        direction_rad = self.constants.section_direction_rad
+        pole_s2 = np.array([pole_direction(at, direction_rad) for at in polar.tolist()])
+        held = np.clip(thickness, self.library.thickness_m[0], self.library.thickness_m[-1])
+        ratio = np.clip(pressure, *self.library.iop_ratio_ends(held))
+        bulged = self.library.base_bulge(held, ratio, self._places, pole_s2)
+        moved: Array = bulged + np.einsum("sp,pbxc->sbxc", shares_sp * force[:, None], self.moves_pbxc)
+        return moved
+
     def _walls(self, thickness: Array, pressure: Array, force: Array) -> Array:
         """Return the library's curves (state, boundary, node, 2), gone on with where the library ends."""
         library = self.library
@@ -133,6 +145,16 @@ class LibraryEye:
         return (1 - 1e-6) * float(self.library.largest_force_ratio(thickness, pressure).min())
 
     @cached_property
+    def _places(self) -> Array:
+        """Unit vectors to the section's places at rest (boundary, place, 3), as `library.base_bulge` takes them."""
+        radii = self.library.radius_m - np.array([[0.0], [self.constants.thickness_m]])
+        lateral, gap = np.broadcast_arrays(self.lateral_m, self.constants.gap_m)
+        above = np.sqrt(np.maximum(radii**2 - lateral**2 - gap**2, 0.0))
+        both = np.broadcast_to(np.stack([lateral, gap], axis=-1), (2, len(lateral), 2))
+        places: Array = np.concatenate([both, above[..., None]], axis=-1) / radii[..., None]
+        return places
+
+    @cached_property
     def _fine(self) -> Array:
         """Weights (fine point, node) of a cubic spline along the wall through the library's nodes."""
         at_rest = self.library.curves_tpdbnc[0, 0, 0, 0].astype(np.float64)
@@ -161,7 +183,7 @@ def library_eye(study: Study, constants: EyeConstants, library: Library) -> Libr
     side = np.arange(0.0, REACH * library.radius_m, SAMPLE_STEP_M)
     lateral_m = np.concatenate([-side[:0:-1], side])
     polars = polar_nodes(constants)
-    moves = tuple(base_moves(study, constants, polar, lateral_m) for polar in polars)
+    moves = np.stack([base_moves(study, constants, polar, lateral_m) for polar in polars])
     # Sections end at `REACH`; a dented wall's material moves by less than a millimetre or two along it.
     near = library.within(0.85 * library.radius_m)
     middle_rad = 0.5 * (min(polars) + max(polars))  # forces hardly change between the ends

@@ -91,7 +91,7 @@ def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool 
     thicknesses = tuple(share * constants.thickness_m for share in shares)
     polars = polar_nodes(constants)
     contacts = [Contact(polar_rad=polar) for polar in polars]
-    plane = (constants.gap_m, constants.direction_rad, constants.tilt_rad)
+    plane = (constants.gap_m, constants.section_direction_rad, constants.tilt_rad)
     lateral = lateral_samples(study.eye.radius_m, max(thicknesses), contacts, *plane)
     fields = [_fields(study, constants, thickness, contacts, lateral) for thickness in thicknesses]
     weight = study.eye.density_kg_m3 * STANDARD_GRAVITY_M_S2
@@ -112,5 +112,5 @@ def _fields(
     mesh = study_mesh(study, thickness_m, contacts[0] if len(contacts) == 1 else None)
     wall = LinearWall(mesh, study.eye.poisson_ratio)
     radius = study.needle.outer_diameter_m / 2
-    plane = (constants.gap_m, constants.direction_rad, constants.tilt_rad)
+    plane = (constants.gap_m, constants.section_direction_rad, constants.tilt_rad)
     return np.stack([response_fields(wall, contact, radius, lateral_m, *plane) for contact in contacts])

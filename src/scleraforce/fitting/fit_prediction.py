@@ -8,14 +8,19 @@ its square, and volumes, by its cube.
 What a frame shows is the state at the pressure under the needle. In an open globe that is the IOP. In one that may be
 sealed it is an unknown of its own, which what is known of the rigidity ties to IOP and dent (`fitting.globe_term`).
 
+The eye's base lies nearer on one side of the needle. What pressure and force move because of that is known where it is
+known where the pole lies (`library.base_bulge`); else the pole's place is an unknown.
+
 What an eye that is no even sphere adds comes on top (`fitting.resting_form`): its form at rest, not how that bends.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.fitting.base_motion import Stations, section_stations
 from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
 from scleraforce.fitting.resting_form import FORMS, form_depths
 from scleraforce.known.globe import OPEN, KnownGlobe
@@ -25,11 +30,13 @@ __all__ = [
     "DEPTH",
     "FORM",
     "GAP",
+    "HIGHEST_POLE",
     "INNER_OFFSET",
     "IOP",
     "LATERAL",
     "MODULUS",
     "NAMES",
+    "POLE",
     "PRESSURE",
     "ROTATION",
     "SIZE",
@@ -48,24 +55,38 @@ Array = NDArray[np.float64]
 
 # The unknowns of a fit, (unknown,): dent and pose in m and rad; logarithms of the eye's size over the library's, of E
 # in Pa and of the IOP without the needle in Pa; an offset of the inner boundary in m, which the segmentation may see a
-# little too deep; the logarithm of the pressure under the needle in Pa, which counts where the globe may be sealed; and
-# the form at rest (`resting_form.FORMS`), in m.
+# little too deep; the logarithm of the pressure under the needle in Pa, which counts where the globe may be sealed; the
+# form at rest (`resting_form.FORMS`), in m; and where the pole lies, along the section and across it
+# (`base_bulge.pole_direction`).
 NAMES = (
     "tip_m", "lateral_m", "depth_m", "rotation_rad", "gap_m", "thickness_m", "log_modulus", "log_iop", "log_size",
-    "inner_m", "log_pressure", *FORMS,
+    "inner_m", "log_pressure", *FORMS, "pole_along", "pole_across",
 )  # fmt: skip
 TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS, MODULUS, IOP, SIZE, INNER_OFFSET, PRESSURE = range(11)
-FORM = slice(PRESSURE + 1, len(NAMES))
+FORM = slice(PRESSURE + 1, PRESSURE + 1 + len(FORMS))
+POLE = slice(FORM.stop, len(NAMES))
 
 TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP = 20e-6, 10e-6, 5e-6, 0.02
+POLE_STEP = 5e-3
+HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit takes
 
 
 @dataclass(frozen=True, eq=False)
 class Walls:
-    """The walls that a fit looks among: those of a library, in globes of which so much is known."""
+    """The walls that a fit looks among: those of a library, in globes of which so much is known.
+
+    `gap_m` and `thickness_m` are about those of the walls.
+    """
 
     library: Library
     globe: KnownGlobe = OPEN
+    gap_m: float = 0.6e-3
+    thickness_m: float = 0.6e-3
+
+    @cached_property
+    def stations(self) -> Stations:
+        """Where what the base's nearness moves is found."""
+        return section_stations(self.library, self.gap_m, self.thickness_m)
 
     @property
     def pressure(self) -> int:
@@ -91,10 +112,19 @@ def place_walls(walls: Walls, unknown_su: Array) -> Array:
 
     All lie at the first sample's pose, and none has a form of its own.
     """
-    size = np.exp(unknown_su[:, SIZE])[:, None, None, None]
-    curves = walls.library.shapes(*_library_place(walls, unknown_su)).astype(np.float64)
-    pose = unknown_su[0]
-    return place_curves(cut_by_plane(curves * size, unknown_su[:, GAP]), pose[LATERAL], pose[DEPTH], pose[ROTATION])
+    size = np.exp(unknown_su[:, SIZE])
+    place = _library_place(walls, unknown_su)
+    curves = walls.library.shapes(*place).astype(np.float64)
+    return _placed(walls, unknown_su, place, curves * size[:, None, None, None])
+
+
+def _placed(walls: Walls, unknown_su: Array, place: tuple[Array, Array, Array], curves_sbnc: Array) -> Array:
+    """Return surfaces of revolution, moved by what the base's nearness does, cut and placed like `place_walls`."""
+    size, gap, pose = np.exp(unknown_su[:, SIZE]), unknown_su[:, GAP], unknown_su[0]
+    moved = None
+    if unknown_su[:, POLE].any():
+        moved = walls.stations.moved(place, unknown_su[:, POLE]) * size[:, None, None, None, None]
+    return place_curves(cut_by_plane(curves_sbnc, gap, moved), pose[LATERAL], pose[DEPTH], pose[ROTATION])
 
 
 def formed_wall(walls: Walls, unknown: Array) -> Array:
@@ -114,14 +144,14 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
         unknown: (unknown,), in the order of `NAMES`.
         places: where the frame was looked at.
     """
-    steps = np.array([TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP])
-    moving = [TIP, GAP, THICKNESS, walls.pressure]
-    varied = np.repeat(unknown[None], 5, axis=0)
+    steps = np.array([TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP, POLE_STEP, POLE_STEP])
+    moving = [TIP, GAP, THICKNESS, walls.pressure, *range(POLE.start, POLE.stop)]
+    varied = np.repeat(unknown[None], len(moving) + 1, axis=0)
     varied[1:, moving] += np.diag(_inward(walls, unknown, steps))
     moved = varied[1:, moving].diagonal() - unknown[moving]
-    found = [curve_depths(curves, places) for curves in place_walls(walls, varied)]
+    found = [curve_depths(curves, places) for curves in _varied_walls(walls, varied)]
     (depth, slope, seen), others = found[0], found[1:]
-    by_tip, by_gap, by_thickness, by_pressure = (
+    by_tip, by_gap, by_thickness, by_pressure, *by_pole = (
         (other[0] - depth) / step for other, step in zip(others, moved, strict=True)
     )
     by_lateral, by_depth, by_rotation = pose_derivatives(places, depth, slope, (unknown[LATERAL], unknown[DEPTH]))
@@ -135,10 +165,22 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
     jacobian[:, walls.pressure] = by_pressure
     formed, form_slope, by_form = form_depths(unknown[FORM], places.lateral_m - unknown[LATERAL], places.is_inner)
     jacobian[:, FORM] = by_form
+    jacobian[:, POLE] = np.stack(by_pole, axis=1)
     jacobian[:, LATERAL] -= form_slope
     jacobian[~seen] = 0.0
     offset = unknown[INNER_OFFSET] * places.is_inner + formed
     return Placed(depth + offset, slope + form_slope, jacobian, seen)
+
+
+def _varied_walls(walls: Walls, varied_su: Array) -> Array:
+    """Return `place_walls` of unknowns the last two of which differ from the first by the pole alone."""
+    shapes = varied_su[: -(POLE.stop - POLE.start)]
+    thickness, ratio, tip = _library_place(walls, shapes)
+    curves = walls.library.shapes(thickness, ratio, tip).astype(np.float64)
+    curves *= np.exp(shapes[:, SIZE])[:, None, None, None]
+    again = [*range(len(shapes)), 0, 0]
+    place = thickness[again], ratio[again], tip[again]
+    return _placed(walls, varied_su, place, curves[again])
 
 
 def _inward(walls: Walls, unknown: Array, steps: Array) -> Array:
@@ -150,6 +192,8 @@ def _inward(walls: Walls, unknown: Array, steps: Array) -> Array:
         False,
         unknown[THICKNESS] / size + THICKNESS_STEP_M > library.thickness_m[-1],
         np.exp(_log_ratio(walls, unknown[None])[0] + LOG_PRESSURE_STEP) > highest,
+        unknown[POLE][0] > 0.0,
+        unknown[POLE][1] > 0.0,
     ]
     return np.where(out, -steps, steps)
 
@@ -171,19 +215,42 @@ def _library_place(walls: Walls, unknown_su: Array) -> tuple[Array, Array, Array
     )
 
 
-def cut_by_plane(curves_sbnc: Array, gap_s: Array) -> Array:
+def cut_by_plane(curves_sbnc: Array, gap_s: Array, moved_sbwnc: Array | None = None) -> Array:
     """Return both sides of surfaces of revolution, cut by a plane parallel to their axis.
 
     Args:
         curves_sbnc: distance from the axis and depth (sample, boundary, node, 2), nodes from the axis outwards.
         gap_s: distance of the plane from the axis, m.
+        moved_sbwnc: how far what the plane meets has moved, (sample, boundary, [left, right], node, 3): along the
+            section, across it and down, m.
 
     Returns:
         Lateral place and depth (sample, boundary, 2 node, 2); nodes nearer to the axis than the plane lie in the
         middle, at the depth that the plane's nearest point has.
     """
+    gap = gap_s[:, None, None]
+    if moved_sbwnc is None:
+        right, down, _ = _cut_side(curves_sbnc, gap)
+        left, left_down = -right, down
+    else:
+        left, left_down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 0], -1.0)
+        right, down = _moved_side(curves_sbnc, gap, moved_sbwnc[:, :, 1], 1.0)
+    lateral = np.concatenate([left[..., ::-1], right], axis=2)
+    return np.stack([lateral, np.concatenate([left_down[..., ::-1], down], axis=2)], axis=3)
+
+
+def _moved_side(curves_sbnc: Array, gap: Array, moved_sbnc: Array, sign: float) -> tuple[Array, Array]:
+    """Return one side's lateral places and depths (sample, boundary, node)."""
+    lateral, down, first = _cut_side(curves_sbnc, gap - moved_sbnc[..., 1])
+    nodes = np.maximum(np.arange(curves_sbnc.shape[2]), first)  # what lies in the middle moves as its neighbour
+    along, deeper = (np.take_along_axis(moved_sbnc[..., axis], nodes, axis=2) for axis in (0, 2))
+    return sign * lateral + along, down + deeper
+
+
+def _cut_side(curves_sbnc: Array, gap: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Return the right side's lateral places and depths, and the first node beyond the plane (sample, boundary, 1)."""
     distance, depth = curves_sbnc[..., 0], curves_sbnc[..., 1]
-    square = distance**2 - gap_s[:, None, None] ** 2
+    square = distance**2 - gap**2
     beyond = np.maximum.accumulate(square > 0.0, axis=2)
     first = np.argmax(beyond, axis=2, keepdims=True)
     before = np.maximum(first - 1, 0)
@@ -192,8 +259,4 @@ def cut_by_plane(curves_sbnc: Array, gap_s: Array) -> Array:
     top, below = (np.take_along_axis(depth, at, axis=2) for at in (before, first))
     middle = top + np.clip(share, 0.0, 1.0) * (below - top)
     lateral = np.where(beyond, np.sqrt(np.maximum(square, 0.0)), 0.0)
-    down = np.where(beyond, depth, middle)
-    return np.stack(
-        [np.concatenate([-lateral[..., ::-1], lateral], axis=2), np.concatenate([down[..., ::-1], down], axis=2)],
-        axis=3,
-    )
+    return lateral, np.where(beyond, depth, middle), first

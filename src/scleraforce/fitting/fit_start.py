@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import DEPTH, LATERAL, SIZE, TIP, Walls, place_walls
+from scleraforce.fitting.fit_prediction import DEPTH, LATERAL, POLE, SIZE, TIP, Walls, place_walls
 
 __all__ = ["starts"]
 
@@ -35,7 +35,7 @@ def starts(walls: Walls, mean: Array, lateral_m: Array, depth_m: Array, count: i
     # Dents crowd where they are shallow: forces grow quickest there.
     tips = walls.library.tip_m[-1] * np.exp(mean[SIZE]) * np.linspace(0.0, 1.0, DENTS) ** 1.5
     samples = np.repeat(mean[None], DENTS, axis=0)
-    samples[:, TIP] = tips
+    samples[:, TIP], samples[:, POLE] = tips, 0.0
     outer = place_walls(walls, samples)[:, 0]
     reach = int(np.ceil((np.abs(lateral_m).max() + FARTHEST_M) / GRID_M)) + 1
     grid = np.arange(-reach, reach + 1) * GRID_M

@@ -17,9 +17,12 @@ from numpy.typing import NDArray
 
 from scleraforce.fitting.fit_prediction import (
     FORM,
+    GAP,
+    HIGHEST_POLE,
     LATERAL,
     MODULUS,
     NAMES,
+    POLE,
     PRESSURE,
     SIZE,
     THICKNESS,
@@ -44,8 +47,8 @@ Array = NDArray[np.float64]
 COLUMNS = 110  # of each boundary that are fitted
 POINT_SD_M = np.array([5e-6, 9e-6])  # of the outer and the inner boundary along their normal
 CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
-# What is farther off is no wall. Virtual eyes reach 8 um, those that are no spheres of one material 18 um.
-NO_WALL_M = 25e-6
+# What is farther off is no wall. Virtual eyes reach 9 um, those with a cornea in view 13 um.
+NO_WALL_M = 20e-6
 OUTLIER_SD = 8.0
 LAYER_M = 0.3e-3  # so far below the wall the choroid may end, which stretches of the inner boundary may follow
 HEAVY_CAUCHY = 2.0  # standard deviations, of what has a heavy prior
@@ -112,7 +115,7 @@ def fit_boundaries(
     outer = columns.places.outer
     if outer < 2 * len(NAMES):
         return None
-    walls = Walls(library, prior.globe)
+    walls = Walls(library, prior.globe, float(prior.mean[GAP]), float(prior.mean[THICKNESS]))
     problem = _Problem(walls, columns, prior)
     begun = starts(walls, prior.mean, columns.places.lateral_m[:outer], columns.depth_m[:outer], STARTS)
     fits = (gauss_newton(problem, start, STOPPING) for start in begun)
@@ -181,6 +184,7 @@ class _Problem:
         unknown[TIP] = np.clip(unknown[TIP], 0.0, self.walls.library.tip_m[-1] * np.exp(unknown[SIZE]))
         unknown[PRESSURE] = np.clip(unknown[PRESSURE], *self._log_pressure_ends(unknown))
         unknown[FORM] = np.clip(unknown[FORM], *FORM_ENDS)
+        unknown[POLE] *= min(1.0, HIGHEST_POLE / max(float(np.hypot(*unknown[POLE])), HIGHEST_POLE))
         return unknown
 
     def _log_pressure_ends(self, unknown: Array) -> Array:

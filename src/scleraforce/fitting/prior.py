@@ -1,7 +1,7 @@
 """What is known before a frame is fitted: of the eye, of the pose, and of forms that eyes have."""
 
 from dataclasses import dataclass
-from math import log, sqrt
+from math import log, radians, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from scleraforce.fitting.fit_prediction import (
     LATERAL,
     MODULUS,
     NAMES,
+    POLE,
     PRESSURE,
     ROTATION,
     SIZE,
@@ -23,6 +24,8 @@ from scleraforce.fitting.fit_prediction import (
 )
 from scleraforce.known.eye import Known
 from scleraforce.known.globe import UNKNOWN, KnownGlobe
+from scleraforce.library.base_bulge import pole_direction
+from scleraforce.library.plan import LARGEST_POLAR_DEG
 from scleraforce.study import ReaderStudy
 
 __all__ = ["HEAVY", "Prior", "form_size", "prior_of"]
@@ -37,6 +40,10 @@ FORCE_BY_LOG_THICKNESS, FORCE_BY_LOG_IOP = 2.0, 1.0 / 3.0
 # Place, angle and curvature of either side, and the wedge (`resting_form.FORMS`).
 FORM_MEAN = np.array([3.5e-3, 0.0, 0.0, 3.5e-3, 0.0, 0.0, 0.0])
 FORM_SD = np.array([1.2e-3, 5e-3, 2.0, 1.2e-3, 5e-3, 2.0, 3e-3])
+TYPICAL_POLAR_RAD = radians(35.0)  # of a contact whose place is not stated
+FARTHEST_RAD = radians(LARGEST_POLAR_DEG)
+POLE_SD = 0.03  # of where the pole lies, where polar angle and direction are stated
+UNSURE_POLE_SD = 0.15  # where the direction alone is
 # Unknowns with Cauchy's prior, whose density falls slowly: most eyes are even spheres, some are far from it; and now
 # and then another layer is taken for the inner boundary.
 HEAVY = np.array([INNER_OFFSET, *(FORM.start + np.array([1, 2, 4, 5, 6]))])
@@ -71,6 +78,7 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     for place, value in FREE_SD.items():
         sd[place] = value
     mean[FORM], sd[FORM] = FORM_MEAN, FORM_SD
+    mean[POLE], sd[POLE] = _pole(known)
     mean[GAP], sd[GAP] = _stated(known.gap_m, trained.gap_m.bounds, KNOWN_SD[GAP])
     mean[THICKNESS], sd[THICKNESS] = _stated(known.thickness_m, trained.thickness_m.bounds, KNOWN_SD[THICKNESS])
     iop = None if known.iop_pa is None else log(max(known.iop_pa, 1.0))
@@ -86,6 +94,14 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     correlation = globe.correlation if own else 0.0
     calibrated = np.asarray(np.linalg.inv([[1.0, correlation], [correlation, 1.0]]))
     return Prior(mean, sd, precision, same_force, globe, calibrated)
+
+
+def _pole(known: Known) -> tuple[tuple[float, float], float]:
+    """Return where the pole lies, and its standard deviation: anywhere around where the direction is not stated."""
+    polar_rad = TYPICAL_POLAR_RAD if known.polar_rad is None else min(max(known.polar_rad, 0.0), FARTHEST_RAD)
+    if known.direction_rad is None:
+        return (0.0, 0.0), max(sin(polar_rad) / sqrt(2.0), POLE_SD)
+    return pole_direction(polar_rad, known.direction_rad), POLE_SD if known.polar_rad is not None else UNSURE_POLE_SD
 
 
 def _same_force(mean: Array, sd: Array) -> Array:

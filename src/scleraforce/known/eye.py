@@ -61,7 +61,8 @@ class Modulus:
 class Known:
     """What is known of an eye and of the B-scan's place; None: unknown.
 
-    `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact.
+    `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact,
+    `direction_rad` that of the plane's lateral axis from the meridian.
     `globe` is what was told of the globe; None, nothing, is read as `globe.UNKNOWN`.
     """
 
@@ -70,6 +71,7 @@ class Known:
     thickness_m: float | None = None
     gap_m: float | None = None
     polar_rad: float | None = None
+    direction_rad: float | None = None
     globe: KnownGlobe | None = None
 
 
@@ -85,6 +87,7 @@ def known_of_recording(info: RecordingInfo) -> Known:
         thickness_m=info.eye.thickness_m,
         gap_m=needle.slice_gap_m,
         polar_rad=needle.polar_angle_rad,
+        direction_rad=info.oct.plane_direction_rad,
         globe=told_globe(info.eye),
     )
 
@@ -125,7 +128,7 @@ def completed(told: Known, stated: Known) -> Known:
     """Return what was told of an eye, and what else was stated; likewise of a globe of the kind that was told.
 
     >>> completed(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0))
-    Known(modulus=None, iop_pa=266.0, thickness_m=None, gap_m=0.0004, polar_rad=None, globe=None)
+    Known(modulus=None, iop_pa=266.0, thickness_m=None, gap_m=0.0004, polar_rad=None, direction_rad=None, globe=None)
     """
     missing = [item.name for item in fields(Known) if getattr(told, item.name) is None]
     globe = completed_globe(told.globe, stated.globe)

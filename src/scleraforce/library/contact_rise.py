@@ -15,6 +15,7 @@ volume. Under the pressure alone wall and base are of revolution about the eye's
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.library.base_bulge import meridian_angles
 from scleraforce.library.splines import SUPPORT, CubicSpline
 
 __all__ = ["contact_rises", "rise_slope"]
@@ -22,18 +23,17 @@ __all__ = ["contact_rises", "rise_slope"]
 Floats = NDArray[np.float64]
 
 
-def contact_rises(curves_tpdbnc: NDArray[np.float32], polar_rad: Floats, radius_m: float) -> Floats:
+def contact_rises(undented_tpbnc: NDArray[np.float32], polar_rad: Floats, radius_m: float) -> Floats:
     """Return how far contacts rise along their normal under the pressure alone (a, t, p), m.
 
     Args:
-        curves_tpdbnc: of the library (`library.responses`), the first of the dents being none.
+        undented_tpbnc: walls of the library without the needle (`library.responses`).
         polar_rad: polar angles of the contacts (a,).
         radius_m: of the eye.
     """
-    outer_tpnc = curves_tpdbnc[:, :, 0, 0].astype(np.float64)
-    at_rest = outer_tpnc[0, 0]  # hardly moved; and an angle a little off turns the rise by its square only
-    angle = np.arctan2(at_rest[:, 0], radius_m - at_rest[:, 1])
-    spline = CubicSpline(angle)
+    outer_tpnc = undented_tpbnc[:, :, 0].astype(np.float64)
+    # The first has hardly moved; and an angle that is a little off turns the rise by its square only.
+    spline = CubicSpline(meridian_angles(undented_tpbnc[0, 0].astype(np.float64), radius_m))
     first, weights = spline.weights(polar_rad)
     coefficients = spline.coefficients(outer_tpnc, axis=2)
     near = coefficients[:, :, first[:, None] + np.arange(SUPPORT)]

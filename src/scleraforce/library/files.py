@@ -25,9 +25,10 @@ __all__ = ["StoredErrors", "load_library", "save_library"]
 
 AXES = {
     "thickness_m": 1, "tension": 1, "tip_m": 1, "force_ratio_tpd": 3, "displaced_tpd": 3, "radius_m": 0,
-    "poisson_ratio": 0, "needle_radius_m": 0, "max_force_ratio": 0, "polar_rad": 1, "rise_atp": 3,
+    "poisson_ratio": 0, "needle_radius_m": 0, "max_force_ratio": 0, "polar_rad": 1, "undented_tpbnc": 5,
     "contact_polar_rad": 0,
 }  # fmt: skip
+UNDENTED = "undented_tpbnc"  # float32, as it is: its slope by the pressure counts where it moves by less than 1 um
 ENCRYPTED = 1  # a bit of a ZIP entry's flags
 FOR_THE_BASIS = 0.9  # of an error; the rest is for what float32 rounds
 
@@ -153,7 +154,7 @@ def _check_entries(archive: ZipFile, most: int) -> None:
 
 def _plain(archive: ZipFile, name: str, axes: int) -> Any:
     """Read what is stored as it is; an array without axes is a number."""
-    array = _read(archive, name, "float64", axes)
+    array = _read(archive, name, "float32" if name == UNDENTED else "float64", axes)
     return array if array.ndim else float(array)
 
 

@@ -19,12 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.library.contact_rise import rise_slope
+from scleraforce.library.axes import SLACK, check_inside, weight_products
+from scleraforce.library.base_bulge import base_bulge, meridian_angles, undented_motion
+from scleraforce.library.contact_rise import contact_rises, rise_slope
 from scleraforce.library.crossing import first_crossing
 from scleraforce.library.spline_weights import SplineWeights
 from scleraforce.library.splines import SUPPORT, CubicSpline, tensor_coefficients, values_and_slopes
 from scleraforce.mechanics.burst import burst_tension
-from scleraforce.units import HumanUnit, from_si
+from scleraforce.units import from_si
 
 __all__ = ["INNER", "OUTER", "Library", "Responses"]
 
@@ -34,7 +36,6 @@ Walls = tuple[NDArray[np.intp], Floats]  # rows of (thickness, tension) and thei
 
 OUTER, INNER = 0, 1  # the boundaries of a wall, as an index
 BLOCK = 32  # samples interpolated together: what they gather stays in the cache
-SLACK = 1e-9  # relative: an end of a range may be computed in two ways
 
 
 @dataclass(frozen=True)
@@ -59,8 +60,8 @@ class Library:
     `thickness_m` (t,), `tension` (p,) and `tip_m` (d,) increase, at least four values each; `tip_m` starts at 0.
     `force_ratio_tpd` is F/E in m^2, `displaced_tpd` the volume in m^3 between the wall without the needle and with it,
     at one pressure, and `curves_tpdbnc` what `Responses` says, of walls clamped 90 degrees from the needle axis.
-    `stiffness_atpd` is the factor of the force for contacts at the polar angles `polar_rad` (a,), from 0, `rise_atp`
-    how far such contacts rise under the pressure alone, m; the library answers for `contact_polar_rad`.
+    `undented_tpbnc` are the walls without the needle, from axis to clamp. `stiffness_atpd` is the factor of the force
+    for contacts at the polar angles `polar_rad` (a,), from 0; the library answers for `contact_polar_rad`.
     `max_force_ratio` is the largest F/E that it is asked for.
     """
 
@@ -70,13 +71,13 @@ class Library:
     force_ratio_tpd: Floats
     displaced_tpd: Floats
     curves_tpdbnc: Curves
+    undented_tpbnc: Curves
     radius_m: float
     poisson_ratio: float
     needle_radius_m: float
     max_force_ratio: float
     polar_rad: Floats
     stiffness_atpd: Floats
-    rise_atp: Floats
     contact_polar_rad: float
     shapes_of: InitVar["Library | None"] = None  # of the same walls, with which it shares what they cost
     _weights: SplineWeights = field(init=False, repr=False, compare=False)
@@ -94,25 +95,26 @@ class Library:
         if self.stiffness_atpd.shape != (len(self.polar_rad), *shape) or len(self.polar_rad) < SUPPORT:
             raise InputError(f"library: stiffness {self.stiffness_atpd.shape} does not fit {len(self.polar_rad)} "
                              f"polar angles (at least {SUPPORT}) and the axes {shape}")  # fmt: skip
-        if self.rise_atp.shape != self.stiffness_atpd.shape[:3]:
-            raise InputError(f"library: rise {self.rise_atp.shape} does not fit {len(self.polar_rad)} polar angles "
-                             f"and the axes {shape[:2]}")  # fmt: skip
-        _check("polar angle", np.asarray(self.contact_polar_rad), *self._ends(self.polar_rad), "deg")
+        if self.undented_tpbnc.ndim != 5 or self.undented_tpbnc.shape[:3] != (*shape[:2], 2):
+            raise InputError(f"library: walls without the needle {self.undented_tpbnc.shape} do not fit the axes "
+                             f"{shape[:2]}")  # fmt: skip
+        check_inside("polar angle", np.asarray(self.contact_polar_rad), *self._ends(self.polar_rad), "deg")
         for axis in (self.polar_rad, self.thickness_m, self.tension, self.tip_m):
             if not (np.diff(axis) > 0.0).all():
                 raise InputError("library: an axis that does not increase")
-        if self.curves_tpdbnc.shape[4] < 2 or self.curves_tpdbnc.shape[5:] != (2,):
-            raise InputError(f"library: curves {self.curves_tpdbnc.shape}; at least two points of two coordinates")
+        for walls in (self.curves_tpdbnc, self.undented_tpbnc):
+            if walls.shape[-2] < 2 or walls.shape[-1] != 2:
+                raise InputError(f"library: curves {walls.shape}; at least two points of two coordinates")
         sizes = (self.radius_m, self.needle_radius_m, self.max_force_ratio, self.thickness_m[0], self.tension[0])
         if not all(0.0 < size < np.inf for size in sizes) or not 0.0 <= self.poisson_ratio < 0.5:
             raise InputError(f"library: radius, needle radius, largest F/E, first thickness and tension {sizes}, "
                              f"Poisson's ratio {self.poisson_ratio}: impossible")  # fmt: skip
         axes = (self.thickness_m, self.tension, self.tip_m, self.polar_rad)
-        factors = (self.stiffness_atpd, self.rise_atp)
-        values = (*axes, self.force_ratio_tpd, self.displaced_tpd, self.curves_tpdbnc, *factors)
+        both = (self.curves_tpdbnc, self.undented_tpbnc)
+        values = (*axes, self.force_ratio_tpd, self.displaced_tpd, *both, self.stiffness_atpd)
         if not all(np.isfinite(array).all() for array in values):
             raise InputError("library: values that are not finite")
-        own = SplineWeights(self.thickness_m, self.tension, self.tip_m, self.curves_tpdbnc)
+        own = SplineWeights(self.thickness_m, self.tension, self.tip_m, self.curves_tpdbnc, self.undented_tpbnc)
         object.__setattr__(self, "_weights", own if shapes_of is None else shapes_of._weights)
 
     def curves(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Responses:
@@ -147,7 +149,7 @@ class Library:
             InputError: a sample lies outside the library.
         """
         walls = self._walls(thickness_m, iop_ratio)
-        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
+        check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         return self._curves(walls, np.asarray(tip_m, dtype=np.float64))
 
     def forces(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
@@ -172,13 +174,40 @@ class Library:
         Raises:
             InputError: a sample lies outside the library.
         """
-        _check("thickness", thickness_m, *self._ends(self.thickness_m), "um")
-        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
+        check_inside("thickness", thickness_m, *self._ends(self.thickness_m), "um")
+        check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
         d, of_d = self._splines[2].weights(self._inside(tip_m, self.tip_m))
-        rows, weights = _products(t, of_t, d, of_d, len(self.tip_m))
+        rows, weights = weight_products(t, of_t, d, of_d, len(self.tip_m))
         both = (weights[:, None] @ self._volumes_along_pressure[rows])[:, 0]
         return both[:, : len(self.tension)], both[:, len(self.tension) :]
+
+    def base_bulge(self, thickness_m: Floats, iop_ratio: Floats, places_sbpc: Floats, pole_s2: Floats) -> Floats:
+        """Return what the base's nearness moves walls beside the pole by (sample, boundary, place, 3), m.
+
+        Args:
+            thickness_m: wall thickness (sample,), m.
+            iop_ratio: pressure over E (sample,).
+            places_sbpc: unit vectors to the places at rest, of one sample or of each.
+            pole_s2: where the eye's pole lies; see `base_bulge.base_bulge`, also for the result.
+
+        Raises:
+            InputError: a wall lies outside the library.
+        """
+        rows, weights = self._walls(thickness_m, iop_ratio)
+        undented = (weights[:, None] @ self._weights.of_undented[rows])[:, 0]
+        undented_sbnc = undented.reshape(len(rows), *self.undented_tpbnc.shape[2:])
+        motion = undented_motion(undented_sbnc, self._angles, self.radius_m, np.asarray(thickness_m))
+        return base_bulge(motion, self._angles, places_sbpc, pole_s2)
+
+    def node_angles(self) -> Floats:
+        """Return the angles from the needle axis at which the nodes of the curves lie at rest (node,)."""
+        return self._angles[: self.curves_tpdbnc.shape[4]]
+
+    @cached_property
+    def _angles(self) -> Floats:
+        """Angles from the axis of the nodes of the walls without the needle."""
+        return meridian_angles(self.undented_tpbnc[0, 0].astype(np.float64), self.radius_m)
 
     def check_walls(self, thickness_m: Floats, iop_ratio: Floats) -> None:
         """Check that walls lie in the library.
@@ -207,7 +236,7 @@ class Library:
         return np.where(np.isnan(tips), self.tip_m[-1], tips)
 
     def _tips(self, walls: Walls, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Floats:
-        _check("F/E", force_ratio, 0.0, self.max_force_ratio, "mm2", "mm^2")
+        check_inside("F/E", force_ratio, 0.0, self.max_force_ratio, "mm2", "mm^2")
         tips = first_crossing(self.tip_m, *self._paths(walls), np.asarray(force_ratio))
         if np.isnan(tips).any():
             sample = int(np.argmax(np.isnan(tips)))
@@ -261,26 +290,23 @@ class Library:
     @cached_property
     def _contact_forces(self) -> Floats:
         """F/E at the contact's polar angle (t, p, d)."""
-        return self.force_ratio_tpd * self._at_contact(self.stiffness_atpd)
+        spline = CubicSpline(self.polar_rad)
+        first, weights = spline.weights(self._inside(np.array([self.contact_polar_rad]), self.polar_rad))
+        near = spline.coefficients(self.stiffness_atpd)[first[0] : first[0] + SUPPORT]
+        forces: Floats = self.force_ratio_tpd * np.tensordot(weights[0], near, axes=1)
+        return forces
 
     @cached_property
     def _contact_volumes(self) -> Floats:
         """The displaced volume at the contact's polar angle (t, p, d), m^3."""
-        rises = (self.rise_atp[0], self._at_contact(self.rise_atp))
-        polar, beside = (rise_slope(rise, self.thickness_m / self.radius_m, self.tension)[..., None] for rise in rises)
-        return self.displaced_tpd + self._contact_forces * beside - self.force_ratio_tpd * polar
-
-    def _at_contact(self, values: Floats) -> Floats:
-        """Interpolate values (a, ...) to the contact's polar angle."""
-        spline = CubicSpline(self.polar_rad)
-        first, weights = spline.weights(self._inside(np.array([self.contact_polar_rad]), self.polar_rad))
-        found: Floats = np.tensordot(weights[0], spline.coefficients(values)[first[0] : first[0] + SUPPORT], axes=1)
-        return found
+        rises = contact_rises(self.undented_tpbnc, np.array([0.0, self.contact_polar_rad]), self.radius_m)
+        pole, beside = (rise_slope(rise, self.thickness_m / self.radius_m, self.tension)[..., None] for rise in rises)
+        return self.displaced_tpd + self._contact_forces * beside - self.force_ratio_tpd * pole
 
     def _at_tips(self, coefficients: Floats, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
         """Values (sample,) at given tips of the spline over (t p d,) with these coefficients."""
         walls = self._walls(thickness_m, iop_ratio)
-        _check("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
+        check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         rows, weights = self._states(walls, tip_m)
         values: Floats = (coefficients[rows] * weights).sum(axis=1)
         return values
@@ -331,12 +357,12 @@ class Library:
 
     def _walls(self, thickness_m: Floats, iop_ratio: Floats) -> Walls:
         """Return where walls stand between those of the library, after a check that they do."""
-        _check("thickness", thickness_m, *self._ends(self.thickness_m), "um")
+        check_inside("thickness", thickness_m, *self._ends(self.thickness_m), "um")
         tension = self._tension(thickness_m, iop_ratio)
         self._check_tension(tension, thickness_m)
         t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
         p, of_p = self._splines[1].weights(np.log(self._inside(tension, self.tension)))
-        return _products(t, of_t, p, of_p, len(self.tension))
+        return weight_products(t, of_t, p, of_p, len(self.tension))
 
     def _check_tension(self, tension: Floats, thickness_m: Floats) -> None:
         """Check that tensions lie in the library's range; the message gives what they are in the wall's IOP/E."""
@@ -365,25 +391,3 @@ class Library:
     def _inside(values: Floats, axis: Floats) -> Floats:
         """Values of a range that was checked, without what rounding added."""
         return np.clip(np.asarray(values, dtype=np.float64), axis[0], axis[-1])
-
-
-def _products(
-    first: NDArray[np.intp], of_first: Floats, second: NDArray[np.intp], of_second: Floats, seconds: int
-) -> Walls:
-    """Rows (sample, 16) of a table over two axes, the second of a length, and the products of their weights."""
-    support = np.arange(SUPPORT)
-    rows = (first[:, None] + support)[:, :, None] * seconds + (second[:, None] + support)[:, None]
-    weights = of_first[:, :, None] * of_second[:, None]
-    return rows.reshape(len(first), SUPPORT**2), weights.reshape(len(first), SUPPORT**2)
-
-
-def _check(name: str, values: Floats, low: float, high: float, unit: HumanUnit, printed: str = "") -> None:
-    """Check that all values lie in a range; the message gives them in `unit`s, by another name where `printed`."""
-    values = np.asarray(values)
-    outside = ~((values >= low - SLACK * high) & (values <= high * (1.0 + SLACK)))  # NaN is outside, too
-    if outside.any():
-        found = from_si(float(values[outside].flat[0]), unit)
-        raise InputError(
-            f"{name}: {found:.4g} {printed or unit} is outside the library's range, "
-            f"{from_si(low, unit):.4g} to {from_si(high, unit):.4g} {printed or unit}"
-        )

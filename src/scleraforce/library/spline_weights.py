@@ -23,6 +23,7 @@ class SplineWeights:
     tension: Floats
     tip_m: Floats
     curves_tpdbnc: Curves
+    undented_tpbnc: Curves
 
     @cached_property
     def splines(self) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
@@ -34,3 +35,9 @@ class SplineWeights:
         """Spline weights of the curves (t p d, b n c)."""
         weights = tensor_coefficients(self.splines, self.curves_tpdbnc.astype(np.float64))
         return weights.reshape(prod(self.curves_tpdbnc.shape[:3]), -1).astype(np.float32)
+
+    @cached_property
+    def of_undented(self) -> Floats:
+        """Spline weights of the walls without the needle (t p, b n c)."""
+        weights = tensor_coefficients(self.splines[:2], self.undented_tpbnc.astype(np.float64))
+        return weights.reshape(prod(self.undented_tpbnc.shape[:2]), -1)

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from scleraforce.checked_store import CheckedStore
 from scleraforce.errors import InputError
 from scleraforce.library.base_plane import base_stiffness
-from scleraforce.library.contact_rise import contact_rises
 from scleraforce.library.plan import LibraryPlan, parse_plan
 from scleraforce.library.responses import Library
 from scleraforce.stored_array import StoredArray
@@ -130,13 +129,13 @@ def open_library(path: str | PathLike[str]) -> Library:
         force_ratio_tpd=arrays[FORCES],
         displaced_tpd=arrays[DISPLACED],
         curves_tpdbnc=arrays[CURVES],
+        undented_tpbnc=np.ascontiguousarray(arrays[CURVES][:, :, 0]),
         radius_m=plan.radius_m,
         poisson_ratio=plan.poisson_ratio,
         needle_radius_m=plan.needle_radius_m,
         max_force_ratio=plan.grid.max_force_ratio_m2,
         polar_rad=polar_rad,
         stiffness_atpd=stiffness_atpd,
-        rise_atp=contact_rises(arrays[CURVES], polar_rad, plan.radius_m),
         contact_polar_rad=plan.contact_polar_rad,
     )
 

@@ -69,7 +69,7 @@ class OctInfo:
     bits: int = required(low=1, high=16)
     width_m: float = required(low=1e-5, high=0.1)
     depth_m: float = required(low=1e-5, high=0.1)
-    plane_direction_rad: float = quantity(0.0, None, -6.3, 6.3)
+    plane_direction_rad: float | None = quantity(None, None, -6.3, 6.3)
     plane_tilt_rad: float = quantity(0.0, None, -1.0, 1.0)
     refractive_index: float = quantity(1.0, None, 1.0, 2.0)
 

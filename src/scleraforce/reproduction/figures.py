@@ -208,7 +208,7 @@ def eye_of(recording: Recording, study: Study) -> PhantomEye:
         iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
         gap_m=info.needle.slice_gap_m,
         polar_rad=0.5 * (low + high) if info.needle.polar_angle_rad is None else info.needle.polar_angle_rad,
-        direction_rad=info.oct.plane_direction_rad,
+        direction_rad=info.oct.plane_direction_rad or 0.0,
         tilt_rad=info.oct.plane_tilt_rad,
     )
 

@@ -41,6 +41,7 @@ FORCE_DRIFT_SD = 0.035  # relative, from no force to the largest: uneven eyes co
 LABEL_SD_N = 0.2e-3
 ROTATION_RAD = np.radians(3.0)
 SHIFT_M = 0.05e-3  # of an eye between frames
+DIRECTION_TOLD = 0.5  # share of the eyes
 WEAKER = 0.9  # a largest force that the library does not hold is lowered by this
 OPEN_OR_SEALED = (OPEN, SEALED, UNKNOWN)
 
@@ -73,6 +74,8 @@ class VirtualFrame:
 def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generator) -> VirtualEye:
     """Draw an eye within the ranges of `[reader]`; every third one is told open, sealed and nothing of its globe.
 
+    The direction of its sections is told of half of them.
+
     Raises:
         CalibrationError: the library does not have it.
     """
@@ -87,8 +90,15 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
     forms = draw_forms(np.array([thickness_m]), np.array([library.radius_m]), uneven, rng)
     drift = FORCE_DRIFT_SD * rng.standard_normal() * float(uneven[0])
     globe = replace(UNKNOWN, mean=rigidity) if sealed else OPEN
+    direction_rad = rng.uniform(-np.pi, np.pi)
     true = EyeConstants(
-        iop_pa=iop_pa, thickness_m=thickness_m, gap_m=gap_m, polar_rad=polar_rad, polar_sd_rad=0.0, globe=globe
+        iop_pa=iop_pa,
+        thickness_m=thickness_m,
+        gap_m=gap_m,
+        polar_rad=polar_rad,
+        polar_sd_rad=0.0,
+        direction_rad=direction_rad,
+        globe=globe,
     )
     sharp = replace(study, calibration=replace(study.calibration, surface_smoothing_m=0.0))  # `disturb` smooths
     model = library_eye(sharp, true, library)
@@ -103,6 +113,7 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
         iop_pa=iop_pa * float(noise[0]),
         thickness_m=float(np.clip(thickness_m * noise[1], *reader.thickness_m.bounds)),
         gap_m=gap_m * float(noise[2]),
+        direction_rad=direction_rad if rng.random() < DIRECTION_TOLD else None,
         globe=told_globe,
     )
     largest_n = _bearable(model, wall, study.needle.max_force_n)

@@ -1,0 +1,71 @@
+"""What the nearness of the eye's base moves a section by, at the nodes of the library's walls (`library.base_bulge`).
+
+The motion is smooth: it is found at a few places of the section and interpolated to where the plane meets the rings.
+Those places are of a gap and a thickness that are about right; how the motion turns with these is below 1 um.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.library.base_bulge import base_push
+from scleraforce.library.responses import Library
+
+__all__ = ["Stations", "section_stations"]
+
+Array = NDArray[np.float64]
+
+STATION_RAD = 0.04  # between the places
+
+
+@dataclass(frozen=True, eq=False)
+class Stations:
+    """Places of a section and what they weigh at the library's rings.
+
+    `places_bpc`: unit vectors to them at rest, as `Library.base_bulge` takes them. `weights_bwp`: of the places at the
+    rings (boundary, left nodes and right ones, place), from the axis outwards on either side.
+    """
+
+    library: Library
+    places_bpc: Array
+    weights_bwp: Array
+
+    def moved(self, place: tuple[Array, Array, Array], pole_s2: Array) -> Array:
+        """Return the motion of what the plane meets (sample, boundary, [left, right], node, 3), m.
+
+        Args:
+            place: of samples in the library's size: thickness, pressure over E and dent, (sample,) each.
+            pole_s2: where the eye's pole lies (`base_bulge.pole_direction`).
+        """
+        thickness, ratio, _ = place
+        bulge = self.library.base_bulge(thickness, ratio, self.places_bpc, pole_s2)
+        pushed = base_push(self.library.forces(*place), thickness, self.library.poisson_ratio)
+        bulge[..., :2] += (pushed[:, None] * pole_s2)[:, None, None, :]
+        at_rings: Array = self.weights_bwp @ bulge
+        return at_rings.reshape(*at_rings.shape[:2], 2, -1, 3)
+
+
+def section_stations(library: Library, gap_m: float, thickness_m: float) -> Stations:
+    """Return the stations of sections about so far from the needle axis, of walls about so thick."""
+    reach = np.sin(library.node_angles())
+    count = int(np.ceil(library.node_angles()[-1] / STATION_RAD)) + 1
+    stations = reach[-1] * np.linspace(-1.0, 1.0, 2 * count + 1)
+    places, weights = [], []
+    for radius_m in (library.radius_m, library.radius_m - thickness_m):
+        across = gap_m / radius_m
+        above = np.sqrt(np.maximum(1.0 - stations**2 - across**2, 0.0))
+        places.append(np.stack([stations, np.full_like(stations, across), above], axis=-1))
+        rings = np.sqrt(np.maximum(reach**2 - across**2, 0.0))
+        weights.append(_linear_weights(stations, np.concatenate([-rings, rings])))
+    return Stations(library, np.stack(places), np.stack(weights))
+
+
+def _linear_weights(stations: Array, wanted: Array) -> Array:
+    """Return the weights (wanted, station) of linear interpolation."""
+    left = np.clip(np.searchsorted(stations, wanted) - 1, 0, len(stations) - 2)
+    share = (wanted - stations[left]) / (stations[left + 1] - stations[left])
+    weights = np.zeros((len(wanted), len(stations)))
+    weights[np.arange(len(wanted)), left] = 1.0 - share
+    weights[np.arange(len(wanted)), left + 1] += share
+    return weights

@@ -1,0 +1,40 @@
+"""Axes of a table: what lies within them, and the weights of two of them together."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError
+from scleraforce.library.splines import SUPPORT
+from scleraforce.units import HumanUnit, from_si
+
+__all__ = ["SLACK", "check_inside", "weight_products"]
+
+Floats = NDArray[np.float64]
+
+SLACK = 1e-9  # relative: an end of a range may be computed in two ways
+
+
+def weight_products(
+    first: NDArray[np.intp], of_first: Floats, second: NDArray[np.intp], of_second: Floats, seconds: int
+) -> tuple[NDArray[np.intp], Floats]:
+    """Return rows (sample, 16) of a table over two axes, the second of a length, and the products of their weights."""
+    support = np.arange(SUPPORT)
+    rows = (first[:, None] + support)[:, :, None] * seconds + (second[:, None] + support)[:, None]
+    weights = of_first[:, :, None] * of_second[:, None]
+    return rows.reshape(len(first), SUPPORT**2), weights.reshape(len(first), SUPPORT**2)
+
+
+def check_inside(name: str, values: Floats, low: float, high: float, unit: HumanUnit, printed: str = "") -> None:
+    """Check that all values lie in a range; the message gives them in `unit`s, by another name where `printed`.
+
+    Raises:
+        InputError: a value is outside, or no number.
+    """
+    values = np.asarray(values)
+    outside = ~((values >= low - SLACK * high) & (values <= high * (1.0 + SLACK)))  # NaN is outside, too
+    if outside.any():
+        found = from_si(float(values[outside].flat[0]), unit)
+        raise InputError(
+            f"{name}: {found:.4g} {printed or unit} is outside the library's range, "
+            f"{from_si(low, unit):.4g} to {from_si(high, unit):.4g} {printed or unit}"
+        )

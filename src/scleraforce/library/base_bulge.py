@@ -1,0 +1,105 @@
+"""How the wall under the eye's pressure lies beside the pole, where the library's is clamped about the needle axis.
+
+A half-sphere that is held at its base bulges: under the pressure alone the library knows that wall exactly, about the
+eye's axis as about the needle's. What moves a point from the one to the other is added to the library's dented walls.
+It shifts the dent along the section and across it, in proportion to the pressure at first, and bends the wall beside
+the dent: by 10 um at a tension of 0.12, 30 um at 0.2.
+
+The needle's force moves the dent, too (`base_push`): it has a part across the eye's axis, under which the half-sphere
+gives way by shear. How the wall bends with it is `calibration.base_moves`.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["base_bulge", "base_push", "meridian_angles", "pole_direction", "undented_motion"]
+
+Floats = NDArray[np.float64]
+
+# Times (1 + nu)/pi F/(E t): how far a force across its axis moves the top of a half-sphere, a membrane, that is held at
+# its base. 1.08 for 0.6 mm; 1.05 to 1.2 for 0.35 to 0.9 mm, polar angles of 10 to 55 deg and nu of 0.3 and 0.45
+# (linear, three dimensions).
+SHEARED = 1.08
+
+
+def pole_direction(polar_rad: float, direction_rad: float) -> tuple[float, float]:
+    """Return where the eye's pole lies: the parts of its axis along the section and across it.
+
+    Args:
+        polar_rad: polar angle of the contact.
+        direction_rad: of the section, from the meridian (`section.plane.ScanPlane`).
+
+    >>> [round(part, 3) for part in pole_direction(0.5, 0.0)]
+    [-0.479, 0.0]
+    """
+    return float(-np.sin(polar_rad) * np.cos(direction_rad)), float(np.sin(polar_rad) * np.sin(direction_rad))
+
+
+def base_push(force_ratio_s: Floats, thickness_s: Floats, poisson_ratio: float) -> Floats:
+    """Return how far the needle's force moves the dent (sample,), m, times where the pole lies (`pole_direction`).
+
+    Args:
+        force_ratio_s: F/E, m^2.
+        thickness_s: of the walls, m.
+        poisson_ratio: nu.
+    """
+    pushed: Floats = SHEARED * (1.0 + poisson_ratio) / np.pi * force_ratio_s / thickness_s
+    return pushed
+
+
+def meridian_angles(undented_bnc: Floats, radius_m: float) -> Floats:
+    """Return the angles from the axis of the nodes of a wall that has hardly moved (node,)."""
+    outer: Floats = undented_bnc[0]
+    return np.arctan2(outer[:, 0], radius_m - outer[:, 1])
+
+
+def undented_motion(undented_sbnc: Floats, angles_n: Floats, radius_m: float, thickness_s: Floats) -> Floats:
+    """Return what the pressure moves (sample, boundary, node, [away from the axis, up]), m.
+
+    Args:
+        undented_sbnc: walls under the pressure alone, as `library.responses` has them: distance from the axis, depth.
+        angles_n: of the nodes (`meridian_angles`).
+        radius_m: of the eye.
+        thickness_s: of the walls.
+    """
+    radii_sb = radius_m - np.stack([np.zeros_like(thickness_s), thickness_s], axis=1)
+    at_rest = radii_sb[..., None, None] * np.stack([np.sin(angles_n), np.cos(angles_n)], axis=-1)
+    now = np.stack([undented_sbnc[..., 0], radius_m - undented_sbnc[..., 1]], axis=-1)
+    moved: Floats = now - at_rest
+    return moved
+
+
+def base_bulge(motion_sbnc: Floats, angles_n: Floats, places_sbpc: Floats, pole_s2: Floats) -> Floats:
+    """Return the motion from the wall about the needle axis to that about the eye's (sample, boundary, place, 3), m.
+
+    Its parts are along the section, across it, and down.
+
+    Args:
+        motion_sbnc: of walls under the pressure alone (`undented_motion`).
+        angles_n: of their nodes.
+        places_sbpc: unit vectors to the places at rest: along the section, across it, up along the needle axis; of one
+            sample for all, or of each.
+        pole_s2: where the eye's pole lies (`pole_direction`).
+    """
+    upright = np.sqrt(np.maximum(1.0 - (pole_s2**2).sum(axis=1, keepdims=True), 0.0))
+    eye_axis_sc = np.concatenate([pole_s2, upright], axis=1)
+    places_sbpc = np.broadcast_to(places_sbpc, (len(pole_s2), *places_sbpc.shape[-3:]))
+    bulged = _about(eye_axis_sc, motion_sbnc, angles_n, places_sbpc)
+    bulged -= _about(np.array([[0.0, 0.0, 1.0]]), motion_sbnc, angles_n, places_sbpc)
+    bulged[..., 2] *= -1.0
+    return bulged
+
+
+def _about(axis_sc: Floats, motion_sbnc: Floats, angles_n: Floats, places_sbpc: Floats) -> Floats:
+    """Return the motion at places of walls about an axis; beyond the base, that of the base: none."""
+    axis = axis_sc[:, None, None, :]
+    along = (places_sbpc * axis).sum(axis=-1, keepdims=True)
+    away = places_sbpc - along * axis
+    away /= np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), 1e-9)
+    angle = np.clip(np.arccos(np.clip(along[..., 0], -1.0, 1.0)), angles_n[0], angles_n[-1])
+    node = np.clip(np.searchsorted(angles_n, angle) - 1, 0, len(angles_n) - 2)
+    share = ((angle - angles_n[node]) / (angles_n[node + 1] - angles_n[node]))[..., None]
+    low, high = (np.take_along_axis(motion_sbnc, at[..., None], axis=2) for at in (node, node + 1))
+    moved = low + share * (high - low)
+    turned: Floats = moved[..., :1] * away + moved[..., 1:] * axis
+    return turned
