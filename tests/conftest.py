@@ -1,5 +1,6 @@
 """What all tests share."""
 
+import gc
 import signal
 
 from hypothesis import HealthCheck, settings
@@ -14,3 +15,12 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # No timed assertions: a machine with other work may draw slowly.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("untimed")
+
+# What collection makes - thousands of tests, the modules that they import - stays to the end: the collector of cycles
+# looks at it never again.
+gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()
+    gc.enable()

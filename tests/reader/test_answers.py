@@ -157,7 +157,7 @@ NO_EYES = {
 
 
 @pytest.mark.parametrize("name", NO_EYES)
-@pytest.mark.parametrize("known", [KNOWN, None], ids=["known", "unknown"])
+@pytest.mark.parametrize("known", [KNOWN, pytest.param(None, marks=pytest.mark.slow)], ids=["known", "unknown"])
 def test_what_is_no_sclera_is_never_read_as_harmless(name: str, known: Known | None) -> None:
     found = answer(NO_EYES[name], known)
     assert (found.usable, found.predicted) == (False, 2)
