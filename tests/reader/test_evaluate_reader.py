@@ -141,9 +141,8 @@ def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warn
     assert "stranger is not in" in " ".join(printed.split())
 
 
-@pytest.mark.parametrize(
-    ("stated", "kind"), [('globe = "sealed"\n', "sealed"), pytest.param("", "unknown", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("stated", "kind"), [('globe = "sealed"\n', "sealed"), ("", "unknown")])
 def test_what_a_recording_says_of_its_globe_reaches_reading_and_calibration(
     places, model, uncalibrated, tmp_path: Path, stated: str, kind: str
 ) -> None:
