@@ -3,6 +3,7 @@
 import gc
 import signal
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 import scleraforce  # noqa: F401 - before ONNX Runtime, which tests import too: it switches off what that sends
@@ -19,6 +20,10 @@ settings.load_profile("untimed")
 # What collection makes - thousands of tests, the modules that they import - stays to the end: the collector of cycles
 # looks at it never again.
 gc.disable()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.get_closest_marker("first") is None)
 
 
 def pytest_collection_finish() -> None:

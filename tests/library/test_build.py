@@ -106,6 +106,7 @@ def test_a_build_killed_at_any_time_is_completed(made, tmp_path):
     assert contents(path) == contents(made)
 
 
+@pytest.mark.slow
 def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
     path = Path(shutil.copytree(made, tmp_path / "copy"))
     chunk = path / "curves" / "c" / "2" / "3" / "0" / "0" / "0" / "0"

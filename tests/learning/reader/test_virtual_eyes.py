@@ -121,6 +121,7 @@ def test_what_is_told_of_other_eyes_is_off_as_eyes_differ(eye: VirtualEye) -> No
     assert np.std(means) / eye.wall.youngs_modulus_pa == pytest.approx(0.12, rel=0.06)
 
 
+@pytest.mark.slow
 def test_an_eye_that_the_library_does_not_hold_at_rest_is_refused(library) -> None:
     high = Range(min=10e3, max=10.5e3)
     study = replace(EXACT, reader=replace(EXACT.reader, iop_pa=high, youngs_modulus_pa=Range(min=1e4, max=1.1e4)))
