@@ -6,7 +6,8 @@ OUT ?= out/reproduce
 FIGURES ?= out/figures
 PYTEST_ARGS ?= -n 2 --dist worksteal
 SLOW ?= slow
-ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
+# One thread of BLAS to a worker; bytecode is kept, or every worker and every child would compile all anew.
+FOR_TESTS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE=
 PIP := .venv/bin/python -m pip --disable-pip-version-check -qq
 FIND_PYTHON = for python in python3.11 python3 python3.12 python3.13; do \
 	$$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$python; exit; }; done
@@ -21,10 +22,10 @@ reproduce: .venv/installed  ## the whole pipeline, to out/reproduce/report.html 
 	.venv/bin/scleraforce reproduce --out $(OUT)
 
 test: .venv/installed  ## the default tests
-	$(ONE_THREAD) .venv/bin/pytest $(PYTEST_ARGS)
+	$(FOR_TESTS) .venv/bin/pytest $(PYTEST_ARGS)
 
 slow: .venv/installed  ## the tests that take longer (some need Chromium, CalculiX or g++)
-	$(ONE_THREAD) .venv/bin/pytest $(PYTEST_ARGS) -m '$(SLOW)'
+	$(FOR_TESTS) .venv/bin/pytest $(PYTEST_ARGS) -m '$(SLOW)'
 
 lint: .venv/installed  ## ruff (rules and format) and mypy
 	.venv/bin/ruff check .

@@ -1,7 +1,9 @@
 """What all tests share."""
 
+import gc
 import signal
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 import scleraforce  # noqa: F401 - before ONNX Runtime, which tests import too: it switches off what that sends
@@ -14,3 +16,16 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # No timed assertions: a machine with other work may draw slowly.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("untimed")
+
+# What collection makes - thousands of tests, the modules that they import - stays to the end: the collector of cycles
+# looks at it never again.
+gc.disable()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.get_closest_marker("first") is None)
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()
+    gc.enable()

@@ -11,6 +11,7 @@ from math import pi
 from pathlib import Path
 
 import pytest
+from parsed import parsed, syntax_nodes
 
 import scleraforce
 from scleraforce.cli.main import COMMANDS
@@ -79,20 +80,10 @@ def within(here: str) -> tuple[Path, ...]:
 
 
 @cache
-def tree(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
-
-
-@cache
-def nodes(path: Path) -> tuple[ast.AST, ...]:
-    return tuple(ast.walk(tree(path)))
-
-
-@cache
 def imported(path: Path) -> frozenset[str]:
     """Every module that a file imports, by its full name, wherever the statement stands."""
     names: set[str] = set()
-    for node in nodes(path):
+    for node in syntax_nodes(path):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -134,7 +125,7 @@ def check_that_it_is_pure(path: Path) -> None:
     assert not roots & IMPURE_MODULES, f"{dotted(path)} imports {roots & IMPURE_MODULES}"
     files = (roots | imported(path)) & FILE_MODULES
     assert not files, f"{dotted(path)} imports {files}"
-    for node in nodes(path):
+    for node in syntax_nodes(path):
         if isinstance(node, ast.Call):
             called = ast.unparse(node.func)
             assert called not in IMPURE_CALLS, f"{dotted(path)}:{node.lineno}: {called}()"
@@ -151,7 +142,7 @@ def test_only_units_knows_the_factors_between_units(path: Path) -> None:
     """Whoever converts mmHg, degrees, weights or powers of ten with a number of its own is found."""
     if dotted(path) == "units":
         return
-    for node in nodes(path):
+    for node in syntax_nodes(path):
         if isinstance(node, ast.Constant) and isinstance(node.value, float):
             near = [name for name, factor in FACTORS.items() if abs(node.value / factor - 1) < 4e-4]
             assert not near, f"{dotted(path)}:{node.lineno}: {node.value}: take {near[0]} from units"
@@ -167,7 +158,7 @@ def test_every_product_that_is_no_conversion_is_there() -> None:
 
 def products_with_powers_of_ten(path: Path) -> Iterator[tuple[int, str]]:
     """The products and quotients of which a side is 100, 1000, ... or one over it, or a constant named after a unit."""
-    for node in nodes(path):
+    for node in syntax_nodes(path):
         sides = [node.left, node.right] if isinstance(node, ast.BinOp) else []
         sides += [node.value] if isinstance(node, ast.AugAssign) else []
         scales = isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.Mult | ast.Div | ast.FloorDiv)
@@ -189,7 +180,7 @@ def is_power_of_ten(node: ast.expr) -> bool:
 
 
 def test_every_module_says_what_it_is_for() -> None:
-    said = {dotted(path): ast.get_docstring(tree(path)) or "" for path in MODULES}
+    said = {dotted(path): ast.get_docstring(parsed(path)) or "" for path in MODULES}
     assert not {name: words for name, words in said.items() if len(words) <= 20}
 
 
@@ -201,7 +192,7 @@ def test_all_names_exactly_what_is_public(here: str) -> None:
 
 def check_all(path: Path) -> None:
     name = ".".join(filter(None, ["scleraforce", dotted(path)]))
-    body = tree(path).body
+    body = parsed(path).body
     listed = [n for n in body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "__all__"]
     if not any(isinstance(n, ast.FunctionDef | ast.ClassDef | ast.Import | ast.ImportFrom) for n in body):
         return
@@ -213,8 +204,8 @@ def check_all(path: Path) -> None:
         assert hasattr(module, entry), f"{name}: __all__ names {entry}, which is not there"
 
 
-@pytest.mark.parametrize("module", RUNTIME)
-def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only(module: str) -> None:
+def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only() -> None:
+    """One interpreter takes them all: what is refused to one module is in none, whichever is imported first."""
     block = (
         "import sys\n"
         "class Block:\n"
@@ -222,7 +213,7 @@ def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only(module: str) -> No
         f"        if name.split('.')[0] in {set(BIG)!r}:\n"
         "            raise ImportError(f'the runtime must not need {name}')\n"
         "sys.meta_path.insert(0, Block())\n"
-        f"import scleraforce.{module}\n"
+        f"import {', '.join(f'scleraforce.{module}' for module in RUNTIME)}\n"
     )
     done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

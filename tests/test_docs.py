@@ -24,8 +24,9 @@ from scleraforce.cli.main import COMMANDS
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 SLOW_COMMANDS = {"simulate", "reproduce", "library", "generate", "train", "phantom", "calibrate"}
-SLOW_CALLS = re.compile(r"\b(sf\.train|linear_sections|FiniteWall)\(")
-SLOW_MODULES = {"scleraforce.notebook.training", "scleraforce.notebook.virtual"}  # whose examples train and solve
+SLOW_CALLS = re.compile(r"\b(sf\.train|linear_sections|FiniteWall|adaptive_bound_n)\(")
+# Whose examples train and solve.
+SLOW_MODULES = {f"scleraforce.notebook.{name}" for name in ("calibrating", "training", "virtual")}
 LANGUAGES = {"console", "python", "toml", "json", "text", "csv", "mermaid", ""}
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 PACKAGE = Path(scleraforce.__file__).parent
@@ -67,7 +68,8 @@ def pages_with_commands() -> list[object]:
     for page in PAGES:
         used = {name for example in examples(page) for name in COMMANDS if f"scleraforce {name}" in example.command}
         if any(not example.command.startswith(("make", "cd ", "git ")) for example in examples(page)):
-            marks = [pytest.mark.slow, *[pytest.mark.long] * (page.name != "README.md")] if used & SLOW_COMMANDS else []
+            long = pytest.mark.first if page.name == "README.md" else pytest.mark.long
+            marks = [pytest.mark.slow, long] if used & SLOW_COMMANDS else []
             found.append(pytest.param(page, id=page.name, marks=marks))
     return found
 

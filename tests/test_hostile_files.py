@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hostile import KINDS, SPECIAL, write_whole_files, write_whole_ones
+from hostile import KINDS, SPECIAL, write_whole_ones
 
 pytest.importorskip("torch")
 
@@ -30,12 +30,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("kind", KINDS)
 def test_hundreds_of_mutations_end_well_or_in_one_line(whole: Path, kind: str) -> None:
     check(whole, kind, SLOW.get(kind, SEEDS))
-
-
-@pytest.mark.parametrize("kind", ["study", "png"])
-def test_a_few_mutations_end_well_or_in_one_line(tmp_path: Path, kind: str) -> None:
-    write_whole_files(tmp_path)
-    check(tmp_path, kind, 3)
 
 
 def check(whole: Path, kind: str, seeds: int) -> None:

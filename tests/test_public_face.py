@@ -47,6 +47,7 @@ def test_frames_are_read_by_the_small_runtime_alone() -> None:
     assert not loaded & {"torch", "scipy", "zarr", "matplotlib", "click", "tqdm"}
 
 
+@pytest.mark.slow
 def test_nothing_public_loads_pytorch_before_it_trains() -> None:
     assert "torch" not in loaded_after("import scleraforce as sf\nfor name in dir(sf): getattr(sf, name)")
 

@@ -4,6 +4,8 @@ import ast
 from functools import cache
 from pathlib import Path
 
+from parsed import parsed, syntax_nodes
+
 import scleraforce
 
 ROOT = Path(scleraforce.__file__).parent
@@ -20,14 +22,9 @@ MODULES = {dotted(path): path for path in sorted(ROOT.rglob("*.py"))}
 
 
 @cache
-def tree(name: str) -> ast.Module:
-    return ast.parse(MODULES[name].read_text(encoding="utf-8"))
-
-
-@cache
 def offered(name: str) -> frozenset[str]:
     """What a module's `__all__` lists; nothing where there is none."""
-    for node in tree(name).body:
+    for node in parsed(MODULES[name]).body:
         if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
             return frozenset(ast.literal_eval(node.value))
     return frozenset()
@@ -35,14 +32,14 @@ def offered(name: str) -> frozenset[str]:
 
 def test_what_is_not_in_all_has_a_leading_underscore() -> None:
     for name in MODULES:
-        defined = [node.name for node in tree(name).body if isinstance(node, DEFINITIONS)]
+        defined = [node.name for node in parsed(MODULES[name]).body if isinstance(node, DEFINITIONS)]
         left_out = [entry for entry in defined if entry[0] != "_" and entry not in offered(name)]
         assert not left_out, f"{name}: add {', '.join(left_out)} to __all__, or a leading underscore"
 
 
 def test_a_module_takes_only_what_another_offers() -> None:
     for name in MODULES:
-        for node in ast.walk(tree(name)):
+        for node in syntax_nodes(MODULES[name]):
             if isinstance(node, ast.ImportFrom) and node.module in MODULES:
                 taken = {alias.name for alias in node.names if f"{node.module}.{alias.name}" not in MODULES}
                 hidden = sorted(taken - offered(node.module))
@@ -57,12 +54,12 @@ def test_a_module_of_a_package_is_asked_only_for_what_it_offers() -> None:
 def check_what_it_asks_for(name: str) -> None:
     modules = {
         alias.asname or alias.name: f"{node.module}.{alias.name}"
-        for node in ast.walk(tree(name))
+        for node in syntax_nodes(MODULES[name])
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
         if f"{node.module}.{alias.name}" in MODULES
     }
-    for node in ast.walk(tree(name)):
+    for node in syntax_nodes(MODULES[name]):
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in modules:
             other = modules[node.value.id]
             assert node.attr in offered(other), f"{name}:{node.lineno}: {node.attr}: not in __all__ of {other}"
@@ -71,7 +68,7 @@ def check_what_it_asks_for(name: str) -> None:
 def public(name: str) -> set[str]:
     """What a module defines and offers, other than classes: functions, constants, aliases of types."""
     defined: set[str] = set()
-    for node in tree(name).body:
+    for node in parsed(MODULES[name]).body:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             defined.add(node.name)
         elif isinstance(node, ast.Assign | ast.AnnAssign):
@@ -84,7 +81,8 @@ def test_a_public_name_stands_for_one_thing() -> None:
     """A command of the terminal and a function of the notebook may be called as the task that they offer."""
     places: dict[str, list[str]] = {}
     for name in MODULES:
-        classes = {node.name for node in tree(name).body if isinstance(node, ast.ClassDef) and node.name[0] != "_"}
+        body = parsed(MODULES[name]).body
+        classes = {node.name for node in body if isinstance(node, ast.ClassDef) and node.name[0] != "_"}
         edge = name.startswith(("scleraforce.cli.", "scleraforce.notebook"))
         for found in classes if edge else classes | public(name) - {"main"}:
             places.setdefault(found, []).append(name)

@@ -44,6 +44,14 @@ def test_a_cornea_is_taken_off_both_boundaries_alike(eye: VirtualEye) -> None:
     np.testing.assert_allclose(off[1], off[0], atol=30e-6)
 
 
+def test_a_wall_that_grows_thicker_along_the_section_is_so_on_its_inner_boundary_alone(eye: VirtualEye) -> None:
+    wedge = 0.03
+    seen = boundaries(replace(eye, forms=replace(eye.forms, wedge=np.array([wedge]))))
+    off = seen.depth_m - without_form(eye.model, seen, STUDY.calibration).depth_m
+    thicker = np.polyfit(seen.lateral_m, off[1] - off[0], 1)[0]
+    assert thicker == pytest.approx(wedge, rel=0.1)
+
+
 @pytest.mark.slow
 def test_a_cornea_in_view_hardly_changes_the_modulus(eye: VirtualEye) -> None:
     cornea = replace(eye, forms=Forms(**{name: np.array([value]) for name, value in RIGHT.items()}))

@@ -215,6 +215,7 @@ def test_a_reset_where_nobody_listens_is_one_line(capsys: pytest.CaptureFixture[
     assert f"127.0.0.1:{port}" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_pids_are_not_left_behind(folder: Path, tmp_path: Path) -> None:
     with started(folder, "--black-box", str(tmp_path / "box")) as monitor:
         children = _children(monitor.process.pid)

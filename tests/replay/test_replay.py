@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from scleraforce.errors import FrameError
 from scleraforce.openigtlink import Image, Received, Sensor, Status
 from scleraforce.recording.files import read_recording
 from scleraforce.replay.answer_log import AnswerLog
-from scleraforce.replay.player import Player
+from scleraforce.replay.player import STATED_S, Player
 from scleraforce.replay.scanner_client import ScannerClient
 from scleraforce.service.scanner_image import FrameAssembler
 
@@ -50,8 +49,9 @@ def test_every_frame_comes_in_order_with_its_pixels_size_and_time(tmp_path, caps
         assert (frame.lateral_m, frame.depth_m) == pytest.approx((0.008 / 32, 0.003 / 24), rel=1e-6)
     assert {event.header.version for event in came} == {version}
     assert [event.message_id for event in came] == ([0] * 30 if version == 1 else list(range(1, 31)))
-    times_s = [event.header.time_s for event in came]
-    assert [b - a for a, b in pairwise(times_s)] == pytest.approx([0.01] * 29, abs=1e-6)
+    beside_s = np.array([event.header.time_s for event in came]) - 0.01 * np.arange(30)
+    stated_late_s = max(0.0, result["latest_ms"] / 1e3 - STATED_S)  # where other work keeps the replay from its time
+    assert np.ptp(beside_s) <= stated_late_s + 1e-6
     assert result["latency_ms"]["median"] <= result["latency_ms"]["p99"] <= result["latency_ms"]["max"]
 
 

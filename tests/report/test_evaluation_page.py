@@ -77,9 +77,14 @@ def write_and_read(folder: Path, evaluation: Evaluation) -> str:
     return (folder / "page.html").read_text(encoding="utf-8")
 
 
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return write_and_read(tmp_path_factory.mktemp("page"), answers())
+
+
 @pytest.fixture
-def page(tmp_path: Path) -> Page:
-    return Page(write_and_read(tmp_path, answers()))
+def page(source: str) -> Page:
+    return Page(source)
 
 
 def test_a_page_loads_nothing_from_outside(page: Page) -> None:
@@ -116,10 +121,11 @@ def test_the_page_says_what_made_it_when_and_that_it_is_for_research_only(page: 
     assert f"scleraforce {__version__}, 2026-03-01 00:30 UTC. Research use only: not a medical device." in page.said
 
 
-def test_the_same_evaluation_at_another_time_differs_in_its_date_only(tmp_path: Path) -> None:
-    first = write_and_read(tmp_path, answers())
+def test_the_same_evaluation_at_another_time_differs_in_its_date_only(source: str, tmp_path: Path) -> None:
     write_evaluation_html(answers(), (), tmp_path / "later.html", MADE_AT.replace(year=2027))
-    assert (tmp_path / "later.html").read_text().replace("2027-03-01", "2026-03-01") == first
+    later = (tmp_path / "later.html").read_text(encoding="utf-8")
+    assert later.count("2027-03-01") == 1
+    assert later.replace("2027-03-01", "2026-03-01") == source
 
 
 def test_what_limits_the_result_is_said(page: Page) -> None:
@@ -153,12 +159,6 @@ def test_an_existing_page_is_kept_unless_told_otherwise(tmp_path: Path) -> None:
 def test_a_missing_folder_is_one_clear_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no/page\.html: No such file or directory"):
         write_evaluation_html(answers(), (), tmp_path / "no" / "page.html", MADE_AT)
-
-
-def test_the_same_evaluation_gives_the_same_bytes(tmp_path: Path) -> None:
-    for name in ("one.html", "two.html"):
-        write_evaluation_html(answers(), (), tmp_path / name, MADE_AT)
-    assert (tmp_path / "one.html").read_bytes() == (tmp_path / "two.html").read_bytes()
 
 
 def test_probabilities_are_shown_for_usable_frames_only(page: Page) -> None:

@@ -209,7 +209,7 @@ def cut_tetrahedra(mesh, plane, displacement, pieces):
     ("deform", "tilt", "which", "pieces"),
     [
         pytest.param(dent, 0.0, "mesh", 16, marks=pytest.mark.slow),
-        (dent, 0.3, "mesh", 16),
+        pytest.param(dent, 0.3, "mesh", 16, marks=pytest.mark.slow),
         pytest.param(twisted_dent, 0.3, "fine_mesh", 8, marks=pytest.mark.slow),
         (fold, 0.0, "fine_mesh", 8),
         pytest.param(w_dent, 0.0, "fine_mesh", 8, marks=pytest.mark.slow),

@@ -1,6 +1,7 @@
 """Pictures that come back are known, whatever is burned into them; live ones are new, whatever stays in them."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,6 +19,13 @@ def speckle(rng: np.random.Generator, size: tuple[int, int] = SIZE) -> NDArray[n
     mean = np.where(np.arange(size[0]) < size[0] // 3, 1.0, 30.0)[:, None]
     level_db = 10.0 * np.log10(mean * rng.exponential(1.0, size) + 1e-3)
     return np.clip(4095 * (level_db + 10.0) / 45.0, 0, 4095).astype(np.uint16)
+
+
+@cache
+def speckled(count: int) -> tuple[NDArray[np.uint16], ...]:
+    """So many pictures of a scanner, one like no other."""
+    rng = np.random.default_rng(0)
+    return tuple(speckle(rng) for _ in range(count))
 
 
 def changed(rng: np.random.Generator, picture: NDArray[np.uint16], what: tuple[slice, slice]) -> NDArray[np.uint16]:
@@ -39,16 +47,15 @@ BURNED_IN = {
 @pytest.mark.parametrize("pictures", [1, 2, 10, 50])
 @pytest.mark.parametrize("what", BURNED_IN)
 def test_old_pictures_in_turns_are_known_whatever_is_burned_in(what: str, pictures: int) -> None:
-    rng = np.random.default_rng(0)
-    shown, old = ShownPictures(MOST), [speckle(rng) for _ in range(pictures)]
+    rng = np.random.default_rng(1)
+    shown, old = ShownPictures(MOST), speckled(MOST + 10)[:pictures]
     assert [shown.back(picture) for picture in old] == [0] * pictures
     again = [shown.back(changed(rng, picture, BURNED_IN[what])) for picture in (old * 10)[:10]]
     assert again == [pictures] * 10
 
 
 def test_a_picture_that_is_older_than_those_remembered_is_new() -> None:
-    rng = np.random.default_rng(0)
-    shown, old = ShownPictures(MOST), [speckle(rng) for _ in range(MOST + 1)]
+    shown, old = ShownPictures(MOST), speckled(MOST + 10)[: MOST + 1]
     assert [shown.back(picture) for picture in old * 2] == [0] * len(old) * 2
 
 
@@ -71,17 +78,16 @@ LIVE: dict[str, Callable[[NDArray[np.uint16]], Pixels]] = {
 
 @pytest.mark.parametrize("how", LIVE)
 def test_live_pictures_are_new_whatever_stays_in_them(how: str) -> None:
-    rng = np.random.default_rng(1)
     shown = ShownPictures(MOST)
-    assert {shown.back(LIVE[how](speckle(rng))) for _ in range(60)} == {0}
+    assert {shown.back(LIVE[how](picture)) for picture in speckled(MOST + 10)} == {0}
 
 
 def test_a_phase_stable_scanner_whose_tissue_does_not_move_shows_new_pictures_by_its_noise() -> None:
     rng = np.random.default_rng(2)
     shown = ShownPictures(MOST)
-    normal = lambda: rng.normal(size=(2, *SIZE)).view()  # noqa: E731 - real and imaginary part
+    normal = lambda: rng.standard_normal((2, *SIZE), np.float32)  # noqa: E731 - real and imaginary part
     still = 10 ** (25.0 / 20.0) * normal() / np.sqrt(2.0)
-    for _ in range(60):
+    for _ in range(MOST + 10):
         real, imaginary = still + normal() / np.sqrt(2.0)
         level_db = 10.0 * np.log10(real**2 + imaginary**2)
         assert shown.back(np.clip(255 * level_db / 50.0, 0, 255).astype(np.uint8)) == 0

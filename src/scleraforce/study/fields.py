@@ -6,6 +6,7 @@ A record keeps SI; a field made by `quantity` knows the human unit of its TOML k
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, Field, dataclass, field, fields
+from functools import cache
 from math import isfinite
 from typing import Any
 
@@ -46,6 +47,7 @@ class Unit:
         return float(f"{from_si(value, self.name):.14g}") if self.name else value
 
 
+PLAIN = Unit()  # of a field that declares none
 # Of a needle's force: what every force of a study may be at most, and more than a sclera bears before it is pierced.
 NEEDLE_FORCE = Unit("mn", low=0.0, high=1000.0)
 
@@ -68,10 +70,11 @@ def required(*words: str, low: float | None = None, high: float | None = None) -
 
 def field_unit(item: Field[Any]) -> Unit:
     """Return the unit record of a dataclass field (a plain one where none was declared)."""
-    unit: Unit = item.metadata.get("unit", Unit())
+    unit: Unit = item.metadata.get("unit", PLAIN)
     return unit
 
 
+@cache
 def field_key(item: Field[Any]) -> str:
     """Return the TOML key of a dataclass field: `radius_m` declared in mm is `radius_mm`."""
     unit = field_unit(item)

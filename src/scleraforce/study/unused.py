@@ -71,9 +71,10 @@ def refuse_unused(study: Study, command: str, mechanics: str | None = None, file
 
 def _changed(study: Study) -> Iterator[str]:
     """Yield the keys that are not at their default."""
+    defaults = Study()
     for section in fields(study):
         record: Any = getattr(study, section.name)
-        default = getattr(Study(), section.name)
+        default = getattr(defaults, section.name)
         for item in fields(record):
             if getattr(record, item.name) != getattr(default, item.name):
                 yield f"{section.name}.{field_key(item)}"

@@ -9,8 +9,9 @@ from analytic_library import analytic_library
 from scleraforce.errors import CalibrationError
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
 from scleraforce.learning.reader.uneven import CORNEA_RADIUS_M, Forms, added_depths, draw_forms
-from scleraforce.learning.reader.virtual_eyes import calibrated, draw_eye, draw_frames, of_population
+from scleraforce.learning.reader.virtual_eyes import VirtualEye, calibrated, draw_eye, draw_frames, of_population
 from scleraforce.library import INNER, OUTER
+from scleraforce.reader.force_reader import SHIFTS
 from scleraforce.study import Range, ReaderStudy, Study
 
 RADIUS_M = np.array([12e-3])
@@ -25,6 +26,12 @@ EXACT = Study(
 @pytest.fixture(scope="module")
 def library():
     return analytic_library(thicknesses=5, ratios=5, tips=24)
+
+
+@pytest.fixture(scope="module")
+def eye(library) -> VirtualEye:
+    """An even one, told to be open."""
+    return draw_eye(EXACT, library, 0, np.random.default_rng(5))
 
 
 def test_even_walls_have_no_form_and_uneven_ones_are_as_uneven_as_said() -> None:
@@ -62,8 +69,41 @@ def test_eyes_are_told_open_sealed_or_nothing_by_turns(library) -> None:
     assert (eyes[0].wall.rigidity_pa13_per_m3, eyes[1].wall.rigidity_pa13_per_m3 > 0) == (0.0, True)
 
 
-def test_an_even_eye_is_calibrated_and_three_frames_are_used_up(library) -> None:
-    eye = draw_eye(EXACT, library, 0, np.random.default_rng(5))
+def test_forces_drift_away_from_those_of_the_library_with_the_dent(eye: VirtualEye) -> None:
+    exact = replace(EXACT, reader=replace(EXACT.reader, boundary_errors=0.0))
+    plain, drifted = (
+        draw_frames(replace(eye, drift=drift), exact, 6, np.random.default_rng(6)) for drift in (0.0, 0.2)
+    )
+
+    def depths_m(force_n: float) -> np.ndarray:
+        across_m = np.linspace(-2e-3, 2e-3, 401)
+        return np.interp(across_m, *eye.model.curves([replace(eye.wall, force_n=force_n)])[0, OUTER].T)
+
+    for one, other in zip(plain, drifted, strict=True):
+        assert one.force_n == other.force_n
+        share = 0.2 * (one.force_n / eye.largest_n - 0.5)  # the force, over the library's of the same dent
+        deeper_m = depths_m(one.force_n / (1.0 + share)) - depths_m(one.force_n)
+        seen_m = (other.boundaries.depth_m - one.boundaries.depth_m)[OUTER]
+        assert seen_m[np.nanargmax(np.abs(seen_m))] == pytest.approx(
+            deeper_m[np.argmax(np.abs(deeper_m))], rel=0.05, abs=2e-6
+        )
+
+
+def test_a_calibration_that_diverges_says_nothing_of_the_modulus(eye: VirtualEye, library) -> None:
+    drifting = replace(eye, drift=1.0)  # far more than is drawn: from half to one and a half times the force
+    frames = draw_frames(drifting, EXACT, 8, np.random.default_rng(6))
+    known, left = calibrated(drifting, frames, EXACT, library, np.random.default_rng(7))
+    assert known.modulus is None
+    assert (known.iop_pa, len(left)) == (eye.told.iop_pa, 5)
+
+
+def test_each_slice_of_a_frame_shows_the_wall_as_much_lower_as_a_reader_shifts_it(eye: VirtualEye) -> None:
+    for frame in draw_frames(eye, EXACT, 6, np.random.default_rng(6)):
+        top_rows = frame.cuts[:, :, frame.cuts.any(axis=1).all(axis=0)].argmax(axis=1).mean(axis=1)
+        assert top_rows - top_rows[0] == pytest.approx(np.array(SHIFTS), abs=0.12)
+
+
+def test_an_even_eye_is_calibrated_and_three_frames_are_used_up(eye: VirtualEye, library) -> None:
     frames = draw_frames(eye, EXACT, 8, np.random.default_rng(6))
     again = draw_frames(eye, EXACT, 8, np.random.default_rng(6))
     np.testing.assert_array_equal(frames[3].cuts, again[3].cuts)
@@ -74,14 +114,14 @@ def test_an_even_eye_is_calibrated_and_three_frames_are_used_up(library) -> None
     assert known.modulus.mean_pa == pytest.approx(eye.wall.youngs_modulus_pa, rel=0.05)
 
 
-def test_what_is_told_of_other_eyes_is_off_as_eyes_differ(library) -> None:
-    eye = draw_eye(EXACT, library, 0, np.random.default_rng(5))
+def test_what_is_told_of_other_eyes_is_off_as_eyes_differ(eye: VirtualEye) -> None:
     study = replace(EXACT, reader=replace(EXACT.reader, youngs_modulus_pa=Range(min=1e4, max=1e7)))
     rng = np.random.default_rng(1)
     means = [found.mean_pa for _ in range(2000) if (found := of_population(eye, study, rng).modulus)]
     assert np.std(means) / eye.wall.youngs_modulus_pa == pytest.approx(0.12, rel=0.06)
 
 
+@pytest.mark.slow
 def test_an_eye_that_the_library_does_not_hold_at_rest_is_refused(library) -> None:
     high = Range(min=10e3, max=10.5e3)
     study = replace(EXACT, reader=replace(EXACT.reader, iop_pa=high, youngs_modulus_pa=Range(min=1e4, max=1.1e4)))

@@ -96,6 +96,7 @@ def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(tmp_path: P
         broken.child.channel.send(MonitorEnds())
 
 
+@pytest.mark.slow
 def test_what_is_no_question_ends_the_process_with_a_word(tmp_path: Path) -> None:
     model = tmp_path / "reader"
     write_fixed_reader(model, LIBRARY, [float(number == BIN) for number in range(BINS)])

@@ -224,6 +224,7 @@ def test_a_page_that_says_something_else_is_let_go(monitor: ConsoleMonitor, said
         assert close.code == 1008
 
 
+@pytest.mark.slow
 def test_the_channel_is_read_while_nobody_looks_and_while_a_request_hangs(monitor: ConsoleMonitor) -> None:
     """Ten times what the channel holds, none of it lost."""
     with socket.create_connection(("127.0.0.1", monitor.port)) as hanging:
