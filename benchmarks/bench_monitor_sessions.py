@@ -1,17 +1,18 @@
 """Whether the monitor cries wolf, and how soon it withdraws: whole sessions of virtual eyes, without sockets.
 
-    python benchmarks/bench_monitor_sessions.py --model MODEL [MODEL...] [--kinds open sealed living] [--eyes 10]
-        [--sessions 1] [--seconds 60] [--highest-mn 20] [--rates-mn-s 5 10 20 50 100] [--seed 0] [--workers 1]
+    python benchmarks/bench_monitor_sessions.py --model MODEL [MODEL...] [--kinds open sealed living]
+        [--eyes 10] [--first 0] [--sessions 1] [--seconds 60] [--highest-mn 20] [--rates-mn-s 5 10 20 50 100]
+        [--seed 0] [--workers 1]
 
 A MODEL is of kind "reader". Each meets the kinds of eyes that lie within what it was trained on, a kind with the first
-model that does. Eyes are bent in 3-D with finite strain, as `phantom` does. Every frame is a raw B-scan
+model that does. Eyes are bent in 3-D with finite strain, as those of `make figures`. Every frame is a raw B-scan
 (`render_bscan`) that goes through the live reader (segmentation, slice, network) and `decide`; every third one goes to
 the library's fit as well, whose answer comes 25 ms later as a second opinion. One second after a withdrawal the
 operator asks for a reset, again and again until it is granted.
 
 - Sessions: forces up to the highest that hold, swing, rise slowly, step as a robot does, lift off and come back; the
   eye shifts (drift, breathing, pulse), the signal swings, the scanner's clock jitters, a frame in 1000 is lost.
-- Ramps: from 0 at several rates, until the withdrawal.
+- Ramps: from 0 at several rates, until the withdrawal. A sealed eye whose wall gives way before 33 mN has none.
 
 The same frames go to three monitors, which are told different things of the eye (`monitor_sessions.telling`): its
 globe, with E and k calibrated on three frames; not its globe, with the same calibration; neither, E alone. What is
@@ -58,6 +59,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--model", type=Path, nargs="+", required=True, help="readers")
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS), help="of eyes")
     parser.add_argument("--eyes", type=int, default=10, help="of each kind")
+    parser.add_argument("--first", type=int, default=0, help="number of the first eye")
     parser.add_argument("--sessions", type=int, default=1, help="of each eye")
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--highest-mn", type=float, default=20.0, help="force of the sessions")
@@ -84,6 +86,7 @@ def plans(given: argparse.Namespace) -> list[Plan]:
                 highest_n=to_si(given.highest_mn, "mn"),
                 rates_n_s=tuple(to_si(rate, "mn") for rate in given.rates_mn_s),
                 seed=given.seed,
+                first=given.first,
             )
         )
     for kind in left:
@@ -107,7 +110,7 @@ def run(plan: Plan, workers: int) -> dict[str, dict[str, Outcome]]:
 def summary(name: str, outcome: Outcome) -> str:
     """Return what a monitor did in a unit: the forces at which it stopped ramps, or its false withdrawals."""
     forces = ("never" if ramp.force_n is None else f"{from_si(ramp.force_n, 'mn'):.1f}" for ramp in outcome.ramps)
-    done = f"ramps at {', '.join(forces)} mN" if outcome.ramps else f"{len(outcome.withdrawn_n)} withdrawals"
+    done = f"{len(outcome.withdrawn_n)} withdrawals" if outcome.frames else f"ramps at {', '.join(forces) or '-'} mN"
     return f"{name} {done}"
 
 

@@ -40,11 +40,11 @@ def moving_forces(count: int, highest_n: float, rng: np.random.Generator) -> tup
     return np.clip(forces + touching * tremor, 0.0, highest_n), name[:count]
 
 
-def ramp_forces(rate_n_s: float, rng: np.random.Generator) -> tuple[Floats, list[str]]:
-    """Return true forces that rise at a rate to `PATH_N`, after a while without contact."""
+def ramp_forces(rate_n_s: float, largest_n: float, rng: np.random.Generator) -> tuple[Floats, list[str]]:
+    """Return true forces that rise at a rate to the largest, after a while without contact."""
     before = np.zeros(int(rng.uniform(0.5, 1.0) / FRAME_S))
-    rising = np.arange(0.0, PATH_N, rate_n_s * FRAME_S) + rng.random() * rate_n_s * FRAME_S
-    forces = np.minimum(np.concatenate([before, rising]), PATH_N)
+    rising = np.arange(0.0, largest_n, rate_n_s * FRAME_S) + rng.random() * rate_n_s * FRAME_S
+    forces = np.minimum(np.concatenate([before, rising]), largest_n)
     return forces, ["ramp"] * len(forces)
 
 

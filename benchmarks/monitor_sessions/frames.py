@@ -7,15 +7,16 @@ from functools import cache, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from figures.eyes import FigureEye
+from figures.sections import compute_eye
 from monitor_sessions.eyes import SessionEye
 from monitor_sessions.forces import PATH_N, Trajectory
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.optics import BscanOptics, Pose, sample_optics
-from scleraforce.laboratory.virtual_eye import finite_strain_sections
 from scleraforce.section.plane import Section
 from scleraforce.study import draw
 
-__all__ = ["Frame", "PooledGenerator", "still_frame", "stream"]
+__all__ = ["Frame", "PooledGenerator", "largest_force_n", "still_frame", "stream"]
 
 Floats = NDArray[np.float64]
 Frame = NDArray[np.uint16]
@@ -63,11 +64,18 @@ def still_frame(drawn: SessionEye, force_n: float, rng: np.random.Generator, noi
     return render_bscan(section, study.oct, optics, noise).frame
 
 
+def largest_force_n(drawn: SessionEye) -> float:
+    """Return the force up to which an eye is played: `PATH_N`, or what a wall bears that gives way before."""
+    return float(_states(drawn)[0][-1])
+
+
 @lru_cache(maxsize=1)
 def _states(drawn: SessionEye) -> tuple[Floats, Floats]:
     """Return forces (state,) and both boundaries there (state, boundary, point, 2), m; points are of the material."""
-    forces_n = PATH_N * np.linspace(0.0, 1.0, STATES) ** 1.3
-    sections = finite_strain_sections(drawn.eye, drawn.study)([float(force) for force in forces_n])
+    study = replace(drawn.study, needle=replace(drawn.study.needle, max_force_n=PATH_N))
+    computed = compute_eye(FigureEye(drawn.eye.id, drawn.eye, study, shares=(), seed=0))
+    forces_n = computed.largest_n * np.linspace(0.0, 1.0, STATES) ** 1.3
+    sections = computed.sections_at([float(force) for force in forces_n])
     return forces_n, np.stack([[section.outer, section.inner] for section in sections])
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from monitor_sessions.eyes import SessionEye, draw_eye
 from monitor_sessions.forces import FRAME_S, Trajectory, moving_forces, ramp_forces, trajectory
-from monitor_sessions.frames import stream
+from monitor_sessions.frames import largest_force_n, stream
 from monitor_sessions.telling import tellings
 from monitor_sessions.watch import Watch, Withdrawal
 from scleraforce.known.eye import Known
@@ -27,11 +27,15 @@ __all__ = ["Outcome", "Plan", "Ramp", "Unit", "prepare"]
 JITTER_S = 1e-3
 LOSS = 1e-3  # of the frames
 OK = 1
+ENOUGH = 1.1  # times the bound: an eye that gives way below has no ramps
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What to run with one reader: kinds of eyes, and of each eye so many sessions and a ramp at each rate."""
+    """What to run with one reader: kinds of eyes, and of each eye so many sessions and a ramp at each rate.
+
+    `first` is the number of the first eye: the draws of another run can be gone on with.
+    """
 
     model: Path
     kinds: tuple[str, ...]
@@ -41,6 +45,7 @@ class Plan:
     highest_n: float
     rates_n_s: tuple[float, ...]
     seed: int
+    first: int = 0
 
     @property
     def units(self) -> tuple["Unit", ...]:
@@ -48,7 +53,7 @@ class Plan:
         return tuple(
             Unit(kind, eye, session)
             for kind in self.kinds
-            for eye in range(self.eyes)
+            for eye in range(self.first, self.first + self.eyes)
             for session in (*range(self.sessions), None)
         )
 
@@ -122,25 +127,34 @@ class Bench:
             scale_m=(scale.lateral_m, scale.depth_m),
             expects_opinion=True,
         )
+        self._last: tuple[SessionEye | None, dict[str, Known]] = (None, {})
 
     def unit(self, number: int) -> tuple[dict[str, Outcome], float]:
         """Run one unit; return what every monitor did, and the seconds that it took."""
         unit, start = self.plan.units[number], perf_counter()
         drawn = draw_eye(unit.kind, unit.eye, self.reader.study, self.plan.seed)
-        told = tellings(drawn, self.reader, self.plan.seed, np.random.default_rng((self.plan.seed, 3, unit.eye)))
+        told, largest_n = self._told(drawn, unit.eye), largest_force_n(drawn)
         place = 0 if unit.session is None else unit.session + 1
         rng = np.random.default_rng((self.plan.seed, 2, unit.eye, place))
         outcomes = {name: Outcome() for name in told}
         if unit.session is None:
-            for rate_n_s in self.plan.rates_n_s:
-                path = trajectory(*ramp_forces(rate_n_s, rng), drawn.study, rng)
+            for rate_n_s in self.plan.rates_n_s if largest_n > ENOUGH * self.limits.bound_n else ():
+                path = trajectory(*ramp_forces(rate_n_s, largest_n, rng), drawn.study, rng)
                 for name, ramp in self._ramp(drawn, path, self._watches(told), rng, unit.eye, rate_n_s).items():
                     outcomes[name].ramps.append(ramp)
         else:
-            forces = moving_forces(int(self.plan.seconds / FRAME_S), self.plan.highest_n, rng)
+            highest_n = min(self.plan.highest_n, largest_n)
+            forces = moving_forces(int(self.plan.seconds / FRAME_S), highest_n, rng)
             path = trajectory(*forces, drawn.study, rng)
             self._session(drawn, path, self._watches(told), rng, outcomes)
         return outcomes, perf_counter() - start
+
+    def _told(self, drawn: SessionEye, number: int) -> dict[str, Known]:
+        """Return the tellings of an eye; those of the last one are kept."""
+        if self._last[0] != drawn:
+            rng = np.random.default_rng((self.plan.seed, 3, number))
+            self._last = (drawn, tellings(drawn, self.reader, self.plan.seed, rng))
+        return self._last[1]
 
     def _watches(self, told: Mapping[str, Known]) -> dict[str, Watch]:
         return {name: Watch(self.reader, known, self.limits) for name, known in told.items()}

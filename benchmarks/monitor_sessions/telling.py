@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_sessions.eyes import SessionEye
-from monitor_sessions.frames import Frame, PooledGenerator, still_frame
+from monitor_sessions.frames import Frame, PooledGenerator, largest_force_n, still_frame
 from scleraforce.calibration.assimilation import FrameStep, known_globe_after
 from scleraforce.calibration.eye_model import EyeConstants, known_of_constants
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
@@ -21,7 +21,7 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observed import segmented_boundaries
 from scleraforce.segmentation.wall import find_wall
 
-__all__ = ["TELLINGS", "tellings"]
+__all__ = ["TELLINGS", "calibrated", "tellings"]
 
 TELLINGS: Mapping[str, str] = {
     "told": "told; E and k from three frames",
@@ -36,13 +36,14 @@ def tellings(drawn: SessionEye, reader: ForceReader, seed: int, rng: np.random.G
     """Return what is known of an eye in each telling; where a calibration diverges, E and k are not known."""
     stated, modulus = _stated(drawn, rng)
     noise = PooledGenerator((seed, int(rng.integers(2**31))))
-    seen = [(still_frame(drawn, force_n, rng, noise), force_n) for force_n in CALIBRATION_N]
+    bearable_n = [min(force_n, largest_force_n(drawn)) for force_n in CALIBRATION_N]
+    seen = [(still_frame(drawn, force_n, rng, noise), force_n) for force_n in bearable_n]
     zero_n = rng.normal(0.0, np.sqrt(ZERO_PRIOR[0, 0]))
     labelled = [(frame, force_n + zero_n + rng.normal(0.0, LABEL_SD_N)) for frame, force_n in seen]
     kind = SEALED if drawn.study.globe.kind == "sealed" else OPEN
     return {
-        "told": _calibrated(replace(stated, globe=kind), labelled, reader),
-        "found": _calibrated(stated, labelled, reader),
+        "told": calibrated(replace(stated, globe=kind), labelled, reader),
+        "found": calibrated(stated, labelled, reader),
         "unknown": known_of_constants(stated, modulus),
     }
 
@@ -65,7 +66,7 @@ def _stated(drawn: SessionEye, rng: np.random.Generator) -> tuple[EyeConstants, 
     return stated, Modulus(mean_pa=modulus_pa, sd_pa=MODULUS_SD * modulus_pa, source="own")
 
 
-def _calibrated(stated: EyeConstants, labelled: Sequence[tuple[Frame, float]], reader: ForceReader) -> Known:
+def calibrated(stated: EyeConstants, labelled: Sequence[tuple[Frame, float]], reader: ForceReader) -> Known:
     """Return what is known of an eye after frames of known force."""
     session, scale = begin(reader.study, stated, reader.library), PixelScale.of(reader.study.oct)
     for frame, force_n in labelled:
