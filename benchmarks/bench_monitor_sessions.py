@@ -43,8 +43,11 @@ def main() -> None:
     for name in QUICK_MEMORY:
         os.environ.setdefault(name, "1000000000")
     found: dict[str, dict[str, Outcome]] = {}
-    for plan in plans(given):
-        found |= run(plan, given.workers)
+    try:
+        for plan in plans(given):
+            run(plan, given.workers, found)
+    except KeyboardInterrupt:
+        print("interrupted; the tables are of the units that are done")
     print(f"\n{new_stamp('python benchmarks/bench_monitor_sessions.py', 'monitor_sessions.play')}")
     print(f"\n{ramp_table(found)}\n\n{session_table(found)}")
     for kind, of in found.items():
@@ -94,17 +97,16 @@ def plans(given: argparse.Namespace) -> list[Plan]:
     return made
 
 
-def run(plan: Plan, workers: int) -> dict[str, dict[str, Outcome]]:
-    """Run all units of a plan; return what came of them by kind and telling."""
-    found = {kind: {name: Outcome() for name in TELLINGS} for kind in plan.kinds}
+def run(plan: Plan, workers: int, found: dict[str, dict[str, Outcome]]) -> None:
+    """Run all units of a plan; add what came of each by kind and telling, as soon as it is done."""
     for number, (outcomes, took_s) in work_units(partial(prepare, plan), range(len(plan.units)), workers):
         unit = plan.units[number]
         print(f"{unit.words}, {took_s:.0f} s: {'; '.join(map(summary, outcomes, outcomes.values()))}", flush=True)
+        so_far = found.setdefault(unit.kind, {name: Outcome() for name in TELLINGS})
         for name, outcome in outcomes.items():
             for words in outcome.withdrawals:
                 print(f"  {words}", flush=True)
-            found[unit.kind][name].add(outcome)
-    return found
+            so_far[name].add(outcome)
 
 
 def summary(name: str, outcome: Outcome) -> str:
