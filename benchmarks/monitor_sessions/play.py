@@ -27,6 +27,7 @@ __all__ = ["Outcome", "Plan", "Ramp", "Unit", "prepare"]
 JITTER_S = 1e-3
 LOSS = 1e-3  # of the frames
 OK = 1
+TOUCHING_N = 1e-3
 ENOUGH = 1.1  # times the bound: an eye that gives way below has no ramps
 
 
@@ -88,11 +89,16 @@ class Ramp:
 
 @dataclass
 class Outcome:
-    """What a monitor did in a unit."""
+    """What a monitor did in a unit.
+
+    `errors_n` are those of all frames with a reading; `inside` of those `touching`, under `TOUCHING_N` or more, had the
+    true force in their 90 % interval. (A needle that does not touch has a force of exactly 0, the edge of all answers.)
+    """
 
     frames: int = 0
     ok: int = 0
     errors_n: list[float] = field(default_factory=list)
+    touching: int = 0
     inside: int = 0
     withdrawn_n: list[float] = field(default_factory=list)
     withdrawals: list[str] = field(default_factory=list)
@@ -110,7 +116,9 @@ class Outcome:
             self.unread[answer.reason or "no force"] += 1
             return
         self.errors_n.append(answer.force_n - force_n)
-        self.inside += answer.interval_n[0] <= force_n <= answer.interval_n[1]
+        if force_n >= TOUCHING_N:
+            self.touching += 1
+            self.inside += answer.interval_n[0] <= force_n <= answer.interval_n[1]
 
 
 class Bench:

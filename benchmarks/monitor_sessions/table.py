@@ -54,7 +54,7 @@ def session_table(found: Found) -> str:
         "withdrawals",
         "at a true force of, mN",
         "read off by, mN",
-        "90 % intervals hold",
+        "90 % intervals hold, from 1 mN on",
     ]
     rows = [
         [
@@ -65,7 +65,7 @@ def session_table(found: Found) -> str:
             str(len(outcome.withdrawn_n)),
             _spread(outcome.withdrawn_n),
             _off(outcome.errors_n),
-            _share(outcome.inside, len(outcome.errors_n)),
+            _share(outcome.inside, outcome.touching),
         ]
         for words, of in _by_words(found)
         for name, outcome in of.items()

@@ -51,7 +51,7 @@ def test_a_ramp_counts_as_stopped_only_below_the_bound_and_is_compared_with_the_
 
 
 def test_units_add_up_and_a_session_shows_its_false_withdrawals() -> None:
-    outcome = Outcome(frames=100, ok=98, errors_n=[1e-3, -1e-3], inside=1, withdrawn_n=[18e-3])
+    outcome = Outcome(frames=100, ok=98, errors_n=[1e-3, -1e-3], touching=2, inside=1, withdrawn_n=[18e-3])
     outcome.add(Outcome(frames=100, ok=100))
     head, _, row = cells(session_table({"open": {"told": outcome}}))
     shown = dict(zip(head, row, strict=True))
@@ -59,4 +59,4 @@ def test_units_add_up_and_a_session_shows_its_false_withdrawals() -> None:
     assert shown["answered OK"] == "99.0 %"
     assert (shown["withdrawals"], shown["at a true force of, mN"]) == ("1", "18.0 / 18.0 / 18.0")
     assert shown["read off by, mN"] == "+0.00 ± 1.00"
-    assert shown["90 % intervals hold"] == "50.0 %"
+    assert shown["90 % intervals hold, from 1 mN on"] == "50.0 %"
