@@ -10,8 +10,9 @@ model that does. Eyes are bent in 3-D with finite strain, as those of `make figu
 the library's fit as well, whose answer comes 25 ms later as a second opinion. One second after a withdrawal the
 operator asks for a reset, again and again until it is granted.
 
-- Sessions: forces up to the highest that hold, swing, rise slowly, step as a robot does, lift off and come back; the
-  eye shifts (drift, breathing, pulse), the signal swings, the scanner's clock jitters, a frame in 1000 is lost.
+- Sessions: after an approach to the upper half of the forces they hold, swing, rise slowly, step as a robot does, lift
+  off and come back; the eye shifts (drift, breathing, pulse), the signal swings, the scanner's clock jitters, a frame in
+  1000 is lost.
 - Ramps: from 0 at several rates, until the withdrawal. A sealed eye whose wall gives way before 33 mN has none.
 
 The same frames go to three monitors, which are told different things of the eye (`monitor_sessions.telling`): its
@@ -66,7 +67,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--sessions", type=int, default=1, help="of each eye")
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--highest-mn", type=float, default=20.0, help="force of the sessions")
-    parser.add_argument("--rates-mn-s", type=float, nargs="+", default=RATES_MN_S, help="of the ramps")
+    parser.add_argument("--rates-mn-s", type=float, nargs="*", default=RATES_MN_S, help="of the ramps")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=1)
     return parser.parse_args()

@@ -28,8 +28,10 @@ class Trajectory:
 
 
 def moving_forces(count: int, highest_n: float, rng: np.random.Generator) -> tuple[Floats, list[str]]:
-    """Return true forces below the highest and what the robot does, (frame,)."""
-    force_n, name = [0.0] * 100, ["before contact"] * 100
+    """Return true forces below the highest and what the robot does, (frame,): an approach to its upper half first."""
+    approach = np.linspace(0.0, rng.uniform(0.5, 1.0) * highest_n, int(rng.uniform(0.5, 1.5) / FRAME_S))
+    force_n = [0.0] * 100 + list(approach)
+    name = ["before contact"] * 100 + ["approach"] * len(approach)
     while len(force_n) < count:
         part, words = _segment(force_n[-1], highest_n, rng)
         force_n += part
