@@ -11,8 +11,8 @@ the library's fit as well, whose answer comes 25 ms later as a second opinion. O
 operator asks for a reset, again and again until it is granted.
 
 - Sessions: after an approach to the upper half of the forces they hold, swing, rise slowly, step as a robot does, lift
-  off and come back; the eye shifts (drift, breathing, pulse), the signal swings, the scanner's clock jitters, a frame in
-  1000 is lost.
+  off and come back; the eye shifts (drift, breathing, pulse), the signal swings, the scanner's clock jitters, one frame
+  in 1000 is lost.
 - Ramps: from 0 at several rates, until the withdrawal. A sealed eye whose wall gives way before 33 mN has none.
 
 The same frames go to three monitors, which are told different things of the eye (`monitor_sessions.telling`): its
