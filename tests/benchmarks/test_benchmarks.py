@@ -24,13 +24,14 @@ SMALLEST = {
     "bench_live_reader": "{model} {recording} --readings 10 --fits 2",
     "bench_mechanics": "--rows 1 --quads 8",
     "bench_monitor": "latency {model} {recording} --frames 20 --without",
-    "bench_monitor_sessions": "{model} --sessions 1 --seconds 1 --compared 2 --rates-mn-s 100",
+    "bench_monitor_sessions": "--model {model} --kinds sealed living --eyes 1 --seconds 1 --rates-mn-s 100",
     "bench_openigtlink": "--messages 1000",
     "bench_reader": "{model} --frames 2 --rounds 2",
     "bench_real_tissue": "--rows 1",
     "bench_segmentation": "--frames 2 --rounds 8",
     "figure_real_tissue": "--out {out}",
     "bench_stiffening": "--rows 1",
+    "figure_sealed_eye": "{model} --frames 2 --out {out}",
     "figure_supports": "--study {study} --out {out}",
 }
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?")

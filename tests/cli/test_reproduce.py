@@ -1,11 +1,52 @@
-"""`scleraforce reproduce`: what it says on standard error where no progress bar can be."""
+"""`scleraforce reproduce`: what it says of intervals, and on standard error where no progress bar can be."""
 
+import json
 import re
 import sys
+from pathlib import Path
 
 import pytest
+from frame_answers import frame_answer
 
-from scleraforce.cli.reproduce import _stage
+from scleraforce.cli.reproduce import _coverage_words, _stage, _true_metrics
+from scleraforce.reader.evaluation import Evaluation
+
+
+def read_beside_log_and_truth(folder: Path) -> Evaluation:
+    """Two frames, read 0.5 mN off the truth, the log 2 mN off, intervals of 1 mN to either side; a third is refused."""
+    true_mn = {"0.png": 10.0, "1.png": 20.0, "2.png": 30.0}
+    frames = tuple(
+        frame_answer(
+            recording=str(folder),
+            file=file,
+            measured_force_n=1e-3 * (force_mn + 2.0),
+            predicted_force_n=1e-3 * (force_mn + 0.5),
+            interval_n=(1e-3 * (force_mn - 0.5), 1e-3 * (force_mn + 1.5)),
+        )
+        for file, force_mn in list(true_mn.items())[:2]
+    )
+    refused = frame_answer(recording=str(folder), file="2.png", usable=False)
+    truth = {"frames": [{"file": file, "force_n": 1e-3 * force_mn} for file, force_mn in true_mn.items()]}
+    (folder / "truth.json").write_text(json.dumps(truth))
+    return Evaluation(
+        model="reader",
+        bounds_n=(5e-3, 30e-3),
+        max_force_n=60e-3,
+        youngs_modulus_pa=0.25e6,
+        frames=(*frames, refused),
+        kind="reader",
+    )
+
+
+def test_intervals_are_counted_against_the_log_and_against_the_truth(tmp_path: Path) -> None:
+    evaluation = read_beside_log_and_truth(tmp_path)
+    words = _coverage_words(evaluation)
+    assert "hold 0 of 2 forces of the force log" in words
+    assert words.endswith("2 of 2 true forces")
+    metrics = _true_metrics(evaluation)
+    assert metrics["true_mae_mn"] == pytest.approx(0.5)
+    assert metrics["true_coverage"] == 1.0
+    assert evaluation.coverage.value == 0.0
 
 
 def test_without_a_terminal_a_stage_is_one_line_with_its_time_when_it_is_done(capsys) -> None:

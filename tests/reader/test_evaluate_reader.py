@@ -128,6 +128,16 @@ def test_errors_and_coverage_are_those_of_the_usable_frames_that_count(both) -> 
     assert both.usable.accuracy.value == 1.0
 
 
+def test_an_evaluation_never_looks_at_what_is_true_of_a_virtual_eye(places, model, tmp_path: Path) -> None:
+    mine = shutil.copytree(places["mine"], tmp_path / "mine")
+    (mine / "truth.json").write_text("no JSON")
+    calibration = read_calibration(places["calibration"])
+    beside, without = (evaluate_recordings(model, [path], calibration) for path in (mine, places["mine"]))
+    assert [frame.as_json() | {"recording": ""} for frame in beside.frames] == [
+        frame.as_json() | {"recording": ""} for frame in without.frames
+    ]
+
+
 def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warnings(places, both, capsys) -> None:
     (note,) = [note for note in both.notes if "population's modulus" in note]
     assert f"stranger is not in {places['calibration']}, which has 1 eye (mine): read with the pop" in note

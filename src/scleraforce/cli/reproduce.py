@@ -74,7 +74,7 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
         "youngs_modulus_mpa": {"mean_mpa": from_si(mean_pa, "mpa"), "sd_mpa": from_si(spread_pa, "mpa")},
         "finite_strain": {
             "paper": _metrics(found.bent_paper),
-            "reader": _metrics(found.bent_reader),
+            "reader": _metrics(found.bent_reader) | _true_metrics(found.bent_reader),
         },
         "seconds": seconds | {"total": round(sum(seconds.values()), 2)},
     }
@@ -93,12 +93,39 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
     }
     for words, one in others.items():
         click.echo(f"{words} {one.accuracy.hits} of {one.accuracy.total}")
+    click.echo(_coverage_words(found.bent_reader))
     click.echo(f"wrote {run.report} in {sum(seconds.values()):.0f} s")
 
 
 def _metrics(evaluation: "Evaluation") -> dict[str, object]:
     answer = evaluation.as_json()
     return {key: answer[key] for key in ("accuracy", "confusion", "recall", "scored", "mae_mn", "coverage")}
+
+
+def _true_metrics(evaluation: "Evaluation") -> dict[str, object]:
+    """Return how far forces are from the true ones, and the share of these in their 90 % intervals."""
+    from scleraforce.reader.metrics import coverage, mean_absolute_error
+    from scleraforce.reproduction.against_truth import against_truth
+
+    true = against_truth(evaluation)
+    held = coverage(true)
+    return {
+        "true_mae_mn": from_si(mean_absolute_error(true), "mn"),
+        "true_coverage": held.value,
+        "true_coverage_interval": held.interval,
+    }
+
+
+def _coverage_words(evaluation: "Evaluation") -> str:
+    """Say how many forces the 90 % intervals hold: of the log, with its own error, and of the true ones."""
+    from scleraforce.reader.metrics import coverage
+    from scleraforce.reproduction.against_truth import against_truth
+
+    logged, true = evaluation.coverage, coverage(against_truth(evaluation))
+    return (
+        f"its 90 % intervals hold {logged.hits} of {logged.total} forces of the force log, which is noisy itself, and "
+        f"{true.hits} of {true.total} true forces"
+    )
 
 
 @contextmanager

@@ -10,18 +10,18 @@ from statistics import mean, median
 import numpy as np
 
 from scleraforce.known.calibration_file import CalibrationSummary, read_calibration
-from scleraforce.laboratory.phantom import true_forces
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
-from scleraforce.reader.metrics import ForceTrial, coverage, mean_absolute_error
+from scleraforce.reader.metrics import coverage, mean_absolute_error
 from scleraforce.report.answered_frame import AnsweredFrame, look_at
 from scleraforce.report.evaluation_page import read_forces_figure
 from scleraforce.report.html import Html, figure, paragraph, section, table
 from scleraforce.report.style import data_uri
 from scleraforce.report.tables import NOTHING, confusion_table, frame_table, share
 from scleraforce.report.wall_figure import ComputedWall, FrameWithWalls, draw_walls, laid_on_surface
+from scleraforce.reproduction.against_truth import against_truth
 from scleraforce.reproduction.bent import CALIBRATED, CALIBRATION_FORCES_N, bent_trials, run_library
 from scleraforce.reproduction.figures import eye_of
 from scleraforce.reproduction.run import Run
@@ -66,7 +66,7 @@ def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callabl
 
 
 def _comparison(paper: Evaluation, reader: Evaluation) -> Html:
-    both, true = (paper, reader), _against_truth(reader)
+    both, true = (paper, reader), against_truth(reader)
     rows: list[list[object]] = [
         ["trials read right", *(share(one.accuracy) for one in both)],
         ["the same, of the usable ones", *(share(one.usable.accuracy) for one in both)],
@@ -88,7 +88,7 @@ def _comparison(paper: Evaluation, reader: Evaluation) -> Html:
 
 def _coverage_words(reader: Evaluation) -> tuple[Html, ...]:
     """Say what the two shares of forces within their intervals are of, and what comes between them."""
-    logged, true = reader.forces, _against_truth(reader)
+    logged, true = reader.forces, against_truth(reader)
     if not logged:
         return ()
     off_mn = [from_si(abs(log.measured_n - fact.measured_n), "mn") for log, fact in zip(logged, true, strict=True)]
@@ -105,18 +105,6 @@ def _coverage_words(reader: Evaluation) -> tuple[Html, ...]:
         "take trials for independent, so they are too narrow here. The paper's method reads no force, so it has none."
     )
     return (paragraph(words),)
-
-
-def _against_truth(reader: Evaluation) -> list[ForceTrial]:
-    """Return the forces that were read beside the true ones."""
-    true = {path: true_forces(Path(path)) for path in {frame.recording for frame in reader.scored}}
-    return [
-        ForceTrial(
-            measured_n=true[frame.recording][frame.file], read_n=frame.predicted_force_n, interval_n=frame.interval_n
-        )
-        for frame in reader.scored
-        if frame.predicted_force_n is not None and frame.interval_n is not None
-    ]
 
 
 def _moduli(run: Run) -> Html:

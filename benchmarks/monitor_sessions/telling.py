@@ -1,0 +1,79 @@
+"""What a monitor may be told of one and the same eye: its globe or not, frames of known force or none.
+
+Thickness, pressure and gap are stated as calipers and gauges give them, alike in every telling.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from monitor_sessions.eyes import SessionEye
+from monitor_sessions.frames import Frame, PooledGenerator, largest_force_n, still_frame
+from scleraforce.calibration.assimilation import FrameStep, known_globe_after
+from scleraforce.calibration.eye_model import EyeConstants, known_of_constants
+from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
+from scleraforce.calibration.session import begin, step
+from scleraforce.known.eye import Known, Modulus
+from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.reader.force_reader import ForceReader
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.observed import segmented_boundaries
+from scleraforce.segmentation.wall import find_wall
+
+__all__ = ["TELLINGS", "calibrated", "tellings"]
+
+TELLINGS: Mapping[str, str] = {
+    "told": "told; E and k from three frames",
+    "found": "not told; E and k from three frames",
+    "unknown": "not told; E alone is known",
+}
+CALIBRATION_N = (10e-3, 20e-3, 28e-3)
+THICKNESS_SD_M, GAP_SD_M, IOP_SD, MODULUS_SD = 10e-6, 20e-6, 0.03, 0.015  # IOP and E: relative
+
+
+def tellings(drawn: SessionEye, reader: ForceReader, seed: int, rng: np.random.Generator) -> dict[str, Known]:
+    """Return what is known of an eye in each telling; where a calibration diverges, E and k are not known."""
+    stated, modulus = _stated(drawn, rng)
+    noise = PooledGenerator((seed, int(rng.integers(2**31))))
+    bearable_n = [min(force_n, largest_force_n(drawn)) for force_n in CALIBRATION_N]
+    seen = [(still_frame(drawn, force_n, rng, noise), force_n) for force_n in bearable_n]
+    zero_n = rng.normal(0.0, np.sqrt(ZERO_PRIOR[0, 0]))
+    labelled = [(frame, force_n + zero_n + rng.normal(0.0, LABEL_SD_N)) for frame, force_n in seen]
+    kind = SEALED if drawn.study.globe.kind == "sealed" else OPEN
+    return {
+        "told": calibrated(replace(stated, globe=kind), labelled, reader),
+        "found": calibrated(stated, labelled, reader),
+        "unknown": known_of_constants(stated, modulus),
+    }
+
+
+def _stated(drawn: SessionEye, rng: np.random.Generator) -> tuple[EyeConstants, Modulus]:
+    """Return what is stated of an eye but its globe; and an E that makes up for that, as a calibration's does."""
+    eye = drawn.eye
+    thickness_m = eye.thickness_m + rng.normal(0.0, THICKNESS_SD_M)
+    iop_pa = eye.iop_pa * (1.0 + rng.normal(0.0, IOP_SD))
+    same_force = (eye.thickness_m / thickness_m) ** 2 * (eye.iop_pa / iop_pa) ** (1.0 / 3.0)
+    modulus_pa = eye.youngs_modulus_pa * same_force * (1.0 + rng.normal(0.0, MODULUS_SD))
+    stated = EyeConstants(
+        iop_pa=iop_pa,
+        thickness_m=thickness_m,
+        gap_m=eye.gap_m + rng.normal(0.0, GAP_SD_M),
+        polar_rad=eye.polar_rad,
+        polar_sd_rad=0.0,
+        globe=UNKNOWN,
+    )
+    return stated, Modulus(mean_pa=modulus_pa, sd_pa=MODULUS_SD * modulus_pa, source="own")
+
+
+def calibrated(stated: EyeConstants, labelled: Sequence[tuple[Frame, float]], reader: ForceReader) -> Known:
+    """Return what is known of an eye after frames of known force."""
+    session, scale = begin(reader.study, stated, reader.library), PixelScale.of(reader.study.oct)
+    for frame, force_n in labelled:
+        wall = find_wall(frame, scale)
+        if wall.usable:
+            session = step(session, segmented_boundaries(wall, scale), force_n)
+    if not isinstance(session.last, FrameStep) or session.last.result.status != "ok":
+        return known_of_constants(stated)
+    modulus = Modulus(mean_pa=session.mean_pa, sd_pa=session.sd_pa, source="own")
+    return replace(known_of_constants(stated, modulus), globe=known_globe_after(session.filter, session.state))

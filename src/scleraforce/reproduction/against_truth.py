@@ -1,0 +1,25 @@
+"""Forces that were read of virtual eyes beside the true ones, which a force log only approaches."""
+
+from pathlib import Path
+
+from scleraforce.laboratory.phantom import true_forces
+from scleraforce.reader.evaluation import Evaluation
+from scleraforce.reader.metrics import ForceTrial
+
+__all__ = ["against_truth"]
+
+
+def against_truth(evaluation: Evaluation) -> tuple[ForceTrial, ...]:
+    """Return the frames of `evaluation.forces` with the true force in the place of the logged one.
+
+    Raises:
+        RecordingError: a recording is not of a virtual eye, or its `truth.json` cannot be read.
+    """
+    true = {path: true_forces(Path(path)) for path in {frame.recording for frame in evaluation.scored}}
+    return tuple(
+        ForceTrial(
+            measured_n=true[frame.recording][frame.file], read_n=frame.predicted_force_n, interval_n=frame.interval_n
+        )
+        for frame in evaluation.scored
+        if frame.predicted_force_n is not None and frame.interval_n is not None
+    )

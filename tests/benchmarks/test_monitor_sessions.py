@@ -1,0 +1,62 @@
+"""The sessions before the monitor: which eyes a reader meets, what its tables count."""
+
+import numpy as np
+import pytest
+
+from monitor_sessions.eyes import KINDS, draw_eye, may_meet
+from monitor_sessions.forces import moving_forces, ramp_forces
+from monitor_sessions.play import Outcome, Ramp
+from monitor_sessions.table import ramp_table, session_table
+from monitor_sessions.telling import TELLINGS
+from scleraforce.study import Study, parse_study, preset_toml
+
+
+def cells(table: str) -> list[list[str]]:
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()]
+
+
+def test_a_readers_study_decides_which_eyes_it_meets() -> None:
+    for study, met in ((Study(), ["open", "sealed"]), (parse_study(preset_toml("living")), ["living"])):
+        assert [kind for kind in KINDS if may_meet(kind, study.reader)] == met
+
+
+def test_open_and_sealed_eyes_have_the_same_walls() -> None:
+    opened, sealed = (draw_eye(kind, 3, Study(), seed=0) for kind in ("open", "sealed"))
+    assert opened.eye.thickness_m == sealed.eye.thickness_m
+    assert opened.eye.polar_rad == sealed.eye.polar_rad
+    assert (opened.study.globe.kind, sealed.study.globe.kind) == ("open", "sealed")
+
+
+def test_forces_stay_below_the_highest_and_ramps_end_there() -> None:
+    forces_n, names = moving_forces(2000, 20e-3, np.random.default_rng(0))
+    assert forces_n.max() <= 20e-3
+    assert len(forces_n) == len(names) == 2000
+    ramp_n, _ = ramp_forces(50e-3, 40e-3, np.random.default_rng(0))
+    assert ramp_n[0] == 0.0
+    assert ramp_n[-1] == pytest.approx(40e-3, abs=1e-3)
+
+
+def test_a_ramp_counts_as_stopped_only_below_the_bound_and_is_compared_with_the_same_ramp() -> None:
+    told = Outcome(ramps=[Ramp(0, 0.01, 28e-3, -0.2, "BOUND"), Ramp(1, 0.01, 31e-3, 0.1, "RISING")])
+    unknown = Outcome(ramps=[Ramp(0, 0.01, 22e-3, -0.8, "BOUND"), Ramp(1, 0.01, None, None, None)])
+    of = {"told": told, "found": Outcome(), "unknown": unknown}
+    head, _, *rows = cells(ramp_table({"sealed": of}))
+    first, _, last = (dict(zip(head, row, strict=True)) for row in rows)
+    assert first["stopped below 30 mN"] == "1 of 2"
+    assert first["at 10 mN/s"] == "28.0 / 29.5 / 31.0"
+    assert last["stopped below 30 mN"] == "1 of 2"
+    assert last["earlier than told, mN"] == "6.0 / 6.0"
+    assert last["causes"] == "1 `BOUND`, 1 never"
+    assert last["globe"] == TELLINGS["unknown"]
+
+
+def test_units_add_up_and_a_session_shows_its_false_withdrawals() -> None:
+    outcome = Outcome(frames=100, ok=98, errors_n=[1e-3, -1e-3], touching=2, inside=1, withdrawn_n=[18e-3])
+    outcome.add(Outcome(frames=100, ok=100))
+    head, _, row = cells(session_table({"open": {"told": outcome}}))
+    shown = dict(zip(head, row, strict=True))
+    assert shown["frames"] == "200"
+    assert shown["answered OK"] == "99.0 %"
+    assert (shown["withdrawals"], shown["at a true force of, mN"]) == ("1", "18.0 / 18.0 / 18.0")
+    assert shown["read off by, mN"] == "+0.00 ± 1.00"
+    assert shown["90 % intervals hold, from 1 mN on"] == "50.0 %"
