@@ -4,6 +4,7 @@ The motion is smooth: it is found at a few places of the section and interpolate
 Those places are of a gap and a thickness that are about right; how the motion turns with these is below 1 um.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,15 +32,19 @@ class Stations:
     places_bpc: Array
     weights_bwp: Array
 
-    def moved(self, place: tuple[Array, Array, Array], pole_s2: Array) -> Array:
+    def moved(self, place: tuple[Array, Array, Array], pole_s2: Array, alike: Sequence[int] | None = None) -> Array:
         """Return the motion of what the plane meets (sample, boundary, [left, right], node, 3), m.
 
         Args:
             place: of samples in the library's size: thickness, pressure over E and dent, (sample,) each.
             pole_s2: where the eye's pole lies (`base_bulge.pole_direction`).
+            alike: for each sample the one whose motion under the pressure is about the same; None: its own.
         """
         thickness, ratio, _ = place
-        bulge = self.library.base_bulge(thickness, ratio, self.places_bpc, pole_s2)
+        own = sorted(set(alike)) if alike is not None else range(len(pole_s2))
+        bulge = self.library.base_bulge(thickness[own], ratio[own], self.places_bpc, pole_s2[own])
+        if alike is not None:
+            bulge = bulge[[own.index(sample) for sample in alike]]
         pushed = base_push(self.library.forces(*place), thickness, self.library.poisson_ratio)
         bulge[..., :2] += (pushed[:, None] * pole_s2)[:, None, None, :]
         at_rings: Array = self.weights_bwp @ bulge

@@ -14,6 +14,7 @@ known where the pole lies (`library.base_bulge`); else the pole's place is an un
 What an eye that is no even sphere adds comes on top (`fitting.resting_form`): its form at rest, not how that bends.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -118,12 +119,21 @@ def place_walls(walls: Walls, unknown_su: Array) -> Array:
     return _placed(walls, unknown_su, place, curves * size[:, None, None, None])
 
 
-def _placed(walls: Walls, unknown_su: Array, place: tuple[Array, Array, Array], curves_sbnc: Array) -> Array:
-    """Return surfaces of revolution, moved by what the base's nearness does, cut and placed like `place_walls`."""
+def _placed(
+    walls: Walls,
+    unknown_su: Array,
+    place: tuple[Array, Array, Array],
+    curves_sbnc: Array,
+    alike: Sequence[int] | None = None,
+) -> Array:
+    """Return surfaces of revolution, moved by what the base's nearness does, cut and placed like `place_walls`.
+
+    `alike`: which sample's motion each takes; None: its own.
+    """
     size, gap, pose = np.exp(unknown_su[:, SIZE]), unknown_su[:, GAP], unknown_su[0]
     moved = None
     if unknown_su[:, POLE].any():
-        moved = walls.stations.moved(place, unknown_su[:, POLE]) * size[:, None, None, None, None]
+        moved = walls.stations.moved(place, unknown_su[:, POLE], alike) * size[:, None, None, None, None]
     return place_curves(cut_by_plane(curves_sbnc, gap, moved), pose[LATERAL], pose[DEPTH], pose[ROTATION])
 
 
@@ -173,14 +183,17 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
 
 
 def _varied_walls(walls: Walls, varied_su: Array) -> Array:
-    """Return `place_walls` of unknowns the last two of which differ from the first by the pole alone."""
+    """Return `place_walls` of what `predict_wall` compares; the last two differ from the first by the pole alone.
+
+    How the base's motion turns with the dent and the gap is left out: hardly.
+    """
     shapes = varied_su[: -(POLE.stop - POLE.start)]
     thickness, ratio, tip = _library_place(walls, shapes)
     curves = walls.library.shapes(thickness, ratio, tip).astype(np.float64)
     curves *= np.exp(shapes[:, SIZE])[:, None, None, None]
     again = [*range(len(shapes)), 0, 0]
     place = thickness[again], ratio[again], tip[again]
-    return _placed(walls, varied_su, place, curves[again])
+    return _placed(walls, varied_su, place, curves[again], alike=[0, 0, 0, *range(3, len(varied_su))])
 
 
 def _inward(walls: Walls, unknown: Array, steps: Array) -> Array:

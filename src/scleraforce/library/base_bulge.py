@@ -83,7 +83,7 @@ def base_bulge(motion_sbnc: Floats, angles_n: Floats, places_sbpc: Floats, pole_
     """
     upright = np.sqrt(np.maximum(1.0 - (pole_s2**2).sum(axis=1, keepdims=True), 0.0))
     eye_axis_sc = np.concatenate([pole_s2, upright], axis=1)
-    places_sbpc = np.broadcast_to(places_sbpc, (len(pole_s2), *places_sbpc.shape[-3:]))
+    places_sbpc = places_sbpc.reshape(-1, *places_sbpc.shape[-3:])
     bulged = _about(eye_axis_sc, motion_sbnc, angles_n, places_sbpc)
     bulged -= _about(np.array([[0.0, 0.0, 1.0]]), motion_sbnc, angles_n, places_sbpc)
     bulged[..., 2] *= -1.0
@@ -99,7 +99,9 @@ def _about(axis_sc: Floats, motion_sbnc: Floats, angles_n: Floats, places_sbpc: 
     angle = np.clip(np.arccos(np.clip(along[..., 0], -1.0, 1.0)), angles_n[0], angles_n[-1])
     node = np.clip(np.searchsorted(angles_n, angle) - 1, 0, len(angles_n) - 2)
     share = ((angle - angles_n[node]) / (angles_n[node + 1] - angles_n[node]))[..., None]
-    low, high = (np.take_along_axis(motion_sbnc, at[..., None], axis=2) for at in (node, node + 1))
+    motion_sbnc = np.broadcast_to(motion_sbnc, (max(len(motion_sbnc), len(node)), *motion_sbnc.shape[1:]))
+    node = np.broadcast_to(node, (len(motion_sbnc), *node.shape[1:]))[..., None]
+    low, high = (np.take_along_axis(motion_sbnc, at, axis=2) for at in (node, node + 1))
     moved = low + share * (high - low)
     turned: Floats = moved[..., :1] * away + moved[..., 1:] * axis
     return turned
