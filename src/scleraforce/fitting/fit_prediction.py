@@ -15,7 +15,7 @@ What an eye that is no even sphere adds comes on top (`fitting.resting_form`): i
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 
 import numpy as np
@@ -81,6 +81,7 @@ class Walls:
 
     library: Library
     globe: KnownGlobe = OPEN
+    _: KW_ONLY
     gap_m: float = 0.6e-3
     thickness_m: float = 0.6e-3
 

@@ -115,7 +115,7 @@ def fit_boundaries(
     outer = columns.places.outer
     if outer < 2 * len(NAMES):
         return None
-    walls = Walls(library, prior.globe, float(prior.mean[GAP]), float(prior.mean[THICKNESS]))
+    walls = Walls(library, prior.globe, gap_m=float(prior.mean[GAP]), thickness_m=float(prior.mean[THICKNESS]))
     problem = _Problem(walls, columns, prior)
     begun = starts(walls, prior.mean, columns.places.lateral_m[:outer], columns.depth_m[:outer], STARTS)
     fits = (gauss_newton(problem, start, STOPPING) for start in begun)
