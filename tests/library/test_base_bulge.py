@@ -112,6 +112,21 @@ def test_calibration_and_fit_see_the_same_section() -> None:
         assert np.abs(upright - theirs[boundary, :, 1]).max() > 10e-6
 
 
+def test_where_no_direction_is_stated_a_calibration_sees_an_even_section() -> None:
+    library = bulging(analytic_library()).within(0.9 * RADIUS_M).for_contact(0.6)
+    stated = EyeConstants(
+        iop_pa=300.0, thickness_m=0.6e-3, gap_m=0.5e-3, polar_rad=0.6, polar_sd_rad=0.0, direction_rad=0.0
+    )
+    lateral = np.linspace(-6e-3, 6e-3, 121)
+    depths = []
+    for constants in (stated, replace(stated, direction_rad=None)):
+        eye = LibraryEye(constants, library, lateral, (0.6,), np.zeros((1, 2, len(lateral), 3)))
+        depths.append(eye.curves([stated_wall(constants, 0.3e6, 0.01, 0.6)])[0, :, :, 1])
+    along_the_meridian, nowhere = (np.abs(depth - depth[:, ::-1]).max() for depth in depths)
+    assert along_the_meridian > 5e-6
+    assert nowhere < 1e-12
+
+
 @pytest.mark.slow
 def test_sections_of_a_sealed_eye_are_those_of_three_dimensions(tmp_path: Path) -> None:
     """A soft wall whose pressure has risen to three times what it was, 41 degrees from the pole."""

@@ -48,7 +48,7 @@ class EyeConstants:
 
     @property
     def section_direction_rad(self) -> float:
-        """Direction of the plane; one that is not stated counts as that of the meridian."""
+        """Direction of the plane for linear mechanics: one that is not stated counts as that of the meridian."""
         return 0.0 if self.direction_rad is None else self.direction_rad
 
 

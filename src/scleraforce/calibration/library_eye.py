@@ -105,9 +105,14 @@ class LibraryEye:
         return thickness, pressure, force
 
     def _moved(self, thickness: Array, pressure: Array, force: Array, polar: Array) -> Array:
-        """Return what the base's nearness moves sections by (state, boundary, place, 3), m."""
+        """Return what the base's nearness moves sections by (state, boundary, place, 3), m.
+
+        Nothing, the mean over all directions, where that of the section is not stated.
+        """
+        direction_rad = self.constants.direction_rad
+        if direction_rad is None:
+            return np.zeros((len(polar), *self.moves_pbxc.shape[1:]))
         shares_sp = np.array([lagrange(self.polar_nodes_rad, at) for at in polar.tolist()])
-        direction_rad = self.constants.section_direction_rad
         pole_s2 = np.array([pole_direction(at, direction_rad) for at in polar.tolist()])
         held = np.clip(thickness, self.library.thickness_m[0], self.library.thickness_m[-1])
         ratio = np.clip(pressure, *self.library.iop_ratio_ends(held))
@@ -183,7 +188,9 @@ def library_eye(study: Study, constants: EyeConstants, library: Library) -> Libr
     side = np.arange(0.0, REACH * library.radius_m, SAMPLE_STEP_M)
     lateral_m = np.concatenate([-side[:0:-1], side])
     polars = polar_nodes(constants)
-    moves = np.stack([base_moves(study, constants, polar, lateral_m) for polar in polars])
+    moves = np.zeros((len(polars), 2, len(lateral_m), 3))
+    if constants.direction_rad is not None:
+        moves = np.stack([base_moves(study, constants, polar, lateral_m) for polar in polars])
     # Sections end at `REACH`; a dented wall's material moves by less than a millimetre or two along it.
     near = library.within(0.85 * library.radius_m)
     middle_rad = 0.5 * (min(polars) + max(polars))  # forces hardly change between the ends
