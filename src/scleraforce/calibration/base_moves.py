@@ -30,11 +30,11 @@ def base_moves(study: Study, constants: EyeConstants, polar_rad: float, lateral_
 
     Args:
         study: radius, Poisson's ratio and needle.
-        constants: thickness, gap and direction of the plane.
+        constants: thickness, gap and direction of the plane; nothing moves where that is not stated: the mean.
         polar_rad: polar angle of the contact; 0: nothing moves.
         lateral_m: places of the section (place,), m.
     """
-    if polar_rad == 0.0:
+    if polar_rad == 0.0 or constants.direction_rad is None:
         return np.zeros((2, len(lateral_m), 3))
     wall = (study.eye.radius_m, constants.thickness_m)
     needle_radius_m = study.needle.outer_diameter_m / 2
@@ -46,7 +46,7 @@ def base_moves(study: Study, constants: EyeConstants, polar_rad: float, lateral_
     distance_m = np.hypot(lateral_m, constants.gap_m)
     return np.array(
         [
-            _displacement(shift_nmc, rings, distance_m, inside, constants.section_direction_rad)
+            _displacement(shift_nmc, rings, distance_m, inside, constants.direction_rad)
             for shift_nmc, rings in zip(shift.needle_mbnc.transpose(1, 2, 0, 3), rings_bn, strict=True)
         ]
     )

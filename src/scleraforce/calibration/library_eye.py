@@ -25,7 +25,7 @@ from scleraforce.calibration.eye_model import (
 )
 from scleraforce.errors import CalibrationError, InputError
 from scleraforce.library import Library
-from scleraforce.library.base_bulge import pole_direction
+from scleraforce.library.base_bulge import pole_direction, section_places
 from scleraforce.library.sections import cut_rings
 from scleraforce.library.under_force import iop_ratio_under_force
 from scleraforce.study import Study
@@ -99,10 +99,14 @@ class LibraryEye:
         if self.constants.globe.can_be_sealed:
             rigidity = np.array([state.rigidity_pa13_per_m3 for state in states])
             globe = self.constants.globe.globe(rigidity).over(modulus)
-            held = np.clip(thickness, self.library.thickness_m[0], self.library.thickness_m[-1])
-            pressure = np.clip(pressure, *self.library.iop_ratio_ends(held))
+            held, pressure = self._held(thickness, pressure)
             pressure = iop_ratio_under_force(self.library, held, pressure, np.maximum(force, 0.0), globe)
         return thickness, pressure, force
+
+    def _held(self, thickness: Array, pressure: Array) -> tuple[Array, Array]:
+        """Return thickness and pressure over E, kept within the library's ends."""
+        held = np.clip(thickness, self.library.thickness_m[0], self.library.thickness_m[-1])
+        return held, np.clip(pressure, *self.library.iop_ratio_ends(held))
 
     def _moved(self, thickness: Array, pressure: Array, force: Array, polar: Array) -> Array:
         """Return what the base's nearness moves sections by (state, boundary, place, 3), m.
@@ -114,17 +118,14 @@ class LibraryEye:
             return np.zeros((len(polar), *self.moves_pbxc.shape[1:]))
         shares_sp = np.array([lagrange(self.polar_nodes_rad, at) for at in polar.tolist()])
         pole_s2 = np.array([pole_direction(at, direction_rad) for at in polar.tolist()])
-        held = np.clip(thickness, self.library.thickness_m[0], self.library.thickness_m[-1])
-        ratio = np.clip(pressure, *self.library.iop_ratio_ends(held))
-        bulged = self.library.base_bulge(held, ratio, self._places, pole_s2)
+        bulged = self.library.base_bulge(*self._held(thickness, pressure), self._places, pole_s2)
         moved: Array = bulged + np.einsum("sp,pbxc->sbxc", shares_sp * force[:, None], self.moves_pbxc)
         return moved
 
     def _walls(self, thickness: Array, pressure: Array, force: Array) -> Array:
         """Return the library's curves (state, boundary, node, 2), gone on with where the library ends."""
         library = self.library
-        thickness = np.clip(thickness, library.thickness_m[0], library.thickness_m[-1])
-        pressure = np.clip(pressure, *library.iop_ratio_ends(thickness))
+        thickness, pressure = self._held(thickness, pressure)
         force = np.maximum(force, 0.0)
         if (thickness == self.constants.thickness_m).all() and force.max() <= self._reached_force_ratio:
             return library.curves(thickness, pressure, force).curves_sbnc.astype(np.float64)
@@ -153,11 +154,7 @@ class LibraryEye:
     def _places(self) -> Array:
         """Unit vectors to the section's places at rest (boundary, place, 3), as `library.base_bulge` takes them."""
         radii = self.library.radius_m - np.array([[0.0], [self.constants.thickness_m]])
-        lateral, gap = np.broadcast_arrays(self.lateral_m, self.constants.gap_m)
-        above = np.sqrt(np.maximum(radii**2 - lateral**2 - gap**2, 0.0))
-        both = np.broadcast_to(np.stack([lateral, gap], axis=-1), (2, len(lateral), 2))
-        places: Array = np.concatenate([both, above[..., None]], axis=-1) / radii[..., None]
-        return places
+        return section_places(self.lateral_m / radii, self.constants.gap_m / radii)
 
     @cached_property
     def _fine(self) -> Array:
@@ -188,9 +185,7 @@ def library_eye(study: Study, constants: EyeConstants, library: Library) -> Libr
     side = np.arange(0.0, REACH * library.radius_m, SAMPLE_STEP_M)
     lateral_m = np.concatenate([-side[:0:-1], side])
     polars = polar_nodes(constants)
-    moves = np.zeros((len(polars), 2, len(lateral_m), 3))
-    if constants.direction_rad is not None:
-        moves = np.stack([base_moves(study, constants, polar, lateral_m) for polar in polars])
+    moves = np.stack([base_moves(study, constants, polar, lateral_m) for polar in polars])
     # Sections end at `REACH`; a dented wall's material moves by less than a millimetre or two along it.
     near = library.within(0.85 * library.radius_m)
     middle_rad = 0.5 * (min(polars) + max(polars))  # forces hardly change between the ends

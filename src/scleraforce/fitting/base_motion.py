@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.library.base_bulge import base_push
+from scleraforce.library.base_bulge import base_push, section_places
 from scleraforce.library.responses import Library
 
 __all__ = ["Stations", "section_stations"]
@@ -56,14 +56,10 @@ def section_stations(library: Library, gap_m: float, thickness_m: float) -> Stat
     reach = np.sin(library.node_angles())
     count = int(np.ceil(library.node_angles()[-1] / STATION_RAD)) + 1
     stations = reach[-1] * np.linspace(-1.0, 1.0, 2 * count + 1)
-    places, weights = [], []
-    for radius_m in (library.radius_m, library.radius_m - thickness_m):
-        across = gap_m / radius_m
-        above = np.sqrt(np.maximum(1.0 - stations**2 - across**2, 0.0))
-        places.append(np.stack([stations, np.full_like(stations, across), above], axis=-1))
-        rings = np.sqrt(np.maximum(reach**2 - across**2, 0.0))
-        weights.append(_linear_weights(stations, np.concatenate([-rings, rings])))
-    return Stations(library, np.stack(places), np.stack(weights))
+    across = gap_m / (library.radius_m - np.array([[0.0], [thickness_m]]))
+    rings = np.sqrt(np.maximum(reach**2 - across**2, 0.0))
+    weights = [_linear_weights(stations, np.concatenate([-ring, ring])) for ring in rings]
+    return Stations(library, section_places(stations, across), np.stack(weights))
 
 
 def _linear_weights(stations: Array, wanted: Array) -> Array:

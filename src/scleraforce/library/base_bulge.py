@@ -12,7 +12,7 @@ gives way by shear. How the wall bends with it is `calibration.base_moves`.
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["base_bulge", "base_push", "meridian_angles", "pole_direction", "undented_motion"]
+__all__ = ["base_bulge", "base_push", "meridian_angles", "pole_direction", "section_places", "undented_motion"]
 
 Floats = NDArray[np.float64]
 
@@ -45,6 +45,12 @@ def base_push(force_ratio_s: Floats, thickness_s: Floats, poisson_ratio: float) 
     """
     pushed: Floats = SHEARED * (1.0 + poisson_ratio) / np.pi * force_ratio_s / thickness_s
     return pushed
+
+
+def section_places(along: Floats, across: Floats) -> Floats:
+    """Return unit vectors to places of a section at rest (..., [along it, across it, up]); the parts broadcast."""
+    up = np.sqrt(np.maximum(1.0 - along**2 - across**2, 0.0))
+    return np.stack(np.broadcast_arrays(along, across, up), axis=-1)
 
 
 def meridian_angles(undented_bnc: Floats, radius_m: float) -> Floats:

@@ -102,7 +102,8 @@ class Library:
         for axis in (self.polar_rad, self.thickness_m, self.tension, self.tip_m):
             if not (np.diff(axis) > 0.0).all():
                 raise InputError("library: an axis that does not increase")
-        for walls in (self.curves_tpdbnc, self.undented_tpbnc):
+        both = (self.curves_tpdbnc, self.undented_tpbnc)
+        for walls in both:
             if walls.shape[-2] < 2 or walls.shape[-1] != 2:
                 raise InputError(f"library: curves {walls.shape}; at least two points of two coordinates")
         sizes = (self.radius_m, self.needle_radius_m, self.max_force_ratio, self.thickness_m[0], self.tension[0])
@@ -110,7 +111,6 @@ class Library:
             raise InputError(f"library: radius, needle radius, largest F/E, first thickness and tension {sizes}, "
                              f"Poisson's ratio {self.poisson_ratio}: impossible")  # fmt: skip
         axes = (self.thickness_m, self.tension, self.tip_m, self.polar_rad)
-        both = (self.curves_tpdbnc, self.undented_tpbnc)
         values = (*axes, self.force_ratio_tpd, self.displaced_tpd, *both, self.stiffness_atpd)
         if not all(np.isfinite(array).all() for array in values):
             raise InputError("library: values that are not finite")
