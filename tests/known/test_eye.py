@@ -39,6 +39,8 @@ def test_a_recordings_statements_are_taken_and_what_it_omits_is_unknown() -> Non
         NeedleInfo(gauge=22, slice_gap_m=0.5e-3, polar_angle_rad=0.6),
     )
     assert known_of_recording(info) == Known(modulus=None, iop_pa=None, thickness_m=0.6e-3, gap_m=0.5e-3, polar_rad=0.6)
+    turned = replace(info, oct=replace(info.oct, plane_direction_rad=0.8))
+    assert known_of_recording(turned) == replace(known_of_recording(info), direction_rad=0.8)
 
 
 EYES = {

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from analytic_library import RADIUS_M, analytic_library
 
-from scleraforce.calibration.eye_model import EyeConstants, stated_wall
+from scleraforce.calibration.eye_model import EyeConstants, known_of_constants, stated_wall
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.graded import graded_mesh
-from scleraforce.fitting.fit_prediction import GAP, IOP, MODULUS, NAMES, POLE, TIP, Walls, place_walls
+from scleraforce.fitting.fit_prediction import GAP, IOP, LATERAL, MODULUS, NAMES, POLE, TIP, Walls, place_walls
 from scleraforce.fitting.fit_prediction import THICKNESS as FIT_THICKNESS
+from scleraforce.fitting.prior import prior_of
+from scleraforce.known.eye import Known
 from scleraforce.library.base_bulge import base_bulge, base_push, pole_direction, undented_motion
 from scleraforce.library.build import build_library
 from scleraforce.library.responses import Library
@@ -22,7 +24,7 @@ from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.needle import needle_at
 from scleraforce.section.cut import cut_section
 from scleraforce.section.plane import ScanPlane
-from scleraforce.study import LibraryStudy, Range, Study
+from scleraforce.study import LibraryStudy, Range, ReaderStudy, Study
 
 ANGLES = np.linspace(0.0, np.pi / 2, 91)
 THICKNESS = np.array([0.6e-3])
@@ -110,6 +112,41 @@ def test_calibration_and_fit_see_the_same_section() -> None:
         found, upright = (np.interp(lateral, *curves[boundary].T) for curves in (mine, even))
         np.testing.assert_allclose(found, theirs[boundary, :, 1], atol=3e-6)
         assert np.abs(upright - theirs[boundary, :, 1]).max() > 10e-6
+
+
+def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it() -> None:
+    library, pole = analytic_library(), np.array([-0.3, 0.4])
+    unknown = np.zeros((1, len(NAMES)))
+    unknown[0, [TIP, GAP, FIT_THICKNESS, MODULUS, IOP]] = 2e-3, 0.5e-3, 0.6e-3, np.log(0.3e6), np.log(300.0)
+    force_ratio = library.forces(THICKNESS, np.array([1e-3]), np.array([2e-3]))
+    pushed = base_push(force_ratio, THICKNESS, library.poisson_ratio)[0] * pole
+    shifted = unknown.copy()
+    shifted[0, [GAP, LATERAL]] = 0.5e-3 - pushed[1], pushed[0]
+    expected = place_walls(Walls(library), shifted)[0]  # this even wall has nothing else to move
+    unknown[0, POLE] = pole
+    found = place_walls(Walls(library), unknown)[0]
+    assert np.abs(pushed).min() > 20e-6
+    lateral = np.linspace(-5e-3, 5e-3, 101)
+    for mine, theirs in zip(found, expected, strict=True):
+        np.testing.assert_allclose(np.interp(lateral, *mine.T), np.interp(lateral, *theirs.T), atol=2e-6)
+
+
+def test_the_prior_knows_where_the_pole_lies_as_far_as_it_is_told() -> None:
+    told = Known(polar_rad=0.6, direction_rad=0.8)
+    known, turned, nothing = (prior_of(k, ReaderStudy()) for k in (told, replace(told, polar_rad=None), Known()))
+    np.testing.assert_allclose(known.mean[POLE], pole_direction(0.6, 0.8))
+    np.testing.assert_allclose(turned.mean[POLE], pole_direction(np.radians(35.0), 0.8))
+    np.testing.assert_array_equal(nothing.mean[POLE], 0.0)
+    assert known.sd[POLE].max() < turned.sd[POLE].min() < nothing.sd[POLE].min()
+
+
+def test_what_is_stated_of_an_eye_is_what_its_reader_is_told() -> None:
+    stated = EyeConstants(
+        iop_pa=300.0, thickness_m=0.6e-3, gap_m=0.5e-3, polar_rad=0.6, polar_sd_rad=0.0, direction_rad=0.8
+    )
+    assert known_of_constants(stated) == Known(
+        iop_pa=300.0, thickness_m=0.6e-3, gap_m=0.5e-3, polar_rad=0.6, direction_rad=0.8, globe=stated.globe
+    )
 
 
 def test_where_no_direction_is_stated_a_calibration_sees_an_even_section() -> None:

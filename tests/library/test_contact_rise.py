@@ -1,5 +1,7 @@
 """What a contact beside the pole rises under the pressure, and what its dent displaces (Maxwell's reciprocity)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from analytic_library import RADIUS_M, analytic_library
@@ -44,6 +46,22 @@ def test_a_contact_on_the_pole_displaces_what_is_stored_and_one_beside_it_what_i
     found = beside.displaced_m3(*walls, tips) - pole.displaced_m3(*walls, tips)
     np.testing.assert_allclose(found, more, rtol=0.1)
     assert (found > 0.0).all()
+
+
+def test_a_contact_that_rises_less_displaces_less() -> None:
+    library = analytic_library(nodes=41)
+    undented = library.undented_tpbnc.copy()
+    angle = np.arctan2(undented[0, 0, 0, :, 0], RADIUS_M - undented[0, 0, 0, :, 1])
+    undented[..., 1] -= 6e-3 * library.tension[:, None, None] * np.cos(angle) ** 2  # the middle rises most
+    bulging = replace(library, undented_tpbnc=undented)
+    at = np.array([0.6e-3]), np.array([8e-4]), np.array([1e-3])
+    fewer = [other.for_contact(0.6).displaced_m3(*at)[0] for other in (library, bulging)]
+    # Rises of 6 mm times the tension: along the pole's normal, and along the contact's by cos^3.
+    per_ratio = 6e-3 * RADIUS_M / 0.6e-3
+    force, beside = (library.for_contact(polar).forces(*at)[0] for polar in (0.0, 0.6))
+    expected = per_ratio * (beside * np.cos(0.6) ** 3 - force)
+    assert fewer[1] - fewer[0] == pytest.approx(expected, rel=0.02)
+    assert expected < 0.0
 
 
 @pytest.mark.parametrize("iop_ratio", [5e-4, 5e-3])
