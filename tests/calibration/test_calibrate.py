@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
-from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
+from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.frame_order import frame_order
+from scleraforce.calibration.result import Calibration
 from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import open_calibration, parse_calibration_file

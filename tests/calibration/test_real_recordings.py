@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from scleraforce.calibration.calibrate import EyeCalibration, calibrate_recordings
+from scleraforce.calibration.calibrate import calibrate_recordings
+from scleraforce.calibration.result import EyeCalibration
 from scleraforce.library.cache import cached_library
 from scleraforce.recording.files import read_recording
 from scleraforce.study import Study
@@ -41,3 +42,11 @@ def test_a_sealed_eye_has_a_rigidity_and_does_not_diverge() -> None:
     assert found.globe.calibrated
     assert 0.005 < found.globe.mean / PER_UL < 0.06
     assert found.globe.sd < 0.1 * found.globe.mean
+
+
+def test_a_sealed_eye_that_is_told_open_diverges_and_a_doubt_says_what_its_frames_tell_of_its_globe() -> None:
+    found = calibrated("sample-c", "open", frames=3)
+    assert found.status.startswith("diverged")
+    *_, doubt = found.recordings[-1].doubts
+    assert doubt.startswith("eye.globe is stated as open, and the frames contradict that")
+    assert "k 0.0" in doubt

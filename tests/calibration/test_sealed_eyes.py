@@ -1,20 +1,26 @@
 """Sealed and open eyes from the library's own walls: modulus and rigidity from three frames of known force."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from scleraforce.calibration import session
 from scleraforce.calibration.assimilation import FrameStep, known_globe_after
+from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import library_eye
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, KnownGlobe
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
 from scleraforce.laboratory.optics import Pose
+from scleraforce.laboratory.phantom import plan_phantom, write_phantom
+from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library
 from scleraforce.library.cache import cached_library
 from scleraforce.library.sealed import iop_ratio_at_dent
+from scleraforce.recording.files import read_recording
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import LibraryStudy, Range, Study
@@ -141,3 +147,39 @@ def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(
         assert found.last.registered.youngs_modulus_pa == pytest.approx(0.2217e6, rel=0.1)
     if order[0] == 0:
         assert found.mean_pa == pytest.approx(0.2217e6, rel=0.05)
+
+
+def test_a_sealed_eye_that_is_told_open_diverges_and_a_doubt_says_what_its_globe_seems_to_be(
+    library: Library, tmp_path: Path
+) -> None:
+    modulus_pa, constants = drawn_eye(np.random.default_rng(104), 0.035)
+    highest_n = highest_force_n(library, modulus_pa, constants)
+    eye = PhantomEye(
+        id="shut",
+        thickness_m=constants.thickness_m,
+        youngs_modulus_pa=modulus_pa,
+        iop_pa=constants.iop_pa,
+        gap_m=constants.gap_m,
+        polar_rad=constants.polar_rad,
+        azimuth_rad=0.0,
+    )
+    model = library_eye(SHARP, constants, library)
+
+    def sections(forces_n: Sequence[float]) -> list[Section]:
+        states = [stated_wall(constants, modulus_pa, force_n, constants.polar_rad) for force_n in forces_n]
+        return [Section(outer, inner) for outer, inner in model.curves(states)]
+
+    write_phantom(
+        tmp_path / "shut", plan_phantom(eye, [share * highest_n for share in SHARES], STUDY, 3), sections, STUDY
+    )
+    recording = read_recording(tmp_path / "shut")
+    for told, status, doubts in (("open", "diverged", 1), ("sealed", "ok", 0)):
+        told_eye = replace(recording.info.eye, globe=told)
+        asked = replace(recording, info=replace(recording.info, eye=told_eye))
+        found = calibrate_recordings([asked], STUDY, "", library).eyes["shut"]
+        assert found.status.startswith(status)
+        about_globe = [
+            doubt for doubt in found.recordings[-1].doubts if doubt.startswith("eye.globe is stated as open")
+        ]
+        assert len(about_globe) == doubts
+        assert all(" k 0.03" in doubt for doubt in about_globe)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from scleraforce.calibration import session
-from scleraforce.calibration.calibrate import Calibration, calibrate_recordings, eye_constants
+from scleraforce.calibration.calibrate import calibrate_recordings, eye_constants
 from scleraforce.calibration.forces import FrameForces, frame_forces
+from scleraforce.calibration.result import Calibration
 from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import parse_calibration_file

@@ -65,15 +65,15 @@ def test_an_eye_has_its_own_modulus_and_another_that_of_its_population_with_its_
     assert str(foreign_modulus(summary, "stranger")).endswith("read with the population's modulus, 0.25 MPa +- 20 %")
 
 
-def test_an_eye_whose_calibration_diverged_is_read_as_one_of_unknown_modulus_and_a_sentence_says_so(
+def test_an_eye_whose_calibration_diverged_is_read_as_one_of_unknown_modulus_and_globe_and_a_sentence_says_so(
     summary: CalibrationSummary,
 ) -> None:
-    told = Known(iop_pa=270.0, thickness_m=0.6e-3)
+    told = Known(iop_pa=270.0, thickness_m=0.6e-3, globe=OPEN)
     assert calibrated_modulus(summary, "lost") is None
-    assert known_of_eye(told, summary, "lost") == told
+    assert known_of_eye(told, summary, "lost") == replace(told, globe=None)
     assert foreign_modulus(summary, "lost") == (
         f"lost is not usable (diverged: by 4 sd) in {summary.path}, which has 2 eyes (mine, lost): "
-        "read as one of unknown modulus"
+        "read as one of unknown modulus in a globe of which nothing is known"
     )
 
 

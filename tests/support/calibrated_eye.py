@@ -3,9 +3,9 @@
 import numpy as np
 
 from scleraforce.calibration.assimilation import PARAMETERS, RIGIDITY, SHARED, EyeState
-from scleraforce.calibration.calibrate import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.calibration.placement import NUISANCES
 from scleraforce.calibration.registration import PoseBelief
+from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.calibration.roukf import Posterior
 from scleraforce.known.globe import REFERENCE_RIGIDITY, SEALED
 

@@ -1,13 +1,12 @@
 """Young's modulus of each eye from its recordings, and of the population (paper sec. 3.2, Table 2)."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from scleraforce.calibration.assimilation import (
     EyeFilter,
-    EyeState,
     FrameStep,
     Skipped,
     known_globe_after,
@@ -16,12 +15,13 @@ from scleraforce.calibration.assimilation import (
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
 from scleraforce.calibration.frame_order import frame_order
-from scleraforce.calibration.parameters import spread
 from scleraforce.calibration.registration import first_belief
+from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.calibration.session import EyeSession, begin, step
+from scleraforce.calibration.words import found_words
 from scleraforce.errors import CalibrationError
 from scleraforce.known.eye import open_doubts, told_globe
-from scleraforce.known.globe import OPEN, UNKNOWN, KnownGlobe
+from scleraforce.known.globe import OPEN, UNKNOWN
 from scleraforce.library import Library
 from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, tables_digest
@@ -32,134 +32,9 @@ from scleraforce.segmentation.wall import Segmentation, find_wall
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
-__all__ = ["Calibration", "EyeCalibration", "FrameRecord", "UsedRecording", "calibrate_recordings", "eye_constants"]
+__all__ = ["calibrate_recordings", "eye_constants"]
 
 SAME_MODULUS = 0.01  # relative; what else is stated of the eye moves the mean of a lognormal by less
-
-
-@dataclass(frozen=True, kw_only=True)
-class FrameRecord:
-    """What became of a frame: estimate of E after it, or the reason why it was not used.
-
-    `sha256` is the frame's content (`recording.files.frame_digest`), by which it is known again under any name.
-    `force_n` is what the filter took, the label freed of offset and drift. `own_modulus_pa`: what the frame alone says.
-    """
-
-    recording: str
-    file: str
-    sha256: str
-    force_n: float
-    mean_pa: float
-    sd_pa: float
-    own_modulus_pa: float | None = None
-    points: int = 0
-    gated: tuple[int, ...] = ()
-    nis: float = 0.0
-    inflation: float = 1.0
-    status: str = "ok"
-    skipped: str | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class UsedRecording:
-    """A recording that was calibrated on: path as given, SHA-256 of its tables, zero of its force taken off.
-
-    `doubts` are sentences on a log that does not go with the frames (`recording.agreement`), and on a sealed globe.
-    """
-
-    path: str
-    sha256: str
-    zero_n: float
-    drift_n_per_s: float
-    doubts: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class EyeCalibration:
-    """One eye: what is known after its frames.
-
-    `names` of the uncertain parameters, `means` and `sds` of them in SI; `stated_thickness_m`: the recording's;
-    `globe`: what is known of it after the frames. `steps` are kept for figures, and are empty for what was read from a
-    file.
-    """
-
-    id: str
-    names: tuple[str, ...]
-    means: tuple[float, ...]
-    sds: tuple[float, ...]
-    stated_thickness_m: float
-    globe: KnownGlobe
-    state: EyeState = field(repr=False)
-    recordings: tuple[UsedRecording, ...] = field(repr=False)
-    frames: tuple[FrameRecord, ...] = field(repr=False)
-    steps: tuple[FrameStep, ...] = field(default=(), repr=False)
-    filter: EyeFilter | None = field(default=None, repr=False)
-
-    @property
-    def used(self) -> tuple[FrameRecord, ...]:
-        """The frames that the estimate rests on."""
-        return tuple(frame for frame in self.frames if frame.skipped is None)
-
-    @property
-    def mean_pa(self) -> float:
-        """Posterior mean of Young's modulus."""
-        return self.means[self.names.index("youngs_modulus_pa")]
-
-    @property
-    def sd_pa(self) -> float:
-        """Posterior standard deviation of Young's modulus."""
-        return self.sds[self.names.index("youngs_modulus_pa")]
-
-    @property
-    def thickness_m(self) -> float:
-        """The wall's thickness: estimated where it was uncertain, or else as it was stated."""
-        return dict(zip(self.names, self.means, strict=True)).get("thickness_m", self.stated_thickness_m)
-
-    def by_class(self, bounds_n: tuple[float, ...]) -> tuple[float | None, ...]:
-        """Return the median of what the frames of each force class say of E on their own, in Pa; None where none does.
-
-        All the same for a wall that bends as the model says; falling with the force for one that bends more.
-        """
-        classes: list[list[float]] = [[] for _ in range(len(bounds_n) + 1)]
-        for frame in self.used:
-            if frame.own_modulus_pa is not None:
-                classes[int(np.searchsorted(bounds_n, frame.force_n))].append(frame.own_modulus_pa)
-        return tuple(float(np.median(values)) if values else None for values in classes)
-
-    @property
-    def status(self) -> str:
-        """'ok', or the last sentence of a filter that diverged."""
-        return next((frame.status for frame in reversed(self.used) if frame.status != "ok"), "ok")
-
-
-@dataclass(frozen=True, eq=False)
-class Calibration:
-    """All eyes; the population is the mean of their means, its `sd` their spread (None for one eye).
-
-    Eyes whose filter diverged are none of the population, unless all did.
-
-    `mechanics`: "linear" or "finite-strain", what the wall was taken to do.
-    """
-
-    eyes: Mapping[str, EyeCalibration]
-    study_sha256: str
-    bounds_n: tuple[float, ...]
-    mechanics: str
-
-    @property
-    def population(self) -> tuple[float, float | None]:
-        """Mean and spread of the eyes' mean moduli, in Pa; one eye has no spread."""
-        return spread([eye.mean_pa for eye in self._sound])
-
-    def left_out(self, eye_id: str) -> float:
-        """Return the population's mean without one eye, in Pa (that eye's own where it is the only one)."""
-        others = [eye.mean_pa for eye in self._sound if eye.id != eye_id]
-        return spread(others)[0] if others else self.population[0]
-
-    @property
-    def _sound(self) -> tuple[EyeCalibration, ...]:
-        eyes = tuple(self.eyes.values())
-        return tuple(eye for eye in eyes if eye.status == "ok") or eyes
 
 
 def calibrate_recordings(
@@ -198,9 +73,37 @@ def calibrate_recordings(
     eyes = {} if earlier is None else dict(earlier.eyes)
     for recording in recordings:
         eye_id = recording.info.eye.id
-        eyes[eye_id] = _calibrate(recording, study, library, parameters, frames, eyes.get(eye_id), progress)
+        before = eyes.get(eye_id)
+        found = _calibrate(recording, study, library, parameters, frames, before, progress)
+        doubted = found.status != "ok" and before is None and library is not None
+        eyes[eye_id] = _with_globe_doubt(found, recording, study, library, parameters, frames) if doubted else found
     mine = {recording.info.eye.id: eyes[recording.info.eye.id] for recording in recordings}
     return Calibration(mine, study_sha256, study.classes.bounds_n, mechanics)
+
+
+def _with_globe_doubt(
+    diverged: EyeCalibration,
+    recording: Recording,
+    study: Study,
+    library: Library | None,
+    parameters: tuple[str, ...],
+    frames: int | None,
+) -> EyeCalibration:
+    """Return a calibration that diverged, with a doubt where its frames agree if nothing is told of the globe."""
+    eye = recording.info.eye
+    if eye.globe is None:
+        return diverged
+    untold = replace(eye, globe=None, rigidity_pa13_per_m3=None, rigidity_law=None)
+    asked = replace(recording, info=replace(recording.info, eye=untold))
+    other = _calibrate(asked, study, library, parameters, frames, None, None)
+    if other.status != "ok":
+        return diverged
+    *others, last = diverged.recordings
+    doubt = (
+        f"eye.globe is stated as {eye.globe}, and the frames contradict that; of a globe that may be open or sealed "
+        f"they say {found_words(other)[-1]} and do not: state what it is, or leave eye.globe out"
+    )
+    return replace(diverged, recordings=(*others, replace(last, doubts=(*last.doubts, doubt))))
 
 
 def eye_constants(recording: Recording, study: Study) -> EyeConstants:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from scleraforce import __version__
 from scleraforce.calibration.assimilation import RIGIDITY, SHARED, EyeState
-from scleraforce.calibration.calibrate import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.calibration.placement import NUISANCES
 from scleraforce.calibration.registration import PoseBelief
+from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.calibration.roukf import Posterior
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import (

@@ -3,7 +3,7 @@
 from math import floor, isfinite, log10
 
 from scleraforce.calibration.assimilation import PARAMETERS, RIGIDITY
-from scleraforce.calibration.calibrate import EyeCalibration
+from scleraforce.calibration.result import EyeCalibration
 from scleraforce.units import HumanUnit, from_si
 
 __all__ = ["found_words"]

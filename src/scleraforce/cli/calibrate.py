@@ -13,7 +13,7 @@ from scleraforce.study.unused import refuse_unused
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
-    from scleraforce.calibration.calibrate import Calibration, EyeCalibration
+    from scleraforce.calibration.result import Calibration, EyeCalibration
 
 __all__ = ["calibrate"]
 

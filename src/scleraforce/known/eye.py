@@ -139,12 +139,15 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
     """Return what is known of an eye once a calibration adds its modulus.
 
     A modulus of its own goes with the wall's thickness that it was calibrated with, and with what was found of its
-    globe, unless another kind of globe is told.
+    globe, unless another kind of globe is told. Where the eye's calibration diverged, its frames contradict what is
+    told of it; a globe that is told wrongly costs most, so nothing is known of that then.
     """
     modulus = calibrated_modulus(summary, eye)
-    if modulus is None or modulus.source != "own":
+    own = summary.eyes.get(eye)
+    if own is not None and not own.usable:
+        return replace(known, modulus=None, globe=None)
+    if own is None or modulus is None or modulus.source != "own":
         return replace(known, modulus=modulus)
-    own = summary.eyes[eye]
     globe = own.globe if known.globe is None or known.globe.kind == own.globe.kind else known.globe
     return replace(known, modulus=modulus, thickness_m=own.thickness_m, globe=globe)
 
@@ -181,7 +184,7 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
     modulus = calibrated_modulus(summary, eye)
     count = "1 eye" if len(summary.eyes) == 1 else f"{len(summary.eyes)} eyes"
     read = (
-        "as one of unknown modulus"
+        "as one of unknown modulus" + ("" if own is None else " in a globe of which nothing is known")
         if modulus is None
         else (
             f"with the population's modulus, {from_si(modulus.mean_pa, 'mpa'):.3g} MPa +- "

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 
-from scleraforce.calibration.calibrate import Calibration
+from scleraforce.calibration.result import Calibration
 from scleraforce.calibration.saved import calibration_as_json
 from scleraforce.errors import InputError
 from scleraforce.known.calibration_file import write_calibration

@@ -24,7 +24,7 @@ from scleraforce.recording.scaled_frame import LARGEST_M, LEAST_M, Scanner, read
 from scleraforce.segmentation.wall import Segmentation, find_wall
 
 if TYPE_CHECKING:
-    from scleraforce.calibration.calibrate import Calibration
+    from scleraforce.calibration.result import Calibration
 
 __all__ = ["check_model", "load_model", "read", "segment", "summary_of_calibration"]
 

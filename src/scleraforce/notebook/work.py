@@ -16,7 +16,7 @@ from scleraforce.study import NetworkStudy, Study, study_hash
 from scleraforce.study.unused import refuse_unused
 
 if TYPE_CHECKING:
-    from scleraforce.calibration.calibrate import Calibration
+    from scleraforce.calibration.result import Calibration
     from scleraforce.dataset import CalibratedModulus, Dataset, Generation
     from scleraforce.learning.classifier.train import Trained
     from scleraforce.learning.reader.train import TrainedReader

@@ -9,9 +9,9 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from scleraforce.calibration.assimilation import FrameStep, predicted_points, rigidity_after
-from scleraforce.calibration.calibrate import Calibration, EyeCalibration
 from scleraforce.calibration.eye_model import stated_wall
 from scleraforce.calibration.placement import BY_POLAR, place_section
+from scleraforce.calibration.result import Calibration, EyeCalibration
 from scleraforce.calibration.words import found_words
 from scleraforce.report.html import Html, table
 from scleraforce.report.style import BLACK, BLUE, GREY, RED, SCAN_COLOURS, inches, styled

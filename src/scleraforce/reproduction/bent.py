@@ -11,7 +11,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
+from scleraforce.calibration.calibrate import calibrate_recordings
+from scleraforce.calibration.result import Calibration
 from scleraforce.calibration.saved import calibration_as_json
 from scleraforce.dataset import open_dataset, read_population_modulus
 from scleraforce.known.calibration_file import read_calibration, write_calibration

@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
-from scleraforce.calibration.calibrate import Calibration, EyeCalibration, calibrate_recordings
+from scleraforce.calibration.calibrate import calibrate_recordings
+from scleraforce.calibration.result import Calibration, EyeCalibration
 from scleraforce.calibration.saved import parse_calibration
 from scleraforce.calibration.words import found_words
 from scleraforce.known.calibration_file import open_calibration

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scleraforce.calibration.calibrate import Calibration
+from scleraforce.calibration.result import Calibration
 from scleraforce.dataset import Dataset
 from scleraforce.learning.classifier.network import TrainedNetwork
 from scleraforce.learning.classifier.train import split_samples

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from scleraforce.calibration.calibrate import Calibration, calibrate_recordings
+from scleraforce.calibration.calibrate import calibrate_recordings
+from scleraforce.calibration.result import Calibration
 from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.dataset import generate_dataset, open_dataset, read_population_modulus
 from scleraforce.known.calibration_file import open_calibration, write_calibration

@@ -168,9 +168,9 @@ def calibrated(
 
 
 def _known_after(session: EyeSession, told: EyeConstants) -> Known:
-    """Return what is known of an eye after its calibration; nothing of its modulus where that diverged."""
+    """Return what is known of an eye after its calibration; nothing of modulus and globe where that diverged."""
     if not isinstance(session.last, FrameStep) or session.last.result.status != "ok":
-        return known_of_constants(told)
+        return replace(known_of_constants(told), globe=None)
     modulus = Modulus(mean_pa=session.mean_pa, sd_pa=session.sd_pa, source="own")
     return replace(known_of_constants(told, modulus), globe=known_globe_after(session.filter, session.state))
 
