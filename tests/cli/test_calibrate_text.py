@@ -9,7 +9,11 @@ from scleraforce.cli.main import run
 from scleraforce.notebook import work
 from scleraforce.report.calibration_figures import draw_calibration
 
-FOUND = ("thickness 651 ± 12 µm", "k 0.031 ± 0.001 mmHg^(1/3)/µl")
+FOUND = (
+    "thickness 651 ± 12 µm",
+    "k 0.031 ± 0.001 mmHg^(1/3)/µl",
+    "forces 13 ± 3 % above the library's at 60 mN",
+)
 
 
 def test_text_and_picture_have_what_was_found_beside_the_modulus(

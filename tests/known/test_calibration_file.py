@@ -8,6 +8,8 @@ from calibration_file import calibration_text
 
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import globe_entry, read_calibration
+from scleraforce.known.discrepancy import ForceDiscrepancy
+from scleraforce.known.eye import Known, known_of_eye
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, KnownGlobe, known_globe
 
 EYES = {
@@ -162,3 +164,35 @@ def test_a_population_of_one_eye_has_no_spread(tmp_path: Path) -> None:
 def test_a_missing_file_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match=r"nothing\.json: No such file"):
         read_calibration(tmp_path / "nothing.json")
+
+
+DISCREPANCY = {"level": 0.02, "growth": 0.4, "level_sd": 0.01, "growth_sd": 0.05, "correlation": -0.3}
+
+
+def test_the_discrepancy_of_the_forces_goes_with_an_eye_s_own_modulus_alone(tmp_path: Path) -> None:
+    file = tmp_path / "calibration.json"
+    diverged = {"discrepancy": DISCREPANCY, "status": "diverged: by 4 sd"}
+    file.write_text(calibration_text(0.27, {"a": {"discrepancy": DISCREPANCY}, "b": {}, "c": diverged}))
+    summary = read_calibration(file)
+    assert summary.eyes["a"].discrepancy == ForceDiscrepancy(**DISCREPANCY)
+    assert known_of_eye(Known(), summary, "a").discrepancy == ForceDiscrepancy(**DISCREPANCY)
+    assert [known_of_eye(Known(), summary, eye).discrepancy for eye in ("b", "c", "stranger")] == [None] * 3
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("growth", "steep", "growth: expected a number"),
+        ("growth", 3.0, "growth: 3 is not between"),
+        ("level", None, "level: expected a number"),
+        ("level_sd", -0.1, "level_sd: -0.1 is not between"),
+        ("correlation", 1.0, "correlation: 1 is not between"),
+    ],
+)
+def test_a_discrepancy_that_cannot_be_is_refused_with_its_key(
+    tmp_path: Path, key: str, value: Any, message: str
+) -> None:
+    file = tmp_path / "calibration.json"
+    file.write_text(calibration_text(0.27, {"a": {"discrepancy": {**DISCREPANCY, key: value}}}))
+    with pytest.raises(CalibrationError, match=rf"eyes\.a\.discrepancy\.{message}"):
+        read_calibration(file)

@@ -1,6 +1,7 @@
 """A folder of kind "reader": loaded, refused, and what its network's histogram means."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from analytic_library import analytic_library
 from fixed_reader import write_fixed_reader
 
 from scleraforce.errors import ModelError
+from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.models.folder import sha256
 from scleraforce.reader import load_classifier, load_model
@@ -48,6 +50,17 @@ def test_force_and_interval_scale_with_the_modulus_that_it_is_told(folder: Path)
         np.testing.assert_allclose(read.interval_n, modulus_pa * np.array(ends), rtol=1e-5)
         assert read.contact_m == pytest.approx(0.4e-3)
         assert sum(read.probabilities) == pytest.approx(1.0)
+
+
+def test_what_a_calibration_found_of_the_forces_moves_the_reading_and_its_interval(folder: Path) -> None:
+    known = Known(modulus=Modulus(mean_pa=0.3e6, sd_pa=5e3, source="own"))
+    stiffer = ForceDiscrepancy(level=0.05, growth=0.4, level_sd=0.01, growth_sd=0.02, correlation=0.0)
+    reader = load_model(folder)
+    was, now = (reader.read_slices(CUTS, replace(known, discrepancy=found)) for found in (None, stiffer))
+    # The quantiles move as forces do, but for the bins between whose ends they lie.
+    np.testing.assert_allclose(now.interval_n, stiffer.corrected_n(np.array(was.interval_n)), rtol=0.02)
+    assert now.force_n == pytest.approx(float(stiffer.corrected_n(np.array(was.force_n))), rel=0.02)
+    assert now.force_n != pytest.approx(was.force_n, rel=0.02)
 
 
 def test_the_reading_of_several_slices_is_that_of_the_mean_of_their_histograms(

@@ -1,6 +1,6 @@
 """Young's modulus of each eye from its recordings, and of the population (paper sec. 3.2, Table 2)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,21 +12,23 @@ from scleraforce.calibration.assimilation import (
     known_globe_after,
     moments,
 )
+from scleraforce.calibration.discrepancy import KnownForce, fitted_discrepancy, read_again
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
 from scleraforce.calibration.frame_order import frame_order
 from scleraforce.calibration.registration import first_belief
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
-from scleraforce.calibration.session import EyeSession, begin, step
+from scleraforce.calibration.session import EyeSession, begin, known_after, step
 from scleraforce.calibration.words import found_words
 from scleraforce.errors import CalibrationError
-from scleraforce.known.eye import open_doubts, told_globe
+from scleraforce.known.eye import Known, open_doubts, told_globe
 from scleraforce.known.globe import OPEN, UNKNOWN
 from scleraforce.library import Library
 from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, tables_digest
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import dent, segmented_boundaries
 from scleraforce.segmentation.wall import Segmentation, find_wall
 from scleraforce.study import Study
@@ -153,12 +155,14 @@ def _calibrate(
     rising = session.filter.model.constants.globe.can_be_sealed
     order = frame_order(forces.force_n, included, study.calibration.min_force_n, frames, rising)
     shown = [float("nan")] * len(trials)
+    taken: dict[int, Boundaries] = {}
     for index in order:
         entry, trial = recording.frames[index], trials[index]
         pixels = recording.frame(entry) if left > 0 and trial.excluded is None else None
         if pixels is not None and (sha256 := frame_digest(pixels)) not in seen:
             force_n, since_s = float(forces.force_n[index]), float(forces.since_start_s[index])
-            session, found, shown[index] = _take(session, find_wall(pixels, scale), scale, force_n, since_s)
+            session, found, boundaries = _take(session, find_wall(pixels, scale), scale, force_n, since_s)
+            shown[index] = float("nan") if boundaries is None else dent(boundaries)
             record = FrameRecord(
                 recording=str(recording.path),
                 file=trial.file,
@@ -171,6 +175,8 @@ def _calibrate(
             if isinstance(found, FrameStep):
                 steps.append(found)
                 left -= 1
+            if isinstance(found, FrameStep) and boundaries is not None:
+                taken[len(records) - 1] = boundaries
         if progress is not None:
             progress(1)
     if progress is not None:
@@ -186,7 +192,7 @@ def _calibrate(
             + "".join(f"; {doubt}" for doubt in doubts)
         )
     means, sds = moments(session.filter, session.state)
-    return EyeCalibration(
+    found_eye = EyeCalibration(
         id=recording.info.eye.id,
         names=session.filter.space.names,
         means=tuple(means.tolist()),
@@ -199,6 +205,34 @@ def _calibrate(
         steps=tuple(steps),
         filter=session.filter,
     )
+    if library is None or found_eye.status != "ok":
+        return found_eye
+    return _with_discrepancy(found_eye, known_after(session), taken, library, study)
+
+
+def _with_discrepancy(
+    eye: EyeCalibration, known: Known, taken: Mapping[int, Boundaries], library: Library, study: Study
+) -> EyeCalibration:
+    """Return a calibration with how far its forces lie off the library's, from its frames read again.
+
+    Args:
+        eye: the calibration.
+        known: of the eye after it.
+        taken: boundaries of the frames that were used now, by their place among the eye's; others were read before.
+        library: for any contact.
+        study: of the calibration.
+    """
+    frames = list(eye.frames)
+    for place, boundaries in taken.items():
+        again = read_again(boundaries, frames[place].force_n, known, library, study)
+        if again is not None:
+            frames[place] = replace(frames[place], read_n=again.library_n, read_sd_n=again.sd_n)
+    forces = [
+        KnownForce(force_n=frame.force_n, library_n=frame.read_n, sd_n=frame.read_sd_n)
+        for frame in frames
+        if frame.read_n and frame.read_sd_n
+    ]
+    return replace(eye, frames=tuple(frames), discrepancy=fitted_discrepancy(forces))
 
 
 def _begin(
@@ -242,14 +276,14 @@ def _check_state(eye: EyeFilter, earlier: EyeCalibration) -> None:
 
 def _take(
     session: EyeSession, segmentation: Segmentation, scale: PixelScale, force_n: float, since_s: float
-) -> tuple[EyeSession, FrameStep | Skipped, float]:
-    """Return the eye after one more frame, what became of the frame, and the dent that it shows (m, or NaN)."""
+) -> tuple[EyeSession, FrameStep | Skipped, Boundaries | None]:
+    """Return the eye after one more frame, what became of the frame, and the wall's boundaries in it."""
     if not segmentation.usable:
-        return session, Skipped(f"not usable: {segmentation.reason}"), float("nan")
+        return session, Skipped(f"not usable: {segmentation.reason}"), None
     boundaries = segmented_boundaries(segmentation, scale)
     session = step(session, boundaries, force_n, since_s)
     assert session.last is not None  # what `step` has just done
-    return session, session.last, dent(boundaries)
+    return session, session.last, boundaries
 
 
 def _recorded(record: FrameRecord, found: FrameStep | Skipped) -> FrameRecord:

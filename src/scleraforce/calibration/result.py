@@ -7,6 +7,7 @@ import numpy as np
 
 from scleraforce.calibration.assimilation import EyeFilter, EyeState, FrameStep
 from scleraforce.calibration.parameters import spread
+from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.globe import KnownGlobe
 
 __all__ = ["Calibration", "EyeCalibration", "FrameRecord", "UsedRecording"]
@@ -17,7 +18,8 @@ class FrameRecord:
     """What became of a frame: estimate of E after it, or the reason why it was not used.
 
     `sha256` is the frame's content (`recording.files.frame_digest`), by which it is known again under any name.
-    `force_n` is what the filter took, the label freed of offset and drift. `own_modulus_pa`: what the frame alone says.
+    `force_n` is what the filter took, the label freed of offset and drift. `own_modulus_pa`: what the frame alone says;
+    `read_n` with `read_sd_n`: what is read in it with the modulus in the end.
     """
 
     recording: str
@@ -27,6 +29,8 @@ class FrameRecord:
     mean_pa: float
     sd_pa: float
     own_modulus_pa: float | None = None
+    read_n: float | None = None
+    read_sd_n: float | None = None
     points: int = 0
     gated: tuple[int, ...] = ()
     nis: float = 0.0
@@ -54,8 +58,8 @@ class EyeCalibration:
     """One eye: what is known after its frames.
 
     `names` of the uncertain parameters, `means` and `sds` of them in SI; `stated_thickness_m`: the recording's;
-    `globe`: what is known of it after the frames. `steps` are kept for figures, and are empty for what was read from a
-    file.
+    `globe`: what is known of it after the frames; `discrepancy`: how far its forces lie off the library's. `steps` are
+    kept for figures, and are empty for what was read from a file.
     """
 
     id: str
@@ -67,6 +71,7 @@ class EyeCalibration:
     state: EyeState = field(repr=False)
     recordings: tuple[UsedRecording, ...] = field(repr=False)
     frames: tuple[FrameRecord, ...] = field(repr=False)
+    discrepancy: ForceDiscrepancy | None = None
     steps: tuple[FrameStep, ...] = field(default=(), repr=False)
     filter: EyeFilter | None = field(default=None, repr=False)
 

@@ -69,6 +69,7 @@ def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
         "sd_mpa": from_si(eye.sd_pa, "mpa"),
         "thickness_um": from_si(eye.thickness_m, "um"),
         "globe": globe_entry(eye.globe),
+        "discrepancy": None if eye.discrepancy is None else vars(eye.discrepancy),
         "updates": posterior.updates,
         "status": eye.status,
         "by_class_mpa": [from_si(value, "mpa") for value in eye.by_class(bounds_n)],
@@ -125,6 +126,7 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
         _parse_state(table_of(entry, "state", place), len(parameters), f"{place}.state"),
         tuple(_parse_recording(*named) for named in _entries(entry, "recordings", place)),
         tuple(_parse_frame(*named) for named in _entries(entry, "steps", place)),
+        summary.discrepancy,
     )
     if not np.allclose((found.mean_pa, found.sd_pa), (summary.mean_pa, summary.sd_pa), rtol=1e-6):
         raise CalibrationError(f"{place}.parameters.youngs_modulus_pa: is not that of mean_mpa and sd_mpa; {WRITER}")
@@ -170,7 +172,7 @@ def _parse_recording(entry: Mapping[str, Any], place: str) -> UsedRecording:
 
 
 def _parse_frame(entry: Mapping[str, Any], place: str) -> FrameRecord:
-    own, gated, skipped = entry.get("own_modulus_pa"), entry.get("gated"), entry.get("skipped")
+    gated, skipped = entry.get("gated"), entry.get("skipped")
     if not isinstance(gated, list) or not all(type(index) is int and index >= 0 for index in gated):
         raise CalibrationError(f"{place}.gated: expected a list of indices; {WRITER}")
     return FrameRecord(
@@ -180,7 +182,9 @@ def _parse_frame(entry: Mapping[str, Any], place: str) -> FrameRecord:
         force_n=number_of(entry, "force_n", place, -LARGEST, LARGEST),
         mean_pa=number_of(entry, "mean_pa", place, 0.0, LARGEST),
         sd_pa=number_of(entry, "sd_pa", place, 0.0, LARGEST),
-        own_modulus_pa=None if own is None else number_of(entry, "own_modulus_pa", place, 0.0, LARGEST),
+        own_modulus_pa=_maybe(entry, "own_modulus_pa", place),
+        read_n=_maybe(entry, "read_n", place),
+        read_sd_n=_maybe(entry, "read_sd_n", place),
         points=round(number_of(entry, "points", place, 0.0, LARGEST)),
         gated=tuple(gated),
         nis=number_of(entry, "nis", place, 0.0, LARGEST),
@@ -188,6 +192,10 @@ def _parse_frame(entry: Mapping[str, Any], place: str) -> FrameRecord:
         status=text_of(entry, "status", place),
         skipped=None if skipped is None else text_of(entry, "skipped", place),
     )
+
+
+def _maybe(entry: Mapping[str, Any], key: str, place: str) -> float | None:
+    return None if entry.get(key) is None else number_of(entry, key, place, 0.0, LARGEST)
 
 
 def _entries(entry: Mapping[str, Any], key: str, place: str) -> list[tuple[Mapping[str, Any], str]]:

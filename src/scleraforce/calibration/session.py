@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from scleraforce.calibration.assimilation import (
     LEAST_POINTS,
+    PARAMETERS,
     EyeFilter,
     EyeState,
     FrameInput,
@@ -19,21 +20,23 @@ from scleraforce.calibration.assimilation import (
     assimilate,
     eye_filter,
     first_state,
+    known_globe_after,
     moments,
     rigidity_after,
 )
 from scleraforce.calibration.even_wall import without_form
-from scleraforce.calibration.eye_model import EyeConstants, EyeModel
+from scleraforce.calibration.eye_model import EyeConstants, EyeModel, known_of_constants
 from scleraforce.calibration.forces import ZERO_PRIOR
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.calibration.linear_eye import linear_eye
 from scleraforce.calibration.registration import frame_prior, register, updated_belief
+from scleraforce.known.eye import Known, Modulus
 from scleraforce.library import Library
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
-__all__ = ["EyeSession", "begin", "eye_model", "step"]
+__all__ = ["EyeSession", "begin", "eye_model", "known_after", "step"]
 
 Array = NDArray[np.float64]
 
@@ -123,6 +126,20 @@ def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_star
     if force_n <= eye.study.min_force_n:
         return _refer(session, boundaries, force_n)
     return _update(session, boundaries, force_n, since_start_s)
+
+
+def known_after(session: EyeSession) -> Known:
+    """Return what is known of an eye after its frames; nothing of modulus and globe where its last one diverged."""
+    constants = session.filter.model.constants
+    if not session.updates:
+        return known_of_constants(constants)
+    if isinstance(session.last, FrameStep) and session.last.result.status != "ok":
+        return replace(known_of_constants(constants), globe=None)
+    names, means = session.filter.space.names, moments(session.filter, session.state)[0]
+    thickness_m = dict(zip(names, means.tolist(), strict=True)).get(PARAMETERS["thickness"], constants.thickness_m)
+    modulus = Modulus(mean_pa=session.mean_pa, sd_pa=session.sd_pa, source="own")
+    globe = known_globe_after(session.filter, session.state)
+    return replace(known_of_constants(constants, modulus), thickness_m=thickness_m, globe=globe)
 
 
 def _update(session: EyeSession, boundaries: Boundaries, force_n: float, since_start_s: float) -> EyeSession:

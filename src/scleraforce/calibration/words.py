@@ -1,9 +1,10 @@
 """What a calibration found of an eye beside its modulus, in words: "k 0.031 ± 0.001 mmHg^(1/3)/µl"."""
 
-from math import floor, isfinite, log10
+from math import exp, floor, isfinite, log10
 
 from scleraforce.calibration.assimilation import PARAMETERS, RIGIDITY
 from scleraforce.calibration.result import EyeCalibration
+from scleraforce.known.discrepancy import REFERENCE_N
 from scleraforce.units import HumanUnit, from_si
 
 __all__ = ["found_words"]
@@ -15,12 +16,26 @@ PRINTED: dict[str, tuple[str, HumanUnit, str]] = {
     "gap_m": ("gap", "mm", "mm"),
     RIGIDITY: ("k", "mmhg13_per_ul", "mmHg^(1/3)/µl"),
 }
+SURE = 2.0  # standard deviations, of what is said
 
 
 def found_words(eye: EyeCalibration) -> tuple[str, ...]:
-    """Return mean and standard deviation of each parameter but the modulus, which has a column of its own."""
+    """Return mean and standard deviation of each parameter but the modulus, which has a column of its own.
+
+    And by how much the eye's forces lie off the library's, where that is sure: tissue that stiffens, an uneven wall.
+    """
     found = zip(eye.names, eye.means, eye.sds, strict=True)
-    return tuple(_words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"])
+    return (*(_words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"]), *_discrepancy_words(eye))
+
+
+def _discrepancy_words(eye: EyeCalibration) -> tuple[str, ...]:
+    mean, sd = eye.discrepancy.at_reference() if eye.discrepancy else (0.0, 0.0)
+    if abs(mean) <= SURE * sd:
+        return ()
+    percent = from_si(exp(mean) - 1.0, "percent")
+    side = "above" if percent > 0.0 else "below"
+    reference = f"{from_si(REFERENCE_N, 'mn'):g} mN"
+    return (f"forces {abs(percent):.0f} ± {from_si(sd, 'percent'):.0f} % {side} the library's at {reference}",)
 
 
 def _words(name: str, mean: float, sd: float) -> str:

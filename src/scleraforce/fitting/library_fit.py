@@ -225,20 +225,18 @@ class _Problem:
 
     def _drawn_forces(self, unknown: Array, spread_uz: Array) -> Array:
         """Return forces drawn from the posterior; what the library does not know of real walls comes on top."""
-        normal = _standard_normal(len(NAMES) + 2)
+        normal, of_eye = _standard_normal(len(NAMES) + 2), _standard_normal(2, seed=1)
         drawn = unknown + normal[:, :-2] @ spread_uz.T
         drawn[:, TIP] = np.maximum(drawn[:, TIP], 0.0)
-        forces = (
-            force_n(self.walls, keep_within(self.walls, drawn)) * np.exp(MODEL_SD * normal[:, -2])
-            + MODEL_SD_N * normal[:, -1]
-        )
-        return np.maximum(forces, 0.0)
+        library_n = force_n(self.walls, keep_within(self.walls, drawn))
+        corrected_n = self.prior.discrepancy.corrected_n(library_n, *of_eye.T)
+        return np.maximum(corrected_n * np.exp(MODEL_SD * normal[:, -2]) + MODEL_SD_N * normal[:, -1], 0.0)
 
 
 @lru_cache(maxsize=4)
-def _standard_normal(size: int) -> Array:
+def _standard_normal(size: int, seed: int = 0) -> Array:
     """Return DRAWS points of a standard normal distribution (draw, size), always the same, symmetric about 0."""
-    half = np.random.default_rng(0).standard_normal((DRAWS // 2, size))
+    half = np.random.default_rng(seed).standard_normal((DRAWS // 2, size))
     both = np.concatenate([half, -half])
     exact: Array = both / both.std(axis=0)
     return exact

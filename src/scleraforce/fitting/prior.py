@@ -22,6 +22,7 @@ from scleraforce.fitting.fit_prediction import (
     THICKNESS,
     TIP,
 )
+from scleraforce.known.discrepancy import NO_DISCREPANCY, ForceDiscrepancy
 from scleraforce.known.eye import Known
 from scleraforce.known.globe import UNKNOWN, KnownGlobe
 from scleraforce.library.base_bulge import pole_direction
@@ -56,7 +57,8 @@ class Prior:
     `mean` and `sd` (unknown,) of each unknown; `precision` (unknown, unknown), the inverse of their covariance, without
     what `same_force` (unknown,) says: that combination of unknowns, 0 where it says nothing, is as far off its mean as
     a standard normal number. `globe` is what is known of it; `calibrated` (2, 2) the inverse covariance of that number
-    and of how far the pressure is off the globe's law, which a calibration correlates.
+    and of how far the pressure is off the globe's law, which a calibration correlates. `discrepancy` is that of the
+    eye's forces.
     """
 
     mean: Array
@@ -65,6 +67,7 @@ class Prior:
     same_force: Array
     globe: KnownGlobe
     calibrated: Array
+    discrepancy: ForceDiscrepancy
 
 
 def prior_of(known: Known, trained: ReaderStudy) -> Prior:
@@ -93,7 +96,7 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     globe = UNKNOWN if known.globe is None else known.globe
     correlation = globe.correlation if own else 0.0
     calibrated = np.asarray(np.linalg.inv([[1.0, correlation], [correlation, 1.0]]))
-    return Prior(mean, sd, precision, same_force, globe, calibrated)
+    return Prior(mean, sd, precision, same_force, globe, calibrated, known.discrepancy or NO_DISCREPANCY)
 
 
 def _pole(known: Known) -> tuple[tuple[float, float], float]:

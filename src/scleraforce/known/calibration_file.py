@@ -1,7 +1,7 @@
 """The file that `calibrate` writes: opened, checked and written here, and what others than `calibration` need of it.
 
 That is each eye's modulus, the population's, and their provenance. The filter's state in it is read by
-`calibration.saved`. NumPy and SciPy stay out of this module, for the reader's runtime uses it too.
+`calibration.saved`. SciPy stays out of this module, for the reader's runtime uses it too.
 """
 
 import hashlib
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from scleraforce.errors import CalibrationError
+from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.globe import OPEN, KnownGlobe
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.info import eye_id_fault
@@ -48,6 +49,7 @@ RIGIDITY_UNIT: Final = "mmhg13_per_ul"
 STIFFEST_RIGIDITY = 2.0  # mmHg^(1/3) per ul
 KINDS_OF_GLOBE = ("open", "sealed", "unknown")
 MOST_CORRELATED = 1.0 - 1e-9
+LARGEST_DISCREPANCY = 2.0  # of a force's logarithm
 WRITER = "give a file of `scleraforce calibrate`"
 
 
@@ -74,6 +76,7 @@ class EyeSummary:
 
     `thickness_m` is the wall's as the eye was calibrated with it, estimated along with E where that was asked for.
     `globe` is what is known of it after the frames; files without it come from when every globe was taken for open.
+    `discrepancy` is how far its forces lie off the library's; None with linear mechanics and in earlier files.
     `status` is "ok", or says that the filter diverged: the standard deviation then means nothing.
     """
 
@@ -82,6 +85,7 @@ class EyeSummary:
     frames: tuple[UsedFrame, ...]
     thickness_m: float
     globe: KnownGlobe = OPEN
+    discrepancy: ForceDiscrepancy | None = None
     status: str = "ok"
 
     @property
@@ -205,8 +209,19 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
         frames=tuple(_frame(frame, f"{place}.frames[{index}]") for index, frame in enumerate(frames)),
         thickness_m=to_si(number_of(entry, "thickness_um", place, THINNEST_UM, THICKEST_UM, "um"), "um"),
         globe=OPEN if "globe" not in entry else _globe(table_of(entry, "globe", place), f"{place}.globe"),
+        discrepancy=_discrepancy(entry, place),
         status=text_of(entry, "status", place),
     )
+
+
+def _discrepancy(entry: Mapping[str, Any], place: str) -> ForceDiscrepancy | None:
+    if entry.get("discrepancy") is None:
+        return None
+    values, within = table_of(entry, "discrepancy", place), f"{place}.discrepancy"
+    ends = dict.fromkeys(("level", "growth"), (-LARGEST_DISCREPANCY, LARGEST_DISCREPANCY))
+    ends |= dict.fromkeys(("level_sd", "growth_sd"), (0.0, LARGEST_DISCREPANCY))
+    ends["correlation"] = -MOST_CORRELATED, MOST_CORRELATED
+    return ForceDiscrepancy(**{name: number_of(values, name, within, *bounds) for name, bounds in ends.items()})
 
 
 def globe_entry(globe: KnownGlobe) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, fields, replace
 from math import sqrt
 
 from scleraforce.known.calibration_file import CalibrationSummary
+from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.globe import KnownGlobe, completed_globe, known_globe
 from scleraforce.recording.info import EyeInfo, RecordingInfo
 from scleraforce.study import ReaderStudy, Sampled
@@ -63,7 +64,8 @@ class Known:
 
     `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact,
     `direction_rad` that of the plane's lateral axis from the meridian.
-    `globe` is what was told of the globe; None, nothing, is read as `globe.UNKNOWN`.
+    `globe` is what was told of the globe; None, nothing, is read as `globe.UNKNOWN`. `discrepancy` goes with an eye's
+    own modulus.
     """
 
     modulus: Modulus | None = None
@@ -73,6 +75,7 @@ class Known:
     polar_rad: float | None = None
     direction_rad: float | None = None
     globe: KnownGlobe | None = None
+    discrepancy: ForceDiscrepancy | None = None
 
 
 NOTHING_KNOWN = Known()
@@ -127,8 +130,8 @@ def open_doubts(globe: str | None) -> tuple[str, ...]:
 def completed(told: Known, stated: Known) -> Known:
     """Return what was told of an eye, and what else was stated; likewise of a globe of the kind that was told.
 
-    >>> completed(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0))
-    Known(modulus=None, iop_pa=266.0, thickness_m=None, gap_m=0.0004, polar_rad=None, direction_rad=None, globe=None)
+    >>> completed(Known(gap_m=0.4e-3), Known(gap_m=0.5e-3, iop_pa=266.0)) == Known(gap_m=0.4e-3, iop_pa=266.0)
+    True
     """
     missing = [item.name for item in fields(Known) if getattr(told, item.name) is None]
     globe = completed_globe(told.globe, stated.globe)
@@ -149,7 +152,7 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
     if own is None or modulus is None or modulus.source != "own":
         return replace(known, modulus=modulus)
     globe = own.globe if known.globe is None or known.globe.kind == own.globe.kind else known.globe
-    return replace(known, modulus=modulus, thickness_m=own.thickness_m, globe=globe)
+    return replace(known, modulus=modulus, thickness_m=own.thickness_m, globe=globe, discrepancy=own.discrepancy)
 
 
 def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import ModelError
 from scleraforce.eye.globe import SAME_SLOPE_PA
+from scleraforce.known.discrepancy import NO_DISCREPANCY
 from scleraforce.known.eye import Known
 from scleraforce.known.globe import UNKNOWN
 from scleraforce.reader.force_distribution import ratio_edges, single_force
@@ -45,7 +46,7 @@ class OnnxSliceNetwork:
         factors: IntervalFactors = NO_FACTORS,
     ) -> None:
         self._session, self._study, self._place, self._factors = session, study, place, factors
-        self._edges_m2: list[float] = ratio_edges(study.reader.bins, study.reader.max_force_ratio).tolist()
+        self._edges_m2 = ratio_edges(study.reader.bins, study.reader.max_force_ratio)
         self._told = lru_cache(maxsize=EYES)(self._prepared)
         self._check()
 
@@ -57,7 +58,7 @@ class OnnxSliceNetwork:
 
     def read(self, cuts: NDArray[np.uint8], known: Known) -> Reading:
         """Return what the network reads in slices of one wall (slice, row, column): the mean of its histograms."""
-        given, modulus_pa, factor = self._told(known)
+        given, modulus_pa, factor, edges_m2 = self._told(known)
         inputs: dict[str, NDArray[Any]] = {
             SLICES: np.ascontiguousarray(cuts),
             TOLD: np.repeat(given, len(cuts), axis=0),
@@ -66,7 +67,7 @@ class OnnxSliceNetwork:
         if histogram.shape != (len(cuts), len(self._edges_m2) - 1) or contact_m.shape != (len(cuts),):
             raise ModelError(f"{self._place}: answers {histogram.shape} and {contact_m.shape} to {len(cuts)} slices")
         mean = histogram.mean(axis=0).tolist()
-        force = single_force(mean, self._edges_m2, modulus_pa, self._study.classes.bounds_n, factor)
+        force = single_force(mean, edges_m2, modulus_pa, self._study.classes.bounds_n, factor)
         return Reading(
             probabilities=force.probabilities,
             force_n=force.median_n,
@@ -74,11 +75,16 @@ class OnnxSliceNetwork:
             contact_m=float(contact_m.mean()),
         )
 
-    def _prepared(self, known: Known) -> tuple[NDArray[np.float32], float, float]:
-        """Return the network's second input for an eye, (1, len(GIVEN)), the modulus in it, the intervals' factor."""
+    def _prepared(self, known: Known) -> tuple[NDArray[np.float32], float, float, list[float]]:
+        """Return the network's second input for an eye, (1, len(GIVEN)), the modulus in it, the intervals' factor.
+
+        And the edges of the bins of F/E, with the eye's discrepancy of the force.
+        """
         told = told_of(known)
         modulus_pa, _ = told_modulus(told, self._study.reader)
-        return given_inputs(told, self._study.reader), float(modulus_pa[0]), self._factors.of_network(known)
+        discrepancy, modulus = known.discrepancy or NO_DISCREPANCY, float(modulus_pa[0])
+        edges_m2 = discrepancy.corrected_n(modulus * self._edges_m2) / modulus
+        return given_inputs(told, self._study.reader), modulus, self._factors.of_network(known), edges_m2.tolist()
 
     def _check(self) -> None:
         rows, columns = self._study.slice.rows, self._study.slice.columns

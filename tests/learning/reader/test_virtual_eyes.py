@@ -1,5 +1,6 @@
 """Whole virtual eyes of a library's walls: what is drawn, calibrated and scored."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -7,9 +8,19 @@ import pytest
 from analytic_library import analytic_library
 
 from scleraforce.errors import CalibrationError
+from scleraforce.fitting.library_fit import fit_boundaries
+from scleraforce.fitting.prior import prior_of
+from scleraforce.known.eye import Known
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
 from scleraforce.learning.reader.uneven import CORNEA_RADIUS_M, Forms, added_depths, draw_forms
-from scleraforce.learning.reader.virtual_eyes import VirtualEye, calibrated, draw_eye, draw_frames, of_population
+from scleraforce.learning.reader.virtual_eyes import (
+    VirtualEye,
+    VirtualFrame,
+    calibrated,
+    draw_eye,
+    draw_frames,
+    of_population,
+)
 from scleraforce.library import INNER, OUTER
 from scleraforce.reader.force_reader import SHIFTS
 from scleraforce.study import Range, ReaderStudy, Study
@@ -127,3 +138,29 @@ def test_an_eye_that_the_library_does_not_hold_at_rest_is_refused(library) -> No
     study = replace(EXACT, reader=replace(EXACT.reader, iop_pa=high, youngs_modulus_pa=Range(min=1e4, max=1.1e4)))
     with pytest.raises(CalibrationError, match="outside the library"):
         draw_eye(study, library, 0, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("drift", [-0.25, 0.25])
+def test_forces_that_drift_from_the_library_s_are_read_as_three_frames_of_known_force_told(
+    eye: VirtualEye, library, drift: float
+) -> None:
+    drifting = replace(eye, drift=drift)
+    near, smoothing_m = library.for_contact(eye.wall.polar_rad), EXACT.calibration.surface_smoothing_m
+
+    def error_n(told: Known, frames: Sequence[VirtualFrame]) -> float:
+        prior, boundaries = prior_of(told, EXACT.reader), [frame.boundaries for frame in frames]
+        fits = (fit_boundaries(near, seen.lateral_m, seen.depth_m, prior, smoothing_m) for seen in boundaries)
+        return float(
+            np.mean([abs(fit.force_n - frame.force_n) for fit, frame in zip(fits, frames, strict=True) if fit])
+        )
+
+    errors_n, growths = [], []
+    for seed in (6, 7):
+        frames = draw_frames(drifting, EXACT, 12, np.random.default_rng(seed))
+        known, left = calibrated(drifting, frames, EXACT, library, np.random.default_rng(7))
+        assert known.discrepancy is not None
+        growths.append(known.discrepancy.growth)
+        errors_n.append([error_n(known, left), error_n(replace(known, discrepancy=None), left)])
+    assert np.mean(growths) == pytest.approx(drift, abs=0.1)
+    learned_n, unlearned_n = np.mean(errors_n, axis=0)
+    assert learned_n < 0.6 * unlearned_n

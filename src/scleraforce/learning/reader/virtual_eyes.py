@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.assimilation import FrameStep, known_globe_after
+from scleraforce.calibration.discrepancy import fitted_discrepancy, read_again
 from scleraforce.calibration.eye_model import EyeConstants, WallState, known_of_constants, stated_wall
 from scleraforce.calibration.frame_order import frame_order
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.calibration.placement import place_section
-from scleraforce.calibration.session import EyeSession, begin, step
+from scleraforce.calibration.session import begin, known_after, step
 from scleraforce.errors import CalibrationError
 from scleraforce.fitting.placement import Places, curve_depths
 from scleraforce.known.eye import POPULATION_SD, Known, Modulus
@@ -164,15 +164,12 @@ def calibrated(
             session = step(session, frames[place].boundaries, float(labels_n[place]))
             used.add(place)
     left = tuple(frame for place, frame in enumerate(frames) if place not in used)
-    return _known_after(session, eye.told), left
-
-
-def _known_after(session: EyeSession, told: EyeConstants) -> Known:
-    """Return what is known of an eye after its calibration; nothing of modulus and globe where that diverged."""
-    if not isinstance(session.last, FrameStep) or session.last.result.status != "ok":
-        return replace(known_of_constants(told), globe=None)
-    modulus = Modulus(mean_pa=session.mean_pa, sd_pa=session.sd_pa, source="own")
-    return replace(known_of_constants(told, modulus), globe=known_globe_after(session.filter, session.state))
+    known = known_after(session)
+    if known.modulus is None:
+        return known, left
+    borne = [place for place in sorted(used) if labels_n[place] > study.calibration.min_force_n]
+    again = (read_again(frames[place].boundaries, float(labels_n[place]), known, library, study) for place in borne)
+    return replace(known, discrepancy=fitted_discrepancy([frame for frame in again if frame is not None])), left
 
 
 def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Known:

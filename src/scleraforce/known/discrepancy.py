@@ -1,0 +1,69 @@
+"""How far an eye's forces lie off those of the library's walls, as frames of known force have told.
+
+Tissue stiffens, walls are uneven and corneas have a stiffness of their own. Most of that a calibration's E absorbs;
+what is left grows with the force, and frames of the same eye share it. So it is learned per eye, as the discrepancy of
+a model (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001):
+
+    ln(F / F_library) = level + growth (F_library / 60 mN - 1/2)
+"""
+
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["NO_DISCREPANCY", "REFERENCE_N", "ForceDiscrepancy", "beside_middle"]
+
+Floats = NDArray[np.float64]
+
+REFERENCE_N = 60e-3  # growth is that from no force to this one; beyond it the discrepancy stays as it is
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceDiscrepancy:
+    """Means and standard deviations of level and growth, which are normal, and their correlation."""
+
+    level: float
+    growth: float
+    level_sd: float
+    growth_sd: float
+    correlation: float
+
+    def corrected_n(self, library_n: Floats, level_z: Floats | float = 0.0, growth_z: Floats | float = 0.0) -> Floats:
+        """Return the forces of the eye where the library's are `library_n`, N.
+
+        Args:
+            library_n: forces of the library's wall, N.
+            level_z: standard normal numbers, by which the level is drawn; 0: its mean.
+            growth_z: likewise, of the growth.
+
+        >>> stiffer = ForceDiscrepancy(level=0.0, growth=0.2, level_sd=0.0, growth_sd=0.0, correlation=0.0)
+        >>> (1e3 * stiffer.corrected_n(np.array([0.0, 30e-3, 60e-3]))).round(2).tolist()
+        [0.0, 30.0, 66.31]
+        """
+        level = self.level + self.level_sd * level_z
+        across = self.correlation * level_z + sqrt(1.0 - self.correlation**2) * growth_z
+        growth = self.growth + self.growth_sd * across
+        forces: Floats = library_n * np.exp(level + growth * beside_middle(library_n))
+        return forces
+
+    def at_reference(self) -> tuple[float, float]:
+        """Return mean and standard deviation of ln(F / F_library) at 60 mN.
+
+        >>> stiffer = ForceDiscrepancy(level=0.02, growth=0.2, level_sd=0.03, growth_sd=0.08, correlation=0.0)
+        >>> mean, sd = stiffer.at_reference()
+        >>> round(mean, 3), round(sd, 3)
+        (0.12, 0.05)
+        """
+        half = 0.5 * self.growth_sd
+        variance = self.level_sd**2 + half**2 + 2.0 * self.correlation * self.level_sd * half
+        return self.level + 0.5 * self.growth, sqrt(variance)
+
+
+NO_DISCREPANCY = ForceDiscrepancy(level=0.0, growth=0.0, level_sd=0.0, growth_sd=0.0, correlation=0.0)
+
+
+def beside_middle(library_n: Floats) -> Floats:
+    """Return where forces lie beside the middle of the range, -1/2 to 1/2: what growth is multiplied by."""
+    return np.clip(library_n / REFERENCE_N, 0.0, 1.0) - 0.5
