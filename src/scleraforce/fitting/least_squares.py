@@ -85,11 +85,13 @@ class Problem(Protocol):
 class Stopping:
     """When a fit ends: after so many steps, or when a step is shorter than `converged_sd` standard deviations.
 
-    `retry_damping` is the least damping after a step that made things worse.
+    Or when a step that is hardly damped lowers the cost by less than `settled_cost`. `retry_damping` is the least
+    damping after a step that made things worse.
     """
 
     iterations: int
     converged_sd: float
+    settled_cost: float = 0.0
     retry_damping: float = 0.0
 
 
@@ -111,10 +113,14 @@ def gauss_newton(problem: Problem, start: Array, stopping: Stopping) -> tuple[Ar
         if float(step @ normal @ step) < stopping.converged_sd**2:
             break
         trial_placed, trial_cost = problem.evaluate(trial)
-        if trial_cost < cost:
-            unknown, placed, cost, damping = trial, trial_placed, trial_cost, damping / 10
-        else:
+        if trial_cost >= cost:
             damping = max(10 * damping, stopping.retry_damping)
+            continue
+        hardly_damped = damping <= max(FIRST_DAMPING, stopping.retry_damping)
+        settled = hardly_damped and cost - trial_cost < stopping.settled_cost
+        unknown, placed, cost, damping = trial, trial_placed, trial_cost, damping / 10
+        if settled:
+            break
     return unknown, placed, cost
 
 

@@ -8,7 +8,8 @@ The force follows from the dent: F = E f(dent, wall, pressure under the needle).
 `docs/reader.md` says where the noise and the other constants come from.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 
@@ -59,7 +60,8 @@ STARTS = 2
 FORM_ENDS = np.array([[1.5e-3, -0.5, -20.0, 1.5e-3, -0.5, -20.0, -0.05], [7e-3, 0.01, 60.0, 7e-3, 0.01, 60.0, 0.05]])
 LARGEST_LOG_SIZE = 0.5
 LOST = 0.05  # share of the columns that a fit may leave aside before a limbus is looked for
-STOPPING = Stopping(iterations=20, converged_sd=0.05, retry_damping=1e-2)
+STOPPING = Stopping(iterations=20, converged_sd=0.05, settled_cost=0.005, retry_damping=1e-2)
+FIRST_STEPS = replace(STOPPING, iterations=5)  # from each of several starts; the best is then followed to its end
 DRAWS = 512
 INTERVAL = (0.05, 0.95)
 
@@ -118,13 +120,20 @@ def fit_boundaries(
     walls = Walls(library, prior.globe, gap_m=float(prior.mean[GAP]), thickness_m=float(prior.mean[THICKNESS]))
     problem = _Problem(walls, columns, prior)
     begun = starts(walls, prior.mean, columns.places.lateral_m[:outer], columns.depth_m[:outer], STARTS)
-    fits = (gauss_newton(problem, start, STOPPING) for start in begun)
-    best = min(fits, key=lambda fit: fit[2])
+    best = _best_fit(problem, begun)
     if problem.outliers(best[1]) > LOST:
         near = ((best[0], best[1]), (begun[0], problem.evaluate(begun[0])[0]))
         again = [problem.inside(start) for where in near for start in limbus_starts(columns, *where)]
-        best = min(best, *(gauss_newton(problem, start, STOPPING) for start in again), key=lambda fit: fit[2])
+        best = min(best, _best_fit(problem, again), key=lambda fit: fit[2]) if again else best
     return problem.result(best[0], best[1])
+
+
+def _best_fit(problem: "_Problem", starts: Sequence[Array]) -> tuple[Array, Placed, float]:
+    """Return unknowns, prediction and cost of the best fit from any start."""
+    if len(starts) > 1:
+        begun = (gauss_newton(problem, start, FIRST_STEPS) for start in starts)
+        starts = [min(begun, key=lambda fit: fit[2])[0]]
+    return gauss_newton(problem, starts[0], STOPPING)
 
 
 def _thinned(lateral_m: Array, depth_bc: Array, smoothing_m: float) -> Columns:
