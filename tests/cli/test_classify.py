@@ -63,7 +63,8 @@ def test_scale_and_eye_come_from_the_recording_beside_the_frame(model, frame, ca
     }
     assert {name: told["source"] for name, told in entry["known"].items()} == {
         "youngs_modulus_mpa": "option", "iop_mmhg": "recording.toml", "thickness_um": "recording.toml",
-        "gap_mm": "recording.toml", "polar_angle_deg": "recording.toml", "globe": "option",
+        "gap_mm": "recording.toml", "polar_angle_deg": "recording.toml", "plane_direction_deg": "unknown",
+        "globe": "option",
     }  # fmt: skip
     assert entry["known"]["thickness_um"]["value"] == 650.0
 
@@ -74,6 +75,9 @@ def test_options_come_before_the_recording(model, frame, capsys) -> None:
     assert entry["scale"]["depth_mm"] == {"value": 4.0, "source": "recording.toml"}
     assert entry["scale"]["refractive_index"] == {"value": 1.1, "source": "option"}
     assert entry["known"]["gap_mm"] == {"value": 0.5, "source": "option"}
+    (entry,) = classified(capsys, model, frame, "--polar-angle-deg", 40, "--plane-direction-deg", -120)
+    assert entry["known"]["polar_angle_deg"] == {"value": 40.0, "source": "option"}
+    assert entry["known"]["plane_direction_deg"] == {"value": -120.0, "source": "option"}
     (refused,) = classified(capsys, model, frame, "--iop-mmhg", 30)
     assert refused["reason"].startswith("IOP 30 mmHg")
 

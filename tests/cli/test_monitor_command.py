@@ -255,7 +255,8 @@ def test_each_option_arrives_where_it_belongs(
     assert run(monitor) == 2
     other = {
         "--host": "127.0.0.2", "--port": "1", "--web-port": "2", "--web-host": "127.0.0.3", "--eye": "yours",
-        "--polar-angle-deg": "30", "--columns": "400", "--rows": "300", "--width-mm": "8", "--depth-mm": "6",
+        "--polar-angle-deg": "30", "--plane-direction-deg": "-120",
+        "--columns": "400", "--rows": "300", "--width-mm": "8", "--depth-mm": "6",
         "--refractive-index": "1.3", "--withdraw-class": "1", "--bound-mn": "20", "--unusable-frames": "4",
         "--unusable-opinions": "5", "--reaction-ms": "70", "--iop-mmhg": "3", "--thickness-um": "700",
         "--youngs-modulus-mpa": "0.3", "--gap-mm": "0.6", "--record": str(tmp_path / "session"),
@@ -268,6 +269,7 @@ def test_each_option_arrives_where_it_belongs(
     assert (settings.eye, settings.record, settings.black_box) == ("yours", tmp_path / "session", tmp_path)
     assert settings.refractive_index == 1.3
     assert settings.known.polar_rad == pytest.approx(radians(30.0))
+    assert settings.known.direction_rad == pytest.approx(radians(-120.0))
     assert settings.known.iop_pa == pytest.approx(to_si(3.0, "mmhg"))
     assert settings.known.thickness_m == pytest.approx(700e-6)
     assert settings.known.gap_m == pytest.approx(0.6e-3)

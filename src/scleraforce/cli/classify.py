@@ -46,6 +46,8 @@ def classify(
     iop_mmhg: float | None,
     thickness_um: float | None,
     gap_mm: float | None,
+    polar_angle_deg: float | None,
+    plane_direction_deg: float | None,
     globe: str | None,
     rigidity: float | None,
     as_json: bool,
@@ -70,7 +72,9 @@ def classify(
         raise InputError(f"{path}: a folder; `scleraforce evaluate {model} {path}` reads a recording, this one frames")
     reader = load_model(model)
     told = told_scanner(width_mm, depth_mm, refractive_index)
-    known = known_eye(youngs_modulus_mpa, iop_mmhg, thickness_um, gap_mm, globe, rigidity)
+    known = known_eye(
+        youngs_modulus_mpa, iop_mmhg, thickness_um, gap_mm, polar_angle_deg, plane_direction_deg, globe, rigidity
+    )
     found = list(each_of(frames, lambda path: _read(reader, path, told, known, transpose)))
     read = [(path, answer) for path, answer in found if not isinstance(answer, InputError)]
     notes = [*_notes(reader, known), *_limits(read)]

@@ -23,6 +23,12 @@ OPTIONS = (
     click.option("--iop-mmhg", type=click.FloatRange(0.0), help="Intraocular pressure; likewise."),
     click.option("--thickness-um", type=POSITIVE, help="Of the wall; likewise."),
     click.option("--gap-mm", type=click.FloatRange(0.0), help="Distance of the B-scan from the needle axis; likewise."),
+    click.option("--polar-angle-deg", type=click.FloatRange(0.0, 90.0), help="Of the contact from the pole; likewise."),
+    click.option(
+        "--plane-direction-deg",
+        type=click.FloatRange(-360.0, 360.0),
+        help="Of the B-scan's lateral axis, from the meridian that leads away from the pole; likewise.",
+    ),
 )
 
 
@@ -39,6 +45,8 @@ def known_eye(
     iop_mmhg: float | None,
     thickness_um: float | None,
     gap_mm: float | None,
+    polar_angle_deg: float | None,
+    plane_direction_deg: float | None,
     globe: str | None,
     rigidity: float | None,
 ) -> "Known":
@@ -50,7 +58,8 @@ def known_eye(
     from scleraforce.known.eye import Known, Modulus
 
     given = {"youngs-modulus-mpa": youngs_modulus_mpa, "iop-mmhg": iop_mmhg, "thickness-um": thickness_um,
-             "gap-mm": gap_mm, "rigidity": rigidity}  # fmt: skip
+             "gap-mm": gap_mm, "polar-angle-deg": polar_angle_deg, "plane-direction-deg": plane_direction_deg,
+             "rigidity": rigidity}  # fmt: skip
     for name, value in given.items():
         if value is not None and not isfinite(value):
             raise InputError(f"--{name}: {value} is not a finite number; leave it out where it is not known")
@@ -59,6 +68,8 @@ def known_eye(
         iop_pa=to_si(iop_mmhg, "mmhg"),
         thickness_m=to_si(thickness_um, "um"),
         gap_m=to_si(gap_mm, "mm"),
+        polar_rad=to_si(polar_angle_deg, "deg"),
+        direction_rad=to_si(plane_direction_deg, "deg"),
         globe=told_globe(globe, rigidity),
     )
 
@@ -108,6 +119,7 @@ WORDS = {  # name and unit of each key, for people
     "thickness_um": ("thickness", " µm"),
     "gap_mm": ("gap", " mm"),
     "polar_angle_deg": ("polar angle", "°"),
+    "plane_direction_deg": ("plane's direction", "°"),
     "globe": ("globe", ""),
     RIGIDITY: ("k", " mmHg^(1/3)/µl"),
 }
@@ -140,6 +152,7 @@ def _values(known: "Known") -> dict[str, Value]:
         "thickness_um": _in_unit(known.thickness_m, "um"),
         "gap_mm": _in_unit(known.gap_m, "mm"),
         "polar_angle_deg": _in_unit(known.polar_rad, "deg"),
+        "plane_direction_deg": _in_unit(known.direction_rad, "deg"),
         "globe": None if globe is None else globe.kind,
         RIGIDITY: _in_unit(globe.mean, RIGIDITY_UNIT) if globe and globe.rigidity_told else None,
     }

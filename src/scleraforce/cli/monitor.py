@@ -4,9 +4,7 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import replace
 from datetime import UTC, datetime
-from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +25,10 @@ if TYPE_CHECKING:
 
 __all__ = ["monitor"]
 
+TOLD = (
+    "youngs_modulus_mpa", "iop_mmhg", "thickness_um", "gap_mm", "polar_angle_deg", "plane_direction_deg",
+    "globe", "rigidity",
+)  # fmt: skip
 LENGTH = click.FloatRange(0.01, 100.0)
 PORT = click.IntRange(0, 65535)
 
@@ -40,7 +42,6 @@ PORT = click.IntRange(0, 65535)
 @click.option("--calibration", type=click.Path(path_type=Path), help="File of `calibrate`: gives the eye's modulus.")
 @click.option("--eye", help="Name of the eye in the calibration, and in what is recorded.")
 @known_eye_options
-@click.option("--polar-angle-deg", type=click.FloatRange(0.0, 90.0), help="Of the contact, from the pole; likewise.")
 @click.option("--columns", type=click.IntRange(16, 16384), help="Of the frames; by default the model's study's.")
 @click.option("--rows", type=click.IntRange(16, 16384), help="Likewise.")
 @click.option("--width-mm", type=LENGTH, help="Likewise, black bands included.")
@@ -124,10 +125,8 @@ def _known(calibration: Path | None, eye: str | None, options: dict[str, Any]) -
     from scleraforce.known.calibration_file import read_calibration
     from scleraforce.known.eye import foreign_modulus, known_of_eye
 
-    names = ("youngs_modulus_mpa", "iop_mmhg", "thickness_um", "gap_mm", "globe", "rigidity")
-    told = {name: options[name] for name in names}
-    polar_deg = options["polar_angle_deg"]
-    known = replace(known_eye(**told), polar_rad=None if polar_deg is None else radians(polar_deg))
+    told = {name: options[name] for name in TOLD}
+    known = known_eye(**told)
     if calibration is None:
         return known, None
     if told["youngs_modulus_mpa"] is not None:

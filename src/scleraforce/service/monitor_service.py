@@ -143,6 +143,7 @@ def _recording_info(settings: MonitorSettings, study: Study, scale: PixelScale) 
             bits=MOST_BITS,
             width_m=columns * scale.lateral_m,
             depth_m=rows * scale.depth_m,
+            plane_direction_rad=known.direction_rad,
             refractive_index=settings.refractive_index,
         ),
         NeedleInfo(
