@@ -37,7 +37,8 @@ class ReaderStudy:
     `globe_open_fraction` of the globes are open and told so, of `globe_missing_fraction` nothing is told
     (`known.globe`: the rigidity is even in its range); the others are sealed. Of `rigidity_missing_fraction` of these
     no rigidity is told, of the rest its mean and its standard deviation, as a calibration finds them (the logarithm
-    even over `rigidity_sd_pa13_per_m3`).
+    even over `rigidity_sd_pa13_per_m3`). Most values are told of most samples: what is said of an eye with all of them
+    is sharp, and takes more samples to learn than what is said of one with few.
     """
 
     youngs_modulus_pa: Sampled = quantity(Range(min=0.15, max=0.65), "mpa", 0.001, 100.0)
@@ -63,14 +64,14 @@ class ReaderStudy:
     gap_noise_fraction: float = quantity(3.0, "percent", 0.0, 50.0)
     pole_noise_rad: float = quantity(2.0, "deg", 0.0, 45.0)
     modulus_missing_fraction: float = quantity(5.0, "percent", 0.0, 100.0)
-    iop_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
-    thickness_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
-    gap_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
+    iop_missing_fraction: float = quantity(10.0, "percent", 0.0, 100.0)
+    thickness_missing_fraction: float = quantity(10.0, "percent", 0.0, 100.0)
+    gap_missing_fraction: float = quantity(10.0, "percent", 0.0, 100.0)
     polar_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
     direction_missing_fraction: float = quantity(30.0, "percent", 0.0, 100.0)
-    globe_open_fraction: float = quantity(40.0, "percent", 0.0, 100.0)
-    globe_missing_fraction: float = quantity(20.0, "percent", 0.0, 100.0)
-    rigidity_missing_fraction: float = quantity(40.0, "percent", 0.0, 100.0)
+    globe_open_fraction: float = quantity(30.0, "percent", 0.0, 100.0)
+    globe_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
+    rigidity_missing_fraction: float = quantity(30.0, "percent", 0.0, 100.0)
     rigidity_sd_pa13_per_m3: Sampled = quantity(Range(min=2e-4, max=6e-3), "mmhg13_per_ul", 1e-6, 1.0)
     bins: int = quantity(128, None, 8, 4096)
     channels: tuple[int, ...] = quantity((32, 48, 64), None, 1, 4096)

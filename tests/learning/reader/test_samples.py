@@ -73,9 +73,9 @@ def test_globes_are_open_sealed_or_not_told_as_often_as_stated(eyes) -> None:
     low, high = eyes.told.rigidity_low, eyes.told.rigidity_high
     is_open = high == 0.0
     unknown, sealed = ((low == globe.band[0]) & (high == globe.band[1]) for globe in (UNKNOWN, SEALED))
-    assert abs(is_open.mean() - 0.4) < 0.01
-    assert abs(unknown.mean() - 0.2) < 0.01
-    assert abs(sealed.mean() - 0.4 * 0.4) < 0.01
+    assert abs(is_open.mean() - 0.3) < 0.01
+    assert abs(unknown.mean() - 0.15) < 0.01
+    assert abs(sealed.mean() - 0.55 * 0.3) < 0.01
     assert not eyes.rigidity[is_open].any()
     for which, globe in ((unknown, UNKNOWN), (sealed, SEALED)):
         share = (eyes.rigidity[which] - globe.lowest) / (globe.highest - globe.lowest)
