@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_library import RADIUS_M, analytic_library
+from analytic_library import RADIUS_M, analytic_library, bulging
 
 from scleraforce.calibration.eye_model import EyeConstants, known_of_constants, stated_wall
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
@@ -83,14 +83,6 @@ def test_the_needle_s_force_moves_the_dent_as_in_three_dimensions(polar_deg: flo
     tip = displacement[np.argmin(np.linalg.norm(wall.mesh.points_nc - RADIUS_M * contact.normal, axis=1))]
     pushed = base_push(np.array([force_ratio]), THICKNESS, 0.45)[0] * pole_direction(contact.polar_rad, 0.0)[0]
     assert pushed == pytest.approx(float(tip @ contact.meridian), rel=0.1)
-
-
-def bulging(library: Library) -> Library:
-    """The library of walls that rise more in their middle, by up to 0.1 mm."""
-    undented = library.undented_tpbnc.copy()
-    angle = np.arctan2(undented[0, 0, 0, :, 0], RADIUS_M - undented[0, 0, 0, :, 1])
-    undented[..., 1] -= 6e-3 * library.tension[:, None, None] * np.cos(angle) ** 2
-    return replace(library, undented_tpbnc=undented)
 
 
 def test_calibration_and_fit_see_the_same_section() -> None:

@@ -111,6 +111,9 @@ def test_what_is_not_known_is_told_as_not_known() -> None:
     assert (told.iop_pa[0], told.gap_m[0]) == (250.0, 0.5e-3)
     sure = told_of(Known(modulus=Modulus(mean_pa=0.25e6, sd_pa=1.0, source="own")))
     assert sure.modulus_sd_fraction[0] == 0.01
+    assert np.isnan([told.polar_rad[0], told.direction_rad[0]]).all()
+    placed = told_of(Known(polar_rad=0.6, direction_rad=-1.2))
+    assert (placed.polar_rad[0], placed.direction_rad[0]) == (0.6, -1.2)
 
 
 def test_the_folder_says_which_method_answers(folder: Path) -> None:

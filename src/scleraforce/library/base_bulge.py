@@ -12,7 +12,15 @@ gives way by shear. How the wall bends with it is `calibration.base_moves`.
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["base_bulge", "base_push", "meridian_angles", "pole_direction", "section_places", "undented_motion"]
+__all__ = [
+    "base_bulge",
+    "base_push",
+    "meridian_angles",
+    "pole_direction",
+    "pole_directions",
+    "section_places",
+    "undented_motion",
+]
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +40,14 @@ def pole_direction(polar_rad: float, direction_rad: float) -> tuple[float, float
     >>> [round(part, 3) for part in pole_direction(0.5, 0.0)]
     [-0.479, 0.0]
     """
-    return float(-np.sin(polar_rad) * np.cos(direction_rad)), float(np.sin(polar_rad) * np.sin(direction_rad))
+    along, across = pole_directions(np.asarray(polar_rad), np.asarray(direction_rad)).tolist()
+    return along, across
+
+
+def pole_directions(polar_s: Floats, direction_s: Floats) -> Floats:
+    """Return `pole_direction` of many contacts (..., 2)."""
+    reach = np.sin(polar_s)
+    return np.stack([-reach * np.cos(direction_s), reach * np.sin(direction_s)], axis=-1)
 
 
 def base_push(force_ratio_s: Floats, thickness_s: Floats, poisson_ratio: float) -> Floats:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.library.columns import depths_at_columns
+from scleraforce.library.section_motion import SectionMotion
 from scleraforce.library.sections import cut_rings, cut_surfaces
 from scleraforce.section.plane import Section, SliceWindow
 from scleraforce.section.slices import SNAP, WALL, fill_section
@@ -20,7 +21,7 @@ __all__ = ["Framing", "WallBoundaries", "column_laterals", "draw_slices", "fill_
 
 Floats = NDArray[np.float64]
 
-BLOCK = 64  # samples cut together: their arrays stay in the cache
+BLOCK = 128  # samples cut together: their arrays stay in the cache
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,12 @@ def column_laterals(study: SliceStudy) -> Floats:
 
 
 def wall_boundaries(
-    curves_sbnc: NDArray[np.floating], gap_m: Floats, tilt_rad: Floats, framing: Framing, study: SliceStudy
+    curves_sbnc: NDArray[np.floating],
+    gap_m: Floats,
+    tilt_rad: Floats,
+    framing: Framing,
+    study: SliceStudy,
+    motion: SectionMotion | None = None,
 ) -> WallBoundaries:
     """Cut walls by their B-scan planes and return the boundaries in the columns of the slices.
 
@@ -78,14 +84,17 @@ def wall_boundaries(
         tilt_rad: tilt of the plane (sample,).
         framing: where the section lies in the slice.
         study: size of the slice and of its pixel.
+        motion: how far what the planes meet has moved; None: it stays where the curves have it.
     """
     columns_sc = (column_laterals(study) - framing.lateral_m[:, None]) / framing.scale[:, None]
     depth_sbc = np.empty((*curves_sbnc.shape[:2], study.columns))
     folded = np.empty(len(depth_sbc), dtype=bool)
     for start in range(0, len(depth_sbc), BLOCK):
         block = slice(start, start + BLOCK)
-        rings = cut_rings(curves_sbnc[block], gap_m[block, None, None], tilt_rad[block, None, None])
-        depth_sbc[block], folded[block] = depths_at_columns(*rings, columns_sc[block], framing.turn_rad[block])
+        moved = (gap_m[block], motion.of(block)) if motion else None
+        from_m = gap_m[block] - moved[1].across_contact if moved else gap_m[block]
+        rings = cut_rings(curves_sbnc[block], from_m[:, None, None], tilt_rad[block, None, None])
+        depth_sbc[block], folded[block] = depths_at_columns(*rings, columns_sc[block], framing.turn_rad[block], moved)
     depth_sbc *= framing.scale[:, None, None]
     depth_sbc += framing.depth_m[:, None, None]
     return WallBoundaries(depth_sbc, folded)

@@ -1,12 +1,14 @@
 """What a reader's network is told beside the slice, as numbers of order one (NumPy only)."""
 
 from dataclasses import dataclass
-from math import sqrt
+from math import radians, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.known.globe import UNKNOWN
+from scleraforce.library.base_bulge import pole_directions
+from scleraforce.library.plan import LARGEST_POLAR_DEG
 from scleraforce.study import ReaderStudy
 
 __all__ = ["GIVEN", "Told", "given_inputs", "told_modulus", "unknown_modulus"]
@@ -17,6 +19,7 @@ Floats = NDArray[np.float64]
 GIVEN = (
     "modulus known", "modulus", "log modulus sd", "iop known", "log iop", "log iop ratio",
     "thickness known", "thickness", "gap known", "gap", "rigidity low", "rigidity high",
+    "polar angle known", "polar angle", "direction known", "pole along", "pole across",
 )  # fmt: skip
 
 
@@ -26,7 +29,8 @@ class Told:
 
     `modulus_pa` and `modulus_sd_fraction` (relative) describe a normal distribution; both or none of them are known.
     The globe's rigidity lies with 90 % between `rigidity_low` and `rigidity_high`, Pa^(1/3)/m^3, of the cube-root law:
-    both 0 in an open globe; that is never unknown, only wide.
+    both 0 in an open globe; that is never unknown, only wide. `polar_rad` is the contact's polar angle, `direction_rad`
+    that of the section from the meridian.
     """
 
     modulus_pa: Floats
@@ -36,6 +40,8 @@ class Told:
     gap_m: Floats
     rigidity_low: Floats
     rigidity_high: Floats
+    polar_rad: Floats
+    direction_rad: Floats
 
 
 def unknown_modulus(study: ReaderStudy) -> tuple[float, float]:
@@ -63,11 +69,16 @@ def given_inputs(told: Told, study: ReaderStudy) -> NDArray[np.float32]:
     """Return the network's second input, shape (sample, len(GIVEN)): flags (1: known) and values, 0 where unknown.
 
     A value at the ends of its training range is -1 or 1. The IOP stands there twice: also over the modulus, which is
-    what the mechanics knows.
+    what the mechanics knows. Where the pole lies, along the section and across it, stands there over the farthest; of
+    an unknown polar angle it is that of the range's middle.
     """
     modulus, sd = told_modulus(told, study)
     e, p, s = study.youngs_modulus_pa.bounds, study.iop_pa.bounds, study.modulus_sd_fraction.bounds
     iop_ratio = (np.log(p[0] / e[1]), np.log(p[1] / e[0]))
+    a = study.polar_angle_rad.bounds
+    polar = np.minimum(told.polar_rad, radians(LARGEST_POLAR_DEG))
+    pole = pole_directions(np.where(np.isnan(polar), 0.5 * (a[0] + a[1]), polar), told.direction_rad)
+    pole /= max(np.sin(a[1]), 1e-12)
     columns = (
         ~np.isnan(told.modulus_pa),
         _scaled(modulus, *e),
@@ -81,6 +92,10 @@ def given_inputs(told: Told, study: ReaderStudy) -> NDArray[np.float32]:
         _scaled(told.gap_m, *study.gap_m.bounds),
         _scaled(told.rigidity_low, UNKNOWN.lowest, UNKNOWN.highest),
         _scaled(told.rigidity_high, UNKNOWN.lowest, UNKNOWN.highest),
+        ~np.isnan(polar),
+        _scaled(polar, *a),
+        ~np.isnan(told.direction_rad),
+        *pole.T,
     )
     inputs: NDArray[np.float32] = np.nan_to_num(np.stack(columns, axis=1)).astype(np.float32)
     return inputs

@@ -125,6 +125,8 @@ def told_of(known: Known) -> Told:
         known.thickness_m,
         known.gap_m,
         *_rigidity_band(known),
+        known.polar_rad,
+        known.direction_rad,
     )
     return Told(*(np.array([np.nan if value is None else value]) for value in values))
 

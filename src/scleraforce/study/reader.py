@@ -21,7 +21,8 @@ class ReaderStudy:
     (radius, wall and dent together). `rotation_rad` turns the section in its frame, `tilt_rad` the plane about its
     lateral axis. `plain_share` of the samples have the study's size, no tilt and no rotation, as most frames have: a
     network that met every tilt alike would be as unsure of all of them. `surface_depth_m` is the depth of the
-    undeformed contact below the frame's top edge.
+    undeformed contact below the frame's top edge. `polar_angle_rad` is the contact's polar angle; the direction of the
+    plane from the meridian is drawn from the whole circle.
 
     `uneven_share` of the walls are no even spheres at rest (`learning.reader.uneven`). So many `interval_eyes`, of
     which as many are uneven, tell how wide intervals have to be (`reader.interval_factors`); 0: they stay as they are.
@@ -30,13 +31,14 @@ class ReaderStudy:
 
     The modulus that the network is told comes with its relative standard deviation (its logarithm even over
     `modulus_sd_fraction`); the eye's own is drawn from that normal distribution. Other known values are off by
-    `*_noise_fraction` (standard deviation); a modulus that is told as surer than 6 % was calibrated with these. Each
-    value is missing in `*_missing_fraction` of the samples.
+    `*_noise_fraction` (standard deviation), polar angle and direction by `pole_noise_rad`; a modulus that is told as
+    surer than 6 % was calibrated with these. Each value is missing in `*_missing_fraction` of the samples.
 
     `globe_open_fraction` of the globes are open and told so, of `globe_missing_fraction` nothing is told
     (`known.globe`: the rigidity is even in its range); the others are sealed. Of `rigidity_missing_fraction` of these
     no rigidity is told, of the rest its mean and its standard deviation, as a calibration finds them (the logarithm
-    even over `rigidity_sd_pa13_per_m3`).
+    even over `rigidity_sd_pa13_per_m3`). Most values are told of most samples: what is said of an eye with all of them
+    is sharp, and takes more samples to learn than what is said of one with few.
     """
 
     youngs_modulus_pa: Sampled = quantity(Range(min=0.15, max=0.65), "mpa", 0.001, 100.0)
@@ -51,6 +53,7 @@ class ReaderStudy:
     size: Sampled = quantity(Range(min=0.95, max=1.05), None, 0.5, 2.0)
     tilt_rad: Sampled = quantity(Range(min=-5.0, max=5.0), "deg", -45.0, 45.0)
     rotation_rad: Sampled = quantity(Range(min=-5.0, max=5.0), "deg", -45.0, 45.0)
+    polar_angle_rad: Sampled = quantity(Range(min=10.0, max=55.0), "deg", 0.0, 80.0)
     plain_share: float = quantity(0.5, None, 0.0, 1.0)
     uneven_share: float = quantity(0.4, None, 0.0, 1.0)
     interval_eyes: int = quantity(210, None, 0, 1_000_000)
@@ -59,13 +62,16 @@ class ReaderStudy:
     iop_noise_fraction: float = quantity(5.0, "percent", 0.0, 50.0)
     thickness_noise_fraction: float = quantity(3.0, "percent", 0.0, 50.0)
     gap_noise_fraction: float = quantity(3.0, "percent", 0.0, 50.0)
+    pole_noise_rad: float = quantity(2.0, "deg", 0.0, 45.0)
     modulus_missing_fraction: float = quantity(5.0, "percent", 0.0, 100.0)
-    iop_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
-    thickness_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
-    gap_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
-    globe_open_fraction: float = quantity(40.0, "percent", 0.0, 100.0)
-    globe_missing_fraction: float = quantity(20.0, "percent", 0.0, 100.0)
-    rigidity_missing_fraction: float = quantity(40.0, "percent", 0.0, 100.0)
+    iop_missing_fraction: float = quantity(10.0, "percent", 0.0, 100.0)
+    thickness_missing_fraction: float = quantity(10.0, "percent", 0.0, 100.0)
+    gap_missing_fraction: float = quantity(10.0, "percent", 0.0, 100.0)
+    polar_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
+    direction_missing_fraction: float = quantity(30.0, "percent", 0.0, 100.0)
+    globe_open_fraction: float = quantity(30.0, "percent", 0.0, 100.0)
+    globe_missing_fraction: float = quantity(15.0, "percent", 0.0, 100.0)
+    rigidity_missing_fraction: float = quantity(30.0, "percent", 0.0, 100.0)
     rigidity_sd_pa13_per_m3: Sampled = quantity(Range(min=2e-4, max=6e-3), "mmhg13_per_ul", 1e-6, 1.0)
     bins: int = quantity(128, None, 8, 4096)
     channels: tuple[int, ...] = quantity((32, 48, 64), None, 1, 4096)

@@ -4,13 +4,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from analytic_library import analytic_library
+from analytic_library import analytic_library, bulging
 
 from scleraforce.errors import InputError
+from scleraforce.fitting.fit_prediction import (
+    DEPTH,
+    GAP,
+    IOP,
+    LATERAL,
+    MODULUS,
+    NAMES,
+    POLE,
+    THICKNESS,
+    TIP,
+    Walls,
+    place_walls,
+)
 from scleraforce.known.globe import SEALED, UNKNOWN
 from scleraforce.learning.reader.draws import CHUNK, Source, chunks_ahead
 from scleraforce.learning.reader.samples import draw_eyes, draw_samples
+from scleraforce.library.base_bulge import pole_direction
 from scleraforce.library.sections import cut_surfaces
+from scleraforce.library.slices import column_laterals, fill_boundaries
 from scleraforce.section.plane import SliceWindow
 from scleraforce.section.slices import fill_section
 from scleraforce.study import ReaderStudy, SliceStudy, fixed
@@ -58,9 +73,9 @@ def test_globes_are_open_sealed_or_not_told_as_often_as_stated(eyes) -> None:
     low, high = eyes.told.rigidity_low, eyes.told.rigidity_high
     is_open = high == 0.0
     unknown, sealed = ((low == globe.band[0]) & (high == globe.band[1]) for globe in (UNKNOWN, SEALED))
-    assert abs(is_open.mean() - 0.4) < 0.01
-    assert abs(unknown.mean() - 0.2) < 0.01
-    assert abs(sealed.mean() - 0.4 * 0.4) < 0.01
+    assert abs(is_open.mean() - 0.3) < 0.01
+    assert abs(unknown.mean() - 0.15) < 0.01
+    assert abs(sealed.mean() - 0.55 * 0.3) < 0.01
     assert not eyes.rigidity[is_open].any()
     for which, globe in ((unknown, UNKNOWN), (sealed, SEALED)):
         share = (eyes.rigidity[which] - globe.lowest) / (globe.highest - globe.lowest)
@@ -97,7 +112,7 @@ def test_forces_are_even_with_a_share_of_small_ones(eyes, library) -> None:
 def test_without_errors_a_slice_is_the_section_of_the_eye_that_was_drawn(library) -> None:
     plain = replace(
         READER, plain_share=0.0, uneven_share=0.0, boundary_errors=0.0, rotation_rad=fixed(0.0),
-        lateral_m=fixed(0.4e-3), size=fixed(1.04),
+        lateral_m=fixed(0.4e-3), size=fixed(1.04), polar_angle_rad=fixed(0.0),
     )  # fmt: skip
     count = 60
     drawn = draw_samples(library, plain, SLICE, count, np.random.default_rng(8))
@@ -117,6 +132,47 @@ def test_without_errors_a_slice_is_the_section_of_the_eye_that_was_drawn(library
         agreeing.append((expected[top, inner] == drawn.slices[n][top, inner]).mean())
     assert np.median(agreeing) > 0.99
     assert np.mean(agreeing) > 0.97
+
+
+def test_without_errors_a_slice_is_what_the_fit_predicts_of_an_eye_beside_the_pole() -> None:
+    library = bulging(analytic_library(thicknesses=5, ratios=5, tips=24))
+    plain = replace(
+        READER, plain_share=1.0, uneven_share=0.0, boundary_errors=0.0, lateral_m=fixed(0.4e-3),
+        surface_depth_m=fixed(0.5e-3), polar_angle_rad=fixed(0.7), gap_m=fixed(0.6e-3),
+    )  # fmt: skip
+    count = 60
+    drawn = draw_samples(library, plain, SLICE, count, np.random.default_rng(8))
+    eyes = draw_eyes(library, plain, count, np.random.default_rng(8))
+    agreeing, upright = [], []
+    for n in range(count):
+        unknown = np.zeros(len(NAMES))
+        thickness, ratio = eyes.thickness_m[n : n + 1], eyes.iop_ratio[n : n + 1]
+        unknown[TIP] = library.tips(thickness, ratio, eyes.force_n[n : n + 1] / eyes.modulus_pa[n])[0]
+        unknown[[LATERAL, DEPTH, GAP, THICKNESS]] = 0.4e-3, 0.5e-3, 0.6e-3, thickness[0]
+        unknown[MODULUS], unknown[IOP] = np.log(eyes.modulus_pa[n]), np.log(ratio[0] * eyes.modulus_pa[n])
+        for pole, shares in ((pole_direction(0.7, eyes.direction_rad[n]), agreeing), ((0.0, 0.0), upright)):
+            unknown[POLE] = pole
+            placed = place_walls(Walls(library), unknown[None])[0]
+            depths = np.stack([np.interp(column_laterals(SLICE), *curve.T) for curve in placed])
+            expected = fill_boundaries(depths[None], SLICE)[0]
+            shares.append((expected[1:38, 25:115] == drawn.slices[n][1:38, 25:115]).mean())
+    assert np.median(agreeing) > 0.99
+    assert np.mean(agreeing) > np.mean(upright) + 0.01
+
+
+def test_polar_angle_and_direction_are_told_as_well_as_stated(eyes) -> None:
+    low, high = READER.polar_angle_rad.bounds
+    assert low <= eyes.polar_rad.min() < eyes.polar_rad.max() <= high
+    assert abs(eyes.direction_rad.mean()) < 0.05
+    assert abs(eyes.direction_rad.std() - np.pi / 3**0.5) < 0.03
+    for name, missing in (
+        ("polar_rad", READER.polar_missing_fraction),
+        ("direction_rad", READER.direction_missing_fraction),
+    ):
+        told, true = getattr(eyes.told, name), getattr(eyes, name)
+        known = np.isfinite(told)
+        assert abs((~known).mean() - missing) < 0.02
+        assert abs((told - true)[known].std() / READER.pole_noise_rad - 1.0) < 0.05
 
 
 def test_uneven_walls_are_drawn_as_often_as_stated(library) -> None:

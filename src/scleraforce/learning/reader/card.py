@@ -33,7 +33,8 @@ reduced basis: their points are off by at most {from_si(errors["curves_m"], "um"
 
 ## What it learned from
 {samples["training"]} computed slices, each seen once; {samples["validation"]} others to validate. All are computed with
-finite strain (compressible neo-Hookean sphere, axisymmetric about the needle): no real eye. Library SHA-256
+finite strain (compressible neo-Hookean sphere, axisymmetric about the needle, moved by what the base beside it does): \
+no real eye. Library SHA-256
 `{record["provenance"]["library_sha256"]}`.
 
 | | |
@@ -54,14 +55,16 @@ sealed; a rigidity of up to {from_si(UNKNOWN.highest, "mmhg13_per_ul"):g} mmHg^(
 | contact, below the upper edge | {_spread(reader.surface_depth_m.bounds, "mm", "mm")} |
 | tilt of the B-scan | {_spread(reader.tilt_rad.bounds, "deg", "°")} |
 | rotation in the B-scan | {_spread(reader.rotation_rad.bounds, "deg", "°")} |
+| contact, from the eye's pole | {_spread(reader.polar_angle_rad.bounds, "deg", "°")}, the B-scan in any direction |
 | no even spheres at rest (ellipsoids, a cornea in view, walls that grow thicker) | {reader.uneven_share:.0%} of the \
 samples |
 | size 1, no tilt, no rotation | {reader.plain_share:.0%} of the samples |
 | errors of the boundaries | {reader.boundary_errors:g} times those of the segmentation on rendered frames |
 | told values are missing | modulus {reader.modulus_missing_fraction:.0%}, IOP {reader.iop_missing_fraction:.0%}, \
-thickness {reader.thickness_missing_fraction:.0%}, gap {reader.gap_missing_fraction:.0%} |
+thickness {reader.thickness_missing_fraction:.0%}, gap {reader.gap_missing_fraction:.0%}, polar angle \
+{reader.polar_missing_fraction:.0%}, direction of the B-scan {reader.direction_missing_fraction:.0%} |
 | told values are off by (sd) | IOP {reader.iop_noise_fraction:.0%}, thickness {reader.thickness_noise_fraction:.0%}, \
-gap {reader.gap_noise_fraction:.0%} |
+gap {reader.gap_noise_fraction:.0%}, polar angle and direction {from_si(reader.pole_noise_rad, "deg"):g}° |
 
 ## What it reaches
 On validation samples with all of the above, missing values included: mean force error {metrics["mae_mn"]:.2f} mN,

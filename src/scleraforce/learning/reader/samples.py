@@ -11,6 +11,8 @@ from scleraforce.known.globe import NINETY_PERCENT, SEALED, UNKNOWN
 from scleraforce.learning.reader.boundary_errors import disturb
 from scleraforce.learning.reader.uneven import added_depths, draw_forms
 from scleraforce.library import Library
+from scleraforce.library.base_bulge import pole_directions
+from scleraforce.library.section_motion import section_motion
 from scleraforce.library.slices import Framing, column_laterals, fill_boundaries, wall_boundaries
 from scleraforce.library.under_force import iop_ratio_under_force
 from scleraforce.reader.given import Told, given_inputs, told_modulus
@@ -31,7 +33,8 @@ TRUNCATED_SD = 2.5  # a told modulus is never farther off than this
 class Eyes:
     """Eyes under a needle, the B-scan's tilt and the section's rotation, and what is told of them; (sample,), SI.
 
-    `rigidity` is k of the globe, 0 where it is open; `iop_ratio` the pressure under the needle over E.
+    `polar_rad` is the contact's polar angle, `direction_rad` that of the section from the meridian. `rigidity` is k of
+    the globe, 0 where it is open; `iop_ratio` the pressure under the needle over E.
     """
 
     told: Told
@@ -42,6 +45,8 @@ class Eyes:
     size: Floats
     tilt_rad: Floats
     rotation_rad: Floats
+    polar_rad: Floats
+    direction_rad: Floats
     force_n: Floats
     rigidity: Floats
     iop_ratio: Floats
@@ -84,9 +89,12 @@ def draw_samples(
     framing = Framing(
         reader.lateral_m.sample(rng, count), reader.surface_depth_m.sample(rng, count), eyes.size, eyes.rotation_rad
     )
-    ratio = eyes.force_n / (eyes.modulus_pa * eyes.size**2)
-    walls = library.curves(eyes.thickness_m / eyes.size, eyes.iop_ratio, ratio)
-    true = wall_boundaries(walls.curves_sbnc, eyes.gap_m / eyes.size, eyes.tilt_rad, framing, slice_study)
+    gap_m = eyes.gap_m / eyes.size
+    place = eyes.thickness_m / eyes.size, eyes.iop_ratio
+    walls = library.curves(*place, eyes.force_n / (eyes.modulus_pa * eyes.size**2))
+    pole = pole_directions(eyes.polar_rad, eyes.direction_rad)
+    moved = section_motion(library, walls, place, gap_m, pole, _reach_m(reader, slice_study))
+    true = wall_boundaries(walls.curves_sbnc, gap_m, eyes.tilt_rad, framing, slice_study, moved)
     radius_m = library.radius_m * eyes.size
     forms = draw_forms(eyes.thickness_m, radius_m, rng.random(count) < reader.uneven_share, rng)
     formed = true.depth_sbc + added_depths(forms, radius_m, column_laterals(slice_study) - framing.lateral_m[:, None])
@@ -94,6 +102,12 @@ def draw_samples(
     slices = fill_boundaries(seen, slice_study)
     told_pa, _ = told_modulus(eyes.told, reader)
     return ReaderSamples(slices, given_inputs(eyes.told, reader), eyes.force_n, told_pa, framing.lateral_m)
+
+
+def _reach_m(reader: ReaderStudy, slice_study: SliceStudy) -> float:
+    """Return how far slices show a section, from the needle axis, in the library's size, m."""
+    beside_m = max(abs(end) for end in reader.lateral_m.bounds)
+    return (0.5 * slice_study.columns * slice_study.pixel_m + beside_m) / reader.size.bounds[0]
 
 
 def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.Generator) -> Eyes:
@@ -130,10 +144,24 @@ def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.
     )
     force_n = _forces(reader, largest_n, rng)
     rigidity, low, high = _globes(reader, count, rng)
-    told = Told(told_pa, told_sd, told_iop_pa, told_thickness_m, told_gap_m, low, high)
+    pole, told_pole = _poles(reader, count, rng)
+    told = Told(told_pa, told_sd, told_iop_pa, told_thickness_m, told_gap_m, low, high, *told_pole)
     iop_ratio = _pressures(library, (thickness_m, iop_pa, modulus_pa, size), rigidity, force_n, rng)
     eye = (told, modulus_pa, iop_pa, thickness_m, gap_m, size)
-    return Eyes(*eye, tilt_rad, rotation_rad, force_n, rigidity, iop_ratio)
+    return Eyes(*eye, tilt_rad, rotation_rad, *pole, force_n, rigidity, iop_ratio)
+
+
+def _poles(
+    reader: ReaderStudy, count: int, rng: np.random.Generator
+) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
+    """Return polar angles of contacts and directions of sections, and both as they are told, (sample,) each."""
+    pole = reader.polar_angle_rad.sample(rng, count), rng.uniform(-np.pi, np.pi, count)
+    told = [angle + reader.pole_noise_rad * rng.standard_normal(count) for angle in pole]
+    missing = reader.polar_missing_fraction, reader.direction_missing_fraction
+    polar, direction = (
+        np.where(rng.random(count) < share, np.nan, angle) for angle, share in zip(told, missing, strict=True)
+    )
+    return pole, (np.abs(polar), direction)
 
 
 def _pressures(
