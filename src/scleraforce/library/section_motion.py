@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scleraforce.library.base_bulge import base_push, section_places
 from scleraforce.library.responses import OUTER, Library, Responses
 
-__all__ = ["SectionMotion", "section_motion"]
+__all__ = ["ACROSS", "ALONG", "DOWN", "SectionMotion", "section_motion"]
 
 Floats = NDArray[np.float64]
 
