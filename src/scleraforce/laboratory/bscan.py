@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from scleraforce.laboratory.optics import BscanOptics
 from scleraforce.laboratory.speckle import (
     Complex,
-    Float,
     add_ridge,
     amplitude_sigma,
     circular_gaussian,
@@ -27,6 +26,7 @@ from scleraforce.laboratory.speckle import (
     transmission,
 )
 from scleraforce.section.plane import Section
+from scleraforce.segmentation.grid import Float
 from scleraforce.study import OctStudy
 
 __all__ = ["Bscan", "column_crossings", "render_bscan"]

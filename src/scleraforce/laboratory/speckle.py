@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.laboratory.optics import Shadow
+from scleraforce.segmentation.grid import Float
 
 __all__ = [
     "Complex",
-    "Float",
     "add_ridge",
     "amplitude_sigma",
     "circular_gaussian",
@@ -20,7 +20,6 @@ __all__ = [
     "transmission",
 ]
 
-Float = NDArray[np.float32]
 Complex = NDArray[np.complex64]
 
 

@@ -20,9 +20,9 @@ __all__ = [
 ]
 
 
-def _share(percent: float) -> float:
+def _share(share: float) -> float:
     """Declare the share of the scenes in which something is there."""
-    declared: float = quantity(percent / 100.0, None, 0.0, 1.0)
+    declared: float = quantity(share, None, 0.0, 1.0)
     return declared
 
 
@@ -50,7 +50,7 @@ class SceneWindowStudy:
     width_m: Sampled = quantity(Range(min=2.5, max=18.0), "mm", 0.2, 50.0)
     depth_share: Sampled = quantity(Range(min=0.22, max=0.95), None, 0.01, 10.0)
     view_m: Sampled = quantity(Range(min=-11.0, max=11.0), "mm", -18.0, 18.0)
-    centred_share: float = _share(40.0)  # look at the apex, within a tenth of `view_m`
+    centred_share: float = _share(0.4)  # look at the apex, within a tenth of `view_m`
     facing: Sampled = quantity(Range(min=0.0, max=1.0), None, 0.0, 1.0)
     tilt_rad: Sampled = quantity(Range(min=-15.0, max=15.0), "deg", -60.0, 60.0)
     surface_share: Sampled = quantity(Range(min=-0.15, max=0.6), None, -1.0, 1.0)
@@ -69,7 +69,7 @@ class SceneEyeStudy:
     rises by `dent_rim` of its depth.
     """
 
-    half_sphere_share: float = _share(25.0)  # no cornea: one radius, as the wall of `phantom`
+    half_sphere_share: float = _share(0.25)  # no cornea: one radius, as the wall of `phantom`
     cornea_radius_m: Sampled = quantity(Range(min=6.3, max=9.0), "mm", 3.0, 50.0)
     sclera_radius_m: Sampled = quantity(Range(min=10.5, max=14.0), "mm", 3.0, 50.0)
     limbus_m: Sampled = quantity(Range(min=5.2, max=7.2), "mm", 1.0, 20.0)
@@ -79,7 +79,7 @@ class SceneEyeStudy:
     sclera_thickness_m: Sampled = quantity(Range(min=350.0, max=1200.0), "um", 100.0, 3000.0)
     wave_m: Sampled = quantity(Range(min=0.0, max=40.0), "um", 0.0, 1000.0)
     wave_length_m: Sampled = quantity(Range(min=0.8, max=5.0), "mm", 0.1, 50.0)
-    dent_share: float = _share(40.0)
+    dent_share: float = _share(0.4)
     dent_depth_m: Sampled = quantity(Range(min=0.05, max=4.0), "mm", 0.0, 12.0)
     dent_width_m: Sampled = quantity(Range(min=0.3, max=2.5), "mm", 0.05, 10.0)
     dent_rim: Sampled = quantity(Range(min=0.0, max=0.2), None, 0.0, 1.0)
@@ -111,33 +111,33 @@ class SceneTissueStudy:
     reflection_db: Sampled = quantity(Range(min=-6.0, max=18.0), None, -60.0, 60.0)
     reflection_angle_rad: Sampled = quantity(Range(min=3.0, max=20.0), "deg", 0.1, 90.0)
     boundary_db: Sampled = quantity(Range(min=-10.0, max=10.0), None, -60.0, 60.0)
-    corrected_share: float = _share(40.0)  # the scanner has corrected the depth and the bending of the rays
+    corrected_share: float = _share(0.4)  # the scanner has corrected the depth and the bending of the rays
     refractive_index: Sampled = quantity(Range(min=1.33, max=1.42), None, 1.0, 2.0)
-    conjunctiva_share: float = _share(35.0)
+    conjunctiva_share: float = _share(0.35)
     conjunctiva_m: Sampled = quantity(Range(min=50.0, max=250.0), "um", 1.0, 2000.0)
     conjunctiva_db: Sampled = quantity(Range(min=-12.0, max=2.0), None, -60.0, 40.0)
     tenon_share: Sampled = quantity(Range(min=0.2, max=0.7), None, 0.0, 1.0)  # lower part of the conjunctiva
     tenon_db: Sampled = quantity(Range(min=-18.0, max=-3.0), None, -60.0, 40.0)
-    uvea_share: float = _share(75.0)
+    uvea_share: float = _share(0.75)
     choroid_m: Sampled = quantity(Range(min=80.0, max=320.0), "um", 1.0, 2000.0)
     ciliary_m: Sampled = quantity(Range(min=0.2, max=1.3), "mm", 0.01, 5.0)
     ciliary_length_m: Sampled = quantity(Range(min=2.0, max=6.0), "mm", 0.1, 20.0)
     uvea_db: Sampled = quantity(Range(min=-16.0, max=-1.0), None, -60.0, 40.0)
     uvea_attenuation_per_m: Sampled = quantity(Range(min=0.5, max=8.0), "per_mm", 0.0, 50.0)
-    iris_share: float = _share(70.0)
+    iris_share: float = _share(0.7)
     iris_m: Sampled = quantity(Range(min=0.25, max=0.6), "mm", 0.01, 3.0)
     iris_depth_m: Sampled = quantity(Range(min=2.2, max=3.6), "mm", 0.5, 8.0)
     iris_bow_m: Sampled = quantity(Range(min=-0.8, max=0.4), "mm", -3.0, 3.0)
     pupil_m: Sampled = quantity(Range(min=1.0, max=4.0), "mm", 0.2, 6.0)
     iris_db: Sampled = quantity(Range(min=-8.0, max=6.0), None, -60.0, 40.0)
     iris_attenuation_per_m: Sampled = quantity(Range(min=1.0, max=6.0), "per_mm", 0.0, 50.0)
-    lens_share: float = _share(65.0)
+    lens_share: float = _share(0.65)
     lens_depth_m: Sampled = quantity(Range(min=-0.3, max=0.5), "mm", -3.0, 3.0)
     lens_radius_m: Sampled = quantity(Range(min=7.0, max=14.0), "mm", 3.0, 50.0)
     lens_db: Sampled = quantity(Range(min=-30.0, max=-8.0), None, -80.0, 40.0)
     capsule_db: Sampled = quantity(Range(min=-12.0, max=6.0), None, -60.0, 60.0)
     capsule_m: Sampled = quantity(Range(min=20.0, max=150.0), "um", 1.0, 1000.0)
-    haze_share: float = _share(35.0)
+    haze_share: float = _share(0.35)
     haze_db: Sampled = quantity(Range(min=-30.0, max=-12.0), None, -80.0, 20.0)
 
     def __post_init__(self) -> None:
@@ -154,7 +154,7 @@ class SceneOverStudy:
     angle is against the depth; a glass one passes `glass_pass_fraction`. `tip_gap_m` lies between its tip and the wall.
     """
 
-    lid_share: float = _share(20.0)
+    lid_share: float = _share(0.2)
     lid_reach: Sampled = quantity(Range(min=0.04, max=0.35), None, 0.0, 1.0)
     lid_m: Sampled = quantity(Range(min=0.6, max=2.5), "mm", 0.01, 10.0)
     lid_gap_m: Sampled = quantity(Range(min=0.0, max=0.8), "mm", 0.0, 10.0)
@@ -162,19 +162,19 @@ class SceneOverStudy:
     lid_attenuation_per_m: Sampled = quantity(Range(min=1.0, max=5.0), "per_mm", 0.0, 50.0)
     lash_count: Sampled = quantity(Choice((0, 0, 0, 0, 1, 3)), None, 0, 50)
     lash_m: Sampled = quantity(Range(min=60.0, max=160.0), "um", 5.0, 1000.0)
-    contact_lens_share: float = _share(35.0)
+    contact_lens_share: float = _share(0.35)
     lens_m: Sampled = quantity(Range(min=80.0, max=450.0), "um", 10.0, 2000.0)
     lens_gap_m: Sampled = quantity(Range(min=0.0, max=600.0), "um", 0.0, 5000.0)
     lens_reach_m: Sampled = quantity(Range(min=5.0, max=10.0), "mm", 1.0, 20.0)
     lens_db: Sampled = quantity(Range(min=4.0, max=28.0), None, -20.0, 80.0)
     speck_count: Sampled = quantity(Choice((0, 0, 20, 80, 200)), None, 0, 5000)
     speck_db: Sampled = quantity(Range(min=4.0, max=18.0), None, -20.0, 80.0)
-    coverslip_share: float = _share(10.0)
+    coverslip_share: float = _share(0.1)
     coverslip_height_m: Sampled = quantity(Range(min=0.02, max=1.0), "mm", 0.0, 10.0)
     coverslip_m: Sampled = quantity(Range(min=80.0, max=300.0), "um", 10.0, 3000.0)
     coverslip_tilt_rad: Sampled = quantity(Range(min=-4.0, max=4.0), "deg", -45.0, 45.0)
     coverslip_db: Sampled = quantity(Range(min=6.0, max=30.0), None, -20.0, 80.0)
-    drape_share: float = _share(8.0)
+    drape_share: float = _share(0.08)
     drape_m: Sampled = quantity(Range(min=80.0, max=300.0), "um", 10.0, 3000.0)
     drape_reach: Sampled = quantity(Range(min=0.05, max=0.3), None, 0.0, 1.0)
     drape_db: Sampled = quantity(Range(min=10.0, max=30.0), None, -20.0, 80.0)
@@ -185,14 +185,14 @@ class SceneOverStudy:
     vessel_count: Sampled = quantity(Choice((0, 0, 2, 4, 10)), None, 0, 100)
     vessel_m: Sampled = quantity(Range(min=20.0, max=350.0), "um", 1.0, 5000.0)
     vessel_loss_fraction: Sampled = quantity(Range(min=20.0, max=92.0), "percent", 0.0, 100.0)
-    air_share: float = _share(5.0)
+    air_share: float = _share(0.05)
     air_m: Sampled = quantity(Range(min=0.2, max=2.0), "mm", 0.01, 20.0)
-    needle_share: float = _share(15.0)
+    needle_share: float = _share(0.15)
     needle_m: Sampled = quantity(Range(min=184.0, max=718.0), "um", 20.0, 3000.0)  # 34G to 22G
     needle_angle_rad: Sampled = quantity(Range(min=-45.0, max=45.0), "deg", -80.0, 80.0)
     needle_db: Sampled = quantity(Range(min=8.0, max=32.0), None, -20.0, 80.0)
     tip_gap_m: Sampled = quantity(Range(min=0.0, max=1.0), "mm", 0.0, 10.0)
-    glass_share: float = _share(20.0)
+    glass_share: float = _share(0.2)
     glass_pass_fraction: Sampled = quantity(Range(min=30.0, max=90.0), "percent", 0.0, 100.0)
 
     def __post_init__(self) -> None:
@@ -216,7 +216,7 @@ class SceneScannerStudy:
     looks: Sampled = quantity(Range(min=1.0, max=12.0), None, 1.0, 1000.0)
     rolloff_db: Sampled = quantity(Range(min=0.0, max=10.0), None, 0.0, 80.0)
     noise_tilt_db: Sampled = quantity(Range(min=-3.0, max=3.0), None, -40.0, 40.0)
-    flare_share: float = _share(35.0)
+    flare_share: float = _share(0.35)
     flare_db: Sampled = quantity(Range(min=2.0, max=22.0), None, -20.0, 80.0)
     flare_m: Sampled = quantity(Range(min=15.0, max=200.0), "um", 1.0, 5000.0)
     line_count: Sampled = quantity(Choice((0, 0, 0, 1, 3)), None, 0, 50)
@@ -225,18 +225,18 @@ class SceneScannerStudy:
     streak_count: Sampled = quantity(Choice((0, 0, 0, 1, 3)), None, 0, 50)
     streak_db: Sampled = quantity(Range(min=2.0, max=12.0), None, -20.0, 80.0)
     streak_m: Sampled = quantity(Range(min=0.1, max=0.5), "mm", 0.01, 10.0)
-    mirrored_share: float = _share(50.0)
-    linear_share: float = _share(12.0)
-    root_share: float = _share(18.0)
+    mirrored_share: float = _share(0.5)
+    linear_share: float = _share(0.12)
+    root_share: float = _share(0.18)
     display_floor_db: Sampled = quantity(Range(min=-8.0, max=3.0), None, -60.0, 60.0)
     saturated_fraction: Sampled = quantity(Range(min=0.02, max=3.0), "percent", 0.0, 50.0)
     gamma: Sampled = quantity(Range(min=0.7, max=1.6), None, 0.05, 20.0)
     bits: Sampled = quantity(Choice((8, 8, 10, 12, 16)), None, 8, 16)
-    lost_share: float = _share(10.0)
+    lost_share: float = _share(0.1)
     lost_columns: Sampled = quantity(Choice((1, 2, 4, 8, 20)), None, 1, 1000)
-    band_share: float = _share(25.0)
+    band_share: float = _share(0.25)
     band_fraction: Sampled = quantity(Range(min=0.5, max=8.0), "percent", 0.0, 45.0)
-    arc_share: float = _share(25.0)
+    arc_share: float = _share(0.25)
     arc_fraction: Sampled = quantity(Range(min=1.0, max=12.0), "percent", 0.0, 45.0)
     mark_count: Sampled = quantity(Choice((0, 0, 0, 0, 1, 2)), None, 0, 50)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.laboratory.scenes.window import Curve, Window
-from scleraforce.laboratory.speckle import Float
+from scleraforce.segmentation.grid import Float
 
 __all__ = ["Picture", "Ridge", "empty_picture", "level"]
 

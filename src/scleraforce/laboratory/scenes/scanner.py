@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from scleraforce.laboratory.scenes.picture import Picture, Ridge, level
 from scleraforce.laboratory.scenes.window import Curve, Window
-from scleraforce.laboratory.speckle import Complex, Float, add_ridge, amplitude_sigma, circular_gaussian, seen_through
+from scleraforce.laboratory.speckle import Complex, add_ridge, amplitude_sigma, circular_gaussian, seen_through
 from scleraforce.recording.pixels import Pixels
+from scleraforce.segmentation.grid import Float
 from scleraforce.study import SceneScannerStudy, draw
 
 __all__ = ["Shown", "scanned"]

@@ -36,7 +36,7 @@ class Tissue:
     refractive_index: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Light:
     """Levels of a scene's tissue."""
 
@@ -53,7 +53,7 @@ def draw_tissue(study: SceneTissueStudy, wall: DrawnWall, picture: Picture, rng:
     """Draw the tissue into an empty picture; return where the wall is."""
     window = picture.window
     index = 1.0 if rng.random() < study.corrected_share else draw(study.refractive_index, rng)
-    light = _Light(study, draw(study.snr_db, rng), index, rng)
+    light = _Light(study=study, snr_db=draw(study.snr_db, rng), stretch=index, rng=rng)
     over_m = _conjunctiva(study, wall, rng)
     rays = rays_below(heights(wall.offset(-over_m), window), window, index)
     outer = window.row(rays.apparent(heights(wall.outer, window)))

@@ -20,7 +20,7 @@ STEEPEST_DENT = 2.0  # depth of a dent over its width, at most: its side slopes 
 CENTRED_SHARE = 0.1  # of the range of places: a view of the apex
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DrawnWall:
     """A wall in the frame: its meridian's points (point,), from left to right.
 
@@ -70,7 +70,16 @@ def draw_wall(eye: SceneEyeStudy, looked_at: SceneWindowStudy, window: Window, r
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     dent_m = None if dent_arc_m is None else float(np.interp(dent_arc_m, arc_m[kept], placed[kept, 0]))
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    return DrawnWall(placed[kept], normal, thickness_m[kept], cornea[kept], arc_m[kept], pose, limbus_m, dent_m)
+    return DrawnWall(
+        outer=placed[kept],
+        normal=normal,
+        thickness_m=thickness_m[kept],
+        cornea=cornea[kept],
+        arc_m=arc_m[kept],
+        pose=pose,
+        limbus_m=limbus_m,
+        dent_m=dent_m,
+    )
 
 
 def _cornea(eye: SceneEyeStudy, arc_m: Curve, rng: np.random.Generator) -> tuple[Curve, float | None]:

@@ -17,7 +17,7 @@ ABOVE_SHARE = 0.25  # of the frame's rows that are drawn above the zero delay, f
 BEYOND_SHARE, GRID_POINTS = 0.35, 512  # of the frame's width that curves are known beyond it, at so many places
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Window:
     """A frame of `rows` x `columns` pixels, with `above` more rows over it.
 
@@ -66,7 +66,13 @@ def draw_window(study: SceneWindowStudy, rng: np.random.Generator) -> Window:
     depth_m = width_m * draw_even_logarithm(study.depth_share, rng)
     finest_m, coarsest_m = study.pixel_m.bounds
     rows = round(min(max(draw(study.rows, rng), depth_m / coarsest_m), depth_m / finest_m))
-    return Window(rows, round(draw(study.columns, rng)), round(ABOVE_SHARE * rows), width_m, depth_m)
+    return Window(
+        rows=rows,
+        columns=round(draw(study.columns, rng)),
+        above=round(ABOVE_SHARE * rows),
+        width_m=width_m,
+        depth_m=depth_m,
+    )
 
 
 def draw_even_logarithm(values: Sampled, rng: np.random.Generator) -> float:
