@@ -38,6 +38,7 @@ from scleraforce.study import ScenesStudy, Study, WallFinderStudy
 REAL = Path(__file__).resolve().parents[2] / "shared" / "real-oct"
 STUDY = Study()
 FIRST_SCENE = VALIDATION_SCENES + 10**6  # behind those that the training was measured on
+RIGHT, WRONG = 0.9, 0.75  # Dice from which on a wall is right, below which it is wrong
 CELL = (300, 420)  # rows and columns of a picture in the sheet
 
 Case = tuple[Pixels, PixelScale, NDArray[np.uint8]]
@@ -74,11 +75,23 @@ def print_dice(name: str, cases: Iterator[Case], finder: WallFinder) -> None:
         for key, mask in zip(shares, masks, strict=True):
             shares[key].append(mask_dice(mask, true))
         usable.append(checked.usable)
-    rows = {**shares, "usable": [share for share, good in zip(shares["together"], usable, strict=True) if good]}
+    print_rows(name, shares, np.array(usable, dtype=np.bool_))
+
+
+def print_rows(name: str, shares: dict[str, list[float]], usable: NDArray[np.bool_]) -> None:
+    """Print the Dice of each way, and how many frames are usable by which way is right in them."""
+    rows = {**shares, "usable": np.array(shares["together"])[usable].tolist()}
     for key, found in rows.items():
         if found:
             low, middle = np.quantile(found, [0.05, 0.5])
             print(f"{name:10}{key:12}{len(found):8}{np.mean(found):8.3f}{middle:8.3f}{low:8.3f}{min(found):8.3f}")
+    classical, together = (np.array(shares[key]) for key in ("find_wall", "together"))
+    for words, among in (
+        ("both ways are right", (classical >= RIGHT) & (together >= RIGHT)),
+        ("only together", (classical < WRONG) & (together >= RIGHT)),
+        ("neither", (classical < WRONG) & (together < WRONG)),
+    ):
+        print(f"{name:10}{words:22}{np.count_nonzero(among):5} frames, usable {np.count_nonzero(among & usable):5}")
 
 
 def print_latency(finder: WallFinder, study: WallFinderStudy, readings: int) -> None:

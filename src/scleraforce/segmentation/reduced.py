@@ -1,5 +1,7 @@
 """A raw frame as the wall finder sees it: reduced to few pixels, its noise at 0 and its bright tissue at 1."""
 
+from typing import cast
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +25,7 @@ def reduced_frame(frame: Pixels, rows: int, columns: int) -> Float:
         rows: of the answer.
         columns: of the answer.
     """
-    smaller = frame.shape[0] >= rows and frame.shape[1] >= columns
-    method = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
-    small = cv2.resize(frame, (columns, rows), interpolation=method).astype(np.float32)
+    small = _resized(frame, rows, columns)
     lit = small[small > float(small.max()) * np.float32(BLACK_SHARE)]
     if not len(lit):
         return np.zeros((rows, columns), dtype=np.float32)
@@ -36,6 +36,18 @@ def reduced_frame(frame: Pixels, rows: int, columns: int) -> Float:
         return np.zeros((rows, columns), dtype=np.float32)
     scaled: Float = np.clip((small - np.float32(low)) / np.float32(high - low), LEAST_LEVEL, LARGEST_LEVEL)
     return scaled
+
+
+def _resized(frame: Pixels, rows: int, columns: int) -> Float:
+    """Return the means of a frame over so many rows and columns; halves first, which is many times quicker."""
+    while frame.shape[0] >= 2 * rows and frame.shape[1] >= columns and not frame.shape[0] % 2:
+        frame = cast(Pixels, cv2.resize(frame, (frame.shape[1], frame.shape[0] // 2), interpolation=cv2.INTER_LINEAR))
+    while frame.shape[1] >= 2 * columns and frame.shape[0] >= rows and not frame.shape[1] % 2:
+        frame = cast(Pixels, cv2.resize(frame, (frame.shape[1] // 2, frame.shape[0]), interpolation=cv2.INTER_LINEAR))
+    smaller = frame.shape[0] >= rows and frame.shape[1] >= columns
+    method = cv2.INTER_AREA if smaller else cv2.INTER_LINEAR
+    resized: Float = cv2.resize(frame, (columns, rows), interpolation=method).astype(np.float32)
+    return resized
 
 
 def reduced_columns(columns: int, answers: int) -> NDArray[np.float64]:

@@ -112,10 +112,12 @@ def _boundary(probability: NDArray[np.float32], wall: NDArray[np.float32]) -> tu
     """
     score = np.log(np.maximum(probability.T, np.float32(LEAST_PROBABILITY))) * wall[:, None]
     path = best_path(np.ascontiguousarray(score, dtype=np.float32), REACH_ROWS)
-    row = np.arange(len(probability), dtype=np.float64)[:, None]
-    near = np.where(np.abs(row - path) <= NEAR_ROWS, probability, 0.0)
-    mean: Curve = (near * row).sum(axis=0) / np.maximum(near.sum(axis=0), LEAST_PROBABILITY)
-    unlikely = near.sum(axis=0) < LEAST_PROBABILITY
-    mean = np.where(unlikely, path, mean)
-    spread = np.sqrt((probability * (row - mean) ** 2).sum(axis=0))
+    off = np.arange(-NEAR_ROWS, NEAR_ROWS + 1)[:, None]
+    near = np.clip(path + off, 0, len(probability) - 1)
+    weight = probability[near, np.arange(len(path))].astype(np.float64)
+    weight += LEAST_PROBABILITY  # where nothing speaks for these rows, the path's own
+    mean: Curve = (weight * near).sum(axis=0) / weight.sum(axis=0)
+    row = np.arange(len(probability), dtype=np.float32)
+    first, second = row @ probability, np.square(row) @ probability  # moments of all rows
+    spread = np.sqrt(np.maximum(second - 2.0 * mean * first + mean**2, 0.0))
     return mean, np.maximum(spread, LEAST_SPREAD_ROWS)
