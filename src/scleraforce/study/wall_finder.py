@@ -26,7 +26,7 @@ class WallFinderStudy:
     weight_decay: float = quantity(1e-4, None, 0.0, 1.0)
     max_gradient_norm: float = quantity(5.0, None, 1e-6, 1e6)
     batch_size: int = quantity(8, None, 1, 10_000)
-    batches: int = quantity(2400, None, 1, 10_000_000)
+    batches: int = quantity(2000, None, 1, 10_000_000)
     validation_scenes: int = quantity(400, None, 1, 1_000_000)
     seed: int = quantity(0, None, 0, 2**31 - 1)
 
