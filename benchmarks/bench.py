@@ -1,9 +1,10 @@
 """Run every benchmark of this folder, one after the other, each in a process of its own.
 
-    python benchmarks/bench.py [NAME...] [--model MODEL] [--recording RECORDING]
+    python benchmarks/bench.py [NAME...] [--model MODEL] [--recording RECORDING] [--finder MODEL]
 
 `bench_NAME.py` prints its tables; NAME picks some. Those that read frames need a model of kind "reader", the monitor a
-recording of `scleraforce phantom` too: without them they are left out, by name. Times on a shared machine tell ratios,
+recording of `scleraforce phantom` too, that of the wall finder a model of that kind: without them they are left out,
+by name. Times on a shared machine tell ratios,
 not seconds.
 """
 
@@ -18,6 +19,7 @@ NEEDED = {
     "monitor": ["latency", "{model}", "{recording}"],
     "monitor_sessions": ["{model}"],
     "reader": ["{model}"],
+    "wall_finder": ["{finder}"],
 }
 
 
@@ -27,12 +29,13 @@ def main() -> int:
     parser.add_argument("name", nargs="*")
     parser.add_argument("--model", help='of kind "reader"')
     parser.add_argument("--recording", help="virtual acquisition")
+    parser.add_argument("--finder", help='of kind "wall-finder"')
     given = parser.parse_args()
     known = {path.stem.removeprefix("bench_"): path for path in sorted(FOLDER.glob("bench_*.py"))}
     if unknown := set(given.name) - set(known):
         print(f"error: {', '.join(sorted(unknown))}: no such benchmark; known: {', '.join(known)}", file=sys.stderr)
         return 2
-    had = {key: value for key in ("model", "recording") if (value := getattr(given, key))}
+    had = {key: value for key in ("model", "recording", "finder") if (value := getattr(given, key))}
     failed, left_out = [], []
     for name in given.name or known:
         needed = NEEDED.get(name, [])

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from small_finder import write_blind_finder
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 FOUND = sorted(path.stem for kind in ("bench_*.py", "figure_*.py") for path in FOLDER.glob(kind))
@@ -31,6 +32,7 @@ SMALLEST = {
     "bench_segmentation": "--frames 2 --rounds 8",
     "figure_real_tissue": "--out {out}",
     "bench_stiffening": "--rows 1",
+    "bench_wall_finder": "{finder} --scenes 3 --phantoms 2 --readings 3",
     "figure_sealed_eye": "{model} --frames 2 --out {out}",
     "figure_supports": "--study {study} --out {out}",
 }
@@ -93,6 +95,9 @@ class Given(dict[str, Path]):
 
     def __missing__(self, key: str) -> Path:
         fixture = self._request.getfixturevalue
+        if key == "finder":
+            write_blind_finder(self._folder / "finder")
+            return self._folder / "finder"
         if key in ("model", "recording"):
             return fixture("folder") / {"model": "reader", "recording": "eye"}[key]
         return self._folder / "picture.png" if key == "out" else fixture({"study": "study_file"}.get(key, key))

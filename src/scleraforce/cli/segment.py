@@ -25,7 +25,9 @@ from scleraforce.whole_files import KINDS, read_bytes, write_whole
 
 if TYPE_CHECKING:
     from scleraforce.recording.images import Pixels
-    from scleraforce.recording.scaled_frame import Scanner
+    from scleraforce.recording.scaled_frame import ScaledFrame, Scanner
+    from scleraforce.segmentation.wall import Segmentation
+    from scleraforce.segmentation.wall_finder import WallFinder
 
 __all__ = ["segment"]
 
@@ -46,6 +48,7 @@ class _Asked:
     transpose: bool
     overlay: bool
     force: bool
+    finder: "WallFinder | None"
 
 
 @click.command()
@@ -53,6 +56,8 @@ class _Asked:
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder for the masks.")
 @scanner_options
 @click.option("--overlay", is_flag=True, help="Write NAME.overlay.png too: the boundaries drawn on the frame.")
+@click.option("--wall-finder", "finder_path", type=click.Path(path_type=Path),
+              help="Model of `train --kind wall-finder`: both ways to find the wall check each other.")  # fmt: skip
 @click.option("--force", is_flag=True, help="Replace masks that are there.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def segment(
@@ -63,6 +68,7 @@ def segment(
     refractive_index: float | None,
     transpose: bool,
     overlay: bool,
+    finder_path: Path | None,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -74,9 +80,14 @@ def segment(
     into a folder for each. Where nothing states how large a frame is, 15 x 4 mm
     are assumed, and said.
 
+    With --wall-finder, a network that learned from drawn scenes looks for the
+    wall too. Its wall, refined, is written; a frame in which both ways differ
+    by more than they are unsure of is not usable.
+
     Example: scleraforce segment recordings/eye-1 --out masks --overlay
     """
-    asked = _Asked(told_scanner(width_mm, depth_mm, refractive_index), transpose, overlay, force)
+    told = told_scanner(width_mm, depth_mm, refractive_index)
+    asked = _Asked(told, transpose, overlay, force, _wall_finder(finder_path))
     found = list(each_of(_plan_masks(frames, out), lambda source: _segment_frame(source, asked)))
     if as_json:
         print_json({"out": str(out), "frames": [_entry(*each) for each in found]})
@@ -84,6 +95,15 @@ def segment(
         for line in _lines([entry for _, entry in found if not isinstance(entry, InputError)]):
             click.echo(line)
     end_with_faults(entry for _, entry in found)
+
+
+def _wall_finder(path: Path | None) -> "WallFinder | None":
+    if path is None:
+        return None
+    # Imported here: ONNX Runtime takes longer to import than frames to segment.
+    from scleraforce.reader.wall_finder_model import load_wall_finder
+
+    return load_wall_finder(path)
 
 
 def _plan_masks(given: tuple[Path, ...], out: Path) -> list[_Source]:
@@ -130,13 +150,12 @@ def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
     """Segment one frame, write its mask and, where asked for, its overlay; return what is to be told about it."""
     from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame
     from scleraforce.segmentation.overlay import draw_overlay
-    from scleraforce.segmentation.wall import find_wall
 
     scanner = OctStudy()
     assumed = Scanner(width_m=scanner.width_m, depth_m=scanner.depth_m, refractive_index=scanner.refractive_index)
     frame = read_scaled_frame(source.frame, asked.told, (assumed, ASSUMED), asked.transpose)
     try:
-        found = find_wall(frame.pixels, frame.scale)
+        found = _found(frame, asked.finder)
     except ValueError as fault:
         raise FrameError(f"{source.frame}: {fault}") from fault
     _write(source.mask, found.mask.T if asked.transpose else found.mask, asked.force)
@@ -154,6 +173,16 @@ def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
         "thickness_um": from_si(found.thickness_m, "um"),
         "scale": scale_entry(frame),
     }
+
+
+def _found(frame: "ScaledFrame", finder: "WallFinder | None") -> "Segmentation":
+    if finder is None:
+        from scleraforce.segmentation.wall import find_wall
+
+        return find_wall(frame.pixels, frame.scale)
+    from scleraforce.segmentation.checked_wall import find_checked_wall
+
+    return find_checked_wall(frame.pixels, frame.scale, finder)
 
 
 def _write(path: Path, picture: "Pixels", force: bool) -> None:

@@ -1,4 +1,4 @@
-"""`scleraforce train`: train the network on simulated slices."""
+"""`scleraforce train`: train a network on simulated slices, on a response library, or on drawn scenes."""
 
 import time
 from pathlib import Path
@@ -18,21 +18,25 @@ __all__ = ["train"]
 
 
 @click.command()
-@click.argument("dataset_path", metavar="DATASET", type=click.Path(path_type=Path))
+@click.argument("dataset_path", metavar="[DATASET]", required=False, type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Model folder to write; must not exist.")
-@click.option("--kind", type=click.Choice(["classifier", "reader"]), default="classifier", show_default=True,
-              help="What the network answers.")  # fmt: skip
+@click.option("--kind", type=click.Choice(["classifier", "reader", "wall-finder"]), default="classifier",
+              show_default=True, help="What the network answers.")  # fmt: skip
 @click.option(
     "--search", is_flag=True, help="Try every size of the grid (search_widths x search_depths), keep the best."
 )
 @click.option("--study", "study_path", type=click.Path(path_type=Path),
-              help="Study file whose [network] or [reader] to use; default: the data set's, the paper's.")  # fmt: skip
+              help="Study file whose [network], [reader] or [scenes] and [wall_finder] to use; default: the data "
+                   "set's, the paper's.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def train(dataset_path: Path, out: Path, kind: str, search: bool, study_path: Path | None, as_json: bool) -> None:
-    """Train a network on DATASET.
+def train(
+    dataset_path: Path | None, out: Path, kind: str, search: bool, study_path: Path | None, as_json: bool
+) -> None:
+    """Train a network on DATASET, or on drawings alone.
 
     The classifier learns from a data set of `scleraforce generate`, the reader
-    from a response library of `scleraforce library`.
+    from a response library of `scleraforce library`. The wall finder needs
+    none: it learns from scenes that are drawn as it goes.
 
     Writes a model folder: model.onnx, study.toml, card.md and model.json with
     the curves of the training; a reader's has library.npz, too. The same data
@@ -41,8 +45,16 @@ def train(dataset_path: Path, out: Path, kind: str, search: bool, study_path: Pa
     Example: scleraforce train paper.zarr --out model
 
     Example: scleraforce train library.zarr --kind reader --out model
+
+    Example: scleraforce train --kind wall-finder --out finder
     """
-    if kind == "reader":
+    if kind == "wall-finder":
+        if dataset_path is not None:
+            raise click.UsageError(f"{dataset_path}: --kind wall-finder draws its scenes; leave DATASET out")
+        _train_wall_finder(out, search, study_path, as_json)
+    elif dataset_path is None:
+        raise click.UsageError(f"--kind {kind}: DATASET is missing; only --kind wall-finder needs none")
+    elif kind == "reader":
         _train_reader(dataset_path, out, search, study_path, as_json)
     else:
         _train_classifier(dataset_path, out, search, study_path, as_json)
@@ -82,6 +94,28 @@ def _train_reader(library_path: Path, out: Path, search: bool, study_path: Path 
         f"validation: force {from_si(metrics.mae_n, 'mn'):.2f} mN off, {metrics.coverage:.1%} within the 90 % "
         "interval\n"
         f"validation accuracy {metrics.accuracy:.2%} (95 % interval {low:.2%} to {high:.2%})"
+    )
+
+
+def _train_wall_finder(out: Path, search: bool, study_path: Path | None, as_json: bool) -> None:
+    start = time.perf_counter()
+    if search:
+        raise click.UsageError("--search is for --kind classifier: a wall finder has the sizes of [wall_finder]")
+    study = Study() if study_path is None else read_study(study_path)
+    # Imported here: PyTorch takes longer to import than the help to print.
+    from scleraforce.learning.wall_finder.train import train_wall_finder
+
+    with count_bar("batches", study.wall_finder.batches) as advance:
+        trained = train_wall_finder(study, out, progress=advance)
+    metrics, seconds = trained.metrics, time.perf_counter() - start
+    if as_json:
+        found = {"model": str(out), "kind": "wall-finder", "batches": trained.batches, "scenes": trained.scenes}
+        print_json({**found, **vars(metrics), "seconds": seconds})
+        return
+    click.echo(
+        f"wrote {out}: {trained.scenes} scenes in {trained.batches} batches, {seconds:.1f} s\n"
+        f"scenes that it never saw: Dice {metrics.dice_mean:.3f} in the mean, {metrics.dice_median:.3f} in the median; "
+        f"{metrics.coverage:.1%} of the boundaries within 1.645 standard deviations"
     )
 
 

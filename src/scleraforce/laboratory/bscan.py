@@ -10,20 +10,26 @@ sensitivity does not fall off with depth, and everything below the first surface
 """
 
 from dataclasses import dataclass
-from math import ceil, log, sqrt
+from math import sqrt
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.laboratory.optics import BscanOptics
+from scleraforce.laboratory.speckle import (
+    Complex,
+    add_ridge,
+    amplitude_sigma,
+    circular_gaussian,
+    decibel,
+    seen_through,
+    transmission,
+)
 from scleraforce.section.plane import Section
+from scleraforce.segmentation.grid import Float
 from scleraforce.study import OctStudy
 
 __all__ = ["Bscan", "column_crossings", "render_bscan"]
-
-Float = NDArray[np.float32]
-Complex = NDArray[np.complex64]
 
 
 @dataclass(frozen=True)
@@ -64,13 +70,13 @@ def render_bscan(section: Section, oct_study: OctStudy, optics: BscanOptics, rng
     """
     pixel_m = oct_study.depth_m / oct_study.rows
     tissue = _fill_columns(section, oct_study, optics.choroid_thickness_m)
-    field = np.sqrt(_backscatter(tissue, oct_study, optics)) * _circular_gaussian(tissue.wall.shape, rng)
-    sigma_rows = _amplitude_sigma(optics.axial_resolution_m) / pixel_m
-    sigma_columns = _amplitude_sigma(optics.lateral_resolution_m) / (oct_study.width_m / oct_study.columns)
-    field = _blur(field, sigma_rows, sigma_columns)
+    field = np.sqrt(_backscatter(tissue, oct_study, optics)) * circular_gaussian(tissue.wall.shape, rng)
+    sigma_rows = amplitude_sigma(optics.axial_resolution_m) / pixel_m
+    sigma_columns = amplitude_sigma(optics.lateral_resolution_m) / (oct_study.width_m / oct_study.columns)
+    field = seen_through(field, sigma_rows, sigma_columns)
     _add_reflection(field, tissue.surface_row, oct_study, optics, sigma_rows, rng)
     _add_lines(field, tissue.surface_row, oct_study, optics, rng)
-    field += _circular_gaussian(field.shape, rng)
+    field += circular_gaussian(field.shape, rng)
     frame = _compress(field, oct_study.bits, optics)
     mask = np.where(tissue.wall >= 0.5, 255, 0).astype(np.uint8)
     band = round(optics.band_m / oct_study.width_m * oct_study.columns)
@@ -176,8 +182,8 @@ def _layer_crossings(inside_m: Float, thickness_m: float) -> Float:
 def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> Float:
     """Return the mean intensity that comes back from each pixel, over the mean noise, shape (rows, columns)."""
     depth = optics.attenuation_per_m * tissue.wall_path_m + optics.choroid_attenuation_per_m * tissue.choroid_path_m
-    scatter = tissue.wall + _decibel(optics.choroid_level_db) * tissue.choroid
-    light = _decibel(optics.snr_db) * _transmission(oct_study, optics)
+    scatter = tissue.wall + decibel(optics.choroid_level_db) * tissue.choroid
+    light = decibel(optics.snr_db) * _transmission(oct_study, optics)
     intensity: Float = (scatter * np.exp(-2.0 * depth) * light).astype(np.float32)
     return intensity
 
@@ -185,11 +191,7 @@ def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> F
 def _transmission(oct_study: OctStudy, optics: BscanOptics) -> Float:
     """Return the share of the light that the shadows leave in each column, shape (columns,)."""
     columns_m = (np.arange(oct_study.columns) + 0.5) / oct_study.columns * oct_study.width_m - oct_study.width_m / 2
-    left = np.ones(oct_study.columns)
-    for shadow in optics.shadows:
-        across = (columns_m - shadow.centre_m) / (shadow.width_m / 2)
-        left *= 1.0 - shadow.loss_fraction * np.exp(-log(2.0) * across**4)  # flat bottom, soft edges
-    return left.astype(np.float32)
+    return transmission(optics.shadows, columns_m)
 
 
 def _add_reflection(
@@ -204,8 +206,8 @@ def _add_reflection(
     pixel_ratio = (oct_study.depth_m / oct_study.rows) / (oct_study.width_m / oct_study.columns)
     slope = np.arctan(np.gradient(surface_row) * pixel_ratio)
     share = np.exp(-((slope / optics.reflection_angle_rad) ** 2))
-    intensity = _decibel(optics.snr_db + optics.reflection_db) * share * _transmission(oct_study, optics)
-    _add_ridge(field, surface_row, np.sqrt(intensity), sigma_rows, rng)
+    intensity = decibel(optics.snr_db + optics.reflection_db) * share * _transmission(oct_study, optics)
+    add_ridge(field, surface_row, np.sqrt(intensity), sigma_rows, rng)
 
 
 def _add_lines(
@@ -216,59 +218,13 @@ def _add_lines(
     lateral_m = (np.arange(oct_study.columns) + 0.5) / oct_study.columns * oct_study.width_m - oct_study.width_m / 2
     ones = np.ones(oct_study.columns)
     for line in optics.lines:
-        sigma_rows = _amplitude_sigma(line.thickness_m) / pixel_m
-        _add_ridge(field, ones * line.depth_m / pixel_m, ones * sqrt(_decibel(line.level_db)), sigma_rows, rng)
+        sigma_rows = amplitude_sigma(line.thickness_m) / pixel_m
+        add_ridge(field, ones * line.depth_m / pixel_m, ones * sqrt(decibel(line.level_db)), sigma_rows, rng)
     top_m = float(np.nanmin(surface_row)) * pixel_m if np.isfinite(surface_row).any() else oct_study.depth_m
     for cover in optics.covers:
         rows = (top_m - cover.height_m + np.tan(cover.tilt_rad) * lateral_m) / pixel_m
-        sigma_rows = _amplitude_sigma(cover.thickness_m) / pixel_m
-        _add_ridge(field, rows, ones * sqrt(_decibel(cover.level_db)), sigma_rows, rng)
-
-
-def _add_ridge(
-    field: Complex,
-    depth_rows: NDArray[np.floating],
-    amplitude: NDArray[np.floating],
-    sigma_rows: float,
-    rng: np.random.Generator,
-) -> None:
-    """Add a thin bright curve with a random phase in each column to the field; NaN depths are left out."""
-    sigma = max(sigma_rows, 0.4)  # not narrower than a pixel shows
-    column = np.flatnonzero(np.isfinite(depth_rows) & np.isfinite(amplitude) & (np.abs(depth_rows) < 2 * len(field)))
-    depth, strength = depth_rows[column], amplitude[column] * np.exp(2j * np.pi * rng.random(len(column)))
-    reach = ceil(4 * sigma)
-    row = np.floor(depth).astype(int) + np.arange(-reach, reach + 1)[:, None]
-    profile = np.exp(-(((row + 0.5 - depth) / sigma) ** 2) / 2)
-    seen = (row >= 0) & (row < len(field))
-    field[row[seen], np.broadcast_to(column, row.shape)[seen]] += (profile * strength)[seen].astype(np.complex64)
-
-
-def _circular_gaussian(shape: tuple[int, ...], rng: np.random.Generator) -> Complex:
-    """Return independent complex circular Gaussian values of mean intensity 1."""
-    pairs = rng.standard_normal((*shape, 2), dtype=np.float32) * np.float32(sqrt(0.5))
-    values: Complex = pairs.view(np.complex64)[..., 0]
-    return values
-
-
-def _blur(field: Complex, sigma_rows: float, sigma_columns: float) -> Complex:
-    """See a field of independent scatterers through a Gaussian point spread function that keeps the mean intensity."""
-    parts = np.ascontiguousarray(field).view(np.float32).reshape(*field.shape, 2)
-    seen = cv2.sepFilter2D(parts, -1, _kernel(sigma_columns), _kernel(sigma_rows), borderType=cv2.BORDER_REFLECT_101)
-    values: Complex = np.ascontiguousarray(seen, dtype=np.float32).view(np.complex64)[..., 0]
-    return values
-
-
-def _kernel(sigma: float) -> NDArray[np.float64]:
-    """Return a sampled Gaussian of unit energy, shape (2 reach + 1,)."""
-    reach = ceil(3.5 * sigma)
-    values = np.exp(-((np.arange(-reach, reach + 1) / max(sigma, 1e-6)) ** 2) / 2)
-    unit: NDArray[np.float64] = values / np.sqrt((values**2).sum())
-    return unit
-
-
-def _amplitude_sigma(intensity_width_m: float) -> float:
-    """Return the standard deviation of a Gaussian amplitude from the full width at half maximum of its intensity."""
-    return intensity_width_m / (2.0 * sqrt(log(2.0)))
+        sigma_rows = amplitude_sigma(cover.thickness_m) / pixel_m
+        add_ridge(field, rows, ones * sqrt(decibel(cover.level_db)), sigma_rows, rng)
 
 
 def _compress(field: Complex, bits: int, optics: BscanOptics) -> NDArray[np.uint16]:
@@ -279,8 +235,3 @@ def _compress(field: Complex, bits: int, optics: BscanOptics) -> NDArray[np.uint
     counts = (level_db - np.float32(optics.display_floor_db)) * np.float32(top / optics.display_range_db)
     frame: NDArray[np.uint16] = np.rint(counts).clip(0, top).astype(np.uint16)
     return frame
-
-
-def _decibel(level_db: float) -> float:
-    """Return a ratio of intensities from dB."""
-    return float(10.0 ** (level_db / 10.0))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from math import cos, sin
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scleraforce.section.plane import Section
 from scleraforce.study import OctStudy, PhantomStudy, draw
@@ -80,9 +81,17 @@ class Pose:
 
     def place(self, section: Section) -> Section:
         """Return the section in the frame's own coordinates (lateral from the middle, depth from the top edge)."""
-        c, s = cos(self.tilt_rad), sin(self.tilt_rad)
-        turn = np.array([[c, s], [-s, c]])
+        turn = self._turn()
         return Section(section.outer @ turn, section.inner @ turn).shifted(self.lateral_m, self.depth_m)
+
+    def place_points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points (point, 2), m, in the frame's own coordinates."""
+        placed: NDArray[np.float64] = points @ self._turn() + np.array([self.lateral_m, self.depth_m])
+        return placed
+
+    def _turn(self) -> NDArray[np.float64]:
+        c, s = cos(self.tilt_rad), sin(self.tilt_rad)
+        return np.array([[c, s], [-s, c]])
 
 
 def sample_optics(phantom: PhantomStudy, oct_study: OctStudy, rng: np.random.Generator) -> BscanOptics:

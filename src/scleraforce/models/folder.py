@@ -27,6 +27,7 @@ __all__ = [
     "NETWORK_FILE",
     "RECORD_FILE",
     "STUDY_FILE",
+    "WALL_FINDER",
     "ModelFolder",
     "read_folder",
     "sha256",
@@ -36,7 +37,9 @@ MODEL_FORMAT = 1
 NETWORK_FILE, STUDY_FILE, CARD_FILE, RECORD_FILE = "model.onnx", "study.toml", "card.md", "model.json"
 LIBRARY_FILE = "library.npz"
 COMMON_FILES = (NETWORK_FILE, STUDY_FILE, CARD_FILE)
-FILES = {"classifier": COMMON_FILES, "reader": (*COMMON_FILES, LIBRARY_FILE)}  # of each kind, beside model.json
+WALL_FINDER = "wall-finder"
+# Of each kind, beside model.json.
+FILES = {"classifier": COMMON_FILES, "reader": (*COMMON_FILES, LIBRARY_FILE), WALL_FINDER: COMMON_FILES}
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scleraforce.errors import ModelError
 from scleraforce.known.eye import NOTHING_KNOWN, Known
 from scleraforce.models.folder import NETWORK_FILE, STUDY_FILE
+from scleraforce.models.session import run_network
 from scleraforce.reader.answers import Answer, LiveReading, unusable
 from scleraforce.reader.limits import slice_limits
 from scleraforce.reader.look import can_calibrate, look
-from scleraforce.reader.slice_network import run_network
 from scleraforce.reader.verdicts import dent_leaves
 from scleraforce.recording.info import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale

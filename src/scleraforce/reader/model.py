@@ -5,35 +5,28 @@ from os import PathLike
 from pathlib import Path
 from typing import TypeVar
 
-import onnxruntime  # type: ignore[import-untyped]  # it ships no types
-
-from scleraforce.errors import InputError, ModelError, StudyError
+from scleraforce.errors import InputError, ModelError
 from scleraforce.library.files import load_library
 from scleraforce.library.responses import Library
 from scleraforce.models.folder import (
     LIBRARY_FILE,
     NETWORK_FILE,
     RECORD_FILE,
-    STUDY_FILE,
     ModelFolder,
     read_folder,
-    sha256,
 )
+from scleraforce.models.session import check_provenance, folder_session, folder_study, network_session
 from scleraforce.reader.classifier import Classifier
 from scleraforce.reader.force_reader import ForceReader
 from scleraforce.reader.interval_factors import parse_factors
 from scleraforce.reader.reader import Reader
 from scleraforce.reader.readings import METHODS
 from scleraforce.reader.slice_network import OnnxSliceNetwork
-from scleraforce.study import Study, parse_study
+from scleraforce.study import Study
 
 __all__ = ["load_classifier", "load_force_reader", "load_model", "slice_network"]
 
-EXTERNAL = b"location"  # the key of data in other files (onnx.proto, TensorProto.external_data); none of ours has it
-
-# `scleraforce` has switched it off before ONNX Runtime was imported; this is for those who imported that first.
-onnxruntime.disable_telemetry_events()
-
+READS = (Classifier.kind, ForceReader.kind)  # kinds of models that read forces
 
 Kind = TypeVar("Kind", Classifier, ForceReader)
 
@@ -49,15 +42,17 @@ def load_model(path: str | PathLike[str], threads: int = 1) -> Reader:
         ModelError: a file is missing, was changed, or does not fit the study beside it.
     """
     folder = read_folder(Path(path))
-    study = _study(folder)
-    session = _session(folder, threads)
+    if folder.record["kind"] not in READS:
+        raise ModelError(f"{folder.path}: kind: found {folder.record['kind']!r}, {' or '.join(READS)} is needed here")
+    study = folder_study(folder)
+    session = folder_session(folder, threads)
     if folder.record["kind"] == Classifier.kind:
         classifier = Classifier(folder.path, study, folder.record, session)
-        _check_provenance(folder, session)
+        check_provenance(folder, session)
         return classifier
     factors = parse_factors(folder.record, str(folder.path / RECORD_FILE))
     network = OnnxSliceNetwork(session, study, str(folder.path / NETWORK_FILE), factors)
-    _check_provenance(folder, session)
+    check_provenance(folder, session)
     return ForceReader(folder.path, study, folder.record, network, _library(folder), _default(folder), factors)
 
 
@@ -85,7 +80,7 @@ def slice_network(network: bytes, study: Study, place: str = NETWORK_FILE) -> On
     Raises:
         ModelError: it is none, or another one than its study asks for.
     """
-    return OnnxSliceNetwork(_network_session(network, place, 1), study, place)
+    return OnnxSliceNetwork(network_session(network, place, 1), study, place)
 
 
 def _of_kind(model: Reader, wanted: type[Kind]) -> Kind:
@@ -112,39 +107,3 @@ def _default(folder: ModelFolder) -> str:
         place = folder.path / RECORD_FILE
         raise ModelError(f"{place}: default: found {reprlib.repr(default)}, expected {' or '.join(METHODS)}")
     return str(default)
-
-
-def _study(folder: ModelFolder) -> Study:
-    try:
-        return parse_study(folder.files[STUDY_FILE].decode(), str(folder.path / STUDY_FILE))
-    except (StudyError, UnicodeDecodeError) as fault:
-        raise ModelError(str(fault)) from fault
-
-
-def _session(folder: ModelFolder, threads: int) -> onnxruntime.InferenceSession:
-    return _network_session(folder.files[NETWORK_FILE], str(folder.path / NETWORK_FILE), threads)
-
-
-def _network_session(network: bytes, place: str, threads: int) -> onnxruntime.InferenceSession:
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.inter_op_num_threads = 1
-    options.log_severity_level = 4
-    if EXTERNAL in network:
-        raise ModelError(f"{place}: asks for data in other files; ours have all in this one")
-    try:
-        # There is no other provider to fall back to, and it would print to standard output that it does.
-        return onnxruntime.InferenceSession(network, options, providers=["CPUExecutionProvider"], enable_fallback=0)
-    except Exception as fault:  # ONNX Runtime's exceptions have no common base of their own
-        raise ModelError(f"{place}: not a network that ONNX Runtime reads: {fault}") from fault
-
-
-def _check_provenance(folder: ModelFolder, session: onnxruntime.InferenceSession) -> None:
-    """Check that the network was made with the study beside it."""
-    try:
-        stated = session.get_modelmeta().custom_metadata_map.get("study_sha256")
-    except ValueError as fault:  # names that are no text
-        raise ModelError(f"{folder.path / NETWORK_FILE}: metadata: {fault}") from fault
-    if stated != sha256(folder.files[STUDY_FILE]):
-        place = folder.path / NETWORK_FILE
-        raise ModelError(f"{place}: study_sha256: {stated} is not the study in {STUDY_FILE}; train the model again")

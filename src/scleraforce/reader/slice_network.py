@@ -13,6 +13,7 @@ from scleraforce.eye.globe import SAME_SLOPE_PA
 from scleraforce.known.discrepancy import NO_DISCREPANCY
 from scleraforce.known.eye import Known
 from scleraforce.known.globe import UNKNOWN
+from scleraforce.models.session import run_network
 from scleraforce.reader.force_distribution import ratio_edges, single_force
 from scleraforce.reader.given import GIVEN, Told, given_inputs, told_modulus
 from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors
@@ -20,7 +21,7 @@ from scleraforce.reader.readings import Reading
 from scleraforce.study import Study
 from scleraforce.study.globe import RIGIDITY_LAWS
 
-__all__ = ["CONTACT", "HISTOGRAM", "INPUTS", "OnnxSliceNetwork", "run_network", "told_of"]
+__all__ = ["CONTACT", "HISTOGRAM", "INPUTS", "OnnxSliceNetwork", "told_of"]
 
 SLICES, TOLD = INPUTS = ("slices", "given")
 HISTOGRAM, CONTACT = OUTPUTS = ["histogram", "contact_m"]
@@ -96,23 +97,6 @@ class OnnxSliceNetwork:
         wanted = {HISTOGRAM: ("tensor(float)", [self._study.reader.bins]), CONTACT: ("tensor(float)", [])}
         if outputs != wanted:
             raise ModelError(f"{self._place}: outputs: found {outputs}, its study asks for {wanted}")
-
-
-def run_network(
-    session: onnxruntime.InferenceSession, outputs: list[str], inputs: dict[str, NDArray[Any]], place: str
-) -> list[NDArray[Any]]:
-    """Run a network; return its outputs.
-
-    Raises:
-        ModelError: it cannot be run, or answers with numbers that are not finite; names `place`.
-    """
-    try:
-        answers: list[NDArray[Any]] = session.run(outputs, inputs)
-    except Exception as fault:  # ONNX Runtime's exceptions have no common base of their own
-        raise ModelError(f"{place}: the network cannot be run: {fault}") from fault
-    if not all(np.isfinite(answer).all() for answer in answers):
-        raise ModelError(f"{place}: the network answers with numbers that are not finite")
-    return answers
 
 
 def told_of(known: Known) -> Told:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from scleraforce.segmentation.grid import Float
 
-__all__ = ["continuation", "fine_columns", "interpolation", "nearest_point", "repeated"]
+__all__ = ["at_columns", "bridged", "continuation", "fine_columns", "interpolation", "nearest_point", "repeated"]
 
 FINE_COLUMNS = 128
 KEPT = 64  # sizes of frames: black bands at both sides may change from frame to frame
@@ -58,3 +58,33 @@ def interpolation(points: int, at: int, group: int) -> tuple[NDArray[np.intp], F
     middle = chosen.reshape(-1, group).mean(axis=1)
     matrix = np.array([np.interp(np.arange(points), middle, unit) for unit in np.eye(len(middle))]).T
     return chosen, matrix.astype(np.float32)
+
+
+def bridged(row: Float, there: NDArray[np.bool_]) -> Float:
+    """Return a curve with straight lines over what is not there."""
+    if np.count_nonzero(there) == len(there):
+        return row
+    at = np.arange(len(row))
+    bridged: Float = np.interp(at, at[there], row[there]).astype(np.float32)
+    return bridged
+
+
+def at_columns(
+    columns: int, left: int, width: int, there: NDArray[np.bool_], *curves: Float
+) -> tuple[NDArray[np.float64], ...]:
+    """Return curves at the columns of a frame whose imaged part starts at `left` and is so wide.
+
+    NaN outside of that part, and where the nearest point is not there.
+    """
+    fine, (at, nearest) = fine_columns(width), nearest_point(width)
+    known = there[nearest]
+    whole = np.count_nonzero(known) == width
+    filled = []
+    for rows in curves:
+        curve = np.empty(columns)
+        curve[:left] = curve[left + width :] = np.nan
+        curve[left : left + width] = np.interp(at, fine, rows) if whole else np.interp(at, fine[there], rows[there])
+        if not whole:
+            curve[left : left + width][~known] = np.nan
+        filled.append(curve)
+    return tuple(filled)

@@ -21,7 +21,7 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.path import best_path
 
-__all__ = ["CELLS", "GROUP", "InnerBoundary", "find_inner", "surface_stretch"]
+__all__ = ["CELLS", "CELL_M", "GROUP", "InnerBoundary", "find_inner", "surface_stretch"]
 
 CELL_M = 20e-6  # of thickness in the unrolled wall
 CELLS = 72  # 1.44 mm: the boundary is looked for down to 1.36 mm
@@ -69,9 +69,13 @@ _BEND_TO_LOW = np.float32(1.0 + (LOW_CELLS / 2 + SKIP_EDGE) / _REACH)
 
 @dataclass(frozen=True)
 class InnerBoundary:
-    """Thickness along the normal at each group of points, m, (point / GROUP,), and the share that show the boundary."""
+    """Thickness along the normal at each group of points, m, (point / GROUP,), and which of them show the boundary.
+
+    `support` is the share that do.
+    """
 
     thickness_m: Float
+    shown: NDArray[np.bool_]
     support: float
 
 
@@ -97,7 +101,13 @@ def surface_stretch(column: Float, row: Float, scale: PixelScale) -> Float:
 
 
 def find_inner(
-    frame: Pixels, floor: float, column: Float, row: Float, there: NDArray[np.bool_], along_rows: Float
+    frame: Pixels,
+    floor: float,
+    column: Float,
+    row: Float,
+    there: NDArray[np.bool_],
+    along_rows: Float,
+    prior: Float | None = None,
 ) -> InnerBoundary:
     """Find the inner boundary below a surface.
 
@@ -108,6 +118,8 @@ def find_inner(
         row: its rows in the frame, no NaN, shape (point,).
         there: whether there is a surface.
         along_rows: rows of the frame along a column for 1 m of thickness along the normal, shape (point,).
+        prior: what each edge between cells gains from what is known before, (point / GROUP, CELLS + 1); a jump gains
+            at most 1. None: nothing is known.
 
     Returns:
         The boundary; its `support` is 0 where none is seen.
@@ -124,6 +136,8 @@ def find_inner(
     upper = cast(Float, cv2.dilate(gain, _LAYER, anchor=(far - near, 0)))
     upper *= np.float32(UPPER_COST)
     score[:, near:] -= upper[:, :-near]
+    if prior is not None:
+        score += prior
     path = best_path(score, REACH_CELLS)
     point = _numbers(len(path))
     first = np.maximum(path - (SKIP_EDGE + LINE_CELLS), 0)
@@ -135,7 +149,8 @@ def find_inner(
     smooth = cv2.blur((boundary * weight)[None], (5, 1))[0]
     smooth /= cv2.blur(weight[None], (5, 1))[0]
     smooth *= np.float32(CELL_M)
-    return InnerBoundary(cast(Float, smooth), int(np.count_nonzero(shown)) / max(1, int(np.count_nonzero(testable))))
+    support = int(np.count_nonzero(shown)) / max(1, int(np.count_nonzero(testable)))
+    return InnerBoundary(cast(Float, smooth), shown, support)
 
 
 def _unroll(

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.columns import fine_columns, interpolation, nearest_point, repeated
+from scleraforce.segmentation.below_surface import grouping, in_tissue, rows_per_metre, search_below
+from scleraforce.segmentation.columns import at_columns, bridged
 from scleraforce.segmentation.grid import Float, Grid, make_grid
-from scleraforce.segmentation.inner import CELLS, GROUP, find_inner, surface_stretch
+from scleraforce.segmentation.imaged import LEAST_SHAPE, filled_columns, lit_columns
 from scleraforce.segmentation.slice import boundary_slice, boundary_slices
 from scleraforce.segmentation.surface import Surface, find_surface, refine_surface
 
@@ -21,9 +22,6 @@ __all__ = ["PixelScale", "Segmentation", "boundary_slice", "boundary_slices", "f
 
 WALL = 255
 UNSEEN_DEPTH_M = 1e-3  # below the surface: the mask ends here where the inner boundary cannot be seen
-LEAST_SHAPE = 16  # rows and columns of a frame
-LIT_ROWS = 4  # every fourth row tells whether a column is imaged
-LIT_SHARE = 0.02  # of the frame's largest count: a column that never reaches it is black
 SATURATED_SHARE, SATURATED_LEVEL = 0.4, 0.99  # share of the frame at (nearly) the largest count: saturated
 LEAST_CONTRAST = 0.6  # of the surface, in standard deviations of a pixel's noise
 LEAST_COVER = 0.4  # of the imaged width must show the wall
@@ -32,7 +30,6 @@ BOTTOM_ROWS = 7.0  # of a surface this close to the last row too little is seen:
 GAP_M = 1.5e-3  # a wall goes on behind a gap that is narrower
 GAP_SHARE = 0.15  # ... and narrower than this share of the frame
 FOUND_SHARE = 2 / 3  # of the columns must show the inner boundary
-INNER_COLUMNS = 128
 
 
 @dataclass(frozen=True)
@@ -77,13 +74,13 @@ def find_wall(frame: Pixels, scale: PixelScale) -> Segmentation:
         ValueError: not such an array, or smaller than 16 x 16.
     """
     _check(frame)
-    lit = _lit_columns(frame)
+    lit = lit_columns(frame)
     if lit is None:
         return _without_wall(frame.shape, "the frame is empty: all pixels are alike")
     left, hidden, brightest = lit
     imaged = frame[:, left : left + len(hidden)]
     if np.count_nonzero(hidden):
-        imaged = _filled(imaged, hidden)
+        imaged = filled_columns(imaged, hidden)
     grid = make_grid(imaged, scale)
     fault = _blank(grid, brightest)
     if fault:
@@ -95,7 +92,7 @@ def find_wall(frame: Pixels, scale: PixelScale) -> Segmentation:
     if seen < LEAST_SHAPE:
         return _without_wall(frame.shape, fault or "no wall was found")
     inner, thickness_m = _inner(imaged, grid.floor, scale, surface, present)
-    outer_row, inner_row = _at_columns(frame.shape[1], left, len(hidden), present, surface.row, inner)
+    outer_row, inner_row = at_columns(frame.shape[1], left, len(hidden), present, surface.row, inner)
     found = not isnan(thickness_m)
     return Segmentation(outer_row, inner_row, len(frame), not fault, fault, found, thickness_m)
 
@@ -104,18 +101,13 @@ def _inner(
     frame: Pixels, floor: float, scale: PixelScale, surface: Surface, present: NDArray[np.bool_]
 ) -> tuple[Float, float]:
     """Return the inner boundary's rows and the median thickness along the normal (NaN: not found)."""
-    tissue = PixelScale(lateral_m=scale.lateral_m, depth_m=scale.depth_m / scale.refractive_index)
-    row = _bridged(surface.row, present)
-    along_rows = surface_stretch(surface.column, row, tissue)
-    along_rows /= np.float32(tissue.depth_m)
-    points, everywhere = interpolation(len(row), INNER_COLUMNS, GROUP)
-    column, seen = repeated(frame.shape[1], CELLS), (row, present, along_rows)
-    if len(row) != INNER_COLUMNS:
-        column, seen = column[:, points], (row[points], present[points], along_rows[points])
-    inner = find_inner(frame, floor, column, *seen)
+    row = bridged(surface.row, present)
+    tissue = in_tissue(scale)
+    along_rows = rows_per_metre(frame.shape[1], row, tissue)
+    inner = search_below(frame, floor, row, present, along_rows)
     if inner.support < FOUND_SHARE:
         return row + np.float32(UNSEEN_DEPTH_M / tissue.depth_m), float("nan")
-    thickness_m = everywhere @ inner.thickness_m
+    thickness_m = grouping(len(row))[1] @ inner.thickness_m
     along_rows *= thickness_m
     along_rows += row
     return along_rows, _quantile(thickness_m[present], 0.5)
@@ -131,31 +123,6 @@ def _check(frame: Pixels) -> None:
 def _without_wall(shape: tuple[int, ...], reason: str) -> Segmentation:
     nowhere = np.full(shape[1], np.nan)
     return Segmentation(nowhere, nowhere.copy(), shape[0], False, reason, False, float("nan"))
-
-
-def _lit_columns(frame: Pixels) -> tuple[int, NDArray[np.bool_], int] | None:
-    """Return the first imaged column, which are missing from it to the last imaged one, and the largest count seen.
-
-    None: too few are imaged.
-    """
-    columns = frame[::LIT_ROWS].max(axis=0)  # an imaged column has light in all its rows
-    brightest = int(columns.max())
-    dark = columns <= int(LIT_SHARE * brightest)
-    if len(dark) - np.count_nonzero(dark) < LEAST_SHAPE:
-        return None
-    left, right = int(dark.argmin()), len(dark) - int(dark[::-1].argmin())
-    return left, dark[left:right], brightest
-
-
-def _filled(frame: Pixels, hidden: NDArray[np.bool_]) -> Pixels:
-    """Return a frame with its hidden columns as the nearest ones that are not; the first and the last are not."""
-    filled = frame.copy()
-    change = np.flatnonzero(hidden[1:] != hidden[:-1]) + 1
-    for start, end in zip(change[::2], change[1::2], strict=True):
-        middle = (start + end + 1) // 2
-        filled[:, start:middle] = frame[:, start - 1 : start]
-        filled[:, middle:end] = frame[:, end : end + 1]
-    return filled
 
 
 def _blank(grid: Grid, brightest: int) -> str:
@@ -211,36 +178,6 @@ def _verdict(surface: Surface, present: NDArray[np.bool_], seen: int) -> str:
     if cover < LEAST_COVER:
         return f"the wall covers {cover:.0%} of the imaged width, not {LEAST_COVER:.0%}"
     return ""
-
-
-def _bridged(row: Float, there: NDArray[np.bool_]) -> Float:
-    """Return a curve with straight lines over what is not there."""
-    if np.count_nonzero(there) == len(there):
-        return row
-    at = np.arange(len(row))
-    bridged: Float = np.interp(at, at[there], row[there]).astype(np.float32)
-    return bridged
-
-
-def _at_columns(
-    columns: int, left: int, width: int, there: NDArray[np.bool_], *curves: Float
-) -> tuple[NDArray[np.float64], ...]:
-    """Return curves at the columns of a frame whose imaged part starts at `left` and is so wide.
-
-    NaN outside of that part, and where the nearest point is not there.
-    """
-    fine, (at, nearest) = fine_columns(width), nearest_point(width)
-    known = there[nearest]
-    whole = np.count_nonzero(known) == width
-    filled = []
-    for rows in curves:
-        curve = np.empty(columns)
-        curve[:left] = curve[left + width :] = np.nan
-        curve[left : left + width] = np.interp(at, fine, rows) if whole else np.interp(at, fine[there], rows[there])
-        if not whole:
-            curve[left : left + width][~known] = np.nan
-        filled.append(curve)
-    return tuple(filled)
 
 
 def _quantile(values: NDArray[np.floating], share: float) -> float:

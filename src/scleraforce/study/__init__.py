@@ -20,6 +20,14 @@ from scleraforce.study.records import (
     Study,
 )
 from scleraforce.study.sampled import Choice, Range, Sampled, draw, fixed
+from scleraforce.study.scenes import (
+    SceneEyeStudy,
+    SceneOverStudy,
+    SceneScannerStudy,
+    ScenesStudy,
+    SceneTissueStudy,
+    SceneWindowStudy,
+)
 from scleraforce.study.supports import SupportsStudy
 from scleraforce.study.tissue import TissueStudy
 from scleraforce.study.toml import (
@@ -31,6 +39,7 @@ from scleraforce.study.toml import (
     read_study,
     study_hash,
 )
+from scleraforce.study.wall_finder import WallFinderStudy
 
 __all__ = [
     "PAPER_STUDY_TOML",
@@ -55,10 +64,17 @@ __all__ = [
     "ReaderStudy",
     "RegionStudy",
     "Sampled",
+    "SceneEyeStudy",
+    "SceneOverStudy",
+    "SceneScannerStudy",
+    "SceneTissueStudy",
+    "SceneWindowStudy",
+    "ScenesStudy",
     "SliceStudy",
     "Study",
     "SupportsStudy",
     "TissueStudy",
+    "WallFinderStudy",
     "WaveStudy",
     "draw",
     "fixed",

@@ -14,8 +14,10 @@ from scleraforce.study.mechanics import MechanicsStudy
 from scleraforce.study.phantom import PhantomStudy
 from scleraforce.study.reader import ReaderStudy
 from scleraforce.study.sampled import Choice, Range, Sampled, fixed
+from scleraforce.study.scenes import ScenesStudy
 from scleraforce.study.supports import SupportsStudy
 from scleraforce.study.tissue import TissueStudy
+from scleraforce.study.wall_finder import WallFinderStudy
 from scleraforce.units import to_si
 
 __all__ = [
@@ -261,3 +263,5 @@ class Study:
     tissue: TissueStudy = field(default_factory=TissueStudy)
     globe: GlobeStudy = field(default_factory=GlobeStudy)
     supports: SupportsStudy = field(default_factory=SupportsStudy)
+    scenes: ScenesStudy = field(default_factory=ScenesStudy)
+    wall_finder: WallFinderStudy = field(default_factory=WallFinderStudy)

@@ -18,7 +18,7 @@ from scleraforce.errors import SolverError
 from scleraforce.learning.classifier.network import TrainedNetwork, build_network, trained_network
 from scleraforce.learning.classifier.samples import Normalisation, Samples, mirrored_pixels, normalisation
 from scleraforce.learning.framework import torch
-from scleraforce.study import NetworkStudy, ReaderStudy
+from scleraforce.study import NetworkStudy, ReaderStudy, WallFinderStudy
 
 __all__ = ["CLASSIFIER_THREADS", "Curves", "Fitted", "fit", "learning_rate", "repeatable", "train_step"]
 
@@ -117,7 +117,7 @@ def fit(
     return Fitted(trained_network(network, norm), curves)
 
 
-def learning_rate(study: NetworkStudy | ReaderStudy, step: int, steps: int) -> float:
+def learning_rate(study: NetworkStudy | ReaderStudy | WallFinderStudy, step: int, steps: int) -> float:
     """Return the rate of a step: a linear warm-up, then half a cosine down to zero.
 
     >>> study = NetworkStudy(learning_rate=0.1, warmup=0.1)

@@ -1,0 +1,170 @@
+"""The wall finder: Dice on drawn scenes and on phantom frames beside the classical way, latency, a sheet of real scans.
+
+    python benchmarks/bench_wall_finder.py MODEL [--scenes 200] [--phantoms 60] [--readings 100] [--sheet FILE]
+
+MODEL is a folder of `scleraforce train --kind wall-finder`. Scenes are those of its study that no training saw,
+phantoms are frames of `render_bscan` over the study's phantom ranges. "together" is `segment --wall-finder`; its row
+"usable" has the frames that it lets pass. `--sheet` writes a PNG of the scans in ../shared/real-oct, where that is:
+on the left what `find_wall` finds, in the middle what the network sees, on the right both together.
+"""
+
+import argparse
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from time import perf_counter, process_time
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.laboratory.bscan import render_bscan
+from scleraforce.laboratory.optics import sample_optics, sample_pose
+from scleraforce.laboratory.scenes.scene import draw_scene
+from scleraforce.learning.wall_finder.measure import mask_dice, seen_mask
+from scleraforce.learning.wall_finder.samples import VALIDATION_SCENES
+from scleraforce.models.folder import read_folder
+from scleraforce.models.session import folder_study
+from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.recording.images import read_frame
+from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.section.plane import Section
+from scleraforce.segmentation.checked_wall import find_checked_wall
+from scleraforce.segmentation.overlay import draw_overlay
+from scleraforce.segmentation.reduced import reduced_frame
+from scleraforce.segmentation.wall import Segmentation, find_wall
+from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
+from scleraforce.study import ScenesStudy, Study, WallFinderStudy
+
+REAL = Path(__file__).resolve().parents[2] / "shared" / "real-oct"
+STUDY = Study()
+FIRST_SCENE = VALIDATION_SCENES + 10**6  # behind those that the training was measured on
+RIGHT, WRONG = 0.9, 0.75  # Dice from which on a wall is right, below which it is wrong
+CELL = (300, 420)  # rows and columns of a picture in the sheet
+
+Case = tuple[Pixels, PixelScale, NDArray[np.uint8]]
+
+
+def scenes(study: ScenesStudy, count: int) -> Iterator[Case]:
+    """Yield drawn scenes that show a wall, with their truth."""
+    for number in range(count):
+        scene = draw_scene(study, FIRST_SCENE + number)
+        if scene.mask.any():
+            yield scene.frame, scene.scale, scene.mask
+
+
+def phantoms(count: int) -> Iterator[Case]:
+    """Yield phantom frames of spherical walls with dents of 0 to 3 mm, with their truth."""
+    rng = np.random.default_rng(5)
+    lateral = np.linspace(-8.5e-3, 8.5e-3, 800)
+    for dent_m in np.linspace(0.0, 3e-3, count):
+        depth = 12e-3 - np.sqrt(12e-3**2 - lateral**2) + dent_m * np.exp(-(lateral**2) / (2 * 1.6e-3**2))
+        outer = np.stack([lateral, depth], axis=1)
+        section = Section(outer, outer + np.array([0.0, rng.uniform(0.4e-3, 0.9e-3)]))
+        optics = sample_optics(STUDY.phantom, STUDY.oct, rng)
+        bscan = render_bscan(sample_pose(STUDY.phantom, rng).place(section), STUDY.oct, optics, rng)
+        yield bscan.frame, PixelScale.of(STUDY.oct), bscan.truth_mask
+
+
+def print_dice(name: str, cases: Iterator[Case], finder: WallFinder) -> None:
+    """Print the Dice of each way on the same frames."""
+    shares: dict[str, list[float]] = {"find_wall": [], "network": [], "together": []}
+    usable = []
+    for frame, scale, true in cases:
+        classical, checked = find_wall(frame, scale), find_checked_wall(frame, scale, finder)
+        masks = (classical.mask > 0, seen_mask(finder.find(frame), frame.shape), checked.mask > 0)
+        for key, mask in zip(shares, masks, strict=True):
+            shares[key].append(mask_dice(mask, true))
+        usable.append(checked.usable)
+    print_rows(name, shares, np.array(usable, dtype=np.bool_))
+
+
+def print_rows(name: str, shares: dict[str, list[float]], usable: NDArray[np.bool_]) -> None:
+    """Print the Dice of each way, and how many frames are usable by which way is right in them."""
+    rows = {**shares, "usable": np.array(shares["together"])[usable].tolist()}
+    for key, found in rows.items():
+        if found:
+            low, middle = np.quantile(found, [0.05, 0.5])
+            print(f"{name:10}{key:12}{len(found):8}{np.mean(found):8.3f}{middle:8.3f}{low:8.3f}{min(found):8.3f}")
+    classical, together = (np.array(shares[key]) for key in ("find_wall", "together"))
+    for words, among in (
+        ("both ways are right", (classical >= RIGHT) & (together >= RIGHT)),
+        ("only together", (classical < WRONG) & (together >= RIGHT)),
+        ("neither", (classical < WRONG) & (together < WRONG)),
+    ):
+        print(f"{name:10}{words:22}{np.count_nonzero(among):5} frames, usable {np.count_nonzero(among & usable):5}")
+
+
+def print_latency(finder: WallFinder, study: WallFinderStudy, readings: int) -> None:
+    """Print how long each part takes for a frame of 512 x 512 pixels of 16 bits: passed time, and the processor's."""
+    frame, scale, _ = next(phantoms(1))
+    rows, columns = study.rows, study.columns
+    small = reduced_frame(frame, rows, columns)[None]
+    parts: dict[str, Callable[[], object]] = {
+        "find_wall": lambda: find_wall(frame, scale),
+        "reduced_frame": lambda: reduced_frame(frame, rows, columns),
+        "network alone": lambda: finder.session.run([FINDER_ROWS, FINDER_WALL], {FINDER_FRAMES: small}),
+        "WallFinder.find": lambda: finder.find(frame),
+        "find_checked_wall": lambda: find_checked_wall(frame, scale, finder),
+    }
+    print(f"\n{'':22}{'least':>8}{'median':>8}{'CPU':>8}  ms")
+    for name, part in parts.items():
+        taken, worked = [], process_time()
+        for _ in range(readings):
+            start = perf_counter()
+            part()
+            taken.append((perf_counter() - start) * 1e3)
+        worked = (process_time() - worked) / readings * 1e3
+        print(f"{name:22}{min(taken):8.2f}{np.median(taken):8.2f}{worked:8.2f}")
+
+
+def write_sheet(path: Path, finder: WallFinder) -> None:
+    """Write the real scans with what each way finds in them, and print the verdicts."""
+    found = sorted((REAL / "anterior-segment").glob("*.jp*g")) + sorted((REAL / "dicom").glob("*.dcm"))
+    cells = []
+    for file in found:
+        frame = read_frame(file)
+        scale = PixelScale(lateral_m=STUDY.oct.width_m / frame.shape[1], depth_m=STUDY.oct.depth_m / frame.shape[0])
+        seen, checked = finder.find(frame), find_checked_wall(frame, scale, finder)
+        print(f"{file.name:24}{checked.reason or 'usable'}")
+        walls = (find_wall(frame, scale), _as_found(seen, frame.shape), checked)
+        pictures = [draw_overlay(frame, wall, CELL) for wall in walls]
+        cv2.putText(pictures[0], file.stem, (6, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (0, 255, 255), 2)
+        cells.append(np.hstack(pictures))
+    cells += [np.zeros_like(cells[0])] * (len(cells) % 2)
+    cv2.imwrite(str(path), np.vstack([np.hstack(cells[n : n + 2]) for n in range(0, len(cells), 2)]))
+
+
+def _as_found(seen: SeenWall, shape: tuple[int, ...]) -> Segmentation:
+    """Return a network's wall as it is, to be drawn."""
+    column = np.arange(shape[1])
+    there = seen.there[np.abs(seen.column[None] - column[:, None]).argmin(axis=1)]
+    outer, inner = (
+        np.where(there, np.interp(column, seen.column, curve), np.nan) for curve in (seen.outer_row, seen.inner_row)
+    )
+    return Segmentation(outer, inner, shape[0], True, "", True, float("nan"))
+
+
+def main() -> None:
+    """Print the tables; write the sheet where it is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("model", type=Path, help='of kind "wall-finder"')
+    parser.add_argument("--scenes", type=int, default=200)
+    parser.add_argument("--phantoms", type=int, default=60)
+    parser.add_argument("--readings", type=int, default=100)
+    parser.add_argument("--sheet", type=Path, help="PNG of the real scans")
+    given = parser.parse_args()
+    cv2.setNumThreads(1)
+    finder = load_wall_finder(given.model)
+    print(f"{'Dice of':22}{'frames':>8}{'mean':>8}{'median':>8}{'5 %':>8}{'least':>8}")
+    study = folder_study(read_folder(given.model))
+    print_dice("scenes", scenes(study.scenes, given.scenes), finder)
+    print_dice("phantoms", phantoms(given.phantoms), finder)
+    print_latency(finder, study.wall_finder, given.readings)
+    if given.sheet:
+        if not REAL.is_dir():
+            parser.error(f"--sheet: {REAL} is not there")
+        write_sheet(given.sheet, finder)
+
+
+if __name__ == "__main__":
+    main()

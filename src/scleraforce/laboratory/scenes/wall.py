@@ -1,0 +1,154 @@
+"""The wall of a scene: a meridian that bends as cornea and sclera do, its dents, and how the scanner looks at it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.laboratory.optics import Pose
+from scleraforce.laboratory.scenes.window import Curve, Window
+from scleraforce.study import SceneEyeStudy, SceneWindowStudy, draw
+
+__all__ = ["DrawnWall", "draw_wall"]
+
+Points = NDArray[np.float64]
+
+STEP_M, REACH_M = 0.05e-3, 18e-3  # of the meridian: distance of its points, and how far it goes to each side
+MAX_SLOPE_RAD = 1.15  # of the surface in the frame: where it is steeper the wall ends
+WAVES = 3
+STEEPEST_DENT = 2.0  # depth of a dent over its width, at most: its side slopes by 50 degrees
+CENTRED_SHARE = 0.1  # of the range of places: a view of the apex
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawnWall:
+    """A wall in the frame: its meridian's points (point,), from left to right.
+
+    `outer` (point, 2): lateral and depth, m; `normal` (point, 2): unit vectors into the eye; `thickness_m` along them;
+    `cornea`: 1 in the cornea, 0 in the sclera; `arc_m` along the surface from the apex. `pose` takes points of the eye
+    (the apex of the undeformed surface at 0, 0) to the frame. `limbus_m` is the arc of the limbus, None where there is
+    no cornea; `dent_m` the lateral place of a dent, None without one.
+    """
+
+    outer: Points
+    normal: Points
+    thickness_m: Curve
+    cornea: Curve
+    arc_m: Curve
+    pose: Pose
+    limbus_m: float | None
+    dent_m: float | None
+
+    @property
+    def inner(self) -> Points:
+        """The inner boundary, shape (point, 2), m."""
+        return self.offset(self.thickness_m)
+
+    def offset(self, depth_m: Curve) -> Points:
+        """Return the curve that lies so deep below the surface along its normal, shape (point, 2), m."""
+        curve: Points = self.outer + depth_m[:, None] * self.normal
+        return curve
+
+
+def draw_wall(eye: SceneEyeStudy, looked_at: SceneWindowStudy, window: Window, rng: np.random.Generator) -> DrawnWall:
+    """Draw a wall and how it lies in a frame."""
+    arc_m = np.arange(-REACH_M, REACH_M + STEP_M / 2, STEP_M)
+    cornea, limbus_m = _cornea(eye, arc_m, rng)
+    slope = _slope(eye, arc_m, cornea, limbus_m, rng)
+    thickness_m = cornea * draw(eye.cornea_thickness_m, rng) + (1.0 - cornea) * draw(eye.sclera_thickness_m, rng)
+    wave_m = draw(eye.wave_m, rng) * _waves(eye, arc_m, rng)
+    thickness_m = np.maximum(thickness_m + wave_m / 2, 0.5 * thickness_m)
+    view_m = draw(looked_at.view_m, rng) * (CENTRED_SHARE if rng.random() < looked_at.centred_share else 1.0)
+    at = int(np.abs(arc_m - view_m).argmin())
+    outer = _integrated(slope) - wave_m[:, None] * np.stack([-np.sin(slope), np.cos(slope)], axis=1)
+    dent_arc_m, outer = _dented(eye, outer, slope, arc_m, view_m, rng)
+    turn_rad = draw(looked_at.tilt_rad, rng) - draw(looked_at.facing, rng) * slope[at]
+    pose = _pose(outer, at, turn_rad, draw(looked_at.surface_share, rng), window)
+    placed = pose.place_points(outer)
+    kept = _seen_from_above(placed)
+    tangent = np.gradient(placed[kept], axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    dent_m = None if dent_arc_m is None else float(np.interp(dent_arc_m, arc_m[kept], placed[kept, 0]))
+    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    return DrawnWall(
+        outer=placed[kept],
+        normal=normal,
+        thickness_m=thickness_m[kept],
+        cornea=cornea[kept],
+        arc_m=arc_m[kept],
+        pose=pose,
+        limbus_m=limbus_m,
+        dent_m=dent_m,
+    )
+
+
+def _cornea(eye: SceneEyeStudy, arc_m: Curve, rng: np.random.Generator) -> tuple[Curve, float | None]:
+    """Return 1 in the cornea and 0 in the sclera, and the limbus' arc; no cornea in some eyes."""
+    limbus_m, width_m = draw(eye.limbus_m, rng), draw(eye.limbus_width_m, rng)
+    if rng.random() < eye.half_sphere_share:
+        return np.zeros(len(arc_m)), None
+    return 1.0 / (1.0 + np.exp((np.abs(arc_m) - limbus_m) / (width_m / 4))), limbus_m
+
+
+def _slope(eye: SceneEyeStudy, arc_m: Curve, cornea: Curve, limbus_m: float | None, rng: np.random.Generator) -> Curve:
+    """Return the angle of the meridian against the lateral axis: the integral of its curvature, and the sulcus."""
+    radius_m, sclera_m = draw(eye.cornea_radius_m, rng), draw(eye.sclera_radius_m, rng)
+    bend = cornea / radius_m + (1.0 - cornea) / sclera_m
+    slope = np.cumsum(bend) * STEP_M
+    slope -= np.interp(0.0, arc_m, slope)
+    if limbus_m is None:
+        return slope
+    sulcus: Curve = slope - draw(eye.sulcus_rad, rng) * np.sign(arc_m) * (1.0 - cornea)
+    return sulcus
+
+
+def _waves(eye: SceneEyeStudy, arc_m: Curve, rng: np.random.Generator) -> Curve:
+    """Return smooth random ups and downs of about unit size."""
+    length_m = draw(eye.wave_length_m, rng) * rng.uniform(0.6, 1.6, WAVES)
+    phase = rng.uniform(0.0, 2.0 * np.pi, WAVES)
+    waves: Curve = np.sin(2.0 * np.pi * arc_m[:, None] / length_m + phase).mean(axis=1)
+    return waves
+
+
+def _integrated(slope: Curve) -> Points:
+    """Return the meridian of a slope, its middle at 0, 0; shape (point, 2)."""
+    tangent = np.stack([np.cos(slope), np.sin(slope)], axis=1)
+    steps = np.concatenate([np.zeros((1, 2)), (tangent[1:] + tangent[:-1]) * (STEP_M / 2)])  # trapezium rule
+    points = np.cumsum(steps, axis=0)
+    middle: Points = points - points[len(points) // 2]
+    return middle
+
+
+def _dented(
+    eye: SceneEyeStudy, outer: Points, slope: Curve, arc_m: Curve, view_m: float, rng: np.random.Generator
+) -> tuple[float | None, Points]:
+    """Push a needle into the meridian, near the place that is looked at; return the dent's arc and the meridian."""
+    if rng.random() >= eye.dent_share:
+        return None, outer
+    width_m = draw(eye.dent_width_m, rng)
+    centre_m = view_m + rng.normal(0.0, width_m)
+    off = (arc_m - centre_m) / width_m
+    rim = draw(eye.dent_rim, rng) * np.exp(-(((np.abs(off) - 2.5) / 0.8) ** 2))
+    depth_m = min(draw(eye.dent_depth_m, rng), STEEPEST_DENT * width_m)
+    push = depth_m * (np.exp(-(off**2) / 2) - rim)
+    direction = np.interp(centre_m, arc_m, slope)
+    return centre_m, outer + push[:, None] * np.array([-np.sin(direction), np.cos(direction)])
+
+
+def _pose(outer: Points, at: int, turn_rad: float, surface_share: float, window: Window) -> Pose:
+    """Return how the eye is turned and moved: the place looked at in the middle, the surface at its depth."""
+    turned = Pose(lateral_m=0.0, depth_m=0.0, tilt_rad=turn_rad).place_points(outer)
+    lateral_m = -float(turned[at, 0])
+    inside = np.abs(turned[:, 0] + lateral_m) < window.width_m / 2
+    highest_m = float(turned[inside, 1].min())
+    return Pose(lateral_m=lateral_m, depth_m=surface_share * window.depth_m - highest_m, tilt_rad=turn_rad)
+
+
+def _seen_from_above(placed: Points) -> slice:
+    """Return the points around the frame's middle up to where the surface is too steep."""
+    step = np.diff(placed, axis=0)
+    steep = np.arctan2(np.abs(step[:, 1]), step[:, 0]) > MAX_SLOPE_RAD
+    middle = int(np.abs(placed[:, 0]).argmin())
+    left, right = np.flatnonzero(steep[:middle]), np.flatnonzero(steep[middle:])
+    first, last = (int(left[-1]) + 1 if len(left) else 0), (middle + int(right[0]) if len(right) else len(placed) - 1)
+    return slice(first, max(last, first + 2) + 1)

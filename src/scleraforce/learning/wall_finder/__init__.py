@@ -1,0 +1,1 @@
+"""Training of the wall finder, on drawn scenes alone."""

@@ -1,0 +1,262 @@
+"""The `[scenes]` section of a study: what drawn B-scans of front eyes show, for the wall finder to learn from.
+
+Every effect has a range with a unit, or a share of the scenes in which it is there. Levels in dB are ratios of
+intensity. `docs/wall_finder.md` says where the ranges come from.
+"""
+
+from dataclasses import dataclass, field
+
+from scleraforce.errors import StudyError
+from scleraforce.study.fields import check_fields, quantity
+from scleraforce.study.sampled import Choice, Range, Sampled
+
+__all__ = [
+    "SceneEyeStudy",
+    "SceneOverStudy",
+    "SceneScannerStudy",
+    "SceneTissueStudy",
+    "SceneWindowStudy",
+    "ScenesStudy",
+]
+
+
+def _share(share: float) -> float:
+    """Declare the share of the scenes in which something is there."""
+    declared: float = quantity(share, None, 0.0, 1.0)
+    return declared
+
+
+def _check_counts(record: object, *keys: str) -> None:
+    for key in keys:
+        count = getattr(record, key)
+        if isinstance(count, Range) or any(value != int(value) for value in count.values):
+            raise StudyError(f"{key}: give a list of whole numbers, like [0, 1, 2]")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneWindowStudy:
+    """The frame: its pixels, its size, and where the eye lies in it.
+
+    The logarithm of `depth_share`, the frame's depth over its width, is even. A frame gets fewer or more `rows` than
+    drawn where its pixel would leave `pixel_m` along the depth. `view_m` is the place on the eye that the middle of the
+    frame looks at, along the surface from the cornea's apex; `facing` says how far the scanner looks along the normal
+    there (1) or along the eye's axis (0); `tilt_rad` comes on top. `surface_share` is the depth of the highest place of
+    the surface below the top edge, over the frame's depth.
+    """
+
+    rows: Sampled = quantity(Range(min=128.0, max=256.0), None, 32, 4096)
+    columns: Sampled = quantity(Range(min=176.0, max=320.0), None, 32, 4096)
+    pixel_m: Sampled = quantity(Range(min=1.0, max=30.0), "um", 0.1, 200.0)
+    width_m: Sampled = quantity(Range(min=2.5, max=18.0), "mm", 0.2, 50.0)
+    depth_share: Sampled = quantity(Range(min=0.22, max=0.95), None, 0.01, 10.0)
+    view_m: Sampled = quantity(Range(min=-11.0, max=11.0), "mm", -18.0, 18.0)
+    centred_share: float = _share(0.4)  # look at the apex, within a tenth of `view_m`
+    facing: Sampled = quantity(Range(min=0.0, max=1.0), None, 0.0, 1.0)
+    tilt_rad: Sampled = quantity(Range(min=-15.0, max=15.0), "deg", -60.0, 60.0)
+    surface_share: Sampled = quantity(Range(min=-0.15, max=0.6), None, -1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneEyeStudy:
+    """The wall: its meridian bends with one radius in the cornea and another in the sclera.
+
+    `limbus_m` is where they meet, along the surface from the apex, `sulcus_rad` by how much the surface turns back
+    there. Both thicknesses are along the normal. Waves are smooth random ups and downs of the surface, half of them
+    also of the thickness. A dent is a Gaussian (`dent_width_m` is its standard deviation), with a ring around it that
+    rises by `dent_rim` of its depth.
+    """
+
+    half_sphere_share: float = _share(0.25)  # no cornea: one radius, as the wall of `phantom`
+    cornea_radius_m: Sampled = quantity(Range(min=6.3, max=9.0), "mm", 3.0, 50.0)
+    sclera_radius_m: Sampled = quantity(Range(min=10.5, max=14.0), "mm", 3.0, 50.0)
+    limbus_m: Sampled = quantity(Range(min=5.2, max=7.2), "mm", 1.0, 20.0)
+    limbus_width_m: Sampled = quantity(Range(min=0.6, max=3.5), "mm", 0.05, 10.0)
+    sulcus_rad: Sampled = quantity(Range(min=0.0, max=30.0), "deg", -30.0, 30.0)
+    cornea_thickness_m: Sampled = quantity(Range(min=350.0, max=1000.0), "um", 100.0, 3000.0)
+    sclera_thickness_m: Sampled = quantity(Range(min=350.0, max=1200.0), "um", 100.0, 3000.0)
+    wave_m: Sampled = quantity(Range(min=0.0, max=40.0), "um", 0.0, 1000.0)
+    wave_length_m: Sampled = quantity(Range(min=0.8, max=5.0), "mm", 0.1, 50.0)
+    dent_share: float = _share(0.4)
+    dent_depth_m: Sampled = quantity(Range(min=0.05, max=4.0), "mm", 0.0, 12.0)
+    dent_width_m: Sampled = quantity(Range(min=0.3, max=2.5), "mm", 0.05, 10.0)
+    dent_rim: Sampled = quantity(Range(min=0.0, max=0.2), None, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneTissueStudy:
+    """What light meets below the surface; levels against the sclera's backscatter unless said otherwise.
+
+    `snr_db` is the sclera's backscatter at the surface over the mean noise. The cornea's falls with the angle of the
+    light to its normal, by `angle_fall_db` in the end, with `angle_width_rad` as the Gaussian's standard deviation.
+    `boundary_db` is the mirror reflection of the cornea's inner surface, over the cornea. The ciliary body lies below
+    the sclera from the limbus on and thins into the choroid over `ciliary_length_m`. Iris and lens are told by their
+    place on the eye's axis: `iris_depth_m` below the apex of the cornea's inner surface at the root, `iris_bow_m` more
+    (or less) at the pupil; the lens' front lies `lens_depth_m` below the pupil's plane.
+    """
+
+    snr_db: Sampled = quantity(Range(min=8.0, max=34.0), None, 0.0, 80.0)
+    cornea_db: Sampled = quantity(Range(min=-8.0, max=4.0), None, -40.0, 40.0)
+    angle_fall_db: Sampled = quantity(Range(min=0.0, max=20.0), None, 0.0, 60.0)
+    angle_width_rad: Sampled = quantity(Range(min=6.0, max=30.0), "deg", 0.5, 90.0)
+    attenuation_per_m: Sampled = quantity(Range(min=0.1, max=1.8), "per_mm", 0.0, 20.0)
+    texture_db: Sampled = quantity(Range(min=0.0, max=4.0), None, 0.0, 20.0)
+    texture_length_m: Sampled = quantity(Range(min=100.0, max=3000.0), "um", 5.0, 20_000.0)
+    texture_height_m: Sampled = quantity(Range(min=30.0, max=150.0), "um", 2.0, 5000.0)
+    reflection_db: Sampled = quantity(Range(min=-6.0, max=18.0), None, -60.0, 60.0)
+    reflection_angle_rad: Sampled = quantity(Range(min=3.0, max=20.0), "deg", 0.1, 90.0)
+    boundary_db: Sampled = quantity(Range(min=-10.0, max=10.0), None, -60.0, 60.0)
+    corrected_share: float = _share(0.4)  # the scanner has corrected the depth and the bending of the rays
+    refractive_index: Sampled = quantity(Range(min=1.33, max=1.42), None, 1.0, 2.0)
+    conjunctiva_share: float = _share(0.35)
+    conjunctiva_m: Sampled = quantity(Range(min=50.0, max=250.0), "um", 1.0, 2000.0)
+    conjunctiva_db: Sampled = quantity(Range(min=-12.0, max=2.0), None, -60.0, 40.0)
+    tenon_share: Sampled = quantity(Range(min=0.2, max=0.7), None, 0.0, 1.0)  # lower part of the conjunctiva
+    tenon_db: Sampled = quantity(Range(min=-18.0, max=-3.0), None, -60.0, 40.0)
+    uvea_share: float = _share(0.75)
+    choroid_m: Sampled = quantity(Range(min=80.0, max=320.0), "um", 1.0, 2000.0)
+    ciliary_m: Sampled = quantity(Range(min=0.2, max=1.3), "mm", 0.01, 5.0)
+    ciliary_length_m: Sampled = quantity(Range(min=2.0, max=6.0), "mm", 0.1, 20.0)
+    uvea_db: Sampled = quantity(Range(min=-16.0, max=-1.0), None, -60.0, 40.0)
+    uvea_attenuation_per_m: Sampled = quantity(Range(min=0.5, max=8.0), "per_mm", 0.0, 50.0)
+    iris_share: float = _share(0.7)
+    iris_m: Sampled = quantity(Range(min=0.25, max=0.6), "mm", 0.01, 3.0)
+    iris_depth_m: Sampled = quantity(Range(min=2.2, max=3.6), "mm", 0.5, 8.0)
+    iris_bow_m: Sampled = quantity(Range(min=-0.8, max=0.4), "mm", -3.0, 3.0)
+    pupil_m: Sampled = quantity(Range(min=1.0, max=4.0), "mm", 0.2, 6.0)
+    iris_db: Sampled = quantity(Range(min=-8.0, max=6.0), None, -60.0, 40.0)
+    iris_attenuation_per_m: Sampled = quantity(Range(min=1.0, max=6.0), "per_mm", 0.0, 50.0)
+    lens_share: float = _share(0.65)
+    lens_depth_m: Sampled = quantity(Range(min=-0.3, max=0.5), "mm", -3.0, 3.0)
+    lens_radius_m: Sampled = quantity(Range(min=7.0, max=14.0), "mm", 3.0, 50.0)
+    lens_db: Sampled = quantity(Range(min=-30.0, max=-8.0), None, -80.0, 40.0)
+    capsule_db: Sampled = quantity(Range(min=-12.0, max=6.0), None, -60.0, 60.0)
+    capsule_m: Sampled = quantity(Range(min=20.0, max=150.0), "um", 1.0, 1000.0)
+    haze_share: float = _share(0.35)
+    haze_db: Sampled = quantity(Range(min=-30.0, max=-12.0), None, -80.0, 20.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneOverStudy:
+    """What lies over the wall, and the shadows that it casts; levels over the mean noise.
+
+    The lid comes in from the side, over `lid_reach` of the frame's width; lashes hang below it. A contact lens follows
+    the eye at `lens_gap_m`, less towards its edge at `lens_reach_m` from its middle; specks float below it. Vessels
+    take `vessel_loss_fraction` of the light below them, air and bubbles and a steel needle all of it. The needle's
+    angle is against the depth; a glass one passes `glass_pass_fraction`. `tip_gap_m` lies between its tip and the wall.
+    """
+
+    lid_share: float = _share(0.2)
+    lid_reach: Sampled = quantity(Range(min=0.04, max=0.35), None, 0.0, 1.0)
+    lid_m: Sampled = quantity(Range(min=0.6, max=2.5), "mm", 0.01, 10.0)
+    lid_gap_m: Sampled = quantity(Range(min=0.0, max=0.8), "mm", 0.0, 10.0)
+    lid_db: Sampled = quantity(Range(min=8.0, max=30.0), None, -20.0, 80.0)
+    lid_attenuation_per_m: Sampled = quantity(Range(min=1.0, max=5.0), "per_mm", 0.0, 50.0)
+    lash_count: Sampled = quantity(Choice((0, 0, 0, 0, 1, 3)), None, 0, 50)
+    lash_m: Sampled = quantity(Range(min=60.0, max=160.0), "um", 5.0, 1000.0)
+    contact_lens_share: float = _share(0.35)
+    lens_m: Sampled = quantity(Range(min=80.0, max=450.0), "um", 10.0, 2000.0)
+    lens_gap_m: Sampled = quantity(Range(min=0.0, max=600.0), "um", 0.0, 5000.0)
+    lens_reach_m: Sampled = quantity(Range(min=5.0, max=10.0), "mm", 1.0, 20.0)
+    lens_db: Sampled = quantity(Range(min=4.0, max=28.0), None, -20.0, 80.0)
+    speck_count: Sampled = quantity(Choice((0, 0, 20, 80, 200)), None, 0, 5000)
+    speck_db: Sampled = quantity(Range(min=4.0, max=18.0), None, -20.0, 80.0)
+    coverslip_share: float = _share(0.1)
+    coverslip_height_m: Sampled = quantity(Range(min=0.02, max=1.0), "mm", 0.0, 10.0)
+    coverslip_m: Sampled = quantity(Range(min=80.0, max=300.0), "um", 10.0, 3000.0)
+    coverslip_tilt_rad: Sampled = quantity(Range(min=-4.0, max=4.0), "deg", -45.0, 45.0)
+    coverslip_db: Sampled = quantity(Range(min=6.0, max=30.0), None, -20.0, 80.0)
+    drape_share: float = _share(0.08)
+    drape_m: Sampled = quantity(Range(min=80.0, max=300.0), "um", 10.0, 3000.0)
+    drape_reach: Sampled = quantity(Range(min=0.05, max=0.3), None, 0.0, 1.0)
+    drape_db: Sampled = quantity(Range(min=10.0, max=30.0), None, -20.0, 80.0)
+    drape_attenuation_per_m: Sampled = quantity(Range(min=2.0, max=10.0), "per_mm", 0.0, 50.0)
+    bubble_count: Sampled = quantity(Choice((0, 0, 0, 0, 0, 1, 3)), None, 0, 50)
+    bubble_m: Sampled = quantity(Range(min=40.0, max=500.0), "um", 5.0, 5000.0)
+    bubble_db: Sampled = quantity(Range(min=5.0, max=25.0), None, -20.0, 80.0)
+    vessel_count: Sampled = quantity(Choice((0, 0, 2, 4, 10)), None, 0, 100)
+    vessel_m: Sampled = quantity(Range(min=20.0, max=350.0), "um", 1.0, 5000.0)
+    vessel_loss_fraction: Sampled = quantity(Range(min=20.0, max=92.0), "percent", 0.0, 100.0)
+    air_share: float = _share(0.05)
+    air_m: Sampled = quantity(Range(min=0.2, max=2.0), "mm", 0.01, 20.0)
+    needle_share: float = _share(0.15)
+    needle_m: Sampled = quantity(Range(min=184.0, max=718.0), "um", 20.0, 3000.0)  # 34G to 22G
+    needle_angle_rad: Sampled = quantity(Range(min=-45.0, max=45.0), "deg", -80.0, 80.0)
+    needle_db: Sampled = quantity(Range(min=8.0, max=32.0), None, -20.0, 80.0)
+    tip_gap_m: Sampled = quantity(Range(min=0.0, max=1.0), "mm", 0.0, 10.0)
+    glass_share: float = _share(0.2)
+    glass_pass_fraction: Sampled = quantity(Range(min=30.0, max=90.0), "percent", 0.0, 100.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        _check_counts(self, "lash_count", "speck_count", "bubble_count", "vessel_count")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneScannerStudy:
+    """How a scanner shows it: speckle, noise, artefacts, and the scale of the counts.
+
+    `speckle_*` are full widths of the intensity's point spread function, in pixels; `looks` is how many speckle
+    patterns are averaged. Sensitivity falls by `rolloff_db` from the zero delay to the lower edge. The rest of the
+    scenes is logarithmic, from `display_floor_db` over the mean noise to the level that `saturated_fraction` of the
+    pixels exceed; `gamma` is applied on top. What lies above the zero delay is mirrored into the frame in
+    `mirrored_share` of the scenes. Bands are black columns at both sides, arcs black above and below a curved picture.
+    """
+
+    speckle_rows: Sampled = quantity(Range(min=0.3, max=3.0), None, 0.0, 50.0)
+    speckle_columns: Sampled = quantity(Range(min=0.3, max=4.0), None, 0.0, 50.0)
+    looks: Sampled = quantity(Range(min=1.0, max=12.0), None, 1.0, 1000.0)
+    rolloff_db: Sampled = quantity(Range(min=0.0, max=10.0), None, 0.0, 80.0)
+    noise_tilt_db: Sampled = quantity(Range(min=-3.0, max=3.0), None, -40.0, 40.0)
+    flare_share: float = _share(0.35)
+    flare_db: Sampled = quantity(Range(min=2.0, max=22.0), None, -20.0, 80.0)
+    flare_m: Sampled = quantity(Range(min=15.0, max=200.0), "um", 1.0, 5000.0)
+    line_count: Sampled = quantity(Choice((0, 0, 0, 1, 3)), None, 0, 50)
+    line_db: Sampled = quantity(Range(min=2.0, max=20.0), None, -20.0, 80.0)
+    line_m: Sampled = quantity(Range(min=5.0, max=40.0), "um", 0.5, 1000.0)
+    streak_count: Sampled = quantity(Choice((0, 0, 0, 1, 3)), None, 0, 50)
+    streak_db: Sampled = quantity(Range(min=2.0, max=12.0), None, -20.0, 80.0)
+    streak_m: Sampled = quantity(Range(min=0.1, max=0.5), "mm", 0.01, 10.0)
+    mirrored_share: float = _share(0.5)
+    linear_share: float = _share(0.12)
+    root_share: float = _share(0.18)
+    display_floor_db: Sampled = quantity(Range(min=-8.0, max=3.0), None, -60.0, 60.0)
+    saturated_fraction: Sampled = quantity(Range(min=0.02, max=3.0), "percent", 0.0, 50.0)
+    gamma: Sampled = quantity(Range(min=0.7, max=1.6), None, 0.05, 20.0)
+    bits: Sampled = quantity(Choice((8, 8, 10, 12, 16)), None, 8, 16)
+    lost_share: float = _share(0.1)
+    lost_columns: Sampled = quantity(Choice((1, 2, 4, 8, 20)), None, 1, 1000)
+    band_share: float = _share(0.25)
+    band_fraction: Sampled = quantity(Range(min=0.5, max=8.0), "percent", 0.0, 45.0)
+    arc_share: float = _share(0.25)
+    arc_fraction: Sampled = quantity(Range(min=1.0, max=12.0), "percent", 0.0, 45.0)
+    mark_count: Sampled = quantity(Choice((0, 0, 0, 0, 1, 2)), None, 0, 50)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        _check_counts(self, "line_count", "streak_count", "bits", "lost_columns", "mark_count")
+        if self.linear_share + self.root_share > 1.0:
+            raise StudyError("root_share: with linear_share more than 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScenesStudy:
+    """All of a drawn scene; `seed` and the scene's number decide what is drawn."""
+
+    seed: int = quantity(0, None, 0, 2**31 - 1)
+    window: SceneWindowStudy = field(default_factory=SceneWindowStudy)
+    eye: SceneEyeStudy = field(default_factory=SceneEyeStudy)
+    tissue: SceneTissueStudy = field(default_factory=SceneTissueStudy)
+    over: SceneOverStudy = field(default_factory=SceneOverStudy)
+    scanner: SceneScannerStudy = field(default_factory=SceneScannerStudy)
+
+    def __post_init__(self) -> None:
+        check_fields(self)

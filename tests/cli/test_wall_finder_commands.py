@@ -1,0 +1,104 @@
+"""`train --kind wall-finder` and `segment --wall-finder`."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from scleraforce.cli.main import run
+from scleraforce.laboratory.scenes.scene import draw_scene
+from scleraforce.segmentation.wall import PixelScale, find_wall
+from scleraforce.study import format_study
+
+pytest.importorskip("torch")  # the extra `train`
+
+from small_finder import SMALL_STUDY, write_blind_finder
+
+
+@pytest.fixture(scope="module")
+def blind(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("models") / "blind"
+    write_blind_finder(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def frame(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("frames") / "scene.png"
+    cv2.imwrite(str(path), draw_scene(SMALL_STUDY.scenes, 5).frame)
+    return path
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    assert run([str(word) for word in arguments]) == 2
+    message = capsys.readouterr().err.strip().splitlines()[-1]
+    assert message.lower().startswith("error: ")
+    return message
+
+
+def test_a_wall_finder_that_differs_makes_a_frame_unusable_and_says_why(blind, frame, tmp_path, capsys) -> None:
+    words = ["segment", frame, "--out", tmp_path, "--width-mm", 10, "--depth-mm", 4, "--wall-finder", blind, "--json"]
+    assert run([str(word) for word in words]) == 0
+    (entry,) = json.loads(capsys.readouterr().out)["frames"]
+    assert not entry["usable"]
+    assert "two ways to find the wall differ" in entry["reason"] or "the network sees no wall" in entry["reason"]
+    assert (tmp_path / "scene.png").is_file()
+
+
+def test_without_a_wall_finder_the_mask_is_that_of_the_classical_way(frame, tmp_path) -> None:
+    assert run(["segment", str(frame), "--out", str(tmp_path), "--width-mm", "10", "--depth-mm", "4"]) == 0
+    pixels = cv2.imread(str(frame), cv2.IMREAD_UNCHANGED)
+    scale = PixelScale(lateral_m=10e-3 / pixels.shape[1], depth_m=4e-3 / pixels.shape[0])
+    mask = cv2.imread(str(tmp_path / "scene.png"), cv2.IMREAD_UNCHANGED)
+    assert np.array_equal(mask, find_wall(pixels, scale).mask)
+
+
+def test_a_folder_that_is_no_wall_finder_is_refused_before_anything_is_written(frame, tmp_path, capsys) -> None:
+    out = tmp_path / "masks"
+    message = refused(capsys, "segment", frame, "--out", out, "--wall-finder", tmp_path / "none")
+    assert f"{tmp_path / 'none'}: no such folder" in message
+    assert not out.exists()
+
+
+def test_a_wall_finder_reads_no_forces(blind, frame, capsys) -> None:
+    message = refused(capsys, "classify", blind, frame, "--width-mm", 10, "--depth-mm", 4)
+    assert "kind: found 'wall-finder', classifier or reader is needed here" in message
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["data.zarr", "--kind", "wall-finder"], "data.zarr: --kind wall-finder draws its scenes; leave DATASET out"),
+        ([], "--kind classifier: DATASET is missing; only --kind wall-finder needs none"),
+        (["--kind", "reader"], "--kind reader: DATASET is missing"),
+        (["--kind", "wall-finder", "--search"], "--search is for --kind classifier: a wall finder has the sizes"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(options: list[str], said: str, tmp_path, capsys) -> None:
+    assert said in refused(capsys, "train", *options, "--out", tmp_path / "model")
+    assert not (tmp_path / "model").exists()
+
+
+def test_sizes_that_cannot_be_halved_are_refused_with_their_line(tmp_path, capsys) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text("[wall_finder]\nrows = 100\n")
+    message = refused(capsys, "train", "--kind", "wall-finder", "--study", study, "--out", tmp_path / "model")
+    assert f"{study}:2: wall_finder.rows: 100 is not a multiple of 16" in message
+
+
+@pytest.mark.slow
+def test_training_prints_what_it_reached_and_its_model_segments(frame, tmp_path, capsys) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(format_study(SMALL_STUDY))
+    model = tmp_path / "finder"
+    assert run(["train", "--kind", "wall-finder", "--study", str(study), "--out", str(model), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["kind"] == "wall-finder"
+    assert answer["scenes"] == 640
+    assert answer["dice_mean"] > 0.85
+    words = ["segment", frame, "--out", tmp_path, "--width-mm", 10, "--depth-mm", 4, "--wall-finder", model, "--json"]
+    assert run([str(word) for word in words]) == 0
+    (entry,) = json.loads(capsys.readouterr().out)["frames"]
+    assert entry["reason"] == ""

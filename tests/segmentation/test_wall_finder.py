@@ -1,0 +1,204 @@
+"""From a network's distributions to a wall with its uncertainty, and how that and the other way check each other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from told_finder import STUDY, ToldSession, distributions, told_finder
+
+from scleraforce.errors import ModelError
+from scleraforce.laboratory.bscan import Bscan, render_bscan
+from scleraforce.laboratory.optics import Pose, sample_optics
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.section.plane import Section
+from scleraforce.segmentation.checked_wall import find_checked_wall
+from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
+from scleraforce.segmentation.wall import find_wall
+from scleraforce.segmentation.wall_finder import WallFinder
+from scleraforce.study import Study
+
+STUDY_OF_FRAMES = Study()
+OCT = STUDY_OF_FRAMES.oct
+SCALE = PixelScale.of(OCT)
+HALF = STUDY.columns // 2
+FRAME = np.zeros((512, 512), dtype=np.uint16)
+
+
+def phantom(thickness_m: float = 0.6e-3, dent_m: float = 1.0e-3, seed: int = 0) -> Bscan:
+    rng = np.random.default_rng(seed)
+    lateral = np.linspace(-8.5e-3, 8.5e-3, 800)
+    depth = 12e-3 - np.sqrt(12e-3**2 - lateral**2) + dent_m * np.exp(-(lateral**2) / (2 * 1.6e-3**2))
+    outer = np.stack([lateral, depth], axis=1)
+    section = Section(outer, outer + np.array([0.0, thickness_m]))
+    optics = sample_optics(STUDY_OF_FRAMES.phantom, OCT, rng)
+    return render_bscan(Pose(lateral_m=0.0, depth_m=0.5e-3).place(section), OCT, optics, rng)
+
+
+def true_rows(bscan: Bscan) -> tuple[np.ndarray, np.ndarray]:
+    """First and last row of the wall at the network's columns, in rows of the reduced frame; NaN without wall."""
+    wall = bscan.truth_mask[:, np.rint(reduced_columns(512, HALF)).astype(int)] > 0
+    there = wall.any(axis=0)
+    outer, inner = wall.argmax(axis=0) - 0.5, 511.5 - wall[::-1].argmax(axis=0)
+    return tuple(np.where(there, (rows + 0.5) * STUDY.rows / 512 - 0.5, np.nan) for rows in (outer, inner))
+
+
+def dice(mask: np.ndarray, true: np.ndarray) -> float:
+    return float(2 * np.count_nonzero((mask > 0) & (true > 0)) / (np.count_nonzero(mask) + np.count_nonzero(true)))
+
+
+def test_the_boundary_is_the_mean_of_its_rows_and_the_uncertainty_their_spread() -> None:
+    outer, inner = np.linspace(20.3, 40.7, HALF), np.linspace(60.2, 70.9, HALF)
+    seen = told_finder(outer, inner, sd=1.5).find(FRAME)
+    assert seen.outer_row == pytest.approx((outer + 0.5) * 4 - 0.5, abs=0.4)
+    assert seen.inner_row == pytest.approx((inner + 0.5) * 4 - 0.5, abs=0.4)
+    assert seen.outer_sd == pytest.approx(4 * 1.5, rel=0.05)
+    assert seen.column == pytest.approx(reduced_columns(512, HALF))
+    assert seen.there.all()
+
+
+def test_two_places_that_are_both_likely_make_it_unsure_and_the_path_stays_on_one() -> None:
+    """In five columns the other place is a little likelier."""
+    outer = np.full(HALF, 30.0)
+    share = np.full(HALF, 0.9)
+    share[40:45] = 0.45
+    rows = share * distributions(outer) + (1 - share) * distributions(outer + 40)
+    session = ToldSession(np.stack([rows, distributions(outer + 60)]), np.ones(HALF))
+    seen = WallFinder(session, STUDY, "told").find(FRAME)
+    assert seen.outer_row == pytest.approx(4 * 30.5 - 0.5, abs=0.5)
+    assert (seen.outer_sd[40:45] > 4 * 18).all()
+    assert seen.outer_sd[50] < seen.outer_sd[42]
+
+
+def test_a_column_without_wall_says_so() -> None:
+    outer = np.where(np.arange(HALF) < 30, np.nan, 30.0)
+    seen = told_finder(outer, outer + 20).find(FRAME)
+    assert np.array_equal(seen.there, np.arange(HALF) >= 30)
+    assert seen.outer_row[30:] == pytest.approx(4 * 30.5 - 0.5, abs=0.2)
+
+
+def test_an_inner_boundary_above_the_outer_one_is_no_wall() -> None:
+    seen = told_finder(np.full(HALF, 50.0), np.full(HALF, 40.0)).find(FRAME)
+    assert not seen.there.any()
+
+
+def test_boundaries_in_the_first_and_last_row_lie_beyond_the_frame() -> None:
+    seen = told_finder(np.full(HALF, 0.0), np.full(HALF, STUDY.rows - 1.0), sd=0.3).find(FRAME)
+    assert (seen.outer_row < -0.5).all()
+    assert (seen.inner_row > 511.0).all()
+
+
+def test_a_network_with_other_outputs_is_refused() -> None:
+    session = ToldSession(np.zeros((2, STUDY.rows, HALF)), np.zeros(HALF))
+    with pytest.raises(ModelError, match="told: inputs: found"):
+        WallFinder(session, replace(STUDY, rows=64), "told")
+
+
+def test_answers_that_are_not_finite_are_an_error() -> None:
+    finder = told_finder(np.full(HALF, 20.0), np.full(HALF, 40.0))
+    session = ToldSession(np.full((2, STUDY.rows, HALF), np.nan), np.ones(HALF))
+    finder.session = session
+    with pytest.raises(ModelError, match="numbers that are not finite"):
+        finder.find(FRAME)
+
+
+@pytest.mark.parametrize("dent_m", [0.0, 1.0e-3, 2.0e-3])
+@pytest.mark.parametrize("thickness_m", [0.45e-3, 0.8e-3])
+def test_the_refined_wall_is_as_good_as_the_other_way(thickness_m: float, dent_m: float) -> None:
+    bscan = phantom(thickness_m, dent_m, seed=3)
+    finder = told_finder(*true_rows(bscan), sd=1.0)
+    checked, other = find_checked_wall(bscan.frame, SCALE, finder), find_wall(bscan.frame, SCALE)
+    assert checked.usable, checked.reason
+    assert checked.reason == ""
+    assert checked.inner_found
+    assert dice(checked.mask, bscan.truth_mask) > max(0.97, dice(other.mask, bscan.truth_mask) - 0.003)
+    assert checked.thickness_m == pytest.approx(other.thickness_m, rel=0.06)
+
+
+def test_a_network_that_is_a_little_off_is_moved_to_the_edges() -> None:
+    bscan = phantom()
+    outer, inner = true_rows(bscan)
+    checked = find_checked_wall(bscan.frame, SCALE, told_finder(outer + 1.5, inner - 1.5, sd=1.2))
+    assert checked.usable, checked.reason
+    assert dice(checked.mask, bscan.truth_mask) > 0.97
+
+
+@pytest.mark.parametrize(("shift", "what"), [((20.0, 20.0), "its surface lies up to"),
+                                             ((0.0, 14.0), "its inner boundary lies up to")])  # fmt: skip
+def test_a_network_that_sees_another_wall_makes_the_frame_unusable(shift: tuple[float, float], what: str) -> None:
+    bscan = phantom()
+    outer, inner = true_rows(bscan)
+    checked = find_checked_wall(bscan.frame, SCALE, told_finder(outer + shift[0], inner + shift[1]))
+    assert not checked.usable
+    assert checked.reason.startswith(f"two ways to find the wall differ: {what}")
+
+
+def test_a_network_that_is_unsure_does_not_contradict() -> None:
+    bscan = phantom()
+    outer, inner = true_rows(bscan)
+    assert find_checked_wall(bscan.frame, SCALE, told_finder(outer, inner + 6.0, sd=4.0)).usable
+
+
+def test_a_network_that_sees_half_of_the_wall_makes_the_frame_unusable() -> None:
+    bscan = phantom()
+    outer, inner = true_rows(bscan)
+    half = np.where(np.arange(HALF) < HALF // 2, np.nan, outer)
+    checked = find_checked_wall(bscan.frame, SCALE, told_finder(half, inner))
+    assert not checked.usable
+    assert "one sees wall where the other does not" in checked.reason
+    assert np.isnan(checked.outer_row[100])
+
+
+def test_a_network_that_sees_no_wall_makes_the_frame_unusable() -> None:
+    bscan = phantom()
+    nowhere = np.full(HALF, np.nan)
+    checked = find_checked_wall(bscan.frame, SCALE, told_finder(nowhere, nowhere))
+    assert not checked.usable
+    assert checked.reason == "the network sees no wall where the other way finds one"
+    assert np.array_equal(checked.outer_row, find_wall(bscan.frame, SCALE).outer_row, equal_nan=True)
+
+
+def test_an_empty_frame_stays_one_without_wall() -> None:
+    wall = np.full(HALF, 20.0)
+    for finder in (told_finder(wall, wall + 20), told_finder(wall + np.nan, wall + np.nan)):
+        checked = find_checked_wall(FRAME, SCALE, finder)
+        assert not checked.usable
+        assert checked.reason == "the frame is empty: all pixels are alike"
+        assert not checked.mask.any()
+
+
+def test_where_no_edge_is_near_the_networks_own_boundary_stays() -> None:
+    """The wall's lower part is noise: the network says where its end is."""
+    bscan = phantom(0.8e-3, 0.0)
+    outer, inner = true_rows(bscan)
+    frame = bscan.frame.copy()
+    column = np.arange(512)
+    top = np.interp(column, reduced_columns(512, HALF), (outer + 0.5) * 4 - 0.5)
+    below = np.arange(512)[:, None] > top + 0.3e-3 / SCALE.depth_m
+    noise = np.random.default_rng(0).integers(0, 400, frame.shape, dtype=np.uint16)
+    frame = np.where(below, noise, frame)
+    checked = find_checked_wall(frame, SCALE, told_finder(outer, inner, sd=0.6))
+    there = np.isfinite(checked.inner_row)
+    expected = np.interp(column, reduced_columns(512, HALF), (inner + 0.5) * 4 - 0.5)
+    assert np.nanmedian(np.abs(checked.inner_row - expected)[there]) < 6.0
+
+
+@pytest.mark.parametrize("scale", [0.25, 4.0])
+def test_a_wall_is_refined_whatever_scale_a_frame_is_said_to_have(scale: float) -> None:
+    bscan = phantom(0.6e-3, 0.0)
+    size = PixelScale(lateral_m=SCALE.lateral_m * scale, depth_m=SCALE.depth_m * scale)
+    checked = find_checked_wall(bscan.frame, size, told_finder(*true_rows(bscan), sd=1.0))
+    assert dice(checked.mask, bscan.truth_mask) > 0.95
+    assert checked.thickness_m == pytest.approx(0.6e-3 * scale, rel=0.1)
+
+
+def test_a_reduced_frame_has_its_noise_at_zero_and_its_tissue_at_one() -> None:
+    small = reduced_frame(phantom().frame, 128, 176)
+    assert small.shape == (128, 176)
+    assert abs(np.median(small)) < 0.2
+    assert 0.9 < np.quantile(small, 0.99) < 1.1
+    assert not reduced_frame(FRAME, 128, 176).any()
+    assert not reduced_frame(FRAME + 7, 128, 176).any()
+
+
+def test_a_small_frame_is_enlarged() -> None:
+    assert reduced_frame(np.arange(400, dtype=np.uint8).reshape(20, 20), 128, 176).shape == (128, 176)
