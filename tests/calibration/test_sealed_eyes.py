@@ -178,6 +178,7 @@ def test_a_sealed_eye_that_is_told_open_diverges_and_a_doubt_says_what_its_globe
         asked = replace(recording, info=replace(recording.info, eye=told_eye))
         found = calibrate_recordings([asked], STUDY, "", library).eyes["shut"]
         assert found.status.startswith(status)
+        assert found.globe.kind == ("unknown" if doubts else told)
         about_globe = [
             doubt for doubt in found.recordings[-1].doubts if doubt.startswith("eye.globe is stated as open")
         ]

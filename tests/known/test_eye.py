@@ -18,7 +18,7 @@ from scleraforce.known.eye import (
     outside_training,
     told_globe,
 )
-from scleraforce.known.globe import OPEN, SEALED, KnownGlobe
+from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, KnownGlobe
 from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.study import Range, ReaderStudy
 
@@ -46,6 +46,7 @@ def test_a_recordings_statements_are_taken_and_what_it_omits_is_unknown() -> Non
 EYES = {
     "mine": {"mean_mpa": 0.3, "sd_mpa": 0.004, "globe": globe_entry(CALIBRATED)},
     "lost": {"mean_mpa": 0.1, "status": "diverged: by 4 sd"},
+    "contradicted": {"mean_mpa": 0.1, "status": "diverged: by 4 sd", "globe": globe_entry(UNKNOWN)},
 }
 
 
@@ -65,15 +66,19 @@ def test_an_eye_has_its_own_modulus_and_another_that_of_its_population_with_its_
     assert str(foreign_modulus(summary, "stranger")).endswith("read with the population's modulus, 0.25 MPa +- 20 %")
 
 
-def test_an_eye_whose_calibration_diverged_is_read_as_one_of_unknown_modulus_and_globe_and_a_sentence_says_so(
+def test_an_eye_whose_calibration_diverged_is_read_as_one_of_unknown_modulus_or_globe_and_a_sentence_says_so(
     summary: CalibrationSummary,
 ) -> None:
     told = Known(iop_pa=270.0, thickness_m=0.6e-3, globe=OPEN)
     assert calibrated_modulus(summary, "lost") is None
-    assert known_of_eye(told, summary, "lost") == replace(told, globe=None)
+    assert known_of_eye(told, summary, "lost") == told
+    assert known_of_eye(told, summary, "contradicted") == replace(told, globe=None)
+    assert str(foreign_modulus(summary, "contradicted")).endswith(
+        "unknown modulus in a globe of which nothing is known"
+    )
     assert foreign_modulus(summary, "lost") == (
-        f"lost is not usable (diverged: by 4 sd) in {summary.path}, which has 2 eyes (mine, lost): "
-        "read as one of unknown modulus in a globe of which nothing is known"
+        f"lost is not usable (diverged: by 4 sd) in {summary.path}, which has 3 eyes (mine, lost, contradicted): "
+        "read as one of unknown modulus"
     )
 
 

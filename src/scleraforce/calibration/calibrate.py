@@ -91,7 +91,7 @@ def _with_globe_doubt(
     parameters: tuple[str, ...],
     frames: int | None,
 ) -> EyeCalibration:
-    """Return a calibration that diverged, with a doubt where its frames agree if nothing is told of the globe."""
+    """Return a calibration that diverged; where its frames agree if nothing is told of the globe, none is known."""
     eye = recording.info.eye
     if eye.globe is None:
         return diverged
@@ -100,12 +100,14 @@ def _with_globe_doubt(
     other = _calibrate(asked, study, library, parameters, frames, None, None)
     if other.status != "ok":
         return diverged
-    *others, last = diverged.recordings
+    rigidity = next(words for words in found_words(other) if words.startswith("k "))
     doubt = (
         f"eye.globe is stated as {eye.globe}, and the frames contradict that; of a globe that may be open or sealed "
-        f"they say {found_words(other)[-1]} and do not: state what it is, or leave eye.globe out"
+        f"they say {rigidity} and do not: state what it is, or leave eye.globe out"
     )
-    return replace(diverged, recordings=(*others, replace(last, doubts=(*last.doubts, doubt))))
+    *others, last = diverged.recordings
+    recordings = (*others, replace(last, doubts=(*last.doubts, doubt)))
+    return replace(diverged, globe=UNKNOWN, recordings=recordings)
 
 
 def eye_constants(recording: Recording, study: Study) -> EyeConstants:

@@ -129,12 +129,11 @@ def step(session: EyeSession, boundaries: Boundaries, force_n: float, since_star
 
 
 def known_after(session: EyeSession) -> Known:
-    """Return what is known of an eye after its frames; nothing of modulus and globe where its last one diverged."""
+    """Return what is known of an eye after its frames; nothing of its modulus where its last one diverged."""
     constants = session.filter.model.constants
-    if not session.updates:
+    diverged = isinstance(session.last, FrameStep) and session.last.result.status != "ok"
+    if diverged or not session.updates:
         return known_of_constants(constants)
-    if isinstance(session.last, FrameStep) and session.last.result.status != "ok":
-        return replace(known_of_constants(constants), globe=None)
     names, means = session.filter.space.names, moments(session.filter, session.state)[0]
     thickness_m = dict(zip(names, means.tolist(), strict=True)).get(PARAMETERS["thickness"], constants.thickness_m)
     modulus = Modulus(mean_pa=session.mean_pa, sd_pa=session.sd_pa, source="own")

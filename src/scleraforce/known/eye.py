@@ -142,13 +142,13 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
     """Return what is known of an eye once a calibration adds its modulus.
 
     A modulus of its own goes with the wall's thickness that it was calibrated with, and with what was found of its
-    globe, unless another kind of globe is told. Where the eye's calibration diverged, its frames contradict what is
-    told of it; a globe that is told wrongly costs most, so nothing is known of that then.
+    globe, unless another kind of globe is told. Of an eye whose calibration diverged nothing of its modulus is known,
+    and nothing of the globe where its frames contradict what was told of that: the file's is unknown then.
     """
     modulus = calibrated_modulus(summary, eye)
     own = summary.eyes.get(eye)
     if own is not None and not own.usable:
-        return replace(known, modulus=None, globe=None)
+        return replace(known, modulus=None, globe=None if own.globe.kind == "unknown" else known.globe)
     if own is None or modulus is None or modulus.source != "own":
         return replace(known, modulus=modulus)
     globe = own.globe if known.globe is None or known.globe.kind == own.globe.kind else known.globe
@@ -187,7 +187,8 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
     modulus = calibrated_modulus(summary, eye)
     count = "1 eye" if len(summary.eyes) == 1 else f"{len(summary.eyes)} eyes"
     read = (
-        "as one of unknown modulus" + ("" if own is None else " in a globe of which nothing is known")
+        "as one of unknown modulus"
+        + (" in a globe of which nothing is known" if own and own.globe.kind == "unknown" else "")
         if modulus is None
         else (
             f"with the population's modulus, {from_si(modulus.mean_pa, 'mpa'):.3g} MPa +- "
