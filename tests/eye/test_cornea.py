@@ -145,7 +145,7 @@ def test_a_cornea_is_written_read_and_absent_unless_it_is_asked_for() -> None:
     assert parse_study(format_study(study)) == study
     assert parse_study("[form.cornea]\n").form.cornea == CORNEA
     assert parse_study("[form]\ncornea = { radius_mm = 8.0 }\n").form.cornea == CorneaStudy(radius_m=8e-3)
-    assert "cornea" not in format_study(Study())  # so the default study keeps its hash
+    assert "cornea" not in format_study(Study()).split("[scenes")[0]  # of drawn eyes it has one
     for text, message in (
         ("radius_mm = 1.0", r"^study:2: form\.cornea\.radius_mm: 1 is below"),
         ("radius_mm = 5.0", r"^study:1: form\.cornea\.limbus_radius_mm: 5\.75; must be below .* radius_mm, 5$"),
