@@ -9,18 +9,22 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from analytic_walls import LIBRARY
+from calibrated_eye import calibration_of_a_sealed_eye
 
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.frame_order import frame_order
-from scleraforce.calibration.result import Calibration
+from scleraforce.calibration.result import Calibration, EyeCalibration
 from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import open_calibration, parse_calibration_file
+from scleraforce.known.globe import SEALED, UNKNOWN
 from scleraforce.laboratory.ideal_boundaries import virtual_sections
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.recording.files import Recording, read_recording
-from scleraforce.study import CalibrationStudy
+from scleraforce.study import CalibrationStudy, Study
+from scleraforce.units import SI_PER_UNIT
 
 FORCES = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
 
@@ -261,3 +265,38 @@ def test_frames_that_were_seen_are_left_out_under_any_name_and_path(
 def test_a_missing_file_names_the_command_that_writes_it(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match="scleraforce calibrate"):
         open_calibration(tmp_path / "none.json")
+
+
+@pytest.mark.parametrize(
+    ("told", "untold_status", "rigidity", "doubted"),
+    [
+        ("open", "ok", 0.03, True),
+        ("open", "ok", 0.0004, False),
+        ("open", "diverged: by 4 sd", 0.03, False),
+        ("sealed", "ok", 0.0, True),
+        (None, "ok", 0.03, False),
+    ],
+)
+def test_a_globe_is_doubted_where_the_frames_agree_on_another_one(
+    recording: Recording,
+    monkeypatch: pytest.MonkeyPatch,
+    told: str | None,
+    untold_status: str,
+    rigidity: float,
+    doubted: bool,
+) -> None:
+    sealed = calibration_of_a_sealed_eye().eyes["mine"]
+    per_ul = SI_PER_UNIT["mmhg13_per_ul"][1]
+
+    def found(asked: Recording, *_: Any) -> EyeCalibration:
+        untold = asked.info.eye.globe is None
+        status = untold_status if untold and told is not None else "diverged: by 5 sd"
+        *frames, last = sealed.frames
+        globe = replace(UNKNOWN, mean=rigidity * per_ul, sd=0.001 * per_ul) if untold else SEALED
+        return replace(sealed, frames=(*frames, replace(last, status=status)), globe=globe)
+
+    monkeypatch.setattr("scleraforce.calibration.calibrate._calibrate", found)
+    asked = replace(recording, info=replace(recording.info, eye=replace(recording.info.eye, globe=told)))
+    eye = calibrate_recordings([asked], Study(), "hash", LIBRARY).eyes["virtual"]
+    assert bool(eye.recordings[-1].doubts) == doubted
+    assert (eye.globe == UNKNOWN) == doubted

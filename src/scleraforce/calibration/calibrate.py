@@ -36,6 +36,7 @@ from scleraforce.units import from_si
 
 __all__ = ["calibrate_recordings", "eye_constants"]
 
+SURE_SEALED = 3.0  # standard deviations that a rigidity lies above 0 of a globe that cannot be open
 SAME_MODULUS = 0.01  # relative; what else is stated of the eye moves the mean of a lognormal by less
 
 
@@ -98,7 +99,8 @@ def _with_globe_doubt(
     untold = replace(eye, globe=None, rigidity_pa13_per_m3=None, rigidity_law=None)
     asked = replace(recording, info=replace(recording.info, eye=untold))
     other = _calibrate(asked, study, library, parameters, frames, None, None)
-    if other.status != "ok":
+    as_told = eye.globe == "open" and other.globe.mean < SURE_SEALED * other.globe.sd
+    if other.status != "ok" or as_told:
         return diverged
     rigidity = next(words for words in found_words(other) if words.startswith("k "))
     doubt = (
