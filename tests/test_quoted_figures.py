@@ -9,8 +9,9 @@ COLUMNS = ("class accuracy, all frames", "force error, mN", "90 % intervals that
 
 
 def cells(line: str) -> list[str]:
-    """The cells of a row of a table, without their counts."""
-    return [re.sub(r" \(.*", "", cell.strip()) for cell in line.strip("|").split("|")]
+    """The cells of a row of a table; all but the first without their counts."""
+    first, *others = (cell.strip() for cell in line.strip("|").split("|"))
+    return [first, *(re.sub(r" \(.*", "", cell) for cell in others)]
 
 
 def figures() -> dict[str, dict[str, dict[str, str]]]:
@@ -25,7 +26,7 @@ def figures() -> dict[str, dict[str, dict[str, str]]]:
             head = head or cells(line)
             if "force error, mN" in head and len(cells(line)) == len(head):
                 found[group][cells(line)[0]] = dict(zip(head, cells(line), strict=True))
-    return found
+    return {name: methods for name, methods in found.items() if methods}
 
 
 def test_the_readme_quotes_the_figures_of_the_page() -> None:
