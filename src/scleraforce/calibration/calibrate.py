@@ -19,7 +19,7 @@ from scleraforce.calibration.frame_order import frame_order
 from scleraforce.calibration.registration import first_belief
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.calibration.session import EyeSession, begin, known_after, step
-from scleraforce.calibration.words import found_words
+from scleraforce.calibration.words import rigidity_words
 from scleraforce.errors import CalibrationError
 from scleraforce.known.eye import Known, open_doubts, told_globe
 from scleraforce.known.globe import OPEN, UNKNOWN
@@ -102,10 +102,9 @@ def _with_globe_doubt(
     as_told = eye.globe == "open" and other.globe.mean < SURE_SEALED * other.globe.sd
     if other.status != "ok" or as_told:
         return diverged
-    rigidity = next(words for words in found_words(other) if words.startswith("k "))
     doubt = (
         f"eye.globe is stated as {eye.globe}, and the frames contradict that; of a globe that may be open or sealed "
-        f"they say {rigidity} and do not: state what it is, or leave eye.globe out"
+        f"they say {rigidity_words(other)} and do not: state what it is, or leave eye.globe out"
     )
     *others, last = diverged.recordings
     recordings = (*others, replace(last, doubts=(*last.doubts, doubt)))
@@ -177,10 +176,10 @@ def _calibrate(
             )
             records.append(_recorded(record, found))
             if isinstance(found, FrameStep):
+                assert boundaries is not None  # of a frame without a wall there is no step
+                taken[len(records) - 1] = boundaries
                 steps.append(found)
                 left -= 1
-            if isinstance(found, FrameStep) and boundaries is not None:
-                taken[len(records) - 1] = boundaries
         if progress is not None:
             progress(1)
     if progress is not None:
@@ -227,8 +226,8 @@ def _with_discrepancy(
         study: of the calibration.
     """
     frames = list(eye.frames)
-    for place, boundaries in taken.items():
-        again = read_again(boundaries, frames[place].force_n, known, library, study)
+    asked = [(boundaries, frames[place].force_n) for place, boundaries in taken.items()]
+    for place, again in zip(taken, read_again(asked, known, library, study), strict=True):
         if again is not None:
             frames[place] = replace(frames[place], read_n=again.library_n, read_sd_n=again.sd_n)
     forces = [

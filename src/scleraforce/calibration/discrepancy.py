@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scleraforce.calibration.forces import LABEL_SD_N
-from scleraforce.fitting.library_fit import NO_WALL_M, fit_boundaries
+from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit, fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.discrepancy import ForceDiscrepancy, beside_middle
 from scleraforce.known.eye import Known
@@ -41,15 +41,14 @@ class KnownForce:
 
 
 def read_again(
-    boundaries: Boundaries, force_n: float, known: Known, library: Library, study: Study
-) -> KnownForce | None:
-    """Return what a calibrated eye's frame reads without its force; None where it cannot be read.
+    frames: Sequence[tuple[Boundaries, float]], known: Known, library: Library, study: Study
+) -> list[KnownForce | None]:
+    """Return what a calibrated eye's frames read without their forces, each None where it cannot be read.
 
     What the frames share, E and k, is taken for certain: it is no noise between them.
 
     Args:
-        boundaries: of the frame.
-        force_n: that is known, N.
+        frames: boundaries, and the force that is known, N.
         known: of the eye, with its own modulus, after the calibration.
         library: for any contact.
         study: of the calibration.
@@ -60,11 +59,13 @@ def read_again(
         globe=None if known.globe is None else replace(known.globe, sd=CERTAIN * known.globe.sd, correlation=0.0),
         discrepancy=None,
     )
-    polar_rad = library.contact_polar_rad if known.polar_rad is None else known.polar_rad
-    near = library.for_contact(min(max(polar_rad, 0.0), float(library.polar_rad[-1])))
-    prior = prior_of(certain, study.reader)
+    near, prior = library.nearest_contact(known.polar_rad), prior_of(certain, study.reader)
     smoothing_m = study.calibration.surface_smoothing_m
-    fit = fit_boundaries(near, boundaries.lateral_m, boundaries.depth_m, prior, smoothing_m)
+    fits = (fit_boundaries(near, seen.lateral_m, seen.depth_m, prior, smoothing_m) for seen, _ in frames)
+    return [_known_force(fit, force_n) for fit, (_, force_n) in zip(fits, frames, strict=True)]
+
+
+def _known_force(fit: BoundaryFit | None, force_n: float) -> KnownForce | None:
     if fit is None or fit.misfit_m > NO_WALL_M or not fit.force_n > 0.0:
         return None
     low_n, high_n = fit.interval_n

@@ -189,7 +189,7 @@ def library_eye(study: Study, constants: EyeConstants, library: Library) -> Libr
     # Sections end at `REACH`; a dented wall's material moves by less than a millimetre or two along it.
     near = library.within(0.85 * library.radius_m)
     middle_rad = 0.5 * (min(polars) + max(polars))  # forces hardly change between the ends
-    near = near.for_contact(min(middle_rad, float(library.polar_rad[-1])))
+    near = near.nearest_contact(middle_rad)
     return LibraryEye(constants, near, lateral_m, polars, moves, study.calibration.surface_smoothing_m)
 
 

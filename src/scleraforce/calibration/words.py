@@ -7,7 +7,7 @@ from scleraforce.calibration.result import EyeCalibration
 from scleraforce.known.discrepancy import REFERENCE_N
 from scleraforce.units import HumanUnit, from_si
 
-__all__ = ["found_words"]
+__all__ = ["found_words", "rigidity_words"]
 
 # Parameter -> its name for people, its unit, and how that is printed.
 PRINTED: dict[str, tuple[str, HumanUnit, str]] = {
@@ -26,6 +26,12 @@ def found_words(eye: EyeCalibration) -> tuple[str, ...]:
     """
     found = zip(eye.names, eye.means, eye.sds, strict=True)
     return (*(_words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"]), *_discrepancy_words(eye))
+
+
+def rigidity_words(eye: EyeCalibration) -> str:
+    """Return mean and standard deviation of the rigidity of an eye that may be sealed."""
+    place = eye.names.index(RIGIDITY)
+    return _words(RIGIDITY, eye.means[place], eye.sds[place])
 
 
 def _discrepancy_words(eye: EyeCalibration) -> tuple[str, ...]:

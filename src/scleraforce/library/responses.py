@@ -273,6 +273,12 @@ class Library:
         """
         return replace(self, contact_polar_rad=polar_rad, shapes_of=self)
 
+    def nearest_contact(self, polar_rad: float | None) -> "Library":
+        """Return the library of needles at a polar angle, or at the nearest that it has; None: as it is."""
+        if polar_rad is None:
+            return self
+        return self.for_contact(min(max(polar_rad, 0.0), float(self.polar_rad[-1])))
+
     def within(self, distance_m: float) -> "Library":
         """Return the library without the material that lies farther than `distance_m` from the needle axis.
 

@@ -73,7 +73,7 @@ class ForceReader:
         self.default = default
         self.factors = factors
         self._network = network
-        self._library_of = lru_cache(maxsize=CONTACTS)(library.for_contact)
+        self._library_of = lru_cache(maxsize=CONTACTS)(library.nearest_contact)
 
     @property
     def classes(self) -> int:
@@ -122,9 +122,7 @@ class ForceReader:
 
         Angles beyond the library's count as its largest.
         """
-        if polar_rad is None:
-            return self.library
-        return self._library_of(min(max(polar_rad, 0.0), float(self.library.polar_rad[-1])))
+        return self._library_of(polar_rad)
 
     def read_slices(self, cuts: NDArray[np.uint8], known: Known) -> Reading:
         """Return what the network reads.

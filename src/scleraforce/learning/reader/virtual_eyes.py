@@ -168,7 +168,8 @@ def calibrated(
     if known.modulus is None:
         return known, left
     borne = [place for place in sorted(used) if labels_n[place] > study.calibration.min_force_n]
-    again = (read_again(frames[place].boundaries, float(labels_n[place]), known, library, study) for place in borne)
+    taken = [(frames[place].boundaries, float(labels_n[place])) for place in borne]
+    again = read_again(taken, known, library, study)
     return replace(known, discrepancy=fitted_discrepancy([frame for frame in again if frame is not None])), left
 
 
