@@ -1,5 +1,6 @@
 """ONNX Runtime sessions of model folders, and whether a network was made with the study beside it."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from scleraforce.errors import ModelError, StudyError
 from scleraforce.models.folder import NETWORK_FILE, STUDY_FILE, ModelFolder, sha256
 from scleraforce.study import Study, parse_study
 
-__all__ = ["check_provenance", "folder_session", "folder_study", "network_session", "run_network"]
+__all__ = ["check_interface", "check_provenance", "folder_session", "folder_study", "network_session", "run_network"]
 
 EXTERNAL = b"location"  # the key of data in other files (onnx.proto, TensorProto.external_data); none of ours has it
 
@@ -72,6 +73,30 @@ def check_provenance(folder: ModelFolder, session: onnxruntime.InferenceSession)
     if stated != sha256(folder.files[STUDY_FILE]):
         place = folder.path / NETWORK_FILE
         raise ModelError(f"{place}: study_sha256: {stated} is not the study in {STUDY_FILE}; train the model again")
+
+
+def check_interface(
+    session: onnxruntime.InferenceSession,
+    inputs: Mapping[str, tuple[str, list[int]]],
+    outputs: Mapping[str, tuple[str, list[int]]],
+    place: str,
+) -> None:
+    """Check that a network has just these inputs and outputs.
+
+    Args:
+        session: of the network.
+        inputs: type and shape of each, but for its first axis, by its name.
+        outputs: likewise.
+        place: what the messages name.
+
+    Raises:
+        ModelError: it has others.
+    """
+    for which, wanted in (("inputs", inputs), ("outputs", outputs)):
+        items = session.get_inputs() if which == "inputs" else session.get_outputs()
+        found = {item.name: (item.type, item.shape[1:]) for item in items}
+        if found != wanted:
+            raise ModelError(f"{place}: {which}: found {found}, its study asks for {wanted}")
 
 
 def run_network(

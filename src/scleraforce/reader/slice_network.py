@@ -13,7 +13,7 @@ from scleraforce.eye.globe import SAME_SLOPE_PA
 from scleraforce.known.discrepancy import NO_DISCREPANCY
 from scleraforce.known.eye import Known
 from scleraforce.known.globe import UNKNOWN
-from scleraforce.models.session import run_network
+from scleraforce.models.session import check_interface, run_network
 from scleraforce.reader.force_distribution import ratio_edges, single_force
 from scleraforce.reader.given import GIVEN, Told, given_inputs, told_modulus
 from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors
@@ -89,14 +89,9 @@ class OnnxSliceNetwork:
 
     def _check(self) -> None:
         rows, columns = self._study.slice.rows, self._study.slice.columns
-        inputs = {item.name: (item.type, item.shape[1:]) for item in self._session.get_inputs()}
-        outputs = {item.name: (item.type, item.shape[1:]) for item in self._session.get_outputs()}
-        wanted = {SLICES: ("tensor(uint8)", [rows, columns]), TOLD: ("tensor(float)", [len(GIVEN)])}
-        if inputs != wanted:
-            raise ModelError(f"{self._place}: inputs: found {inputs}, its study asks for {wanted}")
-        wanted = {HISTOGRAM: ("tensor(float)", [self._study.reader.bins]), CONTACT: ("tensor(float)", [])}
-        if outputs != wanted:
-            raise ModelError(f"{self._place}: outputs: found {outputs}, its study asks for {wanted}")
+        inputs = {SLICES: ("tensor(uint8)", [rows, columns]), TOLD: ("tensor(float)", [len(GIVEN)])}
+        outputs = {HISTOGRAM: ("tensor(float)", [self._study.reader.bins]), CONTACT: ("tensor(float)", [])}
+        check_interface(self._session, inputs, outputs, self._place)
 
 
 def told_of(known: Known) -> Told:

@@ -14,7 +14,7 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.below_surface import grouped, grouping, in_tissue, rows_per_metre, search_below
 from scleraforce.segmentation.columns import at_columns, bridged, fine_columns
 from scleraforce.segmentation.grid import Float, make_grid
-from scleraforce.segmentation.imaged import LEAST_SHAPE, filled_columns, lit_columns
+from scleraforce.segmentation.imaged import LEAST_SHAPE, imaged_part, lit_columns
 from scleraforce.segmentation.inner import CELL_M, CELLS
 from scleraforce.segmentation.surface import refine_surface
 from scleraforce.segmentation.wall import Segmentation, find_wall
@@ -64,8 +64,8 @@ def find_checked_wall(frame: Pixels, scale: PixelScale, finder: WallFinder) -> S
     other = find_wall(frame, scale)
     seen = finder.find(frame)
     lit = lit_columns(frame)
-    if lit is None or not np.isfinite(other.outer_row).any():
-        return other if lit is None else _with_network_alone(frame, scale, seen, lit[:2], other)
+    if lit is None:
+        return other
     if np.count_nonzero(seen.there) < LEAST_SHAPE // 2:
         reason = other.reason or "the network sees no wall where the other way finds one"
         return replace(other, usable=False, reason=reason)
@@ -74,20 +74,9 @@ def find_checked_wall(frame: Pixels, scale: PixelScale, finder: WallFinder) -> S
     return replace(found, usable=not reason, reason=reason)
 
 
-def _with_network_alone(
-    frame: Pixels, scale: PixelScale, seen: SeenWall, lit: tuple[int, NDArray[np.bool_]], other: Segmentation
-) -> Segmentation:
-    """Return the network's wall in a frame in which the other way finds none: not usable, for its reason."""
-    if np.count_nonzero(seen.there) < LEAST_SHAPE // 2:
-        return other
-    return replace(_refined(frame, scale, seen, *lit), usable=False, reason=other.reason)
-
-
 def _refined(frame: Pixels, scale: PixelScale, seen: SeenWall, left: int, hidden: NDArray[np.bool_]) -> Segmentation:
     """Return the network's wall, moved to the edges of the full frame near it."""
-    imaged = frame[:, left : left + len(hidden)]
-    if np.count_nonzero(hidden):
-        imaged = filled_columns(imaged, hidden)
+    imaged = imaged_part(frame, left, hidden)
     start = _start(seen, left, len(hidden))
     row = _surface(imaged, scale, start)
     floor = make_grid(imaged, scale).floor
@@ -99,13 +88,12 @@ def _refined(frame: Pixels, scale: PixelScale, seen: SeenWall, left: int, hidden
 def _start(seen: SeenWall, left: int, width: int) -> _Start:
     """Return the network's wall at `fine_columns` of the imaged part, which starts at a column and is so wide."""
     at = fine_columns(width) + left
-    there = seen.there[np.abs(seen.column[None] - at[:, None]).argmin(axis=1)]
     known = seen.there
     curves = (seen.outer_row, seen.inner_row, seen.outer_sd, seen.inner_sd)
     outer, inner, outer_sd, inner_sd = (
         np.interp(at, seen.column[known], curve[known]).astype(np.float32) for curve in curves
     )
-    return _Start(outer, inner, outer_sd, inner_sd, there)
+    return _Start(outer, inner, outer_sd, inner_sd, seen.there_at(at))
 
 
 def _surface(frame: Pixels, scale: PixelScale, start: _Start) -> Float:

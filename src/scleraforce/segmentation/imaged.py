@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from scleraforce.recording.pixels import Pixels
 
-__all__ = ["LEAST_SHAPE", "filled_columns", "lit_columns"]
+__all__ = ["LEAST_SHAPE", "imaged_part", "lit_columns"]
 
 LEAST_SHAPE = 16  # rows and columns of a frame
 LIT_ROWS = 4  # every fourth row tells whether a column is imaged
@@ -26,12 +26,15 @@ def lit_columns(frame: Pixels) -> tuple[int, NDArray[np.bool_], int] | None:
     return left, dark[left:right], brightest
 
 
-def filled_columns(frame: Pixels, hidden: NDArray[np.bool_]) -> Pixels:
-    """Return a frame with its hidden columns as the nearest ones that are not; the first and the last are not."""
-    filled = frame.copy()
+def imaged_part(frame: Pixels, left: int, hidden: NDArray[np.bool_]) -> Pixels:
+    """Return the columns from `left` on, its `hidden` ones as the nearest that are not; neither end is hidden."""
+    imaged = frame[:, left : left + len(hidden)]
+    if not np.count_nonzero(hidden):
+        return imaged
+    filled = imaged.copy()
     change = np.flatnonzero(hidden[1:] != hidden[:-1]) + 1
     for start, end in zip(change[::2], change[1::2], strict=True):
         middle = (start + end + 1) // 2
-        filled[:, start:middle] = frame[:, start - 1 : start]
-        filled[:, middle:end] = frame[:, end : end + 1]
+        filled[:, start:middle] = imaged[:, start - 1 : start]
+        filled[:, middle:end] = imaged[:, end : end + 1]
     return filled

@@ -14,7 +14,7 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.below_surface import grouping, in_tissue, rows_per_metre, search_below
 from scleraforce.segmentation.columns import at_columns, bridged
 from scleraforce.segmentation.grid import Float, Grid, make_grid
-from scleraforce.segmentation.imaged import LEAST_SHAPE, filled_columns, lit_columns
+from scleraforce.segmentation.imaged import LEAST_SHAPE, imaged_part, lit_columns
 from scleraforce.segmentation.slice import boundary_slice, boundary_slices
 from scleraforce.segmentation.surface import Surface, find_surface, refine_surface
 
@@ -78,9 +78,7 @@ def find_wall(frame: Pixels, scale: PixelScale) -> Segmentation:
     if lit is None:
         return _without_wall(frame.shape, "the frame is empty: all pixels are alike")
     left, hidden, brightest = lit
-    imaged = frame[:, left : left + len(hidden)]
-    if np.count_nonzero(hidden):
-        imaged = filled_columns(imaged, hidden)
+    imaged = imaged_part(frame, left, hidden)
     grid = make_grid(imaged, scale)
     fault = _blank(grid, brightest)
     if fault:

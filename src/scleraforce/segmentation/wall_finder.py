@@ -5,13 +5,13 @@ the likeliest rows, moved to the mean of the rows near it, and its uncertainty t
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 from numpy.typing import NDArray
 
-from scleraforce.errors import ModelError
-from scleraforce.models.session import run_network
+from scleraforce.models.session import check_interface, run_network
 from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.path import best_path
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
@@ -45,6 +45,11 @@ class SeenWall:
     outer_sd: Curve
     inner_sd: Curve
     there: NDArray[np.bool_]
+
+    def there_at(self, column: NDArray[Any]) -> NDArray[np.bool_]:
+        """Return whether the nearest point to each column has wall."""
+        there: NDArray[np.bool_] = self.there[np.abs(self.column[None] - column[:, None]).argmin(axis=1)]
+        return there
 
 
 class WallFinder:
@@ -86,17 +91,11 @@ class WallFinder:
 
     def _check(self) -> None:
         rows, columns = self._study.rows, self._study.columns
-        inputs = {item.name: (item.type, item.shape[1:]) for item in self.session.get_inputs()}
-        outputs = {item.name: (item.type, item.shape[1:]) for item in self.session.get_outputs()}
-        wanted = {FINDER_FRAMES: ("tensor(float)", [rows, columns])}
-        if inputs != wanted:
-            raise ModelError(f"{self._place}: inputs: found {inputs}, its study asks for {wanted}")
-        wanted = {
+        outputs = {
             FINDER_ROWS: ("tensor(float)", [2, rows, columns // 2]),
             FINDER_WALL: ("tensor(float)", [columns // 2]),
         }
-        if outputs != wanted:
-            raise ModelError(f"{self._place}: outputs: found {outputs}, its study asks for {wanted}")
+        check_interface(self.session, {FINDER_FRAMES: ("tensor(float)", [rows, columns])}, outputs, self._place)
 
 
 def _beyond(boundary: Curve, outside: NDArray[np.bool_], row: float) -> Curve:

@@ -45,6 +45,11 @@ class _Over:
         """Return a random place across the frame, m."""
         return float(self.rng.uniform(self.lateral_m[0], self.lateral_m[-1]))
 
+    def from_side(self, left: bool) -> Curve:
+        """Return how far columns lie from the frame's left or right edge, m."""
+        half_m = self.picture.window.width_m / 2
+        return self.lateral_m + half_m if left else half_m - self.lateral_m
+
     def line(self, depth_m: Curve, level_db: float | Curve) -> None:
         """Add a thin bright curve."""
         bright = np.broadcast_to(level(level_db), depth_m.shape)
@@ -154,7 +159,7 @@ def _drape(over: _Over) -> None:
     """Draw a sheet that covers the tissue from one side of the frame on."""
     study, rng, window = over.study, over.rng, over.picture.window
     reach_m = draw(study.drape_reach, rng) * window.width_m
-    from_side = over.lateral_m + window.width_m / 2 if rng.random() < 0.5 else window.width_m / 2 - over.lateral_m
+    from_side = over.from_side(left=rng.random() < 0.5)
     folds_m = rng.uniform(0.0, 60e-6) * np.sin(over.lateral_m / rng.uniform(0.1e-3, 0.5e-3))
     thick_m = draw(study.drape_m, rng)
     top_m = np.where(from_side < reach_m, over.surface_m - thick_m - np.abs(folds_m) - rng.uniform(0.0, 0.2e-3), np.nan)
@@ -165,7 +170,7 @@ def _lid(over: _Over) -> None:
     """Draw a lid that comes in from one side above the eye, with its rounded edge, and lashes below it."""
     study, rng, window = over.study, over.rng, over.picture.window
     left = rng.random() < 0.5
-    from_side = over.lateral_m + window.width_m / 2 if left else window.width_m / 2 - over.lateral_m
+    from_side = over.from_side(left)
     reach_m, thick_m = draw(study.lid_reach, rng) * window.width_m, draw(study.lid_m, rng)
     inwards = np.clip(from_side / reach_m, 0.0, 1.0)
     bottom_m = np.where(inwards < 1.0, _smooth_surface(over) - draw(study.lid_gap_m, rng) * inwards, np.nan)

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.learning.classifier.network import TrainedNetwork
-from scleraforce.learning.framework import onnx
+from scleraforce.learning.framework import onnx, torch
 from scleraforce.reader.classifier import INPUT, OUTPUT
 
-__all__ = ["constant", "model_bytes", "node", "onnx_bytes"]
+__all__ = ["constant", "model_bytes", "node", "onnx_bytes", "tensor_values"]
 
 OPSET, IR_VERSION = 17, 8  # old enough for every ONNX Runtime since 1.12
 
@@ -63,6 +63,12 @@ def node(operator: str, inputs: list[str], outputs: str | list[str], **attribute
 def constant(name: str, value: NDArray[Any]) -> onnx.TensorProto:
     """Return an initialiser."""
     return onnx.numpy_helper.from_array(value, name)
+
+
+def tensor_values(tensor: torch.Tensor) -> NDArray[np.float32]:
+    """Return the values of a network's tensor, for `constant`."""
+    values: NDArray[np.float32] = tensor.detach().numpy().copy()
+    return values
 
 
 def model_bytes(graph: onnx.GraphProto, provenance: Mapping[str, str]) -> bytes:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.learning.classifier.graph import constant, model_bytes, node
+from scleraforce.learning.classifier.graph import constant, model_bytes, node, tensor_values
 from scleraforce.learning.framework import onnx, torch
 from scleraforce.learning.reader.network import KERNEL, SHARPNESS, STRIDE, ReaderNetwork, bin_ends
 from scleraforce.reader.given import GIVEN
@@ -38,8 +38,8 @@ def reader_onnx_bytes(network: ReaderNetwork, rows: int, columns: int, provenanc
         "one": np.array(1.0, dtype=np.float32),
         "millimetre": np.array(1e-3, dtype=np.float32),
         "wall_unit": np.array(network.wall_unit, dtype=np.float32),
-        "circle": _values(network.circle),
-        "projection": _values(network.projection),
+        "circle": tensor_values(network.circle),
+        "projection": tensor_values(network.projection),
     }
     nodes = [*_features(), *_convolutions(network, constants), *_layers(network, constants)]
     float32 = onnx.TensorProto.FLOAT
@@ -80,7 +80,7 @@ def _features() -> list[onnx.NodeProto]:
 def _convolutions(network: ReaderNetwork, constants: dict[str, NDArray[Any]]) -> list[onnx.NodeProto]:
     nodes = []
     for number, layer in enumerate(network.convolutions):
-        constants |= {f"{name}{number}": _values(value) for name, value in layer.named_parameters()}
+        constants |= {f"{name}{number}": tensor_values(value) for name, value in layer.named_parameters()}
         arguments = [f"signal{number}", f"weight{number}", f"bias{number}"]
         pads = [KERNEL // 2, KERNEL // 2]
         nodes.append(node("Conv", arguments, f"convolved{number}", kernel_shape=[KERNEL], strides=[STRIDE], pads=pads))
@@ -141,10 +141,5 @@ def _histogram(bins: int, constants: dict[str, NDArray[Any]]) -> list[onnx.NodeP
 def _linear(
     layer: torch.nn.Module, source: str, output: str, constants: dict[str, NDArray[Any]]
 ) -> list[onnx.NodeProto]:
-    constants |= {f"{output}_{name}": _values(value) for name, value in layer.named_parameters()}
+    constants |= {f"{output}_{name}": tensor_values(value) for name, value in layer.named_parameters()}
     return [node("Gemm", [source, f"{output}_weight", f"{output}_bias"], output, transB=1)]
-
-
-def _values(tensor: torch.Tensor) -> NDArray[np.float32]:
-    values: NDArray[np.float32] = tensor.detach().numpy().copy()
-    return values

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.learning.classifier.graph import constant, model_bytes, node
+from scleraforce.learning.classifier.graph import constant, model_bytes, node, tensor_values
 from scleraforce.learning.framework import onnx, torch
 from scleraforce.learning.wall_finder.network import BOUNDARIES, WallFinderNetwork
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL
@@ -97,7 +97,7 @@ def _decoder(network: WallFinderNetwork, constants: dict[str, NDArray[Any]]) -> 
 
 def _answers(network: WallFinderNetwork, constants: dict[str, NDArray[Any]]) -> list[onnx.NodeProto]:
     for name, layer in (("boundaries", network.boundaries), ("wall", network.wall)):
-        constants |= {f"{name}_{key}": _values(value) for key, value in layer.named_parameters()}
+        constants |= {f"{name}_{key}": tensor_values(value) for key, value in layer.named_parameters()}
     return [
         node("Conv", ["last", "boundaries_weight", "boundaries_bias"], "channels", kernel_shape=[1, 1]),
         node("Reshape", ["channels", "paired"], "pairs"),
@@ -138,7 +138,8 @@ def _folded(
     assert mean is not None
     assert variance is not None
     gain = normalisation.weight / torch.sqrt(variance + normalisation.eps)
-    return _values(convolution.weight * gain[:, None, None, None]), _values(normalisation.bias - mean * gain)
+    weight, bias = convolution.weight * gain[:, None, None, None], normalisation.bias - mean * gain
+    return tensor_values(weight), tensor_values(bias)
 
 
 def _doubled(source: str, output: str) -> onnx.NodeProto:
@@ -147,8 +148,3 @@ def _doubled(source: str, output: str) -> onnx.NodeProto:
     words = {"mode": "nearest", "coordinate_transformation_mode": "asymmetric", "nearest_mode": "floor"}
     made.attribute.extend(onnx.helper.make_attribute(key, value) for key, value in words.items())
     return made
-
-
-def _values(tensor: torch.Tensor) -> NDArray[np.float32]:
-    values: NDArray[np.float32] = tensor.detach().numpy().astype(np.float32).copy()
-    return np.ascontiguousarray(values)

@@ -65,9 +65,8 @@ def measure_finder(finder: WallFinder, scenes: ScenesStudy, count: int, rows: in
 def seen_mask(seen: SeenWall, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Return the pixels of a frame that a network's wall covers, (row, column)."""
     column, row = np.arange(shape[1]), np.arange(shape[0])[:, None]
-    nearest = np.abs(seen.column[None] - column[:, None]).argmin(axis=1)
     outer, inner = (np.interp(column, seen.column, curve) for curve in (seen.outer_row, seen.inner_row))
-    mask: NDArray[np.bool_] = (row >= outer) & (row < inner) & seen.there[nearest]
+    mask: NDArray[np.bool_] = (row >= outer) & (row < inner) & seen.there_at(column)
     return mask
 
 
