@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError, SolverError
 from scleraforce.eye.globe import Globe
+from scleraforce.mechanics import continuation
 from scleraforce.mechanics.continuation import pressurise, trace
 from scleraforce.study.globe import RIGIDITY_LAWS
 
@@ -36,6 +38,16 @@ class Truss:
         slope = (3.0 * left**2 - HEIGHT**2) / (HALF_SPAN**2 + HEIGHT**2) ** 1.5
         tangent = np.array([[slope + self.spring, -self.spring], [-self.spring, self.spring]])
         return lambda rhs: np.asarray(np.linalg.solve(tangent, rhs))
+
+
+class CountedTruss(Truss):
+    """A truss that counts its factors."""
+
+    factors = 0
+
+    def factor(self, u: Floats, pressure: float) -> Callable[[Floats], Floats]:
+        object.__setattr__(self, "factors", self.factors + 1)
+        return super().factor(u, pressure)
 
 
 def truss_force(apex: Any) -> Any:
@@ -90,6 +102,45 @@ def test_a_path_that_may_end_where_it_is_lost_keeps_what_was_found() -> None:
     assert_on_truss(soft, path.tip_m, path.force)
     peak = truss_force(HEIGHT * (1.0 - 1.0 / np.sqrt(3.0)))
     assert path.force.max() == pytest.approx(peak, rel=0.01)  # there the tip turns back
+
+
+def test_the_end_of_a_path_is_found_to_a_32nd_of_its_largest_step_and_not_sought_closer() -> None:
+    soft, largest_m = 0.01, 0.05
+    apex = HEIGHT * (1.0 - np.linspace(1.0, 0.0, 100_001))
+    turn_m = np.max(apex + truss_force(apex) / soft)  # of the tip
+    truss = CountedTruss(soft)
+    ends = {"max_tip_m": 2.0, "first_step_m": 0.02, "largest_step_m": largest_m}
+    path = trace(truss, np.zeros(2), 0.0, as_far_as_found=True, **ends)
+    assert 0.0 < turn_m - path.tip_m[-1] < largest_m / 32.0
+    ended_early = truss.factors
+    truss.factors = 0
+    with pytest.raises(SolverError, match="no equilibrium found beyond"):
+        trace(truss, np.zeros(2), 0.0, **ends)
+    assert ended_early < 0.75 * truss.factors
+
+
+def test_after_a_failure_the_step_that_worked_is_not_made_longer_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    attempts: list[tuple[float, bool]] = []
+    solve = continuation.solve_balance
+
+    def watched(control: Any, x: Floats) -> tuple[Floats, int]:
+        try:
+            found = solve(control, x)
+        except SolverError:
+            attempts.append((control.tip_m, False))
+            raise
+        attempts.append((control.tip_m, True))
+        return found
+
+    monkeypatch.setattr(continuation, "solve_balance", watched)
+    trace(Truss(0.01), np.zeros(2), 0.0, as_far_as_found=True, max_tip_m=2.0, first_step_m=0.02, largest_step_m=0.05)
+    reached_m, after = 0.0, []
+    for (tip_m, worked), (next_m, _) in pairwise(attempts):
+        if worked and after and not after[-1]:
+            assert next_m - tip_m <= (tip_m - reached_m) * (1.0 + 1e-9)
+        reached_m = tip_m if worked else reached_m
+        after.append(worked)
+    assert after.count(False) >= 3
 
 
 def test_truss_under_a_dead_pressure_starts_where_it_pushed_the_apex() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from scipy.sparse.linalg import spsolve
 
 from reference_r2 import FORCES_MN, TIPS_MM, reference_path
 from scleraforce.errors import InputError, SolverError
@@ -12,7 +13,7 @@ from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.eye.graded import graded_globe
 from scleraforce.eye.mesh import HexMesh, build_mesh
 from scleraforce.mechanics.elasticity import lame_constants
-from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath
+from scleraforce.mechanics.finite_strain import FiniteWall, LoadPath, _WallEquilibrium
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.loads import gravity_load, needle_loads, pressure_load
 from scleraforce.mechanics.needle import needle_at, tip_at
@@ -173,6 +174,19 @@ def test_every_state_balances_its_loads() -> None:
         np.testing.assert_allclose(np.sum(reactions_nc + loads_nc, axis=0), 0.0, atol=1e-9 * size)
         moments = np.cross(mesh.points_nc + displacement_nc, reactions_nc + loads_nc).sum(axis=0)
         np.testing.assert_allclose(moments, 0.0, atol=1e-9 * size * R)
+
+
+@pytest.mark.parametrize("size", [1e-60, 1.0, 1e60])
+def test_a_tangent_factored_in_single_precision_solves_as_one_in_double(size: float) -> None:
+    path, wall = coarse_path(), coarse_wall()
+    problem = _WallEquilibrium(wall, needle_at(coarse_mesh(), CONTACT, WIDE), E, 1100.0)
+    deep = path.displacement_snc[-1].ravel()[wall.free]
+    loads_uk = size * np.random.default_rng(3).normal(size=(len(wall.free), 2))
+    answers_uk = problem.factor(deep, IOP / E)(loads_uk)
+    blocks = wall.solid.tangent_blocks(wall.full_nc(deep))
+    wall.inner.add_tangent(blocks, wall.full_nc(deep), -IOP / E)
+    exact_uk = spsolve(wall.free_part.matrix(blocks), loads_uk)
+    assert np.linalg.norm(answers_uk - exact_uk) < 1e-7 * np.linalg.norm(exact_uk)
 
 
 def test_the_path_reads_back_its_own_states() -> None:

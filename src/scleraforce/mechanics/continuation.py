@@ -23,6 +23,8 @@ __all__ = ["PathStates", "pressurise", "trace"]
 Floats = NDArray[np.float64]
 
 SMALLEST_STEP = 1e-4  # of the path, or of its largest step: no shorter steps are tried
+EARLY_END = 1.0 / 64.0  # ... where a path may end early: most attempts near its end fail
+STATES = 6  # at most, that a step starts from: their polynomial takes one factor a step, a parabola two
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +100,8 @@ def trace(
         first_step_m: of the tip.
         largest_step_m: of the tip.
         globe: how the pressure follows the volume, over E; a sealed one wants a `SealedEquilibrium`.
-        as_far_as_found: where no equilibrium is found beyond some state, the path ends there, and that is no error.
+        as_far_as_found: where no equilibrium is found beyond some state, the path ends there, and that is no error; the
+            end is then known to 1/32 of the largest step.
         progress: called after each step with the largest F/E so far.
 
     Raises:
@@ -108,7 +111,7 @@ def trace(
     end_m = _end(tips_m, max_tip_m, max_force)
     sealed = globe.is_sealed
     control = SealedDent(problem, start, pressure, globe) if sealed else Dent(problem, start, pressure)
-    walk = _Walk(control, first_step_m, largest_step_m, end_m)
+    walk = _Walk(control, first_step_m, largest_step_m, end_m, EARLY_END if as_far_as_found else SMALLEST_STEP)
     kept = [walk.history[0]]
     for goal_m in _goals(tips_m, end_m):
         while walk.tip_m < goal_m and kept[-1][1] < max_force:
@@ -152,12 +155,15 @@ class _Walk:
     """Steps along the path; each starts from a polynomial through the states before.
 
     Attributes:
-        history: up to three last states: tip in m, force, unknowns.
+        history: the last `STATES` states: tip in m, force, unknowns.
     """
 
-    def __init__(self, control: Dent | SealedDent, step_m: float, largest_m: float, end_m: float) -> None:
+    def __init__(
+        self, control: Dent | SealedDent, step_m: float, largest_m: float, end_m: float, smallest: float
+    ) -> None:
+        """`smallest`: of the path, or of its largest step, the shortest step that is tried."""
         self.control, self.step_m, self.largest_m = control, step_m, largest_m
-        self.shortest_m = SMALLEST_STEP * min(end_m, largest_m)
+        self.shortest_m = smallest * min(end_m, largest_m)
         self.history: list[tuple[float, float, Floats]] = [(0.0, 0.0, control.unloaded)]
 
     @property
@@ -165,7 +171,8 @@ class _Walk:
         return self.history[-1][0]
 
     def step_towards(self, goal_m: float) -> None:
-        """Take one step, at most to `goal_m`; shorter after failures, longer after success."""
+        """Take one step, at most to `goal_m`; shorter after failures, the next one longer after success at once."""
+        easy = 2.0
         while True:
             left_m = goal_m - self.tip_m
             # Two equal steps rather than a long and a very short one.
@@ -175,10 +182,11 @@ class _Walk:
                 x, factors = solve_balance(self.control, self._extrapolated(tip_m))
             except SolverError as fault:
                 self._shorten(tip_m, fault)
+                easy = 1.0
                 continue
-            self.step_m = min(self.largest_m, self.step_m * (2.0 if factors == 1 else 1.0 if factors <= 3 else 0.5))
+            self.step_m = min(self.largest_m, self.step_m * (easy if factors == 1 else 1.0 if factors <= 3 else 0.5))
             self.control.largest_force = max(self.control.largest_force, abs(float(x[self.control.count])))
-            self.history = [*self.history[-2:], (tip_m, float(x[self.control.count]), x)]
+            self.history = [*self.history[1 - STATES :], (tip_m, float(x[self.control.count]), x)]
             return
 
     def _shorten(self, tip_m: float, fault: SolverError) -> None:
@@ -190,7 +198,7 @@ class _Walk:
             raise SolverError(f"load path: no equilibrium found beyond {reached}; {self.control.remedy}") from fault
 
     def _extrapolated(self, tip_m: float) -> Floats:
-        """Lagrange's polynomial through the last states, at most three."""
+        """Lagrange's polynomial through the last states."""
         tips = [tip for tip, _, _ in self.history]
         guess = np.zeros_like(self.history[0][2])
         for i, (own, _, x) in enumerate(self.history):
