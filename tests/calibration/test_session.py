@@ -8,13 +8,14 @@ import analytic_library as analytic
 import numpy as np
 import pytest
 
-from scleraforce.calibration import session
+from scleraforce.calibration import calibrate, session
 from scleraforce.calibration.calibrate import calibrate_recordings, eye_constants
+from scleraforce.calibration.discrepancy import fitted_discrepancy
 from scleraforce.calibration.forces import FrameForces, frame_forces
 from scleraforce.calibration.result import Calibration
 from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError
-from scleraforce.known.calibration_file import parse_calibration_file
+from scleraforce.known.calibration_file import parse_calibration_file, summary_of
 from scleraforce.laboratory.ideal_boundaries import ideal_boundaries
 from scleraforce.laboratory.optics import Pose
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
@@ -98,6 +99,54 @@ def test_the_force_freed_of_offset_and_drift_decides_which_frames_are_calibrated
     found = calibrate_recordings([recording], study, "", library).eyes["made-up"]
     wanted = [trial.file for trial, force_n in zip(trials, corrected_n, strict=True) if force_n > between_n]
     assert [frame.file for frame in found.used] == wanted
+
+
+def test_a_calibration_tells_how_far_the_forces_lie_off_the_librarys(calibration: Calibration) -> None:
+    """The made-up eye is one of the library's: its frames, read again, lie about its forces. The file keeps it."""
+    eye = calibration.eyes["made-up"]
+    read_n, force_n = (np.array([getattr(frame, name) for frame in eye.used]) for name in ("read_n", "force_n"))
+    assert read_n == pytest.approx(force_n, rel=0.05)
+    assert read_n != pytest.approx(force_n, rel=1e-3)  # the frames were read, not their labels copied
+    no_frame, found = fitted_discrepancy([]), eye.discrepancy
+    assert found is not None
+    assert abs(found.level) < 2 * found.level_sd < 2 * no_frame.level_sd
+    assert found.growth_sd < no_frame.growth_sd
+    file = parse_calibration_file(json.dumps(calibration_as_json(calibration)).encode(), "c.json")
+    assert summary_of(file).eyes["made-up"].discrepancy == found
+    assert parse_calibration(file).eyes["made-up"].discrepancy == found
+
+
+def test_a_calibration_looks_below_a_conjunctiva_with_the_thickness_that_the_recording_states(
+    library: Library, recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = []
+
+    def below(_frame: Any, _scale: Any, found: Any, thickness_m: float | None) -> Any:
+        told.append(thickness_m)
+        return replace(found, usable=False, reason="under a layer")
+
+    monkeypatch.setattr(calibrate, "below_conjunctiva", below)
+    with pytest.raises(CalibrationError, match="under a layer"):
+        calibrate_recordings([recording], STUDY, "", library)
+    assert told == [EYE.thickness_m] * len(FORCES)
+
+
+def test_forces_far_above_those_that_could_be_calibrated_on_are_a_doubt(
+    library: Library, recording: Recording, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Deep dents, of 30 mN or more, are taken for ones that leave the window."""
+
+    def shallow(_frame: Any, _scale: Any, found: Any, _thickness_m: float | None) -> Any:
+        seen.append(found)
+        return replace(found, usable=len(seen) not in (2, 4, 6), reason="deep")  # in the order of FORCES
+
+    seen: list[Any] = []
+    assert calibration.eyes["made-up"].recordings[0].doubts == ()
+    monkeypatch.setattr(calibrate, "below_conjunctiva", shallow)
+    eye = calibrate_recordings([recording], STUDY, "", library).eyes["made-up"]
+    assert [round(1e3 * frame.force_n) for frame in eye.frames if frame.skipped == "not usable: deep"] == [30, 45, 38]
+    (doubt,) = eye.recordings[0].doubts
+    assert "no frame above 20 mN could be calibrated on, of forces up to 45 mN" in doubt
 
 
 def test_an_earlier_value_of_a_session_stays_as_it_was(library: Library, recording: Recording) -> None:

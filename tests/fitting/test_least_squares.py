@@ -70,6 +70,32 @@ def test_a_nonlinear_problem_ends_at_the_least_loss() -> None:
     assert unknown[1] + 2.0 * unknown[1] ** 2 == pytest.approx(TRUE[1], rel=1e-9)
 
 
+class Valley:
+    """Rosenbrock's bent valley as least squares: 10 (y - x²) and 1 - x; its end is (1, 1), with no cost."""
+
+    def _off(self, unknown: np.ndarray) -> np.ndarray:
+        x, y = unknown
+        return np.array([10.0 * (y - x * x), 1.0 - x])
+
+    def evaluate(self, unknown: np.ndarray) -> tuple[Placed, float]:
+        nothing = np.zeros(0)
+        return Placed(nothing, nothing, nothing[:, None], nothing.astype(bool)), float(np.sum(self._off(unknown) ** 2))
+
+    def normal_equations(self, unknown: np.ndarray, placed: Placed) -> tuple[np.ndarray, np.ndarray]:  # noqa: ARG002 - the protocol's
+        jacobian = np.array([[-20.0 * unknown[0], 10.0], [-1.0, 0.0]])
+        return jacobian.T @ jacobian, -jacobian.T @ self._off(unknown)
+
+    def inside(self, unknown: np.ndarray) -> np.ndarray:
+        return unknown
+
+
+@pytest.mark.parametrize("start", [(-1.2, 1.0), (-3.0, 9.0), (-10.0, 100.0)])
+def test_a_short_step_because_of_damping_is_no_end(start: tuple[float, float]) -> None:
+    """Steps that are cut short on the way around the bend gain little, far from the end."""
+    stopping = Stopping(iterations=200, converged_sd=1e-9, settled_cost=0.1)
+    assert gauss_newton(Valley(), np.array(start), stopping)[2] < stopping.settled_cost
+
+
 def test_a_stretch_of_another_layer_does_not_pull() -> None:
     noise = np.random.default_rng(2).normal(0, SD_M, len(LATERAL_M))
     wrong = noise.copy()

@@ -29,6 +29,7 @@ from scleraforce.fitting.fit_prediction import (
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import form_size, prior_of
 from scleraforce.fitting.resting_form import FORMS
+from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, UNKNOWN, KnownGlobe
 from scleraforce.library import Library
@@ -182,6 +183,19 @@ def test_what_is_not_known_of_the_eye_widens_the_interval() -> None:
         width[missing] = high - low
     assert min(width.values()) == width["nothing"]
     assert width["modulus"] > 3 * width["nothing"]
+
+
+def test_an_eyes_discrepancy_moves_its_force_and_what_is_not_known_of_it_widens_the_interval() -> None:
+    truth = eye(1.5e-3)
+    depth = boundaries(truth, 4e-6, np.random.default_rng(12))
+    exact = ForceDiscrepancy(level=0.1, growth=0.0, level_sd=0.0, growth_sd=0.0, correlation=0.0)
+    found = {}
+    for name, discrepancy in (("none", None), ("exact", exact), ("unsure", replace(exact, level_sd=0.1))):
+        fit = fitted(truth, depth, replace(known_of(truth, 0.001), discrepancy=discrepancy))
+        found[name] = fit.force_n, float(np.diff(np.log(fit.interval_n))[0])
+    assert found["exact"][0] == pytest.approx(exp(0.1) * found["none"][0], rel=1e-3)
+    assert found["unsure"][0] == pytest.approx(found["exact"][0], rel=0.01)
+    assert found["unsure"][1] == pytest.approx(np.hypot(found["exact"][1], 2 * 1.645 * 0.1), rel=0.06)
 
 
 def test_a_wrong_stretch_does_not_pull_the_fit() -> None:

@@ -15,7 +15,7 @@ from scleraforce.calibration.assimilation import (
 from scleraforce.calibration.discrepancy import KnownForce, fitted_discrepancy, read_again
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
-from scleraforce.calibration.frame_order import frame_order
+from scleraforce.calibration.frame_order import frame_order, reach_doubts
 from scleraforce.calibration.registration import first_belief
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.calibration.session import EyeSession, begin, known_after, step
@@ -28,6 +28,7 @@ from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, tables_digest
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.conjunctiva import below_conjunctiva
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import dent, segmented_boundaries
 from scleraforce.segmentation.wall import Segmentation, find_wall
@@ -164,7 +165,8 @@ def _calibrate(
         pixels = recording.frame(entry) if left > 0 and trial.excluded is None else None
         if pixels is not None and (sha256 := frame_digest(pixels)) not in seen:
             force_n, since_s = float(forces.force_n[index]), float(forces.since_start_s[index])
-            session, found, boundaries = _take(session, find_wall(pixels, scale), scale, force_n, since_s)
+            wall = below_conjunctiva(pixels, scale, find_wall(pixels, scale), recording.info.eye.thickness_m)
+            session, found, boundaries = _take(session, wall, scale, force_n, since_s)
             shown[index] = float("nan") if boundaries is None else dent(boundaries)
             record = FrameRecord(
                 recording=str(recording.path),
@@ -184,7 +186,9 @@ def _calibrate(
             progress(1)
     if progress is not None:
         progress(len(trials) - len(order))
-    doubts = log_doubts(recording, study.classes, shown)
+    missed_n = [record.force_n for record in records if record.skipped is not None]
+    used_n = [record.force_n for record in records if record.skipped is None]
+    doubts = (*log_doubts(recording, study.classes, shown), *reach_doubts(used_n, missed_n))
     if library is None:
         doubts = (*open_doubts(recording.info.eye.globe), *doubts)
     if all(record.skipped is not None for record in records):

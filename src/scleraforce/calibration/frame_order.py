@@ -1,13 +1,17 @@
-"""In which order the frames of a recording are calibrated on."""
+"""In which order the frames of a recording are calibrated on, and how far up the forces of those that could be go."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["frame_order"]
+from scleraforce.units import from_si
+
+__all__ = ["frame_order", "reach_doubts"]
 
 Array = NDArray[np.float64]
+
+FAR_ABOVE = 1.5  # of the highest force that is calibrated on: a force above is far from it
 
 
 def frame_order(
@@ -41,3 +45,25 @@ def frame_order(
             left.remove(nearest)
             chosen.append(nearest)
     return [*light[:frames], *reversed(chosen), *left]
+
+
+def reach_doubts(used_n: Sequence[float], missed_n: Sequence[float]) -> tuple[str, ...]:
+    """Return a sentence on forces far above those that could be calibrated on; none where there are none.
+
+    A wall that leaves the picture, down a dent or up under a rising pressure, cannot be calibrated on, and modulus and
+    rigidity of a sealed eye can hardly be told apart in shallow dents.
+
+    Args:
+        used_n: forces of the frames that were calibrated on, N.
+        missed_n: of those that were to be, and could not.
+
+    >>> reach_doubts([0.011, 0.02], [0.028])
+    ()
+    """
+    highest_n, missed_n = max(used_n, default=0.0), [force_n for force_n in missed_n if np.isfinite(force_n)]
+    if not missed_n or max(missed_n) <= FAR_ABOVE * highest_n:
+        return ()
+    return (
+        f"no frame above {from_si(highest_n, 'mn'):.0f} mN could be calibrated on, of forces up to "
+        f"{from_si(max(missed_n), 'mn'):.0f} mN; what is read above rests on the library's walls alone",
+    )

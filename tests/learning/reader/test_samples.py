@@ -175,6 +175,13 @@ def test_polar_angle_and_direction_are_told_as_well_as_stated(eyes) -> None:
         assert abs((told - true)[known].std() / READER.pole_noise_rad - 1.0) < 0.05
 
 
+def test_a_polar_angle_is_never_told_below_zero(library) -> None:
+    near = replace(READER, polar_angle_rad=fixed(0.0), polar_missing_fraction=0.0)
+    told = draw_eyes(library, near, 200, np.random.default_rng(3)).told.polar_rad
+    assert told.min() >= 0.0
+    assert 0.5 < np.median(told) / READER.pole_noise_rad < 0.9  # of a normal number's size: 0.67
+
+
 def test_uneven_walls_are_drawn_as_often_as_stated(library) -> None:
     slices = []
     for share in (0.0, 0.5):
