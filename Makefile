@@ -6,6 +6,7 @@ OUT ?= out/reproduce
 FIGURES ?= out/figures
 PYTEST_ARGS ?= -n 2 --dist worksteal
 SLOW ?= slow
+SHIPPED := src/scleraforce/shipped/wall_finder
 # One thread of BLAS to a worker; bytecode is kept, or every worker and every child would compile all anew.
 FOR_TESTS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE=
 PIP := .venv/bin/python -m pip --disable-pip-version-check -qq
@@ -13,7 +14,7 @@ FIND_PYTHON = for python in python3.11 python3 python3.12 python3.13; do \
 	$$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$python; exit; }; done
 
 help:  ## this list (the default)
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 16
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' Makefile | expand -t 20
 
 install: .venv/installed  ## the environment alone, in .venv, and how to call the command
 	@echo "scleraforce is in .venv: call .venv/bin/scleraforce, or run 'source .venv/bin/activate' and call scleraforce"
@@ -41,6 +42,10 @@ figures: .venv/installed  ## forces read on virtual eyes that no training has se
 stale: .venv/installed  ## which figures of the pages are older than the sources that decide them
 	PYTHONPATH=benchmarks .venv/bin/python -m provenance
 
+wall-finder: .venv/installed  ## train the wall finder that ships with the package, in place of the one that is there
+	rm -rf out/wall_finder && .venv/bin/scleraforce train --kind wall-finder --out out/wall_finder
+	rm -rf $(SHIPPED) && cp -r out/wall_finder $(SHIPPED)
+
 lock:  ## requirements.lock anew, from pyproject.toml
 	@python=$$($(FIND_PYTHON)); folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
 	$$python -m venv "$$folder" && "$$folder"/bin/pip install -qq torch==2.13.0 'setuptools>=77' -e '.[train,dev]' && \
@@ -59,4 +64,4 @@ clean:  ## remove .venv and what the tools left; out/ stays
 .venv/installed: .venv/locked pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
 
-.PHONY: help install reproduce test slow lint bench figures stale lock clean
+.PHONY: help install reproduce test slow lint bench figures stale wall-finder lock clean

@@ -29,6 +29,7 @@ SMALLEST = {
     "bench_openigtlink": "--messages 1000",
     "bench_reader": "{model} --frames 2 --rounds 2",
     "bench_real_tissue": "--rows 1",
+    "bench_conjunctiva": "--frames 1",
     "bench_segmentation": "--frames 2 --rounds 8",
     "figure_real_tissue": "--out {out}",
     "bench_stiffening": "--rows 1",

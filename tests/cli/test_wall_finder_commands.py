@@ -9,8 +9,10 @@ import pytest
 
 from scleraforce.cli.main import run
 from scleraforce.laboratory.scenes.scene import draw_scene
+from scleraforce.reader.wall_finder_model import SHIPPED_WALL_FINDER, load_wall_finder
+from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.wall import PixelScale, find_wall
-from scleraforce.study import format_study
+from scleraforce.study import ScenesStudy, format_study
 
 pytest.importorskip("torch")  # the extra `train`
 
@@ -47,12 +49,27 @@ def test_a_wall_finder_that_differs_makes_a_frame_unusable_and_says_why(blind, f
     assert (tmp_path / "scene.png").is_file()
 
 
+def test_the_shipped_wall_finder_looks_unless_told_otherwise(tmp_path) -> None:
+    """In a drawn scene where it finds another wall than the classical way."""
+    scene, path = draw_scene(ScenesStudy(seed=3), 6), tmp_path / "scene.png"
+    cv2.imwrite(str(path), scene.frame)
+    scale = PixelScale(lateral_m=10e-3 / scene.frame.shape[1], depth_m=4e-3 / len(scene.frame))
+    checked = find_checked_wall(scene.frame, scale, load_wall_finder(SHIPPED_WALL_FINDER))
+    assert not np.array_equal(checked.mask, find_wall(scene.frame, scale).mask)
+    assert np.array_equal(mask_of(path, tmp_path / "a"), checked.mask)
+    assert np.array_equal(mask_of(path, tmp_path / "b", "--wall-finder", SHIPPED_WALL_FINDER), checked.mask)
+
+
 def test_without_a_wall_finder_the_mask_is_that_of_the_classical_way(frame, tmp_path) -> None:
-    assert run(["segment", str(frame), "--out", str(tmp_path), "--width-mm", "10", "--depth-mm", "4"]) == 0
     pixels = cv2.imread(str(frame), cv2.IMREAD_UNCHANGED)
     scale = PixelScale(lateral_m=10e-3 / pixels.shape[1], depth_m=4e-3 / pixels.shape[0])
-    mask = cv2.imread(str(tmp_path / "scene.png"), cv2.IMREAD_UNCHANGED)
-    assert np.array_equal(mask, find_wall(pixels, scale).mask)
+    assert np.array_equal(mask_of(frame, tmp_path, "--wall-finder", "none"), find_wall(pixels, scale).mask)
+
+
+def mask_of(frame: Path, out: Path, *words: object) -> np.ndarray:
+    asked = ["segment", frame, "--out", out, "--width-mm", 10, "--depth-mm", 4, *words]
+    assert run([str(word) for word in asked]) == 0
+    return cv2.imread(str(out / "scene.png"), cv2.IMREAD_UNCHANGED)
 
 
 def test_a_folder_that_is_no_wall_finder_is_refused_before_anything_is_written(frame, tmp_path, capsys) -> None:

@@ -7,7 +7,16 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from scleraforce.laboratory.bscan import column_crossings, render_bscan
-from scleraforce.laboratory.optics import BscanOptics, Cover, Line, Pose, Shadow, sample_optics, sample_pose
+from scleraforce.laboratory.optics import (
+    BscanOptics,
+    Conjunctiva,
+    Cover,
+    Line,
+    Pose,
+    Shadow,
+    sample_optics,
+    sample_pose,
+)
 from scleraforce.section.plane import Section
 from scleraforce.study import OctStudy, Study
 
@@ -176,6 +185,67 @@ def test_choroid_is_weaker_by_its_level_and_falls_with_its_own_attenuation():
     last_of_wall = 10**7.0 * np.exp(-2 * 700.0 * FLAT_THICKNESS_M)
     assert np.exp(start) / last_of_wall == pytest.approx(0.1, rel=0.08)
     assert seen[rows[-1] + 6 :].max() < 2.0
+
+
+LAYER = Conjunctiva(
+    thickness_m=200e-6, wave_fraction=0.25, wave_length_m=5e-3, phase_rad=0.7, level_db=-6.0, interface_db=-60.0
+)
+
+
+def test_a_conjunctiva_lies_over_the_wall_weaker_by_its_level_and_is_none_of_the_truth():
+    optics = replace(CLEAR, conjunctiva=LAYER)
+    lateral = np.linspace(-20e-3, 20e-3, 2001)
+    outer = np.stack([lateral, np.full(2001, FLAT_TOP_M)], axis=1)
+    wall = Section(outer, outer + np.array([0.0, FLAT_THICKNESS_M]))
+    bare, under = render(wall, CLEAR), render(wall, optics)
+    seen = intensity(under.frame)
+    pixel_m = SCANNER.depth_m / SCANNER.rows
+    lateral_m = (np.arange(512) + 0.5) / 512 * SCANNER.width_m - SCANNER.width_m / 2
+    thick_m = 200e-6 * (1 + 0.25 * np.cos(2 * np.pi * lateral_m / 5e-3 + 0.7))
+    first = (seen > 1e4).argmax(axis=0)  # a hundredth of the layer's light
+    top = (FLAT_TOP_M - thick_m) / pixel_m
+    assert np.abs(first - top).mean() < 0.7
+    # From the layer's surface on, tissue is stretched by the refractive index.
+    below_row = top + thick_m * SCANNER.refractive_index / pixel_m
+    assert np.abs(under.truth_mask.argmax(axis=0) - below_row).max() <= 1.0
+    rows = np.arange(512)[:, None]
+    within = (rows > top + 2) & (rows < below_row - 2)
+    below = (rows > below_row + 2) & (rows < below_row + 100)
+    assert seen[within].mean() / seen[below].mean() == pytest.approx(10**-0.6, rel=0.02)
+    assert abs(under.truth_mask.sum(axis=0, dtype=int) - bare.truth_mask.sum(axis=0, dtype=int)).max() <= 255
+
+
+def test_a_conjunctiva_ends_where_its_wall_ends():
+    """Columns beside the wall have neither; nothing is computed with them that is no number."""
+    lateral = np.linspace(-3e-3, 3e-3, 301)
+    outer = np.stack([lateral, np.full(301, FLAT_TOP_M)], axis=1)
+    small = Section(outer, outer + np.array([0.0, FLAT_THICKNESS_M]))
+    frame = render(small, replace(CLEAR, conjunctiva=LAYER))
+    seen = intensity(frame.frame) > 1e4
+    beside = np.abs((np.arange(512) + 0.5) / 512 * SCANNER.width_m - SCANNER.width_m / 2) > 3.05e-3
+    assert not seen[:, beside].any()
+    assert seen[:, ~beside].any(axis=0).mean() > 0.97
+    assert (render(Section(outer + 1.0, outer + 1.1), replace(CLEAR, conjunctiva=LAYER)).truth_mask == 0).all()
+
+
+def test_light_is_attenuated_in_the_conjunctiva_as_in_the_wall():
+    optics = replace(CLEAR, attenuation_per_m=800.0)
+    even = replace(LAYER, wave_fraction=0.0, level_db=0.0)
+    bare = intensity(render(flat_wall(), optics).frame)
+    under = intensity(render(flat_wall(), replace(optics, conjunctiva=even)).frame)
+    rows = rows_of(FLAT_TOP_M + 0.6e-3, FLAT_TOP_M + 1.2e-3)
+    # The wall is seen deeper by the layer's optical over its geometric thickness.
+    shift = (SCANNER.refractive_index - 1) * 200e-6 / SCANNER.refractive_index
+    expected = np.exp(-2 * 800.0 * (200e-6 - shift))
+    assert under[rows].mean() / bare[rows].mean() == pytest.approx(expected, rel=0.03)
+
+
+def test_the_walls_surface_below_a_conjunctiva_reflects_as_stated():
+    optics = replace(CLEAR, snr_db=40.0, conjunctiva=replace(LAYER, wave_fraction=0.0, interface_db=20.0))
+    seen = intensity(render(flat_wall(), optics).frame).mean(axis=1)
+    row = (FLAT_TOP_M + (SCANNER.refractive_index - 1) * 200e-6) / (SCANNER.depth_m / SCANNER.rows)
+    assert abs(seen.argmax() + 0.5 - row) <= 1.0
+    assert seen.max() > 20 * 1e4
 
 
 def test_mirror_reflection_is_seen_at_normal_incidence_and_lost_on_a_slope():

@@ -13,7 +13,7 @@ from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, pape
 from scleraforce.recording.files import read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.section.plane import Section
-from scleraforce.study import CorneaStudy, FormStudy, MeshStudy, OctStudy, Study, format_study
+from scleraforce.study import CorneaStudy, FormStudy, MeshStudy, OctStudy, Study, fixed, format_study
 
 STUDY = Study(oct=OctStudy(columns=128, rows=96), mesh=MeshStudy(divisions=4))
 EYE = PhantomEye(
@@ -121,6 +121,16 @@ def test_scanner_stays_the_same_within_a_recording_and_the_eye_moves():
     assert len({frame.optics.snr_db for frame in frames}) == 30
     for shifts in ([frame.pose.lateral_m for frame in frames], [frame.pose.depth_m for frame in frames]):
         assert 0.25e-3 < np.ptp(shifts) <= 0.4e-3
+
+
+def test_a_conjunctiva_is_one_in_a_recording_and_slides_from_push_to_push():
+    study = replace(STUDY, phantom=replace(STUDY.phantom, conjunctiva_thickness_m=fixed(140e-6)))
+    layers = [frame.optics.conjunctiva for frame in plan_phantom(EYE, FORCES_N, study, 3).frames]
+    assert len({layer.phase_rad for layer in layers}) == len(FORCES_N)
+    assert {replace(layer, phase_rad=0.0) for layer in layers} == {replace(layers[0], phase_rad=0.0)}
+    others = [frame.optics for frame in plan_phantom(EYE, FORCES_N, STUDY, 3).frames]
+    bare = [replace(frame.optics, conjunctiva=None) for frame in plan_phantom(EYE, FORCES_N, study, 3).frames]
+    assert bare == others
 
 
 def test_nothing_half_written_is_left_and_nothing_is_overwritten(written, tmp_path):

@@ -121,7 +121,7 @@ def test_the_network_is_shown_shifted_slices_and_what_is_known() -> None:
         {"modulus": Modulus(mean_pa=0.9e6, sd_pa=1e3, source="own")},
         {"iop_pa": 3000.0},
         {"thickness_m": 1.1e-3},
-        {"gap_m": 0.1e-3},
+        {"gap_m": 1.5e-3},
         {"iop_pa": nan},
     ],
     ids=lambda changed: next(iter(changed)),

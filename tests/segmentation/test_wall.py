@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import tifffile
 
+from dented_walls import dented_wall
 from scleraforce.laboratory.bscan import Bscan, render_bscan
 from scleraforce.laboratory.optics import Cover, Line, Pose, sample_optics, sample_pose
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
@@ -25,13 +26,7 @@ needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared is abse
 
 
 def wall(thickness_m: float = 0.7e-3, dent_m: float = 0.0, width_m: float = 1.6e-3) -> Section:
-    """A spherical wall of even thickness, normal to a surface with a dent in its middle."""
-    lateral = np.linspace(-8.5e-3, 8.5e-3, 1500)
-    depth = 12e-3 - np.sqrt(12e-3**2 - lateral**2) + dent_m * np.exp(-(lateral**2) / (2 * width_m**2))
-    tangent = np.stack([np.gradient(lateral), np.gradient(depth)], axis=1)
-    inward = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1) / np.linalg.norm(tangent, axis=1, keepdims=True)
-    outer = np.stack([lateral, depth], axis=1)
-    return Section(outer, outer + thickness_m * inward)
+    return dented_wall(thickness_m, dent_m, width_m)
 
 
 def phantom(

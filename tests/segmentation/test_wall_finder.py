@@ -11,9 +11,11 @@ from scleraforce.laboratory.bscan import Bscan, render_bscan
 from scleraforce.laboratory.optics import Pose, sample_optics
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
+from scleraforce.segmentation import checked_wall
 from scleraforce.segmentation.checked_wall import find_checked_wall
+from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
-from scleraforce.segmentation.wall import find_wall
+from scleraforce.segmentation.wall import Segmentation, find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 
@@ -69,6 +71,17 @@ def test_two_places_that_are_both_likely_make_it_unsure_and_the_path_stays_on_on
     assert seen.outer_sd[50] < seen.outer_sd[42]
 
 
+def test_the_thickness_does_not_jump_where_another_place_is_a_little_likelier() -> None:
+    """Over 20 columns; the upper boundary may be as steep as it likes."""
+    outer = 20.0 + 30.0 * np.abs(np.linspace(-1.0, 1.0, HALF)) ** 0.5
+    share = np.full(HALF, 0.9)
+    share[30:50] = 0.45
+    inner = share * distributions(outer + 15) + (1 - share) * distributions(outer + 55)
+    seen = WallFinder(ToldSession(np.stack([distributions(outer), inner]), np.ones(HALF)), STUDY, "told").find(FRAME)
+    assert seen.inner_row - seen.outer_row == pytest.approx(60.0, abs=4.0)
+    assert (seen.inner_sd[30:50] > 4 * 15).all()
+
+
 def test_a_column_without_wall_says_so() -> None:
     outer = np.where(np.arange(HALF) < 30, np.nan, 30.0)
     seen = told_finder(outer, outer + 20).find(FRAME)
@@ -112,6 +125,85 @@ def test_the_refined_wall_is_as_good_as_the_other_way(thickness_m: float, dent_m
     assert checked.inner_found
     assert dice(checked.mask, bscan.truth_mask) > max(0.97, dice(other.mask, bscan.truth_mask) - 0.003)
     assert checked.thickness_m == pytest.approx(other.thickness_m, rel=0.06)
+
+
+def test_where_both_ways_agree_the_wall_is_that_of_the_other_way() -> None:
+    bscan = phantom(seed=3)
+    outer, inner = true_rows(bscan)
+    checked, other = find_checked_wall(bscan.frame, SCALE, told_finder(outer, inner)), find_wall(bscan.frame, SCALE)
+    assert checked.usable, checked.reason
+    assert np.array_equal(checked.outer_row, other.outer_row, equal_nan=True)
+    assert np.array_equal(checked.inner_row, other.inner_row, equal_nan=True)
+
+
+def test_a_needle_that_the_other_way_sees_is_told_whichever_wall_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    needle = SeenNeedle(angle_rad=0.4, tip_m=(0.0, 1e-3), tip=(256.0, 128.0), top=(280.0, -0.5), hidden=(250, 300))
+    bscan = phantom(seed=3)
+    found = replace(find_wall(bscan.frame, SCALE), needle=needle)
+    monkeypatch.setattr(checked_wall, "find_wall", lambda *_: found)
+    outer, inner = true_rows(bscan)
+    for shift in (0.0, 6.0):
+        assert find_checked_wall(bscan.frame, SCALE, told_finder(outer + shift, inner + shift)).needle == needle
+
+
+def test_where_they_do_not_the_networks_wall_is_moved_by_a_row_of_its_frame_at_most() -> None:
+    """Its lower boundary is told 0.8 rows too high on the left, where the edge is; 3 too low on the right: too far."""
+    bscan = phantom(0.6e-3, 0.0, seed=3)
+    outer, inner = true_rows(bscan)
+    left = np.arange(HALF) < HALF // 2
+    checked = find_checked_wall(
+        bscan.frame, SCALE, told_finder(outer, np.where(left, inner - 0.8, inner + 3.0), sd=1.0)
+    )
+    true = np.interp(np.arange(512), reduced_columns(512, HALF), (inner + 0.5) * 4 - 0.5)
+    off = checked.inner_row - true
+    assert np.nanmedian(np.abs(off[60:220])) < 2.0
+    assert np.nanmedian(off[300:450]) == pytest.approx(12.0, abs=3.0)
+
+
+def test_an_edge_farther_than_a_row_of_the_network_is_another_things() -> None:
+    """Its surface is told 3 rows of its own too high: where `find_wall` sees the edge is not what it sees."""
+    bscan = phantom(0.6e-3, 0.0, seed=3)
+    outer, inner = true_rows(bscan)
+    checked = find_checked_wall(bscan.frame, SCALE, told_finder(outer - 3.0, inner, sd=0.5))
+    true = np.interp(np.arange(512), reduced_columns(512, HALF), (outer + 0.5) * 4 - 0.5)
+    assert np.nanmedian((checked.outer_row - true)[60:450]) == pytest.approx(-12.0, abs=3.0)
+    assert not checked.usable
+
+
+def test_a_wall_that_goes_on_beyond_the_frame_ends_a_millimetre_below_its_surface() -> None:
+    bscan = phantom(0.6e-3, 0.0)
+    outer, _ = true_rows(bscan)
+    below = np.full(HALF, STUDY.rows - 1.0)
+    finder = told_finder(outer, np.where(np.isfinite(outer), below, np.nan))
+    checked = find_checked_wall(bscan.frame, SCALE, finder)
+    assert not checked.inner_found
+    assert np.isnan(checked.thickness_m)
+    deep = checked.inner_row - checked.outer_row
+    inside = checked.inner_row < 500
+    assert deep[inside] == pytest.approx(1e-3 * SCALE.refractive_index / SCALE.depth_m, rel=1e-3)
+
+
+def test_a_wall_that_leaves_the_frame_goes_on_as_thick_as_it_is() -> None:
+    bscan = phantom(0.6e-3, 0.0)
+    outer, inner = true_rows(bscan)
+    middle = np.abs(np.arange(HALF) - HALF / 2) < HALF / 4
+    checked = find_checked_wall(bscan.frame, SCALE, told_finder(outer, np.where(middle, inner, STUDY.rows - 1.0)))
+    true = np.interp(np.arange(512), reduced_columns(512, HALF), (inner + 0.5) * 4 - 0.5)
+    assert np.nanmedian(np.abs(checked.inner_row - true)) < 3.0
+    assert checked.thickness_m == pytest.approx(0.6e-3, rel=0.1)
+
+
+def test_a_network_that_does_not_know_where_the_wall_ends_makes_the_frame_unusable_unless_the_other_does() -> None:
+    bscan = phantom(0.6e-3, 0.0)
+    outer, inner = true_rows(bscan)
+
+    def told(end: np.ndarray) -> Segmentation:
+        rows = np.stack([distributions(outer), distributions(end, sd=0.4 * np.nanmedian(inner - outer))])
+        finder = WallFinder(ToldSession(rows, np.isfinite(outer).astype(float)), STUDY, "told")
+        return find_checked_wall(bscan.frame, SCALE, finder)
+
+    assert told(inner + 5.0).reason.startswith("the network does not know where the wall ends, in ")
+    assert told(inner).usable
 
 
 def test_a_network_that_is_a_little_off_is_moved_to_the_edges() -> None:

@@ -157,6 +157,8 @@ def _entry(path: Path, found: _FrameRead | InputError, reader: "Reader") -> dict
 
 
 def _answered(path: Path, answer: "Answer") -> dict[str, Any]:
+    from scleraforce.segmentation.needle import needle_entry
+
     return {
         "file": str(path),
         "predicted": answer.predicted,
@@ -165,6 +167,7 @@ def _answered(path: Path, answer: "Answer") -> dict[str, Any]:
         "interval_mn": None if answer.interval_n is None else [from_si(end, "mn") for end in answer.interval_n],
         "contact_mm": from_si(answer.contact_m, "mm"),
         "iop_at_dent_mmhg": from_si(answer.iop_at_dent_pa, "mmhg"),
+        "needle": needle_entry(answer.needle),
         "usable": answer.usable,
         "reason": answer.reason,
         "warnings": answer.warnings,

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 __all__ = ["segment"]
 
+NO_FINDER = Path("none")
+
 
 @dataclass(frozen=True)
 class _Source:
@@ -56,8 +58,9 @@ class _Asked:
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder for the masks.")
 @scanner_options
 @click.option("--overlay", is_flag=True, help="Write NAME.overlay.png too: the boundaries drawn on the frame.")
-@click.option("--wall-finder", "finder_path", type=click.Path(path_type=Path),
-              help="Model of `train --kind wall-finder`: both ways to find the wall check each other.")  # fmt: skip
+@click.option("--wall-finder", "finder_path", metavar="MODEL", type=click.Path(path_type=Path),
+              help="Model of `train --kind wall-finder` to use; none: the classical way alone. Default: the one that "
+                   "ships with scleraforce.")  # fmt: skip
 @click.option("--force", is_flag=True, help="Replace masks that are there.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def segment(
@@ -80,9 +83,9 @@ def segment(
     into a folder for each. Where nothing states how large a frame is, 15 x 4 mm
     are assumed, and said.
 
-    With --wall-finder, a network that learned from drawn scenes looks for the
-    wall too. Its wall, refined, is written; a frame in which both ways differ
-    by more than they are unsure of is not usable.
+    Two ways to find the wall check each other: one follows steps of light, the
+    other is a network that learned from drawn scenes. A frame in which they
+    differ by more than they are unsure of is not usable.
 
     Example: scleraforce segment recordings/eye-1 --out masks --overlay
     """
@@ -98,12 +101,13 @@ def segment(
 
 
 def _wall_finder(path: Path | None) -> "WallFinder | None":
-    if path is None:
+    """Return the wall finder that was asked for: the shipped one by default, None for "none"."""
+    if path == NO_FINDER:
         return None
     # Imported here: ONNX Runtime takes longer to import than frames to segment.
-    from scleraforce.reader.wall_finder_model import load_wall_finder
+    from scleraforce.reader.wall_finder_model import SHIPPED_WALL_FINDER, load_wall_finder
 
-    return load_wall_finder(path)
+    return load_wall_finder(path or SHIPPED_WALL_FINDER)
 
 
 def _plan_masks(given: tuple[Path, ...], out: Path) -> list[_Source]:
@@ -149,6 +153,7 @@ def _check_names(sources: list[_Source]) -> None:
 def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
     """Segment one frame, write its mask and, where asked for, its overlay; return what is to be told about it."""
     from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame
+    from scleraforce.segmentation.needle import needle_entry
     from scleraforce.segmentation.overlay import draw_overlay
 
     scanner = OctStudy()
@@ -171,6 +176,7 @@ def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
         "reason": found.reason,
         "inner_found": found.inner_found,
         "thickness_um": from_si(found.thickness_m, "um"),
+        "needle": needle_entry(found.needle),
         "scale": scale_entry(frame),
     }
 
@@ -219,6 +225,8 @@ def _lines(entries: Sequence[Mapping[str, Any]]) -> list[str]:
 def _line(entry: Mapping[str, Any]) -> str:
     if not entry["usable"]:
         return f"{entry['file']}: not usable: {entry['reason']}"
-    if not entry["inner_found"]:
+    if entry["thickness_um"] is None:
         return f"{entry['file']}: inner boundary not seen; the mask ends 1 mm below the surface"
+    if not entry["inner_found"]:
+        return f"{entry['file']}: wall of {entry['thickness_um']:.0f} um; its inner boundary is the network's guess"
     return f"{entry['file']}: wall of {entry['thickness_um']:.0f} um"

@@ -9,13 +9,14 @@ sensitivity does not fall off with depth, and everything below the first surface
 `refractive_index`, also an air pocket under a fold.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.laboratory.optics import BscanOptics
+from scleraforce.laboratory.needle import DrawnShaft
+from scleraforce.laboratory.optics import BscanOptics, Conjunctiva
 from scleraforce.laboratory.speckle import (
     Complex,
     add_ridge,
@@ -40,22 +41,42 @@ class Bscan:
     truth_mask: NDArray[np.uint8]
 
 
+@dataclass(frozen=True, eq=False)
+class _Over:
+    """A conjunctiva in the frame: the filled fraction of each pixel, and where light meets the wall below it.
+
+    `wall_row` (column,) counts from the top edge, NaN where there is no wall.
+    """
+
+    optics: Conjunctiva
+    filled: Float
+    wall_row: Float
+
+
 @dataclass(frozen=True)
 class _Tissue:
     """What lies in each pixel: all (rows, columns) but `surface_row` (column,), NaN where there is no tissue.
 
-    `wall` and `choroid` are the filled fractions of the pixel, `wall_path_m` and `choroid_path_m` the lengths of tissue
-    that light has passed, one way, down to the pixel's middle. `surface_row` counts from the top edge, in rows.
+    `wall` and `choroid` are the filled fractions of the pixel, `tissue_path_m` (of the wall and of what is over it) and
+    `choroid_path_m` the lengths of tissue that light has passed, one way, down to the pixel's middle. `surface_row`
+    counts from the top edge, in rows. `over`: the conjunctiva, None without one.
     """
 
     wall: Float
     choroid: Float
-    wall_path_m: Float
+    tissue_path_m: Float
     choroid_path_m: Float
     surface_row: Float
+    over: _Over | None
 
 
-def render_bscan(section: Section, oct_study: OctStudy, optics: BscanOptics, rng: np.random.Generator) -> Bscan:
+def render_bscan(
+    section: Section,
+    oct_study: OctStudy,
+    optics: BscanOptics,
+    rng: np.random.Generator,
+    shaft: DrawnShaft | None = None,
+) -> Bscan:
     """Form one raw frame of a section.
 
     Args:
@@ -64,17 +85,24 @@ def render_bscan(section: Section, oct_study: OctStudy, optics: BscanOptics, rng
         oct_study: size, pixels, bits and refractive index of the frame.
         optics: the optics of this frame.
         rng: source of the speckle and the noise.
+        shaft: the needle's, where one crosses the frame.
 
     Returns:
         The frame (`bits` used of 16) and the mask of the wall, in the frame's optical depth, 0 in the bands.
     """
     pixel_m = oct_study.depth_m / oct_study.rows
-    tissue = _fill_columns(section, oct_study, optics.choroid_thickness_m)
-    field = np.sqrt(_backscatter(tissue, oct_study, optics)) * circular_gaussian(tissue.wall.shape, rng)
+    tissue = _fill_columns(section, oct_study, optics)
+    scattered = _backscatter(tissue, oct_study, optics)
+    if shaft is not None:
+        scattered = np.where(shaft.inside, 0.0, scattered * shaft.light).astype(np.float32) + shaft.skin
+    field = np.sqrt(scattered) * circular_gaussian(tissue.wall.shape, rng)
     sigma_rows = amplitude_sigma(optics.axial_resolution_m) / pixel_m
     sigma_columns = amplitude_sigma(optics.lateral_resolution_m) / (oct_study.width_m / oct_study.columns)
     field = seen_through(field, sigma_rows, sigma_columns)
-    _add_reflection(field, tissue.surface_row, oct_study, optics, sigma_rows, rng)
+    _add_reflection(field, tissue.surface_row, oct_study, optics, sigma_rows, rng, shaft)
+    if tissue.over is not None:
+        below = replace(optics, reflection_db=tissue.over.optics.interface_db)
+        _add_reflection(field, tissue.over.wall_row, oct_study, below, sigma_rows, rng, shaft)
     _add_lines(field, tissue.surface_row, oct_study, optics, rng)
     field += circular_gaussian(field.shape, rng)
     frame = _compress(field, oct_study.bits, optics)
@@ -131,30 +159,51 @@ def _curve_crossings(
     return column, y0 + (columns_m[column] - x0) * (y1 - y0) / (x1 - x0), np.sign(np.diff(ends))[segment]
 
 
-def _fill_columns(section: Section, oct_study: OctStudy, choroid_thickness_m: float) -> _Tissue:
+def _fill_columns(section: Section, oct_study: OctStudy, optics: BscanOptics) -> _Tissue:
     """Return what lies in each pixel of the frame, from the exact crossings of every column with the contour."""
     pixel_m = oct_study.depth_m / oct_study.rows
     columns_m = (np.arange(oct_study.columns) + 0.5) / oct_study.columns * oct_study.width_m - oct_study.width_m / 2
     wall_m = column_crossings(np.concatenate([section.contour, section.outer[:1]]), columns_m)
     inside_m = column_crossings(section.inner, columns_m)
-    surface_m = wall_m[0] if len(wall_m) else np.full(oct_study.columns, np.inf, dtype=np.float32)
+    layer = optics.conjunctiva
+    tissue_m = wall_m if layer is None else _crossings_with(layer, section, columns_m)
+    surface_m = tissue_m[0] if len(tissue_m) else np.full(oct_study.columns, np.inf, dtype=np.float32)
     # Light needs n times the depth below the surface: the row edges of the image, back in geometric depth.
     edges_m = np.arange(oct_study.rows + 1, dtype=np.float32)[:, None] * np.float32(pixel_m)
     below_m = np.maximum(edges_m - surface_m, 0.0)
     edges_m = (edges_m - below_m * (1.0 - 1.0 / oct_study.refractive_index)).astype(np.float32)
-    wall_path_m = _length_above(edges_m, wall_m)
-    choroid_path_m = _length_above(edges_m, _layer_crossings(inside_m, choroid_thickness_m))
-    wall_part_m, choroid_part_m = np.diff(wall_path_m, axis=0), np.diff(choroid_path_m, axis=0)
+    tissue_path_m = _length_above(edges_m, tissue_m)
+    choroid_path_m = _length_above(edges_m, _layer_crossings(inside_m, optics.choroid_thickness_m))
+    tissue_part_m, choroid_part_m = np.diff(tissue_path_m, axis=0), np.diff(choroid_path_m, axis=0)
     row_m = np.diff(edges_m, axis=0)
-    hair_m = 1e-4 * row_m.max()  # what rounding leaves
-    surface_row = np.where(np.isfinite(surface_m), surface_m / pixel_m, np.nan)
+    surface_m = np.where(np.isfinite(surface_m), surface_m, np.nan)
+    wall_part_m, over = tissue_part_m, None
+    if layer is not None:
+        wall_part_m = np.diff(_length_above(edges_m, wall_m), axis=0)
+        upper_m = wall_m[0] if len(wall_m) else surface_m
+        optical_m = surface_m + (upper_m - surface_m) * oct_study.refractive_index
+        wall_row = np.where(np.isfinite(optical_m), optical_m / pixel_m, np.nan)
+        over = _Over(layer, _filled(tissue_part_m - wall_part_m, row_m), _as_float32(wall_row))
     return _Tissue(
-        wall=_as_float32(np.where(wall_part_m > hair_m, wall_part_m, 0.0) / row_m),
-        choroid=_as_float32(np.where(choroid_part_m > hair_m, choroid_part_m, 0.0) / row_m),
-        wall_path_m=_as_float32(wall_path_m[1:] - wall_part_m / 2),
+        wall=_filled(wall_part_m, row_m),
+        choroid=_filled(choroid_part_m, row_m),
+        tissue_path_m=_as_float32(tissue_path_m[1:] - tissue_part_m / 2),
         choroid_path_m=_as_float32(choroid_path_m[1:] - choroid_part_m / 2),
-        surface_row=_as_float32(surface_row),
+        surface_row=_as_float32(surface_m / pixel_m),
+        over=over,
     )
+
+
+def _crossings_with(layer: Conjunctiva, section: Section, columns_m: NDArray[np.float64]) -> Float:
+    """Return where columns enter and leave a conjunctiva and the wall below it, together."""
+    surface = layer.surface(section.outer)
+    return column_crossings(np.concatenate([surface, section.inner[::-1], surface[:1]]), columns_m)
+
+
+def _filled(part_m: Float, row_m: Float) -> Float:
+    """Return which fraction of each pixel is filled, of the length that is and of its own."""
+    hair_m = 1e-4 * row_m.max()  # what rounding leaves
+    return _as_float32(np.where(part_m > hair_m, part_m, 0.0) / row_m)
 
 
 def _as_float32(values: NDArray[np.floating]) -> Float:
@@ -181,8 +230,10 @@ def _layer_crossings(inside_m: Float, thickness_m: float) -> Float:
 
 def _backscatter(tissue: _Tissue, oct_study: OctStudy, optics: BscanOptics) -> Float:
     """Return the mean intensity that comes back from each pixel, over the mean noise, shape (rows, columns)."""
-    depth = optics.attenuation_per_m * tissue.wall_path_m + optics.choroid_attenuation_per_m * tissue.choroid_path_m
+    depth = optics.attenuation_per_m * tissue.tissue_path_m + optics.choroid_attenuation_per_m * tissue.choroid_path_m
     scatter = tissue.wall + decibel(optics.choroid_level_db) * tissue.choroid
+    if tissue.over is not None:
+        scatter = scatter + decibel(tissue.over.optics.level_db) * tissue.over.filled
     light = decibel(optics.snr_db) * _transmission(oct_study, optics)
     intensity: Float = (scatter * np.exp(-2.0 * depth) * light).astype(np.float32)
     return intensity
@@ -201,12 +252,16 @@ def _add_reflection(
     optics: BscanOptics,
     sigma_rows: float,
     rng: np.random.Generator,
+    shaft: DrawnShaft | None,
 ) -> None:
     """Add the mirror (Fresnel) reflection of the first surface of each column to the field."""
     pixel_ratio = (oct_study.depth_m / oct_study.rows) / (oct_study.width_m / oct_study.columns)
     slope = np.arctan(np.gradient(surface_row) * pixel_ratio)
     share = np.exp(-((slope / optics.reflection_angle_rad) ** 2))
     intensity = decibel(optics.snr_db + optics.reflection_db) * share * _transmission(oct_study, optics)
+    if shaft is not None:
+        row = np.clip(np.nan_to_num(surface_row), 0, oct_study.rows - 1).astype(np.intp)
+        intensity = intensity * shaft.light[row, np.arange(len(row))]
     add_ridge(field, surface_row, np.sqrt(intensity), sigma_rows, rng)
 
 

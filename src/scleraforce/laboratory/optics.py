@@ -9,7 +9,19 @@ from numpy.typing import NDArray
 from scleraforce.section.plane import Section
 from scleraforce.study import OctStudy, PhantomStudy, draw
 
-__all__ = ["BscanOptics", "Cover", "Line", "Pose", "Shadow", "sample_optics", "sample_pose"]
+__all__ = [
+    "BscanOptics",
+    "Conjunctiva",
+    "Cover",
+    "Line",
+    "NeedleShaft",
+    "Pose",
+    "Shadow",
+    "sample_conjunctiva",
+    "sample_needle",
+    "sample_optics",
+    "sample_pose",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +53,53 @@ class Cover:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Conjunctiva:
+    """A layer over the wall, with a surface of its own.
+
+    Its thickness along the wall's normal is thickness_m (1 + wave_fraction cos(2 pi x / wave_length_m + phase_rad)), x
+    lateral from the frame's middle. `level_db`: its backscatter against the wall's; `interface_db`: mirror reflection
+    of the wall's surface below it, over the wall's speckle there.
+    """
+
+    thickness_m: float
+    wave_fraction: float
+    wave_length_m: float
+    phase_rad: float
+    level_db: float
+    interface_db: float
+
+    def surface(self, outer: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return its surface over that of a wall, both (point, 2) in m: lateral, and depth, which grows downwards."""
+        along = np.gradient(outer, axis=0)
+        upward = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.hypot(along[:, 0], along[:, 1])[:, None]
+        wave = np.cos(2.0 * np.pi * outer[:, 0] / self.wave_length_m + self.phase_rad)
+        over: NDArray[np.float64] = outer + (self.thickness_m * (1.0 + self.wave_fraction * wave))[:, None] * upward
+        return over
+
+
+@dataclass(frozen=True, kw_only=True)
+class NeedleShaft:
+    """A needle that may cross the B-scan.
+
+    `gap_m` is the distance of the plane from the contact. `angle_rad` is that between the shaft and the surface's
+    normal in the picture (above 0: going up, it leans to the side of growing columns), `lean_rad` the angle by which it
+    leans out of the picture, away from the plane. `bevel_rad` lies between the cut of its end and its axis: pi/2 is
+    straight. `above_m`: so far above the frame the shaft still takes light. `loss_fraction` of the light is lost below
+    it: 1 is steel. `level_db`: its upper edge over the mean noise; `far_edge_db`: the other edge over that.
+    """
+
+    diameter_m: float
+    gap_m: float
+    angle_rad: float
+    lean_rad: float
+    bevel_rad: float
+    above_m: float
+    loss_fraction: float
+    level_db: float
+    far_edge_db: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class BscanOptics:
     """The optics of one frame. Levels are ratios of detected intensity; depths in tissue are geometric.
 
@@ -51,7 +110,8 @@ class BscanOptics:
     `reflection_db`: mirror reflection of the surface at normal incidence over the speckle there, which falls with the
     slope as exp(-(slope/reflection_angle)^2). `choroid_*`: a layer below the wall; its level is the backscatter against
     the wall's. `display_floor_db`: intensity of count 0 over the mean noise; `display_range_db`: from there to the
-    largest count. `band_m`: width of the black band on each side.
+    largest count. `band_m`: width of the black band on each side. `needle`: what may cross the picture, None: nothing;
+    `conjunctiva`: over the wall, None: none.
     """
 
     snr_db: float
@@ -69,6 +129,8 @@ class BscanOptics:
     shadows: tuple[Shadow, ...] = ()
     lines: tuple[Line, ...] = ()
     covers: tuple[Cover, ...] = ()
+    needle: NeedleShaft | None = None
+    conjunctiva: Conjunctiva | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,6 +197,40 @@ def sample_optics(phantom: PhantomStudy, oct_study: OctStudy, rng: np.random.Gen
             )
             for _ in range(int(draw(phantom.cover_count, rng)))
         ),
+    )
+
+
+def sample_conjunctiva(phantom: PhantomStudy, rng: np.random.Generator) -> Conjunctiva | None:
+    """Draw the conjunctiva of one recording; None where it has none."""
+    thickness_m = draw(phantom.conjunctiva_thickness_m, rng)
+    if thickness_m == 0.0:
+        return None
+    return Conjunctiva(
+        thickness_m=thickness_m,
+        wave_fraction=draw(phantom.conjunctiva_wave_fraction, rng),
+        wave_length_m=draw(phantom.conjunctiva_wave_length_m, rng),
+        phase_rad=float(rng.uniform(-np.pi, np.pi)),
+        level_db=draw(phantom.conjunctiva_level_db, rng),
+        interface_db=draw(phantom.conjunctiva_interface_db, rng),
+    )
+
+
+def sample_needle(
+    phantom: PhantomStudy, diameter_m: float, gap_m: float, rng: np.random.Generator
+) -> NeedleShaft | None:
+    """Draw the needle of one recording; None where none is asked for."""
+    if not draw(phantom.needle_count, rng):
+        return None
+    return NeedleShaft(
+        diameter_m=diameter_m,
+        gap_m=gap_m,
+        angle_rad=draw(phantom.needle_angle_rad, rng),
+        lean_rad=draw(phantom.needle_lean_rad, rng),
+        bevel_rad=draw(phantom.needle_bevel_rad, rng),
+        above_m=draw(phantom.needle_above_m, rng),
+        loss_fraction=draw(phantom.needle_loss_fraction, rng),
+        level_db=draw(phantom.needle_level_db, rng),
+        far_edge_db=draw(phantom.needle_far_edge_db, rng),
     )
 
 

@@ -22,7 +22,15 @@ from scleraforce import __version__
 from scleraforce.errors import RecordingError
 from scleraforce.eye.form import thickness_factor
 from scleraforce.laboratory.bscan import Bscan, render_bscan
-from scleraforce.laboratory.optics import BscanOptics, Pose, sample_optics
+from scleraforce.laboratory.needle import draw_shaft
+from scleraforce.laboratory.optics import (
+    BscanOptics,
+    Conjunctiva,
+    Pose,
+    sample_conjunctiva,
+    sample_needle,
+    sample_optics,
+)
 from scleraforce.laboratory.pushes import (
     TIME_DIGITS,
     ForcePath,
@@ -48,6 +56,7 @@ from scleraforce.whole_files import KINDS, read_text
 __all__ = [
     "PhantomFrame",
     "PhantomPlan",
+    "needle_tip",
     "plan_moving_phantom",
     "plan_phantom",
     "render_frame",
@@ -64,7 +73,7 @@ DRIFT_S = 1.0  # in which a living eye moves from one place to another: between 
 Times = NDArray[np.float64]
 
 # Streams of random numbers of a recording.
-OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT = range(6)
+OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT, NEEDLE, CONJUNCTIVA = range(8)
 
 
 @dataclass(frozen=True)
@@ -100,7 +109,8 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
     """Draw a virtual acquisition.
 
     The scanner, the wall's optics, the eye's place in the frame, the sensor and the tissue's relaxation are drawn once;
-    shift of the eye, signal over noise, mirror reflection, shadows, and timing for each frame anew.
+    shift of the eye, signal over noise, mirror reflection, shadows, the conjunctiva's waves, and timing for each frame
+    anew.
 
     Raises:
         RecordingError: no force is given, or one is not a force that can be simulated.
@@ -114,7 +124,11 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
         rng = _generator(eye, seed, FRAME, index)
         of_frame = sample_optics(phantom, study.oct, rng)
         optics = replace(
-            scanner, snr_db=of_frame.snr_db, reflection_db=of_frame.reflection_db, shadows=of_frame.shadows
+            scanner,
+            snr_db=of_frame.snr_db,
+            reflection_db=of_frame.reflection_db,
+            shadows=of_frame.shadows,
+            conjunctiva=_slid(scanner.conjunctiva, _generator(eye, seed, CONJUNCTIVA, index)),
         )
         shift_m = draw(phantom.eye_shift_m, rng)
         pose = Pose(lateral_m=draw(phantom.eye_shift_m, rng), depth_m=place.depth_m + shift_m, tilt_rad=place.tilt_rad)
@@ -189,11 +203,33 @@ def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
 
 
 def _draw_scanner(eye: PhantomEye, study: Study, seed: int) -> tuple[BscanOptics, Pose]:
-    """Draw what stays the same in a recording: the optics, and the eye's depth and tilt."""
-    rng = _generator(eye, seed, OPTICS)
-    scanner = sample_optics(study.phantom, study.oct, rng)
-    surface_m, tilt_rad = draw(study.phantom.surface_depth_m, rng), draw(study.phantom.eye_tilt_rad, rng)
+    """Draw what stays the same in a recording: the optics, and the eye's depth and tilt.
+
+    Numbers of the needle and of the conjunctiva are streams of their own: all else is as without them.
+    """
+    phantom, rng = study.phantom, _generator(eye, seed, OPTICS)
+    scanner = replace(
+        sample_optics(phantom, study.oct, rng),
+        needle=sample_needle(phantom, study.needle.outer_diameter_m, eye.gap_m, _generator(eye, seed, NEEDLE)),
+        conjunctiva=sample_conjunctiva(phantom, _generator(eye, seed, CONJUNCTIVA)),
+    )
+    surface_m, tilt_rad = draw(phantom.surface_depth_m, rng), draw(phantom.eye_tilt_rad, rng)
     return scanner, Pose(lateral_m=0.0, depth_m=surface_m, tilt_rad=tilt_rad)
+
+
+def _slid(layer: Conjunctiva | None, rng: np.random.Generator) -> Conjunctiva | None:
+    """Return a conjunctiva that has moved over the wall: its waves lie elsewhere."""
+    return None if layer is None else replace(layer, phase_rad=float(rng.uniform(-np.pi, np.pi)))
+
+
+def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:
+    """Return where the needle's tip lies in a frame: lateral from its middle, depth from its top edge, m.
+
+    It touches the section's surface at the contact; at no force it is about to.
+    """
+    nearest = int(np.abs(section.outer[:, 0]).argmin())
+    lateral_m, depth_m = frame.pose.place_points(np.array([[0.0, section.outer[nearest, 1]]]))[0].tolist()
+    return lateral_m, depth_m
 
 
 def _drift(eye: PhantomEye, study: Study, seed: int, times_s: Times) -> Times:
@@ -212,8 +248,10 @@ def _drift(eye: PhantomEye, study: Study, seed: int, times_s: Times) -> Times:
 
 def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
     """Form one frame of a plan, from the section under its force."""
-    rng = np.random.default_rng(frame.seed)
-    return render_bscan(frame.pose.place(section), study.oct, frame.optics, rng)
+    rng, needle, shaft = np.random.default_rng(frame.seed), frame.optics.needle, None
+    if needle is not None:
+        shaft = draw_shaft(needle, np.array(needle_tip(frame, section)), frame.pose.tilt_rad, study.oct)
+    return render_bscan(frame.pose.place(section), study.oct, frame.optics, rng, shaft)
 
 
 def write_phantom(

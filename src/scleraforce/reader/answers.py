@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from scleraforce.fitting.library_fit import BoundaryFit
 from scleraforce.reader.readings import Reading
+from scleraforce.segmentation.needle import SeenNeedle
 
 __all__ = ["Answer", "LiveReading", "unusable"]
 
@@ -19,7 +20,8 @@ class Answer:
     all the same is None. `force_n`, its 90 % `interval_n` and the contact's lateral place `contact_m`, from the
     frame's middle, are None with a classifier. `warnings` are sentences that limit the answer; `can_calibrate` says
     whether enough of the wall is in view to calibrate on the frame. `readings` has what each method read, by its name,
-    and `fit` the wall of the library that lies best on the frame, where they were made.
+    and `fit` the wall of the library that lies best on the frame, where they were made. `needle` is the one seen in
+    the frame, usable or not.
     """
 
     predicted: int
@@ -33,6 +35,7 @@ class Answer:
     can_calibrate: bool = False
     readings: tuple[tuple[str, Reading], ...] = ()
     fit: BoundaryFit | None = None
+    needle: SeenNeedle | None = None
 
     @property
     def iop_at_dent_pa(self) -> float | None:

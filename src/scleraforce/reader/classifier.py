@@ -15,7 +15,7 @@ from scleraforce.models.folder import NETWORK_FILE, STUDY_FILE
 from scleraforce.models.session import run_network
 from scleraforce.reader.answers import Answer, LiveReading, unusable
 from scleraforce.reader.limits import slice_limits
-from scleraforce.reader.look import can_calibrate, look
+from scleraforce.reader.look import NEEDLE_SEEN, Look, can_calibrate, look
 from scleraforce.reader.verdicts import dent_leaves
 from scleraforce.recording.info import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
@@ -32,7 +32,7 @@ class Classifier:
     """Reads the force class from slices; see `Reader`. Made by `load_model`; all of it belongs together.
 
     The same slices give the same answer: the session runs on the CPU with a fixed number of threads. It knows the
-    modulus of its training only, and takes no notice of what is known of an eye.
+    modulus of its training only, and of what is known of an eye takes notice of the thickness alone (see `look`).
 
     Raises:
         ModelError: the network has other inputs or outputs than its study asks for.
@@ -66,19 +66,18 @@ class Classifier:
         metadata: Mapping[str, str] = self._session.get_modelmeta().custom_metadata_map
         return metadata
 
-    def read(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> Answer:  # noqa: ARG002 - `Reader`
+    def read(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> Answer:
         """Read one raw frame; see `Reader.read`."""
-        seen = look(frame, scale, self.study.slice)
+        seen = look(frame, scale, self.study.slice, thickness_m=known.thickness_m)
+        answer = self._seen(seen)
         if seen.reason:
-            return unusable(self.classes, seen.reason)
-        boundaries = segmented_boundaries(seen.segmentation, scale)
-        return replace(self._answer(seen.cut), can_calibrate=can_calibrate(seen, boundaries))
+            return answer
+        return replace(answer, can_calibrate=can_calibrate(seen, segmented_boundaries(seen.segmentation, scale)))
 
-    def read_live(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> LiveReading:  # noqa: ARG002
+    def read_live(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> LiveReading:
         """Read one raw frame in the control loop; see `Reader.read_live`."""
-        seen = look(frame, scale, self.study.slice)
-        answer = unusable(self.classes, seen.reason) if seen.reason else self._answer(seen.cut)
-        return LiveReading(answer, seen.segmentation.outer_row, seen.segmentation.inner_row)
+        seen = look(frame, scale, self.study.slice, thickness_m=known.thickness_m)
+        return LiveReading(self._seen(seen), seen.segmentation.outer_row, seen.segmentation.inner_row)
 
     def refusal(self, known: Known) -> None:
         """Return None: it reads every eye as the one that it was trained for."""
@@ -117,6 +116,12 @@ class Classifier:
         result /= result.sum(axis=1, keepdims=True)
 
         return result
+
+    def _seen(self, seen: Look) -> Answer:
+        """Return the answer to what is seen in a frame; a slice that a needle hides in part was never trained on."""
+        reason = seen.reason or (NEEDLE_SEEN if seen.needle else None)
+        answer = unusable(self.classes, reason) if reason else self._answer(seen.cut)
+        return replace(answer, needle=seen.needle)
 
     def _answer(self, cut: NDArray[np.uint8]) -> Answer:
         """Ask the network.

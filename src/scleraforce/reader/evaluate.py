@@ -179,6 +179,7 @@ def _read(answer: Answer) -> dict[str, Any]:
         "interval_n": answer.interval_n,
         "contact_m": answer.contact_m,
         "iop_at_dent_pa": answer.iop_at_dent_pa,
+        "needle": answer.needle,
         "warnings": answer.warnings,
         "can_calibrate": answer.can_calibrate,
     }

@@ -17,6 +17,7 @@ from scleraforce.reader.metrics import (
     precision,
     recall,
 )
+from scleraforce.segmentation.needle import SeenNeedle, needle_entry
 from scleraforce.units import from_si
 
 __all__ = ["Evaluation", "FrameAnswer"]
@@ -30,7 +31,8 @@ class FrameAnswer:
     no force log. A frame that is not `usable` is never shown to the network: its `predicted` class is 2 (withdraw),
     its `probabilities` None, and `reason` says why. `excluded` says why a trial is left out of the metrics although
     it has a label (pierced, or over the study's largest force); `calibration` marks a frame that Young's modulus was
-    fitted on, which is left out as well. `iop_at_dent_pa` is the pressure in the eye under the needle.
+    fitted on, which is left out as well. `iop_at_dent_pa` is the pressure in the eye under the needle;
+    `needle` the one seen in the picture.
     """
 
     recording: str
@@ -48,6 +50,7 @@ class FrameAnswer:
     interval_n: tuple[float, float] | None = None
     contact_m: float | None = None
     iop_at_dent_pa: float | None = None
+    needle: SeenNeedle | None = None
     warnings: tuple[str, ...] = ()
     can_calibrate: bool = False
     youngs_modulus_pa: float | None = None
@@ -72,6 +75,7 @@ class FrameAnswer:
             "interval_mn": None if self.interval_n is None else [from_si(end, "mn") for end in self.interval_n],
             "contact_mm": from_si(self.contact_m, "mm"),
             "iop_at_dent_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
+            "needle": needle_entry(self.needle),
             "usable": self.usable,
             "reason": self.reason,
             "warnings": self.warnings,

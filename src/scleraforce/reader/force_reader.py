@@ -16,11 +16,13 @@ from scleraforce.library.responses import Library
 from scleraforce.reader.answers import Answer, LiveReading, unusable
 from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors
 from scleraforce.reader.limits import wall_limits
-from scleraforce.reader.look import Look, can_calibrate, look
+from scleraforce.reader.look import NEEDLE_SEEN, Look, can_calibrate, look
+from scleraforce.reader.needle_gap import crossed_by_needle, needle_elsewhere, read_by_fit
 from scleraforce.reader.readings import METHODS, Reading, disagreement, fit_reading
 from scleraforce.reader.verdicts import contact_outside, dent_leaves, fit_leaves, no_wall_of_an_eye, too_little_wall
 from scleraforce.recording.info import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import segmented_boundaries, surface
 from scleraforce.study import Study
@@ -92,11 +94,16 @@ class ForceReader:
 
     def read(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> Answer:
         """Read one raw frame with the network and the fit; see `Reader.read`."""
-        seen = look(frame, scale, self.study.slice, SHIFTS)
+        seen = look(frame, scale, self.study.slice, SHIFTS, known.thickness_m)
+        return replace(self._read(seen, scale, known), needle=seen.needle)
+
+    def _read(self, seen: Look, scale: PixelScale, known: Known) -> Answer:
+        """Return the answer of both methods to what is seen in a frame."""
         if seen.reason:
             return unusable(self.classes, seen.reason)
         boundaries = segmented_boundaries(seen.segmentation, scale)
-        reason = self.refusal(known)
+        reason = outside_training(known, read_by_fit(self.study.reader))
+        reason = reason or needle_elsewhere(seen.needle, known, self.library.needle_radius_m)
         if reason:
             return replace(unusable(self.classes, reason), can_calibrate=can_calibrate(seen, boundaries))
         reason = too_little_wall(boundaries.lateral_m, boundaries.depth_m[0], self.study.slice)
@@ -106,12 +113,17 @@ class ForceReader:
 
     def read_live(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> LiveReading:
         """Read one raw frame with the network alone; see `Reader.read_live`."""
-        seen = look(frame, scale, self.study.slice, SHIFTS)
-        return LiveReading(self._live(seen, scale, known), seen.segmentation.outer_row, seen.segmentation.inner_row)
+        seen = look(frame, scale, self.study.slice, SHIFTS, known.thickness_m)
+        answer = replace(self._live(seen, scale, known), needle=seen.needle)
+        return LiveReading(answer, seen.segmentation.outer_row, seen.segmentation.inner_row)
 
     def refusal(self, known: Known) -> str | None:
-        """Return why an eye cannot be read: what is known of it lies outside the training; None: inside."""
+        """Return why the network cannot read an eye: what is known lies outside the training; None: inside."""
         return outside_training(known, self.study.reader)
+
+    def unread_slices(self, needle: SeenNeedle | None, known: Known) -> str | None:
+        """Return why the network cannot read slices of a frame, which the fit may read; None where it can."""
+        return self.refusal(known) or (NEEDLE_SEEN if needle else None)
 
     def limits(self, known: Known, scan: OctInfo) -> tuple[str, ...]:
         """Return where an eye and its B-scans lie outside the training; see `Reader.limits`."""
@@ -137,14 +149,18 @@ class ForceReader:
         """Return the network's answer, with every verdict that needs no fit."""
         if seen.reason:
             return unusable(self.classes, seen.reason)
-        reason = self.refusal(known) or too_little_wall(*surface(seen.segmentation, scale), self.study.slice)
+        reason = self.unread_slices(seen.needle, known) or too_little_wall(
+            *surface(seen.segmentation, scale), self.study.slice
+        )
         if reason:
             return unusable(self.classes, reason)
         return self._answer(self.read_slices(seen.cuts, known), "network", dent_leaves(seen.cut))
 
     def _fitted(self, seen: Look, boundaries: Boundaries, known: Known) -> Answer:
         """Lay a wall of the library on the frame, and read it where that is the wall of an eye."""
-        prior, library = prior_of(known, self.study.reader), self.library_at(known.polar_rad)
+        library = self.library_at(known.polar_rad)
+        trained = crossed_by_needle(self.study.reader, library.needle_radius_m) if seen.needle else self.study.reader
+        prior = prior_of(known, trained)
         smoothing_m = self.study.calibration.surface_smoothing_m
         fit = fit_boundaries(library, boundaries.lateral_m, boundaries.depth_m, prior, smoothing_m)
         if fit is None:
@@ -153,8 +169,19 @@ class ForceReader:
         if reason:
             return replace(unusable(self.classes, reason), fit=fit)
         by_fit = fit_reading(fit, self.study.classes.bounds_n, self.factors.of_fit(known, fit))
-        answer = self._checked(seen, fit, {"network": self.read_slices(seen.cuts, known), "fit": by_fit})
+        unread = self.unread_slices(seen.needle, known)
+        if unread:
+            answer = self._unchecked(seen, fit, by_fit, unread)
+        else:
+            answer = self._checked(seen, fit, {"network": self.read_slices(seen.cuts, known), "fit": by_fit})
         return replace(answer, can_calibrate=can_calibrate(seen, boundaries, fit.contact_m), fit=fit)
+
+    def _unchecked(self, seen: Look, fit: BoundaryFit, reading: Reading, unread: str) -> Answer:
+        """Return the fit's answer to a frame that the network cannot read."""
+        leaves = dent_leaves(seen.cut) or fit_leaves(fit, self.study.slice)
+        answer = self._answer(reading, "fit", leaves)
+        warnings = (f"the fit alone reads it, and nothing checks that: {unread}",) if answer.usable else ()
+        return replace(answer, warnings=warnings, readings=(("fit", reading),))
 
     def _checked(self, seen: Look, fit: BoundaryFit, readings: Mapping[str, Reading]) -> Answer:
         """Return the answer of the model's default method, checked by the other one."""

@@ -1,6 +1,7 @@
 """Where an eye and its B-scans lie outside what a model was trained on: sentences for the reader of a result."""
 
 from scleraforce.known.eye import Known, open_doubts
+from scleraforce.reader.needle_gap import read_by_fit
 from scleraforce.recording.info import OctInfo
 from scleraforce.study import Choice, Sampled, Study
 from scleraforce.units import HumanUnit, from_si
@@ -20,7 +21,7 @@ def wall_limits(study: Study, known: Known, scan: OctInfo) -> tuple[str, ...]:
         known: of the eye.
         scan: the plane of the B-scans.
     """
-    reader = study.reader
+    reader = read_by_fit(study.reader)
     return _sentences(
         ("gap between B-scan and needle axis", known.gap_m, reader.gap_m, "mm", "mm"),
         ("wall thickness", known.thickness_m, reader.thickness_m, "um", "µm"),

@@ -7,11 +7,15 @@ from numpy.typing import NDArray
 
 from scleraforce.reader.verdicts import allows_calibration, dent_leaves
 from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.segmentation.conjunctiva import below_conjunctiva
+from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.wall import Segmentation, boundary_slices, find_wall
 from scleraforce.study import SliceStudy
 
-__all__ = ["Look", "can_calibrate", "look"]
+__all__ = ["NEEDLE_SEEN", "Look", "can_calibrate", "look"]
+
+NEEDLE_SEEN = "a needle hides a part of the wall, and the network was not trained on such slices"
 
 _NOTHING = np.zeros((1, 0, 0), dtype=np.uint8)  # no slice
 
@@ -34,8 +38,19 @@ class Look:
         first: NDArray[np.uint8] = self.cuts[0]
         return first
 
+    @property
+    def needle(self) -> SeenNeedle | None:
+        """The needle that crosses the frame."""
+        return self.segmentation.needle
 
-def look(frame: Pixels, scale: PixelScale, slice_study: SliceStudy, shifts: tuple[float, ...] = (0.0,)) -> Look:
+
+def look(
+    frame: Pixels,
+    scale: PixelScale,
+    slice_study: SliceStudy,
+    shifts: tuple[float, ...] = (0.0,),
+    thickness_m: float | None = None,
+) -> Look:
     """Segment a frame and draw the slices that a model reads.
 
     Args:
@@ -43,8 +58,9 @@ def look(frame: Pixels, scale: PixelScale, slice_study: SliceStudy, shifts: tupl
         scale: size of a pixel as stored, with the refractive index.
         slice_study: of the model.
         shifts: of the slices in depth, in rows of a slice; the first is 0.
+        thickness_m: of the wall, as told: its surface is then looked for below a conjunctiva too. None: not told.
     """
-    found = find_wall(frame, scale)
+    found = below_conjunctiva(frame, scale, find_wall(frame, scale), thickness_m)
     if not found.usable:
         return Look(found, _NOTHING, found.reason)
     cuts = boundary_slices(found, scale, slice_study, shifts)

@@ -1,8 +1,9 @@
 """The wall by two ways that check each other: a network's, refined on the full frame, and that of `wall.find_wall`.
 
-The network's surface starts the search for the edge on the full frame, and its thickness is what is known of the
-inner boundary before the jumps are looked at; where no edge is near, its own answer stays. A frame in which the other
-way finds another wall, by more than both are unsure of, is not usable. `docs/segmentation.md` says what was measured.
+Where both find the same wall, that of `find_wall` stays: it is the finer one. Elsewhere the wall is the network's,
+moved to an edge of the full frame where one lies within the network's own resolution. A frame in which the other way
+finds another wall, by more than both are unsure of, or in which the network is too unsure of the wall's end, is not
+usable. `segmentation.two_ways` compares, `docs/wall_finder.md` says what was measured.
 """
 
 from dataclasses import dataclass, replace
@@ -17,32 +18,35 @@ from scleraforce.segmentation.grid import Float, make_grid
 from scleraforce.segmentation.imaged import LEAST_SHAPE, imaged_part, lit_columns
 from scleraforce.segmentation.inner import CELL_M, CELLS
 from scleraforce.segmentation.surface import refine_surface
-from scleraforce.segmentation.wall import Segmentation, find_wall
+from scleraforce.segmentation.two_ways import network_doubt, ways_agree, ways_difference
+from scleraforce.segmentation.wall import UNSEEN_DEPTH_M, Segmentation, find_wall
 from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
 
 __all__ = ["find_checked_wall"]
 
 START_POINTS = 30  # of the surface that the search for the edge starts from
-NEAR_SDS = 3.0  # an edge farther away than so many standard deviations is none of the wall's
+NEAR_STEPS = 1.0  # an edge within so many rows of the reduced frame is the wall's: the network sees no finer
 PRIOR_WEIGHT, PRIOR_CAP = 0.25, 2.0  # of the network's thickness, against a jump's gain of at most 1
 PRIOR_SD_M = 25e-6  # at least: of the network's thickness
-SHOWN_SHARE = 0.5  # of the surface has an edge near the network's inner boundary: it is seen
+SHOWN_SDS, SHOWN_SHARE = 3.0, 0.5  # the end is seen where jumps lie so near the network's, in so much of the wall
+ENDED_SHARE = 0.2  # of the wall has an end inside of the frame: its thickness is known
 UNROLLED_M = (0.3e-3, 1.1e-3)  # median thickness that fits into the unrolled wall; others are looked at scaled
-SDS, OTHER_ROWS = 4.0, 2.0  # both ways may differ by so many standard deviations; that of `find_wall` in rows
-OTHER_INNER_SHARE = 0.08  # ... and of its inner boundary, in thicknesses
-DIFFERING_SHARE = 0.2  # of the columns that both see
-UNSEEN_SHARE = 0.3  # of the columns that either sees are seen by one alone
 
 
 @dataclass(frozen=True)
 class _Start:
-    """The network's wall at `fine_columns` of the imaged part: rows and standard deviations, and where there is any."""
+    """The network's wall at `fine_columns` of the imaged part: rows and standard deviations, and where there is any.
+
+    `ended`: where it sees the wall's end inside of the frame.
+    """
 
     outer: Float
     inner: Float
     outer_sd: Float
     inner_sd: Float
     there: NDArray[np.bool_]
+    ended: NDArray[np.bool_]
+    step_rows: float
 
 
 def find_checked_wall(frame: Pixels, scale: PixelScale, finder: WallFinder) -> Segmentation:
@@ -54,8 +58,9 @@ def find_checked_wall(frame: Pixels, scale: PixelScale, finder: WallFinder) -> S
         finder: the network.
 
     Returns:
-        The network's wall, refined. It is usable where that of `find_wall` is, and agrees. A frame in which either
-        way sees no wall at all has that of the other, and is not usable.
+        The wall of `find_wall` where both ways agree, else the network's, refined. It is usable where that of
+        `find_wall` is, and nothing speaks against it; a needle is what that sees. A frame in which either way sees no
+        wall at all has that of the other, and is not usable.
 
     Raises:
         ValueError: as of `find_wall`.
@@ -69,15 +74,15 @@ def find_checked_wall(frame: Pixels, scale: PixelScale, finder: WallFinder) -> S
     if np.count_nonzero(seen.there) < LEAST_SHAPE // 2:
         reason = other.reason or "the network sees no wall where the other way finds one"
         return replace(other, usable=False, reason=reason)
-    found = _refined(frame, scale, seen, *lit[:2])
-    reason = other.reason or _difference(found, other, seen)
-    return replace(found, usable=not reason, reason=reason)
+    found = other if ways_agree(other, seen) else _refined(frame, scale, seen, *lit[:2])
+    reason = other.reason or network_doubt(other, seen) or ways_difference(other, seen)
+    return replace(found, usable=not reason, reason=reason, needle=other.needle)
 
 
 def _refined(frame: Pixels, scale: PixelScale, seen: SeenWall, left: int, hidden: NDArray[np.bool_]) -> Segmentation:
     """Return the network's wall, moved to the edges of the full frame near it."""
     imaged = imaged_part(frame, left, hidden)
-    start = _start(seen, left, len(hidden))
+    start = _start(seen, left, len(hidden), len(frame))
     row = _surface(imaged, scale, start)
     floor = make_grid(imaged, scale).floor
     inner, shown, thickness_m = _inner(imaged, floor, scale, row, start)
@@ -85,7 +90,7 @@ def _refined(frame: Pixels, scale: PixelScale, seen: SeenWall, left: int, hidden
     return Segmentation(outer_row, inner_row, len(frame), True, "", shown, thickness_m)
 
 
-def _start(seen: SeenWall, left: int, width: int) -> _Start:
+def _start(seen: SeenWall, left: int, width: int, rows: int) -> _Start:
     """Return the network's wall at `fine_columns` of the imaged part, which starts at a column and is so wide."""
     at = fine_columns(width) + left
     known = seen.there
@@ -93,7 +98,9 @@ def _start(seen: SeenWall, left: int, width: int) -> _Start:
     outer, inner, outer_sd, inner_sd = (
         np.interp(at, seen.column[known], curve[known]).astype(np.float32) for curve in curves
     )
-    return _Start(outer, inner, outer_sd, inner_sd, seen.there_at(at))
+    there, inside = seen.there_at(at), (seen.inner_row[known] < rows - 1).astype(np.float64)
+    ended = there & (np.interp(at, seen.column[known], inside) == 1.0)
+    return _Start(outer, inner, outer_sd, inner_sd, there, ended, seen.step_rows)
 
 
 def _surface(frame: Pixels, scale: PixelScale, start: _Start) -> Float:
@@ -102,25 +109,41 @@ def _surface(frame: Pixels, scale: PixelScale, start: _Start) -> Float:
     column = np.linspace(0.0, frame.shape[1] - 1.0, START_POINTS, dtype=np.float32)
     row = np.interp(column, fine, start.outer).astype(np.float32)
     edge = refine_surface(frame, scale, column, row).row
-    near = np.abs(edge - start.outer) <= NEAR_SDS * start.outer_sd
+    near = np.abs(edge - start.outer) <= np.float32(NEAR_STEPS * start.step_rows)
     surface: Float = np.where(near, edge, start.outer)
     return surface
 
 
 def _inner(frame: Pixels, floor: float, scale: PixelScale, row: Float, start: _Start) -> tuple[Float, bool, float]:
-    """Return the inner boundary's rows, whether an edge shows it, and the median thickness along the normal, m."""
-    there = start.there
-    row = bridged(row, there)
-    along_rows = rows_per_metre(frame.shape[1], row, in_tissue(scale))
-    expected_m = np.maximum(start.inner - row, np.float32(1.0)) / along_rows
-    sd_m = np.maximum(start.inner_sd / along_rows, np.float32(PRIOR_SD_M))
-    zoom = np.float32(_zoom(float(np.median(expected_m[there]))))
+    """Return the inner boundary's rows, whether an edge shows it, and the median thickness along the normal, m.
+
+    Where the network sees no end inside of the frame the wall goes on as thick as it is beside that. Where it sees
+    hardly any end, the wall is 1 mm thick, as that of `find_wall` is, and the thickness NaN.
+    """
+    row, tissue = bridged(row, start.there), in_tissue(scale)
+    if np.count_nonzero(start.ended) < ENDED_SHARE * np.count_nonzero(start.there):
+        assumed = np.maximum(row, np.float32(0.0)) + np.float32(UNSEEN_DEPTH_M / tissue.depth_m)
+        return np.minimum(start.inner, assumed), False, float("nan")
+    along_rows = rows_per_metre(frame.shape[1], row, tissue)
+    thickness_m, shown = _thickness(frame, floor, row, along_rows, start)
+    return row + along_rows * thickness_m, shown, float(np.median(thickness_m[start.ended]))
+
+
+def _thickness(frame: Pixels, floor: float, row: Float, along_rows: Float, start: _Start) -> tuple[Float, bool]:
+    """Return the wall's thickness along the normal at `fine_columns`, m, and whether an edge shows it."""
+    expected_m = bridged(np.maximum(start.inner - row, np.float32(1.0)) / along_rows, start.ended)
+    step_m = np.float32(NEAR_STEPS * start.step_rows) / along_rows
+    sd_m = np.maximum(np.minimum(start.inner_sd / along_rows, step_m), np.float32(PRIOR_SD_M))
+    zoom = np.float32(_zoom(float(np.median(expected_m[start.there]))))
     prior = _prior(grouped(expected_m) / zoom, grouped(sd_m) / zoom)
-    jumps = search_below(frame, floor, row, there, along_rows * zoom, prior)
+    jumps = search_below(frame, floor, row, start.there, along_rows * zoom, prior)
     found_m = jumps.thickness_m * zoom
-    near = jumps.shown & (np.abs(found_m - grouped(expected_m)) <= NEAR_SDS * grouped(sd_m))
-    thickness_m = grouping(len(row))[1] @ np.where(near, found_m, grouped(expected_m))
-    return row + along_rows * thickness_m, bool(near.mean() > SHOWN_SHARE), float(np.median(thickness_m[there]))
+    off_m = np.abs(found_m - grouped(expected_m))
+    near = jumps.shown & (off_m <= grouped(step_m))
+    unsure_m = np.maximum(start.inner_sd / along_rows, step_m)
+    shown = jumps.shown & (off_m <= SHOWN_SDS * grouped(unsure_m))
+    thickness_m: Float = grouping(len(row))[1] @ np.where(near, found_m, grouped(expected_m))
+    return thickness_m, bool(shown.mean() > SHOWN_SHARE)
 
 
 def _zoom(thickness_m: float) -> float:
@@ -140,29 +163,3 @@ def _prior(thickness_m: Float, sd_m: Float) -> Float:
     off = (edge_m - thickness_m[:, None]) / sd_m[:, None]
     gain: Float = -np.minimum(np.float32(PRIOR_WEIGHT) * np.square(off), np.float32(PRIOR_CAP))
     return gain
-
-
-def _difference(found: Segmentation, other: Segmentation, seen: SeenWall) -> str:
-    """Return by how much two ways to find the wall differ, '' where they may be that unsure."""
-    at = np.rint(seen.column).astype(np.intp)
-    here, there = np.isfinite(found.outer_row[at]), np.isfinite(other.outer_row[at])
-    both = here & there
-    if np.count_nonzero(here ^ there) > UNSEEN_SHARE * np.count_nonzero(here | there):
-        return _sentence("one sees wall where the other does not", here ^ there, here | there)
-    off = np.abs(seen.outer_row - other.outer_row[at])
-    differs = both & (off > SDS * np.hypot(seen.outer_sd, OTHER_ROWS))
-    if np.count_nonzero(differs) > DIFFERING_SHARE * np.count_nonzero(both):
-        return _sentence(f"its surface lies up to {off[differs].max():.0f} rows apart", differs, both)
-    if not other.inner_found:
-        return ""
-    off = np.abs(seen.inner_row - other.inner_row[at])
-    unsure = np.hypot(seen.inner_sd, OTHER_INNER_SHARE * (seen.inner_row - seen.outer_row))
-    differs = both & (off > SDS * np.maximum(unsure, OTHER_ROWS)) & (other.inner_row[at] < other.rows)
-    if np.count_nonzero(differs) > DIFFERING_SHARE * np.count_nonzero(both):
-        return _sentence(f"its inner boundary lies up to {off[differs].max():.0f} rows apart", differs, both)
-    return ""
-
-
-def _sentence(what: str, where: NDArray[np.bool_], among: NDArray[np.bool_]) -> str:
-    share = np.count_nonzero(where) / np.count_nonzero(among)
-    return f"two ways to find the wall differ: {what}, in {share:.0%} of its columns"

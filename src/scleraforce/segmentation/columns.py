@@ -7,7 +7,16 @@ from numpy.typing import NDArray
 
 from scleraforce.segmentation.grid import Float
 
-__all__ = ["at_columns", "bridged", "continuation", "fine_columns", "interpolation", "nearest_point", "repeated"]
+__all__ = [
+    "at_columns",
+    "between",
+    "bridged",
+    "continuation",
+    "fine_columns",
+    "interpolation",
+    "nearest_point",
+    "repeated",
+]
 
 FINE_COLUMNS = 128
 KEPT = 64  # sizes of frames: black bands at both sides may change from frame to frame
@@ -17,6 +26,12 @@ KEPT = 64  # sizes of frames: black bands at both sides may change from frame to
 def fine_columns(columns: int) -> Float:
     """Return at most 128 columns of a frame with so many, evenly spaced from the first to the last."""
     return np.linspace(0.0, columns - 1.0, min(columns, FINE_COLUMNS), dtype=np.float32)
+
+
+def between(columns: int, first: int, after: int) -> slice:
+    """Return which of `fine_columns` lie in the columns from `first` to before `after`."""
+    start, stop = np.searchsorted(fine_columns(columns), (first - 0.5, after - 0.5))
+    return slice(int(start), int(stop))
 
 
 @lru_cache(maxsize=KEPT)

@@ -12,10 +12,13 @@ __all__ = ["draw_overlay"]
 SURFACE, INNER, INNER_NOT_SEEN = (0, 0, 255), (0, 255, 0), (255, 128, 0)  # blue, green, red, as OpenCV has them
 DARKEST, BRIGHTEST = 1.0, 99.7  # percentiles of the pixels that are lit
 SUBPIXEL_BITS = 4
+SHAFT = (0, 255, 255)  # yellow
 
 
 def draw_overlay(pixels: Pixels, found: Segmentation, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
     """Return a frame in colour with its boundaries: surface red, inner green, or blue where it is not seen.
+
+    The axis of a needle that was found is yellow.
 
     Args:
         pixels: the frame, shape (row, column).
@@ -36,6 +39,10 @@ def draw_overlay(pixels: Pixels, found: Segmentation, size: tuple[int, int] | No
             centres_xy = (np.stack([run, boundary[run]], axis=1) + 0.5) * stretch_xy - 0.5
             points = np.rint(centres_xy * 2**SUBPIXEL_BITS).astype(np.int32)
             cv2.polylines(picture, [points], False, colour, width, cv2.LINE_AA, SUBPIXEL_BITS)
+    if found.needle is not None:
+        axis = (np.array([found.needle.top, found.needle.tip]) + 0.5) * stretch_xy - 0.5
+        points = np.rint(axis * 2**SUBPIXEL_BITS).astype(np.int32)
+        cv2.polylines(picture, [points], False, SHAFT, width, cv2.LINE_AA, SUBPIXEL_BITS)
     return np.asarray(picture, dtype=np.uint8)
 
 

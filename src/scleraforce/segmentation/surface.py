@@ -13,7 +13,7 @@ Three rules, none of which knows the scale of the image:
 from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil
-from typing import Any
+from typing import Any, cast
 
 import cv2
 import numpy as np
@@ -37,6 +37,7 @@ HALF_STEP = 0.25  # a step of this size (over LEAST_STEP) earns half of what the
 LEAST_EXCESS = 0.15  # of the bright tissue's level: less is haze, not tissue
 EXCESS_COST, EXCESS_CAP = 0.5, 1.5  # cost of tissue above the path, in steps of full depth
 STRIP_PIXELS, STRIP_M = 24.0, 0.15e-3  # half height of the strip in which the boundary is refined
+SMOOTHED = 5  # points
 BLACK_SHARE = 0.25  # of the noise floor: less light than that is no measurement
 
 
@@ -132,7 +133,7 @@ def _best_rows(score: Float, reach: int) -> NDArray[np.intp]:
     return path
 
 
-def refine_surface(frame: Pixels, scale: PixelScale, column: Float, row: Float) -> Surface:
+def refine_surface(frame: Pixels, scale: PixelScale, column: Float, row: Float, hidden: slice = slice(0, 0)) -> Surface:
     """Move a coarse surface to the edge of the full frame: the best two-level fit along each column of a strip.
 
     Between a dark level above and a bright one below, the edge that fits best in the sense of least squares is where
@@ -143,6 +144,7 @@ def refine_surface(frame: Pixels, scale: PixelScale, column: Float, row: Float) 
         scale: size of its pixel.
         column: columns of the coarse surface, shape (point,), increasing.
         row: rows of the coarse surface, shape (point,).
+        hidden: points of the result that say nothing of those beside them; they are not smoothed.
 
     Returns:
         The surface at no more than 128 columns, in rows of pixel centres: row r is below it where r >= `row`.
@@ -160,11 +162,22 @@ def refine_surface(frame: Pixels, scale: PixelScale, column: Float, row: Float) 
     fits = strip.T @ _two_levels(half)
     found = start + fits[:, :-1].argmin(axis=1).astype(np.float32)
     found -= np.float32(half)
-    # Mirrored in its end points, a slope goes on beyond them.
-    longer = np.concatenate([2 * found[0] - found[4:0:-1], found, 2 * found[-1] - found[-2:-6:-1]])
-    smooth = cv2.blur(cv2.medianBlur(longer[None], 5), (5, 1))[0, 4:-4]
+    if hidden.start == hidden.stop:
+        smooth = _smoothed(found)
+    else:
+        sides = _smoothed(found[: hidden.start]), found[hidden], _smoothed(found[hidden.stop :])
+        smooth = np.concatenate(sides)
     contrast = cv2.blur(fits[None, :, -1], (5, 1))[0]
     return Surface(fine, smooth.astype(np.float32), contrast.astype(np.float32), noise)
+
+
+def _smoothed(found: Float) -> Float:
+    """Return a surface after a median and a mean over five points."""
+    if len(found) < SMOOTHED:
+        return found
+    # Mirrored in its end points, a slope goes on beyond them.
+    longer = np.concatenate([2 * found[0] - found[4:0:-1], found, 2 * found[-1] - found[-2:-6:-1]])
+    return cast(Float, cv2.blur(cv2.medianBlur(longer[None], 5), (5, 1))[0, 4:-4])
 
 
 @lru_cache(maxsize=64)

@@ -3,7 +3,7 @@
 `docs/segmentation.md` explains the steps. Only NumPy and OpenCV are used: this runs in the control loop.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isnan
 
@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.below_surface import grouping, in_tissue, rows_per_metre, search_below
-from scleraforce.segmentation.columns import at_columns, bridged
+from scleraforce.segmentation.columns import at_columns, between, bridged
 from scleraforce.segmentation.grid import Float, Grid, make_grid
 from scleraforce.segmentation.imaged import LEAST_SHAPE, imaged_part, lit_columns
+from scleraforce.segmentation.needle import SeenNeedle, find_shaft, needle_of
 from scleraforce.segmentation.slice import boundary_slice, boundary_slices
 from scleraforce.segmentation.surface import Surface, find_surface, refine_surface
 
-__all__ = ["PixelScale", "Segmentation", "boundary_slice", "boundary_slices", "find_wall"]
+__all__ = ["UNSEEN_DEPTH_M", "PixelScale", "Segmentation", "boundary_slice", "boundary_slices", "find_wall"]
 
 WALL = 255
 UNSEEN_DEPTH_M = 1e-3  # below the surface: the mask ends here where the inner boundary cannot be seen
@@ -29,6 +30,7 @@ ABSENT_SHARE = 0.3  # of the frame's own typical contrast: a column with less sh
 BOTTOM_ROWS = 7.0  # of a surface this close to the last row too little is seen: it has left the window
 GAP_M = 1.5e-3  # a wall goes on behind a gap that is narrower
 GAP_SHARE = 0.15  # ... and narrower than this share of the frame
+LEAST_SIDE = 0.05  # of the imaged width: less beside a needle is not looked at
 FOUND_SHARE = 2 / 3  # of the columns must show the inner boundary
 
 
@@ -41,6 +43,7 @@ class Segmentation:
     `usable`: a wall was found that can be judged; `reason` says why not ('' where it is).
     `inner_found`: where False, the inner boundary cannot be seen and the mask ends 1 mm below the surface.
     `thickness_m`: median thickness along the surface's normal, NaN where the inner boundary was not found.
+    `needle`: the one that crosses the frame, None where none is seen; what it hides has no boundaries.
     """
 
     outer_row: NDArray[np.float64]
@@ -50,6 +53,7 @@ class Segmentation:
     reason: str
     inner_found: bool
     thickness_m: float
+    needle: SeenNeedle | None = None
 
     @cached_property
     def mask(self) -> NDArray[np.uint8]:
@@ -77,22 +81,82 @@ def find_wall(frame: Pixels, scale: PixelScale) -> Segmentation:
     lit = lit_columns(frame)
     if lit is None:
         return _without_wall(frame.shape, "the frame is empty: all pixels are alike")
-    left, hidden, brightest = lit
-    imaged = imaged_part(frame, left, hidden)
+    left, missing, brightest = lit
+    imaged = imaged_part(frame, left, missing)
     grid = make_grid(imaged, scale)
     fault = _blank(grid, brightest)
     if fault:
         return _without_wall(frame.shape, fault)
-    surface = refine_surface(imaged, scale, *find_surface(grid))
-    present = _present(surface, scale, imaged.shape, hidden)
-    seen = int(np.count_nonzero(present))
-    fault = _verdict(surface, present, seen)
+    shaft = find_shaft(imaged, grid)
+    if shaft is None:
+        return _found(frame.shape, _Part(imaged, grid, left, missing), scale)
+    needle = needle_of(shaft, grid, left, frame.shape[1])
+    part = _beside(frame, scale, left, missing, shaft.hidden)
+    if part is None:
+        return _without_wall(frame.shape, "the needle and its shadow hide the wall", needle)
+    found = replace(_found(frame.shape, part, scale), needle=needle)
+    for boundary in (found.outer_row, found.inner_row):
+        boundary[slice(*needle.hidden)] = np.nan
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """The imaged part of a frame, from column `left` on, which of its columns are missing, the span a needle hides."""
+
+    imaged: Pixels
+    grid: Grid
+    left: int
+    missing: NDArray[np.bool_]
+    hidden: tuple[int, int] | None = None
+
+    @property
+    def hidden_points(self) -> slice:
+        """Which of the surface's points the needle hides."""
+        return slice(0, 0) if self.hidden is None else between(len(self.missing), *self.hidden)
+
+
+def _beside(
+    frame: Pixels, scale: PixelScale, left: int, missing: NDArray[np.bool_], hidden: tuple[int, int]
+) -> _Part | None:
+    """Return what a frame shows beside a needle that hides a span of its imaged part; None: hardly anything.
+
+    What it hides is filled from both sides, so that the paths that are looked for lead on behind it. A side that is
+    narrower than the smoothing of the surface is left out.
+    """
+    first, after = hidden
+    least = max(LEAST_SHAPE, round(LEAST_SIDE * len(missing)))
+    start, stop = (after if first < least else 0), (first if len(missing) - after < least else len(missing))
+    if stop - start < least:
+        return None
+    inside = (first - start, after - start) if start < first and after < stop else None
+    filled = missing[start:stop].copy()
+    if inside is not None:
+        filled[slice(*inside)] = True
+    lit = np.flatnonzero(~filled)
+    if not len(lit):
+        return None
+    start, filled = start + int(lit[0]), filled[lit[0] : lit[-1] + 1]
+    inside = None if inside is None else (inside[0] - int(lit[0]), inside[1] - int(lit[0]))
+    imaged = imaged_part(frame, left + start, filled)
+    return _Part(imaged, make_grid(imaged, scale), left + start, filled, inside)
+
+
+def _found(shape: tuple[int, ...], part: _Part, scale: PixelScale) -> Segmentation:
+    """Return the wall in the imaged part of a frame."""
+    behind = part.hidden_points
+    surface = refine_surface(part.imaged, scale, *find_surface(part.grid), behind)
+    present = _present(surface, scale, part.imaged.shape, part.missing)
+    shown = present.copy()
+    shown[behind] = False  # no evidence of a wall; the inner boundary's path leads on there all the same
+    seen = int(np.count_nonzero(shown))
+    fault = _verdict(surface, shown, seen)
     if seen < LEAST_SHAPE:
-        return _without_wall(frame.shape, fault or "no wall was found")
-    inner, thickness_m = _inner(imaged, grid.floor, scale, surface, present)
-    outer_row, inner_row = at_columns(frame.shape[1], left, len(hidden), present, surface.row, inner)
+        return _without_wall(shape, fault or "no wall was found")
+    inner, thickness_m = _inner(part.imaged, part.grid.floor, scale, surface, present)
+    outer_row, inner_row = at_columns(shape[1], part.left, len(part.missing), present, surface.row, inner)
     found = not isnan(thickness_m)
-    return Segmentation(outer_row, inner_row, len(frame), not fault, fault, found, thickness_m)
+    return Segmentation(outer_row, inner_row, shape[0], not fault, fault, found, thickness_m)
 
 
 def _inner(
@@ -118,9 +182,9 @@ def _check(frame: Pixels) -> None:
         raise ValueError(f"a frame of {frame.shape[0]} x {frame.shape[1]} pixels: give at least 16 x 16")
 
 
-def _without_wall(shape: tuple[int, ...], reason: str) -> Segmentation:
+def _without_wall(shape: tuple[int, ...], reason: str, needle: SeenNeedle | None = None) -> Segmentation:
     nowhere = np.full(shape[1], np.nan)
-    return Segmentation(nowhere, nowhere.copy(), shape[0], False, reason, False, float("nan"))
+    return Segmentation(nowhere, nowhere.copy(), shape[0], False, reason, False, float("nan"), needle)
 
 
 def _blank(grid: Grid, brightest: int) -> str:

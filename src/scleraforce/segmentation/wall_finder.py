@@ -1,7 +1,8 @@
 """The wall as a network sees it that learned from drawn scenes: both boundaries with their uncertainty, or none.
 
-It looks at the reduced frame, without its scale. Its answers are distributions over rows; the boundary is the path of
-the likeliest rows, moved to the mean of the rows near it, and its uncertainty the spread of all of them.
+It looks at the reduced frame, without its scale. Its answers are distributions over rows. The upper boundary is the
+path of the likeliest rows, the lower one that of the likeliest thicknesses below it, whose changes cost; both are moved
+to the mean of the rows near them, and their uncertainty is the spread of all rows.
 """
 
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from scleraforce.models.session import check_interface, run_network
 from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.path import best_path
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
+from scleraforce.segmentation.smooth_path import smooth_path
 from scleraforce.study import WallFinderStudy
 
 __all__ = ["FINDER_FRAMES", "FINDER_ROWS", "FINDER_WALL", "SeenWall", "WallFinder"]
@@ -24,8 +26,12 @@ FINDER_FRAMES, FINDER_ROWS, FINDER_WALL = "frames", "rows", "wall"  # input and 
 Curve = NDArray[np.float64]
 
 REACH_ROWS = 16  # largest step of a boundary between answers, in rows of the reduced frame
+THICKNESS_COST = 0.6  # of a row's change of thickness between answers, in logarithms of probability
+THIN_BONUS = 0.05  # in the same: what makes the path unique where nothing is seen
 NEAR_ROWS = 3  # of the likeliest row: these are averaged
+MEANS = 2  # times, about the mean before: the path may lie beside the likeliest row
 LEAST_PROBABILITY = 1e-6  # of a row: no path is ruled out by less
+LEAST_THICKNESS_ROWS = 0.5  # of a wall, in rows of the reduced frame
 LEAST_SPREAD_ROWS = 0.3  # of a boundary: a row of the reduced frame is no finer
 EDGE_ROWS = 0.6  # a boundary so near the first or the last row lies beyond the frame: its truth was put there
 SURE_WALL = 0.5  # probability from which on a column has wall
@@ -36,7 +42,7 @@ class SeenWall:
     """The wall in a frame, at evenly spaced columns (point,); rows are those of pixel centres.
 
     `column`; `outer_row`, `inner_row`; `outer_sd`, `inner_sd`: their uncertainty, rows; `there`: whether there is wall.
-    Where there is none the rows say nothing.
+    Where there is none the rows say nothing. `step_rows`: rows of the frame in one of the reduced frame.
     """
 
     column: Curve
@@ -45,6 +51,12 @@ class SeenWall:
     outer_sd: Curve
     inner_sd: Curve
     there: NDArray[np.bool_]
+    step_rows: float
+
+    @property
+    def frame_column(self) -> NDArray[np.intp]:
+        """The frame's column that lies nearest to each point."""
+        return np.rint(self.column).astype(np.intp)
 
     def there_at(self, column: NDArray[Any]) -> NDArray[np.bool_]:
         """Return whether the nearest point to each column has wall."""
@@ -77,7 +89,10 @@ class WallFinder:
         small = reduced_frame(frame, rows, columns)[None]
         probability, wall = run_network(self.session, [FINDER_ROWS, FINDER_WALL], {FINDER_FRAMES: small}, self._place)
         there = wall[0] >= SURE_WALL
-        (outer, outer_sd), (inner, inner_sd) = (_boundary(probability[0, n], wall[0]) for n in (0, 1))
+        paths = _paths(probability[0], wall[0])
+        (outer, outer_sd), (inner, inner_sd) = (
+            _moved(of, path) for of, path in zip(probability[0], paths, strict=True)
+        )
         outer, inner = _beyond(outer, outer < EDGE_ROWS, -1.0), _beyond(inner, inner > rows - 1.0 - EDGE_ROWS, rows)
         stretch = frame.shape[0] / rows
         return SeenWall(
@@ -86,7 +101,8 @@ class WallFinder:
             (inner + 0.5) * stretch - 0.5,
             outer_sd * stretch,
             inner_sd * stretch,
-            there & (inner > outer),
+            there & (inner - outer > LEAST_THICKNESS_ROWS),
+            stretch,
         )
 
     def _check(self) -> None:
@@ -104,18 +120,32 @@ def _beyond(boundary: Curve, outside: NDArray[np.bool_], row: float) -> Curve:
     return moved
 
 
-def _boundary(probability: NDArray[np.float32], wall: NDArray[np.float32]) -> tuple[Curve, Curve]:
-    """Return a boundary's rows and their standard deviations, (column,), from its rows' probabilities (row, column).
+def _paths(probability: NDArray[np.float32], wall: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the paths of both boundaries, (column,), from their rows' probabilities (2, row, column).
 
-    Columns without wall do not hold the path.
+    Columns without wall do not hold them. Thicknesses that end below the frame are alike, and where the upper boundary
+    lies above it the thickness that is seen may change as it likes.
     """
-    score = np.log(np.maximum(probability.T, np.float32(LEAST_PROBABILITY))) * wall[:, None]
-    path = best_path(np.ascontiguousarray(score, dtype=np.float32), REACH_ROWS)
+    score = np.log(np.maximum(probability, np.float32(LEAST_PROBABILITY))).transpose(0, 2, 1) * wall[:, None]
+    outer = best_path(np.ascontiguousarray(score[0]), REACH_ROWS)
+    rows = np.minimum(outer[:, None] + np.arange(score.shape[2]), score.shape[2] - 1)
+    inside = (outer > 0).astype(np.float32)
+    cost = np.float32(THICKNESS_COST) * np.minimum(inside[1:], inside[:-1])
+    of_thickness = np.take_along_axis(score[1], rows, axis=1)
+    of_thickness -= np.linspace(0.0, THIN_BONUS, of_thickness.shape[1], dtype=np.float32)
+    thickness = smooth_path(of_thickness, cost)
+    return outer, np.minimum(outer + thickness, score.shape[2] - 1)
+
+
+def _moved(probability: NDArray[np.float32], path: NDArray[np.intp]) -> tuple[Curve, Curve]:
+    """Return a boundary's rows near a path and their standard deviations, (column,), of probabilities (row, column)."""
     off = np.arange(-NEAR_ROWS, NEAR_ROWS + 1)[:, None]
-    near = np.clip(path + off, 0, len(probability) - 1)
-    weight = probability[near, np.arange(len(path))].astype(np.float64)
-    weight += LEAST_PROBABILITY  # where nothing speaks for these rows, the path's own
-    mean: Curve = (weight * near).sum(axis=0) / weight.sum(axis=0)
+    mean: Curve = path.astype(np.float64)
+    for _ in range(MEANS):
+        near = np.clip(np.rint(mean).astype(np.intp) + off, 0, len(probability) - 1)
+        weight = probability[near, np.arange(len(path))].astype(np.float64)
+        weight += LEAST_PROBABILITY  # where nothing speaks for these rows, the path's own
+        mean = (weight * near).sum(axis=0) / weight.sum(axis=0)
     row = np.arange(len(probability), dtype=np.float32)
     first, second = row @ probability, np.square(row) @ probability  # moments of all rows
     spread = np.sqrt(np.maximum(second - 2.0 * mean * first + mean**2, 0.0))

@@ -44,6 +44,21 @@ class PhantomStudy:
     cover_height_m: Sampled = quantity(Range(min=0.1, max=0.3), "mm", 0.0, 20.0)
     cover_level_db: Sampled = quantity(Range(min=8.0, max=20.0), None, -40.0, 80.0)
     cover_tilt_rad: Sampled = quantity(Range(min=-1.0, max=1.0), "deg", -45.0, 45.0)
+    # the conjunctiva over the wall
+    conjunctiva_thickness_m: Sampled = quantity(fixed(0.0), "um", 0.0, 1000.0)
+    conjunctiva_wave_fraction: Sampled = quantity(Range(min=0.0, max=20.0), "percent", 0.0, 90.0)
+    conjunctiva_wave_length_m: Sampled = quantity(Range(min=1.5, max=8.0), "mm", 0.2, 100.0)
+    conjunctiva_level_db: Sampled = quantity(Range(min=-5.0, max=-1.5), None, -80.0, 20.0)
+    conjunctiva_interface_db: Sampled = quantity(Range(min=-6.0, max=3.0), None, -80.0, 60.0)
+    # the needle, where it crosses the picture
+    needle_count: Sampled = quantity(fixed(0), None, 0, 1)
+    needle_angle_rad: Sampled = quantity(Range(min=-45.0, max=45.0), "deg", -75.0, 75.0)
+    needle_lean_rad: Sampled = quantity(fixed(0.0), "deg", -75.0, 75.0)
+    needle_bevel_rad: Sampled = quantity(Choice((90.0, 20.0)), "deg", 5.0, 90.0)
+    needle_above_m: Sampled = quantity(Range(min=0.0, max=3.0), "mm", 0.0, 30.0)
+    needle_loss_fraction: Sampled = quantity(Choice((100.0, 100.0, 60.0)), "percent", 0.0, 100.0)
+    needle_level_db: Sampled = quantity(Range(min=20.0, max=35.0), None, -20.0, 80.0)
+    needle_far_edge_db: Sampled = quantity(Range(min=-12.0, max=0.0), None, -80.0, 20.0)
     # where the eye is
     surface_depth_m: Sampled = quantity(Range(min=0.35, max=0.6), "mm", -20.0, 50.0)
     eye_shift_m: Sampled = quantity(Range(min=-0.2, max=0.2), "mm", -10.0, 10.0)
@@ -67,7 +82,7 @@ class PhantomStudy:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for key in ("shadow_count", "line_count", "cover_count"):
+        for key in ("shadow_count", "line_count", "cover_count", "needle_count"):
             count = getattr(self, key)
             if isinstance(count, Range) or any(value != int(value) for value in count.values):
                 raise StudyError(f"{key}: give a list of whole numbers, like [0, 1, 2]")

@@ -64,9 +64,12 @@ class SceneEyeStudy:
     """The wall: its meridian bends with one radius in the cornea and another in the sclera.
 
     `limbus_m` is where they meet, along the surface from the apex, `sulcus_rad` by how much the surface turns back
-    there. Both thicknesses are along the normal. Waves are smooth random ups and downs of the surface, half of them
-    also of the thickness. A dent is a Gaussian (`dent_width_m` is its standard deviation), with a ring around it that
-    rises by `dent_rim` of its depth.
+    there. The shape changes over `limbus_width_m`, the light that comes back over `limbus_edge_m`; of both tissues one
+    reaches below the other: the cornea at the inner boundary `limbus_slant_m` farther out than at the surface, and in
+    the middle `limbus_wedge_m` farther than that. Both thicknesses are along the normal; `spur_m` beyond the limbus
+    the scleral spur rises into the eye by `spur_bump_m`. Waves are smooth random ups and downs of the surface, half of
+    them also of the thickness. A dent is a Gaussian (`dent_width_m` is its standard deviation), with a ring around it
+    that rises by `dent_rim` of its depth.
     """
 
     half_sphere_share: float = _share(0.25)  # no cornea: one radius, as the wall of `phantom`
@@ -74,6 +77,11 @@ class SceneEyeStudy:
     sclera_radius_m: Sampled = quantity(Range(min=10.5, max=14.0), "mm", 3.0, 50.0)
     limbus_m: Sampled = quantity(Range(min=5.2, max=7.2), "mm", 1.0, 20.0)
     limbus_width_m: Sampled = quantity(Range(min=0.6, max=3.5), "mm", 0.05, 10.0)
+    limbus_edge_m: Sampled = quantity(Range(min=0.1, max=2.0), "mm", 0.01, 10.0)
+    limbus_slant_m: Sampled = quantity(Range(min=-1.0, max=2.0), "mm", -5.0, 5.0)
+    limbus_wedge_m: Sampled = quantity(Range(min=0.0, max=0.8), "mm", -5.0, 5.0)
+    spur_m: Sampled = quantity(Range(min=-0.2, max=1.0), "mm", -3.0, 5.0)
+    spur_bump_m: Sampled = quantity(Range(min=0.0, max=120.0), "um", 0.0, 1000.0)
     sulcus_rad: Sampled = quantity(Range(min=0.0, max=30.0), "deg", -30.0, 30.0)
     cornea_thickness_m: Sampled = quantity(Range(min=350.0, max=1000.0), "um", 100.0, 3000.0)
     sclera_thickness_m: Sampled = quantity(Range(min=350.0, max=1200.0), "um", 100.0, 3000.0)
@@ -93,11 +101,17 @@ class SceneTissueStudy:
     """What light meets below the surface; levels against the sclera's backscatter unless said otherwise.
 
     `snr_db` is the sclera's backscatter at the surface over the mean noise. The cornea's falls with the angle of the
-    light to its normal, by `angle_fall_db` in the end, with `angle_width_rad` as the Gaussian's standard deviation.
-    `boundary_db` is the mirror reflection of the cornea's inner surface, over the cornea. The ciliary body lies below
-    the sclera from the limbus on and thins into the choroid over `ciliary_length_m`. Iris and lens are told by their
-    place on the eye's axis: `iris_depth_m` below the apex of the cornea's inner surface at the root, `iris_bow_m` more
-    (or less) at the pupil; the lens' front lies `lens_depth_m` below the pupil's plane.
+    light to its normal, by `angle_fall_db` in the end, with `angle_width_rad` as the Gaussian's standard deviation;
+    its epithelium has a level of its own. `profile_db` is how much brighter or darker the wall may be at some depths.
+    `boundary_db` is the mirror reflection of the cornea's inner surface, over the cornea. Scars are spots in the wall,
+    dark or bright, that take some of the light.
+
+    The ciliary body begins at the scleral spur, rises within `ciliary_rise_m` and thins into the choroid over
+    `ciliary_length_m`. In a share of the scenes a thin dark gap parts both from the sclera; without one they are at
+    least 3 dB weaker than the sclera, as nobody could tell them apart. The iris begins on the ciliary body's face,
+    `iris_root` of the way from the spur to its top: what lies in front is the recess of the chamber angle. Its pupil
+    lies `iris_depth_m` deeper (or less deep) along the eye's axis than its root, and it bows by `iris_bow_m` on the
+    way; the lens' front lies `lens_depth_m` below the pupil's plane.
     """
 
     snr_db: Sampled = quantity(Range(min=8.0, max=34.0), None, 0.0, 80.0)
@@ -105,6 +119,14 @@ class SceneTissueStudy:
     angle_fall_db: Sampled = quantity(Range(min=0.0, max=20.0), None, 0.0, 60.0)
     angle_width_rad: Sampled = quantity(Range(min=6.0, max=30.0), "deg", 0.5, 90.0)
     attenuation_per_m: Sampled = quantity(Range(min=0.1, max=1.8), "per_mm", 0.0, 20.0)
+    profile_db: Sampled = quantity(Range(min=0.0, max=4.0), None, 0.0, 40.0)
+    epithelium_db: Sampled = quantity(Range(min=-8.0, max=4.0), None, -40.0, 40.0)
+    epithelium_m: Sampled = quantity(Range(min=40.0, max=90.0), "um", 1.0, 500.0)
+    scar_count: Sampled = quantity(Choice((0, 0, 0, 1, 2)), None, 0, 50)
+    scar_m: Sampled = quantity(Range(min=0.05, max=1.2), "mm", 0.001, 10.0)
+    scar_height_m: Sampled = quantity(Range(min=30.0, max=400.0), "um", 1.0, 3000.0)
+    scar_db: Sampled = quantity(Range(min=-18.0, max=8.0), None, -60.0, 40.0)
+    scar_loss_fraction: Sampled = quantity(Range(min=0.0, max=85.0), "percent", 0.0, 100.0)
     texture_db: Sampled = quantity(Range(min=0.0, max=4.0), None, 0.0, 20.0)
     texture_length_m: Sampled = quantity(Range(min=100.0, max=3000.0), "um", 5.0, 20_000.0)
     texture_height_m: Sampled = quantity(Range(min=30.0, max=150.0), "um", 2.0, 5000.0)
@@ -121,13 +143,18 @@ class SceneTissueStudy:
     uvea_share: float = _share(0.75)
     choroid_m: Sampled = quantity(Range(min=80.0, max=320.0), "um", 1.0, 2000.0)
     ciliary_m: Sampled = quantity(Range(min=0.2, max=1.3), "mm", 0.01, 5.0)
+    ciliary_rise_m: Sampled = quantity(Range(min=0.1, max=0.9), "mm", 0.01, 10.0)
     ciliary_length_m: Sampled = quantity(Range(min=2.0, max=6.0), "mm", 0.1, 20.0)
-    uvea_db: Sampled = quantity(Range(min=-16.0, max=-1.0), None, -60.0, 40.0)
+    uvea_db: Sampled = quantity(Range(min=-16.0, max=0.0), None, -60.0, 40.0)
+    gap_share: float = _share(0.5)
+    gap_m: Sampled = quantity(Range(min=15.0, max=60.0), "um", 1.0, 1000.0)
+    gap_db: Sampled = quantity(Range(min=-20.0, max=-4.0), None, -60.0, 40.0)
     uvea_attenuation_per_m: Sampled = quantity(Range(min=0.5, max=8.0), "per_mm", 0.0, 50.0)
     iris_share: float = _share(0.7)
     iris_m: Sampled = quantity(Range(min=0.25, max=0.6), "mm", 0.01, 3.0)
-    iris_depth_m: Sampled = quantity(Range(min=2.2, max=3.6), "mm", 0.5, 8.0)
-    iris_bow_m: Sampled = quantity(Range(min=-0.8, max=0.4), "mm", -3.0, 3.0)
+    iris_root: Sampled = quantity(Range(min=0.0, max=1.0), None, 0.0, 1.0)
+    iris_depth_m: Sampled = quantity(Range(min=-0.8, max=0.6), "mm", -5.0, 5.0)
+    iris_bow_m: Sampled = quantity(Range(min=-0.4, max=0.3), "mm", -3.0, 3.0)
     pupil_m: Sampled = quantity(Range(min=1.0, max=4.0), "mm", 0.2, 6.0)
     iris_db: Sampled = quantity(Range(min=-8.0, max=6.0), None, -60.0, 40.0)
     iris_attenuation_per_m: Sampled = quantity(Range(min=1.0, max=6.0), "per_mm", 0.0, 50.0)
@@ -142,6 +169,7 @@ class SceneTissueStudy:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        _check_counts(self, "scar_count")
 
 
 @dataclass(frozen=True, kw_only=True)

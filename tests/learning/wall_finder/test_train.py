@@ -12,7 +12,7 @@ from small_finder import SMALL_STUDY
 from scleraforce.errors import ModelError, SolverError
 from scleraforce.laboratory.scenes.scene import draw_scene
 from scleraforce.learning.wall_finder.graph import finder_onnx_bytes
-from scleraforce.learning.wall_finder.measure import mask_dice
+from scleraforce.learning.wall_finder.measure import mask_dice, scene_dice
 from scleraforce.learning.wall_finder.network import WallFinderNetwork
 from scleraforce.learning.wall_finder.samples import VALIDATION_SCENES, scene_batch
 from scleraforce.learning.wall_finder.train import TrainedFinder, train_wall_finder
@@ -24,6 +24,7 @@ from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FIN
 from scleraforce.study import Study, parse_study, study_hash
 
 FINDER = SMALL_STUDY.wall_finder
+JUDGED = torch.ones(1, 4, dtype=torch.bool)
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +117,7 @@ def test_the_loss_is_least_where_the_truth_is_and_grows_with_the_distance() -> N
 
     def loss_at(place: float) -> float:
         logits = (-((row - place) ** 2) / (2 * FINDER.target_rows**2))[None, None, :, None].expand(1, 2, -1, 4)
-        return finder_loss(logits, torch.full((1, 4), 9.0), true, FINDER.target_rows).item()
+        return finder_loss(logits, torch.full((1, 4), 9.0), true, JUDGED, FINDER.target_rows).item()
 
     assert loss_at(10.0) < loss_at(11.0) < loss_at(14.0) < loss_at(20.0)
 
@@ -124,9 +125,17 @@ def test_the_loss_is_least_where_the_truth_is_and_grows_with_the_distance() -> N
 def test_columns_without_wall_count_for_the_wall_alone() -> None:
     logits, nowhere = torch.zeros(1, 2, FINDER.rows, 4), torch.full((1, 2, 4), float("nan"))
     seen, unseen = (
-        finder_loss(logits, torch.full((1, 4), value), nowhere, FINDER.target_rows).item() for value in (5.0, -5.0)
+        finder_loss(logits, torch.full((1, 4), value), nowhere, JUDGED, FINDER.target_rows).item()
+        for value in (5.0, -5.0)
     )
     assert unseen < 0.01 < 4.9 < seen
+
+
+def test_a_wall_that_nobody_can_see_counts_for_nothing() -> None:
+    logits, nowhere = torch.zeros(1, 2, FINDER.rows, 4), torch.full((1, 2, 4), float("nan"))
+    wall = torch.tensor([[-5.0, -5.0, 50.0, -50.0]])
+    hidden = torch.tensor([[True, True, False, False]])
+    assert finder_loss(logits, wall, nowhere, hidden, FINDER.target_rows).item() < 0.01
 
 
 def test_a_batch_has_the_truth_of_its_scenes_in_rows_of_the_reduced_frame() -> None:
@@ -136,6 +145,7 @@ def test_a_batch_has_the_truth_of_its_scenes_in_rows_of_the_reduced_frame() -> N
     nearest = round((middle + 0.5) * scene.frame.shape[1] / (FINDER.columns // 2) - 0.5)
     expected = (scene.inner_row[nearest] + 0.5) * FINDER.rows / len(scene.frame) - 0.5
     assert batch.boundaries[5, 1, middle] == pytest.approx(expected, abs=1e-4)
+    assert batch.judged[5, middle] == scene.judged[nearest]
     assert FINDER.batches * FINDER.batch_size < VALIDATION_SCENES
 
 
@@ -143,3 +153,11 @@ def test_dice_counts_what_two_masks_share() -> None:
     one, other = np.array([[True, True, False]]), np.array([[255, 0, 0]], dtype=np.uint8)
     assert mask_dice(one, other) == pytest.approx(2 / 3)
     assert mask_dice(one & False, other & 0) == 1.0
+
+
+def test_dice_of_a_scene_leaves_out_what_nobody_can_see() -> None:
+    scene = draw_scene(SMALL_STUDY.scenes, 0)
+    half = np.arange(scene.frame.shape[1]) < scene.frame.shape[1] // 2
+    found = (scene.mask > 0) & half
+    assert scene_dice(found, replace(scene, judged=half)) == 1.0
+    assert scene_dice(found, replace(scene, judged=~half)) == 0.0

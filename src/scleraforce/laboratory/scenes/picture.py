@@ -66,6 +66,10 @@ class Picture:
         loss = 2.0 * attenuation_per_m * self.window.pixel_m / stretch
         np.copyto(self.loss, np.float32(loss), where=within)
 
+    def brighten(self, top: Curve, bottom: Curve, gain: Curve) -> None:
+        """Multiply the backscatter between two curves (rows) by a gain, (column,) or (row, column)."""
+        np.multiply(self.scatter, gain, out=self.scatter, where=self.inside(top, bottom), casting="same_kind")
+
     def shade(self, row: Curve, left: Curve) -> None:
         """Let only a share of the light (column,) pass beyond a row (column,)."""
         at = np.clip(np.nan_to_num(row, nan=0.0), 0, len(self.loss) - 1).astype(np.intp)

@@ -9,6 +9,7 @@ from scleraforce.laboratory.scenes.over import draw_over
 from scleraforce.laboratory.scenes.picture import empty_picture
 from scleraforce.laboratory.scenes.scanner import scanned
 from scleraforce.laboratory.scenes.tissue import Tissue, draw_tissue
+from scleraforce.laboratory.scenes.visible import judged_columns
 from scleraforce.laboratory.scenes.wall import draw_wall
 from scleraforce.laboratory.scenes.window import Window, draw_window
 from scleraforce.recording.pixels import Pixels, PixelScale
@@ -25,13 +26,15 @@ class Scene:
 
     `frame`: counts (row, column), uint8 or uint16. `outer_row`, `inner_row` (column,): the wall's boundaries in rows of
     pixel centres, as `segmentation` counts them; they may lie outside of the frame, and are NaN where a column shows
-    no wall. Behind a shadow, or in a lost column, the wall goes on.
+    no wall. Behind a narrow shadow, or in a lost column, the wall goes on. `judged` (column,) is False where there is
+    wall that nobody can see: such columns are neither right nor wrong.
     """
 
     frame: Pixels
     scale: PixelScale
     outer_row: NDArray[np.float64]
     inner_row: NDArray[np.float64]
+    judged: NDArray[np.bool_]
 
     @property
     def mask(self) -> NDArray[np.uint8]:
@@ -60,8 +63,11 @@ def draw_scene(study: ScenesStudy, number: int) -> Scene:
     draw_over(study.over, tissue, wall.dent_m, picture, rng)
     shown = scanned(study.scanner, picture, _apex(tissue), rng)
     outer_row, inner_row = _truth(tissue, window, shown.imaged)
+    surface_row = tissue.surface - window.above - 0.5
+    seen, judged = judged_columns(shown.frame, surface_row, outer_row, inner_row)
+    outer_row, inner_row = np.where(seen, outer_row, np.nan), np.where(seen, inner_row, np.nan)
     scale = PixelScale(lateral_m=window.step_m, depth_m=window.pixel_m, refractive_index=tissue.refractive_index)
-    return Scene(shown.frame, scale, outer_row, inner_row)
+    return Scene(shown.frame, scale, outer_row, inner_row, judged)
 
 
 def _apex(tissue: Tissue) -> float | None:

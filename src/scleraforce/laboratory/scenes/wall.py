@@ -9,15 +9,46 @@ from scleraforce.laboratory.optics import Pose
 from scleraforce.laboratory.scenes.window import Curve, Window
 from scleraforce.study import SceneEyeStudy, SceneWindowStudy, draw
 
-__all__ = ["DrawnWall", "draw_wall"]
+__all__ = ["DrawnWall", "Limbus", "Points", "draw_wall"]
 
 Points = NDArray[np.float64]
 
 STEP_M, REACH_M = 0.05e-3, 18e-3  # of the meridian: distance of its points, and how far it goes to each side
 MAX_SLOPE_RAD = 1.15  # of the surface in the frame: where it is steeper the wall ends
 WAVES = 3
+SPUR_M = 0.2e-3  # half width of the scleral spur along the surface
 STEEPEST_DENT = 2.0  # depth of a dent over its width, at most: its side slopes by 50 degrees
 CENTRED_SHARE = 0.1  # of the range of places: a view of the apex
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limbus:
+    """Where cornea and sclera meet: `arc_m` along the surface from the apex, `spur_m` at the scleral spur.
+
+    The shape changes over `width_m`, the light over `edge_m`; the study says what slant and wedge are.
+    """
+
+    arc_m: float
+    width_m: float
+    edge_m: float
+    slant_m: float
+    wedge_m: float
+    spur_m: float
+    spur_bump_m: float
+
+    def shape(self, arc_m: Curve) -> Curve:
+        """Return how far the wall has the cornea's shape (1) or the sclera's (0)."""
+        return _falling(np.abs(arc_m) - self.arc_m, self.width_m)
+
+    def cornea(self, arc_m: Curve, share: float) -> Curve:
+        """Return how far the light is the cornea's (1) or the sclera's (0), at a share of the wall's depth."""
+        reach_m = self.slant_m * (share - 0.5) + self.wedge_m * (1.0 - abs(2.0 * share - 1.0))
+        return _falling(np.abs(arc_m) - self.arc_m - reach_m, self.edge_m)
+
+    def spur(self, arc_m: Curve) -> Curve:
+        """Return by how much the scleral spur thickens the wall, m."""
+        bump: Curve = self.spur_bump_m * np.exp(-(((np.abs(arc_m) - self.spur_m) / SPUR_M) ** 2))
+        return bump
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,18 +56,16 @@ class DrawnWall:
     """A wall in the frame: its meridian's points (point,), from left to right.
 
     `outer` (point, 2): lateral and depth, m; `normal` (point, 2): unit vectors into the eye; `thickness_m` along them;
-    `cornea`: 1 in the cornea, 0 in the sclera; `arc_m` along the surface from the apex. `pose` takes points of the eye
-    (the apex of the undeformed surface at 0, 0) to the frame. `limbus_m` is the arc of the limbus, None where there is
-    no cornea; `dent_m` the lateral place of a dent, None without one.
+    `arc_m` along the surface from the apex. `pose` takes points of the eye (the apex of the undeformed surface at 0, 0)
+    to the frame. `limbus` is None where there is no cornea; `dent_m` is the lateral place of a dent, None without one.
     """
 
     outer: Points
     normal: Points
     thickness_m: Curve
-    cornea: Curve
     arc_m: Curve
     pose: Pose
-    limbus_m: float | None
+    limbus: Limbus | None
     dent_m: float | None
 
     @property
@@ -53,11 +82,13 @@ class DrawnWall:
 def draw_wall(eye: SceneEyeStudy, looked_at: SceneWindowStudy, window: Window, rng: np.random.Generator) -> DrawnWall:
     """Draw a wall and how it lies in a frame."""
     arc_m = np.arange(-REACH_M, REACH_M + STEP_M / 2, STEP_M)
-    cornea, limbus_m = _cornea(eye, arc_m, rng)
-    slope = _slope(eye, arc_m, cornea, limbus_m, rng)
+    limbus = _limbus(eye, rng)
+    cornea = np.zeros(len(arc_m)) if limbus is None else limbus.shape(arc_m)
+    slope = _slope(eye, arc_m, cornea, limbus, rng)
     thickness_m = cornea * draw(eye.cornea_thickness_m, rng) + (1.0 - cornea) * draw(eye.sclera_thickness_m, rng)
     wave_m = draw(eye.wave_m, rng) * _waves(eye, arc_m, rng)
     thickness_m = np.maximum(thickness_m + wave_m / 2, 0.5 * thickness_m)
+    thickness_m += 0.0 if limbus is None else limbus.spur(arc_m)
     view_m = draw(looked_at.view_m, rng) * (CENTRED_SHARE if rng.random() < looked_at.centred_share else 1.0)
     at = int(np.abs(arc_m - view_m).argmin())
     outer = _integrated(slope) - wave_m[:, None] * np.stack([-np.sin(slope), np.cos(slope)], axis=1)
@@ -74,29 +105,41 @@ def draw_wall(eye: SceneEyeStudy, looked_at: SceneWindowStudy, window: Window, r
         outer=placed[kept],
         normal=normal,
         thickness_m=thickness_m[kept],
-        cornea=cornea[kept],
         arc_m=arc_m[kept],
         pose=pose,
-        limbus_m=limbus_m,
+        limbus=limbus,
         dent_m=dent_m,
     )
 
 
-def _cornea(eye: SceneEyeStudy, arc_m: Curve, rng: np.random.Generator) -> tuple[Curve, float | None]:
-    """Return 1 in the cornea and 0 in the sclera, and the limbus' arc; no cornea in some eyes."""
-    limbus_m, width_m = draw(eye.limbus_m, rng), draw(eye.limbus_width_m, rng)
-    if rng.random() < eye.half_sphere_share:
-        return np.zeros(len(arc_m)), None
-    return 1.0 / (1.0 + np.exp((np.abs(arc_m) - limbus_m) / (width_m / 4))), limbus_m
+def _limbus(eye: SceneEyeStudy, rng: np.random.Generator) -> Limbus | None:
+    """Return where cornea and sclera meet; None: no cornea."""
+    arc_m = draw(eye.limbus_m, rng)
+    limbus = Limbus(
+        arc_m=arc_m,
+        width_m=draw(eye.limbus_width_m, rng),
+        edge_m=draw(eye.limbus_edge_m, rng),
+        slant_m=draw(eye.limbus_slant_m, rng),
+        wedge_m=draw(eye.limbus_wedge_m, rng),
+        spur_m=arc_m + draw(eye.spur_m, rng),
+        spur_bump_m=draw(eye.spur_bump_m, rng),
+    )
+    return None if rng.random() < eye.half_sphere_share else limbus
 
 
-def _slope(eye: SceneEyeStudy, arc_m: Curve, cornea: Curve, limbus_m: float | None, rng: np.random.Generator) -> Curve:
+def _falling(beyond_m: Curve, width_m: float) -> Curve:
+    """Return what falls from 1 to 0 over a width, about 0."""
+    falling: Curve = 1.0 / (1.0 + np.exp(np.clip(beyond_m / (width_m / 4), -50.0, 50.0)))
+    return falling
+
+
+def _slope(eye: SceneEyeStudy, arc_m: Curve, cornea: Curve, limbus: Limbus | None, rng: np.random.Generator) -> Curve:
     """Return the angle of the meridian against the lateral axis: the integral of its curvature, and the sulcus."""
     radius_m, sclera_m = draw(eye.cornea_radius_m, rng), draw(eye.sclera_radius_m, rng)
     bend = cornea / radius_m + (1.0 - cornea) / sclera_m
     slope = np.cumsum(bend) * STEP_M
     slope -= np.interp(0.0, arc_m, slope)
-    if limbus_m is None:
+    if limbus is None:
         return slope
     sulcus: Curve = slope - draw(eye.sulcus_rad, rng) * np.sign(arc_m) * (1.0 - cornea)
     return sulcus

@@ -23,7 +23,7 @@ def finder_card(study: Study, record: Mapping[str, Any]) -> str:
 
 Sees a frame reduced to {finder.rows} x {finder.columns} pixels, without its scale, and answers for every second column
 with the rows of the wall's upper and lower boundary as distributions, and with the probability that there is wall.
-`scleraforce segment --wall-finder` refines its wall on the full frame and checks it against the other way to find it.
+`scleraforce segment` refines its wall on the full frame and checks it against the other way to find it.
 
 ## What it learned from
 {scenes["training"]} drawn scenes, each seen once, and {scenes["validation"]} others to validate. No real scan is \

@@ -10,14 +10,14 @@ from scleraforce.learning.wall_finder.samples import VALIDATION_SCENES
 from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
 from scleraforce.study import ScenesStudy
 
-__all__ = ["FinderMetrics", "mask_dice", "measure_finder", "seen_mask"]
+__all__ = ["FinderMetrics", "mask_dice", "measure_finder", "scene_dice", "seen_mask"]
 
 SDS_OF_90 = 1.645  # standard deviations within which 90 % of a normal distribution lie
 
 
 @dataclass(frozen=True, kw_only=True)
 class FinderMetrics:
-    """Of the scenes that show wall: Dice in the mean, its median and its 5th percentile.
+    """Of the scenes that show wall, where it can be seen: Dice in the mean, its median and its 5th percentile.
 
     `outer_rows`, `inner_rows`: median error of the boundaries in rows of the reduced frame, where there is wall;
     `coverage`: share of both boundaries that lie within 1.645 of their standard deviations; `found`: share of columns
@@ -47,9 +47,9 @@ def measure_finder(finder: WallFinder, scenes: ScenesStudy, count: int, rows: in
         scene = draw_scene(scenes, VALIDATION_SCENES + number)
         seen = finder.find(scene.frame)
         errors.append(_errors(scene, seen, rows))
-        right.append(_wall_there(scene, seen) == seen.there)
+        right.append((_wall_there(scene, seen) == seen.there)[scene.judged[seen.frame_column]])
         if scene.mask.any():
-            shares.append(mask_dice(seen_mask(seen, scene.frame.shape), scene.mask))
+            shares.append(scene_dice(seen_mask(seen, scene.frame.shape), scene))
     error = np.concatenate(errors, axis=1)
     return FinderMetrics(
         dice_mean=float(np.mean(shares)),
@@ -70,6 +70,11 @@ def seen_mask(seen: SeenWall, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     return mask
 
 
+def scene_dice(found: NDArray[np.bool_], scene: Scene) -> float:
+    """Return `mask_dice` of a mask (row, column) in a scene's judged columns."""
+    return mask_dice(found[:, scene.judged], scene.mask[:, scene.judged])
+
+
 def mask_dice(found: NDArray[np.bool_], true: NDArray[np.uint8]) -> float:
     """Return twice the common area of two masks over the sum of theirs; 1 where both are empty.
 
@@ -82,13 +87,13 @@ def mask_dice(found: NDArray[np.bool_], true: NDArray[np.uint8]) -> float:
 
 
 def _wall_there(scene: Scene, seen: SeenWall) -> NDArray[np.bool_]:
-    there: NDArray[np.bool_] = np.isfinite(scene.outer_row[np.rint(seen.column).astype(np.intp)])
+    there: NDArray[np.bool_] = np.isfinite(scene.outer_row[seen.frame_column])
     return there
 
 
 def _errors(scene: Scene, seen: SeenWall, rows: int) -> NDArray[np.float64]:
     """Return the errors of both boundaries in reduced rows, and in their standard deviations, (4, column)."""
-    at, last = np.rint(seen.column).astype(np.intp), len(scene.frame) - 1.0
+    at, last = seen.frame_column, len(scene.frame) - 1.0
     both = _wall_there(scene, seen) & seen.there
     off = [
         (np.clip(curve, 0.0, last) - np.clip(true[at], 0.0, last))[both]

@@ -22,10 +22,14 @@ Float = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class SceneBatch:
-    """Scenes: `frames` float32 (n, row, column); `boundaries` float32 (n, 2, column / 2) in rows, NaN without wall."""
+    """Scenes: `frames` float32 (n, row, column); `boundaries` float32 (n, 2, column / 2) in rows, NaN without wall.
+
+    `judged` (n, column / 2) is False where a wall is that nobody can see.
+    """
 
     frames: Float
     boundaries: Float
+    judged: NDArray[np.bool_]
 
 
 def scene_batch(scenes: ScenesStudy, study: WallFinderStudy, number: int, first: int = 0) -> SceneBatch:
@@ -40,7 +44,8 @@ def scene_batch(scenes: ScenesStudy, study: WallFinderStudy, number: int, first:
     count = study.batch_size
     drawn = [draw_scene(scenes, first + number * count + n) for n in range(count)]
     frames = np.stack([reduced_frame(scene.frame, study.rows, study.columns) for scene in drawn])
-    return SceneBatch(frames, np.stack([_boundaries(scene, study) for scene in drawn]))
+    boundaries = np.stack([_boundaries(scene, study) for scene in drawn])
+    return SceneBatch(frames, boundaries, np.stack([scene.judged[_columns(scene, study)] for scene in drawn]))
 
 
 def batches_ahead(
@@ -55,11 +60,15 @@ def _drawing(scenes: ScenesStudy, study: WallFinderStudy) -> Callable[[int], Sce
     return partial(scene_batch, scenes, study)
 
 
+def _columns(scene: Scene, study: WallFinderStudy) -> NDArray[np.intp]:
+    """Return the frame's columns that every second column of the reduced frame stands for."""
+    return np.rint(reduced_columns(scene.frame.shape[1], study.columns // 2)).astype(np.intp)
+
+
 def _boundaries(scene: Scene, study: WallFinderStudy) -> Float:
     """Return the truth at every second column of the reduced frame, in its rows, kept inside of it."""
-    rows, columns = scene.frame.shape
-    at = np.rint(reduced_columns(columns, study.columns // 2)).astype(np.intp)
+    at = _columns(scene, study)
     truth = np.stack([scene.outer_row[at], scene.inner_row[at]])
-    reduced = (truth + 0.5) * study.rows / rows - 0.5
+    reduced = (truth + 0.5) * study.rows / len(scene.frame) - 0.5
     kept: Float = np.clip(reduced, 0.0, study.rows - 1.0).astype(np.float32)
     return kept

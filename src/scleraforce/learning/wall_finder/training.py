@@ -2,7 +2,7 @@
 
 The loss of a boundary is the cross-entropy of its row's distribution, plus the ranked probability score (Epstein 1969),
 which knows how far off a wrong row is; both are proper, so that the spread that is told is the one that is meant.
-Columns without wall count for the third output alone.
+Columns without wall count for the third output alone, and a wall that nobody can see for none.
 """
 
 from collections.abc import Callable
@@ -70,12 +70,13 @@ def _learn(
     network: WallFinderNetwork, optimiser: torch.optim.Optimizer, batch: SceneBatch, study: WallFinderStudy
 ) -> float:
     """Take a step for a batch, a random half of its scenes mirrored; return the mean loss."""
-    frames, boundaries = torch.from_numpy(batch.frames), torch.from_numpy(batch.boundaries)
-    turned = torch.rand(len(frames)) < 0.5
-    frames[turned] = frames[turned].flip(-1)
-    boundaries[turned] = boundaries[turned].flip(-1)
+    drawn = tuple(torch.from_numpy(each) for each in (batch.frames, batch.boundaries, batch.judged))
+    turned = torch.rand(len(batch.frames)) < 0.5
+    for each in drawn:
+        each[turned] = each[turned].flip(-1)
+    frames, boundaries, judged = drawn
     row_logits, wall_logits = network(frames)
-    loss = finder_loss(row_logits, wall_logits, boundaries, study.target_rows)
+    loss = finder_loss(row_logits, wall_logits, boundaries, judged, study.target_rows)
     optimiser.zero_grad()
     loss.backward()  # type: ignore[no-untyped-call]  # PyTorch does not annotate it
     torch.nn.utils.clip_grad_norm_(network.parameters(), study.max_gradient_norm)
@@ -84,7 +85,11 @@ def _learn(
 
 
 def finder_loss(
-    row_logits: torch.Tensor, wall_logits: torch.Tensor, boundaries: torch.Tensor, target_rows: float
+    row_logits: torch.Tensor,
+    wall_logits: torch.Tensor,
+    boundaries: torch.Tensor,
+    judged: torch.Tensor,
+    target_rows: float,
 ) -> torch.Tensor:
     """Return the mean loss of a batch.
 
@@ -92,10 +97,11 @@ def finder_loss(
         row_logits: of the boundaries' rows, (n, 2, row, column).
         wall_logits: of there being wall, (n, column).
         boundaries: true rows (n, 2, column), NaN where there is no wall.
+        judged: False in columns that count for nothing, (n, column).
         target_rows: standard deviation by which the true row is blurred.
     """
     there = torch.isfinite(boundaries).all(dim=1)
-    wall = torch.nn.functional.binary_cross_entropy_with_logits(wall_logits, there.float())
+    wall = torch.nn.functional.binary_cross_entropy_with_logits(wall_logits, there.float(), judged.float())
     if not there.any():
         return WALL_WEIGHT * wall
     of_row = row_logits.log_softmax(dim=2).transpose(2, 3)  # (n, 2, column, row)

@@ -1,0 +1,139 @@
+"""The sclera's surface below a conjunctiva: a layer with a surface of its own, over a wall whose thickness is told.
+
+The first surface that light meets is then the layer's, and the wall looks thicker than it is told to be. The frame is
+unrolled along that surface, as for the inner boundary, and the sclera's is the path of the largest steps up (the
+sclera sends more light back) at about the depth that the told thickness leaves. Where no such path stands out of the
+speckle, or where the wall below it would fit the told thickness no better, the segmentation stays as it is.
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+from math import sqrt
+from typing import cast
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.segmentation.below_surface import in_tissue
+from scleraforce.segmentation.grid import Float
+from scleraforce.segmentation.inner import surface_stretch
+from scleraforce.segmentation.path import best_path
+from scleraforce.segmentation.wall import Segmentation
+
+__all__ = ["below_conjunctiva"]
+
+LEAST_M = 35e-6  # a wall that looks this much thicker than told may lie below a conjunctiva
+LARGEST_M = 0.4e-3  # conjunctiva with Tenon's layer
+CELL_M = 8e-6  # of depth below the surface in the unrolled picture
+CELLS = 80
+GROUPS = 40  # of columns
+SURFACE_CELLS = 3  # mirror reflection and blur of the surface
+WINDOW = 6  # cells above and below a step that are compared
+EXPECTED = (0.4, 1.7)  # of the excess of thickness: where the step may lie
+REACH = 4  # cells from group to group
+SURE_SDS = 1.5  # of a step: their mean on a path through speckle is less than 1
+LEAST_STEP = 0.02  # of the level below the surface
+POOLED = 3  # groups whose mean makes a step stand out of the speckle
+SMOOTHED = 3  # groups
+NORMAL_MEDIAN = 1.4826  # standard deviation of a normal distribution over the median of its size
+FITS = 0.5  # of the excess may be left below the step
+
+
+def below_conjunctiva(frame: Pixels, scale: PixelScale, found: Segmentation, thickness_m: float | None) -> Segmentation:
+    """Return a segmentation whose outer boundary is the sclera's, where the frame shows it below another layer.
+
+    Args:
+        frame: counts, shape (row, column).
+        scale: size of the frame's pixel, with the refractive index.
+        found: of `find_wall` in that frame.
+        thickness_m: of the wall, as told; None: not told, and the segmentation stays as it is.
+
+    Returns:
+        The segmentation; the one given where no layer is seen.
+    """
+    if thickness_m is None or not found.usable or not found.inner_found:
+        return found
+    excess_m = found.thickness_m - thickness_m
+    if not LEAST_M < excess_m < LARGEST_M:
+        return found
+    columns = np.flatnonzero(np.isfinite(found.outer_row))
+    row, along_rows = _surface(found, columns, in_tissue(scale))
+    layer_m = _layer(_unrolled(frame, columns, row, along_rows), found.thickness_m, excess_m)
+    if layer_m is None or abs(excess_m - float(np.median(layer_m))) > FITS * excess_m:
+        return found
+    outer_row = found.outer_row.copy()
+    middles = (np.arange(GROUPS) + 0.5) / GROUPS * (len(columns) - 1)
+    outer_row[columns] += along_rows * np.interp(np.arange(len(columns)), middles, layer_m)
+    left_m = (found.inner_row[columns] - outer_row[columns]) / along_rows
+    return replace(found, outer_row=outer_row, thickness_m=float(np.median(left_m)))
+
+
+def _surface(found: Segmentation, columns: NDArray[np.intp], tissue: PixelScale) -> tuple[Float, Float]:
+    """Return the first surface's rows at columns, and the rows along a column for 1 m along its normal, (column,)."""
+    span = np.arange(columns[0], columns[-1] + 1)
+    row = np.interp(span, columns, found.outer_row[columns]).astype(np.float32)  # across what is not seen, too
+    along_rows = surface_stretch(span.astype(np.float32), row, tissue) / np.float32(tissue.depth_m)
+    return row[columns - columns[0]], along_rows[columns - columns[0]]
+
+
+def _unrolled(frame: Pixels, columns: NDArray[np.intp], row: Float, along_rows: Float) -> Float:
+    """Return the mean light below a surface, (group, cell), over its level there."""
+    depth_m = (np.arange(CELLS, dtype=np.float32) + np.float32(0.5)) * np.float32(CELL_M)
+    map_row = row + depth_m[:, None] * along_rows
+    map_column = np.broadcast_to(columns.astype(np.float32), map_row.shape).copy()
+    sampled = cv2.remap(frame, map_column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    light = cast(Float, cv2.resize(sampled.astype(np.float32), (GROUPS, CELLS), interpolation=cv2.INTER_AREA)).T
+    level = cv2.blur(light[:, SURFACE_CELLS:].mean(axis=1, keepdims=True), (1, 3))
+    scaled: Float = light / np.maximum(level, np.float32(1e-6))
+    return scaled
+
+
+def _layer(light: Float, thickness_m: float, excess_m: float) -> Float | None:
+    """Return the layer's thickness in each group, m; None where no step stands out.
+
+    Args:
+        light: below the surface, (group, cell).
+        thickness_m: of layer and wall together.
+        excess_m: by how much that is more than the wall's as told.
+    """
+    end = min(CELLS, int(thickness_m / CELL_M)) - WINDOW
+    first, last = (int(share * excess_m / CELL_M) for share in EXPECTED)
+    first, last = max(first, SURFACE_CELLS + 1), min(last, end)
+    if last - first < 2:
+        return None
+    step = _steps(light)
+    sd = _spread(step[:, first:end])
+    score = np.ascontiguousarray(step[:, first:last]) - np.linspace(0.0, 1e-4, last - first, dtype=np.float32)
+    path = best_path(score, REACH) + first
+    size = step[np.arange(len(path)), path]
+    if size.mean() < max(SURE_SDS * sd, LEAST_STEP):
+        return None
+    weight = np.maximum(size, np.float32(0.0)) + np.float32(1e-3)
+    smooth = cv2.blur((path * weight)[None].astype(np.float32), (SMOOTHED, 1))[0]
+    smooth /= cv2.blur(weight[None].astype(np.float32), (SMOOTHED, 1))[0]
+    return cast(Float, smooth * np.float32(CELL_M))
+
+
+def _spread(step: Float) -> float:
+    """Return the standard deviation of steps that speckle makes, from groups that share no column."""
+    differences = np.abs(step[POOLED:] - step[:-POOLED])
+    return max(NORMAL_MEDIAN / sqrt(2.0) * float(np.median(differences)), 1e-6)
+
+
+def _steps(light: Float) -> Float:
+    """Return by how much the cells below each edge are brighter than those above, (group, cell); neighbours pooled."""
+    pooled = cast(Float, cv2.blur(light, (1, POOLED)))
+    total = np.concatenate([np.zeros((len(light), 1), np.float32), pooled.cumsum(axis=1, dtype=np.float32)], axis=1)
+    edge, top, bottom = _windows()
+    above = (total[:, edge] - total[:, top]) / np.maximum(edge - top, 1)
+    below = (total[:, bottom] - total[:, edge]) / np.maximum(bottom - edge, 1)
+    return np.where(edge > SURFACE_CELLS, below - above, 0.0).astype(np.float32)
+
+
+@lru_cache(maxsize=1)
+def _windows() -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """Return the edges between cells, and where the windows above and below them begin and end."""
+    edge = np.arange(CELLS)
+    return edge, np.clip(edge - WINDOW, SURFACE_CELLS, None).clip(None, edge), np.minimum(edge + WINDOW, CELLS)

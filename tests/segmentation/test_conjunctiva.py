@@ -1,0 +1,119 @@
+"""The sclera's surface under a conjunctiva: found where it shows and where the told thickness asks for it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench_conjunctiva import rows_off, waving_wall
+from scleraforce.laboratory.bscan import Bscan, render_bscan
+from scleraforce.laboratory.optics import Conjunctiva, Pose, sample_conjunctiva, sample_optics
+from scleraforce.reader.look import look
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.conjunctiva import below_conjunctiva
+from scleraforce.segmentation.wall import Segmentation, find_wall
+from scleraforce.study import PhantomStudy, Study
+from scleraforce.study.sampled import fixed
+
+STUDY = Study()
+SCALE = PixelScale.of(STUDY.oct)
+WALL_M = 0.6e-3
+
+
+def layer(thickness_m: float, seed: int, **changed: float) -> Conjunctiva:
+    phantom: PhantomStudy = replace(STUDY.phantom, conjunctiva_thickness_m=fixed(thickness_m))
+    drawn = sample_conjunctiva(phantom, np.random.default_rng(seed))
+    assert drawn is not None
+    return replace(drawn, **changed)
+
+
+def bscan(over: Conjunctiva | None, seed: int, wave: float = 0.0) -> Bscan:
+    """A dented wall; `wave`: by which share its own thickness changes along the picture."""
+    rng = np.random.default_rng(seed)
+    section = waving_wall(WALL_M, rng.uniform(0.0, 2e-3), wave)
+    optics = replace(sample_optics(STUDY.phantom, STUDY.oct, rng), conjunctiva=over)
+    return render_bscan(Pose(lateral_m=0.0, depth_m=0.5e-3).place(section), STUDY.oct, optics, rng)
+
+
+@pytest.mark.parametrize("thickness_m", [80e-6, 140e-6, 250e-6])
+def test_the_walls_surface_is_found_below_a_conjunctiva(thickness_m: float) -> None:
+    for seed in range(3):
+        made = bscan(layer(thickness_m, seed), seed)
+        first = find_wall(made.frame, SCALE)
+        found = below_conjunctiva(made.frame, SCALE, first, WALL_M)
+        assert rows_off(first, made) > 8.0
+        assert rows_off(found, made) < 3.0
+        assert found.thickness_m == pytest.approx(WALL_M, rel=0.08)
+        np.testing.assert_array_equal(found.inner_row, first.inner_row)
+
+
+def test_a_conjunctiva_that_waves_is_followed() -> None:
+    wavy = layer(180e-6, 4, wave_fraction=0.2, wave_length_m=3e-3, level_db=-4.0)
+    made = bscan(wavy, 4)
+    found = below_conjunctiva(made.frame, SCALE, find_wall(made.frame, SCALE), WALL_M)
+    assert rows_off(found, made) < 2.5  # its waves are 14 rows high
+
+
+@pytest.mark.parametrize("told", [0.8, 0.9])
+@pytest.mark.parametrize("wave", [0.0, 0.12])
+def test_a_wall_that_is_thicker_than_told_has_no_conjunctiva(told: float, wave: float) -> None:
+    for seed in range(4):
+        made = bscan(None, seed, wave)
+        first = find_wall(made.frame, SCALE)
+        assert first.thickness_m > told * WALL_M + 35e-6
+        assert below_conjunctiva(made.frame, SCALE, first, told * WALL_M) is first
+
+
+def test_two_surfaces_that_look_alike_to_the_light_are_one() -> None:
+    made = bscan(layer(140e-6, 1, level_db=0.0, interface_db=-60.0), 1)
+    first = find_wall(made.frame, SCALE)
+    assert below_conjunctiva(made.frame, SCALE, first, WALL_M) is first
+
+
+def layers(*levels_m: tuple[float, float]) -> tuple[np.ndarray, Segmentation]:
+    """A flat wall without noise, 0.8 mm thick with what is over it: light from so deep on, and how it is segmented."""
+    tissue_m = SCALE.depth_m / SCALE.refractive_index
+    below_m = (np.arange(512)[:, None] - 100.0) * tissue_m
+    light = np.full((512, 512), 200.0)
+    for depth_m, level in (*levels_m, (0.8e-3, 200.0)):
+        light = np.where(below_m >= depth_m, level, light)
+    rows = np.full(512, 99.5)
+    found = Segmentation(rows, rows + 0.8e-3 / tissue_m, 512, True, "", True, 0.8e-3)
+    return light.astype(np.uint16), found
+
+
+def surface_m(frame: np.ndarray, found: Segmentation, told_m: float) -> float:
+    """How deep below the first surface the wall's is taken to lie, m."""
+    below = below_conjunctiva(frame, SCALE, found, told_m)
+    return float(np.median(below.outer_row - found.outer_row)) * SCALE.depth_m / SCALE.refractive_index
+
+
+def test_a_step_is_taken_for_the_wall_where_the_told_thickness_asks_for_it_and_nowhere_else() -> None:
+    frame, found = layers((0.0, 2000.0), (0.14e-3, 2200.0))
+    assert surface_m(frame, found, 0.66e-3) == pytest.approx(0.14e-3, abs=10e-6)
+    assert below_conjunctiva(frame, SCALE, found, 0.48e-3) is found  # it would leave 0.18 mm of 0.32 unexplained
+    frame, found = layers((0.0, 2000.0), (0.14e-3, 2200.0), (0.35e-3, 3000.0))
+    assert surface_m(frame, found, 0.66e-3) == pytest.approx(0.14e-3, abs=10e-6)  # a brighter band lies deeper
+
+
+def test_a_step_of_a_hundredth_is_none_however_little_noise_there_is() -> None:
+    frame, found = layers((0.0, 2000.0), (0.14e-3, 2020.0))
+    assert below_conjunctiva(frame, SCALE, found, 0.66e-3) is found
+
+
+def test_nothing_is_looked_for_where_the_thickness_is_untold_or_fits_or_no_wall_was_found() -> None:
+    made = bscan(layer(140e-6, 2), 2)
+    first = find_wall(made.frame, SCALE)
+    assert below_conjunctiva(made.frame, SCALE, first, None) is first
+    assert below_conjunctiva(made.frame, SCALE, first, first.thickness_m) is first
+    assert below_conjunctiva(made.frame, SCALE, first, 2 * first.thickness_m) is first
+    lost = replace(first, usable=False, reason="nothing")
+    assert below_conjunctiva(made.frame, SCALE, lost, WALL_M) is lost
+
+
+def test_readers_look_below_it() -> None:
+    made = bscan(layer(140e-6, 3), 3)
+    told = look(made.frame, SCALE, STUDY.slice, thickness_m=WALL_M)
+    untold = look(made.frame, SCALE, STUDY.slice)
+    assert rows_off(told.segmentation, made) < 3.0 < 8.0 < rows_off(untold.segmentation, made)
+    assert told.cut.sum() < untold.cut.sum()

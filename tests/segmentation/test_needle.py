@@ -1,0 +1,212 @@
+"""The needle in a frame: found with its angle and tip, what it hides left out, and nothing else taken for one."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import radians
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from shafts import STEEL
+
+from dented_walls import dented_wall
+from scleraforce.laboratory.bscan import render_bscan
+from scleraforce.laboratory.needle import draw_shaft
+from scleraforce.laboratory.optics import BscanOptics, Cover, Line, NeedleShaft, Pose, Shadow, sample_optics
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.section.plane import Section
+from scleraforce.segmentation.needle import needle_entry
+from scleraforce.segmentation.observed import segmented_boundaries
+from scleraforce.segmentation.overlay import draw_overlay
+from scleraforce.segmentation.wall import find_wall
+from scleraforce.study import OctStudy, Study
+
+OCT = OctStudy()
+SCALE = PixelScale.of(OCT)
+SHARED = Path(__file__).parents[3] / "shared"
+needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared is absent")
+GAUGES_M = {22: 0.7e-3, 25: 0.5e-3, 30: 0.3e-3, 34: 0.18e-3}
+
+
+def wall(dent_m: float = 1.0e-3, width_m: float = 1.2e-3, thickness_m: float = 0.7e-3) -> Section:
+    return dented_wall(thickness_m, dent_m, width_m, points=1501)
+
+
+def optics(seed: int = 0, **own: object) -> BscanOptics:
+    drawn = sample_optics(Study().phantom, OCT, np.random.default_rng(seed))
+    return replace(drawn, **({"snr_db": 25.0, "shadows": ()} | own))
+
+
+def frame_of(shaft: NeedleShaft | None, dent_m: float = 1.0e-3, seed: int = 0, lift_m: float = 0.0, **own: object):
+    """A frame of a wall, its contact at 0.2 mm beside the middle and 0.5 mm deep, and where the needle's tip is."""
+    section, pose = wall(dent_m), Pose(lateral_m=0.2e-3, depth_m=0.5e-3)
+    tip_m = np.array([0.2e-3, 0.5e-3 + dent_m - lift_m])
+    drawn = None if shaft is None else draw_shaft(shaft, tip_m, 0.0, OCT)
+    rng = np.random.default_rng(seed)
+    return render_bscan(pose.place(section), OCT, optics(seed, **own), rng, drawn).frame, tip_m
+
+
+def surface_error_m(outer_row: np.ndarray, dent_m: float) -> np.ndarray:
+    """How far a surface lies below that of `frame_of`, where it was found, (column,)."""
+    placed = Pose(lateral_m=0.2e-3, depth_m=0.5e-3).place(wall(dent_m)).outer
+    lateral_m = (np.arange(OCT.columns) + 0.5) * SCALE.lateral_m - OCT.width_m / 2
+    return (outer_row + 0.5) * SCALE.depth_m - np.interp(lateral_m, *placed.T)
+
+
+@pytest.mark.parametrize("gauge", GAUGES_M)
+@pytest.mark.parametrize("angle_deg", [-45.0, -20.0, 0.0, 10.0, 30.0])
+def test_a_needle_is_found_with_its_angle_and_its_tip(gauge: int, angle_deg: float) -> None:
+    shaft = replace(STEEL, diameter_m=GAUGES_M[gauge], angle_rad=radians(angle_deg))
+    frame, tip_m = frame_of(shaft, seed=gauge)
+    needle = find_wall(frame, SCALE).needle
+    assert needle is not None
+    assert needle.angle_rad == pytest.approx(radians(angle_deg), abs=radians(3.0))
+    assert needle.tip_m == pytest.approx(tip_m, abs=0.35e-3)
+
+
+@pytest.mark.parametrize("shaft", [STEEL, replace(STEEL, loss_fraction=0.5), replace(STEEL, bevel_rad=0.4)])
+@pytest.mark.parametrize("dent_m", [0.05e-3, 1.0e-3, 2.0e-3])
+def test_the_wall_is_found_on_both_sides_of_a_needle_and_nothing_behind_it(shaft: NeedleShaft, dent_m: float) -> None:
+    frame, _ = frame_of(replace(shaft, angle_rad=radians(-15.0)), dent_m, seed=3)
+    found = find_wall(frame, SCALE)
+    assert found.usable
+    assert found.needle is not None
+    first, after = found.needle.hidden
+    assert np.isnan(found.outer_row[first:after]).all()
+    assert not found.mask[:, first:after].any()
+    off_m = surface_error_m(found.outer_row, dent_m)
+    for side in (off_m[first - 60 : first], off_m[after : after + 60]):
+        assert np.isfinite(side).mean() > 0.95
+        assert np.nanquantile(np.abs(side), 0.9) < 40e-6
+
+
+BESIDE = 24  # columns
+
+
+@pytest.mark.parametrize("diameter_m", [0.3e-3, 0.7e-3])
+@pytest.mark.parametrize("dent_m", [0.05e-3, 1.0e-3])
+def test_right_beside_a_needle_the_wall_ends_where_it_would_without_one(diameter_m: float, dent_m: float) -> None:
+    frame, _ = frame_of(replace(STEEL, diameter_m=diameter_m), dent_m, seed=3)
+    without, found = find_wall(frame_of(None, dent_m, seed=3)[0], SCALE), find_wall(frame, SCALE)
+    assert found.needle is not None
+    first, after = found.needle.hidden
+    off = np.abs(found.inner_row - without.inner_row)
+    assert max(np.nanmax(off[first - BESIDE : first]), np.nanmax(off[after : after + BESIDE])) < 4.0
+
+
+def test_a_steep_dent_is_not_smoothed_across_a_needle() -> None:
+    worst = []
+    for diameter_m in (0.3e-3, 0.7e-3):
+        frame, _ = frame_of(replace(STEEL, diameter_m=diameter_m), 1.0e-3, seed=3)
+        found = find_wall(frame, SCALE)
+        assert found.needle is not None
+        first, after = found.needle.hidden
+        off_m = np.abs(surface_error_m(found.outer_row, 1.0e-3))
+        worst += [np.nanmax(off_m[first - BESIDE : first]), np.nanmax(off_m[after : after + BESIDE])]
+    assert np.mean(worst) < 18e-6  # 24 um where both flanks are smoothed into each other
+
+
+def test_a_hidden_middle_is_no_observation() -> None:
+    frame, _ = frame_of(replace(STEEL, angle_rad=radians(-15.0)))
+    found = find_wall(frame, SCALE)
+    assert found.needle is not None
+    boundaries = segmented_boundaries(found, SCALE)
+    assert np.isnan(boundaries.depth_m[:, slice(*found.needle.hidden)]).all()
+
+
+def not_needles() -> Iterator[tuple[str, dict[str, object]]]:
+    yield "nothing", {}
+    yield "mirror reflection", {"reflection_db": 30.0, "reflection_angle_rad": 0.2}
+    yield "vessels", {"shadows": (Shadow(centre_m=0.2e-3, width_m=0.5e-3, loss_fraction=0.9),)}
+    yield "shadow alone", {"shadows": (Shadow(centre_m=0.2e-3, width_m=0.5e-3, loss_fraction=1.0),)}
+    yield "lines", {"lines": tuple(Line(depth_m=d, level_db=25.0, thickness_m=20e-6) for d in (5e-5, 1e-4, 2e-4))}
+    covers = tuple(
+        Cover(height_m=0.3e-3, level_db=30.0, thickness_m=20e-6, tilt_rad=radians(tilt)) for tilt in (-8.0, 5.0)
+    )
+    yield "coverslips", {"covers": covers}
+
+
+@pytest.mark.parametrize(("name", "own"), list(not_needles()))
+@pytest.mark.parametrize("dent_m", [0.0, 1.0e-3])
+def test_what_is_no_needle_is_not_taken_for_one(name: str, own: dict[str, object], dent_m: float) -> None:
+    for seed in range(4):
+        frame, _ = frame_of(None, dent_m, seed, **own)
+        assert find_wall(frame, SCALE).needle is None, name
+
+
+def test_a_flare_through_the_tissue_and_a_hair_that_casts_no_shadow_are_no_needles() -> None:
+    frame, _ = frame_of(None, 0.0)
+    flare = frame.copy()
+    flare[:, 255:264] = np.maximum(flare[:, 255:264], 3000)
+    hair = frame.copy()
+    cv2.line(hair, (240, 0), (262, 60), 3500, 2)
+    for picture in (flare, hair):
+        assert find_wall(picture, SCALE).needle is None
+
+
+def test_what_a_needle_hides_is_no_wall_that_is_seen() -> None:
+    frame, _ = frame_of(replace(STEEL, diameter_m=1.0e-3), 0.05e-3, seed=3)
+    first, after = find_wall(frame, SCALE).needle.hidden
+    least = round(0.4 * OCT.columns)  # must show the wall
+    beside = (least - (after - first) // 2) // 2  # with the half of what is hidden it would be enough
+    noise = np.random.default_rng(0).permuted(frame[:40, 60:100].ravel())
+    for column in (*range(first - beside), *range(after + beside, OCT.columns)):
+        if frame[:, column].any():
+            frame[:, column] = np.resize(np.roll(noise, 37 * column), OCT.rows)
+    found = find_wall(frame, SCALE)
+    assert found.needle is not None
+    assert not found.usable
+    assert "of the imaged width, not 40%" in found.reason
+
+
+def test_a_needle_over_nothing_is_no_wall() -> None:
+    frame, _ = frame_of(STEEL, snr_db=-20.0, reflection_db=-40.0)
+    assert not find_wall(frame, SCALE).usable
+
+
+def test_a_needle_that_hides_almost_all_leaves_a_reason() -> None:
+    frame, _ = frame_of(replace(STEEL, diameter_m=10e-3, level_db=35.0))
+    found = find_wall(frame, SCALE)
+    assert not found.usable
+    assert found.reason
+
+
+def test_an_overlay_shows_the_shaft_in_yellow() -> None:
+    frame, _ = frame_of(replace(STEEL, angle_rad=radians(-15.0)))
+    found = find_wall(frame, SCALE)
+    with_shaft, without = (draw_overlay(frame, each).astype(int) for each in (found, replace(found, needle=None)))
+    changed = (with_shaft != without).any(axis=2)
+    assert np.count_nonzero(changed) > 50
+    blue, green, red = (with_shaft - without)[changed].mean(axis=0)
+    assert min(green, red) > 50.0 > blue
+
+
+def test_json_has_the_angle_the_side_and_the_tip() -> None:
+    frame, tip_m = frame_of(replace(STEEL, angle_rad=radians(-20.0)))
+    entry = needle_entry(find_wall(frame, SCALE).needle)
+    assert entry is not None
+    assert entry["angle_deg"] == pytest.approx(20.0, abs=3.0)
+    assert entry["leans"] == "left"
+    assert entry["tip_mm"] == pytest.approx((tip_m * 1000).tolist(), abs=0.35)
+    assert needle_entry(None) is None
+
+
+@pytest.mark.real
+@needs_shared
+def test_a_needle_is_found_in_the_recording_of_one_and_in_none_of_the_others() -> None:
+    for name in "abcde":
+        for path in sorted((SHARED / "recordings" / f"sample-{name}" / "frames").glob("*.png")):
+            pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+            assert (find_wall(pixels, SCALE).needle is not None) == (name == "d"), path
+
+
+@pytest.mark.real
+@needs_shared
+def test_a_needle_without_tissue_is_never_usable() -> None:
+    scale = PixelScale(lateral_m=3e-3 / 64, depth_m=3e-3 / 512)
+    for path in sorted((SHARED / "real-oct" / "needle-volumes").glob("*.npz")):
+        with np.load(path) as kept:
+            volume = kept["data"]
+        for scan in (*volume.swapaxes(0, 1)[::4], *volume.transpose(2, 0, 1)[::4]):
+            assert not find_wall(np.ascontiguousarray(scan), scale).usable, path
