@@ -7,6 +7,7 @@ from typing import Any
 import analytic_library as analytic
 import numpy as np
 import pytest
+from told_finder import told_finder
 
 from scleraforce.calibration import calibrate, session
 from scleraforce.calibration.calibrate import calibrate_recordings, eye_constants
@@ -22,11 +23,14 @@ from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import segmented_boundaries
+from scleraforce.segmentation.sclera import find_sclera
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 
@@ -121,14 +125,26 @@ def test_a_calibration_looks_below_a_conjunctiva_with_the_thickness_that_the_rec
 ) -> None:
     told = []
 
-    def below(_frame: Any, _scale: Any, found: Any, thickness_m: float | None) -> Any:
-        told.append(thickness_m)
-        return replace(found, usable=False, reason="under a layer")
+    def below(frame: Any, scale: Any, *more: Any) -> Any:
+        told.append(more)
+        return replace(find_sclera(frame, scale), usable=False, reason="under a layer")
 
-    monkeypatch.setattr(calibrate, "below_conjunctiva", below)
+    monkeypatch.setattr(calibrate, "find_sclera", below)
+    finder = told_finder(np.full(88, 10.0), np.full(88, 20.0))
     with pytest.raises(CalibrationError, match="under a layer"):
-        calibrate_recordings([recording], STUDY, "", library)
-    assert told == [EYE.thickness_m] * len(FORCES)
+        calibrate_recordings([recording], STUDY, "", library, finder=finder)
+    assert told == [(EYE.thickness_m, finder)] * len(FORCES)
+
+
+def test_frames_in_which_a_network_sees_another_wall_are_not_calibrated_on(
+    library: Library, recording: Recording, calibration: Calibration
+) -> None:
+    blind = told_finder(np.full(88, 100.0), np.full(88, 110.0), sd=0.3)
+    with pytest.raises(CalibrationError, match="not usable: two ways to find the wall differ"):
+        calibrate_recordings([recording], STUDY, "", library, finder=blind)
+    shipped = load_wall_finder(SHIPPED_WALL_FINDER)
+    checked = calibrate_recordings([recording], STUDY, "hash", library, finder=shipped)
+    assert calibration_as_json(checked) == calibration_as_json(calibration)
 
 
 def test_forces_far_above_those_that_could_be_calibrated_on_are_a_doubt(
@@ -136,13 +152,13 @@ def test_forces_far_above_those_that_could_be_calibrated_on_are_a_doubt(
 ) -> None:
     """Deep dents, of 30 mN or more, are taken for ones that leave the window."""
 
-    def shallow(_frame: Any, _scale: Any, found: Any, _thickness_m: float | None) -> Any:
-        seen.append(found)
-        return replace(found, usable=len(seen) not in (2, 4, 6), reason="deep")  # in the order of FORCES
+    def shallow(*asked: Any) -> Any:
+        seen.append(find_sclera(*asked))
+        return replace(seen[-1], usable=len(seen) not in (2, 4, 6), reason="deep")  # in the order of FORCES
 
     seen: list[Any] = []
     assert calibration.eyes["made-up"].recordings[0].doubts == ()
-    monkeypatch.setattr(calibrate, "below_conjunctiva", shallow)
+    monkeypatch.setattr(calibrate, "find_sclera", shallow)
     eye = calibrate_recordings([recording], STUDY, "", library).eyes["made-up"]
     assert [round(1e3 * frame.force_n) for frame in eye.frames if frame.skipped == "not usable: deep"] == [30, 45, 38]
     (doubt,) = eye.recordings[0].doubts

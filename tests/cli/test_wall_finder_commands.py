@@ -9,7 +9,8 @@ import pytest
 
 from scleraforce.cli.main import run
 from scleraforce.laboratory.scenes.scene import draw_scene
-from scleraforce.reader.wall_finder_model import SHIPPED_WALL_FINDER, load_wall_finder
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.wall import PixelScale, find_wall
 from scleraforce.study import ScenesStudy, format_study

@@ -158,6 +158,7 @@ def test_a_cornea_is_written_read_and_absent_unless_it_is_asked_for() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_sealed_eye_with_a_cornea_is_bent_at_finite_strain_and_the_mesh_resolves_it() -> None:
     """The figures' mesh against one of half as many elements more; and the cornea matters."""
     form = FormStudy(region=(RegionStudy(modulus_ratio=0.6, half_angle_rad=LIMBUS_RAD),), cornea=CORNEA)

@@ -103,6 +103,7 @@ def coverage(seed: int, drawn: KnownGlobe, told: str) -> float:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("drawn", "told"), [(SEALED, "rigidity"), (SEALED, "sealed"), (UNKNOWN, "nothing")], ids=["k", "sealed", "nothing"]
 )

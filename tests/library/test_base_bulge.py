@@ -157,6 +157,7 @@ def test_where_no_direction_is_stated_a_calibration_sees_an_even_section() -> No
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_sections_of_a_sealed_eye_are_those_of_three_dimensions(tmp_path: Path) -> None:
     """A soft wall whose pressure has risen to three times what it was, 41 degrees from the pole."""
     grid = LibraryStudy(thickness_m=Range(min=450.0e-6, max=650.0e-6), thicknesses=4, tips=24,

@@ -51,6 +51,7 @@ def forces_beside_the_pole(thickness, ratio, polar, tips):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_forces_beside_the_pole_are_those_of_polar_path(library):
     tips = np.array([0.2e-3, 1e-3, 2.1e-3, 3.3e-3, 4.6e-3])
     errors = []

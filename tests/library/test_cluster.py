@@ -103,6 +103,7 @@ def test_real_paths_are_the_same_on_a_cluster_and_on_processes(cluster, tmp_path
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_what_fails_on_the_cluster_fails_here(cluster, tmp_path):
     cluster.worker("--nanny")  # starts a worker anew after each death
     with pytest.raises(SolverError, match=r"path \d+ of 180: no equilibrium"):

@@ -8,9 +8,13 @@ import pytest
 from bench_conjunctiva import rows_off, waving_wall
 from scleraforce.laboratory.bscan import Bscan, render_bscan
 from scleraforce.laboratory.optics import Conjunctiva, Pose, sample_conjunctiva, sample_optics
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.reader.look import look
+from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
+from scleraforce.segmentation.sclera import find_sclera
 from scleraforce.segmentation.wall import Segmentation, find_wall
 from scleraforce.study import PhantomStudy, Study
 from scleraforce.study.sampled import fixed
@@ -117,3 +121,19 @@ def test_readers_look_below_it() -> None:
     untold = look(made.frame, SCALE, STUDY.slice)
     assert rows_off(told.segmentation, made) < 3.0 < 8.0 < rows_off(untold.segmentation, made)
     assert told.cut.sum() < untold.cut.sum()
+
+
+@pytest.mark.parametrize("thickness_m", [80e-6, 140e-6, 250e-6])
+def test_a_network_that_takes_the_conjunctiva_for_wall_does_not_speak_against_the_told_thickness(
+    thickness_m: float,
+) -> None:
+    """From 140 um on the shipped one does so; read and segmented is the sclera all the same."""
+    shipped = load_wall_finder(SHIPPED_WALL_FINDER)
+    for seed in range(3):
+        made = bscan(layer(thickness_m, seed), seed)
+        for found in (
+            find_sclera(made.frame, SCALE, WALL_M, shipped),
+            find_checked_wall(made.frame, SCALE, shipped, WALL_M),
+        ):
+            assert found.usable, found.reason
+            assert rows_off(found, made) < 3.0

@@ -140,7 +140,7 @@ def test_a_needle_that_the_other_way_sees_is_told_whichever_wall_is_written(monk
     needle = SeenNeedle(angle_rad=0.4, tip_m=(0.0, 1e-3), tip=(256.0, 128.0), top=(280.0, -0.5), hidden=(250, 300))
     bscan = phantom(seed=3)
     found = replace(find_wall(bscan.frame, SCALE), needle=needle)
-    monkeypatch.setattr(checked_wall, "find_wall", lambda *_: found)
+    monkeypatch.setattr(checked_wall, "find_walls", lambda *_: (found, found))
     outer, inner = true_rows(bscan)
     for shift in (0.0, 6.0):
         assert find_checked_wall(bscan.frame, SCALE, told_finder(outer + shift, inner + shift)).needle == needle

@@ -1,7 +1,7 @@
 """Young's modulus of each eye from its recordings, and of the population (paper sec. 3.2, Table 2)."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,10 +28,11 @@ from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, tables_digest
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.conjunctiva import below_conjunctiva
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import dent, segmented_boundaries
-from scleraforce.segmentation.wall import Segmentation, find_wall
+from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.segmentation.wall import Segmentation
+from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
@@ -39,6 +40,17 @@ __all__ = ["calibrate_recordings", "eye_constants"]
 
 SURE_SEALED = 3.0  # standard deviations that a rigidity lies above 0 of a globe that cannot be open
 SAME_MODULUS = 0.01  # relative; what else is stated of the eye moves the mean of a lognormal by less
+
+
+@dataclass(frozen=True)
+class _Way:
+    """How eyes are calibrated; see `calibrate_recordings`."""
+
+    study: Study
+    library: Library | None
+    parameters: tuple[str, ...]
+    frames: int | None
+    finder: WallFinder | None
 
 
 def calibrate_recordings(
@@ -50,6 +62,7 @@ def calibrate_recordings(
     frames: int | None = None,
     earlier: Calibration | None = None,
     progress: Callable[[int], object] | None = None,
+    finder: WallFinder | None = None,
 ) -> Calibration:
     """Calibrate every eye on its recordings; recordings of one eye add up.
 
@@ -62,6 +75,7 @@ def calibrate_recordings(
         frames: take so many frames of each recording that bear enough force, deep dents among them; None: all.
         earlier: to go on from; the frames that its eyes have used are left out.
         progress: called with 1 after each frame.
+        finder: checks the walls: a frame in which it sees another one is not used. None: nothing checks them.
 
     Raises:
         CalibrationError: a recording without force log or wall thickness, or no frame that can be used; an earlier
@@ -74,32 +88,26 @@ def calibrate_recordings(
         raise CalibrationError(
             f"the earlier calibration has {earlier.mechanics} mechanics, not {mechanics}; name the same"
         )
+    way = _Way(study, library, parameters, frames, finder)
     eyes = {} if earlier is None else dict(earlier.eyes)
     for recording in recordings:
         eye_id = recording.info.eye.id
         before = eyes.get(eye_id)
-        found = _calibrate(recording, study, library, parameters, frames, before, progress)
+        found = _calibrate(recording, way, before, progress)
         doubted = found.status != "ok" and before is None and library is not None
-        eyes[eye_id] = _with_globe_doubt(found, recording, study, library, parameters, frames) if doubted else found
+        eyes[eye_id] = _with_globe_doubt(found, recording, way) if doubted else found
     mine = {recording.info.eye.id: eyes[recording.info.eye.id] for recording in recordings}
     return Calibration(mine, study_sha256, study.classes.bounds_n, mechanics)
 
 
-def _with_globe_doubt(
-    diverged: EyeCalibration,
-    recording: Recording,
-    study: Study,
-    library: Library | None,
-    parameters: tuple[str, ...],
-    frames: int | None,
-) -> EyeCalibration:
+def _with_globe_doubt(diverged: EyeCalibration, recording: Recording, way: _Way) -> EyeCalibration:
     """Return a calibration that diverged; where its frames agree if nothing is told of the globe, none is known."""
     eye = recording.info.eye
     if eye.globe is None:
         return diverged
     untold = replace(eye, globe=None, rigidity_pa13_per_m3=None, rigidity_law=None)
     asked = replace(recording, info=replace(recording.info, eye=untold))
-    other = _calibrate(asked, study, library, parameters, frames, None, None)
+    other = _calibrate(asked, way, None, None)
     as_told = eye.globe == "open" and other.globe.mean < SURE_SEALED * other.globe.sd
     if other.status != "ok" or as_told:
         return diverged
@@ -138,26 +146,20 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
 
 
 def _calibrate(
-    recording: Recording,
-    study: Study,
-    library: Library | None,
-    parameters: tuple[str, ...],
-    frames: int | None,
-    earlier: EyeCalibration | None,
-    progress: Callable[[int], object] | None,
+    recording: Recording, way: _Way, earlier: EyeCalibration | None, progress: Callable[[int], object] | None
 ) -> EyeCalibration:
     if recording.forces is None:
         raise CalibrationError(f"{recording.path}: no forces.csv; a calibration needs frames of known force")
-    trials = label_frames(recording, study.classes, study.needle.max_force_n)
+    trials = label_frames(recording, way.study.classes, way.study.needle.max_force_n)
     forces = frame_forces(recording, trials)
-    session = _begin(recording, study, library, parameters, forces, earlier)
+    session = _begin(recording, way.study, way.library, way.parameters, forces, earlier)
     records, steps = ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
     seen = {record.sha256 for record in records}
     scale = PixelScale.of(recording.info.oct)
-    left = len(trials) if frames is None else frames
+    left = len(trials) if way.frames is None else way.frames
     included = [trial.excluded is None for trial in trials]
     rising = session.filter.model.constants.globe.can_be_sealed
-    order = frame_order(forces.force_n, included, study.calibration.min_force_n, frames, rising)
+    order = frame_order(forces.force_n, included, way.study.calibration.min_force_n, way.frames, rising)
     shown = [float("nan")] * len(trials)
     taken: dict[int, Boundaries] = {}
     for index in order:
@@ -165,7 +167,7 @@ def _calibrate(
         pixels = recording.frame(entry) if left > 0 and trial.excluded is None else None
         if pixels is not None and (sha256 := frame_digest(pixels)) not in seen:
             force_n, since_s = float(forces.force_n[index]), float(forces.since_start_s[index])
-            wall = below_conjunctiva(pixels, scale, find_wall(pixels, scale), recording.info.eye.thickness_m)
+            wall = find_sclera(pixels, scale, recording.info.eye.thickness_m, way.finder)
             session, found, boundaries = _take(session, wall, scale, force_n, since_s)
             shown[index] = float("nan") if boundaries is None else dent(boundaries)
             record = FrameRecord(
@@ -188,14 +190,14 @@ def _calibrate(
         progress(len(trials) - len(order))
     missed_n = [record.force_n for record in records if record.skipped is not None]
     used_n = [record.force_n for record in records if record.skipped is None]
-    doubts = (*log_doubts(recording, study.classes, shown), *reach_doubts(used_n, missed_n))
-    if library is None:
+    doubts = (*log_doubts(recording, way.study.classes, shown), *reach_doubts(used_n, missed_n))
+    if way.library is None:
         doubts = (*open_doubts(recording.info.eye.globe), *doubts)
     if all(record.skipped is not None for record in records):
         reason = next((record.skipped for record in records), "excluded")
         raise CalibrationError(
             f"{recording.path}: none of its {len(trials)} frames can be calibrated on ({reason}); it "
-            f"takes frames with a wall in view and more than {from_si(study.calibration.min_force_n, 'mn'):g} mN"
+            f"takes frames with a wall in view and more than {from_si(way.study.calibration.min_force_n, 'mn'):g} mN"
             + "".join(f"; {doubt}" for doubt in doubts)
         )
     means, sds = moments(session.filter, session.state)
@@ -212,9 +214,9 @@ def _calibrate(
         steps=tuple(steps),
         filter=session.filter,
     )
-    if library is None or found_eye.status != "ok":
+    if way.library is None or found_eye.status != "ok":
         return found_eye
-    return _with_discrepancy(found_eye, known_after(session), taken, library, study)
+    return _with_discrepancy(found_eye, known_after(session), taken, way.library, way.study)
 
 
 def _with_discrepancy(

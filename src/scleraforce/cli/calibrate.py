@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scleraforce.cli.output import count_bar, print_json
+from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
 from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
@@ -50,6 +51,7 @@ class _Parameters(click.ParamType[tuple[str, ...]]):
               show_default=True, help="How the wall bends; linear is the paper's.")  # fmt: skip
 @click.option("--parameters", type=_Parameters(), default="e", show_default=True,
               help="What is uncertain, of e, iop, thickness, gap.")  # fmt: skip
+@wall_finder_option
 @click.option("--resume", type=click.Path(path_type=Path), help="Go on from an earlier file of this command.")
 @click.option("--intervals", "model", type=click.Path(path_type=Path), metavar="MODEL",
               help="Stretch a reader's intervals to hold on these recordings; --out is its copy.")  # fmt: skip
@@ -62,6 +64,7 @@ def calibrate(
     frames: int | None,
     mechanics: str,
     parameters: tuple[str, ...],
+    finder: Path | None,
     resume: Path | None,
     model: Path | None,
     plot: Path | None,
@@ -80,8 +83,10 @@ def calibrate(
     """
     if model is not None:
         if study_path or resume or plot or mechanics != "finite-strain" or parameters != ("e",):
-            raise click.UsageError("--intervals: takes the model's own study; of the options, only --frames and --json")
-        _stretch(model, recordings, out, frames or CALIBRATED, as_json)
+            raise click.UsageError(
+                "--intervals: takes the model's own study; of the options, only --frames, --wall-finder and --json"
+            )
+        _stretch(model, recordings, out, frames or CALIBRATED, finder, as_json)
         return
     from scleraforce.calibration.saved import calibration_as_json, parse_calibration
     from scleraforce.known.calibration_file import open_calibration, write_calibration
@@ -97,7 +102,14 @@ def calibrate(
     refuse_unused(study, "calibrate", mechanics, study_path)
     earlier = None if resume is None else parse_calibration(open_calibration(resume))
     result = calibrate_eyes(
-        recordings, study, count_bar, mechanics=mechanics, parameters=parameters, frames=frames, earlier=earlier
+        recordings,
+        study,
+        count_bar,
+        mechanics=mechanics,
+        parameters=parameters,
+        frames=frames,
+        earlier=earlier,
+        wall_finder=finder_folder(finder),
     )
     content = calibration_as_json(result)
     write_calibration(content, out)
@@ -110,11 +122,14 @@ def calibrate(
         click.echo(f"wrote {out}")
 
 
-def _stretch(model: Path, recordings: tuple[Path, ...], out: Path, frames: int, as_json: bool) -> None:
+def _stretch(
+    model: Path, recordings: tuple[Path, ...], out: Path, frames: int, finder: Path | None, as_json: bool
+) -> None:
     """Write a reader whose intervals hold on recordings, and say by how much they changed."""
     from scleraforce.notebook.work import recalibrate_intervals
 
-    changes = recalibrate_intervals(model, recordings, out, count_bar, frames=frames)
+    folder = finder_folder(finder)
+    changes = recalibrate_intervals(model, recordings, out, count_bar, frames=frames, wall_finder=folder)
     if as_json:
         print_json({"model": str(out), "from": str(model), "groups": [asdict(change) for change in changes]})
         return

@@ -17,6 +17,7 @@ from scleraforce.cli.single_frames import (
     size_words,
     told_scanner,
 )
+from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
 from scleraforce.errors import FrameError, InputError
 from scleraforce.units import from_si
 
@@ -34,6 +35,7 @@ __all__ = ["classify"]
 @click.argument("frames", metavar="FRAME...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @scanner_options
 @known_eye_options
+@wall_finder_option
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def classify(
     model: Path,
@@ -50,6 +52,7 @@ def classify(
     plane_direction_deg: float | None,
     globe: str | None,
     rigidity: float | None,
+    finder: Path | None,
     as_json: bool,
 ) -> None:
     """Read the force class of raw frames (PNG, TIFF, JPEG, DICOM) with MODEL.
@@ -70,7 +73,7 @@ def classify(
 
     for path in filter(is_folder, frames):
         raise InputError(f"{path}: a folder; `scleraforce evaluate {model} {path}` reads a recording, this one frames")
-    reader = load_model(model)
+    reader = load_model(model, finder=finder_folder(finder))
     told = told_scanner(width_mm, depth_mm, refractive_index)
     known = known_eye(
         youngs_modulus_mpa, iop_mmhg, thickness_um, gap_mm, polar_angle_deg, plane_direction_deg, globe, rigidity

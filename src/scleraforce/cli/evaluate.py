@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scleraforce.cli.output import print_json, progress_bar, wrapped
+from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
 from scleraforce.errors import InputError
 from scleraforce.units import from_si
 
@@ -22,10 +23,16 @@ __all__ = ["evaluate"]
 @click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--calibration", type=click.Path(path_type=Path),
               help="File of `calibrate`: gives a reader the eyes' moduli; its frames are not scored.")  # fmt: skip
+@wall_finder_option
 @click.option("--html", type=click.Path(path_type=Path), help="Page to write as well; must not exist.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def evaluate(
-    model: Path, recordings: tuple[Path, ...], calibration: Path | None, html: Path | None, as_json: bool
+    model: Path,
+    recordings: tuple[Path, ...],
+    calibration: Path | None,
+    finder: Path | None,
+    html: Path | None,
+    as_json: bool,
 ) -> None:
     """Read every frame of RECORDINGs with MODEL and compare with the force log.
 
@@ -41,7 +48,7 @@ def evaluate(
 
     if html is not None and html.exists():
         raise InputError(f"{html}: exists already; remove it or choose another name")
-    reader = load_model(model)
+    reader = load_model(model, finder=finder_folder(finder))
     summary = None if calibration is None else read_calibration(calibration)
     count = sum(len(read_recording(path).frames) for path in recordings)
     with progress_bar(range(count), "frames") as bar:

@@ -18,6 +18,7 @@ from scleraforce.cli.single_frames import (
     scanner_options,
     told_scanner,
 )
+from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
 from scleraforce.errors import FrameError, InputError
 from scleraforce.study import OctStudy
 from scleraforce.units import from_si
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
     from scleraforce.segmentation.wall_finder import WallFinder
 
 __all__ = ["segment"]
-
-NO_FINDER = Path("none")
 
 
 @dataclass(frozen=True)
@@ -58,9 +57,7 @@ class _Asked:
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder for the masks.")
 @scanner_options
 @click.option("--overlay", is_flag=True, help="Write NAME.overlay.png too: the boundaries drawn on the frame.")
-@click.option("--wall-finder", "finder_path", metavar="MODEL", type=click.Path(path_type=Path),
-              help="Model of `train --kind wall-finder` to use; none: the classical way alone. Default: the one that "
-                   "ships with scleraforce.")  # fmt: skip
+@wall_finder_option
 @click.option("--force", is_flag=True, help="Replace masks that are there.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def segment(
@@ -71,7 +68,7 @@ def segment(
     refractive_index: float | None,
     transpose: bool,
     overlay: bool,
-    finder_path: Path | None,
+    finder: Path | None,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -90,7 +87,7 @@ def segment(
     Example: scleraforce segment recordings/eye-1 --out masks --overlay
     """
     told = told_scanner(width_mm, depth_mm, refractive_index)
-    asked = _Asked(told, transpose, overlay, force, _wall_finder(finder_path))
+    asked = _Asked(told, transpose, overlay, force, _wall_finder(finder))
     found = list(each_of(_plan_masks(frames, out), lambda source: _segment_frame(source, asked)))
     if as_json:
         print_json({"out": str(out), "frames": [_entry(*each) for each in found]})
@@ -100,14 +97,15 @@ def segment(
     end_with_faults(entry for _, entry in found)
 
 
-def _wall_finder(path: Path | None) -> "WallFinder | None":
-    """Return the wall finder that was asked for: the shipped one by default, None for "none"."""
-    if path == NO_FINDER:
+def _wall_finder(finder: Path | None) -> "WallFinder | None":
+    """Return the wall finder that was asked for."""
+    folder = finder_folder(finder)
+    if folder is None:
         return None
     # Imported here: ONNX Runtime takes longer to import than frames to segment.
-    from scleraforce.reader.wall_finder_model import SHIPPED_WALL_FINDER, load_wall_finder
+    from scleraforce.reader.wall_finder_model import load_wall_finder
 
-    return load_wall_finder(path or SHIPPED_WALL_FINDER)
+    return load_wall_finder(folder)
 
 
 def _plan_masks(given: tuple[Path, ...], out: Path) -> list[_Source]:
@@ -182,13 +180,14 @@ def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
 
 
 def _found(frame: "ScaledFrame", finder: "WallFinder | None") -> "Segmentation":
+    thickness_m = None if frame.info is None else frame.info.eye.thickness_m
     if finder is None:
-        from scleraforce.segmentation.wall import find_wall
+        from scleraforce.segmentation.sclera import find_sclera
 
-        return find_wall(frame.pixels, frame.scale)
+        return find_sclera(frame.pixels, frame.scale, thickness_m)
     from scleraforce.segmentation.checked_wall import find_checked_wall
 
-    return find_checked_wall(frame.pixels, frame.scale, finder)
+    return find_checked_wall(frame.pixels, frame.scale, finder, thickness_m)
 
 
 def _write(path: Path, picture: "Pixels", force: bool) -> None:

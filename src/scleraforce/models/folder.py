@@ -26,6 +26,7 @@ __all__ = [
     "MODEL_FORMAT",
     "NETWORK_FILE",
     "RECORD_FILE",
+    "SHIPPED_WALL_FINDER",
     "STUDY_FILE",
     "WALL_FINDER",
     "ModelFolder",
@@ -38,6 +39,7 @@ NETWORK_FILE, STUDY_FILE, CARD_FILE, RECORD_FILE = "model.onnx", "study.toml", "
 LIBRARY_FILE = "library.npz"
 COMMON_FILES = (NETWORK_FILE, STUDY_FILE, CARD_FILE)
 WALL_FINDER = "wall-finder"
+SHIPPED_WALL_FINDER = Path(__file__).parents[1] / "shipped" / "wall_finder"  # comes with the package
 # Of each kind, beside model.json.
 FILES = {"classifier": COMMON_FILES, "reader": (*COMMON_FILES, LIBRARY_FILE), WALL_FINDER: COMMON_FILES}
 

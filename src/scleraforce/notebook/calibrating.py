@@ -8,6 +8,7 @@ from scleraforce.calibration.result import Calibration
 from scleraforce.calibration.saved import calibration_as_json
 from scleraforce.errors import InputError
 from scleraforce.known.calibration_file import write_calibration
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.notebook.frames import check_model, summary_of_calibration
 from scleraforce.notebook.work import Given, calibrate_eyes, counting_for, opened
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
@@ -28,6 +29,7 @@ def calibrate(
     parameters: Sequence[str] = ("e",),
     mechanics: str = "finite-strain",
     earlier: Calibration | None = None,
+    wall_finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER,
     out: str | PathLike[str] | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> Calibration:
@@ -40,6 +42,7 @@ def calibrate(
         parameters: what is uncertain, of "e", "iop", "thickness", "gap"; "e" among them.
         mechanics: "finite-strain" (from the library), or the paper's "linear".
         earlier: to go on from.
+        wall_finder: model folder that checks the walls, by default the one that ships; None: nothing does.
         out: a file to write as well, for the commands; it must not exist.
         progress: called with 1 after each frame.
 
@@ -71,6 +74,7 @@ def calibrate(
         parameters=parameters,
         frames=frames,
         earlier=earlier,
+        wall_finder=wall_finder,
     )
     if out is not None:
         write_calibration(calibration_as_json(found), Path(out))

@@ -5,6 +5,7 @@ Only what the runtime needs is imported (NumPy, OpenCV, ONNX Runtime), unless a 
 
 import json
 from dataclasses import dataclass, replace
+from functools import cache
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,12 +17,17 @@ from scleraforce.errors import FrameError, InputError
 from scleraforce.known.calibration_file import CalibrationSummary, parse_calibration_file, read_calibration, summary_of
 from scleraforce.known.eye import Known, Modulus, completed, foreign_modulus, known_of_eye, known_of_recording
 from scleraforce.known.globe import KnownGlobe, known_globe
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.reader.answers import Answer
 from scleraforce.reader.reader import Reader
+from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.info import RecordingInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.recording.scaled_frame import LARGEST_M, LEAST_M, Scanner, read_scaled_frame, recording_of
-from scleraforce.segmentation.wall import Segmentation, find_wall
+from scleraforce.segmentation.checked_wall import find_checked_wall
+from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.segmentation.wall import Segmentation
+from scleraforce.segmentation.wall_finder import WallFinder
 
 if TYPE_CHECKING:
     from scleraforce.calibration.result import Calibration
@@ -47,6 +53,7 @@ def segment(
     width_m: float | None = None,
     depth_m: float | None = None,
     refractive_index: float | None = None,
+    wall_finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER,
 ) -> Segmentation:
     """Find the wall in a raw frame.
 
@@ -55,6 +62,8 @@ def segment(
         width_m: of the frame; None: what the recording beside the file or the file itself says. An array needs it.
         depth_m: of the frame as stored; likewise.
         refractive_index: by which depth is stretched; None: the recording's, or 1 (corrected).
+        wall_finder: model folder of a network that checks the wall, and whose wall it is where both ways to find one
+            differ; by default the one that ships. None: nothing checks it.
 
     Returns:
         Boundaries in rows, `mask`, `thickness_m`, and whether the wall can be judged: `usable`, or the `reason`.
@@ -73,17 +82,30 @@ def segment(
         Scanner(refractive_index=1.0),
         "assumed",
     )
+    thickness_m = None if seen.info is None else seen.info.eye.thickness_m
     try:
-        return find_wall(seen.pixels, seen.scale)
+        if wall_finder is None:
+            return find_sclera(seen.pixels, seen.scale, thickness_m)
+        return find_checked_wall(seen.pixels, seen.scale, _finder(wall_finder), thickness_m)
     except ValueError as fault:
         raise FrameError(f"{seen.place}: {fault}") from fault
 
 
-def load_model(path: str | PathLike[str]) -> Reader:
+def _finder(path: str | PathLike[str]) -> WallFinder:
+    return _shipped_finder() if path == SHIPPED_WALL_FINDER else load_wall_finder(path)
+
+
+@cache
+def _shipped_finder() -> WallFinder:
+    return load_wall_finder(SHIPPED_WALL_FINDER)
+
+
+def load_model(path: str | PathLike[str], *, wall_finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER) -> Reader:
     """Load a model folder.
 
     Args:
         path: the folder that `train` or `scleraforce train` wrote.
+        wall_finder: model folder that checks the walls, by default the one that ships; None: nothing does.
 
     Raises:
         ModelError: a file is missing, was changed, or does not fit the study beside it.
@@ -92,7 +114,7 @@ def load_model(path: str | PathLike[str]) -> Reader:
     >>> sf.load_model("reader").kind
     'reader'
     """
-    return reader.load_model(path)
+    return reader.load_model(path, finder=wall_finder)
 
 
 def read(

@@ -92,6 +92,7 @@ def calibrate_eyes(
     parameters: Sequence[str],
     frames: int | None,
     earlier: "Calibration | None",
+    wall_finder: str | PathLike[str] | None,
 ) -> "Calibration":
     """Calibrate every eye on its recordings: counts "library", where finite strain needs one, and "frames".
 
@@ -101,18 +102,26 @@ def calibrate_eyes(
         InputError: a recording cannot be calibrated on, or the study has keys that this mechanics does not use.
     """
     from scleraforce.calibration.calibrate import calibrate_recordings
+    from scleraforce.reader.wall_finder_model import load_wall_finder
 
     refuse_unused(study, "calibrate", mechanics)
     each = opened(recordings)
+    finder = None if wall_finder is None else load_wall_finder(wall_finder)
     library = library_for(study, mechanics, counting)
     with counting("frames", sum(len(recording.frames) for recording in each)) as advance:
         return calibrate_recordings(
-            each, study, study_hash(study), library, tuple(parameters), frames, earlier, advance
+            each, study, study_hash(study), library, tuple(parameters), frames, earlier, advance, finder
         )
 
 
 def recalibrate_intervals(
-    model: str | PathLike[str], recordings: Sequence[str | PathLike[str]], out: Path, counting: Counting, *, frames: int
+    model: str | PathLike[str],
+    recordings: Sequence[str | PathLike[str]],
+    out: Path,
+    counting: Counting,
+    *,
+    frames: int,
+    wall_finder: str | PathLike[str] | None,
 ) -> "tuple[GroupChange, ...]":
     """Write a reader whose intervals hold on recordings: counts "calibration" and "reading".
 
@@ -124,6 +133,7 @@ def recalibrate_intervals(
         out: the folder to make.
         counting: how the work is counted.
         frames: of each recording that calibrate its eye.
+        wall_finder: model that checks the walls; None: nothing does.
 
     Returns:
         How the readings of each group did, and its factors before and after.
@@ -138,13 +148,15 @@ def recalibrate_intervals(
     from scleraforce.reader.interval_factors import parse_factors
     from scleraforce.reader.interval_scores import group_changes, recording_scores, stretched
     from scleraforce.reader.model import load_force_reader
+    from scleraforce.reader.wall_finder_model import load_wall_finder
 
     check_place(out)
-    reader, folder, each = load_force_reader(model), read_folder(Path(model)), opened(recordings)
+    reader, folder, each = load_force_reader(model, finder=wall_finder), read_folder(Path(model)), opened(recordings)
     study, count = reader.study, sum(len(recording.frames) for recording in each)
+    finder = None if wall_finder is None else load_wall_finder(wall_finder)
     with counting("calibration", count) as advance:
         calibration = calibrate_recordings(
-            each, study, study_hash(study), reader.library, frames=frames, progress=advance
+            each, study, study_hash(study), reader.library, frames=frames, progress=advance, finder=finder
         )
     summary = summary_of_calibration(calibration)
     with counting("reading", count) as advance:

@@ -20,6 +20,7 @@ from scleraforce.reader.verdicts import dent_leaves
 from scleraforce.recording.info import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.observed import segmented_boundaries
+from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 
 __all__ = ["INPUT", "OUTPUT", "Classifier"]
@@ -42,12 +43,18 @@ class Classifier:
     reads_force = False
 
     def __init__(
-        self, path: Path, study: Study, record: Mapping[str, Any], session: onnxruntime.InferenceSession
+        self,
+        path: Path,
+        study: Study,
+        record: Mapping[str, Any],
+        session: onnxruntime.InferenceSession,
+        finder: WallFinder | None = None,
     ) -> None:
         self.path = path
         self.study = study
         self.record = record
         self._session = session
+        self._finder = finder
         self._check()
 
     @property
@@ -68,7 +75,7 @@ class Classifier:
 
     def read(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> Answer:
         """Read one raw frame; see `Reader.read`."""
-        seen = look(frame, scale, self.study.slice, thickness_m=known.thickness_m)
+        seen = look(frame, scale, self.study.slice, thickness_m=known.thickness_m, finder=self._finder)
         answer = self._seen(seen)
         if seen.reason:
             return answer

@@ -25,6 +25,7 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import segmented_boundaries, surface
+from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
@@ -49,7 +50,8 @@ class SliceNetwork(Protocol):
 class ForceReader:
     """Reads force, interval and contact from a wall; see `Reader`. Made by `load_model`; all of it belongs together.
 
-    `default` names the method whose reading is the answer, "network" or "fit"; the other one checks it.
+    `default` names the method whose reading is the answer, "network" or "fit"; the other one checks it. The wall
+    finder checks the wall of `read`, not of `read_live`, whose loop does not wait for it.
     """
 
     kind = "reader"
@@ -65,6 +67,7 @@ class ForceReader:
         library: Library,
         default: str,
         factors: IntervalFactors = NO_FACTORS,
+        finder: WallFinder | None = None,
     ) -> None:
         if default not in METHODS:
             raise ValueError(f"default: found {default!r}, expected {' or '.join(METHODS)}")
@@ -75,6 +78,7 @@ class ForceReader:
         self.default = default
         self.factors = factors
         self._network = network
+        self._finder = finder
         self._library_of = lru_cache(maxsize=CONTACTS)(library.nearest_contact)
 
     @property
@@ -94,7 +98,7 @@ class ForceReader:
 
     def read(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> Answer:
         """Read one raw frame with the network and the fit; see `Reader.read`."""
-        seen = look(frame, scale, self.study.slice, SHIFTS, known.thickness_m)
+        seen = look(frame, scale, self.study.slice, SHIFTS, known.thickness_m, self._finder)
         return replace(self._read(seen, scale, known), needle=seen.needle)
 
     def _read(self, seen: Look, scale: PixelScale, known: Known) -> Answer:

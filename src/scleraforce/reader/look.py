@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from scleraforce.reader.verdicts import allows_calibration, dent_leaves
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.segmentation.conjunctiva import below_conjunctiva
 from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.observations import Boundaries
-from scleraforce.segmentation.wall import Segmentation, boundary_slices, find_wall
+from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.segmentation.wall import Segmentation, boundary_slices
+from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import SliceStudy
 
 __all__ = ["NEEDLE_SEEN", "Look", "can_calibrate", "look"]
@@ -50,6 +51,7 @@ def look(
     slice_study: SliceStudy,
     shifts: tuple[float, ...] = (0.0,),
     thickness_m: float | None = None,
+    finder: WallFinder | None = None,
 ) -> Look:
     """Segment a frame and draw the slices that a model reads.
 
@@ -58,9 +60,10 @@ def look(
         scale: size of a pixel as stored, with the refractive index.
         slice_study: of the model.
         shifts: of the slices in depth, in rows of a slice; the first is 0.
-        thickness_m: of the wall, as told: its surface is then looked for below a conjunctiva too. None: not told.
+        thickness_m: of the wall, as told; and
+        finder: a network that checks the wall: see `find_sclera`.
     """
-    found = below_conjunctiva(frame, scale, find_wall(frame, scale), thickness_m)
+    found = find_sclera(frame, scale, thickness_m, finder)
     if not found.usable:
         return Look(found, _NOTHING, found.reason)
     cuts = boundary_slices(found, scale, slice_study, shifts)

@@ -12,6 +12,7 @@ from scleraforce.models.folder import (
     LIBRARY_FILE,
     NETWORK_FILE,
     RECORD_FILE,
+    SHIPPED_WALL_FINDER,
     ModelFolder,
     read_folder,
 )
@@ -22,6 +23,7 @@ from scleraforce.reader.interval_factors import parse_factors
 from scleraforce.reader.reader import Reader
 from scleraforce.reader.readings import METHODS
 from scleraforce.reader.slice_network import OnnxSliceNetwork
+from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.study import Study
 
 __all__ = ["load_classifier", "load_force_reader", "load_model", "slice_network"]
@@ -31,12 +33,15 @@ READS = (Classifier.kind, ForceReader.kind)  # kinds of models that read forces
 Kind = TypeVar("Kind", Classifier, ForceReader)
 
 
-def load_model(path: str | PathLike[str], threads: int = 1) -> Reader:
+def load_model(
+    path: str | PathLike[str], threads: int = 1, finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER
+) -> Reader:
     """Load a model folder of either kind.
 
     Args:
         path: the folder that `scleraforce train` wrote.
         threads: of ONNX Runtime within one operation; 1 is fastest for single slices.
+        finder: folder of the wall finder that checks the walls it reads; None: nothing checks them.
 
     Raises:
         ModelError: a file is missing, was changed, or does not fit the study beside it.
@@ -46,32 +51,37 @@ def load_model(path: str | PathLike[str], threads: int = 1) -> Reader:
         raise ModelError(f"{folder.path}: kind: found {folder.record['kind']!r}, {' or '.join(READS)} is needed here")
     study = folder_study(folder)
     session = folder_session(folder, threads)
+    walls = None if finder is None else load_wall_finder(finder, threads)
     if folder.record["kind"] == Classifier.kind:
-        classifier = Classifier(folder.path, study, folder.record, session)
+        classifier = Classifier(folder.path, study, folder.record, session, walls)
         check_provenance(folder, session)
         return classifier
     factors = parse_factors(folder.record, str(folder.path / RECORD_FILE))
     network = OnnxSliceNetwork(session, study, str(folder.path / NETWORK_FILE), factors)
     check_provenance(folder, session)
-    return ForceReader(folder.path, study, folder.record, network, _library(folder), _default(folder), factors)
+    return ForceReader(folder.path, study, folder.record, network, _library(folder), _default(folder), factors, walls)
 
 
-def load_classifier(path: str | PathLike[str], threads: int = 1) -> Classifier:
+def load_classifier(
+    path: str | PathLike[str], threads: int = 1, finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER
+) -> Classifier:
     """Load a model folder of kind "classifier"; arguments and errors of `load_model`.
 
     Raises:
         ModelError: it is of another kind.
     """
-    return _of_kind(load_model(path, threads), Classifier)
+    return _of_kind(load_model(path, threads, finder), Classifier)
 
 
-def load_force_reader(path: str | PathLike[str], threads: int = 1) -> ForceReader:
+def load_force_reader(
+    path: str | PathLike[str], threads: int = 1, finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER
+) -> ForceReader:
     """Load a model folder of kind "reader"; arguments and errors of `load_model`.
 
     Raises:
         ModelError: it is of another kind.
     """
-    return _of_kind(load_model(path, threads), ForceReader)
+    return _of_kind(load_model(path, threads, finder), ForceReader)
 
 
 def slice_network(network: bytes, study: Study, place: str = NETWORK_FILE) -> OnnxSliceNetwork:

@@ -8,9 +8,7 @@ from scleraforce.models.folder import NETWORK_FILE, WALL_FINDER, read_folder
 from scleraforce.models.session import check_provenance, folder_session, folder_study
 from scleraforce.segmentation.wall_finder import WallFinder
 
-__all__ = ["SHIPPED_WALL_FINDER", "load_wall_finder"]
-
-SHIPPED_WALL_FINDER = Path(__file__).parents[1] / "shipped" / "wall_finder"  # comes with the package
+__all__ = ["load_wall_finder"]
 
 
 def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:

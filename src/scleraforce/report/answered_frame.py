@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.conjunctiva import below_conjunctiva
-from scleraforce.segmentation.wall import Segmentation, boundary_slice, find_wall
+from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.segmentation.wall import Segmentation, boundary_slice
 from scleraforce.study import SliceStudy
 
 __all__ = ["AnsweredFrame", "look_at", "look_at_all"]
@@ -56,5 +56,5 @@ def _looked_at(answer: FrameAnswer, recording: Recording) -> AnsweredFrame:
     entry = next(entry for entry in recording.frames if entry.file == answer.file)
     frame = np.asarray(recording.frame(entry), dtype=np.uint16)
     scale = PixelScale.of(recording.info.oct)
-    found = below_conjunctiva(frame, scale, find_wall(frame, scale), recording.info.eye.thickness_m)
+    found = find_sclera(frame, scale, recording.info.eye.thickness_m)
     return AnsweredFrame(answer, recording, frame, found)

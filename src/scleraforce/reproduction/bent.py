@@ -22,9 +22,11 @@ from scleraforce.learning.classifier.train import train_classifier
 from scleraforce.learning.reader.train import train_reader
 from scleraforce.library import Library
 from scleraforce.library.cache import cached_library
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.processes import work_units
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
+from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.reproduction.run import Progress, Run
 from scleraforce.study import Study, study_hash
@@ -93,7 +95,8 @@ def calibrate_bent(run: Run, progress: Progress) -> None:
 
 
 def _calibrated(run: Run, recordings: Sequence[Recording], progress: Progress, library: Library | None) -> Calibration:
-    return calibrate_recordings(recordings, run.study, study_hash(run.study), library=library, progress=progress)
+    finder, study = load_wall_finder(SHIPPED_WALL_FINDER), run.study
+    return calibrate_recordings(recordings, study, study_hash(study), library, progress=progress, finder=finder)
 
 
 def train_force_reader(run: Run, progress: Progress) -> None:

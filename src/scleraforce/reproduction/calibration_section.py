@@ -7,8 +7,10 @@ from scleraforce.calibration.result import Calibration, EyeCalibration
 from scleraforce.calibration.saved import parse_calibration
 from scleraforce.calibration.words import found_words
 from scleraforce.known.calibration_file import open_calibration
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import Proportion
+from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.files import read_recording
 from scleraforce.report.answered_frame import look_at
 from scleraforce.report.calibration_figures import draw_modulus_over_frames, draw_observed_points
@@ -110,7 +112,8 @@ def _over_frames(eye: EyeCalibration) -> Html:
 def _with_points(run: Run, eye: str) -> EyeCalibration:
     """Calibrate an eye once more, for the file of a calibration keeps no points to draw."""
     recording = read_recording(run.recordings / eye)
-    again = calibrate_recordings([recording], run.study, study_hash(run.study), library=None)
+    finder = load_wall_finder(SHIPPED_WALL_FINDER)
+    again = calibrate_recordings([recording], run.study, study_hash(run.study), library=None, finder=finder)
     return again.eyes[eye]
 
 

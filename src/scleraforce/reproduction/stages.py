@@ -18,8 +18,10 @@ from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, paper_eyes
 from scleraforce.learning.classifier.train import train_classifier
 from scleraforce.library.plan import plan_library
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
+from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.files import read_recording
 from scleraforce.reproduction.bent import (
     CALIBRATED,
@@ -167,7 +169,8 @@ def _write_eyes(
 
 def _calibrate(run: Run, progress: Progress) -> None:
     opened = [read_recording(path) for path in _recordings(run, run.recordings)[:CALIBRATED]]
-    calibration = calibrate_recordings(opened, run.study, study_hash(run.study), library=None, progress=progress)
+    finder, study = load_wall_finder(SHIPPED_WALL_FINDER), run.study
+    calibration = calibrate_recordings(opened, study, study_hash(study), None, progress=progress, finder=finder)
     write_calibration(calibration_as_json(calibration), run.calibration)
 
 

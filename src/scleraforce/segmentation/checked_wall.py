@@ -15,11 +15,12 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.below_surface import grouped, grouping, in_tissue, rows_per_metre, search_below
 from scleraforce.segmentation.columns import at_columns, bridged, fine_columns
 from scleraforce.segmentation.grid import Float, make_grid
-from scleraforce.segmentation.imaged import LEAST_SHAPE, imaged_part, lit_columns
+from scleraforce.segmentation.imaged import imaged_part, lit_columns
 from scleraforce.segmentation.inner import CELL_M, CELLS
+from scleraforce.segmentation.sclera import find_walls, walls_doubt
 from scleraforce.segmentation.surface import refine_surface
-from scleraforce.segmentation.two_ways import network_doubt, ways_agree, ways_difference
-from scleraforce.segmentation.wall import UNSEEN_DEPTH_M, Segmentation, find_wall
+from scleraforce.segmentation.two_ways import sees_wall, ways_agree
+from scleraforce.segmentation.wall import UNSEEN_DEPTH_M, Segmentation
 from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
 
 __all__ = ["find_checked_wall"]
@@ -49,33 +50,34 @@ class _Start:
     step_rows: float
 
 
-def find_checked_wall(frame: Pixels, scale: PixelScale, finder: WallFinder) -> Segmentation:
+def find_checked_wall(
+    frame: Pixels, scale: PixelScale, finder: WallFinder, thickness_m: float | None = None
+) -> Segmentation:
     """Find the wall in a frame with a network's help, and check it.
 
     Args:
         frame: counts, uint8 or uint16, shape (row, column).
         scale: size of the frame's pixel, with the refractive index.
         finder: the network.
+        thickness_m: of the wall, as told (see `find_sclera`).
 
     Returns:
-        The wall of `find_wall` where both ways agree, else the network's, refined. It is usable where that of
-        `find_wall` is, and nothing speaks against it; a needle is what that sees. A frame in which either way sees no
-        wall at all has that of the other, and is not usable.
+        The wall of `find_wall` where both ways agree, and that below a conjunctiva where one is seen; else the
+        network's, refined. It is usable where that of `find_wall` is, and nothing speaks against it; a needle is what
+        that sees. A frame in which either way sees no wall at all has that of the other, and is not usable.
 
     Raises:
         ValueError: as of `find_wall`.
         ModelError: as of `WallFinder.find`.
     """
-    other = find_wall(frame, scale)
-    seen = finder.find(frame)
+    first, other = find_walls(frame, scale, thickness_m)
     lit = lit_columns(frame)
     if lit is None:
         return other
-    if np.count_nonzero(seen.there) < LEAST_SHAPE // 2:
-        reason = other.reason or "the network sees no wall where the other way finds one"
-        return replace(other, usable=False, reason=reason)
-    found = other if ways_agree(other, seen) else _refined(frame, scale, seen, *lit[:2])
-    reason = other.reason or network_doubt(other, seen) or ways_difference(other, seen)
+    seen = finder.find(frame)
+    theirs = other is first and sees_wall(seen) and not ways_agree(other, seen)
+    found = _refined(frame, scale, seen, *lit[:2]) if theirs else other
+    reason = other.reason or walls_doubt(first, other, seen)
     return replace(found, usable=not reason, reason=reason, needle=other.needle)
 
 

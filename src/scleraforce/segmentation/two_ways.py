@@ -6,10 +6,11 @@ All comparisons are made at the columns that the network answers for, in rows of
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.segmentation.imaged import LEAST_SHAPE
 from scleraforce.segmentation.wall import Segmentation
 from scleraforce.segmentation.wall_finder import SeenWall
 
-__all__ = ["network_doubt", "ways_agree", "ways_difference"]
+__all__ = ["sees_wall", "two_ways_doubt", "ways_agree"]
 
 Mask = NDArray[np.bool_]
 
@@ -37,7 +38,19 @@ def ways_agree(other: Segmentation, seen: SeenWall) -> bool:
     return seen_by_both >= SAME_SHARE * int(np.count_nonzero(either)) and same >= SAME_SHARE * seen_by_both
 
 
-def network_doubt(other: Segmentation, seen: SeenWall) -> str:
+def two_ways_doubt(other: Segmentation, seen: SeenWall) -> str:
+    """Return what speaks against the wall of `find_wall` once a network has looked too, '' where nothing does."""
+    if not sees_wall(seen):
+        return "the network sees no wall where the other way finds one"
+    return _network_doubt(other, seen) or _ways_difference(other, seen)
+
+
+def sees_wall(seen: SeenWall) -> bool:
+    """Return whether the network sees a wall at all."""
+    return int(np.count_nonzero(seen.there)) >= LEAST_SHAPE // 2
+
+
+def _network_doubt(other: Segmentation, seen: SeenWall) -> str:
     """Return what makes the network's wall doubtful, '' where it is sure of it, or `find_wall` sees the same end."""
     thickness = seen.inner_row - seen.outer_row
     unsure = seen.there & (seen.inner_row < other.rows - 1.0) & (seen.inner_sd > UNSURE_THICKNESS * thickness)
@@ -50,7 +63,7 @@ def network_doubt(other: Segmentation, seen: SeenWall) -> str:
     return ""
 
 
-def ways_difference(other: Segmentation, seen: SeenWall) -> str:
+def _ways_difference(other: Segmentation, seen: SeenWall) -> str:
     """Return by how much both ways differ, '' where they may be that unsure."""
     at = seen.frame_column
     both, either = _columns(other, seen)

@@ -1,0 +1,80 @@
+"""The wall that forces are read from, and when a network's look makes it unusable."""
+
+import numpy as np
+import pytest
+from analytic_frames import SCALE, image, tip_of, wall_section
+from told_finder import STUDY, told_finder
+
+from scleraforce.laboratory.scenes.scene import draw_scene
+from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.segmentation.wall import Segmentation, find_wall
+from scleraforce.segmentation.wall_finder import WallFinder
+from scleraforce.study import ScenesStudy
+
+HALF = STUDY.columns // 2
+
+
+@pytest.fixture(scope="module")
+def shipped() -> WallFinder:
+    return load_wall_finder(SHIPPED_WALL_FINDER)
+
+
+def same(one: Segmentation, other: Segmentation) -> bool:
+    return np.array_equal(one.outer_row, other.outer_row, equal_nan=True) and np.array_equal(
+        one.inner_row, other.inner_row, equal_nan=True
+    )
+
+
+@pytest.mark.parametrize("force_mn", [0, 15, 45])
+def test_a_network_that_sees_the_same_wall_changes_nothing(force_mn: int, shipped: WallFinder) -> None:
+    frame = image(wall_section(tip_of(force_mn / 1e3)))
+    alone, checked = find_sclera(frame, SCALE), find_sclera(frame, SCALE, finder=shipped)
+    assert alone.usable
+    assert checked.usable, checked.reason
+    assert same(alone, find_wall(frame, SCALE))
+    assert same(checked, alone)
+
+
+@pytest.mark.parametrize(
+    ("outer", "inner", "said"),
+    [
+        (100.0, 110.0, "two ways to find the wall differ: its surface lies up to"),
+        (None, None, "the network sees no wall where the other way finds one"),
+    ],
+)
+def test_where_it_sees_another_wall_or_none_the_wall_stays_and_is_not_usable(outer, inner, said) -> None:
+    frame = image(wall_section(tip_of(0.015)))
+    rows = (np.full(HALF, np.nan if row is None else row) for row in (outer, inner))
+    checked = find_sclera(frame, SCALE, finder=told_finder(*rows, sd=0.3))
+    assert not checked.usable
+    assert checked.reason.startswith(said)
+    assert same(checked, find_wall(frame, SCALE))
+
+
+def test_a_frame_that_is_not_usable_keeps_its_own_reason() -> None:
+    """The network is not asked."""
+    noise = np.random.default_rng(0).integers(0, 4095, (512, 512)).astype(np.uint16)
+    finder = told_finder(np.full(HALF, 20.0), np.full(HALF, 40.0))
+    finder.session = None
+    alone, checked = find_sclera(noise, SCALE), find_sclera(noise, SCALE, finder=finder)
+    assert not alone.usable
+    assert checked.reason == alone.reason
+    assert same(checked, alone)
+
+
+def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(shipped: WallFinder) -> None:
+    """Drawn scenes: where `find_wall` is far off, and says nothing, the network's look refuses most frames."""
+    passed = refused = 0
+    for number in range(40):
+        scene = draw_scene(ScenesStudy(seed=11), number)
+        scale = PixelScale(lateral_m=10e-3 / scene.frame.shape[1], depth_m=4e-3 / len(scene.frame))
+        alone = find_sclera(scene.frame, scale)
+        if not alone.usable or np.nanmedian(np.abs(alone.outer_row - scene.outer_row)) < 0.05 * len(scene.frame):
+            continue
+        refused += not find_sclera(scene.frame, scale, finder=shipped).usable
+        passed += 1
+    assert passed >= 3
+    assert refused >= 0.7 * passed
