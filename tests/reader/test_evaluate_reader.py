@@ -171,7 +171,7 @@ def test_the_command_prints_forces_in_millinewtons(places, both, capsys) -> None
     assert low < 22.0 < high
     assert frame["contact_mm"] == pytest.approx(0.3, abs=0.1)
     assert frame["can_calibrate"]
-    assert len(frame["warnings"]) == 1  # the network answers always the same
+    assert frame["warnings"] == []  # the network, which answers always the same, is unsure
     assert (blank["predicted_force_mn"], blank["interval_mn"], blank["contact_mm"]) == (None, None, None)
     assert not blank["can_calibrate"]
 

@@ -38,7 +38,7 @@ def write_recording(path: Path, eye: str, gap_m: float = GAP_M, seed: int = 0) -
 
 def write_places(folder: Path) -> dict[str, Path]:
     """Write a model, calibrations and recordings of three eyes."""
-    write_fixed_reader(folder / "model", SMALL_LIBRARY, (0.0, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
+    write_fixed_reader(folder / "model", SMALL_LIBRARY, (0.125,) * 8)
     mpa = MODULUS_PA / 1e6
     mine = write_recording(folder / "mine", "mine")
     used = [{"file": "1.png", "sha256": frame_digest(read_frame(mine / "frames" / "1.png"))}]

@@ -18,7 +18,7 @@ from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors
 from scleraforce.reader.limits import wall_limits
 from scleraforce.reader.look import NEEDLE_SEEN, Look, can_calibrate, look
 from scleraforce.reader.needle_gap import crossed_by_needle, needle_elsewhere, read_by_fit
-from scleraforce.reader.readings import METHODS, Reading, disagreement, fit_reading
+from scleraforce.reader.readings import METHODS, Reading, disagreement, fit_reading, spanned_interval
 from scleraforce.reader.verdicts import contact_outside, dent_leaves, fit_leaves, no_wall_of_an_eye, too_little_wall
 from scleraforce.recording.info import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
@@ -188,15 +188,20 @@ class ForceReader:
         return replace(answer, warnings=warnings, readings=(("fit", reading),))
 
     def _checked(self, seen: Look, fit: BoundaryFit, readings: Mapping[str, Reading]) -> Answer:
-        """Return the answer of the model's default method, checked by the other one."""
+        """Return the answer of the model's default method, checked by the other one.
+
+        Where both are more apart than their intervals allow, one of them is wrong, and nothing says which: the interval
+        then spans those of both.
+        """
         default, other = readings[self.default], readings[self.other]
-        leaves = dent_leaves(seen.cut) or fit_leaves(fit, self.study.slice)
-        answer = self._answer(default, self.default, leaves)
+        warning = disagreement(default, other, (self.default, self.other))
+        reading = replace(default, interval_n=spanned_interval(default, other)) if warning else default
+        answer = self._answer(reading, self.default, dent_leaves(seen.cut) or fit_leaves(fit, self.study.slice))
         elsewhere = contact_outside(other, self.study.reader)
         if answer.usable and elsewhere:
             answer = unusable(self.classes, elsewhere)
-        warning = disagreement(default, other, (self.default, self.other)) if answer.usable else None
-        return replace(answer, warnings=(warning,) if warning else (), readings=tuple(readings.items()))
+        warnings = (warning,) if warning and answer.usable else ()
+        return replace(answer, warnings=warnings, readings=tuple(readings.items()))
 
     def _answer(self, reading: Reading, name: str, leaves: bool) -> Answer:
         """Return the answer that one method gives.

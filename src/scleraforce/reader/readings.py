@@ -8,7 +8,7 @@ from scleraforce.fitting.library_fit import BoundaryFit
 from scleraforce.reader.force_distribution import stretched_interval, unstretched
 from scleraforce.units import from_si
 
-__all__ = ["METHODS", "Reading", "disagreement", "fit_reading"]
+__all__ = ["METHODS", "Reading", "disagreement", "fit_reading", "spanned_interval"]
 
 METHODS = ("network", "fit")
 
@@ -79,3 +79,17 @@ def disagreement(answer: Reading, check: Reading, names: tuple[str, str]) -> str
         f"the {names[0]} reads {from_si(answer.force_n, 'mn'):.1f} mN, "
         f"the {names[1]} {from_si(check.force_n, 'mn'):.1f} mN: more apart than their intervals allow"
     )
+
+
+def spanned_interval(answer: Reading, check: Reading) -> tuple[float, float]:
+    """Return the interval from the lower end of both to the higher one; a check that is no number has none.
+
+    >>> near = Reading(probabilities=(0, 1, 0), force_n=0.010, interval_n=(0.009, 0.011), contact_m=0.0)
+    >>> far = Reading(probabilities=(0, 1, 0), force_n=0.013, interval_n=(0.012, 0.015), contact_m=0.0)
+    >>> spanned_interval(near, far)
+    (0.009, 0.015)
+    """
+    if not check.finite:
+        return answer.interval_n
+    (low, high), (other_low, other_high) = answer.interval_n, check.interval_n
+    return min(low, other_low), max(high, other_high)
