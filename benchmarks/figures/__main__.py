@@ -14,7 +14,7 @@ import click
 
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
-from figures.groups import DEFAULT_READER, GROUPS, draw_eyes
+from figures.groups import DEFAULT_READER, GROUPS, SEED, draw_eyes
 from figures.page import insert_tables
 from figures.picture import draw_forces
 from figures.readings import CALIBRATED_FRAMES, Method, calibrated_eyes, make_methods, paper_method, read_frames
@@ -73,6 +73,7 @@ class Group:
     type=click.Path(path_type=Path, exists=True),
     help="Page of the docs to put the tables into; a JSON file and the picture go beside it.",
 )
+@click.option("--seed", type=click.IntRange(0), default=SEED, show_default=True, help="Of the draw of the eyes.")
 @click.option("--recordings-only", is_flag=True, help="Stop when the eyes are computed and imaged.")
 def main(
     out: Path,
@@ -81,11 +82,12 @@ def main(
     workers: int,
     reader: Path | None,
     page: Path | None,
+    seed: int,
     recordings_only: bool,
 ) -> None:
     """Read virtual eyes that no training has seen; write figures.md, figures.json and figures.png to the folder."""
     study, folder = Study(), FiguresFolder(out)
-    drawn = {group: draw_eyes(group, count, study) for group in names}
+    drawn = {group: draw_eyes(group, count, study, seed) for group in names}
     everyone = [eye for eyes in drawn.values() for eye in eyes]
     with progress_bar(range(len(everyone)), "eyes", total=len(everyone)) as bar:
         failed = make_recordings(folder, everyone, workers, bar.update)

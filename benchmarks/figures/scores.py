@@ -15,6 +15,7 @@ __all__ = ["AnsweredFrame", "Scores", "answered_frame", "coverage_band", "score"
 
 DANGEROUS = 2  # the class of forces that hurt
 HIGH_MN, BOUND_MN = 35.0, 30.0  # a force above the one must not be read, with confidence, as one below the other
+LEVEL, SMALLEST_MN = 0.9, 1e-3
 RESAMPLES, RESAMPLING_SEED, BAND = 2000, 20_261_122, (2.5, 97.5)  # of the eyes; percent
 
 
@@ -55,7 +56,8 @@ class Scores:
     of the frames whose wall stays in the window; `refused_eyes` have no usable frame at all. `as_safe`: of the forces
     above 35 mN, those that are read as class 1 or 0 with an interval that ends below 30 mN. Errors in mN and coverage
     are over the usable frames with a force. `coverage_band` holds the coverage of other such eyes with 95 %, by drawing
-    whole eyes anew; None without an interval. `width_mn`: median width of the intervals.
+    whole eyes anew; None without an interval. `width_mn`: median width of the intervals. `stretch`: by how much all
+    would have to be stretched about the median for 90 % to hold, every eye weighing the same.
     """
 
     frames: int
@@ -74,6 +76,7 @@ class Scores:
     coverage: Proportion
     coverage_band: tuple[float, float] | None
     width_mn: float
+    stretch: float
     log_coverage: Proportion
 
 
@@ -134,6 +137,7 @@ def score(frames: Sequence[AnsweredFrame]) -> Scores:
         coverage=_share(covered),
         coverage_band=coverage_band([frame.eye for frame in held], covered),
         width_mn=_median([high - low for frame in held if frame.interval_mn for low, high in [frame.interval_mn]]),
+        stretch=_stretch(held),
         log_coverage=_share([_holds(frame, frame.measured_mn) for frame in held]),
     )
 
@@ -163,6 +167,24 @@ def _holds(frame: AnsweredFrame, force_mn: float) -> bool:
 
 def _as_safe(frame: AnsweredFrame) -> bool:
     return frame.predicted < DANGEROUS and frame.interval_mn is not None and frame.interval_mn[1] < BOUND_MN
+
+
+def _stretch(frames: Sequence[AnsweredFrame]) -> float:
+    """Return the factor of the intervals' halves with which 90 % of the frames of whole eyes hold; NaN: no frames."""
+    scores, eyes = [], []
+    for frame in frames:
+        if frame.interval_mn is not None and frame.read_mn is not None:
+            low, high = frame.interval_mn
+            half_mn = high - frame.read_mn if frame.true_mn > frame.read_mn else frame.read_mn - low
+            scores.append(abs(frame.true_mn - frame.read_mn) / max(half_mn, SMALLEST_MN))
+            eyes.append(frame.eye)
+    if not scores:
+        return nan
+    _, numbers = np.unique(eyes, return_inverse=True)
+    weight = 1.0 / np.bincount(numbers)[numbers]
+    order = np.argsort(scores)
+    share = np.cumsum(weight[order]) / weight.sum()
+    return float(np.asarray(scores)[order][np.searchsorted(share, LEVEL - 1e-9)])
 
 
 def _median(values: Sequence[float]) -> float:

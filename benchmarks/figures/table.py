@@ -62,6 +62,7 @@ COLUMNS = (
     "90 % intervals that hold",
     "the same for other eyes",
     "median width, mN",
+    "width that would do, over it",
 )
 ASKED_MODULUS = "after 5 frames within 3 %, plain eyes"
 
@@ -90,6 +91,7 @@ def _asked(group: str) -> list[str]:
         "over 35 mN, read as below 30": "0",
         "force error, mN": "" if error_mn is None else f"{error_mn:g} or less",
         "the same for other eyes": "90 % among them",
+        "width that would do, over it": "0.5 to 2",
     }
     return [asked.get(column, "") for column in COLUMNS]
 
@@ -109,6 +111,7 @@ def _cells(scores: Scores) -> list[str]:
         if scores.coverage_band is None
         else "{:.0f} to {:.0f} %".format(*(100 * end for end in scores.coverage_band)),
         f"{scores.width_mn:.2f}" if isfinite(scores.width_mn) else "-",
+        f"{scores.stretch:.2f}" if isfinite(scores.stretch) else "-",
     ]
 
 

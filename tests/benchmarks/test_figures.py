@@ -1,6 +1,7 @@
 import json
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -100,6 +101,17 @@ def test_a_high_force_that_is_read_as_safe_with_confidence_is_counted():
     assert found.refused_eyes == 0
     assert score([frame(2, 2, usable=False)]).refused_eyes == 1
     assert score([frame(2, 2, usable=False)]).coverage_band is None
+
+
+def test_the_width_that_would_do_holds_nine_in_ten_frames_and_every_eye_weighs_the_same():
+    """Half widths: 2 mN upwards, 1 mN downwards."""
+    below = [frame(1, 1, true_mn=20.0 - 0.1 * n, read_mn=20.0, interval_mn=(19.0, 22.0)) for n in range(1, 11)]
+    assert score(below).stretch == pytest.approx(0.9)
+    above = [replace(one, true_mn=20.0 + 0.1 * n) for n, one in enumerate(below, start=1)]
+    assert score(above).stretch == pytest.approx(0.45)
+    alone = replace(below[0], eye="other", true_mn=23.0)
+    assert score([*below, alone]).stretch == pytest.approx(1.5)
+    assert math.isnan(score([frame(1, 1)]).stretch)
 
 
 def test_the_band_of_the_coverage_is_that_of_whole_eyes():

@@ -13,7 +13,8 @@ from scleraforce.fitting.fit_prediction import GAP
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.needle import draw_shaft
 from scleraforce.laboratory.optics import sample_optics
-from scleraforce.reader import load_model
+from scleraforce.reader import interval_factors, load_model
+from scleraforce.segmentation.sclera import find_sclera
 
 FORCE_N = 0.02
 SHAFT = replace(STEEL, angle_rad=0.3, above_m=0.5e-3)
@@ -89,3 +90,21 @@ def test_a_frame_without_a_needle_is_read_by_both_methods_as_before() -> None:
     answer = force_reader().read(image(wall_section(tip_of(FORCE_N))), SCALE, replace(KNOWN, gap_m=GAP_M))
     assert answer.needle is None
     assert [name for name, _ in answer.readings] == ["network", "fit"]
+
+
+def test_the_fits_interval_is_as_much_wider_as_was_measured_beside_a_needle_or_under_a_conjunctiva(
+    crossed: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    widths = []
+    for stretch in (1.0, 1.5):
+        monkeypatch.setattr(interval_factors, "NEEDLE_STRETCH", stretch)
+        widths.append(dict(force_reader().read(crossed, SCALE, NEAR).readings)["fit"].width_n)
+    assert widths[1] == pytest.approx(1.5 * widths[0])
+    wall = find_sclera(crossed, SCALE)
+    trained = STUDY.reader
+    both = interval_factors.frame_stretch(replace(wall, conjunctiva_m=1e-4), NEAR, trained)
+    assert both == pytest.approx(1.5 * interval_factors.CONJUNCTIVA_STRETCH)
+    unseen = replace(wall, needle=None)
+    assert interval_factors.frame_stretch(unseen, NEAR, trained) == 1.5  # as near, it is there all the same
+    for far in (replace(NEAR, gap_m=0.4e-3), replace(NEAR, gap_m=None)):
+        assert interval_factors.frame_stretch(unseen, far, trained) == 1.0

@@ -49,6 +49,8 @@ def test_the_walls_surface_is_found_below_a_conjunctiva(thickness_m: float) -> N
         assert rows_off(found, made) < 3.0
         assert found.thickness_m == pytest.approx(WALL_M, rel=0.08)
         np.testing.assert_array_equal(found.inner_row, first.inner_row)
+        assert first.conjunctiva_m is None
+        assert found.conjunctiva_m == pytest.approx(thickness_m, rel=0.15, abs=10e-6)
 
 
 def test_a_conjunctiva_that_waves_is_followed() -> None:

@@ -171,6 +171,7 @@ def _answered(path: Path, answer: "Answer") -> dict[str, Any]:
         "contact_mm": from_si(answer.contact_m, "mm"),
         "iop_at_dent_mmhg": from_si(answer.iop_at_dent_pa, "mmhg"),
         "needle": needle_entry(answer.needle),
+        "conjunctiva_um": from_si(answer.conjunctiva_m, "um"),
         "usable": answer.usable,
         "reason": answer.reason,
         "warnings": answer.warnings,

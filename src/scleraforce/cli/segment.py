@@ -175,6 +175,7 @@ def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
         "inner_found": found.inner_found,
         "thickness_um": from_si(found.thickness_m, "um"),
         "needle": needle_entry(found.needle),
+        "conjunctiva_um": from_si(found.conjunctiva_m, "um"),
         "scale": scale_entry(frame),
     }
 

@@ -21,7 +21,7 @@ class Answer:
     frame's middle, are None with a classifier. `warnings` are sentences that limit the answer; `can_calibrate` says
     whether enough of the wall is in view to calibrate on the frame. `readings` has what each method read, by its name,
     and `fit` the wall of the library that lies best on the frame, where they were made. `needle` is the one seen in
-    the frame, usable or not.
+    the frame, usable or not, and `conjunctiva_m` the median thickness of a layer over the wall.
     """
 
     predicted: int
@@ -36,6 +36,7 @@ class Answer:
     readings: tuple[tuple[str, Reading], ...] = ()
     fit: BoundaryFit | None = None
     needle: SeenNeedle | None = None
+    conjunctiva_m: float | None = None
 
     @property
     def iop_at_dent_pa(self) -> float | None:

@@ -128,7 +128,7 @@ class Classifier:
         """Return the answer to what is seen in a frame; a slice that a needle hides in part was never trained on."""
         reason = seen.reason or (NEEDLE_SEEN if seen.needle else None)
         answer = unusable(self.classes, reason) if reason else self._answer(seen.cut)
-        return replace(answer, needle=seen.needle)
+        return seen.told(answer)
 
     def _answer(self, cut: NDArray[np.uint8]) -> Answer:
         """Ask the network.

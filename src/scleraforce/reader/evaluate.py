@@ -180,6 +180,7 @@ def _read(answer: Answer) -> dict[str, Any]:
         "contact_m": answer.contact_m,
         "iop_at_dent_pa": answer.iop_at_dent_pa,
         "needle": answer.needle,
+        "conjunctiva_m": answer.conjunctiva_m,
         "warnings": answer.warnings,
         "can_calibrate": answer.can_calibrate,
     }

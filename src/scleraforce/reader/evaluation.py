@@ -32,7 +32,7 @@ class FrameAnswer:
     its `probabilities` None, and `reason` says why. `excluded` says why a trial is left out of the metrics although
     it has a label (pierced, or over the study's largest force); `calibration` marks a frame that Young's modulus was
     fitted on, which is left out as well. `iop_at_dent_pa` is the pressure in the eye under the needle;
-    `needle` the one seen in the picture.
+    `needle` the one seen in the picture, `conjunctiva_m` the median thickness of a layer over the wall.
     """
 
     recording: str
@@ -51,6 +51,7 @@ class FrameAnswer:
     contact_m: float | None = None
     iop_at_dent_pa: float | None = None
     needle: SeenNeedle | None = None
+    conjunctiva_m: float | None = None
     warnings: tuple[str, ...] = ()
     can_calibrate: bool = False
     youngs_modulus_pa: float | None = None
@@ -76,6 +77,7 @@ class FrameAnswer:
             "contact_mm": from_si(self.contact_m, "mm"),
             "iop_at_dent_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
             "needle": needle_entry(self.needle),
+            "conjunctiva_um": from_si(self.conjunctiva_m, "um"),
             "usable": self.usable,
             "reason": self.reason,
             "warnings": self.warnings,

@@ -14,7 +14,7 @@ from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import NOTHING_KNOWN, Known, outside_training
 from scleraforce.library.responses import Library
 from scleraforce.reader.answers import Answer, LiveReading, unusable
-from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors
+from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors, frame_stretch
 from scleraforce.reader.limits import wall_limits
 from scleraforce.reader.look import NEEDLE_SEEN, Look, can_calibrate, look
 from scleraforce.reader.needle_gap import crossed_by_needle, needle_elsewhere, read_by_fit
@@ -99,7 +99,7 @@ class ForceReader:
     def read(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> Answer:
         """Read one raw frame with the network and the fit; see `Reader.read`."""
         seen = look(frame, scale, self.study.slice, SHIFTS, known.thickness_m, self._finder)
-        return replace(self._read(seen, scale, known), needle=seen.needle)
+        return seen.told(self._read(seen, scale, known))
 
     def _read(self, seen: Look, scale: PixelScale, known: Known) -> Answer:
         """Return the answer of both methods to what is seen in a frame."""
@@ -118,8 +118,9 @@ class ForceReader:
     def read_live(self, frame: Pixels, scale: PixelScale, known: Known = NOTHING_KNOWN) -> LiveReading:
         """Read one raw frame with the network alone; see `Reader.read_live`."""
         seen = look(frame, scale, self.study.slice, SHIFTS, known.thickness_m)
-        answer = replace(self._live(seen, scale, known), needle=seen.needle)
-        return LiveReading(answer, seen.segmentation.outer_row, seen.segmentation.inner_row)
+        return LiveReading(
+            seen.told(self._live(seen, scale, known)), seen.segmentation.outer_row, seen.segmentation.inner_row
+        )
 
     def refusal(self, known: Known) -> str | None:
         """Return why the network cannot read an eye: what is known lies outside the training; None: inside."""
@@ -172,7 +173,8 @@ class ForceReader:
         reason = no_wall_of_an_eye(fit, prior)
         if reason:
             return replace(unusable(self.classes, reason), fit=fit)
-        by_fit = fit_reading(fit, self.study.classes.bounds_n, self.factors.of_fit(known, fit))
+        factor = self.factors.of_fit(known, fit) * frame_stretch(seen.segmentation, known, self.study.reader)
+        by_fit = fit_reading(fit, self.study.classes.bounds_n, factor)
         unread = self.unread_slices(seen.needle, known)
         if unread:
             answer = self._unchecked(seen, fit, by_fit, unread)

@@ -19,14 +19,28 @@ from scleraforce.fitting.library_fit import BoundaryFit
 from scleraforce.fitting.prior import form_size
 from scleraforce.known.eye import Known
 from scleraforce.known.globe import UNKNOWN
+from scleraforce.segmentation.wall import Segmentation
+from scleraforce.study import ReaderStudy
 
-__all__ = ["FIT_GROUPS", "NETWORK_GROUPS", "NO_FACTORS", "IntervalFactors", "group_of", "parse_factors"]
+__all__ = [
+    "FIT_GROUPS",
+    "NETWORK_GROUPS",
+    "NO_FACTORS",
+    "IntervalFactors",
+    "frame_stretch",
+    "group_of",
+    "parse_factors",
+]
 
 MODULI, GLOBES, FORMS = ("own E", "other E"), ("open", "sealed", "unknown"), ("even", "uneven")
 NETWORK_GROUPS = tuple(", ".join(words) for words in product(MODULI, GLOBES))
 FIT_GROUPS = tuple(", ".join(words) for words in product(MODULI, GLOBES, FORMS))
 # Of the fit: frames of even walls lie nearer to an even wall of the library, those of uneven ones are farther from it.
 LARGEST_MISFIT_M, LARGEST_FORM = 6e-6, 1.0
+# Virtual eyes of the library's walls have no needle and no conjunctiva. With either, intervals were too narrow by so
+# much on twelve eyes each, computed in three dimensions: `python -m figures --seed 20261130 --eyes 12 --groups
+# needle,conjunctiva`, which is no draw of `make figures`.
+NEEDLE_STRETCH, CONJUNCTIVA_STRETCH = 1.18, 1.14
 
 
 @dataclass(frozen=True)
@@ -61,6 +75,18 @@ def group_of(known: Known, fit: BoundaryFit | None = None) -> str:
         even = fit.misfit_m <= LARGEST_MISFIT_M and form_size(fit.unknown) <= LARGEST_FORM
         words.append(FORMS[0 if even else 1])
     return ", ".join(words)
+
+
+def frame_stretch(wall: Segmentation, known: Known, trained: ReaderStudy) -> float:
+    """Return by how much more the fit's interval is stretched beside a needle, and under a conjunctiva.
+
+    Args:
+        wall: as it was seen.
+        known: of the eye; a gap below those of the training is beside the needle, whether that is seen or not.
+        trained: on what the model was.
+    """
+    beside = wall.needle is not None or (known.gap_m is not None and known.gap_m < trained.gap_m.bounds[0])
+    return (NEEDLE_STRETCH if beside else 1.0) * (1.0 if wall.conjunctiva_m is None else CONJUNCTIVA_STRETCH)
 
 
 def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:

@@ -1,10 +1,11 @@
 """What is seen in a raw frame before a model reads it: the wall, and slices of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.reader.answers import Answer
 from scleraforce.reader.verdicts import allows_calibration, dent_leaves
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.needle import SeenNeedle
@@ -43,6 +44,10 @@ class Look:
     def needle(self) -> SeenNeedle | None:
         """The needle that crosses the frame."""
         return self.segmentation.needle
+
+    def told(self, answer: Answer) -> Answer:
+        """Return an answer to the frame with what else is seen in it."""
+        return replace(answer, needle=self.segmentation.needle, conjunctiva_m=self.segmentation.conjunctiva_m)
 
 
 def look(

@@ -63,11 +63,12 @@ def below_conjunctiva(frame: Pixels, scale: PixelScale, found: Segmentation, thi
     layer_m = _layer(_unrolled(frame, columns, row, along_rows), found.thickness_m, excess_m)
     if layer_m is None or abs(excess_m - float(np.median(layer_m))) > FITS * excess_m:
         return found
+    median_m = float(np.median(layer_m))
     outer_row = found.outer_row.copy()
     middles = (np.arange(GROUPS) + 0.5) / GROUPS * (len(columns) - 1)
     outer_row[columns] += along_rows * np.interp(np.arange(len(columns)), middles, layer_m)
     left_m = (found.inner_row[columns] - outer_row[columns]) / along_rows
-    return replace(found, outer_row=outer_row, thickness_m=float(np.median(left_m)))
+    return replace(found, outer_row=outer_row, thickness_m=float(np.median(left_m)), conjunctiva_m=median_m)
 
 
 def _surface(found: Segmentation, columns: NDArray[np.intp], tissue: PixelScale) -> tuple[Float, Float]:

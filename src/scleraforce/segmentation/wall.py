@@ -44,6 +44,7 @@ class Segmentation:
     `inner_found`: where False, the inner boundary cannot be seen and the mask ends 1 mm below the surface.
     `thickness_m`: median thickness along the surface's normal, NaN where the inner boundary was not found.
     `needle`: the one that crosses the frame, None where none is seen; what it hides has no boundaries.
+    `conjunctiva_m`: median thickness of a layer over the wall, along its normal, None where none is looked for or seen.
     """
 
     outer_row: NDArray[np.float64]
@@ -54,6 +55,7 @@ class Segmentation:
     inner_found: bool
     thickness_m: float
     needle: SeenNeedle | None = None
+    conjunctiva_m: float | None = None
 
     @cached_property
     def mask(self) -> NDArray[np.uint8]:
