@@ -6,7 +6,7 @@ drawn alike first, as plain ones; a group then changes what makes it another.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from math import asin, pi, radians
+from math import asin, log10, pi, radians
 
 import numpy as np
 from numpy.random import Generator
@@ -19,7 +19,9 @@ from scleraforce.study import (
     GlobeStudy,
     MechanicsStudy,
     MeshStudy,
+    Range,
     RegionStudy,
+    Sampled,
     Study,
     SupportsStudy,
     TissueStudy,
@@ -152,6 +154,30 @@ def _under_a_conjunctiva(eye: PhantomEye, study: Study, rng: Generator) -> Drawn
     return eye, replace(study, phantom=phantom)
 
 
+def _another_scanner(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+    """Return an open eye before a scanner with four times the noise, three times the speckle, or other frames."""
+    phantom, oct_study = study.phantom, study.oct
+    scanners = (
+        (replace(phantom, snr_db=_times(phantom.snr_db, 1.0, -10.0 * log10(4.0))), oct_study),
+        (
+            replace(
+                phantom,
+                axial_resolution_m=_times(phantom.axial_resolution_m, 3.0),
+                lateral_resolution_m=_times(phantom.lateral_resolution_m, 3.0),
+            ),
+            oct_study,
+        ),
+        (phantom, replace(oct_study, width_m=16e-3, depth_m=5.2e-3, columns=800, rows=640)),
+    )
+    phantom, oct_study = scanners[rng.integers(len(scanners))]
+    return eye, replace(study, phantom=phantom, oct=oct_study)
+
+
+def _times(sampled: Sampled, factor: float, more: float = 0.0) -> Range:
+    low, high = sampled.bounds
+    return Range(min=factor * low + more, max=factor * high + more)
+
+
 GROUPS: Mapping[str, Group] = {
     "plain": Group(words="globe open, and told so", own=_plain, accuracy_percent=99, error_mn=0.4),
     "harder": Group(words="globe open, and told so", own=_harder, accuracy_percent=97, error_mn=0.8),
@@ -196,6 +222,12 @@ GROUPS: Mapping[str, Group] = {
         own=_under_a_conjunctiva,
         accuracy_percent=95,
         error_mn=1.0,
+    ),
+    "scanner": Group(
+        words="another scanner: four times the noise, three times the speckle, or 16 x 5.2 mm; globe open, and told so",
+        own=_another_scanner,
+        accuracy_percent=98,
+        error_mn=0.5,
     ),
 }
 
