@@ -160,7 +160,7 @@ def _as_found(seen: SeenWall, shape: tuple[int, ...]) -> Segmentation:
     outer, inner = (
         np.where(there, np.interp(column, seen.column, curve), np.nan) for curve in (seen.outer_row, seen.inner_row)
     )
-    return Segmentation(outer, inner, shape[0], True, "", True, float("nan"))
+    return Segmentation(outer, inner, shape[0], True, "", True, thickness_m=float("nan"))
 
 
 def main() -> None:

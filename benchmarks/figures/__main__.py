@@ -68,6 +68,7 @@ class Group:
 @click.option(
     "--reader", type=click.Path(path_type=Path), help="A trained reader, as the default one; otherwise one is trained."
 )
+@click.option("--living-reader", type=click.Path(path_type=Path), help="Likewise, as that of the living preset.")
 @click.option(
     "--page",
     type=click.Path(path_type=Path, exists=True),
@@ -81,6 +82,7 @@ def main(
     names: tuple[str, ...],
     workers: int,
     reader: Path | None,
+    living_reader: Path | None,
     page: Path | None,
     seed: int,
     recordings_only: bool,
@@ -96,7 +98,8 @@ def main(
     if recordings_only:
         return
     left = {group: tuple(eye for eye in eyes if eye.eye.id not in failed) for group, eyes in drawn.items()}
-    groups = [_read(folder, name, eyes, _methods(folder, name, left, study, reader)) for name, eyes in left.items()]
+    given = {DEFAULT_READER: reader, "living": living_reader}
+    groups = [_read(folder, name, eyes, _methods(folder, name, left, study, given)) for name, eyes in left.items()]
     results = [_result(folder, group, study) for group in groups]
     stamp = new_stamp("make figures", "figures.__main__", *(f"scleraforce.cli.{command}" for command in COMMANDS))
     found = {"made": vars(stamp), "groups": as_json(results)}
@@ -111,11 +114,15 @@ def main(
 
 
 def _methods(
-    folder: FiguresFolder, group: str, eyes: Mapping[str, Sequence[FigureEye]], study: Study, given: Path | None
+    folder: FiguresFolder,
+    group: str,
+    eyes: Mapping[str, Sequence[FigureEye]],
+    study: Study,
+    given: Mapping[str, Path | None],
 ) -> list[Method]:
     """Return the ways of reading a group: those of its reader and, where there are plain eyes, the paper's."""
     name = GROUPS[group].reader
-    methods = make_methods(folder, name, study, given if name == DEFAULT_READER else None)
+    methods = make_methods(folder, name, study, given[name])
     return [*methods, paper_method(folder, eyes["plain"], study)] if "plain" in eyes else methods
 
 

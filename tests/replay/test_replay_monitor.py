@@ -69,13 +69,17 @@ def test_the_monitor_withdraws_for_the_faults_own_cause(recording, monkeypatch, 
 
 
 def test_a_whole_recording_is_answered_and_withdrawn_at_its_force(recording) -> None:
-    log = AnswerLog()
-    with serving() as port, closing(ScannerClient("127.0.0.1", port, log.hear)) as client:
-        Player(recording, client, log, speed=2.0, version=2).play()
-    withdrawal = log.first_doubt(0.0, (3,))
-    assert withdrawal is not None
-    assert withdrawal.answers
-    if withdrawal.cause not in ("QUEUE_BEHIND", "SILENCE"):  # of a machine that stalls
-        assert withdrawal.cause in ("BOUND", "RISING")
-        assert 20e-3 < FORCES_N[withdrawal.frame - 1] < 30e-3
-    assert len(log.answers) + log.reading["lost"] == len(FORCES_N)
+    causes = []
+    for _ in range(5):  # a machine that stalls makes frames late or lost, which are causes too: then once more
+        log = AnswerLog()
+        with serving() as port, closing(ScannerClient("127.0.0.1", port, log.hear)) as client:
+            Player(recording, client, log, speed=2.0, version=2).play()
+        withdrawal = log.first_doubt(0.0, (3,))
+        assert withdrawal is not None
+        assert len(log.answers) + log.reading["lost"] == len(FORCES_N)
+        causes.append(withdrawal.cause)
+        if withdrawal.cause in ("BOUND", "RISING"):
+            assert withdrawal.answers
+            assert 20e-3 < FORCES_N[withdrawal.frame - 1] < 30e-3
+            return
+    raise AssertionError(causes)

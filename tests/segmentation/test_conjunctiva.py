@@ -84,7 +84,7 @@ def layers(*levels_m: tuple[float, float]) -> tuple[np.ndarray, Segmentation]:
     for depth_m, level in (*levels_m, (0.8e-3, 200.0)):
         light = np.where(below_m >= depth_m, level, light)
     rows = np.full(512, 99.5)
-    found = Segmentation(rows, rows + 0.8e-3 / tissue_m, 512, True, "", True, 0.8e-3)
+    found = Segmentation(rows, rows + 0.8e-3 / tissue_m, 512, True, "", True, thickness_m=0.8e-3)
     return light.astype(np.uint16), found
 
 

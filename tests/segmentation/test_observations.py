@@ -63,7 +63,7 @@ def test_a_boundary_that_is_not_seen_gives_no_points() -> None:
 
 
 def segmentation(outer: np.ndarray, inner: np.ndarray, thickness_m: float, found: bool = True) -> Segmentation:
-    return Segmentation(outer, inner, 400, True, "", found, thickness_m)
+    return Segmentation(outer, inner, 400, True, "", found, thickness_m=thickness_m)
 
 
 def test_refraction_stretches_the_wall_but_not_what_lies_above_it() -> None:

@@ -1,5 +1,7 @@
 """The wall that forces are read from, and when a network's look makes it unusable."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from analytic_frames import SCALE, image, tip_of, wall_section
@@ -9,7 +11,10 @@ from scleraforce.laboratory.scenes.scene import draw_scene
 from scleraforce.models.folder import SHIPPED_WALL_FINDER
 from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.needle import SeenNeedle
+from scleraforce.segmentation.reduced import reduced_columns
 from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.segmentation.two_ways import two_ways_doubt
 from scleraforce.segmentation.wall import Segmentation, find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import ScenesStudy
@@ -78,3 +83,19 @@ def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(shipped:
         passed += 1
     assert passed >= 3
     assert refused >= 0.7 * passed
+
+
+def test_what_a_needle_hides_speaks_against_nothing() -> None:
+    frame = image(wall_section(tip_of(0.015)))
+    found = find_wall(frame, SCALE)
+    column = np.rint(reduced_columns(512, HALF)).astype(int)
+    rows = ((found.outer_row[column] + 0.5) / 4 - 0.5, (found.inner_row[column] + 0.5) / 4 - 0.5)
+    seen = told_finder(*rows).find(frame)  # the network sees wall in the shadow, too
+    hidden = (150, 350)
+    outer_row = found.outer_row.copy()
+    outer_row[slice(*hidden)] = np.nan
+    without = replace(found, outer_row=outer_row)
+    needle = SeenNeedle(angle_rad=0.4, tip_m=(0.0, 1e-3), tip=(256.0, 128.0), top=(280.0, -0.5), hidden=hidden)
+    assert "one sees wall where the other does not" in two_ways_doubt(without, seen)
+    assert two_ways_doubt(replace(without, needle=needle), seen) == ""
+    assert two_ways_doubt(found, seen) == ""

@@ -16,7 +16,7 @@ WINDOW = SliceWindow(left_m=-7e-3, top_m=0.0, columns=140, rows=40, pixel_m=0.1e
 
 def segmentation(outer_m: np.ndarray, inner_m: np.ndarray) -> Segmentation:
     rows = [curve / SCALE.depth_m - 0.5 for curve in (outer_m, inner_m)]
-    return Segmentation(rows[0], rows[1], 512, True, "", True, 0.5e-3)
+    return Segmentation(rows[0], rows[1], 512, True, "", True, thickness_m=0.5e-3)
 
 
 def lateral() -> np.ndarray:

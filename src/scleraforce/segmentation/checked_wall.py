@@ -89,7 +89,7 @@ def _refined(frame: Pixels, scale: PixelScale, seen: SeenWall, left: int, hidden
     floor = make_grid(imaged, scale).floor
     inner, shown, thickness_m = _inner(imaged, floor, scale, row, start)
     outer_row, inner_row = at_columns(frame.shape[1], left, len(hidden), start.there, row, inner)
-    return Segmentation(outer_row, inner_row, len(frame), True, "", shown, thickness_m)
+    return Segmentation(outer_row, inner_row, len(frame), True, "", shown, thickness_m=thickness_m)
 
 
 def _start(seen: SeenWall, left: int, width: int, rows: int) -> _Start:

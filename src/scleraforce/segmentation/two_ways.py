@@ -84,9 +84,16 @@ def _ways_difference(other: Segmentation, seen: SeenWall) -> str:
 
 
 def _columns(other: Segmentation, seen: SeenWall) -> tuple[Mask, Mask]:
-    """Return in which of the network's columns both ways see wall, and in which either does."""
+    """Return in which of the network's columns both ways see wall, and in which either does.
+
+    What a needle hides counts for neither: `find_wall` has no boundaries there, the network may guess them.
+    """
     there = np.isfinite(other.outer_row[seen.frame_column])
-    return seen.there & there, seen.there | there
+    either = seen.there | there
+    if other.needle is not None:
+        first, after = other.needle.hidden
+        either &= (seen.frame_column < first) | (seen.frame_column >= after)
+    return seen.there & there, either
 
 
 def _within(off: NDArray[np.float64], sd: NDArray[np.float64], step_rows: float) -> Mask:

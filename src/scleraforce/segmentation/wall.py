@@ -3,7 +3,7 @@
 `docs/segmentation.md` explains the steps. Only NumPy and OpenCV are used: this runs in the control loop.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 from math import isnan
 
@@ -53,6 +53,7 @@ class Segmentation:
     usable: bool
     reason: str
     inner_found: bool
+    _: KW_ONLY
     thickness_m: float
     needle: SeenNeedle | None = None
     conjunctiva_m: float | None = None
@@ -158,7 +159,7 @@ def _found(shape: tuple[int, ...], part: _Part, scale: PixelScale) -> Segmentati
     inner, thickness_m = _inner(part.imaged, part.grid.floor, scale, surface, present)
     outer_row, inner_row = at_columns(shape[1], part.left, len(part.missing), present, surface.row, inner)
     found = not isnan(thickness_m)
-    return Segmentation(outer_row, inner_row, shape[0], not fault, fault, found, thickness_m)
+    return Segmentation(outer_row, inner_row, shape[0], not fault, fault, found, thickness_m=thickness_m)
 
 
 def _inner(
@@ -186,7 +187,9 @@ def _check(frame: Pixels) -> None:
 
 def _without_wall(shape: tuple[int, ...], reason: str, needle: SeenNeedle | None = None) -> Segmentation:
     nowhere = np.full(shape[1], np.nan)
-    return Segmentation(nowhere, nowhere.copy(), shape[0], False, reason, False, float("nan"), needle)
+    return Segmentation(
+        nowhere, nowhere.copy(), shape[0], False, reason, False, thickness_m=float("nan"), needle=needle
+    )
 
 
 def _blank(grid: Grid, brightest: int) -> str:
