@@ -1,0 +1,130 @@
+"""From counts back to light: the logarithmic scale of the display, from the noise above the tissue.
+
+Detector noise is complex Gaussian, so its intensity is exponential, whatever the scanner: in dB its quantiles lie at
+10 log10(-ln(1 - p)) over the mean noise, with a standard deviation of 5.57 dB. A line through the quantiles of the
+counts gives counts per dB and the count of the mean noise. Quantiles also stand where the display cuts off darker
+pixels. (Goodman, Speckle Phenomena in Optics, ch. 3.)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import linregress, sigmaclip
+
+from scleraforce.errors import FrameError
+from scleraforce.scanner.estimate import Estimate
+from scleraforce.scanner.imaged_eye import ImagedEye
+
+__all__ = ["MEDIAN_DB", "Display", "air_counts", "fit_display"]
+
+SPECKLE_SD_DB = float(10.0 / np.log(10.0) * np.pi / np.sqrt(6.0))  # 5.57: of one look
+MEDIAN_DB = float(10.0 * np.log10(np.log(2.0)))  # of an exponential intensity, over its mean
+BLOCK = (8, 16)  # rows and columns of the air that are looked at together
+CLIPS = (5.0, 3.0)  # standard deviations: darker and brighter blocks are no noise
+LOWEST, HIGHEST, SHARES = 0.1, 0.95, 35  # quantiles of the noise that tell the scale
+MOST_CUT = 0.8  # of the noise may lie below the display
+BLACK_SHARE = 0.98  # a block with so many zeros, where others have light, is none of the picture
+GROUPS = 4  # of columns, whose differences tell how sure the scale is
+LEAST_PIXELS = 1000
+
+
+@dataclass(frozen=True)
+class Display:
+    """The scale: `floor_db`, intensity of count 0 over the mean noise, and `range_db`, from there to the `top` count.
+
+    `misfit`: of the noise to an exponential intensity on a logarithmic scale, standard deviation in dB; below about
+    0.3 the scale is one. `cut_share`: of the noise that is at count 0.
+    """
+
+    floor_db: Estimate
+    range_db: Estimate
+    top: int
+    misfit_db: float
+    cut_share: float
+
+    def levels(self, counts: NDArray[np.generic]) -> NDArray[np.float64]:
+        """Return counts as levels in dB over the mean noise."""
+        levels: NDArray[np.float64] = counts.astype(np.float64) * (self.range_db.value / self.top) + self.floor_db.value
+        return levels
+
+    @property
+    def highest_db(self) -> float:
+        """Level of the largest count."""
+        return self.floor_db.value + self.range_db.value
+
+
+def air_counts(eye: ImagedEye) -> NDArray[np.float64]:
+    """Return a frame's noise: its counts, (row, column), NaN but in the blocks above the tissue that show nothing.
+
+    Raises:
+        FrameError: there is too little of it.
+    """
+    rows, columns = BLOCK
+    left, right = eye.bands
+    high = eye.pixels.shape[0] // rows * rows
+    width = (eye.pixels.shape[1] - left - right) // columns * columns
+    part = slice(left, left + width)
+    counts = eye.pixels[:high, part].astype(np.float64)
+    above = eye.below_surface_rows[:high, part] < -eye.edge_rows
+    blocks = counts.reshape(high // rows, rows, width // columns, columns).swapaxes(1, 2)
+    inside = above.reshape(high // rows, rows, width // columns, columns).swapaxes(1, 2).all(axis=(2, 3))
+    black = (blocks == 0).mean(axis=(2, 3)) > BLACK_SHARE
+    inside &= ~black
+    if np.count_nonzero(inside) * rows * columns < LEAST_PIXELS:
+        raise FrameError(
+            f"{eye.name}: too little noise is seen above the tissue to know the display's scale; give frames with more "
+            "room there, or with a lower display floor"
+        )
+    middle = blocks.mean(axis=(2, 3))
+    _, low, high_count = sigmaclip(middle[inside], *CLIPS)
+    inside &= (middle >= low) & (middle <= high_count)
+    kept = np.repeat(np.repeat(inside, rows, axis=0), columns, axis=1)
+    noise = np.full(eye.pixels.shape, np.nan)
+    noise[: kept.shape[0], part] = np.where(kept, counts, np.nan)
+    return noise
+
+
+def fit_display(eye: ImagedEye) -> Display:
+    """Find the scale of a frame's display.
+
+    Raises:
+        FrameError: no noise is seen, or it has no spread.
+    """
+    noise = air_counts(eye)
+    lit = noise[:, np.isfinite(noise).any(axis=0)]
+    groups = [
+        _scale(part, eye) for part in np.array_split(lit, GROUPS, axis=1) if np.isfinite(part).sum() > LEAST_PIXELS
+    ]
+    per_db, zero, misfit, cut = _scale(lit, eye)
+    scatter = np.array([[-group[1] / group[0], eye.top / group[0]] for group in groups])
+    floor_error, range_error = (
+        scatter.std(axis=0, ddof=1) / np.sqrt(len(scatter)) if len(scatter) > 1 else np.array([1.0, 1.0])
+    )
+    return Display(
+        Estimate(-zero / per_db, float(floor_error)),
+        Estimate(eye.top / per_db, float(range_error)),
+        eye.top,
+        misfit,
+        cut,
+    )
+
+
+def _scale(noise: NDArray[np.float64], eye: ImagedEye) -> tuple[float, float, float, float]:
+    """Return counts per dB, the count of the mean noise, the misfit in dB, and the share of the noise at count 0."""
+    counts = noise[np.isfinite(noise)]
+    cut = float(np.mean(counts <= 0))
+    if cut > MOST_CUT:
+        raise FrameError(
+            f"{eye.name}: {cut:.0%} of the noise above the tissue is black: the display's floor hides it; show the "
+            "frames with a lower floor"
+        )
+    share = np.linspace(max(LOWEST, cut + 0.02), HIGHEST, SHARES)
+    expected_db = 10.0 * np.log10(-np.log1p(-share))
+    # Counts are rounded: half a count is spread evenly before quantiles are taken.
+    steps = np.arange(len(counts)) % 16 / 16.0 - 0.5 + 1 / 32
+    line = linregress(expected_db, np.quantile(counts + steps, share))
+    if line.slope < 1e-3 * eye.top / 120.0:
+        raise FrameError(f"{eye.name}: the air above the tissue is of one colour: there is no noise in it to measure")
+    misfit = float(np.std(np.quantile(counts + steps, share) - line.intercept - line.slope * expected_db) / line.slope)
+    return float(line.slope), float(line.intercept), misfit, cut
