@@ -25,8 +25,9 @@ if TYPE_CHECKING:
 __all__ = ["scanner"]
 
 SEED = 0  # of the drawn frame
-LOG_SPREAD = (0.7, 1.4)  # of the wall's speckle over the noise's: beyond, the display is not logarithmic
-LOG_MISFIT_DB = 0.5  # likewise
+MOST_LOOKS = 1.5  # of the noise: beyond, it is averaged
+LOG_MISFIT_DB = 0.5  # of the noise: beyond, the display is not logarithmic, or the noise is no noise
+LOG_SKEW = -0.05  # of the wall's speckle: beyond, likewise
 DRAWN_OVERLAP = 0.8  # of the histograms: below, the drawn frame looks otherwise
 
 
@@ -238,23 +239,28 @@ def _notes(measured: "MeasuredScanner", overlap: float) -> list[str]:
     from scleraforce.scanner.measure import MeasuredRange
 
     notes = []
-    roll_off, misfit, spread = (
-        measured.ranges[name] for name in ("roll_off_db_per_m", "noise_misfit_db", "speckle_spread")
+    roll_off, looks, misfit, skew = (
+        measured.ranges[name] for name in ("roll_off_db_per_m", "noise_looks", "noise_misfit_db", "speckle_skew")
     )
     if isinstance(roll_off, MeasuredRange) and roll_off.low * roll_off.high > 0.0:
         notes.append(
-            f"the wall's light falls by {from_si(roll_off.median, 'per_mm'):.1f} dB/mm with the depth of the surface "
+            f"the wall's light changes by {-from_si(roll_off.median, 'per_mm'):.1f} dB/mm with the depth of the surface "
             "in the frame (roll-off, focus, or the angle); a study draws no roll-off"
+        )
+    if isinstance(looks, MeasuredRange) and looks.median > MOST_LOOKS:
+        notes.append(
+            f"the noise is averaged ({looks.median:.1f} looks) or smoothed, or the display is not logarithmic: its scale "
+            "is that of the wall's speckle; a study draws noise of one look, which is rougher"
         )
     if isinstance(misfit, MeasuredRange) and misfit.median > LOG_MISFIT_DB:
         notes.append(
-            f"the noise lies {misfit.median:.1f} dB off that of one look on a logarithmic display: the frames are "
-            "averaged, smoothed or on another scale; levels in dB are those that a logarithmic display would need"
+            f"the noise lies {misfit.median:.1f} dB off that of a logarithmic display: it is processed, or something "
+            "shows in it"
         )
-    if isinstance(spread, MeasuredRange) and not LOG_SPREAD[0] <= spread.median <= LOG_SPREAD[1]:
+    if isinstance(skew, MeasuredRange) and skew.median > LOG_SKEW:
         notes.append(
-            f"the wall's speckle spreads {spread.median:.1f} times as far as the noise on the display; on a "
-            "logarithmic one both spread alike"
+            f"the wall's speckle has a skew of {skew.median:.2f}; on a logarithmic display it is -0.20, on one of "
+            "roots 0.13, on a linear one 0.42: levels in dB may be wrong; a study draws a logarithmic display only"
         )
     if overlap < DRAWN_OVERLAP:
         notes.append(

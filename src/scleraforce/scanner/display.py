@@ -4,22 +4,30 @@ Detector noise is complex Gaussian, so its intensity is exponential, whatever th
 10 log10(-ln(1 - p)) over the mean noise, with a standard deviation of 5.57 dB. A line through the quantiles of the
 counts gives counts per dB and the count of the mean noise. Quantiles also stand where the display cuts off darker
 pixels. (Goodman, Speckle Phenomena in Optics, ch. 3.)
+
+Scanners average frames. That takes the noise's spread away, but not the speckle's, which is the same in every frame of
+an eye at rest. Where the wall's speckle spreads farther than the noise, it tells the scale instead, by the quartiles of
+an exponential intensity, and the noise tells how many looks were averaged.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import polygamma
 from scipy.stats import linregress, sigmaclip
 
 from scleraforce.errors import FrameError
 from scleraforce.scanner.estimate import Estimate
 from scleraforce.scanner.imaged_eye import ImagedEye
 
-__all__ = ["MEDIAN_DB", "Display", "air_counts", "fit_display"]
+__all__ = ["MEDIAN_DB", "QUARTILES_DB", "Display", "air_counts", "display_of_speckle", "fit_display"]
 
 SPECKLE_SD_DB = float(10.0 / np.log(10.0) * np.pi / np.sqrt(6.0))  # 5.57: of one look
 MEDIAN_DB = float(10.0 * np.log10(np.log(2.0)))  # of an exponential intensity, over its mean
+QUARTILES_DB = float(10.0 * np.log10(np.log(4.0) / np.log(4.0 / 3.0)))  # between those of an exponential: 6.8
+MOST_LOOKS = 1e4
 BLOCK = (8, 16)  # rows and columns of the air that are looked at together
 CLIPS = (5.0, 3.0)  # standard deviations: darker and brighter blocks are no noise
 LOWEST, HIGHEST, SHARES = 0.1, 0.95, 35  # quantiles of the noise that tell the scale
@@ -34,7 +42,7 @@ class Display:
     """The scale: `floor_db`, intensity of count 0 over the mean noise, and `range_db`, from there to the `top` count.
 
     `misfit`: of the noise to an exponential intensity on a logarithmic scale, standard deviation in dB; below about
-    0.3 the scale is one. `cut_share`: of the noise that is at count 0.
+    0.3 the scale is one. `cut_share`: of the noise that is at count 0. `looks`: of the noise that were averaged.
     """
 
     floor_db: Estimate
@@ -42,6 +50,7 @@ class Display:
     top: int
     misfit_db: float
     cut_share: float
+    looks: float = 1.0
 
     def levels(self, counts: NDArray[np.generic]) -> NDArray[np.float64]:
         """Return counts as levels in dB over the mean noise."""
@@ -107,6 +116,27 @@ def fit_display(eye: ImagedEye) -> Display:
         eye.top,
         misfit,
         cut,
+    )
+
+
+def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Display:
+    """Return a scale on which the wall's speckle spreads so many times less than on that of the noise: as one look.
+
+    Raises:
+        FrameError: as of `fit_display`.
+    """
+    counts = air_counts(eye)
+    range_db = display.range_db.value / spread
+    noise_db = counts[np.isfinite(counts)] * (range_db / eye.top)
+    floor_db = -10.0 * float(np.log10(np.mean(10.0 ** (noise_db / 10.0))))
+    wanted = (SPECKLE_SD_DB / spread * np.log(10.0) / 10.0) ** 2
+    looks = float(brentq(lambda looks: polygamma(1, looks) - wanted, 0.1, MOST_LOOKS))
+    return replace(
+        display,
+        floor_db=Estimate(floor_db, display.floor_db.error / spread),
+        range_db=Estimate(range_db, display.range_db.error / spread),
+        misfit_db=display.misfit_db / spread,
+        looks=looks,
     )
 
 

@@ -18,7 +18,7 @@ from scleraforce.scanner.imaged_eye import Curve, ImagedEye
 
 __all__ = ["SeenLine", "find_lines"]
 
-LEAST_COLUMNS = 32  # above the tissue, of a row that is looked at
+LEAST_SHARE = 0.5  # of the imaged columns must show air in a row that is looked at
 LEAST_DB, LEAST_SDS = 1.5, 6.0  # over the noise, in dB and in the other rows' deviations
 REACH = 8  # rows about a line that are fitted
 NARROWEST, WIDEST = 0.4, 4.0  # standard deviation of the amplitude, rows
@@ -37,7 +37,8 @@ class SeenLine:
 def find_lines(eye: ImagedEye, display: Display) -> tuple[SeenLine, ...]:
     """Return the lines across a frame, in rows in which some columns show the air above the tissue."""
     air = (eye.below_surface_rows < -2 * eye.edge_rows) & (eye.pixels > 0).any(axis=0)
-    rows = np.flatnonzero(air.sum(axis=1) >= LEAST_COLUMNS)
+    imaged = air.shape[1] - sum(eye.bands)
+    rows = np.flatnonzero(air.sum(axis=1) >= LEAST_SHARE * imaged)
     if len(rows) < 2 * REACH:
         return ()
     rows = np.arange(rows[0], rows[-1] + 1)

@@ -3,13 +3,12 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from math import log
 
 import numpy as np
 
 from scleraforce.errors import FrameError
 from scleraforce.scanner.below import layer_below
-from scleraforce.scanner.display import Display, fit_display
+from scleraforce.scanner.display import QUARTILES_DB, Display, display_of_speckle, fit_display
 from scleraforce.scanner.estimate import Estimate, Unmeasured
 from scleraforce.scanner.imaged_eye import ImagedEye
 from scleraforce.scanner.lines import SeenLine, find_lines
@@ -43,9 +42,10 @@ MEASURED = (
 )  # fmt: skip
 OF_FRAMES = 12  # of them; the others are of shadows and lines
 COUNTS = ("shadow_count", "line_count")
-NOT_DRAWN = ("roll_off_db_per_m", "noise_misfit_db", "speckle_spread")
-QUARTILES_DB = float(10.0 * np.log10(log(4.0) / log(4.0 / 3.0)))  # between those of an exponential intensity: 6.8
+NOT_DRAWN = ("roll_off_db_per_m", "noise_looks", "noise_misfit_db", "speckle_skew")
+AVERAGED = 1.25  # times as far the wall's speckle spreads as the noise: it tells the display's scale
 LEAST_PIXELS = 500
+OCTILES = (0.125, 0.25, 0.5, 0.75, 0.875)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +138,10 @@ def _measure(eye: ImagedEye) -> tuple[MeasuredFrame, SurfaceLight]:
     """Measure one frame, all but its reflection, which is told from all frames together."""
     display = fit_display(eye)
     tissue = light_in_wall(eye, display)
+    spread, skew = _speckle_spread(tissue, display)
+    if spread > AVERAGED:
+        display = display_of_speckle(eye, display, spread)
+        tissue = light_in_wall(eye, display)
     axial, lateral = resolutions(eye, display, tissue)
     level, attenuation, thickness = layer_below(eye, display, tissue)
     values: dict[str, Estimate | Unmeasured] = {
@@ -152,24 +156,28 @@ def _measure(eye: ImagedEye) -> tuple[MeasuredFrame, SurfaceLight]:
         "choroid_attenuation_per_m": attenuation,
         "choroid_thickness_m": thickness,
         "roll_off_db_per_m": roll_off(eye, tissue),
+        "noise_looks": Estimate(display.looks, 0.0),
         "noise_misfit_db": Estimate(display.misfit_db, 0.0),
-        "speckle_spread": _speckle_spread(tissue, display),
+        "speckle_skew": skew,
     }
     frame = MeasuredFrame(eye, display, values, find_shadows(eye, tissue), find_lines(eye, display))
     return frame, surface_light(eye, display, tissue, axial)
 
 
-def _speckle_spread(tissue: Tissue, display: Display) -> Estimate | Unmeasured:
-    """Return how far the wall's speckle spreads on the display, over what the noise says: 1 on a logarithmic scale.
+def _speckle_spread(tissue: Tissue, display: Display) -> tuple[float, Estimate | Unmeasured]:
+    """Return how far the wall's speckle spreads on the display, over what the noise says, and its skew.
 
-    More: the scale is rather linear or a root. Less: the frames are averaged or smoothed where it is bright.
+    The spread is 1 where nothing is averaged, more where the noise is, or where the display is not logarithmic; it is 1
+    where it cannot be told. The skew is that of octiles: -0.20 of one look on a logarithmic display, 0.13 on one that
+    shows the root of the intensity, 0.42 on a linear one.
     """
     expected_db = 10.0 * np.log10(tissue.expected + 1.0) + np.nan_to_num(tissue.column_db)
     chosen = tissue.inside & tissue.clear & (expected_db < display.highest_db - 3.0) & (expected_db > 3.0)
     if np.count_nonzero(chosen) < LEAST_PIXELS:
-        return Unmeasured("too little of the wall lies within the display")
-    low, high = np.quantile(tissue.levels[chosen] - expected_db[chosen], (0.25, 0.75))
-    return Estimate(float((high - low) / QUARTILES_DB), 0.0)
+        return 1.0, Unmeasured("too little of the wall lies within the display")
+    first, low, middle, high, last = np.quantile(tissue.levels[chosen] - expected_db[chosen], OCTILES)
+    skew = (first + last - 2.0 * middle) / (last - first)
+    return float((high - low) / QUARTILES_DB), Estimate(float(skew), 0.0)
 
 
 def _range(found: Sequence[Estimate | Unmeasured]) -> MeasuredRange | Unmeasured:
