@@ -12,9 +12,10 @@ from scleraforce.laboratory.optics import Line, Shadow
 from scleraforce.scanner.drawn import drawn_alike, histogram_overlap
 from scleraforce.scanner.estimate import Unmeasured
 from scleraforce.scanner.measure import MeasuredScanner, measure_scanner
-from scleraforce.study import Choice
+from scleraforce.study import PhantomStudy
 
 SEEDS = range(7000, 7006)
+FEW = range(7010, 7013)  # where three frames are enough
 # Keys by how far a measured median may lie off the truth, over six frames.
 WITHIN_1_DB = ("snr_db", "display_floor_db", "display_range_db", "reflection_db", "choroid_level_db")
 WITHIN_10_PERCENT = (
@@ -77,7 +78,7 @@ def test_shadows_and_lines_are_recovered() -> None:
 
 def test_two_displays_of_the_same_light_give_the_same_physics() -> None:
     one, other = (
-        measure_scanner(drawn_eyes(SEEDS, scanner, display_floor_db=floor_db, display_range_db=range_db))
+        measure_scanner(drawn_eyes(FEW, scanner, display_floor_db=floor_db, display_range_db=range_db))
         for scanner, floor_db, range_db in ((SCANNER, -7.0, 42.0), (replace(SCANNER, bits=8), -12.0, 50.0))
     )
     assert one.ranges["display_range_db"].median == pytest.approx(42.0, abs=0.5)
@@ -89,7 +90,7 @@ def test_two_displays_of_the_same_light_give_the_same_physics() -> None:
 
 
 def test_resolution_finer_than_the_pixels_is_said_to_be_at_most_so_much() -> None:
-    found = measure_scanner(drawn_eyes(SEEDS, axial_resolution_m=3e-6, lateral_resolution_m=12e-6)).ranges
+    found = measure_scanner(drawn_eyes(FEW, axial_resolution_m=3e-6, lateral_resolution_m=12e-6)).ranges
     pixels_m = {"axial_resolution_m": SCANNER.depth_m / 512, "lateral_resolution_m": SCANNER.width_m / 512}
     for key, pixel_m in pixels_m.items():
         assert found[key].at_most
@@ -98,22 +99,21 @@ def test_resolution_finer_than_the_pixels_is_said_to_be_at_most_so_much() -> Non
 
 def test_roll_off_is_measured_where_the_light_falls_with_depth(monkeypatch: pytest.MonkeyPatch) -> None:
     """The wall's columns get 3 dB less for every mm that their surface lies deeper; without that, they get the same."""
-    assert abs(measure_scanner(drawn_eyes(SEEDS)).ranges["roll_off_db_per_m"].median) < 200.0
+    assert abs(measure_scanner(drawn_eyes(FEW)).ranges["roll_off_db_per_m"].median) < 200.0
     lateral_m = (np.arange(512) + 0.5) / 512 * 15e-3 - 7.5e-3
     depth_m = 12e-3 - np.sqrt(12e-3**2 - lateral_m**2)
     monkeypatch.setattr(bscan, "_transmission", lambda *_: (10 ** (-300.0 * depth_m)).astype(np.float32))
-    found = measure_scanner(drawn_eyes(SEEDS)).ranges["roll_off_db_per_m"]
+    found = measure_scanner(drawn_eyes(FEW)).ranges["roll_off_db_per_m"]
     assert found.median == pytest.approx(3000.0, rel=0.15)
 
 
 def test_averaged_noise_leaves_the_scale_of_the_display_to_the_speckle() -> None:
-    """Eight frames of one eye, whose speckle is the same, averaged in intensity: the noise is smoother by then."""
+    """The air of eight frames, averaged in intensity; the wall's speckle is the same in all of them."""
     rng = np.random.default_rng(7100)
     eyes = []
-    for seed in SEEDS:
+    for seed in FEW:
         clean = drawn_counts(seed, replace(SCANNER, bits=16), display_floor_db=-40.0, display_range_db=100.0)
         intensity = 10 ** ((clean / 65535 * 100.0 - 40.0) / 10)
-        looks = intensity * 0.0
         wall = imaged(clean, replace(SCANNER, bits=16))
         air = ~(wall.below_surface_rows >= 0)
         looks = np.where(air, rng.gamma(8.0, 1 / 8.0, clean.shape), intensity)
@@ -129,9 +129,9 @@ def test_averaged_noise_leaves_the_scale_of_the_display_to_the_speckle() -> None
 
 
 def test_the_speckles_skew_tells_a_root_display_from_a_logarithmic_one() -> None:
-    assert measure_scanner(drawn_eyes(SEEDS)).ranges["speckle_skew"].median == pytest.approx(-0.2, abs=0.02)
+    assert measure_scanner(drawn_eyes(FEW)).ranges["speckle_skew"].median == pytest.approx(-0.2, abs=0.02)
     eyes = []
-    for seed in SEEDS:
+    for seed in FEW:
         counts = drawn_counts(seed, replace(SCANNER, bits=16), display_floor_db=-40.0, display_range_db=100.0)
         root = 10 ** ((counts / 65535 * 100.0 - 40.0) / 20)
         shown = np.rint(np.clip(root / 60.0, 0.0, 1.0) * 4095).astype(np.uint16)
@@ -141,7 +141,7 @@ def test_the_speckles_skew_tells_a_root_display_from_a_logarithmic_one() -> None
 
 
 def test_a_frame_drawn_like_a_measured_one_has_its_histogram() -> None:
-    found = measure_scanner(drawn_eyes(SEEDS))
+    found = measure_scanner(drawn_eyes(FEW))
     for frame in found.frames:
         drawn = drawn_alike(frame, found.phantom(), np.random.default_rng(1))
         assert drawn.shape == frame.eye.pixels.shape
@@ -149,10 +149,9 @@ def test_a_frame_drawn_like_a_measured_one_has_its_histogram() -> None:
 
 
 def test_without_a_choroid_its_keys_keep_their_defaults_and_say_why() -> None:
-    found = measure_scanner(drawn_eyes(SEEDS, choroid_level_db=-60.0))
+    found = measure_scanner(drawn_eyes(FEW, choroid_level_db=-60.0))
     assert isinstance(found.ranges["choroid_level_db"], Unmeasured)
-    assert found.phantom().choroid_level_db == type(found.phantom())().choroid_level_db
-    assert found.phantom().band_m == Choice((0.0004980,)) or found.ranges["band_m"].median > 0
+    assert found.phantom().choroid_level_db == PhantomStudy().choroid_level_db
 
 
 def test_one_frame_gives_ranges_of_its_uncertainty() -> None:

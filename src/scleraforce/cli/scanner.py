@@ -244,13 +244,13 @@ def _notes(measured: "MeasuredScanner", overlap: float) -> list[str]:
     )
     if isinstance(roll_off, MeasuredRange) and roll_off.low * roll_off.high > 0.0:
         notes.append(
-            f"the wall's light changes by {-from_si(roll_off.median, 'per_mm'):.1f} dB/mm with the depth of the surface "
-            "in the frame (roll-off, focus, or the angle); a study draws no roll-off"
+            f"the wall's light changes by {-from_si(roll_off.median, 'per_mm'):.1f} dB/mm with the depth of the "
+            "surface in the frame (roll-off, focus, or the angle); a study draws no roll-off"
         )
     if isinstance(looks, MeasuredRange) and looks.median > MOST_LOOKS:
         notes.append(
-            f"the noise is averaged ({looks.median:.1f} looks) or smoothed, or the display is not logarithmic: its scale "
-            "is that of the wall's speckle; a study draws noise of one look, which is rougher"
+            f"the noise is averaged ({looks.median:.1f} looks) or smoothed, or the display is not logarithmic: its "
+            "scale is that of the wall's speckle; a study draws noise of one look, which is rougher"
         )
     if isinstance(misfit, MeasuredRange) and misfit.median > LOG_MISFIT_DB:
         notes.append(

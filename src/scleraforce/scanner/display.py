@@ -14,8 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
-from scipy.special import polygamma
 from scipy.stats import linregress, sigmaclip
 
 from scleraforce.errors import FrameError
@@ -24,10 +22,8 @@ from scleraforce.scanner.imaged_eye import ImagedEye
 
 __all__ = ["MEDIAN_DB", "QUARTILES_DB", "Display", "air_counts", "display_of_speckle", "fit_display"]
 
-SPECKLE_SD_DB = float(10.0 / np.log(10.0) * np.pi / np.sqrt(6.0))  # 5.57: of one look
 MEDIAN_DB = float(10.0 * np.log10(np.log(2.0)))  # of an exponential intensity, over its mean
 QUARTILES_DB = float(10.0 * np.log10(np.log(4.0) / np.log(4.0 / 3.0)))  # between those of an exponential: 6.8
-MOST_LOOKS = 1e4
 BLOCK = (8, 16)  # rows and columns of the air that are looked at together
 CLIPS = (5.0, 3.0)  # standard deviations: darker and brighter blocks are no noise
 LOWEST, HIGHEST, SHARES = 0.1, 0.95, 35  # quantiles of the noise that tell the scale
@@ -35,6 +31,7 @@ MOST_CUT = 0.8  # of the noise may lie below the display
 BLACK_SHARE = 0.98  # a block with so many zeros, where others have light, is none of the picture
 GROUPS = 4  # of columns, whose differences tell how sure the scale is
 LEAST_PIXELS = 1000
+LEAST_COUNTS = 2  # between the quartiles of the noise: less cannot be told from rounding
 
 
 @dataclass(frozen=True)
@@ -127,10 +124,9 @@ def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Displ
     """
     counts = air_counts(eye)
     range_db = display.range_db.value / spread
-    noise_db = counts[np.isfinite(counts)] * (range_db / eye.top)
-    floor_db = -10.0 * float(np.log10(np.mean(10.0 ** (noise_db / 10.0))))
-    wanted = (SPECKLE_SD_DB / spread * np.log(10.0) / 10.0) ** 2
-    looks = float(brentq(lambda looks: polygamma(1, looks) - wanted, 0.1, MOST_LOOKS))
+    light = 10.0 ** (counts[np.isfinite(counts)] * (range_db / eye.top) / 10.0)
+    floor_db = -10.0 * float(np.log10(light.mean()))
+    looks = float(light.mean() ** 2 / light.var())
     return replace(
         display,
         floor_db=Estimate(floor_db, display.floor_db.error / spread),
@@ -154,7 +150,7 @@ def _scale(noise: NDArray[np.float64], eye: ImagedEye) -> tuple[float, float, fl
     # Counts are rounded: half a count is spread evenly before quantiles are taken.
     steps = np.arange(len(counts)) % 16 / 16.0 - 0.5 + 1 / 32
     line = linregress(expected_db, np.quantile(counts + steps, share))
-    if line.slope < 1e-3 * eye.top / 120.0:
+    if np.subtract(*np.quantile(counts, (0.75, 0.25))) < LEAST_COUNTS:
         raise FrameError(f"{eye.name}: the air above the tissue is of one colour: there is no noise in it to measure")
     misfit = float(np.std(np.quantile(counts + steps, share) - line.intercept - line.slope * expected_db) / line.slope)
     return float(line.slope), float(line.intercept), misfit, cut

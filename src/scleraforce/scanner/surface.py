@@ -140,7 +140,7 @@ def _fit(
         for _ in range(3):  # the spread of speckle is its light
             value[free], covariance = curve_fit(
                 model, below, light, np.clip(value[free], LOW[free], HIGH[free]), sigma=weight,
-                bounds=(LOW[free], HIGH[free]), max_nfev=60,
+                bounds=(LOW[free], HIGH[free]), max_nfev=300,
             )  # fmt: skip
             errors[free] = np.sqrt(np.diag(covariance))
             weight = _seen(slope, below, sigma, value) + noise
