@@ -55,10 +55,10 @@ def scanner(
 
     Noise, display, speckle, attenuation, the surface's reflection, the layer
     below the wall, shadows, lines and black bands become ranges of [phantom] in
-    a study: `phantom --study` draws such frames, `train --study` learns from
-    them. The picture beside it shows a real frame, a drawn one and the
-    histograms of both. What the frames do not show is left as in the paper's
-    study, and said.
+    a study: `phantom --study` draws recordings of such frames. (`train` takes
+    the study too, but no network learns from [phantom].) The picture beside it
+    shows a real frame, a drawn one and the histograms of both. What the frames
+    do not show is left as in the paper's study, and said.
 
     Example: scleraforce scanner rest/*.png --width-mm 15 --depth-mm 4 --bits 12
     --out study.toml

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import linregress, sigmaclip
+from scipy.optimize import brentq
+from scipy.stats import gamma, linregress, sigmaclip
 
 from scleraforce.errors import FrameError
 from scleraforce.scanner.estimate import Estimate
@@ -31,6 +32,7 @@ MOST_CUT = 0.8  # of the noise may lie below the display
 BLACK_SHARE = 0.98  # a block with so many zeros, where others have light, is none of the picture
 GROUPS = 4  # of columns, whose differences tell how sure the scale is
 LEAST_PIXELS = 1000
+LOOKS = (0.05, 1e7)  # of the noise: what is looked for
 LEAST_COUNTS = 2  # between the quartiles of the noise: less cannot be told from rounding
 
 
@@ -124,9 +126,9 @@ def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Displ
     """
     counts = air_counts(eye)
     range_db = display.range_db.value / spread
-    light = 10.0 ** (counts[np.isfinite(counts)] * (range_db / eye.top) / 10.0)
-    floor_db = -10.0 * float(np.log10(light.mean()))
-    looks = float(light.mean() ** 2 / light.var())
+    low_db, median_db, high_db = np.quantile(counts[np.isfinite(counts)], (0.25, 0.5, 0.75)) * (range_db / eye.top)
+    looks = float(brentq(lambda looks: _quartiles_db(looks) - (high_db - low_db), *LOOKS, rtol=1e-6))
+    floor_db = float(10.0 * np.log10(gamma.median(looks) / looks) - median_db)
     return replace(
         display,
         floor_db=Estimate(floor_db, display.floor_db.error / spread),
@@ -134,6 +136,11 @@ def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Displ
         misfit_db=display.misfit_db / spread,
         looks=looks,
     )
+
+
+def _quartiles_db(looks: float) -> float:
+    """Return how far the quartiles of the mean intensity of so many looks lie apart, dB."""
+    return float(10.0 * np.log10(gamma.ppf(0.75, looks) / gamma.ppf(0.25, looks)))
 
 
 def _scale(noise: NDArray[np.float64], eye: ImagedEye) -> tuple[float, float, float, float]:
