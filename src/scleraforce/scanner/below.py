@@ -11,12 +11,12 @@ from scipy.special import ndtr
 
 from scleraforce.scanner.display import Display
 from scleraforce.scanner.estimate import Estimate, Unmeasured, fitted, level_db
-from scleraforce.scanner.imaged_eye import Curve, ImagedEye
-from scleraforce.scanner.tissue import Tissue, depth_profile
+from scleraforce.scanner.imaged_eye import ImagedEye, Trace
+from scleraforce.scanner.tissue import WallLight, depth_profile
 
-__all__ = ["NO_INNER", "Layer", "layer_below"]
+__all__ = ["NO_INNER", "LayerBelow", "layer_below"]
 
-Layer = tuple[Estimate | Unmeasured, Estimate | Unmeasured, Estimate | Unmeasured]
+LayerBelow = tuple[Estimate | Unmeasured, Estimate | Unmeasured, Estimate | Unmeasured]
 
 BIN_M = 8e-6
 ABOVE_M, BELOW_M = 60e-6, 700e-6  # of the inner boundary: what is fitted
@@ -29,7 +29,7 @@ BLURRED = "what lies below the wall is no even layer, or too dark"
 NO_END = "the layer below the wall fades into the noise before it ends"
 
 
-def layer_below(eye: ImagedEye, display: Display, tissue: Tissue) -> Layer:
+def layer_below(eye: ImagedEye, display: Display, tissue: WallLight) -> LayerBelow:
     """Return level against the wall, dB, attenuation, 1/m, and thickness along the depth, m."""
     columns = tissue.clear & np.isfinite(tissue.column_db) & (eye.slope_rad < STEEPEST_RAD)
     if (
@@ -50,7 +50,7 @@ def layer_below(eye: ImagedEye, display: Display, tissue: Tissue) -> Layer:
     mu = tissue.attenuation_per_m.value
     at_inner_db = tissue.snr_db.value - 20.0 / np.log(10.0) * mu * wall_m
 
-    def model(below_m: Curve, level: float, per_m: float, thick_m: float, off_m: float, blur_m: float) -> Curve:
+    def model(below_m: Trace, level: float, per_m: float, thick_m: float, off_m: float, blur_m: float) -> Trace:
         y = below_m - off_m
         wall = 10.0 ** (at_inner_db / 10.0) * np.exp(-2.0 * mu * y) * ndtr(-y / blur_m)
         inside = ndtr(y / blur_m) * ndtr((thick_m - y) / blur_m)

@@ -36,7 +36,7 @@ LOOKS = (0.05, 1e7)  # of the noise: what is looked for
 LEAST_COUNTS = 2  # between the quartiles of the noise: less cannot be told from rounding
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Display:
     """The scale: `floor_db`, intensity of count 0 over the mean noise, and `range_db`, from there to the `top` count.
 
@@ -110,11 +110,11 @@ def fit_display(eye: ImagedEye) -> Display:
         scatter.std(axis=0, ddof=1) / np.sqrt(len(scatter)) if len(scatter) > 1 else np.array([1.0, 1.0])
     )
     return Display(
-        Estimate(-zero / per_db, float(floor_error)),
-        Estimate(eye.top / per_db, float(range_error)),
-        eye.top,
-        misfit,
-        cut,
+        floor_db=Estimate(value=-zero / per_db, error=float(floor_error)),
+        range_db=Estimate(value=eye.top / per_db, error=float(range_error)),
+        top=eye.top,
+        misfit_db=misfit,
+        cut_share=cut,
     )
 
 
@@ -131,8 +131,8 @@ def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Displ
     floor_db = float(10.0 * np.log10(gamma.median(looks) / looks) - median_db)
     return replace(
         display,
-        floor_db=Estimate(floor_db, display.floor_db.error / spread),
-        range_db=Estimate(range_db, display.range_db.error / spread),
+        floor_db=Estimate(value=floor_db, error=display.floor_db.error / spread),
+        range_db=Estimate(value=range_db, error=display.range_db.error / spread),
         misfit_db=display.misfit_db / spread,
         looks=looks,
     )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 __all__ = ["Estimate", "Unmeasured", "fitted", "level_db"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Estimate:
     """A value in SI and its standard error; `at_most`: it is an upper bound."""
 
@@ -28,7 +28,7 @@ class Unmeasured:
 def fitted(value: float, error: float, most: float, reason: str) -> Estimate | Unmeasured:
     """Return what a fit found, where its standard error is at most so large; else why that is no measurement."""
     if isfinite(value) and isfinite(error) and error <= most:
-        return Estimate(float(value), float(error))
+        return Estimate(value=float(value), error=float(error))
     return Unmeasured(reason)
 
 

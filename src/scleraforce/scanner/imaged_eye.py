@@ -12,9 +12,9 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.imaged import lit_columns
 from scleraforce.segmentation.slice import BoundaryRows
 
-__all__ = ["Curve", "ImagedEye"]
+__all__ = ["ImagedEye", "Trace"]
 
-Curve = NDArray[np.float64]
+Trace = NDArray[np.float64]
 
 SMOOTH_M = 0.6e-3  # of the surface, laterally: an eye at rest is smoother than its speckle
 EDGE_ROWS, EDGE_M = 4, 20e-6  # what a boundary's own light and its error reach
@@ -65,7 +65,7 @@ class ImagedEye:
         return there
 
     @cached_property
-    def surface_row(self) -> Curve:
+    def surface_row(self) -> Trace:
         """The smoothed surface, (column,), NaN where there is no wall."""
         columns = np.flatnonzero(self.walled)
         every = np.arange(columns[0], columns[-1] + 1)
@@ -77,20 +77,20 @@ class ImagedEye:
         return smooth
 
     @cached_property
-    def slope_rad(self) -> Curve:
+    def slope_rad(self) -> Trace:
         """Angle between the surface and the frame's rows, (column,)."""
         ratio = self.scale.depth_m / self.scale.lateral_m
-        slope: Curve = np.abs(np.arctan(np.gradient(self.surface_row) * ratio))
+        slope: Trace = np.abs(np.arctan(np.gradient(self.surface_row) * ratio))
         return slope
 
     @cached_property
-    def below_surface_rows(self) -> Curve:
+    def below_surface_rows(self) -> Trace:
         """Rows of each pixel below the surface, (row, column)."""
-        rows: Curve = np.arange(len(self.pixels), dtype=np.float64)[:, None] - self.surface_row
+        rows: Trace = np.arange(len(self.pixels), dtype=np.float64)[:, None] - self.surface_row
         return rows
 
     @cached_property
-    def below_inner_rows(self) -> Curve:
+    def below_inner_rows(self) -> Trace:
         """Rows of each pixel below the inner boundary, (row, column)."""
-        rows: Curve = np.arange(len(self.pixels), dtype=np.float64)[:, None] - self.wall.inner_row
+        rows: Trace = np.arange(len(self.pixels), dtype=np.float64)[:, None] - self.wall.inner_row
         return rows

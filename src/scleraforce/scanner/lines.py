@@ -14,7 +14,7 @@ from scipy.stats import ncx2
 
 from scleraforce.laboratory.speckle import amplitude_sigma
 from scleraforce.scanner.display import MEDIAN_DB, Display
-from scleraforce.scanner.imaged_eye import Curve, ImagedEye
+from scleraforce.scanner.imaged_eye import ImagedEye, Trace
 
 __all__ = ["SeenLine", "find_lines"]
 
@@ -25,7 +25,7 @@ NARROWEST, WIDEST = 0.4, 4.0  # standard deviation of the amplitude, rows
 MAD_TO_SD = 1.4826
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SeenLine:
     """A line: depth below the frame's top edge and full width of the intensity at half maximum, m; level, dB."""
 
@@ -51,7 +51,7 @@ def find_lines(eye: ImagedEye, display: Display) -> tuple[SeenLine, ...]:
     return tuple(line for line in found if line is not None)
 
 
-def _fitted(eye: ImagedEye, rows: NDArray[np.intp], light: Curve, peak: int) -> SeenLine | None:
+def _fitted(eye: ImagedEye, rows: NDArray[np.intp], light: Trace, peak: int) -> SeenLine | None:
     """Return the line at a peak of the rows' light over the noise; None: it is wider than a line."""
     near = slice(max(peak - REACH, 0), peak + REACH + 1)
     try:
@@ -64,17 +64,21 @@ def _fitted(eye: ImagedEye, rows: NDArray[np.intp], light: Curve, peak: int) -> 
     if value[2] > WIDEST:
         return None
     width_m = max(float(value[2]), NARROWEST) / amplitude_sigma(1.0) * eye.scale.depth_m
-    return SeenLine(float((value[0] + 0.5) * eye.scale.depth_m), float(10.0 * np.log10(value[1])), width_m)
+    return SeenLine(
+        depth_m=float((value[0] + 0.5) * eye.scale.depth_m),
+        level_db=float(10.0 * np.log10(value[1])),
+        thickness_m=width_m,
+    )
 
 
-def _mirrored(level_db: Curve) -> Curve:
+def _mirrored(level_db: Trace) -> Trace:
     """Return the light of mirrors over the mean noise, by the level of the median over that of the noise."""
     light = np.concatenate([[0.0], np.geomspace(1e-2, 1e5, 400)])
     median_db = 10.0 * np.log10(ncx2.median(2, 2.0 * light) / 2.0) - MEDIAN_DB
-    mirrored: Curve = np.interp(level_db, median_db, light)
+    mirrored: Trace = np.interp(level_db, median_db, light)
     return mirrored
 
 
-def _ridge(row: Curve, middle: float, gain: float, sigma: float) -> Curve:
-    light: Curve = gain * np.exp(-(((row - middle) / sigma) ** 2))
+def _ridge(row: Trace, middle: float, gain: float, sigma: float) -> Trace:
+    light: Trace = gain * np.exp(-(((row - middle) / sigma) ** 2))
     return light

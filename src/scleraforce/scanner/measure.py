@@ -15,7 +15,7 @@ from scleraforce.scanner.lines import SeenLine, find_lines
 from scleraforce.scanner.shadows import SeenShadow, find_shadows
 from scleraforce.scanner.speckle import resolutions
 from scleraforce.scanner.surface import SurfaceLight, reflections, surface_light
-from scleraforce.scanner.tissue import Tissue, light_in_wall, roll_off
+from scleraforce.scanner.tissue import WallLight, light_in_wall, roll_off
 from scleraforce.study import Choice, PhantomStudy, Range
 from scleraforce.study.fields import field_unit
 
@@ -59,7 +59,7 @@ class MeasuredFrame:
     lines: tuple[SeenLine, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MeasuredRange:
     """A value over all frames, in SI: `median`, from `low` to `high`; of how many frames or things (`seen`) it is.
 
@@ -150,21 +150,21 @@ def _measure(eye: ImagedEye) -> tuple[MeasuredFrame, SurfaceLight]:
         "lateral_resolution_m": lateral,
         "display_floor_db": display.floor_db,
         "display_range_db": display.range_db,
-        "band_m": Estimate(float(np.mean(eye.bands)) * eye.scale.lateral_m, 0.0),
+        "band_m": Estimate(value=float(np.mean(eye.bands)) * eye.scale.lateral_m, error=0.0),
         "attenuation_per_m": tissue.attenuation_per_m,
         "choroid_level_db": level,
         "choroid_attenuation_per_m": attenuation,
         "choroid_thickness_m": thickness,
         "roll_off_db_per_m": roll_off(eye, tissue),
-        "noise_looks": Estimate(display.looks, 0.0),
-        "noise_misfit_db": Estimate(display.misfit_db, 0.0),
+        "noise_looks": Estimate(value=display.looks, error=0.0),
+        "noise_misfit_db": Estimate(value=display.misfit_db, error=0.0),
         "speckle_skew": skew,
     }
     frame = MeasuredFrame(eye, display, values, find_shadows(eye, tissue), find_lines(eye, display))
     return frame, surface_light(eye, display, tissue, axial)
 
 
-def _speckle_spread(tissue: Tissue, display: Display) -> tuple[float, Estimate | Unmeasured]:
+def _speckle_spread(tissue: WallLight, display: Display) -> tuple[float, Estimate | Unmeasured]:
     """Return how far the wall's speckle spreads on the display, over what the noise says, and its skew.
 
     The spread is 1 where nothing is averaged, more where the noise is, or where the display is not logarithmic; it is 1
@@ -177,7 +177,7 @@ def _speckle_spread(tissue: Tissue, display: Display) -> tuple[float, Estimate |
         return 1.0, Unmeasured("too little of the wall lies within the display")
     first, low, middle, high, last = np.quantile(tissue.levels[chosen] - expected_db[chosen], OCTILES)
     skew = (first + last - 2.0 * middle) / (last - first)
-    return float((high - low) / QUARTILES_DB), Estimate(float(skew), 0.0)
+    return float((high - low) / QUARTILES_DB), Estimate(value=float(skew), error=0.0)
 
 
 def _range(found: Sequence[Estimate | Unmeasured]) -> MeasuredRange | Unmeasured:
@@ -189,11 +189,11 @@ def _range(found: Sequence[Estimate | Unmeasured]) -> MeasuredRange | Unmeasured
     values = np.array([each.value for each in known])
     if all(each.at_most for each in known):
         most = float(values.max())
-        return MeasuredRange(most, most, most, len(known), at_most=True)
+        return MeasuredRange(median=most, low=most, high=most, seen=len(known), at_most=True)
     if len(known) == 1:
-        return MeasuredRange(values[0], values[0] - known[0].error, values[0] + known[0].error, 1)
+        return MeasuredRange(median=values[0], low=values[0] - known[0].error, high=values[0] + known[0].error, seen=1)
     low, high = np.quantile(values, QUANTILES) if len(known) > MANY else (values.min(), values.max())
-    return MeasuredRange(float(np.median(values)), float(low), float(high), len(known))
+    return MeasuredRange(median=float(np.median(values)), low=float(low), high=float(high), seen=len(known))
 
 
 def _of_things(
@@ -201,7 +201,9 @@ def _of_things(
 ) -> dict[str, MeasuredRange | Unmeasured]:
     """Return the ranges of what shadows or lines have, over all of them."""
     return {
-        prefix + name: _range([Estimate(float(getattr(thing, name)), 0.0) for thing in things] or [Unmeasured(reason)])
+        prefix + name: _range(
+            [Estimate(value=float(getattr(thing, name)), error=0.0) for thing in things] or [Unmeasured(reason)]
+        )
         for name in names
     }
 
@@ -216,7 +218,9 @@ def _within_bounds(name: str, found: MeasuredRange | Unmeasured) -> MeasuredRang
     if (low is not None and found.median < low) or (high is not None and found.median > high):
         return Unmeasured(f"{unit.from_si(found.median):.4g} is outside of what a study takes")
     ends = np.clip([found.low, found.high], low, high)
-    return MeasuredRange(found.median, float(ends[0]), float(ends[1]), found.seen, found.at_most)
+    return MeasuredRange(
+        median=found.median, low=float(ends[0]), high=float(ends[1]), seen=found.seen, at_most=found.at_most
+    )
 
 
 def _sampled(name: str, found: MeasuredRange) -> Choice | Range:

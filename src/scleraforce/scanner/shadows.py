@@ -10,8 +10,8 @@ import numpy as np
 from scipy.ndimage import find_objects, label
 from scipy.optimize import curve_fit
 
-from scleraforce.scanner.imaged_eye import Curve, ImagedEye
-from scleraforce.scanner.tissue import Tissue, typical
+from scleraforce.scanner.imaged_eye import ImagedEye, Trace
+from scleraforce.scanner.tissue import WallLight, typical
 
 __all__ = ["SeenShadow", "find_shadows"]
 
@@ -22,7 +22,7 @@ MAD_TO_SD = 1.4826
 LEAST_COLUMNS = 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SeenShadow:
     """A shadow: the column of its middle, its full width at half loss, m, and the share of the light that it takes."""
 
@@ -31,7 +31,7 @@ class SeenShadow:
     loss_fraction: float
 
 
-def find_shadows(eye: ImagedEye, tissue: Tissue) -> tuple[SeenShadow, ...]:
+def find_shadows(eye: ImagedEye, tissue: WallLight) -> tuple[SeenShadow, ...]:
     """Return the shadows on a frame's wall."""
     light_db = typical(eye, tissue.column_db)
     known = np.isfinite(light_db)
@@ -50,7 +50,7 @@ def _distinct(shadows: list[SeenShadow], lateral_m: float) -> tuple[SeenShadow, 
     return tuple(sorted(kept, key=lambda each: each.column))
 
 
-def _fitted(eye: ImagedEye, light_db: Curve, place: slice) -> SeenShadow | None:
+def _fitted(eye: ImagedEye, light_db: Trace, place: slice) -> SeenShadow | None:
     """Return the shadow that lies about a run of dark columns; None: none fits."""
     columns = place.stop - place.start
     if columns < LEAST_COLUMNS:
@@ -68,9 +68,11 @@ def _fitted(eye: ImagedEye, light_db: Curve, place: slice) -> SeenShadow | None:
         return None
     if not np.sqrt(covariance[2, 2]) < MOST_LOSS_ERROR:
         return None
-    return SeenShadow(float(value[0]), float(value[1] * eye.scale.lateral_m), float(value[2]))
+    return SeenShadow(
+        column=float(value[0]), width_m=float(value[1] * eye.scale.lateral_m), loss_fraction=float(value[2])
+    )
 
 
-def _light(column: Curve, middle: float, width: float, loss: float, base: float) -> Curve:
-    light: Curve = base * (1.0 - loss * np.exp(-np.log(2.0) * (2.0 * (column - middle) / width) ** 4))
+def _light(column: Trace, middle: float, width: float, loss: float, base: float) -> Trace:
+    light: Trace = base * (1.0 - loss * np.exp(-np.log(2.0) * (2.0 * (column - middle) / width) ** 4))
     return light

@@ -15,8 +15,8 @@ from scipy.special import spence
 from scleraforce.laboratory.speckle import amplitude_sigma
 from scleraforce.scanner.display import Display
 from scleraforce.scanner.estimate import Estimate, Unmeasured
-from scleraforce.scanner.imaged_eye import Curve, ImagedEye
-from scleraforce.scanner.tissue import Tissue
+from scleraforce.scanner.imaged_eye import ImagedEye, Trace
+from scleraforce.scanner.tissue import WallLight
 
 __all__ = ["drawn_correlation", "resolutions"]
 
@@ -29,7 +29,7 @@ SURE = 2.0  # standard errors over which a correlation is one
 
 
 def resolutions(
-    eye: ImagedEye, display: Display, tissue: Tissue
+    eye: ImagedEye, display: Display, tissue: WallLight
 ) -> tuple[Estimate | Unmeasured, Estimate | Unmeasured]:
     """Return axial and lateral resolution: full widths at half maximum of the intensity, m of the frame."""
     expected_db = 10.0 * np.log10(tissue.expected + 1.0) + np.nan_to_num(tissue.column_db)
@@ -46,13 +46,15 @@ def resolutions(
     steps_m = (eye.scale.depth_m, eye.scale.lateral_m)
     found = [_width(curve, share, pixels) for curve in (down, across)]
     axial, lateral = (
-        Estimate(width.value * step, width.error * step, width.at_most) if isinstance(width, Estimate) else width
+        Estimate(value=width.value * step, error=width.error * step, at_most=width.at_most)
+        if isinstance(width, Estimate)
+        else width
         for width, step in zip(found, steps_m, strict=True)
     )
     return axial, lateral
 
 
-def drawn_correlation(sigma: float, lags: int) -> Curve:
+def drawn_correlation(sigma: float, lags: int) -> Trace:
     """Return how intensities of drawn speckle correlate at lags of 0, 1, ... pixels.
 
     Args:
@@ -62,21 +64,21 @@ def drawn_correlation(sigma: float, lags: int) -> Curve:
     reach = int(np.ceil(3.5 * sigma))
     kernel = np.exp(-((np.arange(-reach, reach + 1) / sigma) ** 2) / 2)
     field = np.correlate(kernel, kernel, "full")[2 * reach :] / (kernel @ kernel)
-    padded: Curve = np.square(np.pad(field, (0, lags))[:lags])
+    padded: Trace = np.square(np.pad(field, (0, lags))[:lags])
     return padded
 
 
-def _autocorrelation(speckle: NDArray[np.float64], chosen: NDArray[np.bool_]) -> tuple[Curve, Curve]:
+def _autocorrelation(speckle: NDArray[np.float64], chosen: NDArray[np.bool_]) -> tuple[Trace, Trace]:
     """Return the autocorrelation of the chosen pixels along the columns and along the rows, at lags from 0 on."""
     shape = [next_fast_len(size + FAR, real=True) for size in speckle.shape]
     power, pairs = (irfft2(np.abs(rfft2(values, shape)) ** 2, shape) for values in (speckle, chosen.astype(np.float64)))
     mean = np.divide(power, pairs, out=np.zeros_like(power), where=pairs > LEAST_PIXELS / 2)
-    down: Curve = mean[:FAR, 0] / mean[0, 0]
-    across: Curve = mean[0, :FAR] / mean[0, 0]
+    down: Trace = mean[:FAR, 0] / mean[0, 0]
+    across: Trace = mean[0, :FAR] / mean[0, 0]
     return down, across
 
 
-def _width(correlation: Curve, share: float, pixels: int) -> Estimate | Unmeasured:
+def _width(correlation: Trace, share: float, pixels: int) -> Estimate | Unmeasured:
     """Return the full width of the intensity's spread, in pixels, from the autocorrelation of the speckle in dB."""
     fallen = np.flatnonzero(correlation < 0.15)
     if not len(fallen) or fallen[0] * 3 > FAR:
@@ -84,7 +86,7 @@ def _width(correlation: Curve, share: float, pixels: int) -> Estimate | Unmeasur
     lags = max(LEAST_LAGS, 3 * int(fallen[0]))
     seen = correlation[1:lags]
 
-    def model(_: Curve, sigma: float, offset: float) -> Curve:
+    def model(_: Trace, sigma: float, offset: float) -> Trace:
         return _of_logarithms(share * drawn_correlation(sigma, lags)[1:]) + offset
 
     error = float(np.sqrt((1.0 + 2.0 * np.sum(np.maximum(seen, 0.0) ** 2)) / pixels))
@@ -96,14 +98,14 @@ def _width(correlation: Curve, share: float, pixels: int) -> Estimate | Unmeasur
     )  # fmt: skip
     sigma, per_sigma = float(value[0]), 1.0 / amplitude_sigma(1.0)
     if sigma <= least:
-        return Estimate(least * per_sigma, 0.0, at_most=True)
+        return Estimate(value=least * per_sigma, error=0.0, at_most=True)
     misfit = float(np.std(seen - model(seen, *value))) / error
-    return Estimate(sigma * per_sigma, float(np.sqrt(covariance[0, 0])) * max(1.0, misfit) * per_sigma)
+    return Estimate(value=sigma * per_sigma, error=float(np.sqrt(covariance[0, 0])) * max(1.0, misfit) * per_sigma)
 
 
-def _of_logarithms(rho: Curve) -> Curve:
+def _of_logarithms(rho: Trace) -> Trace:
     """Return how logarithms of exponential intensities correlate that correlate by rho themselves."""
-    correlated: Curve = spence(1.0 - rho) / spence(0.0)
+    correlated: Trace = spence(1.0 - rho) / spence(0.0)
     return correlated
 
 

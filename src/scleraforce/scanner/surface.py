@@ -16,8 +16,8 @@ from scipy.special import ndtr
 from scleraforce.laboratory.speckle import amplitude_sigma
 from scleraforce.scanner.display import Display
 from scleraforce.scanner.estimate import Estimate, Unmeasured, fitted
-from scleraforce.scanner.imaged_eye import Curve, ImagedEye
-from scleraforce.scanner.tissue import Tissue
+from scleraforce.scanner.imaged_eye import ImagedEye, Trace
+from scleraforce.scanner.tissue import WallLight
 
 __all__ = ["SurfaceLight", "reflections", "surface_light"]
 
@@ -34,7 +34,7 @@ KNOTS_RAD = (0.0, 0.05, 0.1, 0.15, 0.25, 0.4)  # slopes between which the offset
 WEAK = "the surface hardly reflects over its speckle"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SurfaceLight:
     """Pixels about a frame's surface, (pixel,).
 
@@ -42,15 +42,15 @@ class SurfaceLight:
     amplitude along the depth; `noise`: over the speckle; `fault`: why the reflection cannot be told.
     """
 
-    slope_rad: Curve
-    below: Curve
-    light: Curve
+    slope_rad: Trace
+    below: Trace
+    light: Trace
     sigma_rows: float
     noise: float
     fault: str = ""
 
 
-def surface_light(eye: ImagedEye, display: Display, tissue: Tissue, axial: Estimate | Unmeasured) -> SurfaceLight:
+def surface_light(eye: ImagedEye, display: Display, tissue: WallLight, axial: Estimate | Unmeasured) -> SurfaceLight:
     """Return the light about the surface of a frame's unshaded columns."""
     sigma = LEAST_SIGMA
     if isinstance(axial, Estimate):
@@ -69,12 +69,12 @@ def surface_light(eye: ImagedEye, display: Display, tissue: Tissue, axial: Estim
     elif at_top.mean() > MOST_AT_TOP:
         fault = "the surface's reflection is brighter than the display's end"
     return SurfaceLight(
-        np.broadcast_to(slope, rows.shape).ravel(),
-        (rows - eye.surface_row[columns]).ravel(),
-        light.ravel(),
-        sigma,
-        float(10.0 ** (-tissue.snr_db.value / 10.0)),
-        fault,
+        slope_rad=np.broadcast_to(slope, rows.shape).ravel(),
+        below=(rows - eye.surface_row[columns]).ravel(),
+        light=light.ravel(),
+        sigma_rows=sigma,
+        noise=float(10.0 ** (-tissue.snr_db.value / 10.0)),
+        fault=fault,
     )
 
 
@@ -96,7 +96,7 @@ def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Estimate | Unmeasu
     return [_strength(frame, pooled[0]) for frame in frames], angle
 
 
-def _strength(frame: SurfaceLight, pooled: Curve) -> Estimate | Unmeasured:
+def _strength(frame: SurfaceLight, pooled: Trace) -> Estimate | Unmeasured:
     """Return a frame's reflection, at the angle and the surface's deviation of all frames."""
     if frame.fault:
         return Unmeasured(frame.fault)
@@ -114,7 +114,7 @@ HIGH = np.array([1e4, 1.0, 3.0] + [3.0] * len(KNOTS_RAD))
 
 def _fit(
     frames: Sequence[SurfaceLight], start: tuple[float, ...], held: tuple[int, ...] = ()
-) -> tuple[Curve, Curve] | None:
+) -> tuple[Trace, Trace] | None:
     """Fit the light of frames' pixels; return the values and standard errors, None where none fit.
 
     Values: the reflection over the speckle; its angle, rad; the deviation of the surface that was found, rows, and how
@@ -130,7 +130,7 @@ def _fit(
     free = np.array([number for number in range(len(start)) if number not in held])
     value, errors = np.array(start), np.zeros(len(start))
 
-    def model(_: Curve, *parameters: float) -> Curve:
+    def model(_: Trace, *parameters: float) -> Trace:
         whole = np.array(start)
         whole[free] = parameters
         return _seen(slope, below, sigma, whole)
@@ -149,12 +149,12 @@ def _fit(
     return value, errors
 
 
-def _seen(slope: Curve, below: Curve, sigma: Curve, parameters: Curve) -> Curve:
+def _seen(slope: Trace, below: Trace, sigma: Trace, parameters: Trace) -> Trace:
     """Return the mean light of pixels about the surface, over the speckle: the step of the wall, and the ridge."""
     gain, angle, deviation = parameters[:3]
     share = np.exp(-((slope / angle) ** 2))
     rows = below - np.interp(slope, KNOTS_RAD, parameters[3:])
     wide = np.sqrt(sigma**2 + 2.0 * deviation**2)
     step = ndtr(rows / np.sqrt(1.0 / 12.0 + wide**2 / 2.0))
-    light: Curve = step + gain * share * sigma / wide * np.exp(-((rows / wide) ** 2))
+    light: Trace = step + gain * share * sigma / wide * np.exp(-((rows / wide) ** 2))
     return light

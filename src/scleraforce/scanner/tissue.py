@@ -15,9 +15,9 @@ from scipy.stats import theilslopes
 from scleraforce.errors import FrameError
 from scleraforce.scanner.display import MEDIAN_DB, Display
 from scleraforce.scanner.estimate import Estimate, Unmeasured, fitted, level_db
-from scleraforce.scanner.imaged_eye import Curve, ImagedEye
+from scleraforce.scanner.imaged_eye import ImagedEye, Trace
 
-__all__ = ["Tissue", "depth_profile", "light_in_wall", "roll_off", "typical"]
+__all__ = ["WallLight", "depth_profile", "light_in_wall", "roll_off", "typical"]
 
 BIN_M = 15e-6  # of depth
 UNSEEN_M = 0.4e-3  # below the surface, where the inner boundary is not seen
@@ -34,7 +34,7 @@ MOST_ROLL_OFF_ERROR = 2e3  # dB/m
 
 
 @dataclass(frozen=True, eq=False)
-class Tissue:
+class WallLight:
     """Light in the wall of a frame.
 
     `levels` (row, column): the frame in dB over the mean noise; `inside`: what of it is wall, away from its boundaries.
@@ -45,7 +45,7 @@ class Tissue:
     levels: NDArray[np.float64]
     inside: NDArray[np.bool_]
     expected: NDArray[np.float64]
-    column_db: Curve
+    column_db: Trace
     clear: NDArray[np.bool_]
     snr_db: Estimate
     attenuation_per_m: Estimate | Unmeasured
@@ -53,7 +53,7 @@ class Tissue:
 
 def depth_profile(
     levels: NDArray[np.float64], depth_m: NDArray[np.float64], chosen: NDArray[np.bool_], bin_m: float
-) -> tuple[Curve, Curve, Curve]:
+) -> tuple[Trace, Trace, Trace]:
     """Return each bin's mean depth, the mean level in dB there as its median tells it, and how many pixels it has."""
     number = np.floor(depth_m[chosen] / bin_m).astype(np.intp)
     order = np.argsort(number, kind="stable")
@@ -66,7 +66,7 @@ def depth_profile(
     return (at_m, middle, count) if len(bins) else (np.empty(0), np.empty(0), np.empty(0))
 
 
-def light_in_wall(eye: ImagedEye, display: Display) -> Tissue:
+def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
     """Fit the light in the wall; columns in a shadow are left out, in a second pass.
 
     Raises:
@@ -88,7 +88,7 @@ def light_in_wall(eye: ImagedEye, display: Display) -> Tissue:
         dips = column_db - _slow(eye, column_db)
         least = max(SHADED_DB, SHADED_SDS * float(np.nanmedian(np.abs(dips))) * MAD_TO_SD)
         clear = np.nan_to_num(dips, nan=-np.inf) > -least
-    snr = Estimate(float(value[0]), float(error[0]))
+    snr = Estimate(value=float(value[0]), error=float(error[0]))
     attenuation = fitted(
         value[1],
         error[1],
@@ -97,7 +97,7 @@ def light_in_wall(eye: ImagedEye, display: Display) -> Tissue:
     )
     if isinstance(attenuation, Estimate) and attenuation.value <= 0.0:
         attenuation = Unmeasured("the wall grows brighter with depth")
-    return Tissue(levels, inside, expected, column_db, clear, snr, attenuation)
+    return WallLight(levels, inside, expected, column_db, clear, snr, attenuation)
 
 
 def _fit(
@@ -106,7 +106,7 @@ def _fit(
     depth_m: NDArray[np.float64],
     chosen: NDArray[np.bool_],
     display: Display,
-) -> tuple[Curve, Curve]:
+) -> tuple[Trace, Trace]:
     """Return level at the surface, dB, and attenuation, 1/m, with their standard errors."""
     at_m, found_db, count = depth_profile(levels, depth_m, chosen, max(BIN_M, eye.row_m))
     seen = (count >= LEAST_IN_BIN) & (found_db > OVER_NOISE_DB) & (found_db < display.highest_db - BELOW_TOP_DB)
@@ -124,12 +124,12 @@ def _fit(
     return value, np.sqrt(np.diag(covariance))
 
 
-def _seen_db(depth_m: Curve, snr_db: float, attenuation_per_m: float) -> Curve:
+def _seen_db(depth_m: Trace, snr_db: float, attenuation_per_m: float) -> Trace:
     """Return the mean level at depths in the wall, over the mean noise."""
     return level_db(10.0 ** (snr_db / 10.0) * np.exp(-2.0 * attenuation_per_m * depth_m) + 1.0)
 
 
-def _column_light(eye: ImagedEye, residual_db: NDArray[np.float64], inside: NDArray[np.bool_]) -> Curve:
+def _column_light(eye: ImagedEye, residual_db: NDArray[np.float64], inside: NDArray[np.bool_]) -> Trace:
     """Return how much more light each column gets than the typical one, dB."""
     light = np.full(inside.shape[1], np.nan)
     enough = inside.sum(axis=0) >= LEAST_BINS
@@ -141,7 +141,7 @@ def _column_light(eye: ImagedEye, residual_db: NDArray[np.float64], inside: NDAr
     return light
 
 
-def _slow(eye: ImagedEye, column_db: Curve) -> Curve:
+def _slow(eye: ImagedEye, column_db: Trace) -> Trace:
     """Return the slow changes of the columns' light: a median over what is wider than shadows are."""
     slow, columns = np.full(len(column_db), np.nan), np.flatnonzero(np.isfinite(column_db))
     width = max(3, round(BASE_M / eye.scale.lateral_m) | 1)
@@ -149,13 +149,13 @@ def _slow(eye: ImagedEye, column_db: Curve) -> Curve:
     return slow
 
 
-def typical(eye: ImagedEye, column_db: Curve) -> Curve:
+def typical(eye: ImagedEye, column_db: Trace) -> Trace:
     """Return the columns' light without its slow changes: what shadows do, dB."""
-    dips: Curve = column_db - _slow(eye, column_db)
+    dips: Trace = column_db - _slow(eye, column_db)
     return dips
 
 
-def roll_off(eye: ImagedEye, tissue: Tissue) -> Estimate | Unmeasured:
+def roll_off(eye: ImagedEye, tissue: WallLight) -> Estimate | Unmeasured:
     """Return how fast the light of the wall's columns falls with the depth of their surface in the frame, dB/m.
 
     This is the scanner's roll-off, its focus, and the tissue's own fall with the angle: one frame does not tell them
