@@ -9,6 +9,7 @@ from drawn_eyes import drawn_counts
 from scleraforce.cli.main import run
 from scleraforce.study import Range, read_study
 
+REAL = Path(__file__).parents[3] / "shared" / "real-oct" / "anterior-segment"
 SCALE = ("--width-mm", 15, "--depth-mm", 4, "--bits", 12)
 
 
@@ -114,3 +115,19 @@ def test_phantom_draws_frames_of_the_measured_scanner(frames, tmp_path: Path, ca
     again = json.loads(capsys.readouterr().out)
     for key in ("display_range_db", "lateral_resolution_um", "attenuation_per_mm", "choroid_thickness_um"):
         assert again["measured"][key]["median"] == pytest.approx(told["measured"][key]["median"], rel=0.1)
+
+
+@pytest.mark.real
+@pytest.mark.skipif(not REAL.is_dir(), reason="../shared is absent")
+def test_real_frames_of_one_scanner_have_one_display(tmp_path: Path, capsys) -> None:
+    """Averaged frames: by their noise alone the displays would span 70 to 117 dB."""
+    found = []
+    for name in ("003", "083", "105"):
+        frame, out = REAL / f"{name}.jpeg", tmp_path / f"{name}.toml"
+        arguments = (frame, "--width-mm", 6.4, "--depth-mm", 4.265, "--out", out, "--json")
+        assert run(["scanner", *map(str, arguments)]) == 0
+        found.append(json.loads(capsys.readouterr().out))
+        assert read_study(out).oct.bits == 8
+    ranges_db = [told["measured"]["display_range_db"]["median"] for told in found]
+    assert max(ranges_db) - min(ranges_db) < 10.0
+    assert all(2.0 < told["not_drawn"]["noise_looks"]["median"] < 10.0 for told in found)

@@ -16,7 +16,7 @@ def scanner() -> MeasuredScanner:
 def test_the_text_is_a_study_with_the_scanners_size_and_ranges(scanner: MeasuredScanner) -> None:
     text = study_text(scanner, ["a.png", "b.png"], "2026-11-23", "1.2.3")
     study = parse_study(text)
-    assert study.oct.columns, study.oct.rows == (512, 512)
+    assert (study.oct.columns, study.oct.rows) == (512, 512)
     assert study.phantom == scanner.phantom()
     assert set(tomllib.loads(text)) == {"oct", "phantom"}
 
