@@ -21,10 +21,10 @@ ROOT = Path(scleraforce.__file__).parent
 ORDER = [
     "units", "errors", "plain_json", "processes", "whole_files", "source_hash", "stored_array", "checked_store",
     "study", "models", "monitor", "openigtlink", "eye", "recording", "known", "segmentation", "mechanics", "section",
-    "library", "fitting", "laboratory", "calibration", "dataset", "reader", "learning", "service", "replay", "report",
-    "reproduction", "notebook", "cli",
+    "library", "fitting", "laboratory", "scanner", "calibration", "dataset", "reader", "learning", "service", "replay",
+    "report", "reproduction", "notebook", "cli",
 ]  # fmt: skip
-PURE = ["eye", "segmentation", "mechanics", "section", "fitting", "calibration", "monitor"]
+PURE = ["eye", "segmentation", "mechanics", "section", "fitting", "scanner", "calibration", "monitor"]
 IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}
 IMPURE_CALLS = {"print", "open", "input"}
 # Of paths, NumPy and OpenCV, whatever stands before the dot.

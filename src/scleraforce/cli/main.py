@@ -25,6 +25,7 @@ COMMANDS = {
     "simulate": "One eye, one force: displacement, slice, picture.",
     "phantom": "Make a virtual acquisition: raw B-scans and a force log.",
     "segment": "Find the wall in raw frames.",
+    "scanner": "Measure a scanner on its frames, for a simulation.",
     "library": "Solve the finite-strain load paths that others draw from.",
     "calibrate": "Estimate Young's modulus from recordings.",
     "generate": "Simulate the slices that a network learns from.",

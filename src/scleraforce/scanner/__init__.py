@@ -1,0 +1,1 @@
+"""A scanner, measured on its own frames: what a simulation needs to draw frames like them."""

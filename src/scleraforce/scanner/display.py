@@ -1,0 +1,163 @@
+"""From counts back to light: the logarithmic scale of the display, from the noise above the tissue.
+
+Detector noise is complex Gaussian, so its intensity is exponential, whatever the scanner: in dB its quantiles lie at
+10 log10(-ln(1 - p)) over the mean noise, with a standard deviation of 5.57 dB. A line through the quantiles of the
+counts gives counts per dB and the count of the mean noise. Quantiles also stand where the display cuts off darker
+pixels. (Goodman, Speckle Phenomena in Optics, ch. 3.)
+
+Scanners average frames. That takes the noise's spread away, but not the speckle's, which is the same in every frame of
+an eye at rest. Where the wall's speckle spreads farther than the noise, it tells the scale instead, by the quartiles of
+an exponential intensity, and the noise tells how many looks were averaged.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.stats import gamma, linregress, sigmaclip
+
+from scleraforce.errors import FrameError
+from scleraforce.scanner.estimate import Estimate
+from scleraforce.scanner.imaged_eye import ImagedEye
+
+__all__ = ["MEDIAN_DB", "QUARTILES_DB", "Display", "air_counts", "display_of_speckle", "fit_display"]
+
+MEDIAN_DB = float(10.0 * np.log10(np.log(2.0)))  # of an exponential intensity, over its mean
+QUARTILES_DB = float(10.0 * np.log10(np.log(4.0) / np.log(4.0 / 3.0)))  # between those of an exponential: 6.8
+BLOCK = (8, 16)  # rows and columns of the air that are looked at together
+CLIPS = (5.0, 3.0)  # standard deviations: darker and brighter blocks are no noise
+LOWEST, HIGHEST, SHARES = 0.1, 0.95, 35  # quantiles of the noise that tell the scale
+MOST_CUT = 0.8  # of the noise may lie below the display
+BLACK_SHARE = 0.98  # a block with so many zeros, where others have light, is none of the picture
+GROUPS = 4  # of columns, whose differences tell how sure the scale is
+LEAST_PIXELS = 1000
+LOOKS = (0.05, 1e7)  # of the noise: what is looked for
+LEAST_COUNTS = 2  # between the quartiles of the noise: less cannot be told from rounding
+
+
+@dataclass(frozen=True, kw_only=True)
+class Display:
+    """The scale: `floor_db`, intensity of count 0 over the mean noise, and `range_db`, from there to the `top` count.
+
+    `misfit`: of the noise to an exponential intensity on a logarithmic scale, standard deviation in dB; below about
+    0.3 the scale is one. `cut_share`: of the noise that is at count 0. `looks`: of the noise that were averaged.
+    """
+
+    floor_db: Estimate
+    range_db: Estimate
+    top: int
+    misfit_db: float
+    cut_share: float
+    looks: float = 1.0
+
+    def levels(self, counts: NDArray[np.generic]) -> NDArray[np.float64]:
+        """Return counts as levels in dB over the mean noise."""
+        levels: NDArray[np.float64] = counts.astype(np.float64) * (self.range_db.value / self.top) + self.floor_db.value
+        return levels
+
+    @property
+    def highest_db(self) -> float:
+        """Level of the largest count."""
+        return self.floor_db.value + self.range_db.value
+
+
+def air_counts(eye: ImagedEye) -> NDArray[np.float64]:
+    """Return a frame's noise: its counts, (row, column), NaN but in the blocks above the tissue that show nothing.
+
+    Raises:
+        FrameError: there is too little of it.
+    """
+    rows, columns = BLOCK
+    left, right = eye.bands
+    high = eye.pixels.shape[0] // rows * rows
+    width = (eye.pixels.shape[1] - left - right) // columns * columns
+    part = slice(left, left + width)
+    counts = eye.pixels[:high, part].astype(np.float64)
+    above = eye.below_surface_rows[:high, part] < -eye.edge_rows
+    blocks = counts.reshape(high // rows, rows, width // columns, columns).swapaxes(1, 2)
+    inside = above.reshape(high // rows, rows, width // columns, columns).swapaxes(1, 2).all(axis=(2, 3))
+    black = (blocks == 0).mean(axis=(2, 3)) > BLACK_SHARE
+    inside &= ~black
+    if np.count_nonzero(inside) * rows * columns < LEAST_PIXELS:
+        raise FrameError(
+            f"{eye.name}: too little noise is seen above the tissue to know the display's scale; give frames with more "
+            "room there, or with a lower display floor"
+        )
+    middle = blocks.mean(axis=(2, 3))
+    _, low, high_count = sigmaclip(middle[inside], *CLIPS)
+    inside &= (middle >= low) & (middle <= high_count)
+    kept = np.repeat(np.repeat(inside, rows, axis=0), columns, axis=1)
+    noise = np.full(eye.pixels.shape, np.nan)
+    noise[: kept.shape[0], part] = np.where(kept, counts, np.nan)
+    return noise
+
+
+def fit_display(eye: ImagedEye) -> Display:
+    """Find the scale of a frame's display.
+
+    Raises:
+        FrameError: no noise is seen, or it has no spread.
+    """
+    noise = air_counts(eye)
+    lit = noise[:, np.isfinite(noise).any(axis=0)]
+    groups = [
+        _scale(part, eye) for part in np.array_split(lit, GROUPS, axis=1) if np.isfinite(part).sum() > LEAST_PIXELS
+    ]
+    per_db, zero, misfit, cut = _scale(lit, eye)
+    scatter = np.array([[-group[1] / group[0], eye.top / group[0]] for group in groups])
+    floor_error, range_error = (
+        scatter.std(axis=0, ddof=1) / np.sqrt(len(scatter)) if len(scatter) > 1 else np.array([1.0, 1.0])
+    )
+    return Display(
+        floor_db=Estimate(value=-zero / per_db, error=float(floor_error)),
+        range_db=Estimate(value=eye.top / per_db, error=float(range_error)),
+        top=eye.top,
+        misfit_db=misfit,
+        cut_share=cut,
+    )
+
+
+def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Display:
+    """Return a scale on which the wall's speckle spreads so many times less than on that of the noise: as one look.
+
+    Raises:
+        FrameError: as of `fit_display`.
+    """
+    counts = air_counts(eye)
+    range_db = display.range_db.value / spread
+    low_db, median_db, high_db = np.quantile(counts[np.isfinite(counts)], (0.25, 0.5, 0.75)) * (range_db / eye.top)
+    looks = float(brentq(lambda looks: _quartiles_db(looks) - (high_db - low_db), *LOOKS, rtol=1e-6))
+    floor_db = float(10.0 * np.log10(gamma.median(looks) / looks) - median_db)
+    return replace(
+        display,
+        floor_db=Estimate(value=floor_db, error=display.floor_db.error / spread),
+        range_db=Estimate(value=range_db, error=display.range_db.error / spread),
+        misfit_db=display.misfit_db / spread,
+        looks=looks,
+    )
+
+
+def _quartiles_db(looks: float) -> float:
+    """Return how far the quartiles of the mean intensity of so many looks lie apart, dB."""
+    return float(10.0 * np.log10(gamma.ppf(0.75, looks) / gamma.ppf(0.25, looks)))
+
+
+def _scale(noise: NDArray[np.float64], eye: ImagedEye) -> tuple[float, float, float, float]:
+    """Return counts per dB, the count of the mean noise, the misfit in dB, and the share of the noise at count 0."""
+    counts = noise[np.isfinite(noise)]
+    cut = float(np.mean(counts <= 0))
+    if cut > MOST_CUT:
+        raise FrameError(
+            f"{eye.name}: {cut:.0%} of the noise above the tissue is black: the display's floor hides it; show the "
+            "frames with a lower floor"
+        )
+    share = np.linspace(max(LOWEST, cut + 0.02), HIGHEST, SHARES)
+    expected_db = 10.0 * np.log10(-np.log1p(-share))
+    # Counts are rounded: half a count is spread evenly before quantiles are taken.
+    steps = np.arange(len(counts)) % 16 / 16.0 - 0.5 + 1 / 32
+    line = linregress(expected_db, np.quantile(counts + steps, share))
+    if np.subtract(*np.quantile(counts, (0.75, 0.25))) < LEAST_COUNTS:
+        raise FrameError(f"{eye.name}: the air above the tissue is of one colour: there is no noise in it to measure")
+    misfit = float(np.std(np.quantile(counts + steps, share) - line.intercept - line.slope * expected_db) / line.slope)
+    return float(line.slope), float(line.intercept), misfit, cut

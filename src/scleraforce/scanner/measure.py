@@ -1,0 +1,230 @@
+"""All that is measured on a scanner's frames: frame by frame, then as ranges over the frames."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from scleraforce.errors import FrameError
+from scleraforce.scanner.below import layer_below
+from scleraforce.scanner.display import QUARTILES_DB, Display, display_of_speckle, fit_display
+from scleraforce.scanner.estimate import Estimate, Unmeasured
+from scleraforce.scanner.imaged_eye import ImagedEye
+from scleraforce.scanner.lines import SeenLine, find_lines
+from scleraforce.scanner.shadows import SeenShadow, find_shadows
+from scleraforce.scanner.speckle import resolutions
+from scleraforce.scanner.surface import SurfaceLight, reflections, surface_light
+from scleraforce.scanner.tissue import WallLight, light_in_wall, roll_off
+from scleraforce.study import Choice, PhantomStudy, Range
+from scleraforce.study.fields import field_unit
+
+__all__ = [
+    "COUNTS",
+    "MEASURED",
+    "NOT_DRAWN",
+    "OF_FRAMES",
+    "MeasuredFrame",
+    "MeasuredRange",
+    "MeasuredScanner",
+    "measure_scanner",
+]
+
+MANY = 10  # frames: with more, their 5 % quantiles bound a range, not the one frame farthest off
+QUANTILES = (0.05, 0.95)
+MOST_COUNTS = 100  # entries of a list of counts
+# Fields of `PhantomStudy` that are measured; those of NOT_DRAWN are no fields: it draws nothing of the kind.
+MEASURED = (
+    "snr_db", "axial_resolution_m", "lateral_resolution_m", "display_floor_db", "display_range_db", "band_m",
+    "attenuation_per_m", "reflection_db", "reflection_angle_rad", "choroid_level_db", "choroid_attenuation_per_m",
+    "choroid_thickness_m", "shadow_loss_fraction", "shadow_width_m", "line_depth_m", "line_level_db",
+    "line_thickness_m",
+)  # fmt: skip
+OF_FRAMES = 12  # of them; the others are of shadows and lines
+COUNTS = ("shadow_count", "line_count")
+NOT_DRAWN = ("roll_off_db_per_m", "noise_looks", "noise_misfit_db", "speckle_skew")
+AVERAGED = 1.25  # times as far the wall's speckle spreads as the noise: it tells the display's scale
+LEAST_PIXELS = 500
+OCTILES = (0.125, 0.25, 0.5, 0.75, 0.875)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredFrame:
+    """What one frame says: `values` by the field's name, in SI; the shadows and lines that are seen in it."""
+
+    eye: ImagedEye
+    display: Display
+    values: Mapping[str, Estimate | Unmeasured]
+    shadows: tuple[SeenShadow, ...]
+    lines: tuple[SeenLine, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredRange:
+    """A value over all frames, in SI: `median`, from `low` to `high`; of how many frames or things (`seen`) it is.
+
+    `at_most`: it is an upper bound, in all of them.
+    """
+
+    median: float
+    low: float
+    high: float
+    seen: int
+    at_most: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredScanner:
+    """A scanner: ranges by the field's name, in SI, or why there is none; counts of each frame; the frames."""
+
+    ranges: Mapping[str, MeasuredRange | Unmeasured]
+    counts: Mapping[str, tuple[int, ...]]
+    frames: tuple[MeasuredFrame, ...]
+
+    def phantom(self) -> PhantomStudy:
+        """Return the section of a study that draws what was measured; what was not keeps its default."""
+        measured: dict[str, Choice | Range] = {}
+        for name in MEASURED:
+            found = self.ranges[name]
+            if isinstance(found, MeasuredRange):
+                measured[name] = _sampled(name, found)
+        for name, counts in self.counts.items():
+            chosen = sorted(counts)
+            if len(chosen) > MOST_COUNTS:
+                chosen = [chosen[n] for n in np.linspace(0, len(chosen) - 1, MOST_COUNTS).round().astype(int)]
+            measured[name] = Choice(tuple(float(count) for count in chosen))
+        return PhantomStudy(**measured)  # type: ignore[arg-type]  # sampled values only
+
+
+def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
+    """Measure a scanner on frames of an eye at rest.
+
+    Args:
+        eyes: the frames, at least one, each with its wall.
+
+    Raises:
+        FrameError: a frame shows too little to be measured, or nothing that a study could draw.
+    """
+    measured = [_measure(eye) for eye in eyes]
+    strengths, angle = reflections([surface for _, surface in measured])
+    frames = tuple(
+        MeasuredFrame(
+            frame.eye,
+            frame.display,
+            {**frame.values, "reflection_db": strength, "reflection_angle_rad": angle},
+            frame.shadows,
+            frame.lines,
+        )
+        for (frame, _), strength in zip(measured, strengths, strict=True)
+    )
+    ranges = {name: _range([frame.values[name] for frame in frames]) for name in (*MEASURED[:OF_FRAMES], *NOT_DRAWN)}
+    ranges["reflection_angle_rad"] = _range([angle])
+    shadows = [shadow for frame in frames for shadow in frame.shadows]
+    lines = [line for frame in frames for line in frame.lines]
+    ranges |= _of_things(shadows, ("loss_fraction", "width_m"), "shadow_", "no shadow is seen on the wall")
+    ranges |= _of_things(lines, ("depth_m", "level_db", "thickness_m"), "line_", "no line is seen above the tissue")
+    ranges = {name: _within_bounds(name, found) for name, found in ranges.items()}
+    for name in ("display_floor_db", "display_range_db", "snr_db"):
+        if isinstance(found := ranges[name], Unmeasured):
+            raise FrameError(f"{frames[0].eye.name}: {name}: {found.reason}")
+    counts = {
+        "shadow_count": tuple(len(frame.shadows) for frame in frames),
+        "line_count": tuple(len(frame.lines) for frame in frames),
+    }
+    return MeasuredScanner(ranges, counts, frames)
+
+
+def _measure(eye: ImagedEye) -> tuple[MeasuredFrame, SurfaceLight]:
+    """Measure one frame, all but its reflection, which is told from all frames together."""
+    display = fit_display(eye)
+    tissue = light_in_wall(eye, display)
+    spread, skew = _speckle_spread(tissue, display)
+    if spread > AVERAGED:
+        display = display_of_speckle(eye, display, spread)
+        tissue = light_in_wall(eye, display)
+    axial, lateral = resolutions(eye, display, tissue)
+    level, attenuation, thickness = layer_below(eye, display, tissue)
+    values: dict[str, Estimate | Unmeasured] = {
+        "snr_db": tissue.snr_db,
+        "axial_resolution_m": axial,
+        "lateral_resolution_m": lateral,
+        "display_floor_db": display.floor_db,
+        "display_range_db": display.range_db,
+        "band_m": Estimate(value=float(np.mean(eye.bands)) * eye.scale.lateral_m, error=0.0),
+        "attenuation_per_m": tissue.attenuation_per_m,
+        "choroid_level_db": level,
+        "choroid_attenuation_per_m": attenuation,
+        "choroid_thickness_m": thickness,
+        "roll_off_db_per_m": roll_off(eye, tissue),
+        "noise_looks": Estimate(value=display.looks, error=0.0),
+        "noise_misfit_db": Estimate(value=display.misfit_db, error=0.0),
+        "speckle_skew": skew,
+    }
+    frame = MeasuredFrame(eye, display, values, find_shadows(eye, tissue), find_lines(eye, display))
+    return frame, surface_light(eye, display, tissue, axial)
+
+
+def _speckle_spread(tissue: WallLight, display: Display) -> tuple[float, Estimate | Unmeasured]:
+    """Return how far the wall's speckle spreads on the display, over what the noise says, and its skew.
+
+    The spread is 1 where nothing is averaged, more where the noise is, or where the display is not logarithmic; it is 1
+    where it cannot be told. The skew is that of octiles: -0.20 of one look on a logarithmic display, 0.13 on one that
+    shows the root of the intensity, 0.42 on a linear one.
+    """
+    expected_db = 10.0 * np.log10(tissue.expected + 1.0) + np.nan_to_num(tissue.column_db)
+    chosen = tissue.inside & tissue.clear & (expected_db < display.highest_db - 3.0) & (expected_db > 3.0)
+    if np.count_nonzero(chosen) < LEAST_PIXELS:
+        return 1.0, Unmeasured("too little of the wall lies within the display")
+    first, low, middle, high, last = np.quantile(tissue.levels[chosen] - expected_db[chosen], OCTILES)
+    skew = (first + last - 2.0 * middle) / (last - first)
+    return float((high - low) / QUARTILES_DB), Estimate(value=float(skew), error=0.0)
+
+
+def _range(found: Sequence[Estimate | Unmeasured]) -> MeasuredRange | Unmeasured:
+    """Return the range of a value over frames; of one frame, its standard error to both sides."""
+    known = [each for each in found if isinstance(each, Estimate)]
+    if not known:
+        reasons = Counter(each.reason for each in found if isinstance(each, Unmeasured))
+        return Unmeasured(reasons.most_common(1)[0][0])
+    values = np.array([each.value for each in known])
+    if all(each.at_most for each in known):
+        most = float(values.max())
+        return MeasuredRange(median=most, low=most, high=most, seen=len(known), at_most=True)
+    if len(known) == 1:
+        return MeasuredRange(median=values[0], low=values[0] - known[0].error, high=values[0] + known[0].error, seen=1)
+    low, high = np.quantile(values, QUANTILES) if len(known) > MANY else (values.min(), values.max())
+    return MeasuredRange(median=float(np.median(values)), low=float(low), high=float(high), seen=len(known))
+
+
+def _of_things(
+    things: Sequence[SeenShadow | SeenLine], names: tuple[str, ...], prefix: str, reason: str
+) -> dict[str, MeasuredRange | Unmeasured]:
+    """Return the ranges of what shadows or lines have, over all of them."""
+    return {
+        prefix + name: _range(
+            [Estimate(value=float(getattr(thing, name)), error=0.0) for thing in things] or [Unmeasured(reason)]
+        )
+        for name in names
+    }
+
+
+def _within_bounds(name: str, found: MeasuredRange | Unmeasured) -> MeasuredRange | Unmeasured:
+    """Return a range within what a study takes for that key; one that lies outside is none."""
+    items = {item.name: item for item in fields(PhantomStudy)}
+    if isinstance(found, Unmeasured) or name not in items:
+        return found
+    unit = field_unit(items[name])
+    low, high = (None if end is None else unit.to_si(end) for end in (unit.low, unit.high))
+    if (low is not None and found.median < low) or (high is not None and found.median > high):
+        return Unmeasured(f"{unit.from_si(found.median):.4g} is outside of what a study takes")
+    ends = np.clip([found.low, found.high], low, high)
+    return MeasuredRange(
+        median=found.median, low=float(ends[0]), high=float(ends[1]), seen=found.seen, at_most=found.at_most
+    )
+
+
+def _sampled(name: str, found: MeasuredRange) -> Choice | Range:
+    """Return a range as a study has it, to four digits in the key's unit."""
+    unit = field_unit({item.name: item for item in fields(PhantomStudy)}[name])
+    low, high = (unit.to_si(float(f"{unit.from_si(end):.4g}")) for end in (found.low, found.high))
+    return Choice((low,)) if low == high else Range(min=low, max=high)
