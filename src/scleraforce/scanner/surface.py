@@ -91,9 +91,10 @@ def reflections(frames: Sequence[SurfaceLight]) -> tuple[list[Estimate | Unmeasu
     angle: Estimate | Unmeasured = reason
     if pooled is not None:
         angle = fitted(pooled[0][1], SPREAD * pooled[1][1], MOST_ANGLE_SHARE * pooled[0][1], WEAK)
-    if pooled is None or isinstance(angle, Unmeasured):
+    if pooled is None or isinstance(angle, Unmeasured) or pooled[0][1] > NEAR_END * HIGH[1]:
         return [Unmeasured(frame.fault or WEAK) for frame in frames], reason
-    return [_strength(frame, pooled[0]) for frame in frames], angle
+    strengths = [_strength(frame, pooled[0]) for frame in frames]
+    return strengths, angle if any(isinstance(each, Estimate) for each in strengths) else reason
 
 
 def _strength(frame: SurfaceLight, pooled: Trace) -> Estimate | Unmeasured:
@@ -110,6 +111,7 @@ def _strength(frame: SurfaceLight, pooled: Trace) -> Estimate | Unmeasured:
 # Gain, angle, deviation, and the offsets at KNOTS_RAD.
 LOW = np.array([0.0, 0.01, 0.05] + [-3.0] * len(KNOTS_RAD))
 HIGH = np.array([1e4, 1.0, 3.0] + [3.0] * len(KNOTS_RAD))
+NEAR_END = 0.95  # of the largest angle that is looked for: a fit that runs there has found none
 
 
 def _fit(
