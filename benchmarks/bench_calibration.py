@@ -143,7 +143,7 @@ def print_bent(study: Study, count: int, frame_count: int) -> None:
         print(f"{eye.thickness_m * 1e6:>6.0f}{eye.youngs_modulus_pa / 1e6:>7.3f}{eye.iop_pa / 133.3:>6.1f}"
               f"{np.degrees(eye.polar_rad):>6.0f}"
               + "".join(f"{100 * error:>+9.2f} ({100 * sd:.1f})" for error, sd in found[-1])
-              + f"{100 * low:>+14.1f}{100 * high:>+13.1f}{1e3 * np.median(runs[-1][2][1:]):>9.1f}",
+              + f"{_percent(low):>14}{_percent(high):>13}{1e3 * np.median(runs[-1][2][1:]):>9.1f}",
               flush=True)  # fmt: skip
     errors = np.array(found)
     for used, (error, sd) in zip((3, 5, frame_count), np.moveaxis(errors, 0, 2), strict=True):
@@ -153,8 +153,10 @@ def print_bent(study: Study, count: int, frame_count: int) -> None:
               f"{100 * largest:.2f} %; within two sd: {honest:.0f} %")  # fmt: skip
 
 
-def own_moduli(study: Study, model: EyeModel, inputs: list[FrameInput], eye: PhantomEye) -> tuple[float, float]:
-    """Return the median error of what single frames below 20 mN and above 35 mN say of E."""
+def own_moduli(
+    study: Study, model: EyeModel, inputs: list[FrameInput], eye: PhantomEye
+) -> tuple[list[float], list[float]]:
+    """Return the errors of what single frames below 20 mN and above 35 mN say of E."""
     filtered = eye_filter(model, study.calibration)
     state, alone = first_state(filtered), []
     for frame in inputs:
@@ -164,7 +166,12 @@ def own_moduli(study: Study, model: EyeModel, inputs: list[FrameInput], eye: Pha
             alone.append((frame.force_n, step.registered.youngs_modulus_pa / eye.youngs_modulus_pa - 1))
     low = [error for force_n, error in alone if force_n < 20e-3]
     high = [error for force_n, error in alone if force_n > 35e-3]
-    return float(np.median(low)) if low else np.nan, float(np.median(high)) if high else np.nan
+    return low, high
+
+
+def _percent(errors: list[float]) -> str:
+    """Return the median of errors; of none, a dash."""
+    return f"{100 * np.median(errors):+.1f}" if errors else "-"
 
 
 def print_linear(study: Study, count: int, frame_count: int) -> None:
