@@ -94,7 +94,7 @@ def monitor(
         from scleraforce.service.notes import Notes
         from scleraforce.service.reset_token import new_token
 
-    reader = load_model(model)
+    reader = load_model(model, finder=None)  # the loop has no time for one; the second opinion loads its own
     known, doubt = _known(calibration, eye, options)
     _refuse_untrained(reader, known)
     settings = MonitorSettings(

@@ -9,14 +9,13 @@ import click
 
 from scleraforce import __version__
 from scleraforce.cli.output import print_json, progress_bar, wrapped
-from scleraforce.cli.single_frames import scanner_options, told_scanner
-from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
+from scleraforce.cli.single_frames import asked_wall_finder, scanner_options, told_scanner, wall_in
+from scleraforce.cli.wall_finder_option import wall_finder_option
 from scleraforce.errors import FrameError, InputError
 from scleraforce.units import from_si
 from scleraforce.whole_files import write_whole
 
 if TYPE_CHECKING:
-    from scleraforce.recording.images import Pixels
     from scleraforce.recording.scaled_frame import ScaledFrame, Scanner
     from scleraforce.scanner.imaged_eye import ImagedEye
     from scleraforce.scanner.measure import MeasuredRange, MeasuredScanner
@@ -95,11 +94,9 @@ def _imaged(
     Raises:
         InputError: a frame cannot be read or used, or is not of the size of the first.
     """
-    from scleraforce.reader.wall_finder_model import load_wall_finder
     from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame
 
-    folder = finder_folder(finder)
-    network = None if folder is None else load_wall_finder(folder)
+    network = asked_wall_finder(finder)
     first: tuple[Any, ...] = ()
     for path in progress_bar(frames, "frames"):
         frame = read_scaled_frame(path, told, (Scanner(), ""), transpose)
@@ -124,19 +121,16 @@ def _bits(path: Path, frame: "ScaledFrame", told: int | None) -> int:
 def _eye(path: Path, frame: "ScaledFrame", bits: int, finder: "WallFinder | None") -> "ImagedEye":
     """Return a frame with its wall."""
     from scleraforce.scanner.imaged_eye import ImagedEye
-    from scleraforce.segmentation.checked_wall import find_checked_wall
-    from scleraforce.segmentation.wall import find_wall
 
     rows, columns = frame.pixels.shape
     if not (32 <= rows <= 8192 and 32 <= columns <= 8192):
         raise FrameError(f"{path}: {rows} x {columns} pixels; a study takes 32 to 8192")
-    pixels: Pixels = frame.pixels.copy()
-    found = find_wall(pixels, frame.scale) if finder is None else find_checked_wall(pixels, frame.scale, finder)
+    found = wall_in(frame, finder)
     if not found.usable:
         raise FrameError(f"{path}: {found.reason}; nothing can be measured on it")
     if found.needle is not None:
         raise FrameError(f"{path}: a needle crosses it; give frames of an eye at rest")
-    return ImagedEye(str(path), pixels, frame.scale, bits, found, found.inner_found)
+    return ImagedEye(str(path), frame.pixels, frame.scale, bits, found, found.inner_found)
 
 
 def _write(measured: "MeasuredScanner", frames: Sequence[Path], out: Path, picture: Path) -> float:

@@ -11,14 +11,16 @@ import numpy as np
 from scleraforce.cli.output import print_json, wrapped
 from scleraforce.cli.single_frames import (
     ASSUMED,
+    asked_wall_finder,
     each_of,
     end_with_faults,
     is_folder,
     scale_entry,
     scanner_options,
     told_scanner,
+    wall_in,
 )
-from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
+from scleraforce.cli.wall_finder_option import wall_finder_option
 from scleraforce.errors import FrameError, InputError
 from scleraforce.study import OctStudy
 from scleraforce.units import from_si
@@ -26,8 +28,7 @@ from scleraforce.whole_files import KINDS, read_bytes, write_whole
 
 if TYPE_CHECKING:
     from scleraforce.recording.images import Pixels
-    from scleraforce.recording.scaled_frame import ScaledFrame, Scanner
-    from scleraforce.segmentation.wall import Segmentation
+    from scleraforce.recording.scaled_frame import Scanner
     from scleraforce.segmentation.wall_finder import WallFinder
 
 __all__ = ["segment"]
@@ -87,7 +88,7 @@ def segment(
     Example: scleraforce segment recordings/eye-1 --out masks --overlay
     """
     told = told_scanner(width_mm, depth_mm, refractive_index)
-    asked = _Asked(told, transpose, overlay, force, _wall_finder(finder))
+    asked = _Asked(told, transpose, overlay, force, asked_wall_finder(finder))
     found = list(each_of(_plan_masks(frames, out), lambda source: _segment_frame(source, asked)))
     if as_json:
         print_json({"out": str(out), "frames": [_entry(*each) for each in found]})
@@ -95,17 +96,6 @@ def segment(
         for line in _lines([entry for _, entry in found if not isinstance(entry, InputError)]):
             click.echo(line)
     end_with_faults(entry for _, entry in found)
-
-
-def _wall_finder(finder: Path | None) -> "WallFinder | None":
-    """Return the wall finder that was asked for."""
-    folder = finder_folder(finder)
-    if folder is None:
-        return None
-    # Imported here: ONNX Runtime takes longer to import than frames to segment.
-    from scleraforce.reader.wall_finder_model import load_wall_finder
-
-    return load_wall_finder(folder)
 
 
 def _plan_masks(given: tuple[Path, ...], out: Path) -> list[_Source]:
@@ -158,7 +148,7 @@ def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
     assumed = Scanner(width_m=scanner.width_m, depth_m=scanner.depth_m, refractive_index=scanner.refractive_index)
     frame = read_scaled_frame(source.frame, asked.told, (assumed, ASSUMED), asked.transpose)
     try:
-        found = _found(frame, asked.finder)
+        found = wall_in(frame, asked.finder, None if frame.info is None else frame.info.eye.thickness_m)
     except ValueError as fault:
         raise FrameError(f"{source.frame}: {fault}") from fault
     _write(source.mask, found.mask.T if asked.transpose else found.mask, asked.force)
@@ -178,17 +168,6 @@ def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
         "conjunctiva_um": from_si(found.conjunctiva_m, "um"),
         "scale": scale_entry(frame),
     }
-
-
-def _found(frame: "ScaledFrame", finder: "WallFinder | None") -> "Segmentation":
-    thickness_m = None if frame.info is None else frame.info.eye.thickness_m
-    if finder is None:
-        from scleraforce.segmentation.sclera import find_sclera
-
-        return find_sclera(frame.pixels, frame.scale, thickness_m)
-    from scleraforce.segmentation.checked_wall import find_checked_wall
-
-    return find_checked_wall(frame.pixels, frame.scale, finder, thickness_m)
 
 
 def _write(path: Path, picture: "Pixels", force: bool) -> None:

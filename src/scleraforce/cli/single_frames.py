@@ -9,14 +9,18 @@ import click
 
 from scleraforce.cli.main import fail
 from scleraforce.cli.output import progress_bar
+from scleraforce.cli.wall_finder_option import finder_folder
 from scleraforce.errors import InputError
 from scleraforce.units import from_si, to_si
 
 if TYPE_CHECKING:
     from scleraforce.recording.scaled_frame import ScaledFrame, Scanner
+    from scleraforce.segmentation.wall import Segmentation
+    from scleraforce.segmentation.wall_finder import WallFinder
 
 __all__ = [
     "ASSUMED",
+    "asked_wall_finder",
     "each_of",
     "end_with_faults",
     "is_folder",
@@ -24,6 +28,7 @@ __all__ = [
     "scanner_options",
     "size_words",
     "told_scanner",
+    "wall_in",
 ]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -59,6 +64,32 @@ def told_scanner(width_mm: float | None, depth_mm: float | None, refractive_inde
         depth_m=to_si(depth_mm, "mm"),
         refractive_index=refractive_index,
     )
+
+
+def asked_wall_finder(finder: Path | None) -> "WallFinder | None":
+    """Return the wall finder that `--wall-finder` asks for; None: none.
+
+    Raises:
+        ModelError: it cannot be loaded.
+    """
+    folder = finder_folder(finder)
+    if folder is None:
+        return None
+    # Imported here: ONNX Runtime takes longer to import than frames to segment.
+    from scleraforce.reader.wall_finder_model import load_wall_finder
+
+    return load_wall_finder(folder)
+
+
+def wall_in(frame: "ScaledFrame", finder: "WallFinder | None", thickness_m: float | None = None) -> "Segmentation":
+    """Return the wall in a frame: by both ways, or without a wall finder by the classical one alone."""
+    if finder is None:
+        from scleraforce.segmentation.sclera import find_sclera
+
+        return find_sclera(frame.pixels, frame.scale, thickness_m)
+    from scleraforce.segmentation.checked_wall import find_checked_wall
+
+    return find_checked_wall(frame.pixels, frame.scale, finder, thickness_m)
 
 
 def each_of(items: Iterable[Item], read: Callable[[Item], Result]) -> Iterator[tuple[Item, Result | InputError]]:

@@ -12,6 +12,7 @@ from scipy.optimize import curve_fit
 from scipy.signal import find_peaks
 from scipy.stats import ncx2
 
+from scleraforce.fitting.least_squares import robust_spread
 from scleraforce.laboratory.speckle import amplitude_sigma
 from scleraforce.scanner.display import MEDIAN_DB, Display
 from scleraforce.scanner.imaged_eye import ImagedEye, Trace
@@ -22,7 +23,6 @@ LEAST_SHARE = 0.5  # of the imaged columns must show air in a row that is looked
 LEAST_DB, LEAST_SDS = 1.5, 6.0  # over the noise, in dB and in the other rows' deviations
 REACH = 8  # rows about a line that are fitted
 NARROWEST, WIDEST = 0.4, 4.0  # standard deviation of the amplitude, rows
-MAD_TO_SD = 1.4826
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ def find_lines(eye: ImagedEye, display: Display) -> tuple[SeenLine, ...]:
     levels = np.where(air[rows], display.levels(eye.pixels[rows]), np.nan)
     level_db = np.nanmedian(levels, axis=1) - MEDIAN_DB
     level_db = np.nan_to_num(level_db - np.nanmedian(level_db))
-    deviation = float(np.median(np.abs(level_db))) * MAD_TO_SD
+    deviation = robust_spread(np.abs(level_db))
     peaks, _ = find_peaks(level_db, height=max(LEAST_DB, LEAST_SDS * deviation), distance=REACH)
     found = [_fitted(eye, rows, _mirrored(level_db), int(peak)) for peak in peaks]
     return tuple(line for line in found if line is not None)

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.ndimage import find_objects, label
 from scipy.optimize import curve_fit
 
+from scleraforce.fitting.least_squares import robust_spread
 from scleraforce.scanner.imaged_eye import ImagedEye, Trace
 from scleraforce.scanner.tissue import WallLight, typical
 
@@ -18,7 +19,6 @@ __all__ = ["SeenShadow", "find_shadows"]
 LEAST_DB, LEAST_SDS = 1.0, 4.0  # by which a shadow's columns are darker, in dB and in the others' deviations
 MARGIN = 1.5  # widths beside a shadow that are fitted with it
 MOST_LOSS_ERROR = 0.15
-MAD_TO_SD = 1.4826
 LEAST_COLUMNS = 2
 
 
@@ -35,7 +35,7 @@ def find_shadows(eye: ImagedEye, tissue: WallLight) -> tuple[SeenShadow, ...]:
     """Return the shadows on a frame's wall."""
     light_db = typical(eye, tissue.column_db)
     known = np.isfinite(light_db)
-    deviation = float(np.median(np.abs(light_db[known]))) * MAD_TO_SD
+    deviation = robust_spread(np.abs(light_db[known]))
     dark, _ = label(np.nan_to_num(light_db) < -max(LEAST_DB, LEAST_SDS * deviation))
     found = [_fitted(eye, light_db, place[0]) for place in find_objects(dark)]
     return _distinct([shadow for shadow in found if shadow is not None], eye.scale.lateral_m)

@@ -13,6 +13,7 @@ from scipy.optimize import curve_fit
 from scipy.stats import theilslopes
 
 from scleraforce.errors import FrameError
+from scleraforce.fitting.least_squares import robust_spread
 from scleraforce.scanner.display import MEDIAN_DB, Display
 from scleraforce.scanner.estimate import Estimate, Unmeasured, fitted, level_db
 from scleraforce.scanner.imaged_eye import ImagedEye, Trace
@@ -26,7 +27,6 @@ OVER_NOISE_DB, BELOW_TOP_DB = 1.0, 1.0  # of a median that tells the light
 SHADED_DB, SHADED_SDS = 0.7, 3.0  # a column that gets so much less, and by so many of its deviations, is left out
 SMOOTH_M = 60e-6  # of the columns' light
 BASE_M = 2.5e-3  # of what its slow changes are: they are none of a shadow
-MAD_TO_SD = 1.4826
 MOST_ATTENUATION_SHARE = 0.3
 FACING_RAD = 0.35  # up to this slope columns tell a roll-off
 LEAST_REACH_M = 0.3e-3  # of depths of the surface
@@ -86,7 +86,7 @@ def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
         expected = 10.0 ** (value[0] / 10.0) * np.nan_to_num(fall)
         column_db = _column_light(eye, levels - level_db(expected + 1.0), inside)
         dips = column_db - _slow(eye, column_db)
-        least = max(SHADED_DB, SHADED_SDS * float(np.nanmedian(np.abs(dips))) * MAD_TO_SD)
+        least = max(SHADED_DB, SHADED_SDS * robust_spread(np.abs(dips[np.isfinite(dips)])))
         clear = np.nan_to_num(dips, nan=-np.inf) > -least
     snr = Estimate(value=float(value[0]), error=float(error[0]))
     attenuation = fitted(
