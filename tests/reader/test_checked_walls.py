@@ -13,6 +13,7 @@ from told_finder import STUDY as FINDER_STUDY
 from told_finder import told_finder
 
 from scleraforce.cli.main import run
+from scleraforce.reader import load_classifier
 from scleraforce.reader.force_reader import ForceReader
 
 pytest.importorskip("torch")
@@ -42,6 +43,16 @@ def test_the_loop_reads_what_the_second_opinion_refuses() -> None:
     assert answer.reason.startswith(SAID[0])
     assert not answer.can_calibrate
     assert reader.read_live(frame, SCALE, KNOWN).answer.usable
+
+
+def test_a_classifier_checks_its_walls_too(tmp_path: Path, blind: Path, write_model) -> None:
+    frame = image(wall_section(tip_of(0.02)))
+    path = write_model(tmp_path / "tiny", STUDY).path
+    checked, alone = load_classifier(path, finder=blind), load_classifier(path, finder=None)
+    assert alone.read(frame, SCALE).usable
+    assert not checked.read(frame, SCALE).usable
+    assert checked.read(frame, SCALE).reason.startswith(SAID)
+    assert checked.read_live(frame, SCALE).answer.usable
 
 
 def told(capsys: pytest.CaptureFixture[str], *words: object, code: int = 0) -> str:
