@@ -1,53 +1,112 @@
-"""What frames of known force tell of how far an eye's forces lie off the library's."""
+"""Frames of known force, read again: E of an eye whose filter was off, and forces that are surer than E."""
 
-from collections.abc import Sequence
+from dataclasses import replace
+from math import exp, log
 
 import numpy as np
 import pytest
+from analytic_walls import BOTH, LATERAL_M, LIBRARY, noisy_boundaries
 
-from scleraforce.calibration.discrepancy import KnownForce, fitted_discrepancy
+from scleraforce.calibration.discrepancy import read_again, settled
+from scleraforce.fitting.fit_prediction import (
+    DEPTH,
+    GAP,
+    IOP,
+    LATERAL,
+    MODULUS,
+    NAMES,
+    THICKNESS,
+    TIP,
+    Walls,
+    force_n,
+    predict_wall,
+)
+from scleraforce.fitting.library_fit import fit_boundaries
+from scleraforce.fitting.prior import prior_of
+from scleraforce.known.eye import Known, Modulus
+from scleraforce.known.globe import OPEN
+from scleraforce.segmentation.observations import Boundaries
+from scleraforce.study import Study
 
-
-def frames(library_n: Sequence[float], level: float, growth: float, relative_sd: float = 0.015) -> list[KnownForce]:
-    """Frames of an eye whose forces lie off by just so much."""
-    return [
-        KnownForce(
-            force_n=force_n * float(np.exp(level + growth * (force_n / 60e-3 - 0.5))),
-            library_n=force_n,
-            sd_n=relative_sd * force_n,
-        )
-        for force_n in library_n
-    ]
-
-
-def test_without_a_frame_nothing_is_known_but_what_eyes_have() -> None:
-    found = fitted_discrepancy([])
-    assert (found.level, found.growth) == (0.0, 0.0)
-    assert (found.level_sd, found.growth_sd) == pytest.approx((0.02, 0.035))
-
-
-@pytest.mark.parametrize(("level", "growth"), [(0.1, 0.8), (-0.03, 0.3), (0.0, -0.4)])
-def test_many_frames_tell_level_and_growth(level: float, growth: float) -> None:
-    found = fitted_discrepancy(frames(np.linspace(10e-3, 55e-3, 40), level, growth))
-    assert found.level == pytest.approx(level, abs=0.005)
-    assert found.growth == pytest.approx(growth, abs=0.05)
-    assert abs(found.growth - growth) < 3.0 * found.growth_sd
+STUDY = replace(Study(), calibration=replace(Study().calibration, surface_smoothing_m=0.0))
+TIPS_M = (0.5e-3, 1.1e-3, 1.7e-3)
+MODULUS_PA = 0.3e6
 
 
-def test_three_frames_of_tissue_that_stiffens_are_believed_and_noise_of_an_even_wall_is_not() -> None:
-    forces_n = (17e-3, 30e-3, 38e-3)
-    stiffening = fitted_discrepancy(frames(forces_n, 0.15, 1.2))
-    assert stiffening.growth == pytest.approx(1.2, abs=0.2)
-    noise = fitted_discrepancy(frames((18e-3, 38e-3, 57e-3), 0.0, 0.04))
-    assert abs(noise.growth) < 0.03
+def known_of(modulus_pa: float, relative_sd: float = 0.02) -> Known:
+    modulus = Modulus(mean_pa=modulus_pa, sd_pa=relative_sd * modulus_pa, source="own")
+    return Known(modulus=modulus, iop_pa=270.0, thickness_m=0.65e-3, gap_m=0.6e-3, polar_rad=0.0, globe=OPEN)
 
 
-def test_one_frame_tells_the_force_at_its_own_dent() -> None:
-    (frame,) = frames((40e-3,), 0.0, 0.0)
-    found = fitted_discrepancy([KnownForce(force_n=1.3 * frame.force_n, library_n=frame.library_n, sd_n=frame.sd_n)])
-    assert found.corrected_n(np.array([40e-3]))[0] == pytest.approx(1.3 * 40e-3, rel=0.03)
+def frames(factor: float = 1.0) -> list[tuple[Boundaries, float]]:
+    """Boundaries of an eye at three dents, and their forces, which are those of the library times a factor."""
+    rng, walls, found = np.random.default_rng(4), Walls(LIBRARY), []
+    for tip_m in TIPS_M:
+        unknown = np.zeros(len(NAMES))
+        unknown[[TIP, LATERAL, DEPTH]] = tip_m, 0.3e-3, 0.5e-3
+        unknown[[GAP, THICKNESS, MODULUS, IOP]] = 0.6e-3, 0.65e-3, log(MODULUS_PA), log(270.0)
+        depth = noisy_boundaries(predict_wall(walls, unknown, BOTH), 3e-6, rng)
+        known_n = factor * float(force_n(walls, unknown[None])[0])
+        found.append((Boundaries(LATERAL_M, depth, float(np.diff(LATERAL_M)[0])), known_n))
+    return found
 
 
-def test_frames_in_any_order_tell_the_same() -> None:
-    some = frames((12e-3, 30e-3, 50e-3), 0.02, 0.5)
-    assert fitted_discrepancy(some) == fitted_discrepancy(some[::-1])
+def test_slopes_are_those_of_forces_that_are_read_with_another_modulus() -> None:
+    known = known_of(MODULUS_PA)
+    other = known_of(1.05 * MODULUS_PA)
+    for here, there in zip(*(read_again(frames(), each, LIBRARY, STUDY) for each in (known, other)), strict=True):
+        assert here is not None
+        assert there is not None
+        assert log(there.library_n / here.library_n) == pytest.approx(here.by_modulus * log(1.05), abs=0.005)
+        assert here.by_rigidity == 0.0
+
+
+@pytest.mark.parametrize("wrong", [0.6, 1.5])
+def test_a_modulus_that_the_filter_missed_is_found(wrong: float) -> None:
+    now, again = settled(known_of(wrong * MODULUS_PA), frames(), (), LIBRARY, STUDY)
+    assert now.modulus is not None
+    assert now.discrepancy is not None
+    assert now.modulus.mean_pa == pytest.approx(MODULUS_PA, rel=0.05)
+    for frame in again:
+        assert frame is not None
+        corrected_n = now.discrepancy.corrected_n(np.array([frame.library_n]))[0]
+        assert corrected_n == pytest.approx(frame.force_n, rel=0.03)
+
+
+def test_forces_are_surer_than_the_modulus_that_they_tell() -> None:
+    """An eye whose forces all lie 4 % off is read right, and its intervals are those of a frame, not of E."""
+    seen = frames(1.04)
+    now, _ = settled(known_of(MODULUS_PA), seen, (), LIBRARY, STUDY)
+    assert now.modulus is not None
+    assert now.modulus.relative_sd > 0.015
+    assert now.discrepancy is not None
+    apart = replace(now.discrepancy, level_by=(0.0, 0.0), growth_by=(0.0, 0.0))
+    for boundaries, known_n in seen[1:]:
+        widths = []
+        for each in (now, replace(now, discrepancy=apart)):
+            fit = fit_boundaries(LIBRARY, boundaries.lateral_m, boundaries.depth_m, prior_of(each, STUDY.reader))
+            assert fit is not None
+            assert fit.force_n == pytest.approx(known_n, rel=0.03)
+            widths.append(float(np.diff(np.log(fit.interval_n))[0]))
+        assert widths[0] < 0.9 * widths[1]
+
+
+def test_what_was_read_before_counts_as_what_is_read_now() -> None:
+    seen = frames(1.1)
+    known = known_of(MODULUS_PA)
+    earlier = [frame for frame in read_again(seen[:2], known, LIBRARY, STUDY) if frame is not None]
+    at_once, parts = settled(known, seen, (), LIBRARY, STUDY)[0], settled(known, seen[2:], earlier, LIBRARY, STUDY)[0]
+    assert at_once.modulus is not None
+    assert parts.modulus is not None
+    assert parts.modulus.mean_pa == pytest.approx(at_once.modulus.mean_pa, rel=0.01)
+
+
+def test_without_a_frame_that_can_be_read_the_filter_s_stays() -> None:
+    known = known_of(MODULUS_PA)
+    blind = Boundaries(LATERAL_M, np.full((2, len(LATERAL_M)), np.nan), 1e-4)
+    now, again = settled(known, [(blind, 0.02)], (), LIBRARY, STUDY)
+    assert again == [None]
+    assert now.modulus is not None
+    assert now.modulus.mean_pa == pytest.approx(MODULUS_PA, rel=exp(1e-9) - 1.0)
+    assert now.discrepancy is not None
+    assert (now.discrepancy.level, now.discrepancy.growth) == (0.0, 0.0)

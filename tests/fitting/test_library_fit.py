@@ -17,6 +17,7 @@ from scleraforce.fitting.fit_prediction import (
     LATERAL,
     MODULUS,
     NAMES,
+    POLE,
     ROTATION,
     SIZE,
     THICKNESS,
@@ -26,7 +27,7 @@ from scleraforce.fitting.fit_prediction import (
     force_n,
     predict_wall,
 )
-from scleraforce.fitting.library_fit import fit_boundaries
+from scleraforce.fitting.library_fit import POLE_STRIDE, _step, fit_boundaries
 from scleraforce.fitting.prior import form_size, prior_of
 from scleraforce.fitting.resting_form import FORMS
 from scleraforce.known.discrepancy import ForceDiscrepancy
@@ -196,6 +197,32 @@ def test_an_eyes_discrepancy_moves_its_force_and_what_is_not_known_of_it_widens_
     assert found["exact"][0] == pytest.approx(exp(0.1) * found["none"][0], rel=1e-3)
     assert found["unsure"][0] == pytest.approx(found["exact"][0], rel=0.01)
     assert found["unsure"][1] == pytest.approx(np.hypot(found["exact"][1], 2 * 1.645 * 0.1), rel=0.06)
+
+
+def test_a_discrepancy_that_goes_with_the_modulus_takes_its_uncertainty_back() -> None:
+    """Frames that told forces, not E: an E that is too high goes with forces that lie below the library's."""
+    truth = eye(1.5e-3)
+    depth = boundaries(truth, 4e-6, np.random.default_rng(12))
+    none = ForceDiscrepancy(level=0.0, growth=0.0, level_sd=0.0, growth_sd=0.0, correlation=0.0)
+    stiffer = eye(1.5e-3, log_modulus=truth[MODULUS] + 0.05)
+    slope = log(fitted(truth, depth, known_of(stiffer, 0.0)).force_n / fitted(truth, depth).force_n) / 0.05
+    width = {}
+    for name, relative_sd, by in (("sure", 0.01, 0.0), ("unsure", 0.1, 0.0), ("together", 0.1, -0.1 * slope)):
+        known = replace(known_of(truth, relative_sd), discrepancy=replace(none, level_by=(by, 0.0)))
+        width[name] = float(np.diff(np.log(fitted(truth, depth, known).interval_n))[0])
+    assert width["together"] < 1.1 * width["sure"] < 0.5 * width["unsure"]
+
+
+def test_the_pole_strides_no_farther_than_its_effect_is_straight() -> None:
+    """The rest of a step is that which is best for a pole that goes so far."""
+    rng = np.random.default_rng(3)
+    half = rng.standard_normal((40, len(NAMES)))
+    normal, gradient = half.T @ half + np.eye(len(NAMES)), 30.0 * rng.standard_normal(len(NAMES))
+    whole, step = np.linalg.solve(normal, gradient), _step(normal, gradient)
+    assert np.hypot(*whole[POLE]) > POLE_STRIDE
+    np.testing.assert_allclose(step[POLE], POLE_STRIDE * whole[POLE] / np.hypot(*whole[POLE]))
+    np.testing.assert_allclose((normal @ step - gradient)[: POLE.start], 0.0, atol=1e-9)
+    np.testing.assert_allclose(_step(normal, 1e-3 * gradient), 1e-3 * whole)
 
 
 def test_a_wrong_stretch_does_not_pull_the_fit() -> None:

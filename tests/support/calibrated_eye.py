@@ -3,6 +3,7 @@
 import numpy as np
 
 from scleraforce.calibration.assimilation import PARAMETERS, RIGIDITY, SHARED, EyeState
+from scleraforce.calibration.known_forces import KnownForce
 from scleraforce.calibration.placement import NUISANCES
 from scleraforce.calibration.registration import PoseBelief
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
@@ -28,8 +29,13 @@ def calibration_of_a_sealed_eye() -> Calibration:
             mean_pa=0.3e6,
             sd_pa=1e4,
             own_modulus_pa=(0.2 + 0.05 * number) * 1e6,
-            read_n=0.014 * number,
-            read_sd_n=2e-4,
+            again=KnownForce(
+                force_n=0.015 * number,
+                library_n=0.014 * number,
+                sd_n=2e-4,
+                modulus_pa=0.3e6,
+                rigidity=REFERENCE_RIGIDITY,
+            ),
         )
         for number in (1, 2, 3)
     )

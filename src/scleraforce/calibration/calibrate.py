@@ -6,13 +6,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scleraforce.calibration.assimilation import (
+    PARAMETERS,
+    RIGIDITY,
     EyeFilter,
     FrameStep,
     Skipped,
     known_globe_after,
     moments,
 )
-from scleraforce.calibration.discrepancy import KnownForce, fitted_discrepancy, read_again
+from scleraforce.calibration.discrepancy import settled
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
 from scleraforce.calibration.frame_order import frame_order, reach_doubts
@@ -216,13 +218,13 @@ def _calibrate(
     )
     if way.library is None or found_eye.status != "ok":
         return found_eye
-    return _with_discrepancy(found_eye, known_after(session), taken, way.library, way.study)
+    return _settled(found_eye, known_after(session), taken, way.library, way.study)
 
 
-def _with_discrepancy(
+def _settled(
     eye: EyeCalibration, known: Known, taken: Mapping[int, Boundaries], library: Library, study: Study
 ) -> EyeCalibration:
-    """Return a calibration with how far its forces lie off the library's, from its frames read again.
+    """Return a calibration with what its frames tell when they are read again.
 
     Args:
         eye: the calibration.
@@ -233,15 +235,19 @@ def _with_discrepancy(
     """
     frames = list(eye.frames)
     asked = [(boundaries, frames[place].force_n) for place, boundaries in taken.items()]
-    for place, again in zip(taken, read_again(asked, known, library, study), strict=True):
-        if again is not None:
-            frames[place] = replace(frames[place], read_n=again.library_n, read_sd_n=again.sd_n)
-    forces = [
-        KnownForce(force_n=frame.force_n, library_n=frame.read_n, sd_n=frame.read_sd_n)
-        for frame in frames
-        if frame.read_n and frame.read_sd_n
-    ]
-    return replace(eye, frames=tuple(frames), discrepancy=fitted_discrepancy(forces))
+    earlier = [frame.again for place, frame in enumerate(frames) if frame.again is not None and place not in taken]
+    found, again = settled(known, asked, earlier, library, study)
+    for place, read in zip(taken, again, strict=True):
+        frames[place] = replace(frames[place], again=read)
+    assert found.modulus is not None  # as before
+    assert found.globe is not None
+    now = {
+        PARAMETERS["e"]: (found.modulus.mean_pa, found.modulus.sd_pa),
+        RIGIDITY: (found.globe.mean, found.globe.sd),
+    }
+    moments = [now.get(name, moments) for name, *moments in zip(eye.names, eye.means, eye.sds, strict=True)]
+    means, sds = zip(*moments, strict=True)
+    return replace(eye, means=means, sds=sds, globe=found.globe, discrepancy=found.discrepancy, frames=tuple(frames))
 
 
 def _begin(
@@ -274,8 +280,8 @@ def _check_state(eye: EyeFilter, earlier: EyeCalibration) -> None:
     """Check that the state of an earlier calibration gives its moduli again."""
     with np.errstate(over="ignore", invalid="ignore"):
         means, sds = moments(eye, earlier.state)
-    modulus_pa = means[eye.space.names.index("youngs_modulus_pa")]
-    same = abs(modulus_pa / earlier.mean_pa - 1.0) < SAME_MODULUS
+    modulus_pa = means[eye.space.names.index(PARAMETERS["e"])]
+    same = abs(modulus_pa / earlier.used[-1].mean_pa - 1.0) < SAME_MODULUS
     if not (same and np.isfinite((means, sds)).all()):
         raise CalibrationError(
             f"{earlier.id}: the state of the earlier calibration is not that of its parameters under this study; begin "

@@ -1,97 +1,187 @@
-"""How far an eye's forces lie off the library's, from the frames that it was calibrated on (`known.discrepancy`).
+"""What an eye's frames of known force say once they are read as a reader would (`known.discrepancy`).
 
-With E and k of the calibration each frame is read once more, as a reader would; its known force over the one that is
-read is the discrepancy at that force. Level and growth follow by linear regression, held by what eyes have of them.
+The filter weighs the frames one after the other, each linearised where it stood then, and takes the library's walls for
+the eye's. In the end the frames are read once more, all with the same E and k; their known forces over those that are
+read tell how far E, k and the forces' level and growth are off (`known_forces`). What the frames tell of the four
+together is far surer than what they tell of each: the discrepancy is known given E and k (`ForceDiscrepancy`), and the
+force at a dent like those of the frames is known best.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from math import exp, log
 
 import numpy as np
+from numpy.typing import NDArray
 
-from scleraforce.calibration.forces import LABEL_SD_N
+from scleraforce.calibration.known_forces import MODULUS, RIGIDITY, Found, KnownForce, globe_of, place_of, regression
 from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit, fit_boundaries
 from scleraforce.fitting.prior import prior_of
-from scleraforce.known.discrepancy import ForceDiscrepancy, beside_middle
-from scleraforce.known.eye import Known
-from scleraforce.known.globe import NINETY_PERCENT
+from scleraforce.known.discrepancy import ForceDiscrepancy
+from scleraforce.known.eye import Known, Modulus
+from scleraforce.known.globe import NINETY_PERCENT, REFERENCE_RIGIDITY
 from scleraforce.library import Library
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study
 
-__all__ = ["KnownForce", "fitted_discrepancy", "read_again"]
+__all__ = ["read_again", "settled"]
 
-# Scales of Cauchy's prior, whose density falls slowly: forces of most eyes hardly lie off (those of uneven ones,
-# computed in three dimensions, drift by 0.035 from none to the largest), those of tissue that stiffens do, by up to 1.
-SCALES = np.array([0.02, 0.035])  # of level and growth
-CAUCHY = 2.0  # scales at which a prior's weight is halved
-WIDE = 1.0  # where the search begins
-ROUNDS = 60
+Array = NDArray[np.float64]
+
+MODULUS_STEP, RIGIDITY_STEP, LEAST_RIGIDITY = 0.02, 0.05, 0.1  # of ln E; of k, as a share of it, or of the reference's
+LARGEST_STEP = 0.5  # of ln E, before the frames are read anew
+READINGS = 5  # at most; what moves by less than a step is not read anew
 CERTAIN = 0.001  # of a standard deviation: nothing is left of it
-SETTLED = 1e-9
 
 
-@dataclass(frozen=True, kw_only=True)
-class KnownForce:
-    """A frame's force as it is known, what is read in it, and the standard deviation of that, all N."""
+def settled(
+    known: Known,
+    frames: Sequence[tuple[Boundaries, float]],
+    earlier: Sequence[KnownForce],
+    library: Library,
+    study: Study,
+) -> tuple[Known, list[KnownForce | None]]:
+    """Return what is known of an eye once its frames are read again, and what is read in them.
 
-    force_n: float
-    library_n: float
-    sd_n: float
+    Args:
+        known: of the eye, with its own modulus, after the filter.
+        frames: boundaries, and the force that is known, N.
+        earlier: frames that were read again before, and are no longer at hand.
+        library: for any contact.
+        study: of the calibration.
+    """
+    now, again = known, read_again(frames, known, library, study)
+    read = _all_read(earlier, again)
+    found = regression(read, known, place_of(now))
+    for _ in range(READINGS - 1):
+        moved = _moved(now, found)
+        near = (np.abs(place_of(moved) - place_of(now)) < _steps(now)).all()
+        if near or not read:
+            now = moved
+            break
+        moved_again = read_again(frames, moved, library, study)
+        moved_read = _all_read(earlier, moved_again)
+        moved_found = regression(moved_read, known, place_of(moved))
+        if len(moved_read) < len(read) or moved_found.loss >= found.loss:
+            break
+        now, again, read, found = moved, moved_again, moved_read, moved_found
+    return _with_discrepancy(now, found), again
+
+
+def _all_read(earlier: Sequence[KnownForce], again: Sequence[KnownForce | None]) -> list[KnownForce]:
+    return [*earlier, *(frame for frame in again if frame is not None)]
 
 
 def read_again(
     frames: Sequence[tuple[Boundaries, float]], known: Known, library: Library, study: Study
 ) -> list[KnownForce | None]:
-    """Return what a calibrated eye's frames read without their forces, each None where it cannot be read.
+    """Return what an eye's frames read without their forces, each None where it cannot be read.
 
     What the frames share, E and k, is taken for certain: it is no noise between them.
 
     Args:
         frames: boundaries, and the force that is known, N.
-        known: of the eye, with its own modulus, after the calibration.
+        known: of the eye, with its own modulus.
         library: for any contact.
         study: of the calibration.
     """
-    certain = replace(
-        known,
-        modulus=None if known.modulus is None else replace(known.modulus, sd_pa=0.0),
-        globe=None if known.globe is None else replace(known.globe, sd=CERTAIN * known.globe.sd, correlation=0.0),
-        discrepancy=None,
-    )
-    near, prior = library.nearest_contact(known.polar_rad), prior_of(certain, study.reader)
-    smoothing_m = study.calibration.surface_smoothing_m
-    fits = (fit_boundaries(near, seen.lateral_m, seen.depth_m, prior, smoothing_m) for seen, _ in frames)
-    return [_known_force(fit, force_n) for fit, (_, force_n) in zip(fits, frames, strict=True)]
+    assert known.modulus is not None  # its own
+    near = library.nearest_contact(known.polar_rad)
+    modulus_step, rigidity_step = _steps(known)
+    certain = [_certain(known), _certain(known, modulus_step)]
+    if globe_of(known).can_be_sealed:
+        certain.append(_certain(known, 0.0, rigidity_step))
+    priors = [prior_of(each, study.reader) for each in certain]
+    found = list[KnownForce | None]()
+    for seen, force_n in frames:
+        at = (near, seen.lateral_m, seen.depth_m)
+        fits = [fit_boundaries(*at, prior, study.calibration.surface_smoothing_m) for prior in priors]
+        here, stiffer, *rigid = [fit if fit is not None and _read(fit) else None for fit in fits]
+        if here is None or stiffer is None or None in rigid:
+            found.append(None)
+            continue
+        low_n, high_n = here.interval_n
+        slopes = [log(fit.force_n / here.force_n) for fit in (stiffer, *rigid) if fit is not None]
+        found.append(
+            KnownForce(
+                force_n=force_n,
+                library_n=here.force_n,
+                sd_n=0.5 * (high_n - low_n) / NINETY_PERCENT,
+                modulus_pa=known.modulus.mean_pa,
+                rigidity=globe_of(known).mean,
+                by_modulus=slopes[0] / modulus_step,
+                by_rigidity=slopes[1] / rigidity_step if rigid else 0.0,
+            )
+        )
+    return found
 
 
-def _known_force(fit: BoundaryFit | None, force_n: float) -> KnownForce | None:
-    if fit is None or fit.misfit_m > NO_WALL_M or not fit.force_n > 0.0:
-        return None
-    low_n, high_n = fit.interval_n
-    return KnownForce(force_n=force_n, library_n=fit.force_n, sd_n=0.5 * (high_n - low_n) / NINETY_PERCENT)
+def _read(fit: BoundaryFit) -> bool:
+    """Return whether a frame was read."""
+    return fit.misfit_m <= NO_WALL_M and fit.force_n > 0.0
 
 
-def fitted_discrepancy(frames: Sequence[KnownForce]) -> ForceDiscrepancy:
-    """Return what frames of one eye tell of its discrepancy: reweighted least squares, begun from a wide prior."""
-    normal, gradient = np.zeros((2, 2)), np.zeros(2)
-    for frame in frames:
-        direction = np.array([1.0, float(beside_middle(np.array(frame.library_n)))])
-        weight = 1.0 / ((frame.sd_n / frame.library_n) ** 2 + (LABEL_SD_N / frame.force_n) ** 2)
-        normal += weight * np.outer(direction, direction)
-        gradient += weight * np.log(frame.force_n / frame.library_n) * direction
-    found = np.full(2, WIDE if frames else 0.0)
-    for _ in range(ROUNDS):
-        precision = normal + np.diag(1.0 / (SCALES**2 * (1.0 + (found / (CAUCHY * SCALES)) ** 2)))
-        before, found = found, np.linalg.solve(precision, gradient)
-        if np.abs(found - before).max() < SETTLED:
-            break
-    covariance = np.linalg.inv(precision)
-    level_sd, growth_sd = np.sqrt(np.diag(covariance)).tolist()
-    return ForceDiscrepancy(
-        level=float(found[0]),
-        growth=float(found[1]),
+def _steps(known: Known) -> Array:
+    """Return the steps of ln E and k over the reference's (2,) by which slopes are found."""
+    assert known.modulus is not None  # its own
+    globe = globe_of(known)
+    share = RIGIDITY_STEP * max(globe.mean / REFERENCE_RIGIDITY, LEAST_RIGIDITY)
+    return np.array([max(known.modulus.relative_sd, MODULUS_STEP), max(globe.sd / REFERENCE_RIGIDITY, share)])
+
+
+def _certain(known: Known, log_modulus: float = 0.0, rigidity: float = 0.0) -> Known:
+    """Return an eye whose E and k are certain, each a step off: of ln E, and of k over the reference's."""
+    assert known.modulus is not None  # its own
+    modulus = Modulus(mean_pa=known.modulus.mean_pa * exp(log_modulus), sd_pa=0.0, source=known.modulus.source)
+    globe = globe_of(known)
+    if globe.can_be_sealed:
+        mean = globe.mean + rigidity * REFERENCE_RIGIDITY
+        globe = replace(
+            globe,
+            mean=mean,
+            sd=CERTAIN * globe.sd,
+            lowest=min(globe.lowest, mean),
+            highest=max(globe.highest, mean),
+            correlation=0.0,
+        )
+    return replace(known, modulus=modulus, globe=globe, discrepancy=None)
+
+
+def _moved(known: Known, found: Found) -> Known:
+    """Return an eye with the E and k that were found, not too far from those that it was read with."""
+    assert known.modulus is not None  # its own
+    globe, mean, covariance = globe_of(known), found.mean, found.covariance
+    if globe.can_be_sealed:  # where k would leave its bounds, E is that of a k on the bound
+        ends = np.array([globe.lowest, globe.highest]) / REFERENCE_RIGIDITY
+        away = np.clip(mean[RIGIDITY], *ends) - mean[RIGIDITY]
+        mean = mean + away * covariance[:, RIGIDITY] / covariance[RIGIDITY, RIGIDITY]
+        globe = replace(globe, mean=float(mean[RIGIDITY]) * REFERENCE_RIGIDITY)
+    farther = np.clip(mean[MODULUS] - log(known.modulus.mean_pa), -LARGEST_STEP, LARGEST_STEP)
+    modulus = replace(known.modulus, mean_pa=known.modulus.mean_pa * exp(farther))
+    return replace(known, modulus=modulus, globe=known.globe if known.globe is None else globe)
+
+
+def _with_discrepancy(known: Known, found: Found) -> Known:
+    """Return an eye at its E and k with their uncertainty, and the discrepancy given these."""
+    assert known.modulus is not None  # its own
+    globe, covariance = globe_of(known), found.covariance
+    sds = np.sqrt(np.diag(covariance))
+    modulus = replace(known.modulus, sd_pa=float(sds[MODULUS]) * known.modulus.mean_pa)
+    if globe.can_be_sealed:
+        correlation = float(covariance[MODULUS, RIGIDITY] / (sds[MODULUS] * sds[RIGIDITY]))
+        globe = replace(globe, sd=float(sds[RIGIDITY]) * REFERENCE_RIGIDITY, correlation=correlation)
+    given = covariance[2:, :2] @ np.linalg.inv(covariance[:2, :2])
+    level, growth = (found.mean[2:] + given @ (place_of(known) - found.mean[:2])).tolist()
+    left = covariance[2:, 2:] - given @ covariance[:2, 2:]
+    level_sd, growth_sd = np.sqrt(np.diag(left)).tolist()
+    by = given * np.array([modulus.relative_sd, float(sds[RIGIDITY])])
+    discrepancy = ForceDiscrepancy(
+        level=level,
+        growth=growth,
         level_sd=level_sd,
         growth_sd=growth_sd,
-        correlation=float(covariance[0, 1] / (level_sd * growth_sd)),
+        correlation=float(left[0, 1] / (level_sd * growth_sd)),
+        level_by=(float(by[0, 0]), float(by[0, 1])),
+        growth_by=(float(by[1, 0]), float(by[1, 1])),
     )
+    return replace(known, modulus=modulus, globe=known.globe if known.globe is None else globe, discrepancy=discrepancy)

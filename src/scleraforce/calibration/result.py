@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from scleraforce.calibration.assimilation import EyeFilter, EyeState, FrameStep
+from scleraforce.calibration.known_forces import KnownForce
 from scleraforce.calibration.parameters import spread
 from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.globe import KnownGlobe
@@ -19,7 +20,7 @@ class FrameRecord:
 
     `sha256` is the frame's content (`recording.files.frame_digest`), by which it is known again under any name.
     `force_n` is what the filter took, the label freed of offset and drift. `own_modulus_pa`: what the frame alone says;
-    `read_n` with `read_sd_n`: what is read in it with the modulus in the end.
+    `again`: what is read in it in the end.
     """
 
     recording: str
@@ -29,8 +30,7 @@ class FrameRecord:
     mean_pa: float
     sd_pa: float
     own_modulus_pa: float | None = None
-    read_n: float | None = None
-    read_sd_n: float | None = None
+    again: KnownForce | None = None
     points: int = 0
     gated: tuple[int, ...] = ()
     nis: float = 0.0
@@ -58,8 +58,9 @@ class EyeCalibration:
     """One eye: what is known after its frames.
 
     `names` of the uncertain parameters, `means` and `sds` of them in SI; `stated_thickness_m`: the recording's;
-    `globe`: what is known of it after the frames; `discrepancy`: how far its forces lie off the library's. `steps` are
-    kept for figures, and are empty for what was read from a file.
+    `globe`: what is known of it after the frames; `discrepancy`: how far its forces lie off the library's. With a
+    library, modulus and rigidity are those of the frames read again (`calibration.discrepancy`), `state` is the
+    filter's. `steps` are kept for figures, and are empty for what was read from a file.
     """
 
     id: str

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from scleraforce import __version__
 from scleraforce.calibration.assimilation import RIGIDITY, SHARED, EyeState
+from scleraforce.calibration.known_forces import KnownForce
 from scleraforce.calibration.placement import NUISANCES
 from scleraforce.calibration.registration import PoseBelief
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
@@ -33,6 +34,7 @@ __all__ = ["calibration_as_json", "parse_calibration"]
 Array = NDArray[np.float64]
 
 LARGEST = 1e15  # of what is only carried on; squares of it are still numbers
+TINY = 1e-15  # of what is divided by
 LONGEST_RECENT = 100
 # What may be uncertain, and between which values (SI) it can be.
 PARAMETERS = {
@@ -79,7 +81,7 @@ def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
             name: {"mean": mean, "sd": sd} for name, mean, sd in zip(eye.names, eye.means, eye.sds, strict=True)
         },
         "recordings": [vars(entry) for entry in eye.recordings],
-        "steps": [vars(frame) for frame in eye.frames],
+        "steps": [_frame_entry(frame) for frame in eye.frames],
         "state": {
             "mean": posterior.mean.tolist(),
             "factor": posterior.factor.tolist(),
@@ -93,6 +95,10 @@ def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
             "zero_covariance": eye.state.zero_covariance.tolist(),
         },
     }
+
+
+def _frame_entry(frame: FrameRecord) -> dict[str, Any]:
+    return {**vars(frame), "again": None if frame.again is None else vars(frame.again)}
 
 
 def parse_calibration(file: CalibrationFile) -> Calibration:
@@ -183,8 +189,7 @@ def _parse_frame(entry: Mapping[str, Any], place: str) -> FrameRecord:
         mean_pa=number_of(entry, "mean_pa", place, 0.0, LARGEST),
         sd_pa=number_of(entry, "sd_pa", place, 0.0, LARGEST),
         own_modulus_pa=_maybe(entry, "own_modulus_pa", place),
-        read_n=_maybe(entry, "read_n", place),
-        read_sd_n=_maybe(entry, "read_sd_n", place),
+        again=_parse_again(entry, place),
         points=round(number_of(entry, "points", place, 0.0, LARGEST)),
         gated=tuple(gated),
         nis=number_of(entry, "nis", place, 0.0, LARGEST),
@@ -192,6 +197,16 @@ def _parse_frame(entry: Mapping[str, Any], place: str) -> FrameRecord:
         status=text_of(entry, "status", place),
         skipped=None if skipped is None else text_of(entry, "skipped", place),
     )
+
+
+def _parse_again(entry: Mapping[str, Any], place: str) -> KnownForce | None:
+    """Return what a frame reads again; None where it was not read, and in files of earlier versions."""
+    if entry.get("again") is None:
+        return None
+    values, within = table_of(entry, "again", place), f"{place}.again"
+    least = dict.fromkeys(("force_n", "library_n", "sd_n", "modulus_pa"), TINY)
+    least |= dict.fromkeys(("rigidity", "by_modulus", "by_rigidity"), -LARGEST)
+    return KnownForce(**{name: number_of(values, name, within, low, LARGEST) for name, low in least.items()})
 
 
 def _maybe(entry: Mapping[str, Any], key: str, place: str) -> float | None:

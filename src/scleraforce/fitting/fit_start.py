@@ -1,9 +1,26 @@
-"""Where a fit begins: the best of a coarse search over dents and lateral places, on the outer boundary alone."""
+"""Where a fit begins: the best of a coarse search over dents and lateral places, on the outer boundary alone.
+
+In a globe that may be sealed each dent is tried at two pressures: those of the least rigidity that it may have and of
+the one that it is taken to have. A dent at which that pressure runs away is none to begin from.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import DEPTH, LATERAL, POLE, SIZE, TIP, Walls, place_walls
+from scleraforce.fitting.fit_prediction import (
+    DEPTH,
+    IOP,
+    LATERAL,
+    MODULUS,
+    POLE,
+    PRESSURE,
+    SIZE,
+    THICKNESS,
+    TIP,
+    Walls,
+    place_walls,
+)
+from scleraforce.library.sealed import iop_ratio_at_dent
 
 __all__ = ["starts"]
 
@@ -36,21 +53,44 @@ def starts(walls: Walls, mean: Array, lateral_m: Array, depth_m: Array, count: i
     tips = walls.library.tip_m[-1] * np.exp(mean[SIZE]) * np.linspace(0.0, 1.0, DENTS) ** 1.5
     samples = np.repeat(mean[None], DENTS, axis=0)
     samples[:, TIP], samples[:, POLE] = tips, 0.0
+    samples, dent_s = _at_pressures(walls, samples)
     outer = place_walls(walls, samples)[:, 0]
     reach = int(np.ceil((np.abs(lateral_m).max() + FARTHEST_M) / GRID_M)) + 1
     grid = np.arange(-reach, reach + 1) * GRID_M
-    depth_dg = np.stack([np.interp(grid, curve[:, 0], curve[:, 1]) for curve in outer])
+    depth_sg = np.stack([np.interp(grid, curve[:, 0], curve[:, 1]) for curve in outer])
     shifts = np.arange(-FARTHEST_M, FARTHEST_M + SHIFT_M / 2, SHIFT_M)
     at = np.rint((lateral_m - shifts[:, None]) / GRID_M).astype(np.intp) + reach
-    rest = depth_m - depth_dg[:, at]  # (dent, shift, place)
+    rest = depth_m - depth_sg[:, at]  # (sample, shift, place)
     down = np.median(rest, axis=2)
     cost = np.minimum(np.abs(rest - down[..., None]), FAR_M).mean(axis=2)
-    best, least = cost.argmin(axis=1), cost.min(axis=1)
+    best, cost = cost.argmin(axis=1), cost.min(axis=1)
+    least = np.full(DENTS, np.inf)
+    np.minimum.at(least, dent_s, cost)
     around = np.concatenate([[np.inf], least, [np.inf]])
     better = np.flatnonzero((least <= around[:-2]) & (least <= around[2:]) & (least <= MUCH_WORSE * least.min()))
     begun = []
     for dent in better[np.argsort(least[better])][:count]:
+        sample = int(np.argmin(np.where(dent_s == dent, cost, np.inf)))
         start = mean.copy()
-        start[[TIP, LATERAL, DEPTH]] = tips[dent], shifts[best[dent]], down[dent, best[dent]]
+        start[[TIP, PRESSURE]] = samples[sample, [TIP, PRESSURE]]
+        start[[LATERAL, DEPTH]] = shifts[best[sample]], down[sample, best[sample]]
         begun.append(start)
     return begun
+
+
+def _at_pressures(walls: Walls, dents_du: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Return dents (sample, unknown) at the pressures that they may be under, and which dent each is (sample,)."""
+    globe, dents = walls.globe, np.arange(len(dents_du))
+    if not globe.can_be_sealed:
+        return dents_du, dents
+    library, size, modulus = walls.library, np.exp(dents_du[:, SIZE]), np.exp(dents_du[:, MODULUS])
+    thickness = np.clip(dents_du[:, THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
+    resting = np.clip(np.exp(dents_du[:, IOP]) / modulus, *library.iop_ratio_ends(thickness))
+    rigidity = np.repeat([globe.lowest, globe.mean], len(dents))
+    tips = np.minimum(dents_du[:, TIP] / size, library.tip_m[-1])
+    thickness, resting, tips, size, modulus = (np.tile(part, 2) for part in (thickness, resting, tips, size, modulus))
+    ratio = iop_ratio_at_dent(library, thickness, resting, tips, globe.globe(rigidity * size**3).over(modulus))
+    borne = np.isfinite(ratio)
+    samples = np.tile(dents_du, (2, 1))
+    samples[:, PRESSURE] = np.log(np.where(borne, ratio, 1.0) * modulus)
+    return samples[borne], np.tile(dents, 2)[borne]

@@ -19,12 +19,12 @@ STEPS = np.where(np.isin(MOVING, [TIP, THICKNESS]), 1e-7, 1e-4)  # m, or of a lo
 LEAST_SD = 3e-3  # relative, of the pressure that the law gives: volumes of the library
 
 
-def off_the_law(walls: Walls, unknown: Array) -> float:
-    """Return how far unknowns (unknown,) are off the law, in standard deviations; 0 where the globe is open."""
+def off_the_law(walls: Walls, unknown_su: Array) -> Array:
+    """Return how far unknowns (sample, unknown) are off the law, in standard deviations; 0 where the globe is open."""
     if not walls.globe.can_be_sealed:
-        return 0.0
-    off, sd = _off(walls, unknown[None])
-    return float(off[0] / sd[0])
+        return np.zeros(len(unknown_su))
+    off, sd = _off(walls, unknown_su)
+    return np.asarray(off / sd)
 
 
 def law_slope(walls: Walls, unknown: Array) -> Array:

@@ -5,6 +5,7 @@ far away, so a stretch that follows something else than the wall does not pull t
 Robust Statistics, 2009, sec. 7.8). The damping is Marquardt's (1963), relative to the diagonal of the normal matrix.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -95,19 +96,23 @@ class Stopping:
     retry_damping: float = 0.0
 
 
-def gauss_newton(problem: Problem, start: Array, stopping: Stopping) -> tuple[Array, Placed, float]:
+def gauss_newton(
+    problem: Problem, start: Array, stopping: Stopping, step_of: Callable[[Array, Array], Array] | None = None
+) -> tuple[Array, Placed, float]:
     """Return the unknowns, what they predict and their cost, from where a step would change nothing.
 
     Args:
         problem: what is fitted.
         start: unknowns to begin from (unknown,).
         stopping: when to end.
+        step_of: returns the step for the damped normal matrix and the gradient; None: their solution.
     """
     unknown, damping = start, FIRST_DAMPING
     placed, cost = problem.evaluate(unknown)
     for _ in range(stopping.iterations):
         normal, gradient = problem.normal_equations(unknown, placed)
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
+        damped = normal + damping * np.diag(np.diag(normal))
+        step = np.linalg.solve(damped, gradient) if step_of is None else step_of(damped, gradient)
         trial = problem.inside(unknown + step)
         step = trial - unknown
         if float(step @ normal @ step) < stopping.converged_sd**2:

@@ -62,7 +62,11 @@ LARGEST_LOG_SIZE = 0.5
 LOST = 0.05  # share of the columns that a fit may leave aside before a limbus is looked for
 STOPPING = Stopping(iterations=20, converged_sd=0.05, settled_cost=0.005, retry_damping=1e-2)
 FIRST_STEPS = replace(STOPPING, iterations=5)  # from each of several starts; the best is then followed to its end
+# Of where the pole lies, in one step: towards the base the wall's bulge turns quickly with it, and a fit that strides
+# farther goes to and fro.
+POLE_STRIDE = 0.05
 DRAWS = 512
+FARTHEST_EYE = 3.0  # standard deviations of E and k that a discrepancy is followed to
 INTERVAL = (0.05, 0.95)
 
 
@@ -131,9 +135,19 @@ def fit_boundaries(
 def _best_fit(problem: "_Problem", starts: Sequence[Array]) -> tuple[Array, Placed, float]:
     """Return unknowns, prediction and cost of the best fit from any start."""
     if len(starts) > 1:
-        begun = (gauss_newton(problem, start, FIRST_STEPS) for start in starts)
+        begun = (gauss_newton(problem, start, FIRST_STEPS, _step) for start in starts)
         starts = [min(begun, key=lambda fit: fit[2])[0]]
-    return gauss_newton(problem, starts[0], STOPPING)
+    return gauss_newton(problem, starts[0], STOPPING, _step)
+
+
+def _step(normal: Array, gradient: Array) -> Array:
+    """Return the solution of normal equations, where the pole moves no farther than its effect is straight."""
+    step: Array = np.asarray(np.linalg.solve(normal, gradient), dtype=np.float64)
+    farther = float(np.hypot(*step[POLE])) / POLE_STRIDE
+    if farther <= 1.0:
+        return step
+    pole, rest = step[POLE] / farther, slice(POLE.start)
+    return np.concatenate([np.linalg.solve(normal[rest, rest], gradient[rest] - normal[rest, POLE] @ pole), pole])
 
 
 def _thinned(lateral_m: Array, depth_bc: Array, smoothing_m: float) -> Columns:
@@ -185,7 +199,13 @@ class _Problem:
 
     def _off(self, unknown: Array) -> Array:
         """Return how far the force at a dent and the pressure are off what is known, in standard deviations (2,)."""
-        return np.array([self.prior.same_force @ (unknown - self.prior.mean), off_the_law(self.walls, unknown)])
+        off: Array = self._all_off(unknown[None])[0]
+        return off
+
+    def _all_off(self, unknown_su: Array) -> Array:
+        """Return `_off` of each sample (sample, 2)."""
+        same_force = (unknown_su - self.prior.mean) @ self.prior.same_force
+        return np.stack([same_force, off_the_law(self.walls, unknown_su)], axis=1)
 
     def inside(self, unknown: Array) -> Array:
         """Keep the dent within what the library holds, and the pressure."""
@@ -234,11 +254,13 @@ class _Problem:
 
     def _drawn_forces(self, unknown: Array, spread_uz: Array) -> Array:
         """Return forces drawn from the posterior; what the library does not know of real walls comes on top."""
-        normal, of_eye = _standard_normal(len(NAMES) + 2), _standard_normal(2, seed=1)
+        normal, (level_z, growth_z) = _standard_normal(len(NAMES) + 2), _standard_normal(2, seed=1).T
         drawn = unknown + normal[:, :-2] @ spread_uz.T
         drawn[:, TIP] = np.maximum(drawn[:, TIP], 0.0)
-        library_n = force_n(self.walls, keep_within(self.walls, drawn))
-        corrected_n = self.prior.discrepancy.corrected_n(library_n, *of_eye.T)
+        drawn = keep_within(self.walls, drawn)
+        library_n = force_n(self.walls, drawn)
+        eye_z = np.clip(self._all_off(drawn), -FARTHEST_EYE, FARTHEST_EYE)
+        corrected_n = self.prior.discrepancy.corrected_n(library_n, level_z, growth_z, eye_z)
         return np.maximum(corrected_n * np.exp(MODEL_SD * normal[:, -2]) + MODEL_SD_N * normal[:, -1], 0.0)
 
 

@@ -221,7 +221,21 @@ def _discrepancy(entry: Mapping[str, Any], place: str) -> ForceDiscrepancy | Non
     ends = dict.fromkeys(("level", "growth"), (-LARGEST_DISCREPANCY, LARGEST_DISCREPANCY))
     ends |= dict.fromkeys(("level_sd", "growth_sd"), (0.0, LARGEST_DISCREPANCY))
     ends["correlation"] = -MOST_CORRELATED, MOST_CORRELATED
-    return ForceDiscrepancy(**{name: number_of(values, name, within, *bounds) for name, bounds in ends.items()})
+    return ForceDiscrepancy(
+        **{name: number_of(values, name, within, *bounds) for name, bounds in ends.items()},
+        level_by=_pair(values, "level_by", within),
+        growth_by=_pair(values, "growth_by", within),
+    )
+
+
+def _pair(values: Mapping[str, Any], key: str, place: str) -> tuple[float, float]:
+    """Return two numbers under a key; zeros where it is missing, as it is in files of earlier versions."""
+    found = values.get(key, [0.0, 0.0])
+    if not isinstance(found, list) or len(found) != 2:
+        raise CalibrationError(f"{place}.{key}: expected two numbers; {WRITER}")
+    low, high = -LARGEST_DISCREPANCY, LARGEST_DISCREPANCY
+    first, second = (number_of({key: value}, key, place, low, high) for value in found)
+    return first, second
 
 
 def globe_entry(globe: KnownGlobe) -> dict[str, Any]:

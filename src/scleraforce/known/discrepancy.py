@@ -22,29 +22,42 @@ REFERENCE_N = 60e-3  # growth is that from no force to this one; beyond it the d
 
 @dataclass(frozen=True, kw_only=True)
 class ForceDiscrepancy:
-    """Means and standard deviations of level and growth, which are normal, and their correlation."""
+    """Means and standard deviations of level and growth, which are normal, and their correlation.
+
+    All are given E and the globe's rigidity at their means; a standard deviation of either above it takes level and
+    growth along by `level_by` and `growth_by` (by E, by the rigidity): an eye's frames tell all of these together.
+    """
 
     level: float
     growth: float
     level_sd: float
     growth_sd: float
     correlation: float
+    level_by: tuple[float, float] = (0.0, 0.0)
+    growth_by: tuple[float, float] = (0.0, 0.0)
 
-    def corrected_n(self, library_n: Floats, level_z: Floats | float = 0.0, growth_z: Floats | float = 0.0) -> Floats:
+    def corrected_n(
+        self,
+        library_n: Floats,
+        level_z: Floats | float = 0.0,
+        growth_z: Floats | float = 0.0,
+        eye_z: Floats | tuple[float, float] = (0.0, 0.0),
+    ) -> Floats:
         """Return the forces of the eye where the library's are `library_n`, N.
 
         Args:
             library_n: forces of the library's wall, N.
             level_z: standard normal numbers, by which the level is drawn; 0: its mean.
             growth_z: likewise, of the growth.
+            eye_z: by how many standard deviations E and rigidity are above their means (..., 2).
 
         >>> stiffer = ForceDiscrepancy(level=0.0, growth=0.2, level_sd=0.0, growth_sd=0.0, correlation=0.0)
         >>> (1e3 * stiffer.corrected_n(np.array([0.0, 30e-3, 60e-3]))).round(2).tolist()
         [0.0, 30.0, 66.31]
         """
-        level = self.level + self.level_sd * level_z
+        level = self.level + self.level_sd * level_z + np.asarray(eye_z) @ self.level_by
         across = self.correlation * level_z + sqrt(1.0 - self.correlation**2) * growth_z
-        growth = self.growth + self.growth_sd * across
+        growth = self.growth + self.growth_sd * across + np.asarray(eye_z) @ self.growth_by
         forces: Floats = library_n * np.exp(level + growth * beside_middle(library_n))
         return forces
 

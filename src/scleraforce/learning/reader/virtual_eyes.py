@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.discrepancy import fitted_discrepancy, read_again
+from scleraforce.calibration.discrepancy import settled
 from scleraforce.calibration.eye_model import EyeConstants, WallState, known_of_constants, stated_wall
 from scleraforce.calibration.frame_order import frame_order
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
@@ -169,8 +169,7 @@ def calibrated(
         return known, left
     borne = [place for place in sorted(used) if labels_n[place] > study.calibration.min_force_n]
     taken = [(frames[place].boundaries, float(labels_n[place])) for place in borne]
-    again = read_again(taken, known, library, study)
-    return replace(known, discrepancy=fitted_discrepancy([frame for frame in again if frame is not None])), left
+    return settled(known, taken, (), library, study)[0], left
 
 
 def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Known:

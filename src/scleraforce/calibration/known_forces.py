@@ -1,0 +1,152 @@
+"""What forces that are known, beside those that are read, tell of an eye: E, k, and the forces' level and growth.
+
+Linear regression of all four together. Held are E and k by the filter's posterior, widened and with heavy tails, for it
+may have been led astray; level and growth by what eyes have of them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.calibration.forces import LABEL_SD_N
+from scleraforce.known.discrepancy import beside_middle
+from scleraforce.known.eye import Known
+from scleraforce.known.globe import OPEN, REFERENCE_RIGIDITY, KnownGlobe
+
+__all__ = ["MODULUS", "RIGIDITY", "Found", "KnownForce", "globe_of", "place_of", "regression"]
+
+Array = NDArray[np.float64]
+Scales = tuple[Array, Array]
+
+MODULUS, RIGIDITY = 0, 1  # places of the four that are found: ln E, k over the reference's, level, growth
+# Scales of Cauchy's prior, whose density falls slowly: forces of most eyes hardly lie off (those of uneven ones,
+# computed in three dimensions, drift by 0.035 from none to the largest), those of tissue that stiffens do, by up to 1.
+SCALES = np.array([0.02, 0.035])  # of level and growth
+# What is added to the filter's standard deviations: of ln E; of k, as a share of it and of the reference's.
+FILTER_SD, RIGIDITY_SHARE, RIGIDITY_SD = 0.06, 0.12, 0.03
+CAUCHY = 2.0  # scales at which a prior's weight is halved
+ROUNDS = 60
+BEGINNINGS = (0.0, 0.0, 1.0, 1.0), (1.0, 1.0, 0.0, 0.0)  # of the search: either pair explains much
+AS_READ = (False, False, True, True)  # what is sought where E and k stay
+CERTAIN = 1e-6  # standard deviation of the k of an open globe
+SETTLED = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownForce:
+    """A frame's force as it is known, what is read in it, and the standard deviation of that, all N.
+
+    It was read with `modulus_pa` and `rigidity`, Pa^(1/3)/m^3, each taken for certain; `by_modulus` and `by_rigidity`
+    are the slopes of the logarithm of what is read by ln E and by the rigidity over the reference's.
+    """
+
+    force_n: float
+    library_n: float
+    sd_n: float
+    modulus_pa: float
+    rigidity: float
+    by_modulus: float = 1.0
+    by_rigidity: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What frames tell of ln E, k over the reference's, level and growth: mean (4,) and covariance (4, 4).
+
+    `loss` is that of the E and k which they were read with.
+    """
+
+    mean: Array
+    covariance: Array
+    loss: float
+
+
+def regression(frames: Sequence[KnownForce], known: Known, place: Array) -> Found:
+    """Return what frames of one eye tell, by reweighted least squares.
+
+    Args:
+        frames: as they were read again.
+        known: of the eye after the filter.
+        place: ln E and k over the reference's (2,) that they were read with.
+    """
+    center = np.concatenate([place_of(known), np.zeros(2)])
+    direction, left, weight = np.zeros((len(frames), 4)), np.zeros(len(frames)), np.zeros(len(frames))
+    for row, frame in enumerate(frames):
+        beside = float(beside_middle(np.array(frame.library_n)))
+        direction[row] = frame.by_modulus, frame.by_rigidity, 1.0, beside
+        read_at = np.array([log(frame.modulus_pa), frame.rigidity / REFERENCE_RIGIDITY, 0.0, 0.0])
+        left[row] = log(frame.force_n / frame.library_n) - direction[row] @ (center - read_at)
+        weight[row] = 1.0 / ((frame.sd_n / frame.library_n) ** 2 + (LABEL_SD_N / frame.force_n) ** 2)
+    scales: Scales = np.asarray(np.linalg.inv(_filter_covariance(known))), np.diag(SCALES**-2.0)
+    every = np.ones(4, dtype=bool)
+    begun = (_reweighted(direction, left, weight, scales, every, begin) for begin in BEGINNINGS)
+    mean, covariance = min(begun, key=lambda found: _loss(direction, left, weight, scales, found[0]))
+    away = np.concatenate([place, np.zeros(2)]) - center
+    there, _ = _reweighted(direction, left - direction @ away, weight, scales, np.array(AS_READ), BEGINNINGS[0])
+    loss = _loss(direction, left, weight, scales, there + away)
+    return Found(center + mean, covariance, loss)
+
+
+def _reweighted(
+    direction: Array,
+    left: Array,
+    weight: Array,
+    scales: Scales,
+    free: NDArray[np.bool_],
+    begin: tuple[float, ...],
+) -> tuple[Array, Array]:
+    """Return mean (4,) and covariance (4, 4) of what is free; the rest stays 0.
+
+    Args:
+        direction: slopes of each frame (frame, 4).
+        left: what they are to explain (frame,).
+        weight: of the frames (frame,).
+        scales: inverse squares of the scales of E with k, and of level with growth, (2, 2) each.
+        free: which of the four are sought (4,).
+        begin: where the search begins: what is far off there is hardly held.
+    """
+    normal, gradient = direction.T @ (weight[:, None] * direction), direction.T @ (weight * left)
+    found, covariance = np.where(free & bool(len(left)), begin, 0.0), np.zeros((4, 4))
+    for _ in range(ROUNDS):
+        precision = normal.copy()
+        precision[:2, :2] += scales[0] / (1.0 + found[:2] @ scales[0] @ found[:2] / CAUCHY**2)
+        precision[2:, 2:] += scales[1] / (1.0 + scales[1] @ found[2:] ** 2 / CAUCHY**2)
+        before, covariance[np.ix_(free, free)] = found, np.linalg.inv(precision[np.ix_(free, free)])
+        found = covariance @ gradient
+        if np.abs(found - before).max() < SETTLED:
+            break
+    return found, covariance
+
+
+def _loss(direction: Array, left: Array, weight: Array, scales: Scales, found: Array) -> float:
+    """Return the loss of the four: of what they leave of the frames, and of leaving their priors (`_reweighted`)."""
+    rest = left - direction @ found
+    of_filter = CAUCHY**2 * np.log1p(found[:2] @ scales[0] @ found[:2] / CAUCHY**2)
+    of_eyes = CAUCHY**2 * np.log1p(scales[1] @ found[2:] ** 2 / CAUCHY**2).sum()
+    return float(weight @ rest**2 + of_filter + of_eyes)
+
+
+def _filter_covariance(known: Known) -> Array:
+    """Return the filter's covariance of ln E and k over the reference's (2, 2), widened."""
+    assert known.modulus is not None  # its own
+    globe = globe_of(known)
+    sds = np.array([known.modulus.relative_sd, globe.sd / REFERENCE_RIGIDITY])
+    covariance = np.outer(sds, sds) * np.array([[1.0, globe.correlation], [globe.correlation, 1.0]])
+    more = [FILTER_SD, CERTAIN]
+    if globe.can_be_sealed:
+        more[RIGIDITY] = RIGIDITY_SHARE * globe.mean / REFERENCE_RIGIDITY + RIGIDITY_SD
+    return np.asarray(covariance + np.diag(np.square(more)))
+
+
+def globe_of(known: Known) -> KnownGlobe:
+    """Return the globe of an eye; of an unsaid one in linear mechanics, an open one."""
+    return OPEN if known.globe is None else known.globe
+
+
+def place_of(known: Known) -> Array:
+    """Return ln E and k over the reference's (2,)."""
+    assert known.modulus is not None  # its own
+    return np.array([log(known.modulus.mean_pa), globe_of(known).mean / REFERENCE_RIGIDITY])
