@@ -1,7 +1,7 @@
 """What forces that are known, beside those that are read, tell of an eye: E, k, and the forces' level and growth.
 
-Linear regression of all four together. Held are E and k by the filter's posterior, widened and with heavy tails, for it
-may have been led astray; level and growth by what eyes have of them.
+Linear regression of all four together. Held are E and k by the filter's posterior, with heavy tails, for it may have
+been led astray; level and growth by what eyes have of them.
 """
 
 from collections.abc import Sequence
@@ -25,8 +25,6 @@ MODULUS, RIGIDITY = 0, 1  # places of the four that are found: ln E, k over the 
 # Scales of Cauchy's prior, whose density falls slowly: forces of most eyes hardly lie off (those of uneven ones,
 # computed in three dimensions, drift by 0.035 from none to the largest), those of tissue that stiffens do, by up to 1.
 SCALES = np.array([0.02, 0.035])  # of level and growth
-# What is added to the filter's standard deviations: of ln E; of k, as a share of it and of the reference's.
-FILTER_SD, RIGIDITY_SHARE, RIGIDITY_SD = 0.06, 0.12, 0.03
 CAUCHY = 2.0  # scales at which a prior's weight is halved
 ROUNDS = 60
 BEGINNINGS = (0.0, 0.0, 1.0, 1.0), (1.0, 1.0, 0.0, 0.0)  # of the search: either pair explains much
@@ -130,15 +128,12 @@ def _loss(direction: Array, left: Array, weight: Array, scales: Scales, found: A
 
 
 def _filter_covariance(known: Known) -> Array:
-    """Return the filter's covariance of ln E and k over the reference's (2, 2), widened."""
+    """Return the filter's covariance of ln E and k over the reference's (2, 2)."""
     assert known.modulus is not None  # its own
     globe = globe_of(known)
-    sds = np.array([known.modulus.relative_sd, globe.sd / REFERENCE_RIGIDITY])
-    covariance = np.outer(sds, sds) * np.array([[1.0, globe.correlation], [globe.correlation, 1.0]])
-    more = [FILTER_SD, CERTAIN]
-    if globe.can_be_sealed:
-        more[RIGIDITY] = RIGIDITY_SHARE * globe.mean / REFERENCE_RIGIDITY + RIGIDITY_SD
-    return np.asarray(covariance + np.diag(np.square(more)))
+    sds = np.array([known.modulus.relative_sd, max(globe.sd / REFERENCE_RIGIDITY, CERTAIN)])
+    covariance: Array = np.outer(sds, sds) * np.array([[1.0, globe.correlation], [globe.correlation, 1.0]])
+    return covariance
 
 
 def globe_of(known: Known) -> KnownGlobe:

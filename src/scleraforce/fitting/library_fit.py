@@ -44,6 +44,7 @@ from scleraforce.library.responses import Library
 __all__ = ["NO_WALL_M", "BoundaryFit", "fit_boundaries"]
 
 Array = NDArray[np.float64]
+_Fit = tuple[Array, Placed, float]  # unknowns, prediction and cost
 
 COLUMNS = 110  # of each boundary that are fitted
 POINT_SD_M = np.array([5e-6, 9e-6])  # of the outer and the inner boundary along their normal
@@ -66,6 +67,9 @@ FIRST_STEPS = replace(STOPPING, iterations=5)  # from each of several starts; th
 # farther goes to and fro.
 POLE_STRIDE = 0.05
 DRAWS = 512
+# Of a sealed globe's fit: how unsure the logarithm of the pressure is where others are sought, how far off in its
+# standard deviations, how much lower a cost has to be, and how often.
+VALLEY_SD, VALLEY_STRIDE, VALLEY_LOWER, VALLEY_ROUNDS = 0.08, 2.0, 0.1, 4
 FARTHEST_EYE = 3.0  # standard deviations of E and k that a discrepancy is followed to
 INTERVAL = (0.05, 0.95)
 
@@ -129,15 +133,38 @@ def fit_boundaries(
         near = ((best[0], best[1]), (begun[0], problem.evaluate(begun[0])[0]))
         again = [problem.inside(start) for where in near for start in limbus_starts(columns, *where)]
         best = min(best, _best_fit(problem, again), key=lambda fit: fit[2]) if again else best
+    if walls.globe.can_be_sealed:
+        best = _along_valley(problem, best)
     return problem.result(best[0], best[1])
 
 
-def _best_fit(problem: "_Problem", starts: Sequence[Array]) -> tuple[Array, Placed, float]:
+def _best_fit(problem: "_Problem", starts: Sequence[Array]) -> _Fit:
     """Return unknowns, prediction and cost of the best fit from any start."""
     if len(starts) > 1:
         begun = (gauss_newton(problem, start, FIRST_STEPS, _step) for start in starts)
         starts = [min(begun, key=lambda fit: fit[2])[0]]
     return gauss_newton(problem, starts[0], STOPPING, _step)
+
+
+def _along_valley(problem: "_Problem", best: _Fit) -> _Fit:
+    """Return the best fit of a sealed globe's wall, also sought at higher and lower pressures.
+
+    Where the pressure has nearly run away, dents of very different forces look nearly alike: a long bent valley with
+    more than one lowest place.
+    """
+    for _ in range(VALLEY_ROUNDS):
+        unknown, placed, cost = best
+        spread_uz = problem.spread(unknown, placed)
+        with_pressure = spread_uz @ spread_uz[PRESSURE]
+        sd = float(np.sqrt(with_pressure[PRESSURE]))
+        if sd < VALLEY_SD:
+            break
+        stride = VALLEY_STRIDE * with_pressure / sd
+        sought = [_best_fit(problem, [problem.inside(unknown + way * stride)]) for way in (-1.0, 1.0)]
+        best = min(best, *sought, key=lambda fit: fit[2])
+        if best[2] > cost - VALLEY_LOWER:
+            break
+    return best
 
 
 def _step(normal: Array, gradient: Array) -> Array:
@@ -228,8 +255,7 @@ class _Problem:
         misfit = robust_spread(residual)
         below_m = signed * POINT_SD_M[1]
         layer = (self.columns.places.boundary == 1) & placed.seen & (below_m > 0.0) & (below_m < LAYER_M)
-        normal, _ = self.normal_equations(unknown, placed, max(1.0, min(misfit, 1e3)))
-        spread_uz = self._spread(normal)
+        spread_uz = self.spread(unknown, placed, max(1.0, min(misfit, 1e3)))
         draws_n = self._drawn_forces(unknown, spread_uz)
         low_n, force, high_n = np.quantile(draws_n, [INTERVAL[0], 0.5, INTERVAL[1]])
         return BoundaryFit(
@@ -246,8 +272,9 @@ class _Problem:
             iop_pa=float(np.exp(unknown[self.walls.pressure])),
         )
 
-    def _spread(self, normal: Array) -> Array:
+    def spread(self, unknown: Array, placed: Placed, scale: float = 1.0) -> Array:
         """Return what turns standard normal numbers into draws about the unknowns (unknown, number)."""
+        normal, _ = self.normal_equations(unknown, placed, scale)
         sd = self.prior.sd  # in these units the matrix is well conditioned
         lower = np.linalg.cholesky(sd[:, None] * normal * sd)
         return np.asarray(sd[:, None] * np.linalg.inv(lower).T)
