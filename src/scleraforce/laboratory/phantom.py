@@ -1,7 +1,7 @@
 """The virtual laboratory: a recording folder of a virtual eye, as a scanner and a force sensor would write it.
 
 Beside the recording's own files stands `truth.json`: every parameter that was drawn, the true force, pressure and pose
-of each frame, the seed and the versions.
+of each frame, where the eye is turned to in it, the seed and the versions.
 """
 
 import json
@@ -20,8 +20,10 @@ from numpy.typing import NDArray
 
 from scleraforce import __version__
 from scleraforce.errors import RecordingError
+from scleraforce.eye.contact import Contact
 from scleraforce.eye.form import thickness_factor
 from scleraforce.laboratory.bscan import Bscan, render_bscan
+from scleraforce.laboratory.eye_movement import EyeTurn, draw_turns, farthest_turn_rad, turned_plane
 from scleraforce.laboratory.needle import draw_shaft
 from scleraforce.laboratory.optics import (
     BscanOptics,
@@ -45,6 +47,7 @@ from scleraforce.laboratory.pushes import (
     sense,
     true_force,
 )
+from scleraforce.laboratory.turned_sections import TurnedSections
 from scleraforce.laboratory.virtual_eye import PhantomEye, SectionsAt, pressures_pa
 from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.writing import RecordingWriter
@@ -59,6 +62,7 @@ __all__ = [
     "needle_tip",
     "plan_moving_phantom",
     "plan_phantom",
+    "plan_sections",
     "render_frame",
     "true_forces",
     "write_phantom",
@@ -73,12 +77,15 @@ DRIFT_S = 1.0  # in which a living eye moves from one place to another: between 
 Times = NDArray[np.float64]
 
 # Streams of random numbers of a recording.
-OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT, NEEDLE, CONJUNCTIVA = range(8)
+OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT, NEEDLE, CONJUNCTIVA, TURN = range(9)
 
 
 @dataclass(frozen=True)
 class PhantomFrame:
-    """One frame: time, where the eye lies in it, its optics, the key of its random numbers; its push, if it has one."""
+    """One frame: time, where the eye lies in it, its optics, the key of its random numbers.
+
+    Its push, if it has one; where the eye is turned to, if it turns.
+    """
 
     file: str
     time_s: float
@@ -86,6 +93,7 @@ class PhantomFrame:
     optics: BscanOptics
     seed: tuple[int, ...]
     push: Push | None = None
+    turn: EyeTurn | None = None
 
 
 @dataclass(frozen=True)
@@ -103,6 +111,11 @@ class PhantomPlan:
         """The true force at each frame's time, in N."""
         times_s = np.array([frame.time_s for frame in self.frames])
         return [float(f"{force_n:.12g}") for force_n in true_force(self.motion, times_s)]
+
+    @property
+    def turns(self) -> list[EyeTurn]:
+        """Where the eye is turned to in each frame; empty where it stands still."""
+        return [frame.turn for frame in self.frames if frame.turn is not None]
 
 
 def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed: int) -> PhantomPlan:
@@ -134,7 +147,8 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
         pose = Pose(lateral_m=draw(phantom.eye_shift_m, rng), depth_m=place.depth_m + shift_m, tilt_rad=place.tilt_rad)
         key = _key(eye, seed, FRAME, index, 1)
         frames.append(PhantomFrame(f"{index + 1:04d}.png", push.frame_s, pose, optics, key, push))
-    return PhantomPlan(eye, tuple(frames), pushes, sample_sensor(phantom, _generator(eye, seed, SENSOR)), seed)
+    sensor = sample_sensor(phantom, _generator(eye, seed, SENSOR))
+    return PhantomPlan(eye, _turning(eye, frames, study, seed), pushes, sensor, seed)
 
 
 def plan_moving_phantom(
@@ -188,7 +202,7 @@ def plan_moving_phantom(
         )
     ]
     sensor = sample_sensor(study.phantom, _generator(eye, seed, SENSOR))
-    return PhantomPlan(eye, tuple(frames), path, sensor, seed)
+    return PhantomPlan(eye, _turning(eye, frames, study, seed), path, sensor, seed)
 
 
 def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
@@ -215,6 +229,15 @@ def _draw_scanner(eye: PhantomEye, study: Study, seed: int) -> tuple[BscanOptics
     )
     surface_m, tilt_rad = draw(phantom.surface_depth_m, rng), draw(phantom.eye_tilt_rad, rng)
     return scanner, Pose(lateral_m=0.0, depth_m=surface_m, tilt_rad=tilt_rad)
+
+
+def _turning(eye: PhantomEye, frames: Sequence[PhantomFrame], study: Study, seed: int) -> tuple[PhantomFrame, ...]:
+    """Return frames with where the eye is turned to; as they are where it stands still."""
+    if farthest_turn_rad(study.phantom) == 0.0:
+        return tuple(frames)
+    times_s = np.array([frame.time_s for frame in frames])
+    turns = draw_turns(study.phantom, times_s, _generator(eye, seed, TURN))
+    return tuple(replace(frame, turn=turn) for frame, turn in zip(frames, turns, strict=True))
 
 
 def _slid(layer: Conjunctiva | None, rng: np.random.Generator) -> Conjunctiva | None:
@@ -246,6 +269,19 @@ def _drift(eye: PhantomEye, study: Study, seed: int, times_s: Times) -> Times:
     return changing
 
 
+def plan_sections(plan: PhantomPlan, sections_at: SectionsAt) -> Sequence[Section]:
+    """Return the section in each frame of a plan; `sections_at` as in `write_phantom`.
+
+    Raises:
+        RecordingError: the eye turns, and the sections are those of one contact.
+    """
+    if not plan.turns:
+        return sections_at(plan.forces_n)
+    if not isinstance(sections_at, TurnedSections):
+        raise RecordingError(f"eye {plan.eye.id}: it turns, and its sections are those of one contact")
+    return sections_at.turned(plan.forces_n, plan.turns)
+
+
 def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
     """Form one frame of a plan, from the section under its force."""
     rng, needle, shaft = np.random.default_rng(frame.seed), frame.optics.needle, None
@@ -274,7 +310,7 @@ def write_phantom(
         tell_globe: whether `recording.toml` says that the globe is open or sealed; `truth.json` always does.
 
     Raises:
-        RecordingError: `out` exists, or cannot be written.
+        RecordingError: `out` exists, or cannot be written; or as in `plan_sections`.
     """
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise RecordingError(f"{out}: exists already; remove it or choose another folder")
@@ -283,8 +319,9 @@ def write_phantom(
         shutil.rmtree(partial, ignore_errors=True)
         comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
         with closing(RecordingWriter(partial, _info(plan, study, tell_globe), comment)) as writer:
-            _write_log_and_truth(partial, plan, study, pressures_pa(plan.eye, sections_at, plan.forces_n))
-            for frame, section in zip(plan.frames, sections_at(plan.forces_n), strict=True):
+            found_pa = pressures_pa(plan.eye, sections_at, plan.forces_n, plan.turns)
+            _write_log_and_truth(partial, plan, study, found_pa)
+            for frame, section in zip(plan.frames, plan_sections(plan, sections_at), strict=True):
                 writer.add(frame.file, frame.time_s, render_frame(frame, section, study).frame)
                 if progress is not None:
                     progress(1)
@@ -357,7 +394,7 @@ def _truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> di
         "globe": asdict(study.globe),
         "eye": asdict(plan.eye),
         "form": {key: value for key, value in asdict(study.form).items() if value is not None},
-        "thickness_at_contact_m": _thickness_at_contact(plan.eye, study),
+        "thickness_at_contact_m": _thickness_at(plan.eye, plan.eye.plane.contact, study),
         "needle": asdict(study.needle),
         "sensor": asdict(plan.sensor),
         **({"path": asdict(plan.motion)} if isinstance(plan.motion, ForcePath) else {}),
@@ -370,6 +407,7 @@ def _truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> di
                 "target": study.classes.classify(force_n),
                 **({"push": asdict(frame.push)} if frame.push else {}),
                 "pose": asdict(frame.pose),
+                **({"turn": _turn_truth(plan.eye, frame.turn, study)} if frame.turn else {}),
                 "optics": asdict(frame.optics),
                 "seed": list(frame.seed),
             }
@@ -378,8 +416,14 @@ def _truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> di
     }
 
 
-def _thickness_at_contact(eye: PhantomEye, study: Study) -> float:
-    return eye.thickness_m * float(thickness_factor(study.form, eye.plane.contact.normal))
+def _turn_truth(eye: PhantomEye, turn: EyeTurn, study: Study) -> dict[str, float]:
+    """Return where the eye is turned to, and what the needle pushes there."""
+    contact = turned_plane(eye.plane, turn).contact
+    return {**asdict(turn), **asdict(contact), "thickness_at_contact_m": _thickness_at(eye, contact, study)}
+
+
+def _thickness_at(eye: PhantomEye, contact: Contact, study: Study) -> float:
+    return eye.thickness_m * float(thickness_factor(study.form, contact.normal))
 
 
 def _key(eye: PhantomEye, seed: int, *stream: int) -> tuple[int, ...]:
