@@ -26,7 +26,14 @@ def rotated(vector, turn):
     )
 
 
-@pytest.mark.parametrize("turn", [EyeTurn(0.05, -0.02), EyeTurn(-0.4, 0.3), EyeTurn(0.0, 0.01)])
+@pytest.mark.parametrize(
+    "turn",
+    [
+        EyeTurn(about_x_rad=0.05, about_y_rad=-0.02),
+        EyeTurn(about_x_rad=-0.4, about_y_rad=0.3),
+        EyeTurn(about_x_rad=0.0, about_y_rad=0.01),
+    ],
+)
 def test_the_plane_stands_still_in_space_while_the_globe_turns(turn) -> None:
     seen = turned_plane(PLANE, turn)
     for name in ("lateral", "depth", "normal"):

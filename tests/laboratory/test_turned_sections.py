@@ -74,7 +74,7 @@ def largest_um(found: Section, expected: Section) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("side", [2.2, -1.1])  # the wall grows thicker fastest at -1.27, along the meridian
 def test_a_section_between_the_paths_is_that_of_a_path_at_its_own_contact(side) -> None:
-    turn = EyeTurn(FARTHEST * np.cos(side), FARTHEST * np.sin(side))
+    turn = EyeTurn(about_x_rad=FARTHEST * np.cos(side), about_y_rad=FARTHEST * np.sin(side))
     plane = turned_plane(EYE.plane, turn)
     own = replace(
         EYE,
@@ -103,7 +103,12 @@ def test_paths_at_turned_contacts_are_blended_by_how_far_the_eye_turns_about_eac
         return lambda forces_n: [wall.shifted(0.0, force_n) for force_n in forces_n]
 
     sections = TurnedSections([flat_at(1e-3), flat_at(1.2e-3, 10), flat_at(0.9e-3)], 0.1)
-    turns = [STILL, EyeTurn(0.05, 0.0), EyeTurn(0.0, -0.1), EyeTurn(0.1, 0.1)]
+    turns = [
+        STILL,
+        EyeTurn(about_x_rad=0.05, about_y_rad=0.0),
+        EyeTurn(about_x_rad=0.0, about_y_rad=-0.1),
+        EyeTurn(about_x_rad=0.1, about_y_rad=0.1),
+    ]
     found = sections.turned([0.0, 1e-4, 0.0, 0.0], turns)
     assert [section.outer[:, 1].mean() for section in found] == pytest.approx([1e-3, 1.2e-3, 1.1e-3, 1.1e-3])
     assert [section.inner[:, 1].mean() for section in found] == pytest.approx([1.6e-3, 1.8e-3, 1.7e-3, 1.7e-3])
@@ -130,7 +135,11 @@ def test_eyes_at_the_knots_are_pushed_by_a_needle_that_leans_as_before() -> None
 def test_pressures_of_a_sealed_eye_follow_the_turn() -> None:
     study = replace(STUDY, globe=GlobeStudy("sealed"), mesh=MeshStudy(kind="graded", core=2, rings=4))
     sections_at = study_sections(EYE, study)
-    turns = [STILL, EyeTurn(FARTHEST, 0.0), EyeTurn(0.5 * FARTHEST, 0.0)]
+    turns = [
+        STILL,
+        EyeTurn(about_x_rad=FARTHEST, about_y_rad=0.0),
+        EyeTurn(about_x_rad=0.5 * FARTHEST, about_y_rad=0.0),
+    ]
     start, far, between = pressures_pa(EYE, sections_at, [0.012] * 3, turns)
     knots = [knot.pressures_pa([0.012])[0] for knot in sections_at.knots]
     assert (start, far, between) == pytest.approx((knots[0], knots[1], 0.5 * (knots[0] + knots[1])))

@@ -2,8 +2,8 @@
 
 A sphere looks the same then, but the needle stands elsewhere on it: nearer to the base or to the limbus, where an
 uneven wall is thicker or thinner. What turns with the globe is all of it, its supports and its weight, too. Left out is
-what the surface of an eye that is no sphere does in space: where its semi-axes differ by 6 %, a turn of 3 degrees lifts
-it by up to 40 um, well within the shifts of the eye, and leans it by up to 0.4 degrees.
+how the surface of an eye that is no sphere moves in space: with semi-axes 12 % apart, a turn of 3 degrees lifts it by
+up to 80 um, less than the eye shifts, and leans it by up to 0.7 degrees.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 SACCADE_S = 1.0  # from one saccade to the next
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EyeTurn:
     """A rotation of the globe, from where it stood at the start, by its vector: about the eye's x and y axes, rad.
 
@@ -35,14 +35,15 @@ class EyeTurn:
     about_y_rad: float
 
 
-STILL = EyeTurn(0.0, 0.0)
+STILL = EyeTurn(about_x_rad=0.0, about_y_rad=0.0)
 
 
 def turned_plane(plane: ScanPlane, turn: EyeTurn) -> ScanPlane:
     """Return the plane of the B-scan, and with it the contact, as the turned eye sees them.
 
     >>> plane = ScanPlane(Contact(polar_rad=0.6), gap_m=0.5e-3)
-    >>> round(turned_plane(plane, EyeTurn(0.0, 0.05)).contact.polar_rad, 6)  # the pole turns towards the needle
+    >>> to_the_needle = EyeTurn(about_x_rad=0.0, about_y_rad=0.05)
+    >>> round(turned_plane(plane, to_the_needle).contact.polar_rad, 6)
     0.55
     """
     back = Rotation.from_rotvec([-turn.about_x_rad, -turn.about_y_rad, 0.0])
@@ -67,7 +68,7 @@ def draw_turns(phantom: PhantomStudy, times_s: Floats, rng: np.random.Generator)
     count = int(times_s[-1] / SACCADE_S) + 1
     saccades = phantom.eye_saccade_rad.sample(rng, count)[:, None] * _unit_vectors(rng, count)
     turns = drift_rad * (times_s / times_s[-1])[:, None] * heading + saccades[(times_s / SACCADE_S).astype(np.intp)]
-    return tuple(EyeTurn(*turn) for turn in turns.tolist())
+    return tuple(EyeTurn(about_x_rad=x, about_y_rad=y) for x, y in turns.tolist())
 
 
 def _unit_vectors(rng: np.random.Generator, count: int) -> Floats:

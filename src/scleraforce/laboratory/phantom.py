@@ -11,26 +11,34 @@ from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
-from zlib import crc32
 
 import cv2
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from scleraforce import __version__
 from scleraforce.errors import RecordingError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.form import thickness_factor
 from scleraforce.laboratory.bscan import Bscan, render_bscan
+from scleraforce.laboratory.draws import (
+    CONJUNCTIVA,
+    FRAME,
+    NOISE,
+    PUSHES,
+    SENSOR,
+    TURN,
+    draw_changes,
+    sample_scanner,
+    slid,
+    stream,
+    stream_key,
+)
 from scleraforce.laboratory.eye_movement import EyeTurn, draw_turns, farthest_turn_rad, turned_plane
 from scleraforce.laboratory.needle import draw_shaft
 from scleraforce.laboratory.optics import (
     BscanOptics,
-    Conjunctiva,
     Pose,
-    sample_conjunctiva,
-    sample_needle,
     sample_optics,
 )
 from scleraforce.laboratory.pushes import (
@@ -72,12 +80,6 @@ AXIS, CONTACT_SIGN = "fz", -1
 TAIL_S = 1.5  # of the log, after the needle's last motion
 HELD_AVERAGE_S, MOVING_AVERAGE_S = 2.0, 0.1  # of a label: a needle that moves changes sooner
 FIRST_S = 0.1  # of the first frame of a moving needle: a label needs force samples on both sides
-DRIFT_S = 1.0  # in which a living eye moves from one place to another: between pulse and breath
-
-Times = NDArray[np.float64]
-
-# Streams of random numbers of a recording.
-OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT, NEEDLE, CONJUNCTIVA, TURN = range(9)
 
 
 @dataclass(frozen=True)
@@ -130,24 +132,24 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
     """
     _check_forces(eye, forces_n)
     phantom = study.phantom
-    scanner, place = _draw_scanner(eye, study, seed)
-    pushes = plan_pushes(tuple(forces_n), phantom, _generator(eye, seed, PUSHES))
+    scanner, place = sample_scanner(eye, study, seed)
+    pushes = plan_pushes(tuple(forces_n), phantom, stream(eye, seed, PUSHES))
     frames = []
     for index, push in enumerate(pushes):
-        rng = _generator(eye, seed, FRAME, index)
+        rng = stream(eye, seed, FRAME, index)
         of_frame = sample_optics(phantom, study.oct, rng)
         optics = replace(
             scanner,
             snr_db=of_frame.snr_db,
             reflection_db=of_frame.reflection_db,
             shadows=of_frame.shadows,
-            conjunctiva=_slid(scanner.conjunctiva, _generator(eye, seed, CONJUNCTIVA, index)),
+            conjunctiva=slid(scanner.conjunctiva, stream(eye, seed, CONJUNCTIVA, index)),
         )
         shift_m = draw(phantom.eye_shift_m, rng)
         pose = Pose(lateral_m=draw(phantom.eye_shift_m, rng), depth_m=place.depth_m + shift_m, tilt_rad=place.tilt_rad)
-        key = _key(eye, seed, FRAME, index, 1)
+        key = stream_key(eye, seed, FRAME, index, 1)
         frames.append(PhantomFrame(f"{index + 1:04d}.png", push.frame_s, pose, optics, key, push))
-    sensor = sample_sensor(phantom, _generator(eye, seed, SENSOR))
+    sensor = sample_sensor(phantom, stream(eye, seed, SENSOR))
     return PhantomPlan(eye, _turning(eye, frames, study, seed), pushes, sensor, seed)
 
 
@@ -183,11 +185,11 @@ def plan_moving_phantom(
     for name, (value, low, high) in given.items():
         if not low <= value <= high:
             raise RecordingError(f"eye {eye.id}: {name}: {value:g} (SI); must be between {low:g} and {high:g}")
-    scanner, place = _draw_scanner(eye, study, seed)
-    path = plan_path(tuple(forces_n), ramp_n_per_s, hold_s, study.phantom, _generator(eye, seed, PUSHES))
+    scanner, place = sample_scanner(eye, study, seed)
+    path = plan_path(tuple(forces_n), ramp_n_per_s, hold_s, study.phantom, stream(eye, seed, PUSHES))
     count = int((motion_end_s(path) - FIRST_S) * rate_hz + 1e-6) + 1
     times_s = [round(FIRST_S + index / rate_hz, TIME_DIGITS) for index in range(count)]
-    drift = _drift(eye, study, seed, np.array(times_s))
+    drift = draw_changes(eye, study, seed, np.array(times_s))
     digits = max(4, len(str(count)))
     frames = [
         PhantomFrame(
@@ -195,13 +197,13 @@ def plan_moving_phantom(
             time_s,
             Pose(lateral_m=lateral_m, depth_m=place.depth_m + shift_m, tilt_rad=place.tilt_rad),
             replace(scanner, snr_db=snr_db, reflection_db=reflection_db),
-            _key(eye, seed, FRAME, index, 1),
+            stream_key(eye, seed, FRAME, index, 1),
         )
         for index, (time_s, (lateral_m, shift_m, snr_db, reflection_db)) in enumerate(
             zip(times_s, drift.tolist(), strict=True)
         )
     ]
-    sensor = sample_sensor(study.phantom, _generator(eye, seed, SENSOR))
+    sensor = sample_sensor(study.phantom, stream(eye, seed, SENSOR))
     return PhantomPlan(eye, _turning(eye, frames, study, seed), path, sensor, seed)
 
 
@@ -216,33 +218,13 @@ def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
         )
 
 
-def _draw_scanner(eye: PhantomEye, study: Study, seed: int) -> tuple[BscanOptics, Pose]:
-    """Draw what stays the same in a recording: the optics, and the eye's depth and tilt.
-
-    Numbers of the needle and of the conjunctiva are streams of their own: all else is as without them.
-    """
-    phantom, rng = study.phantom, _generator(eye, seed, OPTICS)
-    scanner = replace(
-        sample_optics(phantom, study.oct, rng),
-        needle=sample_needle(phantom, study.needle.outer_diameter_m, eye.gap_m, _generator(eye, seed, NEEDLE)),
-        conjunctiva=sample_conjunctiva(phantom, _generator(eye, seed, CONJUNCTIVA)),
-    )
-    surface_m, tilt_rad = draw(phantom.surface_depth_m, rng), draw(phantom.eye_tilt_rad, rng)
-    return scanner, Pose(lateral_m=0.0, depth_m=surface_m, tilt_rad=tilt_rad)
-
-
 def _turning(eye: PhantomEye, frames: Sequence[PhantomFrame], study: Study, seed: int) -> tuple[PhantomFrame, ...]:
     """Return frames with where the eye is turned to; as they are where it stands still."""
     if farthest_turn_rad(study.phantom) == 0.0:
         return tuple(frames)
     times_s = np.array([frame.time_s for frame in frames])
-    turns = draw_turns(study.phantom, times_s, _generator(eye, seed, TURN))
+    turns = draw_turns(study.phantom, times_s, stream(eye, seed, TURN))
     return tuple(replace(frame, turn=turn) for frame, turn in zip(frames, turns, strict=True))
-
-
-def _slid(layer: Conjunctiva | None, rng: np.random.Generator) -> Conjunctiva | None:
-    """Return a conjunctiva that has moved over the wall: its waves lie elsewhere."""
-    return None if layer is None else replace(layer, phase_rad=float(rng.uniform(-np.pi, np.pi)))
 
 
 def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:
@@ -253,20 +235,6 @@ def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:
     nearest = int(np.abs(section.outer[:, 0]).argmin())
     lateral_m, depth_m = frame.pose.place_points(np.array([[0.0, section.outer[nearest, 1]]]))[0].tolist()
     return lateral_m, depth_m
-
-
-def _drift(eye: PhantomEye, study: Study, seed: int, times_s: Times) -> Times:
-    """Return what changes while the needle moves, (time, 4): shift across and in depth, signal over noise, reflection.
-
-    Independent draws every `DRIFT_S`, joined by half waves of a cosine: no value leaves the range of the draws.
-    """
-    rng, phantom = _generator(eye, seed, DRIFT), study.phantom
-    ranges = (phantom.eye_shift_m, phantom.eye_shift_m, phantom.snr_db, phantom.reflection_db)
-    knots = np.array([[draw(values, rng) for values in ranges] for _ in range(int(times_s[-1] / DRIFT_S) + 2)])
-    before = (times_s / DRIFT_S).astype(np.intp)
-    share = (1.0 - np.cos(np.pi * (times_s / DRIFT_S - before))) / 2
-    changing: Times = knots[before] + share[:, None] * (knots[before + 1] - knots[before])
-    return changing
 
 
 def plan_sections(plan: PhantomPlan, sections_at: SectionsAt) -> Sequence[Section]:
@@ -348,7 +316,7 @@ def true_forces(recording: Path) -> dict[str, float]:
 
 def _write_log_and_truth(folder: Path, plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> None:
     axis = ("fx", "fy", "fz").index(AXIS)
-    noise = _generator(plan.eye, plan.seed, NOISE)
+    noise = stream(plan.eye, plan.seed, NOISE)
     log = sense(plan.motion, plan.sensor, axis, CONTACT_SIGN, motion_end_s(plan.motion) + TAIL_S, noise)
     (folder / "forces.csv").write_text(format_log(log), encoding="utf-8")
     truth = json.dumps(_truth(plan, study, pressures_pa), indent=1, allow_nan=False)
@@ -424,12 +392,3 @@ def _turn_truth(eye: PhantomEye, turn: EyeTurn, study: Study) -> dict[str, float
 
 def _thickness_at(eye: PhantomEye, contact: Contact, study: Study) -> float:
     return eye.thickness_m * float(thickness_factor(study.form, contact.normal))
-
-
-def _key(eye: PhantomEye, seed: int, *stream: int) -> tuple[int, ...]:
-    """Return the entropy of a stream: eyes of different names differ, also under one seed."""
-    return seed, crc32(eye.id.encode()), *stream
-
-
-def _generator(eye: PhantomEye, seed: int, *stream: int) -> np.random.Generator:
-    return np.random.default_rng(_key(eye, seed, *stream))

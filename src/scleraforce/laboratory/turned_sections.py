@@ -1,12 +1,13 @@
 """Sections of an eye that turns, from its load paths at three contacts, whatever the number of frames.
 
 The contacts are those of the start, and of turns about the eye's x and y axes as far as it turns at all. To any other
-turn a section goes evenly, at equal force and at equal distance along its curves from the needle's place: a path at the
-frame's own contact gives the same force at the same dent within 0.05 mN, and the same section within 6 um, on walls
-that wave by 12 % three times around and 4 degrees away. The nearest of five contacts would be 0.5 mN off.
+turn a section goes evenly, at equal force and at equal distance along its curves from the needle's place. Against paths
+at a frame's own contact, up to 4 degrees away on walls that wave by 12 % three times around, it is off by 6 um and
+0.05 mN at dents up to 3 mm, by 18 um and 0.1 mN at 6 mm; the nearest of five contacts is off by up to 0.5 mN.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,13 +42,13 @@ class TurnedSections:
 
 def knot_turns(reach_rad: float) -> tuple[EyeTurn, ...]:
     """Return the turns of the knots, for eyes that turn by up to `reach_rad`."""
-    return STILL, EyeTurn(reach_rad, 0.0), EyeTurn(0.0, reach_rad)
+    return STILL, replace(STILL, about_x_rad=reach_rad), replace(STILL, about_y_rad=reach_rad)
 
 
 def knot_weights(turn: EyeTurn, reach_rad: float) -> Floats:
     """Return the weights of the knots at a turn, (knot,); they add up to 1.
 
-    >>> knot_weights(EyeTurn(0.01, -0.02), 0.04)
+    >>> knot_weights(EyeTurn(about_x_rad=0.01, about_y_rad=-0.02), 0.04)
     array([ 1.25,  0.25, -0.5 ])
     """
     x, y = turn.about_x_rad / reach_rad, turn.about_y_rad / reach_rad
