@@ -97,12 +97,12 @@ def test_paths_at_turned_contacts_are_blended_by_how_far_the_eye_turns_about_eac
     """Three walls, flat, at 1, 1.2 and 0.9 mm: a turn by half the reach about one axis goes half the way."""
     lateral = np.linspace(-8e-3, 8e-3, 81)
 
-    def flat_at(depth_m, first=0):
-        outer = np.stack([lateral, np.full(81, depth_m)], axis=1)[first:]
+    def flat_at(depth_m, first=0, last=80):
+        outer = np.stack([lateral, np.full(81, depth_m)], axis=1)[first : last + 1]
         wall = Section(outer, outer + np.array([0.0, 6e-4]))
         return lambda forces_n: [wall.shifted(0.0, force_n) for force_n in forces_n]
 
-    sections = TurnedSections([flat_at(1e-3), flat_at(1.2e-3, 10), flat_at(0.9e-3)], 0.1)
+    sections = TurnedSections([flat_at(1e-3), flat_at(1.2e-3, 10), flat_at(0.9e-3, 0, 70)], 0.1)
     turns = [
         STILL,
         EyeTurn(about_x_rad=0.05, about_y_rad=0.0),
@@ -112,7 +112,7 @@ def test_paths_at_turned_contacts_are_blended_by_how_far_the_eye_turns_about_eac
     found = sections.turned([0.0, 1e-4, 0.0, 0.0], turns)
     assert [section.outer[:, 1].mean() for section in found] == pytest.approx([1e-3, 1.2e-3, 1.1e-3, 1.1e-3])
     assert [section.inner[:, 1].mean() for section in found] == pytest.approx([1.6e-3, 1.8e-3, 1.7e-3, 1.7e-3])
-    assert found[0].outer[0, 0] == pytest.approx(lateral[10])  # as far as all of them go
+    assert found[0].outer[[0, -1], 0] == pytest.approx(lateral[[10, 70]])  # as far as all of them go
     assert np.abs(sections([0.0])[0].outer - found[0].outer).max() == 0.0
 
 
