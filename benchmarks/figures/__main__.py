@@ -75,6 +75,8 @@ class Group:
     help="Page of the docs to put the tables into; a JSON file and the picture go beside it.",
 )
 @click.option("--seed", type=click.IntRange(0), default=SEED, show_default=True, help="Of the draw of the eyes.")
+@click.option("--still", is_flag=True, help="Hold the eyes of all groups still: what their movement costs is the "
+              "difference.")  # fmt: skip
 @click.option("--recordings-only", is_flag=True, help="Stop when the eyes are computed and imaged.")
 def main(
     out: Path,
@@ -85,11 +87,14 @@ def main(
     living_reader: Path | None,
     page: Path | None,
     seed: int,
+    still: bool,
     recordings_only: bool,
 ) -> None:
     """Read virtual eyes that no training has seen; write figures.md, figures.json and figures.png to the folder."""
     study, folder = Study(), FiguresFolder(out)
     drawn = {group: draw_eyes(group, count, study, seed) for group in names}
+    if still:
+        drawn = {group: tuple(eye.held_still() for eye in eyes) for group, eyes in drawn.items()}
     everyone = [eye for eyes in drawn.values() for eye in eyes]
     with progress_bar(range(len(everyone)), "eyes", total=len(everyone)) as bar:
         failed = make_recordings(folder, everyone, workers, bar.update)

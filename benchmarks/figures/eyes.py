@@ -1,9 +1,9 @@
 """One virtual eye of the figures: all that is drawn of it. `figures.groups` draws them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from scleraforce.laboratory.virtual_eye import PhantomEye
-from scleraforce.study import Study
+from scleraforce.study import Study, fixed
 
 __all__ = ["FigureEye"]
 
@@ -27,3 +27,8 @@ class FigureEye:
     def forces_n(self, largest_n: float) -> tuple[float, ...]:
         """Return the forces of the frames, in N, where the largest one is `largest_n`."""
         return tuple(share * largest_n for share in self.shares)
+
+    def held_still(self) -> "FigureEye":
+        """Return the eye as it is where it does not turn under the needle."""
+        phantom = replace(self.study.phantom, eye_drift_rad=fixed(0.0), eye_saccade_rad=fixed(0.0))
+        return replace(self, study=replace(self.study, phantom=phantom))

@@ -173,6 +173,17 @@ def _another_scanner(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
     return eye, replace(study, phantom=phantom, oct=oct_study)
 
 
+def _moving(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
+    """Return a plain or, as often, a harder eye that turns under the needle by 1 to 3 degrees, with small saccades."""
+    eye, own = _harder(eye, study, rng) if rng.uniform() < 0.5 else (eye, study)
+    phantom = replace(
+        own.phantom,
+        eye_drift_rad=Range(min=radians(1.0), max=radians(3.0)),
+        eye_saccade_rad=Range(min=radians(0.2), max=radians(1.0)),
+    )
+    return eye, replace(own, phantom=phantom)
+
+
 def _times(sampled: Sampled, factor: float, more: float = 0.0) -> Range:
     low, high = sampled.bounds
     return Range(min=factor * low + more, max=factor * high + more)
@@ -228,6 +239,11 @@ GROUPS: Mapping[str, Group] = {
         own=_another_scanner,
         accuracy_percent=98,
         error_mn=0.5,
+    ),
+    "moving": Group(
+        words="plain and harder eyes that turn under the needle by 1 to 3 degrees, with saccades; globe open, and told "
+        "so",
+        own=_moving,
     ),
 }
 

@@ -13,7 +13,7 @@ from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.sections import compute_eye
 from figures.workers import in_processes
-from scleraforce.laboratory.phantom import PhantomFrame, plan_phantom, write_phantom
+from scleraforce.laboratory.phantom import PhantomFrame, plan_phantom, plan_sections, write_phantom
 from scleraforce.section.plane import Section
 from scleraforce.study import Study
 from scleraforce.whole_files import renamed_when_whole
@@ -86,7 +86,7 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
     plan = plan_phantom(drawn.eye, drawn.forces_n(computed.largest_n), drawn.study, drawn.seed)
 
     sections_at, forces_n = computed.sections_at, plan.forces_n
-    pairs = zip(plan.frames, sections_at(forces_n), strict=True)
+    pairs = zip(plan.frames, plan_sections(plan, sections_at), strict=True)
     made = MadeEye(
         files=tuple(frame.file for frame in plan.frames),
         largest_n=computed.largest_n,

@@ -1,10 +1,12 @@
-"""One virtual eye in three dimensions at finite strain: its load path, and what the B-scan plane sees of it."""
+"""One virtual eye in three dimensions at finite strain: its load paths, and what the B-scan plane sees of it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from figures.eyes import FigureEye
-from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye
+from scleraforce.laboratory.eye_movement import farthest_turn_rad
+from scleraforce.laboratory.turned_sections import TurnedSections
+from scleraforce.laboratory.virtual_eye import BentSections, PhantomEye, SectionsAt, turned_eyes
 from scleraforce.mechanics.study_path import BentEye, bend_eye
 from scleraforce.study import Study
 
@@ -16,21 +18,23 @@ ROOM = 1e-4  # of a force, below the end of the path
 
 @dataclass(frozen=True)
 class ComputedEye:
-    """An eye whose load path is known: `largest_n` is the force that its frames go up to."""
+    """An eye whose load path is known, or those of `turned_eyes`: `largest_n` is the force that its frames go up to."""
 
     eye: PhantomEye
     study: Study
-    bent: BentEye
+    bent: tuple[BentEye, ...]
     largest_n: float
 
     @property
-    def sections_at(self) -> BentSections:
-        """Gives the sections, and the pressures, for needle forces in N up to the largest."""
-        return BentSections(self.eye, self.study, bent=self.bent)
+    def sections_at(self) -> SectionsAt:
+        """Gives the sections for needle forces in N up to the largest."""
+        eyes = turned_eyes(self.eye, self.study)
+        knots = [BentSections(*turned, bent=bent) for turned, bent in zip(eyes, self.bent, strict=True)]
+        return knots[0] if len(knots) == 1 else TurnedSections(knots, farthest_turn_rad(self.study.phantom))
 
     def tips_m(self, forces_n: Sequence[float]) -> list[float]:
-        """Return the depth of the dent for needle forces in N."""
-        return [self.bent.path.tip_m(force_n) for force_n in forces_n]
+        """Return the depth of the dent for needle forces in N, where the eye stands as at the start."""
+        return [self.bent[0].path.tip_m(force_n) for force_n in forces_n]
 
 
 def compute_eye(drawn: FigureEye) -> ComputedEye:
@@ -39,9 +43,15 @@ def compute_eye(drawn: FigureEye) -> ComputedEye:
     Raises:
         SolverError: the eye cannot bear its pressure.
     """
-    eye, max_force_n = drawn.eye, drawn.study.needle.max_force_n
-    bent = bend_eye(
-        drawn.study,
+    max_force_n = drawn.study.needle.max_force_n
+    bent = tuple(_bend(eye, study, max_force_n) for eye, study in turned_eyes(drawn.eye, drawn.study))
+    reached_n = min(one.path.max_force_n for one in bent)
+    return ComputedEye(drawn.eye, drawn.study, bent, min(max_force_n, reached_n * (1.0 - ROOM)))
+
+
+def _bend(eye: PhantomEye, study: Study, max_force_n: float) -> BentEye:
+    return bend_eye(
+        study,
         eye.plane.contact,
         thickness_m=eye.thickness_m,
         youngs_modulus_pa=eye.youngs_modulus_pa,
@@ -50,4 +60,3 @@ def compute_eye(drawn: FigureEye) -> ComputedEye:
         max_tip_m=DEEPEST_M,
         as_far_as_found=True,  # a pressure that runs away, or a wall that has lost its symmetry: it goes on elsewhere
     )
-    return ComputedEye(eye, drawn.study, bent, min(max_force_n, bent.path.max_force_n * (1.0 - ROOM)))

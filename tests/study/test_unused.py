@@ -16,11 +16,13 @@ from scleraforce.study import (
     MeshStudy,
     NeedleStudy,
     NetworkStudy,
+    PhantomStudy,
     RegionStudy,
     Study,
     SupportsStudy,
     TissueStudy,
     WaveStudy,
+    fixed,
 )
 from scleraforce.study.unused import UNUSED, refuse_unused
 
@@ -42,6 +44,8 @@ CHANGED = {
     "supports.bed_stiffness_kpa_per_mm": Study(supports=replace(BED, bed_stiffness_pa_per_m=1e6)),
     "supports.bed_shear_stiffness_kpa_per_mm": Study(supports=replace(BED, bed_shear_stiffness_pa_per_m=1e5)),
     "supports.strap_stiffness_n_per_m": Study(supports=replace(BED, strap_stiffness_n_per_m=40.0)),
+    "phantom.eye_drift_deg": Study(phantom=PhantomStudy(eye_drift_rad=fixed(0.03))),
+    "phantom.eye_saccade_deg": Study(phantom=PhantomStudy(eye_saccade_rad=fixed(0.01))),
     "supports.medial_azimuth_deg": Study(supports=replace(BED, medial_azimuth_rad=1.0)),
 }
 EVERY = sorted((command, mechanics or "", key) for command, mechanics in UNUSED for key in CHANGED)

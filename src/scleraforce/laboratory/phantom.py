@@ -1,7 +1,7 @@
 """The virtual laboratory: a recording folder of a virtual eye, as a scanner and a force sensor would write it.
 
 Beside the recording's own files stands `truth.json`: every parameter that was drawn, the true force, pressure and pose
-of each frame, the seed and the versions.
+of each frame, where the eye is turned to in it, the seed and the versions.
 """
 
 import json
@@ -11,24 +11,34 @@ from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
-from zlib import crc32
 
 import cv2
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from scleraforce import __version__
 from scleraforce.errors import RecordingError
+from scleraforce.eye.contact import Contact
 from scleraforce.eye.form import thickness_factor
 from scleraforce.laboratory.bscan import Bscan, render_bscan
+from scleraforce.laboratory.draws import (
+    CONJUNCTIVA,
+    FRAME,
+    NOISE,
+    PUSHES,
+    SENSOR,
+    TURN,
+    draw_changes,
+    sample_scanner,
+    slid,
+    stream,
+    stream_key,
+)
+from scleraforce.laboratory.eye_movement import EyeTurn, draw_turns, farthest_turn_rad, turned_plane
 from scleraforce.laboratory.needle import draw_shaft
 from scleraforce.laboratory.optics import (
     BscanOptics,
-    Conjunctiva,
     Pose,
-    sample_conjunctiva,
-    sample_needle,
     sample_optics,
 )
 from scleraforce.laboratory.pushes import (
@@ -45,6 +55,7 @@ from scleraforce.laboratory.pushes import (
     sense,
     true_force,
 )
+from scleraforce.laboratory.turned_sections import TurnedSections
 from scleraforce.laboratory.virtual_eye import PhantomEye, SectionsAt, pressures_pa
 from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.writing import RecordingWriter
@@ -59,6 +70,7 @@ __all__ = [
     "needle_tip",
     "plan_moving_phantom",
     "plan_phantom",
+    "plan_sections",
     "render_frame",
     "true_forces",
     "write_phantom",
@@ -68,17 +80,14 @@ AXIS, CONTACT_SIGN = "fz", -1
 TAIL_S = 1.5  # of the log, after the needle's last motion
 HELD_AVERAGE_S, MOVING_AVERAGE_S = 2.0, 0.1  # of a label: a needle that moves changes sooner
 FIRST_S = 0.1  # of the first frame of a moving needle: a label needs force samples on both sides
-DRIFT_S = 1.0  # in which a living eye moves from one place to another: between pulse and breath
-
-Times = NDArray[np.float64]
-
-# Streams of random numbers of a recording.
-OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT, NEEDLE, CONJUNCTIVA = range(8)
 
 
 @dataclass(frozen=True)
 class PhantomFrame:
-    """One frame: time, where the eye lies in it, its optics, the key of its random numbers; its push, if it has one."""
+    """One frame: time, where the eye lies in it, its optics, the key of its random numbers.
+
+    Its push, if it has one; where the eye is turned to, if it turns.
+    """
 
     file: str
     time_s: float
@@ -86,6 +95,7 @@ class PhantomFrame:
     optics: BscanOptics
     seed: tuple[int, ...]
     push: Push | None = None
+    turn: EyeTurn | None = None
 
 
 @dataclass(frozen=True)
@@ -104,6 +114,11 @@ class PhantomPlan:
         times_s = np.array([frame.time_s for frame in self.frames])
         return [float(f"{force_n:.12g}") for force_n in true_force(self.motion, times_s)]
 
+    @property
+    def turns(self) -> list[EyeTurn]:
+        """Where the eye is turned to in each frame; empty where it stands still."""
+        return [frame.turn for frame in self.frames if frame.turn is not None]
+
 
 def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed: int) -> PhantomPlan:
     """Draw a virtual acquisition.
@@ -117,24 +132,25 @@ def plan_phantom(eye: PhantomEye, forces_n: Sequence[float], study: Study, seed:
     """
     _check_forces(eye, forces_n)
     phantom = study.phantom
-    scanner, place = _draw_scanner(eye, study, seed)
-    pushes = plan_pushes(tuple(forces_n), phantom, _generator(eye, seed, PUSHES))
+    scanner, place = sample_scanner(eye, study, seed)
+    pushes = plan_pushes(tuple(forces_n), phantom, stream(eye, seed, PUSHES))
     frames = []
     for index, push in enumerate(pushes):
-        rng = _generator(eye, seed, FRAME, index)
+        rng = stream(eye, seed, FRAME, index)
         of_frame = sample_optics(phantom, study.oct, rng)
         optics = replace(
             scanner,
             snr_db=of_frame.snr_db,
             reflection_db=of_frame.reflection_db,
             shadows=of_frame.shadows,
-            conjunctiva=_slid(scanner.conjunctiva, _generator(eye, seed, CONJUNCTIVA, index)),
+            conjunctiva=slid(scanner.conjunctiva, stream(eye, seed, CONJUNCTIVA, index)),
         )
         shift_m = draw(phantom.eye_shift_m, rng)
         pose = Pose(lateral_m=draw(phantom.eye_shift_m, rng), depth_m=place.depth_m + shift_m, tilt_rad=place.tilt_rad)
-        key = _key(eye, seed, FRAME, index, 1)
+        key = stream_key(eye, seed, FRAME, index, 1)
         frames.append(PhantomFrame(f"{index + 1:04d}.png", push.frame_s, pose, optics, key, push))
-    return PhantomPlan(eye, tuple(frames), pushes, sample_sensor(phantom, _generator(eye, seed, SENSOR)), seed)
+    sensor = sample_sensor(phantom, stream(eye, seed, SENSOR))
+    return PhantomPlan(eye, _turning(eye, frames, study, seed), pushes, sensor, seed)
 
 
 def plan_moving_phantom(
@@ -169,11 +185,11 @@ def plan_moving_phantom(
     for name, (value, low, high) in given.items():
         if not low <= value <= high:
             raise RecordingError(f"eye {eye.id}: {name}: {value:g} (SI); must be between {low:g} and {high:g}")
-    scanner, place = _draw_scanner(eye, study, seed)
-    path = plan_path(tuple(forces_n), ramp_n_per_s, hold_s, study.phantom, _generator(eye, seed, PUSHES))
+    scanner, place = sample_scanner(eye, study, seed)
+    path = plan_path(tuple(forces_n), ramp_n_per_s, hold_s, study.phantom, stream(eye, seed, PUSHES))
     count = int((motion_end_s(path) - FIRST_S) * rate_hz + 1e-6) + 1
     times_s = [round(FIRST_S + index / rate_hz, TIME_DIGITS) for index in range(count)]
-    drift = _drift(eye, study, seed, np.array(times_s))
+    drift = draw_changes(eye, study, seed, np.array(times_s))
     digits = max(4, len(str(count)))
     frames = [
         PhantomFrame(
@@ -181,14 +197,14 @@ def plan_moving_phantom(
             time_s,
             Pose(lateral_m=lateral_m, depth_m=place.depth_m + shift_m, tilt_rad=place.tilt_rad),
             replace(scanner, snr_db=snr_db, reflection_db=reflection_db),
-            _key(eye, seed, FRAME, index, 1),
+            stream_key(eye, seed, FRAME, index, 1),
         )
         for index, (time_s, (lateral_m, shift_m, snr_db, reflection_db)) in enumerate(
             zip(times_s, drift.tolist(), strict=True)
         )
     ]
-    sensor = sample_sensor(study.phantom, _generator(eye, seed, SENSOR))
-    return PhantomPlan(eye, tuple(frames), path, sensor, seed)
+    sensor = sample_sensor(study.phantom, stream(eye, seed, SENSOR))
+    return PhantomPlan(eye, _turning(eye, frames, study, seed), path, sensor, seed)
 
 
 def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
@@ -202,24 +218,13 @@ def _check_forces(eye: PhantomEye, forces_n: Sequence[float]) -> None:
         )
 
 
-def _draw_scanner(eye: PhantomEye, study: Study, seed: int) -> tuple[BscanOptics, Pose]:
-    """Draw what stays the same in a recording: the optics, and the eye's depth and tilt.
-
-    Numbers of the needle and of the conjunctiva are streams of their own: all else is as without them.
-    """
-    phantom, rng = study.phantom, _generator(eye, seed, OPTICS)
-    scanner = replace(
-        sample_optics(phantom, study.oct, rng),
-        needle=sample_needle(phantom, study.needle.outer_diameter_m, eye.gap_m, _generator(eye, seed, NEEDLE)),
-        conjunctiva=sample_conjunctiva(phantom, _generator(eye, seed, CONJUNCTIVA)),
-    )
-    surface_m, tilt_rad = draw(phantom.surface_depth_m, rng), draw(phantom.eye_tilt_rad, rng)
-    return scanner, Pose(lateral_m=0.0, depth_m=surface_m, tilt_rad=tilt_rad)
-
-
-def _slid(layer: Conjunctiva | None, rng: np.random.Generator) -> Conjunctiva | None:
-    """Return a conjunctiva that has moved over the wall: its waves lie elsewhere."""
-    return None if layer is None else replace(layer, phase_rad=float(rng.uniform(-np.pi, np.pi)))
+def _turning(eye: PhantomEye, frames: Sequence[PhantomFrame], study: Study, seed: int) -> tuple[PhantomFrame, ...]:
+    """Return frames with where the eye is turned to; as they are where it stands still."""
+    if farthest_turn_rad(study.phantom) == 0.0:
+        return tuple(frames)
+    times_s = np.array([frame.time_s for frame in frames])
+    turns = draw_turns(study.phantom, times_s, stream(eye, seed, TURN))
+    return tuple(replace(frame, turn=turn) for frame, turn in zip(frames, turns, strict=True))
 
 
 def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:
@@ -232,18 +237,17 @@ def needle_tip(frame: PhantomFrame, section: Section) -> tuple[float, float]:
     return lateral_m, depth_m
 
 
-def _drift(eye: PhantomEye, study: Study, seed: int, times_s: Times) -> Times:
-    """Return what changes while the needle moves, (time, 4): shift across and in depth, signal over noise, reflection.
+def plan_sections(plan: PhantomPlan, sections_at: SectionsAt) -> Sequence[Section]:
+    """Return the section in each frame of a plan; `sections_at` as in `write_phantom`.
 
-    Independent draws every `DRIFT_S`, joined by half waves of a cosine: no value leaves the range of the draws.
+    Raises:
+        RecordingError: the eye turns, and the sections are those of one contact.
     """
-    rng, phantom = _generator(eye, seed, DRIFT), study.phantom
-    ranges = (phantom.eye_shift_m, phantom.eye_shift_m, phantom.snr_db, phantom.reflection_db)
-    knots = np.array([[draw(values, rng) for values in ranges] for _ in range(int(times_s[-1] / DRIFT_S) + 2)])
-    before = (times_s / DRIFT_S).astype(np.intp)
-    share = (1.0 - np.cos(np.pi * (times_s / DRIFT_S - before))) / 2
-    changing: Times = knots[before] + share[:, None] * (knots[before + 1] - knots[before])
-    return changing
+    if not plan.turns:
+        return sections_at(plan.forces_n)
+    if not isinstance(sections_at, TurnedSections):
+        raise RecordingError(f"eye {plan.eye.id}: it turns, and its sections are those of one contact")
+    return sections_at.turned(plan.forces_n, plan.turns)
 
 
 def render_frame(frame: PhantomFrame, section: Section, study: Study) -> Bscan:
@@ -274,7 +278,7 @@ def write_phantom(
         tell_globe: whether `recording.toml` says that the globe is open or sealed; `truth.json` always does.
 
     Raises:
-        RecordingError: `out` exists, or cannot be written.
+        RecordingError: `out` exists, or cannot be written; or as in `plan_sections`.
     """
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise RecordingError(f"{out}: exists already; remove it or choose another folder")
@@ -283,8 +287,9 @@ def write_phantom(
         shutil.rmtree(partial, ignore_errors=True)
         comment = f"A virtual acquisition, made by scleraforce {__version__}; truth.json has all its parameters."
         with closing(RecordingWriter(partial, _info(plan, study, tell_globe), comment)) as writer:
-            _write_log_and_truth(partial, plan, study, pressures_pa(plan.eye, sections_at, plan.forces_n))
-            for frame, section in zip(plan.frames, sections_at(plan.forces_n), strict=True):
+            found_pa = pressures_pa(plan.eye, sections_at, plan.forces_n, plan.turns)
+            _write_log_and_truth(partial, plan, study, found_pa)
+            for frame, section in zip(plan.frames, plan_sections(plan, sections_at), strict=True):
                 writer.add(frame.file, frame.time_s, render_frame(frame, section, study).frame)
                 if progress is not None:
                     progress(1)
@@ -311,7 +316,7 @@ def true_forces(recording: Path) -> dict[str, float]:
 
 def _write_log_and_truth(folder: Path, plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> None:
     axis = ("fx", "fy", "fz").index(AXIS)
-    noise = _generator(plan.eye, plan.seed, NOISE)
+    noise = stream(plan.eye, plan.seed, NOISE)
     log = sense(plan.motion, plan.sensor, axis, CONTACT_SIGN, motion_end_s(plan.motion) + TAIL_S, noise)
     (folder / "forces.csv").write_text(format_log(log), encoding="utf-8")
     truth = json.dumps(_truth(plan, study, pressures_pa), indent=1, allow_nan=False)
@@ -357,7 +362,7 @@ def _truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> di
         "globe": asdict(study.globe),
         "eye": asdict(plan.eye),
         "form": {key: value for key, value in asdict(study.form).items() if value is not None},
-        "thickness_at_contact_m": _thickness_at_contact(plan.eye, study),
+        "thickness_at_contact_m": _thickness_at(plan.eye, plan.eye.plane.contact, study),
         "needle": asdict(study.needle),
         "sensor": asdict(plan.sensor),
         **({"path": asdict(plan.motion)} if isinstance(plan.motion, ForcePath) else {}),
@@ -370,6 +375,7 @@ def _truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> di
                 "target": study.classes.classify(force_n),
                 **({"push": asdict(frame.push)} if frame.push else {}),
                 "pose": asdict(frame.pose),
+                **({"turn": _turn_truth(plan.eye, frame.turn, study)} if frame.turn else {}),
                 "optics": asdict(frame.optics),
                 "seed": list(frame.seed),
             }
@@ -378,14 +384,11 @@ def _truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> di
     }
 
 
-def _thickness_at_contact(eye: PhantomEye, study: Study) -> float:
-    return eye.thickness_m * float(thickness_factor(study.form, eye.plane.contact.normal))
+def _turn_truth(eye: PhantomEye, turn: EyeTurn, study: Study) -> dict[str, float]:
+    """Return where the eye is turned to, and what the needle pushes there."""
+    contact = turned_plane(eye.plane, turn).contact
+    return {**asdict(turn), **asdict(contact), "thickness_at_contact_m": _thickness_at(eye, contact, study)}
 
 
-def _key(eye: PhantomEye, seed: int, *stream: int) -> tuple[int, ...]:
-    """Return the entropy of a stream: eyes of different names differ, also under one seed."""
-    return seed, crc32(eye.id.encode()), *stream
-
-
-def _generator(eye: PhantomEye, seed: int, *stream: int) -> np.random.Generator:
-    return np.random.default_rng(_key(eye, seed, *stream))
+def _thickness_at(eye: PhantomEye, contact: Contact, study: Study) -> float:
+    return eye.thickness_m * float(thickness_factor(study.form, contact.normal))

@@ -1,14 +1,17 @@
 """Virtual eyes: what there is to know about one, its sections under a needle, and the five of the paper's design."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from math import radians
+from dataclasses import dataclass, replace
+from functools import partial
+from math import pi, radians, remainder
 
 import numpy as np
 
 from scleraforce.errors import InputError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.study_mesh import supported_mesh
+from scleraforce.laboratory.eye_movement import EyeTurn, farthest_turn_rad, turned_plane
+from scleraforce.laboratory.turned_sections import TurnedSections, knot_turns, knot_weights
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.springs import study_springs
 from scleraforce.mechanics.study_path import BentEye, bend_eye
@@ -27,6 +30,7 @@ __all__ = [
     "paper_eyes",
     "pressures_pa",
     "study_sections",
+    "turned_eyes",
 ]
 
 SectionsAt = Callable[[Sequence[float]], Sequence[Section]]
@@ -79,14 +83,45 @@ class PhantomEye:
 def study_sections(eye: PhantomEye, study: Study, progress: Callable[[float], object] | None = None) -> SectionsAt:
     """Return the function that gives an eye's sections for needle forces in N, from the study's `[mechanics]`.
 
-    `progress` is for a load path: called with the share of it that is done.
+    Of an eye that turns (`[phantom]`) it is a `TurnedSections`. `progress` is for load paths: called with the share of
+    them that is done.
 
     Raises:
         StudyError: linear mechanics for an eye that it does not know.
     """
-    if study.mechanics.kind == "linear":
-        return linear_sections(eye, study)
-    return finite_strain_sections(eye, study, progress)
+    eyes = turned_eyes(eye, study)
+    knots = []
+    for number, (turned, own) in enumerate(eyes):
+        if study.mechanics.kind == "linear":
+            knots.append(linear_sections(turned, own))
+        else:
+            share = None if progress is None else partial(_report_share, progress, number, len(eyes))
+            knots.append(finite_strain_sections(turned, own, share))
+    return knots[0] if len(knots) == 1 else TurnedSections(knots, farthest_turn_rad(study.phantom))
+
+
+def _report_share(progress: Callable[[float], object], number: int, count: int, share: float) -> None:
+    progress((number + share) / count)
+
+
+def turned_eyes(eye: PhantomEye, study: Study) -> list[tuple[PhantomEye, Study]]:
+    """Return an eye as the needle and the scanner meet it at each of `knot_turns`; one that stands still, as it is."""
+    reach_rad = farthest_turn_rad(study.phantom)
+    return [(eye, study), *(_turned(eye, study, turn) for turn in knot_turns(reach_rad)[1:] if reach_rad)]
+
+
+def _turned(eye: PhantomEye, study: Study, turn: EyeTurn) -> tuple[PhantomEye, Study]:
+    plane, needle = turned_plane(eye.plane, turn), study.needle
+    turned = replace(
+        eye,
+        polar_rad=plane.contact.polar_rad,
+        azimuth_rad=plane.contact.azimuth_rad,
+        direction_rad=plane.direction_rad,
+    )
+    if needle.tilt_rad:  # its direction counts from the meridian, as that of the plane does
+        direction_rad = needle.tilt_direction_rad + plane.direction_rad - eye.direction_rad
+        needle = replace(needle, tilt_direction_rad=remainder(direction_rad, 2.0 * pi))
+    return turned, replace(study, needle=needle)
 
 
 class BentSections:
@@ -146,8 +181,17 @@ def finite_strain_sections(
     return BentSections(eye, study, progress)
 
 
-def pressures_pa(eye: PhantomEye, sections_at: SectionsAt, forces_n: Sequence[float]) -> list[float]:
-    """Return the pressure of an eye at each force in Pa; only walls bent at finite strain know of sealed globes."""
+def pressures_pa(
+    eye: PhantomEye, sections_at: SectionsAt, forces_n: Sequence[float], turns: Sequence[EyeTurn] = ()
+) -> list[float]:
+    """Return the pressure of an eye at each force in Pa; only walls bent at finite strain know of sealed globes.
+
+    `turns` are those at each force of an eye that turns.
+    """
+    if isinstance(sections_at, TurnedSections) and turns:
+        at_knots = [pressures_pa(eye, knot, forces_n) for knot in sections_at.knots]
+        weights = [knot_weights(turn, sections_at.reach_rad) for turn in turns]
+        return [float(weight @ found) for weight, *found in zip(weights, *at_knots, strict=True)]
     if isinstance(sections_at, BentSections):
         return sections_at.pressures_pa(forces_n)
     return [eye.iop_pa] * len(forces_n)

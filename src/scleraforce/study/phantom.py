@@ -63,6 +63,8 @@ class PhantomStudy:
     surface_depth_m: Sampled = quantity(Range(min=0.35, max=0.6), "mm", -20.0, 50.0)
     eye_shift_m: Sampled = quantity(Range(min=-0.2, max=0.2), "mm", -10.0, 10.0)
     eye_tilt_rad: Sampled = quantity(fixed(0.0), "deg", -45.0, 45.0)
+    eye_drift_rad: Sampled = quantity(fixed(0.0), "deg", 0.0, 4.0)
+    eye_saccade_rad: Sampled = quantity(fixed(0.0), "deg", 0.0, 2.0)
     # what the needle does
     approach_s: Sampled = quantity(Range(min=2.0, max=3.0), None, 0.5, 600.0)
     ramp_s: Sampled = quantity(Range(min=0.6, max=1.2), None, 0.05, 60.0)

@@ -23,6 +23,7 @@ SUPPORTS = (
     "supports.kind", "supports.bed_stiffness_kpa_per_mm", "supports.bed_shear_stiffness_kpa_per_mm",
     "supports.strap_stiffness_n_per_m", "supports.medial_azimuth_deg",
 )  # fmt: skip
+EYE_MOVEMENT = ("phantom.eye_drift_deg", "phantom.eye_saccade_deg")
 SHARED_WALL = (*FINITE_STRAIN_ONLY, *SUPPORTS)  # walls that serve many contacts: even, clamped at the base
 LIBRARY = (*SHARED_WALL, "eye.density_kg_m3")  # walls of revolution about the needle, without weight
 
@@ -38,7 +39,7 @@ UNUSED: dict[tuple[str, str | None], tuple[str, ...]] = {
     ("calibrate", "finite-strain"): LIBRARY,
     ("library", None): LIBRARY,
     ("train --kind reader", None): LIBRARY,
-    ("reproduce", None): SHARED_WALL,
+    ("reproduce", None): (*SHARED_WALL, *EYE_MOVEMENT),
 }
 
 # Why a key is not used, where its name does not tell.
