@@ -6,7 +6,7 @@ OUT ?= out/reproduce
 FIGURES ?= out/figures
 PYTEST_ARGS ?= -n 2 --dist worksteal
 SLOW ?= slow
-SHIPPED := src/scleraforce/shipped/wall_finder
+SHIPPED := src/scleraforce/shipped
 # One thread of BLAS to a worker; bytecode is kept, or every worker and every child would compile all anew.
 FOR_TESTS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE=
 PIP := .venv/bin/python -m pip --disable-pip-version-check -qq
@@ -44,7 +44,12 @@ stale: .venv/installed  ## which figures of the pages are older than the sources
 
 wall-finder: .venv/installed  ## train the wall finder that ships with the package, in place of the one that is there
 	rm -rf out/wall_finder && .venv/bin/scleraforce train --kind wall-finder --out out/wall_finder
-	rm -rf $(SHIPPED) && cp -r out/wall_finder $(SHIPPED)
+	rm -rf $(SHIPPED)/wall_finder && cp -r out/wall_finder $(SHIPPED)/wall_finder
+
+model: .venv/installed  ## make the library and train the reader that ships with the package, in place of the one there
+	rm -rf out/default.zarr out/default && .venv/bin/scleraforce library --out out/default.zarr
+	.venv/bin/scleraforce train out/default.zarr --kind reader --out out/default
+	rm -rf $(SHIPPED)/default && cp -r out/default $(SHIPPED)/default
 
 lock:  ## requirements.lock anew, from pyproject.toml
 	@python=$$($(FIND_PYTHON)); folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
@@ -64,4 +69,4 @@ clean:  ## remove .venv and what the tools left; out/ stays
 .venv/installed: .venv/locked pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
 
-.PHONY: help install reproduce test slow lint bench figures stale wall-finder lock clean
+.PHONY: help install reproduce test slow lint bench figures stale wall-finder model lock clean

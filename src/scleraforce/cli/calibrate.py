@@ -54,7 +54,8 @@ class _Parameters(click.ParamType[tuple[str, ...]]):
 @wall_finder_option
 @click.option("--resume", type=click.Path(path_type=Path), help="Go on from an earlier file of this command.")
 @click.option("--intervals", "model", type=click.Path(path_type=Path), metavar="MODEL",
-              help="Stretch a reader's intervals to hold on these recordings; --out is its copy.")  # fmt: skip
+              help="Stretch a reader's intervals (a folder's, or `default`) to hold on these recordings; --out is "
+              "its copy.")  # fmt: skip
 @click.option("--plot", type=click.Path(path_type=Path), help="Picture to write as well; must not exist.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def calibrate(

@@ -57,6 +57,8 @@ def classify(
 ) -> None:
     """Read the force class of raw frames (PNG, TIFF, JPEG, DICOM) with MODEL.
 
+    MODEL is a folder that `train` wrote, or `default`, the reader that ships.
+
     A model of kind "reader" reads the force as well, the better the more is
     known of the eye; one of kind "classifier" knows one modulus only. A frame
     that cannot be judged is class 2 (withdraw) and not usable.
@@ -65,7 +67,7 @@ def classify(
     recording.toml beside its folder, in the file, or in the options, which come
     first. `evaluate` reads whole recordings.
 
-    Example: scleraforce classify reader frames/0001.png
+    Example: scleraforce classify default frames/0001.png
     --youngs-modulus-mpa 0.27 --iop-mmhg 2 --thickness-um 650 --gap-mm 0.5
     --globe open
     """

@@ -36,6 +36,8 @@ def evaluate(
 ) -> None:
     """Read every frame of RECORDINGs with MODEL and compare with the force log.
 
+    MODEL is a folder that `train` wrote, or `default`, the reader that ships.
+
     Trials over the largest force of the model's study, and pierced ones, are
     listed and left out. A frame that cannot be judged counts as class 2. A
     model of kind "reader" reads an eye that the calibration knows with its own

@@ -78,6 +78,8 @@ def monitor(
 ) -> None:
     """Receive B-scans and tell the robot when to withdraw. Research use only.
 
+    MODEL is a folder that `train` wrote, or `default`, the reader that ships.
+
     Frames come as OpenIGTLink IMAGEs; every frame is answered with a STATUS
     `ForceMonitor`, which is also sent every 50 ms. Any code but 1, or 150 ms
     of silence, means withdraw. After a withdrawal only a reset leads back:
@@ -109,7 +111,7 @@ def monitor(
         token=new_token(),
     )
     with closing(Notes(_say)) as notes:
-        with ExitStack() as until_ended, monitor_service(model, reader, settings, notes) as (server, address):
+        with ExitStack() as until_ended, monitor_service(reader.path, reader, settings, notes) as (server, address):
             until_ended.enter_context(_ended_by_signals(server.stop))
             _greet(reader, settings, address, doubt, notes)
             server.run()
