@@ -21,6 +21,8 @@ FULL_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # comes withou
 
 # Command -> one line of help. `monitor-reset` lives in `cli/monitor_reset.py` as the function `monitor_reset`.
 COMMANDS = {
+    "demo": "A first look: a virtual session, as a page.",
+    "doctor": "Check this installation, and say what is missing.",
     "init": "Write a commented study.toml.",
     "simulate": "One eye, one force: displacement, slice, picture.",
     "phantom": "Make a virtual acquisition: raw B-scans and a force log.",
