@@ -21,7 +21,7 @@ def test_a_virtual_session_is_pushed_calibrated_read_and_shown(tmp_path: Path, c
     assert "Model" in (out / "answers.html").read_text()
     assert len(read_recording(out / "eye").frames) == told["frames"] == len(demo.FORCES_N)
     assert read_calibration(out / "modulus.json").eyes["demo"].mean_pa == pytest.approx(0.3e6, rel=0.1)
-    assert told["read"] == told["right"] == len(demo.FORCES_N) - demo.CALIBRATED
+    assert told["read"] == told["right"] == len(demo.FORCES_N) - demo.TAUGHT
     assert told["mae_mn"] < 1.0
     assert told["seconds"] < 60.0
 

@@ -3,9 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["Finding", "State"]
-
-State = Literal["ok", "missing", "failed"]
+__all__ = ["Finding"]
 
 
 @dataclass(frozen=True)
@@ -20,6 +18,6 @@ class Finding:
     """
 
     name: str
-    state: State
+    state: Literal["ok", "missing", "failed"]
     found: str
     remedy: str = ""

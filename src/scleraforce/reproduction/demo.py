@@ -24,7 +24,7 @@ from scleraforce.report.frame_pictures import shown_frames
 from scleraforce.study import Study, study_hash
 from scleraforce.units import to_si
 
-__all__ = ["CALIBRATED", "EYE", "FORCES_N", "Demo", "run_demo"]
+__all__ = ["EYE", "FORCES_N", "TAUGHT", "Demo", "run_demo"]
 
 EYE = PhantomEye(
     id="demo",
@@ -35,7 +35,7 @@ EYE = PhantomEye(
     polar_rad=radians(35.0),
 )
 FORCES_N = (0.002, 0.007, 0.011, 0.015, 0.019, 0.023, 0.027, 0.033, 0.037, 0.042, 0.046, 0.050)
-CALIBRATED = 3  # of the frames
+TAUGHT = 3  # frames that calibrate
 MESH_CORE, MESH_RINGS = 4, 8  # coarse: tips within 2 %
 BENT, CALIBRATION_DONE, FRAMES_READ = 0.5, 0.75, 0.8  # shares of the time
 
@@ -83,7 +83,7 @@ def _session(out: Path, made_at: datetime, reach: Callable[[float], object]) -> 
         reader.study,
         study_hash(reader.study),
         reader.library,
-        frames=CALIBRATED,
+        frames=TAUGHT,
         finder=finder,
     )
     write_calibration(calibration_as_json(found), calibration)
