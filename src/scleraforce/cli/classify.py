@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scleraforce.cli.known_eye import known_entry, known_eye, known_eye_options, known_words
-from scleraforce.cli.output import print_json, wrapped
+from scleraforce.cli.output import print_json, say, wrapped
 from scleraforce.cli.single_frames import (
     each_of,
     end_with_faults,
@@ -88,9 +88,9 @@ def classify(
         print_json({"model": str(model), "kind": reader.kind, "notes": notes, "frames": entries})
     else:
         for line in [*(_line(path, one.answer) for path, one in read), *_read_as(read)]:
-            click.echo(line)
+            say(line)
         for note in notes:
-            click.echo(wrapped(note, "note: "))
+            say(wrapped(note, "note: "))
     end_with_faults(answer for _, answer in found)
 
 
@@ -187,7 +187,7 @@ def _line(path: Path, answer: "Answer") -> str:
     shares = ", ".join(f"{share:.3f}" for share in answer.probabilities)
     read = "".join(f", {words}" for words in _force(answer))
     lines = [f"{path}: class {answer.predicted} (probabilities {shares}){read}"]
-    return "\n".join([*lines, *(f"  warning: {warning}" for warning in answer.warnings)])
+    return "\n".join([*lines, *(wrapped(warning, "  warning: ") for warning in answer.warnings)])
 
 
 def _force(answer: "Answer") -> list[str]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.output import print_json, share_bar
+from scleraforce.cli.output import print_json, say, share_bar
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def demo(out: Path, open_page: bool, as_json: bool) -> None:
     if as_json:
         print_json(result)
     else:
-        click.echo("\n".join(_lines(result)))
+        say("\n".join(_lines(result)))
     if open_page:
         click.launch(str(done.page))
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scleraforce import __version__
-from scleraforce.cli.output import print_json, progress_bar, wrapped
+from scleraforce.cli.output import print_json, progress_bar, say, wrapped
 
 if TYPE_CHECKING:
     from scleraforce.installation.finding import Finding
@@ -40,9 +40,9 @@ def doctor(as_json: bool) -> None:
     if as_json:
         print_json({**about, "ok": ok, "findings": [asdict(finding) for finding in found], "seconds": seconds})
     else:
-        click.echo(f"scleraforce {__version__}, Python {about['python']}, {about['system']}")
+        say(f"scleraforce {__version__}, Python {about['python']}, {about['system']}")
         for finding in found:
-            click.echo("\n".join(_lines(finding)))
+            say("\n".join(_lines(finding)))
     if not ok:
         raise click.exceptions.Exit(1)
 
