@@ -51,6 +51,15 @@ model: .venv/installed  ## make the library and train the reader that ships with
 	.venv/bin/scleraforce train out/default.zarr --kind reader --out out/default
 	rm -rf $(SHIPPED)/default && cp -r out/default $(SHIPPED)/default
 
+dist: .venv/installed  ## wheel and sdist of the last commit, in dist/; the same commit gives the same wheel
+	.ci/dist
+
+sbom: dist  ## a CycloneDX list of the package and all that it needs, in dist/
+	.ci/sbom
+
+wheels: dist  ## whether other Pythons and systems have wheels of all that it needs
+	.ci/wheels
+
 lock:  ## requirements.lock anew, from pyproject.toml
 	@python=$$($(FIND_PYTHON)); folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
 	$$python -m venv "$$folder" && "$$folder"/bin/pip install -qq torch==2.13.0 'setuptools>=77' -e '.[train,dev]' && \
@@ -69,4 +78,4 @@ clean:  ## remove .venv and what the tools left; out/ stays
 .venv/installed: .venv/locked pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
 
-.PHONY: help install reproduce test slow lint bench figures stale wall-finder model lock clean
+.PHONY: help install reproduce test slow lint bench figures stale wall-finder model dist sbom wheels lock clean

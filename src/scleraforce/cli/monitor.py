@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from datetime import UTC, datetime
@@ -84,11 +85,13 @@ def monitor(
     `ForceMonitor`, which is also sent every 50 ms. Any code but 1, or 150 ms
     of silence, means withdraw. After a withdrawal only a reset leads back:
     `scleraforce monitor-reset`, or the console, with the token that is printed
-    at the start. Ctrl-C ends the monitor, with exit code 0.
+    at the start. Ctrl-C ends the monitor, with exit code 0. Linux only.
 
     Example: scleraforce monitor reader --calibration modulus.json --eye eye-a
     --iop-mmhg 2 --gap-mm 0.5 --globe open --web-port 8080
     """
+    if not sys.platform.startswith("linux"):
+        raise InputError(f"monitor: runs on Linux only, for its real-time priorities; this is {sys.platform}")
     _fill_standard_files()
     with one_thread():  # the second core is for the other processes
         from scleraforce.reader import load_model

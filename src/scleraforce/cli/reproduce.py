@@ -1,6 +1,5 @@
 """`scleraforce reproduce`: the whole pipeline, to an HTML report."""
 
-import os
 import sys
 import time
 from collections.abc import Iterator
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scleraforce.cli.output import print_json, progress_bar, say
+from scleraforce.processes import available_cores
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import from_si
@@ -62,7 +62,7 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
 
     study = framed_for_laboratory(Study()) if study_path is None else read_study(study_path)
     refuse_unused(study, "reproduce", file=study_path)
-    run = open_run(out, study, workers or len(os.sched_getaffinity(0)))
+    run = open_run(out, study, workers or available_cores())
     found = reproduce_all(run, _stage, datetime.now(UTC), lambda line: say(line, err=True))
     evaluation, seconds = found.evaluation, found.seconds
     mean_pa, spread_pa = found.calibration.population
