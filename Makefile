@@ -42,6 +42,9 @@ figures: .venv/installed  ## forces read on virtual eyes that no training has se
 stale: .venv/installed  ## which figures of the pages are older than the sources that decide them
 	PYTHONPATH=benchmarks .venv/bin/python -m provenance
 
+trace: .venv/installed  ## docs/requirements.md anew, from docs/requirements.toml and the names of the tests
+	.venv/bin/python benchmarks/requirements_trace.py > docs/requirements.md.new && mv docs/requirements.md.new docs/requirements.md
+
 wall-finder: .venv/installed  ## train the wall finder that ships with the package, in place of the one that is there
 	rm -rf out/wall_finder && .venv/bin/scleraforce train --kind wall-finder --out out/wall_finder
 	rm -rf $(SHIPPED)/wall_finder && cp -r out/wall_finder $(SHIPPED)/wall_finder
@@ -78,4 +81,4 @@ clean:  ## remove .venv and what the tools left; out/ stays
 .venv/installed: .venv/locked pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
 
-.PHONY: help install reproduce test slow lint bench figures stale wall-finder model dist sbom wheels lock clean
+.PHONY: help install reproduce test slow lint bench figures stale trace wall-finder model dist sbom wheels lock clean
