@@ -20,7 +20,7 @@ __all__ = [
 
 Item = TypeVar("Item")
 
-QUIET = "scleraforce.quiet"  # in the meta of click's context, which a command shares with the group
+QUIET = f"{__name__}.quiet"  # in the meta of click's context, which a command shares with the group
 
 
 def be_quiet(context: click.Context) -> None:
