@@ -6,7 +6,7 @@ OUT ?= out/reproduce
 FIGURES ?= out/figures
 PYTEST_ARGS ?= -n 2 --dist worksteal
 SLOW ?= slow
-SHIPPED := src/scleraforce/shipped/wall_finder
+SHIPPED := src/scleraforce/shipped
 # One thread of BLAS to a worker; bytecode is kept, or every worker and every child would compile all anew.
 FOR_TESTS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE=
 PIP := .venv/bin/python -m pip --disable-pip-version-check -qq
@@ -42,9 +42,26 @@ figures: .venv/installed  ## forces read on virtual eyes that no training has se
 stale: .venv/installed  ## which figures of the pages are older than the sources that decide them
 	PYTHONPATH=benchmarks .venv/bin/python -m provenance
 
+trace: .venv/installed  ## docs/requirements.md anew, from docs/requirements.toml and the names of the tests
+	.venv/bin/python benchmarks/requirements_trace.py > docs/requirements.md.new && mv docs/requirements.md.new docs/requirements.md
+
 wall-finder: .venv/installed  ## train the wall finder that ships with the package, in place of the one that is there
 	rm -rf out/wall_finder && .venv/bin/scleraforce train --kind wall-finder --out out/wall_finder
-	rm -rf $(SHIPPED) && cp -r out/wall_finder $(SHIPPED)
+	rm -rf $(SHIPPED)/wall_finder && cp -r out/wall_finder $(SHIPPED)/wall_finder
+
+model: .venv/installed  ## make the library and train the reader that ships with the package, in place of the one there
+	rm -rf out/default.zarr out/default && .venv/bin/scleraforce library --out out/default.zarr
+	.venv/bin/scleraforce train out/default.zarr --kind reader --out out/default
+	rm -rf $(SHIPPED)/default && cp -r out/default $(SHIPPED)/default
+
+dist: .venv/installed  ## wheel and sdist of the last commit, in dist/; the same commit gives the same wheel
+	.ci/dist
+
+sbom: dist  ## a CycloneDX list of the package and all that it needs, in dist/
+	.ci/sbom
+
+wheels: dist  ## whether other Pythons and systems have wheels of all that it needs
+	.ci/wheels
 
 lock:  ## requirements.lock anew, from pyproject.toml
 	@python=$$($(FIND_PYTHON)); folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
@@ -64,4 +81,4 @@ clean:  ## remove .venv and what the tools left; out/ stays
 .venv/installed: .venv/locked pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
 
-.PHONY: help install reproduce test slow lint bench figures stale wall-finder lock clean
+.PHONY: help install reproduce test slow lint bench figures stale trace wall-finder model dist sbom wheels lock clean

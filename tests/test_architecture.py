@@ -22,7 +22,7 @@ ORDER = [
     "units", "errors", "plain_json", "processes", "whole_files", "source_hash", "stored_array", "checked_store",
     "study", "models", "monitor", "openigtlink", "eye", "recording", "known", "segmentation", "mechanics", "section",
     "library", "fitting", "laboratory", "scanner", "calibration", "dataset", "reader", "learning", "service", "replay",
-    "report", "reproduction", "notebook", "cli",
+    "report", "reproduction", "installation", "notebook", "cli",
 ]  # fmt: skip
 PURE = ["eye", "segmentation", "mechanics", "section", "fitting", "scanner", "calibration", "monitor"]
 IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}

@@ -23,7 +23,7 @@ from scleraforce.cli.main import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
-SLOW_COMMANDS = {"simulate", "reproduce", "library", "generate", "train", "phantom", "calibrate"}
+SLOW_COMMANDS = {"demo", "doctor", "simulate", "reproduce", "library", "generate", "train", "phantom", "calibrate"}
 SLOW_CALLS = re.compile(r"\b(sf\.train|linear_sections|FiniteWall|adaptive_bound_n)\(")
 # Whose examples train and solve.
 SLOW_MODULES = {f"scleraforce.notebook.{name}" for name in ("calibrating", "training", "virtual")}

@@ -38,8 +38,10 @@ THREAD_SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def available_cores() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0))
+    """Return the number of cores that this process may use; of the machine, where the system knows no such limit."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def work_units(
@@ -243,7 +245,13 @@ def _environment(settings: Mapping[str, str]) -> Iterator[None]:
 
 @contextmanager
 def no_interrupts() -> Iterator[None]:
-    """Let processes that start meanwhile never see Ctrl-C, which reaches the whole group: the parent ends them."""
+    """Let processes that start meanwhile never see Ctrl-C, which reaches the whole group: the parent ends them.
+
+    Windows has no such masks: there they see it, too.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
     with own_modules():
         resource_tracker.ensure_running()  # starting it later would unblock the signal again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

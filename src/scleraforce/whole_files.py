@@ -18,6 +18,7 @@ from scleraforce.errors import CalibrationError, FrameError, InputError, ModelEr
 __all__ = ["KINDS", "MIB", "FileKind", "check_regular", "read_bytes", "read_text", "renamed_when_whole", "write_whole"]
 
 MIB = 2**20
+OPEN_FLAGS = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)  # of Unix, of Windows
 # What editors on Windows write; UTF-32 stands before UTF-16, whose mark is the beginning of its own.
 BYTE_ORDER_MARKS = {
     codecs.BOM_UTF8: "utf-8",
@@ -73,7 +74,7 @@ def read_bytes(path: Path, kind: FileKind) -> bytes:
     hint = f"; {kind.hint}" if kind.hint else ""
     try:
         # A pipe that nobody writes to would hold up a plain open() for ever.
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        descriptor = os.open(path, os.O_RDONLY | OPEN_FLAGS | getattr(os, "O_NONBLOCK", 0))
         try:
             found = os.fstat(descriptor)
             check_regular(path, found, kind)
@@ -159,7 +160,7 @@ def renamed_when_whole(path: Path) -> Iterator[Path]:
     """
     part = path.with_name(f".scleraforce-{secrets.token_hex(8)}.part")
     try:
-        os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666))
+        os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN_FLAGS, 0o666))
         yield part
         part.replace(path)
     except OSError as fault:

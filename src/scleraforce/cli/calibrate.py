@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scleraforce.cli.output import count_bar, print_json
+from scleraforce.cli.output import count_bar, print_json, say, wrapped
 from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
 from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study
@@ -54,7 +54,8 @@ class _Parameters(click.ParamType[tuple[str, ...]]):
 @wall_finder_option
 @click.option("--resume", type=click.Path(path_type=Path), help="Go on from an earlier file of this command.")
 @click.option("--intervals", "model", type=click.Path(path_type=Path), metavar="MODEL",
-              help="Stretch a reader's intervals to hold on these recordings; --out is its copy.")  # fmt: skip
+              help="Stretch a reader's intervals (a folder's, or `default`) to hold on these recordings; --out is "
+              "its copy.")  # fmt: skip
 @click.option("--plot", type=click.Path(path_type=Path), help="Picture to write as well; must not exist.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def calibrate(
@@ -118,8 +119,8 @@ def calibrate(
     if as_json:
         print_json(content)
     else:
-        click.echo("\n".join(_lines(result)))
-        click.echo(f"wrote {out}")
+        say("\n".join(_lines(result)))
+        say(f"wrote {out}")
 
 
 def _stretch(
@@ -133,14 +134,14 @@ def _stretch(
     if as_json:
         print_json({"model": str(out), "from": str(model), "groups": [asdict(change) for change in changes]})
         return
-    click.echo(f"{'method':<9}{'group':<24}{'eyes':>5}{'readings':>10}{'held':>7}{'factor':>15}")
+    say(f"{'method':<9}{'group':<24}{'eyes':>5}{'readings':>10}{'held':>7}{'factor':>15}")
     for change in changes:
         counts = f"{change.eyes:>5}{change.readings:>10}{change.held:>7.0%}"
         factors = f"{change.factor_before:.2f} -> {change.factor:.2f}"
-        click.echo(f"{change.method:<9}{change.group:<24}{counts}{factors:>15}")
+        say(f"{change.method:<9}{change.group:<24}{counts}{factors:>15}")
     if max(change.eyes for change in changes) < FEW_EYES:
-        click.echo(f"note: fewer than {FEW_EYES} eyes: the widest of their readings counts")
-    click.echo(f"wrote {out}")
+        say(f"note: fewer than {FEW_EYES} eyes: the widest of their readings counts")
+    say(f"wrote {out}")
 
 
 def _draw(result: "Calibration", path: Path) -> None:
@@ -153,12 +154,15 @@ def _draw(result: "Calibration", path: Path) -> None:
 def _lines(result: "Calibration") -> list[str]:
     lines = [f"{'eye':<16}{'E/MPa':>8}{'sd/MPa':>9}{'updates':>9}  remark"]
     lines += [_line(name, eye, result.bounds_n) for name, eye in result.eyes.items()]
-    notes = [f"note: {entry.path}: {doubt}" for eye in result.eyes.values() for entry in eye.recordings
+    notes = [wrapped(f"{entry.path}: {doubt}", "note: ") for eye in result.eyes.values() for entry in eye.recordings
              for doubt in entry.doubts]  # fmt: skip
     mean_pa, sd_pa = result.population
-    unknown = f"{'-':>9}{'':>9}  one eye says nothing of how eyes differ"
-    spread = unknown if sd_pa is None else f"{from_si(sd_pa, 'mpa'):>9.4f}"
-    return [*lines, f"{'population':<16}{from_si(mean_pa, 'mpa'):>8.3f}{spread}", *notes]
+    population = f"{'population':<16}{from_si(mean_pa, 'mpa'):>8.3f}"
+    if sd_pa is None:
+        population = wrapped("one eye says nothing of how eyes differ", f"{population}{'-':>9}{'':>9}  ")
+    else:
+        population += f"{from_si(sd_pa, 'mpa'):>9.4f}"
+    return [*lines, population, *notes]
 
 
 def _line(name: str, eye: "EyeCalibration", bounds_n: tuple[float, ...]) -> str:
@@ -173,8 +177,7 @@ def _line(name: str, eye: "EyeCalibration", bounds_n: tuple[float, ...]) -> str:
     ]
     text = "; ".join(remark for remark in remarks if remark)
     modulus = f"{from_si(eye.mean_pa, 'mpa'):>8.3f}{from_si(eye.sd_pa, 'mpa'):>9.4f}"
-    line = f"{name:<16}{modulus}{eye.state.posterior.updates:>9}  {text}"
-    return line.rstrip()
+    return wrapped(text, f"{name:<16}{modulus}{eye.state.posterior.updates:>9}  ")
 
 
 def _softening(eye: "EyeCalibration", bounds_n: tuple[float, ...]) -> str:

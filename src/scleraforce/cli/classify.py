@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scleraforce.cli.known_eye import known_entry, known_eye, known_eye_options, known_words
-from scleraforce.cli.output import print_json, wrapped
+from scleraforce.cli.output import print_json, say, wrapped
 from scleraforce.cli.single_frames import (
     each_of,
     end_with_faults,
@@ -57,6 +57,8 @@ def classify(
 ) -> None:
     """Read the force class of raw frames (PNG, TIFF, JPEG, DICOM) with MODEL.
 
+    MODEL is a folder that `train` wrote, or `default`, the reader that ships.
+
     A model of kind "reader" reads the force as well, the better the more is
     known of the eye; one of kind "classifier" knows one modulus only. A frame
     that cannot be judged is class 2 (withdraw) and not usable.
@@ -65,7 +67,7 @@ def classify(
     recording.toml beside its folder, in the file, or in the options, which come
     first. `evaluate` reads whole recordings.
 
-    Example: scleraforce classify reader frames/0001.png
+    Example: scleraforce classify default frames/0001.png
     --youngs-modulus-mpa 0.27 --iop-mmhg 2 --thickness-um 650 --gap-mm 0.5
     --globe open
     """
@@ -86,9 +88,9 @@ def classify(
         print_json({"model": str(model), "kind": reader.kind, "notes": notes, "frames": entries})
     else:
         for line in [*(_line(path, one.answer) for path, one in read), *_read_as(read)]:
-            click.echo(line)
+            say(line)
         for note in notes:
-            click.echo(wrapped(note, "note: "))
+            say(wrapped(note, "note: "))
     end_with_faults(answer for _, answer in found)
 
 
@@ -185,7 +187,7 @@ def _line(path: Path, answer: "Answer") -> str:
     shares = ", ".join(f"{share:.3f}" for share in answer.probabilities)
     read = "".join(f", {words}" for words in _force(answer))
     lines = [f"{path}: class {answer.predicted} (probabilities {shares}){read}"]
-    return "\n".join([*lines, *(f"  warning: {warning}" for warning in answer.warnings)])
+    return "\n".join([*lines, *(wrapped(warning, "  warning: ") for warning in answer.warnings)])
 
 
 def _force(answer: "Answer") -> list[str]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scleraforce.cli.output import print_json, progress_bar, wrapped
+from scleraforce.cli.output import print_json, progress_bar, say, wrapped
 from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
 from scleraforce.errors import InputError
 from scleraforce.units import from_si
@@ -36,6 +36,8 @@ def evaluate(
 ) -> None:
     """Read every frame of RECORDINGs with MODEL and compare with the force log.
 
+    MODEL is a folder that `train` wrote, or `default`, the reader that ships.
+
     Trials over the largest force of the model's study, and pierced ones, are
     listed and left out. A frame that cannot be judged counts as class 2. A
     model of kind "reader" reads an eye that the calibration knows with its own
@@ -64,7 +66,7 @@ def evaluate(
         print_json(evaluation.as_json())
     else:
         parts = (_frames, _confusion, _forces, _notes)
-        click.echo("\n\n".join("\n".join(lines) for part in parts if (lines := part(evaluation))))
+        say("\n\n".join("\n".join(lines) for part in parts if (lines := part(evaluation))))
 
 
 def _frames(evaluation: "Evaluation") -> list[str]:

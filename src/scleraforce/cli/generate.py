@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from scleraforce.cli.output import count_bar, print_json, resumable_bar
+from scleraforce.cli.output import count_bar, print_json, resumable_bar, say
 from scleraforce.study import read_study
 from scleraforce.study.unused import refuse_unused
 
@@ -43,7 +43,7 @@ def generate(
     modulus = read_population_modulus(calibration) if calibration else None
     kind = mechanics or study.mechanics.kind
     if modulus and modulus.mechanics != kind:
-        click.echo(f"{calibration}: E was fitted with {modulus.mechanics} mechanics, the slices are {kind}", err=True)
+        say(f"{calibration}: E was fitted with {modulus.mechanics} mechanics, the slices are {kind}", err=True)
 
     def bar(title: str, total: int) -> AbstractContextManager[Callable[[int], None]]:
         return resumable_bar(out, "images", title, total) if title == "generate" else count_bar(title, total)
@@ -52,4 +52,4 @@ def generate(
     if as_json:
         print_json({"images": result.images, "seconds": result.seconds, "images_per_second": result.images_per_second})
     else:
-        click.echo(f"{out}: {result.images} images, {result.seconds:.1f} s, {result.images_per_second:.0f} images/s")
+        say(f"{out}: {result.images} images, {result.seconds:.1f} s, {result.images_per_second:.0f} images/s")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from scleraforce.cli.output import print_json
+from scleraforce.cli.output import print_json, say
 from scleraforce.errors import StudyError
 from scleraforce.study import PRESETS, preset_toml
 
@@ -30,4 +30,4 @@ def init(directory: Path, preset: str, as_json: bool) -> None:
     if as_json:
         print_json({"path": str(path), "preset": preset})
     else:
-        click.echo(f"wrote {path}")
+        say(f"wrote {path}")

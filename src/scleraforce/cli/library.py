@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from scleraforce.cli.output import print_json, resumable_bar
+from scleraforce.cli.output import print_json, resumable_bar, say
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
 
@@ -36,4 +36,4 @@ def library(study_path: Path | None, out: Path, scheduler: str | None, workers: 
     if as_json:
         print_json({"paths": result.paths, "seconds": result.seconds})
     else:
-        click.echo(f"{out}: {result.paths} load paths, {result.seconds:.1f} s")
+        say(f"{out}: {result.paths} load paths, {result.seconds:.1f} s")

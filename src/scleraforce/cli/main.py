@@ -21,6 +21,8 @@ FULL_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # comes withou
 
 # Command -> one line of help. `monitor-reset` lives in `cli/monitor_reset.py` as the function `monitor_reset`.
 COMMANDS = {
+    "demo": "A first look: a virtual session, as a page.",
+    "doctor": "Check this installation, and say what is missing.",
     "init": "Write a commented study.toml.",
     "simulate": "One eye, one force: displacement, slice, picture.",
     "phantom": "Make a virtual acquisition: raw B-scans and a force log.",
@@ -39,6 +41,21 @@ COMMANDS = {
 }
 
 
+NEVER_QUIET = {"monitor"}  # its operator has to see what it says
+
+
+def _quiet(context: click.Context, _: click.Parameter, asked: bool) -> None:
+    if asked:
+        from scleraforce.cli.output import be_quiet
+
+        be_quiet(context)
+
+
+# Added to every command, as `--help` is.
+QUIET = click.Option(["-q", "--quiet"], is_flag=True, expose_value=False, callback=_quiet,
+                     help="Print errors only, and with --json its object.")  # fmt: skip
+
+
 class _LazyGroup(click.Group):
     """A group that imports a command only when it is asked for, so that `--help` is quick."""
 
@@ -52,6 +69,8 @@ class _LazyGroup(click.Group):
             return None
         name = cmd_name.replace("-", "_")
         command: click.Command = getattr(import_module(f"scleraforce.cli.{name}"), name)
+        if cmd_name not in NEVER_QUIET and QUIET not in command.params:
+            command.params.append(QUIET)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - as above

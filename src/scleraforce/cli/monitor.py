@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from datetime import UTC, datetime
@@ -78,15 +79,19 @@ def monitor(
 ) -> None:
     """Receive B-scans and tell the robot when to withdraw. Research use only.
 
+    MODEL is a folder that `train` wrote, or `default`, the reader that ships.
+
     Frames come as OpenIGTLink IMAGEs; every frame is answered with a STATUS
     `ForceMonitor`, which is also sent every 50 ms. Any code but 1, or 150 ms
     of silence, means withdraw. After a withdrawal only a reset leads back:
     `scleraforce monitor-reset`, or the console, with the token that is printed
-    at the start. Ctrl-C ends the monitor, with exit code 0.
+    at the start. Ctrl-C ends the monitor, with exit code 0. Linux only.
 
     Example: scleraforce monitor reader --calibration modulus.json --eye eye-a
     --iop-mmhg 2 --gap-mm 0.5 --globe open --web-port 8080
     """
+    if not sys.platform.startswith("linux"):
+        raise InputError(f"monitor: runs on Linux only, for its real-time priorities; this is {sys.platform}")
     _fill_standard_files()
     with one_thread():  # the second core is for the other processes
         from scleraforce.reader import load_model
@@ -109,7 +114,7 @@ def monitor(
         token=new_token(),
     )
     with closing(Notes(_say)) as notes:
-        with ExitStack() as until_ended, monitor_service(model, reader, settings, notes) as (server, address):
+        with ExitStack() as until_ended, monitor_service(reader.path, reader, settings, notes) as (server, address):
             until_ended.enter_context(_ended_by_signals(server.stop))
             _greet(reader, settings, address, doubt, notes)
             server.run()

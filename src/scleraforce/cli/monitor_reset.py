@@ -2,7 +2,7 @@
 
 import click
 
-from scleraforce.cli.output import print_json
+from scleraforce.cli.output import print_json, say
 from scleraforce.errors import InputError
 
 __all__ = ["monitor_reset"]
@@ -29,4 +29,4 @@ def monitor_reset(token: str, host: str, port: int, as_json: bool) -> None:
     if not granted:
         raise InputError(f"{host}:{port}: {message}")
     if not as_json:
-        click.echo(f"reset: {message}")
+        say(f"reset: {message}")

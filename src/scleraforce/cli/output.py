@@ -14,9 +14,30 @@ from tqdm import tqdm
 from scleraforce.plain_json import finite
 from scleraforce.units import from_si
 
-__all__ = ["count_bar", "print_json", "progress_bar", "resumable_bar", "share_bar", "wrapped"]
+__all__ = [
+    "be_quiet", "count_bar", "is_quiet", "print_json", "progress_bar", "resumable_bar", "say", "share_bar", "wrapped",
+]  # fmt: skip
 
 Item = TypeVar("Item")
+
+QUIET = f"{__name__}.quiet"  # in the meta of click's context, which a command shares with the group
+
+
+def be_quiet(context: click.Context) -> None:
+    """Have a command print neither report nor progress: what remains are errors, and the object of `--json`."""
+    context.meta[QUIET] = True
+
+
+def is_quiet() -> bool:
+    """Return whether the command that runs was told to be quiet."""
+    context = click.get_current_context(silent=True)
+    return context is not None and bool(context.meta.get(QUIET))
+
+
+def say(text: str, *, err: bool = False) -> None:
+    """Print a line of a report, unless the command was told to be quiet."""
+    if not is_quiet():
+        click.echo(text, err=err)
 
 
 def print_json(result: Mapping[str, Any]) -> None:
@@ -35,8 +56,9 @@ def wrapped(text: str, start: str = "") -> str:
 
 
 def progress_bar(items: Iterable[Item], title: str, total: int | None = None) -> "tqdm[Item]":
-    """Show a bar on standard error while `items` are used up; nothing where that is not a terminal."""
-    return tqdm(items, desc=title, total=total, file=sys.stderr, disable=None, leave=False, dynamic_ncols=True)
+    """Show a bar on standard error while `items` are used up; nothing where that is not a terminal, or to be quiet."""
+    disable = True if is_quiet() else None  # None: where it is not a terminal
+    return tqdm(items, desc=title, total=total, file=sys.stderr, disable=disable, leave=False, dynamic_ncols=True)
 
 
 @contextmanager
@@ -64,7 +86,7 @@ def resumable_bar(out: Path, things: str, title: str, total: int) -> Iterator[Ca
 
             yield count
     except KeyboardInterrupt:
-        click.echo(f"{out}: {sum(done)} of {total} {things} are kept; the same command completes them", err=True)
+        say(f"{out}: {sum(done)} of {total} {things} are kept; the same command completes them", err=True)
         raise
 
 

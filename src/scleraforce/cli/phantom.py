@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from scleraforce.cli.globe import globe_options, with_globe
-from scleraforce.cli.output import print_json, progress_bar, share_bar
+from scleraforce.cli.output import print_json, progress_bar, say, share_bar
 from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
@@ -141,4 +141,4 @@ def phantom(
     if as_json:
         print_json(result)
     else:
-        click.echo(f"wrote {out}: {len(plan.frames)} frames, seed {plan.seed}")
+        say(f"wrote {out}: {len(plan.frames)} frames, seed {plan.seed}")

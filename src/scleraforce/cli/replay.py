@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.output import print_json
+from scleraforce.cli.output import is_quiet, print_json, say
 from scleraforce.errors import InputError, LinkError
 from scleraforce.units import from_si
 
@@ -86,7 +86,7 @@ def replay(
     recording = read_recording(recording_path)
     forces_n = _true_frame_forces(recording)
     log = AnswerLog()
-    show = _Show(recording, log, forces_n, quiet=as_json)
+    show = _Show(recording, log, forces_n, quiet=as_json or is_quiet())
     prepared = _prepare_fault(recording, forces_n, fault, fault_at_s, seed, header_version, speed or 1.0)
     client = ScannerClient(host, port, log.hear, observed=fault is not None)
     ahead = len(recording.frames) if preload else AHEAD
@@ -163,7 +163,7 @@ class _Show:
         recording: what is played.
         log: what the monitor has said.
         forces_n: the force at each frame, where it is known.
-        quiet: print nothing but the JSON object.
+        quiet: print nothing while it plays.
     """
 
     def __init__(self, recording: "Recording", log: "AnswerLog", forces_n: Sequence[float] | None, quiet: bool) -> None:
@@ -179,7 +179,7 @@ class _Show:
         for change in self._log.changes[self._shown :]:
             self._shown += 1
             self._clear()
-            click.echo(self._change_line(change))
+            say(self._change_line(change))
         if self._live and monotonic() - self._renewed_s > LIVE_S:
             self._renewed_s = monotonic()
             click.echo(f"\r\x1b[K{self._answer_line()}", err=True, nl=False)
@@ -187,7 +187,7 @@ class _Show:
     def wait_for_enter(self, entry: "FrameEntry") -> bool:
         """Print the last answer and wait for Enter; False at the end of the input."""
         if self._log.frames_sent and not self._quiet:
-            click.echo(self._answer_line())
+            say(self._answer_line())
         click.echo(f"Enter sends {entry.file} ", err=True, nl=False)
         return bool(sys.stdin.readline())
 
@@ -200,7 +200,7 @@ class _Show:
         self.renew()
         self._clear()
         for line in _summary_lines(result):
-            click.echo(line)
+            say(line)
 
     def _time_s(self, at_s: float) -> float:
         """Return the time since the first frame."""

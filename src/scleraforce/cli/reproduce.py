@@ -1,6 +1,5 @@
 """`scleraforce reproduce`: the whole pipeline, to an HTML report."""
 
-import os
 import sys
 import time
 from collections.abc import Iterator
@@ -11,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.cli.output import print_json, progress_bar, say
+from scleraforce.processes import available_cores
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import from_si
@@ -62,8 +62,8 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
 
     study = framed_for_laboratory(Study()) if study_path is None else read_study(study_path)
     refuse_unused(study, "reproduce", file=study_path)
-    run = open_run(out, study, workers or len(os.sched_getaffinity(0)))
-    found = reproduce_all(run, _stage, datetime.now(UTC), lambda line: click.echo(line, err=True))
+    run = open_run(out, study, workers or available_cores())
+    found = reproduce_all(run, _stage, datetime.now(UTC), lambda line: say(line, err=True))
     evaluation, seconds = found.evaluation, found.seconds
     mean_pa, spread_pa = found.calibration.population
     answer = evaluation.as_json()
@@ -81,20 +81,18 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
     if as_json:
         print_json(result)
         return
-    click.echo(f"Young's modulus {from_si(mean_pa, 'mpa'):.3f} MPa, mean of {len(found.calibration.eyes)} virtual eyes")
+    say(f"Young's modulus {from_si(mean_pa, 'mpa'):.3f} MPa, mean of {len(found.calibration.eyes)} virtual eyes")
     right, total = evaluation.accuracy.hits, evaluation.accuracy.total
-    click.echo(
-        f"{right} of {total} simulated trials read right ({from_si(evaluation.accuracy.value, 'percent'):.0f} %)"
-    )
+    say(f"{right} of {total} simulated trials read right ({from_si(evaluation.accuracy.value, 'percent'):.0f} %)")
     others = {
         "with forces up to the bounds of the classes": found.to_the_bounds,
         "on walls of finite strain: the paper's method": found.bent_paper,
         "on walls of finite strain: the force reader": found.bent_reader,
     }
     for words, one in others.items():
-        click.echo(f"{words} {one.accuracy.hits} of {one.accuracy.total}")
-    click.echo(_coverage_words(found.bent_reader))
-    click.echo(f"wrote {run.report} in {sum(seconds.values()):.0f} s")
+        say(f"{words} {one.accuracy.hits} of {one.accuracy.total}")
+    say(_coverage_words(found.bent_reader))
+    say(f"wrote {run.report} in {sum(seconds.values()):.0f} s")
 
 
 def _metrics(evaluation: "Evaluation") -> dict[str, object]:
@@ -139,4 +137,4 @@ def _stage(title: str, length: int) -> "Iterator[Progress]":
 
         yield advance
     if not sys.stderr.isatty():
-        click.echo(f"{title}: {time.perf_counter() - start:.1f} s", err=True)
+        say(f"{title}: {time.perf_counter() - start:.1f} s", err=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scleraforce import __version__
-from scleraforce.cli.output import print_json, progress_bar, wrapped
+from scleraforce.cli.output import print_json, progress_bar, say, wrapped
 from scleraforce.cli.single_frames import asked_wall_finder, scanner_options, told_scanner, wall_in
 from scleraforce.cli.wall_finder_option import wall_finder_option
 from scleraforce.errors import FrameError, InputError
@@ -72,7 +72,7 @@ def scanner(
         print_json({"out": str(out), "picture": str(picture), **_entries(measured), "histogram_overlap": overlap})
     else:
         for line in _lines(measured, out, picture, overlap):
-            click.echo(line)
+            say(line)
 
 
 def _checked_out(out: Path) -> Path:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from scleraforce.cli.output import print_json, wrapped
+from scleraforce.cli.output import print_json, say, wrapped
 from scleraforce.cli.single_frames import (
     ASSUMED,
     asked_wall_finder,
@@ -94,7 +94,7 @@ def segment(
         print_json({"out": str(out), "frames": [_entry(*each) for each in found]})
     else:
         for line in _lines([entry for _, entry in found if not isinstance(entry, InputError)]):
-            click.echo(line)
+            say(line)
     end_with_faults(entry for _, entry in found)
 
 

@@ -7,7 +7,7 @@ from time import perf_counter
 import click
 
 from scleraforce.cli.globe import globe_options, with_globe
-from scleraforce.cli.output import print_json, share_bar
+from scleraforce.cli.output import print_json, say, share_bar
 from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study
 from scleraforce.study.fields import NEEDLE_FORCE, check_number
@@ -105,14 +105,14 @@ def simulate(
     if as_json:
         print_json(result)
         return
-    click.echo(f"the contact sinks in by {from_si(eye.tip_m, 'mm'):.3f} mm under {from_si(eye.force_n, 'mn'):g} mN")
+    say(f"the contact sinks in by {from_si(eye.tip_m, 'mm'):.3f} mm under {from_si(eye.force_n, 'mn'):g} mN")
     if study.globe.kind == "sealed":
         resting, loaded = (from_si(pressure_pa, "mmhg") for pressure_pa in (study.eye.iop_pa, eye.pressure_pa))
-        click.echo(f"the pressure rises from {resting:.3g} to {loaded:.3g} mmHg; the dent is "
+        say(f"the pressure rises from {resting:.3g} to {loaded:.3g} mmHg; the dent is "
                    f"{from_si(eye.dent_m, 'mm'):.3f} mm deep, from the undented wall at that pressure")  # fmt: skip
     if study.mechanics.kind == "linear" and eye.tip_m > eye.mesh.thickness_m:
-        click.echo(f"that is {eye.tip_m / eye.mesh.thickness_m:.1f} times the wall's thickness: more than linear "
+        say(f"that is {eye.tip_m / eye.mesh.thickness_m:.1f} times the wall's thickness: more than linear "
                    "mechanics describes")  # fmt: skip
-    click.echo(f"{result['elements']} elements, {result['dofs']} unknowns, {seconds:.1f} s")
+    say(f"{result['elements']} elements, {result['dofs']} unknowns, {seconds:.1f} s")
     for path in filter(None, (vtu, plot)):
-        click.echo(f"wrote {path}")
+        say(f"wrote {path}")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.output import count_bar, print_json
+from scleraforce.cli.output import count_bar, print_json, say
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import from_si
@@ -89,7 +89,7 @@ def _train_reader(library_path: Path, out: Path, search: bool, study_path: Path 
         )
         return
     low, high = metrics.interval
-    click.echo(
+    say(
         f"wrote {out}: {trained.epochs} epochs, {trained.samples} samples, {seconds:.1f} s\n"
         f"validation: force {from_si(metrics.mae_n, 'mn'):.2f} mN off, {metrics.coverage:.1%} within the 90 % "
         "interval\n"
@@ -112,7 +112,7 @@ def _train_wall_finder(out: Path, search: bool, study_path: Path | None, as_json
         found = {"model": str(out), "kind": "wall-finder", "batches": trained.batches, "scenes": trained.scenes}
         print_json({**found, **vars(metrics), "seconds": seconds})
         return
-    click.echo(
+    say(
         f"wrote {out}: {trained.scenes} scenes in {trained.batches} batches, {seconds:.1f} s\n"
         f"scenes that it never saw: Dice {metrics.dice_mean:.3f} in the mean, {metrics.dice_median:.3f} in the median; "
         f"{metrics.coverage:.1%} of the boundaries within 1.645 standard deviations"
@@ -132,7 +132,7 @@ def _train_classifier(dataset_path: Path, out: Path, search: bool, study_path: P
     if as_json:
         print_json(_result(trained, out, seconds))
     else:
-        click.echo("\n".join(_lines(trained, out, seconds)))
+        say("\n".join(_lines(trained, out, seconds)))
 
 
 def _result(trained: "Trained", out: Path, seconds: float) -> dict[str, Any]:

@@ -5,14 +5,13 @@ The cache is the folder that the system keeps for such files (`XDG_CACHE_HOME`, 
 same library waits for it; an interrupted build is taken up by the next.
 """
 
-import fcntl
-import os
 import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
+from filelock import FileLock
 from platformdirs import user_cache_path
 
 from scleraforce.errors import InputError
@@ -59,7 +58,7 @@ def cached_library(
         return found
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with _alone(place.with_suffix(".lock")):
+        with FileLock(place.with_suffix(".lock")):  # it ends with the process that holds it
             if found := _stored(place):  # somebody else has built it meanwhile
                 return found
             _build(study, place, workers, progress, solve)
@@ -97,14 +96,3 @@ def _build(
     if place.exists():
         shutil.rmtree(place)  # it was damaged
     begun.rename(place)
-
-
-@contextmanager
-def _alone(path: Path) -> Iterator[None]:
-    """Wait until no other process works under this lock; it ends with the process that holds it."""
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)

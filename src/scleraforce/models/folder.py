@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from scleraforce.errors import ModelError
+from scleraforce.models.shipped import SHIPPED, model_folder
 from scleraforce.plain_json import parse_json
 from scleraforce.whole_files import KINDS, read_bytes
 
@@ -26,7 +27,6 @@ __all__ = [
     "MODEL_FORMAT",
     "NETWORK_FILE",
     "RECORD_FILE",
-    "SHIPPED_WALL_FINDER",
     "STUDY_FILE",
     "WALL_FINDER",
     "ModelFolder",
@@ -39,7 +39,6 @@ NETWORK_FILE, STUDY_FILE, CARD_FILE, RECORD_FILE = "model.onnx", "study.toml", "
 LIBRARY_FILE = "library.npz"
 COMMON_FILES = (NETWORK_FILE, STUDY_FILE, CARD_FILE)
 WALL_FINDER = "wall-finder"
-SHIPPED_WALL_FINDER = Path(__file__).parents[1] / "shipped" / "wall_finder"  # comes with the package
 # Of each kind, beside model.json.
 FILES = {"classifier": COMMON_FILES, "reader": (*COMMON_FILES, LIBRARY_FILE), WALL_FINDER: COMMON_FILES}
 
@@ -59,13 +58,17 @@ def sha256(content: bytes) -> str:
 
 
 def read_folder(path: Path) -> ModelFolder:
-    """Read a model folder and check the hashes of its files.
+    """Read a model folder, or the shipped one of that name, and check the hashes of its files.
 
     Raises:
         ModelError: a file is missing or does not match `model.json`, or `model.json` cannot be used.
     """
+    path = model_folder(path)
     if not path.is_dir():
-        raise ModelError(f"{path}: no such folder; `scleraforce train DATASET --out MODEL` makes one")
+        raise ModelError(
+            f"{path}: no such folder, and no model that ships with scleraforce ({', '.join(SHIPPED)}); "
+            "`scleraforce train DATASET --out MODEL` makes a folder"
+        )
     record = _read_record(path / RECORD_FILE)
     files = {name: read_bytes(path / name, KINDS["model file"]) for name in FILES[record["kind"]]}
     for name, content in files.items():

@@ -8,7 +8,7 @@ from scleraforce.calibration.result import Calibration
 from scleraforce.calibration.saved import calibration_as_json
 from scleraforce.errors import InputError
 from scleraforce.known.calibration_file import write_calibration
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.notebook.frames import check_model, summary_of_calibration
 from scleraforce.notebook.work import Given, calibrate_eyes, counting_for, opened
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings

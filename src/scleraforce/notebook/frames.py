@@ -17,7 +17,7 @@ from scleraforce.errors import FrameError, InputError
 from scleraforce.known.calibration_file import CalibrationSummary, parse_calibration_file, read_calibration, summary_of
 from scleraforce.known.eye import Known, Modulus, completed, foreign_modulus, known_of_eye, known_of_recording
 from scleraforce.known.globe import KnownGlobe, known_globe
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.reader.answers import Answer
 from scleraforce.reader.reader import Reader
 from scleraforce.reader.wall_finder_model import load_wall_finder
@@ -101,18 +101,18 @@ def _shipped_finder() -> WallFinder:
 
 
 def load_model(path: str | PathLike[str], *, wall_finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER) -> Reader:
-    """Load a model folder.
+    """Load a model: one that ships with scleraforce, or a folder.
 
     Args:
-        path: the folder that `train` or `scleraforce train` wrote.
+        path: "default", the reader that ships, or the folder that `train` or `scleraforce train` wrote, which wins.
         wall_finder: model folder that checks the walls, by default the one that ships; None: nothing does.
 
     Raises:
         ModelError: a file is missing, was changed, or does not fit the study beside it.
 
     >>> import scleraforce as sf
-    >>> sf.load_model("reader").kind
-    'reader'
+    >>> sf.load_model("reader").kind, sf.load_model("default").kind
+    ('reader', 'reader')
     """
     return reader.load_model(path, finder=wall_finder)
 

@@ -8,15 +8,9 @@ from typing import TypeVar
 from scleraforce.errors import InputError, ModelError
 from scleraforce.library.files import load_library
 from scleraforce.library.responses import Library
-from scleraforce.models.folder import (
-    LIBRARY_FILE,
-    NETWORK_FILE,
-    RECORD_FILE,
-    SHIPPED_WALL_FINDER,
-    ModelFolder,
-    read_folder,
-)
+from scleraforce.models.folder import LIBRARY_FILE, NETWORK_FILE, RECORD_FILE, ModelFolder, read_folder
 from scleraforce.models.session import check_provenance, folder_session, folder_study, network_session
+from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.reader.classifier import Classifier
 from scleraforce.reader.force_reader import ForceReader
 from scleraforce.reader.interval_factors import parse_factors
@@ -39,7 +33,7 @@ def load_model(
     """Load a model folder of either kind.
 
     Args:
-        path: the folder that `scleraforce train` wrote.
+        path: the folder that `scleraforce train` wrote, or the name of one that ships ("default").
         threads: of ONNX Runtime within one operation; 1 is fastest for single slices.
         finder: folder of the wall finder that checks the walls it reads; None: nothing checks them.
 

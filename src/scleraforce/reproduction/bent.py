@@ -22,7 +22,7 @@ from scleraforce.learning.classifier.train import train_classifier
 from scleraforce.learning.reader.train import train_reader
 from scleraforce.library import Library
 from scleraforce.library.cache import cached_library
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.processes import work_units
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings

@@ -7,7 +7,7 @@ from scleraforce.calibration.result import Calibration, EyeCalibration
 from scleraforce.calibration.saved import parse_calibration
 from scleraforce.calibration.words import found_words
 from scleraforce.known.calibration_file import open_calibration
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.reader.metrics import Proportion
 from scleraforce.reader.wall_finder_model import load_wall_finder

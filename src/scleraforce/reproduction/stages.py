@@ -18,7 +18,7 @@ from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections, paper_eyes
 from scleraforce.learning.classifier.train import train_classifier
 from scleraforce.library.plan import plan_library
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.wall_finder_model import load_wall_finder

@@ -9,7 +9,7 @@ import pytest
 from scleraforce.laboratory import scenes
 from scleraforce.learning.wall_finder import sources
 from scleraforce.learning.wall_finder.sources import MODULES, finder_sources_hash
-from scleraforce.models.folder import SHIPPED_WALL_FINDER
+from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.study import Study, parse_study
 

@@ -17,6 +17,7 @@ from scleraforce.learning.reader.card import reader_card
 from scleraforce.learning.reader.draws import CHUNK, Source
 from scleraforce.learning.reader.graph import reader_onnx_bytes
 from scleraforce.learning.reader.intervals import measured_intervals
+from scleraforce.learning.reader.sources import reader_sources_hash
 from scleraforce.learning.reader.training import READER_THREADS, FittedReader, ReaderMetrics, fit_reader
 from scleraforce.library import Library, save_library
 from scleraforce.library.files import StoredErrors
@@ -104,6 +105,7 @@ def _provenance(study: Study, library: bytes) -> dict[str, str]:
         "library_sha256": sha256(library).hexdigest(),
         "seed": str(study.reader.seed),
         "threads": str(READER_THREADS),
+        "sources_sha256": reader_sources_hash(),
         "class_bounds_mn": ", ".join(f"{from_si(bound, 'mn'):g}" for bound in study.classes.bounds_n),
         "scleraforce": __version__,
         "python": platform.python_version(),

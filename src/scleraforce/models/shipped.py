@@ -1,0 +1,20 @@
+"""The models that ship with the package, by name: wherever MODEL is asked for, a name will do."""
+
+from pathlib import Path
+
+__all__ = ["SHIPPED", "SHIPPED_READER", "SHIPPED_WALL_FINDER", "model_folder"]
+
+FOLDER = Path(__file__).parents[1] / "shipped"
+SHIPPED_READER, SHIPPED_WALL_FINDER = FOLDER / "default", FOLDER / "wall_finder"
+SHIPPED = {"default": SHIPPED_READER, "wall-finder": SHIPPED_WALL_FINDER}
+
+
+def model_folder(given: Path) -> Path:
+    """Return the folder that MODEL means: itself where it exists, else the shipped one of that name, if there is one.
+
+    >>> model_folder(Path("default")) == SHIPPED_READER
+    True
+    >>> model_folder(Path("nowhere"))
+    PosixPath('nowhere')
+    """
+    return given if given.exists() else SHIPPED.get(str(given), given)

@@ -1,0 +1,104 @@
+"""A first look: a small virtual session from the push to the page, with the reader that ships."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import datetime
+from math import radians
+from pathlib import Path
+
+from scleraforce.calibration.calibrate import calibrate_recordings
+from scleraforce.calibration.saved import calibration_as_json
+from scleraforce.errors import InputError
+from scleraforce.known.calibration_file import read_calibration, write_calibration
+from scleraforce.laboratory.phantom import plan_phantom, write_phantom
+from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
+from scleraforce.models.shipped import SHIPPED_READER, SHIPPED_WALL_FINDER
+from scleraforce.reader import load_force_reader
+from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
+from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.recording.files import read_recording
+from scleraforce.report.answered_frame import look_at_all
+from scleraforce.report.evaluation_page import write_evaluation_html
+from scleraforce.report.frame_pictures import shown_frames
+from scleraforce.study import Study, study_hash
+from scleraforce.units import to_si
+
+__all__ = ["EYE", "FORCES_N", "TAUGHT", "Demo", "run_demo"]
+
+EYE = PhantomEye(
+    id="demo",
+    thickness_m=650e-6,
+    youngs_modulus_pa=0.3e6,
+    iop_pa=to_si(2.0, "mmhg"),
+    gap_m=0.5e-3,
+    polar_rad=radians(35.0),
+)
+FORCES_N = (0.002, 0.007, 0.011, 0.015, 0.019, 0.023, 0.027, 0.033, 0.037, 0.042, 0.046, 0.050)
+TAUGHT = 3  # frames that calibrate
+MESH_CORE, MESH_RINGS = 4, 8  # coarse: tips within 2 %
+BENT, CALIBRATION_DONE, FRAMES_READ = 0.5, 0.75, 0.8  # shares of the time
+
+
+@dataclass(frozen=True)
+class Demo:
+    """What the session left: its files, the modulus that the calibration found, Pa, and the answers."""
+
+    recording: Path
+    calibration: Path
+    page: Path
+    modulus_pa: float
+    evaluation: Evaluation
+
+
+def run_demo(out: Path, made_at: datetime, progress: Callable[[float], object] | None = None) -> Demo:
+    """Push a virtual eye, calibrate on three of the frames, read the others, and write a page.
+
+    Args:
+        out: the folder to make; where it cannot be finished, nothing stays.
+        made_at: what the page gives as its date.
+        progress: called with the share of the work that is done.
+
+    Raises:
+        InputError: `out` exists or cannot be written.
+    """
+    if out.exists():
+        raise InputError(f"{out}: exists already; remove it or choose another folder with --out")
+    reach = progress or (lambda _: None)
+    try:
+        return _session(out, made_at, reach)
+    except BaseException:
+        shutil.rmtree(out, ignore_errors=True)
+        raise
+
+
+def _session(out: Path, made_at: datetime, reach: Callable[[float], object]) -> Demo:
+    recording, calibration, page = out / "eye", out / "modulus.json", out / "answers.html"
+    study = _coarse(Study())
+    sections_at = study_sections(EYE, study, lambda share: reach(BENT * share))
+    write_phantom(recording, plan_phantom(EYE, FORCES_N, study, study.phantom.seed), sections_at, study)
+    reader, finder = load_force_reader(SHIPPED_READER), load_wall_finder(SHIPPED_WALL_FINDER)
+    found = calibrate_recordings(
+        [read_recording(recording)],
+        reader.study,
+        study_hash(reader.study),
+        reader.library,
+        frames=TAUGHT,
+        finder=finder,
+    )
+    write_calibration(calibration_as_json(found), calibration)
+    reach(CALIBRATION_DONE)
+    evaluation = evaluate_recordings(reader, [recording], read_calibration(calibration))
+    reach(FRAMES_READ)
+    write_evaluation_html(evaluation, look_at_all(shown_frames(evaluation.frames)), page, made_at)
+    reach(1.0)
+    return Demo(recording, calibration, page, found.eyes[EYE.id].mean_pa, evaluation)
+
+
+def _coarse(study: Study) -> Study:
+    """Return a study at finite strain on a coarse mesh."""
+    return replace(
+        study,
+        mesh=replace(study.mesh, core=MESH_CORE, rings=MESH_RINGS),
+        mechanics=replace(study.mechanics, kind="finite-strain"),
+    )

@@ -1,0 +1,183 @@
+"""Every command at 80 columns, in a pipe, with --json, with --quiet, on a terminal with and without NO_COLOR."""
+
+import json
+import os
+import pty
+import re
+import subprocess
+import sys
+import termios
+from pathlib import Path
+
+import cv2
+import pytest
+from drawn_eyes import drawn_counts
+from notebook_folder import write_notebook_folder
+
+from scleraforce.cli.main import COMMANDS, NEVER_QUIET, run
+from scleraforce.library import build as library_build
+
+pytest.importorskip("torch")
+
+CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")  # all but tab and newline
+COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+SMALL = "[mesh]\ndivisions = 4\n[dataset]\ncontacts = 2\n[[dataset.group]]\nthickness_um = 500.0\nimages = 20\n"
+FRAME = "eye-a/frames/0001.png"
+# What each command is run with, in the folder below; {out} is new for each run.
+RUNS = {
+    "init": "{out}",
+    "simulate": "--study small.toml --thickness-um 600 --force-mn 10",
+    "phantom": "--study small.toml --out {out} --forces-mn 2,20 --thickness-um 600",
+    "segment": FRAME + " --out {out}",
+    "scanner": "drawn/0.png drawn/1.png --width-mm 15 --depth-mm 4 --bits 12 --out {out}.toml",
+    "library": "--study study.toml --out {out}",
+    "calibrate": "eye-a --study study.toml --frames 2 --out {out}",
+    "generate": "--study small.toml --out {out} --workers 1",
+    "train": "dataset --out {out}",
+    "classify": "reader " + FRAME,
+    "evaluate": "reader eye-a",
+    "doctor": "",
+    "demo": "--out {out}",
+}
+# They need a monitor, or a quarter of an hour: what they print when they cannot begin stands for them here.
+REFUSED = {
+    "monitor": "nowhere",
+    "monitor-reset": "--port 1 --token none",
+    "replay": "eye-a --port 1",
+    "reproduce": "--out study.toml",
+}
+SLOW = {"calibrate", "demo", "doctor", "generate", "phantom", "scanner", "simulate", "train"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("manners")
+    write_notebook_folder(path)
+    (path / "small.toml").write_text(SMALL)
+    (path / "drawn").mkdir()
+    for number in range(2):
+        cv2.imwrite(str(path / "drawn" / f"{number}.png"), drawn_counts(7700 + number))
+    return path
+
+
+@pytest.fixture
+def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(library_build, "build_library", lambda *_, **__: library_build.Building(144, 144, 1.0))
+    return folder
+
+
+def words(name: str, tmp_path: Path, number: int = 0) -> list[str]:
+    line = {**RUNS, **REFUSED}[name].format(out=tmp_path / f"new-{number}")
+    return [name, *line.split()]
+
+
+def test_every_command_is_tried_here() -> None:
+    assert {*RUNS, *REFUSED} == set(COMMANDS)
+    assert set(COMMANDS) > NEVER_QUIET == {"monitor"}
+
+
+@pytest.mark.parametrize("name", [*COMMANDS, ""])
+def test_help_fits_80_columns(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([*name.split(), "--help"]) == 0
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) <= 80
+    assert not CONTROL.search(out)
+    assert name in ("", *NEVER_QUIET) or "--quiet" in out
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n in SLOW else []) for n in RUNS])
+def test_a_command_is_readable_in_a_pipe_one_object_with_json_and_silent_when_told_so(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(words(name, tmp_path)) == 0
+    told = capsys.readouterr()
+    assert told.out
+    assert not CONTROL.search(told.out + told.err)
+    for line in told.out.splitlines():
+        # A record stays one line, so that it can be searched for; tables and prose fit.
+        assert len(line) <= 80 or line.startswith(FRAME) or str(tmp_path.parent) in line, line
+    assert run([*words(name, tmp_path, 1), "--json"]) == 0
+    told = capsys.readouterr()
+    assert isinstance(json.loads(told.out), dict)
+    assert told.err == ""
+    assert run([*words(name, tmp_path, 2), "--quiet"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert run([*words(name, tmp_path, 3), "--quiet", "--json"]) == 0
+    told = capsys.readouterr()
+    assert isinstance(json.loads(told.out), dict)
+    assert told.err == ""
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("name", REFUSED)
+@pytest.mark.parametrize("option", ["", "--json", "--quiet"])
+def test_what_cannot_begin_is_one_line_whatever_the_options(
+    name: str, option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if option == "--quiet" and name in NEVER_QUIET:
+        return
+    assert run([*words(name, tmp_path), *option.split()]) in (1, 2)
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err.startswith("error: ")
+    assert told.err.count("\n") == 1
+    assert not CONTROL.search(told.err)
+
+
+def on_a_terminal(arguments: list[str], folder: Path, **environment: str) -> tuple[str, str]:
+    """Run a command whose standard error is a terminal; return what it wrote to its output and to that."""
+    ours, theirs = pty.openpty()
+    termios.tcsetwinsize(theirs, (24, 80))
+    call = [sys.executable, "-c", "from scleraforce.cli.main import main; main()", *arguments]
+    with subprocess.Popen(
+        call, cwd=folder, env=os.environ | environment, stdout=subprocess.PIPE, stderr=theirs, text=True
+    ) as process:
+        os.close(theirs)
+        shown = b""
+        while True:
+            try:
+                shown += os.read(ours, 4096)
+            except OSError:  # the other end is closed
+                break
+        assert process.stdout is not None
+        printed = process.stdout.read()
+    os.close(ours)
+    assert process.returncode == 0, shown
+    return printed, shown.decode()
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [
+        pytest.param({"NO_COLOR": "1"}, id="NO_COLOR"),
+        pytest.param({}, id="as it is", marks=pytest.mark.slow),
+        pytest.param({"TERM": "dumb"}, id="dumb", marks=pytest.mark.slow),
+    ],
+)
+def test_a_bar_on_a_terminal_has_no_colour_and_disappears(here: Path, environment: dict[str, str]) -> None:
+    printed, shown = on_a_terminal(["classify", "reader", FRAME], here, **environment)
+    assert "class 1" in printed
+    assert "frames" in shown  # the bar's title
+    assert not COLOUR.search(printed + shown)
+    assert shown.rstrip(" ").endswith("\r")  # wiped
+
+
+def test_a_quiet_command_shows_no_bar_on_a_terminal(here: Path) -> None:
+    assert on_a_terminal(["classify", "reader", FRAME, "--quiet"], here) == ("", "")
+
+
+def test_the_sources_write_no_colour() -> None:
+    root = Path(library_build.__file__).parents[1]
+    colours = re.compile(r"secho|click\.style|x1b\[[0-9;]*m")
+    assert [path.name for path in root.rglob("*.py") if colours.search(path.read_text())] == []
+
+
+def test_commands_print_through_what_can_be_quiet() -> None:
+    """`say` and `print_json` of `cli.output` know --quiet; what echoes by itself is listed."""
+    root = Path(library_build.__file__).parents[1] / "cli"
+    echoing = {path.name for path in root.glob("*.py") if "click.echo(" in path.read_text()}
+    assert echoing == {"main.py", "output.py", "replay.py"}  # errors; what they print with; the live line
