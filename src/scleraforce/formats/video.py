@@ -1,0 +1,68 @@
+"""Films (AVI, MP4, MOV, MKV) as scanners export them: frames of 8 bits, times as the film plays."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from scleraforce.errors import FrameError
+from scleraforce.formats.scan import Pictures, Scan, Times, check_bytes, rising
+from scleraforce.recording.pixels import check_size
+from scleraforce.units import to_si
+
+__all__ = ["read_film"]
+
+
+def read_film(path: Path) -> Scan:
+    """Return a film's frames; all of them are counted first, as what the file says of their number is not reliable.
+
+    Raises:
+        FrameError: it cannot be decoded.
+    """
+    with _opened(path) as film:
+        rows, columns = (int(film.get(what)) for what in (cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FRAME_WIDTH))
+        check_size(path, rows, columns)
+        rate_hz = float(film.get(cv2.CAP_PROP_FPS))
+        times_ms = []
+        while film.grab():
+            times_ms.append(float(film.get(cv2.CAP_PROP_POS_MSEC)))
+    if not times_ms:
+        raise FrameError(f"{path}: no frame in it that can be decoded")
+    check_bytes(path, len(times_ms) * rows * columns)
+    time_s = to_si(np.array(times_ms), "ms")
+    return Scan(
+        names=tuple(f"{path}[{nth}]" for nth in range(len(times_ms))),
+        rows=rows,
+        columns=columns,
+        pictures=lambda: _pictures(path, rows, columns),
+        bits=8,
+        times=Times(time_s, f"film of {rate_hz:g} frames a second") if rising(time_s) else None,
+        notes=(
+            f"{path}: a film's compression changes grey levels and fine structure; times are those at which it plays "
+            "(--rate-hz where frames were taken at another rate)",
+        ),
+    )
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
+    film = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG)
+    try:
+        if not film.isOpened():
+            raise FrameError(f"{path}: damaged or a kind of film that OpenCV does not decode")
+        yield film
+    finally:
+        film.release()
+
+
+def _pictures(path: Path, rows: int, columns: int) -> Pictures:
+    with _opened(path) as film:
+        while True:
+            there, picture = film.read()
+            if not there:
+                return
+            if picture.shape[:2] != (rows, columns):
+                raise FrameError(f"{path}: its frames change their size")
+            yield cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if picture.ndim == 3 else picture
