@@ -208,6 +208,21 @@ def test_on_a_terminal_it_asks_and_goes_on(tmp_path: Path, monkeypatch: pytest.M
     assert json.loads((tmp_path / "r" / "import.json").read_text())["values"]["width_mm"] == "answer"
 
 
+def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(tmp_path: Path, capsys) -> None:
+    from ros_bag import FORCE_TIMES_S, FRAME_TIMES_S, START_NS, write_bag
+
+    bag = write_bag(tmp_path / "bag", "mcap")
+    size = ["--width-mm", 10, "--depth-mm", 4, "--bits", 13, "--axis", "fz", "--contact-sign", -1, "--average-s", 0.1]
+    entry = imported(capsys, bag, "--out", tmp_path / "r", *told(*size))
+    recording = read_recording(tmp_path / "r")
+    assert entry["clock_origin_s"] == START_NS / 1e9
+    np.testing.assert_allclose([frame.time_s for frame in recording.frames], FRAME_TIMES_S, atol=2e-6)
+    np.testing.assert_allclose(recording.forces.time_s, FORCE_TIMES_S, atol=2e-6)
+    assert recording.info.force.average_s == 0.1
+    assert any("arrived 80.0 ms" in note for note in entry["notes"])
+    assert entry["values"]["times"] == "header.stamp of /oct/image"
+
+
 def test_every_question_is_an_option_and_every_option_an_answer() -> None:
     names = {parameter.name for parameter in import_.params if isinstance(parameter, click.Option)}
     fields = set(Answers.__dataclass_fields__)
