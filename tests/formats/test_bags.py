@@ -60,6 +60,14 @@ def test_stamps_that_are_empty_are_asked_about(tmp_path: Path) -> None:
     assert bag.scan.times.source == "arrival of /oct/image"
 
 
+def test_a_clock_may_begin_at_zero(tmp_path: Path) -> None:
+    images = [Messages(ROS2).image(nth * 10**8, FRAMES[nth]) for nth in range(3)]
+    scan = read_bag(bag_of(tmp_path / "a", images), BagTopics()).scan
+    np.testing.assert_allclose(scan.times.time_s, [0.0, 0.1, 0.2])
+    with pytest.raises(UnansweredError, match="--by-arrival"):
+        read_bag(bag_of(tmp_path / "b", images[:1]), BagTopics())
+
+
 def test_a_bag_with_images_alone_has_no_log(tmp_path: Path) -> None:
     assert read_bag(write_bag(tmp_path / "a", "mcap", forces=False), BagTopics()).log is None
 
