@@ -32,8 +32,15 @@ def test_frames_and_forces_come_back_by_their_capture_stamps(tmp_path: Path, kin
 
 def test_how_late_messages_arrived_is_said(tmp_path: Path) -> None:
     notes = read_bag(write_bag(tmp_path / "a", "sqlite"), BagTopics()).notes
-    assert "/oct/image: messages arrived 80.0 ms (median; 80.0 to 80.0) after their capture stamp" in notes[0]
+    assert "/oct/image: messages arrived 80.0 ms (median; 80.0 to 80.0) after their stamp" in notes[0]
     assert "/ft/wrench: messages arrived 1.0 ms" in notes[1]
+    assert not any("clock" in note for note in notes)
+
+
+@pytest.mark.parametrize("shift_s", [-5.0, 0.002])
+def test_a_clock_that_is_not_the_bags_is_told(tmp_path: Path, shift_s: float) -> None:
+    images = [Messages(ROS2).image(START_NS + round(shift_s * 1e9) + nth, FRAMES[nth]) for nth in range(3)]
+    assert "its clock is not that of the bag" in read_bag(bag_of(tmp_path / "a", images), BagTopics()).notes[0]
 
 
 @pytest.mark.parametrize(("kind", "pattern"), [("sqlite", "*.db3"), ("mcap", "*.mcap")])
