@@ -72,7 +72,7 @@ class _Clock:
         late_ms = from_si((self.arrived_ns - self.captured_ns) / float(SECOND_NS), "ms")
         low, middle, high = np.percentile(late_ms, [5, 50, 95])
         said = f"{path}: {topic}: messages arrived {middle:.1f} ms (median; {low:.1f} to {high:.1f}) after their stamp"
-        if -EARLIEST_MS < low and high < LATEST_MS:
+        if low > -EARLIEST_MS and high < LATEST_MS:
             return said
         return f"{said}: its clock is not that of the bag; where the other topic's is, --clock-offset-s corrects it"
 
