@@ -14,13 +14,13 @@ import pytest
 from parsed import parsed, syntax_nodes
 
 import scleraforce
-from scleraforce.cli.main import COMMANDS
+from scleraforce.cli.main import COMMANDS, module_name
 from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2
 
 ROOT = Path(scleraforce.__file__).parent
 ORDER = [
     "units", "errors", "plain_json", "processes", "whole_files", "source_hash", "stored_array", "checked_store",
-    "study", "models", "monitor", "openigtlink", "eye", "recording", "known", "segmentation", "mechanics", "section",
+    "study", "models", "monitor", "openigtlink", "eye", "recording", "formats", "known", "segmentation", "mechanics", "section",
     "library", "fitting", "laboratory", "scanner", "calibration", "dataset", "reader", "learning", "service", "replay",
     "report", "reproduction", "installation", "notebook", "cli",
 ]  # fmt: skip
@@ -35,7 +35,23 @@ FILE_CALLS = {
 }  # fmt: skip
 FILE_MODULES = {"scleraforce.whole_files", "scleraforce.checked_store", "os", "shutil", "tempfile", "tifffile", "zarr"}
 COPYLEFT = {"felupe", "sksparse", "pyFAI", "PyQt5", "PyQt6", "gmsh", "dolfin", "cholespy", "Sofa"}
-BIG = ["scipy", "skfem", "torch", "zarr", "matplotlib", "pydicom", "tifffile", "tqdm", "onnx", "pandas"]
+BIG = [
+    "nibabel",
+    "nrrd",
+    "metaimageio",
+    "rosbags",
+    "mcap",
+    "scipy",
+    "skfem",
+    "torch",
+    "zarr",
+    "matplotlib",
+    "pydicom",
+    "tifffile",
+    "tqdm",
+    "onnx",
+    "pandas",
+]
 # What the runtime in the control loop uses: it must come up with NumPy, OpenCV and ONNX Runtime alone.
 RUNTIME = [
     "segmentation.wall", "library", "known.calibration_file", "reader", "reader.answers", "service.monitor_service",
@@ -224,7 +240,7 @@ def test_the_page_on_the_architecture_names_every_module_and_no_other() -> None:
     rows = re.findall(r"^\| `([\w.]+)` \| (.*) \|$", page, flags=re.MULTILINE)
     stated = {f"{name}.{module}" for name, modules in rows for module in re.findall(r"`(\w+)`", modules)}
     found = {dotted(path) for path in MODULES if path.name != "__init__.py" and "." in dotted(path)}
-    commands = {f"cli.{name.replace('-', '_')}" for name in COMMANDS}
+    commands = {f"cli.{module_name(name)}" for name in COMMANDS}
     assert stated | commands == found
 
 

@@ -8,24 +8,27 @@ import logging
 import os
 import sys
 from importlib import import_module
+from keyword import iskeyword
 
 import click
 
 from scleraforce import __version__
 from scleraforce.errors import InputError, ScleraforceError
 
-__all__ = ["cli", "fail", "main", "run"]
+__all__ = ["cli", "fail", "main", "module_name", "run"]
 
 INTERRUPTED = 130
 FULL_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # comes without the file's name
 
-# Command -> one line of help. `monitor-reset` lives in `cli/monitor_reset.py` as the function `monitor_reset`.
+# Command -> one line of help. `monitor-reset` lives in `cli/monitor_reset.py` as the function `monitor_reset`; `import`
+# is a word of Python's own and lives in `cli/import_.py` as `import_`.
 COMMANDS = {
     "demo": "A first look: a virtual session, as a page.",
     "doctor": "Check this installation, and say what is missing.",
     "init": "Write a commented study.toml.",
     "simulate": "One eye, one force: displacement, slice, picture.",
     "phantom": "Make a virtual acquisition: raw B-scans and a force log.",
+    "import": "Frames and forces of other programs as a recording.",
     "segment": "Find the wall in raw frames.",
     "scanner": "Measure a scanner on its frames, for a simulation.",
     "library": "Solve the finite-strain load paths that others draw from.",
@@ -34,6 +37,7 @@ COMMANDS = {
     "train": "Train a network on simulated slices.",
     "classify": "Read the force class of single frames.",
     "evaluate": "Compare a model's answers with recordings.",
+    "export": "A recording or answers for other programs.",
     "monitor": "Tell a robot, from live B-scans, when to withdraw.",
     "monitor-reset": "The operator's reset after a withdrawal.",
     "replay": "Play a recording to a monitor, as a scanner does.",
@@ -56,6 +60,16 @@ QUIET = click.Option(["-q", "--quiet"], is_flag=True, expose_value=False, callba
                      help="Print errors only, and with --json its object.")  # fmt: skip
 
 
+def module_name(command: str) -> str:
+    """Return the name of a command's module in `cli`, and of its function.
+
+    >>> module_name("monitor-reset"), module_name("import")
+    ('monitor_reset', 'import_')
+    """
+    name = command.replace("-", "_")
+    return f"{name}_" if iskeyword(name) else name
+
+
 class _LazyGroup(click.Group):
     """A group that imports a command only when it is asked for, so that `--help` is quick."""
 
@@ -67,7 +81,7 @@ class _LazyGroup(click.Group):
         """Import and return a command."""
         if cmd_name not in COMMANDS:
             return None
-        name = cmd_name.replace("-", "_")
+        name = module_name(cmd_name)
         command: click.Command = getattr(import_module(f"scleraforce.cli.{name}"), name)
         if cmd_name not in NEVER_QUIET and QUIET not in command.params:
             command.params.append(QUIET)

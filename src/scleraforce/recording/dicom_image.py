@@ -1,6 +1,8 @@
 """Read a single DICOM image as a frame: bright or dark as zero, palettes, colour; and the size of its pixels."""
 
 import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +16,16 @@ from scleraforce.units import to_si
 if TYPE_CHECKING:
     import pydicom
 
-__all__ = ["read_dicom"]
+__all__ = [
+    "DEFLATED",
+    "bright",
+    "check_image",
+    "damage_named",
+    "grey_kind",
+    "pixel_spacing",
+    "read_dicom",
+    "turned_round",
+]
 
 # Zeiss writes the A-scans of its Visante along the rows of the image, so depth runs along the columns' index.
 A_SCANS_ALONG_ROWS = {("Carl Zeiss Meditec", "1000")}
@@ -31,12 +42,23 @@ def read_dicom(path: Path, data: bytes) -> FrameImage:
     Raises:
         FrameError: naming the file, what was found and what is allowed.
     """
+    with damage_named(path):
+        return _read(path, data)
+
+
+@contextmanager
+def damage_named(path: Path) -> Iterator[None]:
+    """Take over-long private tags, as scanners write them, and name the file in whatever the reading of it raises.
+
+    Raises:
+        FrameError: what was read is damaged.
+    """
     from pydicom import config  # here, so that reading PNG needs OpenCV only
 
     before = config.settings.reading_validation_mode
-    config.settings.reading_validation_mode = config.IGNORE  # scanners write over-long private tags
+    config.settings.reading_validation_mode = config.IGNORE
     try:
-        return _read(path, data)
+        yield
     except FrameError:
         raise
     except Exception as fault:  # pydicom and its codecs raise whatever the damage leads to
@@ -51,21 +73,30 @@ def _read(path: Path, data: bytes) -> FrameImage:
     if DEFLATED in data:
         raise FrameError(f"{path}: a deflated DICOM file, whose size is not known before; save it without compression")
     dataset = pydicom.dcmread(io.BytesIO(data))
-    kind = str(dataset.get("PhotometricInterpretation", "")).strip()
-    _check_header(path, dataset, kind)
-    pixels = _bright(path, dataset, np.asarray(dataset.pixel_array), kind)
-    maker = (str(dataset.get("Manufacturer", "")).strip(), str(dataset.get("ManufacturerModelName", "")).strip())
-    depth_m, lateral_m = _spacing(dataset)
-    if maker in A_SCANS_ALONG_ROWS:
+    frames = int(dataset.get("NumberOfFrames", None) or 1)
+    if frames != 1:
+        raise FrameError(f"{path}: {frames} frames in one DICOM file; give a file for each frame")
+    check_image(path, dataset, 1)
+    pixels = _unsigned(bright(path, dataset, np.asarray(dataset.pixel_array)))
+    depth_m, lateral_m = pixel_spacing(dataset)
+    if turned_round(dataset):
         pixels, depth_m, lateral_m = np.ascontiguousarray(pixels.swapaxes(0, 1)), lateral_m, depth_m
     return FrameImage(grey_pixels(pixels, path), depth_pixel_m=depth_m, lateral_pixel_m=lateral_m)
 
 
-def _check_header(path: Path, dataset: "pydicom.Dataset", kind: str) -> None:
-    """Check what the data set says of its image, and that the compressed image is no larger."""
-    frames = int(dataset.get("NumberOfFrames", None) or 1)
-    if frames != 1:
-        raise FrameError(f"{path}: {frames} frames in one DICOM file; give a file for each frame")
+def turned_round(dataset: "pydicom.Dataset") -> bool:
+    """Return whether the scanner is one that writes A-scans along the rows of its images."""
+    maker = (str(dataset.get("Manufacturer", "")).strip(), str(dataset.get("ManufacturerModelName", "")).strip())
+    return maker in A_SCANS_ALONG_ROWS
+
+
+def check_image(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
+    """Check what a data set says of its images, and that none of the compressed ones is larger.
+
+    Raises:
+        FrameError: naming the file, what was found and what is allowed.
+    """
+    kind = grey_kind(dataset)
     if kind not in KINDS_READ:
         raise FrameError(f"{path}: PhotometricInterpretation: {kind or 'missing'}; one of {', '.join(KINDS_READ)}")
     rows, columns, samples = int(dataset.Rows), int(dataset.Columns), int(dataset.get("SamplesPerPixel", 1))
@@ -76,11 +107,12 @@ def _check_header(path: Path, dataset: "pydicom.Dataset", kind: str) -> None:
     from pydicom.encaps import generate_frames
     from pydicom.uid import RLELossless
 
-    packed = next(generate_frames(dataset.PixelData, number_of_frames=1))
-    if syntax == RLELossless:
-        _check_rle(path, packed, rows * columns)
-    elif (size := jpeg_size(packed)) != (rows, columns):
-        raise FrameError(f"{path}: damaged: the compressed image is of {size} pixels, the header says {rows, columns}")
+    for packed in generate_frames(dataset.PixelData, number_of_frames=frames):
+        if syntax == RLELossless:
+            _check_rle(path, packed, rows * columns)
+        elif (size := jpeg_size(packed)) != (rows, columns):
+            found = f"the compressed image is of {size} pixels, the header says {rows, columns}"
+            raise FrameError(f"{path}: damaged: {found}")
 
 
 def _check_rle(path: Path, packed: bytes, largest: int) -> None:
@@ -92,20 +124,36 @@ def _check_rle(path: Path, packed: bytes, largest: int) -> None:
             raise FrameError(f"{path}: damaged: more is packed in it than the {largest} pixels that its header says")
 
 
-def _bright(path: Path, dataset: "pydicom.Dataset", pixels: NDArray[Any], kind: str) -> NDArray[Any]:
-    """Return unsigned pixels that are brighter the larger they are; the smallest signed one becomes 0."""
+def grey_kind(dataset: "pydicom.Dataset") -> str:
+    """Return the photometric interpretation of a data set, "" where it has none."""
+    return str(dataset.get("PhotometricInterpretation", "")).strip()
+
+
+def bright(path: Path, dataset: "pydicom.Dataset", pixels: NDArray[Any]) -> NDArray[Any]:
+    """Return pixels that are brighter the larger they are; signed ones stay signed.
+
+    Raises:
+        FrameError: a pixel has more bits than the data set says.
+    """
     from pydicom.pixels.processing import apply_color_lut
 
+    kind = grey_kind(dataset)
     if kind == "PALETTE COLOR":
         return np.asarray(apply_color_lut(pixels, dataset))
     if not np.issubdtype(pixels.dtype, np.signedinteger):
         return inverted(pixels, int(dataset.BitsStored), path) if kind == "MONOCHROME1" else pixels
-    wide = pixels.astype(np.int64) * (-1 if kind == "MONOCHROME1" else 1)
-    wide -= int(wide.min())
+    return -pixels.astype(np.int64) if kind == "MONOCHROME1" else pixels
+
+
+def _unsigned(pixels: NDArray[Any]) -> NDArray[Any]:
+    """Return signed pixels so that the smallest is 0; unsigned ones as they are."""
+    if not np.issubdtype(pixels.dtype, np.signedinteger):
+        return pixels
+    wide = pixels.astype(np.int64) - int(pixels.min())
     return wide.astype(np.uint16 if int(wide.max()) < 2**16 else np.int64)
 
 
-def _spacing(dataset: "pydicom.Dataset") -> tuple[float | None, float | None]:
+def pixel_spacing(dataset: "pydicom.Dataset") -> tuple[float | None, float | None]:
     """Return the distance of rows and of columns in m, from whichever standard tag has them, else None."""
     places = [dataset]
     for name in ("SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence"):

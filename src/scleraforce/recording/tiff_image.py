@@ -5,6 +5,7 @@ import lzma
 import re
 import zlib
 from math import isfinite
+from mmap import mmap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ from scleraforce.recording.pixels import FrameImage, check_size, grey_pixels, in
 if TYPE_CHECKING:
     import tifffile
 
-__all__ = ["read_tiff"]
+__all__ = ["METRES", "check_page", "page_scale", "read_tiff", "upright"]
 
 WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE = range(4)  # PhotometricInterpretation
 DEFLATE, PACKBITS, LZMA = (8, 32946), 32773, 34925  # Compression
@@ -44,9 +45,9 @@ def read_tiff(path: Path, data: bytes) -> FrameImage:
             if len(file.pages) != 1:
                 raise FrameError(f"{path}: {len(file.pages)} pages; give a file for each frame")
             page = file.pages.first
-            _check_page(path, page, data)
-            pixels = _upright(path, page, np.asarray(page.asarray()))
-            depth_m, lateral_m = _scale(file, page)
+            check_page(path, page, data)
+            pixels = upright(path, page, np.asarray(page.asarray()))
+            depth_m, lateral_m = page_scale(file, page)
     except FrameError:
         raise
     except Exception as fault:  # tifffile and its codecs raise whatever the damage leads to
@@ -54,8 +55,12 @@ def read_tiff(path: Path, data: bytes) -> FrameImage:
     return FrameImage(grey_pixels(pixels, path), depth_pixel_m=depth_m, lateral_pixel_m=lateral_m)
 
 
-def _check_page(path: Path, page: "tifffile.TiffPage", data: bytes) -> None:
-    """Check what a page says of its size, and that what is packed in it is no larger."""
+def check_page(path: Path, page: "tifffile.TiffPage", data: bytes | mmap) -> None:
+    """Check what a page says of its size, and that what is packed in it is no larger.
+
+    Raises:
+        FrameError: naming the file, what was found and what is allowed.
+    """
     if page.photometric not in (WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE):
         kind = getattr(page.photometric, "name", page.photometric)
         raise FrameError(f"{path}: a TIFF of kind {kind}; save it as grey (black is zero) or RGB")
@@ -78,8 +83,12 @@ def _unpacks_to_more(compression: int, packed: bytes, largest: int) -> bool:
     return compression == PACKBITS and unpacked_bytes(packed, largest) > largest
 
 
-def _upright(path: Path, page: "tifffile.TiffPage", pixels: NDArray[Any]) -> NDArray[Any]:
-    """Return pixels that are brighter the larger they are, colours last."""
+def upright(path: Path, page: "tifffile.TiffPage", pixels: NDArray[Any]) -> NDArray[Any]:
+    """Return pixels that are brighter the larger they are, colours last.
+
+    Raises:
+        FrameError: a pixel has more bits than the page says.
+    """
     if page.photometric == PALETTE and page.colormap is not None:
         # Values of 16 bits; some programs write 8 bits all the same.
         colours = np.asarray(page.colormap)
@@ -92,7 +101,7 @@ def _upright(path: Path, page: "tifffile.TiffPage", pixels: NDArray[Any]) -> NDA
     return pixels
 
 
-def _scale(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> tuple[float | None, float | None]:
+def page_scale(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> tuple[float | None, float | None]:
     """Return the distance of rows and of columns in m: as OME, ImageJ or the plain tags state it, else None."""
     if file.ome_metadata:
         return _ome_size(file.ome_metadata, "Y"), _ome_size(file.ome_metadata, "X")

@@ -1,0 +1,1 @@
+"""What `scleraforce import` asks, works out and tells."""

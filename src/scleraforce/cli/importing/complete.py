@@ -1,0 +1,146 @@
+"""What a recording is written from: what its sources state, what was told, and what was asked for."""
+
+from dataclasses import dataclass, replace
+from math import radians
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scleraforce.cli.importing.options import OPTION, ImportAnswers
+from scleraforce.cli.importing.questions import QUESTIONS, ask_missing
+from scleraforce.errors import InputError, StudyError
+from scleraforce.formats.frame_times import told_times
+from scleraforce.formats.gather import Gathered, on_one_clock
+from scleraforce.formats.greys import MOST_BITS, Greys
+from scleraforce.formats.scan import Times
+from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.scaled_frame import Sourced
+from scleraforce.units import from_si, to_si
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from scleraforce.recording.tables import ForceLog
+
+__all__ = ["Complete", "complete"]
+
+ANSWER = "answer"  # the source of a value that was typed on the terminal
+
+
+@dataclass(frozen=True, eq=False)
+class Complete:
+    """All that a recording is written from.
+
+    Attributes:
+        gathered: what the sources hold.
+        times: of the frames, on the clock of the log.
+        log: on the same clock.
+        origin_s: where that clock begins, on the sources' own.
+        info: what recording.toml says.
+        sources: who states each value, by the name of its option.
+    """
+
+    gathered: Gathered
+    times: Times
+    log: "ForceLog | None"
+    origin_s: float
+    info: RecordingInfo
+    sources: dict[str, str]
+
+
+def complete(
+    gathered: Gathered, greys: Greys, answers: ImportAnswers, origins: "Mapping[str, str]", ask: bool
+) -> Complete:
+    """Bring together what options say, what sources state and what another recording has, and ask for the rest.
+
+    Args:
+        gathered: the sources.
+        greys: how their pixels become counts.
+        answers: the options' values.
+        origins: who told them; those of another recording give way to what the sources state.
+        ask: whether somebody can be asked.
+
+    Raises:
+        InputError: something stays open, or a value is beyond what a recording may have.
+    """
+    times = told_times(gathered.scan, answers.times, answers.rate_hz) or gathered.scan.times
+    needed = _needed(gathered, answers, times)
+    stated = _stated(gathered, greys)
+    known = {
+        name: (value, origins.get(name, ANSWER))
+        for name in needed
+        if (value := getattr(answers, name)) is not None and (name not in stated or origins.get(name) == OPTION)
+    }
+    known = stated | known
+    known |= {name: (value, ANSWER) for name, value in ask_missing(needed - set(known), ask).items()}
+    values = {name: value for name, (value, _) in known.items()}
+    if not greys.fit(values["bits"]):
+        raise InputError(f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; --bits says {values['bits']}")
+    if times is None:
+        rate_hz = values.get("rate_hz")
+        times = told_times(gathered.scan, None, rate_hz) if rate_hz else Times(np.zeros(1), "a single frame")
+    assert times is not None
+    offset_s = values.get("clock_offset_s", answers.clock_offset_s or 0.0)
+    moved, log, origin_s = on_one_clock(times, gathered.log, offset_s)
+    sources = {name: known[name][1] for name in QUESTIONS if name in known} | {"times": times.source}
+    return Complete(gathered, moved, log, origin_s, _info(gathered, answers, values), sources)
+
+
+def _needed(gathered: Gathered, answers: ImportAnswers, times: Times | None) -> set[str]:
+    """Return the names of the options whose values this recording takes."""
+    needed = {"width_mm", "depth_mm", "refractive_index", "bits", "eye", "gauge", "gap_mm"}
+    if times is None and len(gathered.scan.names) > 1:
+        needed.add("rate_hz")
+    if gathered.log is not None:
+        needed |= {"axis", "contact_sign"}
+        if not gathered.one_clock and answers.times is None:
+            needed.add("clock_offset_s")
+    return needed
+
+
+def _stated(gathered: Gathered, greys: Greys) -> dict[str, tuple[Any, str]]:
+    """Return what the sources themselves state, and where it stands."""
+    scan, log = gathered.scan, gathered.log
+    found: dict[str, tuple[Any, str]] = {}
+    extents = {"width_mm": (scan.lateral_pixel_m, scan.columns), "depth_mm": (scan.depth_pixel_m, scan.rows)}
+    for name, (pixel, count) in extents.items():
+        if isinstance(pixel, Sourced):
+            found[name] = (float(f"{from_si(pixel.value * count, 'mm'):.7g}"), pixel.source)
+    if greys.scaled:
+        found["bits"] = (MOST_BITS, "scaled to them")
+    elif scan.bits is not None:
+        found["bits"] = (scan.bits, "file")
+    axes = [] if log is None else [name.removesuffix("_n") for name in log.columns if name.endswith("_n")]
+    if len(axes) == 1:
+        found["axis"] = (axes[0], "the only force of the log")
+    return found
+
+
+def _info(gathered: Gathered, answers: ImportAnswers, values: dict[str, Any]) -> RecordingInfo:
+    scan = gathered.scan
+    try:
+        oct_info = OctInfo(
+            columns=scan.columns,
+            rows=scan.rows,
+            bits=values["bits"],
+            width_m=to_si(values["width_mm"], "mm"),
+            depth_m=to_si(values["depth_mm"], "mm"),
+            refractive_index=values["refractive_index"],
+        )
+        eye = EyeInfo(
+            values["eye"],
+            thickness_m=to_si(answers.thickness_um, "um"),
+            iop_pa=to_si(answers.iop_mmhg, "mmhg"),
+            globe=answers.globe,
+        )
+        polar_rad = None if answers.polar_angle_deg is None else radians(answers.polar_angle_deg)
+        gap_m = to_si(values["gap_mm"], "mm")
+        needle = NeedleInfo(gauge=values["gauge"], slice_gap_m=gap_m, polar_angle_rad=polar_rad)
+        return RecordingInfo(eye, oct_info, needle, None if gathered.log is None else _force_info(answers, values))
+    except StudyError as fault:
+        raise InputError(f"{scan.names[0]}: {fault}; tell the value with its option") from fault
+
+
+def _force_info(answers: ImportAnswers, values: dict[str, Any]) -> ForceInfo:
+    info = ForceInfo(values["axis"], int(values["contact_sign"]))
+    return info if answers.average_s is None else replace(info, average_s=answers.average_s)

@@ -1,0 +1,97 @@
+"""What `import` tells of a recording that it wrote: for people, for JSON, and in its import.json."""
+
+from dataclasses import asdict
+from hashlib import file_digest
+from pathlib import Path
+from typing import Any
+
+from scleraforce import __version__
+from scleraforce.cli.importing.complete import Complete
+from scleraforce.cli.importing.options import ImportAnswers
+from scleraforce.cli.output import wrapped
+from scleraforce.formats.answers import import_record
+from scleraforce.formats.greys import TOP, Greys
+from scleraforce.recording.info import RecordingInfo
+from scleraforce.units import from_si
+
+__all__ = ["PREVIEW", "entries", "lines", "record_text"]
+
+PREVIEW = "preview.png"
+
+
+def record_text(done: Complete, greys: Greys, answers: ImportAnswers) -> str:
+    """Return the text of import.json: the sources with their SHA-256, who states each value, and the answers."""
+    columns = [column.answer() for column in done.gathered.columns]
+    files = [{"path": str(path), "kind": kind, "sha256": _sha256(path)} for path, kind in done.gathered.files]
+    told = {"version": __version__, "files": files, **_provenance(done, greys)}
+    return import_record(asdict(answers) | {"columns": columns}, told)
+
+
+def entries(out: Path, done: Complete, greys: Greys) -> dict[str, Any]:
+    """Return what JSON tells."""
+    info = done.info
+    return {
+        "recording": str(out),
+        "preview": str(out / PREVIEW),
+        "frames": len(done.gathered.scan.names),
+        "force_samples": None if done.log is None else len(done.log.time_s),
+        "width_mm": from_si(info.oct.width_m, "mm"),
+        "depth_mm": from_si(info.oct.depth_m, "mm"),
+        "refractive_index": info.oct.refractive_index,
+        "bits": info.oct.bits,
+        **_provenance(done, greys),
+    }
+
+
+def lines(out: Path, done: Complete, greys: Greys) -> list[str]:
+    """Return what people are told, at 80 columns."""
+    told = [_frames(done), _times(done)]
+    if done.log is not None:
+        columns = ", ".join(column.answer() for column in done.gathered.columns) or ", ".join(done.log.columns)
+        rate = f"{len(done.log.time_s)} samples, {done.log.sample_rate_hz:.4g} a second"
+        told.append(f"forces: {rate} ({columns}){_contact(done.info)}")
+    if greys.scaled:
+        told.append(f"note: pixels of {greys.low:.6g} to {greys.high:.6g} became counts of 0 to {TOP}")
+    elif greys.low:
+        told.append(f"note: {-greys.low:g} was added to all pixels, so that the smallest is 0")
+    if greys.lost:
+        told.append(f"note: {greys.lost} pixels are not finite numbers; they became 0")
+    told += [f"note: {note}" for note in done.gathered.notes]
+    return [*map(wrapped, told), f"wrote {out}; look at {out / PREVIEW}"]
+
+
+def _frames(done: Complete) -> str:
+    scan, info, source = done.gathered.scan, done.info.oct, done.sources
+    return (
+        f"{len(scan.names)} frames of {scan.rows} x {scan.columns} pixels (depth x lateral), {info.bits} bits; "
+        f"{from_si(info.width_m, 'mm'):.4g} mm wide ({source['width_mm']}), {from_si(info.depth_m, 'mm'):.4g} mm deep "
+        f"({source['depth_mm']}), refractive index {info.refractive_index:g} ({source['refractive_index']})"
+    )
+
+
+def _times(done: Complete) -> str:
+    first_s, last_s = done.times.time_s[0], done.times.time_s[-1]
+    begin = f"; 0 s is {done.origin_s:.0f} s of the sources' clock" if done.origin_s else ""
+    return f"times: {first_s:.3f} to {last_s:.3f} s ({done.sources['times']}){begin}"
+
+
+def _contact(info: RecordingInfo) -> str:
+    return "" if info.force is None else f"; contact is {'+' if info.force.contact_sign > 0 else '-'}{info.force.axis}"
+
+
+def _provenance(done: Complete, greys: Greys) -> dict[str, Any]:
+    return {
+        "values": done.sources,
+        "clock_origin_s": done.origin_s,
+        "columns": [column.answer() for column in done.gathered.columns],
+        "grey": {"low": greys.low, "high": greys.high, "scaled": greys.scaled, "not_finite": greys.lost},
+        "notes": list(done.gathered.notes),
+    }
+
+
+def _sha256(path: Path) -> str | None:
+    """Return the hash of a file; None of a folder."""
+    if path.is_dir():
+        return None
+    with path.open("rb") as file:
+        return file_digest(file, "sha256").hexdigest()

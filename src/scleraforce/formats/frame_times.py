@@ -1,0 +1,61 @@
+"""When frames were taken, as somebody states it beside them: in a table, or by their rate."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError
+from scleraforce.formats.force_log import LogText, numbers_of, read_log_text
+from scleraforce.formats.log_units import TIME, unit_factor
+from scleraforce.formats.scan import Scan, Times
+from scleraforce.recording.delimited import fields_of
+
+__all__ = ["told_times"]
+
+FILE_NAMES = ("file", "filename", "frame", "image")
+TIME_NAME = re.compile(r"(time|timestamp|t|stamp)[ _]*[\[(]?(?P<unit>\w+)[\])]?", re.IGNORECASE)
+
+
+def told_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times | None:
+    """Return the frames' times that a table or a rate states; None: neither was given.
+
+    A table has a column of times with its unit in its name (time_s, "Time (ms)"). Where it names files too, each time
+    goes to the frame of that name; else they go to the frames in their order.
+
+    Raises:
+        InputError: both were given, or the table does not go with the frames.
+    """
+    if table is not None and rate_hz is not None:
+        raise InputError("--rate-hz: --times states when frames were taken; give one of them")
+    if rate_hz is not None:
+        return Times(np.arange(len(scan.names)) / rate_hz, "option")
+    return None if table is None else Times(_of_table(scan, table), str(table))
+
+
+def _of_table(scan: Scan, table: Path) -> NDArray[np.float64]:
+    text = read_log_text(table, least=1)
+    at, factor = _time_column(text)
+    time_s = numbers_of(text, [at])[:, 0] * factor
+    file = next((nth for nth, name in enumerate(text.names) if name.lower() in FILE_NAMES), None)
+    if file is not None:
+        files = [Path(fields_of(line, text.separator, str(table))[file]).name for line in text.lines]
+        by_name = dict(zip(files, time_s.tolist(), strict=True))
+        frames = [Path(name).name for name in scan.names]
+        if set(frames) <= set(by_name):
+            return np.array([by_name[name] for name in frames])
+    if len(time_s) != len(scan.names):
+        raise InputError(f"{table}: {len(time_s)} times for {len(scan.names)} frames")
+    return time_s
+
+
+def _time_column(text: LogText) -> tuple[int, float]:
+    """Return the place and the unit, in s, of the column of times."""
+    for nth, name in enumerate(text.names):
+        found = TIME_NAME.fullmatch(name.strip())
+        factor = unit_factor(found["unit"], TIME) if found else None
+        if factor is not None:
+            return nth, factor
+    listed = ", ".join(repr(name) for name in text.names)
+    raise InputError(f"{text.path}: no column of times with its unit, like time_s or Time (ms); there are {listed}")

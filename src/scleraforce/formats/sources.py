@@ -1,0 +1,157 @@
+"""What a source is: its format is told by its content, by its name only where the content has no mark of its own."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from scleraforce.errors import FrameError, InputError
+from scleraforce.formats.scan import Scan
+from scleraforce.whole_files import FileKind, check_regular
+
+__all__ = ["SourceOrder", "files_of", "kind_of", "natural_order", "read_scan"]
+
+SOURCE = FileKind("source", 64 * 2**30, "", FrameError)
+HEAD_BYTES = 512
+TIFF_MARKS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+MATROSKA, SQLITE, MCAP = b"\x1a\x45\xdf\xa3", b"SQLite format 3\0", b"\x89MCAP0\r\n"
+NIFTI_NAMES = (".nii", ".nii.gz", ".hdr", ".img")
+TEXT_NAMES = (".csv", ".txt", ".tsv", ".log", ".dat")
+KINDS = (
+    "PNG, JPEG, TIFF, DICOM, NumPy (.npy, .npz), NIfTI, MetaImage (.mha, .mhd), NRRD, films (AVI, MP4, MOV, MKV), "
+    "ROS bags (.bag, .db3, .mcap), Thorlabs .oct, force logs (.csv, .txt)"
+)
+
+
+@dataclass(frozen=True)
+class SourceOrder:
+    """What was answered on how to read sources: order of axes, name of the array in a .npz."""
+
+    axes: tuple[str, ...] | None = None
+    array: str | None = None
+
+
+def files_of(given: Sequence[Path]) -> list[Path]:
+    """Return sources with folders replaced by the files in them, in the order of the numbers in their names.
+
+    A folder with a metadata.yaml is a ROS bag and stays one.
+
+    Raises:
+        InputError: there is no such file, or a folder is empty.
+    """
+    found: list[Path] = []
+    for path in given:
+        if not path.is_dir() or (path / "metadata.yaml").exists():
+            found.append(path)
+            continue
+        inside = sorted((each for each in path.iterdir() if _shown(each)), key=natural_order)
+        if not inside:
+            raise InputError(f"{path}: no files in this folder")
+        found += inside
+    return found
+
+
+def natural_order(path: Path) -> list[tuple[int, str]]:
+    """Return a key that sorts frame2 before frame10.
+
+    >>> sorted(map(Path, ["f10.png", "f9.png"]), key=natural_order)[0].name
+    'f9.png'
+    """
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part), "") if part.isdecimal() else (0, part) for part in parts]
+
+
+def kind_of(path: Path) -> str:
+    """Return what a source is: a key of `READERS`, "bag", "log".
+
+    Raises:
+        InputError: it is no regular file, or of no kind that is read.
+    """
+    if path.is_dir():
+        return "bag"
+    try:
+        check_regular(path, path.stat(), SOURCE)
+        with path.open("rb") as file:
+            head = file.read(HEAD_BYTES)
+    except OSError as fault:
+        raise InputError(f"{path}: {fault.strerror}") from fault
+    kind = _by_content(head) or _by_name(path.name.lower(), head)
+    if kind is None:
+        raise InputError(f"{path}: {'an empty file' if not head else 'of no kind that is read'}; give {KINDS}")
+    return kind
+
+
+def read_scan(path: Path, kind: str, reading: SourceOrder) -> Scan:
+    """Return the frames of a source of a kind that `kind_of` tells.
+
+    Raises:
+        InputError: it cannot be read, or leaves open what `reading` does not answer.
+    """
+    # Each format brings its own packages, which take long to import: only that of this file is.
+    match kind:
+        case "picture":
+            from scleraforce.formats.pictures import read_picture
+
+            return _oriented(path, read_picture(path), reading)
+        case "tiff":
+            from scleraforce.formats.tiff import read_tiff_scan
+
+            return _oriented(path, read_tiff_scan(path), reading)
+        case "dicom":
+            from scleraforce.formats.dicom import read_dicom_scan
+
+            return _oriented(path, read_dicom_scan(path), reading)
+        case "film":
+            from scleraforce.formats.video import read_film
+
+            return _oriented(path, read_film(path), reading)
+        case "thorlabs":
+            from scleraforce.formats.thorlabs import read_thorlabs
+
+            return read_thorlabs(path)
+        case "numpy":
+            from scleraforce.formats.numpy_file import read_numpy
+
+            return read_numpy(path, reading.axes, reading.array)
+    from scleraforce.formats.volumes import read_metaimage, read_nifti, read_nrrd
+
+    return {"nifti": read_nifti, "metaimage": read_metaimage, "nrrd": read_nrrd}[kind](path, reading.axes)
+
+
+def _oriented(path: Path, scan: Scan, reading: SourceOrder) -> Scan:
+    """Return pictures, whose rows are depth unless `--axes` says that their columns are."""
+    if reading.axes is None:
+        return scan
+    order = tuple(name for name in reading.axes if name != "frame")
+    if reading.axes[0] != "frame" and len(reading.axes) == 3:
+        raise InputError(f"--axes: {','.join(reading.axes)}: {path} has frame after frame; begin with frame")
+    return scan.turned() if order == ("lateral", "depth") else scan
+
+
+def _shown(path: Path) -> bool:
+    return path.is_file() and not path.name.startswith(".")
+
+
+def _by_content(head: bytes) -> str | None:
+    marks = {
+        "picture": head.startswith((b"\x89PNG", b"\xff\xd8\xff")),
+        "tiff": head.startswith(TIFF_MARKS),
+        "dicom": head[128:132] == b"DICM",
+        "numpy": head.startswith(b"\x93NUMPY"),
+        "nrrd": head.startswith(b"NRRD"),
+        "bag": head.startswith((b"#ROSBAG", SQLITE, MCAP)),
+        "film": head.startswith(MATROSKA) or head[4:8] == b"ftyp" or (head[:4] == b"RIFF" and head[8:12] == b"AVI "),
+        "nifti": head[344:347] in (b"n+1", b"ni1") or head[4:7] == b"n+2",
+        "metaimage": bool(re.match(rb"\s*(ObjectType|NDims|Comment)\s*=", head)),
+    }
+    return next((kind for kind, found in marks.items() if found), None)
+
+
+def _by_name(name: str, head: bytes) -> str | None:
+    if name.endswith(".npz"):
+        return "numpy"
+    if name.endswith(".oct") and head.startswith(b"PK"):
+        return "thorlabs"
+    if name.endswith(NIFTI_NAMES) and head:
+        return "nifti"
+    return "log" if name.endswith(TEXT_NAMES) and head else None

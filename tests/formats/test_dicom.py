@@ -1,0 +1,150 @@
+"""DICOM of one and of many frames, plain and compressed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dicom_file import write_dicom
+from format_frames import COUNT, FRAMES, ROWS, pictures_of
+from pydicom.dataset import Dataset
+from pydicom.sequence import Sequence
+from pydicom.uid import DeflatedExplicitVRLittleEndian, RLELossless
+
+from scleraforce.errors import FrameError
+from scleraforce.formats.dicom import read_dicom_scan
+
+REAL = Path(__file__).parents[3] / "shared" / "real-oct" / "dicom" / "anterior-segment.dcm"
+TOMOGRAPHY = "1.2.840.10008.5.1.4.1.1.77.1.5.4"  # Ophthalmic Tomography Image Storage
+
+
+def group(**tags: object) -> Dataset:
+    dataset = Dataset()
+    for name, value in tags.items():
+        setattr(dataset, name, value)
+    return dataset
+
+
+def test_ophthalmic_tomography_has_frames_scale_and_the_time_of_each(tmp_path: Path) -> None:
+    measures = group(PixelSpacing=[0.004, 0.015], SliceThickness=0.1)
+    moments = ["20260102030405.000", "20260102030405.250", "20260102030405.500", "20260102030406", "20260102030407.5"]
+    frames = [group(FrameContentSequence=Sequence([group(FrameReferenceDateTime=moment)])) for moment in moments]
+    write_dicom(
+        tmp_path / "a.dcm", FRAMES, SOPClassUID=TOMOGRAPHY, BitsStored=13, HighBit=12,
+        SharedFunctionalGroupsSequence=Sequence([group(PixelMeasuresSequence=Sequence([measures]))]),
+        PerFrameFunctionalGroupsSequence=Sequence(frames),
+    )  # fmt: skip
+    scan = read_dicom_scan(tmp_path / "a.dcm")
+    np.testing.assert_array_equal(pictures_of(scan), FRAMES)
+    assert scan.bits == 13
+    assert (scan.depth_pixel_m.value, scan.lateral_pixel_m.value) == pytest.approx((4e-6, 15e-6))
+    np.testing.assert_allclose(scan.times.time_s - scan.times.time_s[0], [0.0, 0.25, 0.5, 1.0, 2.5], atol=1e-6)
+    assert scan.times.time_s[0] == 1767323045.0  # 2026-01-02 03:04:05 UTC
+
+
+@pytest.mark.parametrize(
+    ("tags", "time_s"),
+    [
+        ({"FrameTime": 40.0}, [0.0, 0.04, 0.08, 0.12, 0.16]),
+        ({"FrameTimeVector": [0.0, 10.0, 20.0, 10.0, 5.0]}, [0.0, 0.01, 0.03, 0.04, 0.045]),
+    ],
+)
+def test_steps_of_time_are_added_up(tmp_path: Path, tags: dict[str, object], time_s: list[float]) -> None:
+    write_dicom(tmp_path / "a.dcm", FRAMES, **tags)
+    np.testing.assert_allclose(read_dicom_scan(tmp_path / "a.dcm").times.time_s, time_s)
+
+
+def test_what_no_tag_states_stays_open(tmp_path: Path) -> None:
+    write_dicom(tmp_path / "a.dcm", FRAMES)
+    scan = read_dicom_scan(tmp_path / "a.dcm")
+    assert (scan.times, scan.depth_pixel_m, scan.lateral_pixel_m) == (None, None, None)
+
+
+def test_a_single_image_has_the_time_at_which_it_was_acquired(tmp_path: Path) -> None:
+    write_dicom(tmp_path / "a.dcm", FRAMES[0], AcquisitionDateTime="20260102030405.5+0100")
+    assert read_dicom_scan(tmp_path / "a.dcm").times.time_s[0] == 1767323045.5 - 3600
+
+
+def test_dark_and_bright_are_exchanged_alike_in_all_frames_and_that_is_said(tmp_path: Path) -> None:
+    write_dicom(tmp_path / "a.dcm", 8191 - FRAMES, PhotometricInterpretation="MONOCHROME1", BitsStored=13, HighBit=12)
+    scan = read_dicom_scan(tmp_path / "a.dcm")
+    np.testing.assert_array_equal(pictures_of(scan), FRAMES)
+    assert "dark and bright were exchanged" in scan.notes[0]
+
+
+def test_signed_pixels_keep_their_sign_for_one_shift_of_all(tmp_path: Path) -> None:
+    signed = FRAMES.astype(np.int16) - 2000
+    write_dicom(tmp_path / "a.dcm", signed)
+    scan = read_dicom_scan(tmp_path / "a.dcm")
+    np.testing.assert_array_equal(pictures_of(scan), signed)
+    assert scan.bits is None
+    write_dicom(tmp_path / "b.dcm", signed, PhotometricInterpretation="MONOCHROME1")
+    np.testing.assert_array_equal(pictures_of(read_dicom_scan(tmp_path / "b.dcm")), -signed.astype(int))
+
+
+def test_a_scanner_that_writes_a_scans_along_rows_is_turned(tmp_path: Path) -> None:
+    maker = {"Manufacturer": "Carl Zeiss Meditec", "ManufacturerModelName": "1000", "PixelSpacing": [0.015, 0.004]}
+    write_dicom(tmp_path / "a.dcm", FRAMES.swapaxes(1, 2).copy(), **maker)
+    scan = read_dicom_scan(tmp_path / "a.dcm")
+    np.testing.assert_array_equal(pictures_of(scan), FRAMES)
+    assert (scan.depth_pixel_m.value, scan.lateral_pixel_m.value) == pytest.approx((4e-6, 15e-6))
+
+
+def test_frames_packed_as_rle_are_read_and_a_bomb_among_them_is_not(tmp_path: Path) -> None:
+    dataset = write_dicom(tmp_path / "a.dcm", FRAMES)
+    dataset.compress(RLELossless)
+    dataset.save_as(tmp_path / "a.dcm")
+    np.testing.assert_array_equal(pictures_of(read_dicom_scan(tmp_path / "a.dcm")), FRAMES)
+    dataset.Rows = ROWS - 2  # the packed frames, the second as well as the first, hold more than that
+    dataset.save_as(tmp_path / "a.dcm")
+    with pytest.raises(FrameError, match="damaged: more is packed in it"):
+        read_dicom_scan(tmp_path / "a.dcm")
+
+
+@pytest.mark.parametrize("syntax", ["1.2.840.10008.1.2.4.70", "1.2.840.10008.1.2.4.80", "1.2.840.10008.1.2.4.90"])
+def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path, syntax: str) -> None:
+    gdcm = pytest.importorskip("gdcm")
+    write_dicom(tmp_path / "a.dcm", FRAMES, SOPClassUID="1.2.840.10008.5.1.4.1.1.7", SOPInstanceUID="1.2.3")
+    reader = gdcm.ImageReader()
+    reader.SetFileName(str(tmp_path / "a.dcm"))
+    assert reader.Read()
+    change = gdcm.ImageChangeTransferSyntax()
+    types = {"70": gdcm.TransferSyntax.JPEGLosslessProcess14_1, "80": gdcm.TransferSyntax.JPEGLSLossless,
+             "90": gdcm.TransferSyntax.JPEG2000Lossless}  # fmt: skip
+    change.SetTransferSyntax(gdcm.TransferSyntax(types[syntax[-2:]]))
+    change.SetInput(reader.GetImage())
+    assert change.Change()
+    writer = gdcm.ImageWriter()
+    writer.SetFileName(str(tmp_path / "b.dcm"))
+    writer.SetFile(reader.GetFile())
+    writer.SetImage(change.GetOutput())
+    assert writer.Write()
+    np.testing.assert_array_equal(pictures_of(read_dicom_scan(tmp_path / "b.dcm")), FRAMES)
+
+
+def test_a_deflated_file_and_one_without_pixels_are_refused(tmp_path: Path) -> None:
+    dataset = write_dicom(tmp_path / "a.dcm", FRAMES, TransferSyntaxUID=DeflatedExplicitVRLittleEndian)
+    with pytest.raises(FrameError, match="deflated"):
+        read_dicom_scan(tmp_path / "a.dcm")
+    dataset = write_dicom(tmp_path / "a.dcm", FRAMES)
+    del dataset.PixelData
+    dataset.save_as(tmp_path / "a.dcm")
+    with pytest.raises(FrameError, match="without pixels"):
+        read_dicom_scan(tmp_path / "a.dcm")
+
+
+def test_more_frames_than_the_pixels_are_for_is_damage(tmp_path: Path) -> None:
+    write_dicom(tmp_path / "a.dcm", FRAMES, NumberOfFrames=COUNT + 1)
+    with pytest.raises(FrameError, match=r"a\.dcm: damaged"):
+        pictures_of(read_dicom_scan(tmp_path / "a.dcm"))
+
+
+@pytest.mark.real
+@pytest.mark.skipif(not REAL.exists(), reason="no ../shared/real-oct")
+def test_a_real_visante_file_is_turned_and_states_its_time_but_no_scale() -> None:
+    scan = read_dicom_scan(REAL)
+    assert (scan.rows, scan.columns) == (1024, 512)
+    assert scan.depth_pixel_m is None
+    assert scan.times.source == "DICOM's AcquisitionDateTime"
+    picture = pictures_of(scan)[0]
+    bright = picture > np.percentile(picture, 99)
+    assert bright[: len(bright) // 2].sum() > 3 * bright[len(bright) // 2 :].sum()  # the eye's front lies on top

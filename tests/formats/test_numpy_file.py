@@ -1,0 +1,50 @@
+"""NumPy's own files."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from format_frames import FRAMES, pictures_of
+
+from scleraforce.errors import FrameError
+from scleraforce.formats.axes import AXES
+from scleraforce.formats.numpy_file import read_numpy
+from scleraforce.formats.scan import UnansweredError
+
+REAL = Path(__file__).parents[3] / "shared" / "real-oct" / "needle-volumes"
+
+
+def test_an_array_of_a_file_of_its_own_comes_back(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.asfortranarray(FRAMES))
+    np.testing.assert_array_equal(pictures_of(read_numpy(tmp_path / "a.npy", AXES, None)), FRAMES)
+
+
+def test_the_only_array_of_frames_is_found_and_others_are_asked_for(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", volume=FRAMES, pos=np.zeros(6))
+    np.testing.assert_array_equal(pictures_of(read_numpy(tmp_path / "a.npz", AXES, None)), FRAMES)
+    np.savez_compressed(tmp_path / "b.npz", first=FRAMES, second=FRAMES[::-1])
+    with pytest.raises(UnansweredError, match=r"which array has the frames.*first, second; give --array"):
+        read_numpy(tmp_path / "b.npz", AXES, None)
+    np.testing.assert_array_equal(pictures_of(read_numpy(tmp_path / "b.npz", AXES, "second")), FRAMES[::-1])
+    with pytest.raises(FrameError, match="no array 'third'; there are first, second"):
+        read_numpy(tmp_path / "b.npz", AXES, "third")
+
+
+def test_pickled_objects_are_never_opened(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object))
+    with pytest.raises(FrameError, match=r"a\.npy: damaged or an unknown kind of NumPy file"):
+        read_numpy(tmp_path / "a.npy", AXES, None)
+
+
+def test_a_truncated_file_is_refused(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", FRAMES)
+    (tmp_path / "a.npy").write_bytes((tmp_path / "a.npy").read_bytes()[:-10])
+    with pytest.raises(FrameError, match="unknown kind of NumPy file"):
+        read_numpy(tmp_path / "a.npy", AXES, None)
+
+
+@pytest.mark.real
+@pytest.mark.skipif(not REAL.exists(), reason="no ../shared/real-oct")
+def test_a_real_volume_is_frames_along_its_last_axis() -> None:
+    scan = read_numpy(sorted(REAL.glob("*.npz"))[0], ("depth", "lateral", "frame"), None)
+    assert (len(scan.names), scan.rows, scan.columns) == (64, 512, 64)

@@ -1,0 +1,83 @@
+"""What a source is, by its content."""
+
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+from dicom_file import write_dicom
+from format_frames import FRAMES, pictures_of, write_log
+
+from scleraforce.errors import InputError
+from scleraforce.formats.sources import SourceOrder, files_of, kind_of, read_scan
+
+
+def one_of_each(folder: Path) -> dict[str, str]:
+    """A file of each kind: its kind by its path, under a name that tells nothing where the content does."""
+    nibabel, nrrd = pytest.importorskip("nibabel"), pytest.importorskip("nrrd")
+    pictures = folder / "scan"
+    cv2.imwrite(f"{pictures}.png", FRAMES[0])
+    cv2.imwrite(f"{pictures}.jpg", (FRAMES[0] % 256).astype(np.uint8))
+    tifffile.imwrite(folder / "t", FRAMES)
+    write_dicom(folder / "d", FRAMES)
+    np.save(folder / "n.npy", FRAMES)
+    np.savez(folder / "n.npz", FRAMES)
+    nibabel.save(nibabel.Nifti1Image(FRAMES, np.eye(4)), folder / "v.nii")
+    nibabel.save(nibabel.Nifti1Image(FRAMES, np.eye(4)), folder / "v.nii.gz")
+    nrrd.write(str(folder / "v.nrrd"), FRAMES)
+    (folder / "m").write_text("ObjectType = Image\nNDims = 3\n")
+    write_log(folder / "log.csv")
+    (folder / "bag").mkdir()
+    (folder / "bag" / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
+    (folder / "b1").write_bytes(b"#ROSBAG V2.0\n")
+    (folder / "b2").write_bytes(b"SQLite format 3\0")
+    (folder / "b3").write_bytes(b"\x89MCAP0\r\n")
+    (folder / "film").write_bytes(b"\0\0\0\x18ftypmp42")
+    (folder / "x.oct").write_bytes(b"PK\x03\x04")
+    named = {
+        "scan.png": "picture", "scan.jpg": "picture", "t": "tiff", "d": "dicom", "n.npy": "numpy", "n.npz": "numpy",
+        "v.nii": "nifti", "v.nii.gz": "nifti", "v.nrrd": "nrrd", "m": "metaimage", "log.csv": "log", "bag": "bag",
+        "b1": "bag", "b2": "bag", "b3": "bag", "film": "film", "x.oct": "thorlabs",
+    }  # fmt: skip
+    return {str(folder / name): kind for name, kind in named.items()}
+
+
+def test_each_kind_is_told(tmp_path: Path) -> None:
+    kinds = one_of_each(tmp_path)
+    assert {path: kind_of(Path(path)) for path in kinds} == kinds
+
+
+@pytest.mark.parametrize(("name", "content"), [("a.bin", b"hello"), ("a.csv", b""), ("a.nii", b"")])
+def test_a_file_of_no_kind_that_is_read_is_refused(tmp_path: Path, name: str, content: bytes) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=f"{name}: .*; give PNG, JPEG, TIFF, DICOM"):
+        kind_of(tmp_path / name)
+
+
+def test_a_pipe_and_a_missing_file_are_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="pipe: a named pipe"):
+        kind_of(tmp_path / "pipe")
+    with pytest.raises(InputError, match="gone: No such file"):
+        kind_of(tmp_path / "gone")
+
+
+def test_a_folder_is_its_files_by_their_numbers(tmp_path: Path) -> None:
+    for name in ("f10.png", "f9.png", ".hidden"):
+        (tmp_path / name).touch()
+    assert [path.name for path in files_of([tmp_path])] == ["f9.png", "f10.png"]
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="empty: no files"):
+        files_of([tmp_path / "empty"])
+
+
+def test_pictures_are_turned_where_their_columns_are_depth(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), FRAMES[0])
+    scan = read_scan(tmp_path / "a.png", "picture", SourceOrder(("frame", "lateral", "depth")))
+    np.testing.assert_array_equal(pictures_of(scan)[0], FRAMES[0].T)
+    upright = read_scan(tmp_path / "a.png", "picture", SourceOrder(("depth", "lateral")))
+    np.testing.assert_array_equal(pictures_of(upright)[0], FRAMES[0])
+    with pytest.raises(InputError, match="begin with frame"):
+        read_scan(tmp_path / "a.png", "picture", SourceOrder(("lateral", "frame", "depth")))
