@@ -32,6 +32,7 @@ COMMANDS = {
     "train": "Train a network on simulated slices.",
     "classify": "Read the force class of single frames.",
     "evaluate": "Compare a model's answers with recordings.",
+    "show": "What a study, recording, model, ... is, in words or drawn.",
     "monitor": "Tell a robot, from live B-scans, when to withdraw.",
     "monitor-reset": "The operator's reset after a withdrawal.",
     "replay": "Play a recording to a monitor, as a scanner does.",
