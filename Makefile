@@ -41,6 +41,10 @@ docs: .venv/installed  ## these pages as a site that is searched without a netwo
 	.venv/bin/python -m sphinx -qW --keep-going -b html docs $(SITE)
 	@echo "open $(SITE)/index.html"
 
+gallery: .venv/installed  ## the pictures of docs/gallery.md anew, from the scripts of examples/gallery
+	for script in examples/gallery/*.py; do \
+	  .venv/bin/python $$script docs/images/gallery/$$(basename $$script .py).png || exit; done
+
 figures: .venv/installed  ## forces read on virtual eyes that no training has seen, to out/figures/figures.md (FIGURES=...)
 	PYTHONPATH=benchmarks .venv/bin/python -m figures --out $(FIGURES)
 
@@ -69,4 +73,4 @@ clean:  ## remove .venv and what the tools left; out/ stays
 .venv/installed: .venv/locked pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
 
-.PHONY: help install reproduce test slow lint bench docs figures stale wall-finder lock clean
+.PHONY: help install reproduce test slow lint bench docs gallery figures stale wall-finder lock clean
