@@ -60,6 +60,14 @@ def test_no_page_asks_another_machine_for_anything(site: Path) -> None:
         assert not fetched, f"{page.name}: {fetched}"
 
 
+def test_equations_are_drawn_by_the_browser_and_the_state_diagram_is_a_table(site: Path) -> None:
+    physics = (site / "physics.html").read_text(encoding="utf-8")
+    assert physics.count("<math") >= (ROOT / "docs" / "physics.md").read_text(encoding="utf-8").count("$$") // 2 > 5
+    assert "<mfrac>" in physics
+    states = (site / "monitor_decision.html").read_text(encoding="utf-8")
+    assert re.search(r"<p>WITHDRAW</p></td>\s*<td><p>WATCHING</p></td>\s*<td><p>reset after fresh harmless", states)
+
+
 @pytest.mark.skipif(*NEEDS_CHROMIUM[1].args, **NEEDS_CHROMIUM[1].kwargs)
 @pytest.mark.parametrize(("query", "page"), [("Friedenwald rigidity", "physics.html"), ("open_library", "functions")])
 def test_a_query_finds_its_page_without_a_network(site: Path, offline: BrowserContext, query: str, page: str) -> None:
