@@ -4,6 +4,7 @@ SHELL := /bin/bash
 
 OUT ?= out/reproduce
 FIGURES ?= out/figures
+SITE ?= out/site
 PYTEST_ARGS ?= -n 2 --dist worksteal
 SLOW ?= slow
 SHIPPED := src/scleraforce/shipped
@@ -36,6 +37,14 @@ lint: .venv/installed  ## ruff (rules and format) and mypy
 bench: .venv/installed  ## the benchmarks, as tables; BENCH='--model MODEL --recording RECORDING' for those that read
 	.venv/bin/python benchmarks/bench.py $(BENCH)
 
+docs: .venv/installed  ## these pages as a site that is searched without a network, to out/site (SITE=...); warnings are errors
+	.venv/bin/python -m sphinx -qW --keep-going -b html docs $(SITE)
+	@echo "open $(SITE)/index.html"
+
+gallery: .venv/installed  ## the pictures of docs/gallery.md anew, from the scripts of examples/gallery
+	for script in examples/gallery/*.py; do \
+	  .venv/bin/python $$script docs/images/gallery/$$(basename $$script .py).png || exit; done
+
 figures: .venv/installed  ## forces read on virtual eyes that no training has seen, to out/figures/figures.md (FIGURES=...)
 	PYTHONPATH=benchmarks .venv/bin/python -m figures --out $(FIGURES)
 
@@ -65,7 +74,7 @@ wheels: dist  ## whether other Pythons and systems have wheels of all that it ne
 
 lock:  ## requirements.lock anew, from pyproject.toml
 	@python=$$($(FIND_PYTHON)); folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
-	$$python -m venv "$$folder" && "$$folder"/bin/pip install -qq torch==2.13.0 'setuptools>=77' -e '.[train,dev]' && \
+	$$python -m venv "$$folder" && "$$folder"/bin/pip install -qq torch==2.13.0 'setuptools>=77' -e '.[train,dev,docs]' && \
 	{ sed -n '/^#/p' requirements.lock; "$$folder"/bin/pip freeze --all --exclude pip --exclude-editable | sed 's/+cpu//'; } \
 	  > requirements.lock.new && mv requirements.lock.new requirements.lock
 
@@ -81,4 +90,4 @@ clean:  ## remove .venv and what the tools left; out/ stays
 .venv/installed: .venv/locked pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
 
-.PHONY: help install reproduce test slow lint bench figures stale trace wall-finder model dist sbom wheels lock clean
+.PHONY: help install reproduce test slow lint bench figures stale trace wall-finder model dist sbom wheels lock clean docs gallery

@@ -22,13 +22,13 @@ import scleraforce
 from scleraforce.cli.main import COMMANDS
 
 ROOT = Path(__file__).parents[1]
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 SLOW_COMMANDS = {"demo", "doctor", "simulate", "reproduce", "library", "generate", "train", "phantom", "calibrate"}
 SLOW_CALLS = re.compile(r"\b(sf\.train|linear_sections|FiniteWall|adaptive_bound_n)\(")
 # Whose examples train and solve.
 SLOW_MODULES = {f"scleraforce.notebook.{name}" for name in ("calibrating", "training", "virtual")}
-LANGUAGES = {"console", "python", "toml", "json", "text", "csv", "mermaid", ""}
-FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+LANGUAGES = {"console", "python", "toml", "json", "text", "csv", "mermaid", "{eval-rst}", ""}
+FENCE = re.compile(r"^```([\w{}-]*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 PACKAGE = Path(scleraforce.__file__).parent
 MODULES = sorted(
     "scleraforce." + ".".join(path.relative_to(PACKAGE).with_suffix("").parts)
@@ -46,6 +46,10 @@ class Example:
 
     command: str
     output: str
+
+
+def name_of(page: Path) -> str:
+    return str(page.relative_to(ROOT).as_posix()).removeprefix("docs/")
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -70,7 +74,7 @@ def pages_with_commands() -> list[object]:
         if any(not example.command.startswith(("make", "cd ", "git ")) for example in examples(page)):
             long = pytest.mark.first if page.name == "README.md" else pytest.mark.long
             marks = [pytest.mark.slow, long] if used & SLOW_COMMANDS else []
-            found.append(pytest.param(page, id=page.name, marks=marks))
+            found.append(pytest.param(page, id=name_of(page), marks=marks))
     return found
 
 
@@ -118,7 +122,7 @@ def test_the_commands_of_a_page_run_and_print_what_it_shows(
         assert [path.name for path in tmp_path.iterdir() if path.name != "docs" and not ignored(path.name)] == []
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_every_make_target_and_link_of_a_page_exists(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE))
@@ -130,7 +134,7 @@ def test_every_make_target_and_link_of_a_page_exists(page: Path) -> None:
             assert (page.parent / link).exists(), f"{page.name} links to {link}, which is not there"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_every_block_of_a_page_has_a_language_that_is_checked_here(page: Path) -> None:
     assert {name for name, _ in FENCE.findall(page.read_text(encoding="utf-8"))} <= LANGUAGES
 
@@ -149,7 +153,7 @@ def pages_with_python() -> list[object]:
     """Pages whose Python trains or solves are slow; that of the README runs after its commands, on what they write."""
     found = [(page, "\n".join(blocks(page, "python"))) for page in PAGES if page.name != "README.md"]
     return [
-        pytest.param(page, id=page.name, marks=[pytest.mark.slow] if SLOW_CALLS.search(python) else [])
+        pytest.param(page, id=name_of(page), marks=[pytest.mark.slow] if SLOW_CALLS.search(python) else [])
         for page, python in found
         if python
     ]

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = Path(scleraforce.__file__).parent
 TEXTS = [
     ROOT / "README.md",
-    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
     *sorted(PACKAGE.rglob("*.py")),
     *sorted((ROOT / "benchmarks").rglob("*.py")),
 ]

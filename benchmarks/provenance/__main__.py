@@ -18,7 +18,7 @@ def main() -> int:
     if given.stamp:
         print(new_stamp(*given.stamp))
         return 0
-    found = [(page, stamp) for page in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+    found = [(page, stamp) for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
              for stamp in read_stamps(page)]  # fmt: skip
     for page, stamp in found:
         state = "of today's sources" if stamp.current else "OLDER than its sources"

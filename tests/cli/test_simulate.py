@@ -61,14 +61,15 @@ def test_iop_and_gap_do_not_change_the_linear_tip_but_angle_and_thickness_do(stu
 
 
 def test_files_are_written_and_named(study: str, tmp_path: Path, capsys) -> None:
-    vtu, plot = tmp_path / "eye.vtu", tmp_path / "eye.png"
+    vtu, plot, page = tmp_path / "eye.vtu", tmp_path / "eye.png", tmp_path / "eye.html"
     command = ["simulate", "--study", study, "--thickness-um", "500", "--force-mn", "40"]
-    assert run([*command, "--vtu", str(vtu), "--plot", str(plot)]) == 0
+    assert run([*command, "--vtu", str(vtu), "--plot", str(plot), "--html", str(page)]) == 0
     out = capsys.readouterr().out
     assert str(vtu) in out
     assert "times the wall's thickness" in out  # the limit of the linear model is said
     assert plot.read_bytes().startswith(b"\x89PNG")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["eye.png", "eye.vtu", "study.toml"]
+    assert "the contact sinks in" in page.read_text(encoding="utf-8")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["eye.html", "eye.png", "eye.vtu", "study.toml"]
     assert run([*command, "--plot", str(plot)]) == 2
     assert "exists already" in capsys.readouterr().err
 

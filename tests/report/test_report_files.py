@@ -20,3 +20,12 @@ def test_an_ending_that_is_no_picture_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"a\.xlsx: give a name that ends in \.png, \.svg, \.pdf"):
         write_figure(Figure(), tmp_path / "a.xlsx")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("ending", [".png", ".svg", ".pdf"])
+def test_the_same_figure_gives_the_same_bytes(tmp_path: Path, ending: str) -> None:
+    for name in ("one", "two"):
+        figure = Figure()
+        figure.subplots().plot([0, 1], [1, 0], label="line")
+        write_figure(figure, tmp_path / f"{name}{ending}")
+    assert (tmp_path / f"one{ending}").read_bytes() == (tmp_path / f"two{ending}").read_bytes()

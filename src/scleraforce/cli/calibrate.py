@@ -6,15 +6,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scleraforce.cli.output import count_bar, print_json, say, wrapped
+from scleraforce.cli.output import count_bar, print_json, say
 from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
 from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
-from scleraforce.units import from_si
 
 if TYPE_CHECKING:
-    from scleraforce.calibration.result import Calibration, EyeCalibration
+    from scleraforce.calibration.result import Calibration
 
 __all__ = ["calibrate"]
 
@@ -93,6 +92,7 @@ def calibrate(
     from scleraforce.known.calibration_file import open_calibration, write_calibration
     from scleraforce.notebook.work import calibrate_eyes
     from scleraforce.report.files import check_figure_path
+    from scleraforce.report.shown.calibration import calibration_lines
 
     for path in (out, plot):
         if path is not None and path.exists():
@@ -119,7 +119,7 @@ def calibrate(
     if as_json:
         print_json(content)
     else:
-        say("\n".join(_lines(result)))
+        say("\n".join(calibration_lines(result)))
         say(f"wrote {out}")
 
 
@@ -149,42 +149,3 @@ def _draw(result: "Calibration", path: Path) -> None:
     from scleraforce.report.files import write_figure
 
     write_figure(draw_calibration(result), path)
-
-
-def _lines(result: "Calibration") -> list[str]:
-    lines = [f"{'eye':<16}{'E/MPa':>8}{'sd/MPa':>9}{'updates':>9}  remark"]
-    lines += [_line(name, eye, result.bounds_n) for name, eye in result.eyes.items()]
-    notes = [wrapped(f"{entry.path}: {doubt}", "note: ") for eye in result.eyes.values() for entry in eye.recordings
-             for doubt in entry.doubts]  # fmt: skip
-    mean_pa, sd_pa = result.population
-    population = f"{'population':<16}{from_si(mean_pa, 'mpa'):>8.3f}"
-    if sd_pa is None:
-        population = wrapped("one eye says nothing of how eyes differ", f"{population}{'-':>9}{'':>9}  ")
-    else:
-        population += f"{from_si(sd_pa, 'mpa'):>9.4f}"
-    return [*lines, population, *notes]
-
-
-def _line(name: str, eye: "EyeCalibration", bounds_n: tuple[float, ...]) -> str:
-    from scleraforce.calibration.words import found_words
-
-    gated = sum(len(frame.gated) for frame in eye.used)
-    remarks = [
-        f"{gated} outlying points left out" if gated else "",
-        "" if eye.status == "ok" else eye.status,
-        _softening(eye, bounds_n),
-        *found_words(eye),
-    ]
-    text = "; ".join(remark for remark in remarks if remark)
-    modulus = f"{from_si(eye.mean_pa, 'mpa'):>8.3f}{from_si(eye.sd_pa, 'mpa'):>9.4f}"
-    return wrapped(text, f"{name:<16}{modulus}{eye.state.posterior.updates:>9}  ")
-
-
-def _softening(eye: "EyeCalibration", bounds_n: tuple[float, ...]) -> str:
-    """Return a remark where low and high forces do not agree on E; a frame alone cannot tell E from a rigidity."""
-    _, low, high = eye.by_class(bounds_n)
-    if eye.globe.can_be_sealed or low is None or high is None or abs(high / low - 1) < 0.1:
-        return ""
-    force = f"{from_si(bounds_n[-1], 'mn'):g} mN"
-    moduli = f"{from_si(low, 'mpa'):.3f} MPa below {force} and {from_si(high, 'mpa'):.3f} above"
-    return f"E is {moduli}: the wall bends otherwise than the model"

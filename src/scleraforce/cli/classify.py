@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scleraforce.cli.known_eye import known_entry, known_eye, known_eye_options, known_words
-from scleraforce.cli.output import print_json, say, wrapped
+from scleraforce.cli.output import print_json, say
 from scleraforce.cli.single_frames import (
     each_of,
     end_with_faults,
@@ -19,6 +19,7 @@ from scleraforce.cli.single_frames import (
 )
 from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
 from scleraforce.errors import FrameError, InputError
+from scleraforce.plain_text import wrapped
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from scleraforce import __version__
-from scleraforce.cli.output import print_json, progress_bar, say, wrapped
+from scleraforce.cli.output import print_json, progress_bar, say
+from scleraforce.plain_text import wrapped
 
 if TYPE_CHECKING:
     from scleraforce.installation.finding import Finding

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scleraforce.cli.output import print_json, progress_bar, say, wrapped
+from scleraforce.cli.output import print_json, progress_bar, say
 from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
 from scleraforce.errors import InputError
+from scleraforce.plain_text import wrapped
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:

@@ -5,7 +5,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from textwrap import fill
 from typing import Any, TypeVar
 
 import click
@@ -15,7 +14,7 @@ from scleraforce.plain_json import finite
 from scleraforce.units import from_si
 
 __all__ = [
-    "be_quiet", "count_bar", "is_quiet", "print_json", "progress_bar", "resumable_bar", "say", "share_bar", "wrapped",
+    "be_quiet", "count_bar", "is_quiet", "print_json", "progress_bar", "resumable_bar", "say", "share_bar",
 ]  # fmt: skip
 
 Item = TypeVar("Item")
@@ -43,16 +42,6 @@ def say(text: str, *, err: bool = False) -> None:
 def print_json(result: Mapping[str, Any]) -> None:
     """Print one JSON object; numbers that are not finite become null."""
     click.echo(json.dumps(finite(result), indent=2, allow_nan=False))
-
-
-def wrapped(text: str, start: str = "") -> str:
-    """Return a text at 80 columns, behind what starts its line."""
-    if not text:
-        return start.rstrip()
-    return fill(
-        text, 80, initial_indent=start, subsequent_indent=" " * len(start), break_long_words=False,
-        break_on_hyphens=False,
-    )  # fmt: skip
 
 
 def progress_bar(items: Iterable[Item], title: str, total: int | None = None) -> "tqdm[Item]":

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scleraforce import __version__
-from scleraforce.cli.output import print_json, progress_bar, say, wrapped
+from scleraforce.cli.output import print_json, progress_bar, say
 from scleraforce.cli.single_frames import asked_wall_finder, scanner_options, told_scanner, wall_in
 from scleraforce.cli.wall_finder_option import wall_finder_option
 from scleraforce.errors import FrameError, InputError
+from scleraforce.plain_text import wrapped
 from scleraforce.units import from_si
 from scleraforce.whole_files import write_whole
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from scleraforce.cli.output import print_json, say, wrapped
+from scleraforce.cli.output import print_json, say
 from scleraforce.cli.single_frames import (
     ASSUMED,
     asked_wall_finder,
@@ -22,6 +22,7 @@ from scleraforce.cli.single_frames import (
 )
 from scleraforce.cli.wall_finder_option import wall_finder_option
 from scleraforce.errors import FrameError, InputError
+from scleraforce.plain_text import wrapped
 from scleraforce.study import OctStudy
 from scleraforce.units import from_si
 from scleraforce.whole_files import KINDS, read_bytes, write_whole

@@ -1,5 +1,6 @@
 """`scleraforce simulate`: one eye, one force."""
 
+from datetime import UTC, datetime
 from math import radians
 from pathlib import Path
 from time import perf_counter
@@ -29,6 +30,8 @@ __all__ = ["simulate"]
 @click.option("--mechanics", type=click.Choice(["linear", "finite-strain"]), help="Small displacements, or any; the "
               "study's by default (linear, if it does not say).")  # fmt: skip
 @click.option("--vtu", type=click.Path(path_type=Path), help="Write the mesh and its displacement (VTK) here.")
+@click.option("--xdmf", type=click.Path(path_type=Path), help="Write it at rest and under the force here (XDMF).")
+@click.option("--html", type=click.Path(path_type=Path), help="Write a page here, with the wall to be turned in 3-D.")
 @click.option(
     "--plot",
     type=click.Path(path_type=Path),
@@ -47,6 +50,8 @@ def simulate(
     rigidity: float | None,
     mechanics: str | None,
     vtu: Path | None,
+    xdmf: Path | None,
+    html: Path | None,
     plot: Path | None,
     as_json: bool,
 ) -> None:
@@ -56,6 +61,7 @@ def simulate(
     """
     # Imported here: mechanics and figures take longer to import than the help to print.
     from scleraforce.laboratory.simulation import simulate_eye
+    from scleraforce.laboratory.simulation_files import write_vtu, write_xdmf
     from scleraforce.notebook.virtual import middle_contact, with_mechanics, with_one_eye
 
     study = with_one_eye(
@@ -69,7 +75,7 @@ def simulate(
     study = with_globe(study, globe, rigidity)
     refuse_unused(study, "simulate", study.mechanics.kind, study_path)
     check_number("force_mn", force_mn, NEEDLE_FORCE)
-    for path in filter(None, (vtu, plot)):
+    for path in filter(None, (vtu, xdmf, plot, html)):
         if path.exists():
             raise InputError(f"{path}: exists already; remove it or choose another name")
     if plot is not None:
@@ -83,14 +89,18 @@ def simulate(
         eye = simulate_eye(study, thickness_m, force_n, middle_contact(study), reach)
     seconds = perf_counter() - start
     if vtu is not None:
-        from scleraforce.laboratory.simulation_files import write_vtu
-
         write_vtu(eye, vtu)
+    if xdmf is not None:
+        write_xdmf(eye, xdmf)
     if plot is not None:
         from scleraforce.report.files import write_figure
         from scleraforce.report.mesh_figure import draw_simulation
 
         write_figure(draw_simulation(eye), plot)
+    if html is not None:
+        from scleraforce.report.eye_view.view import write_simulation_html
+
+        write_simulation_html(eye, html, datetime.now(UTC))
     result = {
         "tip_displacement_mm": from_si(eye.tip_m, "mm"),
         "dent_mm": from_si(eye.dent_m, "mm"),
@@ -114,5 +124,5 @@ def simulate(
         say(f"that is {eye.tip_m / eye.mesh.thickness_m:.1f} times the wall's thickness: more than linear "
                    "mechanics describes")  # fmt: skip
     say(f"{result['elements']} elements, {result['dofs']} unknowns, {seconds:.1f} s")
-    for path in filter(None, (vtu, plot)):
+    for path in filter(None, (vtu, xdmf, plot, html)):
         say(f"wrote {path}")

@@ -6,11 +6,12 @@ from matplotlib.figure import Figure
 
 from scleraforce.errors import InputError
 from scleraforce.report.html import Html
+from scleraforce.report.style import Kind, save
 from scleraforce.whole_files import renamed_when_whole, write_whole
 
 __all__ = ["check_figure_path", "write_figure", "write_page"]
 
-FIGURE_KINDS = (".png", ".svg", ".pdf")
+FIGURE_KINDS: dict[str, Kind] = {".png": "png", ".svg": "svg", ".pdf": "pdf"}
 
 
 def write_page(content: Html, path: Path, *, overwrite: bool = False) -> None:
@@ -30,18 +31,17 @@ def write_figure(figure: Figure, path: Path) -> None:
     Raises:
         InputError: another ending, or the folder cannot be written to.
     """
-    check_figure_path(path)
-    kind = path.suffix.lower().removeprefix(".")
-    metadata = {"Software": None} if kind == "png" else None
+    kind = check_figure_path(path)
     with renamed_when_whole(path) as part:
-        figure.savefig(part, format=kind, dpi=200, facecolor="white", metadata=metadata)
+        save(figure, part, kind)
 
 
-def check_figure_path(path: Path) -> None:
-    """Check the ending of a figure's name, before there is a figure.
+def check_figure_path(path: Path) -> Kind:
+    """Return which kind of file a figure's name asks for by its ending; known before there is a figure.
 
     Raises:
         InputError: it is none of .png, .svg, .pdf.
     """
     if path.suffix.lower() not in FIGURE_KINDS:
         raise InputError(f"{path}: give a name that ends in {', '.join(FIGURE_KINDS)}")
+    return FIGURE_KINDS[path.suffix.lower()]

@@ -7,12 +7,14 @@ import cv2
 import numpy as np
 
 from scleraforce.reader.evaluation import Evaluation, FrameAnswer
+from scleraforce.recording.pixels import Pixels
 from scleraforce.report.answered_frame import AnsweredFrame
 from scleraforce.report.html import Html, gallery, paragraph, section
 from scleraforce.segmentation.overlay import draw_overlay
+from scleraforce.segmentation.wall import Segmentation
 from scleraforce.units import from_si
 
-__all__ = ["MOST_PICTURES", "frame_pictures", "shown_frames"]
+__all__ = ["COLOURS", "MOST_PICTURES", "frame_pictures", "shown_frames", "wall_picture"]
 
 MOST_PICTURES = 48  # of 20 KB each: a page of 1 MB, which a mail carries
 WIDTH = 480  # pixels: 3 side by side on a wide screen, one on a telephone, both sharp
@@ -50,7 +52,10 @@ def frame_pictures(evaluation: Evaluation, looks: Sequence[AnsweredFrame]) -> Ht
         looks: the frames to show, as `shown_frames` chooses them.
     """
     several = len({frame.recording for frame in evaluation.frames}) > 1
-    pictures = [(_picture(look), _title(look.answer, several), _words(look.answer)) for look in looks]
+    pictures = [
+        (wall_picture(look.frame, look.found, look.extent_m), _title(look.answer, several), _words(look.answer))
+        for look in looks
+    ]
     marked = {n for n, look in enumerate(looks) if _misread(look.answer)}
     words = paragraph(f"{COLOURS} {_left_out(evaluation, looks)}")
     return section("The wall in the frames", words, gallery(pictures, marked))
@@ -66,11 +71,18 @@ def _left_out(evaluation: Evaluation, looks: Sequence[AnsweredFrame]) -> str:
     )
 
 
-def _picture(look: AnsweredFrame) -> str:
-    """Return the frame with its wall as text that stands in a page's `src`."""
-    width_m, depth_m = look.extent_m
-    rows = max(1, round(WIDTH * min(depth_m / width_m, DEEPEST)))
-    picture = draw_overlay(look.frame, look.found, (rows, WIDTH))
+def wall_picture(frame: Pixels, found: Segmentation, extent_m: tuple[float, float], width: int = WIDTH) -> str:
+    """Return a frame with its wall as text that stands in a page's `src`.
+
+    Args:
+        frame: counts (row, column).
+        found: the wall in it.
+        extent_m: its width and depth.
+        width: of the picture, in pixels; its height follows from the frame's depth.
+    """
+    width_m, depth_m = extent_m
+    rows = max(1, round(width * min(depth_m / width_m, DEEPEST)))
+    picture = draw_overlay(frame, found, (rows, width))
     # Thin coloured lines need their colour at full resolution.
     full_colour = (cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444)
     content = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, QUALITY, *full_colour])[1].tobytes()

@@ -1,14 +1,31 @@
 """The few pieces of HTML that a page is made of, each as a function from text to escaped HTML.
 
-A page is one file: the style sheet and all images stand inside, there is no script, and it prints.
+A page is one file: the style sheet and all images stand inside, it fetches nothing, and it prints. A page to steer in
+(`browser`, `eye_view`) has a script, which stands inside as well.
 """
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
-from typing import NewType
+from typing import Any, NewType
 
-__all__ = ["Html", "bullets", "cards", "figure", "gallery", "notice", "page", "paragraph", "section", "table", "text"]
+from scleraforce.plain_json import finite
+
+__all__ = [
+    "Html",
+    "bullets",
+    "cards",
+    "embedded",
+    "figure",
+    "gallery",
+    "notice",
+    "page",
+    "paragraph",
+    "section",
+    "table",
+    "text",
+]
 
 Html = NewType("Html", str)
 
@@ -125,7 +142,17 @@ def section(title: str, *blocks: Html) -> Html:
     return Html(f"<section><h2>{text(title)}</h2>{''.join(blocks)}</section>")
 
 
-def page(title: str, lead: str, stamp: str, *sections: Html) -> Html:
+def embedded(name: str, data: Mapping[str, Any]) -> Html:
+    r"""Return data that a script reads from the element of a name; numbers that are not finite become null.
+
+    >>> embedded("said", {"word": "</script>"})
+    '<script type="application/json" id="said">{"word":"<\\/script>"}</script>'
+    """
+    content = json.dumps(finite(data), allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
+    return Html(f'<script type="application/json" id="{escape(name)}">{content}</script>')
+
+
+def page(title: str, lead: str, stamp: str, *sections: Html, style: str = "", script: str = "") -> Html:
     """Return a whole page.
 
     Args:
@@ -133,11 +160,14 @@ def page(title: str, lead: str, stamp: str, *sections: Html) -> Html:
         lead: what it is about, in a sentence or two.
         stamp: what made it, and when.
         sections: what follows.
+        style: rules beside those of every page.
+        script: what runs when the page is there.
     """
+    steered = f"<script>\n{script}</script>" if script else ""
     return Html(
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{text(title)}</title><style>\n{STYLE_SHEET}</style></head>\n"
+        f"<title>{text(title)}</title><style>\n{STYLE_SHEET}{style}</style></head>\n"
         f"<body><main><header><h1>{text(title)}</h1><p>{text(lead)}</p>"
-        f'<p class="stamp">{text(stamp)}</p></header>\n' + "\n".join(sections) + "</main></body></html>\n"
+        f'<p class="stamp">{text(stamp)}</p></header>\n' + "\n".join(sections) + f"</main>{steered}</body></html>\n"
     )

@@ -12,16 +12,16 @@ from scleraforce.laboratory.simulation import SimulatedEye
 from scleraforce.report.style import RED, SCAN_COLOURS, inches, styled
 from scleraforce.units import from_si
 
-__all__ = ["draw_deformed_mesh", "draw_simulation"]
+__all__ = ["COLOURS", "behind_needle", "draw_deformed_mesh", "draw_simulation", "skin_outlines"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 COLOURS = "viridis"
 NEEDLE_LENGTH_M = 6e-3
-# The outline of each face of a hexahedron in VTK's order, mid-edge nodes included.
+# The outline of each face of a hexahedron in VTK's order, mid-edge nodes included, counter-clockwise seen from outside.
 FACE_OUTLINES = (
-    *((0, 8, 1, 9, 2, 10, 3, 11), (4, 12, 5, 13, 6, 14, 7, 15)),
+    *((0, 11, 3, 10, 2, 9, 1, 8), (4, 12, 5, 13, 6, 14, 7, 15)),
     *((0, 8, 1, 17, 5, 12, 4, 16), (1, 9, 2, 18, 6, 13, 5, 17)),
     *((2, 10, 3, 19, 7, 14, 6, 18), (3, 11, 0, 16, 4, 15, 7, 19)),
 )
@@ -68,7 +68,7 @@ def _caption(eye: SimulatedEye) -> str:
 def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
     """Put the cut wall, the needle and a colour bar into the left part of a figure."""
     axes: Axes3D = figure.add_axes((0.0, 0.1, width, 0.9), projection="3d")
-    outlines = _skin(eye.mesh.cells_en[_behind(eye)])
+    outlines = skin_outlines(eye.mesh.cells_en[behind_needle(eye)])
     moved = from_si(eye.mesh.points_nc + eye.displacement_nc, "mm")
     amount = from_si(np.linalg.norm(eye.displacement_nc, axis=1)[outlines].mean(axis=1), "mm")
     scale = Normalize(0.0, max(float(amount.max()), 1e-6))
@@ -93,15 +93,15 @@ def _draw_needle(axes: Axes3D, eye: SimulatedEye) -> None:
     axes.plot(*ends.T, color=RED, linewidth=2.0, zorder=10)
 
 
-def _behind(eye: SimulatedEye) -> NDArray[np.bool_]:
-    """Which elements lie on the far side of the plane through the needle's meridian, seen by the viewer."""
+def behind_needle(eye: SimulatedEye) -> NDArray[np.bool_]:
+    """Return which elements lie on the far side of the plane through the needle's meridian, seen by the viewer."""
     middles_ec = eye.mesh.points_nc[eye.mesh.cells_en].mean(axis=1)
     far: NDArray[np.bool_] = middles_ec @ eye.contact.parallel > 0.0
     return far
 
 
-def _skin(cells_en: Integers) -> Integers:
-    """Outlines of the faces that belong to one element only, shape (face, 4 or 8)."""
+def skin_outlines(cells_en: Integers) -> Integers:
+    """Return the outlines of the faces that belong to one element only, shape (face, 4 or 8)."""
     corners = np.array(FACE_OUTLINES)[:, ::2]
     outline = corners if cells_en.shape[1] == 8 else np.array(FACE_OUTLINES)
     names = np.sort(cells_en[:, corners].reshape(-1, 4), axis=1)

@@ -15,6 +15,7 @@ from scleraforce.reader.evaluate import Evaluation, FrameAnswer
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.labels import contact_force, label_frames
 from scleraforce.report.answered_frame import look_at
+from scleraforce.report.eye_view.view import eye_view
 from scleraforce.report.force_figures import draw_force_log
 from scleraforce.report.html import Html, figure
 from scleraforce.report.mesh_figure import draw_simulation
@@ -64,7 +65,10 @@ def network_figure(reader: Classifier) -> Html:
 
 
 def mesh_figure(study: Study) -> Html:
-    """Return the deformed mesh under a dangerous force (Fig. 1b)."""
+    """Return the deformed mesh under a dangerous force (Fig. 1b), and the same wall to be turned.
+
+    A page that holds it needs the style and the script of `report.eye_view.view`.
+    """
     contact = Contact(polar_rad=sum(study.needle.polar_angle_rad.bounds) / 2)
     eye = simulate_eye(study, 500e-6, study.classes.bounds_n[1], contact)
     caption = (
@@ -72,7 +76,7 @@ def mesh_figure(study: Study) -> Html:
         f"{from_si(eye.force_n, 'mn'):g} mN, the bound of the dangerous class: "
         f"{len(eye.mesh.cells_en)} curved hexahedra. Beside it the slice."
     )
-    return figure(data_uri(draw_simulation(eye)), "the deformed mesh and its slice", caption)
+    return Html(figure(data_uri(draw_simulation(eye)), "the deformed mesh and its slice", caption) + eye_view(eye))
 
 
 def force_log_figure(path: Path, study: Study) -> Html:

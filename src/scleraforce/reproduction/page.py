@@ -9,6 +9,7 @@ from scleraforce.reader import Classifier, load_classifier
 from scleraforce.reader.evaluate import Evaluation
 from scleraforce.report.deviations import DEVIATIONS
 from scleraforce.report.evaluation_page import NAMES_REMARK, evaluation_cards, forces_figure
+from scleraforce.report.eye_view.view import view_script, view_style
 from scleraforce.report.files import write_figure, write_page
 from scleraforce.report.html import Html, figure, notice, page, paragraph, section, table
 from scleraforce.report.paper import CONFUSION, EYES, PAPER_TITLE, SECONDS_A_SLICE
@@ -110,7 +111,15 @@ def write_reproduction_html(
         section("Time and provenance", _times(seconds), provenance_table(run.study, reader)),
     )
     lead = f"The method of {PAPER_TITLE}, run from end to end, beside what the paper reports."
-    write_page(page("Force from a single OCT slice", lead, made_line(made_at), *sections), run.report, overwrite=True)
+    content = page(
+        "Force from a single OCT slice",
+        lead,
+        made_line(made_at),
+        *sections,
+        style=view_style(),
+        script=view_script(),
+    )
+    write_page(content, run.report, overwrite=True)
 
 
 def _overview(run: Run, evaluation: Evaluation) -> Html:

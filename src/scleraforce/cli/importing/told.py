@@ -8,9 +8,9 @@ from typing import Any
 from scleraforce import __version__
 from scleraforce.cli.importing.complete import Complete
 from scleraforce.cli.importing.options import ImportAnswers
-from scleraforce.cli.output import wrapped
 from scleraforce.formats.answers import import_record
 from scleraforce.formats.greys import TOP, Greys
+from scleraforce.plain_text import wrapped
 from scleraforce.recording.info import RecordingInfo
 from scleraforce.units import from_si
 

@@ -1,0 +1,46 @@
+"""Settings of Sphinx for these pages: `make docs` builds them to out/site, warnings are errors, nothing is fetched."""
+
+import sys
+from importlib.metadata import version as installed_version
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent / "extensions"))
+
+project = "scleraforce"
+author = "the scleraforce authors"
+version = release = installed_version("scleraforce")
+project_copyright = author
+
+extensions = [
+    *("myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click"),
+    *("commands", "mathml", "references", "state_table"),  # of the folder `extensions`
+]
+exclude_patterns = ["extensions"]
+default_role = "code"  # `name` in a docstring
+nitpicky = True  # a reference to what no page documents is an error
+# What other packages document (their inventories would have to be fetched), and types of ours that are no user's.
+nitpick_ignore_regex = [
+    ("py:class", r"(numpy|dataclasses|pathlib|collections|os)\..*|PathLike"),
+    ("py:class", r"scleraforce\.calibration\.assimilation\..*"),
+]
+
+myst_enable_extensions = ["colon_fence", "dollarmath"]
+myst_heading_anchors = 4
+myst_fence_as_directive = ["mermaid"]
+
+autodoc_typehints = "signature"
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+
+html_theme = "furo"
+html_title = "scleraforce"
+html_math_renderer = "mathml"  # drawn by the browser: MathJax would be fetched
+html_show_search_summary = False  # a summary is fetched, which browsers refuse to a page that is opened as a file
+html_copy_source = False
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+html_theme_options = {
+    "announcement": "Research software, not a medical device: not for use on patients.",
+    "light_css_variables": {"color-brand-primary": "#0072B2", "color-brand-content": "#0072B2"},
+    "dark_css_variables": {"color-brand-primary": "#56B4E9", "color-brand-content": "#56B4E9"},
+}

@@ -1,0 +1,26 @@
+"""One eye under one force, in three dimensions: the mesh cut open, and the slice that a network sees.
+
+The page of `scleraforce simulate --html` shows the same wall to be turned.
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+import scleraforce as sf
+from scleraforce.report.files import write_figure
+from scleraforce.report.mesh_figure import draw_simulation
+from scleraforce.study.records import MeshStudy
+
+
+def draw() -> Figure:
+    """Draw the deformed mesh beside the slice."""
+    study = replace(sf.Study(), mesh=MeshStudy(core=4, rings=6))
+    eye = sf.simulate(study, thickness_m=500e-6, force_n=0.02, mechanics="finite-strain")
+    return draw_simulation(eye)
+
+
+if __name__ == "__main__":
+    write_figure(draw(), Path(sys.argv[1] if len(sys.argv) > 1 else "eye_in_3d.png"))

@@ -1,0 +1,48 @@
+"""The needle in the picture: its shaft shadows the wall, and says how far the B-scan lies from its axis.
+
+A study asks for the needle with `[phantom] needle_count = [1]`. The wall below the shaft is not seen, so it is not
+guessed: the frame is judged on what is beside it.
+"""
+
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+import scleraforce as sf
+from scleraforce.report.files import write_figure
+from scleraforce.report.style import SCAN_COLOURS, inches, styled
+from scleraforce.segmentation.overlay import draw_overlay
+from scleraforce.study import fixed
+from scleraforce.study.records import MeshStudy
+
+
+@styled
+def draw() -> Figure:
+    """Draw a frame with a needle, and what was found in it: surface red, inner boundary green, the shaft yellow."""
+    study = replace(
+        sf.Study(), mesh=MeshStudy(divisions=8, level=0), phantom=replace(sf.Study().phantom, needle_count=fixed(1))
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        recording = sf.phantom(
+            Path(folder) / "eye", study, thickness_m=700e-6, youngs_modulus_pa=0.3e6, gap_m=0.2e-3, forces_n=[0.02]
+        )
+        frame = recording.frame(recording.frames[0])
+        found = sf.segment(recording.frame_path(recording.frames[0]))
+    width_mm, depth_mm = recording.info.oct.width_m * 1e3, recording.info.oct.depth_m * 1e3
+    figure = Figure(figsize=inches(170, 45))
+    raw, seen = figure.subplots(1, 2, sharex=True, sharey=True)
+    raw.imshow(frame, cmap=SCAN_COLOURS, extent=(0.0, width_mm, depth_mm, 0.0))
+    seen.imshow(draw_overlay(frame, found)[..., ::-1], extent=(0.0, width_mm, depth_mm, 0.0))
+    raw.set_title("raw frame")
+    raw.set_ylabel("depth [mm]")
+    seen.set_title("no needle was found" if found.needle is None else "wall and needle found")
+    for axes in (raw, seen):
+        axes.set_xlabel("lateral [mm]")
+    return figure
+
+
+if __name__ == "__main__":
+    write_figure(draw(), Path(sys.argv[1] if len(sys.argv) > 1 else "needle_in_the_picture.png"))

@@ -1,0 +1,50 @@
+"""Open or sealed: the same dent, another force.
+
+In an open globe (infused or vented) the pressure stays. In a sealed one it rises with the dent, by the law of van der
+Werff (1981), and the same dent takes more force. Told open, a sealed eye is read too low.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import scleraforce as sf
+from scleraforce.eye.globe import sealed_globe
+from scleraforce.library.sealed import iop_ratio_at_dent
+from scleraforce.report.files import write_figure
+from scleraforce.report.style import AMBER, BLUE, GREY, RED, inches, styled
+from scleraforce.units import from_si, to_si
+
+QUICK = Path(__file__).parents[2] / "docs" / "quick.toml"  # a small library: made in 15 s, then kept in the cache
+THICKNESS_M, MODULUS_PA, IOP_PA = 0.6e-3, 0.45e6, to_si(2.0, "mmhg")
+RIGIDITIES = ((0.0, "open", BLUE), (0.008, "sealed, k = 0.008", AMBER), (0.03, "sealed, k = 0.03", RED))
+
+
+@styled
+def draw() -> Figure:
+    """Draw force and pressure over the dent for an open globe and two sealed ones (k in mmHg^(1/3)/µl)."""
+    library = sf.library_of(sf.read_study(QUICK))
+    dent_m = np.linspace(0.0, 2e-3, 81)
+    thickness_m = np.full_like(dent_m, THICKNESS_M)
+    figure = Figure(figsize=inches(170, 70))
+    left, right = figure.subplots(1, 2)
+    for rigidity, name, colour in RIGIDITIES:
+        # The library knows forces and pressures over E only: so does the globe.
+        globe = sealed_globe(to_si(rigidity, "mmhg13_per_ul")).over(MODULUS_PA)
+        ratio = iop_ratio_at_dent(library, thickness_m, np.full_like(dent_m, IOP_PA / MODULUS_PA), dent_m, globe)
+        force_n = library.forces(thickness_m, ratio, dent_m) * MODULUS_PA
+        left.plot(dent_m * 1e3, force_n * 1e3, color=colour, label=name)
+        right.plot(dent_m * 1e3, from_si(ratio * MODULUS_PA, "mmhg"), color=colour, label=name)
+    left.axhline(30.0, color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
+    left.set_ylabel("force [mN]")
+    right.set_ylabel("pressure under the needle [mmHg]")
+    for axes in (left, right):
+        axes.set_xlabel("dent [mm]")
+    left.legend()
+    return figure
+
+
+if __name__ == "__main__":
+    write_figure(draw(), Path(sys.argv[1] if len(sys.argv) > 1 else "open_or_sealed.png"))

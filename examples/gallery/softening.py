@@ -1,0 +1,51 @@
+"""A wall softens as it bends: linear mechanics against finite strain.
+
+The same wall, pushed by the same needle. Linear mechanics is right for dents of a small part of the wall's thickness; a
+real shell gives way further, and a model that was fitted at one force is wrong at another.
+"""
+
+import sys
+from math import radians
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from scleraforce.eye.contact import Contact
+from scleraforce.eye.graded import graded_mesh
+from scleraforce.mechanics.finite_strain import FiniteWall
+from scleraforce.mechanics.linear import LinearWall, tip_displacement
+from scleraforce.mechanics.needle import needle_at
+from scleraforce.report.files import write_figure
+from scleraforce.report.style import BLUE, GREY, RED, inches, styled
+
+CONTACT = Contact(polar_rad=radians(35.0))
+THICKNESS_M, MODULUS_PA, NEEDLE_RADIUS_M = 0.8e-3, 0.25e6, 0.35e-3
+FORCES_N = np.linspace(0.0, 0.03, 61)
+
+
+@styled
+def draw() -> Figure:
+    """Draw the force over the dent, both ways."""
+    mesh = graded_mesh(12e-3, THICKNESS_M, CONTACT, core=4, rings=6)
+    needle = needle_at(mesh, CONTACT, NEEDLE_RADIUS_M)
+    path = FiniteWall(mesh, poisson_ratio=0.45).load_path(
+        needle, youngs_modulus_pa=MODULUS_PA, iop_pa=266.0, density_kg_m3=1100.0, max_force_n=FORCES_N[-1]
+    )
+    bent_mm = [path.tip_m(float(force_n)) * 1e3 for force_n in FORCES_N]
+    per_newton_nc = LinearWall(mesh, poisson_ratio=0.45).needle_cnc([CONTACT], NEEDLE_RADIUS_M)[0] / MODULUS_PA
+    linear_mm = FORCES_N * tip_displacement(mesh, CONTACT, per_newton_nc) * 1e3
+
+    figure = Figure(figsize=inches(120, 75))
+    axes = figure.subplots()
+    axes.plot(linear_mm, FORCES_N * 1e3, color=BLUE, linestyle="--", label="linear")
+    axes.plot(bent_mm, FORCES_N * 1e3, color=RED, label="finite strain")
+    axes.axvline(THICKNESS_M * 1e3, color=GREY, linewidth=0.6, label="the wall's thickness")
+    axes.set_xlabel("the contact sinks in by [mm]")
+    axes.set_ylabel("force [mN]")
+    axes.legend()
+    return figure
+
+
+if __name__ == "__main__":
+    write_figure(draw(), Path(sys.argv[1] if len(sys.argv) > 1 else "softening.png"))

@@ -1,0 +1,15 @@
+"""Text for a terminal."""
+
+from textwrap import fill
+
+__all__ = ["wrapped"]
+
+
+def wrapped(text: str, start: str = "") -> str:
+    """Return a text at 80 columns, behind what starts its line."""
+    if not text:
+        return start.rstrip()
+    return fill(
+        text, 80, initial_indent=start, subsequent_indent=" " * len(start), break_long_words=False,
+        break_on_hyphens=False,
+    )  # fmt: skip

@@ -1,0 +1,81 @@
+"""Which kind of thing lies under a name, and what is to be said of it."""
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+from scleraforce.errors import InputError
+from scleraforce.models.folder import RECORD_FILE, STUDY_FILE
+from scleraforce.plain_json import parse_json
+from scleraforce.report.shown.thing import Thing
+from scleraforce.whole_files import KINDS, read_bytes
+
+__all__ = ["kind_of", "look"]
+
+# Kind -> the module and its function; each is imported when it is asked for, with the room that it speaks of.
+SHOWS = {
+    "study": "show_study",
+    "library": "show_library",
+    "dataset": "show_dataset",
+    "model": "show_model",
+    "recording": "show_recording",
+    "calibration": "show_calibration",
+    "black_box": "show_black_box",
+}
+KNOWN = "give a study, library, data set, model, recording, calibration or decision log"
+LOG_FILES = "decisions-*.jsonl"
+STORE_FILE = "zarr.json"
+PARTS = {"recording.toml": "recording", RECORD_FILE: "model", STORE_FILE: "store"}  # whose folder is the thing
+
+
+def look(path: Path) -> Thing:
+    """Look at whatever lies under a name.
+
+    Raises:
+        InputError: nothing is there, it is of no known kind, or it cannot be read.
+    """
+    kind = kind_of(path)
+    show: Callable[[Path], Thing] = getattr(import_module(f"scleraforce.report.shown.{kind}"), SHOWS[kind])
+    return show(path / STUDY_FILE if kind == "study" and path.is_dir() else path)
+
+
+def kind_of(path: Path) -> str:
+    """Return the kind of what lies under a name, a key of `SHOWS`; only names and a store's metadata are looked at.
+
+    Raises:
+        InputError: nothing is there, or it is of no known kind.
+    """
+    found = _kind_of_folder(path) if path.is_dir() else _kind_of_file(path)
+    if found is None:
+        raise InputError(f"{path}: {'' if path.exists() else 'no such file or folder; '}{KNOWN}")
+    return found
+
+
+def _kind_of_folder(path: Path) -> str | None:
+    if (path / "recording.toml").exists():
+        return "recording"
+    if (path / RECORD_FILE).exists():
+        return "model"
+    if (path / STORE_FILE).exists():
+        return _kind_of_store(path / STORE_FILE)
+    if any(next(folder.glob(LOG_FILES), None) for folder in (path, path / "log")):
+        return "black_box"
+    return "study" if (path / STUDY_FILE).exists() else None
+
+
+def _kind_of_file(path: Path) -> str | None:
+    if path.name in PARTS and path.is_file():
+        raise InputError(f"{path}: a part of a {PARTS[path.name]}; give its folder, {path.parent}")
+    endings = {".toml": "study", ".json": "calibration", ".jsonl": "black_box", ".npz": "library"}
+    return endings.get(path.suffix.lower()) if path.is_file() else None
+
+
+def _kind_of_store(file: Path) -> str:
+    """Return which store it is, by its schema; what that should be is checked when the store is opened."""
+    try:
+        content = parse_json(read_bytes(file, KINDS["store metadata"]))
+    except ValueError as fault:
+        raise InputError(f"{file}: {fault}") from fault
+    attributes = content.get("attributes") if isinstance(content, dict) else None
+    schema = attributes.get("schema") if isinstance(attributes, dict) else None
+    return "dataset" if str(schema).startswith("scleraforce-dataset") else "library"

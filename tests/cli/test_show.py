@@ -1,0 +1,187 @@
+"""`show` knows each kind of thing by itself, says what is in it, and draws it."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from analytic_frames import SMALL_LIBRARY
+from calibrated_eye import calibration_of_a_sealed_eye
+from decisions import READ_ENTRY
+from fixed_reader import write_fixed_reader
+from folder_contents import contents
+from notebook_folder import write_notebook_folder
+from small_recording import write_small_recording
+
+from scleraforce.calibration.saved import calibration_as_json
+from scleraforce.cli.main import run
+from scleraforce.known.calibration_file import write_calibration
+from scleraforce.service.black_box.decision_log import DecisionLog
+from scleraforce.service.entry import Entry
+
+Captured = pytest.CaptureFixture[str]
+
+
+def decisions(count: int = 30) -> list[Entry]:
+    """A needle that pushes by 1 mN more in each frame, 10 ms apart; the monitor withdraws at the 21st."""
+    return [
+        replace(
+            READ_ENTRY, number=n, frame=n, at_s=n / 100, time_s=1.8e9 + n / 100, force_mn=float(n),
+            interval_mn=(n - 1.0, n + 1.0), state="WITHDRAW" if n > 20 else "WATCHING",
+            cause="BOUND" if n > 20 else None,
+        )
+        for n in range(1, count + 1)
+    ]  # fmt: skip
+
+
+def write_log(folder: Path) -> Path:
+    log = DecisionLog(folder / "log")
+    log.append({"kind": "note", "text": "robot came"})
+    for entry in decisions():
+        log.append({"kind": "entry", "entry": entry.as_json()})
+    log.close()
+    return folder
+
+
+def write_push(path: Path) -> None:
+    """Write a force log: no contact for a second, then 1 mN more every 10 ms; in contact the sensor's z is negative."""
+    samples = [(n / 200, -0.1 * max(n / 200 - 1.0, 0.0)) for n in range(400)]
+    rows = [f"{time_s},0,0,{force_n},0,0,0" for time_s, force_n in samples]
+    path.write_text("\n".join(["time_s,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm", *rows]) + "\n")
+
+
+@pytest.fixture(scope="module")
+def things(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with one thing of each kind that is quickly made."""
+    folder = tmp_path_factory.mktemp("things")
+    (folder / "study.toml").write_text(
+        "[eye]\nradius_mm = 11.0\n[dataset]\nframing_depth_mm = { min = 0.2, max = 0.6 }\n"
+    )
+    write_small_recording(folder / "eye")
+    write_push(folder / "eye" / "forces.csv")
+    write_calibration(calibration_as_json(calibration_of_a_sealed_eye()), folder / "modulus.json")
+    write_log(folder / "box")
+    write_fixed_reader(folder / "reader", SMALL_LIBRARY, [0.0, 1.0] + [0.0] * 14)
+    return folder
+
+
+SAID = {
+    "study.toml": ("study", "eye.radius_mm = 11.0 (the paper's: 12.0)"),
+    ".": ("study", "dataset.framing_depth_mm = 0.2 to 0.6 (the paper's: [0.0])"),
+    "eye": ("recording", "40 in 0.39 s, 32 x 24 pixels of 12 bits"),
+    "modulus.json": ("calibration", "mine               0.300   0.0100        3  thickness 651 ± 12 µm"),
+    "box": ("decision log", "1 BOUND"),
+    "box/log": ("decision log", "30, 30 of them on a frame"),
+    "box/log/decisions-000001.jsonl": ("decision log", "1.0 to 30.0 mN"),
+    "reader": ("model", "reader, answers with its fit"),
+    "reader/library.npz": ("library", "radius 12 mm, 350 to 900 µm thick"),
+}
+
+
+@pytest.mark.parametrize("name", SAID)
+def test_each_thing_is_known_and_described_within_80_columns(things: Path, name: str, capsys: Captured,
+                                                             monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    monkeypatch.chdir(things)
+    kind, words = SAID[name]
+    assert run(["show", name]) == 0
+    first, *lines = capsys.readouterr().out.splitlines()
+    assert first == f"{name}: {kind}"
+    assert words in "\n".join(lines)
+    assert max(map(len, lines)) <= 80
+
+
+@pytest.mark.parametrize("name", SAID)
+def test_json_is_one_object_with_the_kind(things: Path, name: str, capsys: Captured) -> None:
+    assert run(["show", str(things / name), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (said["kind"], said["path"]) == (SAID[name][0], str(things / name))
+
+
+BEGINS = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
+
+
+DRAWN = {"study.toml": ".png", "eye": ".svg", "modulus.json": ".pdf", "box": ".svg", "reader/library.npz": ".svg"}
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_each_thing_is_drawn(things: Path, tmp_path: Path, name: str) -> None:
+    ending = DRAWN[name]
+    plot = tmp_path / f"plot{ending}"
+    assert run(["show", str(things / name), "--plot", str(plot)]) == 0
+    assert plot.read_bytes().startswith(BEGINS[ending])
+
+
+def test_the_frames_of_a_recording_have_their_forces(things: Path, capsys: Captured) -> None:
+    run(["show", str(things / "eye"), "--json"])
+    frames = json.loads(capsys.readouterr().out)["frames"]
+    assert [frame["file"] for frame in frames] == [f"{n:04d}.png" for n in range(40)]
+    read = {n: (frames[n]["measured_force_mn"], frames[n]["target"]) for n in (15, 20, 36)}
+    assert read == {15: (pytest.approx(15, abs=0.5), 1), 20: (pytest.approx(20, abs=0.5), 1),
+                    36: (pytest.approx(36, abs=0.5), 2)}  # fmt: skip
+
+
+def test_a_withdrawal_is_counted_once_with_its_cause_and_sentence(things: Path, capsys: Captured) -> None:
+    run(["show", str(things / "box"), "--json"])
+    said = json.loads(capsys.readouterr().out)
+    assert [(entry["number"], entry["cause"]) for entry in said["withdrawals"]] == [(21, "BOUND")]
+    assert (said["decisions"], said["notes"], said["torn"]) == (30, ["robot came"], 0)
+
+
+def test_torn_parts_of_a_log_are_counted(tmp_path: Path, capsys: Captured) -> None:
+    with (write_log(tmp_path) / "log" / "decisions-000001.jsonl").open("a") as file:
+        file.write('{"kind": "en')
+    assert run(["show", str(tmp_path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["torn"] == 1
+
+
+REFUSED = {
+    "nowhere": "nowhere: no such file or folder; give a study",
+    "empty": "empty: give a study, library, data set, model, recording, calibration or decision log",
+    "eye/recording.toml": "a part of a recording; give its folder",
+    "eye/frames/0000.png": "0000.png: give a study",
+    "eye --calibration modulus.json": "--calibration: only used with --html",
+    "eye --wall-finder none": "--wall-finder: only used with --html",
+    "eye --html page.html": "--html and --model belong together",
+    "eye --model reader": "--html and --model belong together",
+    "study.toml --html page.html --model reader": "study.toml: a study; --html browses recordings",
+    "eye --plot picture.jpg": "picture.jpg: give a name that ends in .png, .svg, .pdf",
+    "eye --plot study.toml": "give a name that ends in",
+    "eye --plot old.svg": "old.svg: exists already",
+}
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_what_cannot_be_shown_is_one_line_and_writes_nothing(
+    things: Path, words: str, capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(things)
+    Path("empty").mkdir(exist_ok=True)
+    Path("old.svg").write_text("old")
+    before = contents(things)
+    assert run(["show", *words.split()]) == 2
+    said = capsys.readouterr()
+    assert REFUSED[words] in said.err
+    assert (said.out, said.err.count("\n")) == ("", 1)
+    assert contents(things) == before
+
+
+@pytest.mark.parametrize("record", [{"kind": "entry", "entry": {"class": 1}}, {"kind": "entry"}])
+def test_a_whole_record_that_is_no_decision_is_named_with_its_place(
+    tmp_path: Path, capsys: Captured, record: dict[str, object]
+) -> None:
+    log = DecisionLog(tmp_path)
+    log.append({"kind": "note", "text": "here"})
+    log.append(record)
+    log.close()
+    assert run(["show", str(tmp_path)]) == 2
+    assert "decisions-000001.jsonl: byte" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_stores_are_known_by_what_is_in_them(tmp_path: Path, capsys: Captured) -> None:
+    write_notebook_folder(tmp_path)
+    for name, kind, words in (("dataset", "data set", "200, "), ("responses", "library", "4 thicknesses x 4 tensions")):
+        assert run(["show", str(tmp_path / name), "--plot", str(tmp_path / f"{name}.png")]) == 0
+        said = capsys.readouterr().out
+        assert said.startswith(f"{tmp_path / name}: {kind}")
+        assert words in said

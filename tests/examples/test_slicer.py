@@ -1,0 +1,151 @@
+"""What 3D Slicer would see: the bridge, heard by an independent client, and the module beside stand-ins for Slicer."""
+
+import sys
+import time
+from types import ModuleType, SimpleNamespace
+from unittest.mock import MagicMock
+
+import numpy as np
+import pyigtl
+import pytest
+from example_module import example_module
+from fake_monitor import fake_monitor
+from peer import Peer
+
+from scleraforce.openigtlink import Image, Status
+
+bridge = example_module("slicer/bridge")
+ROWS, COLUMNS = 256, 300
+MATRIX = (0.05, 0.0, 0.0, 0.0, 4.0 / ROWS, 0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 3.0)
+
+
+def wall() -> np.ndarray:
+    """A frame of 15 x 4 mm with a wall of 0.6 mm, the surface about row 32 in the middle."""
+    rng = np.random.default_rng(7)
+    lateral_m = (np.arange(COLUMNS) + 0.5) / COLUMNS * 15e-3 - 7.5e-3
+    top_m = 0.5e-3 + 12e-3 - np.sqrt(12e-3**2 - lateral_m**2)
+    depth_m = (np.arange(ROWS)[:, None] + 0.5) / ROWS * 4e-3
+    inside = (depth_m >= top_m) & (depth_m < top_m + 0.6e-3)
+    return np.clip(rng.normal(np.where(inside, 2400.0, 600.0), 150.0), 0, 4095).astype(np.uint16)
+
+
+def heard(client: pyigtl.OpenIGTLinkClient, device: str):
+    message = client.wait_for_message(device, timeout=10)
+    assert message is not None, f"{device} did not come"
+    return message
+
+
+def test_slicer_gets_the_frame_with_its_wall_the_bar_and_the_words_and_the_scanner_its_answers() -> None:
+    pixels = wall()
+    with fake_monitor() as monitor, bridge.run(0, 0, ("127.0.0.1", monitor.port)) as (scanner_port, slicer_port):
+        slicer = pyigtl.OpenIGTLinkClient("127.0.0.1", slicer_port)
+        try:
+            with Peer(scanner_port, version=2) as scanner:
+                end_s = time.monotonic() + 10.0
+                while not slicer.is_connected():
+                    assert time.monotonic() < end_s
+                    time.sleep(0.01)
+                scanner.say(Image(pixels[None], MATRIX), message_id=5)
+                scanner.hear(10.0, lambda peer: peer.readings() > 0)
+                assert scanner.readings() == 1
+                picture = heard(slicer, "ForceView")
+                bar = heard(slicer, "ForceBar")
+                words = heard(slicer, "ForceText")
+                event = next(e for e in monitor.received if e is not None and isinstance(e.message, Image))
+        finally:
+            slicer.stop()
+    np.testing.assert_array_equal(event.message.pixels[0], pixels)  # handed on as it came
+    assert event.message_id == 5
+    assert picture.image.shape == (1, ROWS, COLUMNS, 3)
+    red, green, blue = np.moveaxis(picture.image[0].astype(int), -1, 0)
+    surface = np.argwhere((red > 200) & (green < 80) & (blue < 80))
+    in_the_middle = surface[np.abs(surface[:, 1] - COLUMNS // 2) < 5, 0]
+    assert in_the_middle.mean() == pytest.approx(32, abs=3)
+    assert np.linalg.norm(picture.ijk_to_world_matrix[:3, 0]) == pytest.approx(0.05)
+    assert bar.matrix[2, 2] == pytest.approx(1.5)
+    assert words.string.splitlines() == ["1.5 mN (90 %: 0.5 to 2.5)", "WATCHING: class 0"]
+
+
+def test_a_withdrawal_and_a_frame_without_a_force_are_said() -> None:
+    unread = {"force_mn": None, "interval_mn": None, "reason": "no wall was found"}
+    assert bridge.words(unread, "WITHDRAW: no wall") == "no force: no wall was found\nWITHDRAW: no wall"
+    assert bridge.bar(unread).matrix[8] == bridge.FLAT
+
+
+def test_when_the_monitor_goes_the_scanner_is_told_by_the_end_of_its_connection() -> None:
+    with (
+        fake_monitor() as monitor,
+        bridge.run(0, 0, ("127.0.0.1", monitor.port)) as ports,
+        Peer(ports[0]) as scanner,
+    ):
+        scanner.hear(10.0, lambda peer: len(peer.statuses()) > 0)
+        assert isinstance(scanner.statuses()[0], Status)
+        monitor.drop()
+        scanner.link.settimeout(5.0)
+        while scanner.link.recv(1 << 16):
+            pass
+
+
+class Scene:
+    """Stands in for slicer.mrmlScene: nodes by name, made of stand-ins."""
+
+    def __init__(self) -> None:
+        self.nodes: dict[str, MagicMock] = {}
+        self.kinds: dict[str, str] = {}
+
+    def AddNewNodeByClass(self, kind: str, name: str) -> MagicMock:  # noqa: N802 - Slicer's name
+        self.nodes[name], self.kinds[name] = MagicMock(name=name), kind
+        return self.nodes[name]
+
+    def GetFirstNodeByName(self, name: str) -> MagicMock | None:  # noqa: N802 - Slicer's name
+        return self.nodes.get(name)
+
+    def RemoveNode(self, node: MagicMock) -> None:  # noqa: N802 - Slicer's name
+        self.nodes = {name: other for name, other in self.nodes.items() if other is not node}
+
+
+@pytest.fixture
+def slicer(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """Stand-ins for Slicer's modules; gives the scene and the module that was loaded beside them."""
+    base = type("Base", (), {"__init__": lambda *_: None})
+    scripted = ModuleType("slicer.ScriptedLoadableModule")
+    for name in ("ScriptedLoadableModule", "ScriptedLoadableModuleLogic", "ScriptedLoadableModuleWidget"):
+        setattr(scripted, name, base)
+    package = ModuleType("slicer")
+    package.mrmlScene, package.util, package.app = Scene(), MagicMock(), MagicMock()
+    for name, module in {"slicer": package, "slicer.ScriptedLoadableModule": scripted, "qt": MagicMock(),
+                         "vtk": MagicMock()}.items():  # fmt: skip
+        monkeypatch.setitem(sys.modules, name, module)
+    return SimpleNamespace(scene=package.mrmlScene, util=package.util, app=package.app,
+                           module=example_module("slicer/ForceMonitor"))  # fmt: skip
+
+
+def test_the_module_connects_as_a_client_and_shows_what_comes(slicer: SimpleNamespace) -> None:
+    logic = slicer.module.ForceMonitorLogic()
+    logic.connect("lab", 18947)
+    assert slicer.scene.kinds["Force monitor"] == "vtkMRMLIGTLConnectorNode"
+    logic.connector.SetTypeClient.assert_called_once_with("lab", 18947)
+    logic.connector.Start.assert_called_once_with()
+    logic.update()  # nothing has come yet
+    slicer.util.setSliceViewerLayers.assert_not_called()
+    for device in (bridge.VIEW, bridge.BAR, bridge.WORDS):
+        slicer.scene.AddNewNodeByClass("received", device)
+    slicer.scene.nodes[bridge.WORDS].GetText.return_value = "12.0 mN"
+    logic.update()
+    logic.update()
+    slicer.util.setSliceViewerLayers.assert_called_with(background=slicer.scene.nodes[bridge.VIEW])
+    bar = slicer.scene.nodes["Force"]
+    bar.SetAndObserveTransformNodeID.assert_called_with(slicer.scene.nodes[bridge.BAR].GetID())
+    assert bar.SetAndObservePolyData.call_count == 1  # one bar, however often it is updated
+    corner = slicer.app.layoutManager().sliceWidget("Red").sliceView().cornerAnnotation()
+    assert corner.SetText.call_args[0][1] == "12.0 mN"
+
+
+def test_the_module_ends_its_connection(slicer: SimpleNamespace) -> None:
+    logic = slicer.module.ForceMonitorLogic()
+    logic.disconnect()  # of nothing
+    logic.connect("lab", 18947)
+    connector = logic.connector
+    logic.disconnect()
+    connector.Stop.assert_called_once_with()
+    assert (logic.connector, slicer.scene.nodes) == (None, {})

@@ -1,0 +1,139 @@
+"""The wall to be turned: what its script is given is the skin of the mesh, and a browser draws it without a network."""
+
+import base64
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import UTC, datetime
+from math import radians
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from chromium import CHROMIUM, NEEDS_CHROMIUM
+from playwright.sync_api import Page, sync_playwright
+
+from scleraforce.eye.contact import Contact
+from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
+from scleraforce.report.eye_view.scene import eye_scene, skin_of
+from scleraforce.report.eye_view.view import write_simulation_html
+from scleraforce.study import Study
+from scleraforce.study.records import MeshStudy
+
+CONTACT = Contact(polar_rad=radians(35.0), azimuth_rad=0.3)
+
+
+@pytest.fixture(scope="module", params=[1, 2])
+def eye(request: pytest.FixtureRequest) -> SimulatedEye:
+    study = replace(Study(), mesh=MeshStudy(divisions=8, level=0, layers=1, order=request.param))
+    return simulate_eye(study, 0.5e-3, 0.02, CONTACT)
+
+
+def enclosed_volume(points: np.ndarray, triangles: np.ndarray) -> float:
+    """Volume within a closed surface whose triangles are counter-clockwise from outside (divergence theorem)."""
+    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    return float(np.einsum("tc,tc->", a, np.cross(b, c)) / 6.0)
+
+
+def test_the_skin_is_closed_looks_outwards_and_holds_the_volume_of_the_wall(eye: SimulatedEye) -> None:
+    skin = skin_of(eye.mesh.points_nc, eye.displacement_nc, eye.mesh.cells_en)
+    edges = np.concatenate([skin.triangles_tn[:, [n, (n + 1) % 3]] for n in range(3)])
+    assert {tuple(edge) for edge in edges} == {tuple(edge[::-1]) for edge in edges}
+    shell = 2.0 / 3.0 * np.pi * (12e-3**3 - 11.5e-3**3)
+    tolerance = {1: 0.05, 2: 0.005}[eye.mesh.order]
+    assert enclosed_volume(skin.points_nc, skin.triangles_tn) == pytest.approx(shell, rel=tolerance)
+
+
+def test_middles_of_faces_lie_on_the_curved_wall(eye: SimulatedEye) -> None:
+    skin = skin_of(eye.mesh.points_nc, eye.displacement_nc, eye.mesh.cells_en)
+    middles = np.linalg.norm(skin.points_nc[len(eye.mesh.points_nc) :], axis=1)
+    outer = middles[middles > 11.8e-3]  # those of the rim lie between the surfaces
+    assert len(outer) == 8 * 8 * 3  # of the half cube: its top, and four halves of sides
+    flat_m = 0.0 if eye.mesh.order == 2 else 0.15e-3
+    np.testing.assert_allclose(outer, 12e-3, atol=flat_m + 2e-6)
+    assert np.isfinite(skin.displacement_nc).all()
+
+
+def unpacked(half: dict[str, str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def values(key: str, kind: str) -> np.ndarray:
+        return np.frombuffer(base64.b64decode(half[key]), dtype=kind).reshape(-1, 3)
+
+    points, moved = (values(key, "<i2") * step for key, step in zip(("points", "moved"), half["steps_mm"], strict=True))
+    return points, moved, values("triangles", "<u4")
+
+
+def test_both_halves_together_are_the_wall_to_a_micrometre(eye: SimulatedEye) -> None:
+    volume, displaced = 0.0, []
+    for half in eye_scene(eye)["halves"]:
+        points, moved, triangles = unpacked(half)
+        assert triangles.max() == len(points) - 1
+        volume += enclosed_volume(points, triangles)
+        displaced.append(np.linalg.norm(moved, axis=1).max())
+    skin = skin_of(eye.mesh.points_nc, eye.displacement_nc, eye.mesh.cells_en)
+    assert volume == pytest.approx(enclosed_volume(skin.points_nc, skin.triangles_tn) * 1e9, rel=1e-3)
+    assert max(displaced) == pytest.approx(np.linalg.norm(eye.displacement_nc, axis=1).max() * 1e3, abs=1e-3)
+
+
+def test_the_page_is_one_file_that_fetches_nothing(eye: SimulatedEye, tmp_path: Path) -> None:
+    write_simulation_html(eye, tmp_path / "eye.html", datetime(2026, 3, 1, tzinfo=UTC))
+    text = (tmp_path / "eye.html").read_text(encoding="utf-8")
+    assert not re.search(r'(?:src|href)="(?!data:)', text)
+    found = re.search(r'id="eye-scene">(.*?)</script>', text)
+    assert found is not None
+    assert json.loads(found[1])["radius_mm"] == pytest.approx(12.0)
+
+
+@pytest.fixture
+def opened(eye: SimulatedEye, tmp_path: Path) -> Iterator[Page]:
+    write_simulation_html(eye, tmp_path / "eye.html", datetime(2026, 3, 1, tzinfo=UTC))
+    with sync_playwright() as playwright:
+        # WebGL drawn by the processor.
+        arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
+        page = browser.new_context(offline=True, viewport={"width": 900, "height": 900}).new_page()
+        page.goto((tmp_path / "eye.html").as_uri())
+        yield page
+        browser.close()
+
+
+def picture(page: Page) -> np.ndarray:
+    content = page.evaluate("document.getElementById('eye').toDataURL('image/png')").partition(",")[2]
+    return cv2.imdecode(np.frombuffer(base64.b64decode(content), np.uint8), cv2.IMREAD_COLOR).astype(int)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(*NEEDS_CHROMIUM[1].args, **NEEDS_CHROMIUM[1].kwargs)
+def test_a_browser_draws_the_wall_and_keys_slider_and_whole_wall_change_it(opened: Page) -> None:
+    start = picture(opened)
+    covered = (start.sum(axis=2) < 3 * 250).mean()
+    assert 0.05 < covered < 0.6
+    needle = (start[..., 2] - start[..., 0] > 60) & (start[..., 1] < 120)
+    assert needle.sum() > 100
+    opened.locator("#eye").press("ArrowRight")
+    turned = picture(opened)
+    assert np.abs(turned - start).mean() > 1.0
+    opened.locator("#eye").press("ArrowLeft")
+    assert np.abs(picture(opened) - start).mean() < 0.5
+    opened.locator("#eye-whole").check()
+    assert (picture(opened).sum(axis=2) < 3 * 250).mean() > 1.1 * covered
+    opened.locator("#eye-whole").uncheck()
+    opened.locator("#eye-scale").fill("0")
+    assert np.abs(picture(opened) - start).mean() > 0.3
+    assert opened.locator("#eye-highest").inner_text().endswith("mm")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(*NEEDS_CHROMIUM[1].args, **NEEDS_CHROMIUM[1].kwargs)
+def test_the_wall_is_drawn_again_after_the_graphics_driver_took_everything_away(opened: Page) -> None:
+    start = picture(opened)
+    opened.evaluate("""() => {
+      const canvas = document.getElementById("eye");
+      window.taken = canvas.getContext("webgl2").getExtension("WEBGL_lose_context");
+      window.back = new Promise((done) => canvas.addEventListener("webglcontextrestored", () => done()));
+      canvas.addEventListener("webglcontextlost", () => setTimeout(() => window.taken.restoreContext(), 50));
+      window.taken.loseContext();
+    }""")
+    opened.evaluate("window.back")
+    assert np.abs(picture(opened) - start).mean() < 0.5

@@ -1,0 +1,81 @@
+"""The pages as a site: `make docs` builds it without a warning, and it is read and searched without a network."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from chromium import NEEDS_CHROMIUM, started_chromium
+from playwright.sync_api import BrowserContext
+
+import scleraforce
+from scleraforce.cli.main import COMMANDS
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted(path.relative_to(ROOT / "docs").with_suffix(".html") for path in (ROOT / "docs").rglob("*.md"))
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site as `make docs` builds it."""
+    folder = tmp_path_factory.mktemp("site")
+    recipe = re.search(r"^docs:.*\n\t\.venv/bin/python (-m sphinx .*) docs \$\(SITE\)$",
+                       (ROOT / "Makefile").read_text(encoding="utf-8"), flags=re.MULTILINE)  # fmt: skip
+    assert recipe is not None
+    done = subprocess.run(
+        [sys.executable, *recipe[1].split(), "docs", str(folder)], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def offline() -> Iterator[BrowserContext]:
+    """A browser without a network."""
+    with started_chromium() as browser:
+        yield browser.new_context(offline=True)
+
+
+def test_every_page_of_the_folder_is_in_the_side_bar(site: Path) -> None:
+    links = re.findall(r'class="toctree-l1[^"]*"><a class="reference internal" href="([^"]+)"',
+                       (site / "search.html").read_text(encoding="utf-8"))  # fmt: skip
+    assert sorted(map(Path, links)) == [page for page in PAGES if page != Path("index.html")]
+
+
+def test_the_reference_has_every_public_function_and_every_command(site: Path) -> None:
+    functions = (site / "reference" / "functions.html").read_text(encoding="utf-8")
+    for name in set(scleraforce.__all__) - {"__version__"}:
+        assert f'id="scleraforce.{name}"' in functions, name
+    commands = (site / "reference" / "commands.html").read_text(encoding="utf-8")
+    assert [name for name in COMMANDS if f'id="scleraforce-{name}"' not in commands] == []
+
+
+def test_no_page_asks_another_machine_for_anything(site: Path) -> None:
+    for page in site.rglob("*.html"):
+        fetched = re.findall(r'<(?:script|link|img|iframe)\b[^>]*(?:src|href)="(?:https?:)?//[^"]*"', page.read_text())
+        assert not fetched, f"{page.name}: {fetched}"
+
+
+def test_equations_are_drawn_by_the_browser_and_the_state_diagram_is_a_table(site: Path) -> None:
+    physics = (site / "physics.html").read_text(encoding="utf-8")
+    assert physics.count("<math") >= (ROOT / "docs" / "physics.md").read_text(encoding="utf-8").count("$$") // 2 > 5
+    assert "<mfrac>" in physics
+    states = (site / "monitor_decision.html").read_text(encoding="utf-8")
+    assert re.search(r"<p>WITHDRAW</p></td>\s*<td><p>WATCHING</p></td>\s*<td><p>reset after fresh harmless", states)
+
+
+@pytest.mark.skipif(*NEEDS_CHROMIUM[1].args, **NEEDS_CHROMIUM[1].kwargs)
+@pytest.mark.parametrize(("query", "page"), [("Friedenwald rigidity", "physics.html"), ("open_library", "functions")])
+def test_a_query_finds_its_page_without_a_network(site: Path, offline: BrowserContext, query: str, page: str) -> None:
+    opened = offline.new_page()
+    opened.goto(f"{(site / 'index.html').as_uri()}")
+    opened.get_by_placeholder("Search").fill(query)
+    opened.keyboard.press("Enter")
+    opened.wait_for_selector("ul.search li a")
+    links = opened.locator("ul.search li a").evaluate_all("links => links.map((link) => link.getAttribute('href'))")
+    assert any(page in link for link in links), links
+    opened.close()
