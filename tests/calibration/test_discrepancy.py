@@ -33,7 +33,7 @@ TIPS_M = (0.5e-3, 1.1e-3, 1.7e-3)
 MODULUS_PA = 0.3e6
 
 
-def known_of(modulus_pa: float, relative_sd: float = 0.02) -> Known:
+def known_of(modulus_pa: float, relative_sd: float = 0.05) -> Known:
     modulus = Modulus(mean_pa=modulus_pa, sd_pa=relative_sd * modulus_pa, source="own")
     return Known(modulus=modulus, iop_pa=270.0, thickness_m=0.65e-3, gap_m=0.6e-3, polar_rad=0.0, globe=OPEN)
 

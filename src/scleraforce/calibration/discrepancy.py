@@ -14,7 +14,15 @@ from math import exp, log
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.known_forces import MODULUS, RIGIDITY, Found, KnownForce, globe_of, place_of, regression
+from scleraforce.calibration.known_forces import (
+    OF_MODULUS,
+    OF_RIGIDITY,
+    Found,
+    KnownForce,
+    globe_of,
+    place_of,
+    regression,
+)
 from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit, fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.discrepancy import ForceDiscrepancy
@@ -153,10 +161,10 @@ def _moved(known: Known, found: Found) -> Known:
     globe, mean, covariance = globe_of(known), found.mean, found.covariance
     if globe.can_be_sealed:  # where k would leave its bounds, E is that of a k on the bound
         ends = np.array([globe.lowest, globe.highest]) / REFERENCE_RIGIDITY
-        away = np.clip(mean[RIGIDITY], *ends) - mean[RIGIDITY]
-        mean = mean + away * covariance[:, RIGIDITY] / covariance[RIGIDITY, RIGIDITY]
-        globe = replace(globe, mean=float(mean[RIGIDITY]) * REFERENCE_RIGIDITY)
-    farther = np.clip(mean[MODULUS] - log(known.modulus.mean_pa), -LARGEST_STEP, LARGEST_STEP)
+        away = np.clip(mean[OF_RIGIDITY], *ends) - mean[OF_RIGIDITY]
+        mean = mean + away * covariance[:, OF_RIGIDITY] / covariance[OF_RIGIDITY, OF_RIGIDITY]
+        globe = replace(globe, mean=float(mean[OF_RIGIDITY]) * REFERENCE_RIGIDITY)
+    farther = np.clip(mean[OF_MODULUS] - log(known.modulus.mean_pa), -LARGEST_STEP, LARGEST_STEP)
     modulus = replace(known.modulus, mean_pa=known.modulus.mean_pa * exp(farther))
     return replace(known, modulus=modulus, globe=known.globe if known.globe is None else globe)
 
@@ -166,15 +174,15 @@ def _with_discrepancy(known: Known, found: Found) -> Known:
     assert known.modulus is not None  # its own
     globe, covariance = globe_of(known), found.covariance
     sds = np.sqrt(np.diag(covariance))
-    modulus = replace(known.modulus, sd_pa=float(sds[MODULUS]) * known.modulus.mean_pa)
+    modulus = replace(known.modulus, sd_pa=float(sds[OF_MODULUS]) * known.modulus.mean_pa)
     if globe.can_be_sealed:
-        correlation = float(covariance[MODULUS, RIGIDITY] / (sds[MODULUS] * sds[RIGIDITY]))
-        globe = replace(globe, sd=float(sds[RIGIDITY]) * REFERENCE_RIGIDITY, correlation=correlation)
+        correlation = float(covariance[OF_MODULUS, OF_RIGIDITY] / (sds[OF_MODULUS] * sds[OF_RIGIDITY]))
+        globe = replace(globe, sd=float(sds[OF_RIGIDITY]) * REFERENCE_RIGIDITY, correlation=correlation)
     given = covariance[2:, :2] @ np.linalg.inv(covariance[:2, :2])
     level, growth = (found.mean[2:] + given @ (place_of(known) - found.mean[:2])).tolist()
     left = covariance[2:, 2:] - given @ covariance[:2, 2:]
     level_sd, growth_sd = np.sqrt(np.diag(left)).tolist()
-    by = given * np.array([modulus.relative_sd, float(sds[RIGIDITY])])
+    by = given * np.array([modulus.relative_sd, float(sds[OF_RIGIDITY])])
     discrepancy = ForceDiscrepancy(
         level=level,
         growth=growth,

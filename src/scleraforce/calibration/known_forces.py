@@ -16,12 +16,12 @@ from scleraforce.known.discrepancy import beside_middle
 from scleraforce.known.eye import Known
 from scleraforce.known.globe import OPEN, REFERENCE_RIGIDITY, KnownGlobe
 
-__all__ = ["MODULUS", "RIGIDITY", "Found", "KnownForce", "globe_of", "place_of", "regression"]
+__all__ = ["OF_MODULUS", "OF_RIGIDITY", "Found", "KnownForce", "globe_of", "place_of", "regression"]
 
 Array = NDArray[np.float64]
 Scales = tuple[Array, Array]
 
-MODULUS, RIGIDITY = 0, 1  # places of the four that are found: ln E, k over the reference's, level, growth
+OF_MODULUS, OF_RIGIDITY = 0, 1  # places of the four that are found: ln E, k over the reference's, level, growth
 # Scales of Cauchy's prior, whose density falls slowly: forces of most eyes hardly lie off (those of uneven ones,
 # computed in three dimensions, drift by 0.035 from none to the largest), those of tissue that stiffens do, by up to 1.
 SCALES = np.array([0.02, 0.035])  # of level and growth
