@@ -36,6 +36,10 @@ RUNS = {
     "train": "dataset --out {out}",
     "classify": "reader " + FRAME,
     "evaluate": "reader eye-a",
+    "import": FRAME + " --out {out} --width-mm 15 --depth-mm 4 --bits 12 --rate-hz 1 --refractive-index 1 --gauge 22 "
+    "--gap-mm 0.6 --eye eye-b",
+    "export": "eye-a --out {out}.csv",
+    "show": "eye-a",
     "doctor": "",
     "demo": "--out {out}",
 }
