@@ -32,8 +32,15 @@ def test_frames_and_forces_come_back_by_their_capture_stamps(tmp_path: Path, kin
 
 def test_how_late_messages_arrived_is_said(tmp_path: Path) -> None:
     notes = read_bag(write_bag(tmp_path / "a", "sqlite"), BagTopics()).notes
-    assert "/oct/image: messages arrived 80.0 ms (median; 80.0 to 80.0) after their capture stamp" in notes[0]
+    assert "/oct/image: messages arrived 80.0 ms (median; 80.0 to 80.0) after their stamp" in notes[0]
     assert "/ft/wrench: messages arrived 1.0 ms" in notes[1]
+    assert not any("clock" in note for note in notes)
+
+
+@pytest.mark.parametrize("shift_s", [-5.0, 0.002])
+def test_a_clock_that_is_not_the_bags_is_told(tmp_path: Path, shift_s: float) -> None:
+    images = [Messages(ROS2).image(START_NS + round(shift_s * 1e9) + nth, FRAMES[nth]) for nth in range(3)]
+    assert "its clock is not that of the bag" in read_bag(bag_of(tmp_path / "a", images), BagTopics()).notes[0]
 
 
 @pytest.mark.parametrize(("kind", "pattern"), [("sqlite", "*.db3"), ("mcap", "*.mcap")])
@@ -58,6 +65,14 @@ def test_stamps_that_are_empty_are_asked_about(tmp_path: Path) -> None:
     bag = read_bag(path, BagTopics(by_arrival=True))
     np.testing.assert_allclose(bag.scan.times.time_s - START_NS / 1e9, np.array(FRAME_TIMES_S) + LATE_S, atol=1e-6)
     assert bag.scan.times.source == "arrival of /oct/image"
+
+
+def test_a_clock_may_begin_at_zero(tmp_path: Path) -> None:
+    images = [Messages(ROS2).image(nth * 10**8, FRAMES[nth]) for nth in range(3)]
+    scan = read_bag(bag_of(tmp_path / "a", images), BagTopics()).scan
+    np.testing.assert_allclose(scan.times.time_s, [0.0, 0.1, 0.2])
+    with pytest.raises(UnansweredError, match="--by-arrival"):
+        read_bag(bag_of(tmp_path / "b", images[:1]), BagTopics())
 
 
 def test_a_bag_with_images_alone_has_no_log(tmp_path: Path) -> None:

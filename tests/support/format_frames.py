@@ -22,6 +22,14 @@ def told(*options: object) -> list[str]:
     return [*needle, "--refractive-index", "1.38", *map(str, options)]
 
 
+def with_log(recording: Path) -> Path:
+    """Give a small recording a log that begins before its frames and ends after them."""
+    time_s = np.arange(0.0, 3.0, 0.005)
+    lines = [f"{t:.3f},{-0.02 * np.clip(t - 0.5, 0.0, 0.5):.6f}" for t in time_s]
+    (recording / "forces.csv").write_text("\n".join(["time_s,fz_n", *lines]) + "\n")
+    return recording
+
+
 def write_log(path: Path, seconds: float = 6.0, rate_hz: float = 200.0) -> np.ndarray:
     """Write a log of a push after two seconds in columns of its own, mN against ms; return the force in N."""
     time_s = np.arange(0.0, seconds, 1.0 / rate_hz)

@@ -35,6 +35,7 @@ COMMANDS = {
     "train": "Train a network on simulated slices.",
     "classify": "Read the force class of single frames.",
     "evaluate": "Compare a model's answers with recordings.",
+    "export": "A recording or answers for other programs.",
     "monitor": "Tell a robot, from live B-scans, when to withdraw.",
     "monitor-reset": "The operator's reset after a withdrawal.",
     "replay": "Play a recording to a monitor, as a scanner does.",

@@ -11,7 +11,7 @@ from scleraforce.recording.files import read_info
 from scleraforce.units import from_si
 from scleraforce.whole_files import FileKind, read_text
 
-__all__ = ["IMPORT_RECORD", "answers_like", "import_record"]
+__all__ = ["IMPORT_RECORD", "answers_like", "clock_origin_s", "import_record"]
 
 IMPORT_RECORD = "import.json"
 KIND = FileKind(IMPORT_RECORD, 2**20, "`scleraforce import` writes it", RecordingError)
@@ -51,11 +51,33 @@ def answers_like(folder: Path) -> dict[str, Any]:
     return found | _kept(folder / IMPORT_RECORD)
 
 
+def clock_origin_s(folder: Path) -> float:
+    """Return where a recording's clock begins on that of the sources it was imported from; else 0.
+
+    Raises:
+        RecordingError: its import.json cannot be used.
+    """
+    origin_s = _read(folder / IMPORT_RECORD).get("clock_origin_s", 0.0)
+    if isinstance(origin_s, bool) or not isinstance(origin_s, int | float):
+        raise RecordingError(f"{folder / IMPORT_RECORD}: clock_origin_s: {origin_s!r} is not a number")
+    return float(origin_s)
+
+
 def _kept(path: Path) -> dict[str, Any]:
+    answers = _read(path).get("answers", {})
+    if not isinstance(answers, dict):
+        raise RecordingError(f"{path}: answers: expected an object")
+    return {name: answers[name] for name in KEPT if name in answers}
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Return what an import.json says; nothing where there is none."""
     if not path.exists():
         return {}
     try:
-        answers = parse_json(read_text(path, KIND))["answers"]
-        return {name: answers[name] for name in KEPT if name in answers}
-    except (ValueError, TypeError, KeyError) as fault:
-        raise RecordingError(f"{path}: not what `scleraforce import` writes: {fault}") from fault
+        found = parse_json(read_text(path, KIND))
+    except ValueError as fault:
+        raise RecordingError(f"{path}: {fault}") from fault
+    if not isinstance(found, dict):
+        raise RecordingError(f"{path}: expected an object, as `scleraforce import` writes it")
+    return found

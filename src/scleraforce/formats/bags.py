@@ -27,6 +27,7 @@ IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 FORCES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Vector3Stamped")
 SIX, THREE = ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"), ("fx_n", "fy_n", "fz_n")
 SECOND_NS = 1_000_000_000
+EARLIEST_MS, LATEST_MS = 1.0, 1000.0  # before and after its stamp, that a message arrives on one clock
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,8 @@ class _Clock:
 
     def time_s(self, path: Path, topic: str, by_arrival: bool) -> NDArray[np.float64]:
         stamps_ns = self.arrived_ns if by_arrival else self.captured_ns
-        if not by_arrival and not stamps_ns.all():
+        # A clock may begin at 0, but no more than one message is of that moment.
+        if not by_arrival and np.count_nonzero(stamps_ns == 0) >= min(2, len(stamps_ns)):
             raise UnansweredError(
                 "--by-arrival", f"{path}: {topic}: messages without a capture stamp (header.stamp is 0): take the "
                 "times at which they arrived, which lag behind by an unknown time?"
@@ -69,10 +71,10 @@ class _Clock:
         """Say how long messages took from their stamp to the bag: other clocks show there."""
         late_ms = from_si((self.arrived_ns - self.captured_ns) / float(SECOND_NS), "ms")
         low, middle, high = np.percentile(late_ms, [5, 50, 95])
-        return (
-            f"{path}: {topic}: messages arrived {middle:.1f} ms (median; {low:.1f} to {high:.1f}) after their capture "
-            "stamp; a delay that is negative, or of seconds, means clocks that differ: --clock-offset-s corrects it"
-        )
+        said = f"{path}: {topic}: messages arrived {middle:.1f} ms (median; {low:.1f} to {high:.1f}) after their stamp"
+        if low > -EARLIEST_MS and high < LATEST_MS:
+            return said
+        return f"{said}: its clock is not that of the bag; where the other topic's is, --clock-offset-s corrects it"
 
 
 def read_bag(path: Path, topics: BagTopics) -> Bag:
@@ -182,4 +184,7 @@ def _log(path: Path, bag: "AnyReader", force: "Connection", by_arrival: bool) ->
     clock = _clock(stamps)
     time_s = clock.time_s(path, force.topic, by_arrival)
     wrench_sc = np.array(values, dtype=np.float64)
-    return ForceLog(time_s, wrench_sc, SIX if wrench_sc.shape[1] == 6 else THREE), (clock.note(path, force.topic),)
+    names = np.array(SIX if wrench_sc.shape[1] == len(SIX) else THREE)
+    measured = ~np.isnan(wrench_sc).all(axis=0)  # what a sensor does not measure is NaN in ROS
+    log = ForceLog(time_s, wrench_sc[:, measured], tuple(names[measured].tolist()))
+    return log, (clock.note(path, force.topic),)

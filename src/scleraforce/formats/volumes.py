@@ -16,7 +16,7 @@ import numpy as np
 from scleraforce.errors import FrameError, InputError
 from scleraforce.formats.axes import AXES, array_scan
 from scleraforce.formats.extra import package_for
-from scleraforce.formats.scan import LARGEST_BYTES, Scan, Times, check_bytes
+from scleraforce.formats.scan import LARGEST_BYTES, Scan, Times, check_bytes, rising
 from scleraforce.recording.scaled_frame import Sourced
 from scleraforce.recording.tiff_image import METRES
 
@@ -97,10 +97,10 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
         if header["encoding"] in ("gzip", "gz"):
             _check_packed(path, count)
         array, _ = nrrd.read(str(path), index_order="F")
-        labels = tuple(label for label, size in zip(header.get("labels", ()), array.shape, strict=False) if size > 1)
-        named = labels if set(labels) <= set(AXES) and len(labels) == array.squeeze().ndim else None
         steps, unit = _nrrd_steps(header, array.ndim)
-        return array_scan(path, array, axes or named, _stated(steps, METRES.get(unit), "NRRD's spacing"))
+        named = axes or _nrrd_axes(header, array.shape)
+        scan = array_scan(path, array, named, _stated(steps, METRES.get(unit), "NRRD's spacing"))
+        return replace(scan, times=_nrrd_times(header, len(scan.names)))
 
     return _named(path, "NRRD", read)
 
@@ -127,6 +127,26 @@ def _metaimage_header(path: Path) -> dict[str, str]:
     with path.open("rb") as file:
         text = file.read(HEADER_BYTES).partition(b"ElementDataFile")[0].decode("ascii", "replace")
     return dict(re.findall(r"^\s*(\w+)\s*=\s*(.*?)\s*$", text, flags=re.MULTILINE))
+
+
+def _nrrd_axes(header: Any, shape: tuple[int, ...]) -> Axes:
+    """Return the axes that labels name; a list, as in sequences of 3D Slicer, is that of the frames."""
+    labels = header.get("labels", [""] * len(shape))
+    kinds = header.get("kinds", [""] * len(shape))
+    named = ["frame" if kind == "list" else label for label, kind in zip(labels, kinds, strict=True)]
+    long = tuple(name for name, size in zip(named, shape, strict=True) if size > 1)
+    return long if sorted(long) in (sorted(AXES), sorted(AXES[1:])) else None
+
+
+def _nrrd_times(header: Any, count: int) -> Times | None:
+    """Return the index values of a sequence of 3D Slicer, where they are in a unit of time."""
+    for axis, kind in enumerate(header.get("kinds", [])):
+        unit_s = SECONDS.get(str(header.get("units", [""] * (axis + 1))[axis]))
+        values = str(header.get(f"axis {axis} index values", "")).split()
+        if kind == "list" and unit_s and len(values) == count:
+            time_s = np.array(values, dtype=np.float64) * unit_s
+            return Times(time_s, f"NRRD's axis {axis} index values") if rising(time_s) else None
+    return None
 
 
 def _nrrd_steps(header: Any, count: int) -> tuple[list[float], str]:

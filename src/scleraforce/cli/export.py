@@ -1,0 +1,112 @@
+"""`scleraforce export`: recordings and answers in the formats of other programs."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from scleraforce.cli.output import print_json
+from scleraforce.cli.single_frames import is_folder
+from scleraforce.errors import InputError
+
+if TYPE_CHECKING:
+    from scleraforce.formats.export.rows import Row
+    from scleraforce.recording.files import Recording
+
+__all__ = ["export"]
+
+TABLES = (".csv", ".json")
+ENDINGS = (*TABLES, ".mcap", ".nrrd")
+
+
+@click.command()
+@click.argument("thing", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path, dir_okay=False), required=True,
+              help="File to write; its ending decides: .csv, .json, .mcap or .nrrd.")  # fmt: skip
+@click.option("--answers", type=click.Path(path_type=Path), help="What evaluate, classify or segment printed with "
+              "--json on the recording: it joins the rows of its frames.")  # fmt: skip
+@click.option("--force", is_flag=True, help="Replace a file that is there.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def export(thing: Path, out: Path, answers: Path | None, force: bool, as_json: bool) -> None:
+    """Write a recording, or a file of answers, for other programs.
+
+    THING is a recording folder, or what evaluate, classify or segment printed
+    with --json. .csv and .json have a row for each frame: time, measured force,
+    class, answers. .mcap has images, wrenches and rows as ROS 2 and Foxglove
+    read them; .nrrd the frames as a sequence of 3D Slicer. The last two take a
+    recording.
+
+    Example: scleraforce export eye-1 --answers answers.json --out eye-1.csv
+    """
+    kind = out.suffix.lower()
+    if kind not in ENDINGS:
+        raise InputError(f"--out: {out}: give a name that ends in {', '.join(ENDINGS)}")
+    if out.exists() and not force:
+        raise InputError(f"{out}: exists already; choose another name, or --force to replace it")
+    rows = _export_recording(thing, out, answers) if is_folder(thing) else _export_answers(thing, out, answers)
+    if as_json:
+        print_json({"out": str(out), "rows": rows})
+    else:
+        click.echo(f"wrote {out}: {rows} frames")
+
+
+def _export_answers(thing: Path, out: Path, answers: Path | None) -> int:
+    """Write the rows of a file of answers; return how many there are."""
+    from scleraforce.formats.export.rows import read_answers
+
+    if answers is not None:
+        raise InputError(f"--answers: {thing} is a file of answers already; give a recording folder for THING")
+    rows = read_answers(thing)
+    if out.suffix.lower() not in TABLES:
+        raise InputError(
+            f"--out: {out}: answers alone become .csv or .json; give their recording, and them as --answers"
+        )
+    _write_table({}, rows, out)
+    return len(rows)
+
+
+def _export_recording(thing: Path, out: Path, answers: Path | None) -> int:
+    """Write a recording; return how many frames it has."""
+    from scleraforce.formats.answers import clock_origin_s
+    from scleraforce.formats.export.rows import frame_rows, read_answers, with_answers
+    from scleraforce.recording.files import read_recording
+    from scleraforce.study import ClassesStudy
+
+    recording = read_recording(thing)
+    kind = out.suffix.lower()
+    if kind == ".nrrd":
+        from scleraforce.formats.export.nrrd_sequence import write_sequence
+
+        if answers is not None:
+            raise InputError(f"--answers: {out} has room for frames only; give a .csv, .json or .mcap")
+        write_sequence(recording, out)
+        return len(recording.frames)
+    rows = frame_rows(recording, ClassesStudy())
+    if answers is not None:
+        rows = with_answers(rows, read_answers(answers), thing)
+    if kind == ".mcap":
+        from scleraforce.formats.export.mcap_log import write_mcap
+
+        write_mcap(recording, rows, clock_origin_s(thing), out)
+    else:
+        _write_table(_stated(recording), rows, out)
+    return len(rows)
+
+
+def _stated(recording: "Recording") -> dict[str, Any]:
+    """Return what recording.toml says, by sections."""
+    from dataclasses import asdict
+
+    return {name: section for name, section in asdict(recording.info).items() if section is not None}
+
+
+def _write_table(stated: dict[str, Any], rows: "list[Row]", out: Path) -> None:
+    from scleraforce.formats.export.rows import csv_text
+    from scleraforce.plain_json import finite
+    from scleraforce.whole_files import write_whole
+
+    if out.suffix.lower() == ".csv":
+        write_whole(csv_text(rows), out)
+    else:
+        write_whole(json.dumps(finite({**stated, "frames": rows}), indent=2, allow_nan=False) + "\n", out)

@@ -1,0 +1,1 @@
+"""Recordings and answers in the formats of other programs."""
