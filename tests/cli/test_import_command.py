@@ -16,7 +16,7 @@ from format_frames import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, told
 from scleraforce.cli import main
 from scleraforce.cli.import_ import import_
 from scleraforce.cli.importing import questions
-from scleraforce.cli.importing.options import OPTIONS, Answers
+from scleraforce.cli.importing.options import OPTIONS, ImportAnswers
 from scleraforce.cli.main import run
 from scleraforce.recording.files import read_recording
 
@@ -225,7 +225,7 @@ def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(tmp_pa
 
 def test_every_question_is_an_option_and_every_option_an_answer() -> None:
     names = {parameter.name for parameter in import_.params if isinstance(parameter, click.Option)}
-    fields = set(Answers.__dataclass_fields__)
+    fields = set(ImportAnswers.__dataclass_fields__)
     assert set(questions.QUESTIONS) <= fields == names - {"out", "like", "as_json"}
     assert len(OPTIONS) == len(fields)
     assert main.module_name("import") == "import_"

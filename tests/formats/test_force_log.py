@@ -7,7 +7,7 @@ import pytest
 from format_frames import write_log
 
 from scleraforce.errors import RecordingError
-from scleraforce.formats.force_log import read_log, read_log_text
+from scleraforce.formats.force_log import read_force_text, read_log_text
 from scleraforce.formats.log_columns import parse_column
 
 # As the demo program of ATI's Net F/T writes it: settings above, all values in quotes, a clock of whole seconds.
@@ -40,7 +40,7 @@ ROSTOPIC = f"""%time,{",".join(f"field.{name}" for name in ROS_FIELDS)}
 
 def log_of(folder: Path, text: str, *columns: str):
     (folder / "log.csv").write_text(text)
-    return read_log(read_log_text(folder / "log.csv"), [parse_column(column) for column in columns])
+    return read_force_text(read_log_text(folder / "log.csv"), [parse_column(column) for column in columns])
 
 
 def test_an_ati_log_is_in_its_units_and_counts_by_its_sample_rate(tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_dates_and_times(tmp_path: Path) -> None:
 
 def test_a_long_log_with_columns_of_its_own_comes_back(tmp_path: Path) -> None:
     force_n = write_log(tmp_path / "log.csv")
-    log, _ = read_log(read_log_text(tmp_path / "log.csv"), [])
+    log, _ = read_force_text(read_log_text(tmp_path / "log.csv"), [])
     np.testing.assert_allclose(log.force_n("fz"), force_n, atol=1e-7)
     assert log.sample_rate_hz == pytest.approx(200.0)
 

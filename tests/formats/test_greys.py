@@ -17,6 +17,9 @@ def test_whole_numbers_that_16_bits_hold_stay_as_they_are(kind: str) -> None:
     counts = find_greys([picture], None, "a").counts(picture)
     np.testing.assert_array_equal(counts, RAMP * 20)
     assert counts.dtype == np.uint16
+    turned = find_greys([picture.T], None, "a").counts(picture.T)
+    np.testing.assert_array_equal(turned, RAMP.T * 20)
+    assert turned.flags.c_contiguous
 
 
 def test_negative_numbers_are_shifted_alike_in_all_frames() -> None:

@@ -11,7 +11,7 @@ from dicom_file import write_dicom
 from format_frames import FRAMES, pictures_of, write_log
 
 from scleraforce.errors import InputError
-from scleraforce.formats.sources import Reading, files_of, kind_of, read_scan
+from scleraforce.formats.sources import SourceOrder, files_of, kind_of, read_scan
 
 
 def one_of_each(folder: Path) -> dict[str, str]:
@@ -75,9 +75,9 @@ def test_a_folder_is_its_files_by_their_numbers(tmp_path: Path) -> None:
 
 def test_pictures_are_turned_where_their_columns_are_depth(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "a.png"), FRAMES[0])
-    scan = read_scan(tmp_path / "a.png", "picture", Reading(("frame", "lateral", "depth")))
+    scan = read_scan(tmp_path / "a.png", "picture", SourceOrder(("frame", "lateral", "depth")))
     np.testing.assert_array_equal(pictures_of(scan)[0], FRAMES[0].T)
-    upright = read_scan(tmp_path / "a.png", "picture", Reading(("depth", "lateral")))
+    upright = read_scan(tmp_path / "a.png", "picture", SourceOrder(("depth", "lateral")))
     np.testing.assert_array_equal(pictures_of(upright)[0], FRAMES[0])
     with pytest.raises(InputError, match="begin with frame"):
-        read_scan(tmp_path / "a.png", "picture", Reading(("lateral", "frame", "depth")))
+        read_scan(tmp_path / "a.png", "picture", SourceOrder(("lateral", "frame", "depth")))

@@ -8,7 +8,7 @@ import click
 from click.core import ParameterSource
 
 from scleraforce import __version__
-from scleraforce.cli.importing.options import OPTION, Answers, answer_options
+from scleraforce.cli.importing.options import OPTION, ImportAnswers, answer_options
 from scleraforce.cli.output import count_bar, print_json, progress_bar
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def import_(
 
     ask = can_ask(as_json)
     with folder_when_whole(out) as part:
-        gathered, answers = _gathered(sources, Answers(**told), ask)
+        gathered, answers = _gathered(sources, ImportAnswers(**told), ask)
         greys = _greys(gathered, answers)
         done = complete(gathered, greys, answers, _origins(ctx, like), ask)
         _write(part, done, greys)
@@ -84,7 +84,7 @@ def _origins(ctx: click.Context, like: Path | None) -> dict[str, str]:
     return {name: words[origin] for name in ctx.params if (origin := ctx.get_parameter_source(name)) in words}
 
 
-def _gathered(sources: tuple[Path, ...], answers: Answers, ask: bool) -> "tuple[Gathered, Answers]":
+def _gathered(sources: tuple[Path, ...], answers: ImportAnswers, ask: bool) -> "tuple[Gathered, ImportAnswers]":
     """Read the sources, asking until they leave nothing open."""
     from scleraforce.cli.importing.questions import answered
     from scleraforce.formats.gather import gather
@@ -99,7 +99,7 @@ def _gathered(sources: tuple[Path, ...], answers: Answers, ask: bool) -> "tuple[
             answers = answered(answers, open_point, ask)
 
 
-def _greys(gathered: "Gathered", answers: Answers) -> "Greys":
+def _greys(gathered: "Gathered", answers: ImportAnswers) -> "Greys":
     from scleraforce.formats.greys import find_greys
 
     scan = gathered.scan

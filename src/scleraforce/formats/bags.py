@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.formats.bag_images import image_pixels
 from scleraforce.formats.extra import package_for
-from scleraforce.formats.scan import Pictures, Scan, Times, UnansweredError, check_bytes
+from scleraforce.formats.scan import PictureStream, Scan, Times, UnansweredError, check_bytes
 from scleraforce.recording.pixels import check_size
 from scleraforce.recording.tables import ForceLog
 from scleraforce.units import from_si
@@ -165,7 +165,7 @@ def _scan(path: Path, bag: "AnyReader", image: "Connection", by_arrival: bool) -
     return scan, (clock.note(path, image.topic),)
 
 
-def _pictures(path: Path, topic: str, shape: tuple[int, ...]) -> Pictures:
+def _pictures(path: Path, topic: str, shape: tuple[int, ...]) -> PictureStream:
     with _opened(path) as bag:
         image = next(each for each in bag.connections if each.topic == topic and each.msgtype in IMAGES)
         for _, message in _messages(bag, image):

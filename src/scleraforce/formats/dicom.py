@@ -8,7 +8,7 @@ import numpy as np
 
 from scleraforce.errors import FrameError
 from scleraforce.formats.greys import one_grey
-from scleraforce.formats.scan import Pictures, Scan, Times, check_bytes, rising
+from scleraforce.formats.scan import PictureStream, Scan, Times, check_bytes, rising
 from scleraforce.recording.dicom_image import (
     DEFLATED,
     bright,
@@ -76,7 +76,7 @@ def _notes(path: Path, dataset: "pydicom.Dataset") -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _pictures(path: Path) -> Pictures:
+def _pictures(path: Path) -> PictureStream:
     import pydicom
     from pydicom.pixels.utils import iter_pixels
 

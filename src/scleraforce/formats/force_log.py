@@ -16,7 +16,7 @@ from scleraforce.recording.delimited import fields_of, number
 from scleraforce.recording.tables import ForceLog
 from scleraforce.whole_files import KINDS, read_text
 
-__all__ = ["LogText", "numbers_of", "read_log", "read_log_text"]
+__all__ = ["LogText", "numbers_of", "read_force_text", "read_log_text"]
 
 SEPARATORS = "\t;,"
 SEARCHED_LINES = 100  # for the header
@@ -61,7 +61,7 @@ def read_log_text(path: Path, least: int = 2) -> LogText:
     raise RecordingError(f"{path}: no header: a line with the names of columns, above lines of numbers")
 
 
-def read_log(text: LogText, told: Sequence[LogColumn]) -> tuple[ForceLog, tuple[LogColumn, ...]]:
+def read_force_text(text: LogText, told: Sequence[LogColumn]) -> tuple[ForceLog, tuple[LogColumn, ...]]:
     """Return a log in SI and the columns that it was read from.
 
     Args:

@@ -17,7 +17,7 @@ MOST_BITS = 16
 TOP = 2**MOST_BITS - 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Greys:
     """How pixels become counts: count = (pixel - `low`) * TOP / (`high` - `low`) where `scaled`, else pixel - `low`.
 
@@ -34,7 +34,8 @@ class Greys:
         return (TOP if self.scaled else self.high - self.low) < 1 << bits
 
     def counts(self, picture: NDArray[Any]) -> NDArray[np.uint16]:
-        """Return a picture (row, column) as counts."""
+        """Return a picture (row, column) as counts, row after row in memory."""
+        picture = np.ascontiguousarray(picture)
         if not self.scaled:
             return np.asarray(picture.astype(np.int64) - int(self.low), dtype=np.uint16)
         scaled = np.clip((picture.astype(np.float64) - self.low) * (TOP / (self.high - self.low)), 0.0, TOP)
@@ -71,9 +72,9 @@ def find_greys(pictures: Iterable[NDArray[Any]], told: tuple[float, float] | Non
         if known.size:
             low, high = min(low, float(known.min())), max(high, float(known.max()))
     if told is not None:
-        return Greys(*told, scaled=True, lost=lost)
+        return Greys(low=told[0], high=told[1], scaled=True, lost=lost)
     if whole and high - min(low, 0.0) <= TOP:
-        return Greys(min(low, 0.0), high, scaled=False)
+        return Greys(low=min(low, 0.0), high=high, scaled=False)
     if not low < high:
         raise FrameError(f"{name}: all pixels have one value or none; there is nothing to see in them")
-    return Greys(low, high, scaled=True, lost=lost)
+    return Greys(low=low, high=high, scaled=True, lost=lost)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording.scaled_frame import Sourced
 
-__all__ = ["LARGEST_BYTES", "Pictures", "Scan", "Times", "UnansweredError", "check_bytes", "joined", "rising"]
+__all__ = ["LARGEST_BYTES", "PictureStream", "Scan", "Times", "UnansweredError", "check_bytes", "joined", "rising"]
 
-Pictures = Iterator[NDArray[Any]]
+PictureStream = Iterator[NDArray[Any]]
 
 LARGEST_BYTES = 16 * 2**30  # of the frames of one source, unpacked
 
@@ -60,7 +60,7 @@ class Scan:
     names: tuple[str, ...]
     rows: int
     columns: int
-    pictures: Callable[[], Pictures]
+    pictures: Callable[[], PictureStream]
     bits: int | None = None
     depth_pixel_m: Sourced | None = None
     lateral_pixel_m: Sourced | None = None

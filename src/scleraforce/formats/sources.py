@@ -7,10 +7,9 @@ from pathlib import Path
 
 from scleraforce.errors import FrameError, InputError
 from scleraforce.formats.scan import Scan
-from scleraforce.recording.images import PNG_SIGNATURE
 from scleraforce.whole_files import FileKind, check_regular
 
-__all__ = ["Reading", "files_of", "kind_of", "natural_order", "read_scan"]
+__all__ = ["SourceOrder", "files_of", "kind_of", "natural_order", "read_scan"]
 
 SOURCE = FileKind("source", 64 * 2**30, "", FrameError)
 HEAD_BYTES = 512
@@ -25,7 +24,7 @@ KINDS = (
 
 
 @dataclass(frozen=True)
-class Reading:
+class SourceOrder:
     """What was answered on how to read sources: order of axes, name of the array in a .npz."""
 
     axes: tuple[str, ...] | None = None
@@ -82,7 +81,7 @@ def kind_of(path: Path) -> str:
     return kind
 
 
-def read_scan(path: Path, kind: str, reading: Reading) -> Scan:
+def read_scan(path: Path, kind: str, reading: SourceOrder) -> Scan:
     """Return the frames of a source of a kind that `kind_of` tells.
 
     Raises:
@@ -119,7 +118,7 @@ def read_scan(path: Path, kind: str, reading: Reading) -> Scan:
     return {"nifti": read_nifti, "metaimage": read_metaimage, "nrrd": read_nrrd}[kind](path, reading.axes)
 
 
-def _oriented(path: Path, scan: Scan, reading: Reading) -> Scan:
+def _oriented(path: Path, scan: Scan, reading: SourceOrder) -> Scan:
     """Return pictures, whose rows are depth unless `--axes` says that their columns are."""
     if reading.axes is None:
         return scan
@@ -135,7 +134,7 @@ def _shown(path: Path) -> bool:
 
 def _by_content(head: bytes) -> str | None:
     marks = {
-        "picture": head.startswith((PNG_SIGNATURE, b"\xff\xd8\xff")),
+        "picture": head.startswith((b"\x89PNG", b"\xff\xd8\xff")),
         "tiff": head.startswith(TIFF_MARKS),
         "dicom": head[128:132] == b"DICM",
         "numpy": head.startswith(b"\x93NUMPY"),

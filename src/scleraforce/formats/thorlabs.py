@@ -13,7 +13,7 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 
 from scleraforce.errors import FrameError
-from scleraforce.formats.scan import Pictures, Scan, check_bytes
+from scleraforce.formats.scan import PictureStream, Scan, check_bytes
 from scleraforce.recording.pixels import check_size
 from scleraforce.recording.scaled_frame import Sourced
 from scleraforce.units import to_si
@@ -72,7 +72,7 @@ def _pixel_m(entry: ElementTree.Element, attribute: str, count: int) -> Sourced 
     return Sourced(to_si(range_mm, "mm") / count, f"Thorlabs' {attribute}") if range_mm > 0.0 else None
 
 
-def _pictures(path: Path, name: str, shape: tuple[int, int]) -> Pictures:
+def _pictures(path: Path, name: str, shape: tuple[int, int]) -> PictureStream:
     with ZipFile(path) as archive, archive.open(name) as file:
         while data := _read(file, shape[0] * shape[1] * SAMPLE.itemsize):
             yield np.frombuffer(data, dtype=SAMPLE).reshape(shape).T

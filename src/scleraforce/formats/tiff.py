@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.formats.greys import one_grey
-from scleraforce.formats.scan import Pictures, Scan, Times, check_bytes, rising
+from scleraforce.formats.scan import PictureStream, Scan, Times, check_bytes, rising
 from scleraforce.recording.scaled_frame import Sourced
 from scleraforce.recording.tiff_image import METRES, check_page, page_scale, upright
 
@@ -74,7 +74,7 @@ def _sizes(path: Path, series: "tifffile.TiffPageSeries") -> tuple[int, int, int
     return length[others[0]] if others else 1, length["Y"], length["X"]
 
 
-def _pictures(path: Path, shape: tuple[int, int, int]) -> Pictures:
+def _pictures(path: Path, shape: tuple[int, int, int]) -> PictureStream:
     with _opened(path) as file:
         pages = list(file.pages)
         if len(pages) == shape[0]:

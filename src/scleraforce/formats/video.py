@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from scleraforce.errors import FrameError
-from scleraforce.formats.scan import Pictures, Scan, Times, check_bytes, rising
+from scleraforce.formats.scan import PictureStream, Scan, Times, check_bytes, rising
 from scleraforce.recording.pixels import check_size
 from scleraforce.units import to_si
 
@@ -57,7 +57,7 @@ def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
         film.release()
 
 
-def _pictures(path: Path, rows: int, columns: int) -> Pictures:
+def _pictures(path: Path, rows: int, columns: int) -> PictureStream:
     with _opened(path) as film:
         while True:
             there, picture = film.read()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scleraforce.cli.importing.options import OPTION, Answers
+from scleraforce.cli.importing.options import OPTION, ImportAnswers
 from scleraforce.cli.importing.questions import QUESTIONS, ask_missing
 from scleraforce.errors import InputError, StudyError
 from scleraforce.formats.frame_times import told_times
@@ -48,7 +48,9 @@ class Complete:
     sources: dict[str, str]
 
 
-def complete(gathered: Gathered, greys: Greys, answers: Answers, origins: "Mapping[str, str]", ask: bool) -> Complete:
+def complete(
+    gathered: Gathered, greys: Greys, answers: ImportAnswers, origins: "Mapping[str, str]", ask: bool
+) -> Complete:
     """Bring together what options say, what sources state and what another recording has, and ask for the rest.
 
     Args:
@@ -84,7 +86,7 @@ def complete(gathered: Gathered, greys: Greys, answers: Answers, origins: "Mappi
     return Complete(gathered, moved, log, origin_s, _info(gathered, answers, values), sources)
 
 
-def _needed(gathered: Gathered, answers: Answers, times: Times | None) -> set[str]:
+def _needed(gathered: Gathered, answers: ImportAnswers, times: Times | None) -> set[str]:
     """Return the names of the options whose values this recording takes."""
     needed = {"width_mm", "depth_mm", "refractive_index", "bits", "eye", "gauge", "gap_mm"}
     if times is None and len(gathered.scan.names) > 1:
@@ -114,7 +116,7 @@ def _stated(gathered: Gathered, greys: Greys) -> dict[str, tuple[Any, str]]:
     return found
 
 
-def _info(gathered: Gathered, answers: Answers, values: dict[str, Any]) -> RecordingInfo:
+def _info(gathered: Gathered, answers: ImportAnswers, values: dict[str, Any]) -> RecordingInfo:
     scan = gathered.scan
     try:
         oct_info = OctInfo(
@@ -139,6 +141,6 @@ def _info(gathered: Gathered, answers: Answers, values: dict[str, Any]) -> Recor
         raise InputError(f"{scan.names[0]}: {fault}; tell the value with its option") from fault
 
 
-def _force_info(answers: Answers, values: dict[str, Any]) -> ForceInfo:
+def _force_info(answers: ImportAnswers, values: dict[str, Any]) -> ForceInfo:
     info = ForceInfo(values["axis"], int(values["contact_sign"]))
     return info if answers.average_s is None else replace(info, average_s=answers.average_s)

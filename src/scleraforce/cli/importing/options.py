@@ -12,7 +12,19 @@ from scleraforce.study.globe import GLOBES
 if TYPE_CHECKING:
     from scleraforce.formats.gather import Asked
 
-__all__ = ["AXIS", "BITS", "GAP", "GAUGE", "INDEX", "LENGTH", "OPTION", "RATE", "SIGN", "Answers", "answer_options"]
+__all__ = [
+    "AXIS",
+    "BITS",
+    "GAP",
+    "GAUGE",
+    "INDEX",
+    "LENGTH",
+    "OPTION",
+    "RATE",
+    "SIGN",
+    "ImportAnswers",
+    "answer_options",
+]
 
 OPTION = "option"  # the source of a value that was given on the command line
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -59,14 +71,14 @@ OPTIONS = (
 
 
 def answer_options(command: Command) -> Command:
-    """Add the options to a command: the fields of `Answers`."""
+    """Add the options to a command: the fields of `ImportAnswers`."""
     for option in reversed(OPTIONS):
         command = option(command)
     return command
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answers:
+class ImportAnswers:
     """The values of all options on sources, scale, times, forces and eye, in the units of their names; None: open."""
 
     axes: str | None
@@ -100,10 +112,10 @@ class Answers:
         from scleraforce.formats.bags import BagTopics
         from scleraforce.formats.gather import Asked
         from scleraforce.formats.log_columns import parse_column
-        from scleraforce.formats.sources import Reading
+        from scleraforce.formats.sources import SourceOrder
 
         return Asked(
-            Reading(None if self.axes is None else parse_axes(self.axes), self.array),
+            SourceOrder(None if self.axes is None else parse_axes(self.axes), self.array),
             tuple(parse_column(text) for text in self.columns),
             BagTopics(self.image_topic, self.force_topic, self.by_arrival),
         )

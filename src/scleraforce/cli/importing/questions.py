@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.importing.options import AXIS, BITS, GAP, GAUGE, INDEX, LENGTH, RATE, SIGN, Answers
+from scleraforce.cli.importing.options import AXIS, BITS, GAP, GAUGE, INDEX, LENGTH, RATE, SIGN, ImportAnswers
 from scleraforce.errors import InputError
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def can_ask(as_json: bool) -> bool:
     return not as_json and sys.stdin.isatty() and sys.stderr.isatty()
 
 
-def answered(answers: Answers, open_point: "UnansweredError", ask: bool) -> Answers:
+def answered(answers: ImportAnswers, open_point: "UnansweredError", ask: bool) -> ImportAnswers:
     """Return the answers with that to what a source leaves open, asked on the terminal.
 
     Raises:

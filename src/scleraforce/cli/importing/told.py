@@ -7,7 +7,7 @@ from typing import Any
 
 from scleraforce import __version__
 from scleraforce.cli.importing.complete import Complete
-from scleraforce.cli.importing.options import Answers
+from scleraforce.cli.importing.options import ImportAnswers
 from scleraforce.cli.output import wrapped
 from scleraforce.formats.answers import import_record
 from scleraforce.formats.greys import TOP, Greys
@@ -19,7 +19,7 @@ __all__ = ["PREVIEW", "entries", "lines", "record_text"]
 PREVIEW = "preview.png"
 
 
-def record_text(done: Complete, greys: Greys, answers: Answers) -> str:
+def record_text(done: Complete, greys: Greys, answers: ImportAnswers) -> str:
     """Return the text of import.json: the sources with their SHA-256, who states each value, and the answers."""
     columns = [column.answer() for column in done.gathered.columns]
     files = [{"path": str(path), "kind": kind, "sha256": _sha256(path)} for path, kind in done.gathered.files]
