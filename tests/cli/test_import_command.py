@@ -1,6 +1,8 @@
 """`scleraforce import`: recordings from files of other programs, asked for what these leave open."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import click
@@ -11,7 +13,8 @@ import tifffile
 from click.testing import CliRunner
 from dicom_file import write_dicom
 from folder_contents import contents
-from format_frames import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, told, write_log
+from format_frames import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, told, with_log, write_log
+from small_recording import write_small_recording
 
 from scleraforce.cli import main
 from scleraforce.cli.import_ import import_
@@ -121,6 +124,44 @@ def test_options_come_before_the_file_and_the_file_before_another_recording(tmp_
     write_dicom(tmp_path / "b.dcm", FRAMES, FrameTime=100.0)
     third = imported(capsys, tmp_path / "b.dcm", "--out", tmp_path / "t", *like)
     assert (third["width_mm"], third["values"]["width_mm"]) == (9.0, f"like {tmp_path / 'r'}")
+
+
+def test_a_recording_comes_back_from_its_own_files(tmp_path: Path, capsys) -> None:
+    folder = with_log(write_small_recording(tmp_path / "small", frames=12))
+    sources = [folder / "frames", folder / "forces.csv", "--times", folder / "frames.csv"]
+    entry = imported(capsys, *sources, "--out", tmp_path / "r", "--like", folder, "--eye", "small")
+    first, second = read_recording(folder), read_recording(tmp_path / "r")
+    assert second.info == first.info
+    assert second.frames == first.frames
+    for frame in first.frames:
+        np.testing.assert_array_equal(second.frame(frame), first.frame(frame))
+    np.testing.assert_allclose(second.forces.force_n("fz"), first.forces.force_n("fz"), rtol=1e-6)
+    assert entry["values"]["times"] == str(folder / "frames.csv")
+
+
+def test_single_precision_of_a_scale_is_no_digit_of_it(tmp_path: Path, capsys) -> None:
+    nibabel = pytest.importorskip("nibabel")
+    image = nibabel.Nifti1Image(FRAMES.T, np.eye(4))
+    image.header.set_zooms((0.3, 0.1, 1.0))
+    image.header.set_xyzt_units("mm")
+    nibabel.save(image, tmp_path / "a.nii")
+    options = told("--bits", 16, "--rate-hz", 1, *NIFTI)
+    entry = imported(capsys, tmp_path / "a.nii", "--out", tmp_path / "r", *options)
+    assert (entry["width_mm"], entry["depth_mm"]) == (12.0, 2.4)
+
+
+@pytest.mark.parametrize("name", ["a.tif", "a.avi", "a.dcm"])
+def test_damage_is_told_in_one_line(tmp_path: Path, name: str) -> None:
+    stack(tmp_path / "a.tif")
+    write_dicom(tmp_path / "a.dcm", FRAMES)
+    (tmp_path / "a.avi").write_bytes(b"RIFF\0\0\0\0AVI LIST" + bytes(500))
+    data = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(data[: len(data) // 2])
+    command = [sys.executable, "-c", "from scleraforce.cli.main import main; main()", "import", str(tmp_path / name)]
+    done = subprocess.run([*command, "--out", str(tmp_path / "r")], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert done.stderr.startswith(f"error: {tmp_path / name}")
 
 
 def test_the_columns_of_a_log_are_told_once(tmp_path: Path, capsys) -> None:

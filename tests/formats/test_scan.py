@@ -47,6 +47,20 @@ def test_files_of_another_kind_are_refused_by_name(other: dict[str, object]) -> 
         joined([single(0), replace(single(1), **other)])
 
 
+@pytest.mark.parametrize(
+    ("pictures", "message"),
+    [
+        ([], "damaged: 0 of 1 frames can be read"),
+        ([FRAMES[0], FRAMES[1]], r"damaged: a frame of \(24, 40\), number 2"),
+        ([FRAMES[0].T], r"damaged: a frame of \(40, 24\), number 1"),
+    ],
+)
+def test_frames_that_a_file_does_not_state_are_damage(pictures: list[np.ndarray], message: str) -> None:
+    scan = joined([replace(single(0), pictures=lambda: iter(pictures))])
+    with pytest.raises(FrameError, match=rf"0\.png: {message}"):
+        list(scan.pictures())
+
+
 def test_a_turned_scan_has_depth_for_width() -> None:
     turned = replace(single(0), depth_pixel_m=Sourced(1e-6, "d"), lateral_pixel_m=Sourced(2e-6, "l")).turned()
     np.testing.assert_array_equal(pictures_of(turned)[0], FRAMES[0].T)

@@ -61,7 +61,7 @@ def test_a_single_b_scan_has_no_third_size(tmp_path: Path) -> None:
         (entry(rows=ROWS + 1), "the header says 25 x 40 x 5 floats"),
         (entry(rows=10**7), "a frame may have"),
         (entry("data\\Spectral0.data"), "no processed intensity"),
-        ("<DataFile>", "damaged or no Thorlabs"),
+        ("<DataFile>", "damaged or an unknown kind of Thorlabs"),
         ('<!DOCTYPE a [<!ENTITY b "c">]>' + entry(), "defines entities"),
     ],
 )
@@ -75,5 +75,5 @@ def test_an_archive_without_a_header_or_that_is_none_is_refused(tmp_path: Path) 
         archive.writestr("a", b"")
     (tmp_path / "b.oct").write_bytes(b"PK\x03\x04" + bytes(100))
     for name in ("a.oct", "b.oct"):
-        with pytest.raises(FrameError, match=f"{name}: damaged or no Thorlabs"):
+        with pytest.raises(FrameError, match=f"{name}: damaged or an unknown kind of Thorlabs"):
             read_thorlabs(tmp_path / name)

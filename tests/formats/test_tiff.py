@@ -105,6 +105,19 @@ def test_stacks_of_two_axes_beside_the_picture_are_refused(tmp_path: Path) -> No
         read_tiff_scan(tmp_path / "a.tif")
 
 
+@pytest.mark.parametrize("kind", ["plain", "bigtiff", "imagej", "compressed"])
+def test_a_stack_that_was_cut_off_is_no_shorter_stack(tmp_path: Path, kind: str) -> None:
+    options = {"bigtiff": {"bigtiff": True}, "imagej": {"imagej": True}, "compressed": {"compression": "zlib"}}
+    written = tmp_path / "whole.tif"
+    tifffile.imwrite(written, FRAMES, photometric="minisblack", **options.get(kind, {}))
+    data = written.read_bytes()
+    np.testing.assert_array_equal(pictures_of(read_tiff_scan(written)), FRAMES)
+    for share in np.linspace(0.05, 0.99, 12):
+        (tmp_path / "a.tif").write_bytes(data[: int(share * len(data))])
+        with pytest.raises(FrameError, match=r"a\.tif: damaged"):
+            pictures_of(read_tiff_scan(tmp_path / "a.tif"))
+
+
 def test_a_damaged_file_is_named(tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "a.tif", FRAMES)
     (tmp_path / "a.tif").write_bytes((tmp_path / "a.tif").read_bytes()[:200])

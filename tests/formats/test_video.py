@@ -36,6 +36,15 @@ def test_a_film_gives_its_frames_and_the_times_at_which_they_play(tmp_path: Path
     np.testing.assert_allclose(scan.times.time_s, np.arange(len(LEVELS)) / 12.5, atol=2e-3)
     assert scan.bits == 8
     assert "--rate-hz" in scan.notes[0]
+    assert len(scan.notes) == 1
+
+
+def test_a_film_that_was_cut_off_is_noted(tmp_path: Path) -> None:
+    path = film(tmp_path / "a.avi", "MJPG")
+    path.write_bytes(path.read_bytes()[: int(0.85 * path.stat().st_size)])
+    scan = read_film(path)
+    assert 0 < len(pictures_of(scan)) < len(LEVELS)
+    assert f"states {len(LEVELS)} frames, of which {len(scan.names)} can be decoded" in scan.notes[1]
 
 
 def test_a_file_that_is_no_film_is_refused(tmp_path: Path, capfd) -> None:

@@ -86,8 +86,29 @@ def test_a_metaimage_by_the_letter_of_its_specification(tmp_path: Path) -> None:
     (tmp_path / "a.mha").write_bytes(f"{header}LOCAL\n".encode() + FRAMES.tobytes())
     (tmp_path / "b.mhd").write_text(f"{header}b.raw\n")
     (tmp_path / "b.raw").write_bytes(FRAMES.tobytes())
-    for name in ("a.mha", "b.mhd"):
+    packed = zlib.compress(FRAMES.tobytes())
+    sizes = f"CompressedData = True\nCompressedDataSize = {len(packed)}\nElementDataFile"
+    (tmp_path / "c.mhd").write_text(f"{header}c.zraw\n".replace("ElementDataFile", sizes))
+    (tmp_path / "c.zraw").write_bytes(packed)
+    for name in ("a.mha", "b.mhd", "c.mhd"):
         np.testing.assert_array_equal(pictures_of(read_metaimage(tmp_path / name, IJK)), FRAMES)
+
+
+def test_an_nrrd_whose_pixels_lie_beside_it(tmp_path: Path) -> None:
+    nrrd.write(str(tmp_path / "a.nhdr"), VOLUME)
+    np.testing.assert_array_equal(pictures_of(read_nrrd(tmp_path / "a.nhdr", IJK)), FRAMES)
+
+
+@pytest.mark.parametrize("place", ["/etc/passwd", "../b.raw"])
+def test_pixels_elsewhere_are_not_looked_for(tmp_path: Path, place: str) -> None:
+    mha = f"ObjectType = Image\nNDims = 3\nDimSize = 40 24 5\nElementType = MET_UCHAR\nElementDataFile = {place}\n"
+    (tmp_path / "a.mhd").write_text(mha)
+    (tmp_path / "a.nhdr").write_text(
+        f"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 40 24 5\nencoding: raw\ndata file: {place}\n"
+    )
+    for read, name in ((read_metaimage, "a.mhd"), (read_nrrd, "a.nhdr")):
+        with pytest.raises(FrameError, match=f"{name}: its pixels are said to be in '{place}'"):
+            read(tmp_path / name, IJK)
 
 
 def test_an_nrrd_with_labels_needs_no_names(tmp_path: Path) -> None:

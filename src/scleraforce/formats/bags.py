@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.formats.bag_images import image_pixels
 from scleraforce.formats.extra import package_for
+from scleraforce.formats.faults import named_faults
 from scleraforce.formats.scan import PictureStream, Scan, Times, UnansweredError, check_bytes
 from scleraforce.recording.pixels import check_size
 from scleraforce.recording.tables import ForceLog
@@ -101,14 +102,10 @@ def read_bag(path: Path, topics: BagTopics) -> Bag:
 def _opened(path: Path) -> "Iterator[AnyReader]":
     highlevel = package_for(path, "rosbags.highlevel", "a ROS bag")
     typesys = package_for(path, "rosbags.typesys", "a ROS bag")
-    try:
-        # Older ROS 2 bags do not hold the definitions of their messages.
-        with highlevel.AnyReader([path], default_typestore=typesys.get_typestore(typesys.Stores.LATEST)) as bag:
-            yield bag
-    except (InputError, OSError, MemoryError):
-        raise
-    except Exception as fault:  # rosbags and the codecs below it raise whatever the damage leads to
-        raise FrameError(f"{path}: damaged or an unknown kind of ROS bag: {' '.join(str(fault).split())}") from fault
+    # Older ROS 2 bags do not hold the definitions of their messages.
+    store = typesys.get_typestore(typesys.Stores.LATEST)
+    with named_faults(path, "ROS bag"), highlevel.AnyReader([path], default_typestore=store) as bag:
+        yield bag
 
 
 def _topic(path: Path, bag: "AnyReader", kinds: Sequence[str], told: str | None, option: str) -> "Connection | None":

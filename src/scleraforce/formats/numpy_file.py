@@ -2,13 +2,13 @@
 
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.formats.axes import array_scan
+from scleraforce.formats.faults import named_faults
 from scleraforce.formats.scan import Scan, UnansweredError, check_bytes
 
 __all__ = ["read_numpy"]
@@ -26,10 +26,8 @@ def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> S
         UnansweredError: axes or array are open.
         FrameError: it cannot be read.
     """
-    try:
+    with named_faults(path, "NumPy file of numbers"):
         return array_scan(path, _loaded(path, array), axes)
-    except (ValueError, BadZipFile, EOFError, KeyError) as fault:
-        raise FrameError(f"{path}: not a NumPy file of numbers: {fault}") from fault
 
 
 def _loaded(path: Path, array: str | None) -> NDArray[Any]:

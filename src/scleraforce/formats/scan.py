@@ -96,7 +96,7 @@ def joined(scans: Sequence[Scan]) -> Scan:
     return replace(
         first,
         names=tuple(name for scan in ordered for name in scan.names),
-        pictures=lambda: (picture for scan in ordered for picture in scan.pictures()),
+        pictures=lambda: (picture for scan in ordered for picture in _checked(scan)),
         times=times,
         notes=tuple(dict.fromkeys(note for scan in scans for note in scan.notes)),
     )
@@ -119,6 +119,24 @@ def check_bytes(path: Path, count: int) -> None:
     """
     if count > LARGEST_BYTES:
         raise FrameError(f"{path}: {count:,} bytes of frames; {LARGEST_BYTES // 2**30} GiB at most (docs/formats.md)")
+
+
+def _checked(scan: Scan) -> PictureStream:
+    """Yield a scan's frames where they are as many and as large as it says; damaged files have others.
+
+    Raises:
+        FrameError: they are not.
+    """
+    count = 0
+    for picture in scan.pictures():
+        count += 1
+        if picture.shape != (scan.rows, scan.columns) or count > len(scan.names):
+            raise FrameError(
+                f"{scan.names[0]}: damaged: a frame of {picture.shape}, number {count}, that it does not state"
+            )
+        yield picture
+    if count < len(scan.names):
+        raise FrameError(f"{scan.names[0]}: damaged: {count} of {len(scan.names)} frames can be read")
 
 
 def _kind(scan: Scan) -> tuple[object, ...]:

@@ -6,13 +6,13 @@ told a refractive index.
 """
 
 from pathlib import Path
-from typing import IO
 from xml.etree import ElementTree
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZipFile
 
 import numpy as np
 
 from scleraforce.errors import FrameError
+from scleraforce.formats.faults import named_faults
 from scleraforce.formats.scan import PictureStream, Scan, check_bytes
 from scleraforce.recording.pixels import check_size
 from scleraforce.recording.scaled_frame import Sourced
@@ -22,6 +22,7 @@ __all__ = ["read_thorlabs"]
 
 HEADER, INTENSITY = "Header.xml", "Intensity"
 HEADER_BYTES = 2**22
+KIND = "Thorlabs .oct file"
 SAMPLE = np.dtype("<f4")
 
 
@@ -31,13 +32,11 @@ def read_thorlabs(path: Path) -> Scan:
     Raises:
         FrameError: it has none, or cannot be read.
     """
-    try:
-        with ZipFile(path) as archive:
-            entry, name = _intensity(path, archive)
-            rows, columns, count = (int(entry.get(f"Size{axis}", "1")) for axis in "ZXY")
-            stated = archive.getinfo(name).file_size
-    except (BadZipFile, KeyError, ValueError, ElementTree.ParseError) as fault:
-        raise FrameError(f"{path}: damaged or no Thorlabs .oct file: {fault}") from fault
+    with named_faults(path, KIND), ZipFile(path) as archive:
+        entry, name = _intensity(path, archive)
+        rows, columns, count = (int(entry.get(f"Size{axis}", "1")) for axis in "ZXY")
+        stated = archive.getinfo(name).file_size
+        depth, lateral = _pixel_m(entry, "RangeZ", rows), _pixel_m(entry, "RangeX", columns)
     check_size(path, rows, columns)
     check_bytes(path, stated)
     if stated != rows * columns * count * SAMPLE.itemsize:
@@ -47,8 +46,8 @@ def read_thorlabs(path: Path) -> Scan:
         rows=rows,
         columns=columns,
         pictures=lambda: _pictures(path, name, (columns, rows)),
-        depth_pixel_m=_pixel_m(entry, "RangeZ", rows),
-        lateral_pixel_m=_pixel_m(entry, "RangeX", columns),
+        depth_pixel_m=depth,
+        lateral_pixel_m=lateral,
     )
 
 
@@ -69,17 +68,11 @@ def _intensity(path: Path, archive: ZipFile) -> tuple[ElementTree.Element, str]:
 
 def _pixel_m(entry: ElementTree.Element, attribute: str, count: int) -> Sourced | None:
     range_mm = float(entry.get(attribute, "0"))
-    return Sourced(to_si(range_mm, "mm") / count, f"Thorlabs' {attribute}") if range_mm > 0.0 else None
+    return Sourced(to_si(range_mm, "mm") / count, f"Thorlabs' {attribute}") if range_mm > 0.0 and count > 0 else None
 
 
 def _pictures(path: Path, name: str, shape: tuple[int, int]) -> PictureStream:
-    with ZipFile(path) as archive, archive.open(name) as file:
-        while data := _read(file, shape[0] * shape[1] * SAMPLE.itemsize):
+    size = shape[0] * shape[1] * SAMPLE.itemsize
+    with named_faults(path, KIND), ZipFile(path) as archive, archive.open(name) as file:
+        while data := file.read(size):
             yield np.frombuffer(data, dtype=SAMPLE).reshape(shape).T
-
-
-def _read(file: IO[bytes], size: int) -> bytes:
-    data = file.read(size)
-    if data and len(data) < size:
-        raise FrameError(f"{file.name}: ends in the middle of a frame")
-    return data

@@ -6,12 +6,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
+from struct import unpack
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
+from scleraforce.formats.faults import named_faults
 from scleraforce.formats.greys import one_grey
 from scleraforce.formats.scan import PictureStream, Scan, Times, check_bytes, rising
 from scleraforce.recording.scaled_frame import Sourced
@@ -42,6 +44,8 @@ def read_tiff_scan(path: Path) -> Scan:
         with path.open("rb") as opened, mmap(opened.fileno(), 0, access=ACCESS_READ) as data:
             for entry in file.pages:
                 check_page(path, entry.aspage(), data)
+            if not _is_whole(file, count, data):
+                raise FrameError(f"{path}: damaged: its end is missing, or pages that it states")
         depth, lateral = _pixel_m(file, page, rows, columns)
         times = _times(file, count)
         names = tuple(f"{path}[{nth}]" for nth in range(count)) if count > 1 else (str(path),)
@@ -55,13 +59,9 @@ def read_tiff_scan(path: Path) -> Scan:
 def _opened(path: Path) -> "Iterator[tifffile.TiffFile]":
     import tifffile
 
-    try:
-        with tifffile.TiffFile(path) as file:
-            yield file
-    except (FrameError, OSError):
-        raise
-    except Exception as fault:  # tifffile and its codecs raise whatever the damage leads to
-        raise FrameError(f"{path}: damaged or an unknown kind of TIFF: {fault}") from fault
+    tifffile.logger().setLevel("CRITICAL")  # what is wrong with a file is told once, by us
+    with named_faults(path, "TIFF"), tifffile.TiffFile(path) as file:
+        yield file
 
 
 def _sizes(path: Path, series: "tifffile.TiffPageSeries") -> tuple[int, int, int]:
@@ -72,6 +72,20 @@ def _sizes(path: Path, series: "tifffile.TiffPageSeries") -> tuple[int, int, int
         found = ", ".join(f"{axis} {size}" for axis, size in length.items())
         raise FrameError(f"{path}: axes {found}; give a stack of frames with one axis beside rows (Y) and columns (X)")
     return length[others[0]] if others else 1, length["Y"], length["X"]
+
+
+def _is_whole(file: "tifffile.TiffFile", count: int, data: mmap) -> bool:
+    """Return whether all that a file refers to lies in it: tifffile leaves out pages that it cannot reach."""
+    if file.imagej_metadata and int(file.imagej_metadata.get("images", 1)) != count:
+        return False
+    last, form = file.pages[-1].aspage(), file.tiff
+    tags = last.offset + form.tagnosize
+    (number,) = unpack(form.tagnoformat, data[last.offset : tags])
+    after = tags + number * form.tagsize
+    (following,) = unpack(form.offsetformat, data[after : after + form.offsetsize])
+    pages = [entry.aspage() for entry in file.pages]
+    ends = [at + size for page in pages for at, size in zip(page.dataoffsets, page.databytecounts, strict=True)]
+    return following == 0 and max(ends) <= len(data)
 
 
 def _pictures(path: Path, shape: tuple[int, int, int]) -> PictureStream:

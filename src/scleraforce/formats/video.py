@@ -1,5 +1,6 @@
 """Films (AVI, MP4, MOV, MKV) as scanners export them: frames of 8 bits, times as the film plays."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,7 +25,7 @@ def read_film(path: Path) -> Scan:
     with _opened(path) as film:
         rows, columns = (int(film.get(what)) for what in (cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FRAME_WIDTH))
         check_size(path, rows, columns)
-        rate_hz = float(film.get(cv2.CAP_PROP_FPS))
+        rate_hz, stated = float(film.get(cv2.CAP_PROP_FPS)), int(film.get(cv2.CAP_PROP_FRAME_COUNT))
         times_ms = []
         while film.grab():
             times_ms.append(float(film.get(cv2.CAP_PROP_POS_MSEC)))
@@ -32,6 +33,12 @@ def read_film(path: Path) -> Scan:
         raise FrameError(f"{path}: no frame in it that can be decoded")
     check_bytes(path, len(times_ms) * rows * columns)
     time_s = to_si(np.array(times_ms), "ms")
+    notes = [
+        f"{path}: a film's compression changes grey levels and fine structure; times are those at which it plays "
+        "(--rate-hz where frames were taken at another rate)"
+    ]
+    if len(times_ms) < stated:
+        notes.append(f"{path}: states {stated} frames, of which {len(times_ms)} can be decoded; was it cut off?")
     return Scan(
         names=tuple(f"{path}[{nth}]" for nth in range(len(times_ms))),
         rows=rows,
@@ -39,15 +46,15 @@ def read_film(path: Path) -> Scan:
         pictures=lambda: _pictures(path, rows, columns),
         bits=8,
         times=Times(time_s, f"film of {rate_hz:g} frames a second") if rising(time_s) else None,
-        notes=(
-            f"{path}: a film's compression changes grey levels and fine structure; times are those at which it plays "
-            "(--rate-hz where frames were taken at another rate)",
-        ),
+        notes=tuple(notes),
     )
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
+    # What is wrong with a film is told once, by us: neither OpenCV nor its FFmpeg says it too.
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     film = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG)
     try:
         if not film.isOpened():
@@ -55,6 +62,7 @@ def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
         yield film
     finally:
         film.release()
+        cv2.utils.logging.setLogLevel(before)
 
 
 def _pictures(path: Path, rows: int, columns: int) -> PictureStream:

@@ -6,16 +6,17 @@ write where they know none, and counts as none.
 
 import re
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 
-from scleraforce.errors import FrameError, InputError
+from scleraforce.errors import FrameError
 from scleraforce.formats.axes import AXES, array_scan
 from scleraforce.formats.extra import package_for
+from scleraforce.formats.faults import named_faults
 from scleraforce.formats.scan import LARGEST_BYTES, Scan, Times, check_bytes, rising
 from scleraforce.recording.scaled_frame import Sourced
 from scleraforce.recording.tiff_image import METRES
@@ -38,8 +39,7 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
         FrameError: it cannot be read.
     """
     nibabel = package_for(path, "nibabel", "NIfTI")
-
-    def read() -> Scan:
+    with named_faults(path, "NIfTI"):
         image = nibabel.load(path)
         header = image.header
         check_bytes(path, int(np.prod(header.get_data_shape(), dtype=np.int64)) * header.get_data_dtype().itemsize)
@@ -55,8 +55,6 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
         times = Times(np.arange(len(scan.names), dtype=np.float64) * step_s, "NIfTI's pixdim") if step_s > 0.0 else None
         return replace(scan, times=times)
 
-    return _named(path, "NIfTI", read)
-
 
 def read_metaimage(path: Path, axes: Axes) -> Scan:
     """Return a MetaImage's frames; its spacing is in mm.
@@ -66,19 +64,17 @@ def read_metaimage(path: Path, axes: Axes) -> Scan:
         FrameError: it cannot be read.
     """
     metaimageio = package_for(path, "metaimageio", "MetaImage")
-
-    def read() -> Scan:
+    with named_faults(path, "MetaImage"):
         stated = _metaimage_header(path)
         size = [int(length) for length in stated["DimSize"].split()]
         check_bytes(path, int(np.prod(size, dtype=np.int64)) * 8)
+        data = _data_file(path, stated["ElementDataFile"].removesuffix("LOCAL"))
         if stated.get("CompressedData", "").upper() == "TRUE":
-            _check_packed(path, int(np.prod(size, dtype=np.int64)) * 8)
+            _check_packed(data, b"LOCAL" if data == path else b"", int(np.prod(size, dtype=np.int64)) * 8)
         array, header = metaimageio.read(path)
         steps = header["ElementSpacing"]
         spacing = _stated(steps.tolist(), METRES["mm"], "ElementSpacing") if steps is not None else ()
         return array_scan(path, array.T, axes, spacing)
-
-    return _named(path, "MetaImage", read)
 
 
 def read_nrrd(path: Path, axes: Axes) -> Scan:
@@ -89,31 +85,18 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
         FrameError: it cannot be read.
     """
     nrrd = package_for(path, "nrrd", "NRRD")
-
-    def read() -> Scan:
+    with named_faults(path, "NRRD"):
         header = nrrd.read_header(str(path))
         count = int(np.prod(header["sizes"], dtype=np.int64)) * NRRD_SAMPLE_BYTES
         check_bytes(path, count)
+        data = _data_file(path, str(header.get("data file", header.get("datafile", ""))))
         if header["encoding"] in ("gzip", "gz"):
-            _check_packed(path, count)
+            _check_packed(data, b"\n\n" if data == path else b"", count)
         array, _ = nrrd.read(str(path), index_order="F")
         steps, unit = _nrrd_steps(header, array.ndim)
         named = axes or _nrrd_axes(header, array.shape)
         scan = array_scan(path, array, named, _stated(steps, METRES.get(unit), "NRRD's spacing"))
         return replace(scan, times=_nrrd_times(header, len(scan.names)))
-
-    return _named(path, "NRRD", read)
-
-
-def _named(path: Path, kind: str, read: Callable[[], Scan]) -> Scan:
-    try:
-        return read()
-    except (InputError, MemoryError):
-        raise
-    except Exception as fault:  # the packages raise whatever the damage leads to, OSError included
-        if isinstance(fault, OSError) and fault.errno is not None:
-            raise
-        raise FrameError(f"{path}: damaged or an unknown kind of {kind}: {' '.join(str(fault).split())}") from fault
 
 
 def _stated(steps: Sequence[float], unit_m: float | None, source: str) -> tuple[Sourced | None, ...]:
@@ -125,8 +108,22 @@ def _stated(steps: Sequence[float], unit_m: float | None, source: str) -> tuple[
 
 def _metaimage_header(path: Path) -> dict[str, str]:
     with path.open("rb") as file:
-        text = file.read(HEADER_BYTES).partition(b"ElementDataFile")[0].decode("ascii", "replace")
+        before, key, after = file.read(HEADER_BYTES).partition(b"ElementDataFile")
+    text = (before + key + after.partition(b"\n")[0]).decode("ascii", "replace")
     return dict(re.findall(r"^\s*(\w+)\s*=\s*(.*?)\s*$", text, flags=re.MULTILINE))
+
+
+def _data_file(path: Path, named: str) -> Path:
+    """Return the file that holds the pixels of a header: its own where it names none, else one beside it.
+
+    Raises:
+        FrameError: it names one elsewhere.
+    """
+    if not named:
+        return path
+    if PurePath(named).name != named:
+        raise FrameError(f"{path}: its pixels are said to be in {named!r}; import it where they lie beside it")
+    return path.with_name(named)
 
 
 def _nrrd_axes(header: Any, shape: tuple[int, ...]) -> Axes:
@@ -160,15 +157,14 @@ def _nrrd_steps(header: Any, count: int) -> tuple[list[float], str]:
     return [float(spacing) for spacing in spacings], units[0] if units else ""
 
 
-def _check_packed(path: Path, most: int) -> None:
-    """Check that the zlib or gzip stream in a file gives no more bytes than its header says.
+def _check_packed(path: Path, mark: bytes, most: int) -> None:
+    """Check that the zlib or gzip stream behind a mark in a file gives no more bytes than its header says.
 
     Raises:
         FrameError: it gives more.
     """
     data = path.read_bytes()
-    begin = max(data.find(b"\n\n"), data.find(b"LOCAL") + 5)
-    unpacked, rest = 0, data[begin:].lstrip(b"\r\n")
+    unpacked, rest = 0, data[data.find(mark) + len(mark) :].lstrip(b"\r\n")
     stream = zlib.decompressobj(GZIP_OR_ZLIB)
     while rest and not stream.eof and unpacked <= min(most, LARGEST_BYTES):
         unpacked += len(stream.decompress(rest, 2**24))

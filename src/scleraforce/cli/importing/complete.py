@@ -105,7 +105,7 @@ def _stated(gathered: Gathered, greys: Greys) -> dict[str, tuple[Any, str]]:
     extents = {"width_mm": (scan.lateral_pixel_m, scan.columns), "depth_mm": (scan.depth_pixel_m, scan.rows)}
     for name, (pixel, count) in extents.items():
         if isinstance(pixel, Sourced):
-            found[name] = (float(f"{from_si(pixel.value * count, 'mm'):.9g}"), pixel.source)
+            found[name] = (float(f"{from_si(pixel.value * count, 'mm'):.7g}"), pixel.source)
     if greys.scaled:
         found["bits"] = (MOST_BITS, "scaled to them")
     elif scan.bits is not None:
