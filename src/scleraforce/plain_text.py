@@ -1,4 +1,4 @@
-"""Text for a terminal."""
+"""Text for a terminal: lines of at most 80 columns."""
 
 from textwrap import fill
 

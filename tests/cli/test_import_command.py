@@ -212,6 +212,40 @@ def test_a_slow_log_is_refused_by_the_name_that_it_was_to_have(tmp_path: Path, c
     assert f"{tmp_path}/r/forces.csv: time_s: 20 samples a second; at least 100 are needed" in error
 
 
+@pytest.mark.parametrize(
+    ("option", "what"),
+    [
+        (["--axis", "fz"], "a force log"), (["--contact-sign", "1"], "a force log"),
+        (["--average-s", "1"], "a force log"), (["--clock-offset-s", "0"], "a force log"),
+        (["--column", "fz=a:N"], "a force log of text"),
+        (["--image-topic", "/a"], "a ROS bag"), (["--force-topic", "/a"], "a ROS bag"), (["--by-arrival"], "a ROS bag"),
+        (["--array", "a"], "a NumPy file"),
+    ],
+)  # fmt: skip
+def test_an_option_with_nothing_to_act_on_is_refused(tmp_path: Path, capsys, option: list[str], what: str) -> None:
+    error = refused(capsys, tmp_path / "r", stack(tmp_path / "a.tif"), *told("--bits", 16), *option)
+    assert error == f"error: {option[0]}: acts on {what}, which is not among the sources; leave it out\n"
+
+
+def test_a_rate_takes_frames_off_the_clock_of_their_bag(tmp_path: Path, capsys) -> None:
+    from ros_bag import write_bag
+
+    bag = write_bag(tmp_path / "bag", "mcap")
+    size = ["--width-mm", 10, "--depth-mm", 4, "--bits", 13, "--axis", "fz", "--contact-sign", -1]
+    error = refused(capsys, tmp_path / "r", bag, *told(*size, "--rate-hz", 4))
+    assert "(--clock-offset-s)" in error
+
+
+def test_pictures_of_any_source_are_turned_where_their_columns_are_depth(tmp_path: Path, capsys) -> None:
+    from ros_bag import write_bag
+
+    bag = write_bag(tmp_path / "bag", "mcap", forces=False)
+    size = ["--width-mm", 10, "--depth-mm", 4, "--bits", 13, "--axes", "frame,lateral,depth"]
+    imported(capsys, bag, "--out", tmp_path / "r", *told(*size))
+    recording = read_recording(tmp_path / "r")
+    np.testing.assert_array_equal(recording.frame(recording.frames[1]), FRAMES[1].T)
+
+
 def test_a_recording_that_is_there_stays(tmp_path: Path, capsys) -> None:
     (tmp_path / "r").mkdir()
     assert "exists already" in refused(capsys, tmp_path / "r", stack(tmp_path / "a.tif"), *told("--bits", 16))

@@ -13,7 +13,7 @@ from scleraforce.formats.scan import UnansweredError
 
 pytest.importorskip("rosbags")
 from ros_bag import FORCE_TIMES_S, FRAME_TIMES_S, LATE_S, ROS2, START_NS, Messages, write_bag
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 REAL = Path(__file__).parents[3] / "shared" / "real-logs" / "ros2-wrench.db3"
@@ -28,6 +28,12 @@ def test_frames_and_forces_come_back_by_their_capture_stamps(tmp_path: Path, kin
     assert bag.log.columns == ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
     np.testing.assert_allclose(bag.log.wrench_sc[7], [7.0, 0.5, -0.007, 0.25, 0.0, 1.0])
     assert bag.scan.times.source == "header.stamp of /oct/image"
+
+
+@pytest.mark.parametrize("packed", ["FILE", "MESSAGE"])
+def test_packed_bags_are_read(tmp_path: Path, packed: str) -> None:
+    path = write_bag(tmp_path / "a", "sqlite", packed=CompressionMode[packed])
+    np.testing.assert_array_equal(pictures_of(read_bag(path, BagTopics()).scan), FRAMES)
 
 
 def test_how_late_messages_arrived_is_said(tmp_path: Path) -> None:

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dicom_file import write_dicom
-from format_frames import COUNT, FRAMES, ROWS, pictures_of
+from format_frames import COLUMNS, COUNT, FRAMES, pictures_of
 from pydicom.dataset import Dataset
+from pydicom.encaps import encapsulate, generate_frames
 from pydicom.sequence import Sequence
 from pydicom.uid import DeflatedExplicitVRLittleEndian, RLELossless
 
@@ -46,6 +47,7 @@ def test_ophthalmic_tomography_has_frames_scale_and_the_time_of_each(tmp_path: P
     [
         ({"FrameTime": 40.0}, [0.0, 0.04, 0.08, 0.12, 0.16]),
         ({"FrameTimeVector": [0.0, 10.0, 20.0, 10.0, 5.0]}, [0.0, 0.01, 0.03, 0.04, 0.045]),
+        ({"FrameTimeVector": [7.0, 10.0, 20.0, 10.0, 5.0]}, [0.0, 0.01, 0.03, 0.04, 0.045]),
     ],
 )
 def test_steps_of_time_are_added_up(tmp_path: Path, tags: dict[str, object], time_s: list[float]) -> None:
@@ -94,7 +96,11 @@ def test_frames_packed_as_rle_are_read_and_a_bomb_among_them_is_not(tmp_path: Pa
     dataset.compress(RLELossless)
     dataset.save_as(tmp_path / "a.dcm")
     np.testing.assert_array_equal(pictures_of(read_dicom_scan(tmp_path / "a.dcm")), FRAMES)
-    dataset.Rows = ROWS - 2  # the packed frames, the second as well as the first, hold more than that
+    fitting = next(generate_frames(dataset.PixelData, number_of_frames=COUNT))
+    large = write_dicom(tmp_path / "b.dcm", np.zeros((400, COLUMNS), np.uint16))
+    large.compress(RLELossless)
+    bomb = next(generate_frames(large.PixelData, number_of_frames=1))
+    dataset.PixelData = encapsulate([fitting, bomb, *[fitting] * (COUNT - 2)])
     dataset.save_as(tmp_path / "a.dcm")
     with pytest.raises(FrameError, match="damaged: more is packed in it"):
         read_dicom_scan(tmp_path / "a.dcm")

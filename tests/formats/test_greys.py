@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scleraforce.errors import FrameError
+from scleraforce.errors import FrameError, InputError
 from scleraforce.formats.greys import find_greys, one_grey
 
 RAMP = np.arange(12).reshape(3, 4)
@@ -39,6 +39,12 @@ def test_floats_are_scaled_from_the_smallest_of_all_frames_to_the_largest() -> N
 def test_a_range_that_was_told_is_black_to_white_and_what_lies_beyond_is_cut() -> None:
     picture = np.array([[0, 10, 20, 30]], dtype=np.uint8)
     np.testing.assert_array_equal(find_greys([picture], (10.0, 20.0), "a").counts(picture), [[0, 0, 65535, 65535]])
+
+
+@pytest.mark.parametrize("told", [(5.0, 5.0), (6.0, 5.0), (np.nan, 5.0)])
+def test_a_range_that_is_none_is_refused(told: tuple[float, float]) -> None:
+    with pytest.raises(InputError, match="--grey-range"):
+        find_greys([RAMP], told, "a")
 
 
 def test_wide_numbers_are_scaled() -> None:

@@ -89,6 +89,9 @@ def test_json_axes_count_where_they_go_with_the_pixels(tmp_path: Path) -> None:
     assert scan.depth_pixel_m.source == "JSON axes in the Software tag"
     assert read_tiff_scan(written(ROWS + 1)).depth_pixel_m is None
     assert read_tiff_scan(written(ROWS, 0.0)).depth_pixel_m is None
+    uneven = {"z": {"values": [n**2 for n in range(ROWS)], "units": "mm"}}
+    tifffile.imwrite(tmp_path / "b.tif", FRAMES[0], software=json.dumps({"metadata": uneven}))
+    assert read_tiff_scan(tmp_path / "b.tif").depth_pixel_m is None
 
 
 def test_white_as_zero_and_colour_become_brighter_is_larger(tmp_path: Path) -> None:
@@ -97,6 +100,19 @@ def test_white_as_zero_and_colour_become_brighter_is_larger(tmp_path: Path) -> N
     np.testing.assert_array_equal(pictures_of(read_tiff_scan(tmp_path / "a.tif")), grey)
     tifffile.imwrite(tmp_path / "b.tif", np.stack([grey] * 3, axis=-1), photometric="rgb")
     np.testing.assert_array_equal(pictures_of(read_tiff_scan(tmp_path / "b.tif")), grey)
+
+
+def test_series_of_several_kinds_are_refused(tmp_path: Path) -> None:
+    with tifffile.TiffWriter(tmp_path / "a.tif") as writer:
+        writer.write(FRAMES[0])
+        writer.write(FRAMES[0, :10])
+    with pytest.raises(FrameError, match="2 series of images"):
+        read_tiff_scan(tmp_path / "a.tif")
+    with tifffile.TiffWriter(tmp_path / "b.tif") as writer:
+        writer.write(FRAMES, photometric="minisblack")
+        writer.write(FRAMES, photometric="minisblack")
+    with pytest.raises(FrameError, match="2 series of images"):
+        read_tiff_scan(tmp_path / "b.tif")
 
 
 def test_stacks_of_two_axes_beside_the_picture_are_refused(tmp_path: Path) -> None:
@@ -116,6 +132,20 @@ def test_a_stack_that_was_cut_off_is_no_shorter_stack(tmp_path: Path, kind: str)
         (tmp_path / "a.tif").write_bytes(data[: int(share * len(data))])
         with pytest.raises(FrameError, match=r"a\.tif: damaged"):
             pictures_of(read_tiff_scan(tmp_path / "a.tif"))
+
+
+def test_pages_that_were_written_one_by_one_are_a_stack_and_cut_off_between_two_they_are_damaged(
+    tmp_path: Path,
+) -> None:
+    with tifffile.TiffWriter(tmp_path / "whole.tif") as writer:
+        for frame in FRAMES:
+            writer.write(frame, contiguous=False)
+    np.testing.assert_array_equal(pictures_of(read_tiff_scan(tmp_path / "whole.tif")), FRAMES)
+    with tifffile.TiffFile(tmp_path / "whole.tif") as file:
+        end = max(file.pages[2].offset, file.pages[2].dataoffsets[0] + file.pages[2].databytecounts[0])
+    (tmp_path / "a.tif").write_bytes((tmp_path / "whole.tif").read_bytes()[:end])
+    with pytest.raises(FrameError, match=r"a\.tif: damaged"):
+        read_tiff_scan(tmp_path / "a.tif")
 
 
 def test_a_damaged_file_is_named(tmp_path: Path) -> None:

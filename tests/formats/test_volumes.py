@@ -53,6 +53,12 @@ def test_a_spacing_that_nobody_stated_stays_open(tmp_path: Path, steps: tuple[fl
     assert (scan.lateral_pixel_m, scan.depth_pixel_m) == (None, None)
 
 
+def test_a_step_of_time_is_no_scale(tmp_path: Path) -> None:
+    scan = read_nifti(nifti(tmp_path / "a.nii", VOLUME[:, :, np.newaxis], (1.0, 1.0, 1.0, 0.25)), IJK)
+    assert (scan.lateral_pixel_m, scan.depth_pixel_m) == (None, None)
+    np.testing.assert_allclose(scan.times.time_s, 0.25 * np.arange(COUNT))
+
+
 def test_scaled_values_of_a_nifti_are_floats_with_their_slope(tmp_path: Path) -> None:
     image = nibabel.Nifti1Image(VOLUME * 0.5 - 3.0, np.eye(4))
     image.set_data_dtype(np.int16)  # the slope that is written makes the most of its range

@@ -8,7 +8,7 @@ from format_frames import FRAMES
 
 pytest.importorskip("rosbags")
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
@@ -51,7 +51,9 @@ def stamps(times_s) -> list[int]:
     return [START_NS + round(time_s * SECOND_NS) for time_s in times_s]
 
 
-def write_bag(path: Path, kind: str, stamped: bool = True, topics=("/oct/image",), forces: bool = True) -> Path:
+def write_bag(
+    path: Path, kind: str, stamped: bool = True, topics=("/oct/image",), forces: bool = True, packed=None
+) -> Path:
     """A bag of five frames and a wrench at 200 Hz; images arrive late, so that arrival has another order."""
     one = kind == "ros1"
     store = ROS1 if one else ROS2
@@ -67,6 +69,8 @@ def write_bag(path: Path, kind: str, stamped: bool = True, topics=("/oct/image",
     for nth, stamp_ns in enumerate(stamps(FORCE_TIMES_S) if forces else []):
         message = messages.wrench(stamp_ns, [nth, 0.5, -nth / 1e3, 0.25, 0.0, 1.0])
         sent.append((stamp_ns + SECOND_NS // 1000, "/ft/wrench", message, "geometry_msgs/msg/WrenchStamped"))
+    if packed is not None:
+        writer.set_compression(packed, CompressionFormat.ZSTD)
     with writer:
         kinds = {topic: kind for _, topic, _, kind in sent}
         connections = {topic: writer.add_connection(topic, kind, typestore=store) for topic, kind in kinds.items()}

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from scleraforce.cli.output import print_json
+from scleraforce.cli.output import print_json, say
 from scleraforce.cli.single_frames import is_folder
 from scleraforce.errors import InputError
 
@@ -48,7 +48,7 @@ def export(thing: Path, out: Path, answers: Path | None, force: bool, as_json: b
     if as_json:
         print_json({"out": str(out), "rows": rows})
     else:
-        click.echo(f"wrote {out}: {rows} frames")
+        say(f"wrote {out}: {rows} frames")
 
 
 def _export_answers(thing: Path, out: Path, answers: Path | None) -> int:

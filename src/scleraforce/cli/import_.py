@@ -9,7 +9,7 @@ from click.core import ParameterSource
 
 from scleraforce import __version__
 from scleraforce.cli.importing.options import OPTION, ImportAnswers, answer_options
-from scleraforce.cli.output import count_bar, print_json, progress_bar
+from scleraforce.cli.output import count_bar, print_json, progress_bar, say
 
 if TYPE_CHECKING:
     import numpy as np
@@ -75,7 +75,7 @@ def import_(
         print_json(entries(out, done, greys))
     else:
         for line in lines(out, done, greys):
-            click.echo(line)
+            say(line)
 
 
 def _origins(ctx: click.Context, like: Path | None) -> dict[str, str]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scleraforce.cli.output import print_json, progress_bar
+from scleraforce.cli.output import print_json, progress_bar, say
 from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
 from scleraforce.errors import InputError
 from scleraforce.plain_text import wrapped
@@ -60,9 +60,9 @@ def show(
         print_json({"kind": found.kind, "path": str(thing), **found.facts, "wrote": [str(path) for path in written]})
         return
     for line in _lines(thing, found):
-        click.echo(line)
+        say(line)
     for path in written:
-        click.echo(f"wrote {path}")
+        say(f"wrote {path}")
 
 
 def _check_options(

@@ -11,7 +11,7 @@ from scleraforce.formats.bags import BagTopics, read_bag
 from scleraforce.formats.force_log import read_force_text, read_log_text
 from scleraforce.formats.log_columns import LogColumn
 from scleraforce.formats.scan import Scan, Times, joined, rising
-from scleraforce.formats.sources import SourceOrder, files_of, kind_of, natural_order, read_scan
+from scleraforce.formats.sources import SourceOrder, files_of, kind_of, natural_order, oriented, read_scan
 from scleraforce.recording.tables import ForceLog
 
 __all__ = ["Asked", "Gathered", "gather", "on_one_clock"]
@@ -23,7 +23,7 @@ SINCE_1970_S = 1e8  # a clock beyond counts from 1970
 class Asked:
     """What was answered on how sources are read."""
 
-    reading: SourceOrder = field(default_factory=SourceOrder)
+    order: SourceOrder = field(default_factory=SourceOrder)
     columns: tuple[LogColumn, ...] = ()
     topics: BagTopics = field(default_factory=BagTopics)
 
@@ -64,14 +64,14 @@ def gather(sources: Sequence[Path], asked: Asked, seen: Callable[[int], None] = 
     for path, kind in files:
         if kind == "bag":
             bag = read_bag(path, asked.topics)
-            scans += [bag.scan] if bag.scan is not None else []
+            scans += [oriented(path, bag.scan, asked.order)] if bag.scan is not None else []
             logs += [(path, bag.log)] if bag.log is not None else []
             notes += bag.notes
         elif kind == "log":
             log, columns = read_force_text(read_log_text(path), asked.columns)
             logs.append((path, log))
         else:
-            scans.append(read_scan(path, kind, asked.reading))
+            scans.append(read_scan(path, kind, asked.order))
         seen(1)
     if not scans:
         raise InputError(f"{sources[0]}: no frames in the sources; give images, a volume, a film or a bag with images")

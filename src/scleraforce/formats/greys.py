@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.errors import FrameError
+from scleraforce.errors import FrameError, InputError
 from scleraforce.recording.pixels import grey_pixels
 
 __all__ = ["MOST_BITS", "TOP", "Greys", "find_greys", "one_grey"]
@@ -59,7 +59,10 @@ def find_greys(pictures: Iterable[NDArray[Any]], told: tuple[float, float] | Non
 
     Raises:
         FrameError: pixels of another type, or all of one value.
+        InputError: the range that was told is none.
     """
+    if told is not None and not told[0] < told[1]:
+        raise InputError(f"--grey-range: {told[0]:g} {told[1]:g}; give the darkest value before a larger one")
     low, high, lost, whole = np.inf, -np.inf, 0, True
     for picture in pictures:
         if picture.dtype.kind not in "uif":

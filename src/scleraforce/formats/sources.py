@@ -9,7 +9,7 @@ from scleraforce.errors import FrameError, InputError
 from scleraforce.formats.scan import Scan
 from scleraforce.whole_files import FileKind, check_regular
 
-__all__ = ["SourceOrder", "files_of", "kind_of", "natural_order", "read_scan"]
+__all__ = ["SourceOrder", "files_of", "kind_of", "natural_order", "oriented", "read_scan"]
 
 SOURCE = FileKind("source", 64 * 2**30, "", FrameError)
 HEAD_BYTES = 512
@@ -62,7 +62,7 @@ def natural_order(path: Path) -> list[tuple[int, str]]:
 
 
 def kind_of(path: Path) -> str:
-    """Return what a source is: a key of `READERS`, "bag", "log".
+    """Return what a source is: what `read_scan` reads, "bag" or "log".
 
     Raises:
         InputError: it is no regular file, or of no kind that is read.
@@ -81,30 +81,30 @@ def kind_of(path: Path) -> str:
     return kind
 
 
-def read_scan(path: Path, kind: str, reading: SourceOrder) -> Scan:
+def read_scan(path: Path, kind: str, order: SourceOrder) -> Scan:
     """Return the frames of a source of a kind that `kind_of` tells.
 
     Raises:
-        InputError: it cannot be read, or leaves open what `reading` does not answer.
+        InputError: it cannot be read, or leaves open what `order` does not answer.
     """
     # Each format brings its own packages, which take long to import: only that of this file is.
     match kind:
         case "picture":
             from scleraforce.formats.pictures import read_picture
 
-            return _oriented(path, read_picture(path), reading)
+            return oriented(path, read_picture(path), order)
         case "tiff":
             from scleraforce.formats.tiff import read_tiff_scan
 
-            return _oriented(path, read_tiff_scan(path), reading)
+            return oriented(path, read_tiff_scan(path), order)
         case "dicom":
             from scleraforce.formats.dicom import read_dicom_scan
 
-            return _oriented(path, read_dicom_scan(path), reading)
+            return oriented(path, read_dicom_scan(path), order)
         case "film":
             from scleraforce.formats.video import read_film
 
-            return _oriented(path, read_film(path), reading)
+            return oriented(path, read_film(path), order)
         case "thorlabs":
             from scleraforce.formats.thorlabs import read_thorlabs
 
@@ -112,20 +112,23 @@ def read_scan(path: Path, kind: str, reading: SourceOrder) -> Scan:
         case "numpy":
             from scleraforce.formats.numpy_file import read_numpy
 
-            return read_numpy(path, reading.axes, reading.array)
+            return read_numpy(path, order.axes, order.array)
     from scleraforce.formats.volumes import read_metaimage, read_nifti, read_nrrd
 
-    return {"nifti": read_nifti, "metaimage": read_metaimage, "nrrd": read_nrrd}[kind](path, reading.axes)
+    return {"nifti": read_nifti, "metaimage": read_metaimage, "nrrd": read_nrrd}[kind](path, order.axes)
 
 
-def _oriented(path: Path, scan: Scan, reading: SourceOrder) -> Scan:
-    """Return pictures, whose rows are depth unless `--axes` says that their columns are."""
-    if reading.axes is None:
+def oriented(path: Path, scan: Scan, order: SourceOrder) -> Scan:
+    """Return pictures, whose rows are depth unless the axes say that their columns are.
+
+    Raises:
+        InputError: the axes do not begin with the frames.
+    """
+    if order.axes is None:
         return scan
-    order = tuple(name for name in reading.axes if name != "frame")
-    if reading.axes[0] != "frame" and len(reading.axes) == 3:
-        raise InputError(f"--axes: {','.join(reading.axes)}: {path} has frame after frame; begin with frame")
-    return scan.turned() if order == ("lateral", "depth") else scan
+    if order.axes[0] != "frame" and len(order.axes) == 3:
+        raise InputError(f"--axes: {','.join(order.axes)}: {path} has frame after frame; begin with frame")
+    return scan.turned() if order.axes[-2:] == ("lateral", "depth") else scan
 
 
 def _shown(path: Path) -> bool:

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -36,11 +36,9 @@ def read_tiff_scan(path: Path) -> Scan:
     """
     with _opened(path) as file:
         series = file.series[0]
-        if len(file.series) > 1:
-            raise FrameError(f"{path}: {len(file.series)} series of images; save the one with the frames alone")
-        count, rows, columns = _sizes(path, series)
+        count, rows, columns = _sizes(path, file.series)
         page = file.pages.first
-        check_bytes(path, series.nbytes)
+        check_bytes(path, sum(each.nbytes for each in file.series))
         with path.open("rb") as opened, mmap(opened.fileno(), 0, access=ACCESS_READ) as data:
             for entry in file.pages:
                 check_page(path, entry.aspage(), data)
@@ -64,8 +62,15 @@ def _opened(path: Path) -> "Iterator[tifffile.TiffFile]":
         yield file
 
 
-def _sizes(path: Path, series: "tifffile.TiffPageSeries") -> tuple[int, int, int]:
-    """Return how many frames, rows and columns there are."""
+def _sizes(path: Path, several: "Sequence[tifffile.TiffPageSeries]") -> tuple[int, int, int]:
+    """Return how many frames, rows and columns there are; pages that were written one by one are a series each."""
+    if len(several) > 1:
+        sizes = {(*_sizes(path, [series]), series.dtype) for series in several}
+        count, rows, columns, _ = next(iter(sizes))
+        if len(sizes) > 1 or count > 1:
+            raise FrameError(f"{path}: {len(several)} series of images; save the one with the frames alone")
+        return len(several), rows, columns
+    series = several[0]
     length = dict(zip(series.axes, series.shape, strict=True))
     others = [axis for axis, size in length.items() if axis not in "YXS" and size > 1]
     if not {"Y", "X"} <= set(length) or len(others) > 1 or not set(others) <= set(FRAME_AXES):

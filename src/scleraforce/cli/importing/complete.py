@@ -24,6 +24,17 @@ if TYPE_CHECKING:
 
 __all__ = ["Complete", "complete"]
 
+# What options act on: their names by those of their values.
+ACT_ON = {
+    "a force log": {
+        "axis": "--axis", "contact_sign": "--contact-sign", "average_s": "--average-s",
+        "clock_offset_s": "--clock-offset-s",
+    },
+    "a force log of text": {"columns": "--column"},
+    "a ROS bag": {"image_topic": "--image-topic", "force_topic": "--force-topic", "by_arrival": "--by-arrival"},
+    "a NumPy file": {"array": "--array"},
+    "frames whose axes are not fixed": {"axes": "--axes"},
+}  # fmt: skip
 ANSWER = "answer"  # the source of a value that was typed on the terminal
 
 
@@ -61,8 +72,9 @@ def complete(
         ask: whether somebody can be asked.
 
     Raises:
-        InputError: something stays open, or a value is beyond what a recording may have.
+        InputError: something stays open, an option has nothing to act on, or a value is none that a recording may have.
     """
+    _check_used(gathered, origins)
     times = told_times(gathered.scan, answers.times, answers.rate_hz) or gathered.scan.times
     needed = _needed(gathered, answers, times)
     stated = _stated(gathered, greys)
@@ -86,6 +98,26 @@ def complete(
     return Complete(gathered, moved, log, origin_s, _info(gathered, answers, values), sources)
 
 
+def _check_used(gathered: Gathered, origins: "Mapping[str, str]") -> None:
+    """Check that each option that was given has something to act on; those of another recording need not.
+
+    Raises:
+        InputError: one has nothing.
+    """
+    kinds = {kind for _, kind in gathered.files}
+    there = {
+        "a force log": gathered.log is not None,
+        "a force log of text": "log" in kinds,
+        "a ROS bag": "bag" in kinds,
+        "a NumPy file": "numpy" in kinds,
+        "frames whose axes are not fixed": bool(kinds - {"thorlabs", "log"}),
+    }
+    for what, options in ACT_ON.items():
+        unused = [option for name, option in options.items() if origins.get(name) == OPTION and not there[what]]
+        if unused:
+            raise InputError(f"{unused[0]}: acts on {what}, which is not among the sources; leave it out")
+
+
 def _needed(gathered: Gathered, answers: ImportAnswers, times: Times | None) -> set[str]:
     """Return the names of the options whose values this recording takes."""
     needed = {"width_mm", "depth_mm", "refractive_index", "bits", "eye", "gauge", "gap_mm"}
@@ -93,7 +125,8 @@ def _needed(gathered: Gathered, answers: ImportAnswers, times: Times | None) -> 
         needed.add("rate_hz")
     if gathered.log is not None:
         needed |= {"axis", "contact_sign"}
-        if not gathered.one_clock and answers.times is None:
+        by_bag = gathered.one_clock and answers.rate_hz is None
+        if not by_bag and answers.times is None:
             needed.add("clock_offset_s")
     return needed
 
