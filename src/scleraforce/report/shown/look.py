@@ -10,7 +10,7 @@ from scleraforce.plain_json import parse_json
 from scleraforce.report.shown.thing import Thing
 from scleraforce.whole_files import KINDS, read_bytes
 
-__all__ = ["kind_of", "look"]
+__all__ = ["LOG_FILES", "kind_of", "look"]
 
 # Kind -> the module and its function; each is imported when it is asked for, with the room that it speaks of.
 SHOWS = {
