@@ -1,8 +1,10 @@
 """`show` knows each kind of thing by itself, says what is in it, and draws it."""
 
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
+from shutil import copytree
 
 import pytest
 from analytic_frames import SMALL_LIBRARY
@@ -175,6 +177,20 @@ def test_a_whole_record_that_is_no_decision_is_named_with_its_place(
     log.close()
     assert run(["show", str(tmp_path)]) == 2
     assert "decisions-000001.jsonl: byte" in capsys.readouterr().err
+
+
+def test_a_pipe_in_a_log_is_refused_and_not_waited_for(tmp_path: Path, capsys: Captured) -> None:
+    os.mkfifo(write_log(tmp_path) / "log" / "decisions-000002.jsonl")
+    assert run(["show", str(tmp_path)]) == 2
+    assert "decisions-000002.jsonl: no regular file" in capsys.readouterr().err
+
+
+def test_the_curves_of_a_training_are_drawn_as_far_as_they_are_numbers(things: Path, tmp_path: Path) -> None:
+    copytree(things / "reader", tmp_path / "reader")
+    file = tmp_path / "reader" / "model.json"
+    record = json.loads(file.read_text()) | {"curves": {"training_loss": [2, 1.5], "validation_loss": ["a"], "b": 3}}
+    file.write_text(json.dumps(record))
+    assert run(["show", str(tmp_path / "reader"), "--plot", str(tmp_path / "curves.svg")]) == 0
 
 
 @pytest.mark.slow

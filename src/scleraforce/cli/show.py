@@ -43,10 +43,10 @@ def show(
 
     Example: scleraforce show eye-a --plot eye-a.svg
     """
-    from scleraforce.report.shown.look import look
+    from scleraforce.report.shown.kinds import thing_at
 
     _check_options(plot, html, model, calibration, finder)
-    found = look(thing)
+    found = thing_at(thing)
     if html is not None and found.kind != "recording":
         raise InputError(f"{thing}: a {found.kind}; --html browses recordings")
     if plot is not None:

@@ -14,14 +14,14 @@ from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.segmentation.wall import Segmentation
 from scleraforce.units import from_si
 
-__all__ = ["COLOURS", "MOST_PICTURES", "frame_pictures", "shown_frames", "wall_picture"]
+__all__ = ["MOST_PICTURES", "WALL_COLOURS", "frame_pictures", "shown_frames", "wall_picture"]
 
 MOST_PICTURES = 48  # of 20 KB each: a page of 1 MB, which a mail carries
 WIDTH = 480  # pixels: 3 side by side on a wide screen, one on a telephone, both sharp
 QUALITY = 75
 DEEPEST = 2.0  # times as deep as wide, at most
 
-COLOURS = (
+WALL_COLOURS = (
     "Red: the tissue's surface. Green: the wall's inner boundary; blue where it is not seen, 1 mm below the surface. "
     "Depth and width are to scale."
 )
@@ -57,7 +57,7 @@ def frame_pictures(evaluation: Evaluation, looks: Sequence[AnsweredFrame]) -> Ht
         for look in looks
     ]
     marked = {n for n, look in enumerate(looks) if _misread(look.answer)}
-    words = paragraph(f"{COLOURS} {_left_out(evaluation, looks)}")
+    words = paragraph(f"{WALL_COLOURS} {_left_out(evaluation, looks)}")
     return section("The wall in the frames", words, gallery(pictures, marked))
 
 

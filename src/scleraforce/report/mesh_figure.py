@@ -12,12 +12,12 @@ from scleraforce.laboratory.simulation import SimulatedEye
 from scleraforce.report.style import RED, SCAN_COLOURS, inches, styled
 from scleraforce.units import from_si
 
-__all__ = ["COLOURS", "behind_needle", "draw_deformed_mesh", "draw_simulation", "skin_outlines"]
+__all__ = ["DISPLACEMENT_COLOURS", "behind_needle", "draw_deformed_mesh", "draw_simulation", "skin_outlines"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-COLOURS = "viridis"
+DISPLACEMENT_COLOURS = "viridis"
 NEEDLE_LENGTH_M = 6e-3
 # The outline of each face of a hexahedron in VTK's order, mid-edge nodes included, counter-clockwise seen from outside.
 FACE_OUTLINES = (
@@ -72,7 +72,7 @@ def _draw_mesh(figure: Figure, eye: SimulatedEye, width: float) -> None:
     moved = from_si(eye.mesh.points_nc + eye.displacement_nc, "mm")
     amount = from_si(np.linalg.norm(eye.displacement_nc, axis=1)[outlines].mean(axis=1), "mm")
     scale = Normalize(0.0, max(float(amount.max()), 1e-6))
-    colours = ScalarMappable(scale, COLOURS)
+    colours = ScalarMappable(scale, DISPLACEMENT_COLOURS)
     faces = Poly3DCollection(moved[outlines], facecolors=colours.to_rgba(amount), edgecolors="white", linewidths=0.15)
     axes.add_collection3d(faces)
     _draw_needle(axes, eye)

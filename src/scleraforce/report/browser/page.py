@@ -14,7 +14,7 @@ from scleraforce.reader.evaluation import Evaluation, FrameAnswer
 from scleraforce.recording.files import read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.report.files import write_page
-from scleraforce.report.frame_pictures import COLOURS, shown_frames, wall_picture
+from scleraforce.report.frame_pictures import WALL_COLOURS, shown_frames, wall_picture
 from scleraforce.report.html import Html, bullets, embedded, page, paragraph, section
 from scleraforce.report.provenance import made_line
 from scleraforce.report.tables import class_names
@@ -69,7 +69,7 @@ def write_browser_html(
         f"{name}, read by {evaluation.model}.",
         made_line(made_at),
         Html(markup + embedded("frames", data)),
-        section("How to read it", paragraph(KEYS), paragraph(COLOURS)),
+        section("How to read it", paragraph(KEYS), paragraph(WALL_COLOURS)),
         *limits,
         style=style,
         script=script,

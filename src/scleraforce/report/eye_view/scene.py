@@ -13,7 +13,7 @@ from matplotlib import colormaps
 from numpy.typing import NDArray
 
 from scleraforce.laboratory.simulation import SimulatedEye
-from scleraforce.report.mesh_figure import COLOURS, behind_needle, skin_outlines
+from scleraforce.report.mesh_figure import DISPLACEMENT_COLOURS, behind_needle, skin_outlines
 from scleraforce.units import from_si
 
 __all__ = ["Skin", "eye_scene", "skin_of"]
@@ -64,7 +64,7 @@ def eye_scene(eye: SimulatedEye) -> dict[str, Any]:
     behind = behind_needle(eye)
     halves = [skin_of(eye.mesh.points_nc, eye.displacement_nc, eye.mesh.cells_en[half]) for half in (behind, ~behind)]
     highest_m = float(np.linalg.norm(eye.displacement_nc, axis=1).max())
-    stops = (colormaps[COLOURS](np.linspace(0.0, 1.0, SHADES))[:, :3] * 255).round().astype(int)
+    stops = (colormaps[DISPLACEMENT_COLOURS](np.linspace(0.0, 1.0, SHADES))[:, :3] * 255).round().astype(int)
     contact = np.argmin(np.linalg.norm(eye.mesh.points_nc - eye.mesh.radius_m * eye.contact.normal, axis=1))
     return {
         "radius_mm": from_si(eye.mesh.radius_m, "mm"),

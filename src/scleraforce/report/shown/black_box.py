@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from scleraforce.errors import InputError, MessageError
+from scleraforce.report.shown.kinds import LOG_FILES
 from scleraforce.report.shown.thing import Thing
 from scleraforce.report.style import AMBER, BLACK, BLUE, GREY, RED, inches, styled
 from scleraforce.service.black_box.decision_log import LogPart, read_log
@@ -43,9 +44,13 @@ def read_decisions(path: Path) -> DecisionsRead:
     """Read a log: a file, the folder of its files, or the folder of a black box.
 
     Raises:
-        InputError: there is no decision or note in it, or a whole record is none of a monitor.
+        InputError: there is no decision or note in it, a file of it is no regular one, or a whole record is none of a
+            monitor.
     """
     folder = path / "log" if (path / "log").is_dir() else path
+    for file in folder.glob(LOG_FILES):
+        if not file.is_file():
+            raise InputError(f"{file}: no regular file; a log has nothing else")
     decisions, notes, torn = [], [], 0
     for part in read_log(folder):
         if part.record is None:

@@ -38,7 +38,7 @@ def show_model(path: Path) -> Thing:
         ("seed", str(provenance.get("seed", "-"))),
         ("files", f"{', '.join(sorted(folder.files))}: {from_si(float(size), 'mb'):.1f} MB, hashes match"),
     ]  # fmt: skip
-    curves = {name: values for name, values in _table(record, "curves").items() if values}
+    curves = {name: values for name, values in _table(record, "curves").items() if _are_numbers(values)}
     facts = {
         "model_kind": record["kind"],
         "default": record.get("default"),
@@ -71,6 +71,10 @@ def draw_curves(curves: Mapping[str, Sequence[float]], steps: str) -> Figure:
 def _table(record: Mapping[str, Any], key: str) -> dict[str, Any]:
     found = record.get(key)
     return found if isinstance(found, dict) else {}
+
+
+def _are_numbers(values: Any) -> bool:
+    return isinstance(values, list) and bool(values) and all(isinstance(value, int | float) for value in values)
 
 
 def _default(record: Mapping[str, Any]) -> str:

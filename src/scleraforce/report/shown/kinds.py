@@ -10,7 +10,7 @@ from scleraforce.plain_json import parse_json
 from scleraforce.report.shown.thing import Thing
 from scleraforce.whole_files import KINDS, read_bytes
 
-__all__ = ["kind_of", "look"]
+__all__ = ["LOG_FILES", "kind_of", "thing_at"]
 
 # Kind -> the module and its function; each is imported when it is asked for, with the room that it speaks of.
 SHOWS = {
@@ -28,7 +28,7 @@ STORE_FILE = "zarr.json"
 PARTS = {"recording.toml": "recording", RECORD_FILE: "model", STORE_FILE: "store"}  # whose folder is the thing
 
 
-def look(path: Path) -> Thing:
+def thing_at(path: Path) -> Thing:
     """Look at whatever lies under a name.
 
     Raises:
