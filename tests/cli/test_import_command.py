@@ -301,7 +301,7 @@ def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(tmp_pa
 def test_every_question_is_an_option_and_every_option_an_answer() -> None:
     names = {parameter.name for parameter in import_.params if isinstance(parameter, click.Option)}
     fields = set(ImportAnswers.__dataclass_fields__)
-    assert set(questions.QUESTIONS) <= fields == names - {"out", "like", "as_json"}
+    assert set(questions.QUESTIONS) <= fields == names - {"out", "like", "as_json", "quiet"}  # quiet: as every command
     assert len(OPTIONS) == len(fields)
     assert main.module_name("import") == "import_"
 

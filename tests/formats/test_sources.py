@@ -11,7 +11,7 @@ from dicom_file import write_dicom
 from format_frames import FRAMES, pictures_of, write_log
 
 from scleraforce.errors import InputError
-from scleraforce.formats.sources import SourceOrder, files_of, kind_of, read_scan
+from scleraforce.formats.sources import SourceOrder, files_of, read_scan, source_kind
 
 
 def one_of_each(folder: Path) -> dict[str, str]:
@@ -46,22 +46,22 @@ def one_of_each(folder: Path) -> dict[str, str]:
 
 def test_each_kind_is_told(tmp_path: Path) -> None:
     kinds = one_of_each(tmp_path)
-    assert {path: kind_of(Path(path)) for path in kinds} == kinds
+    assert {path: source_kind(Path(path)) for path in kinds} == kinds
 
 
 @pytest.mark.parametrize(("name", "content"), [("a.bin", b"hello"), ("a.csv", b""), ("a.nii", b"")])
 def test_a_file_of_no_kind_that_is_read_is_refused(tmp_path: Path, name: str, content: bytes) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=f"{name}: .*; give PNG, JPEG, TIFF, DICOM"):
-        kind_of(tmp_path / name)
+        source_kind(tmp_path / name)
 
 
 def test_a_pipe_and_a_missing_file_are_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(InputError, match="pipe: a named pipe"):
-        kind_of(tmp_path / "pipe")
+        source_kind(tmp_path / "pipe")
     with pytest.raises(InputError, match="gone: No such file"):
-        kind_of(tmp_path / "gone")
+        source_kind(tmp_path / "gone")
 
 
 def test_a_folder_is_its_files_by_their_numbers(tmp_path: Path) -> None:

@@ -8,13 +8,13 @@ from format_frames import with_log
 from small_recording import write_small_recording
 
 from scleraforce.recording.files import Recording, read_recording
-from scleraforce.report.recording_preview import FirstFrame, draw_recording
+from scleraforce.report.recording_preview import FirstFrame, draw_preview
 
 
 def drawn(recording: Recording, count: int):
     entries = recording.frames[:count]
     frames = [FirstFrame(entry.file, entry.time_s, recording.frame(entry)) for entry in entries]
-    figure = draw_recording(recording, frames)
+    figure = draw_preview(recording, frames)
     figure.draw_without_rendering()
     return figure
 

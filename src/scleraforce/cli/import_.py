@@ -128,8 +128,8 @@ def _write(part: Path, done: "Complete", greys: "Greys") -> None:
 def _write_preview(recording: "Recording") -> None:
     from scleraforce.cli.importing.told import PREVIEW
     from scleraforce.report.files import write_figure
-    from scleraforce.report.recording_preview import SHOWN_FRAMES, FirstFrame, draw_recording
+    from scleraforce.report.recording_preview import SHOWN_FRAMES, FirstFrame, draw_preview
 
     shown = recording.frames[:SHOWN_FRAMES]
     frames = [FirstFrame(entry.file, entry.time_s, recording.frame(entry)) for entry in shown]
-    write_figure(draw_recording(recording, frames), recording.path / PREVIEW)
+    write_figure(draw_preview(recording, frames), recording.path / PREVIEW)

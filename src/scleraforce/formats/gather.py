@@ -11,7 +11,7 @@ from scleraforce.formats.bags import BagTopics, read_bag
 from scleraforce.formats.force_log import read_force_text, read_log_text
 from scleraforce.formats.log_columns import LogColumn
 from scleraforce.formats.scan import Scan, Times, joined, rising
-from scleraforce.formats.sources import SourceOrder, files_of, kind_of, natural_order, oriented, read_scan
+from scleraforce.formats.sources import SourceOrder, files_of, natural_order, oriented, read_scan, source_kind
 from scleraforce.recording.tables import ForceLog
 
 __all__ = ["Asked", "Gathered", "gather", "on_one_clock"]
@@ -56,7 +56,7 @@ def gather(sources: Sequence[Path], asked: Asked, seen: Callable[[int], None] = 
         UnansweredError: a source leaves something open that `asked` does not answer.
         InputError: one cannot be read, none has frames, or two have forces.
     """
-    files = [(path, kind_of(path)) for path in files_of(sources)]
+    files = [(path, source_kind(path)) for path in files_of(sources)]
     scans: list[Scan] = []
     logs: list[tuple[Path, ForceLog]] = []
     columns: tuple[LogColumn, ...] = ()

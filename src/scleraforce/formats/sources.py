@@ -9,7 +9,7 @@ from scleraforce.errors import FrameError, InputError
 from scleraforce.formats.scan import Scan
 from scleraforce.whole_files import FileKind, check_regular
 
-__all__ = ["SourceOrder", "files_of", "kind_of", "natural_order", "oriented", "read_scan"]
+__all__ = ["SourceOrder", "files_of", "natural_order", "oriented", "read_scan", "source_kind"]
 
 SOURCE = FileKind("source", 64 * 2**30, "", FrameError)
 HEAD_BYTES = 512
@@ -61,7 +61,7 @@ def natural_order(path: Path) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdecimal() else (0, part) for part in parts]
 
 
-def kind_of(path: Path) -> str:
+def source_kind(path: Path) -> str:
     """Return what a source is: what `read_scan` reads, "bag" or "log".
 
     Raises:
@@ -82,7 +82,7 @@ def kind_of(path: Path) -> str:
 
 
 def read_scan(path: Path, kind: str, order: SourceOrder) -> Scan:
-    """Return the frames of a source of a kind that `kind_of` tells.
+    """Return the frames of a source of a kind that `source_kind` tells.
 
     Raises:
         InputError: it cannot be read, or leaves open what `order` does not answer.

@@ -15,7 +15,7 @@ from scleraforce.recording.pixels import Pixels
 from scleraforce.report.style import AMBER, BLACK, BLUE, SCAN_COLOURS, inches, styled
 from scleraforce.units import from_si
 
-__all__ = ["SHOWN_FRAMES", "FirstFrame", "draw_recording"]
+__all__ = ["SHOWN_FRAMES", "FirstFrame", "draw_preview"]
 
 SHOWN_FRAMES = 3
 WIDTH_MM, FORCE_MM, WORDS_MM, TALLEST_MM = 170.0, 46.0, 12.0, 110.0
@@ -35,7 +35,7 @@ class FirstFrame:
 
 
 @styled
-def draw_recording(recording: Recording, frames: Sequence[FirstFrame]) -> Figure:
+def draw_preview(recording: Recording, frames: Sequence[FirstFrame]) -> Figure:
     """Draw the frames side by side, each as wide and deep as it is, and the contact force with the frames' times.
 
     Args:
