@@ -98,7 +98,13 @@ def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
 
 
 def _frame_entry(frame: FrameRecord) -> dict[str, Any]:
-    return {**vars(frame), "again": None if frame.again is None else vars(frame.again)}
+    again = frame.again
+    return {
+        **vars(frame),
+        "read_n": None if again is None else again.library_n,
+        "read_sd_n": None if again is None else again.sd_n,
+        "again": None if again is None else vars(again),
+    }
 
 
 def parse_calibration(file: CalibrationFile) -> Calibration:
