@@ -25,7 +25,12 @@ from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, KnownGlobe, known_globe
+from scleraforce.library import Library
+from scleraforce.library.files import load_library
 from scleraforce.library.sealed import iop_ratio_at_dent
+from scleraforce.models.folder import LIBRARY_FILE
+from scleraforce.models.shipped import SHIPPED_READER
+from scleraforce.units import to_si
 
 SEALED_WALLS = Walls(LIBRARY, UNKNOWN)
 NOISE_M = 10e-6
@@ -179,3 +184,34 @@ def test_a_calibrated_modulus_and_rigidity_tell_the_force_as_well_as_their_corre
         # The grid does not look at the frame, which shows something of the pressure, and so of both.
         assert 0.7 * alone_n < found[-1] < 1.05 * alone_n
     assert found[0] > 1.02 * found[1] > 1.04 * found[2]
+
+
+@pytest.fixture(scope="module")
+def library() -> Library:
+    """The walls of the reader that ships, for a contact 35 degrees from the pole."""
+    return load_library(SHIPPED_READER / LIBRARY_FILE).for_contact(0.6)
+
+
+@pytest.mark.parametrize(("rigidity", "thickness_m"), [(1.0, 0.58e-3), (1.25, 0.6e-3), (1.6, 0.5e-3)])
+def test_a_frame_near_the_pressure_that_runs_away_is_read_right(
+    library: Library, rigidity: float, thickness_m: float
+) -> None:
+    """From rest to 21 mmHg the dent hardly deepens any more: where nothing says where the pole lies, forces that are
+    twice as large look nearly alike, and a search from the dents that lie best ends a third below the truth.
+    """
+    walls = Walls(library, SEALED)
+    unknown = eye(1e-3, 0.0)
+    pressure_pa, modulus_pa = to_si(21.0, "mmhg"), 0.25e6
+    unknown[[THICKNESS, MODULUS, IOP, PRESSURE]] = thickness_m, log(modulus_pa), log(400.0), log(pressure_pa)
+    globe = replace(SEALED, mean=rigidity * REFERENCE_RIGIDITY, sd=0.03 * rigidity * REFERENCE_RIGIDITY)
+    tips_m = np.linspace(0.0, 3e-3, 300)
+    of_wall = np.full(300, thickness_m), np.full(300, pressure_pa / modulus_pa), tips_m
+    needed_m3 = globe.globe(globe.mean).displaced_m3(400.0, pressure_pa)
+    unknown[TIP] = np.interp(needed_m3, library.displaced_m3(*of_wall), tips_m)
+    depth = noisy_boundaries(predict_wall(walls, unknown, BOTH), 5e-6, np.random.default_rng(3))
+    known = replace(known_of(unknown, globe), polar_rad=None, direction_rad=None)
+    fit = fit_boundaries(library, LATERAL_M, depth, prior_of(known, RANGES))
+    assert fit is not None
+    true_n = float(force_n(walls, unknown[None])[0])
+    assert 30e-3 < true_n < 65e-3
+    assert fit.force_n == pytest.approx(true_n, rel=0.06)
