@@ -21,7 +21,7 @@ nitpicky = True  # a reference to what no page documents is an error
 # What other packages document (their inventories would have to be fetched), and types of ours that are no user's.
 nitpick_ignore_regex = [
     ("py:class", r"(numpy|dataclasses|pathlib|collections|os)\..*|PathLike"),
-    ("py:class", r"scleraforce\.calibration\.assimilation\..*"),
+    ("py:class", r"scleraforce\.calibration\.(assimilation|known_forces)\..*"),
 ]
 
 myst_enable_extensions = ["colon_fence", "dollarmath"]

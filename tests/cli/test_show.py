@@ -76,6 +76,8 @@ SAID = {
     "box/log": ("decision log", "30, 30 of them on a frame"),
     "box/log/decisions-000001.jsonl": ("decision log", "1.0 to 30.0 mN"),
     "reader": ("model", "reader, answers with its fit"),
+    "default": ("model", "library.npz"),
+    "wall-finder": ("model", "wall-finder"),
     "reader/library.npz": ("library", "radius 12 mm, 350 to 900 µm thick"),
 }
 
@@ -93,24 +95,36 @@ def test_each_thing_is_known_and_described_within_80_columns(things: Path, name:
 
 
 @pytest.mark.parametrize("name", SAID)
-def test_json_is_one_object_with_the_kind(things: Path, name: str, capsys: Captured) -> None:
-    assert run(["show", str(things / name), "--json"]) == 0
+def test_json_is_one_object_with_the_kind(things: Path, name: str, capsys: Captured,
+                                          monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    monkeypatch.chdir(things)
+    assert run(["show", name, "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
-    assert (said["kind"], said["path"]) == (SAID[name][0], str(things / name))
+    assert (said["kind"], said["path"]) == (SAID[name][0], name)
 
 
 BEGINS = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
 
 
-DRAWN = {"study.toml": ".png", "eye": ".svg", "modulus.json": ".pdf", "box": ".svg", "reader/library.npz": ".svg"}
+DRAWN = {"study.toml": ".png", "eye": ".svg", "modulus.json": ".pdf", "box": ".svg", "reader/library.npz": ".svg",
+         "default": ".svg", "wall-finder": ".svg"}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", DRAWN)
-def test_each_thing_is_drawn(things: Path, tmp_path: Path, name: str) -> None:
+def test_each_thing_is_drawn(things: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(things)
     ending = DRAWN[name]
     plot = tmp_path / f"plot{ending}"
-    assert run(["show", str(things / name), "--plot", str(plot)]) == 0
+    assert run(["show", name, "--plot", str(plot)]) == 0
     assert plot.read_bytes().startswith(BEGINS[ending])
+
+
+def test_a_thing_of_a_shipped_name_is_shown_itself(things: Path, tmp_path: Path, capsys: Captured,
+                                                   monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    copytree(things / "eye", "default")
+    assert run(["show", "default"]) == 0
+    assert capsys.readouterr().out.startswith("default: recording")
 
 
 def test_the_frames_of_a_recording_have_their_forces(things: Path, capsys: Captured) -> None:
@@ -138,7 +152,7 @@ def test_torn_parts_of_a_log_are_counted(tmp_path: Path, capsys: Captured) -> No
 
 REFUSED = {
     "nowhere": "nowhere: no such file or folder; give a study",
-    "empty": "empty: give a study, library, data set, model, recording, calibration or decision log",
+    "empty": "empty: give a study, library, data set, model (one that ships: default, wall-finder), recording,",
     "eye/recording.toml": "a part of a recording; give its folder",
     "eye/frames/0000.png": "0000.png: give a study",
     "eye --calibration modulus.json": "--calibration: only used with --html",

@@ -38,8 +38,9 @@ def show(
 ) -> None:
     """Say what THING is and what is in it.
 
-    THING is a study, a library, a data set, a model, a recording, a calibration
-    file, or the log of a black box; which of them is seen by itself.
+    THING is a study, a library, a data set, a model (or the name of one that
+    ships: default, wall-finder), a recording, a calibration file, or the log of
+    a black box; which of them is seen by itself.
 
     Example: scleraforce show eye-a --plot eye-a.svg
     """

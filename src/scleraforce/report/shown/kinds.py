@@ -6,11 +6,12 @@ from pathlib import Path
 
 from scleraforce.errors import InputError
 from scleraforce.models.folder import RECORD_FILE, STUDY_FILE
+from scleraforce.models.shipped import SHIPPED, model_folder
 from scleraforce.plain_json import parse_json
 from scleraforce.report.shown.thing import Thing
 from scleraforce.whole_files import KINDS, read_bytes
 
-__all__ = ["LOG_FILES", "kind_of", "thing_at"]
+__all__ = ["LOG_FILES", "thing_at"]
 
 # Kind -> the module and its function; each is imported when it is asked for, with the room that it speaks of.
 SHOWS = {
@@ -22,24 +23,28 @@ SHOWS = {
     "calibration": "show_calibration",
     "black_box": "show_black_box",
 }
-KNOWN = "give a study, library, data set, model, recording, calibration or decision log"
+KNOWN = (
+    f"give a study, library, data set, model (one that ships: {', '.join(SHIPPED)}), recording, calibration or "
+    "decision log"
+)
 LOG_FILES = "decisions-*.jsonl"
 STORE_FILE = "zarr.json"
 PARTS = {"recording.toml": "recording", RECORD_FILE: "model", STORE_FILE: "store"}  # whose folder is the thing
 
 
 def thing_at(path: Path) -> Thing:
-    """Look at whatever lies under a name.
+    """Look at whatever lies under a name, or at the shipped model of that name.
 
     Raises:
         InputError: nothing is there, it is of no known kind, or it cannot be read.
     """
-    kind = kind_of(path)
+    found = model_folder(path)
+    kind = _kind_of(found)
     show: Callable[[Path], Thing] = getattr(import_module(f"scleraforce.report.shown.{kind}"), SHOWS[kind])
-    return show(path / STUDY_FILE if kind == "study" and path.is_dir() else path)
+    return show(found / STUDY_FILE if kind == "study" and found.is_dir() else found)
 
 
-def kind_of(path: Path) -> str:
+def _kind_of(path: Path) -> str:
     """Return the kind of what lies under a name, a key of `SHOWS`; only names and a store's metadata are looked at.
 
     Raises:
