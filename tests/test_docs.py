@@ -24,7 +24,7 @@ from scleraforce.cli.main import COMMANDS
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 SLOW_COMMANDS = {"demo", "doctor", "simulate", "reproduce", "library", "generate", "train", "phantom", "calibrate"}
-SLOW_CALLS = re.compile(r"\b(sf\.train|linear_sections|FiniteWall|adaptive_bound_n)\(")
+SLOW_CALLS = re.compile(r"\b(sf\.train|sf\.calibrate|linear_sections|FiniteWall|adaptive_bound_n)\(")
 # Whose examples train and solve.
 SLOW_MODULES = {f"scleraforce.notebook.{name}" for name in ("calibrating", "training", "virtual")}
 LANGUAGES = {"console", "python", "toml", "json", "text", "csv", "mermaid", "{eval-rst}", ""}
@@ -90,7 +90,7 @@ def ignored(name: str) -> bool:
 def test_what_the_examples_of_the_readme_write_is_ignored_by_git() -> None:
     commands = [example.command for example in examples(ROOT / "README.md")]
     names = {name.split("/")[0] for command in commands for name in WRITTEN.findall(command)}
-    assert {"eye-a", "reader", "answers.html", "box", "monitor.txt", "eye.png"} <= names
+    assert {"eye-a", "reader", "answers.html", "eye-c.csv", "box", "monitor.txt", "eye.png"} <= names
     assert [name for name in sorted(names) if not ignored(name)] == []
     assert not ignored("src/scleraforce/reader/model.py")
 

@@ -219,12 +219,32 @@ def test_a_slow_log_is_refused_by_the_name_that_it_was_to_have(tmp_path: Path, c
         (["--average-s", "1"], "a force log"), (["--clock-offset-s", "0"], "a force log"),
         (["--column", "fz=a:N"], "a force log of text"),
         (["--image-topic", "/a"], "a ROS bag"), (["--force-topic", "/a"], "a ROS bag"), (["--by-arrival"], "a ROS bag"),
-        (["--array", "a"], "a NumPy file"),
+        (["--array", "a"], "an .npz file"),
     ],
 )  # fmt: skip
 def test_an_option_with_nothing_to_act_on_is_refused(tmp_path: Path, capsys, option: list[str], what: str) -> None:
     error = refused(capsys, tmp_path / "r", stack(tmp_path / "a.tif"), *told("--bits", 16), *option)
     assert error == f"error: {option[0]}: acts on {what}, which is not among the sources; leave it out\n"
+
+
+def test_the_name_of_an_array_is_refused_where_the_file_has_but_one(tmp_path: Path, capsys) -> None:
+    np.save(tmp_path / "a.npy", FRAMES)
+    options = told("--bits", 16, "--axes", "frame,depth,lateral", "--array", "a")
+    assert "--array: acts on an .npz file" in refused(capsys, tmp_path / "r", tmp_path / "a.npy", *options)
+
+
+def test_a_file_that_another_names_and_that_is_not_there_is_named(tmp_path: Path, capsys) -> None:
+    pytest.importorskip("metaimageio")
+    header = "ObjectType = Image\nNDims = 3\nDimSize = 40 24 5\nElementType = MET_USHORT\nElementDataFile = a.raw\n"
+    (tmp_path / "a.mhd").write_text(header)
+    error = refused(capsys, tmp_path / "r", tmp_path / "a.mhd", *told("--bits", 16, *NIFTI))
+    assert error == f"error: {tmp_path / 'a.raw'}: No such file or directory\n"
+
+
+@pytest.mark.parametrize(("option", "value"), [("--thickness-um", 0.65), ("--iop-mmhg", -1)])
+def test_a_value_that_no_eye_has_is_refused_by_its_option(tmp_path: Path, capsys, option: str, value: float) -> None:
+    error = refused(capsys, tmp_path / "r", stack(tmp_path / "a.tif"), *told("--bits", 16, option, value))
+    assert f"Invalid value for '{option}'" in error
 
 
 def test_a_rate_takes_frames_off_the_clock_of_their_bag(tmp_path: Path, capsys) -> None:

@@ -163,6 +163,7 @@ REFUSED = {
     "eye --plot picture.jpg": "picture.jpg: give a name that ends in .png, .svg, .pdf",
     "eye --plot study.toml": "give a name that ends in",
     "eye --plot old.svg": "old.svg: exists already",
+    "eye --plot new.svg --html page.html --model nowhere": "nowhere: no such folder, and no model that ships",
 }
 
 

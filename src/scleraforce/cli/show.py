@@ -50,12 +50,12 @@ def show(
     found = thing_at(thing)
     if html is not None and found.kind != "recording":
         raise InputError(f"{thing}: a {found.kind}; --html browses recordings")
+    if html is not None and model is not None:
+        _write_page(thing, html, model, calibration, finder)
     if plot is not None:
         from scleraforce.report.files import write_figure
 
         write_figure(found.draw(), plot)
-    if html is not None and model is not None:
-        _write_page(thing, html, model, calibration, finder)
     written = [path for path in (plot, html) if path is not None]
     if as_json:
         print_json({"kind": found.kind, "path": str(thing), **found.facts, "wrote": [str(path) for path in written]})

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError, InputError
-from scleraforce.formats.scan import Scan, UnansweredError, check_bytes
+from scleraforce.formats.scan import Scan, UnansweredError, check_bytes, frame_names
 from scleraforce.recording.pixels import check_size
 from scleraforce.recording.scaled_frame import Sourced
 
@@ -63,10 +63,9 @@ def array_scan(
     frames = frames if frames.ndim == 3 else frames[np.newaxis]
     rows, columns = frames.shape[1:]
     check_size(path, rows, columns)
-    names = tuple(f"{path}[{nth}]" for nth in range(len(frames))) if len(frames) > 1 else (str(path),)
     depth_m, lateral_m = (steps_m[axes.index(name)] for name in AXES[1:])
     return Scan(
-        names=names,
+        names=frame_names(path, len(frames)),
         rows=rows,
         columns=columns,
         pictures=lambda: iter(frames),

@@ -8,7 +8,7 @@ import numpy as np
 
 from scleraforce.errors import FrameError
 from scleraforce.formats.greys import one_grey
-from scleraforce.formats.scan import PictureStream, Scan, Times, check_bytes, rising
+from scleraforce.formats.scan import PictureStream, Scan, Times, check_bytes, even_times, frame_names, rising
 from scleraforce.recording.dicom_image import (
     DEFLATED,
     bright,
@@ -54,7 +54,7 @@ def read_dicom_scan(path: Path) -> Scan:
         _check_codec(path, dataset)
         depth_m, lateral_m = pixel_spacing(dataset)
         scan = Scan(
-            names=tuple(f"{path}[{nth}]" for nth in range(count)) if count > 1 else (str(path),),
+            names=frame_names(path, count),
             rows=rows,
             columns=columns,
             pictures=lambda: _pictures(path),
@@ -124,8 +124,8 @@ def _times(dataset: "pydicom.Dataset", count: int) -> Times | None:
     if len(steps_ms) == count and rising(time_s := np.cumsum(to_si(steps_ms, "ms"))):
         return Times(time_s - time_s[0], "DICOM's FrameTimeVector")
     step_ms = float(dataset.get("FrameTime", None) or 0.0)
-    if count > 1 and step_ms > 0.0:
-        return Times(np.arange(count, dtype=np.float64) * to_si(step_ms, "ms"), "DICOM's FrameTime")
+    if count > 1 and (times := even_times(count, to_si(step_ms, "ms"), "DICOM's FrameTime")):
+        return times
     moment = _seconds(dataset.get("AcquisitionDateTime", None))
     return Times(np.array([moment]), "DICOM's AcquisitionDateTime") if count == 1 and moment is not None else None
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import RecordingError
 from scleraforce.formats.log_columns import LogColumn, columns_by_header, required_columns
-from scleraforce.formats.log_units import FORCE, TIME, TORQUE
+from scleraforce.formats.stated_units import FORCE, TIME, TORQUE
 from scleraforce.recording.delimited import fields_of, number
 from scleraforce.recording.tables import ForceLog
 from scleraforce.whole_files import KINDS, read_text

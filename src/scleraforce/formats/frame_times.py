@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
 from scleraforce.formats.force_log import LogText, numbers_of, read_log_text
-from scleraforce.formats.log_units import TIME, unit_factor
-from scleraforce.formats.scan import Scan, Times
+from scleraforce.formats.scan import Scan, Times, even_times
+from scleraforce.formats.stated_units import TIME, unit_factor
 from scleraforce.recording.delimited import fields_of
 
 __all__ = ["told_times"]
@@ -30,7 +30,7 @@ def told_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times |
     if table is not None and rate_hz is not None:
         raise InputError("--rate-hz: --times states when frames were taken; give one of them")
     if rate_hz is not None:
-        return Times(np.arange(len(scan.names)) / rate_hz, "option")
+        return even_times(len(scan.names), 1.0 / rate_hz, "option")
     return None if table is None else Times(_of_table(scan, table), str(table))
 
 

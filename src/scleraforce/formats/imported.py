@@ -28,6 +28,7 @@ def folder_when_whole(out: Path) -> Iterator[Path]:
 
     Raises:
         InputError: `out` exists, or what is beside it cannot be written.
+        OSError: a file that was read meanwhile cannot be; it has its name.
     """
     if out.exists() or out.is_symlink():
         raise InputError(f"{out}: exists already; remove it or choose another --out")
@@ -36,6 +37,8 @@ def folder_when_whole(out: Path) -> Iterator[Path]:
         yield part
         part.rename(out)
     except OSError as fault:
+        if fault.filename is not None and not Path(fault.filename).is_relative_to(part):
+            raise
         raise InputError(f"{out}: {fault.strerror}") from fault
     finally:
         shutil.rmtree(part, ignore_errors=True)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scleraforce.errors import InputError
-from scleraforce.formats.log_units import FORCE, TIME, TORQUE, quantity_of, unit_factor
 from scleraforce.formats.scan import UnansweredError
+from scleraforce.formats.stated_units import FORCE, TIME, TORQUE, quantity_of, unit_factor
 from scleraforce.recording.tables import FORCE_COLUMNS
 
 __all__ = ["LogColumn", "columns_by_header", "parse_column", "required_columns"]

@@ -11,7 +11,18 @@ from numpy.typing import NDArray
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording.scaled_frame import Sourced
 
-__all__ = ["LARGEST_BYTES", "PictureStream", "Scan", "Times", "UnansweredError", "check_bytes", "joined", "rising"]
+__all__ = [
+    "LARGEST_BYTES",
+    "PictureStream",
+    "Scan",
+    "Times",
+    "UnansweredError",
+    "check_bytes",
+    "even_times",
+    "frame_names",
+    "joined",
+    "rising",
+]
 
 PictureStream = Iterator[NDArray[Any]]
 
@@ -100,6 +111,20 @@ def joined(scans: Sequence[Scan]) -> Scan:
         times=times,
         notes=tuple(dict.fromkeys(note for scan in scans for note in scan.notes)),
     )
+
+
+def frame_names(path: Path, count: int) -> tuple[str, ...]:
+    """Return the names of a file's frames.
+
+    >>> frame_names(Path("a.tif"), 2), frame_names(Path("b.tif"), 1)
+    (('a.tif[0]', 'a.tif[1]'), ('b.tif',))
+    """
+    return tuple(f"{path}[{nth}]" for nth in range(count)) if count > 1 else (str(path),)
+
+
+def even_times(count: int, step_s: float, source: str) -> Times | None:
+    """Return times in even steps from 0 on; None where the step is none."""
+    return Times(np.arange(count, dtype=np.float64) * step_s, source) if step_s > 0.0 else None
 
 
 def rising(time_s: NDArray[np.float64]) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 
 from scleraforce.errors import FrameError
 from scleraforce.formats.faults import named_faults
-from scleraforce.formats.scan import PictureStream, Scan, check_bytes
+from scleraforce.formats.scan import PictureStream, Scan, check_bytes, frame_names
 from scleraforce.recording.pixels import check_size
 from scleraforce.recording.scaled_frame import Sourced
 from scleraforce.units import to_si
@@ -39,10 +39,10 @@ def read_thorlabs(path: Path) -> Scan:
         depth, lateral = _pixel_m(entry, "RangeZ", rows), _pixel_m(entry, "RangeX", columns)
     check_size(path, rows, columns)
     check_bytes(path, stated)
-    if stated != rows * columns * count * SAMPLE.itemsize:
+    if count < 1 or stated != rows * columns * count * SAMPLE.itemsize:
         raise FrameError(f"{path}: {name} has {stated} bytes; the header says {rows} x {columns} x {count} floats")
     return Scan(
-        names=tuple(f"{path}[{nth}]" for nth in range(count)),
+        names=frame_names(path, count),
         rows=rows,
         columns=columns,
         pictures=lambda: _pictures(path, name, (columns, rows)),

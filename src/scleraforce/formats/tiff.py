@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scleraforce.errors import FrameError
 from scleraforce.formats.faults import named_faults
 from scleraforce.formats.greys import one_grey
-from scleraforce.formats.scan import PictureStream, Scan, Times, check_bytes, rising
+from scleraforce.formats.scan import PictureStream, Scan, Times, check_bytes, even_times, frame_names, rising
+from scleraforce.formats.stated_units import SECONDS
 from scleraforce.recording.scaled_frame import Sourced
 from scleraforce.recording.tiff_image import METRES, check_page, page_scale, upright
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 __all__ = ["read_tiff_scan"]
 
-SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "µs": 1e-6, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 FRAME_AXES = "TZQIRPC"  # that count pages: time, depth of a stack, any
 
 
@@ -46,11 +46,16 @@ def read_tiff_scan(path: Path) -> Scan:
                 raise FrameError(f"{path}: damaged: its end is missing, or pages that it states")
         depth, lateral = _pixel_m(file, page, rows, columns)
         times = _times(file, count)
-        names = tuple(f"{path}[{nth}]" for nth in range(count)) if count > 1 else (str(path),)
     return Scan(
-        names=names, rows=rows, columns=columns, pictures=lambda: _pictures(path, (count, rows, columns)),
-        bits=8 if series.dtype == np.uint8 else None, depth_pixel_m=depth, lateral_pixel_m=lateral, times=times,
-    )  # fmt: skip
+        names=frame_names(path, count),
+        rows=rows,
+        columns=columns,
+        pictures=lambda: _pictures(path, (count, rows, columns)),
+        bits=8 if series.dtype == np.uint8 else None,
+        depth_pixel_m=depth,
+        lateral_pixel_m=lateral,
+        times=times,
+    )
 
 
 @contextmanager
@@ -144,9 +149,9 @@ def _times(file: "tifffile.TiffFile", count: int) -> Times | None:
         return _ome_times(file.ome_metadata, count)
     interval = (file.imagej_metadata or {}).get("finterval")
     unit_s = SECONDS.get(str((file.imagej_metadata or {}).get("tunit", "sec")))
-    if not isinstance(interval, int | float) or interval <= 0.0 or unit_s is None:
+    if not isinstance(interval, int | float) or unit_s is None:
         return None
-    return Times(np.arange(count, dtype=np.float64) * interval * unit_s, "ImageJ's finterval")
+    return even_times(count, interval * unit_s, "ImageJ's finterval")
 
 
 def _ome_times(xml: str, count: int) -> Times | None:
@@ -159,12 +164,7 @@ def _ome_times(xml: str, count: int) -> Times | None:
     pixels = re.search(r"<(?:\w+:)?Pixels\b[^>]*>", xml)
     stated = _attributes(pixels.group()) if pixels else {}
     unit_s = SECONDS.get(stated.get("TimeIncrementUnit", "s"))
-    step = float(stated.get("TimeIncrement", "0"))
-    return (
-        Times(np.arange(count, dtype=np.float64) * step * unit_s, "OME's TimeIncrement")
-        if unit_s and step > 0.0
-        else None
-    )
+    return even_times(count, float(stated.get("TimeIncrement", "0")) * (unit_s or 0.0), "OME's TimeIncrement")
 
 
 def _attributes(element: str) -> dict[str, str]:

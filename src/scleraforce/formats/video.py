@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from scleraforce.errors import FrameError
-from scleraforce.formats.scan import PictureStream, Scan, Times, check_bytes, rising
+from scleraforce.formats.scan import PictureStream, Scan, Times, check_bytes, frame_names, rising
 from scleraforce.recording.pixels import check_size
 from scleraforce.units import to_si
 
@@ -40,7 +40,7 @@ def read_film(path: Path) -> Scan:
     if len(times_ms) < stated:
         notes.append(f"{path}: states {stated} frames, of which {len(times_ms)} can be decoded; was it cut off?")
     return Scan(
-        names=tuple(f"{path}[{nth}]" for nth in range(len(times_ms))),
+        names=frame_names(path, len(times_ms)),
         rows=rows,
         columns=columns,
         pictures=lambda: _pictures(path, rows, columns),

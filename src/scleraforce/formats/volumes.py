@@ -17,7 +17,8 @@ from scleraforce.errors import FrameError
 from scleraforce.formats.axes import AXES, array_scan
 from scleraforce.formats.extra import package_for
 from scleraforce.formats.faults import named_faults
-from scleraforce.formats.scan import LARGEST_BYTES, Scan, Times, check_bytes, rising
+from scleraforce.formats.scan import LARGEST_BYTES, Scan, Times, check_bytes, even_times, rising
+from scleraforce.formats.stated_units import SECONDS
 from scleraforce.recording.scaled_frame import Sourced
 from scleraforce.recording.tiff_image import METRES
 
@@ -25,7 +26,6 @@ __all__ = ["read_metaimage", "read_nifti", "read_nrrd"]
 
 Axes = tuple[str, ...] | None
 
-SECONDS = {"sec": 1.0, "s": 1.0, "msec": 1e-3, "ms": 1e-3, "usec": 1e-6, "us": 1e-6}
 HEADER_BYTES = 2**16
 NRRD_SAMPLE_BYTES = 8  # of its widest type
 GZIP_OR_ZLIB = zlib.MAX_WBITS | 32
@@ -50,10 +50,8 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
         scan = array_scan(path, array, axes, _stated(steps, METRES.get(unit), "NIfTI's pixdim"))
         if len(steps) < 4 or axes is None or axes[-1] != "frame" or array.shape[3] != len(scan.names):
             return scan
-        unit_s = SECONDS.get(unit_of_time)
-        step_s = steps[3] * unit_s if unit_s else 0.0
-        times = Times(np.arange(len(scan.names), dtype=np.float64) * step_s, "NIfTI's pixdim") if step_s > 0.0 else None
-        return replace(scan, times=times)
+        step_s = steps[3] * SECONDS.get(unit_of_time, 0.0)
+        return replace(scan, times=even_times(len(scan.names), step_s, "NIfTI's pixdim"))
 
 
 def read_metaimage(path: Path, axes: Axes) -> Scan:

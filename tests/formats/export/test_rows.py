@@ -31,16 +31,17 @@ def test_rows_have_the_labels_of_the_recording(tmp_path: Path) -> None:
     assert frame_rows(silent, CLASSES)[0]["measured_force_mn"] is None
 
 
-def test_answers_join_the_rows_of_their_frames_and_replace_nothing(tmp_path: Path) -> None:
+def test_answers_join_the_rows_of_their_frames_with_the_classes_of_their_model(tmp_path: Path) -> None:
     rows = [{"file": f"{n}.png", "time_s": float(n), "target": 1} for n in range(3)]
     answers = [
-        {"file": "/else/where/1.png", "predicted": 2, "target": 0},
+        {"file": "/else/where/1.png", "predicted": 2, "target": 0, "time_s": 9.0},
         {"file": "2.png", "recording": str(tmp_path / "other"), "predicted": 7},
         {"file": "0.png", "recording": "old/place/r", "predicted": 0},
     ]
     joined = with_answers(rows, answers, tmp_path / "r")
     assert [row.get("predicted") for row in joined] == [0, 2, None]
-    assert [row["target"] for row in joined] == [1, 1, 1]
+    assert [row["target"] for row in joined] == [1, 0, 1]
+    assert [row["time_s"] for row in joined] == [0.0, 1.0, 2.0]
     with pytest.raises(InputError, match="none of its frames is among the answers"):
         with_answers(rows, [{"file": "9.png"}], tmp_path / "r")
 

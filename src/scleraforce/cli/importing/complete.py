@@ -32,7 +32,7 @@ ACT_ON = {
     },
     "a force log of text": {"columns": "--column"},
     "a ROS bag": {"image_topic": "--image-topic", "force_topic": "--force-topic", "by_arrival": "--by-arrival"},
-    "a NumPy file": {"array": "--array"},
+    "an .npz file": {"array": "--array"},
     "frames whose axes are not fixed": {"axes": "--axes"},
 }  # fmt: skip
 ANSWER = "answer"  # the source of a value that was typed on the terminal
@@ -109,7 +109,7 @@ def _check_used(gathered: Gathered, origins: "Mapping[str, str]") -> None:
         "a force log": gathered.log is not None,
         "a force log of text": "log" in kinds,
         "a ROS bag": "bag" in kinds,
-        "a NumPy file": "numpy" in kinds,
+        "an .npz file": any(path.suffix.lower() == ".npz" for path, _ in gathered.files),
         "frames whose axes are not fixed": bool(kinds - {"thorlabs", "log"}),
     }
     for what, options in ACT_ON.items():

@@ -30,6 +30,7 @@ OPTION = "option"  # the source of a value that was given on the command line
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 LENGTH, GAP = click.FloatRange(0.01, 100.0), click.FloatRange(0.0, 10.0)
+THICKNESS, IOP = click.FloatRange(100.0, 3000.0), click.FloatRange(0.0, 110.0)
 INDEX, RATE = click.FloatRange(1.0, 2.0), click.FloatRange(1e-3, 1e6)
 BITS, GAUGE = click.IntRange(8, 16), click.IntRange(10, 36)
 AXIS, SIGN = click.Choice(["fx", "fy", "fz"]), click.Choice(["1", "-1"])
@@ -59,8 +60,8 @@ OPTIONS = (
     click.option("--by-arrival", is_flag=True, help="Take the times at which a bag's messages arrived, where they have "
                  "no capture stamp."),
     click.option("--eye", help="Name of the eye."),
-    click.option("--thickness-um", type=float, help="Thickness of its wall, where it was measured."),
-    click.option("--iop-mmhg", type=float, help="Its pressure at rest, where it was measured."),
+    click.option("--thickness-um", type=THICKNESS, help="Thickness of its wall, where it was measured."),
+    click.option("--iop-mmhg", type=IOP, help="Its pressure at rest, where it was measured."),
     click.option("--globe", type=click.Choice(GLOBES), help="Whether it is infused or vented, or sealed; unknown by "
                  "default."),
     click.option("--gauge", type=GAUGE, help="Gauge of the needle."),

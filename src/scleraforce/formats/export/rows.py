@@ -59,13 +59,19 @@ def read_answers(path: Path) -> list[Row]:
 def with_answers(rows: Sequence[Row], answers: Sequence[Row], recording: Path) -> list[Row]:
     """Return rows with the answers to their frames added; what the recording states is not replaced.
 
+    A class counts as the model's study bounds it: where answers have a target, it is theirs.
+
     Raises:
         InputError: no answer is to a frame of the recording.
     """
     by_file = {Path(answer["file"]).name: answer for answer in answers if _is_of(answer, recording)}
     if not {Path(row["file"]).name for row in rows} & set(by_file):
         raise InputError(f"{recording}: none of its frames is among the answers")
-    return [{**by_file.get(Path(row["file"]).name, {}), **row} for row in rows]
+    return [_with_answer(row, by_file.get(Path(row["file"]).name, {})) for row in rows]
+
+
+def _with_answer(row: Row, answer: Row) -> Row:
+    return {**answer, **row, "target": answer.get("target", row["target"])}
 
 
 def flat(row: Mapping[str, Any]) -> dict[str, Any]:

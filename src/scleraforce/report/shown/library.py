@@ -9,7 +9,7 @@ from scleraforce.library.files import load_library
 from scleraforce.library.responses import Library
 from scleraforce.library.store import open_library
 from scleraforce.report.shown.thing import Thing, span
-from scleraforce.report.style import inches, styled
+from scleraforce.report.style import GREY, inches, styled
 from scleraforce.units import from_si
 
 __all__ = ["draw_library", "show_library"]
@@ -60,7 +60,7 @@ def draw_library(library: Library) -> Figure:
         ):
             label = f"{from_si(thickness_m, 'um'):.0f} µm"
             axes.plot(dent_mm, from_si(ratio_d, "mm2"), color=shade, label=label)
-        axes.axhline(from_si(library.max_force_ratio, "mm2"), color="#8A8A8A", linewidth=0.6, linestyle=(0, (4, 3)))
+        axes.axhline(from_si(library.max_force_ratio, "mm2"), color=GREY, linewidth=0.6, linestyle=(0, (4, 3)))
         axes.set_title(f"tension p R/(E t) = {library.tension[pressure]:.3g}")
         axes.set_xlabel("dent [mm]")
     panels[0].set_ylabel("force over Young's modulus [mm²]")
