@@ -70,6 +70,11 @@ def test_what_does_not_fit_is_refused(tmp_path: Path, header: str, message: str)
         read_thorlabs(write_oct(tmp_path / "a.oct", header, column_major(INTENSITY)))
 
 
+def test_a_file_of_no_b_scans_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FrameError, match="the header says 24 x 40 x 0 floats"):
+        read_thorlabs(write_oct(tmp_path / "a.oct", entry(count=0), b""))
+
+
 def test_an_archive_without_a_header_or_that_is_none_is_refused(tmp_path: Path) -> None:
     with ZipFile(tmp_path / "a.oct", "w") as archive:
         archive.writestr("a", b"")

@@ -46,6 +46,12 @@ def test_answers_join_the_rows_of_their_frames_with_the_classes_of_their_model(t
         with_answers(rows, [{"file": "9.png"}], tmp_path / "r")
 
 
+def test_frames_of_one_name_in_two_folders_keep_their_own_answers(tmp_path: Path) -> None:
+    rows = [{"file": file, "target": None} for file in ("1.png", "a/1.png", "b/1.png")]
+    answers = [{"file": "a/1.png", "predicted": 1}, {"file": "b/1.png", "predicted": 2}]
+    assert [row.get("predicted") for row in with_answers(rows, answers, tmp_path)] == [None, 1, 2]
+
+
 def test_a_table_has_a_column_for_each_number_of_any_row() -> None:
     rows = [
         {"file": "a, b.png", "usable": True, "interval_mn": [1.5, None], "needle": {"tip": {"x": 1}}},
@@ -59,7 +65,13 @@ def test_a_table_has_a_column_for_each_number_of_any_row() -> None:
     assert (found[1]["usable"], found[1]["reason"], found[1]["needle_tip_x"]) == ("0", "dark", "")
 
 
-@pytest.mark.parametrize("text", ["[]", "{}", '{"frames": 3}', '{"frames": [{"a": 1}]}', "{", '{"frames": [NaN]}'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[]", "{}", '{"frames": 3}', '{"frames": [{"a": 1}]}', "{", '{"frames": [NaN]}', '{"frames": [{"file": 1}]}',
+        '{"frames": [{"file": "x", "recording": 1}]}',
+    ],
+)  # fmt: skip
 def test_a_file_that_is_no_answers_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "a.json").write_text(text)
     with pytest.raises(InputError, match=r"a\.json: "):

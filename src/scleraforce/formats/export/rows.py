@@ -49,7 +49,7 @@ def read_answers(path: Path) -> list[Row]:
     except ValueError as fault:
         raise InputError(f"{path}: {fault}") from fault
     frames = found.get("frames") if isinstance(found, dict) else None
-    if not isinstance(frames, list) or not all(isinstance(frame, dict) and "file" in frame for frame in frames):
+    if not isinstance(frames, list) or not all(map(_is_answer, frames)):
         raise InputError(
             f"{path}: no frames with a file each; give what evaluate, classify or segment print with --json"
         )
@@ -64,10 +64,16 @@ def with_answers(rows: Sequence[Row], answers: Sequence[Row], recording: Path) -
     Raises:
         InputError: no answer is to a frame of the recording.
     """
-    by_file = {Path(answer["file"]).name: answer for answer in answers if _is_of(answer, recording)}
-    if not {Path(row["file"]).name for row in rows} & set(by_file):
+    names = {Path(row["file"]).name for row in rows}
+    alone = len(names) == len(rows)  # else folders below frames/ tell frames of one name apart
+
+    def key(row: Row) -> str:
+        return Path(row["file"]).name if alone else row["file"]
+
+    by_file = {key(answer): answer for answer in answers if _is_of(answer, recording)}
+    if not by_file.keys() & set(map(key, rows)):
         raise InputError(f"{recording}: none of its frames is among the answers")
-    return [_with_answer(row, by_file.get(Path(row["file"]).name, {})) for row in rows]
+    return [_with_answer(row, by_file.get(key(row), {})) for row in rows]
 
 
 def _with_answer(row: Row, answer: Row) -> Row:
@@ -103,6 +109,13 @@ def csv_text(rows: Iterable[Mapping[str, Any]]) -> str:
 
 def _cell(value: Any) -> Any:
     return int(value) if isinstance(value, bool) else "" if value is None else value
+
+
+def _is_answer(frame: Any) -> bool:
+    """Return whether an entry says which file, and if at all in words which recording, it is of."""
+    if not isinstance(frame, dict) or not isinstance(frame.get("file"), str):
+        return False
+    return isinstance(frame.get("recording"), str | None)
 
 
 def _is_of(answer: Row, recording: Path) -> bool:
