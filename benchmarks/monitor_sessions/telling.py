@@ -10,14 +10,16 @@ import numpy as np
 
 from monitor_sessions.eyes import SessionEye
 from monitor_sessions.frames import Frame, PooledGenerator, largest_force_n, still_frame
-from scleraforce.calibration.assimilation import FrameStep, known_globe_after
+from scleraforce.calibration.assimilation import FrameStep
+from scleraforce.calibration.discrepancy import settled
 from scleraforce.calibration.eye_model import EyeConstants, known_of_constants
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
-from scleraforce.calibration.session import begin, step
+from scleraforce.calibration.session import begin, known_after, step
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
 from scleraforce.reader.force_reader import ForceReader
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import segmented_boundaries
 from scleraforce.segmentation.wall import find_wall
 
@@ -69,11 +71,13 @@ def _stated(drawn: SessionEye, rng: np.random.Generator) -> tuple[EyeConstants, 
 def calibrated(stated: EyeConstants, labelled: Sequence[tuple[Frame, float]], reader: ForceReader) -> Known:
     """Return what is known of an eye after frames of known force."""
     session, scale = begin(reader.study, stated, reader.library), PixelScale.of(reader.study.oct)
+    taken = list[tuple[Boundaries, float]]()
     for frame, force_n in labelled:
         wall = find_wall(frame, scale)
         if wall.usable:
-            session = step(session, segmented_boundaries(wall, scale), force_n)
-    if not isinstance(session.last, FrameStep) or session.last.result.status != "ok":
-        return known_of_constants(stated)
-    modulus = Modulus(mean_pa=session.mean_pa, sd_pa=session.sd_pa, source="own")
-    return replace(known_of_constants(stated, modulus), globe=known_globe_after(session.filter, session.state))
+            boundaries = segmented_boundaries(wall, scale)
+            session = step(session, boundaries, force_n)
+            if isinstance(session.last, FrameStep):
+                taken.append((boundaries, force_n))
+    known = known_after(session)
+    return known if known.modulus is None else settled(known, taken, (), reader.library, reader.study)[0]
