@@ -17,8 +17,13 @@ CLASSIFIERS = {
     "Mozilla Public License 2.0 (MPL 2.0)", "Python Software Foundation License",
     "Historical Permission Notice and Disclaimer (HPND)", "The Unlicense (Unlicense)",
 }  # fmt: skip
-# What older packages write into the free field.
-IN_WORDS = {"Apache 2.0": "Apache-2.0", "BSD": "BSD-3-Clause", "3-Clause BSD License": "BSD-3-Clause"}
+# What older packages write into the free field; the LICENSE of APSW ("any-OSI") is that of zlib.
+IN_WORDS = {
+    "Apache 2.0": "Apache-2.0",
+    "BSD": "BSD-3-Clause",
+    "3-Clause BSD License": "BSD-3-Clause",
+    "any-OSI": "Zlib",
+}
 FOR_DEVELOPERS = {"dev", "docs"}
 NVIDIA = re.compile(r"nvidia-|cuda-|triton$")  # PyTorch's wheels for a GPU, which nothing of ours uses
 
