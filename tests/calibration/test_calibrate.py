@@ -213,7 +213,7 @@ HOSTILE = {
     "sd_mpa": ([-1, 1e300], "sd_mpa"),
     "parameters": ([{}, [], {"youngs_modulus_pa": {"mean": 1e300, "sd": 1.0}}, {"weight": {}}], "parameters"),
     "recordings": ([None, [3], [{}]], "recordings"),
-    "steps": ([{}, [{}], ["x"]], "steps"),
+    "steps": ([{}, [{}], ["x"], []], "steps"),
     "state.mean": ([[1e300], [[0.1]], "x", [None], [0.0, 1.0], {}], "state"),
     "state.factor": ([[[1e300]], [1.0]], "state.factor"),
     "state.precision": ([[[0.0]], [[-4.0]]], "state.precision"),

@@ -123,6 +123,36 @@ def test_a_calibration_tells_how_far_the_forces_lie_off_the_librarys(calibration
     assert parse_calibration(file).eyes["made-up"].discrepancy == found
 
 
+def test_what_frames_told_together_is_refused_by_its_key_where_it_is_none(calibration: Calibration) -> None:
+    """And a file from before frames told all together is read: E, level and growth then count as independent."""
+    name, whole = "made-up", json.dumps(calibration_as_json(calibration))
+    for value in ([0.1], [0.1, "x"], [0.1, 1e9], 3.0, None):
+        content = json.loads(whole)
+        content["eyes"][name]["discrepancy"]["level_by"] = value
+        with pytest.raises(CalibrationError, match=r"eyes\.made-up\.discrepancy\.level_by"):
+            parse_calibration_file_of(content)
+    read = next(place for place, step in enumerate(json.loads(whole)["eyes"][name]["steps"]) if step["again"])
+    for key, value in (("library_n", -1.0), ("modulus_pa", 0.0), ("sd_n", "x"), ("by_modulus", None)):
+        content = json.loads(whole)
+        content["eyes"][name]["steps"][read]["again"][key] = value
+        with pytest.raises(CalibrationError, match=rf"eyes\.made-up\.steps\[{read}\]\.again\.{key}"):
+            parse_calibration_file_of(content)
+    content = json.loads(whole)
+    for key in ("level_by", "growth_by"):
+        del content["eyes"][name]["discrepancy"][key]
+    for step in content["eyes"][name]["steps"]:
+        del step["again"]
+    found = parse_calibration_file_of(content).eyes[name]
+    assert found.discrepancy is not None
+    assert found.discrepancy.level_by == found.discrepancy.growth_by == (0.0, 0.0)
+    assert {frame.again for frame in found.frames} == {None}
+
+
+def parse_calibration_file_of(content: dict[str, Any]) -> Calibration:
+    """The calibration of a file that holds this."""
+    return parse_calibration(parse_calibration_file(json.dumps(content).encode(), "c.json"))
+
+
 def test_a_calibration_looks_below_a_conjunctiva_with_the_thickness_that_the_recording_states(
     library: Library, recording: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:

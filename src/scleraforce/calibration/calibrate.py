@@ -245,8 +245,8 @@ def _settled(
         PARAMETERS["e"]: (found.modulus.mean_pa, found.modulus.sd_pa),
         RIGIDITY: (found.globe.mean, found.globe.sd),
     }
-    moments = [now.get(name, moments) for name, *moments in zip(eye.names, eye.means, eye.sds, strict=True)]
-    means, sds = zip(*moments, strict=True)
+    estimates = zip(eye.names, eye.means, eye.sds, strict=True)
+    means, sds = zip(*(now.get(name, (mean, sd)) for name, mean, sd in estimates), strict=True)
     return replace(eye, means=means, sds=sds, globe=found.globe, discrepancy=found.discrepancy, frames=tuple(frames))
 
 

@@ -140,6 +140,8 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
         tuple(_parse_frame(*named) for named in _entries(entry, "steps", place)),
         summary.discrepancy,
     )
+    if not found.used:
+        raise CalibrationError(f"{place}.steps: no frame that was used; {WRITER}")
     if not np.allclose((found.mean_pa, found.sd_pa), (summary.mean_pa, summary.sd_pa), rtol=1e-6):
         raise CalibrationError(f"{place}.parameters.youngs_modulus_pa: is not that of mean_mpa and sd_mpa; {WRITER}")
     return found

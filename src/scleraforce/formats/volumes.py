@@ -27,7 +27,7 @@ __all__ = ["read_metaimage", "read_nifti", "read_nrrd"]
 Axes = tuple[str, ...] | None
 
 HEADER_BYTES = 2**16
-NRRD_SAMPLE_BYTES = 8  # of its widest type
+SAMPLE_BYTES = 8  # of the widest type of NRRD and MetaImage
 GZIP_OR_ZLIB = zlib.MAX_WBITS | 32
 
 
@@ -65,10 +65,11 @@ def read_metaimage(path: Path, axes: Axes) -> Scan:
     with named_faults(path, "MetaImage"):
         stated = _metaimage_header(path)
         size = [int(length) for length in stated["DimSize"].split()]
-        check_bytes(path, int(np.prod(size, dtype=np.int64)) * 8)
+        count = int(np.prod(size, dtype=np.int64)) * SAMPLE_BYTES
+        check_bytes(path, count)
         data = _data_file(path, stated["ElementDataFile"].removesuffix("LOCAL"))
         if stated.get("CompressedData", "").upper() == "TRUE":
-            _check_packed(data, b"LOCAL" if data == path else b"", int(np.prod(size, dtype=np.int64)) * 8)
+            _check_packed(data, b"LOCAL" if data == path else b"", count)
         array, header = metaimageio.read(path)
         steps = header["ElementSpacing"]
         spacing = _stated(steps.tolist(), METRES["mm"], "ElementSpacing") if steps is not None else ()
@@ -85,7 +86,7 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
     nrrd = package_for(path, "nrrd", "NRRD")
     with named_faults(path, "NRRD"):
         header = nrrd.read_header(str(path))
-        count = int(np.prod(header["sizes"], dtype=np.int64)) * NRRD_SAMPLE_BYTES
+        count = int(np.prod(header["sizes"], dtype=np.int64)) * SAMPLE_BYTES
         check_bytes(path, count)
         data = _data_file(path, str(header.get("data file", header.get("datafile", ""))))
         if header["encoding"] in ("gzip", "gz"):
