@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from analytic_walls import BOTH, LATERAL_M, LIBRARY, noisy_boundaries
 
+from scleraforce.calibration import discrepancy
 from scleraforce.calibration.discrepancy import read_again, settled
 from scleraforce.fitting.fit_prediction import (
     DEPTH,
@@ -89,6 +90,19 @@ def test_forces_are_surer_than_the_modulus_that_they_tell() -> None:
             assert fit.force_n == pytest.approx(known_n, rel=0.03)
             widths.append(float(np.diff(np.log(fit.interval_n))[0]))
         assert widths[0] < 0.9 * widths[1]
+
+
+def test_level_and_growth_are_those_of_a_modulus_that_may_go_no_farther(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where E may not go where the frames want it, the forces are told right all the same, by the discrepancy."""
+    monkeypatch.setattr(discrepancy, "READINGS", 1)
+    now, again = settled(known_of(0.7 * MODULUS_PA), frames(), (), LIBRARY, STUDY)
+    assert now.modulus is not None
+    assert now.discrepancy is not None
+    assert now.modulus.mean_pa == pytest.approx(0.7 * MODULUS_PA)
+    for frame in again:
+        assert frame is not None
+        corrected_n = now.discrepancy.corrected_n(np.array([frame.library_n]))[0]
+        assert corrected_n == pytest.approx(frame.force_n, rel=0.08)
 
 
 def test_what_was_read_before_counts_as_what_is_read_now() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scleraforce.calibration import session
-from scleraforce.calibration.assimilation import FrameStep, known_globe_after
+from scleraforce.calibration.assimilation import RIGIDITY, FrameStep, known_globe_after
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.eye_model import EyeConstants, stated_wall
 from scleraforce.calibration.library_eye import library_eye
@@ -179,6 +179,9 @@ def test_a_sealed_eye_that_is_told_open_diverges_and_a_doubt_says_what_its_globe
         found = calibrate_recordings([asked], STUDY, "", library).eyes["shut"]
         assert found.status.startswith(status)
         assert found.globe.kind == ("unknown" if doubts else told)
+        if not doubts:
+            rigidity = found.names.index(RIGIDITY)
+            assert (found.means[rigidity], found.sds[rigidity]) == (found.globe.mean, found.globe.sd)
         about_globe = [
             doubt for doubt in found.recordings[-1].doubts if doubt.startswith("eye.globe is stated as open")
         ]

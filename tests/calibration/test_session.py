@@ -118,7 +118,10 @@ def test_a_calibration_tells_how_far_the_forces_lie_off_the_librarys(calibration
     assert abs(found.level) < 0.01
     assert found.level_sd < 0.02  # what eyes have
     assert found.level_by[0] < 0.0  # an E that is too high goes with forces that are below the library's
-    file = parse_calibration_file(json.dumps(calibration_as_json(calibration)).encode(), "c.json")
+    content = calibration_as_json(calibration)
+    steps = [step for step in content["eyes"]["made-up"]["steps"] if step["again"]]
+    assert [(step["read_n"], step["read_sd_n"]) for step in steps] == [(one.library_n, one.sd_n) for one in again]
+    file = parse_calibration_file(json.dumps(content).encode(), "c.json")
     assert summary_of(file).eyes["made-up"].discrepancy == found
     assert parse_calibration(file).eyes["made-up"].discrepancy == found
 

@@ -21,6 +21,7 @@ from scleraforce.fitting.fit_prediction import (
     force_n,
     predict_wall,
 )
+from scleraforce.fitting.fit_start import starts
 from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Known, Modulus
@@ -184,6 +185,16 @@ def test_a_calibrated_modulus_and_rigidity_tell_the_force_as_well_as_their_corre
         # The grid does not look at the frame, which shows something of the pressure, and so of both.
         assert 0.7 * alone_n < found[-1] < 1.05 * alone_n
     assert found[0] > 1.02 * found[1] > 1.04 * found[2]
+
+
+def test_a_deep_dent_of_a_globe_that_may_be_open_is_begun_from() -> None:
+    """The rigidity that is expected of an unknown globe would let the pressure run away there."""
+    truth = eye(2.5e-3, 0.0)
+    assert np.isnan(log_pressures(truth[None], np.array([UNKNOWN.mean / REFERENCE_RIGIDITY])))[0]
+    outer_m = boundaries(truth, np.random.default_rng(2))[0]
+    (begun, *_) = starts(SEALED_WALLS, prior_of(known_of(truth, UNKNOWN), RANGES).mean, LATERAL_M, outer_m, 2)
+    assert begun[TIP] == pytest.approx(truth[TIP], abs=0.4e-3)
+    assert begun[PRESSURE] == pytest.approx(truth[IOP])
 
 
 @pytest.fixture(scope="module")
