@@ -8,7 +8,8 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
@@ -56,6 +57,7 @@ PARTS: dict[str, Callable[[Run], Table]] = {
     "commands": commands.measure,
     "pipeline": pipeline.measure,
 }
+TO_END_S = 30.0  # that an interrupted part is given: a monitor has processes of its own
 USUAL_FOLDER, QUICK_FOLDER = ROOT / "benchmarks", ROOT / "out" / "bench"
 
 
@@ -115,12 +117,18 @@ def _tables(names: Sequence[str], run: Run) -> dict[str, Table]:
 def _in_process(name: str, run: Run) -> Table:
     """Run a part in a process of its own; what it says goes to standard error."""
     words = [*(["--quick"] if run.quick else []), *(f"--{option}" for option in run.options), "--folder", run.folder]
-    done = subprocess.run(
-        [sys.executable, "-m", "speed", name, *map(str, words)], stdout=subprocess.PIPE, text=True, check=False
-    )
-    if done.returncode:
-        return failed_table(name, f"code {done.returncode}; what it said is on the terminal")
-    return table_of(json.loads(done.stdout.splitlines()[-1]))
+    command = [sys.executable, "-m", "speed", name, *map(str, words)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            told, _ = process.communicate()
+        except KeyboardInterrupt:  # Ctrl-C has reached it as well, and it ends what it has started
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(TO_END_S)
+            process.kill()
+            raise
+    if process.returncode:
+        return failed_table(name, f"code {process.returncode}; what it said is on the terminal")
+    return table_of(json.loads(told.splitlines()[-1]))
 
 
 def _write(results: Results, out: Path) -> list[Path]:
@@ -129,8 +137,7 @@ def _write(results: Results, out: Path) -> list[Path]:
     picture, kept, page = (out / name for name in (PICTURE, "results.json", "RESULTS.md"))
     text = json.dumps(finite(results.as_json()), indent=1, allow_nan=False) + "\n"
     results = Results.from_json(json.loads(text))
-    solves = results.tables["static_solve"]
-    write_figure(draw_solves([replace(row) for row in solves.rows]), picture)
+    write_figure(draw_solves(results.tables["static_solve"].rows), picture)
     write_whole(text, kept)
     write_whole(as_markdown(results), page)
     return [page, kept, picture]
@@ -146,5 +153,6 @@ if __name__ == "__main__":
         click.echo(f"error: {fault}", err=True)
         sys.exit(1)
     except (KeyboardInterrupt, click.Abort):
-        click.echo("interrupted; nothing was written", err=True)
+        if "--folder" not in sys.argv:  # a part leaves that to the process that runs them all
+            click.echo("interrupted; nothing was written", err=True)
         sys.exit(130)

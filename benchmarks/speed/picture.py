@@ -10,6 +10,12 @@ from speed.record import QUOTED, Row
 __all__ = ["draw_solves"]
 
 COLOURS = {"ours": BLUE, "CalculiX": AMBER, "plain": RED, "SOFA": GREY}
+PLACES = {
+    "ours": ("right", (-5, -3)),
+    "CalculiX": ("left", (5, -3)),
+    "plain": ("center", (0, 6)),
+    "SOFA": ("center", (0, 6)),
+}
 LEAST_PERCENT = 0.05  # smaller errors are drawn here
 
 
@@ -22,10 +28,12 @@ def draw_solves(rows: Sequence[Row]) -> Figure:
         error = row.more.get("error, %")
         if row.value is None or error is None:
             continue
-        colour, height = COLOURS[row.what.replace(",", " ").split()[0]], max(abs(error), LEAST_PERCENT)
+        program = row.what.replace(",", " ").split()[0]
+        colour, (side, offset) = COLOURS[program], PLACES[program]
+        height = max(abs(error), LEAST_PERCENT)
         axes.plot(row.value, height, "o", color=colour, fillstyle="none" if row.source else "full")
-        name = f"{row.what} ({QUOTED})" if row.source else row.what
-        axes.annotate(name, (row.value, height), xytext=(4, 3), textcoords="offset points", color=colour)
+        name = f"{row.what}\n({QUOTED})" if row.source else row.what
+        axes.annotate(name, (row.value, height), xytext=offset, textcoords="offset points", color=colour, ha=side)
     axes.set(xscale="log", yscale="log", xlabel="time of a first static solve, s", ylabel="error of the tip, %")
-    axes.margins(x=0.25, y=0.1)
+    axes.margins(x=0.3, y=0.15)
     return figure

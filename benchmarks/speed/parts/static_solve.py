@@ -26,7 +26,7 @@ ELEMENTS = {"C3D20": "20-node", "C3D20R": "20-node", "C3D8": "paper's", "C3D8I":
 SCIKIT_FEM = "plain scikit-fem"
 # SOFA v26.06, HexahedronFEMForceField, StaticSolver, Eigen LDLT: s, unknowns, tip in mm beside a converged 2.135.
 SOFA = {"9,600": (3.0, 43_929, 1.743), "14,400": (9.3, 58_572, 1.867)}
-SOFA_SOURCE = "SOFA v26.06, StaticSolver, Eigen LDLT, one thread, measured by hand on another day on such a machine"
+SOFA_SOURCE = "SOFA v26.06, trilinear hexahedra, StaticSolver, Eigen LDLT, one thread, by hand on another day"
 SETTINGS = """Reference problem R1: half-sphere of 12 mm and 0.5 mm, 0.25 MPa, nu 0.45, clamped base, 30 mN at 35°
 as a Gaussian of 0.35 mm. One thread each. Every solve is a process of its own, the programs in turns. The time is
 that of the work: mesh, matrix, factor, load and displacements in a process that has loaded its code and reads no
@@ -112,7 +112,10 @@ def _row(name: str, taken: list[Taken], beside_s: float | None) -> Row:
 
 def _words(name: str) -> str:
     if name == SCIKIT_FEM:
-        return "20 quads along an edge, 27-node elements with straight edges, SciPy's solver as it comes; solved once"
+        return (
+            "20 quads along an edge, 27-node elements with straight edges, three Gauss points each way, `solve` with "
+            "SciPy's solver as it comes; solved once"
+        )
     program, _, kind = name.partition(" ")
     if program == "CalculiX":
         return f"SPOOLES, the mesh of `ours, {ELEMENTS[kind]}`, concentrated forces equal to our nodal ones"
@@ -128,7 +131,7 @@ def _absent() -> list[Row]:
 def _sofa() -> list[Row]:
     return [
         Row(
-            what=f"SOFA, {elements} trilinear hexahedra",
+            what=f"SOFA, {elements} elements",
             value=seconds,
             unit="s",
             source=f"{SOFA_SOURCE}; its tip beside 2.135 mm, where it was read",
