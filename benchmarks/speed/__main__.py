@@ -18,10 +18,10 @@ import click
 
 from provenance.stamps import new_stamp
 from scleraforce.cli.output import progress_bar
-from scleraforce.errors import ScleraforceError
+from scleraforce.errors import InputError, ScleraforceError
 from scleraforce.plain_json import finite
 from scleraforce.report.files import write_figure
-from scleraforce.whole_files import write_whole
+from scleraforce.whole_files import KINDS, read_text, write_whole
 from speed.lock import alone
 from speed.machine import machine_in_words
 from speed.page import PICTURE, as_markdown, table_lines
@@ -57,6 +57,7 @@ PARTS: dict[str, Callable[[Run], Table]] = {
     "commands": commands.measure,
     "pipeline": pipeline.measure,
 }
+FIGURES, PAGE = "results.json", "RESULTS.md"
 TO_END_S = 30.0  # that an interrupted part is given: a monitor has processes of its own
 USUAL_FOLDER, QUICK_FOLDER = ROOT / "benchmarks", ROOT / "out" / "bench"
 
@@ -67,14 +68,23 @@ USUAL_FOLDER, QUICK_FOLDER = ROOT / "benchmarks", ROOT / "out" / "bench"
 @click.option("--training", is_flag=True, help="Train the reader to the end (five minutes more), not a part of it.")
 @click.option("--reproduce", is_flag=True, help="Run `scleraforce reproduce` (ten minutes more).")
 @click.option("--tests", is_flag=True, help="Run the default tests (some minutes more).")
+@click.option("--render", is_flag=True, help="Measure nothing: write page and picture anew from results.json.")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of RESULTS.md, results.json and the picture; by "
               "default that of the benchmarks, out/bench with --quick.")  # fmt: skip
 @click.option("--folder", type=click.Path(path_type=Path), hidden=True, help="What parts leave to later ones.")
-def main(names: tuple[str, ...], quick: bool, out: Path | None, folder: Path | None, **given: bool) -> None:
+def main(
+    names: tuple[str, ...], quick: bool, render: bool, out: Path | None, folder: Path | None, **given: bool
+) -> None:
     """Measure speed: all of it, written to files, or the PARTs that are named, printed."""
     options = tuple(name for name in OPTIONS if given[name])
     if folder is not None:  # a part, for the process that runs them all
         click.echo(json.dumps(asdict(PARTS[names[0]](Run(quick, folder, options))), allow_nan=False))
+        return
+    if names and (out or render):
+        raise click.UsageError("PARTs are printed, and nothing is written; leave --out and --render out")
+    out = out or (QUICK_FOLDER if quick else USUAL_FOLDER)
+    if render:
+        click.echo(f"wrote {', '.join(map(str, _render(out)))}")
         return
     with alone(), TemporaryDirectory(prefix="bench-", ignore_cleanup_errors=True) as made:
         run = Run(quick, Path(made), options)
@@ -83,18 +93,19 @@ def main(names: tuple[str, ...], quick: bool, out: Path | None, folder: Path | N
                 click.echo("\n".join(["", table.title, *table_lines(table)]))
             return
         results = _measure(run)
-    written = _write(results, out or (QUICK_FOLDER if quick else USUAL_FOLDER))
-    click.echo(f"wrote {', '.join(map(str, written))}")
+    out.mkdir(parents=True, exist_ok=True)
+    write_whole(json.dumps(finite(results.as_json()), indent=1, allow_nan=False) + "\n", out / FIGURES)
+    click.echo(f"wrote {', '.join(map(str, [out / FIGURES, *_render(out)]))}")
     if failed := [name for name, table in results.tables.items() if table.failed]:
         raise ScleraforceError(f"{', '.join(failed)}: failed; RESULTS.md says how")
 
 
 def _measure(run: Run) -> Results:
     """Run all parts."""
-    start, machine = perf_counter(), machine_in_words()
+    start, machine, stamp = perf_counter(), machine_in_words(), new_stamp("make bench", "speed.__main__")
     tables = _tables(tuple(PARTS), run)
     return Results(
-        made=str(new_stamp("make bench", "speed.__main__")),
+        made=str(stamp),
         quick=run.quick,
         machine=machine,
         seconds=perf_counter() - start,
@@ -131,16 +142,19 @@ def _in_process(name: str, run: Run) -> Table:
     return table_of(json.loads(told.splitlines()[-1]))
 
 
-def _write(results: Results, out: Path) -> list[Path]:
-    """Write picture, JSON and page, each whole; the page is rendered from what the JSON holds."""
-    out.mkdir(parents=True, exist_ok=True)
-    picture, kept, page = (out / name for name in (PICTURE, "results.json", "RESULTS.md"))
-    text = json.dumps(finite(results.as_json()), indent=1, allow_nan=False) + "\n"
-    results = Results.from_json(json.loads(text))
-    write_figure(draw_solves(results.tables["static_solve"].rows), picture)
-    write_whole(text, kept)
-    write_whole(as_markdown(results), page)
-    return [page, kept, picture]
+def _render(out: Path) -> list[Path]:
+    """Write page and picture of the figures that are kept in a folder.
+
+    Raises:
+        InputError: they cannot be read.
+    """
+    try:
+        results = Results.from_json(json.loads(read_text(out / FIGURES, KINDS["result"])))
+    except (ValueError, KeyError, TypeError) as fault:
+        raise InputError(f"{out / FIGURES}: not the figures of a run ({fault})") from fault
+    write_figure(draw_solves(results.tables["static_solve"].rows), out / PICTURE)
+    write_whole(as_markdown(results), out / PAGE)
+    return [out / PICTURE, out / PAGE]
 
 
 if __name__ == "__main__":
@@ -151,7 +165,7 @@ if __name__ == "__main__":
         sys.exit(fault.exit_code)
     except ScleraforceError as fault:
         click.echo(f"error: {fault}", err=True)
-        sys.exit(1)
+        sys.exit(2 if isinstance(fault, InputError) else 1)
     except (KeyboardInterrupt, click.Abort):
         if "--folder" not in sys.argv:  # a part leaves that to the process that runs them all
             click.echo("interrupted; nothing was written", err=True)

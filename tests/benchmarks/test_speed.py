@@ -125,6 +125,28 @@ def test_a_part_of_a_training_stands_for_the_whole_with_what_is_done_once() -> N
     assert whole_seconds(study, 100.0, [103.0, 105.0, 107.0], [110.0, 111.0], 113.0) == pytest.approx(29.0)
 
 
+def test_the_page_of_the_last_run_is_that_of_its_figures() -> None:
+    plain = json.loads((ROOT / "benchmarks" / "results.json").read_text(encoding="utf-8"))
+    page = (ROOT / "benchmarks" / "RESULTS.md").read_text(encoding="utf-8")
+    assert page == as_markdown(Results.from_json(plain)), "after a change of the page: python -m speed --render"
+    assert tuple(plain["tables"]) == PARTS
+
+
+def test_a_page_is_rendered_anew_from_its_figures(tmp_path: Path) -> None:
+    (tmp_path / "results.json").write_text(json.dumps(RESULTS.as_json()))
+    done = speed("--render", "--out", str(tmp_path), folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "RESULTS.md").read_text(encoding="utf-8") == as_markdown(RESULTS)
+    assert (tmp_path / "static_solves.png").stat().st_size > 10_000
+
+
+def test_stale_figures_of_the_page_are_listed(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "provenance"], env=environment(tmp_path), capture_output=True, text=True, check=True
+    )
+    assert "benchmarks/RESULTS.md: make bench, " in done.stdout
+
+
 def test_another_benchmark_waits_until_the_first_is_done(tmp_path: Path) -> None:
     child = "import sys; from speed.lock import alone\nwith alone(): open(sys.argv[1], 'w').close()"
     mark = tmp_path / "mark"
@@ -140,10 +162,27 @@ def test_another_benchmark_waits_until_the_first_is_done(tmp_path: Path) -> None
     assert mark.exists()
 
 
-def test_an_unknown_part_is_refused(tmp_path: Path) -> None:
-    done = speed("nothing", folder=tmp_path)
-    assert done.returncode == 2
-    assert "'nothing' is not one of 'static_solve'" in done.stderr
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nothing"], "'nothing' is not one of 'static_solve'"),
+        (["wire", "--out", "somewhere"], "PARTs are printed, and nothing is written"),
+        (["--render", "--out", "nowhere"], "error: nowhere/results.json: no such file"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_in_a_line(words: list[str], said: str, tmp_path: Path) -> None:
+    done = speed(*words, folder=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_figures_that_are_none_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "results.json").write_text('{"tables": 3}')
+    done = speed("--render", "--out", str(tmp_path), folder=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert "results.json: not the figures of a run" in done.stderr
+    assert [path.name for path in tmp_path.iterdir() if path.suffix != ".json"] == []
 
 
 @pytest.mark.slow
