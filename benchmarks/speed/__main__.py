@@ -150,7 +150,7 @@ def _render(out: Path) -> list[Path]:
     """
     try:
         results = Results.from_json(json.loads(read_text(out / FIGURES, KINDS["result"])))
-    except (ValueError, KeyError, TypeError) as fault:
+    except (ValueError, KeyError, TypeError, AttributeError) as fault:
         raise InputError(f"{out / FIGURES}: not the figures of a run ({fault})") from fault
     write_figure(draw_solves(results.tables["static_solve"].rows), out / PICTURE)
     write_whole(as_markdown(results), out / PAGE)
