@@ -2,6 +2,8 @@
 
 import gc
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 from time import perf_counter, sleep
 
 import cv2
@@ -9,11 +11,15 @@ import numpy as np
 
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
+from scleraforce.known.eye import Modulus, known_of_recording
 from scleraforce.reader import ForceReader
 from scleraforce.reader.live import LiveReader
+from scleraforce.recording.files import read_recording
+from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation import wall
 from scleraforce.segmentation.observed import segmented_boundaries
 from speed.eyes import DrawnEye, draw_eyes, shipped_reader
+from speed.parts.recording import made_recording
 from speed.record import Row, Table
 from speed.run import Run
 
@@ -21,6 +27,8 @@ __all__ = ["measure"]
 
 PAUSE_S = 0.01  # of a scanner with 100 frames a second
 AGAIN = 10  # times in a row
+FIT_EVERY = 10  # frames of the recording
+MODULUS_PA, MODULUS_SD_PA = 0.3e6, 4.5e3  # of its eye, as a calibration finds it
 CRUDE, SEGMENT, READ, FIT = "plain median and Otsu", "segment", "all of the live reading", "fit"
 GOALS_MS = {SEGMENT: (0.25, 0.5), FIT: (1.5, None)}
 SETTINGS = """Frames of 512 x 512 pixels and 16 bits, drawn from the shipped reader's library under 0 to 60 mN; one
@@ -30,7 +38,8 @@ WORDS = {
     CRUDE: "8 bits, `medianBlur` 5 x 5, Otsu's threshold, contours: no wall is told from what is not one",
     SEGMENT: "`find_wall`: both boundaries, in each column, with a verdict",
     READ: "`LiveReader.read`: segmentation, slices, network, verdicts, force with its interval",
-    FIT: "`fit_boundaries`: a wall of the library laid on the boundaries of a segmented frame",
+    FIT: "`fit_boundaries`: a wall of the library laid on the boundaries of a segmented frame, here of a recording of "
+    "0 to 20 mN whose eye is told as a monitor is told it",
 }
 Work = Callable[[int], object]
 
@@ -41,7 +50,7 @@ def measure(run: Run) -> Table:
     # Where loops can be compiled, the monitor compiles them before it says that it is ready.
     getattr(wall, "compile_wall", bool)()
     eyes = draw_eyes(reader, run.count(24, 4))
-    work = _work(reader, eyes)
+    work = _work(reader, eyes) | {FIT: _fit(reader, made_recording(run))}
     for do in work.values():
         do(0)
     gc.collect()
@@ -67,21 +76,31 @@ def _crude(frame: np.ndarray) -> None:
 
 
 def _work(reader: ForceReader, eyes: Sequence[DrawnEye]) -> dict[str, Work]:
+    """Return what is done with the frames of drawn eyes, by their numbers."""
     live = [LiveReader(reader, eye.known, eye.scale.refractive_index) for eye in eyes]
-    seen = [segmented_boundaries(wall.find_wall(eye.frame, eye.scale), eye.scale) for eye in eyes]
-    priors = [prior_of(eye.known, reader.study.reader) for eye in eyes]
-    smoothing_m = reader.study.calibration.surface_smoothing_m
-
-    def fit(n: int) -> object:
-        library = reader.library_at(eyes[n].known.polar_rad)
-        return fit_boundaries(library, seen[n].lateral_m, seen[n].depth_m, priors[n], smoothing_m)
-
     return {
         CRUDE: lambda n: _crude(eyes[n].frame),
         SEGMENT: lambda n: wall.find_wall(eyes[n].frame, eyes[n].scale),
         READ: lambda n: live[n].read(eyes[n].frame, eyes[n].scale),
-        FIT: fit,
     }
+
+
+def _fit(reader: ForceReader, path: Path) -> Work:
+    """Return what fits a wall to a frame of the recording, told what a monitor is told of its eye."""
+    recording = read_recording(path)
+    known = replace(
+        known_of_recording(recording.info), modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=MODULUS_SD_PA, source="own")
+    )
+    scale, prior = PixelScale.of(recording.info.oct), prior_of(known, reader.study.reader)
+    library, smoothing_m = reader.library_at(known.polar_rad), reader.study.calibration.surface_smoothing_m
+    frames = [recording.frame(entry) for entry in recording.frames[::FIT_EVERY]]
+    seen = [segmented_boundaries(wall.find_wall(frame, scale), scale) for frame in frames]
+
+    def fit(n: int) -> object:
+        one = seen[n % len(seen)]
+        return fit_boundaries(library, one.lateral_m, one.depth_m, prior, smoothing_m)
+
+    return fit
 
 
 def _cold(work: Mapping[str, Work], frames: int, rounds: int) -> dict[str, list[float]]:
