@@ -5,13 +5,16 @@ A definite B has Cholesky's factors, U = L^T and Z = Y^T; of any other, rows are
 triangle of A is looked at. Source: Duff and Reid, ACM Trans. Math. Softw. 9, 1983, 302.
 """
 
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import get_blas_funcs
 from scipy.linalg.lapack import get_lapack_funcs
+from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]  # it ships no types
 
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.dissection import Dissection, Front
@@ -57,16 +60,22 @@ class FrontalFactor:
         self._getrf: Any = get_lapack_funcs("getrf", dtype=self._dtype)
         left: dict[int, Floats] = {}
         self._fronts: list[_Factored] = []
-        for number, front in enumerate(dissection.fronts):
-            A = _summed(front, element_eNN, [left.pop(child) for child in front.children])
-            factored, left[number] = self._eliminated(front, A)
-            self._fronts.append(factored)
+        with _one_thread():
+            for number, front in enumerate(dissection.fronts):
+                A = _summed(front, element_eNN, [left.pop(child) for child in front.children])
+                factored, left[number] = self._eliminated(front, A)
+                self._fronts.append(factored)
 
     def solve(self, load: Floats) -> NDArray[np.float64]:
         """Return the answer (unknown,) or (unknown, column) to a load on the free unknowns, of the same shape."""
         x = np.empty(load.shape, self._dtype)
         x[self._number_u] = load
-        column = x[:, 0] if load.ndim == 2 and load.shape[1] == 1 else x
+        with _one_thread():
+            self._substitute(x[:, 0] if load.ndim == 2 and load.shape[1] == 1 else x)
+        return np.asarray(x[self._number_u], dtype=np.float64)
+
+    def _substitute(self, column: Floats) -> None:
+        """Put the answer in place of a load, both in the order of elimination."""
         fronts = [factored for factored in self._fronts if factored.own.start < factored.own.stop]
         for one in fronts:
             y = column[one.own]
@@ -76,7 +85,6 @@ class FrontalFactor:
         for one in reversed(fronts):
             y = column[one.own] - one.Z @ column[one.shared]
             column[one.own] = self._divided(one, y, upper=True)
-        return np.asarray(x[self._number_u], dtype=np.float64)
 
     def _divided(self, one: _Factored, y: Floats, *, upper: bool) -> Floats:
         """Return the inverse of U or L times y, (own,) or (own, column)."""
@@ -108,6 +116,17 @@ class FrontalFactor:
         Z = self._trsm(1.0, LU, C.T[rows], lower=1, diag=1)
         rest = self._gemm(-1.0, Y, Z, beta=1.0, c=D, overwrite_c=1) if len(D) else D
         return _Factored(front.own, front.shared, LU, Y, Z, rows), rest
+
+
+def _one_thread() -> AbstractContextManager[Any]:
+    """Keep BLAS to one thread: fronts are small, and a second thread that waits for a busy core costs tenfold."""
+    limited: AbstractContextManager[Any] = _thread_pools().limit(limits=1, user_api="blas")
+    return limited
+
+
+@cache
+def _thread_pools() -> ThreadpoolController:
+    return ThreadpoolController()
 
 
 def _summed(front: Front, element_eNN: Floats, rests: list[Floats]) -> Floats:
