@@ -11,12 +11,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TypeVar, cast
 
-__all__ = ["SWITCH", "can_compile", "code_is_kept", "compiled"]
+__all__ = ["SWITCH", "can_compile", "code_is_kept", "compiled", "loops_are_compiled", "use_compiled_loops"]
 
 SWITCH = "SCLERAFORCE_COMPILED"
 KEY_LETTERS = 32  # of the hash, in a file name
 
 Loops = TypeVar("Loops", bound=Callable[..., object])
+
+_in_use = False  # of this process: see `use_compiled_loops`
 
 
 def can_compile() -> bool:
@@ -46,6 +48,17 @@ def compiled(loops: Loops) -> Loops:
         return cast(Loops, njit(cache=True, nogil=True, fastmath=False, error_model="numpy")(loops))
     finally:
         config.CACHE_DIR = before  # type: ignore[attr-defined]
+
+
+def use_compiled_loops() -> None:
+    """Have the fit and the library of this process use compiled loops from now on, where they can."""
+    global _in_use
+    _in_use = can_compile()
+
+
+def loops_are_compiled() -> bool:
+    """Return whether this process uses compiled loops where it has others, too."""
+    return _in_use
 
 
 def code_is_kept(module: str) -> bool:

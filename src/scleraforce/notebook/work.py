@@ -10,6 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import InputError
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.study import NetworkStudy, Study, study_hash
@@ -105,6 +106,7 @@ def calibrate_eyes(
     from scleraforce.reader.wall_finder_model import load_wall_finder
 
     refuse_unused(study, "calibrate", mechanics)
+    use_compiled_loops()
     each = opened(recordings)
     finder = None if wall_finder is None else load_wall_finder(wall_finder)
     library = library_for(study, mechanics, counting)
@@ -151,6 +153,7 @@ def recalibrate_intervals(
     from scleraforce.reader.wall_finder_model import load_wall_finder
 
     check_place(out)
+    use_compiled_loops()
     reader, folder, each = load_force_reader(model, finder=wall_finder), read_folder(Path(model)), opened(recordings)
     study, count = reader.study, sum(len(recording.frames) for recording in each)
     finder = None if wall_finder is None else load_wall_finder(wall_finder)

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from select import select
 from time import monotonic, sleep
 
+from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import MessageError
 from scleraforce.reader import load_model
 from scleraforce.reader.answers import Answer
@@ -28,6 +29,7 @@ LEAST_S = 0.02  # from frame to frame, which leaves some of the core to other pr
 def main(arguments: Sequence[str]) -> None:
     """Read the frames that the monitor names, until its channel closes."""
     run_in_real_time(OPINION_PRIORITY)
+    use_compiled_loops()
     channel, settings = settings_of_child(arguments, OpinionSettings)
     try:
         _serve(channel, settings)
