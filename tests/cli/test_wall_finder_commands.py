@@ -82,7 +82,7 @@ def test_a_folder_that_is_no_wall_finder_is_refused_before_anything_is_written(f
 
 def test_a_wall_finder_reads_no_forces(blind, frame, capsys) -> None:
     message = refused(capsys, "classify", blind, frame, "--width-mm", 10, "--depth-mm", 4)
-    assert "kind: found 'wall-finder', classifier or reader is needed here" in message
+    assert "kind: found 'wall-finder', classifier, reader or raw-reader is needed here" in message
 
 
 @pytest.mark.parametrize(
