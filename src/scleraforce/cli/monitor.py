@@ -181,11 +181,11 @@ def _bound_n(study: "Study", known: "Known", bound_mn: float | None, adaptive: b
 
 
 def _refuse_unchecked(reader: "Reader") -> None:
-    """A raw reader has one method: the second opinion would be that of the same network."""
-    if reader.kind == "raw-reader":
+    """A model without a second method would be its own second opinion."""
+    if not reader.serves_loop:
         raise InputError(
-            f"{reader.path}: kind: found 'raw-reader', reader or classifier is needed here: nothing else in it could "
-            "check what its network reads in the loop"
+            f"{reader.path}: kind: {reader.kind}; the monitor needs a reader: nothing else in this model could check "
+            "what its network reads in the loop"
         )
 
 

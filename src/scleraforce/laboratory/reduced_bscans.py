@@ -96,7 +96,7 @@ def draw_reduced(
     mean, variance = _speckled(layers, light_db, displayed, _looks(optics, oct_study, window), window)
     for line in _lines(surface_m, wall_m[:, OUTER], optics, window):
         share, _ = _covered(window, line.depth_m - 0.5 * line.width_m, line.depth_m + 0.5 * line.width_m)
-        bright = displayed.mean((line.level_db[:, None] + light_db).astype(np.float32))
+        bright = displayed.mean(_there(line.level_db) + light_db)
         mean += share * np.maximum(bright - mean, 0.0)
     if shafts:
         mean = np.maximum(mean, displayed.mean(np.stack([_decibel(shaft.skin) for shaft in shafts])))
@@ -179,11 +179,9 @@ def _speckled(
     cells = (len(speckles), window.rows, window.columns)
     empty, mean, variance = np.ones(cells, np.float32), np.zeros(cells, np.float32), np.zeros(cells, np.float32)
     for layer in layers:
-        share, middle_m = _covered(window, layer.top_m, layer.bottom_m)
-        below = (middle_m - layer.top_m[:, None].astype(np.float32)) * layer.falls_db_per_m[..., None].astype(
-            np.float32
-        )
-        of_layer = displayed.moments(layer.level_db[:, None].astype(np.float32) - below + light_db)
+        share, below_m = _covered(window, layer.top_m, layer.bottom_m)
+        fallen_db = below_m * layer.falls_db_per_m[..., None].astype(np.float32)
+        of_layer = displayed.moments(_there(layer.level_db) - fallen_db + light_db)
         empty -= share
         mean += share * of_layer[0]
         variance += share * of_layer[1]
@@ -196,13 +194,21 @@ def _speckled(
 
 
 def _covered(window: FrameWindow, top_m: Floats, bottom_m: Floats) -> tuple[Float, Float]:
-    """Return which share of each cell lies between two depths (frame, column), and the middle depth of that part, m."""
+    """Return which share of each cell lies between two depths (frame, column), and how far below the first it does.
+
+    Both (frame, row, column), the distance in m; 0 in columns without these depths.
+    """
     edges = (np.arange(window.rows + 1, dtype=np.float32) * np.float32(window.row_m))[:, None]
     top, bottom = (np.nan_to_num(depth, nan=np.inf)[:, None].astype(np.float32) for depth in (top_m, bottom_m))
     begin, end = np.maximum(edges[:-1], top), np.minimum(edges[1:], bottom)
     share: Float = np.maximum(end - begin, 0.0) / np.float32(window.row_m)
-    middle: Float = np.where(share > 0.0, 0.5 * (begin + end), np.minimum(top, edges[-1]))
-    return share, middle
+    below: Float = np.where(share > 0.0, 0.5 * (begin + end) - np.minimum(top, edges[-1]), np.float32(0.0))
+    return share, below
+
+
+def _there(level_db: Floats) -> Float:
+    """Return levels (frame, column) for each row (frame, 1, column), without light where there is none."""
+    return np.nan_to_num(level_db, nan=NO_LIGHT_DB)[:, None].astype(np.float32)
 
 
 def _lines(surface_m: Floats, outer_m: Floats, optics: Sequence[BscanOptics], window: FrameWindow) -> list[_Line]:

@@ -55,6 +55,7 @@ class ForceReader:
 
     kind = "reader"
     reads_force = True
+    serves_loop = True
     fixed_modulus_pa = None
 
     def __init__(

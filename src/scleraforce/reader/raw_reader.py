@@ -35,6 +35,7 @@ class RawReader:
 
     kind = "raw-reader"
     reads_force = True
+    serves_loop = False  # its own second opinion would be that of the same network
     fixed_modulus_pa = None
 
     def __init__(

@@ -45,6 +45,10 @@ class Reader(Protocol):
         """Whether its answers have a force with its interval, not the class alone."""
 
     @property
+    def serves_loop(self) -> bool:
+        """Whether it may serve the control loop."""
+
+    @property
     def fixed_modulus_pa(self) -> float | None:
         """Young's modulus that it reads every eye with; None: it takes each eye's own."""
 

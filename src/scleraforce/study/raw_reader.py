@@ -24,10 +24,10 @@ class RawReaderStudy:
     have `snr_loss_db` less signal and speckle `speckle_factor` times as large: 0 and 1 learn that scanner alone.
     """
 
-    rows: int = quantity(80, None, 16, 1024)
-    columns: int = quantity(144, None, 16, 1024)
-    row_m: float = quantity(50.0, "um", 5.0, 1000.0)
-    column_m: float = quantity(100.0, "um", 5.0, 1000.0)
+    rows: int = quantity(64, None, 16, 1024)
+    columns: int = quantity(112, None, 16, 1024)
+    row_m: float = quantity(62.5, "um", 5.0, 1000.0)
+    column_m: float = quantity(130.0, "um", 5.0, 1000.0)
     needle_share: float = quantity(0.12, None, 0.0, 1.0)
     needle_diameter_m: Sampled = quantity(Range(min=180.0, max=720.0), "um", 100.0, 2000.0)
     needle_gap_fraction: float = quantity(45.0, "percent", 1.0, 50.0)
