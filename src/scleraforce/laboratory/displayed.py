@@ -1,7 +1,7 @@
 """Counts of speckle on a scanner's display: mean and variance by the level of the light (NumPy only).
 
 Speckle and noise are complex Gaussian, so their intensity is exponential (Goodman, Speckle Phenomena in Optics, ch. 3).
-The display shows its logarithm, cut off below and above.
+The display shows its logarithm, or itself, cut off below and above (`BscanOptics.counts`).
 """
 
 from collections.abc import Sequence
@@ -29,11 +29,7 @@ class Displayed:
 
     def __init__(self, optics: Sequence[BscanOptics]) -> None:
         """Tabulate the counts of frames of these optics."""
-        floor_db, range_db = (
-            np.array([getattr(each, name) for each in optics], dtype=np.float32)[:, None, None]
-            for name in ("display_floor_db", "display_range_db")
-        )
-        counts = np.clip((_levels_of_quantiles() - floor_db) / range_db, 0.0, 1.0)
+        counts = np.stack([each.counts(_intensities(), 1.0) for each in optics])
         self._mean, self._variance = counts.mean(axis=2), counts.var(axis=2)
         self._first = (np.arange(len(optics), dtype=np.int32) * LEVELS)[:, None, None]
 
@@ -54,10 +50,10 @@ class Displayed:
 
 
 @lru_cache(maxsize=1)
-def _levels_of_quantiles() -> Float:
-    """Return quantiles of displayed levels, dB over the mean noise, (level, quantile); the first level is no light."""
+def _intensities() -> Float:
+    """Return quantiles of intensities over the mean noise, (level, quantile); the first level is no light."""
     light = 10.0 ** (0.1 * (NO_LIGHT_DB + STEP_DB * np.arange(LEVELS)))
     light[0] = 0.0
-    intensity = -np.log1p(-(np.arange(QUANTILES) + 0.5) / QUANTILES)  # of an exponential distribution of mean 1
-    levels: Float = (10.0 * np.log10((1.0 + light)[:, None] * intensity)).astype(np.float32)
-    return levels
+    quantiles = -np.log1p(-(np.arange(QUANTILES) + 0.5) / QUANTILES)  # of an exponential distribution of mean 1
+    intensities: Float = ((1.0 + light)[:, None] * quantiles).astype(np.float32)
+    return intensities
