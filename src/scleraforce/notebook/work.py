@@ -34,6 +34,7 @@ __all__ = [
     "recalibrate_intervals",
     "simulate_slices",
     "train_on_library",
+    "train_on_raw_frames",
     "train_on_slices",
 ]
 

@@ -13,7 +13,7 @@ from scleraforce.study import RawReaderStudy
 __all__ = ["FrameWindow"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FrameWindow:
     """Cells of `row_m` x `column_m` about the frame's middle column, from its upper edge downwards."""
 
@@ -25,7 +25,7 @@ class FrameWindow:
     @classmethod
     def of(cls, study: RawReaderStudy) -> "FrameWindow":
         """Return what a raw reader sees."""
-        return cls(study.rows, study.columns, study.row_m, study.column_m)
+        return cls(rows=study.rows, columns=study.columns, row_m=study.row_m, column_m=study.column_m)
 
     @property
     def laterals_m(self) -> NDArray[np.float64]:

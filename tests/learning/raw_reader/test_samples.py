@@ -7,7 +7,7 @@ import pytest
 from analytic_library import analytic_library
 
 from scleraforce.learning.raw_reader.light import draw_optics, draw_shafts, largest_needle_gap
-from scleraforce.learning.raw_reader.samples import CHUNK, RawSource, pair_rows, raw_chunks_ahead
+from scleraforce.learning.raw_reader.samples import FRAMES_TOGETHER, RawSource, pair_rows, raw_chunks_ahead
 from scleraforce.reader.given import GIVEN
 from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.study import RawReaderStudy, Study, fixed
@@ -28,9 +28,9 @@ def study_with(**raw: object) -> Study:
 
 
 def test_a_chunk_is_the_same_wherever_it_is_drawn(source: RawSource) -> None:
-    here = source.chunk(3, CHUNK)
+    here = source.chunk(3, FRAMES_TOGETHER)
     (there,) = raw_chunks_ahead(source, [3], workers=1)
-    assert len(here) == CHUNK
+    assert len(here) == FRAMES_TOGETHER
     for name in ("frames", "boundary_rows", "given", "force_n", "modulus_pa", "lateral_m"):
         np.testing.assert_array_equal(getattr(here, name), getattr(there, name))
     assert not np.array_equal(source.chunk(4, 8).frames, source.chunk(5, 8).frames)

@@ -20,7 +20,6 @@ from scleraforce.learning.raw_reader.light import draw_optics
 from scleraforce.learning.reader.uneven import added_depths
 from scleraforce.learning.reader.virtual_eyes import (
     FRAMES,
-    ROTATION_RAD,
     VirtualEye,
     calibrated,
     draw_eye,
@@ -102,7 +101,7 @@ def _frames(eye: VirtualEye, forces_n: NDArray[np.float64], study: Study, rng: n
     depth_sbc = np.empty((len(states), 2, window.columns))
     for depths, curves in zip(depth_sbc, eye.model.curves(states), strict=True):
         lateral_m, surface_m = draw(reader.lateral_m, rng), draw(reader.surface_depth_m, rng)
-        turn_rad = rng.uniform(-ROTATION_RAD, ROTATION_RAD)
+        turn_rad = draw(reader.rotation_rad, rng)
         depth, _, reached = curve_depths(
             place_section(curves, np.array([lateral_m, surface_m, turn_rad, 0.0, 0.0])), both
         )

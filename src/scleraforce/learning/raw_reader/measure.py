@@ -4,7 +4,7 @@ import numpy as np
 
 from scleraforce.learning.framework import torch
 from scleraforce.learning.raw_reader.network import RawReaderNetwork
-from scleraforce.learning.raw_reader.samples import CHUNK, RawSamples, RawSource
+from scleraforce.learning.raw_reader.samples import FRAMES_TOGETHER, RawSamples, RawSource
 from scleraforce.learning.reader.network import histogram
 from scleraforce.learning.reader.training import ReaderMetrics
 from scleraforce.reader.force_distribution import force_distribution, ratio_edges
@@ -20,7 +20,10 @@ VALIDATION_CHUNK = 2**31  # numbers from here on are chunks of the validation se
 def measure_raw_reader(network: RawReaderNetwork, source: RawSource, study: Study) -> ReaderMetrics:
     """Compare a network's answers with the truth of `[raw_reader] validation_frames` frames."""
     count = study.raw_reader.validation_frames
-    parts = [source.chunk(VALIDATION_CHUNK + n, min(CHUNK, count - n * CHUNK)) for n in range(-(-count // CHUNK))]
+    parts = [
+        source.chunk(VALIDATION_CHUNK + n, min(FRAMES_TOGETHER, count - n * FRAMES_TOGETHER))
+        for n in range(-(-count // FRAMES_TOGETHER))
+    ]
     mixtures, places_mm = (torch.cat(each) for each in zip(*(_answers(network, part) for part in parts), strict=True))
     samples, reader = RawSamples.joined(parts), study.reader
     edges = ratio_edges(reader.bins, reader.max_force_ratio)

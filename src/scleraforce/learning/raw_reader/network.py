@@ -53,7 +53,7 @@ class RawReaderNetwork(torch.nn.Module):
 def slice_rows(window: FrameWindow, study: SliceStudy) -> NDArray[np.float32]:
     """Return the weights (row of the slice, row of the window) of the means over a slice's rows.
 
-    >>> slice_rows(FrameWindow(4, 2, 50e-6, 1e-4), SliceStudy(rows=8, columns=8, pixel_m=1e-4))[:3]
+    >>> slice_rows(FrameWindow(rows=4, columns=2, row_m=5e-5, column_m=1e-4), SliceStudy(rows=8))[:3]
     array([[0.5, 0.5, 0. , 0. ],
            [0. , 0. , 0.5, 0.5],
            [0. , 0. , 0. , 0. ]], dtype=float32)

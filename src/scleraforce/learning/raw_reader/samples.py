@@ -22,12 +22,12 @@ from scleraforce.reader.needle_gap import read_by_fit
 from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.study import Range, ReaderStudy, SliceStudy, Study
 
-__all__ = ["CHUNK", "RawSamples", "RawSource", "pair_rows", "raw_chunks_ahead", "window_columns"]
+__all__ = ["FRAMES_TOGETHER", "RawSamples", "RawSource", "pair_rows", "raw_chunks_ahead", "window_columns"]
 
 Floats = NDArray[np.float64]
 Float = NDArray[np.float32]
 
-CHUNK = 256  # frames that are drawn together, from a generator of their own
+FRAMES_TOGETHER = 256  # a chunk, from a generator of its own
 AHEAD = 4  # chunks for each process that are drawn or wait
 
 
@@ -73,7 +73,7 @@ class RawSource:
         columns = window_columns(FrameWindow.of(study.raw_reader))
         return cls(Source.of(library, study.reader, columns).library, study)
 
-    def chunk(self, number: int, count: int = CHUNK) -> RawSamples:
+    def chunk(self, number: int, count: int = FRAMES_TOGETHER) -> RawSamples:
         """Draw a chunk of samples, those that a needle crosses among the others."""
         raw = self.study.raw_reader
         rng = np.random.default_rng([raw.seed, number])

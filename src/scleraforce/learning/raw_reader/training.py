@@ -16,7 +16,7 @@ from scleraforce.errors import SolverError
 from scleraforce.learning.classifier.training import learning_rate, repeatable
 from scleraforce.learning.framework import torch
 from scleraforce.learning.raw_reader.network import RawReaderNetwork
-from scleraforce.learning.raw_reader.samples import CHUNK, RawSamples, RawSource, raw_chunks_ahead
+from scleraforce.learning.raw_reader.samples import FRAMES_TOGETHER, RawSamples, RawSource, raw_chunks_ahead
 from scleraforce.learning.reader.draws import Source
 from scleraforce.learning.reader.training import READER_THREADS, fit_reader, reader_loss
 from scleraforce.learning.wall_finder.training import finder_loss
@@ -83,7 +83,7 @@ def _batches(source: RawSource, raw: RawReaderStudy, workers: int) -> Iterator[R
     """Yield the training's batches, each of frames of its own."""
     frames = raw.batches * raw.batch_size
     left: RawSamples | None = None
-    with closing(raw_chunks_ahead(source, range(-(-frames // CHUNK)), workers)) as chunks:
+    with closing(raw_chunks_ahead(source, range(-(-frames // FRAMES_TOGETHER)), workers)) as chunks:
         for _ in range(raw.batches):
             while left is None or len(left) < raw.batch_size:
                 chunk = next(chunks)
