@@ -91,6 +91,8 @@ def test_a_wall_finder_reads_no_forces(blind, frame, capsys) -> None:
         (["data.zarr", "--kind", "wall-finder"], "data.zarr: --kind wall-finder draws its scenes; leave DATASET out"),
         ([], "--kind classifier: DATASET is missing; only --kind wall-finder needs none"),
         (["--kind", "reader"], "--kind reader: DATASET is missing"),
+        (["--kind", "raw-reader"], "--kind raw-reader: DATASET is missing"),
+        (["lib", "--kind", "raw-reader", "--search"], "a raw-reader has the sizes of [raw_reader]"),
         (["--kind", "wall-finder", "--search"], "--search is for --kind classifier: a wall finder has the sizes"),
     ],
 )

@@ -1,6 +1,7 @@
 """The same window of every raw frame, whatever its size: cells of a fixed size in metres, not in pixels."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,11 +42,11 @@ class FrameWindow:
         array([[2.5, 3.5],
                [0. , 0. ]], dtype=float32)
         """
-        rows, columns = frame.shape
-        along = _shares(columns, scale.lateral_m, self.columns, self.column_m, -0.5 * self.columns * self.column_m)
-        down = _shares(rows, scale.depth_m, self.rows, self.row_m, -0.5 * rows * scale.depth_m)
-        means: Float = down @ frame.astype(np.float32) @ along.T
-        return means
+        rows_at = np.arange(self.rows + 1) * (self.row_m / scale.depth_m)
+        columns_at = 0.5 * frame.shape[1] + (np.arange(self.columns + 1) - 0.5 * self.columns) * (
+            self.column_m / scale.lateral_m
+        )
+        return _means_between(columns_at, _means_between(rows_at, frame).T).T
 
     def reduced(self, frame: Pixels, scale: PixelScale) -> Float:
         """Return the cells of a frame as a network sees them, (row, column); see `levels`."""
@@ -56,19 +57,19 @@ class FrameWindow:
         return reduced_frame(means, self.rows, self.columns)  # type: ignore[arg-type]  # means of counts
 
 
-def _shares(pixels: int, pixel_m: float, cells: int, cell_m: float, first_m: float) -> Float:
-    """Return which share each pixel has in each cell (cell, pixel); all 0 in cells that pixels do not reach.
+def _means_between(edges: NDArray[np.float64], values: NDArray[Any]) -> Float:
+    """Return the means of rows between edges (cell, column), 0 where there are no rows.
 
     Args:
-        pixels: of the frame, evenly about 0.
-        pixel_m: size of one.
-        cells: of the window.
-        cell_m: size of one.
-        first_m: where the first cell begins, m from the frame's middle.
+        edges: of the cells, counted in rows (cell + 1,), increasing.
+        values: (row, column).
     """
-    pixel_edges = (np.arange(pixels + 1) - 0.5 * pixels) * pixel_m
-    cell_edges = first_m + np.arange(cells + 1)[:, None] * cell_m
-    covered = np.clip(pixel_edges, cell_edges[:-1], cell_edges[1:])
-    part_m = np.diff(covered, axis=1)
-    shares: Float = (part_m / np.maximum(part_m.sum(axis=1, keepdims=True), 1e-15)).astype(np.float32)
-    return shares
+    inside = np.clip(edges, 0.0, len(values))
+    whole = inside.astype(np.intp)
+    padded = np.concatenate([values, np.zeros((1, values.shape[1]), dtype=values.dtype)]).astype(np.float32)
+    sums = np.add.reduceat(padded, whole, axis=0)[:-1]
+    sums[np.diff(whole) == 0] = 0.0
+    part = (inside - whole).astype(np.float32)[:, None] * padded[whole]
+    width = np.maximum(np.diff(inside), 1e-9).astype(np.float32)
+    means: Float = (sums + np.diff(part, axis=0)) / width[:, None]
+    return means
