@@ -57,7 +57,7 @@ class FrameWindow:
         return reduced_frame(means, self.rows, self.columns)  # type: ignore[arg-type]  # means of counts
 
 
-def _means_between(edges: NDArray[np.float64], values: NDArray[Any]) -> Float:
+def _means_between(edges: NDArray[np.floating], values: NDArray[Any]) -> Float:
     """Return the means of rows between edges (cell, column), 0 where there are no rows.
 
     Args:
@@ -71,5 +71,5 @@ def _means_between(edges: NDArray[np.float64], values: NDArray[Any]) -> Float:
     sums[np.diff(whole) == 0] = 0.0
     part = (inside - whole).astype(np.float32)[:, None] * padded[whole]
     width = np.maximum(np.diff(inside), 1e-9).astype(np.float32)
-    means: Float = (sums + np.diff(part, axis=0)) / width[:, None]
+    means: Float = ((sums + np.diff(part, axis=0)) / width[:, None]).astype(np.float32, copy=False)
     return means
