@@ -91,7 +91,7 @@ def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int]
 
 
 def _frames(eye: VirtualEye, forces_n: NDArray[np.float64], study: Study, rng: np.random.Generator) -> Float:
-    """Return reduced frames of an eye under forces (frame, row, column), of one scanner; the eye's place is theirs."""
+    """Return reduced frames of an eye under forces (frame, row, column), each in a place and light of its own."""
     reader, window = study.reader, FrameWindow.of(study.raw_reader)
     felt_n = forces_n / (1.0 + eye.drift * (forces_n / eye.largest_n - 0.5))
     states = [replace(eye.wall, force_n=float(force_n)) for force_n in felt_n]

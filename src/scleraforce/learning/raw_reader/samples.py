@@ -95,7 +95,7 @@ class RawSource:
         optics = [draw_optics(study, gap_m if needle else None, rng) for gap_m in eyes.gap_m.tolist()]
         shafts = draw_shafts(optics, depth_sbc, lateral_m, eyes.rotation_rad, study, window)
         drawn = draw_reduced(depth_sbc, optics, study.oct, window, rng, shafts)
-        trained = read_by_fit(reader if not needle else study.reader)
+        trained = read_by_fit(study.reader)
         return RawSamples(
             drawn.frames,
             pair_rows(drawn.boundary_rows, window),
