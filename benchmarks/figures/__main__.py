@@ -17,7 +17,15 @@ from figures.folder import FiguresFolder
 from figures.groups import DEFAULT_READER, GROUPS, SEED, draw_eyes
 from figures.page import insert_tables
 from figures.picture import draw_forces
-from figures.readings import CALIBRATED_FRAMES, Method, calibrated_eyes, make_methods, paper_method, read_frames
+from figures.readings import (
+    CALIBRATED_FRAMES,
+    Method,
+    calibrated_eyes,
+    make_methods,
+    paper_method,
+    raw_method,
+    read_frames,
+)
 from figures.recordings import make_recordings, read_made
 from figures.scores import AnsweredFrame, score
 from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
@@ -69,6 +77,8 @@ class Group:
     "--reader", type=click.Path(path_type=Path), help="A trained reader, as the default one; otherwise one is trained."
 )
 @click.option("--living-reader", type=click.Path(path_type=Path), help="Likewise, as that of the living preset.")
+@click.option("--raw-reader", type=click.Path(path_type=Path), help="A trained raw reader, to stand beside the default "
+              "one; without it there is no such row.")  # fmt: skip
 @click.option(
     "--page",
     type=click.Path(path_type=Path, exists=True),
@@ -85,6 +95,7 @@ def main(
     workers: int,
     reader: Path | None,
     living_reader: Path | None,
+    raw_reader: Path | None,
     page: Path | None,
     seed: int,
     still: bool,
@@ -104,7 +115,9 @@ def main(
         return
     left = {group: tuple(eye for eye in eyes if eye.eye.id not in failed) for group, eyes in drawn.items()}
     given = {DEFAULT_READER: reader, "living": living_reader}
-    groups = [_read(folder, name, eyes, _methods(folder, name, left, study, given)) for name, eyes in left.items()]
+    groups = [
+        _read(folder, name, eyes, _methods(folder, name, left, study, given, raw_reader)) for name, eyes in left.items()
+    ]
     results = [_result(folder, group, study) for group in groups]
     stamp = new_stamp("make figures", "figures.__main__", *(f"scleraforce.cli.{command}" for command in COMMANDS))
     found = {"made": vars(stamp), "groups": as_json(results)}
@@ -124,10 +137,13 @@ def _methods(
     eyes: Mapping[str, Sequence[FigureEye]],
     study: Study,
     given: Mapping[str, Path | None],
+    raw_reader: Path | None,
 ) -> list[Method]:
-    """Return the ways of reading a group: those of its reader and, where there are plain eyes, the paper's."""
+    """Return the ways of reading a group: those of its reader, a raw reader's and, with plain eyes, the paper's."""
     name = GROUPS[group].reader
     methods = make_methods(folder, name, study, given[name])
+    if raw_reader is not None and name == DEFAULT_READER:
+        methods.append(raw_method(raw_reader))
     return [*methods, paper_method(folder, eyes["plain"], study)] if "plain" in eyes else methods
 
 

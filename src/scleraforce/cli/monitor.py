@@ -100,6 +100,7 @@ def monitor(
         from scleraforce.service.reset_token import new_token
 
     reader = load_model(model, finder=None)  # the loop has no time for one; the second opinion loads its own
+    _refuse_unchecked(reader)
     known, doubt = _known(calibration, eye, options)
     _refuse_untrained(reader, known)
     settings = MonitorSettings(
@@ -177,6 +178,15 @@ def _bound_n(study: "Study", known: "Known", bound_mn: float | None, adaptive: b
     return adaptive_bound_n(
         study, thickness_m=known.thickness_m, youngs_modulus_pa=known.modulus.mean_pa, iop_pa=known.iop_pa
     )
+
+
+def _refuse_unchecked(reader: "Reader") -> None:
+    """A model without a second method would be its own second opinion."""
+    if not reader.serves_loop:
+        raise InputError(
+            f"{reader.path}: kind: {reader.kind}; the monitor needs a reader: nothing else in this model could check "
+            "what its network reads in the loop"
+        )
 
 
 def _refuse_untrained(reader: "Reader", known: "Known") -> None:

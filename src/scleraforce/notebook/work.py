@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from scleraforce.calibration.result import Calibration
     from scleraforce.dataset import CalibratedModulus, Dataset, Generation
     from scleraforce.learning.classifier.train import Trained
+    from scleraforce.learning.raw_reader.train import TrainedRawReader
     from scleraforce.learning.reader.train import TrainedReader
     from scleraforce.library import Library
     from scleraforce.reader.interval_scores import GroupChange
@@ -34,6 +35,7 @@ __all__ = [
     "recalibrate_intervals",
     "simulate_slices",
     "train_on_library",
+    "train_on_raw_frames",
     "train_on_slices",
 ]
 
@@ -223,6 +225,25 @@ def train_on_library(library: "Library", study: Study, out: Path, counting: Coun
     reader = study.reader
     with counting("epochs", reader.epochs) as advance, counting("eyes", reader.interval_eyes) as measured:
         return train_reader(library, study, out, progress=advance, measured=measured)
+
+
+def train_on_raw_frames(library: "Library", study: Study, out: Path, counting: Counting) -> "TrainedRawReader":
+    """Train a raw reader and write its folder: counts "epochs" of slices, "batches" of raw frames, then "eyes".
+
+    Raises:
+        InputError: as of `sf.train`.
+        SolverError: the training diverged.
+    """
+    refuse_unused(study, "train --kind raw-reader")
+    from scleraforce.learning.raw_reader.train import train_raw_reader
+
+    raw = study.raw_reader
+    with (
+        counting("epochs", raw.slice_epochs) as advance,
+        counting("batches", raw.batches) as learned,
+        counting("eyes", raw.interval_eyes) as measured,
+    ):
+        return train_raw_reader(library, study, out, progress=advance, learned=learned, measured=measured)
 
 
 def train_on_slices(
