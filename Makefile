@@ -34,8 +34,8 @@ lint: .venv/installed  ## ruff (rules and format) and mypy
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
 
-bench: .venv/installed  ## the benchmarks, as tables; BENCH='--model MODEL --recording RECORDING' for those that read
-	.venv/bin/python benchmarks/bench.py $(BENCH)
+bench: .venv/installed  ## every figure of speed, to benchmarks/RESULTS.md, in half an hour; BENCH="--quick", a part, --training, ...
+	PYTHONPATH=benchmarks .venv/bin/python -m speed $(BENCH)
 
 docs: .venv/installed  ## these pages as a site that is searched without a network, to out/site (SITE=...); warnings are errors
 	.venv/bin/python -m sphinx -qW --keep-going -b html docs $(SITE)

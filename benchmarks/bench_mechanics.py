@@ -2,7 +2,7 @@
 
     python benchmarks/bench_mechanics.py [--fine] [--rows N] [--quads 20]
 
-R1 is the project's reference problem: 12 mm, 0.25 MPa, nu 0.45, 30 mN at 35 degrees with a Gaussian of 0.35 mm.
+R1 is the project's reference problem (`reference_r1.py`).
 Times are the least of three, in seconds of one core; on a shared machine only their ratios mean something.
 `--rows` keeps the first N rows of each table of meshes.
 """
@@ -13,24 +13,20 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from least_time import least_s
+from reference_r1 import CONTACT, CONVERGED_MM, E_PA, FORCE_N, NU, RADIUS_M, SPREAD_M, gaussian_load
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, build_mesh, locate
 from scleraforce.mechanics.assembly import element_stiffness, stiffness_matrix
 from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
-from scleraforce.mechanics.loads import needle_loads, weighted_surface_load
+from scleraforce.mechanics.loads import needle_loads
 from scleraforce.mechanics.quadrature import volume_points
 from scleraforce.mechanics.supports import symmetric_base
 
-RADIUS_M, NU, E_PA, FORCE_N = 12e-3, 0.45, 0.25e6, 0.03
 NEEDLE_RADIUS_M = 0.35e-3
-CONTACT = Contact(polar_rad=np.radians(35.0))
-# Tip at the load centre with 60 quads along an edge (0.5 mm), 40 (0.8 mm), one layer of 20-node elements.
-CONVERGED_MM = {0.5e-3: 2.168, 0.8e-3: 0.9084}
 
 MESHES: dict[str, dict[str, Any]] = {
     "10 quads, 27 nodes": {"divisions": 10, "level": 0},
@@ -46,14 +42,6 @@ FINE_MESHES: dict[str, dict[str, Any]] = {
 }
 
 
-def gaussian_load(mesh: HexMesh, contact: Contact, spread_m: float) -> NDArray[np.float64]:
-    """Return R1's load of 1 N."""
-    centre = mesh.radius_m * contact.normal
-    return weighted_surface_load(
-        mesh, lambda x: np.exp(-np.sum((x - centre) ** 2, axis=-1) / (2 * spread_m**2)), -contact.normal
-    )
-
-
 def reference_problem(meshes: dict[str, dict[str, Any]], rows: int | None) -> None:
     """Print R1 on several meshes, at the load centre and at the corner nearest to it."""
     print("\nR1: inward displacement along the load [mm], and its ratio to the converged one")
@@ -63,7 +51,7 @@ def reference_problem(meshes: dict[str, dict[str, Any]], rows: int | None) -> No
             start = process_time()
             mesh = build_mesh(RADIUS_M, thickness_m, **kind)
             wall = LinearWall(mesh, NU)
-            u = wall.solve_one(gaussian_load(mesh, CONTACT, 0.35e-3)) * FORCE_N / E_PA
+            u = wall.solve_one(gaussian_load(mesh, CONTACT, SPREAD_M)) * FORCE_N / E_PA
             seconds = process_time() - start
             corners = np.unique(mesh.outer_qn[:, :4])
             distance = np.linalg.norm(mesh.points_nc[corners] - RADIUS_M * CONTACT.normal, axis=1)

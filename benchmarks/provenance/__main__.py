@@ -18,8 +18,8 @@ def main() -> int:
     if given.stamp:
         print(new_stamp(*given.stamp))
         return 0
-    found = [(page, stamp) for page in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-             for stamp in read_stamps(page)]  # fmt: skip
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), *(ROOT / "benchmarks").glob("RESULTS.md")]
+    found = [(page, stamp) for page in pages for stamp in read_stamps(page)]
     for page, stamp in found:
         state = "of today's sources" if stamp.current else "OLDER than its sources"
         print(f"{page.relative_to(ROOT)}: {stamp.made_by}, {stamp.commit} of {stamp.day}: {state}")

@@ -1,11 +1,9 @@
 """What the benchmarks are given in tests: a reader that knows one force, a recording, a coarse study and a data set."""
 
-import fcntl
 import json
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from fixed_reader import write_fixed_reader
 
 from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.writing import RecordingWriter
+from speed.lock import alone as alone_on_this_machine
 
 BINS, BIN = 64, 20
 FRAMES, FORCE_N = 150, 8e-3
@@ -102,6 +101,5 @@ def dataset(study_file: Path, environment: dict[str, str], tmp_path_factory: pyt
 @pytest.fixture
 def alone() -> Iterator[None]:
     """Two monitors that run in real time would keep each other from their core."""
-    with open(Path(tempfile.gettempdir()) / "scleraforce-benchmark.lock", "w", encoding="utf-8") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with alone_on_this_machine():
         yield

@@ -70,18 +70,6 @@ def test_drawn_frames_are_read_where_no_recording_is_given(folder: Path, environ
     assert "drawn frames\n24 frames, " in done.stdout
 
 
-@pytest.mark.slow
-def test_all_at_once_leaves_out_by_name_what_lacks_a_model(folder: Path, environment: dict[str, str]) -> None:
-    done = ran("bench", ["reader", "monitor", "--model", str(folder / "reader")], environment)
-    assert done.returncode == 0, done.stderr
-    assert "== reader ==" in done.stdout
-    assert "left out, for what they need is not given: monitor (MODEL RECORDING)" in done.stdout
-    assert ran("bench", ["reader", "--model", str(folder / "none")], environment).returncode == 1
-    unknown = ran("bench", ["nothing"], environment)
-    assert unknown.returncode == 2
-    assert "nothing: no such benchmark" in unknown.stderr
-
-
 def ran(name: str, words: list[str], environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
     """Run a benchmark to its end."""
     command = [sys.executable, str(FOLDER / f"{name}.py"), *words]

@@ -1,0 +1,27 @@
+"""R1, the project's reference problem for linear mechanics: a clamped half-sphere of 12 mm under one Gaussian force.
+
+0.25 MPa, nu 0.45, 30 mN at 35 degrees with a Gaussian of 0.35 mm, no pressure, no weight. What is read is the inward
+displacement along the load at its centre.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.eye.contact import Contact
+from scleraforce.eye.mesh import HexMesh
+from scleraforce.mechanics.loads import weighted_surface_load
+
+__all__ = ["CONTACT", "CONVERGED_MM", "E_PA", "FORCE_N", "NU", "RADIUS_M", "SPREAD_M", "gaussian_load"]
+
+RADIUS_M, NU, E_PA, FORCE_N, SPREAD_M = 12e-3, 0.45, 0.25e6, 0.03, 0.35e-3
+CONTACT = Contact(polar_rad=np.radians(35.0))
+# By thickness: 60 quads along an edge (0.5 mm), 40 (0.8 mm), one layer of 20-node elements.
+CONVERGED_MM = {0.5e-3: 2.168, 0.8e-3: 0.9084}
+
+
+def gaussian_load(mesh: HexMesh, contact: Contact, spread_m: float) -> NDArray[np.float64]:
+    """Return a load of 1 N, (node, 3), integrated over the outer surface."""
+    centre = mesh.radius_m * contact.normal
+    return weighted_surface_load(
+        mesh, lambda x: np.exp(-np.sum((x - centre) ** 2, axis=-1) / (2 * spread_m**2)), -contact.normal
+    )

@@ -1,0 +1,75 @@
+"""The wall of revolution: one path, and the library of all of them."""
+
+from time import perf_counter
+from typing import Any
+
+from scleraforce.eye.contact import Contact
+from scleraforce.library.build import build_library, solve_path
+from scleraforce.library.plan import LibraryPlan, plan_library
+from scleraforce.mechanics.study_path import bend_eye
+from scleraforce.processes import available_cores
+from scleraforce.study import Study
+from speed.record import Row, Table, spread
+from speed.run import Run, in_turns
+
+__all__ = ["LIBRARY", "measure"]
+
+LIBRARY = "library.zarr"  # in the run's folder
+PATH_GOAL_S, LIBRARY_GOAL_S = 0.05, 8.0
+PATHS_AT_ONCE = 8  # from thin to thick walls
+SOLID = "one path in three dimensions"
+SOLID_EYE: dict[str, Any] = {"thickness_m": 0.6e-3, "youngs_modulus_pa": 0.3e6, "iop_pa": 266.0}
+SETTINGS = """Load paths of a neo-Hookean wall under the needle at the pole, as the response library tabulates them.
+Nobody else tabulates; the prototype that this project was given took 24 s for 70 paths on two cores, on another
+day."""
+
+
+def measure(run: Run) -> Table:
+    """Time single paths in turns with one in 3-D, and the library of the study."""
+    study = run.study
+    plan = plan_library(study)
+    solve_path(plan, 0)
+    some = run.count(PATHS_AT_ONCE, 2)
+    units = [plan.units * number // some for number in range(some)]
+    work = {
+        "one axisymmetric path": lambda: [solve_path(plan, unit) for unit in units],
+        SOLID: lambda: bend_eye(study, Contact(polar_rad=0.6), **SOLID_EYE, max_force_n=run.count(30, 3) * 1e-3),
+    }
+    taken = in_turns(work, run.count(2, 1))
+    path_s = spread([seconds / len(units) for seconds in taken["one axisymmetric path"]])
+    solid_s = spread(taken[SOLID])
+    library_s = _library_seconds(study, run, plan)
+    cores = available_cores()
+    return Table(
+        "Axisymmetric paths and the library",
+        SETTINGS,
+        (
+            Row(
+                what="one axisymmetric path",
+                unit="s",
+                **path_s,
+                beside=SOLID,
+                beside_value=solid_s["value"],
+                goal=PATH_GOAL_S,
+                settings=f"mean of {len(units)} of the library's walls, {plan.grid.tips} dents each; one process",
+            ),
+            Row(what=SOLID, unit="s", **solid_s, settings="`bend_eye` on the graded mesh, 0.6 mm, to 30 mN"),
+            Row(
+                what=f"library of {plan.units} paths",
+                value=library_s,
+                unit="s",
+                beside=f"{plan.units} paths one after the other",
+                beside_value=plan.units * path_s["value"],
+                goal=LIBRARY_GOAL_S,
+                settings=f"`scleraforce library`, {cores} processes, from their start to the complete store; made once",
+            ),
+        ),
+    )
+
+
+def _library_seconds(study: Study, run: Run, plan: LibraryPlan) -> float:
+    start = perf_counter()
+    built = build_library(study, run.folder / LIBRARY)
+    if built.solved != plan.units:
+        raise RuntimeError(f"{built.solved} paths were solved, not {plan.units}")
+    return perf_counter() - start

@@ -1,0 +1,48 @@
+"""Commands from a cold start, as a user or a script calls them."""
+
+import sys
+
+from scleraforce.recording.files import read_recording
+from speed.children import command_seconds, scleraforce
+from speed.parts.recording import made_recording
+from speed.record import Row, Table, spread
+from speed.run import Run
+
+__all__ = ["measure"]
+
+BARE, IMPORTS = "`python -c pass`", "`python -c 'import numpy, cv2, onnxruntime'`"
+HELP, CLASSIFY = "`scleraforce --help`", "`scleraforce classify default FRAME`"
+GOALS_S = {HELP: 0.09, CLASSIFY: 0.5}
+BESIDE = {HELP: BARE, CLASSIFY: IMPORTS}
+SETTINGS = """A new process each time, in turns; its files are in the system's cache. The value is the least, which
+other work on the machine disturbs least."""
+
+
+def measure(run: Run) -> Table:
+    """Start each command several times."""
+    path = made_recording(run)
+    frame = read_recording(path).frame_path(read_recording(path).frames[0])
+    known = ["--youngs-modulus-mpa", "0.3", "--iop-mmhg", "2", "--thickness-um", "650", "--gap-mm", "0.5"]
+    commands = {
+        BARE: [sys.executable, "-c", "pass"],
+        HELP: scleraforce("--help"),
+        IMPORTS: [sys.executable, "-c", "import numpy, cv2, onnxruntime"],
+        CLASSIFY: scleraforce("classify", "default", str(frame), *known),
+    }
+    taken: dict[str, list[float]] = {name: [] for name in commands}
+    for _ in range(run.count(12, 1)):
+        for name, command in commands.items():
+            taken[name].append(command_seconds(command))
+    rows = [
+        Row(
+            what=name,
+            unit="s",
+            value=min(seconds),
+            spread=spread(seconds)["spread"],
+            beside=BESIDE.get(name, ""),
+            beside_value=min(taken[BESIDE[name]]) if name in BESIDE else None,
+            goal=GOALS_S.get(name),
+        )
+        for name, seconds in taken.items()
+    ]
+    return Table("Commands", SETTINGS, tuple(rows))

@@ -1,0 +1,53 @@
+"""What every part is told of the run."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+from scleraforce.study import Study, read_study
+
+__all__ = ["OPTIONS", "QUICK_STUDY", "ROOT", "Run", "in_turns"]
+
+ROOT = Path(__file__).parents[2]
+OPTIONS = ("training", "reproduce", "tests")  # what takes too long to be done each time
+QUICK_STUDY = Path(__file__).with_name("quick.toml")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run.
+
+    Attributes:
+        quick: at reduced sizes.
+        folder: what one part leaves to the later ones: data set, library, recording.
+        options: those of `OPTIONS` that are done in full; a quick run does all of them, reduced.
+    """
+
+    quick: bool
+    folder: Path
+    options: tuple[str, ...] = ()
+
+    def full(self, option: str) -> bool:
+        """Whether something long is done from end to end."""
+        return self.quick or option in self.options
+
+    def count(self, usual: int, quick: int) -> int:
+        """Return how often, or how large."""
+        return quick if self.quick else usual
+
+    @property
+    def study(self) -> Study:
+        """The paper's study; a very small one where it is quick."""
+        return read_study(QUICK_STUDY) if self.quick else Study()
+
+
+def in_turns(work: Mapping[str, Callable[[], object]], rounds: int) -> dict[str, list[float]]:
+    """Do each piece of work once a round; return its times, s."""
+    taken: dict[str, list[float]] = {name: [] for name in work}
+    for _ in range(rounds):
+        for name, do in work.items():
+            start = perf_counter()
+            do()
+            taken[name].append(perf_counter() - start)
+    return taken

@@ -1,0 +1,1 @@
+"""Reference problem R1 in several programs, each solved in a process of its own."""

@@ -1,0 +1,82 @@
+"""R1 on the meshes that are compared, and what a process tells of its solve."""
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_r1 import CONTACT, CONVERGED_MM, FORCE_N, RADIUS_M, SPREAD_M, gaussian_load
+from scleraforce.eye.graded import graded_mesh
+from scleraforce.eye.mesh import HexMesh, build_mesh
+from scleraforce.eye.study_mesh import study_mesh
+from scleraforce.mechanics.linear import tip_displacement
+from scleraforce.study import Study
+
+__all__ = ["MESHES", "THICKNESS_M", "Solved", "error_percent", "peak_mb", "r1_forces", "r1_mesh", "tip_mm"]
+
+THICKNESS_M = 0.5e-3
+QUICK: dict[str, Any] = {"divisions": 4, "level": 0}
+MESHES: dict[str, Callable[[bool], HexMesh]] = {
+    "default": lambda quick: _even(**QUICK) if quick else study_mesh(Study(), THICKNESS_M, CONTACT),
+    "20-node": lambda quick: _even(**(QUICK if quick else {}), serendipity=True),
+    "graded": lambda quick: graded_mesh(RADIUS_M, THICKNESS_M, CONTACT, *((2, 6) if quick else ())),
+    "paper's": lambda quick: _even(**(QUICK if quick else {"level": 2}), layers=2, order=1),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solved:
+    """One solve.
+
+    Attributes:
+        seconds: from an empty hand to the displacements, in a process that runs already and reads no file.
+        unknowns: three a node, held ones included.
+        tip_mm: inward displacement along the load at its centre.
+        peak_mb: the largest memory of the process.
+    """
+
+    seconds: float
+    unknowns: int
+    tip_mm: float
+    peak_mb: float
+
+    def tell(self) -> None:
+        """Print it for the process that asks."""
+        print(json.dumps(asdict(self)))
+
+
+def _even(**kind: Any) -> HexMesh:
+    return build_mesh(RADIUS_M, THICKNESS_M, **kind)
+
+
+def r1_mesh(name: str, quick: bool) -> HexMesh:
+    """Return one of the meshes."""
+    return MESHES[name](quick)
+
+
+def r1_forces(mesh: HexMesh) -> NDArray[np.float64]:
+    """Return the nodal forces (node, 3), N."""
+    return FORCE_N * gaussian_load(mesh, CONTACT, SPREAD_M)
+
+
+def tip_mm(mesh: HexMesh, displacement_nc: NDArray[np.float64]) -> float:
+    """Return the inward displacement at the load's centre, of displacements in m."""
+    return 1e3 * tip_displacement(mesh, CONTACT, displacement_nc)
+
+
+def error_percent(found_mm: float) -> float:
+    """Return how far a tip is from the converged one; negative: too stiff."""
+    return 100.0 * (found_mm / CONVERGED_MM[THICKNESS_M] - 1.0)
+
+
+def peak_mb(pid: int | str = "self") -> float:
+    """Return the largest resident memory of a process so far.
+
+    The system's `ru_maxrss` would do for no child: it begins with what the parent had when it started it.
+    """
+    lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
+    return next(float(line.split()[1]) / 1e3 for line in lines if line.startswith("VmHWM"))
