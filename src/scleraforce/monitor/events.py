@@ -90,10 +90,14 @@ class Failure:
 
 @dataclass(frozen=True)
 class QueueLoss:
-    """Frames were overtaken: newer ones came before their turn and were answered instead."""
+    """Frames will never be read: newer ones overtook them, and there was no time for them afterwards.
+
+    `unread_s` is the time that they stand for: their number times the scanner's interval.
+    """
 
     at_s: float
     lost: int
+    unread_s: float
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 import json
 import selectors
 import socket
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
@@ -16,7 +15,6 @@ from scleraforce.monitor.events import (
     ChecksumError,
     Failure,
     MonitorEvent,
-    QueueLoss,
     Reset,
     Tick,
 )  # fmt: skip
@@ -117,7 +115,6 @@ class Server:
         self._most_bytes = LARGER_FRAMES * 2 * ring.shape[0] * ring.shape[1] + SMALL_BODY_BYTES
         self._scanner: Connection | None = None
         self._scanned_s = 0.0
-        self._overtaken = deque[Frame](maxlen=session.limits.losses_in_window)  # one more is a cause anyway
         self._arrivals = count(1)
         self._counted: tuple[int, float] | None = None
         self._noted = session.decision.state
@@ -158,7 +155,7 @@ class Server:
 
     def _turn(self, within_s: float) -> None:
         """Read from clients with data: the scanner first, then, for a short while, those that have waited longest."""
-        ready = [key.data for key, _ in self._clients.selector.select(0.0 if self._overtaken else within_s)]
+        ready = [key.data for key, _ in self._clients.selector.select(0.0 if self.session.behind else within_s)]
         clients = sorted(
             (who for who in ready if isinstance(who, Connection)),
             key=lambda who: (who is not self._scanner, who.heard_s),
@@ -172,11 +169,17 @@ class Server:
             if self.session.clock() > end_s:
                 self._rest()
                 break
-        if self._overtaken and self._scanner not in ready:
-            self._decide("overtaken", self.session.overtaken(self._overtaken.popleft()))
+        self._lose()
+        if self.session.behind and self._scanner not in ready:
+            self._decide("overtaken", self.session.catch_up())
         if None in ready:
             for client in self._clients.accept(self._scanner):
                 self._clients.send(client, self._status(), self.session.clock())
+
+    def _lose(self) -> None:
+        """Count the frames that have waited for too long: they will not be read."""
+        if self.session.behind and (event := self.session.losses()) is not None:
+            self._decide("loss", event)
 
     def _rest(self) -> None:
         """Pause for a moment, or until the scanner sends."""
@@ -197,12 +200,12 @@ class Server:
             if client.wrong_tokens >= WRONG_TOKENS:  # it was disconnected; later messages do not count
                 break
         overtaken = [frame for frame in frames[:-1] if not frame.misfit]
-        if overtaken:
-            self._decide("loss", QueueLoss(at_s, len(overtaken)))
+        for frame in overtaken:
+            self.session.put_off(frame)
+        self._lose()
         for frame in frames:
             if frame not in overtaken:
                 self._take_frame(frame)
-        self._overtaken.extend(overtaken)
         if not alive:
             broken = next((event.reason for event in events if isinstance(event, Broken)), None)
             self._clients.leave(client, f"was disconnected: {broken}" if broken else "left")
