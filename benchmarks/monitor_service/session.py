@@ -8,7 +8,7 @@ import os
 import subprocess
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic
@@ -16,14 +16,15 @@ from typing import Any
 
 from scleraforce.errors import InputError
 from scleraforce.processes import no_interrupts
+from scleraforce.service.priority import run_in_real_time
 
+from .browser import browser_pids, cpu_s, open_pages
 from .figures import QUANTILES, Progress, print_table, quantiles, quantiles_ms
 from .monitors import Monitor, real_monitor
-from .scanner import WITHDRAW, Frames, Operator, Pace
+from .scanner import SCANNER_PRIORITY, WITHDRAW, Frames, Operator, Pace
 
-__all__ = ["add_options", "browser_pids", "cpu_s", "run"]
+__all__ = ["add_options", "run"]
 
-CHROMIUM = "/usr/bin/chromium"
 RECEIVER = Path("/usr/share/doc/openigtlink-examples/examples/Receiver/ReceiveClient.cxx")
 WARM_UP = 50
 RESET_AFTER = 20  # frames
@@ -35,6 +36,7 @@ def add_options(parser: ArgumentParser) -> None:
     parser.add_argument("--rate-hz", type=float, default=1000.0)
     parser.add_argument("--pages", type=int, default=0, help="of the console, open in headless Chromium")
     parser.add_argument("--receiver", action="store_true", help="attach a C++ client that prints what it hears")
+    parser.add_argument("--remote", action="store_true", help="give the scanner priority, as if it were elsewhere")
     parser.add_argument("--no-real-time", action="store_true", help="as a user without rights for it")
     parser.add_argument("--options", default="", help="further ones of `scleraforce monitor`")
 
@@ -42,6 +44,8 @@ def add_options(parser: ArgumentParser) -> None:
 def run(given: Namespace) -> dict[str, Any]:
     """Play one session."""
     frames = Frames(given.recording)
+    if given.remote:
+        run_in_real_time(SCANNER_PRIORITY)
     options = given.options.split() + (["--web-port", "0"] if given.pages else [])
     with ExitStack() as stack:
         monitor = stack.enter_context(
@@ -144,41 +148,3 @@ def receiver(port: int) -> Iterator[Path]:
         finally:
             process.kill()
             process.wait()
-
-
-@contextmanager
-def open_pages(address: str, pages: int) -> Iterator[None]:
-    """Show the console in headless Chromium."""
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        for _ in range(pages):
-            browser.new_page(viewport={"width": 1280, "height": 720}).goto(address)
-        try:
-            yield
-        finally:
-            browser.close()
-
-
-def cpu_s(pids: list[int]) -> float:
-    """Processor time of processes that still run."""
-    ticks = 0
-    for pid in pids:
-        with suppress(OSError):
-            fields = Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()
-            ticks += int(fields[11]) + int(fields[12])
-    return ticks / os.sysconf("SC_CLK_TCK")
-
-
-def browser_pids() -> list[int]:
-    """All processes of Chromium below this one."""
-    parents = {}
-    for entry in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):
-            name, _, rest = entry.read_text("utf-8").rpartition(")")
-            parents[int(entry.parent.name)] = int(rest.split()[1]), "chrom" in name
-    below = {os.getpid()}
-    while more := {pid for pid, (parent, _) in parents.items() if parent in below} - below:
-        below |= more
-    return [pid for pid in below if parents.get(pid, (0, False))[1]]

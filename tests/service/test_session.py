@@ -108,9 +108,9 @@ def test_a_frame_that_was_not_read_in_time_is_lost_and_stands_for_the_scanners_i
         take(session, clock, 10_000 + number, number)  # every 20 ms
     put_off(session, clock, [10_010, 10_020], 31)
     clock.now_s += LIMITS.catch_up_s
-    assert session.losses() is None
+    assert session.losses(clock.now_s) is None
     clock.now_s += 0.001
-    loss = session.losses()
+    loss = session.losses(clock.now_s)
     assert isinstance(loss, QueueLoss)
     assert (loss.at_s, loss.lost) == (clock.now_s, 2)
     assert loss.unread_s == pytest.approx(0.04, abs=1e-3)
@@ -123,7 +123,7 @@ def test_a_bunch_of_more_than_the_time_to_catch_up_is_a_loss_at_once_and_its_new
     for number in range(1, 301):
         take(session, clock, 10_000 + number, number)  # every 10 ms
     put_off(session, clock, [10_000] * 15, 301)
-    loss = session.losses()
+    loss = session.losses(clock.now_s)
     assert isinstance(loss, QueueLoss)
     assert loss.lost == 5  # the frames of a bunch shorten the mean, but little
     event = session.catch_up()

@@ -153,9 +153,8 @@ class Session:
         self._overtaken += 1
         self._put_off.add(frame, frame.at_s, frame.interval_s)
 
-    def losses(self) -> MonitorEvent | None:
-        """Return the event of the frames that have waited for too long, which are lost; None if none has."""
-        now_s = self.clock()
+    def losses(self, now_s: float) -> MonitorEvent | None:
+        """Return the event of the frames that have waited for too long by now, which are lost; None if none has."""
         lost, unread_s = self._put_off.lose(now_s)
         return QueueLoss(now_s, lost, unread_s) if lost else None
 
