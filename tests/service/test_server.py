@@ -331,6 +331,29 @@ def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first
         server.close()
 
 
+def test_a_server_that_is_never_idle_rests_now_and_then_and_one_that_waits_does_not(monkeypatch) -> None:
+    server, _ = small_server(NoGuard(), Companions({}))  # type: ignore[arg-type]  # a stand-in
+    now_s, rests, waits_s = [10.0], list[float](), [0.0]
+
+    def pass_time(for_s: float) -> None:
+        now_s[0] += for_s
+
+    monkeypatch.setattr(server.session, "clock", lambda: now_s[0])
+    monkeypatch.setattr("scleraforce.service.server.sleep", lambda for_s: (rests.append(for_s), pass_time(for_s)))
+    monkeypatch.setattr(server._clients.selector, "select", lambda _: pass_time(waits_s[0]) or [])
+    server._waited_s = 10.0
+    for _ in range(31):
+        server._wait(0.0)
+        pass_time(0.004)
+    assert rests == [0.001] * 10  # after each three turns of 4 ms
+    waits_s[0] = 0.002
+    for _ in range(30):
+        server._wait(0.01)
+        pass_time(0.004)
+    assert len(rests) <= 11
+    server.close()
+
+
 def test_half_a_message_does_not_stay_for_ever() -> None:
     with serving(message_s=0.2) as port, Peer(port) as slow:
         slow.link.sendall(b"\0\1half")

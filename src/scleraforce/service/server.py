@@ -184,6 +184,7 @@ class Server:
         begun_s = self.session.clock()
         if begun_s - self._waited_s > WORK_S:
             sleep(REST_S)
+            self._waited_s = begun_s = self.session.clock()
         ready = self._clients.selector.select(within_s)
         now_s = self.session.clock()
         if now_s - begun_s >= REST_S:
