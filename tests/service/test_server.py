@@ -339,16 +339,16 @@ def test_a_server_that_is_never_idle_rests_now_and_then_and_one_that_waits_does_
         now_s[0] += for_s
 
     monkeypatch.setattr(server.session, "clock", lambda: now_s[0])
-    monkeypatch.setattr("scleraforce.service.server.sleep", lambda for_s: (rests.append(for_s), pass_time(for_s)))
+    monkeypatch.setattr("scleraforce.service.clients.sleep", lambda for_s: (rests.append(for_s), pass_time(for_s)))
     monkeypatch.setattr(server._clients.selector, "select", lambda _: pass_time(waits_s[0]) or [])
-    server._waited_s = 10.0
+    server._clients._waited_s = 10.0
     for _ in range(31):
-        server._wait(0.0)
+        server._clients.wait(0.0, server.session.clock)
         pass_time(0.004)
     assert rests == [0.001] * 10  # after each three turns of 4 ms
     waits_s[0] = 0.002
     for _ in range(30):
-        server._wait(0.01)
+        server._clients.wait(0.01, server.session.clock)
         pass_time(0.004)
     assert len(rests) <= 11
     server.close()

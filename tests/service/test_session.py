@@ -8,7 +8,7 @@ from small_monitor import COLUMNS, RAISES, ROWS, SCALE_M, frame_of, read
 
 from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.events import OvertakenRead, QueueLoss
-from scleraforce.service.overtaken import FramePace
+from scleraforce.service.overtaken import MOST_FRAMES, FramePace, Overtaken
 from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.session import Session
 
@@ -72,7 +72,7 @@ def test_the_summary_counts_frames_losses_and_withdrawals() -> None:
     clock = Clock()
     session = Session(read, LIMITS, clock, clock)
     take(session, clock, 10_000, 1)
-    session.take(QueueLoss(clock.now_s, 2, 0.02))
+    session.take(QueueLoss(at_s=clock.now_s, lost=2, unread_s=0.02))
     take(session, clock, 40_000, 4)
     take(session, clock, 41_000, 5)
     summary = session.summary()
@@ -129,6 +129,14 @@ def test_a_bunch_of_more_than_the_time_to_catch_up_is_a_loss_at_once_and_its_new
     event = session.catch_up()
     assert isinstance(event, OvertakenRead)
     assert event.read.frame_id == 306
+
+
+def test_a_flood_of_frames_that_stand_for_no_time_fills_no_memory() -> None:
+    waiting = Overtaken[int](0.1)
+    for number in range(MOST_FRAMES + 7):
+        waiting.add(number, 10.0, 1e-6)
+    assert waiting.lose(10.0) == (7, pytest.approx(7e-6))
+    assert (len(waiting), waiting.take()) == (MOST_FRAMES, 7)
 
 
 def test_a_long_pause_counts_as_a_silence_in_the_interval_and_a_fast_scanner_is_known_as_such() -> None:

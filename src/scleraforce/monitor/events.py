@@ -88,7 +88,7 @@ class Failure:
     detail: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class QueueLoss:
     """Frames will never be read: newer ones overtook them, and there was no time for them afterwards.
 

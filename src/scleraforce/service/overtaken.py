@@ -3,10 +3,11 @@
 from collections import deque
 from typing import Generic, TypeVar
 
-__all__ = ["FramePace", "Overtaken"]
+__all__ = ["MOST_FRAMES", "FramePace", "Overtaken"]
 
 Item = TypeVar("Item")
 
+MOST_FRAMES = 100  # that wait: those of 0.1 s at 1000 a second, 52 MB of 512 x 512 pixels
 FIRST_INTERVAL_S = 0.01  # until enough frames have come
 KNOWN_FRAMES, ENOUGH_FRAMES = 1000, 10  # so many that a flood hardly counts in the mean
 
@@ -36,6 +37,8 @@ class FramePace:
 class Overtaken(Generic[Item]):
     """A queue in which no frame waits longer than `most_s`, and all that wait stand for no more than that.
 
+    It never holds more than `MOST_FRAMES`, however short the time is that they stand for.
+
     Args:
         most_s: the limit of both.
     """
@@ -60,9 +63,13 @@ class Overtaken(Generic[Item]):
     def lose(self, now_s: float) -> tuple[int, float]:
         """Drop what exceeds the limits, oldest first; return how many frames that are, and the time they stand for."""
         lost, unread_s = 0, 0.0
-        while self._waiting and (now_s - self._waiting[0][0] > self._most_s or self._stand_for_s > self._most_s):
+        while self._waiting and self._too_much(now_s):
             lost, unread_s = lost + 1, unread_s + self._remove()[1]
         return lost, unread_s
+
+    def _too_much(self, now_s: float) -> bool:
+        late = now_s - self._waiting[0][0] > self._most_s
+        return late or self._stand_for_s > self._most_s or len(self._waiting) > MOST_FRAMES
 
     def _remove(self) -> tuple[float, float, Item]:
         removed = self._waiting.popleft()

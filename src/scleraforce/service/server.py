@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from datetime import datetime
 from itertools import count
 from select import select
-from time import sleep
 
 from scleraforce.errors import ProtocolError
 from scleraforce.monitor.events import (
@@ -21,7 +20,7 @@ from scleraforce.monitor.events import (
 )  # fmt: skip
 from scleraforce.openigtlink import BadChecksum, Broken, Image, Malformed, PeerEvent, Query, Received, Sensor, Text
 from scleraforce.service.allowance import Allowance
-from scleraforce.service.clients import Clients
+from scleraforce.service.clients import REST_S, Clients
 from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, Companions
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.guard import Guard
@@ -58,8 +57,6 @@ TICK_S = 0.01
 HEARTBEAT_S = 0.05
 RATES_S = 0.5
 OTHERS_S = 0.002  # for other clients, before the scanner has its turn again
-REST_S = 0.001  # after that: Linux pauses real-time processes for 50 ms in a second of which they leave nothing
-WORK_S = 0.01  # without a pause, where frames come faster than they are read
 SMALL_BODY_BYTES = 64 * 1024  # all that a client other than the scanner needs
 LARGER_FRAMES = 4  # images up to this many times too large are received, so that the refusal can name their size
 WRONG_TOKENS = 3
@@ -117,7 +114,6 @@ class Server:
         self._most_bytes = LARGER_FRAMES * 2 * ring.shape[0] * ring.shape[1] + SMALL_BODY_BYTES
         self._scanner: Connection | None = None
         self._scanned_s = 0.0
-        self._waited_s = session.clock()
         self._arrivals = count(1)
         self._counted: tuple[int, float] | None = None
         self._noted = session.decision.state
@@ -158,7 +154,9 @@ class Server:
 
     def _turn(self, within_s: float) -> None:
         """Read from clients with data: the scanner first, then, for a short while, those that have waited longest."""
-        ready = [key.data for key, _ in self._wait(0.0 if self.session.behind else within_s)]
+        ready = [
+            key.data for key, _ in self._clients.wait(0.0 if self.session.behind else within_s, self.session.clock)
+        ]
         clients = sorted(
             (who for who in ready if isinstance(who, Connection)),
             key=lambda who: (who is not self._scanner, who.heard_s),
@@ -178,18 +176,6 @@ class Server:
         if None in ready:
             for client in self._clients.accept(self._scanner):
                 self._clients.send(client, self._status(), self.session.clock())
-
-    def _wait(self, within_s: float) -> list[tuple[selectors.SelectorKey, int]]:
-        """Wait for clients with data; pause for a moment first where there was no wait for long."""
-        begun_s = self.session.clock()
-        if begun_s - self._waited_s > WORK_S:
-            sleep(REST_S)
-            self._waited_s = begun_s = self.session.clock()
-        ready = self._clients.selector.select(within_s)
-        now_s = self.session.clock()
-        if now_s - begun_s >= REST_S:
-            self._waited_s = now_s
-        return ready
 
     def _lose(self, now_s: float) -> None:
         """Count the frames that have waited for too long: they will not be read."""

@@ -156,7 +156,7 @@ class Session:
     def losses(self, now_s: float) -> MonitorEvent | None:
         """Return the event of the frames that have waited for too long by now, which are lost; None if none has."""
         lost, unread_s = self._put_off.lose(now_s)
-        return QueueLoss(now_s, lost, unread_s) if lost else None
+        return QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s) if lost else None
 
     def catch_up(self) -> MonitorEvent:
         """Read the frame that has waited longest; return the event to decide on."""
