@@ -56,7 +56,7 @@ def run(given: Namespace) -> dict[str, Any]:
             stack.enter_context(open_pages(monitor.console, given.pages))
         result = measure(monitor, frames, given)
         if said is not None:
-            result["receiver heard"] = said.read_text("latin-1").count("Message: ")
+            result["receiver heard"] = said.read_text("latin-1").count(" Code      : ")
     show(result)
     return result
 
@@ -140,7 +140,7 @@ def receiver(port: int) -> Iterator[Path]:
         command = ["g++", "-w", "-O1", "-I/usr/include/openigtlink", str(RECEIVER), "-o", str(program)]
         subprocess.run([*command, "-lOpenIGTLink", "-lpthread"], check=True)
         with said.open("wb") as out, no_interrupts():
-            process = subprocess.Popen([program, "127.0.0.1", str(port)], stdout=out, stderr=subprocess.DEVNULL)
+            process = subprocess.Popen([program, "127.0.0.1", str(port)], stdout=out, stderr=subprocess.STDOUT)
         try:
             yield said
             if process.poll() is not None:

@@ -72,7 +72,7 @@ def test_the_summary_counts_frames_losses_and_withdrawals() -> None:
     clock = Clock()
     session = Session(read, LIMITS, clock, clock)
     take(session, clock, 10_000, 1)
-    session.take(QueueLoss(at_s=clock.now_s, lost=2, unread_s=0.02))
+    session.take(QueueLoss(at_s=clock.now_s, lost=2, unread_s=0.02, row=4))
     take(session, clock, 40_000, 4)
     take(session, clock, 41_000, 5)
     summary = session.summary()
@@ -83,9 +83,12 @@ def test_the_summary_counts_frames_losses_and_withdrawals() -> None:
 
 def put_off(session: Session, clock: Clock, forces_un: list[int], first: int) -> None:
     """Let frames wait that came together, numbered from `first`."""
+    frames = []
     for n, force_un in enumerate(forces_un):
         image = ScannerFrame(frame_of(force_un, first + n), **SCALE)
-        session.put_off(session.frame(image, first + n, 1, clock.now_s))
+        frames.append(session.frame(image, first + n, 1, clock.now_s))
+    for frame in frames:
+        session.put_off(frame, frames[-1])
 
 
 def test_frames_that_came_together_are_read_oldest_first_and_counted() -> None:
@@ -108,11 +111,10 @@ def test_a_frame_that_was_not_read_in_time_is_lost_and_stands_for_the_scanners_i
         take(session, clock, 10_000 + number, number)  # every 20 ms
     put_off(session, clock, [10_010, 10_020], 31)
     clock.now_s += LIMITS.catch_up_s
-    assert session.losses(clock.now_s) is None
+    assert session.losses(clock.now_s) == []
     clock.now_s += 0.001
-    loss = session.losses(clock.now_s)
-    assert isinstance(loss, QueueLoss)
-    assert (loss.at_s, loss.lost) == (clock.now_s, 2)
+    (loss,) = session.losses(clock.now_s)
+    assert (loss.at_s, loss.lost, loss.row) == (clock.now_s, 2, 32)
     assert loss.unread_s == pytest.approx(0.04, abs=1e-3)
     assert not session.behind
 
@@ -123,8 +125,7 @@ def test_a_bunch_of_more_than_the_time_to_catch_up_is_a_loss_at_once_and_its_new
     for number in range(1, 301):
         take(session, clock, 10_000 + number, number)  # every 10 ms
     put_off(session, clock, [10_000] * 15, 301)
-    loss = session.losses(clock.now_s)
-    assert isinstance(loss, QueueLoss)
+    (loss,) = session.losses(clock.now_s)
     assert loss.lost == 5  # the frames of a bunch shorten the mean, but little
     event = session.catch_up()
     assert isinstance(event, OvertakenRead)
@@ -134,8 +135,8 @@ def test_a_bunch_of_more_than_the_time_to_catch_up_is_a_loss_at_once_and_its_new
 def test_a_flood_of_frames_that_stand_for_no_time_fills_no_memory() -> None:
     waiting = Overtaken[int](0.1)
     for number in range(MOST_FRAMES + 7):
-        waiting.add(number, 10.0, 1e-6)
-    assert waiting.lose(10.0) == (7, pytest.approx(7e-6))
+        waiting.add(number, 10.0, 1e-6, number // 5)
+    assert waiting.lose(10.0) == [(0, 5, pytest.approx(5e-6)), (1, 2, pytest.approx(2e-6))]
     assert (len(waiting), waiting.take()) == (MOST_FRAMES, 7)
 
 

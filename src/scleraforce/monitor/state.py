@@ -25,8 +25,8 @@ class MonitorState:
     each of the last frames whether its picture came back after others. `least_lag` is (time, lag): the least delay
     since the time that the sender states, on two clocks that need not agree, plus their possible drift. `losses` has
     (time, time that the lost frames stand for) of the losses within the window, summed up over twentieths of it; `lost`
-    counts all lost frames since the start, and `lost_in_row_s` is what those since the last frame stand for. `fresh`
-    counts the harmless frames in a row. `touched` is True after contact; `clear_s` is the time
+    counts all lost frames since the start, and `lost_in_row_s` is what those of `lost_row`, the last row with a loss,
+    stand for. `fresh` counts the harmless frames in a row. `touched` is True after contact; `clear_s` is the time
     of the first frame of the present run without contact. `opinion` is the last second opinion since the last cause,
     `doubted` counts those in a row that could not judge their frame, and `unanswered` has (frame, time) of the frames
     without one, oldest first, thinned if there are many.
@@ -49,6 +49,7 @@ class MonitorState:
     losses: tuple[tuple[float, float], ...] = ()
     lost: int = 0
     lost_in_row_s: float = 0.0
+    lost_row: int = 0
     fresh: int = 0
     opinion: SecondOpinion | None = None
     doubted: int = 0
@@ -70,7 +71,8 @@ def remember(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) ->
             state,
             losses=_losses(state.losses, event, limits.loss_window_s),
             lost=state.lost + event.lost,
-            lost_in_row_s=state.lost_in_row_s + event.unread_s,
+            lost_in_row_s=event.unread_s + (state.lost_in_row_s if event.row == state.lost_row else 0.0),
+            lost_row=event.row,
         )
     if isinstance(event, SecondOpinion):
         return _remember_opinion(state, event, limits)
@@ -99,7 +101,6 @@ def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits
         returns=(*state.returns, frame.shown_back > 1)[-limits.shown_frames :],
         least_lag=_least_lag(state.least_lag, frame, limits),
         unusable=0 if frame.usable else state.unusable + 1,
-        lost_in_row_s=0.0,
         unanswered=waiting if len(waiting) <= MOST_UNANSWERED else waiting[::2],
     )
     if not frame.usable or unsound(frame, limits):

@@ -45,33 +45,35 @@ class Overtaken(Generic[Item]):
 
     def __init__(self, most_s: float) -> None:
         self._most_s = most_s
-        self._waiting: deque[tuple[float, float, Item]] = deque()
+        self._waiting: deque[tuple[float, float, int, Item]] = deque()
         self._stand_for_s = 0.0
 
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def add(self, frame: Item, at_s: float, interval_s: float) -> None:
-        """Let a frame wait that came at a time and stands for an interval."""
-        self._waiting.append((at_s, interval_s, frame))
+    def add(self, frame: Item, at_s: float, interval_s: float, row: int) -> None:
+        """Let a frame wait that came at a time and stands for an interval; `row` names what overtook it."""
+        self._waiting.append((at_s, interval_s, row, frame))
         self._stand_for_s += interval_s
 
     def take(self) -> Item:
         """Return the frame that has waited longest; it waits no more."""
-        return self._remove()[2]
+        return self._remove()[3]
 
-    def lose(self, now_s: float) -> tuple[int, float]:
-        """Drop what exceeds the limits, oldest first; return how many frames that are, and the time they stand for."""
-        lost, unread_s = 0, 0.0
+    def lose(self, now_s: float) -> list[tuple[int, int, float]]:
+        """Drop what exceeds the limits, oldest first; return (row, frames, time that they stand for) of each row."""
+        rows: dict[int, tuple[int, float]] = {}
         while self._waiting and self._too_much(now_s):
-            lost, unread_s = lost + 1, unread_s + self._remove()[1]
-        return lost, unread_s
+            _, interval_s, row, _ = self._remove()
+            lost, unread_s = rows.get(row, (0, 0.0))
+            rows[row] = lost + 1, unread_s + interval_s
+        return [(row, *losses) for row, losses in rows.items()]
 
     def _too_much(self, now_s: float) -> bool:
         late = now_s - self._waiting[0][0] > self._most_s
         return late or self._stand_for_s > self._most_s or len(self._waiting) > MOST_FRAMES
 
-    def _remove(self) -> tuple[float, float, Item]:
+    def _remove(self) -> tuple[float, float, int, Item]:
         removed = self._waiting.popleft()
         self._stand_for_s = self._stand_for_s - removed[1] if self._waiting else 0.0
         return removed

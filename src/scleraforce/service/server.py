@@ -179,7 +179,7 @@ class Server:
 
     def _lose(self, now_s: float) -> None:
         """Count the frames that have waited for too long: they will not be read."""
-        if self.session.behind and (event := self.session.losses(now_s)) is not None:
+        for event in self.session.losses(now_s) if self.session.behind else ():
             self._decide("loss", event)
 
     def _rest(self) -> None:
@@ -202,7 +202,7 @@ class Server:
                 break
         overtaken = [frame for frame in frames[:-1] if not frame.misfit]
         for frame in overtaken:
-            self.session.put_off(frame)
+            self.session.put_off(frame, frames[-1])
         self._lose(at_s)
         for frame in frames:
             if frame not in overtaken:

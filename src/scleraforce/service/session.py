@@ -148,15 +148,15 @@ class Session:
         else:
             self.take(read)
 
-    def put_off(self, frame: Frame) -> None:
-        """Let a frame wait until no newer one does."""
+    def put_off(self, frame: Frame, newest: Frame) -> None:
+        """Let a frame wait until no newer one does; `newest` overtook it."""
         self._overtaken += 1
-        self._put_off.add(frame, frame.at_s, frame.interval_s)
+        self._put_off.add(frame, frame.at_s, frame.interval_s, newest.number)
 
-    def losses(self, now_s: float) -> MonitorEvent | None:
-        """Return the event of the frames that have waited for too long by now, which are lost; None if none has."""
-        lost, unread_s = self._put_off.lose(now_s)
-        return QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s) if lost else None
+    def losses(self, now_s: float) -> list[QueueLoss]:
+        """Return the events of the frames that have waited for too long by now, which are lost."""
+        rows = self._put_off.lose(now_s)
+        return [QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s, row=row) for row, lost, unread_s in rows]
 
     def catch_up(self) -> MonitorEvent:
         """Read the frame that has waited longest; return the event to decide on."""
