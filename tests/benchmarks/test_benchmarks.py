@@ -16,7 +16,7 @@ SMALLEST = {
     "bench_axisymmetric": "--rows 1 --solid",
     "bench_boundary_errors": "1 1 --frames 3 --study {study}",
     "bench_calibration": "1 1 --frames 5 --study {study}",
-    "bench_console": "2",
+    "bench_console": "changes --changes 2",
     "bench_dataset": "--workers 1 --study {study}",
     "bench_finite_strain": "--rows 1 --loads 1 --quads 4 --core 2 --rings 4",
     "bench_forms": "--rows 1 --forces 1 --finest 6 20",
