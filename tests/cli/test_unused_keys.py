@@ -10,7 +10,7 @@ from analytic_library import analytic_library
 from scleraforce.calibration.eye_model import EyeConstants, WallState
 from scleraforce.calibration.session import eye_model
 from scleraforce.cli.main import run
-from scleraforce.dataset.library_samples import draw_units
+from scleraforce.dataset.library_samples import unit_drawing
 from scleraforce.dataset.plan import plan_dataset
 from scleraforce.dataset.samples import SampleSimulator
 from scleraforce.eye.contact import Contact
@@ -103,7 +103,7 @@ def generate_linear(study: Study) -> None:
 
 
 def generate(study: Study) -> None:
-    next(draw_units(study, 0.3e6, plan_dataset(study), [0], analytic_library()))
+    unit_drawing(study, 0.3e6, plan_dataset(study), analytic_library())(0)
 
 
 def calibrate_linear(study: Study) -> None:

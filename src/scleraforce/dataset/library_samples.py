@@ -1,6 +1,6 @@
 """From the plan to the picture with finite strain: the slices of some samples, drawn from the response library."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,35 +12,37 @@ from scleraforce.library.sections import highest_depths
 from scleraforce.library.slices import Framing, draw_slices
 from scleraforce.study import Study
 
-__all__ = ["draw_units"]
+__all__ = ["unit_drawing"]
 
 
-def draw_units(
-    study: Study, youngs_modulus_pa: float, plan: DatasetPlan, units: Sequence[int], library: Library
-) -> Generator[tuple[int, NDArray[np.uint8]], None, None]:
-    """Draw units of a plan from the library; yield (unit, slices).
+def unit_drawing(
+    study: Study, youngs_modulus_pa: float, plan: DatasetPlan, library: Library
+) -> Callable[[int], NDArray[np.uint8]]:
+    """Return what draws a unit of a plan from the library: number to slices (sample, row, column).
 
     The wall of the library is even and bends the same all around the needle, and gravity is left out: samples differ by
     thickness, force, the contact's polar angle, plane and framing, not by azimuth or by the direction of the plane.
+    It raises an InputError, which names the value and the range, where a sample lies outside the library.
 
     Args:
         study: the study; its IOP and its slice matter here.
         youngs_modulus_pa: Young's modulus.
         plan: the samples.
-        units: numbers of the units.
         library: of the study's eye and needle.
 
     Raises:
         DatasetError: the library is one of another eye or needle.
-        InputError: a sample lies outside the library; names the value and the range.
     """
     _check(study, library)
     near = library.within(_reach(study, plan))
-    for unit in units:
+
+    def draw(unit: int) -> NDArray[np.uint8]:
         numbers = np.arange(plan.images)[plan.unit(unit)]
         of_contacts = np.split(numbers, np.flatnonzero(np.diff(plan.contact[numbers])) + 1)
         parts = [_slices(study, youngs_modulus_pa, plan, slice(n[0], n[-1] + 1), near) for n in of_contacts]
-        yield unit, np.concatenate(parts)
+        return np.concatenate(parts)
+
+    return draw
 
 
 def _slices(
