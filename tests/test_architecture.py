@@ -19,10 +19,10 @@ from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2
 
 ROOT = Path(scleraforce.__file__).parent
 ORDER = [
-    "units", "errors", "plain_json", "plain_text", "cluster", "processes", "whole_files", "source_hash", "stored_array",
-    "checked_store", "study", "models", "monitor", "openigtlink", "eye", "recording", "formats", "known",
-    "segmentation", "mechanics", "section", "library", "fitting", "laboratory", "scanner", "calibration", "dataset",
-    "reader", "learning", "service", "replay", "report", "reproduction", "installation", "notebook", "cli",
+    "units", "errors", "plain_json", "plain_text", "cluster", "processes", "whole_files", "source_hash", "compiled",
+    "stored_array", "checked_store", "study", "models", "monitor", "openigtlink", "eye", "recording", "formats",
+    "known", "segmentation", "mechanics", "section", "library", "fitting", "laboratory", "scanner", "calibration",
+    "dataset", "reader", "learning", "service", "replay", "report", "reproduction", "installation", "notebook", "cli",
 ]  # fmt: skip
 PURE = ["eye", "segmentation", "mechanics", "section", "fitting", "scanner", "calibration", "monitor"]
 IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}

@@ -9,7 +9,7 @@ from scleraforce.eye.study_mesh import study_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.section.cut import cut_sections
 from scleraforce.section.plane import ScanPlane, Section
-from scleraforce.section.slices import fill_section, slice_window
+from scleraforce.section.slices import fill_sections, slice_window
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
@@ -55,7 +55,7 @@ class SampleSimulator:
         tops_m = [float(unloaded.outer[:, 1].min()) for unloaded, _ in sections]
         framings = self._plan.framing_lateral_m[samples], self._plan.framing_depth_m[samples]
         windows = [slice_window(self._study.slice, *placed) for placed in zip(tops_m, *framings, strict=True)]
-        return np.stack([fill_section(loaded, window) for (_, loaded), window in zip(sections, windows, strict=True)])
+        return fill_sections([loaded for _, loaded in sections], windows)
 
     def _cut(self, wall: LinearWall, samples: NDArray[np.intp], needle_nc: Floats) -> list[tuple[Section, Section]]:
         """Sections without and with the needle, for each sample; samples that share their plane are cut together."""
