@@ -20,7 +20,7 @@ from scleraforce.compiled import can_compile
 from scleraforce.dataset import workers
 from scleraforce.dataset.generate import generate_dataset
 from scleraforce.dataset.modulus import CalibratedModulus
-from scleraforce.dataset.plan import plan_dataset
+from scleraforce.dataset.plan import draft_plan, plan_dataset
 from scleraforce.dataset.samples import SampleSimulator
 from scleraforce.dataset.store import (
     complete_dataset,
@@ -122,11 +122,11 @@ def test_a_sample_can_be_made_again_from_its_metadata_the_slow_way(made):
 @pytest.mark.skipif(not can_compile(), reason="Numba is not installed")
 def test_compiled_loops_change_no_byte(monkeypatch):
     study = small_study()
-    plan = plan_dataset(study)
-    drawn = [SampleSimulator(study, MODULUS_PA, plan).slices(slice(0, 60))]
+    plan = draft_plan(study).samples(slice(0, 60))
+    drawn = [SampleSimulator(study, MODULUS_PA).slices(plan)]
     monkeypatch.setattr(locate, "can_compile", lambda: False)
     monkeypatch.setattr(slices, "can_compile", lambda: False)
-    drawn.append(SampleSimulator(study, MODULUS_PA, plan).slices(slice(0, 60)))
+    drawn.append(SampleSimulator(study, MODULUS_PA).slices(plan))
     np.testing.assert_array_equal(*drawn)
 
 

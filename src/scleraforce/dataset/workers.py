@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.cluster import ClusterWorkers
-from scleraforce.dataset.library_samples import unit_drawing
-from scleraforce.dataset.plan import DatasetPlan, plan_dataset
+from scleraforce.dataset.library_samples import draw_samples, near_library
+from scleraforce.dataset.plan import DatasetPlan, draft_plan
 from scleraforce.dataset.samples import SampleSimulator
 from scleraforce.library import Library
 from scleraforce.processes import work_units
@@ -41,19 +41,20 @@ def draw_units(
         DatasetError: the library is one of another eye or needle.
         InputError: a sample lies outside the library; names the value and the range.
     """
-    draw = unit_drawing(study, youngs_modulus_pa, plan, library)
+    prepare = partial(_drawing, study, youngs_modulus_pa, near_library(study, plan, library))
     if isinstance(workers, ClusterWorkers):
-        return work_units(partial(_drawing, study, youngs_modulus_pa, library), units, workers)
+        return work_units(prepare, units, workers)
+    draw = prepare()
     return ((unit, draw(unit)) for unit in units)
 
 
 def _simulating(study: Study, youngs_modulus_pa: float) -> Callable[[int], Slices]:
     """Return what simulates a unit."""
-    plan = plan_dataset(study)
-    simulator = SampleSimulator(study, youngs_modulus_pa, plan)
-    return lambda unit: simulator.slices(plan.unit(unit))
+    draft, simulator = draft_plan(study), SampleSimulator(study, youngs_modulus_pa)
+    return lambda unit: simulator.slices(draft.unit(unit))
 
 
 def _drawing(study: Study, youngs_modulus_pa: float, library: Library) -> Callable[[int], Slices]:
-    """Return what draws a unit, in a worker."""
-    return unit_drawing(study, youngs_modulus_pa, plan_dataset(study), library)
+    """Return what draws a unit."""
+    draft = draft_plan(study)
+    return lambda unit: draw_samples(study, youngs_modulus_pa, draft.unit(unit), library)
