@@ -31,7 +31,9 @@ from figures.scores import AnsweredFrame, score
 from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
 from provenance.stamps import new_stamp
 from scleraforce.cli.output import progress_bar
+from scleraforce.cli.place_of_work import chosen_workers, worker_options
 from scleraforce.errors import ScleraforceError
+from scleraforce.processes import available_cores
 from scleraforce.report.files import write_figure
 from scleraforce.study import Study
 from scleraforce.units import from_si
@@ -72,7 +74,7 @@ class Group:
 @click.option("--eyes", "count", type=click.IntRange(2), default=30, show_default=True, help="Of each group.")
 @click.option("--groups", "names", type=_Groups(), default=tuple(GROUPS), help="Which groups, as they are to come; all "
               f"by default: {','.join(GROUPS)}.")  # fmt: skip
-@click.option("--workers", type=click.IntRange(1), default=2, show_default=True, help="Processes that compute eyes.")
+@worker_options("compute the eyes; the commands after them run here")
 @click.option(
     "--reader", type=click.Path(path_type=Path), help="A trained reader, as the default one; otherwise one is trained."
 )
@@ -92,7 +94,8 @@ def main(
     out: Path,
     count: int,
     names: tuple[str, ...],
-    workers: int,
+    scheduler: str | None,
+    workers: int | None,
     reader: Path | None,
     living_reader: Path | None,
     raw_reader: Path | None,
@@ -102,13 +105,13 @@ def main(
     recordings_only: bool,
 ) -> None:
     """Read virtual eyes that no training has seen; write figures.md, figures.json and figures.png to the folder."""
-    study, folder = Study(), FiguresFolder(out)
+    study, folder, chosen = Study(), FiguresFolder(out), chosen_workers(scheduler, workers) or available_cores()
     drawn = {group: draw_eyes(group, count, study, seed) for group in names}
     if still:
         drawn = {group: tuple(eye.held_still() for eye in eyes) for group, eyes in drawn.items()}
     everyone = [eye for eyes in drawn.values() for eye in eyes]
     with progress_bar(range(len(everyone)), "eyes", total=len(everyone)) as bar:
-        failed = make_recordings(folder, everyone, workers, bar.update)
+        failed = make_recordings(folder, everyone, chosen, bar.update)
     for name in failed:
         click.echo(f"{name}: could not be computed, and is left out", err=True)
     if recordings_only:

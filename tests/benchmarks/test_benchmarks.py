@@ -30,6 +30,7 @@ SMALLEST = {
     "bench_reader": "{model} --frames 2 --rounds 2",
     "bench_real_tissue": "--rows 1",
     "bench_conjunctiva": "--frames 1",
+    "bench_scale": "--images 20 40 1000000 --processes 1 --seconds 100 --study {study}",
     "bench_segmentation": "--frames 2 --rounds 8",
     "figure_real_tissue": "--out {out}",
     "bench_stiffening": "--rows 1",

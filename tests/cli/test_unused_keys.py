@@ -10,8 +10,8 @@ from analytic_library import analytic_library
 from scleraforce.calibration.eye_model import EyeConstants, WallState
 from scleraforce.calibration.session import eye_model
 from scleraforce.cli.main import run
-from scleraforce.dataset.library_samples import draw_units
-from scleraforce.dataset.plan import plan_dataset
+from scleraforce.dataset.library_samples import draw_samples, near_library
+from scleraforce.dataset.plan import draft_plan, plan_dataset
 from scleraforce.dataset.samples import SampleSimulator
 from scleraforce.eye.contact import Contact
 from scleraforce.laboratory.simulation import simulate_eye
@@ -100,11 +100,12 @@ def simulate(study: Study) -> None:
 
 
 def generate_linear(study: Study) -> None:
-    SampleSimulator(study, 0.3e6, plan_dataset(study)).slices(slice(0, 4))
+    SampleSimulator(study, 0.3e6).slices(draft_plan(study).samples(slice(0, 4)))
 
 
 def generate(study: Study) -> None:
-    next(draw_units(study, 0.3e6, plan_dataset(study), [0], analytic_library()))
+    near = near_library(study, plan_dataset(study), analytic_library())
+    draw_samples(study, 0.3e6, draft_plan(study).unit(0), near)
 
 
 def calibrate_linear(study: Study) -> None:

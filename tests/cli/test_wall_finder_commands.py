@@ -122,3 +122,10 @@ def test_training_prints_what_it_reached_and_its_model_segments(frame, tmp_path,
     assert run([str(word) for word in words]) == 0
     (entry,) = json.loads(capsys.readouterr().out)["frames"]
     assert entry["reason"] == ""
+
+
+def test_a_scheduler_is_for_what_many_can_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "model"
+    told = refused(capsys, "train", "slices", "--out", out, "--scheduler", "tcp://127.0.0.1:9")
+    assert "--scheduler: for --search and --kind wall-finder" in told
+    assert not out.exists()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scleraforce.cli.output import count_bar, print_json, say
+from scleraforce.cli.place_of_work import chosen_workers
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import from_si
@@ -28,9 +29,17 @@ __all__ = ["train"]
 @click.option("--study", "study_path", type=click.Path(path_type=Path),
               help="Study file whose [network], [reader], [raw_reader] or [wall_finder], with what these are drawn "
                    "from, to use; default: the data set's, the paper's.")  # fmt: skip
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers train the sizes of --search, or "
+              "draw the scenes of a wall finder.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def train(
-    dataset_path: Path | None, out: Path, kind: str, search: bool, study_path: Path | None, as_json: bool
+    dataset_path: Path | None,
+    out: Path,
+    kind: str,
+    search: bool,
+    study_path: Path | None,
+    scheduler: str | None,
+    as_json: bool,
 ) -> None:
     """Train a network on DATASET, or on drawings alone.
 
@@ -52,16 +61,19 @@ def train(
 
     Example: scleraforce train --kind wall-finder --out finder
     """
+    if scheduler is not None and not (search or kind == "wall-finder"):
+        raise click.UsageError("--scheduler: for --search and --kind wall-finder; this training is one process's work")
+    workers = chosen_workers(scheduler, None)
     if kind == "wall-finder":
         if dataset_path is not None:
             raise click.UsageError(f"{dataset_path}: --kind wall-finder draws its scenes; leave DATASET out")
-        _train_wall_finder(out, search, study_path, as_json)
+        _train_wall_finder(out, search, study_path, workers, as_json)
     elif dataset_path is None:
         raise click.UsageError(f"--kind {kind}: DATASET is missing; only --kind wall-finder needs none")
     elif kind in ("reader", "raw-reader"):
         _train_reader(kind, dataset_path, out, search, study_path, as_json)
     else:
-        _train_classifier(dataset_path, out, search, study_path, as_json)
+        _train_classifier(dataset_path, out, search, study_path, workers, as_json)
 
 
 def _train_reader(
@@ -108,7 +120,7 @@ def _train_reader(
     )
 
 
-def _train_wall_finder(out: Path, search: bool, study_path: Path | None, as_json: bool) -> None:
+def _train_wall_finder(out: Path, search: bool, study_path: Path | None, workers: int | None, as_json: bool) -> None:
     start = time.perf_counter()
     if search:
         raise click.UsageError("--search is for --kind classifier: a wall finder has the sizes of [wall_finder]")
@@ -117,7 +129,7 @@ def _train_wall_finder(out: Path, search: bool, study_path: Path | None, as_json
     from scleraforce.learning.wall_finder.train import train_wall_finder
 
     with count_bar("batches", study.wall_finder.batches) as advance:
-        trained = train_wall_finder(study, out, progress=advance)
+        trained = train_wall_finder(study, out, workers, advance)
     metrics, seconds = trained.metrics, time.perf_counter() - start
     if as_json:
         found = {"model": str(out), "kind": "wall-finder", "batches": trained.batches, "scenes": trained.scenes}
@@ -130,7 +142,9 @@ def _train_wall_finder(out: Path, search: bool, study_path: Path | None, as_json
     )
 
 
-def _train_classifier(dataset_path: Path, out: Path, search: bool, study_path: Path | None, as_json: bool) -> None:
+def _train_classifier(
+    dataset_path: Path, out: Path, search: bool, study_path: Path | None, workers: int | None, as_json: bool
+) -> None:
     start = time.perf_counter()
     # Imported here: stores take longer to import than the help to print.
     from scleraforce.dataset.store import open_dataset
@@ -138,7 +152,7 @@ def _train_classifier(dataset_path: Path, out: Path, search: bool, study_path: P
 
     dataset = open_dataset(dataset_path)
     network = None if study_path is None else read_study(study_path).network
-    trained = train_on_slices(dataset, network, out, count_bar, search=search)
+    trained = train_on_slices(dataset, network, out, count_bar, search=search, workers=workers)
     seconds = time.perf_counter() - start
     if as_json:
         print_json(_result(trained, out, seconds))

@@ -70,8 +70,14 @@ def opened(given: Given | Sequence[Given]) -> list[Recording]:
     return [entry if isinstance(entry, Recording) else read_recording(entry) for entry in each]
 
 
-def library_for(study: Study, mechanics: str, counting: Counting) -> "Library | None":
+def library_for(study: Study, mechanics: str, counting: Counting, workers: int | None = None) -> "Library | None":
     """Return the library that finite strain draws from, from the user's cache; linear mechanics needs None.
+
+    Args:
+        study: the study.
+        mechanics: "linear" or "finite-strain".
+        counting: of "library".
+        workers: that solve it where it is not there; None: a process for each core.
 
     Raises:
         InputError: the cache cannot be written.
@@ -83,7 +89,7 @@ def library_for(study: Study, mechanics: str, counting: Counting) -> "Library | 
     from scleraforce.library.plan import plan_library
 
     with counting("library", plan_library(study).units) as advance:
-        return cached_library(study, progress=advance)
+        return cached_library(study, workers=workers, progress=advance)
 
 
 def calibrate_eyes(
@@ -199,7 +205,7 @@ def simulate_slices(
 
     kind = mechanics or study.mechanics.kind
     refuse_unused(study, "generate", kind)
-    library = library_for(study, kind, counting)
+    library = library_for(study, kind, counting, workers)
     with counting("generate", sum(group.images for group in study.dataset.group)) as advance:
         return generate_dataset(
             study,
@@ -247,9 +253,17 @@ def train_on_raw_frames(library: "Library", study: Study, out: Path, counting: C
 
 
 def train_on_slices(
-    dataset: "Dataset", network: NetworkStudy | None, out: Path, counting: Counting, *, search: bool
+    dataset: "Dataset",
+    network: NetworkStudy | None,
+    out: Path,
+    counting: Counting,
+    *,
+    search: bool,
+    workers: int | None = None,
 ) -> "Trained":
     """Train a classifier, of the data set's network where None is given, and write its folder: counts "epochs".
+
+    With `search` it tries all sizes of the grid, by `workers` where they are given.
 
     Raises:
         InputError: as of `sf.train`.
@@ -260,4 +274,4 @@ def train_on_slices(
 
     network = network or dataset.study.network
     with counting("epochs", network.epochs * (len(grid(network)) if search else 1)) as advance:
-        return train_classifier(dataset, out, network, search, advance)
+        return train_classifier(dataset, out, network, search, advance, workers=workers)
