@@ -1,18 +1,20 @@
 """The web console: how long after the monitor has decided a browser shows it, and what that costs.
 
-    python benchmarks/bench_console.py [CHANGES]
+    python benchmarks/bench_console.py changes [--changes 100]
+    python benchmarks/bench_console.py session MODEL RECORDING [--seconds 600] [--rate-hz 100] [--remote]
 
-A monitor decides 100 times a second on frames of 512 x 512, with 25 outlines a second, as `scleraforce monitor` does,
-and changes its state CHANGES times (default 100) at random moments. Times are from before the entry is sent: until the
+changes: a monitor decides 100 times a second on frames of 512 x 512, with 25 outlines a second, as `scleraforce
+monitor` does, and changes its state so many times at random moments. Times are from before the entry is sent: until the
 page's text has changed, and until the browser has painted it (the second animation frame after that). "late" counts
 changes that a page had not shown when the next one came, 0.3 to 0.5 s later. Needs chromium. Beside it, for the machine
 of this moment: how late this process itself wakes from a sleep.
+
+session: the monitor that users start, with its console open in Chromium and a scanner at 100 frames a second, all on
+one machine; how soon it answers, and whether it withdraws for nothing. See `monitor_service/session.py`.
 """
 
-import os
+import argparse
 import select
-import sys
-from contextlib import suppress
 from pathlib import Path
 from time import monotonic, sleep, time
 
@@ -20,6 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from playwright.sync_api import Page, sync_playwright
 
+from monitor_service.browser import CHROMIUM, browser_pids, cpu_s
+from monitor_service.session import add_options
+from monitor_service.session import run as run_session
 from scleraforce.monitor import MonitorLimits
 from scleraforce.service.companions.child import Child
 from scleraforce.service.companions.frame_ring import FrameRing
@@ -28,7 +33,6 @@ from scleraforce.service.console import console_settings
 from scleraforce.service.entry import Entry
 from scleraforce.service.listening import listen
 
-CHROMIUM = "/usr/bin/chromium"
 SIZE, FRAME_S = 512, 0.01
 OBSERVE = """() => {
   window.seen = [];
@@ -104,28 +108,6 @@ class Session:
         self.sending_s.append(monotonic() - begin_s)
 
 
-def cpu_s(pids: list[int]) -> float:
-    """Processor time of processes."""
-    ticks = 0
-    for pid in pids:
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        ticks += int(fields[11]) + int(fields[12])
-    return ticks / os.sysconf("SC_CLK_TCK")
-
-
-def browser_pids() -> list[int]:
-    """All processes of chromium below this one."""
-    parents = {}
-    for entry in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):
-            name, _, rest = entry.read_text().rpartition(")")
-            parents[int(entry.parent.name)] = int(rest.split()[1]), "chrom" in name
-    below = {os.getpid()}
-    while more := {pid for pid, (parent, _) in parents.items() if parent in below} - below:
-        below |= more
-    return [pid for pid in below if parents.get(pid, (0, False))[1]]
-
-
 def run(session: Session, pages: list[Page], changes: int) -> list[NDArray[np.float64]]:
     """Return for each page the times (change, [shown, painted]) in ms after the entry was sent."""
     rng = np.random.default_rng(1)
@@ -163,7 +145,7 @@ def times_ms(page: Page, sent_s: list[float]) -> NDArray[np.float64]:
     return np.array(found)
 
 
-def main(changes: int) -> None:
+def show_changes(changes: int) -> None:
     """Print the table."""
     print("| pages | shown: median | 99 % | worst | painted: median | 99 % | worst | late | CPU: console | browser |")
     print("|---|---|---|---|---|---|---|---|---|---|")
@@ -205,5 +187,22 @@ def spread(times: NDArray[np.float64]) -> list[str]:
     return [f"{value:.1f} ms" for value in (*np.percentile(times, [50, 99]), times.max())]
 
 
+def main() -> None:
+    """Run one of the two."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parts = parser.add_subparsers(dest="part", required=True)
+    parts.add_parser("changes").add_argument("--changes", type=int, default=100)
+    session = parts.add_parser("session")
+    session.add_argument("model", type=Path)
+    session.add_argument("recording", type=Path)
+    add_options(session)
+    session.set_defaults(pages=1, seconds=600.0, rate_hz=100.0)
+    given = parser.parse_args()
+    if given.part == "changes":
+        show_changes(given.changes)
+    else:
+        run_session(given)
+
+
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100)
+    main()

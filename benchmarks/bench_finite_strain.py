@@ -15,7 +15,6 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from scipy.sparse.linalg import splu
 
 from least_time import least_s
 from reference_r2 import FORCES_MN, IOP_PA, NEEDLE_RADIUS_M, NU, RADIUS_M, TIPS_MM, reference_path
@@ -24,6 +23,7 @@ from scleraforce.eye.globe import OPEN_GLOBE, study_globe
 from scleraforce.eye.graded import graded_globe, graded_mesh
 from scleraforce.eye.mesh import HexMesh, build_mesh
 from scleraforce.mechanics.finite_strain import FiniteWall
+from scleraforce.mechanics.frontal import FrontalFactor
 from scleraforce.mechanics.needle import needle_at
 from scleraforce.mechanics.springs import study_springs
 from scleraforce.study import GlobeStudy, SupportsStudy
@@ -140,16 +140,13 @@ def parts(sizes: Sizes) -> None:
     wall = FiniteWall(mesh, NU)
     marks = {"all that is found once": process_time() - start}
     displacement_nc = wall.rest_nc(youngs_modulus_pa=0.38e6, iop_pa=IOP_PA, density_kg_m3=0.0)
-    blocks = wall.solid.tangent_blocks(displacement_nc)
-    matrix = wall.free_part.matrix(blocks)
-    symmetric: dict[str, Any] = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    elements = wall.solid.tangents(displacement_nc, np.float32)
     work: dict[str, Callable[[], object]] = {
         "forces of the solid": lambda: wall.solid.forces(displacement_nc),
         "forces of the pressure": lambda: wall.inner.forces(displacement_nc),
-        "tangent of the solid": lambda: wall.solid.tangent_blocks(displacement_nc),
-        "tangent of the pressure": lambda: wall.inner.add_tangent(blocks, displacement_nc, 1.0),
-        "sparse matrix of the free part": lambda: wall.free_part.matrix(blocks),
-        "factorisation": lambda: splu(matrix, permc_spec="MMD_AT_PLUS_A", **symmetric),
+        "tangent of the solid": lambda: wall.solid.tangents(displacement_nc, np.float32),
+        "tangent of the pressure": lambda: wall.inner.add_tangent(elements, displacement_nc, 1.0),
+        "factorisation": lambda: FrontalFactor(wall.dissection, elements),
     }
     for name, call in work.items():
         marks[name] = least_s(call)

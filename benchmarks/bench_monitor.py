@@ -4,6 +4,7 @@
     python benchmarks/bench_monitor.py soak    MODEL RECORDING [--frames 300000] [--rate-hz 100]
     python benchmarks/bench_monitor.py faults  MODEL RECORDING [--times 100] [--deaths 20]
     python benchmarks/bench_monitor.py hostile MODEL RECORDING [--connections 10000]
+    python benchmarks/bench_monitor.py session MODEL RECORDING [--rate-hz 1000] [--seconds 60] [--receiver] [--pages 1]
 
 MODEL is of kind "reader", RECORDING a virtual acquisition of `scleraforce phantom` at 100 frames a second, with forces
 to 40 mN. The monitor is the command that users start, on the first core; scanner, robot and its companions are on the
@@ -15,10 +16,10 @@ import json
 import sys
 from pathlib import Path
 
-from monitor_service import faults, hostile, latency, soak
+from monitor_service import faults, hostile, latency, session, soak
 from scleraforce.errors import ScleraforceError
 
-PARTS = {"latency": latency, "soak": soak, "faults": faults, "hostile": hostile}
+PARTS = {"latency": latency, "soak": soak, "faults": faults, "hostile": hostile, "session": session}
 
 
 def main() -> int:

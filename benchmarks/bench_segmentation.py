@@ -1,31 +1,40 @@
-"""Speed of the segmentation: one 512 x 512, 16-bit frame on one core, cold (another frame each time) and in a row.
+"""Speed of the segmentation: one 512 x 512, 16-bit frame on one core, cold (after a pause) and in a row.
 
     python benchmarks/bench_segmentation.py [--frames 24] [--rounds 40]
 
 Frames are drawn from the study's phantom ranges. Beside it: how long the crudest segmentation takes on this machine at
-this moment (crop, resize, median filter, Otsu, contours; 0.25 ms on an idle core), so that times can be compared.
+this moment (crop, resize, median filter, Otsu, contours; 0.25 ms on an idle core), so that times can be compared. The
+steps by NumPy and the compiled ones take each frame in turn.
 """
 
 import argparse
 from collections.abc import Callable
-from time import perf_counter
+from functools import partial
+from time import perf_counter, sleep
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.compiled import can_compile
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.optics import sample_optics, sample_pose
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
-from scleraforce.segmentation.wall import find_wall
+from scleraforce.segmentation.numpy_steps import NumpySteps
+from scleraforce.segmentation.steps import Steps
+from scleraforce.segmentation.wall import find_wall_by
 from scleraforce.study import Study
 
 REPEATS = 8  # in a row
 STUDY = Study()
 SCALE = PixelScale.of(STUDY.oct)
 
+PAUSE_S = 0.01  # between frames of a scanner that takes 100 a second
+
 Frame = NDArray[np.uint16]
+Work = Callable[[Frame], None]
+Times = NDArray[np.float64]
 
 
 def draw_frames(count: int) -> list[Frame]:
@@ -49,15 +58,17 @@ def crudest(frame: Frame) -> None:
     cv2.findContours(cv2.threshold(smooth, 0, 255, cv2.THRESH_OTSU)[1], cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
 
 
-def times_ms(work: Callable[[Frame], object], frames: list[Frame], rounds: int, repeats: int) -> NDArray[np.float64]:
-    """Return the time of each call, the mean of `repeats` on the same frame."""
-    taken = []
+def times_ms(works: list[Work], frames: list[Frame], rounds: int, repeats: int, pause_s: float) -> Times:
+    """Return the time of each call, the mean of `repeats` on the same frame after a pause, (work, call)."""
+    taken: list[list[float]] = [[] for _ in works]
     for _ in range(rounds // repeats):
         for frame in frames:
-            start = perf_counter()
-            for _ in range(repeats):
-                work(frame)
-            taken.append((perf_counter() - start) / repeats * 1e3)
+            for work, of_work in zip(works, taken, strict=True):
+                sleep(pause_s)
+                start = perf_counter()
+                for _ in range(repeats):
+                    work(frame)
+                of_work.append((perf_counter() - start) / repeats * 1e3)
     return np.array(taken)
 
 
@@ -70,13 +81,26 @@ def main() -> None:
     rounds = max(given.rounds, REPEATS)
     cv2.setNumThreads(1)
     frames = draw_frames(given.frames)
-    work = {"crudest": crudest, "segment": lambda frame: find_wall(frame, SCALE)}
+    ways: dict[str, Steps] = {"by NumPy": NumpySteps()}
+    if can_compile():
+        # Imported here: tests take frames from this module, and need no Numba.
+        from scleraforce.segmentation.compiled_steps import CompiledSteps
+
+        ways["compiled"] = CompiledSteps()
+    work: dict[str, Work] = {"crudest": crudest}
+    work |= {name: partial(_segment, steps) for name, steps in ways.items()}
+    for one in work.values():  # the first two frames compile
+        for frame in frames[:2]:
+            one(frame)
     print(f"{'':24}{'least':>8}{'10 %':>8}{'median':>8}{'99 %':>8}  ms")
-    for name, function in work.items():
-        for kind, repeats in (("cold", 1), ("in a row", REPEATS)):
-            taken = times_ms(function, frames, rounds, repeats)
+    for kind, repeats, pause_s in (("cold", 1, PAUSE_S), ("in a row", REPEATS, 0.0)):
+        for name, taken in zip(work, times_ms(list(work.values()), frames, rounds, repeats, pause_s), strict=True):
             shares = "".join(f"{part:8.3f}" for part in np.quantile(taken, [0.0, 0.1, 0.5, 0.99]))
             print(f"{f'{name}, {kind}':24}{shares}")
+
+
+def _segment(steps: Steps, frame: Frame) -> None:
+    find_wall_by(steps, frame, SCALE)
 
 
 if __name__ == "__main__":

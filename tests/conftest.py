@@ -1,17 +1,22 @@
 """What all tests share."""
 
 import gc
+import os
 import signal
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 import scleraforce  # noqa: F401 - before ONNX Runtime, which tests import too: it switches off what that sends
+from scleraforce.compiled import SWITCH
 
 # A shell without job control starts background jobs with SIGINT ignored, and children inherit that: the tests that send
 # Ctrl-C to a child would wait for ever where CI runs that way.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Monitors that tests start answer at once, and do not compile first; the tests of compiled loops switch it on.
+os.environ.setdefault(SWITCH, "0")
 
 # No timed assertions: a machine with other work may draw slowly.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])

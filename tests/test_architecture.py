@@ -19,10 +19,10 @@ from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2
 
 ROOT = Path(scleraforce.__file__).parent
 ORDER = [
-    "units", "errors", "plain_json", "plain_text", "processes", "whole_files", "source_hash", "stored_array",
-    "checked_store", "study", "models", "monitor", "openigtlink", "eye", "recording", "formats", "known",
-    "segmentation", "mechanics", "section", "library", "fitting", "laboratory", "scanner", "calibration", "dataset",
-    "reader", "learning", "service", "replay", "report", "reproduction", "installation", "notebook", "cli",
+    "units", "errors", "plain_json", "plain_text", "cluster", "processes", "whole_files", "source_hash", "compiled",
+    "stored_array", "checked_store", "study", "models", "monitor", "openigtlink", "eye", "recording", "formats",
+    "known", "segmentation", "mechanics", "section", "library", "fitting", "laboratory", "scanner", "calibration",
+    "dataset", "reader", "learning", "service", "replay", "report", "reproduction", "installation", "notebook", "cli",
 ]  # fmt: skip
 PURE = ["eye", "segmentation", "mechanics", "section", "fitting", "scanner", "calibration", "monitor"]
 IMPURE_MODULES = {"socket", "time", "random", "subprocess", "requests", "urllib", "logging", "asyncio", "threading"}
@@ -71,9 +71,6 @@ NO_CONVERSIONS = {
     ("reader.limits", "0.0001 * max(abs(low), abs(high), 1.0)"): "the last digit that is printed",
     ("replay.fault_acts", "place * 1e-05"): "a fault: frames 10 us apart, by their number",
     ("report.calibration_figures", "100 * rows"): "a figure's height, mm, of so many rows",
-    ("segmentation.grid", "int(sample.max()) // 1000"): "a share of the brightest pixel",
-    ("segmentation.inner", "0.001 * float(level.max())"): "a share of the brightest level",
-    ("segmentation.wall", "0.001 * max(brightest, 1)"): "a share of the brightest pixel",
     ("study.fields", "1e-09 * max(abs(number), 1.0)"): "what rounding leaves",
 }
 MODULES = sorted(path for path in ROOT.rglob("*.py"))

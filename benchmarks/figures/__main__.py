@@ -17,13 +17,23 @@ from figures.folder import FiguresFolder
 from figures.groups import DEFAULT_READER, GROUPS, SEED, draw_eyes
 from figures.page import insert_tables
 from figures.picture import draw_forces
-from figures.readings import CALIBRATED_FRAMES, Method, calibrated_eyes, make_methods, paper_method, read_frames
+from figures.readings import (
+    CALIBRATED_FRAMES,
+    Method,
+    calibrated_eyes,
+    make_methods,
+    paper_method,
+    raw_method,
+    read_frames,
+)
 from figures.recordings import make_recordings, read_made
 from figures.scores import AnsweredFrame, score
 from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
 from provenance.stamps import new_stamp
 from scleraforce.cli.output import progress_bar
+from scleraforce.cli.place_of_work import chosen_workers, worker_options
 from scleraforce.errors import ScleraforceError
+from scleraforce.processes import available_cores
 from scleraforce.report.files import write_figure
 from scleraforce.study import Study
 from scleraforce.units import from_si
@@ -64,11 +74,13 @@ class Group:
 @click.option("--eyes", "count", type=click.IntRange(2), default=30, show_default=True, help="Of each group.")
 @click.option("--groups", "names", type=_Groups(), default=tuple(GROUPS), help="Which groups, as they are to come; all "
               f"by default: {','.join(GROUPS)}.")  # fmt: skip
-@click.option("--workers", type=click.IntRange(1), default=2, show_default=True, help="Processes that compute eyes.")
+@worker_options("compute the eyes; the commands after them run here")
 @click.option(
     "--reader", type=click.Path(path_type=Path), help="A trained reader, as the default one; otherwise one is trained."
 )
 @click.option("--living-reader", type=click.Path(path_type=Path), help="Likewise, as that of the living preset.")
+@click.option("--raw-reader", type=click.Path(path_type=Path), help="A trained raw reader, to stand beside the default "
+              "one; without it there is no such row.")  # fmt: skip
 @click.option(
     "--page",
     type=click.Path(path_type=Path, exists=True),
@@ -82,29 +94,33 @@ def main(
     out: Path,
     count: int,
     names: tuple[str, ...],
-    workers: int,
+    scheduler: str | None,
+    workers: int | None,
     reader: Path | None,
     living_reader: Path | None,
+    raw_reader: Path | None,
     page: Path | None,
     seed: int,
     still: bool,
     recordings_only: bool,
 ) -> None:
     """Read virtual eyes that no training has seen; write figures.md, figures.json and figures.png to the folder."""
-    study, folder = Study(), FiguresFolder(out)
+    study, folder, chosen = Study(), FiguresFolder(out), chosen_workers(scheduler, workers) or available_cores()
     drawn = {group: draw_eyes(group, count, study, seed) for group in names}
     if still:
         drawn = {group: tuple(eye.held_still() for eye in eyes) for group, eyes in drawn.items()}
     everyone = [eye for eyes in drawn.values() for eye in eyes]
     with progress_bar(range(len(everyone)), "eyes", total=len(everyone)) as bar:
-        failed = make_recordings(folder, everyone, workers, bar.update)
+        failed = make_recordings(folder, everyone, chosen, bar.update)
     for name in failed:
         click.echo(f"{name}: could not be computed, and is left out", err=True)
     if recordings_only:
         return
     left = {group: tuple(eye for eye in eyes if eye.eye.id not in failed) for group, eyes in drawn.items()}
     given = {DEFAULT_READER: reader, "living": living_reader}
-    groups = [_read(folder, name, eyes, _methods(folder, name, left, study, given)) for name, eyes in left.items()]
+    groups = [
+        _read(folder, name, eyes, _methods(folder, name, left, study, given, raw_reader)) for name, eyes in left.items()
+    ]
     results = [_result(folder, group, study) for group in groups]
     stamp = new_stamp("make figures", "figures.__main__", *(f"scleraforce.cli.{command}" for command in COMMANDS))
     found = {"made": vars(stamp), "groups": as_json(results)}
@@ -124,10 +140,13 @@ def _methods(
     eyes: Mapping[str, Sequence[FigureEye]],
     study: Study,
     given: Mapping[str, Path | None],
+    raw_reader: Path | None,
 ) -> list[Method]:
-    """Return the ways of reading a group: those of its reader and, where there are plain eyes, the paper's."""
+    """Return the ways of reading a group: those of its reader, a raw reader's and, with plain eyes, the paper's."""
     name = GROUPS[group].reader
     methods = make_methods(folder, name, study, given[name])
+    if raw_reader is not None and name == DEFAULT_READER:
+        methods.append(raw_method(raw_reader))
     return [*methods, paper_method(folder, eyes["plain"], study)] if "plain" in eyes else methods
 
 

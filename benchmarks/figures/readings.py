@@ -18,7 +18,16 @@ from scleraforce.reproduction.framing import framed_for_laboratory
 from scleraforce.study import Range, Study, format_study, parse_study, preset_toml
 from scleraforce.whole_files import write_whole
 
-__all__ = ["CALIBRATED_FRAMES", "READERS", "Method", "calibrated_eyes", "make_methods", "paper_method", "read_frames"]
+__all__ = [
+    "CALIBRATED_FRAMES",
+    "READERS",
+    "Method",
+    "calibrated_eyes",
+    "make_methods",
+    "paper_method",
+    "raw_method",
+    "read_frames",
+]
 
 CALIBRATED_FRAMES = 3
 GAP_M = Range(min=0.4e-3, max=0.9e-3)  # of the eyes
@@ -74,6 +83,11 @@ def paper_method(folder: FiguresFolder, plain: Sequence[FigureEye], study: Study
     """Return the paper's way of reading, with the modulus of the plain eyes; train a classifier that is not there."""
     model = _classifier(folder, plain, study)
     return Method("paper", "the paper's: linear, E of the population", model, calibrated=False)
+
+
+def raw_method(model: Path) -> Method:
+    """Return the way of reading of a trained raw reader."""
+    return Method("raw", "the raw reader, the eye's E", model)
 
 
 def _reader(folder: FiguresFolder, name: str, study: Study) -> Path:

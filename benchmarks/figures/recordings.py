@@ -1,8 +1,13 @@
 """The eyes of the figures, computed in three dimensions at finite strain and imaged by the virtual laboratory."""
 
+import sys
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from hashlib import sha256
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter
 
 import numpy as np
@@ -13,10 +18,13 @@ from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.sections import compute_eye
 from figures.workers import in_processes
+from scleraforce.cluster import ClusterWorkers
+from scleraforce.errors import ScleraforceError
 from scleraforce.laboratory.phantom import PhantomFrame, plan_phantom, plan_sections, write_phantom
+from scleraforce.processes import work_units
 from scleraforce.section.plane import Section
 from scleraforce.study import Study
-from scleraforce.whole_files import renamed_when_whole
+from scleraforce.whole_files import folder_files, renamed_when_whole, write_whole, write_whole_folder
 
 __all__ = ["MadeEye", "make_eye", "make_recordings", "read_made", "recording_key"]
 
@@ -50,7 +58,7 @@ def make_recordings(
     Args:
         folder: where they go.
         eyes: all eyes.
-        workers: processes.
+        workers: processes, or those of a cluster (`cluster_workers`), whose processes can import this package.
         progress: called with the number of eyes that are newly done, or found done.
 
     Returns:
@@ -60,6 +68,8 @@ def make_recordings(
     for _, eye in missing:
         note_stale(folder.recording(eye))
     progress(len(eyes) - len(missing))
+    if isinstance(workers, ClusterWorkers):
+        return _made_on_cluster(folder, [eye for _, eye in missing], workers, progress)
     failed = []
 
     def done(piece: tuple[FiguresFolder, FigureEye], code: int | None) -> None:
@@ -69,6 +79,64 @@ def make_recordings(
 
     in_processes(_make, missing, workers, done)
     return tuple(failed)
+
+
+def _made_on_cluster(
+    folder: FiguresFolder, eyes: Sequence[FigureEye], workers: ClusterWorkers, progress: Callable[[int], object]
+) -> tuple[str, ...]:
+    """Let the cluster make eyes, and write what comes of them here; return the names of those that failed.
+
+    Raises:
+        ScleraforceError: a worker has other sources, or as `work_units`.
+    """
+    failed = []
+    with closing(work_units(partial(_making, tuple(eyes)), range(len(eyes)), workers)) as made:
+        for number, found in made:
+            if isinstance(found, str):
+                print(f"{eyes[number].eye.id}: {found}", file=sys.stderr)
+                failed.append(eyes[number].eye.id)
+            else:
+                _write_sent(folder, eyes[number], found)
+            progress(1)
+    return tuple(failed)
+
+
+@dataclass(frozen=True)
+class _Sent:
+    """An eye as a worker has made it: the key of its recording, the files of that, and what is known of it."""
+
+    key: str
+    recording: dict[str, bytes]
+    made: bytes
+
+
+def _making(eyes: Sequence[FigureEye]) -> Callable[[int], _Sent | str]:
+    """Return what makes an eye, in a worker: its number to its files, or to what went wrong."""
+
+    def work(number: int) -> _Sent | str:
+        drawn = eyes[number]
+        with TemporaryDirectory(prefix="figures-") as place:
+            folder = FiguresFolder(Path(place))
+            try:
+                make_eye(folder, drawn)
+            except ScleraforceError as fault:
+                return str(fault)
+            recording, made = folder_files(folder.recording(drawn)), folder.made(drawn).read_bytes()
+        return _Sent(recording_key(drawn), recording, made)
+
+    return work
+
+
+def _write_sent(folder: FiguresFolder, drawn: FigureEye, sent: _Sent) -> None:
+    recording, made = folder.recording(drawn), folder.made(drawn)
+    if sent.key != recording_key(drawn):
+        raise ScleraforceError("a worker has other sources than this process; let them import the same ones")
+    for place in (recording, made):
+        place.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(sent.made, made)
+    remove(recording)
+    write_whole_folder(sent.recording, recording)
+    write_key(recording, sent.key)
 
 
 def _make(piece: tuple[FiguresFolder, FigureEye]) -> None:

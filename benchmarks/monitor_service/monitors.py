@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -64,6 +65,16 @@ class Monitor:
         return self._said.read_text(encoding="utf-8")
 
     @property
+    def console(self) -> str:
+        """The address of its console, once that is said."""
+        end_s = monotonic() + START_S
+        while monotonic() < end_s and self.alive:
+            if found := re.search(r"^console +(\S+)\n", self.said, re.MULTILINE):
+                return found[1]
+            sleep(0.02)
+        raise SystemExit(f"the console did not start:\n{self.said}")
+
+    @property
     def alive(self) -> bool:
         """Whether its process runs."""
         return self.process.poll() is None
@@ -79,7 +90,9 @@ class Monitor:
 
 
 @contextmanager
-def real_monitor(model: Path, recording: Path, *options: str, pinned: bool = True) -> Iterator[Monitor]:
+def real_monitor(
+    model: Path, recording: Path, *options: str, pinned: bool = True, real_time: bool = True
+) -> Iterator[Monitor]:
     """Start `scleraforce monitor` for the eye of a virtual recording; end all its processes.
 
     Args:
@@ -87,6 +100,7 @@ def real_monitor(model: Path, recording: Path, *options: str, pinned: bool = Tru
         recording: folder; its truth.json says what is known of the eye.
         options: further ones of the command.
         pinned: the monitor to the first core, its companions to the others.
+        real_time: False takes away the right to real-time priority.
     """
     truth = json.loads((recording / "truth.json").read_text(encoding="utf-8"))
     eye = truth["eye"]
@@ -103,6 +117,7 @@ def real_monitor(model: Path, recording: Path, *options: str, pinned: bool = Tru
         said, black_box = Path(folder, "said"), Path(folder, "box")
         command = [sys.executable, "-c", "from scleraforce.cli.main import main; main()", "monitor", str(model)]
         command += [*known, "--port", "0", "--black-box", str(black_box), *options]
+        command = command if real_time else ["setpriv", "--bounding-set=-sys_nice", *command]
         with said.open("wb") as errors, no_interrupts():
             process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors)
         pids: dict[str, int] = {}

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from monitor_sessions.forces import FRAME_S
 from monitor_sessions.frames import Frame
 from scleraforce.known.eye import Known
 from scleraforce.monitor import Decision, MonitorLimits, MonitorState, decide
@@ -48,7 +49,7 @@ class Watch:
 
     def lost(self, at_s: float) -> Withdrawal | None:
         """Hear that a frame was lost."""
-        return self._hear([QueueLoss(at_s, 1)], at_s)
+        return self._hear([QueueLoss(at_s=at_s, lost=1, unread_s=FRAME_S, row=round(at_s / FRAME_S))], at_s)
 
     def read(self, frame: Frame, at_s: float, number: int, shown_back: int) -> tuple[Answer, Withdrawal | None]:
         """Read a frame; return the network's answer, and the withdrawal where one begins."""

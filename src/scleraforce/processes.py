@@ -1,4 +1,4 @@
-"""Processes that work on numbered units, each with its own run of consecutive ones.
+"""Processes that work on numbered units, each with its own run of consecutive ones; or the workers of a cluster.
 
 Consecutive units may share what is costly to prepare; so each worker gets a contiguous run of units, and takes units
 from the end of the longest other run only when its own is done.
@@ -19,6 +19,7 @@ from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import ForkingPickler
 from typing import Any, TypeVar
 
+from scleraforce.cluster import ClusterWorkers, work_in_order_on_cluster, work_on_cluster
 from scleraforce.errors import SolverError
 
 __all__ = [
@@ -55,11 +56,14 @@ def work_units(
     Args:
         prepare: called once in each process; returns what does a unit. It is pickled.
         units: numbers of the units.
-        workers: processes, at most.
+        workers: processes, at most; or the workers of a cluster, which do the units instead.
 
     Raises:
         ScleraforceError: what a worker raised; SolverError where a worker died or could not be started.
     """
+    if isinstance(workers, ClusterWorkers):
+        yield from work_on_cluster(prepare, units, workers)
+        return
     runs = split_runs(units, workers)
     with _started(prepare, len(runs)) as lanes:
         busy = {lane.connection: number for number, lane in enumerate(lanes)}
@@ -91,6 +95,9 @@ def work_in_order(
     Raises:
         ScleraforceError: as `work_units`.
     """
+    if isinstance(workers, ClusterWorkers):
+        yield from work_in_order_on_cluster(prepare, units, workers, ahead)
+        return
     with _started(prepare, min(workers, len(units))) as lanes:
         idle, busy = deque(lanes), dict[object, _Lane]()
         coming, done = deque(units), dict[int, Result]()

@@ -7,15 +7,27 @@ be a regular one, and is read no further than its kind allows (`KINDS`, which do
 import codecs
 import os
 import secrets
+import shutil
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from scleraforce.errors import CalibrationError, FrameError, InputError, ModelError, RecordingError, StudyError
 
-__all__ = ["KINDS", "MIB", "FileKind", "check_regular", "read_bytes", "read_text", "renamed_when_whole", "write_whole"]
+__all__ = [
+    "KINDS",
+    "MIB",
+    "FileKind",
+    "check_regular",
+    "folder_files",
+    "read_bytes",
+    "read_text",
+    "renamed_when_whole",
+    "write_whole",
+    "write_whole_folder",
+]
 
 MIB = 2**20
 OPEN_FLAGS = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)  # of Unix, of Windows
@@ -168,3 +180,27 @@ def renamed_when_whole(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+def folder_files(folder: Path) -> dict[str, bytes]:
+    """Return what the files of a folder that we have written hold, by their places in it."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {file.relative_to(folder).as_posix(): file.read_bytes() for file in files}
+
+
+def write_whole_folder(files: Mapping[str, bytes], folder: Path) -> None:
+    """Write a folder of files, by their places in it, whole or not at all.
+
+    Raises:
+        InputError: there is something of that name, its own folder cannot be written to, or the disk is full.
+    """
+    part = folder.with_name(f".scleraforce-{secrets.token_hex(8)}.part")
+    try:
+        for place, content in files.items():
+            (part / place).parent.mkdir(parents=True, exist_ok=True)
+            (part / place).write_bytes(content)
+        part.rename(folder)
+    except OSError as fault:
+        raise InputError(f"{folder}: {fault.strerror}") from fault
+    finally:
+        shutil.rmtree(part, ignore_errors=True)

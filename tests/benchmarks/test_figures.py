@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from pieces_of_work import leave_a_mark_or_fail, leave_a_mark_or_wait
 
+from figures import __main__ as figures_main
 from figures import commands, readings, recordings
 from figures.commands import answers, made_by
 from figures.folder import FiguresFolder
@@ -467,3 +468,14 @@ def test_eyes_with_a_reader_of_their_own_are_calibrated_with_its_study(tmp_path,
     if group == "living":
         study = read_study(command[command.index("--study") + 1])
         assert study.calibration.prior_mean_pa > 2 * STUDY.calibration.prior_mean_pa
+
+
+def test_a_raw_reader_stands_beside_the_default_reader_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr(figures_main, "make_methods", lambda *_: [Method("fit", "", tmp_path)])
+    given = {"default": tmp_path, "living": tmp_path}
+    for group, names in (("harder", ["fit", "raw"]), ("living", ["fit"])):
+        folder = FiguresFolder(tmp_path)
+        methods = figures_main._methods(folder, group, {}, STUDY, given, tmp_path / "raw")
+        assert [method.name for method in methods] == names
+        assert [each.name for each in figures_main._methods(folder, group, {}, STUDY, given, None)] == ["fit"]
+    assert methods[0].own_modulus

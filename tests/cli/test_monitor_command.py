@@ -262,7 +262,8 @@ def test_each_option_arrives_where_it_belongs(
         "--polar-angle-deg": "30", "--plane-direction-deg": "-120",
         "--columns": "400", "--rows": "300", "--width-mm": "8", "--depth-mm": "6",
         "--refractive-index": "1.3", "--withdraw-class": "1", "--bound-mn": "20", "--unusable-frames": "4",
-        "--unusable-opinions": "5", "--reaction-ms": "70", "--iop-mmhg": "3", "--thickness-um": "700",
+        "--unusable-opinions": "5", "--reaction-ms": "70", "--unread-ms": "600",
+        "--iop-mmhg": "3", "--thickness-um": "700",
         "--youngs-modulus-mpa": "0.3", "--gap-mm": "0.6", "--record": str(tmp_path / "session"),
     }  # fmt: skip
     assert run([*monitor, "--no-second-opinion", *(word for pair in other.items() for word in pair)]) == 2
@@ -282,6 +283,7 @@ def test_each_option_arrives_where_it_belongs(
     assert (limits.size, limits.scale_m) == ((300, 400), pytest.approx((20e-6, 20e-6)))
     assert (limits.withdraw_class, limits.unusable_frames, limits.unusable_opinions) == (1, 4, 5)
     assert (limits.bound_n, limits.reaction_s) == (pytest.approx(0.02), pytest.approx(0.07))
+    assert limits.loss_in_window_s == pytest.approx(0.6)
     assert (limits.expects_opinion, limits.reads_force) == (False, True)
     assert settings.token != plain.token
     assert plain.limits == MonitorLimits(

@@ -76,7 +76,7 @@ def test_a_wrong_name_is_an_error_that_lists_the_shipped_ones(
 
 
 def test_a_shipped_model_of_another_kind_is_refused() -> None:
-    with pytest.raises(ModelError, match="found 'wall-finder', classifier or reader is needed here"):
+    with pytest.raises(ModelError, match="found 'wall-finder', classifier, reader or raw-reader is needed here"):
         sf.load_model("wall-finder")
 
 

@@ -82,7 +82,7 @@ def test_a_folder_that_is_no_wall_finder_is_refused_before_anything_is_written(f
 
 def test_a_wall_finder_reads_no_forces(blind, frame, capsys) -> None:
     message = refused(capsys, "classify", blind, frame, "--width-mm", 10, "--depth-mm", 4)
-    assert "kind: found 'wall-finder', classifier or reader is needed here" in message
+    assert "kind: found 'wall-finder', classifier, reader or raw-reader is needed here" in message
 
 
 @pytest.mark.parametrize(
@@ -91,6 +91,8 @@ def test_a_wall_finder_reads_no_forces(blind, frame, capsys) -> None:
         (["data.zarr", "--kind", "wall-finder"], "data.zarr: --kind wall-finder draws its scenes; leave DATASET out"),
         ([], "--kind classifier: DATASET is missing; only --kind wall-finder needs none"),
         (["--kind", "reader"], "--kind reader: DATASET is missing"),
+        (["--kind", "raw-reader"], "--kind raw-reader: DATASET is missing"),
+        (["lib", "--kind", "raw-reader", "--search"], "a raw-reader has the sizes of [raw_reader]"),
         (["--kind", "wall-finder", "--search"], "--search is for --kind classifier: a wall finder has the sizes"),
     ],
 )
@@ -120,3 +122,10 @@ def test_training_prints_what_it_reached_and_its_model_segments(frame, tmp_path,
     assert run([str(word) for word in words]) == 0
     (entry,) = json.loads(capsys.readouterr().out)["frames"]
     assert entry["reason"] == ""
+
+
+def test_a_scheduler_is_for_what_many_can_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "model"
+    told = refused(capsys, "train", "slices", "--out", out, "--scheduler", "tcp://127.0.0.1:9")
+    assert "--scheduler: for --search and --kind wall-finder" in told
+    assert not out.exists()

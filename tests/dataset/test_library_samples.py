@@ -8,8 +8,8 @@ import zarr
 from analytic_library import analytic_library
 
 from scleraforce.dataset.generate import generate_dataset
-from scleraforce.dataset.library_samples import draw_units
-from scleraforce.dataset.plan import plan_dataset
+from scleraforce.dataset.library_samples import draw_samples, near_library
+from scleraforce.dataset.plan import draft_plan, plan_dataset
 from scleraforce.dataset.store import open_dataset
 from scleraforce.errors import DatasetError, InputError, StudyError
 from scleraforce.library.sections import cut_surfaces
@@ -59,8 +59,8 @@ def one_by_one(study, library, plan, sample):
 @pytest.mark.slow
 def test_slices_are_those_of_cutting_and_filling_one_by_one(study, library):
     plan = plan_dataset(study)
-    ((unit, images),) = draw_units(study, MODULUS_PA, plan, [1], library)
-    assert unit == 1
+    near = near_library(study, plan, library)
+    images = draw_samples(study, MODULUS_PA, draft_plan(study).unit(1), near)
     numbers = np.arange(plan.images)[plan.unit(1)]
     differing = [
         int((image != one_by_one(study, library, plan, sample)).sum())
@@ -96,7 +96,7 @@ def test_a_library_of_another_eye_and_other_mechanics_are_refused(study, library
     plan = plan_dataset(study)
     other = replace(library, radius_m=11e-3)
     with pytest.raises(DatasetError, match="library: of radius, nu, needle radius"):
-        next(draw_units(study, MODULUS_PA, plan, [0], other))
+        near_library(study, plan, other)
     dead = MechanicsStudy(follower=False)
     others = {"globe.kind": {"globe": GlobeStudy("sealed")}, "mechanics.follower": {"mechanics": dead}}
     for key, changes in others.items():
@@ -107,4 +107,4 @@ def test_a_library_of_another_eye_and_other_mechanics_are_refused(study, library
 
 def test_a_force_beyond_the_library_is_named(study, library):
     with pytest.raises(InputError, match=r"F/E: .* mm\^2 is outside the library's range, 0 to 0\.5 mm\^2"):
-        next(draw_units(study, 0.05e6, plan_dataset(study), [0], library))
+        draw_samples(study, 0.05e6, draft_plan(study).unit(0), library)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from scleraforce.dataset.plan import DatasetPlan, plan_dataset
+from scleraforce.dataset.plan import DatasetPlan, draft_plan, plan_dataset
 from scleraforce.study import Choice, DatasetGroup, Range, Study
 
 
@@ -119,3 +119,19 @@ def test_units_cover_every_sample_once_and_hold_whole_contacts_where_that_is_pos
 def test_the_papers_units_do_not_split_a_contact(paper: DatasetPlan):
     starts = set(np.flatnonzero(np.diff(paper.contact, prepend=-1)))
     assert all(paper.unit(unit).start in starts for unit in range(paper.units))
+
+
+def test_a_part_of_a_plan_is_that_of_the_whole_whatever_groups_and_contacts_it_splits():
+    study = with_dataset(
+        contacts=7,
+        gap_m=Range(min=0.4e-3, max=0.9e-3),
+        group=(DatasetGroup(images=45), DatasetGroup(images=3), DatasetGroup(images=230, thickness_m=8e-4)),
+    )
+    whole, draft = plan_dataset(study), draft_plan(study)
+    assert draft.images == whole.images == 278
+    for part in (slice(0, 1), slice(40, 60), slice(45, 48), slice(277, 278)):
+        for name, values in draft.samples(part).columns.items():
+            np.testing.assert_array_equal(values, whole.columns[name][part], err_msg=name)
+    units = [draft.unit(number) for number in range(whole.units)]
+    assert len(units) > 1
+    np.testing.assert_array_equal(np.concatenate([unit.seed for unit in units]), whole.seed)

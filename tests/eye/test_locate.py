@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
 
+from scleraforce.compiled import can_compile
 from scleraforce.errors import InputError
+from scleraforce.eye import locate as locate_module
 from scleraforce.eye.mesh import HexMesh, build_mesh, locate, surface_weights
 
 R, T = 12e-3, 0.5e-3
@@ -85,3 +87,28 @@ def test_a_direction_that_misses_the_half_sphere_is_an_input_error(ray: list[flo
     mesh = build_mesh(R, T, divisions=2, level=0)
     with pytest.raises(InputError, match="direction"):
         locate(mesh, np.array([[0.0, 0.0, 1.0], ray]))
+
+
+@pytest.mark.skipif(not can_compile(), reason="Numba is not installed")
+@pytest.mark.parametrize("kind", KINDS)
+def test_compiled_loops_find_the_same_to_the_last_bit(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Recordings and data sets are then the same with Numba and without."""
+    rays = directions(20_000)
+    rays[:50, 2] = 0.0
+    found = []
+    for many in (10**9, 1):
+        monkeypatch.setattr(locate_module, "MANY", many)
+        found.append(locate(build_mesh(R, T, divisions=4, level=1, **KINDS[kind]), rays))
+    (quads, local), (quads_compiled, local_compiled) = found
+    np.testing.assert_array_equal(quads_compiled, quads)
+    np.testing.assert_array_equal(local_compiled, local)
+
+
+@pytest.mark.skipif(not can_compile(), reason="Numba is not installed")
+def test_compiled_loops_take_over_where_directions_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh, taken = build_mesh(R, T, divisions=4, level=1), []
+    compiled = mesh.locator._locate_compiled
+    monkeypatch.setattr(mesh.locator, "_locate_compiled", lambda *both: taken.append(len(both[0])) or compiled(*both))
+    for _ in range(3):
+        locate(mesh, directions(locate_module.MANY // 2))
+    assert taken == [locate_module.MANY // 2] * 2

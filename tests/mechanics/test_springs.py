@@ -9,7 +9,7 @@ from scleraforce.eye.contact import Contact
 from scleraforce.eye.globe import sealed_globe
 from scleraforce.eye.graded import graded_globe
 from scleraforce.eye.mesh import HexMesh, build_mesh
-from scleraforce.mechanics.assembly import BlockPattern
+from scleraforce.mechanics.assembly import FacePlaces, stiffness_matrix
 from scleraforce.mechanics.finite_strain import FiniteWall
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.loads import needle_loads
@@ -86,11 +86,11 @@ def test_insertions_lie_on_the_spiral_of_tillaux() -> None:
 def test_the_blocks_in_the_matrix_are_the_forces() -> None:
     mesh = globe()
     springs = elastic_bed(mesh, NORMAL, SHEAR) + rectus_straps(mesh, 20.0)
-    pattern = BlockPattern(mesh.cells_en, len(mesh.points_nc))
-    blocks = np.zeros((len(pattern.pairs), 3, 3))
-    springs.add_to(blocks, pattern, 0.5)
+    nodes = mesh.cells_en.shape[1]
+    elements = np.zeros((len(mesh.cells_en), 3, nodes, 3, nodes))
+    springs.add_to(elements, FacePlaces(mesh.cells_en, springs.nodes_qn), 0.5)
     u = np.random.default_rng(0).normal(size=mesh.points_nc.shape)
-    K = pattern.matrix(blocks)
+    K = stiffness_matrix(mesh, elements)
     np.testing.assert_allclose(2 * K @ u.ravel(), springs.forces(u).ravel(), atol=1e-12 * abs(K).max())
     assert abs(K - K.T).max() < 1e-14 * abs(K).max()
 

@@ -12,6 +12,7 @@ from scleraforce.eye.contact import Contact
 from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.eye.graded import graded_mesh
 from scleraforce.eye.mesh import HexMesh, build_mesh
+from scleraforce.mechanics.assembly import stiffness_matrix
 from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh, MeridianSize, meridian_mesh
 from scleraforce.mechanics.axisymmetric.path import AxisymmetricWall, axisymmetric_path
 from scleraforce.mechanics.axisymmetric.solid import SolidOfRevolution, _gradient_operator
@@ -80,7 +81,7 @@ def test_forces_and_tangent_are_the_derivatives_of_the_energy_at_any_deformation
     local_eni = np.einsum("ep,epij,epnj->eni", volumes_ep, stress(F, B).imag / STEP, points.gradients_epnc)
     change_nc = np.zeros_like(forces_nc)
     np.add.at(change_nc, mesh.cells_en, local_eni)
-    K = solid.pattern.matrix(solid.tangent_blocks(u_nc))
+    K = stiffness_matrix(mesh, solid.tangents(u_nc))
     slope_nc = (K @ moved_nc.ravel()).reshape(-1, 3)
     np.testing.assert_allclose(slope_nc, change_nc, rtol=0.0, atol=1e-12 * np.abs(change_nc).max())
     assert abs(K - K.T).max() < 1e-13 * abs(K).max()
@@ -124,8 +125,8 @@ def test_a_vanishing_stiffening_is_the_neo_hookean_solid_and_the_first_order_is_
     u_nc = bent(mesh.points_nc)
     soft, tiny, small = (NeoHookeanSolid(mesh, NU, stiffening=b) for b in (0.0, 1e-300, 1e-6))
     np.testing.assert_allclose(tiny.forces(u_nc), soft.forces(u_nc), rtol=1e-14)
-    blocks = soft.tangent_blocks(u_nc)
-    np.testing.assert_allclose(tiny.tangent_blocks(u_nc), blocks, atol=1e-14 * np.abs(blocks).max())
+    tangents = soft.tangents(u_nc)
+    np.testing.assert_allclose(tiny.tangents(u_nc), tangents, atol=1e-14 * np.abs(tangents).max())
     twice = NeoHookeanSolid(mesh, NU, stiffening=2e-6).forces(u_nc) - soft.forces(u_nc)
     once = small.forces(u_nc) - soft.forces(u_nc)
     np.testing.assert_allclose(twice, 2.0 * once, atol=1e-5 * np.abs(once).max())
@@ -144,11 +145,11 @@ class Block:
             [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], dtype=np.float64
         )
         quads = np.array([[4, 5, 6, 7]])
-        mesh = HexMesh(
+        self.mesh = HexMesh(
             points_nc=self.points_nc, cells_en=np.arange(8)[None], outer_qn=quads, inner_qn=quads,
             base_nodes=np.array([], dtype=np.int64), radius_m=1.0, thickness_m=1.0, order=1,
         )  # fmt: skip
-        self.solid = NeoHookeanSolid(mesh, NU, stiffening=stiffening)
+        self.solid = NeoHookeanSolid(self.mesh, NU, stiffening=stiffening)
         self.free = np.flatnonzero(self.points_nc.ravel() > 0.0)
         load_nc = np.zeros((8, 3))
         for axis in drawn:
@@ -164,7 +165,8 @@ class Block:
         return self.solid.forces(self.all(u)).ravel()[self.free] - pressure * self.needle
 
     def factor(self, u: Floats, pressure: float) -> Solve:  # noqa: ARG002 (a dead load)
-        K = self.solid.pattern.matrix(self.solid.tangent_blocks(self.all(u))).toarray()[np.ix_(self.free, self.free)]
+        whole = stiffness_matrix(self.mesh, self.solid.tangents(self.all(u))).toarray()
+        K = whole[np.ix_(self.free, self.free)]
         return lambda rhs: np.linalg.solve(K, rhs)
 
     def stretches(self, nominal_stress: float) -> Floats:

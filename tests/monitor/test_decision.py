@@ -119,8 +119,9 @@ ALARMS: dict[str, tuple[MonitorEvent, Cause]] = {
     "checksum": (ChecksumError(0.06, "CRC"), Cause.CHECKSUM),
     "exception": (Failure(0.06, "ValueError"), Cause.EXCEPTION),
     "bad image": (BadImage(0.06, "short"), Cause.BAD_IMAGE),
-    "losses": (QueueLoss(0.06, 5), Cause.QUEUE_BEHIND),
-    "no loss": (QueueLoss(0.06, 0), Cause.QUEUE_BEHIND),
+    "losses": (QueueLoss(at_s=0.06, lost=5, unread_s=0.05, row=1), Cause.QUEUE_BEHIND),
+    "no loss": (QueueLoss(at_s=0.06, lost=0, unread_s=0.01, row=1), Cause.QUEUE_BEHIND),
+    "a loss of no time": (QueueLoss(at_s=0.06, lost=1, unread_s=0.0, row=1), Cause.QUEUE_BEHIND),
     "NaN force": (replace(frame(6), force_n=NAN), Cause.NO_NUMBER),
     "NaN interval": (replace(frame(6), interval_n=(0.0, NAN)), Cause.NO_NUMBER),
     "endless interval": (replace(frame(6), interval_n=(0.0, float("inf"))), Cause.NO_NUMBER),
@@ -133,7 +134,7 @@ ALARMS: dict[str, tuple[MonitorEvent, Cause]] = {
     "NaN in an unusable frame": (replace(unusable(6), force_n=NAN), Cause.NO_NUMBER),
     "NaN time": (frame(6, at_s=NAN), Cause.NO_NUMBER),
     "NaN tick": (Tick(NAN), Cause.NO_NUMBER),
-    "NaN loss": (QueueLoss(0.06, NAN), Cause.QUEUE_BEHIND),  # type: ignore[arg-type]
+    "NaN loss": (QueueLoss(at_s=0.06, lost=NAN, unread_s=0.01, row=1), Cause.QUEUE_BEHIND),  # type: ignore[arg-type]
     "no event": ("nonsense", Cause.EXCEPTION),  # type: ignore[dict-item]
     "NaN scale": (replace(frame(6), scale_m=(NAN, 5e-6)), Cause.SCALE),
     "opinion on no frame": (opinion(7, at_s=0.06), Cause.OUT_OF_ORDER),
@@ -307,7 +308,7 @@ def test_losses_add_up_within_the_window_and_are_forgotten_after_it() -> None:
     def losing(every: int) -> list[MonitorEvent]:
         events: list[MonitorEvent] = []
         for n in range(6, 300):
-            events += [frame(n)] + ([QueueLoss(0.01 * n, 1)] if n % every == 0 else [])
+            events += [frame(n)] + ([QueueLoss(at_s=0.01 * n, lost=1, unread_s=0.01, row=n)] if n % every == 0 else [])
         return events
 
     assert play(losing(10), watching()).cause is Cause.QUEUE_BEHIND
@@ -316,8 +317,43 @@ def test_losses_add_up_within_the_window_and_are_forgotten_after_it() -> None:
     assert state.lost == 11
 
 
+@pytest.mark.parametrize("interval_s", [0.02, 0.01, 0.001])
+def test_losses_are_limited_in_time_whatever_the_frame_rate(interval_s: float) -> None:
+    before = replace(watching(), at_s=0.051)
+    losses = range(round(0.04 / interval_s) + 1)
+    in_row = [QueueLoss(at_s=0.052 + 1e-5 * n, lost=1, unread_s=interval_s, row=5) for n in losses]
+    assert play(in_row[:-1], before).state is State.WATCHING
+    assert play(in_row, before).cause is Cause.QUEUE_BEHIND
+    apart = [replace(loss, row=n, at_s=0.052 + 1e-4 * n) for n, loss in enumerate(in_row[:-1] * 2)]
+    assert play(apart, before).state is State.WATCHING
+    assert play([*apart, QueueLoss(at_s=0.07, lost=1, unread_s=interval_s, row=99)], before).cause is Cause.QUEUE_BEHIND
+
+
+def test_what_is_remembered_of_losses_stays_short_and_is_never_forgotten_too_early() -> None:
+    loose = replace(LIMITS, loss_in_window_s=10.0)
+    state = watching()
+    for n in range(4000):
+        at_s = 0.06 + 5e-4 * n
+        state = play(
+            [replace(frame(6 + n), at_s=at_s), QueueLoss(at_s=at_s, lost=1, unread_s=1e-4, row=n)], state, loose
+        )
+        expected_s = 1e-4 * min(n + 1, 2000)
+        held_s = sum(unread_s for _, unread_s in state.losses)
+        assert expected_s - 1e-9 <= held_s <= expected_s + 100 * 1e-4 + 1e-9
+        assert len(state.losses) <= 21
+
+
 def test_before_the_first_good_frame_nothing_is_ok() -> None:
-    state = play([Tick(0.0), unusable(1), Tick(5.0), unusable(600), Reset(6.01), QueueLoss(6.02, 1)])
+    state = play(
+        [
+            Tick(0.0),
+            unusable(1),
+            Tick(5.0),
+            unusable(600),
+            Reset(6.01),
+            QueueLoss(at_s=6.02, lost=1, unread_s=0.01, row=1),
+        ]
+    )
     assert state.state is State.NOT_READY
 
 
@@ -547,7 +583,12 @@ def sequences(draw: st.DrawFn) -> list[MonitorEvent]:
         plain = frame(number, force_n, now_s)
         seen = [opinion(number - 1, 0.01, now_s), replace(no_opinion(number - 1), at_s=now_s)]
         choices: list[MonitorEvent] = [*[plain] * 8, *seen * 2]
-        choices += [replace(unusable(number), at_s=now_s), Tick(now_s), Reset(now_s), QueueLoss(now_s, 1)]
+        choices += [
+            replace(unusable(number), at_s=now_s),
+            Tick(now_s),
+            Reset(now_s),
+            QueueLoss(at_s=now_s, lost=1, unread_s=0.01, row=1),
+        ]
         choices += [OvertakenRead(now_s, frame(number - 1)), OvertakenRead(now_s, unusable(number - 1))]
         events.append(draw(st.sampled_from([*choices, draw(st.sampled_from(DIRTY))])))
     return events
@@ -576,7 +617,7 @@ def test_no_sequence_ends_a_withdrawal_without_a_reset_or_is_ok_before_a_good_fr
             assert before.fresh >= LIMITS.fresh_frames
         assert (decision.code == 3) == (decision.cause is not None)
         assert len(state.history) <= 5 * LIMITS.rate_frames
-        assert len(state.losses) <= LIMITS.losses_in_window + 1
+        assert len(state.losses) <= 21
         if isinstance(event, FrameRead) and not harmless(event):
             assert decision.code != 1
 

@@ -16,7 +16,7 @@ from scleraforce.recording.info import OctInfo
 from scleraforce.study import Study
 
 ROOT = Path(scleraforce.__file__).parent
-KINDS = {"Classifier", "ForceReader"}
+KINDS = {"Classifier", "ForceReader", "RawReader"}
 SCAN = OctInfo(columns=512, rows=512, bits=12, width_m=15e-3, depth_m=4e-3)
 
 
@@ -61,7 +61,7 @@ def asks_for_the_kind(node: ast.AST) -> bool:
     if not isinstance(node, ast.Compare):
         return False
     names = {part.value for part in ast.walk(node) if isinstance(part, ast.Constant)}
-    return bool(names & {"classifier", "reader"}) and ".kind" in ast.unparse(node)
+    return bool(names & {"classifier", "reader", "raw-reader"}) and ".kind" in ast.unparse(node)
 
 
 @pytest.mark.parametrize("code", ["isinstance(m, Classifier)", 'm.kind == "reader"', 'm.kind != "classifier"'])

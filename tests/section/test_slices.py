@@ -6,8 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scleraforce.compiled import can_compile
+from scleraforce.section import slices
 from scleraforce.section.plane import Section, SliceWindow
-from scleraforce.section.slices import WALL, fill_section, slice_contours, slice_window
+from scleraforce.section.slices import WALL, fill_section, fill_sections, slice_contours, slice_window
 from scleraforce.study import SliceStudy
 
 PIXEL = 1e-4
@@ -167,3 +169,33 @@ def test_slice_contours_finds_the_wall_and_its_hole():
     outline, hole = sorted(slice_contours(image), key=len, reverse=True)
     assert (outline.min(0).tolist(), outline.max(0).tolist()) == ([10, 5], [59, 24])
     assert (hole.min(0).tolist(), hole.max(0).tolist()) == ([19, 9], [50, 20])
+
+
+@pytest.fixture(params=[False, pytest.param(True, marks=pytest.mark.skipif(not can_compile(), reason="no Numba"))],
+                ids=["NumPy", "compiled"])  # fmt: skip
+def compiled_or_not(request, monkeypatch):
+    monkeypatch.setattr(slices, "can_compile", lambda: request.param)
+
+
+@pytest.mark.usefixtures("compiled_or_not")
+def test_many_sections_are_drawn_as_each_alone():
+    x = np.linspace(-10, 150, 161)
+    sections = [
+        wall(np.c_[x, depth + 20 * np.exp(-(((x - 70) / 20) ** 2))], thickness)
+        for depth, thickness in ((-8, 6.0), (-2, 3.0), (4, 8.0), (30, 5.0), (60, 5.0), (-80, 5.0))
+    ]
+    windows = [slice_window(SliceStudy(), -3e-4, lateral_m) for lateral_m in (0.0, 1e-3, -1e-3, 3e-5, 0.0, 0.0)]
+    images = fill_sections(sections, windows)
+    assert images.dtype == np.uint8
+    np.testing.assert_array_equal(images, [fill_section(*both) for both in zip(sections, windows, strict=True)])
+    assert images.any(axis=(1, 2)).tolist() == [True, True, True, True, False, False]
+
+
+@pytest.mark.usefixtures("compiled_or_not")
+@settings(max_examples=100)
+@given(st.lists(st.tuples(*[st.one_of(st.floats(-20, 160), st.integers(-5, 45).map(lambda n: n + 0.5))] * 2),
+                min_size=8, max_size=8))  # fmt: skip
+def test_any_outline_is_drawn_the_same_among_many(points):
+    sections = [from_pixels(points), from_pixels(points[::-1])]
+    expected = [fill_section(section, WINDOW) for section in sections]
+    np.testing.assert_array_equal(fill_sections(sections, [WINDOW, WINDOW]), expected)

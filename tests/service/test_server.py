@@ -107,6 +107,14 @@ def cut_short(peer: Peer) -> None:
     peer.say(Image(np.zeros((1, 2, 2), np.uint16), MATRIX, (COLUMNS, ROWS, 1), (1, 0, 0)))
 
 
+def flood(peer: Peer) -> None:
+    """Frames of three seconds at once, from a scanner that has taken 10 ms for each before."""
+    for _ in range(12):
+        peer.show(10.0)
+        peer.hear(0.01)
+    send_together(peer, [10_000 + n for n in range(300)])
+
+
 def scaled(peer: Peer) -> None:
     peer.say(Image(frame_of(10_000, 7)[None], (MATRIX[0] * 1.02, *MATRIX[1:])))
 
@@ -159,7 +167,7 @@ FAULTS: dict[str, tuple[Callable[[Peer], object], set[Cause]]] = {
     "checksum": (wrong_checksum, {Cause.CHECKSUM}),
     "overlapping parts": (cut_short, {Cause.BAD_IMAGE}),
     "garbage": (lambda peer: peer.link.sendall(b"\xff" * 100), {Cause.BAD_IMAGE}),
-    "too many at once": (lambda peer: send_together(peer, [10_000] * 40), {Cause.QUEUE_BEHIND}),
+    "too many at once": (flood, {Cause.QUEUE_BEHIND}),
 }
 
 
@@ -213,7 +221,7 @@ def test_a_frame_that_newer_ones_overtook_is_read_after_them(scanner: Peer, caus
     assert scanner.wait_for_code(3).subcode == cause.value
     assert scanner.readings() == read + 1  # the newest is answered, and first
     answers = [json.loads(message.text) for _, message in scanner.heard if isinstance(message, Text)]
-    assert (answers[-1]["state"], answers[-1]["lost"]) == ("WATCHING", 2)
+    assert (answers[-1]["state"], answers[-1]["overtaken"], answers[-1]["lost"]) == ("WATCHING", 2, 0)
 
 
 def test_overtaken_frames_wait_while_a_newer_one_does(scanner: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -226,28 +234,26 @@ def test_overtaken_frames_wait_while_a_newer_one_does(scanner: Peer, monkeypatch
         if frame.number == 15:
             scanner.show(10.03, time_s=3e9)  # it waits when the server looks next
 
-    def overtaken(session: Session, frame: Frame) -> Tick:
-        order.append(("overtaken", frame.number))
+    def overtaken(session: Session) -> Tick:
+        order.append(("overtaken", session._put_off.take().number))
         return Tick(session.clock())
 
     scanner.watch()
     monkeypatch.setattr(Session, "take_frame", take)
-    monkeypatch.setattr(Session, "overtaken", overtaken)
+    monkeypatch.setattr(Session, "catch_up", overtaken)
     send_together(scanner, [10_000, 10_010, 10_020])  # frames 13 to 15
     wait_until(lambda: len(order) == 4)
     assert order == [("answered", 15), ("answered", 16), ("overtaken", 13), ("overtaken", 14)]
 
 
-def test_of_many_frames_that_were_overtaken_only_the_last_ones_are_read(
-    scanner: Peer, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    late: list[int] = []
-    monkeypatch.setattr(Session, "overtaken", lambda session, frame: late.append(frame.number) or Tick(session.clock()))
+def test_a_bunch_is_caught_up_with_and_no_cause(scanner: Peer) -> None:
     scanner.watch()
-    send_together(scanner, [10_000 + n for n in range(12)])  # frames 13 to 24
-    assert scanner.wait_for_code(3).subcode == Cause.QUEUE_BEHIND.value
-    scanner.hear(0.05)
-    assert late == [16, 17, 18, 19, 20, 21, 22, 23]
+    send_together(scanner, [10_000 + n for n in range(9)])
+    scanner.hear(0.1)
+    scanner.show(10.0, time_s=3e9)
+    scanner.hear(1.0, lambda peer: peer.readings() == 14)
+    last = [json.loads(message.text) for _, message in scanner.heard if isinstance(message, Text)][-1]
+    assert (last["state"], last["overtaken"], last["lost"]) == ("WATCHING", 8, 0)
 
 
 def test_a_withdrawal_stays_until_the_operators_reset_on_fresh_harmless_frames(port: int, scanner: Peer) -> None:
@@ -323,6 +329,29 @@ def test_others_have_two_milliseconds_a_turn_and_who_has_waited_longest_is_first
         assert len(heard) == 3  # each takes two looks at this clock, 2.2 ms
         assert len(set(heard)) == 3
         server.close()
+
+
+def test_a_server_that_is_never_idle_rests_now_and_then_and_one_that_waits_does_not(monkeypatch) -> None:
+    server, _ = small_server(NoGuard(), Companions({}))  # type: ignore[arg-type]  # a stand-in
+    now_s, rests, waits_s = [10.0], list[float](), [0.0]
+
+    def pass_time(for_s: float) -> None:
+        now_s[0] += for_s
+
+    monkeypatch.setattr(server.session, "clock", lambda: now_s[0])
+    monkeypatch.setattr("scleraforce.service.clients.sleep", lambda for_s: (rests.append(for_s), pass_time(for_s)))
+    monkeypatch.setattr(server._clients.selector, "select", lambda _: pass_time(waits_s[0]) or [])
+    server._clients._waited_s = 10.0
+    for _ in range(31):
+        server._clients.wait(0.0, server.session.clock)
+        pass_time(0.004)
+    assert rests == [0.001] * 10  # after each three turns of 4 ms
+    waits_s[0] = 0.002
+    for _ in range(30):
+        server._clients.wait(0.01, server.session.clock)
+        pass_time(0.004)
+    assert len(rests) <= 11
+    server.close()
 
 
 def test_half_a_message_does_not_stay_for_ever() -> None:

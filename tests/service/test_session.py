@@ -3,10 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from small_monitor import COLUMNS, RAISES, ROWS, SCALE_M, frame_of, read
 
 from scleraforce.monitor import MonitorLimits
-from scleraforce.monitor.events import QueueLoss
+from scleraforce.monitor.events import OvertakenRead, QueueLoss
+from scleraforce.service.overtaken import MOST_FRAMES, FramePace, Overtaken
 from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.session import Session
 
@@ -70,13 +72,83 @@ def test_the_summary_counts_frames_losses_and_withdrawals() -> None:
     clock = Clock()
     session = Session(read, LIMITS, clock, clock)
     take(session, clock, 10_000, 1)
-    session.take(QueueLoss(clock.now_s, 2))
+    session.take(QueueLoss(at_s=clock.now_s, lost=2, unread_s=0.02, row=4))
     take(session, clock, 40_000, 4)
     take(session, clock, 41_000, 5)
     summary = session.summary()
     assert (summary["frames"], summary["lost"]) == (3, 2)
     (withdrawal,) = summary["withdrawals"]
     assert (withdrawal["frame"], withdrawal["cause"]) == (2, "DANGEROUS_CLASS")
+
+
+def put_off(session: Session, clock: Clock, forces_un: list[int], first: int) -> None:
+    """Let frames wait that came together, numbered from `first`."""
+    frames = []
+    for n, force_un in enumerate(forces_un):
+        image = ScannerFrame(frame_of(force_un, first + n), **SCALE)
+        frames.append(session.frame(image, first + n, 1, clock.now_s))
+    for frame in frames:
+        session.put_off(frame, frames[-1])
+
+
+def test_frames_that_came_together_are_read_oldest_first_and_counted() -> None:
+    clock = Clock()
+    session = Session(read, LIMITS, clock, clock)
+    take(session, clock, 10_000, 1)
+    put_off(session, clock, [10_010, 10_020, 10_030], 2)
+    read_again = [session.catch_up() for _ in range(3)]
+    assert [event.read.frame_id for event in read_again if isinstance(event, OvertakenRead)] == [2, 3, 4]
+    assert not session.behind
+    assert (session.summary()["overtaken"], session.summary()["lost"]) == (3, 0)
+    assert session.entry("tick", clock.now_s).overtaken == 3
+
+
+def test_a_frame_that_was_not_read_in_time_is_lost_and_stands_for_the_scanners_interval() -> None:
+    clock = Clock()
+    session = Session(read, LIMITS, clock, clock)
+    for number in range(1, 31):
+        clock.now_s += 0.01
+        take(session, clock, 10_000 + number, number)  # every 20 ms
+    put_off(session, clock, [10_010, 10_020], 31)
+    clock.now_s += LIMITS.catch_up_s
+    assert session.losses(clock.now_s) == []
+    clock.now_s += 0.001
+    (loss,) = session.losses(clock.now_s)
+    assert (loss.at_s, loss.lost, loss.row) == (clock.now_s, 2, 32)
+    assert loss.unread_s == pytest.approx(0.04, abs=1e-3)
+    assert not session.behind
+
+
+def test_a_bunch_of_more_than_the_time_to_catch_up_is_a_loss_at_once_and_its_newest_frames_are_read() -> None:
+    clock = Clock()
+    session = Session(read, LIMITS, clock, clock)
+    for number in range(1, 301):
+        take(session, clock, 10_000 + number, number)  # every 10 ms
+    put_off(session, clock, [10_000] * 15, 301)
+    (loss,) = session.losses(clock.now_s)
+    assert loss.lost == 5  # the frames of a bunch shorten the mean, but little
+    event = session.catch_up()
+    assert isinstance(event, OvertakenRead)
+    assert event.read.frame_id == 306
+
+
+def test_a_flood_of_frames_that_stand_for_no_time_fills_no_memory() -> None:
+    waiting = Overtaken[int](0.1)
+    for number in range(MOST_FRAMES + 7):
+        waiting.add(number, 10.0, 1e-6, number // 5)
+    assert waiting.lose(10.0) == [(0, 5, pytest.approx(5e-6)), (1, 2, pytest.approx(2e-6))]
+    assert (len(waiting), waiting.take()) == (MOST_FRAMES, 7)
+
+
+def test_a_long_pause_counts_as_a_silence_in_the_interval_and_a_fast_scanner_is_known_as_such() -> None:
+    fast, paused = FramePace(0.1), FramePace(0.1)
+    assert fast.arrived(0.0) == 0.01
+    for n in range(1, 101):
+        fast.arrived(1e-3 * n)
+        paused.arrived(1e-2 * n)
+    assert fast.arrived(0.101) == pytest.approx(1e-3)
+    paused.arrived(60.0)
+    assert paused.arrived(60.01) == pytest.approx((99 * 0.01 + 0.1) / 100)
 
 
 def test_an_entry_has_the_reading_of_its_frame_only() -> None:

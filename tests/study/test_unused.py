@@ -46,6 +46,7 @@ CHANGED = {
     "supports.strap_stiffness_n_per_m": Study(supports=replace(BED, strap_stiffness_n_per_m=40.0)),
     "phantom.eye_drift_deg": Study(phantom=PhantomStudy(eye_drift_rad=fixed(0.03))),
     "phantom.eye_saccade_deg": Study(phantom=PhantomStudy(eye_saccade_rad=fixed(0.01))),
+    "phantom.needle_count": Study(phantom=PhantomStudy(needle_count=fixed(1))),
     "supports.medial_azimuth_deg": Study(supports=replace(BED, medial_azimuth_rad=1.0)),
 }
 EVERY = sorted((command, mechanics or "", key) for command, mechanics in UNUSED for key in CHANGED)

@@ -1,12 +1,23 @@
 """What spawned processes of tests do: functions that they can import."""
 
 import os
+import threading
 import time
 from pathlib import Path
+from uuid import uuid4
 
 from scleraforce.errors import InputError
 
-__all__ = ["fails_oddly", "leave_a_mark_or_fail", "leave_a_mark_or_wait", "no_preparation", "tripled"]
+__all__ = [
+    "ends_its_process",
+    "fails_oddly",
+    "leave_a_mark_or_fail",
+    "leave_a_mark_or_wait",
+    "named_threads",
+    "no_preparation",
+    "slowly_tripled",
+    "tripled",
+]
 
 
 def leave_a_mark_or_fail(path: Path) -> None:
@@ -52,3 +63,25 @@ def fails_oddly():
         raise OddError(unit, "this")
 
     return work
+
+
+def slowly_tripled():
+    """Work that triples a number in a while."""
+
+    def work(unit: int) -> int:
+        time.sleep(0.1)
+        return 3 * unit
+
+    return work
+
+
+def ends_its_process():
+    """Work that no process survives."""
+    return os._exit
+
+
+def named_threads():
+    """Work that tells the process and the thread that have prepared it, the preparation, and those that do it."""
+    prepared = os.getpid(), threading.get_ident()
+    preparation = uuid4().hex
+    return lambda _unit: (prepared, preparation, (os.getpid(), threading.get_ident()))

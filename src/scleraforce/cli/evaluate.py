@@ -44,6 +44,7 @@ def evaluate(
     model of kind "reader" reads an eye that the calibration knows with its own
     modulus, others with the population's; a classifier knows one modulus only.
     """
+    from scleraforce.compiled import use_compiled_loops
     from scleraforce.known.calibration_file import read_calibration
     from scleraforce.reader import load_model
     from scleraforce.reader.evaluate import evaluate_recordings
@@ -51,6 +52,7 @@ def evaluate(
 
     if html is not None and html.exists():
         raise InputError(f"{html}: exists already; remove it or choose another name")
+    use_compiled_loops()
     reader = load_model(model, finder=finder_folder(finder))
     summary = None if calibration is None else read_calibration(calibration)
     count = sum(len(read_recording(path).frames) for path in recordings)

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from scleraforce.cli.output import count_bar, print_json, resumable_bar, say
+from scleraforce.cli.place_of_work import chosen_workers, worker_options
 from scleraforce.study import read_study
 from scleraforce.study.unused import refuse_unused
 
@@ -23,16 +24,22 @@ __all__ = ["generate"]
 )
 @click.option("--mechanics", type=click.Choice(["linear", "finite-strain"]),
               help="How the wall bends; the study's by default.")  # fmt: skip
-@click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one for each core.")
+@worker_options("make the slices")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def generate(
-    study_path: Path, out: Path, calibration: Path | None, mechanics: str | None, workers: int | None, as_json: bool
+    study_path: Path,
+    out: Path,
+    calibration: Path | None,
+    mechanics: str | None,
+    scheduler: str | None,
+    workers: int | None,
+    as_json: bool,
 ) -> None:
     """Simulate slices of the deformed sclera with their forces.
 
     Finite strain draws from the response library, which is made on first need
     (half a minute). An interrupted run is taken up by the same command. The
-    data set is the same for any number of workers.
+    data set is the same wherever and by however many it is made.
     """
     # Imported here: the simulation takes longer to import than the help to print.
     from scleraforce.dataset.modulus import read_population_modulus
@@ -48,7 +55,8 @@ def generate(
     def bar(title: str, total: int) -> AbstractContextManager[Callable[[int], None]]:
         return resumable_bar(out, "images", title, total) if title == "generate" else count_bar(title, total)
 
-    result = simulate_slices(study, out, bar, mechanics=mechanics, calibration=modulus, workers=workers)
+    chosen = chosen_workers(scheduler, workers)
+    result = simulate_slices(study, out, bar, mechanics=mechanics, calibration=modulus, workers=chosen)
     if as_json:
         print_json({"images": result.images, "seconds": result.seconds, "images_per_second": result.images_per_second})
     else:

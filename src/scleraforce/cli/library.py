@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from scleraforce.cli.output import print_json, resumable_bar, say
+from scleraforce.cli.place_of_work import chosen_workers, worker_options
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
 
@@ -14,8 +15,7 @@ __all__ = ["library"]
 @click.command()
 @click.option("--study", "study_path", type=click.Path(path_type=Path), help="Study file; the paper's by default.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Where the library goes (Zarr).")
-@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers solve the paths.")
-@click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one for each core.")
+@worker_options("solve the paths")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def library(study_path: Path | None, out: Path, scheduler: str | None, workers: int | None, as_json: bool) -> None:
     """Solve the load paths of the response library.
@@ -30,9 +30,9 @@ def library(study_path: Path | None, out: Path, scheduler: str | None, workers: 
 
     study = Study() if study_path is None else read_study(study_path)
     refuse_unused(study, "library", file=study_path)
-    paths = plan_library(study).units
+    paths, chosen = plan_library(study).units, chosen_workers(scheduler, workers)
     with resumable_bar(out, "load paths", "library", paths) as advance:
-        result = build_library(study, out, scheduler=scheduler, workers=workers, progress=advance)
+        result = build_library(study, out, workers=chosen, progress=advance)
     if as_json:
         print_json({"paths": result.paths, "seconds": result.seconds})
     else:

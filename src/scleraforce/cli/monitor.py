@@ -57,6 +57,8 @@ PORT = click.IntRange(0, 65535)
               help="Withdraw after so many in a row that cannot be judged, once there was contact.")  # fmt: skip
 @click.option("--unusable-opinions", type=click.IntRange(1), default=3, show_default=True,
               help="Likewise, of the second opinions.")  # fmt: skip
+@click.option("--unread-ms", type=click.FloatRange(0.0, 1000.0, min_open=True), default=80.0, show_default=True,
+              help="Withdraw where more than this of a second's frames is never read.")  # fmt: skip
 @click.option("--reaction-ms", type=click.FloatRange(0.0, min_open=True), default=50.0, show_default=True,
               help="The robot's, from the order to its motion.")  # fmt: skip
 @click.option("--second-opinion/--no-second-opinion", default=True, show_default=True,
@@ -100,6 +102,7 @@ def monitor(
         from scleraforce.service.reset_token import new_token
 
     reader = load_model(model, finder=None)  # the loop has no time for one; the second opinion loads its own
+    _refuse_unchecked(reader)
     known, doubt = _known(calibration, eye, options)
     _refuse_untrained(reader, known)
     settings = MonitorSettings(
@@ -157,6 +160,7 @@ def _limits(reader: "Reader", known: "Known", options: dict[str, Any]) -> "Monit
         unusable_frames=options["unusable_frames"],
         unusable_opinions=options["unusable_opinions"],
         reaction_s=to_si(options["reaction_ms"], "ms"),
+        loss_in_window_s=to_si(options["unread_ms"], "ms"),
         size=(rows, columns),
         scale_m=(width_m / columns, depth_m / rows),
         reads_force=reader.reads_force,
@@ -177,6 +181,15 @@ def _bound_n(study: "Study", known: "Known", bound_mn: float | None, adaptive: b
     return adaptive_bound_n(
         study, thickness_m=known.thickness_m, youngs_modulus_pa=known.modulus.mean_pa, iop_pa=known.iop_pa
     )
+
+
+def _refuse_unchecked(reader: "Reader") -> None:
+    """A model without a second method would be its own second opinion."""
+    if not reader.serves_loop:
+        raise InputError(
+            f"{reader.path}: kind: {reader.kind}; the monitor needs a reader: nothing else in this model could check "
+            "what its network reads in the loop"
+        )
 
 
 def _refuse_untrained(reader: "Reader", known: "Known") -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scleraforce.cli.output import print_json, progress_bar, say
+from scleraforce.compiled import use_compiled_loops
 from scleraforce.processes import available_cores
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
@@ -62,6 +63,7 @@ def reproduce(out: Path, study_path: Path | None, workers: int | None, as_json: 
 
     study = framed_for_laboratory(Study()) if study_path is None else read_study(study_path)
     refuse_unused(study, "reproduce", file=study_path)
+    use_compiled_loops()
     run = open_run(out, study, workers or available_cores())
     found = reproduce_all(run, _stage, datetime.now(UTC), lambda line: say(line, err=True))
     evaluation, seconds = found.evaluation, found.seconds

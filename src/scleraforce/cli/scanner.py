@@ -55,10 +55,11 @@ def scanner(
 
     Noise, display, speckle, attenuation, the surface's reflection, the layer
     below the wall, shadows, lines and black bands become ranges of [phantom] in
-    a study: `phantom --study` draws recordings of such frames. (`train` takes
-    the study too, but no network learns from [phantom].) The picture beside it
-    shows a real frame, a drawn one and the histograms of both. What the frames
-    do not show is left as in the paper's study, and said.
+    a study: `phantom --study` draws recordings of such frames, and
+    `train LIBRARY --kind raw-reader --study` learns to read them. (No other
+    network learns from [phantom].) The picture beside it shows a real frame, a
+    drawn one and the histograms of both. What the frames do not show is left as
+    in the paper's study, and said.
 
     Example: scleraforce scanner rest/*.png --width-mm 15 --depth-mm 4 --bits 12
     --out study.toml
@@ -255,7 +256,7 @@ def _notes(measured: "MeasuredScanner", overlap: float) -> list[str]:
     if isinstance(skew, MeasuredRange) and skew.median > LOG_SKEW:
         notes.append(
             f"the wall's speckle has a skew of {skew.median:.2f}; on a logarithmic display it is -0.20, on one of "
-            "roots 0.13, on a linear one 0.42: levels in dB may be wrong; a study draws a logarithmic display only"
+            "roots 0.13, on a linear one 0.42: levels in dB may be wrong, and the study has a logarithmic display"
         )
     if overlap < DRAWN_OVERLAP:
         notes.append(

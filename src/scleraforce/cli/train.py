@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from scleraforce.cli.output import count_bar, print_json, say
+from scleraforce.cli.place_of_work import chosen_workers
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import from_si
@@ -20,23 +21,33 @@ __all__ = ["train"]
 @click.command()
 @click.argument("dataset_path", metavar="[DATASET]", required=False, type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Model folder to write; must not exist.")
-@click.option("--kind", type=click.Choice(["classifier", "reader", "wall-finder"]), default="classifier",
-              show_default=True, help="What the network answers.")  # fmt: skip
+@click.option("--kind", type=click.Choice(["classifier", "reader", "raw-reader", "wall-finder"]),
+              default="classifier", show_default=True, help="What the network answers, and from what.")  # fmt: skip
 @click.option(
     "--search", is_flag=True, help="Try every size of the grid (search_widths x search_depths), keep the best."
 )
 @click.option("--study", "study_path", type=click.Path(path_type=Path),
-              help="Study file whose [network], [reader] or [scenes] and [wall_finder] to use; default: the data "
-                   "set's, the paper's.")  # fmt: skip
+              help="Study file whose [network], [reader], [raw_reader] or [wall_finder], with what these are drawn "
+                   "from, to use; default: the data set's, the paper's.")  # fmt: skip
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers train the sizes of --search, or "
+              "draw the scenes of a wall finder.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def train(
-    dataset_path: Path | None, out: Path, kind: str, search: bool, study_path: Path | None, as_json: bool
+    dataset_path: Path | None,
+    out: Path,
+    kind: str,
+    search: bool,
+    study_path: Path | None,
+    scheduler: str | None,
+    as_json: bool,
 ) -> None:
     """Train a network on DATASET, or on drawings alone.
 
     The classifier learns from a data set of `scleraforce generate`, the reader
-    from a response library of `scleraforce library`. The wall finder needs
-    none: it learns from scenes that are drawn as it goes.
+    from a response library of `scleraforce library`. So does the raw reader,
+    which sees raw frames of its walls: of the scanner that [phantom] in the
+    study describes (`scleraforce scanner` measures one). The wall finder needs
+    no DATASET: it learns from scenes that are drawn as it goes.
 
     Writes a model folder: model.onnx, study.toml, card.md and model.json with
     the curves of the training; a reader's has library.npz, too. The same data
@@ -46,58 +57,70 @@ def train(
 
     Example: scleraforce train library.zarr --kind reader --out model
 
+    Example: scleraforce train library.zarr --kind raw-reader --out raw
+
     Example: scleraforce train --kind wall-finder --out finder
     """
+    if scheduler is not None and not (search or kind == "wall-finder"):
+        raise click.UsageError("--scheduler: for --search and --kind wall-finder; this training is one process's work")
+    workers = chosen_workers(scheduler, None)
     if kind == "wall-finder":
         if dataset_path is not None:
             raise click.UsageError(f"{dataset_path}: --kind wall-finder draws its scenes; leave DATASET out")
-        _train_wall_finder(out, search, study_path, as_json)
+        _train_wall_finder(out, search, study_path, workers, as_json)
     elif dataset_path is None:
         raise click.UsageError(f"--kind {kind}: DATASET is missing; only --kind wall-finder needs none")
-    elif kind == "reader":
-        _train_reader(dataset_path, out, search, study_path, as_json)
+    elif kind in ("reader", "raw-reader"):
+        _train_reader(kind, dataset_path, out, search, study_path, as_json)
     else:
-        _train_classifier(dataset_path, out, search, study_path, as_json)
+        _train_classifier(dataset_path, out, search, study_path, workers, as_json)
 
 
-def _train_reader(library_path: Path, out: Path, search: bool, study_path: Path | None, as_json: bool) -> None:
-    start = time.perf_counter()
+def _train_reader(
+    kind: str, library_path: Path, out: Path, search: bool, study_path: Path | None, as_json: bool
+) -> None:
+    start, section = time.perf_counter(), kind.replace("-", "_")
     if search:
-        raise click.UsageError("--search is for --kind classifier: a reader has the sizes of [reader]")
+        raise click.UsageError(f"--search is for --kind classifier: a {kind} has the sizes of [{section}]")
     study = Study() if study_path is None else read_study(study_path)
-    refuse_unused(study, "train --kind reader", file=study_path)
+    refuse_unused(study, f"train --kind {kind}", file=study_path)
     # Imported here: stores take longer to import than the help to print.
     from scleraforce.library.store import open_library
-    from scleraforce.notebook.work import train_on_library
+    from scleraforce.notebook.work import train_on_library, train_on_raw_frames
 
-    trained = train_on_library(open_library(library_path), study, out, count_bar)
-    metrics, seconds = trained.metrics, time.perf_counter() - start
+    library = open_library(library_path)
+    if kind == "reader":
+        of_slices = train_on_library(library, study, out, count_bar)
+        metrics, learned = of_slices.metrics, {"epochs": of_slices.epochs, "samples": of_slices.samples}
+    else:
+        of_frames = train_on_raw_frames(library, study, out, count_bar)
+        metrics, learned = of_frames.metrics, {"batches": of_frames.batches, "frames": of_frames.frames}
+    seconds = time.perf_counter() - start
     if as_json:
         print_json(
             {
                 "model": str(out),
-                "kind": "reader",
+                "kind": kind,
                 "validation_accuracy": metrics.accuracy,
                 "validation_interval": metrics.interval,
                 "mae_mn": from_si(metrics.mae_n, "mn"),
                 "coverage": metrics.coverage,
                 "lateral_mae_mm": from_si(metrics.lateral_mae_m, "mm"),
-                "epochs": trained.epochs,
-                "samples": trained.samples,
+                **learned,
                 "seconds": seconds,
             }
         )
         return
     low, high = metrics.interval
     say(
-        f"wrote {out}: {trained.epochs} epochs, {trained.samples} samples, {seconds:.1f} s\n"
+        f"wrote {out}: {', '.join(f'{count} {name}' for name, count in learned.items())}, {seconds:.1f} s\n"
         f"validation: force {from_si(metrics.mae_n, 'mn'):.2f} mN off, {metrics.coverage:.1%} within the 90 % "
         "interval\n"
         f"validation accuracy {metrics.accuracy:.2%} (95 % interval {low:.2%} to {high:.2%})"
     )
 
 
-def _train_wall_finder(out: Path, search: bool, study_path: Path | None, as_json: bool) -> None:
+def _train_wall_finder(out: Path, search: bool, study_path: Path | None, workers: int | None, as_json: bool) -> None:
     start = time.perf_counter()
     if search:
         raise click.UsageError("--search is for --kind classifier: a wall finder has the sizes of [wall_finder]")
@@ -106,7 +129,7 @@ def _train_wall_finder(out: Path, search: bool, study_path: Path | None, as_json
     from scleraforce.learning.wall_finder.train import train_wall_finder
 
     with count_bar("batches", study.wall_finder.batches) as advance:
-        trained = train_wall_finder(study, out, progress=advance)
+        trained = train_wall_finder(study, out, workers, advance)
     metrics, seconds = trained.metrics, time.perf_counter() - start
     if as_json:
         found = {"model": str(out), "kind": "wall-finder", "batches": trained.batches, "scenes": trained.scenes}
@@ -119,7 +142,9 @@ def _train_wall_finder(out: Path, search: bool, study_path: Path | None, as_json
     )
 
 
-def _train_classifier(dataset_path: Path, out: Path, search: bool, study_path: Path | None, as_json: bool) -> None:
+def _train_classifier(
+    dataset_path: Path, out: Path, search: bool, study_path: Path | None, workers: int | None, as_json: bool
+) -> None:
     start = time.perf_counter()
     # Imported here: stores take longer to import than the help to print.
     from scleraforce.dataset.store import open_dataset
@@ -127,7 +152,7 @@ def _train_classifier(dataset_path: Path, out: Path, search: bool, study_path: P
 
     dataset = open_dataset(dataset_path)
     network = None if study_path is None else read_study(study_path).network
-    trained = train_on_slices(dataset, network, out, count_bar, search=search)
+    trained = train_on_slices(dataset, network, out, count_bar, search=search, workers=workers)
     seconds = time.perf_counter() - start
     if as_json:
         print_json(_result(trained, out, seconds))

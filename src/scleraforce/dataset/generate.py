@@ -1,4 +1,4 @@
-"""Generate a data set on all cores: plan it, simulate what the store does not hold yet, mark it complete."""
+"""Generate a data set on all cores or on a cluster: plan it, simulate what the store lacks, mark it complete."""
 
 from collections.abc import Callable
 from contextlib import closing
@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
-from scleraforce.dataset.library_samples import draw_units
 from scleraforce.dataset.modulus import CalibratedModulus
 from scleraforce.dataset.plan import plan_dataset
 from scleraforce.dataset.store import complete_dataset, create_dataset, missing_dataset_units, write_dataset_unit
-from scleraforce.dataset.workers import simulate_units
+from scleraforce.dataset.workers import draw_units, simulate_units
 from scleraforce.errors import DatasetError
 from scleraforce.library import Library
 from scleraforce.processes import available_cores
@@ -55,8 +54,8 @@ def generate_dataset(
         youngs_modulus_pa: Young's modulus; None: the study's, or the one of `calibration`.
         calibration: where the modulus comes from, recorded in the store.
         library: responses at finite strain to draw from; None: linear mechanics.
-        workers: processes of linear mechanics; None: one for each core that this process may use. Drawing from a
-            library is done here: it takes less time than processes take to start.
+        workers: processes of linear mechanics, or the workers of a cluster (`cluster_workers`); None: a process for
+            each core that this one may use. Drawing from a library is done by a cluster or here.
         progress: called with the number of samples that are newly done (or found done, at the start).
 
     Raises:
@@ -77,10 +76,11 @@ def generate_dataset(
     todo = missing_dataset_units(out, plan, study)
     missing = sum(len(range(*plan.unit(unit).indices(plan.images))) for unit in todo)
     report(plan.images - missing)
+    workers = workers or available_cores()
     with closing(
-        simulate_units(study, modulus, todo, workers or available_cores())
+        simulate_units(study, modulus, todo, workers)
         if library is None
-        else draw_units(study, modulus, plan, todo, library)
+        else draw_units(study, modulus, plan, todo, library, workers)
     ) as results:
         for unit, images in results:
             write_dataset_unit(out, plan, study, unit, images)

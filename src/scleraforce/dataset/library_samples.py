@@ -1,6 +1,6 @@
 """From the plan to the picture with finite strain: the slices of some samples, drawn from the response library."""
 
-from collections.abc import Generator, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +12,26 @@ from scleraforce.library.sections import highest_depths
 from scleraforce.library.slices import Framing, draw_slices
 from scleraforce.study import Study
 
-__all__ = ["draw_units"]
+__all__ = ["draw_samples", "near_library"]
 
 
-def draw_units(
-    study: Study, youngs_modulus_pa: float, plan: DatasetPlan, units: Sequence[int], library: Library
-) -> Generator[tuple[int, NDArray[np.uint8]], None, None]:
-    """Draw units of a plan from the library; yield (unit, slices).
+def near_library(study: Study, plan: DatasetPlan, library: Library) -> Library:
+    """Return what all slices of a plan together may show of a library.
+
+    Args:
+        study: the study.
+        plan: all of its samples.
+        library: of the study's eye and needle.
+
+    Raises:
+        DatasetError: the library is one of another eye or needle.
+    """
+    _check(study, library)
+    return library.within(_reach(study, plan))
+
+
+def draw_samples(study: Study, youngs_modulus_pa: float, plan: DatasetPlan, library: Library) -> NDArray[np.uint8]:
+    """Draw the samples of a plan from the library; return their slices (sample, row, column), 255 = wall.
 
     The wall of the library is even and bends the same all around the needle, and gravity is left out: samples differ by
     thickness, force, the contact's polar angle, plane and framing, not by azimuth or by the direction of the plane.
@@ -27,20 +40,14 @@ def draw_units(
         study: the study; its IOP and its slice matter here.
         youngs_modulus_pa: Young's modulus.
         plan: the samples.
-        units: numbers of the units.
-        library: of the study's eye and needle.
+        library: a `near_library` of the whole plan.
 
     Raises:
-        DatasetError: the library is one of another eye or needle.
         InputError: a sample lies outside the library; names the value and the range.
     """
-    _check(study, library)
-    near = library.within(_reach(study, plan))
-    for unit in units:
-        numbers = np.arange(plan.images)[plan.unit(unit)]
-        of_contacts = np.split(numbers, np.flatnonzero(np.diff(plan.contact[numbers])) + 1)
-        parts = [_slices(study, youngs_modulus_pa, plan, slice(n[0], n[-1] + 1), near) for n in of_contacts]
-        yield unit, np.concatenate(parts)
+    bounds = [0, *(np.flatnonzero(np.diff(plan.contact)) + 1), plan.images]
+    parts = [_slices(study, youngs_modulus_pa, plan, slice(*contact), library) for contact in pairwise(bounds)]
+    return np.concatenate(parts)
 
 
 def _slices(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scleraforce.study import Choice, DatasetGroup, Sampled, Study
 
-__all__ = ["DatasetPlan", "plan_dataset", "sample_draws", "unit_images"]
+__all__ = ["DatasetPlan", "PlanDraft", "draft_plan", "plan_dataset", "sample_draws", "unit_images"]
 
 UNIT_IMAGES = 200  # about this many samples are simulated and stored together
 DRAWS = ("force", "gap", "tilt", "direction", "framing_lateral", "framing_depth")
@@ -75,12 +75,47 @@ def plan_dataset(study: Study) -> DatasetPlan:
     >>> plan_dataset(Study()).images
     19200
     """
+    draft = draft_plan(study)
+    return draft.samples(slice(0, draft.images))
+
+
+@dataclass(frozen=True)
+class PlanDraft:
+    """A plan without what each sample draws for itself: it is made fast, and gives any part of the plan."""
+
+    study: Study
+    groups: "tuple[_GroupDraft, ...]"
+
+    @property
+    def images(self) -> int:
+        """Number of samples."""
+        return sum(len(group.seed) for group in self.groups)
+
+    def unit(self, number: int) -> DatasetPlan:
+        """Return the plan of the samples of a unit of work alone, numbered from 0."""
+        size = unit_images(self.study)
+        return self.samples(slice(number * size, min((number + 1) * size, self.images)))
+
+    def samples(self, samples: slice) -> DatasetPlan:
+        """Return the plan of consecutive samples alone, numbered from 0."""
+        parts, first = [], 0
+        for group in self.groups:
+            count = len(group.seed)
+            low, high = max(samples.start - first, 0), min(samples.stop - first, count)
+            if low < high:
+                parts.append(group.plan(self.study, slice(low, high)))
+            first += count
+        joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        return DatasetPlan(unit_images=unit_images(self.study), **joined)
+
+
+def draft_plan(study: Study) -> PlanDraft:
+    """Draw the contacts of a plan and the seeds of its samples."""
     rng = np.random.default_rng(study.dataset.seed)
     groups = study.dataset.group
     first_contact = np.cumsum([0, *(_contacts(study, group) for group in groups)])
-    parts = [_plan_group(study, group, int(first), rng) for group, first in zip(groups, first_contact, strict=False)]
-    joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    return DatasetPlan(unit_images=unit_images(study), **joined)
+    drafts = (_draft_group(study, group, int(first), rng) for group, first in zip(groups, first_contact, strict=False))
+    return PlanDraft(study, tuple(drafts))
 
 
 def sample_draws(seed: NDArray[np.uint32]) -> dict[str, NDArray[np.float64]]:
@@ -89,31 +124,54 @@ def sample_draws(seed: NDArray[np.uint32]) -> dict[str, NDArray[np.float64]]:
     return dict(zip(DRAWS, uniform.reshape(-1, len(DRAWS)).T, strict=True))
 
 
-def _plan_group(study: Study, group: DatasetGroup, first: int, rng: np.random.Generator) -> dict[str, Any]:
+@dataclass(frozen=True)
+class _GroupDraft:
+    """A group: its contacts, numbered from `first_contact` and each with the number of its samples, and all seeds."""
+
+    group: DatasetGroup
+    first_contact: int
+    polar_rad: NDArray[np.float64]
+    azimuth_rad: NDArray[np.float64]
+    validation: NDArray[np.bool_]
+    spread: NDArray[np.intp]
+    seed: NDArray[np.uint32]
+
+    def plan(self, study: Study, samples: slice) -> dict[str, Any]:
+        """Return the columns of consecutive samples."""
+        seed, group = self.seed[samples], self.group
+        numbers = np.arange(samples.start, samples.stop)
+        contact = np.searchsorted(np.cumsum(self.spread), numbers, side="right")
+        draws = sample_draws(seed)
+        gap = study.dataset.gap_m
+        force_n = group.max_force_n * draws["force"]
+        return {
+            "force_n": force_n,
+            "target": np.array([study.classes.classify(force) for force in force_n], dtype=np.uint8),
+            "thickness_m": np.full(len(seed), group.thickness_m),
+            "contact": (self.first_contact + contact).astype(np.int32),
+            "polar_rad": self.polar_rad[contact],
+            "azimuth_rad": self.azimuth_rad[contact],
+            "gap_m": np.full(len(seed), study.needle.gap_m) if gap is None else _at(gap, draws["gap"]),
+            "tilt_rad": _at(study.dataset.tilt_rad, draws["tilt"]),
+            "direction_rad": _at(study.dataset.direction_rad, draws["direction"]),
+            "framing_lateral_m": _at(study.dataset.framing_lateral_m, draws["framing_lateral"]),
+            "framing_depth_m": _at(study.dataset.framing_depth_m, draws["framing_depth"]),
+            "validation": self.validation[contact],
+            "seed": seed,
+        }
+
+
+def _draft_group(study: Study, group: DatasetGroup, first: int, rng: np.random.Generator) -> _GroupDraft:
     contacts = _contacts(study, group)
-    polar_rad = study.needle.polar_angle_rad.sample(rng, contacts)
-    azimuth_rad = rng.uniform(0.0, 2.0 * np.pi, contacts)
-    validation = _validation_contacts(study, contacts, rng)
-    contact = np.repeat(np.arange(contacts), _spread(group.images, contacts))
-    seed = rng.integers(0, 2**32, group.images, dtype=np.uint32)
-    draws = sample_draws(seed)
-    gap = study.dataset.gap_m
-    force_n = group.max_force_n * draws["force"]
-    return {
-        "force_n": force_n,
-        "target": np.array([study.classes.classify(force) for force in force_n], dtype=np.uint8),
-        "thickness_m": np.full(group.images, group.thickness_m),
-        "contact": (first + contact).astype(np.int32),
-        "polar_rad": polar_rad[contact],
-        "azimuth_rad": azimuth_rad[contact],
-        "gap_m": np.full(group.images, study.needle.gap_m) if gap is None else _at(gap, draws["gap"]),
-        "tilt_rad": _at(study.dataset.tilt_rad, draws["tilt"]),
-        "direction_rad": _at(study.dataset.direction_rad, draws["direction"]),
-        "framing_lateral_m": _at(study.dataset.framing_lateral_m, draws["framing_lateral"]),
-        "framing_depth_m": _at(study.dataset.framing_depth_m, draws["framing_depth"]),
-        "validation": validation[contact],
-        "seed": seed,
-    }
+    return _GroupDraft(
+        group,
+        first,
+        polar_rad=study.needle.polar_angle_rad.sample(rng, contacts),
+        azimuth_rad=rng.uniform(0.0, 2.0 * np.pi, contacts),
+        validation=_validation_contacts(study, contacts, rng),
+        spread=_spread(group.images, contacts),
+        seed=rng.integers(0, 2**32, group.images, dtype=np.uint32),
+    )
 
 
 def _at(sampled: Sampled, uniform: NDArray[np.float64]) -> NDArray[np.float64]:

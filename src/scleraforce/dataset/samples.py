@@ -9,7 +9,7 @@ from scleraforce.eye.study_mesh import study_mesh
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.section.cut import cut_sections
 from scleraforce.section.plane import ScanPlane, Section
-from scleraforce.section.slices import fill_section, slice_window
+from scleraforce.section.slices import fill_sections, slice_window
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
@@ -19,74 +19,78 @@ Floats = NDArray[np.float64]
 
 
 class SampleSimulator:
-    """Simulates samples of a plan; keeps the factored wall of the thickness that it met last.
+    """Simulates samples of plans; keeps the factored wall of the thickness that it met last.
 
     The mechanics is linear: displacement = (IOP u_p + rho g u_g)/E + F/E u_n, so a contact is solved once.
     """
 
-    def __init__(self, study: Study, youngs_modulus_pa: float, plan: DatasetPlan) -> None:
-        """Make a simulator of `plan`, for walls of Young's modulus `youngs_modulus_pa`."""
-        self._study, self._youngs_modulus_pa, self._plan = study, youngs_modulus_pa, plan
+    def __init__(self, study: Study, youngs_modulus_pa: float) -> None:
+        """Make a simulator for walls of Young's modulus `youngs_modulus_pa`."""
+        self._study, self._youngs_modulus_pa = study, youngs_modulus_pa
         self._wall: LinearWall | None = None
 
-    def slices(self, samples: slice) -> NDArray[np.uint8]:
-        """Return the slices of consecutive samples, shape (samples, rows, columns), 255 = wall.
+    def slices(self, plan: DatasetPlan) -> NDArray[np.uint8]:
+        """Return the slices of all samples of a plan of the study, shape (samples, rows, columns), 255 = wall.
 
         Raises:
             InputError: a plane of the plan misses the wall, or a needle reaches over the base plane.
             SolverError: the mechanics failed, or a wall deforms too much to be cut.
         """
-        numbers = np.arange(samples.start, samples.stop)
-        walls = np.flatnonzero(np.diff(self._plan.thickness_m[samples])) + 1
-        return np.concatenate([self._of_one_wall(part) for part in np.split(numbers, walls)])
+        walls = np.flatnonzero(np.diff(plan.thickness_m)) + 1
+        return np.concatenate([self._of_one_wall(plan, part) for part in np.split(np.arange(plan.images), walls)])
 
-    def _of_one_wall(self, samples: NDArray[np.intp]) -> NDArray[np.uint8]:
+    def _of_one_wall(self, plan: DatasetPlan, samples: NDArray[np.intp]) -> NDArray[np.uint8]:
         """Slices of samples of one thickness."""
-        wall = self._wall_of(float(self._plan.thickness_m[samples[0]]))
-        of_contacts = np.split(samples, np.flatnonzero(np.diff(self._plan.contact[samples])) + 1)
-        contacts = [self._contact(of_contact[0]) for of_contact in of_contacts]
+        wall = self._wall_of(float(plan.thickness_m[samples[0]]))
+        of_contacts = np.split(samples, np.flatnonzero(np.diff(plan.contact[samples])) + 1)
+        contacts = [_contact(plan, of_contact[0]) for of_contact in of_contacts]
         needles_cnc = wall.needle_cnc(contacts, 0.5 * self._study.needle.outer_diameter_m)
-        images = [self._of_one_contact(wall, *pair) for pair in zip(of_contacts, needles_cnc, strict=True)]
+        images = [self._of_one_contact(wall, plan, *pair) for pair in zip(of_contacts, needles_cnc, strict=True)]
         return np.concatenate(images)
 
-    def _of_one_contact(self, wall: LinearWall, samples: NDArray[np.intp], needle_nc: Floats) -> NDArray[np.uint8]:
+    def _of_one_contact(
+        self, wall: LinearWall, plan: DatasetPlan, samples: NDArray[np.intp], needle_nc: Floats
+    ) -> NDArray[np.uint8]:
         """Slices of the samples of one contact."""
-        sections = self._cut(wall, samples, needle_nc)
+        sections = self._cut(wall, plan, samples, needle_nc)
         tops_m = [float(unloaded.outer[:, 1].min()) for unloaded, _ in sections]
-        framings = self._plan.framing_lateral_m[samples], self._plan.framing_depth_m[samples]
+        framings = plan.framing_lateral_m[samples], plan.framing_depth_m[samples]
         windows = [slice_window(self._study.slice, *placed) for placed in zip(tops_m, *framings, strict=True)]
-        return np.stack([fill_section(loaded, window) for (_, loaded), window in zip(sections, windows, strict=True)])
+        return fill_sections([loaded for _, loaded in sections], windows)
 
-    def _cut(self, wall: LinearWall, samples: NDArray[np.intp], needle_nc: Floats) -> list[tuple[Section, Section]]:
+    def _cut(
+        self, wall: LinearWall, plan: DatasetPlan, samples: NDArray[np.intp], needle_nc: Floats
+    ) -> list[tuple[Section, Section]]:
         """Sections without and with the needle, for each sample; samples that share their plane are cut together."""
         eye = self._study.eye
         resting_nc = eye.iop_pa * wall.pressure_nc + eye.density_kg_m3 * STANDARD_GRAVITY_M_S2 * wall.gravity_nc
         modes_knc = np.stack([resting_nc, needle_nc]) / self._youngs_modulus_pa
-        planes = [self._plane(sample) for sample in samples]
-        forces_n = self._plan.force_n[samples]
+        planes = [_plane(plan, sample) for sample in samples]
+        forces_n = plan.force_n[samples]
         if all(plane == planes[0] for plane in planes):
             unloaded, *loaded = cut_sections(wall.mesh, planes[:1], modes_knc, _weights(np.r_[0.0, forces_n][None]))[0]
             return [(unloaded, section) for section in loaded]
         sections = cut_sections(wall.mesh, planes, modes_knc, _weights(np.c_[np.zeros(len(samples)), forces_n]))
         return [(unloaded, loaded) for unloaded, loaded in sections]
 
-    def _contact(self, sample: int) -> Contact:
-        return Contact(polar_rad=float(self._plan.polar_rad[sample]), azimuth_rad=float(self._plan.azimuth_rad[sample]))
-
-    def _plane(self, sample: int) -> ScanPlane:
-        plan = self._plan
-        return ScanPlane(
-            self._contact(sample),
-            gap_m=float(plan.gap_m[sample]),
-            direction_rad=float(plan.direction_rad[sample]),
-            tilt_rad=float(plan.tilt_rad[sample]),
-        )
-
     def _wall_of(self, thickness_m: float) -> LinearWall:
         if self._wall is None or self._wall.mesh.thickness_m != thickness_m:
             self._wall = None  # frees the last factorisation before the next is made
             self._wall = LinearWall(study_mesh(self._study, thickness_m), self._study.eye.poisson_ratio)
         return self._wall
+
+
+def _contact(plan: DatasetPlan, sample: int) -> Contact:
+    return Contact(polar_rad=float(plan.polar_rad[sample]), azimuth_rad=float(plan.azimuth_rad[sample]))
+
+
+def _plane(plan: DatasetPlan, sample: int) -> ScanPlane:
+    return ScanPlane(
+        _contact(plan, sample),
+        gap_m=float(plan.gap_m[sample]),
+        direction_rad=float(plan.direction_rad[sample]),
+        tilt_rad=float(plan.tilt_rad[sample]),
+    )
 
 
 def _weights(forces_pf: Floats) -> Floats:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from scleraforce.compiled import can_compile
 from scleraforce.errors import InputError, SolverError
 from scleraforce.eye.shapes import shape_monomials
 
@@ -17,6 +18,9 @@ BELOW_BASE = 1e-9  # how far below z = 0 a unit direction may lie by rounding
 OUTSIDE = 1e-9  # how far a local coordinate may exceed 1
 SEEDS_PER_QUAD = 4.0  # cells of the seed table along a quad
 NEWTON_STEPS = 12
+CONVERGED = 1e-7  # the next step is below 1e-14
+MANY = 10_000  # directions after which it pays to import the compiled loops; they find the same, to the last bit
+LOST = "locate: a direction was not found on the surface"
 CROSSINGS = 12
 
 
@@ -39,6 +43,7 @@ class SurfaceLocator:
         side = np.sqrt(2.0 * np.pi / len(quad_qn))
         self._table_cells = int(np.ceil(2.0 * SEEDS_PER_QUAD / side))
         self._seeds = self._seed_table(self._frames_qkc[:, 2])
+        self._located = 0
 
     def locate(self, directions_dc: Floats) -> tuple[Integers, Floats]:
         """Return the quad (direction,) and local coordinates in [-1, 1]^2 (direction, 2) of every direction.
@@ -59,6 +64,9 @@ class SurfaceLocator:
 
     def _locate_batch(self, directions_dc: Floats) -> tuple[Integers, Floats]:
         quads = self._seeds[self._cell(directions_dc)]
+        self._located += len(quads)
+        if self._located >= MANY and can_compile():
+            return self._locate_compiled(quads, directions_dc)
         local = self._newton(quads, directions_dc)
         for _ in range(CROSSINGS):
             beyond = _beyond(local)
@@ -69,7 +77,25 @@ class SurfaceLocator:
                 return quads, np.clip(local, -1.0, 1.0)
             quads[outside] = self._neighbours_qe[quads[outside], side[outside]]
             local[outside] = self._newton(quads[outside], directions_dc[outside])
-        raise SolverError("locate: a direction was not found on the surface")
+        raise SolverError(LOST)
+
+    def _locate_compiled(self, quads: Integers, directions_dc: Floats) -> tuple[Integers, Floats]:
+        from scleraforce.eye.locate_loops import cross_quads
+
+        local, found = cross_quads(
+            self._polynomials,
+            self._frames_qkc,
+            self._neighbours_qe,
+            quads,
+            directions_dc,
+            CROSSINGS,
+            NEWTON_STEPS,
+            CONVERGED,
+            OUTSIDE,
+        )
+        if not found:
+            raise SolverError(LOST)
+        return quads, np.clip(local, -1.0, 1.0)
 
     def _newton(self, quads: Integers, directions_dc: Floats) -> Floats:
         """Return local coordinates in the (unbounded) plane of each given quad, shape (direction, 2)."""
@@ -85,7 +111,7 @@ class SurfaceLocator:
             dx = (f_y * g - g_y * f) / determinant
             dy = (g_x * f - f_x * g) / determinant
             x, y = np.clip(x + dx, -2.0, 2.0), np.clip(y + dy, -2.0, 2.0)
-            if max(np.abs(dx).max(initial=0.0), np.abs(dy).max(initial=0.0)) < 1e-7:  # next step: below 1e-14
+            if max(np.abs(dx).max(initial=0.0), np.abs(dy).max(initial=0.0)) < CONVERGED:
                 return np.stack([x, y], axis=1)
         return np.stack([x, y], axis=1)
 

@@ -22,15 +22,17 @@ STATION_RAD = 0.04  # between the places
 
 @dataclass(frozen=True, eq=False)
 class Stations:
-    """Places of a section and what they weigh at the library's rings.
+    """Places of a section and where the library's rings lie among them.
 
-    `places_bpc`: unit vectors to them at rest, as `Library.base_bulge` takes them. `weights_bwp`: of the places at the
-    rings (boundary, left nodes and right ones, place), from the axis outwards on either side.
+    `places_bpc`: unit vectors to them at rest, as `Library.base_bulge` takes them. A ring (boundary, left nodes and
+    right ones), from the axis outwards on either side, lies between the place `left_bw` and the next one, by `share_bw`
+    of the way.
     """
 
     library: Library
     places_bpc: Array
-    weights_bwp: Array
+    left_bw: NDArray[np.intp]
+    share_bw: Array
 
     def moved(self, place: tuple[Array, Array, Array], pole_s2: Array, alike: Sequence[int] | None = None) -> Array:
         """Return the motion of what the plane meets (sample, boundary, [left, right], node, 3), m.
@@ -47,7 +49,9 @@ class Stations:
             bulge = bulge[[own.index(sample) for sample in alike]]
         pushed = base_push(self.library.forces(*place), thickness, self.library.poisson_ratio)
         bulge[..., :2] += (pushed[:, None] * pole_s2)[:, None, None, :]
-        at_rings: Array = self.weights_bwp @ bulge
+        is_inner = np.array([[0], [1]])
+        low, high = bulge[:, is_inner, self.left_bw], bulge[:, is_inner, self.left_bw + 1]
+        at_rings: Array = low + self.share_bw[..., None] * (high - low)
         return at_rings.reshape(*at_rings.shape[:2], 2, -1, 3)
 
 
@@ -58,15 +62,7 @@ def section_stations(library: Library, gap_m: float, thickness_m: float) -> Stat
     stations = reach[-1] * np.linspace(-1.0, 1.0, 2 * count + 1)
     across = gap_m / (library.radius_m - np.array([[0.0], [thickness_m]]))
     rings = np.sqrt(np.maximum(reach**2 - across**2, 0.0))
-    weights = [_linear_weights(stations, np.concatenate([-ring, ring])) for ring in rings]
-    return Stations(library, section_places(stations, across), np.stack(weights))
-
-
-def _linear_weights(stations: Array, wanted: Array) -> Array:
-    """Return the weights (wanted, station) of linear interpolation."""
+    wanted = np.concatenate([-rings, rings], axis=1)
     left = np.clip(np.searchsorted(stations, wanted) - 1, 0, len(stations) - 2)
     share = (wanted - stations[left]) / (stations[left + 1] - stations[left])
-    weights = np.zeros((len(wanted), len(stations)))
-    weights[np.arange(len(wanted)), left] = 1.0 - share
-    weights[np.arange(len(wanted)), left + 1] += share
-    return weights
+    return Stations(library, section_places(stations, across), left, share)

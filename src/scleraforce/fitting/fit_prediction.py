@@ -21,6 +21,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.compiled import loops_are_compiled
 from scleraforce.fitting.base_motion import Stations, section_stations
 from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
 from scleraforce.fitting.resting_form import FORMS, form_depths
@@ -69,6 +70,8 @@ POLE = slice(FORM.stop, len(NAMES))
 
 TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP = 20e-6, 10e-6, 5e-6, 0.02
 POLE_STEP = 5e-3
+# Of a wall and what it is compared to, by each of these steps: whose curves, whose motion under the pressure they have.
+SAME_CURVES_AND_MOTION = np.array([[0, 1, 0, 3, 4, 0, 0], [0, 0, 0, 3, 4, 5, 6]])
 HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit takes
 
 
@@ -160,11 +163,9 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
     varied = np.repeat(unknown[None], len(moving) + 1, axis=0)
     varied[1:, moving] += np.diag(_inward(walls, unknown, steps))
     moved = varied[1:, moving].diagonal() - unknown[moving]
-    found = [curve_depths(curves, places) for curves in _varied_walls(walls, varied)]
-    (depth, slope, seen), others = found[0], found[1:]
-    by_tip, by_gap, by_thickness, by_pressure, *by_pole = (
-        (other[0] - depth) / step for other, step in zip(others, moved, strict=True)
-    )
+    depths, slope, seen = _varied_depths(walls, varied, places)
+    depth = depths[0]
+    by_tip, by_gap, by_thickness, by_pressure, *by_pole = (depths[1:] - depth) / moved[:, None]
     by_lateral, by_depth, by_rotation = pose_derivatives(places, depth, slope, (unknown[LATERAL], unknown[DEPTH]))
     by_size = depth - unknown[DEPTH] - slope * (places.lateral_m - unknown[LATERAL])
     by_size -= unknown[TIP] * by_tip + unknown[GAP] * by_gap + unknown[THICKNESS] * by_thickness
@@ -183,6 +184,27 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
     return Placed(depth + offset, slope + form_slope, jacobian, seen)
 
 
+def _varied_depths(walls: Walls, varied_su: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return the depths that a frame shows of varied walls (wall, place); slope and whether it is seen of the first."""
+    if not loops_are_compiled():
+        found = [curve_depths(curves, places) for curves in _varied_walls(walls, varied_su)]
+        return np.stack([depth for depth, _, _ in found]), *found[0][1:]
+    from scleraforce.fitting.compiled_depths import States, depths_of_walls
+
+    thickness, ratio, tip = _library_place(walls, varied_su)
+    states = States(
+        thickness,
+        ratio,
+        tip,
+        np.exp(varied_su[:, SIZE]),
+        np.ascontiguousarray(varied_su[:, GAP]),
+        np.ascontiguousarray(varied_su[:, POLE]),
+        *SAME_CURVES_AND_MOTION,
+        *varied_su[0, [LATERAL, DEPTH, ROTATION]],
+    )
+    return depths_of_walls(walls.library.tables, walls.stations, states, places)
+
+
 def _varied_walls(walls: Walls, varied_su: Array) -> Array:
     """Return `place_walls` of what `predict_wall` compares; the last two differ from the first by the pole alone.
 
@@ -192,9 +214,9 @@ def _varied_walls(walls: Walls, varied_su: Array) -> Array:
     thickness, ratio, tip = _library_place(walls, shapes)
     curves = walls.library.shapes(thickness, ratio, tip).astype(np.float64)
     curves *= np.exp(shapes[:, SIZE])[:, None, None, None]
-    again = [*range(len(shapes)), 0, 0]
+    again, alike = SAME_CURVES_AND_MOTION
     place = thickness[again], ratio[again], tip[again]
-    return _placed(walls, varied_su, place, curves[again], alike=[0, 0, 0, *range(3, len(varied_su))])
+    return _placed(walls, varied_su, place, curves[again], alike=alike.tolist())
 
 
 def _inward(walls: Walls, unknown: Array, steps: Array) -> Array:

@@ -2,7 +2,8 @@
 
 The tissue is a field of complex circular Gaussian scatterers (fully developed speckle: Goodman, Speckle Phenomena in
 Optics, ch. 3), weighted by the root of the light that comes back from there, seen through a Gaussian point spread
-function, plus mirror reflections and complex Gaussian detector noise; its intensity is shown on a logarithmic scale.
+function, plus mirror reflections and complex Gaussian detector noise; its intensity is shown on a logarithmic scale, or
+a linear one.
 
 Simplifications: rays run straight down the columns (no bending at the surface), light is scattered once, the
 sensitivity does not fall off with depth, and everything below the first surface of a column is stretched by
@@ -105,7 +106,7 @@ def render_bscan(
         _add_reflection(field, tissue.over.wall_row, oct_study, below, sigma_rows, rng, shaft)
     _add_lines(field, tissue.surface_row, oct_study, optics, rng)
     field += circular_gaussian(field.shape, rng)
-    frame = _compress(field, oct_study.bits, optics)
+    frame = _counts(field, oct_study.bits, optics)
     mask = np.where(tissue.wall >= 0.5, 255, 0).astype(np.uint8)
     band = round(optics.band_m / oct_study.width_m * oct_study.columns)
     for image in (frame, mask):
@@ -282,11 +283,8 @@ def _add_lines(
         add_ridge(field, rows, ones * sqrt(decibel(cover.level_db)), sigma_rows, rng)
 
 
-def _compress(field: Complex, bits: int, optics: BscanOptics) -> NDArray[np.uint16]:
-    """Return the counts of a field on the display's logarithmic scale; what is brighter than it saturates."""
-    intensity = np.square(field.real) + np.square(field.imag)
-    level_db = np.float32(10.0) * np.log10(np.maximum(intensity, np.float32(1e-12)))
-    top = 2**bits - 1
-    counts = (level_db - np.float32(optics.display_floor_db)) * np.float32(top / optics.display_range_db)
-    frame: NDArray[np.uint16] = np.rint(counts).clip(0, top).astype(np.uint16)
+def _counts(field: Complex, bits: int, optics: BscanOptics) -> NDArray[np.uint16]:
+    """Return the counts of a field on the display's scale."""
+    counts = optics.counts(np.square(field.real) + np.square(field.imag), 2**bits - 1)
+    frame: NDArray[np.uint16] = np.rint(counts).astype(np.uint16)
     return frame

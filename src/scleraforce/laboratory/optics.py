@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.section.plane import Section
+from scleraforce.segmentation.grid import Float
 from scleraforce.study import OctStudy, PhantomStudy, draw
 
 __all__ = [
@@ -110,7 +111,8 @@ class BscanOptics:
     `reflection_db`: mirror reflection of the surface at normal incidence over the speckle there, which falls with the
     slope as exp(-(slope/reflection_angle)^2). `choroid_*`: a layer below the wall; its level is the backscatter against
     the wall's. `display_floor_db`: intensity of count 0 over the mean noise; `display_range_db`: from there to the
-    largest count. `band_m`: width of the black band on each side. `needle`: what may cross the picture, None: nothing;
+    largest count; `display`: in between, counts grow with the logarithm of the intensity or, "linear", with itself.
+    `band_m`: width of the black band on each side. `needle`: what may cross the picture, None: nothing;
     `conjunctiva`: over the wall, None: none.
     """
 
@@ -131,6 +133,23 @@ class BscanOptics:
     covers: tuple[Cover, ...] = ()
     needle: NeedleShaft | None = None
     conjunctiva: Conjunctiva | None = None
+    display: str = "logarithmic"
+
+    def counts(self, intensity: Float, largest: float) -> Float:
+        """Return the counts, not yet whole, that the display has for intensities over the mean noise.
+
+        Args:
+            intensity: of each pixel.
+            largest: count; what is brighter saturates.
+        """
+        if self.display == "linear":
+            darkest, brightest = 10.0 ** (self.display_floor_db / 10.0), 10.0 ** (self.display_range_db / 10.0)
+            counts = (intensity / np.float32(darkest) - 1.0) * np.float32(largest / (brightest - 1.0))
+        else:
+            level_db = np.float32(10.0) * np.log10(np.maximum(intensity, np.float32(1e-12)))
+            counts = (level_db - np.float32(self.display_floor_db)) * np.float32(largest / self.display_range_db)
+        seen: Float = counts.clip(0.0, largest)
+        return seen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,6 +190,7 @@ def sample_optics(phantom: PhantomStudy, oct_study: OctStudy, rng: np.random.Gen
         choroid_thickness_m=draw(phantom.choroid_thickness_m, rng),
         display_floor_db=draw(phantom.display_floor_db, rng),
         display_range_db=draw(phantom.display_range_db, rng),
+        display=phantom.display,
         band_m=draw(phantom.band_m, rng),
         shadows=tuple(
             Shadow(

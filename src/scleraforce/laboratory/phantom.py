@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from scleraforce import __version__
-from scleraforce.errors import RecordingError
+from scleraforce.errors import InputError, RecordingError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.form import thickness_factor
 from scleraforce.laboratory.bscan import Bscan, render_bscan
@@ -67,6 +67,7 @@ from scleraforce.whole_files import KINDS, read_text
 __all__ = [
     "PhantomFrame",
     "PhantomPlan",
+    "is_recorded",
     "needle_tip",
     "plan_moving_phantom",
     "plan_phantom",
@@ -312,6 +313,22 @@ def true_forces(recording: Path) -> dict[str, float]:
         return {frame["file"]: float(frame["force_n"]) for frame in frames}
     except (ValueError, KeyError, TypeError) as fault:
         raise RecordingError(f"{path}: not the truth of a virtual acquisition: {fault}") from fault
+
+
+def is_recorded(recording: Path, plan: PhantomPlan, study: Study) -> bool:
+    """Return whether a folder has the truth of this plan: what `write_phantom` appears with."""
+    planned = json.loads(json.dumps(_truth(plan, study, [0.0] * len(plan.frames))))
+    try:
+        truth = json.loads(read_text(recording / "truth.json", KINDS["truth"]))
+        return _drawn(truth) == _drawn(planned)
+    except (InputError, ValueError, KeyError, TypeError, AttributeError):
+        return False
+
+
+def _drawn(truth: dict[str, Any]) -> dict[str, Any]:
+    """Return what is drawn of a truth, and not computed."""
+    frames = [{key: value for key, value in frame.items() if key != "pressure_pa"} for frame in truth["frames"]]
+    return {**truth, "frames": frames}
 
 
 def _write_log_and_truth(folder: Path, plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> None:

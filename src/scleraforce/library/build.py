@@ -1,6 +1,6 @@
 """Build a library on all cores or on a Dask cluster: plan it, solve what the store lacks, mark it complete."""
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.library.cluster import work_on_cluster
 from scleraforce.library.plan import LibraryPlan, plan_library
 from scleraforce.library.store import complete_library, create_library, missing_library_units, write_library_unit
 from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
@@ -52,38 +51,37 @@ def build_library(
     study: Study,
     out: Path,
     *,
-    scheduler: str | None = None,
     workers: int | None = None,
     progress: Callable[[int], None] | None = None,
     solve: PathSolver | None = None,
 ) -> Building:
     """Build the library of a study, or the part of it that an interrupted run has left to do.
 
-    The result is the same, byte for byte, for any number of workers, schedulers and interruptions. Processes are
-    spawned: a script that calls this keeps its own work under `if __name__ == "__main__"`.
+    The result is the same, byte for byte, for any number of workers and interruptions. Processes are spawned: a script
+    that calls this keeps its own work under `if __name__ == "__main__"`.
 
     Args:
         study: the study.
         out: where the store goes; an incomplete store of the same plan is completed.
-        scheduler: address of a Dask scheduler whose workers solve the paths; None: processes of this machine.
-        workers: processes; None: one for each core that this process may use.
+        workers: processes, or those of a cluster (`cluster_workers`); None: one for each core that this process may
+            use.
         progress: called with the number of paths that are newly done (or found done, at the start).
         solve: what solves a path, for tests; None: `solve_path`.
 
     Raises:
-        InputError: `out` holds something else, another or a complete library, or there is no scheduler.
+        InputError: `out` holds something else, another or a complete library.
         SolverError: a path could not be followed.
     """
     start = perf_counter()
-    if workers is not None and (workers < 1 or scheduler is not None):
-        found = f"{workers} with --scheduler, which has its own" if scheduler else str(workers)
-        raise InputError(f"workers: {found}; give at least 1, or a scheduler instead")
+    if workers is not None and workers < 1:
+        raise InputError(f"workers: {workers}; give at least 1")
     report = progress or (lambda _: None)
     plan = plan_library(study)
     create_library(out, plan)
     todo = missing_library_units(out, plan)
     report(plan.units - len(todo))
-    with closing(_solved(plan, todo, scheduler, workers, solve or solve_path)) as results:
+    prepare = partial(_prepared, partial(solve or solve_path, plan))
+    with closing(work_units(prepare, todo, workers or available_cores())) as results:
         for unit, path in results:
             write_library_unit(out, plan, unit, *path)
             report(1)
@@ -123,16 +121,6 @@ def _gone_on(values: NDArray[np.float64], solved_m: NDArray[np.float64], tips_m:
     slope = (values[-1] - values[-2]) / (solved_m[-1] - solved_m[-2])
     beyond_m = tips_m[len(solved_m) :] - solved_m[-1]
     return np.concatenate([values, values[-1] + np.multiply.outer(beyond_m, slope)])
-
-
-def _solved(
-    plan: LibraryPlan, todo: Sequence[int], scheduler: str | None, workers: int | None, solve: PathSolver
-) -> Generator[tuple[int, SolvedPath], None, None]:
-    """Solve paths somewhere; yield (number, path) as they are done."""
-    work = partial(solve, plan)
-    if scheduler is None:
-        return work_units(partial(_prepared, work), todo, workers or available_cores())
-    return work_on_cluster(work, todo, scheduler)
 
 
 def _prepared(work: Callable[[int], SolvedPath]) -> Callable[[int], SolvedPath]:

@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.compiled import loops_are_compiled
 from scleraforce.errors import InputError
 from scleraforce.library.axes import SLACK, check_inside, weight_products
 from scleraforce.library.base_bulge import base_bulge, meridian_angles, undented_motion
@@ -25,6 +26,7 @@ from scleraforce.library.contact_rise import contact_rises, rise_slope
 from scleraforce.library.crossing import first_crossing
 from scleraforce.library.spline_weights import SplineWeights
 from scleraforce.library.splines import SUPPORT, CubicSpline, tensor_coefficients, values_and_slopes
+from scleraforce.library.tables import Tables
 from scleraforce.mechanics.burst import burst_tension
 from scleraforce.units import from_si
 
@@ -294,6 +296,25 @@ class Library:
         return self._weights.splines
 
     @cached_property
+    def tables(self) -> Tables:
+        """What compiled loops interpolate; it shares the library's arrays."""
+        thickness, tension, tip = (spline.pieces for spline in self._splines)
+        return Tables(
+            thickness=thickness,
+            tension=tension,
+            tip=tip,
+            tensions=len(self.tension),
+            tips=len(self.tip_m),
+            curves=self._weights.of_curves,
+            undented=self._weights.of_undented,
+            forces=self._state_coefficients,
+            volumes=self._volume_coefficients,
+            angles=self._angles,
+            radius_m=self.radius_m,
+            poisson_ratio=self.poisson_ratio,
+        )
+
+    @cached_property
     def _contact_forces(self) -> Floats:
         """F/E at the contact's polar angle (t, p, d)."""
         spline = CubicSpline(self.polar_rad)
@@ -311,11 +332,22 @@ class Library:
 
     def _at_tips(self, coefficients: Floats, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
         """Values (sample,) at given tips of the spline over (t p d,) with these coefficients."""
-        walls = self._walls(thickness_m, iop_ratio)
         check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
+        if loops_are_compiled():
+            return self._values_at(coefficients, *np.broadcast_arrays(thickness_m, iop_ratio, tip_m))
+        walls = self._walls(thickness_m, iop_ratio)
         rows, weights = self._states(walls, tip_m)
         values: Floats = (coefficients[rows] * weights).sum(axis=1)
         return values
+
+    def _values_at(self, coefficients: Floats, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
+        """Return `_at_tips` by compiled loops."""
+        from scleraforce.library.compiled_states import values_at
+
+        self._check_walls(thickness_m, iop_ratio)
+        found = np.empty(len(tip_m))
+        values_at(self.tables, coefficients, thickness_m, iop_ratio, tip_m, found)
+        return found
 
     @cached_property
     def _force_coefficients(self) -> Floats:
@@ -363,12 +395,17 @@ class Library:
 
     def _walls(self, thickness_m: Floats, iop_ratio: Floats) -> Walls:
         """Return where walls stand between those of the library, after a check that they do."""
-        check_inside("thickness", thickness_m, *self._ends(self.thickness_m), "um")
-        tension = self._tension(thickness_m, iop_ratio)
-        self._check_tension(tension, thickness_m)
+        tension = self._check_walls(thickness_m, iop_ratio)
         t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
         p, of_p = self._splines[1].weights(np.log(self._inside(tension, self.tension)))
         return weight_products(t, of_t, p, of_p, len(self.tension))
+
+    def _check_walls(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
+        """Return the tensions of walls, after a check that they lie in the library."""
+        check_inside("thickness", thickness_m, *self._ends(self.thickness_m), "um")
+        tension = self._tension(thickness_m, iop_ratio)
+        self._check_tension(tension, thickness_m)
+        return tension
 
     def _check_tension(self, tension: Floats, thickness_m: Floats) -> None:
         """Check that tensions lie in the library's range; the message gives what they are in the wall's IOP/E."""

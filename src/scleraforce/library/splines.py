@@ -8,11 +8,12 @@ derivative is continuous, its error of fourth order up to the ends (de Boor, A P
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SUPPORT", "CubicSpline", "tensor_coefficients", "values_and_slopes"]
+__all__ = ["SUPPORT", "CubicSpline", "Pieces", "tensor_coefficients", "values_and_slopes"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -50,19 +51,20 @@ class CubicSpline:
 
     def weights(self, places: Floats) -> tuple[Integers, Floats]:
         """Return, for places (place,) between the ends, the first B-spline (place,) and four weights (place, 4)."""
-        return self._pieces.weights(places)
+        return self.pieces.weights(places)
 
     def slopes(self, coefficients: Floats) -> Floats:
         """Return the spline's derivative at the nodes; `coefficients` and result have the nodes as last axis."""
         knots, degree = self.knots, SUPPORT - 1
         of_slope = np.diff(coefficients, axis=-1) * (degree / (knots[SUPPORT:-1] - knots[1:-SUPPORT]))
-        first, weights = _Pieces.of(knots[1:-1], degree - 1).weights(self.nodes)
+        first, weights = Pieces.of(knots[1:-1], degree - 1).weights(self.nodes)
         slopes: Floats = (of_slope[..., first[:, None] + np.arange(degree)] * weights).sum(axis=-1)
         return slopes
 
     @cached_property
-    def _pieces(self) -> "_Pieces":
-        return _Pieces.of(self.knots, SUPPORT - 1)
+    def pieces(self) -> "Pieces":
+        """The B-splines as polynomials between two knots."""
+        return Pieces.of(self.knots, SUPPORT - 1)
 
     @cached_property
     def _inverse(self) -> Floats:
@@ -77,8 +79,7 @@ class CubicSpline:
         return matrix
 
 
-@dataclass(frozen=True, eq=False)
-class _Pieces:
+class Pieces(NamedTuple):
     """The B-splines that are not zero between two knots, as polynomials in the share of the way from one to the next.
 
     `start` and `step` are the first of two knots and their distance (interval,); `coefficient_ikb` those of each power
@@ -90,7 +91,7 @@ class _Pieces:
     coefficient_ikb: Floats
 
     @classmethod
-    def of(cls, knots: Floats, degree: int) -> "_Pieces":
+    def of(cls, knots: Floats, degree: int) -> "Pieces":
         """Return those of a degree, by Cox and de Boor's recursion."""
         ends = knots[degree : len(knots) - degree]
         start, step = ends[:-1], np.diff(ends)

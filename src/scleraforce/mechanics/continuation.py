@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 SMALLEST_STEP = 1e-4  # of the path, or of its largest step: no shorter steps are tried
 EARLY_END = 1.0 / 64.0  # ... where a path may end early: most attempts near its end fail
-STATES = 6  # at most, that a step starts from: their polynomial takes one factor a step, a parabola two
+STATES = 8  # at most, that a step starts from: their polynomial takes one factor a step, a parabola two
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,12 +6,14 @@ Finite Element Analysis, sec. 6.4.3 and 9.4. For small strains it is Hooke's law
 Tissue that stiffens (`stiffening`) multiplies its stress by exp(b Q), where mu Q/2 is this energy.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import SolverError
 from scleraforce.eye.mesh import HexMesh
-from scleraforce.mechanics.assembly import BlockPattern
+from scleraforce.mechanics.assembly import ELEMENTS_AT_ONCE
 from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.quadrature import VolumePoints, volume_points
 from scleraforce.mechanics.stiffening import growth, strain_measure
@@ -19,15 +21,13 @@ from scleraforce.mechanics.stiffening import growth, strain_measure
 __all__ = ["NeoHookeanSolid"]
 
 Floats = NDArray[np.float64]
-
-ELEMENTS_AT_ONCE = 64  # 27-node matrices of 64 elements take 3 MB: they stay in the processor's cache
+Precise = NDArray[np.floating[Any]]
 
 
 class NeoHookeanSolid:
     """The wall's material on its mesh, E = 1 Pa times a factor: forces are those of E divided by E.
 
     Attributes:
-        pattern: where the tangent's 3 x 3 blocks lie.
         points: the Gauss points of the undeformed wall.
     """
 
@@ -56,7 +56,6 @@ class NeoHookeanSolid:
         lame_lambda, lame_mu = lame_constants(1.0, poisson_ratio)
         amount_ep = points.volumes_ep * (1.0 if modulus_factor_ep is None else modulus_factor_ep)
         self.points: VolumePoints = points
-        self.pattern = BlockPattern(mesh.cells_en, len(mesh.points_nc))
         self._cells_en = mesh.cells_en
         self._poisson_ratio, self._stiffening = poisson_ratio, stiffening
         self._lambda_ep, self._mu_ep = lame_lambda * amount_ep, lame_mu * amount_ep
@@ -88,10 +87,10 @@ class NeoHookeanSolid:
         flat, count = self._cells_en.ravel(), len(displacement_nc)
         return np.stack([np.bincount(flat, local_eni[..., c].ravel(), minlength=count) for c in range(3)], axis=1)
 
-    def tangent_blocks(self, displacement_nc: Floats) -> Floats:
-        """Return the derivative of the forces by the displacement as blocks (pair, 3, 3) of `pattern`.
+    def tangents(self, displacement_nc: Floats, precision: type[np.floating[Any]] = np.float64) -> Precise:
+        """Return the derivative of the forces by the displacement of every element, (element, 3, node, 3, node).
 
-        K_aibk = integral of mu delta_ik N_a,J N_b,J + lambda g_ai g_bk + (mu - lambda ln J) g_ak g_bi, where g = F^-T
+        K_iakb = integral of mu delta_ik N_a,J N_b,J + lambda g_ai g_bk + (mu - lambda ln J) g_ak g_bi, where g = F^-T
         grad N is the gradient by the deformed position. The first term does not depend on the displacement. In tissue
         that stiffens all of it is times exp(b Q), and so is (2 b/mu) p_ai p_bk with p_ai = P_iJ N_a,J of b = 0.
 
@@ -103,11 +102,11 @@ class NeoHookeanSolid:
         if not np.all(J_ep > 0.0):
             raise SolverError("neo-Hookean: the wall is turned inside out; use a smaller step")
         elements, nodes = self._cells_en.shape
-        matrices = np.empty((elements, nodes, nodes, 3, 3))
+        matrices = np.empty((elements, 3, nodes, 3, nodes), precision)
         for start in range(0, elements, ELEMENTS_AT_ONCE):
             part = slice(start, start + ELEMENTS_AT_ONCE)
-            matrices[part] = self._element_tangents(part, H_epJi[part], J_ep[part])
-        return self.pattern.sum(matrices)
+            self._add_up(matrices[part], part, H_epJi[part], J_ep[part])
+        return matrices
 
     def _displacement_gradient(self, displacement_nc: Floats) -> Floats:
         """H^T = F^T - I at the Gauss points, (element, point, J, i)."""
@@ -134,32 +133,33 @@ class NeoHookeanSolid:
         laplacian: Floats = weighted.transpose(0, 2, 1) @ gradients_erN
         return laplacian
 
-    def _element_tangents(self, part: slice, H_epJi: Floats, J_ep: Floats) -> Floats:
-        """Tangents of some elements, (element, node, node, 3, 3)."""
+    def _add_up(self, K_eiakb: Precise, part: slice, H_epJi: Floats, J_ep: Floats) -> None:
+        """Write the tangents of some elements to `K_eiakb`, in its precision."""
         elements, count = J_ep.shape
-        nodes = self._cells_en.shape[1]
-        gradients = self._gradients_erN[part].reshape(elements, count, 3, nodes)
+        nodes, precision = self._cells_en.shape[1], K_eiakb.dtype
+        gradients = self._gradients_erN[part].reshape(elements, count, 3, nodes).astype(precision, copy=False)
         log_J_ep = np.log(J_ep)
         inverse_epiJ = _inverse(H_epJi)
-        g = (inverse_epiJ @ gradients).reshape(elements, count, 3 * nodes)
+        g = (inverse_epiJ.astype(precision, copy=False) @ gradients).reshape(elements, count, 3 * nodes)
         bulk_ep, shear_ep = self._lambda_ep[part], self._mu_ep[part] - self._lambda_ep[part] * log_J_ep
         laplacian_enn = self._laplacian_enn[part]
         if self._stiffening > 0.0:
             growth_ep = self._growth(H_epJi, log_J_ep)
             bulk_ep, shear_ep = growth_ep * bulk_ep, growth_ep * shear_ep
             laplacian_enn = self._laplacian(part, growth_ep * self._mu_ep[part])
-        transposed = g.transpose(0, 2, 1)
-        shape = (elements, 3, nodes, 3, nodes)
-        K_eiakb = (transposed @ (bulk_ep[..., None] * g)).reshape(shape)
-        K_eiakb += (transposed @ (shear_ep[..., None] * g)).reshape(shape).transpose(0, 3, 2, 1, 4)
+
+        def products(rows: Precise, weight_ep: Floats) -> Precise:
+            weighted = weight_ep.astype(precision, copy=False)[..., None] * rows
+            return (rows.transpose(0, 2, 1) @ weighted).reshape(K_eiakb.shape)
+
+        shear = products(g, shear_ep)
+        np.add(products(g, bulk_ep), shear.transpose(0, 3, 2, 1, 4), out=K_eiakb)
         for i in range(3):
             K_eiakb[:, i, :, i] += laplacian_enn
         if self._stiffening > 0.0:
             P_epiJ = self._stress(part, H_epJi, inverse_epiJ, log_J_ep).transpose(0, 1, 3, 2)
-            p = (P_epiJ @ gradients).reshape(elements, count, 3 * nodes)
-            rise_ep = 2.0 * self._stiffening * growth_ep / self._mu_ep[part]
-            K_eiakb += (p.transpose(0, 2, 1) @ (rise_ep[..., None] * p)).reshape(shape)
-        return K_eiakb.transpose(0, 2, 4, 1, 3)
+            p = (P_epiJ.astype(precision, copy=False) @ gradients).reshape(elements, count, 3 * nodes)
+            K_eiakb += products(p, 2.0 * self._stiffening * growth_ep / self._mu_ep[part])
 
 
 def _inverse(H_epJi: Floats) -> Floats:

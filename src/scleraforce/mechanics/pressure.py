@@ -5,12 +5,14 @@ nodes' positions of p times the cavity's volume, as long as the edge of the surf
 then the derivative of f is symmetric. Source: Bonet and Wood, Nonlinear Continuum Mechanics, sec. 8.5 and 9.5.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.eye.mesh import HexMesh
 from scleraforce.eye.shapes import shape_gradients, shape_values
-from scleraforce.mechanics.assembly import BlockPattern
+from scleraforce.mechanics.assembly import FacePlaces
 from scleraforce.mechanics.loads import PRESSURE_POINTS
 from scleraforce.mechanics.quadrature import gauss_points
 
@@ -18,17 +20,15 @@ __all__ = ["InnerSurface"]
 
 Floats = NDArray[np.float64]
 
-# The matrix of v -> a x v is EPSILON[i, k, m] a_m with i for the result: (e_k x a)_i = EPSILON[i, k, m] a_m.
-EPSILON = np.zeros((3, 3, 3))
-EPSILON[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
-EPSILON[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
+# (e_k x a)_i = a_m for these (i, k, m), and -a_m with i and k exchanged.
+TURNS = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
 
 class InnerSurface:
     """The inner surface of the wall, on which the vitreous presses; displacements are (node, 3) in m."""
 
-    def __init__(self, mesh: HexMesh, pattern: BlockPattern) -> None:
-        """`pattern` is that of the wall's elements: the derivative's blocks are added to those of the material."""
+    def __init__(self, mesh: HexMesh) -> None:
+        """Prepare everything that does not depend on the displacement."""
         places, weights = gauss_points(2, PRESSURE_POINTS)
         nodes = mesh.inner_qn.shape[1]
         self._points_nc, self._quads_qn = mesh.points_nc, mesh.inner_qn
@@ -37,7 +37,7 @@ class InnerSurface:
         self._values_pn = shape_values(places, nodes)
         self._slopes_kpn = shape_gradients(places, nodes).transpose(2, 0, 1)
         self._weights_p = weights
-        self._places = pattern.places(mesh.inner_qn).ravel()
+        self._places = FacePlaces(mesh.cells_en, mesh.inner_qn)
         # integral of N_a N_b,k for the derivative: w_p N_a N_b,k, (k, a, b, point)
         self._products = np.einsum("p,pa,kpb->kabp", weights, self._values_pn, self._slopes_kpn)
 
@@ -60,17 +60,23 @@ class InnerSurface:
         flat, count = self._quads_qn.ravel(), len(self._points_nc)
         return np.stack([np.bincount(flat, local_qnc[..., c].ravel(), minlength=count) for c in range(3)], axis=1)
 
-    def add_tangent(self, blocks_bii: Floats, displacement_nc: Floats, factor: float) -> None:
-        """Add `factor` times the derivative of the forces by the displacement to the pattern's blocks, in place.
+    def add_tangent(self, element_eiajb: NDArray[np.floating[Any]], displacement_nc: Floats, factor: float) -> None:
+        """Add `factor` times the derivative of the forces by the displacement to the element matrices, in place.
 
-        df_a / du_b = integral of N_a (N_b,1 e_k x x,2 - N_b,2 e_k x x,1).
+        df_a / du_b = integral of N_a (N_b,1 e_k x x,2 - N_b,2 e_k x x,1). Of every quad its symmetric part is added:
+        what is left out cancels between neighbours, and at the edge where it is held.
         """
         x_qnc = (self._points_nc + displacement_nc)[self._quads_qn]
         first, second = (slopes_pn @ x_qnc for slopes_pn in self._slopes_kpn)
         vectors = np.einsum("abp,qpm->qabm", self._products[0], second, optimize=True)
         vectors -= np.einsum("abp,qpm->qabm", self._products[1], first, optimize=True)
-        local = (factor * vectors.reshape(-1, 3) @ EPSILON.reshape(9, 3).T).reshape(-1, 3, 3)
-        np.add.at(blocks_bii, self._places, local)
+        vectors = 0.5 * factor * (vectors - vectors.transpose(0, 2, 1, 3))
+        nodes = self._quads_qn.shape[1]
+        local = np.zeros((len(vectors), 3, nodes, 3, nodes))
+        for i, k, m in TURNS:
+            local[:, i, :, k] = vectors[..., m]
+            local[:, k, :, i] = -vectors[..., m]
+        self._places.add(element_eiajb, local)
 
     def _areas(self, x_qnc: Floats) -> Floats:
         """x,1 x x,2 at the Gauss points of quads with nodes at x, (quad, point, 3)."""

@@ -8,6 +8,7 @@ limbus has one of 5.75 mm; on other eyes at the same angles.
 
 from dataclasses import dataclass
 from math import asin, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from scleraforce.errors import InputError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, locate, surface_weights
-from scleraforce.mechanics.assembly import BlockPattern
+from scleraforce.mechanics.assembly import FacePlaces
 from scleraforce.mechanics.quadrature import gauss_points, surface_points
 from scleraforce.study import SupportsStudy
 
@@ -68,9 +69,9 @@ class Springs:
         nodes = np.concatenate([self.nodes_qn, other.nodes_qn])
         return Springs(nodes, np.concatenate([self.blocks_qnnii, other.blocks_qnnii]))
 
-    def add_to(self, blocks_bii: Floats, pattern: BlockPattern, factor: float) -> None:
-        """Add `factor` times the stiffness to the blocks of the wall's pattern, in place."""
-        np.add.at(blocks_bii, pattern.places(self.nodes_qn).ravel(), factor * self.blocks_qnnii.reshape(-1, 3, 3))
+    def add_to(self, element_eiajb: NDArray[np.floating[Any]], places: FacePlaces, factor: float) -> None:
+        """Add `factor` times the stiffness to element matrices, in place; `places` are those of `nodes_qn`."""
+        places.add(element_eiajb, factor * self.blocks_qnnii.transpose(0, 3, 1, 4, 2))
 
     def forces(self, displacement_nc: Floats) -> Floats:
         """Return the nodal forces (node, 3) that hold a displacement (node, 3) in m against the springs, in N."""

@@ -40,7 +40,12 @@ LIBRARY_FILE = "library.npz"
 COMMON_FILES = (NETWORK_FILE, STUDY_FILE, CARD_FILE)
 WALL_FINDER = "wall-finder"
 # Of each kind, beside model.json.
-FILES = {"classifier": COMMON_FILES, "reader": (*COMMON_FILES, LIBRARY_FILE), WALL_FINDER: COMMON_FILES}
+FILES = {
+    "classifier": COMMON_FILES,
+    "reader": (*COMMON_FILES, LIBRARY_FILE),
+    "raw-reader": COMMON_FILES,
+    WALL_FINDER: COMMON_FILES,
+}
 
 
 @dataclass(frozen=True)

@@ -88,12 +88,18 @@ class Failure:
     detail: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class QueueLoss:
-    """Frames were overtaken: newer ones came before their turn and were answered instead."""
+    """Frames will never be read: newer ones overtook them, and there was no time for them afterwards.
+
+    `unread_s` is the time that they stand for: their number times the scanner's interval. Those of one `row` came
+    between two frames that were answered.
+    """
 
     at_s: float
     lost: int
+    unread_s: float
+    row: int
 
 
 @dataclass(frozen=True)

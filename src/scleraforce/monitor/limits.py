@@ -15,14 +15,15 @@ COUNTS = (
     "shown_frames",
     "rate_frames",
     "fresh_frames",
-    "losses_in_row",
-    "losses_in_window",
 )
 POSITIVE = (
     "bound_n",
     "contact_n",
     "reaction_s",
     "silence_s",
+    "catch_up_s",
+    "loss_in_row_s",
+    "loss_in_window_s",
     "loss_window_s",
     "scale_tolerance",
     "opinion_s",
@@ -38,6 +39,7 @@ class MonitorLimits:
     `size` and `scale_m` are the study's; None takes those of the first sound frame. `reads_force` is False with a
     classifier, which gives no force; otherwise a frame without a force is a cause. `expects_opinion` is True if another
     process gives second opinions: then nothing is OK before the first one, and an overdue one is a cause.
+    Losses are limited by the time for which the lost frames stand, so that the limits fit any frame rate.
 
     Raises:
         InputError: a limit that lets everything pass, or nothing.
@@ -57,8 +59,9 @@ class MonitorLimits:
     shown_frames: int = 50
     lag_s: float = 0.1
     lag_drift: float = 1e-4
-    losses_in_row: int = 4
-    losses_in_window: int = 8
+    catch_up_s: float = 0.1
+    loss_in_row_s: float = 0.04
+    loss_in_window_s: float = 0.08
     loss_window_s: float = 1.0
     fresh_frames: int = 5
     size: tuple[int, int] | None = None

@@ -12,6 +12,7 @@ from scleraforce.monitor.transitions import State
 
 __all__ = ["MonitorState", "remember"]
 
+LOSS_PARTS = 20  # of the window, in each of which losses are summed up
 MOST_UNANSWERED = 128  # frames whose times are kept; more are thinned
 
 
@@ -23,8 +24,9 @@ class MonitorState:
     of the last frames with sound numbers. `repeats` counts the frames in a row with one picture; `returns` tells for
     each of the last frames whether its picture came back after others. `least_lag` is (time, lag): the least delay
     since the time that the sender states, on two clocks that need not agree, plus their possible drift. `losses` has
-    (time, frames) of the losses within the window, `lost` counts all losses since the start, `lost_in_row` those since
-    the last frame. `fresh` counts the harmless frames in a row. `touched` is True after contact; `clear_s` is the time
+    (time, time that the lost frames stand for) of the losses within the window, summed up over twentieths of it; `lost`
+    counts all lost frames since the start, and `lost_in_row_s` is what those of `lost_row`, the last row with a loss,
+    stand for. `fresh` counts the harmless frames in a row. `touched` is True after contact; `clear_s` is the time
     of the first frame of the present run without contact. `opinion` is the last second opinion since the last cause,
     `doubted` counts those in a row that could not judge their frame, and `unanswered` has (frame, time) of the frames
     without one, oldest first, thinned if there are many.
@@ -44,9 +46,10 @@ class MonitorState:
     clear_s: float | None = None
     unusable: int = 0
     history: tuple[tuple[float, float], ...] = ()
-    losses: tuple[tuple[float, int], ...] = ()
+    losses: tuple[tuple[float, float], ...] = ()
     lost: int = 0
-    lost_in_row: int = 0
+    lost_in_row_s: float = 0.0
+    lost_row: int = 0
     fresh: int = 0
     opinion: SecondOpinion | None = None
     doubted: int = 0
@@ -64,14 +67,27 @@ def remember(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) ->
     at_s = max(event.at_s, state.at_s or event.at_s) if isfinite(event.at_s) else state.at_s
     state = replace(state, at_s=at_s)
     if isinstance(event, QueueLoss):
-        recent = tuple(loss for loss in state.losses if event.at_s - loss[0] < limits.loss_window_s)
-        losses = (*recent, (event.at_s, event.lost))[-limits.losses_in_window - 1 :]
         return replace(
-            state, losses=losses, lost=state.lost + event.lost, lost_in_row=state.lost_in_row + event.lost
-        )  # fmt: skip
+            state,
+            losses=_losses(state.losses, event, limits.loss_window_s),
+            lost=state.lost + event.lost,
+            lost_in_row_s=event.unread_s + (state.lost_in_row_s if event.row == state.lost_row else 0.0),
+            lost_row=event.row,
+        )
     if isinstance(event, SecondOpinion):
         return _remember_opinion(state, event, limits)
     return _remember_frame(state, event, limits) if isinstance(event, FrameRead) else state
+
+
+def _losses(
+    losses: tuple[tuple[float, float], ...], event: QueueLoss, window_s: float
+) -> tuple[tuple[float, float], ...]:
+    """Return the losses within the window; those of the same twentieth of it are one, at the time of the last."""
+    recent = tuple(loss for loss in losses if event.at_s - loss[0] < window_s)
+    part_s = window_s / LOSS_PARTS
+    if recent and recent[-1][0] // part_s == event.at_s // part_s:
+        return (*recent[:-1], (event.at_s, recent[-1][1] + event.unread_s))
+    return (*recent, (event.at_s, event.unread_s))
 
 
 def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
@@ -85,7 +101,6 @@ def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits
         returns=(*state.returns, frame.shown_back > 1)[-limits.shown_frames :],
         least_lag=_least_lag(state.least_lag, frame, limits),
         unusable=0 if frame.usable else state.unusable + 1,
-        lost_in_row=0,
         unanswered=waiting if len(waiting) <= MOST_UNANSWERED else waiting[::2],
     )
     if not frame.usable or unsound(frame, limits):

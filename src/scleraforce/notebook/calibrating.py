@@ -6,6 +6,7 @@ from pathlib import Path
 
 from scleraforce.calibration.result import Calibration
 from scleraforce.calibration.saved import calibration_as_json
+from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import InputError
 from scleraforce.known.calibration_file import write_calibration
 from scleraforce.models.shipped import SHIPPED_WALL_FINDER
@@ -108,6 +109,7 @@ def evaluate(
     [1, 1, 2]
     """
     check_model(model)
+    use_compiled_loops()
     folders = [recording.path for recording in opened(recordings)]
     summary = None if calibration is None else summary_of_calibration(calibration)
     return evaluate_recordings(model, folders, summary, progress)

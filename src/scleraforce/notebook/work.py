@@ -10,6 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import InputError
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.study import NetworkStudy, Study, study_hash
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from scleraforce.calibration.result import Calibration
     from scleraforce.dataset import CalibratedModulus, Dataset, Generation
     from scleraforce.learning.classifier.train import Trained
+    from scleraforce.learning.raw_reader.train import TrainedRawReader
     from scleraforce.learning.reader.train import TrainedReader
     from scleraforce.library import Library
     from scleraforce.reader.interval_scores import GroupChange
@@ -33,6 +35,7 @@ __all__ = [
     "recalibrate_intervals",
     "simulate_slices",
     "train_on_library",
+    "train_on_raw_frames",
     "train_on_slices",
 ]
 
@@ -67,8 +70,14 @@ def opened(given: Given | Sequence[Given]) -> list[Recording]:
     return [entry if isinstance(entry, Recording) else read_recording(entry) for entry in each]
 
 
-def library_for(study: Study, mechanics: str, counting: Counting) -> "Library | None":
+def library_for(study: Study, mechanics: str, counting: Counting, workers: int | None = None) -> "Library | None":
     """Return the library that finite strain draws from, from the user's cache; linear mechanics needs None.
+
+    Args:
+        study: the study.
+        mechanics: "linear" or "finite-strain".
+        counting: of "library".
+        workers: that solve it where it is not there; None: a process for each core.
 
     Raises:
         InputError: the cache cannot be written.
@@ -80,7 +89,7 @@ def library_for(study: Study, mechanics: str, counting: Counting) -> "Library | 
     from scleraforce.library.plan import plan_library
 
     with counting("library", plan_library(study).units) as advance:
-        return cached_library(study, progress=advance)
+        return cached_library(study, workers=workers, progress=advance)
 
 
 def calibrate_eyes(
@@ -105,6 +114,7 @@ def calibrate_eyes(
     from scleraforce.reader.wall_finder_model import load_wall_finder
 
     refuse_unused(study, "calibrate", mechanics)
+    use_compiled_loops()
     each = opened(recordings)
     finder = None if wall_finder is None else load_wall_finder(wall_finder)
     library = library_for(study, mechanics, counting)
@@ -151,6 +161,7 @@ def recalibrate_intervals(
     from scleraforce.reader.wall_finder_model import load_wall_finder
 
     check_place(out)
+    use_compiled_loops()
     reader, folder, each = load_force_reader(model, finder=wall_finder), read_folder(Path(model)), opened(recordings)
     study, count = reader.study, sum(len(recording.frames) for recording in each)
     finder = None if wall_finder is None else load_wall_finder(wall_finder)
@@ -194,7 +205,7 @@ def simulate_slices(
 
     kind = mechanics or study.mechanics.kind
     refuse_unused(study, "generate", kind)
-    library = library_for(study, kind, counting)
+    library = library_for(study, kind, counting, workers)
     with counting("generate", sum(group.images for group in study.dataset.group)) as advance:
         return generate_dataset(
             study,
@@ -222,10 +233,37 @@ def train_on_library(library: "Library", study: Study, out: Path, counting: Coun
         return train_reader(library, study, out, progress=advance, measured=measured)
 
 
+def train_on_raw_frames(library: "Library", study: Study, out: Path, counting: Counting) -> "TrainedRawReader":
+    """Train a raw reader and write its folder: counts "epochs" of slices, "batches" of raw frames, then "eyes".
+
+    Raises:
+        InputError: as of `sf.train`.
+        SolverError: the training diverged.
+    """
+    refuse_unused(study, "train --kind raw-reader")
+    from scleraforce.learning.raw_reader.train import train_raw_reader
+
+    raw = study.raw_reader
+    with (
+        counting("epochs", raw.slice_epochs) as advance,
+        counting("batches", raw.batches) as learned,
+        counting("eyes", raw.interval_eyes) as measured,
+    ):
+        return train_raw_reader(library, study, out, progress=advance, learned=learned, measured=measured)
+
+
 def train_on_slices(
-    dataset: "Dataset", network: NetworkStudy | None, out: Path, counting: Counting, *, search: bool
+    dataset: "Dataset",
+    network: NetworkStudy | None,
+    out: Path,
+    counting: Counting,
+    *,
+    search: bool,
+    workers: int | None = None,
 ) -> "Trained":
     """Train a classifier, of the data set's network where None is given, and write its folder: counts "epochs".
+
+    With `search` it tries all sizes of the grid, by `workers` where they are given.
 
     Raises:
         InputError: as of `sf.train`.
@@ -236,4 +274,4 @@ def train_on_slices(
 
     network = network or dataset.study.network
     with counting("epochs", network.epochs * (len(grid(network)) if search else 1)) as advance:
-        return train_classifier(dataset, out, network, search, advance)
+        return train_classifier(dataset, out, network, search, advance, workers=workers)

@@ -6,6 +6,7 @@
 from scleraforce.reader.classifier import Classifier
 from scleraforce.reader.force_reader import ForceReader
 from scleraforce.reader.model import load_classifier, load_force_reader, load_model
+from scleraforce.reader.raw_reader import RawReader
 from scleraforce.reader.reader import Reader
 
-__all__ = ["Classifier", "ForceReader", "Reader", "load_classifier", "load_force_reader", "load_model"]
+__all__ = ["Classifier", "ForceReader", "RawReader", "Reader", "load_classifier", "load_force_reader", "load_model"]

@@ -41,6 +41,7 @@ class Classifier:
 
     kind = "classifier"
     reads_force = False
+    serves_loop = True
 
     def __init__(
         self,

@@ -108,7 +108,7 @@ class Evaluation:
     @property
     def reads_force(self) -> bool:
         """Whether the model reads forces, not classes alone."""
-        return self.kind == "reader"
+        return self.kind != "classifier"
 
     @cached_property
     def scored(self) -> tuple[FrameAnswer, ...]:

@@ -15,6 +15,7 @@ from scleraforce.known.eye import NOTHING_KNOWN, Known, outside_training
 from scleraforce.library.responses import Library
 from scleraforce.reader.answers import Answer, LiveReading, unusable
 from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors, frame_stretch
+from scleraforce.reader.judged import judged_answer
 from scleraforce.reader.limits import wall_limits
 from scleraforce.reader.look import NEEDLE_SEEN, Look, can_calibrate, look
 from scleraforce.reader.needle_gap import crossed_by_needle, needle_elsewhere, read_by_fit
@@ -27,15 +28,13 @@ from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import segmented_boundaries, surface
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
-from scleraforce.units import from_si
 
-__all__ = ["SHIFTS", "WIDEST_N", "ForceReader", "SliceNetwork"]
+__all__ = ["SHIFTS", "ForceReader", "SliceNetwork"]
 
 CONTACTS = 32  # polar angles whose libraries are kept
 # Of the slices that the network reads of one frame, in rows: the first is the slice itself. A slice of black and white
 # says nothing of where in its pixels a boundary lies; a reading of one jumps when a drifting eye crosses a row.
 SHIFTS = (0.0, 0.5)
-WIDEST_N = 6e-3  # of the interval of a dent that leaves the window: what its flanks tell must be as sure as this
 
 
 class SliceNetwork(Protocol):
@@ -56,6 +55,7 @@ class ForceReader:
 
     kind = "reader"
     reads_force = True
+    serves_loop = True
     fixed_modulus_pa = None
 
     def __init__(
@@ -159,7 +159,7 @@ class ForceReader:
         )
         if reason:
             return unusable(self.classes, reason)
-        return self._answer(self.read_slices(seen.cuts, known), "network", dent_leaves(seen.cut))
+        return judged_answer(self.read_slices(seen.cuts, known), "network", dent_leaves(seen.cut), self.study)
 
     def _fitted(self, seen: Look, boundaries: Boundaries, known: Known) -> Answer:
         """Lay a wall of the library on the frame, and read it where that is the wall of an eye."""
@@ -185,7 +185,7 @@ class ForceReader:
     def _unchecked(self, seen: Look, fit: BoundaryFit, reading: Reading, unread: str) -> Answer:
         """Return the fit's answer to a frame that the network cannot read."""
         leaves = dent_leaves(seen.cut) or fit_leaves(fit, self.study.slice)
-        answer = self._answer(reading, "fit", leaves)
+        answer = judged_answer(reading, "fit", leaves, self.study)
         warnings = (f"the fit alone reads it, and nothing checks that: {unread}",) if answer.usable else ()
         return replace(answer, warnings=warnings, readings=(("fit", reading),))
 
@@ -198,38 +198,10 @@ class ForceReader:
         default, other = readings[self.default], readings[self.other]
         warning = disagreement(default, other, (self.default, self.other))
         reading = replace(default, interval_n=spanned_interval(default, other)) if warning else default
-        answer = self._answer(reading, self.default, dent_leaves(seen.cut) or fit_leaves(fit, self.study.slice))
+        leaves = dent_leaves(seen.cut) or fit_leaves(fit, self.study.slice)
+        answer = judged_answer(reading, self.default, leaves, self.study)
         elsewhere = contact_outside(other, self.study.reader)
         if answer.usable and elsewhere:
             answer = unusable(self.classes, elsewhere)
         warnings = (warning,) if warning and answer.usable else ()
         return replace(answer, warnings=warnings, readings=tuple(readings.items()))
-
-    def _answer(self, reading: Reading, name: str, leaves: bool) -> Answer:
-        """Return the answer that one method gives.
-
-        Args:
-            reading: of the method.
-            name: of the method.
-            leaves: whether the dent leaves the window.
-        """
-        if not reading.finite:
-            return unusable(self.classes, f"what the {name} reads is no number")
-        reason = contact_outside(reading, self.study.reader)
-        if reason:
-            return unusable(self.classes, reason)
-        if leaves and not reading.width_n < WIDEST_N:
-            return unusable(
-                self.classes,
-                "the dent leaves the window of the slice, and its flanks leave the force open by "
-                f"{from_si(reading.width_n, 'mn'):.0f} mN",
-            )
-        return Answer(
-            predicted=reading.predicted,
-            probabilities=reading.probabilities,
-            usable=True,
-            reason=None,
-            force_n=reading.force_n,
-            interval_n=reading.interval_n,
-            contact_m=reading.contact_m,
-        )

@@ -14,6 +14,8 @@ from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.reader.classifier import Classifier
 from scleraforce.reader.force_reader import ForceReader
 from scleraforce.reader.interval_factors import parse_factors
+from scleraforce.reader.raw_network import OnnxRawNetwork
+from scleraforce.reader.raw_reader import RawReader
 from scleraforce.reader.reader import Reader
 from scleraforce.reader.readings import METHODS
 from scleraforce.reader.slice_network import OnnxSliceNetwork
@@ -22,7 +24,7 @@ from scleraforce.study import Study
 
 __all__ = ["load_classifier", "load_force_reader", "load_model", "slice_network"]
 
-READS = (Classifier.kind, ForceReader.kind)  # kinds of models that read forces
+READS = (Classifier.kind, ForceReader.kind, RawReader.kind)  # kinds of models that read forces
 
 Kind = TypeVar("Kind", Classifier, ForceReader)
 
@@ -30,7 +32,7 @@ Kind = TypeVar("Kind", Classifier, ForceReader)
 def load_model(
     path: str | PathLike[str], threads: int = 1, finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER
 ) -> Reader:
-    """Load a model folder of either kind.
+    """Load a model folder of any kind that reads forces.
 
     Args:
         path: the folder that `scleraforce train` wrote, or the name of one that ships ("default").
@@ -42,7 +44,8 @@ def load_model(
     """
     folder = read_folder(Path(path))
     if folder.record["kind"] not in READS:
-        raise ModelError(f"{folder.path}: kind: found {folder.record['kind']!r}, {' or '.join(READS)} is needed here")
+        wanted = f"{', '.join(READS[:-1])} or {READS[-1]}"
+        raise ModelError(f"{folder.path}: kind: found {folder.record['kind']!r}, {wanted} is needed here")
     study = folder_study(folder)
     session = folder_session(folder, threads)
     walls = None if finder is None else load_wall_finder(finder, threads)
@@ -51,6 +54,10 @@ def load_model(
         check_provenance(folder, session)
         return classifier
     factors = parse_factors(folder.record, str(folder.path / RECORD_FILE))
+    if folder.record["kind"] == RawReader.kind:
+        reads_frames = OnnxRawNetwork(session, study, str(folder.path / NETWORK_FILE), factors)
+        check_provenance(folder, session)
+        return RawReader(folder.path, study, folder.record, reads_frames, walls)
     network = OnnxSliceNetwork(session, study, str(folder.path / NETWORK_FILE), factors)
     check_provenance(folder, session)
     return ForceReader(folder.path, study, folder.record, network, _library(folder), _default(folder), factors, walls)

@@ -14,11 +14,11 @@ __all__ = ["Reader"]
 
 
 class Reader(Protocol):
-    """A trained model that answers to raw frames: a `Classifier` or a `ForceReader`. Made by `load_model`."""
+    """A trained model that answers to raw frames: `Classifier`, `ForceReader`, `RawReader`. Made by `load_model`."""
 
     @property
     def kind(self) -> str:
-        """What the model's folder calls it: "classifier" or "reader"."""
+        """What the model's folder calls it: "classifier", "reader" or "raw-reader"."""
 
     @property
     def path(self) -> Path:
@@ -43,6 +43,10 @@ class Reader(Protocol):
     @property
     def reads_force(self) -> bool:
         """Whether its answers have a force with its interval, not the class alone."""
+
+    @property
+    def serves_loop(self) -> bool:
+        """Whether it may serve the control loop."""
 
     @property
     def fixed_modulus_pa(self) -> float | None:

@@ -7,14 +7,17 @@ at the pixel centres, column by column, and OpenCV's `threshold` makes the pictu
 takes no part in this; `slice_contours` offers it for slices that are there already.
 """
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.compiled import can_compile
 from scleraforce.section.plane import Section, SliceWindow
 from scleraforce.study import SliceStudy
 
-__all__ = ["SNAP", "WALL", "fill_section", "slice_contours", "slice_window"]
+__all__ = ["SNAP", "WALL", "fill_section", "fill_sections", "slice_contours", "slice_window"]
 
 WALL = 255  # the value of a pixel of the wall; 0 elsewhere
 SNAP = 2.0**20  # parts of a pixel: an edge meant to run through pixel centres is not moved off them by the last bit
@@ -66,6 +69,27 @@ def fill_section(section: Section, window: SliceWindow) -> NDArray[np.uint8]:
     """
     winding = _winding_number(_pixel_contour(section, window), window.rows, window.columns)
     return np.asarray(cv2.threshold(winding.view(np.uint8), 0, WALL, cv2.THRESH_BINARY)[1], dtype=np.uint8)
+
+
+def fill_sections(sections: Sequence[Section], windows: Sequence[SliceWindow]) -> NDArray[np.uint8]:
+    """Draw many sections of equally many points, as `fill_section` draws each: by compiled loops where they are there.
+
+    Args:
+        sections: the walls, each in the frame of its plane.
+        windows: what to draw of each, all of one size.
+
+    Returns:
+        The slices, shape (section, rows, columns).
+    """
+    if not can_compile():
+        return np.stack([fill_section(*both) for both in zip(sections, windows, strict=True)])
+    from scleraforce.section.fill_loops import draw_contours
+
+    contours = np.stack([_pixel_contour(*both) for both in zip(sections, windows, strict=True)])
+    size = windows[0].rows, windows[0].columns
+    images = np.zeros((len(sections), *size), dtype=np.uint8)
+    draw_contours(contours, 0.5 / SNAP, WALL, images, np.empty(size, dtype=np.int64))
+    return images
 
 
 def slice_contours(image: NDArray[np.uint8]) -> list[NDArray[np.int32]]:

@@ -13,12 +13,22 @@ from numpy.typing import NDArray
 
 from scleraforce.recording.pixels import Pixels, PixelScale
 
-__all__ = ["Float", "Grid", "make_grid", "rows_of"]
+__all__ = [
+    "BLACK_PART",
+    "FLOOR_SHARE",
+    "MAX_COLUMNS",
+    "MAX_ROWS",
+    "Float",
+    "Grid",
+    "make_grid",
+    "rows_of",
+]
 
 Float = NDArray[np.float32]
 
 MAX_COLUMNS = 192  # of the grid: the frame is halved until it has fewer
 MAX_ROWS = 384
+BLACK_PART = 1000  # th part of the brightest cell: less is black
 FLOOR_SHARE = 0.2  # of the pixels that are not black, this share lies at or below the noise floor
 
 
@@ -63,7 +73,7 @@ def rows_of(pixels: float, length_m: float, grid: Grid, least: int) -> int:
 def _noise_floor(cells: Pixels) -> float:
     """Return the count that a fifth of the cells that are not black lie below: noise, whatever share tissue takes."""
     sample = cells[::8, ::2].ravel()
-    lit = sample[sample > int(sample.max()) // 1000]
+    lit = sample[sample > int(sample.max()) // BLACK_PART]
     if not len(lit):
         return 0.0
     nth = int(FLOOR_SHARE * len(lit))

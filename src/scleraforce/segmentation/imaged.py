@@ -5,7 +5,13 @@ from numpy.typing import NDArray
 
 from scleraforce.recording.pixels import Pixels
 
-__all__ = ["LEAST_SHAPE", "imaged_part", "lit_columns"]
+__all__ = [
+    "LEAST_SHAPE",
+    "LIT_ROWS",
+    "LIT_SHARE",
+    "imaged_part",
+    "lit_columns",
+]
 
 LEAST_SHAPE = 16  # rows and columns of a frame
 LIT_ROWS = 4  # every fourth row tells whether a column is imaged

@@ -21,7 +21,39 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.path import best_path
 
-__all__ = ["CELLS", "CELL_M", "GROUP", "InnerBoundary", "find_inner", "surface_stretch"]
+__all__ = [
+    "BEND",
+    "BEND_TO_LOW",
+    "BRIGHTEST",
+    "CELLS",
+    "CELL_M",
+    "EDGES",
+    "FROM_MIDDLE",
+    "GROUP",
+    "HALF_JUMP",
+    "LAYER_CELLS",
+    "LEAST_JUMP",
+    "LEAST_LEVEL_SHARE",
+    "LEVEL_CELLS",
+    "LINE_CELLS",
+    "LOW_CELLS",
+    "POOLED",
+    "REACH_CELLS",
+    "REFINE_CELLS",
+    "ROW_COST",
+    "SKIP_CELLS",
+    "SKIP_EDGE",
+    "SPREAD_CELLS",
+    "STEEPEST",
+    "SURE_JUMP",
+    "SURE_SPREAD",
+    "THICKNESS_M",
+    "UPPER_COST",
+    "InnerBoundary",
+    "find_inner",
+    "slope_reach",
+    "surface_stretch",
+]
 
 CELL_M = 20e-6  # of thickness in the unrolled wall
 CELLS = 72  # 1.44 mm: the boundary is looked for down to 1.36 mm
@@ -40,31 +72,35 @@ REACH_CELLS = 5
 REFINE_CELLS = 6
 LEAST_JUMP = 0.06  # of the level at the surface: less is no sign of the boundary
 SURE_JUMP = 2.5  # ... nor is less than this many times the median jump
+SLOPE_M = 0.15e-3  # on each side: a surface's slope is told over so much
+STEEPEST = 3.0  # slope of a surface: beyond it a wall is no longer along a column
+LEAST_LEVEL_SHARE = 1e-3  # of the brightest level: a group with less is not measured
+BRIGHTEST = 1.5  # times a group's own level: what is brighter counts as that
 SURE_SPREAD, SPREAD_CELLS = 1.3, 21  # ... nor this many standard deviations of jumps at about that depth
 
-_EDGES = slice(LEAST_CELLS, CELLS - LOW_CELLS - SKIP_EDGE + 1)  # between cells, where a jump is looked for
-_ABOVE = slice(_EDGES.start - SKIP_EDGE - LINE_CELLS, _EDGES.stop - SKIP_EDGE - LINE_CELLS)  # first cells of the lines
-_BELOW = slice(_EDGES.start + SKIP_EDGE, _EDGES.stop + SKIP_EDGE)  # first cells below
+EDGES = slice(LEAST_CELLS, CELLS - LOW_CELLS - SKIP_EDGE + 1)  # between cells, where a jump is looked for
+_ABOVE = slice(EDGES.start - SKIP_EDGE - LINE_CELLS, EDGES.stop - SKIP_EDGE - LINE_CELLS)  # first cells of the lines
+_BELOW = slice(EDGES.start + SKIP_EDGE, EDGES.stop + SKIP_EDGE)  # first cells below
 _DEEPEST = slice(_BELOW.start + LOW_CELLS - 1, _BELOW.stop + LOW_CELLS - 1)  # last cells below
 _LAYER = np.ones((1, LAYER_CELLS[1] - LAYER_CELLS[0] + 1), dtype=np.uint8)
 # Makes the path unique where nothing is seen.
-_ROW_COST = np.linspace(0.0, 1e-3, CELLS + 1, dtype=np.float32)
-_THICKNESS_M = (np.arange(CELLS, dtype=np.float32) + np.float32(0.5)) * np.float32(CELL_M)
-_ROW_AND_DEPTH = np.stack([np.ones_like(_THICKNESS_M), _THICKNESS_M], axis=1)
+ROW_COST = np.linspace(0.0, 1e-3, CELLS + 1, dtype=np.float32)
+THICKNESS_M = (np.arange(CELLS, dtype=np.float32) + np.float32(0.5)) * np.float32(CELL_M)
+_ROW_AND_DEPTH = np.stack([np.ones_like(THICKNESS_M), THICKNESS_M], axis=1)
 _LEVEL = np.zeros(CELLS, dtype=np.float32)
 _LEVEL[SKIP_CELLS:LEVEL_CELLS] = 1.0
 _REACH = LINE_CELLS / 2 + SKIP_EDGE  # from the middle of a line to the jump
 _OFFSET = np.arange(-REFINE_CELLS, REFINE_CELLS)
-_FROM_MIDDLE = ((_OFFSET + 0.5) / _REACH + 1.0).astype(np.float32)
+FROM_MIDDLE = ((_OFFSET + 0.5) / _REACH + 1.0).astype(np.float32)
 _SUMS = np.triu(np.ones((2 * REFINE_CELLS, 2 * REFINE_CELLS + 1), dtype=np.float32), 1)
 _RAMP = np.arange(LINE_CELLS) - (LINE_CELLS - 1) / 2
-_BEND = (_REACH * _RAMP / np.square(_RAMP).sum()).astype(np.float32)[
+BEND = (_REACH * _RAMP / np.square(_RAMP).sum()).astype(np.float32)[
     None
 ]  # of a straight line, least squares, over _REACH
 _MEAN = np.full((1, LINE_CELLS), 1.0 / LINE_CELLS, dtype=np.float32)
 _LOW_MEAN = np.full((1, LOW_CELLS), 1.0 / LOW_CELLS, dtype=np.float32)
-# `_BEND` goes from a line's middle to the jump; so many times that, it goes on to the middle of the cells below.
-_BEND_TO_LOW = np.float32(1.0 + (LOW_CELLS / 2 + SKIP_EDGE) / _REACH)
+# `BEND` goes from a line's middle to the jump; so many times that, it goes on to the middle of the cells below.
+BEND_TO_LOW = np.float32(1.0 + (LOW_CELLS / 2 + SKIP_EDGE) / _REACH)
 
 
 @dataclass(frozen=True)
@@ -88,16 +124,21 @@ def surface_stretch(column: Float, row: Float, scale: PixelScale) -> Float:
         scale: size of the frame's pixel, in tissue.
     """
     step_m = float(column[1] - column[0]) * scale.lateral_m
-    reach = min(max(1, round(0.15e-3 / step_m)), (len(column) - 1) // 2)
+    reach = slope_reach(len(column), step_m)
     # Mirrored in its end points, a slope goes on beyond them.
     longer = np.concatenate((2 * row[0] - row[reach:0:-1], row, 2 * row[-1] - row[-2 : -2 - reach : -1]))
     slope = longer[2 * reach :] - longer[: -2 * reach]
     slope *= np.float32(scale.depth_m / (2 * reach * step_m))
     np.square(slope, slope)
-    np.minimum(slope, np.float32(9.0), out=slope)
+    np.minimum(slope, np.float32(STEEPEST**2), out=slope)
     slope += np.float32(1.0)
     stretch: Float = np.sqrt(slope, slope)
     return stretch
+
+
+def slope_reach(points: int, step_m: float) -> int:
+    """Return how many points on each side tell a surface's slope."""
+    return min(max(1, round(SLOPE_M / step_m)), (points - 1) // 2)
 
 
 def find_inner(
@@ -130,7 +171,7 @@ def find_inner(
     gain = jump - least
     cv2.threshold(gain, 0.0, 0.0, cv2.THRESH_TOZERO, gain)
     gain /= gain + np.float32(HALF_JUMP)
-    score = gain - _ROW_COST
+    score = gain - ROW_COST
     near, far = LAYER_CELLS
     # The largest of the jumps `far - near` cells above, down to here.
     upper = cast(Float, cv2.dilate(gain, _LAYER, anchor=(far - near, 0)))
@@ -166,9 +207,9 @@ def _unroll(
     light *= seen
     level = (light @ _LEVEL) / np.maximum(seen @ _LEVEL, np.float32(1.0))
     level = cast(Float, cv2.blur(level[:, None], (1, 3)))
-    seen *= level > max(1e-3 * float(level.max()), 1e-9)
+    seen *= level > max(LEAST_LEVEL_SHARE * float(level.max()), 1e-9)
     light *= seen / np.maximum(level, np.float32(1e-6))
-    cv2.threshold(light, 1.5, 0.0, cv2.THRESH_TRUNC, light)
+    cv2.threshold(light, BRIGHTEST, 0.0, cv2.THRESH_TRUNC, light)
     return light, seen
 
 
@@ -176,7 +217,7 @@ def _measured(deepest_m: Float, there: NDArray[np.bool_]) -> Float:
     """Return 1 in the cells, (group, cell), above the deepest thickness at the outer points of a group, else 0."""
     deepest_m *= there
     ends = np.minimum(deepest_m[::GROUP], deepest_m[GROUP - 1 :: GROUP])
-    return (ends[:, None] >= _THICKNESS_M).astype(np.float32)
+    return (ends[:, None] >= THICKNESS_M).astype(np.float32)
 
 
 def _jumps(wall: Float, seen: Float) -> tuple[Float, Float, Float]:
@@ -190,12 +231,12 @@ def _jumps(wall: Float, seen: Float) -> tuple[Float, Float, Float]:
     pooled = cast(Float, cv2.blur(wall, (1, POOLED)))
     pooled /= np.maximum(share, np.float32(1e-3))
     mean = cast(Float, cv2.filter2D(pooled, -1, _MEAN, anchor=(0, 0)))
-    bend = cast(Float, cv2.filter2D(pooled, -1, _BEND, anchor=(0, 0)))
+    bend = cast(Float, cv2.filter2D(pooled, -1, BEND, anchor=(0, 0)))
     cv2.threshold(bend, 0.0, 0.0, cv2.THRESH_TRUNC, bend)
     low = cast(Float, cv2.filter2D(pooled, -1, _LOW_MEAN, anchor=(0, 0)))
     jump = np.zeros((len(wall), CELLS + 1), dtype=np.float32)
-    inside = jump[:, _EDGES]
-    np.multiply(bend[:, _ABOVE], _BEND_TO_LOW, inside)
+    inside = jump[:, EDGES]
+    np.multiply(bend[:, _ABOVE], BEND_TO_LOW, inside)
     inside += mean[:, _ABOVE]
     np.maximum(inside, np.float32(0.0), out=inside)
     inside -= low[:, _BELOW]
@@ -209,7 +250,7 @@ def _least_jump(jump: Float) -> Float:
     Their jumps are told by their median size (the wall's end is rare), and by how much jumps at one depth differ from
     place to place (the wall's end does not).
     """
-    sizes = np.abs(jump[:, _EDGES.start : _EDGES.stop : 2]).ravel()
+    sizes = np.abs(jump[:, EDGES.start : EDGES.stop : 2]).ravel()
     sizes = sizes[sizes > 0]
     typical = float(np.partition(sizes, len(sizes) // 2)[len(sizes) // 2]) if len(sizes) else 0.0
     change = jump[POOLED:] - jump[:-POOLED]
@@ -226,7 +267,7 @@ def _cross(wall: Float, path: NDArray[np.intp], mean: Float, bend: Float, jump: 
     """Return the edge near a path, in cells, shape (group,), that best parts light above and below a jump's middle."""
     path = np.minimum(np.maximum(path, REFINE_CELLS), CELLS - REFINE_CELLS)
     above = cv2.blur(wall, (1, 3))[_numbers(len(path))[:, None], path[:, None] + _OFFSET]
-    above -= bend[:, None] * _FROM_MIDDLE
+    above -= bend[:, None] * FROM_MIDDLE
     above -= (mean - jump / 2)[:, None]
     limit = np.maximum(jump, np.float32(1e-3))[:, None]
     np.minimum(np.maximum(above, -limit, out=above), limit, out=above)

@@ -24,7 +24,27 @@ from scleraforce.segmentation.columns import continuation, fine_columns, repeate
 from scleraforce.segmentation.grid import Float, Grid, rows_of
 from scleraforce.segmentation.path import best_path
 
-__all__ = ["Surface", "find_surface", "refine_surface"]
+__all__ = [
+    "BLACK_SHARE",
+    "BRIGHT_SHARE",
+    "EXCESS_CAP",
+    "EXCESS_COST",
+    "HALF_STEP",
+    "LARGEST_LEVEL",
+    "LEAST_EXCESS",
+    "LEAST_STEP",
+    "ROWS",
+    "SMOOTHED",
+    "Surface",
+    "downwards",
+    "find_surface",
+    "line_rows",
+    "pairs_of",
+    "path_reach",
+    "refine_surface",
+    "step_rows",
+    "strip_rows",
+]
 
 LINE_PIXELS, LINE_M = 12.0, 0.1e-3  # what is thinner is a line
 STEP_PIXELS, STEP_M = 32.0, 0.2e-3  # depth of tissue that a step is judged by
@@ -33,6 +53,7 @@ ROWS = 2  # ... and on so many rows of the grid taken as one
 MAX_SLOPE = 2.5  # of the surface: 68 degrees
 BRIGHT_SHARE = 0.985  # of the cells are darker than bright tissue
 LEAST_STEP = 0.06  # of the bright tissue's level: less is texture
+LARGEST_LEVEL = 1.2  # times that: what is brighter counts as that
 HALF_STEP = 0.25  # a step of this size (over LEAST_STEP) earns half of what the largest one can
 LEAST_EXCESS = 0.15  # of the bright tissue's level: less is haze, not tissue
 EXCESS_COST, EXCESS_CAP = 0.5, 1.5  # cost of tissue above the path, in steps of full depth
@@ -54,15 +75,36 @@ class Surface:
 def find_surface(grid: Grid) -> tuple[Float, Float]:
     """Return the surface on a coarse grid: columns and rows of the frame, each shape (point,)."""
     tissue = _without_lines(grid)
-    column, _ = _pairs(grid.cells.shape[1], grid.step_columns)
-    score = _score(tissue, rows_of(STEP_PIXELS / ROWS, STEP_M / ROWS, grid, 3))
-    spacing_m = float(column[1] - column[0]) / grid.step_columns * grid.scale.lateral_m
-    reach = ceil(MAX_SLOPE * spacing_m / (ROWS * grid.scale.depth_m))
-    path = _best_rows(score, min(max(2, reach), score.shape[1] // 3))
+    column, _ = pairs_of(grid.cells.shape[1], grid.step_columns)
+    path = _best_rows(_score(tissue, step_rows(grid)), path_reach(grid))
     row = path.astype(np.float32)
     row *= np.float32(ROWS * grid.step_rows)
     row -= np.float32(0.5)
     return column, row
+
+
+def line_rows(grid: Grid) -> int:
+    """Return how many rows of a grid a line touches at most: the opening that removes it is of so many."""
+    return rows_of(LINE_PIXELS, LINE_M, grid, 1) + 2  # it touches one row more
+
+
+def step_rows(grid: Grid) -> int:
+    """Return by how many rows of the path's map a step is judged."""
+    return rows_of(STEP_PIXELS / ROWS, STEP_M / ROWS, grid, 3)
+
+
+def path_reach(grid: Grid) -> int:
+    """Return by how many rows of its map the path may change from one pair of columns to the next."""
+    column, _ = pairs_of(grid.cells.shape[1], grid.step_columns)
+    spacing_m = float(column[1] - column[0]) / grid.step_columns * grid.scale.lateral_m
+    reach = ceil(MAX_SLOPE * spacing_m / (ROWS * grid.scale.depth_m))
+    return min(max(2, reach), len(grid.cells) // ROWS // 3)
+
+
+def strip_rows(scale: PixelScale) -> tuple[int, int]:
+    """Return half the height of the strip in which the boundary is refined, and the opening there, rows of a frame."""
+    half = max(4, round(min(STRIP_PIXELS, STRIP_M / scale.depth_m)))
+    return half, max(2, round(min(LINE_PIXELS, LINE_M / scale.depth_m)))
 
 
 def _without_lines(grid: Grid) -> Float:
@@ -70,9 +112,9 @@ def _without_lines(grid: Grid) -> Float:
 
     Shape (pair, row / ROWS). The opening comes before neighbours are averaged: that would thicken a line at a slope.
     """
-    _, pairs = _pairs(grid.cells.shape[1], grid.step_columns)
+    _, pairs = pairs_of(grid.cells.shape[1], grid.step_columns)
     cells = cv2.transpose(grid.cells).take(pairs, axis=0)
-    thin = _line(1, rows_of(LINE_PIXELS, LINE_M, grid, 1) + 2)  # a line touches one row more
+    thin = _line(1, line_rows(grid))
     floor = cells.dtype.type(grid.floor)
     opened = cv2.morphologyEx(np.maximum(cells, floor), cv2.MORPH_OPEN, thin) - floor
     _extend_upwards(opened, cells, BLACK_SHARE * grid.floor, thin.shape[1])
@@ -98,7 +140,7 @@ def _score(tissue: Float, depth: int) -> Float:
     nth = int(BRIGHT_SHARE * sample.size)
     sample.partition(nth)
     level = tissue * np.float32(1.0 / max(float(sample[nth]), 1e-6))
-    cv2.threshold(level, 1.2, 0.0, cv2.THRESH_TRUNC, level)
+    cv2.threshold(level, LARGEST_LEVEL, 0.0, cv2.THRESH_TRUNC, level)
     padded = cv2.copyMakeBorder(level, 0, 0, depth, depth, cv2.BORDER_REPLICATE)
     means = cv2.blur(padded, (depth, 1), anchor=(0, 0))
     step = means[:, depth : depth + rows] - means[:, :rows]
@@ -115,7 +157,7 @@ def _score(tissue: Float, depth: int) -> Float:
     score[:, ::2] -= above
     score[:, 1::2] -= above[:, : rows // 2]
     # Where nothing speaks, the path goes down: a wall that cannot be seen has left the window at the bottom.
-    score += _downwards(rows)
+    score += downwards(rows)
     return score
 
 
@@ -150,15 +192,14 @@ def refine_surface(frame: Pixels, scale: PixelScale, column: Float, row: Float, 
         The surface at no more than 128 columns, in rows of pixel centres: row r is below it where r >= `row`.
     """
     rows, columns = frame.shape
-    half = max(4, round(min(STRIP_PIXELS, STRIP_M / scale.depth_m)))
+    half, line = strip_rows(scale)
     fine = fine_columns(columns)
     start = continuation(columns, float(column[0]), float(column[1] - column[0]), len(column)) @ row
     np.minimum(np.maximum(start, np.float32(0.0), out=start), np.float32(rows - 1.0), out=start)
     map_column, map_row = repeated(columns, 2 * half), _strip_rows(half) + start
     raw = cv2.remap(frame, map_column, map_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float32)
     noise = cv2.meanStdDev(raw[: half - 2])[1].item()
-    thin = _line(max(2, round(min(LINE_PIXELS, LINE_M / scale.depth_m))), 1)
-    strip = cv2.morphologyEx(cv2.blur(raw, (3, 3)), cv2.MORPH_OPEN, thin)
+    strip = cv2.morphologyEx(cv2.blur(raw, (3, 3)), cv2.MORPH_OPEN, _line(line, 1))
     fits = strip.T @ _two_levels(half)
     found = start + fits[:, :-1].argmin(axis=1).astype(np.float32)
     found -= np.float32(half)
@@ -181,7 +222,7 @@ def _smoothed(found: Float) -> Float:
 
 
 @lru_cache(maxsize=64)
-def _pairs(columns: int, step: int) -> tuple[Float, NDArray[np.intp]]:
+def pairs_of(columns: int, step: int) -> tuple[Float, NDArray[np.intp]]:
     """Return pairs of neighbouring columns of a grid, at most PATH_COLUMNS of them, evenly spaced.
 
     First their middles in columns of the frame, (pair,), then their columns in the grid by turns, (2 pair,).
@@ -207,7 +248,7 @@ def _above(size: int, factor: float) -> Float:
 
 
 @lru_cache(maxsize=8)
-def _downwards(rows: int) -> Float:
+def downwards(rows: int) -> Float:
     """Return a bonus of each row that is too small to outweigh anything seen."""
     return np.linspace(0.0, 2e-3, rows, endpoint=False, dtype=np.float32)
 

@@ -4,15 +4,18 @@ import selectors
 import socket
 from collections.abc import Callable, Iterator
 from itertools import count
+from time import sleep
 
 from scleraforce.service.companions.guard import Guard
 from scleraforce.service.connection import Connection
 from scleraforce.service.telling import Telling
 
-__all__ = ["Clients"]
+__all__ = ["REST_S", "Clients"]
 
 ACCEPTED_PER_TURN = 16
 CHANGING = 32  # places that change hands: twice what a turn accepts, so that a newcomer is heard before it is replaced
+REST_S = 0.001  # now and then: Linux pauses real-time processes for 50 ms in a second of which they leave nothing
+WORK_S = 0.01  # without a rest, where frames come faster than they are read
 STALLED_S = 10.0  # a client that reads nothing for this long is disconnected
 
 
@@ -41,12 +44,30 @@ class Clients:
         self.selector.register(self.listener, selectors.EVENT_READ, None)
         self._connected: dict[int, Connection] = {}
         self._numbers = count(1)
+        self._waited_s = float("-inf")
 
     def __iter__(self) -> Iterator[Connection]:
         return iter(list(self._connected.values()))
 
     def __contains__(self, client: Connection) -> bool:
         return client.number in self._connected
+
+    def wait(self, within_s: float, clock: Callable[[], float]) -> list[tuple[selectors.SelectorKey, int]]:
+        """Wait for clients with data; rest for a moment first where there was no wait for long.
+
+        Args:
+            within_s: for how long at most.
+            clock: s, monotonic.
+        """
+        begun_s = clock()
+        if begun_s - self._waited_s > WORK_S:
+            sleep(REST_S)
+            self._waited_s = begun_s = clock()
+        ready = self.selector.select(within_s)
+        now_s = clock()
+        if now_s - begun_s >= REST_S:
+            self._waited_s = now_s
+        return ready
 
     def accept(self, spared: Connection | None = None) -> list[Connection]:
         """Accept the clients that wait; return those that are still connected. `spared` keeps its place."""

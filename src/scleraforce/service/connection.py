@@ -16,7 +16,7 @@ __all__ = ["Connection"]
 WAITING_BYTES = 8192  # not yet taken by the peer: a tenth of a second; a message behind them is old when it is read
 NOTES_PER_S, NOTES_AT_ONCE = 1.0, 10
 FORCES_PER_S, FORCES_AT_ONCE = 1200.0, 120  # a robot sends 1000 a second at most
-TURN_BYTES, TURN_EVENTS = 2 * 1024 * 1024, 16  # received before others have their turn; the last read may exceed it
+TURN_BYTES, TURN_EVENTS = 8 * 1024 * 1024, 16  # received before others have their turn: all that a socket holds
 
 
 class Connection:

@@ -29,7 +29,8 @@ class Entry:
         sub_code: of the STATUS.
         cause: name of the first cause of a withdrawal; None without one.
         message: of the STATUS.
-        frame: number of the frame in this session, from 1; None, as all that follows but `lost`, for other events.
+        frame: number of the frame in this session, from 1; None for other events, as all that follows
+            but the two counts.
         frame_id: the sender's number of the frame.
         predicted: its class.
         probabilities: of the classes.
@@ -38,7 +39,8 @@ class Entry:
         usable: whether the frame could be judged.
         reason: why it could not.
         latency_ms: from the frame's last byte to the answer on the wire.
-        lost: frames lost to the queue since the start.
+        overtaken: frames since the start that a newer one overtook: answered by its answer, and read after it.
+        lost: those of them that were never read.
     """
 
     number: int
@@ -59,6 +61,7 @@ class Entry:
     usable: bool | None = None
     reason: str | None = None
     latency_ms: float | None = None
+    overtaken: int = 0
     lost: int = 0
 
     def as_json(self) -> dict[str, Any]:

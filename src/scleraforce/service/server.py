@@ -3,7 +3,6 @@
 import json
 import selectors
 import socket
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
@@ -16,13 +15,12 @@ from scleraforce.monitor.events import (
     ChecksumError,
     Failure,
     MonitorEvent,
-    QueueLoss,
     Reset,
     Tick,
 )  # fmt: skip
 from scleraforce.openigtlink import BadChecksum, Broken, Image, Malformed, PeerEvent, Query, Received, Sensor, Text
 from scleraforce.service.allowance import Allowance
-from scleraforce.service.clients import Clients
+from scleraforce.service.clients import REST_S, Clients
 from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, Companions
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.guard import Guard
@@ -59,7 +57,6 @@ TICK_S = 0.01
 HEARTBEAT_S = 0.05
 RATES_S = 0.5
 OTHERS_S = 0.002  # for other clients, before the scanner has its turn again
-REST_S = 0.001  # after that: Linux pauses real-time processes for 50 ms in a second of which they leave nothing
 SMALL_BODY_BYTES = 64 * 1024  # all that a client other than the scanner needs
 LARGER_FRAMES = 4  # images up to this many times too large are received, so that the refusal can name their size
 WRONG_TOKENS = 3
@@ -117,7 +114,6 @@ class Server:
         self._most_bytes = LARGER_FRAMES * 2 * ring.shape[0] * ring.shape[1] + SMALL_BODY_BYTES
         self._scanner: Connection | None = None
         self._scanned_s = 0.0
-        self._overtaken = deque[Frame](maxlen=session.limits.losses_in_window)  # one more is a cause anyway
         self._arrivals = count(1)
         self._counted: tuple[int, float] | None = None
         self._noted = session.decision.state
@@ -158,7 +154,9 @@ class Server:
 
     def _turn(self, within_s: float) -> None:
         """Read from clients with data: the scanner first, then, for a short while, those that have waited longest."""
-        ready = [key.data for key, _ in self._clients.selector.select(0.0 if self._overtaken else within_s)]
+        ready = [
+            key.data for key, _ in self._clients.wait(0.0 if self.session.behind else within_s, self.session.clock)
+        ]
         clients = sorted(
             (who for who in ready if isinstance(who, Connection)),
             key=lambda who: (who is not self._scanner, who.heard_s),
@@ -172,11 +170,17 @@ class Server:
             if self.session.clock() > end_s:
                 self._rest()
                 break
-        if self._overtaken and self._scanner not in ready:
-            self._decide("overtaken", self.session.overtaken(self._overtaken.popleft()))
+        self._lose(self.session.clock())
+        if self.session.behind and self._scanner not in ready:
+            self._decide("overtaken", self.session.catch_up())
         if None in ready:
             for client in self._clients.accept(self._scanner):
                 self._clients.send(client, self._status(), self.session.clock())
+
+    def _lose(self, now_s: float) -> None:
+        """Count the frames that have waited for too long: they will not be read."""
+        for event in self.session.losses(now_s) if self.session.behind else ():
+            self._decide("loss", event)
 
     def _rest(self) -> None:
         """Pause for a moment, or until the scanner sends."""
@@ -197,12 +201,12 @@ class Server:
             if client.wrong_tokens >= WRONG_TOKENS:  # it was disconnected; later messages do not count
                 break
         overtaken = [frame for frame in frames[:-1] if not frame.misfit]
-        if overtaken:
-            self._decide("loss", QueueLoss(at_s, len(overtaken)))
+        for frame in overtaken:
+            self.session.put_off(frame, frames[-1])
+        self._lose(at_s)
         for frame in frames:
             if frame not in overtaken:
                 self._take_frame(frame)
-        self._overtaken.extend(overtaken)
         if not alive:
             broken = next((event.reason for event in events if isinstance(event, Broken)), None)
             self._clients.leave(client, f"was disconnected: {broken}" if broken else "left")

@@ -6,11 +6,12 @@ from time import monotonic, time
 from typing import Any
 
 from scleraforce.monitor import MonitorLimits, MonitorState, decide
-from scleraforce.monitor.events import Failure, FrameRead, MonitorEvent, OvertakenRead, Tick
+from scleraforce.monitor.events import Failure, FrameRead, MonitorEvent, OvertakenRead, QueueLoss, Tick
 from scleraforce.monitor.soundness import of_scale
 from scleraforce.reader.answers import Answer, LiveReading
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.service.entry import Entry
+from scleraforce.service.overtaken import FramePace, Overtaken
 from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import from_si
@@ -26,6 +27,7 @@ class Frame:
     """A frame as it came: `number` in this session, `sender_id` of its sender, `at_s` when its last byte arrived.
 
     `misfit`: its size, scale or order is wrong, which is known before it is read; such a frame is never skipped.
+    `interval_s`: the time that it stands for, the scanner's mean interval.
     `order` rises with `sender_id`, and keeps rising where another sender starts to count anew.
     `shown_back`: how many frames ago its picture was last shown, 0 if it is new. `sent_s`: the time in its header,
     None if it has none.
@@ -35,6 +37,7 @@ class Frame:
     order: int
     sender_id: int
     at_s: float
+    interval_s: float
     image: ScannerFrame
     shown_back: int
     misfit: bool
@@ -76,6 +79,8 @@ class Session:
         self._sender = self._offset = self._order = 0
         self._reading: LiveReading | None = None
         self._shown = ShownPictures(limits.shown_frames)
+        self._pace, self._put_off = FramePace(limits.silence_s), Overtaken[Frame](limits.catch_up_s)
+        self._overtaken = 0
 
     @property
     def frames(self) -> int:
@@ -84,8 +89,13 @@ class Session:
 
     @property
     def lost(self) -> int:
-        """Frames that were lost to the queue since the start."""
+        """Frames since the start that newer ones overtook and that were never read."""
         return self._state.lost
+
+    @property
+    def behind(self) -> bool:
+        """Whether frames wait that newer ones overtook."""
+        return len(self._put_off) > 0
 
     @property
     def reading(self) -> LiveReading | None:
@@ -116,6 +126,7 @@ class Session:
             order=order,
             sender_id=sender_id,
             at_s=at_s,
+            interval_s=self._pace.arrived(at_s),
             image=image,
             shown_back=self._shown.back(image.pixels),
             misfit=misfit,
@@ -137,8 +148,19 @@ class Session:
         else:
             self.take(read)
 
-    def overtaken(self, frame: Frame) -> MonitorEvent:
-        """Read a frame that newer ones overtook; return the event to decide on."""
+    def put_off(self, frame: Frame, newest: Frame) -> None:
+        """Let a frame wait until no newer one does; `newest` overtook it."""
+        self._overtaken += 1
+        self._put_off.add(frame, frame.at_s, frame.interval_s, newest.number)
+
+    def losses(self, now_s: float) -> list[QueueLoss]:
+        """Return the events of the frames that have waited for too long by now, which are lost."""
+        rows = self._put_off.lose(now_s)
+        return [QueueLoss(at_s=now_s, lost=lost, unread_s=unread_s, row=row) for row, lost, unread_s in rows]
+
+    def catch_up(self) -> MonitorEvent:
+        """Read the frame that has waited longest; return the event to decide on."""
+        frame = self._put_off.take()
         try:
             _, read = self._read_frame(frame)
         except Exception as fault:
@@ -170,7 +192,7 @@ class Session:
     def summary(self) -> dict[str, Any]:
         """Return a summary so far, for JSON."""
         withdrawals = [vars(withdrawal) for withdrawal in self.withdrawals]
-        return {"frames": self.frames, "lost": self.lost, "withdrawals": withdrawals}
+        return {"frames": self.frames, "overtaken": self._overtaken, "lost": self.lost, "withdrawals": withdrawals}
 
     def entry(self, event: str, at_s: float, frame: Frame | None = None, latency_s: float | None = None) -> Entry:
         """Return the last decision as a new entry, with the reading where it was made on a frame."""
@@ -203,6 +225,7 @@ class Session:
             usable=answer.usable if answer else False if frame else None,
             reason=answer.reason if answer else None,
             latency_ms=from_si(latency_s, "ms"),
+            overtaken=self._overtaken,
             lost=self.lost,
         )
 

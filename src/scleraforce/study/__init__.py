@@ -5,6 +5,7 @@ from scleraforce.study.globe import GlobeStudy
 from scleraforce.study.library import LibraryStudy
 from scleraforce.study.mechanics import MechanicsStudy
 from scleraforce.study.phantom import PhantomStudy
+from scleraforce.study.raw_reader import RawReaderStudy
 from scleraforce.study.reader import ReaderStudy
 from scleraforce.study.records import (
     CalibrationStudy,
@@ -61,6 +62,7 @@ __all__ = [
     "OctStudy",
     "PhantomStudy",
     "Range",
+    "RawReaderStudy",
     "ReaderStudy",
     "RegionStudy",
     "Sampled",

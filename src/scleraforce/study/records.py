@@ -12,6 +12,7 @@ from scleraforce.study.globe import GlobeStudy
 from scleraforce.study.library import LibraryStudy
 from scleraforce.study.mechanics import MechanicsStudy
 from scleraforce.study.phantom import PhantomStudy
+from scleraforce.study.raw_reader import RawReaderStudy
 from scleraforce.study.reader import ReaderStudy
 from scleraforce.study.sampled import Choice, Range, Sampled, fixed
 from scleraforce.study.scenes import ScenesStudy
@@ -265,3 +266,4 @@ class Study:
     supports: SupportsStudy = field(default_factory=SupportsStudy)
     scenes: ScenesStudy = field(default_factory=ScenesStudy)
     wall_finder: WallFinderStudy = field(default_factory=WallFinderStudy)
+    raw_reader: RawReaderStudy = field(default_factory=RawReaderStudy)

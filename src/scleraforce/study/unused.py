@@ -39,6 +39,7 @@ UNUSED: dict[tuple[str, str | None], tuple[str, ...]] = {
     ("calibrate", "finite-strain"): LIBRARY,
     ("library", None): LIBRARY,
     ("train --kind reader", None): LIBRARY,
+    ("train --kind raw-reader", None): (*LIBRARY, *EYE_MOVEMENT, "phantom.needle_count"),
     ("reproduce", None): (*SHARED_WALL, *EYE_MOVEMENT),
 }
 

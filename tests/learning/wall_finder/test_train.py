@@ -65,7 +65,7 @@ def test_a_changed_network_is_refused(trained: tuple[Path, TrainedFinder], tmp_p
 
 @pytest.mark.slow
 def test_a_wall_finder_reads_no_forces_and_says_so(trained: tuple[Path, TrainedFinder]) -> None:
-    with pytest.raises(ModelError, match="kind: found 'wall-finder', classifier or reader is needed here"):
+    with pytest.raises(ModelError, match="kind: found 'wall-finder', classifier, reader or raw-reader is needed here"):
         load_model(trained[0])
 
 

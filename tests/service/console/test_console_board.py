@@ -13,9 +13,12 @@ from scleraforce.service.companions.messages import ClientRole, CompanionMessage
 from scleraforce.service.console.board import Board
 from scleraforce.service.console.history import HISTORY_S, STEP_S, History
 from scleraforce.service.console.origin import refusal
-from scleraforce.service.console.pictures import MOST_PIXELS, Pictures
+from scleraforce.service.console.pictures import Pictures
 from scleraforce.service.console.sentences import SENTENCES, detail_of
+from scleraforce.service.console.thrift import SHARES
 from scleraforce.service.entry import Entry
+
+MOST_PIXELS = SHARES[0].pixels
 
 
 def entry(at_s: float, state: str = "WATCHING", cause: str | None = None, **said: Any) -> Entry:
@@ -143,7 +146,7 @@ def test_a_picture_is_the_frame_in_eight_bits_and_no_larger_than_a_screen() -> N
         frame[:, :3] = 4000
         frame[: rows // 2] //= 2
         ring.put(1, frame)
-        picture = Pictures(ring).of(1, None)
+        picture = Pictures(ring).of(1, None, MOST_PIXELS)
         assert picture is not None
         shown = np.frombuffer(picture[4 + int.from_bytes(picture[:4], "little") :], np.uint8)
         if rows == 40:
@@ -156,8 +159,8 @@ def test_a_frame_that_is_gone_makes_no_picture() -> None:
     for number in range(1, 8):
         ring.put(number, np.full((8, 8), number, np.uint16))
     pictures = Pictures(ring)
-    assert pictures.of(2, None) is None
-    assert pictures.of(7, None) is not None
+    assert pictures.of(2, None, MOST_PIXELS) is None
+    assert pictures.of(7, None, MOST_PIXELS) is not None
 
 
 @pytest.mark.parametrize(

@@ -182,6 +182,25 @@ def test_a_page_is_told_the_settings_the_state_and_the_picture_with_its_outline(
         assert message["detail"] == "up to 31.0 mN, the bound is 30.0 mN"
 
 
+def test_a_page_is_told_less_while_answers_are_slow_and_a_withdrawal_at_once_all_the_same() -> None:
+    rows, columns = 512, 400
+    with ConsoleMonitor(rows=rows, columns=columns) as monitor, page(monitor) as link:
+        for _ in range(3):
+            slow = {**reading(12.0), "latency_ms": 50.0}
+            frame = monitor.frame(np.full((rows, columns), 1000, np.uint16), "WATCHING", **slow)
+        while told(link)["thrift"] == 0:
+            pass
+        monitor.tell(Outline(frame=frame, step=4, outer=(), inner=()))
+        picture = shown_picture(link)
+        while header(picture)["rows"] == rows:  # sent before
+            frame = monitor.frame(np.full((rows, columns), 1000, np.uint16), "WATCHING", **slow)
+            monitor.tell(Outline(frame=frame, step=4, outer=(), inner=()))
+            picture = shown_picture(link)
+        assert (header(picture)["rows"], header(picture)["columns"]) == (320, 320)
+        monitor.entry("WITHDRAW", "class 2", "DANGEROUS_CLASS")
+        assert told(link, "WITHDRAW")["thrift"] > 0
+
+
 def test_a_reset_goes_to_the_monitor_with_its_token_and_comes_back_with_its_answer(monitor: ConsoleMonitor) -> None:
     own = {"Origin": monitor.address.rstrip("/"), "Content-Type": "application/json"}
     with closing(http.client.HTTPConnection("127.0.0.1", monitor.port, timeout=10)) as link:

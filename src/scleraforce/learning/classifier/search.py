@@ -1,12 +1,19 @@
 """The grid search over sizes of the network (paper sec. 2.4): every width with every depth, all with one training."""
 
-from collections.abc import Callable
+import threading
+import zlib
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
 
 from scleraforce.errors import SolverError
 from scleraforce.learning.classifier.samples import Samples
 from scleraforce.learning.classifier.training import Fitted, fit
+from scleraforce.processes import work_in_order
 from scleraforce.study import NetworkStudy
 
 __all__ = ["Candidate", "Search", "best", "grid", "search_sizes", "weights"]
@@ -69,29 +76,36 @@ def search_sizes(
     validation: Samples,
     classes: int = 3,
     progress: Callable[[int], object] | None = None,
+    workers: int | None = None,
 ) -> Search:
     """Train every size of the grid and keep the best.
 
-    The validation set chooses, so the accuracy of the chosen size is slightly flattered.
+    The validation set chooses, so the accuracy of the chosen size is slightly flattered. The result is the same
+    whoever trains, on the same kind of processor.
 
     Args:
         study: training and grid; its own sizes are not used.
         training: samples to descend on.
         validation: samples to choose by.
         classes: number of force classes.
-        progress: called with 1 after each epoch of each size.
+        progress: called with 1 after each epoch of each size, or with the epochs of a size that workers have trained.
+        workers: processes, or those of a cluster, that train a size each; None: one after the other in this process.
 
     Raises:
-        SolverError: every size diverged.
+        SolverError: every size diverged, or a worker died.
     """
+    sizes = grid(study)
     candidates: tuple[Candidate, ...] = ()
     kept: tuple[NetworkStudy, Fitted] | None = None
-    for hidden in grid(study):
-        sized = replace(study, hidden=hidden)
-        fitted = _try(sized, training, validation, classes, progress)
+    tried: Iterable[Fitted | None]
+    if workers is None:
+        tried = (_try(replace(study, hidden=hidden), training, validation, classes, progress) for hidden in sizes)
+    else:
+        tried = _tried_by_workers(study, (training, validation), classes, workers, progress)
+    for hidden, fitted in zip(sizes, tried, strict=True):
         candidates = (*candidates, _candidate(hidden, training, classes, fitted))
         if fitted and best(candidates) == len(candidates) - 1:
-            kept = sized, fitted
+            kept = replace(study, hidden=hidden), fitted
     best(candidates)
     assert kept is not None
     return Search(candidates, *kept)
@@ -102,13 +116,63 @@ def _try(
     training: Samples,
     validation: Samples,
     classes: int,
-    progress: Callable[[int], object] | None,
+    progress: Callable[[int], object] | None = None,
 ) -> Fitted | None:
     """Train one size; None where it diverges, which deep and wide ones may do at a rate that suits the others."""
     try:
         return fit(study, training, validation, classes, progress)
     except SolverError:
         return None
+
+
+def _tried_by_workers(
+    study: NetworkStudy,
+    samples: Sequence[Samples],
+    classes: int,
+    workers: int,
+    progress: Callable[[int], object] | None,
+) -> Iterable[Fitted | None]:
+    """Yield what the sizes of the grid reached, in its order."""
+    count = len(grid(study))
+    prepare = partial(_trying, study, [_Packed.of(part) for part in samples], classes)
+    for fitted in work_in_order(prepare, range(count), workers, ahead=count):
+        if progress is not None:
+            progress(study.epochs)
+        yield fitted
+
+
+@dataclass(frozen=True)
+class _Packed:
+    """Samples on the way to a worker: slices are a twentieth of their size."""
+
+    slices: bytes
+    shape: tuple[int, ...]
+    target: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, samples: Samples) -> "_Packed":
+        """Pack samples."""
+        return cls(zlib.compress(samples.slices.tobytes(), 1), samples.slices.shape, samples.target)
+
+    def unpacked(self) -> Samples:
+        """Return the samples."""
+        slices = np.frombuffer(zlib.decompress(self.slices), dtype=np.uint8).reshape(self.shape)
+        return Samples(slices, self.target)
+
+
+_one_training = threading.Lock()  # PyTorch's random numbers belong to the process, which may be a worker of threads
+
+
+def _trying(study: NetworkStudy, packed: Sequence[_Packed], classes: int) -> Callable[[int], Fitted | None]:
+    """Return what trains a size of the grid, in a worker."""
+    training, validation = (part.unpacked() for part in packed)
+    sizes = grid(study)
+
+    def work(number: int) -> Fitted | None:
+        with _one_training:
+            return _try(replace(study, hidden=sizes[number]), training, validation, classes)
+
+    return work
 
 
 def _candidate(hidden: tuple[int, ...], training: Samples, classes: int, fitted: Fitted | None) -> Candidate:

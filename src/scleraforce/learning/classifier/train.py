@@ -43,6 +43,7 @@ def train_classifier(
     search: bool = False,
     progress: Callable[[int], object] | None = None,
     youngs_modulus_pa: float | None = None,
+    workers: int | None = None,
 ) -> Trained:
     """Train the classifier on a data set and write its model folder.
 
@@ -53,6 +54,7 @@ def train_classifier(
         search: try every size of the grid instead, and keep the best.
         progress: called with 1 after each epoch (of each size).
         youngs_modulus_pa: label the slices for walls of this modulus (`classes_at_modulus`); None: as simulated.
+        workers: that try the sizes (`search_sizes`).
 
     Raises:
         ModelError: `out` exists or cannot be written.
@@ -65,7 +67,7 @@ def train_classifier(
     classes = len(study.classes.bounds_n) + 1
     training, validation = split_samples(dataset, modulus_pa)
     if search:
-        found = search_sizes(study.network, training, validation, classes, progress)
+        found = search_sizes(study.network, training, validation, classes, progress, workers)
         study, fitted, candidates = replace(study, network=found.study), found.fitted, found.candidates
     else:
         fitted, candidates = fit(study.network, training, validation, classes, progress), ()

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import CalibrationError
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
@@ -63,6 +64,7 @@ def measured_intervals(
 
 def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
     """Return what scores an eye, in its process."""
+    use_compiled_loops()
     reads_slices = slice_network(network, study)
 
     def scores_of(number: int) -> list[Score]:

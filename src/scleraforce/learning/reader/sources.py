@@ -22,7 +22,7 @@ STEPS = (
 )  # fmt: skip
 # Imported on the way, and not run: linear eyes, stores, whole models, what only the classifier needs.
 NOT_RUN = (
-    "scleraforce.calibration.linear_eye", "scleraforce.library.store", "scleraforce.library.cluster",
+    "scleraforce.calibration.linear_eye", "scleraforce.library.store",
     "scleraforce.known.calibration_file", "scleraforce.reader.force_reader", "scleraforce.reader.model",
     "scleraforce.learning.classifier.network", "scleraforce.learning.classifier.samples",
 )  # fmt: skip

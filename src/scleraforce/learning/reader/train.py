@@ -27,7 +27,7 @@ from scleraforce.processes import available_cores
 from scleraforce.study import Study, format_study, study_hash
 from scleraforce.units import from_si
 
-__all__ = ["TrainedReader", "train_reader"]
+__all__ = ["TrainedReader", "check_library", "stored_library", "train_reader"]
 
 DEFAULT_METHOD = "fit"  # nearer to the true force than the network on virtual eyes (docs/figures.md)
 
@@ -65,8 +65,8 @@ def train_reader(
         SolverError: the training diverged.
     """
     check_place(out)
-    _check_library(library, study)
-    content, errors = _stored(library)
+    check_library(library, study)
+    content, errors = stored_library(library)
     source = Source.of(library, study.reader, study.slice)
     fitted = fit_reader(study, source, workers or max(1, available_cores() - 1), progress)
     provenance = _provenance(study, content)
@@ -78,7 +78,7 @@ def train_reader(
     return TrainedReader(fitted.metrics, study.reader.epochs, record["samples"]["training"])
 
 
-def _check_library(library: Library, study: Study) -> None:
+def check_library(library: Library, study: Study) -> None:
     """Refuse a library of other eyes: its answers would be wrong without a sign of it."""
     compared = (
         ("radius", library.radius_m, study.eye.radius_m),
@@ -90,7 +90,7 @@ def _check_library(library: Library, study: Study) -> None:
             raise InputError(f"library: {name} {found:g}, the study has {wanted:g}; make a library of this study")
 
 
-def _stored(library: Library) -> tuple[bytes, StoredErrors]:
+def stored_library(library: Library) -> tuple[bytes, StoredErrors]:
     """Return a library as a model folder has it, and by how much that differs from what was computed."""
     file = BytesIO()
     errors = save_library(library, file)

@@ -42,7 +42,7 @@ def train_wall_finder(
     Args:
         study: with the `[scenes]` and the `[wall_finder]` to use.
         out: the folder to make; it must not exist.
-        workers: processes that draw; None: one for each other core that this process may use.
+        workers: processes, or those of a cluster, that draw; None: a process for each other core that this one may use.
         progress: called with 1 after each batch.
 
     Raises:

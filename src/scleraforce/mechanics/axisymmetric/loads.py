@@ -63,21 +63,21 @@ class Interior:
         self._points_nc = mesh.points_nc
         self._nodes_en, self._values_pn, slopes_pn, self._weights_p = _boundary(mesh.inner_n)
         self._slopes_pn = -slopes_pn  # from the support to the axis
+        self._unknowns = np.concatenate([2 * self._nodes_en.ravel(), 2 * self._nodes_en.ravel() + 1])
         # The inner nodes of an element of the innermost layer are its last three.
         layers = len(mesh.cells_en) // len(self._nodes_en)
         self._elements = np.arange(layers - 1, len(mesh.cells_en), layers)
         rows = self._weights_p[:, None] * self._values_pn
-        self._mass_pab = rows[:, :, None] * self._values_pn[:, None, :]
-        self._mixed_pab = rows[:, :, None] * self._slopes_pn[:, None, :]
+        self._mass_pab = (rows[:, :, None] * self._values_pn[:, None, :]).reshape(-1, 9)
+        self._mixed_pab = (rows[:, :, None] * self._slopes_pn[:, None, :]).reshape(-1, 9)
 
     def volume(self, everywhere: Floats) -> tuple[float, Floats]:
         """Return V in m^3 and its derivative, (all unknowns,)."""
         r_ep, slope_ep = self._curve(everywhere)
-        gradient = np.zeros(everywhere.shape)
         along = (2.0 * np.pi * r_ep * slope_ep * self._weights_p) @ self._values_pn
         up = (np.pi * r_ep**2 * self._weights_p) @ self._slopes_pn
-        np.add.at(gradient, 2 * self._nodes_en, along)
-        np.add.at(gradient, 2 * self._nodes_en + 1, up)
+        forces = np.concatenate([along.ravel(), up.ravel()])
+        gradient: Floats = np.bincount(self._unknowns, forces, minlength=len(everywhere)).astype(np.float64, copy=False)
         return float(np.pi * np.sum(r_ep**2 * slope_ep * self._weights_p)), gradient
 
     def subtract_curvature(self, tangents: Floats, everywhere: Floats, pressure: float) -> None:
@@ -85,8 +85,8 @@ class Interior:
         r_ep, slope_ep = self._curve(everywhere)
         block = tangents.reshape(len(tangents), 9, 2, 9, 2)
         part = np.zeros((len(self._elements), 3, 2, 3, 2))
-        mixed = 2.0 * np.pi * np.einsum("ep,pab->eab", r_ep, self._mixed_pab)
-        part[:, :, 0, :, 0] = 2.0 * np.pi * np.einsum("ep,pab->eab", slope_ep, self._mass_pab)
+        mixed = 2.0 * np.pi * (r_ep @ self._mixed_pab).reshape(-1, 3, 3)
+        part[:, :, 0, :, 0] = 2.0 * np.pi * (slope_ep @ self._mass_pab).reshape(-1, 3, 3)
         part[:, :, 0, :, 1] = mixed
         part[:, :, 1, :, 0] = mixed.transpose(0, 2, 1)
         block[self._elements, 6:, :, 6:, :] -= pressure * part

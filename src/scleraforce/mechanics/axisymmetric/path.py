@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgbtrf, dgbtrs
+from scipy.linalg.lapack import dgbtrf, dgbtrs, dpbtrf, dpbtrs
 
 from scleraforce.errors import SolverError
 from scleraforce.eye.globe import OPEN_GLOBE, Globe
@@ -210,19 +210,38 @@ class _Band:
         number[free] = np.arange(len(free))
         local = number[unknowns_eN]
         rows, columns = np.broadcast_arrays(local[:, :, None], local[:, None, :])
-        self._kept = (rows >= 0) & (columns >= 0)
-        self._rows, self._columns = rows[self._kept], columns[self._kept]
-        self.width = int(np.abs(self._rows - self._columns).max())
-        self._shape = (len(free), 3 * self.width + 1)
-        self._flat = self._columns * self._shape[1] + 2 * self.width + self._rows - self._columns
+        kept = (rows >= 0) & (columns >= 0)
+        self._entries = np.flatnonzero(kept)
+        self._rows, self._columns = rows[kept], columns[kept]
+        self._offsets = self._rows - self._columns
+        self._below = self._offsets >= 0
+        self._entries_below = self._entries[self._below]
+        self.width = int(np.abs(self._offsets).max())
+        self._half = self._columns[self._below] * (self.width + 1) + self._offsets[self._below]
+        self._unknowns = len(free)
 
     def factor(self, tangents: Floats) -> Callable[[Floats], Floats]:
-        """Factor with row exchanges: past a limit of the force the tangent is not definite."""
-        entries = np.bincount(self._flat, tangents[self._kept], minlength=self._shape[0] * self._shape[1])
-        if not np.all(np.isfinite(entries)):
+        """Factor without row exchanges, or with them past a limit of the force, where the tangent is not definite."""
+        below = tangents.ravel()[self._entries_below]
+        band = np.bincount(self._half, below, minlength=self._unknowns * (self.width + 1))
+        if not np.all(np.isfinite(band)):
             raise SolverError("wall: turned inside out; use a shorter step")
-        factors, pivots, info = dgbtrf(entries.reshape(self._shape).T, self.width, self.width, overwrite_ab=1)
-        if info != 0:
+        factor, fault = dpbtrf(band.reshape(self._unknowns, -1).T, lower=1, overwrite_ab=1)
+        if fault != 0:
+            return self._exchanged(tangents)
+
+        def solve(rhs: Floats) -> Floats:
+            answer: Floats = dpbtrs(factor, rhs, lower=1)[0]
+            return answer.reshape(rhs.shape)
+
+        return solve
+
+    def _exchanged(self, tangents: Floats) -> Callable[[Floats], Floats]:
+        shape = (self._unknowns, 3 * self.width + 1)
+        flat = self._columns * shape[1] + 2 * self.width + self._offsets
+        entries = np.bincount(flat, tangents.ravel()[self._entries], minlength=shape[0] * shape[1])
+        factors, pivots, fault = dgbtrf(entries.reshape(shape).T, self.width, self.width, overwrite_ab=1)
+        if fault != 0:
             raise SolverError("wall: its tangent is singular; add supports against rigid motion")
 
         def solve(rhs: Floats) -> Floats:
@@ -233,6 +252,6 @@ class _Band:
 
     def dense(self, tangents: Floats) -> Floats:
         """Return the matrix in full storage."""
-        matrix: Floats = np.zeros((self._shape[0], self._shape[0]))
-        np.add.at(matrix, (self._rows, self._columns), tangents[self._kept])
+        matrix: Floats = np.zeros((self._unknowns, self._unknowns))
+        np.add.at(matrix, (self._rows, self._columns), tangents.ravel()[self._entries])
         return matrix

@@ -36,7 +36,7 @@ def line_shapes(places_p: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """Deformation at the Gauss points: F and its inverse's transpose H (element, point, 5); ln J (element, point)."""
+    """Deformation at the Gauss points: F and its inverse's transpose H (element, 5, point); ln J (element, point)."""
 
     F: Floats
     H: Floats
@@ -56,8 +56,9 @@ class SolidOfRevolution:
         self._lambda_ep, self._mu_ep = lame_lambda * volumes_ep, lame_mu * volumes_ep
         elements, points = volumes_ep.shape
         self._flat = (elements, 5 * points, -1)
-        weighted = (self._G * self._mu_ep[..., None, None]).reshape(self._flat)
-        self._laplacian = weighted.transpose(0, 2, 1) @ self._G.reshape(self._flat)
+        # Rows are (component, point): every component of all points lies in one piece.
+        self._rows_erN = self._G.transpose(0, 2, 1, 3).reshape(self._flat)
+        self._laplacian = self._products(self._mu_ep[..., None, None] * np.eye(5))
 
     def forces(self, u: Floats) -> Floats:
         """Return the nodal forces that hold a displacement u, both (all unknowns,).
@@ -67,8 +68,8 @@ class SolidOfRevolution:
         state = self._state(u)
         P = self._stress(state)
         if self._stiffening > 0.0:
-            P *= self._growth(state)[..., None]
-        local_eN = (P.reshape(len(P), 1, -1) @ self._G.reshape(self._flat))[:, 0]
+            P *= self._growth(state)[:, None]
+        local_eN = (P.reshape(len(P), 1, -1) @ self._rows_erN)[:, 0]
         forces = np.bincount(self.unknowns_eN.ravel(), local_eN.ravel(), minlength=self._size)
         return np.asarray(forces, dtype=np.float64)
 
@@ -79,27 +80,28 @@ class SolidOfRevolution:
         that stiffens all of it is times exp(b Q), and so is (2 b/mu) (P:dF)^2 with P of b = 0.
         """
         state = self._state(u)
-        A = self._lambda_ep[..., None, None] * state.H[..., :, None] * state.H[..., None, :]
-        A += (self._mu_ep - self._lambda_ep * state.log_ratio)[..., None, None] * _exchange(state.H)
+        H = np.ascontiguousarray(state.H.transpose(0, 2, 1))
+        A = (self._lambda_ep[..., None] * H)[..., :, None] * H[..., None, :]
+        A += (self._mu_ep - self._lambda_ep * state.log_ratio)[..., None, None] * _exchange(H)
         if self._stiffening > 0.0:
             return self._products(self._stiffened(A, state))
         tangents: Floats = self._products(A) + self._laplacian
         return tangents
 
     def _stress(self, state: _State) -> Floats:
-        """Stress of b = 0 times the volumes, (element, point, 5)."""
+        """Stress of b = 0 times the volumes, (element, 5, point)."""
         along_H = self._lambda_ep * state.log_ratio - self._mu_ep
-        stress: Floats = self._mu_ep[..., None] * state.F + along_H[..., None] * state.H
+        stress: Floats = self._mu_ep[:, None] * state.F + along_H[:, None] * state.H
         return stress
 
     def _growth(self, state: _State) -> Floats:
         """Factor of the stiffening on the stress, (element, point)."""
-        excess = np.sum(state.F**2, axis=-1) - 3.0
+        excess = np.sum(state.F**2, axis=1) - 3.0
         return growth(self._stiffening, strain_measure(excess, state.log_ratio, self._poisson_ratio))
 
     def _stiffened(self, A: Floats, state: _State) -> Floats:
         """Elasticity of tissue that stiffens, from that of b = 0 without mu dF:dF: both (element, point, 5, 5)."""
-        P = self._stress(state)
+        P = self._stress(state).transpose(0, 2, 1)
         rise = 2.0 * self._stiffening / self._mu_ep
         whole = A + self._mu_ep[..., None, None] * np.eye(5) + rise[..., None, None] * P[..., :, None] * P[..., None, :]
         stiffened: Floats = self._growth(state)[..., None, None] * whole
@@ -111,13 +113,18 @@ class SolidOfRevolution:
         return products
 
     def _state(self, u: Floats) -> _State:
-        F = (self._G.reshape(self._flat) @ u[self.unknowns_eN][..., None]).reshape(*self._mu_ep.shape, 5)
-        F[..., [0, 3, 4]] += 1.0
-        rr, rz, zr, zz, tt = np.moveaxis(F, -1, 0)
+        elements, points = self._mu_ep.shape
+        F = (self._rows_erN @ u[self.unknowns_eN][..., None]).reshape(elements, 5, points)
+        F[:, 0] += 1.0
+        F[:, 3:] += 1.0
+        rr, rz, zr, zz, tt = (F[:, component] for component in range(5))
         plane = rr * zz - rz * zr
+        H = np.empty_like(F)
         with np.errstate(divide="ignore", invalid="ignore"):
             log_ratio = np.where((plane > 0.0) & (tt > 0.0), np.log(plane * tt), np.nan)
-            H = np.stack([zz / plane, -zr / plane, -rz / plane, rr / plane, 1.0 / tt], axis=-1)
+            inverse = 1.0 / plane
+            H[:, 0], H[:, 3], H[:, 4] = zz * inverse, rr * inverse, 1.0 / tt
+            H[:, 1], H[:, 2] = -zr * inverse, -rz * inverse
         return _State(F, H, log_ratio)
 
 
@@ -145,6 +152,7 @@ def _exchange(H: Floats) -> Floats:
     """Return B with dF : B dF = tr(H dF^T H dF^T): B_iJ,kL = H_iL H_kJ, (element, point, 5, 5)."""
     plane = H[..., :4].reshape(*H.shape[:-1], 2, 2)
     B = np.zeros((*H.shape, 5))
-    B[..., :4, :4] = np.einsum("...iL,...kJ->...iJkL", plane, plane).reshape(*H.shape[:-1], 4, 4)
+    exchanged = plane[..., :, None, None, :] * plane[..., None, :, :, None].swapaxes(-3, -2)
+    B[..., :4, :4] = exchanged.reshape(*H.shape[:-1], 4, 4)
     B[..., 4, 4] = H[..., 4] ** 2
     return B

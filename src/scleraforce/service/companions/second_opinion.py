@@ -2,7 +2,8 @@
 
 The monitor answers with the network, in a few milliseconds. Here the whole chain runs on the raw frame, including the
 fit to the response library, which takes several times as long. The process reads the newest frame, at most 50 a second,
-and skips those that come meanwhile.
+skips those that come meanwhile, and takes no more than half of a core: it runs in real time, and where a reading takes
+20 ms, others would get nothing of that core.
 """
 
 import sys
@@ -10,6 +11,7 @@ from collections.abc import Sequence
 from select import select
 from time import monotonic, sleep
 
+from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import MessageError
 from scleraforce.reader import load_model
 from scleraforce.reader.answers import Answer
@@ -20,14 +22,15 @@ from scleraforce.service.companions.messages import OpinionAsked, OpinionGiven, 
 from scleraforce.service.companions.opinion_settings import OpinionSettings
 from scleraforce.service.priority import OPINION_PRIORITY, run_in_real_time
 
-__all__ = ["main", "opinion_of"]
+__all__ = ["main", "opinion_of", "rest_s"]
 
-LEAST_S = 0.02  # from frame to frame, which leaves some of the core to other programs
+LEAST_S = 0.02  # from frame to frame
 
 
 def main(arguments: Sequence[str]) -> None:
     """Read the frames that the monitor names, until its channel closes."""
     run_in_real_time(OPINION_PRIORITY)
+    use_compiled_loops()
     channel, settings = settings_of_child(arguments, OpinionSettings)
     try:
         _serve(channel, settings)
@@ -49,7 +52,16 @@ def _serve(channel: Channel, settings: OpinionSettings) -> None:
         pixels = ring.get(asked.number)
         if pixels is not None:
             channel.send(opinion_of(asked.order, reader.read(pixels, settings.scale, settings.known)))
-        sleep(max(0.0, begun_s + LEAST_S - monotonic()))
+        sleep(rest_s(monotonic() - begun_s))
+
+
+def rest_s(took_s: float) -> float:
+    """Return how long to rest after a reading: at least as long as it took.
+
+    >>> [round(rest_s(took_s), 3) for took_s in (0.005, 0.03)]
+    [0.015, 0.03]
+    """
+    return max(LEAST_S - took_s, took_s)
 
 
 def opinion_of(order: int, answer: Answer) -> OpinionGiven:

@@ -8,9 +8,17 @@ from time import monotonic
 
 from scleraforce.errors import MessageError
 from scleraforce.service.companions.channel import Channel, ChannelClosedError
-from scleraforce.service.companions.messages import CompanionMessage, ResetAnswered, ResetAsked, SelfReport, WrongTokens
+from scleraforce.service.companions.messages import (
+    CompanionMessage,
+    Decided,
+    ResetAnswered,
+    ResetAsked,
+    SelfReport,
+    WrongTokens,
+)
 from scleraforce.service.console.board import Board
 from scleraforce.service.console.pictures import Pictures
+from scleraforce.service.console.thrift import Thrift
 from scleraforce.service.reset_token import ResetToken
 
 __all__ = ["Hub", "PagePlace", "ResetAnswer"]
@@ -48,7 +56,7 @@ class Hub:
     """
 
     def __init__(self, channel: Channel, pictures: Pictures, token: ResetToken, when_ended: Callable[[], None]) -> None:
-        self.board, self.pictures = Board(monotonic()), pictures
+        self.board, self.pictures, self.thrift = Board(monotonic()), pictures, Thrift()
         self.pages: set[PagePlace] = set()
         self._channel, self._token, self._when_ended = channel, token, when_ended
         self._numbers = count(1)
@@ -81,6 +89,8 @@ class Hub:
         for message in messages:
             if isinstance(message, ResetAnswered):
                 self._answer(message)
+            if isinstance(message, Decided):
+                self.thrift.answered(message.entry.latency_ms, message.entry.overtaken, now_s)
             urgent = self.board.take(message, now_s) or urgent
         if urgent:
             self._wake()

@@ -1,8 +1,7 @@
-"""One browser page: it gets the newest state as fast as it can take it, and never a queue of old ones."""
+"""One browser page: it gets the newest state as fast as it and the machine can take it, never a queue of old ones."""
 
 import asyncio
 import json
-from contextlib import suppress
 from dataclasses import dataclass
 from time import monotonic
 from typing import Any
@@ -10,10 +9,11 @@ from typing import Any
 from fastapi import WebSocket, WebSocketDisconnect
 
 from scleraforce.service.console.hub import Hub, PagePlace
+from scleraforce.service.console.thrift import Share
 
 __all__ = ["show"]
 
-EVERY_S = 1 / 30
+SLACK_S = 0.01  # by which a picture may come earlier than its turn, since updates have their own rhythm
 MOST_UNSEEN = 4  # messages under way that the page has not acknowledged
 
 
@@ -26,6 +26,7 @@ class _Progress:
         seen: number of the last message acknowledged.
         picture: frame of the last picture sent.
         drawn: frame of the last picture that the page has drawn.
+        pictured_s: when the last picture was sent.
         step: number of the last step of the history sent.
     """
 
@@ -33,6 +34,7 @@ class _Progress:
     seen: int = 0
     picture: int = 0
     drawn: int = 0
+    pictured_s: float = 0.0
     step: int = 0
 
     @property
@@ -81,28 +83,35 @@ async def show(socket: WebSocket, hub: Hub, settings: dict[str, Any]) -> None:
 async def _tell(socket: WebSocket, hub: Hub, progress: _Progress, place: PagePlace) -> None:
     while True:
         place.wake.clear()
+        share = hub.thrift.share(monotonic())
         if progress.keeps_up:
-            await _tell_state(socket, hub, progress)
-            await _tell_picture(socket, hub, progress)
-        with suppress(TimeoutError):
-            await asyncio.wait_for(place.wake.wait(), EVERY_S)
+            await _tell_state(socket, hub, progress, share)
+            await _tell_picture(socket, hub, progress, share)
+        due_s = monotonic() + share.update_s
+        try:
+            await asyncio.wait_for(place.wake.wait(), share.update_s)
+        except TimeoutError:
+            now_s = monotonic()
+            hub.thrift.woke(now_s - due_s, now_s)
 
 
-async def _tell_state(socket: WebSocket, hub: Hub, progress: _Progress) -> None:
+async def _tell_state(socket: WebSocket, hub: Hub, progress: _Progress, share: Share) -> None:
     state = hub.board.as_json(monotonic(), progress.step)
     if state["steps"]:
         progress.step = state["steps"][-1][0]  # which may still change
     progress.sent += 1
-    await socket.send_text(json.dumps({**state, "number": progress.sent}))
+    await socket.send_text(json.dumps({**state, "thrift": share.level, "number": progress.sent}))
 
 
-async def _tell_picture(socket: WebSocket, hub: Hub, progress: _Progress) -> None:
-    chosen = hub.board.picture()
+async def _tell_picture(socket: WebSocket, hub: Hub, progress: _Progress, share: Share) -> None:
+    chosen, now_s = hub.board.picture(), monotonic()
     if chosen is None or progress.drawn != progress.picture or chosen[0] == progress.picture:
         return
-    picture = hub.pictures.of(*chosen)
+    if now_s - progress.pictured_s < share.picture_s - SLACK_S:
+        return
+    picture = hub.pictures.of(*chosen, share.pixels)
     if picture is not None:
-        progress.picture = chosen[0]
+        progress.picture, progress.pictured_s = chosen[0], now_s
         await socket.send_bytes(picture)
 
 

@@ -11,7 +11,6 @@ from scleraforce.service.companions.messages import Outline
 
 __all__ = ["Pictures"]
 
-MOST_PIXELS = 640  # along either side
 WHITE_PERCENTILE = 99.5
 FADING = 0.99  # of the white level from picture to picture, so that a single bright frame does not darken the next ones
 
@@ -25,23 +24,23 @@ class Pictures:
 
     def __init__(self, ring: FrameRing) -> None:
         self._ring = ring
-        self._made: tuple[int, bytes] = (0, b"")
+        self._made: tuple[tuple[int, int], bytes] = ((0, 0), b"")
         self._white = 1.0
 
-    def of(self, frame: int, outline: Outline | None) -> bytes | None:
-        """Return the picture of a frame; None if the frame is gone."""
-        if self._made[0] == frame:
+    def of(self, frame: int, outline: Outline | None, most_pixels: int) -> bytes | None:
+        """Return the picture of a frame, of `most_pixels` along either side; None if the frame is gone."""
+        if self._made[0] == (frame, most_pixels):
             return self._made[1]
         pixels = self._ring.get(frame)
         if pixels is None:
             return None
-        self._made = frame, self._picture(frame, pixels, outline)
+        self._made = (frame, most_pixels), self._picture(frame, pixels, outline, most_pixels)
         return self._made[1]
 
-    def _picture(self, frame: int, pixels: NDArray[np.uint16], outline: Outline | None) -> bytes:
+    def _picture(self, frame: int, pixels: NDArray[np.uint16], outline: Outline | None, most_pixels: int) -> bytes:
         white = float(np.percentile(pixels[::4, ::4], WHITE_PERCENTILE))
         self._white = max(white, FADING * self._white, 1.0)
-        rows, columns = (min(length, MOST_PIXELS) for length in pixels.shape)
+        rows, columns = (min(length, most_pixels) for length in pixels.shape)
         if (rows, columns) != pixels.shape:
             pixels = cv2.resize(pixels, (columns, rows), interpolation=cv2.INTER_AREA).astype(np.uint16)
         shown = cv2.convertScaleAbs(pixels, alpha=255 / self._white)

@@ -13,6 +13,7 @@ export function makeGraph(canvas, stamp) {
   let now = 0;
   let heard = 0;
   let drawn = 0;
+  let asked = false; // whether the browser will call `tick`
   let frozen = true;
   let colours = {};
 
@@ -48,6 +49,7 @@ export function makeGraph(canvas, stamp) {
       while (steps.length && steps[steps.length - 1][NUMBER] >= step[NUMBER]) steps.pop();
       steps.push(step);
     }
+    ask();
     const first = steps.findIndex((step) => step[NUMBER] >= now - SPAN - 50);
     if (first > 0) steps.splice(0, first);
   }
@@ -58,8 +60,14 @@ export function makeGraph(canvas, stamp) {
     canvas.parentElement.toggleAttribute("data-stale", frozen);
   }
 
+  // The graph moves with each message, and only then; a hidden page paints nothing.
+  function ask() {
+    if (!asked) requestAnimationFrame(tick);
+    asked = true;
+  }
+
   function tick(at) {
-    requestAnimationFrame(tick);
+    asked = false;
     if (frozen || at - drawn < EVERY_MS) return;
     drawn = at;
     draw();
@@ -219,6 +227,5 @@ export function makeGraph(canvas, stamp) {
     draw();
   });
   new ResizeObserver(draw).observe(canvas.parentElement);
-  requestAnimationFrame(tick);
   return { begin, take, look };
 }

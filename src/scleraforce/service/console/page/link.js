@@ -21,8 +21,8 @@ export function connect({ hello, state, picture, lost }) {
 
   function take(data) {
     if (typeof data !== "string") {
-      const drawn = picture(data);
-      socket.send(JSON.stringify({ drawn }));
+      const from = socket;
+      picture(data, (drawn) => from === socket && from.send(JSON.stringify({ drawn })));
       return;
     }
     heard = performance.now();

@@ -11,6 +11,7 @@ const scan = makeScan(element("scan"), element("scan-stamp"), element("frame"));
 const graph = makeGraph(element("graph"), element("graph-stamp"));
 const allowReset = makeReset();
 const MONITORS = { ended: "The monitor has ended or died.", silent: "The monitor does not answer.", starting: "The monitor has said nothing yet." };
+const THRIFT = ["", "fewer pictures: the machine is busy", "two pictures a second: the machine is busy"];
 let settings = null;
 let failed = false;
 let live = false;
@@ -19,6 +20,7 @@ function loud(word, why) {
   live = false;
   showVerdict("LOST", word, `${why} Treat this as a withdrawal.`, "Nothing on this page is live.");
   clearNumbers();
+  element("thrift").textContent = "";
   scan.look("NOT LIVE");
   graph.look("NOT LIVE");
   allowReset(false, false);
@@ -32,6 +34,7 @@ function state(message) {
   }
   live = true;
   showState(message, settings);
+  if (element("thrift").textContent !== THRIFT[message.thrift]) element("thrift").textContent = THRIFT[message.thrift];
   graph.look();
   graph.take(message);
   scan.look();

@@ -10,6 +10,7 @@ export function makeScan(canvas, stamp, frameLabel) {
   let settings = null;
   let header = null;
   let shownAt = -Infinity;
+  let waiting = null; // the newest picture, until the browser paints; a hidden page paints nothing and asks for no other
 
   function begin(told) {
     settings = told;
@@ -19,7 +20,14 @@ export function makeScan(canvas, stamp, frameLabel) {
     draw();
   }
 
-  function take(data) {
+  function take(data, drawn) {
+    if (!waiting) requestAnimationFrame(paint);
+    waiting = { data, drawn, came: performance.now() };
+  }
+
+  function paint() {
+    const { data, drawn, came } = waiting;
+    waiting = null;
     const length = new DataView(data).getUint32(0, true);
     header = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
     const { rows, columns } = header;
@@ -27,18 +35,19 @@ export function makeScan(canvas, stamp, frameLabel) {
     const image = new ImageData(columns, rows);
     const words = new Uint32Array(image.data.buffer);
     for (let at = 0; at < words.length; at++) words[at] = 0xff000000 | (grey[at] * 0x010101);
-    pixels.width = columns;
-    pixels.height = rows;
+    if (pixels.width !== columns) pixels.width = columns;
+    if (pixels.height !== rows) pixels.height = rows;
     pixels.getContext("2d").putImageData(image, 0, 0);
-    shownAt = performance.now();
+    shownAt = came;
     draw();
-    return header.frame;
+    drawn(header.frame);
   }
 
   function draw() {
     const ratio = devicePixelRatio;
-    canvas.width = Math.round(canvas.clientWidth * ratio);
-    canvas.height = Math.round(canvas.clientHeight * ratio);
+    const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
+    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+    else context.clearRect(0, 0, width, height);
     if (!settings || !header) return;
     const [lateral, depth] = settings.pixel_mm;
     const width_mm = settings.columns * lateral;

@@ -1,0 +1,140 @@
+"""Virtual acquisitions of many eyes: drawn from a study, made by workers, each recording whole or not at all."""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from math import pi
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from scleraforce.errors import RecordingError
+from scleraforce.laboratory.phantom import PhantomPlan, is_recorded, plan_moving_phantom, plan_phantom, write_phantom
+from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
+from scleraforce.processes import available_cores, work_units
+from scleraforce.study import Study, draw
+from scleraforce.whole_files import folder_files, write_whole_folder
+
+__all__ = ["Acquisition", "acquire_all", "draw_eyes"]
+
+
+@dataclass(frozen=True)
+class Acquisition:
+    """How eyes are pushed and imaged: `forces_n`, held or, at `rate_hz`, turned to by a needle that moves."""
+
+    forces_n: tuple[float, ...]
+    study: Study
+    seed: int
+    rate_hz: float | None = None
+    ramp_n_per_s: float = 20e-3
+    hold_s: float = 1.0
+
+    def plan(self, eye: PhantomEye) -> PhantomPlan:
+        """Draw all that happens to an eye: the eye's name and the seed decide.
+
+        Raises:
+            RecordingError: a force or a time that cannot be.
+        """
+        if self.rate_hz is None:
+            return plan_phantom(eye, self.forces_n, self.study, self.seed)
+        moves = {"rate_hz": self.rate_hz, "ramp_n_per_s": self.ramp_n_per_s, "hold_s": self.hold_s}
+        return plan_moving_phantom(eye, self.forces_n, self.study, self.seed, **moves)
+
+
+def draw_eyes(study: Study, count: int, seed: int, name: str, told: Mapping[str, float]) -> tuple[PhantomEye, ...]:
+    """Draw eyes of a study, named NAME-1, NAME-2 ...; more eyes leave those before as they are.
+
+    Thickness, polar angle, gap, direction and tilt come from what the study samples them from, the azimuth from all
+    around the pole; modulus and pressure are the study's.
+
+    Args:
+        study: the study.
+        count: how many.
+        seed: of the draw.
+        name: before the number.
+        told: what all eyes share, by the fields of `PhantomEye`.
+
+    Raises:
+        InputError: an eye that cannot be.
+    """
+    return tuple(_draw_eye(study, seed, f"{name}-{number}", number, told) for number in range(1, count + 1))
+
+
+def _draw_eye(study: Study, seed: int, name: str, number: int, told: Mapping[str, float]) -> PhantomEye:
+    rng, dataset = np.random.default_rng((seed, number)), study.dataset
+    drawn = {
+        "thickness_m": draw(study.eye.thickness_m, rng),
+        "polar_rad": draw(study.needle.polar_angle_rad, rng),
+        "azimuth_rad": float(rng.uniform(-pi, pi)),
+        "direction_rad": draw(dataset.direction_rad, rng),
+        "tilt_rad": draw(dataset.tilt_rad, rng),
+        "gap_m": study.needle.gap_m if dataset.gap_m is None else draw(dataset.gap_m, rng),
+        "youngs_modulus_pa": study.eye.youngs_modulus_pa,
+        "iop_pa": study.eye.iop_pa,
+    }
+    return PhantomEye(id=name, **(drawn | dict(told)))
+
+
+def acquire_all(
+    out: Path,
+    eyes: Sequence[PhantomEye],
+    acquisition: Acquisition,
+    *,
+    workers: int | None = None,
+    progress: Callable[[int], object] | None = None,
+) -> int:
+    """Write a recording of each eye into a folder; those that an interrupted run has left there are kept.
+
+    The bytes are the same for any number of workers, on the same kind of processor. Processes are spawned: a script
+    that calls this keeps its own work under `if __name__ == "__main__"`.
+
+    Args:
+        out: the folder; a recording in it is named as its eye.
+        eyes: of different names.
+        acquisition: what happens to each.
+        workers: processes, or those of a cluster (`cluster_workers`); None: a process for each core that this one may
+            use.
+        progress: called with the number of recordings that are newly done (or found done, at the start).
+
+    Returns:
+        How many recordings were made.
+
+    Raises:
+        RecordingError: `out` holds something else, or cannot be written.
+        SolverError: no equilibrium was found.
+    """
+    plans = [acquisition.plan(eye) for eye in eyes]
+    todo = [number for number, plan in enumerate(plans) if not _kept(out / plan.eye.id, plan, acquisition.study)]
+    report = progress or (lambda _: None)
+    report(len(eyes) - len(todo))
+    with closing(work_units(partial(_acquiring, tuple(eyes), acquisition), todo, workers or available_cores())) as made:
+        for number, files in made:
+            write_whole_folder(files, out / eyes[number].id)
+            report(1)
+    return len(todo)
+
+
+def _kept(recording: Path, plan: PhantomPlan, study: Study) -> bool:
+    """Return whether a recording is there.
+
+    Raises:
+        RecordingError: what is there is not that of the plan.
+    """
+    if recording.exists() and not is_recorded(recording, plan, study):
+        raise RecordingError(f"{recording}: not the recording of this eye and seed; remove it or choose another folder")
+    return recording.exists()
+
+
+def _acquiring(eyes: Sequence[PhantomEye], acquisition: Acquisition) -> Callable[[int], dict[str, bytes]]:
+    """Return what makes the recording of an eye, in a worker: its files."""
+
+    def work(number: int) -> dict[str, bytes]:
+        eye, study = eyes[number], acquisition.study
+        with TemporaryDirectory(prefix="scleraforce-") as folder:
+            recording = Path(folder) / eye.id
+            write_phantom(recording, acquisition.plan(eye), study_sections(eye, study), study)
+            return folder_files(recording)
+
+    return work

@@ -1,0 +1,263 @@
+"""Raw B-scans as a network sees them, reduced: drawn at their size, many at once (NumPy only).
+
+The picture is that of `bscan.render_bscan`, averaged over the cells of a `FrameWindow`: a cell shows the mean count of
+the speckle in each layer that it holds, and varies as the mean of so many independent speckles and pixels. A frame
+takes a millisecond or two instead of fifty.
+
+Simplifications beside those of `bscan`: boundaries do not fold over, the speckle of neighbouring cells is independent,
+and thin bright lines have none.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log, pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.laboratory.displayed import NO_LIGHT_DB, Displayed
+from scleraforce.laboratory.needle import DrawnShaft
+from scleraforce.laboratory.optics import BscanOptics, Conjunctiva
+from scleraforce.laboratory.speckle import amplitude_sigma, transmission
+from scleraforce.library import INNER, OUTER
+from scleraforce.segmentation.frame_window import FrameWindow
+from scleraforce.segmentation.grid import Float
+from scleraforce.study import OctStudy
+
+__all__ = ["DrawnFrames", "draw_reduced"]
+
+Floats = NDArray[np.floating]
+
+DB = 10.0 / log(10.0)  # of a factor e
+DARKEST = 1e-6  # share of light: below it there is none
+# The point spread function carries light beyond a bright edge, as far as it rises above the noise: its standard
+# deviation (of the amplitude) times this and the root of the level in dB.
+BEYOND_EDGE = 0.23
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnFrames:
+    """Reduced frames, and where the wall is in them.
+
+    `frames` float32 (frame, row, column), as of `FrameWindow.levels`; `boundary_rows` (frame, boundary, column): of the
+    wall, in rows of the window, whose centres are whole numbers; NaN in columns without wall or image.
+    """
+
+    frames: Float
+    boundary_rows: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class _Layer:
+    """Tissue from one depth to another (frame, column), m in the picture.
+
+    `level_db` (frame, column): of its light at its upper edge, over the noise; it falls by `falls_db_per_m` (frame, 1).
+    """
+
+    top_m: Floats
+    bottom_m: Floats
+    level_db: Floats
+    falls_db_per_m: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class _Line:
+    """A thin bright curve: depth of its middle (frame, column), full width (frame, 1), level, dB over the noise."""
+
+    depth_m: Floats
+    width_m: Floats
+    level_db: Floats
+
+
+def draw_reduced(
+    depth_sbc: Floats,
+    optics: Sequence[BscanOptics],
+    oct_study: OctStudy,
+    window: FrameWindow,
+    rng: np.random.Generator,
+    shafts: Sequence[DrawnShaft] = (),
+) -> DrawnFrames:
+    """Draw reduced frames of walls.
+
+    Args:
+        depth_sbc: boundaries (frame, boundary, column of the window), m below the frame's upper edge, as they are: the
+            picture stretches what lies below the surface. NaN where there is none.
+        optics: of each frame.
+        oct_study: the scanner's frame.
+        window: what of it is seen.
+        rng: source of the speckle and the noise.
+        shafts: each frame's needle, drawn in the window's cells; empty: no frame has one.
+    """
+    displayed = Displayed(optics)
+    surface_m = _surface(depth_sbc[:, OUTER], optics, window)
+    wall_m = surface_m[:, None] + oct_study.refractive_index * (depth_sbc - surface_m[:, None])
+    light_db = np.stack([_decibel(shaft.light * ~shaft.inside) for shaft in shafts]) if shafts else np.float32(0.0)
+    layers = _layers(surface_m, wall_m, optics, oct_study, window)
+    mean, variance = _speckled(layers, light_db, displayed, _looks(optics, oct_study, window), window)
+    for line in _lines(surface_m, wall_m[:, OUTER], optics, window):
+        share, _ = _covered(window, line.depth_m - 0.5 * line.width_m, line.depth_m + 0.5 * line.width_m)
+        bright = displayed.mean(_there(line.level_db) + light_db)
+        mean += share * np.maximum(bright - mean, 0.0)
+    if shafts:
+        mean = np.maximum(mean, displayed.mean(np.stack([_decibel(shaft.skin) for shaft in shafts])))
+    mean += np.sqrt(variance) * rng.standard_normal(mean.shape, dtype=np.float32)
+    down, along = _imaged(optics, oct_study, window)
+    frames = np.stack([window.levels(each) for each in np.clip(mean, 0.0, 1.0) * (down * along[:, None])])
+    rows = wall_m / window.row_m - 0.5
+    rows[~np.broadcast_to((along > 0.5)[:, None], rows.shape)] = np.nan
+    return DrawnFrames(frames, rows)
+
+
+def _surface(outer_m: Floats, optics: Sequence[BscanOptics], window: FrameWindow) -> Floats:
+    """Return the first surface that light meets (frame, column): the conjunctiva's, or the wall's where it has none."""
+    slope = np.gradient(outer_m, window.column_m, axis=1)
+    over_m = np.stack([_thickness(each.conjunctiva, window) for each in optics])
+    surface: Floats = outer_m - over_m * np.hypot(1.0, slope)
+    return surface
+
+
+def _thickness(layer: Conjunctiva | None, window: FrameWindow) -> Floats:
+    """Return the thickness of a conjunctiva along the normal (column,), m; 0 where there is none."""
+    if layer is None:
+        return np.zeros(window.columns)
+    waves = np.cos(2.0 * pi * window.laterals_m / layer.wave_length_m + layer.phase_rad)
+    thickness: Floats = layer.thickness_m * (1.0 + layer.wave_fraction * waves)
+    return thickness
+
+
+def _light(optics: Sequence[BscanOptics], window: FrameWindow) -> Floats:
+    """Return the level of a wall's surface, dB over the noise (frame, column): in shadows it is lower."""
+    shadows = np.stack([_decibel(transmission(each.shadows, window.laterals_m)) for each in optics])
+    level: Floats = _each(optics, "snr_db") + shadows
+    return level
+
+
+def _layers(
+    surface_m: Floats, wall_m: Floats, optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow
+) -> tuple[_Layer, ...]:
+    """Return what lies over the wall (at least the light beyond its edge), the wall and the choroid."""
+    outer_m, inner_m = wall_m[:, OUTER], wall_m[:, INNER]
+    index, light = oct_study.refractive_index, _light(optics, window)
+    falls, choroid_falls = (
+        2.0 * DB * _each(optics, name) / index for name in ("attenuation_per_m", "choroid_attenuation_per_m")
+    )
+    layered = np.array([[0.0 if each.conjunctiva is None else each.conjunctiva.level_db] for each in optics])
+    over = light + layered
+    sigma_m = amplitude_sigma(1.0) * _each(optics, "axial_resolution_m")
+    beyond_m = BEYOND_EDGE * sigma_m * np.sqrt(np.maximum(over, 0.0))
+    behind = light + _each(optics, "choroid_level_db") - falls * (inner_m - surface_m)
+    choroid_m = index * _each(optics, "choroid_thickness_m")
+    return (
+        _Layer(surface_m - beyond_m, outer_m, over + falls * beyond_m, falls),
+        _Layer(outer_m, inner_m, light - falls * (outer_m - surface_m), falls),
+        _Layer(inner_m, inner_m + choroid_m, behind, choroid_falls),
+    )
+
+
+def _looks(optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow) -> tuple[Floats, float]:
+    """Return how many independent values a cell averages: of speckle (frame, 1, 1), and of noise."""
+    speckles, pixels = np.ones((len(optics), 1, 1)), 1.0
+    for name, cell_m, pixel_m in (
+        ("axial_resolution_m", window.row_m, oct_study.depth_m / oct_study.rows),
+        ("lateral_resolution_m", window.column_m, oct_study.width_m / oct_study.columns),
+    ):
+        grain_m = sqrt(2.0 * pi) * amplitude_sigma(1.0) * _each(optics, name)[..., None]  # of the field's coherence
+        speckles *= np.maximum(cell_m / np.maximum(grain_m, pixel_m), 1.0)
+        pixels *= max(cell_m / pixel_m, 1.0)
+    return speckles, pixels
+
+
+def _speckled(
+    layers: Sequence[_Layer],
+    light_db: Float | np.float32,
+    displayed: Displayed,
+    looks: tuple[Floats, float],
+    window: FrameWindow,
+) -> tuple[Float, Float]:
+    """Return the mean count of each cell and its variance (frame, row, column)."""
+    speckles, pixels = looks
+    cells = (len(speckles), window.rows, window.columns)
+    empty, mean, variance = np.ones(cells, np.float32), np.zeros(cells, np.float32), np.zeros(cells, np.float32)
+    for layer in layers:
+        share, below_m = _covered(window, layer.top_m, layer.bottom_m)
+        fallen_db = below_m * layer.falls_db_per_m[..., None].astype(np.float32)
+        of_layer = displayed.moments(_there(layer.level_db) - fallen_db + light_db)
+        empty -= share
+        mean += share * of_layer[0]
+        variance += share * of_layer[1]
+    dark_mean, dark_variance = displayed.moments(np.full((len(speckles), 1, 1), NO_LIGHT_DB, dtype=np.float32))
+    np.maximum(empty, 0.0, out=empty)
+    mean += empty * dark_mean
+    variance /= speckles.astype(np.float32)
+    variance += empty * (dark_variance / np.float32(pixels))
+    return mean, variance
+
+
+def _covered(window: FrameWindow, top_m: Floats, bottom_m: Floats) -> tuple[Float, Float]:
+    """Return which share of each cell lies between two depths (frame, column), and how far below the first it does.
+
+    Both (frame, row, column), the distance in m; 0 in columns without these depths.
+    """
+    edges = (np.arange(window.rows + 1, dtype=np.float32) * np.float32(window.row_m))[:, None]
+    top, bottom = (np.nan_to_num(depth, nan=np.inf)[:, None].astype(np.float32) for depth in (top_m, bottom_m))
+    begin, end = np.maximum(edges[:-1], top), np.minimum(edges[1:], bottom)
+    share: Float = np.maximum(end - begin, 0.0) / np.float32(window.row_m)
+    below: Float = np.where(share > 0.0, 0.5 * (begin + end) - np.minimum(top, edges[-1]), np.float32(0.0))
+    return share, below
+
+
+def _there(level_db: Floats) -> Float:
+    """Return levels (frame, column) for each row (frame, 1, column), without light where there is none."""
+    return np.nan_to_num(level_db, nan=NO_LIGHT_DB)[:, None].astype(np.float32)
+
+
+def _lines(surface_m: Floats, outer_m: Floats, optics: Sequence[BscanOptics], window: FrameWindow) -> list[_Line]:
+    """Return the mirror reflections of the surface and of a wall below a conjunctiva, and the lines of the frames."""
+    light, two_sigmas_m = _light(optics, window), 2.0 * amplitude_sigma(1.0) * _each(optics, "axial_resolution_m")
+    interface = [-np.inf if each.conjunctiva is None else each.conjunctiva.interface_db for each in optics]
+    found = []
+    for depth_m, reflection_db in (
+        (surface_m, _each(optics, "reflection_db")),
+        (outer_m, np.array(interface)[:, None]),
+    ):
+        slope = np.arctan(np.gradient(depth_m, window.column_m, axis=1))
+        falls = DB * (slope / _each(optics, "reflection_angle_rad")) ** 2
+        found.append(_Line(depth_m, two_sigmas_m, light + np.maximum(reflection_db - falls, -DB * 30.0)))
+    return [*found, *_across(surface_m, optics, window)]
+
+
+def _across(surface_m: Floats, optics: Sequence[BscanOptics], window: FrameWindow) -> list[_Line]:
+    """Return the horizontal lines and the covers of frames, as many lines as the frame with most of them has."""
+    highest_m = np.nanmin(np.minimum(surface_m, window.rows * window.row_m), axis=1)
+    curves = [
+        [(np.full(window.columns, line.depth_m), line.thickness_m, line.level_db) for line in each.lines]
+        + [(top_m - cover.height_m + np.tan(cover.tilt_rad) * window.laterals_m, cover.thickness_m, cover.level_db)
+           for cover in each.covers]
+        for each, top_m in zip(optics, highest_m, strict=True)
+    ]  # fmt: skip
+    nothing = (np.full(window.columns, np.inf), 0.0, NO_LIGHT_DB)
+    found = []
+    for number in range(max(map(len, curves))):
+        depths, widths, levels = zip(*(own[number] if number < len(own) else nothing for own in curves), strict=True)
+        width_m = 2.0 * amplitude_sigma(1.0) * np.array(widths)[:, None]
+        found.append(_Line(np.stack(depths), width_m, np.array(levels)[:, None]))
+    return found
+
+
+def _imaged(optics: Sequence[BscanOptics], oct_study: OctStudy, window: FrameWindow) -> tuple[Float, Float]:
+    """Return which share of each row (row, 1) and of each column (frame, column) the frame shows between its bands."""
+    down = oct_study.depth_m / window.row_m - np.arange(window.rows)
+    half_m = 0.5 * oct_study.width_m - _each(optics, "band_m")
+    along = (half_m - np.abs(window.laterals_m)) / window.column_m + 0.5
+    return np.clip(down, 0.0, 1.0).astype(np.float32)[:, None], np.clip(along, 0.0, 1.0).astype(np.float32)
+
+
+def _each(optics: Sequence[BscanOptics], name: str) -> Floats:
+    """Return a value of each frame's optics (frame, 1)."""
+    return np.array([[getattr(each, name)] for each in optics])
+
+
+def _decibel(share: Floats) -> Float:
+    """Return a ratio of intensities in dB; one without light as that of hardly any."""
+    level: Float = (10.0 * np.log10(np.maximum(share, DARKEST))).astype(np.float32)
+    return level

@@ -1,0 +1,140 @@
+"""A symmetric matrix of finite elements, factored front by front with dense matrices (the multifrontal method).
+
+A front A = [[B, C^T], [C, D]], its own unknowns in B = L U, hands D - Y Z to its parent, with C = Y U and C^T = L Z.
+A definite B has Cholesky's factors, U = L^T and Z = Y^T; of any other, rows are exchanged inside of B. Only the lower
+triangle of A is looked at. Source: Duff and Reid, ACM Trans. Math. Softw. 9, 1983, 302.
+"""
+
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.blas import get_blas_funcs
+from scipy.linalg.lapack import get_lapack_funcs
+from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]  # it ships no types
+
+from scleraforce.errors import SolverError
+from scleraforce.mechanics.dissection import Dissection, Front
+
+__all__ = ["FrontalFactor"]
+
+Floats = NDArray[np.floating[Any]]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Factored:
+    """Factors of a front: L and U in one matrix, Y (shared, own) and Z (own, shared), and which rows changed places.
+
+    `rows`: the places from which the rows of B came; None where they stayed and U = L^T.
+    """
+
+    own: slice
+    shared: Integers
+    LU: Floats
+    Y: Floats
+    Z: Floats
+    rows: Integers | None
+
+
+class FrontalFactor:
+    """The factors of a matrix, in the precision of its elements."""
+
+    def __init__(self, dissection: Dissection, element_eiajb: Floats) -> None:
+        """Sum up and factor symmetric element matrices (element, 3, node, 3, node).
+
+        Raises:
+            SolverError: the matrix is singular, or not finite.
+        """
+        self._number_u = dissection.number_u
+        self._dtype = element_eiajb.dtype
+        size = element_eiajb.shape[1] * element_eiajb.shape[2]
+        element_eNN = element_eiajb.reshape(-1, size, size)
+        self._trsm, self._trsv, self._syrk, self._gemm = (
+            get_blas_funcs(name, dtype=self._dtype) for name in ("trsm", "trsv", "syrk", "gemm")
+        )
+        self._potrf: Any = get_lapack_funcs("potrf", dtype=self._dtype)
+        self._getrf: Any = get_lapack_funcs("getrf", dtype=self._dtype)
+        left: dict[int, Floats] = {}
+        self._fronts: list[_Factored] = []
+        with _one_thread():
+            for number, front in enumerate(dissection.fronts):
+                A = _summed(front, element_eNN, [left.pop(child) for child in front.children])
+                factored, left[number] = self._eliminated(front, A)
+                self._fronts.append(factored)
+
+    def solve(self, load: Floats) -> NDArray[np.float64]:
+        """Return the answer (unknown,) or (unknown, column) to a load on the free unknowns, of the same shape."""
+        x = np.empty(load.shape, self._dtype)
+        x[self._number_u] = load
+        with _one_thread():
+            self._substitute(x[:, 0] if load.ndim == 2 and load.shape[1] == 1 else x)
+        return np.asarray(x[self._number_u], dtype=np.float64)
+
+    def _substitute(self, column: Floats) -> None:
+        """Put the answer in place of a load, both in the order of elimination."""
+        fronts = [factored for factored in self._fronts if factored.own.start < factored.own.stop]
+        for one in fronts:
+            y = column[one.own]
+            if y.any():  # nothing comes of no load
+                column[one.own] = y = self._divided(one, y if one.rows is None else y[one.rows], upper=False)
+                column[one.shared] -= one.Y @ y
+        for one in reversed(fronts):
+            y = column[one.own] - one.Z @ column[one.shared]
+            column[one.own] = self._divided(one, y, upper=True)
+
+    def _divided(self, one: _Factored, y: Floats, *, upper: bool) -> Floats:
+        """Return the inverse of U or L times y, (own,) or (own, column)."""
+        definite = one.rows is None
+        lower, turned, unit = definite or not upper, definite and upper, not (definite or upper)
+        if y.ndim == 1:
+            return np.asarray(self._trsv(one.LU, y, lower=lower, trans=turned, diag=unit))
+        return np.asarray(self._trsm(1.0, one.LU, y, lower=lower, trans_a=turned, diag=unit))
+
+    def _eliminated(self, front: Front, A: Floats) -> tuple[_Factored, Floats]:
+        """Eliminate a front's own unknowns; return its factors and what is left for the shared ones."""
+        own = front.own.stop - front.own.start
+        C, D = np.asfortranarray(A[own:, :own]), np.asfortranarray(A[own:, own:])
+        if own == 0:
+            return _Factored(front.own, front.shared, C, C, C.T, None), D
+        L, fault = self._potrf(A[:own, :own], lower=1, clean=0)
+        if fault == 0 and np.isfinite(L[-1, -1]):  # whatever is no number comes down to there
+            Y = self._trsm(1.0, L, C, side=1, lower=1, trans_a=1, overwrite_b=1)
+            rest = self._syrk(-1.0, Y, beta=1.0, c=D, lower=1, overwrite_c=1) if len(D) else D
+            return _Factored(front.own, front.shared, L, Y, Y.T, None), rest
+        B = np.tril(A[:own, :own]) + np.tril(A[:own, :own], -1).T
+        LU, swaps, fault = self._getrf(B)
+        if fault != 0 or not np.isfinite(LU).all():
+            raise SolverError("matrix: singular")
+        rows = np.arange(own)
+        for row, other in enumerate(swaps):
+            rows[[row, other]] = rows[[other, row]]
+        Y = self._trsm(1.0, LU, C, side=1, lower=0)
+        Z = self._trsm(1.0, LU, C.T[rows], lower=1, diag=1)
+        rest = self._gemm(-1.0, Y, Z, beta=1.0, c=D, overwrite_c=1) if len(D) else D
+        return _Factored(front.own, front.shared, LU, Y, Z, rows), rest
+
+
+def _one_thread() -> AbstractContextManager[Any]:
+    """Keep BLAS to one thread: fronts are small, and a second thread that waits for a busy core costs tenfold."""
+    limited: AbstractContextManager[Any] = _thread_pools().limit(limits=1, user_api="blas")
+    return limited
+
+
+@cache
+def _thread_pools() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
+def _summed(front: Front, element_eNN: Floats, rests: list[Floats]) -> Floats:
+    """Sum a front from its elements, or from what is left of its children; its lower triangle counts."""
+    size = front.own.stop - front.own.start + len(front.shared)
+    stride = size + 1  # the last row and column are of unknowns that are held
+    entries = np.zeros(stride**2, element_eNN.dtype)
+    for part, places in (*zip(element_eNN[front.elements], front.element_places, strict=True),
+                         *zip(rests, front.places, strict=True)):  # fmt: skip
+        entries[(places[:, None] * stride + places).ravel()] += part.ravel(order="F")
+    return entries.reshape(stride, stride).T[:size, :size]

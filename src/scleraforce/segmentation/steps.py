@@ -1,0 +1,169 @@
+"""The steps from a raw frame to the wall in it, whichever way they are taken, and what they are told and tell."""
+
+from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.segmentation.columns import between
+from scleraforce.segmentation.grid import Grid, make_grid
+from scleraforce.segmentation.imaged import imaged_part
+from scleraforce.segmentation.needle import SeenNeedle
+
+__all__ = [
+    "EMPTY_SHARE",
+    "SATURATED_LEVEL",
+    "SATURATED_SHARE",
+    "Part",
+    "Segmentation",
+    "Steps",
+    "blank_fault",
+    "part_of",
+    "surface_fault",
+    "without_wall",
+]
+
+WALL = 255
+LEAST_CONTRAST = 0.6  # of the surface, in standard deviations of a pixel's noise
+LEAST_COVER = 0.4  # of the imaged width must show the wall
+SATURATED_SHARE, SATURATED_LEVEL = 0.4, 0.99  # share of the frame at (nearly) the largest count: saturated
+EMPTY_SHARE = 1e-3  # of the brightest count: a frame that stands out of its noise by less is empty
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """The wall in one frame.
+
+    `outer_row`, `inner_row` (column,): boundaries in rows of pixel centres (the wall covers rows r with
+    outer_row <= r < inner_row), NaN where there is no wall; they may lie beyond the last of the frame's `rows`.
+    `usable`: a wall was found that can be judged; `reason` says why not ('' where it is).
+    `inner_found`: where False, the inner boundary cannot be seen and the mask ends 1 mm below the surface.
+    `thickness_m`: median thickness along the surface's normal, NaN where the inner boundary was not found.
+    `needle`: the one that crosses the frame, None where none is seen; what it hides has no boundaries.
+    `conjunctiva_m`: median thickness of a layer over the wall, along its normal, None where none is looked for or seen.
+    """
+
+    outer_row: NDArray[np.float64]
+    inner_row: NDArray[np.float64]
+    rows: int
+    usable: bool
+    reason: str
+    inner_found: bool
+    _: KW_ONLY
+    thickness_m: float
+    needle: SeenNeedle | None = None
+    conjunctiva_m: float | None = None
+
+    @cached_property
+    def mask(self) -> NDArray[np.uint8]:
+        """255 in the rows whose centre lies in the wall, else 0, shape (row, column); drawn when it is asked for."""
+        row = np.arange(self.rows, dtype=np.float32)[:, None]
+        inside = (row >= self.outer_row) & (row < self.inner_row)  # NaN compares as False: no wall
+        wall: NDArray[np.uint8] = inside.view(np.uint8) * np.uint8(WALL)
+        return wall
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """The imaged part of a frame: `frame` from its column `first` on, as many as `missing` has.
+
+    `left` is that column in the whole frame, of `columns`; what is `missing` has been filled from beside. `hidden`: the
+    span of the part's columns that a needle hides.
+    """
+
+    frame: Pixels
+    first: int
+    left: int
+    columns: int
+    missing: NDArray[np.bool_]
+    scale: PixelScale
+    hidden: tuple[int, int] | None = None
+
+    @property
+    def imaged(self) -> Pixels:
+        """The columns of the part."""
+        return self.frame[:, self.first : self.first + len(self.missing)]
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The part on a grid."""
+        return make_grid(self.imaged, self.scale)
+
+    @property
+    def hidden_points(self) -> slice:
+        """Which of the surface's points the needle hides."""
+        return slice(0, 0) if self.hidden is None else between(len(self.missing), *self.hidden)
+
+
+def part_of(
+    frame: Pixels, scale: PixelScale, left: int, missing: NDArray[np.bool_], hidden: tuple[int, int] | None = None
+) -> Part:
+    """Return the part of a frame from a column on, without its missing columns; neither end is missing."""
+    columns = frame.shape[1]
+    if not np.count_nonzero(missing):
+        return Part(frame, left, left, columns, missing, scale, hidden)
+    return Part(imaged_part(frame, left, missing), 0, left, columns, missing, scale, hidden)
+
+
+class Steps(Protocol):
+    """One way to take the steps: by NumPy and OpenCV, or compiled."""
+
+    def at_once(self, frame: Pixels, scale: PixelScale) -> Segmentation | None:
+        """Return the wall in a frame without taking the other steps one by one; None where these are needed."""
+
+    def lit_columns(self, frame: Pixels) -> tuple[int, NDArray[np.bool_], int] | None:
+        """See `imaged.lit_columns`."""
+
+    def glance(self, part: Part, brightest: int) -> tuple[str, bool]:
+        """Return why nothing can be looked for in a part of a frame ('': that is not so); may a needle be there?"""
+
+    def found(self, part: Part) -> Segmentation:
+        """Return the wall in a part of a frame."""
+
+
+def without_wall(shape: tuple[int, ...], reason: str, needle: SeenNeedle | None = None) -> Segmentation:
+    """Return what is found in a frame of some shape that shows no wall."""
+    nowhere = np.full(shape[1], np.nan)
+    return Segmentation(
+        nowhere, nowhere.copy(), shape[0], False, reason, False, thickness_m=float("nan"), needle=needle
+    )
+
+
+def blank_fault(floor: float, brightest: int, saturated: bool) -> str:
+    """Return why nothing can be looked for in a frame, '' where that is not so.
+
+    Args:
+        floor: count of the noise.
+        brightest: largest count.
+        saturated: whether more than SATURATED_SHARE of the cells have (nearly) that.
+    """
+    if brightest - floor < EMPTY_SHARE * max(brightest, 1):
+        return "the frame is empty: all pixels are alike"
+    if saturated:
+        return f"the detector is saturated: more than {SATURATED_SHARE:.0%} of the pixels have the largest count"
+    return ""
+
+
+def surface_fault(seen: int, points: int, contrast: float, noise: float) -> str:
+    """Return why a surface cannot be judged, '' where it can.
+
+    Args:
+        seen: points that show it.
+        points: all of them.
+        contrast: median of those that show it.
+        noise: of a pixel.
+    """
+    if not seen:
+        return "no wall was found"
+    if contrast < LEAST_CONTRAST * noise:
+        return (
+            f"the signal is too weak: the surface stands out by {contrast / noise:.1f} times the noise, "
+            f"not {LEAST_CONTRAST}"
+        )
+    cover = seen / points
+    if cover < LEAST_COVER:
+        return f"the wall covers {cover:.0%} of the imaged width, not {LEAST_COVER:.0%}"
+    return ""

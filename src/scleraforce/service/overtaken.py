@@ -1,0 +1,79 @@
+"""Frames that newer ones overtook: each waits to be read after them, for a limited time, or is lost."""
+
+from collections import deque
+from typing import Generic, TypeVar
+
+__all__ = ["MOST_FRAMES", "FramePace", "Overtaken"]
+
+Item = TypeVar("Item")
+
+MOST_FRAMES = 100  # that wait: those of 0.1 s at 1000 a second, 52 MB of 512 x 512 pixels
+FIRST_INTERVAL_S = 0.01  # until enough frames have come
+KNOWN_FRAMES, ENOUGH_FRAMES = 1000, 10  # so many that a flood hardly counts in the mean
+
+
+class FramePace:
+    """The interval of a scanner: the mean over its last frames, in which a pause counts up to `most_s`."""
+
+    def __init__(self, most_s: float) -> None:
+        self._most_s = most_s
+        self._gaps_s: deque[float] = deque(maxlen=KNOWN_FRAMES)
+        self._last_s: float | None = None
+
+    def arrived(self, at_s: float) -> float:
+        """Take the time at which a frame was complete; return the interval by the frames before it.
+
+        >>> pace = FramePace(0.1)
+        >>> [round(pace.arrived(0.02 * n), 3) for n in range(20)][8::11]
+        [0.01, 0.02]
+        """
+        interval_s = sum(self._gaps_s) / len(self._gaps_s) if len(self._gaps_s) >= ENOUGH_FRAMES else FIRST_INTERVAL_S
+        if self._last_s is not None:
+            self._gaps_s.append(min(max(at_s - self._last_s, 0.0), self._most_s))
+        self._last_s = at_s
+        return interval_s
+
+
+class Overtaken(Generic[Item]):
+    """A queue in which no frame waits longer than `most_s`, and all that wait stand for no more than that.
+
+    It never holds more than `MOST_FRAMES`, however short the time is that they stand for.
+
+    Args:
+        most_s: the limit of both.
+    """
+
+    def __init__(self, most_s: float) -> None:
+        self._most_s = most_s
+        self._waiting: deque[tuple[float, float, int, Item]] = deque()
+        self._stand_for_s = 0.0
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def add(self, frame: Item, at_s: float, interval_s: float, row: int) -> None:
+        """Let a frame wait that came at a time and stands for an interval; `row` names what overtook it."""
+        self._waiting.append((at_s, interval_s, row, frame))
+        self._stand_for_s += interval_s
+
+    def take(self) -> Item:
+        """Return the frame that has waited longest; it waits no more."""
+        return self._remove()[3]
+
+    def lose(self, now_s: float) -> list[tuple[int, int, float]]:
+        """Drop what exceeds the limits, oldest first; return (row, frames, time that they stand for) of each row."""
+        rows: dict[int, tuple[int, float]] = {}
+        while self._waiting and self._too_much(now_s):
+            _, interval_s, row, _ = self._remove()
+            lost, unread_s = rows.get(row, (0, 0.0))
+            rows[row] = lost + 1, unread_s + interval_s
+        return [(row, *losses) for row, losses in rows.items()]
+
+    def _too_much(self, now_s: float) -> bool:
+        late = now_s - self._waiting[0][0] > self._most_s
+        return late or self._stand_for_s > self._most_s or len(self._waiting) > MOST_FRAMES
+
+    def _remove(self) -> tuple[float, float, int, Item]:
+        removed = self._waiting.popleft()
+        self._stand_for_s = self._stand_for_s - removed[1] if self._waiting else 0.0
+        return removed

@@ -1,0 +1,61 @@
+"""Networks whose sizes or scenes a Dask cluster works on: the same as those of this machine."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dask_cluster import NEEDS_DASK, Cluster
+from small_finder import SMALL_STUDY
+
+from scleraforce.cluster import cluster_workers
+from scleraforce.learning.classifier.samples import Samples
+from scleraforce.learning.classifier.search import search_sizes
+from scleraforce.learning.classifier.training import CLASSIFIER_THREADS
+from scleraforce.learning.wall_finder.training import fit_wall_finder
+from scleraforce.study import NetworkStudy
+
+pytestmark = [*NEEDS_DASK, pytest.mark.slow]
+
+
+@pytest.fixture(autouse=True)
+def threads_of_a_worker(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Train here on as many threads as workers do: sums in another order differ in the last bit."""
+    monkeypatch.setattr("scleraforce.learning.classifier.training.CLASSIFIER_THREADS", CLASSIFIER_THREADS)
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    made = Cluster(tmp_path)
+    made.worker()  # of two threads, which share PyTorch's random numbers
+    yield made
+    made.end()
+
+
+def test_a_search_on_a_cluster_finds_what_one_here_finds(cluster: Cluster) -> None:
+    rng = np.random.default_rng(0)
+    training, validation = (
+        Samples(255 * rng.integers(0, 2, (count, 6, 9), dtype=np.uint8), rng.integers(0, 3, count))
+        for count in (400, 100)
+    )
+    study = NetworkStudy(search_widths=(5, 9, 12), search_depths=(1, 2), epochs=3, batch_size=50, learning_rate=0.05)
+    ticks: list[int] = []
+    workers = cluster_workers(cluster.address)
+    there = search_sizes(study, training, validation, progress=ticks.append, workers=workers)
+    here = search_sizes(study, training, validation)
+    assert ticks == [3] * 6
+    assert (there.candidates, there.study) == (here.candidates, here.study)
+    assert there.fitted.curves == here.fitted.curves
+    for one, other in zip(there.fitted.network.layers, here.fitted.network.layers, strict=True):
+        np.testing.assert_array_equal(one.weight, other.weight)
+        np.testing.assert_array_equal(one.bias, other.bias)
+
+
+def test_a_wall_finder_learns_the_same_from_scenes_that_a_cluster_draws(cluster: Cluster) -> None:
+    finder = replace(SMALL_STUDY.wall_finder, batches=12)
+    there = fit_wall_finder(SMALL_STUDY.scenes, finder, cluster_workers(cluster.address))
+    here = fit_wall_finder(SMALL_STUDY.scenes, finder, 1)
+    assert there.training_loss == here.training_loss
+    for one, other in zip(there.network.parameters(), here.network.parameters(), strict=True):
+        np.testing.assert_array_equal(one.detach().numpy(), other.detach().numpy())
