@@ -48,7 +48,7 @@ def measure(run: Run) -> Table:
     """Time a frame's steps, cold and in a row."""
     reader = shipped_reader()
     # Where loops can be compiled, the monitor compiles them before it says that it is ready.
-    getattr(wall, "compile_wall", bool)()
+    wall.compile_wall()
     eyes = draw_eyes(reader, run.count(24, 4))
     work = _work(reader, eyes) | {FIT: _fit(reader, made_recording(run))}
     for do in work.values():
