@@ -9,6 +9,7 @@ from time import perf_counter, sleep
 import cv2
 import numpy as np
 
+from scleraforce.compiled import use_compiled_loops
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Modulus, known_of_recording
@@ -47,8 +48,9 @@ Work = Callable[[int], object]
 def measure(run: Run) -> Table:
     """Time a frame's steps, cold and in a row."""
     reader = shipped_reader()
-    # Where loops can be compiled, the monitor compiles them before it says that it is ready.
+    # As the monitor and its second opinion do before they say that they are ready.
     wall.compile_wall()
+    use_compiled_loops()
     eyes = draw_eyes(reader, run.count(24, 4))
     work = _work(reader, eyes) | {FIT: _fit(reader, made_recording(run))}
     for do in work.values():
