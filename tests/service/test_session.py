@@ -132,6 +132,20 @@ def test_a_bunch_of_more_than_the_time_to_catch_up_is_a_loss_at_once_and_its_new
     assert event.read.frame_id == 306
 
 
+def test_a_flood_is_a_loss_also_where_every_frame_is_read_at_once_and_a_steady_stream_is_none() -> None:
+    flood, steady = Overtaken[int](0.1), Overtaken[int](0.1)
+    lost = []
+    for number in range(30):
+        flood.add(number, 10.0 + 1e-4 * number, 0.01, number // 10)
+        lost += flood.lose(10.0 + 1e-4 * number)
+        if len(flood):
+            flood.take()
+        steady.add(number, 10.0 + 0.01 * number, 0.01, number)
+        assert steady.lose(10.0 + 0.01 * number) == []
+        steady.take()
+    assert 19 <= sum(frames for _, frames, _ in lost) <= 20
+
+
 def test_a_flood_of_frames_that_stand_for_no_time_fills_no_memory() -> None:
     waiting = Overtaken[int](0.1)
     for number in range(MOST_FRAMES + 7):

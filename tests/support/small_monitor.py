@@ -60,10 +60,15 @@ def read(pixels: NDArray[Any], _: PixelScale) -> LiveReading:
 
 
 def small_server(
-    guard: Guard, companions: Companions, note: Callable[[str], None] = lambda _: None, **settings: Any
+    guard: Guard,
+    companions: Companions,
+    note: Callable[[str], None] = lambda _: None,
+    *,
+    catch_up_s: float = 0.5,
+    **settings: Any,
 ) -> tuple[Server, int]:
     """A server of small frames, and its port; it bears half a second of silence and delay: a test may be held up."""
-    limits = MonitorLimits(size=(ROWS, COLUMNS), scale_m=SCALE_M, silence_s=0.5, lag_s=0.5, catch_up_s=0.5)
+    limits = MonitorLimits(size=(ROWS, COLUMNS), scale_m=SCALE_M, silence_s=0.5, lag_s=0.5, catch_up_s=catch_up_s)
     listener = socket.create_server(("127.0.0.1", 0))
     ring = FrameRing.create(100, ROWS, COLUMNS)
     session = Session(read, limits)

@@ -237,6 +237,7 @@ class _Show:
             "duration_s": self._time_s(monotonic()),
             "frames_sent": log.frames_sent,
             "frames_answered": len(latencies_ms),
+            "frames_overtaken": log.reading.get("overtaken"),
             "frames_lost": log.reading.get("lost"),
             "forces_sent": player.forces_sent,
             "latest_ms": from_si(player.latest_s, "ms"),
@@ -286,8 +287,9 @@ class _Show:
 
 def _summary_lines(result: Mapping[str, Any]) -> list[str]:
     """Return a summary as lines of text."""
-    lost = f", {result['frames_lost']} lost" if result["frames_lost"] else ""
-    lines = [f"{result['frames_sent']} frames sent, {result['frames_answered']} answered{lost}; "
+    overtaken = f", {result['frames_overtaken']} overtaken" if result["frames_overtaken"] else ""
+    lost = f" ({result['frames_lost']} of them lost)" if result["frames_lost"] else ""
+    lines = [f"{result['frames_sent']} frames sent, {result['frames_answered']} answered{overtaken}{lost}; "
              f"{result['forces_sent']} forces sent; at most {result['latest_ms']:.1f} ms late"]  # fmt: skip
     if result["latency_ms"] is not None:
         lines += ["latency {median:.2f} ms in the median, {p99:.2f} ms at 99 %, {max:.2f} ms at most".format(

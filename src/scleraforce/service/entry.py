@@ -39,8 +39,8 @@ class Entry:
         usable: whether the frame could be judged.
         reason: why it could not.
         latency_ms: from the frame's last byte to the answer on the wire.
-        overtaken: frames since the start that a newer one overtook: answered by its answer, and read after it.
-        lost: those of them that were never read.
+        lost: frames since the start that newer ones overtook and that were never read.
+        overtaken: all that newer ones overtook, those included that were read after them.
     """
 
     number: int
@@ -61,8 +61,8 @@ class Entry:
     usable: bool | None = None
     reason: str | None = None
     latency_ms: float | None = None
-    overtaken: int = 0
     lost: int = 0
+    overtaken: int = 0
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON object: the attributes by name, `predicted` as `class`; NaN and infinity become null.

@@ -8,6 +8,7 @@ __all__ = ["MOST_FRAMES", "FramePace", "Overtaken"]
 Item = TypeVar("Item")
 
 MOST_FRAMES = 100  # that wait: those of 0.1 s at 1000 a second, 52 MB of 512 x 512 pixels
+SLACK_S = 1e-9  # of a sum of intervals
 FIRST_INTERVAL_S = 0.01  # until enough frames have come
 KNOWN_FRAMES, ENOUGH_FRAMES = 1000, 10  # so many that a flood hardly counts in the mean
 
@@ -35,9 +36,10 @@ class FramePace:
 
 
 class Overtaken(Generic[Item]):
-    """A queue in which no frame waits longer than `most_s`, and all that wait stand for no more than that.
+    """A queue in which no frame waits longer than `most_s`, and which takes no bunch that stands for more than that.
 
-    It never holds more than `MOST_FRAMES`, however short the time is that they stand for.
+    A bunch lasts as long as its frames stand for, however quickly they are read. The queue never holds more than
+    `MOST_FRAMES`, however short the time is that they stand for.
 
     Args:
         most_s: the limit of both.
@@ -46,7 +48,7 @@ class Overtaken(Generic[Item]):
     def __init__(self, most_s: float) -> None:
         self._most_s = most_s
         self._waiting: deque[tuple[float, float, int, Item]] = deque()
-        self._stand_for_s = 0.0
+        self._bunch_s, self._last_s = 0.0, float("-inf")
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -54,26 +56,23 @@ class Overtaken(Generic[Item]):
     def add(self, frame: Item, at_s: float, interval_s: float, row: int) -> None:
         """Let a frame wait that came at a time and stands for an interval; `row` names what overtook it."""
         self._waiting.append((at_s, interval_s, row, frame))
-        self._stand_for_s += interval_s
+        self._bunch_s = max(0.0, self._bunch_s - (at_s - self._last_s)) + interval_s
+        self._last_s = at_s
 
     def take(self) -> Item:
         """Return the frame that has waited longest; it waits no more."""
-        return self._remove()[3]
+        return self._waiting.popleft()[3]
 
     def lose(self, now_s: float) -> list[tuple[int, int, float]]:
         """Drop what exceeds the limits, oldest first; return (row, frames, time that they stand for) of each row."""
         rows: dict[int, tuple[int, float]] = {}
         while self._waiting and self._too_much(now_s):
-            _, interval_s, row, _ = self._remove()
+            _, interval_s, row, _ = self._waiting.popleft()
             lost, unread_s = rows.get(row, (0, 0.0))
             rows[row] = lost + 1, unread_s + interval_s
+            self._bunch_s = max(0.0, self._bunch_s - interval_s)
         return [(row, *losses) for row, losses in rows.items()]
 
     def _too_much(self, now_s: float) -> bool:
         late = now_s - self._waiting[0][0] > self._most_s
-        return late or self._stand_for_s > self._most_s or len(self._waiting) > MOST_FRAMES
-
-    def _remove(self) -> tuple[float, float, int, Item]:
-        removed = self._waiting.popleft()
-        self._stand_for_s = self._stand_for_s - removed[1] if self._waiting else 0.0
-        return removed
+        return late or self._bunch_s > self._most_s + SLACK_S or len(self._waiting) > MOST_FRAMES
