@@ -23,7 +23,7 @@ from scleraforce.mechanics.assembly import FacePlaces
 from scleraforce.mechanics.continuation import PathStates, pressurise, trace
 from scleraforce.mechanics.dissection import dissect
 from scleraforce.mechanics.equilibrium import Solve
-from scleraforce.mechanics.frontal import FrontalFactor
+from scleraforce.mechanics.frontal import FrontalFactor, one_thread
 from scleraforce.mechanics.loads import gravity_load
 from scleraforce.mechanics.needle import Needle
 from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
@@ -190,7 +190,8 @@ class FiniteWall:
         """
         nothing = np.zeros_like(self.mesh.points_nc)
         problem = _WallEquilibrium(self, Needle(nothing, nothing), youngs_modulus_pa, density_kg_m3)
-        return self.full_nc(pressurise(problem, iop_pa / youngs_modulus_pa))
+        with one_thread():
+            return self.full_nc(pressurise(problem, iop_pa / youngs_modulus_pa))
 
     def load_path(
         self,
@@ -228,18 +229,19 @@ class FiniteWall:
             raise InputError("sealed globe: its pressure has to follow the wall; leave the dead pressure out")
         problem = _WallEquilibrium(self, needle, youngs_modulus_pa, density_kg_m3)
         pressure = iop_pa / youngs_modulus_pa
-        states = trace(
-            problem,
-            pressurise(problem, pressure),
-            pressure,
-            max_tip_m=max_tip_m,
-            max_force=max_force_n / youngs_modulus_pa,
-            first_step_m=min(FIRST_STEP_M, largest_step_m),
-            largest_step_m=largest_step_m,
-            globe=globe.over(youngs_modulus_pa),
-            as_far_as_found=as_far_as_found,
-            progress=None if progress is None else lambda ratio: progress(ratio * youngs_modulus_pa),
-        )
+        with one_thread():
+            states = trace(
+                problem,
+                pressurise(problem, pressure),
+                pressure,
+                max_tip_m=max_tip_m,
+                max_force=max_force_n / youngs_modulus_pa,
+                first_step_m=min(FIRST_STEP_M, largest_step_m),
+                largest_step_m=largest_step_m,
+                globe=globe.over(youngs_modulus_pa),
+                as_far_as_found=as_far_as_found,
+                progress=None if progress is None else lambda ratio: progress(ratio * youngs_modulus_pa),
+            )
         return self._path(states, problem.tip, youngs_modulus_pa)
 
     def _path(self, states: PathStates, tip: Floats, youngs_modulus_pa: float) -> LoadPath:
