@@ -9,8 +9,8 @@ from folder_contents import contents
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
-from scleraforce.laboratory.acquisition import Acquisition, acquire_all, draw_eyes
-from scleraforce.laboratory.phantom import is_recorded, write_phantom
+from scleraforce.laboratory.acquisition import Acquisition, acquire_all, draw_eyes, is_recorded
+from scleraforce.laboratory.phantom import write_phantom
 from scleraforce.laboratory.virtual_eye import study_sections
 from scleraforce.study import DatasetStudy, MeshStudy, NeedleStudy, OctStudy, Range, Study, format_study
 

@@ -1,5 +1,6 @@
 """Virtual acquisitions of many eyes: drawn from a study, made by workers, each recording whole or not at all."""
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -7,17 +8,18 @@ from functools import partial
 from math import pi
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
-from scleraforce.errors import RecordingError
-from scleraforce.laboratory.phantom import PhantomPlan, is_recorded, plan_moving_phantom, plan_phantom, write_phantom
+from scleraforce.errors import InputError, RecordingError
+from scleraforce.laboratory.phantom import PhantomPlan, phantom_truth, plan_moving_phantom, plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
 from scleraforce.processes import available_cores, work_units
 from scleraforce.study import Study, draw
-from scleraforce.whole_files import folder_files, write_whole_folder
+from scleraforce.whole_files import KINDS, folder_files, read_text, write_whole_folder
 
-__all__ = ["Acquisition", "acquire_all", "draw_eyes"]
+__all__ = ["Acquisition", "acquire_all", "draw_eyes", "is_recorded"]
 
 
 @dataclass(frozen=True)
@@ -125,6 +127,22 @@ def _kept(recording: Path, plan: PhantomPlan, study: Study) -> bool:
     if recording.exists() and not is_recorded(recording, plan, study):
         raise RecordingError(f"{recording}: not the recording of this eye and seed; remove it or choose another folder")
     return recording.exists()
+
+
+def is_recorded(recording: Path, plan: PhantomPlan, study: Study) -> bool:
+    """Return whether a folder has the truth of this plan: what `write_phantom` appears with."""
+    planned = json.loads(json.dumps(phantom_truth(plan, study, [0.0] * len(plan.frames))))
+    try:
+        truth = json.loads(read_text(recording / "truth.json", KINDS["truth"]))
+        return _drawn(truth) == _drawn(planned)
+    except (InputError, ValueError, KeyError, TypeError, AttributeError):
+        return False
+
+
+def _drawn(truth: dict[str, Any]) -> dict[str, Any]:
+    """Return what is drawn of a truth, and not computed."""
+    frames = [{key: value for key, value in frame.items() if key != "pressure_pa"} for frame in truth["frames"]]
+    return {**truth, "frames": frames}
 
 
 def _acquiring(eyes: Sequence[PhantomEye], acquisition: Acquisition) -> Callable[[int], dict[str, bytes]]:

@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from scleraforce import __version__
-from scleraforce.errors import InputError, RecordingError
+from scleraforce.errors import RecordingError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.form import thickness_factor
 from scleraforce.laboratory.bscan import Bscan, render_bscan
@@ -67,8 +67,8 @@ from scleraforce.whole_files import KINDS, read_text
 __all__ = [
     "PhantomFrame",
     "PhantomPlan",
-    "is_recorded",
     "needle_tip",
+    "phantom_truth",
     "plan_moving_phantom",
     "plan_phantom",
     "plan_sections",
@@ -315,28 +315,12 @@ def true_forces(recording: Path) -> dict[str, float]:
         raise RecordingError(f"{path}: not the truth of a virtual acquisition: {fault}") from fault
 
 
-def is_recorded(recording: Path, plan: PhantomPlan, study: Study) -> bool:
-    """Return whether a folder has the truth of this plan: what `write_phantom` appears with."""
-    planned = json.loads(json.dumps(_truth(plan, study, [0.0] * len(plan.frames))))
-    try:
-        truth = json.loads(read_text(recording / "truth.json", KINDS["truth"]))
-        return _drawn(truth) == _drawn(planned)
-    except (InputError, ValueError, KeyError, TypeError, AttributeError):
-        return False
-
-
-def _drawn(truth: dict[str, Any]) -> dict[str, Any]:
-    """Return what is drawn of a truth, and not computed."""
-    frames = [{key: value for key, value in frame.items() if key != "pressure_pa"} for frame in truth["frames"]]
-    return {**truth, "frames": frames}
-
-
 def _write_log_and_truth(folder: Path, plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> None:
     axis = ("fx", "fy", "fz").index(AXIS)
     noise = stream(plan.eye, plan.seed, NOISE)
     log = sense(plan.motion, plan.sensor, axis, CONTACT_SIGN, motion_end_s(plan.motion) + TAIL_S, noise)
     (folder / "forces.csv").write_text(format_log(log), encoding="utf-8")
-    truth = json.dumps(_truth(plan, study, pressures_pa), indent=1, allow_nan=False)
+    truth = json.dumps(phantom_truth(plan, study, pressures_pa), indent=1, allow_nan=False)
     (folder / "truth.json").write_text(truth + "\n", encoding="utf-8")
 
 
@@ -362,7 +346,8 @@ def _info(plan: PhantomPlan, study: Study, tell_globe: bool) -> RecordingInfo:
     )
 
 
-def _truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> dict[str, Any]:
+def phantom_truth(plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> dict[str, Any]:
+    """Return what `truth.json` has of a plan; of the frames the pressures, which are computed."""
     versions = {
         "scleraforce": __version__,
         "numpy": np.__version__,
