@@ -1,6 +1,6 @@
 """Compiled loops against the arrays that they stand for: the same walls, seen at the same places, and their forces."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import log
 
@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from analytic_library import bulging
 from analytic_walls import BOTH, LATERAL_M, LIBRARY, RANGES
+from machine_code import compiled_again
 
 from scleraforce import compiled
 from scleraforce.errors import InputError
+from scleraforce.fitting import compiled_depths
 from scleraforce.fitting.fit_prediction import (
     DEPTH,
     GAP,
@@ -31,10 +33,15 @@ from scleraforce.fitting.placement import Places
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, KnownGlobe
-
-pytestmark = pytest.mark.skipif(not compiled.can_compile(), reason="Numba is not installed, or switched off")
+from scleraforce.library import compiled_states
 
 Both = Callable[[Callable[[], object]], tuple[object, object]]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def machine_code() -> Iterator[None]:
+    with compiled_again(compiled_states, compiled_depths):
+        yield
 
 
 @pytest.fixture

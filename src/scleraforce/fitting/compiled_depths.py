@@ -15,7 +15,7 @@ from scleraforce.fitting.placement import Places
 from scleraforce.library.base_bulge import SHEARED
 from scleraforce.library.compiled_states import curves_at, state_weights, undented_at, value_at
 from scleraforce.library.splines import SUPPORT
-from scleraforce.library.tables import Tables
+from scleraforce.library.tables import SplineTables
 
 __all__ = ["States", "depths_of_walls"]
 
@@ -47,7 +47,7 @@ class States(NamedTuple):
     rotation_rad: float
 
 
-class Rings(NamedTuple):
+class _Rings(NamedTuple):
     """What `base_motion.Stations` says of places and rings."""
 
     places: Floats
@@ -56,7 +56,7 @@ class Rings(NamedTuple):
 
 
 def depths_of_walls(
-    tables: Tables, stations: Stations, states: States, places: Places
+    tables: SplineTables, stations: Stations, states: States, places: Places
 ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Return what a frame shows of walls at places, which go from the left on either boundary.
 
@@ -65,15 +65,15 @@ def depths_of_walls(
     """
     count = len(places.lateral_m)
     depth_m, slope, reached = np.empty((len(states.tip_m), count)), np.empty(count), np.empty(count, dtype=np.bool_)
-    rings = Rings(stations.places_bpc, stations.left_bw, stations.share_bw)
+    rings = _Rings(stations.places_bpc, stations.left_bw, stations.share_bw)
     _depths_of_walls(tables, rings, states, places.lateral_m, places.outer, places.smoothing_m, depth_m, slope, reached)
     return depth_m, slope, reached
 
 
 @compiled
 def _depths_of_walls(
-    tables: Tables,
-    rings: Rings,
+    tables: SplineTables,
+    rings: _Rings,
     states: States,
     at_m: Floats,
     outer: int,
@@ -122,7 +122,7 @@ def _depths_of_walls(
 
 
 @compiled
-def _motion(tables: Tables, rings: Rings, states: States, wall: int, motion: Floats) -> None:
+def _motion(tables: SplineTables, rings: _Rings, states: States, wall: int, motion: Floats) -> None:
     """Write how the pressure moves the rings of a wall beside the pole (boundary, ring, 3) (`base_bulge`)."""
     nodes, places = len(tables.angles), rings.places.shape[1]
     meridian, at_places = np.empty((2, nodes, 2)), np.empty((places, 3))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "SHEARED",
     "base_bulge",
     "base_push",
     "meridian_angles",

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from scleraforce.compiled import compiled
 from scleraforce.library.splines import SUPPORT, Pieces
-from scleraforce.library.tables import Tables
+from scleraforce.library.tables import SplineTables
 
 __all__ = ["curves_at", "state_weights", "undented_at", "value_at", "values_at"]
 
@@ -17,7 +17,7 @@ Curves = NDArray[np.float32]
 
 
 @compiled
-def spline_weights(pieces: Pieces, place: float, weights: Floats) -> int:
+def _spline_weights(pieces: Pieces, place: float, weights: Floats) -> int:
     """Write the weights of the four B-splines at a place between the ends; return the first (`CubicSpline.weights`)."""
     interval = 0
     while interval + 1 < len(pieces.start) and place >= pieces.start[interval + 1]:
@@ -33,13 +33,13 @@ def spline_weights(pieces: Pieces, place: float, weights: Floats) -> int:
 
 @compiled
 def state_weights(
-    tables: Tables, thickness_m: float, iop_ratio: float, tip_m: float, rows: NDArray[np.intp], weights: Floats
+    tables: SplineTables, thickness_m: float, iop_ratio: float, tip_m: float, rows: NDArray[np.intp], weights: Floats
 ) -> None:
     """Write the rows (64,) of the state tables that a state lies between, and their weights."""
     of_t, of_p, of_d = np.empty(SUPPORT), np.empty(SUPPORT), np.empty(SUPPORT)
-    t = spline_weights(tables.thickness, np.log(thickness_m), of_t)
-    p = spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m), of_p)
-    d = spline_weights(tables.tip, tip_m, of_d)
+    t = _spline_weights(tables.thickness, np.log(thickness_m), of_t)
+    p = _spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m), of_p)
+    d = _spline_weights(tables.tip, tip_m, of_d)
     place = 0
     for i in range(SUPPORT):
         for j in range(SUPPORT):
@@ -69,11 +69,11 @@ def curves_at(curves: Curves, rows: NDArray[np.intp], weights: Floats, found: Fl
 
 
 @compiled
-def undented_at(tables: Tables, thickness_m: float, iop_ratio: float, found: Floats) -> None:
+def undented_at(tables: SplineTables, thickness_m: float, iop_ratio: float, found: Floats) -> None:
     """Write the wall without the needle (b n c,)."""
     of_t, of_p = np.empty(SUPPORT), np.empty(SUPPORT)
-    t = spline_weights(tables.thickness, np.log(thickness_m), of_t)
-    p = spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m), of_p)
+    t = _spline_weights(tables.thickness, np.log(thickness_m), of_t)
+    p = _spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m), of_p)
     found[:] = 0.0
     for i in range(SUPPORT):
         for j in range(SUPPORT):
@@ -83,11 +83,10 @@ def undented_at(tables: Tables, thickness_m: float, iop_ratio: float, found: Flo
 
 
 @compiled
-def values_at(
-    tables: Tables, values: Floats, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, found: Floats
-) -> None:
-    """Write the values of a table (t p d,) at states (sample,)."""
-    rows, weights = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3)
+def values_at(tables: SplineTables, values: Floats, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
+    """Return the values of a table (t p d,) at states (sample,)."""
+    rows, weights, found = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3), np.empty(len(tip_m))
     for sample in range(len(found)):
         state_weights(tables, thickness_m[sample], iop_ratio[sample], tip_m[sample], rows, weights)
         found[sample] = value_at(values, rows, weights)
+    return found

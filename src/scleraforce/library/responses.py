@@ -20,13 +20,14 @@ from numpy.typing import NDArray
 
 from scleraforce.compiled import loops_are_compiled
 from scleraforce.errors import InputError
+from scleraforce.library.arrays import check_arrays
 from scleraforce.library.axes import SLACK, check_inside, weight_products
 from scleraforce.library.base_bulge import base_bulge, meridian_angles, undented_motion
 from scleraforce.library.contact_rise import contact_rises, rise_slope
 from scleraforce.library.crossing import first_crossing
 from scleraforce.library.spline_weights import SplineWeights
 from scleraforce.library.splines import SUPPORT, CubicSpline, tensor_coefficients, values_and_slopes
-from scleraforce.library.tables import Tables
+from scleraforce.library.tables import SplineTables
 from scleraforce.mechanics.burst import burst_tension
 from scleraforce.units import from_si
 
@@ -85,37 +86,7 @@ class Library:
     _weights: SplineWeights = field(init=False, repr=False, compare=False)
 
     def __post_init__(self, shapes_of: "Library | None") -> None:
-        shape = (len(self.thickness_m), len(self.tension), len(self.tip_m))
-        if min(shape) < SUPPORT:
-            raise InputError(f"library: {shape} thicknesses, tensions, tips; must be at least {SUPPORT} of each")
-        if {self.force_ratio_tpd.shape, self.displaced_tpd.shape} != {shape} or self.curves_tpdbnc.shape[:4] != (
-            *shape,
-            2,
-        ):
-            raise InputError(f"library: forces {self.force_ratio_tpd.shape}, volumes {self.displaced_tpd.shape} and "
-                             f"curves {self.curves_tpdbnc.shape} do not fit the axes {shape}")  # fmt: skip
-        if self.stiffness_atpd.shape != (len(self.polar_rad), *shape) or len(self.polar_rad) < SUPPORT:
-            raise InputError(f"library: stiffness {self.stiffness_atpd.shape} does not fit {len(self.polar_rad)} "
-                             f"polar angles (at least {SUPPORT}) and the axes {shape}")  # fmt: skip
-        if self.undented_tpbnc.ndim != 5 or self.undented_tpbnc.shape[:3] != (*shape[:2], 2):
-            raise InputError(f"library: walls without the needle {self.undented_tpbnc.shape} do not fit the axes "
-                             f"{shape[:2]}")  # fmt: skip
-        check_inside("polar angle", np.asarray(self.contact_polar_rad), *self._ends(self.polar_rad), "deg")
-        for axis in (self.polar_rad, self.thickness_m, self.tension, self.tip_m):
-            if not (np.diff(axis) > 0.0).all():
-                raise InputError("library: an axis that does not increase")
-        both = (self.curves_tpdbnc, self.undented_tpbnc)
-        for walls in both:
-            if walls.shape[-2] < 2 or walls.shape[-1] != 2:
-                raise InputError(f"library: curves {walls.shape}; at least two points of two coordinates")
-        sizes = (self.radius_m, self.needle_radius_m, self.max_force_ratio, self.thickness_m[0], self.tension[0])
-        if not all(0.0 < size < np.inf for size in sizes) or not 0.0 <= self.poisson_ratio < 0.5:
-            raise InputError(f"library: radius, needle radius, largest F/E, first thickness and tension {sizes}, "
-                             f"Poisson's ratio {self.poisson_ratio}: impossible")  # fmt: skip
-        axes = (self.thickness_m, self.tension, self.tip_m, self.polar_rad)
-        values = (*axes, self.force_ratio_tpd, self.displaced_tpd, *both, self.stiffness_atpd)
-        if not all(np.isfinite(array).all() for array in values):
-            raise InputError("library: values that are not finite")
+        check_arrays(self)
         own = SplineWeights(self.thickness_m, self.tension, self.tip_m, self.curves_tpdbnc, self.undented_tpbnc)
         object.__setattr__(self, "_weights", own if shapes_of is None else shapes_of._weights)
 
@@ -155,11 +126,7 @@ class Library:
         return self._curves(walls, np.asarray(tip_m, dtype=np.float64))
 
     def forces(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
-        """Return F/E (sample,), m^2, at given tips: `at_tip` without the curves, at a hundredth of the cost.
-
-        Raises:
-            InputError: a sample lies outside the library.
-        """
+        """Return F/E (sample,), m^2, of `at_tip` without the curves, at a hundredth of the cost; errors of `shapes`."""
         return self._at_tips(self._state_coefficients, thickness_m, iop_ratio, tip_m)
 
     def displaced_m3(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
@@ -296,10 +263,10 @@ class Library:
         return self._weights.splines
 
     @cached_property
-    def tables(self) -> Tables:
+    def tables(self) -> SplineTables:
         """What compiled loops interpolate; it shares the library's arrays."""
         thickness, tension, tip = (spline.pieces for spline in self._splines)
-        return Tables(
+        return SplineTables(
             thickness=thickness,
             tension=tension,
             tip=tip,
@@ -334,20 +301,14 @@ class Library:
         """Values (sample,) at given tips of the spline over (t p d,) with these coefficients."""
         check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         if loops_are_compiled():
-            return self._values_at(coefficients, *np.broadcast_arrays(thickness_m, iop_ratio, tip_m))
+            from scleraforce.library.compiled_states import values_at
+
+            self._check_walls(thickness_m, iop_ratio)
+            return values_at(self.tables, coefficients, *np.broadcast_arrays(thickness_m, iop_ratio, tip_m))
         walls = self._walls(thickness_m, iop_ratio)
         rows, weights = self._states(walls, tip_m)
         values: Floats = (coefficients[rows] * weights).sum(axis=1)
         return values
-
-    def _values_at(self, coefficients: Floats, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
-        """Return `_at_tips` by compiled loops."""
-        from scleraforce.library.compiled_states import values_at
-
-        self._check_walls(thickness_m, iop_ratio)
-        found = np.empty(len(tip_m))
-        values_at(self.tables, coefficients, thickness_m, iop_ratio, tip_m, found)
-        return found
 
     @cached_property
     def _force_coefficients(self) -> Floats:

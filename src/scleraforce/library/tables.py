@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from scleraforce.library.splines import Pieces
 
-__all__ = ["Tables"]
+__all__ = ["SplineTables"]
 
 Floats = NDArray[np.float64]
 
 
-class Tables(NamedTuple):
+class SplineTables(NamedTuple):
     """Spline weights and axes of a library.
 
     `curves` (t p d, b n c), `undented` (t p, b n c), `forces` and `volumes` (t p d,) are the weights; the splines run

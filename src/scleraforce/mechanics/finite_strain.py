@@ -23,7 +23,7 @@ from scleraforce.mechanics.assembly import FacePlaces
 from scleraforce.mechanics.continuation import PathStates, pressurise, trace
 from scleraforce.mechanics.dissection import dissect
 from scleraforce.mechanics.equilibrium import Solve
-from scleraforce.mechanics.frontal import FrontalFactor, one_thread
+from scleraforce.mechanics.frontal import FrontalFactor, one_blas_thread
 from scleraforce.mechanics.loads import gravity_load
 from scleraforce.mechanics.needle import Needle
 from scleraforce.mechanics.neo_hookean import NeoHookeanSolid
@@ -190,7 +190,7 @@ class FiniteWall:
         """
         nothing = np.zeros_like(self.mesh.points_nc)
         problem = _WallEquilibrium(self, Needle(nothing, nothing), youngs_modulus_pa, density_kg_m3)
-        with one_thread():
+        with one_blas_thread():
             return self.full_nc(pressurise(problem, iop_pa / youngs_modulus_pa))
 
     def load_path(
@@ -229,7 +229,7 @@ class FiniteWall:
             raise InputError("sealed globe: its pressure has to follow the wall; leave the dead pressure out")
         problem = _WallEquilibrium(self, needle, youngs_modulus_pa, density_kg_m3)
         pressure = iop_pa / youngs_modulus_pa
-        with one_thread():
+        with one_blas_thread():
             states = trace(
                 problem,
                 pressurise(problem, pressure),

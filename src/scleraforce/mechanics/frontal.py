@@ -19,7 +19,7 @@ from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]  
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.dissection import Dissection, Front
 
-__all__ = ["FrontalFactor", "one_thread"]
+__all__ = ["FrontalFactor", "one_blas_thread"]
 
 Floats = NDArray[np.floating[Any]]
 Integers = NDArray[np.int64]
@@ -60,7 +60,7 @@ class FrontalFactor:
         self._getrf: Any = get_lapack_funcs("getrf", dtype=self._dtype)
         left: dict[int, Floats] = {}
         self._fronts: list[_Factored] = []
-        with one_thread():
+        with one_blas_thread():
             for number, front in enumerate(dissection.fronts):
                 A = _summed(front, element_eNN, [left.pop(child) for child in front.children])
                 factored, left[number] = self._eliminated(front, A)
@@ -70,7 +70,7 @@ class FrontalFactor:
         """Return the answer (unknown,) or (unknown, column) to a load on the free unknowns, of the same shape."""
         x = np.empty(load.shape, self._dtype)
         x[self._number_u] = load
-        with one_thread():
+        with one_blas_thread():
             self._substitute(x[:, 0] if load.ndim == 2 and load.shape[1] == 1 else x)
         return np.asarray(x[self._number_u], dtype=np.float64)
 
@@ -118,7 +118,7 @@ class FrontalFactor:
         return _Factored(front.own, front.shared, LU, Y, Z, rows), rest
 
 
-def one_thread() -> AbstractContextManager[Any]:
+def one_blas_thread() -> AbstractContextManager[Any]:
     """Keep BLAS to one thread: matrices are small, and a second thread that waits for a busy core costs tenfold."""
     limited: AbstractContextManager[Any] = _thread_pools().limit(limits=1, user_api="blas")
     return limited
