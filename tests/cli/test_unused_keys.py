@@ -10,7 +10,7 @@ from analytic_library import analytic_library
 from scleraforce.calibration.eye_model import EyeConstants, WallState
 from scleraforce.calibration.session import eye_model
 from scleraforce.cli.main import run
-from scleraforce.dataset.library_samples import draw_samples, near_library
+from scleraforce.dataset.library_samples import library_slices, near_library
 from scleraforce.dataset.plan import draft_plan, plan_dataset
 from scleraforce.dataset.samples import SampleSimulator
 from scleraforce.eye.contact import Contact
@@ -104,7 +104,7 @@ def generate_linear(study: Study) -> None:
 
 def generate(study: Study) -> None:
     near = near_library(study, plan_dataset(study), analytic_library())
-    draw_samples(study, 0.3e6, draft_plan(study).unit(0), near)
+    library_slices(study, 0.3e6, draft_plan(study).unit(0), near)
 
 
 def calibrate_linear(study: Study) -> None:

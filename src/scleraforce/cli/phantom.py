@@ -128,7 +128,7 @@ def phantom(
     told = {field: value for field, value in stated.items() if value is not None}
     moves = {"ramp_n_per_s": to_si(20.0 if ramp_mn_per_s is None else ramp_mn_per_s, "mn_per_s"),
              "hold_s": 1.0 if hold_s is None else hold_s}  # fmt: skip
-    acquisition = Acquisition(forces_mn, study, study.phantom.seed if seed is None else seed, rate_hz, **moves)
+    acquisition = Acquisition(forces_mn, study, study.phantom.seed if seed is None else seed, rate_hz=rate_hz, **moves)
     if count is None:
         if not (scheduler is None and workers is None):
             raise click.UsageError("--scheduler and --workers are for --count: one eye is one process's work")
@@ -178,9 +178,9 @@ def _acquire_many(
     out: Path, name: str, count: int, told: Mapping[str, float], acquisition: "Acquisition", workers: int | None
 ) -> dict[str, Any]:
     """Write the recordings of many eyes; return what they are."""
-    from scleraforce.laboratory.acquisition import acquire_all, draw_eyes
+    from scleraforce.laboratory.acquisition import acquire_all, sample_eyes
 
-    eyes = draw_eyes(acquisition.study, count, acquisition.seed, name, told)
+    eyes = sample_eyes(acquisition.study, count, acquisition.seed, name, told)
     with resumable_bar(out, "recordings", "eyes", count) as advance:
         acquire_all(out, eyes, acquisition, workers=workers, progress=advance)
     frames = sum(len(acquisition.plan(eye).frames) for eye in eyes)

@@ -12,7 +12,7 @@ Integers = NDArray[np.int64]
 
 
 @compiled
-def local_coordinates(
+def _local_coordinates(
     polynomials: Floats,
     frames_qkc: Floats,
     quads: Integers,
@@ -90,7 +90,7 @@ def cross_quads(
     Returns:
         Local coordinates (direction, 2), not clipped to the quad, and whether all were found.
     """
-    local = local_coordinates(polynomials, frames_qkc, quads, directions_dc, steps, tolerance)
+    local = _local_coordinates(polynomials, frames_qkc, quads, directions_dc, steps, tolerance)
     beyond = np.empty(4)
     leaving = np.empty(len(quads), dtype=np.int64)
     for _ in range(crossings):
@@ -109,7 +109,7 @@ def cross_quads(
         if count == 0:
             return local, True
         crossed = leaving[:count]
-        found = local_coordinates(polynomials, frames_qkc, quads[crossed], directions_dc[crossed], steps, tolerance)
+        found = _local_coordinates(polynomials, frames_qkc, quads[crossed], directions_dc[crossed], steps, tolerance)
         for k in range(count):
             local[crossed[k]] = found[k]
     return local, False
