@@ -10,7 +10,7 @@ from analytic_library import analytic_library
 from scleraforce.calibration.eye_model import EyeConstants, WallState
 from scleraforce.calibration.session import eye_model
 from scleraforce.cli.main import run
-from scleraforce.dataset.library_samples import near_library, slices_of_plan
+from scleraforce.dataset.library_samples import library_slices, near_library
 from scleraforce.dataset.plan import draft_plan, plan_dataset
 from scleraforce.dataset.samples import SampleSimulator
 from scleraforce.eye.contact import Contact
@@ -84,7 +84,6 @@ medial_azimuth_deg = 20.0
 [phantom]
 eye_drift_deg = [2.0]
 eye_saccade_deg = [0.5]
-needle_count = [1]
 """
 EYE = PhantomEye(id="eye-x", thickness_m=800e-6, youngs_modulus_pa=0.3e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.6)
 STATED = EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.5, polar_sd_rad=0.0)
@@ -105,7 +104,7 @@ def generate_linear(study: Study) -> None:
 
 def generate(study: Study) -> None:
     near = near_library(study, plan_dataset(study), analytic_library())
-    slices_of_plan(study, 0.3e6, draft_plan(study).unit(0), near)
+    library_slices(study, 0.3e6, draft_plan(study).unit(0), near)
 
 
 def calibrate_linear(study: Study) -> None:
@@ -179,8 +178,6 @@ def test_reproduce_refuses_what_its_linear_slices_do_and_the_reader_what_its_lib
     assert UNUSED["reproduce", None] == (*UNUSED["generate", "linear"], *movement)
     assert set(UNUSED["phantom", "linear"]) < set(UNUSED["reproduce", None])
     assert UNUSED["train --kind reader", None] == UNUSED["library", None]
-    needle = "phantom.needle_count"  # its share of needles is [raw_reader]'s
-    assert UNUSED["train --kind raw-reader", None] == (*UNUSED["library", None], *movement, needle)
 
 
 ARGUMENTS = {
@@ -190,7 +187,6 @@ ARGUMENTS = {
     "calibrate": "no-recording --out OUT",
     "library": "--out OUT",
     "train --kind reader": "no-library --out OUT",
-    "train --kind raw-reader": "no-library --out OUT",
     "reproduce": "--out OUT",
 }
 

@@ -8,7 +8,7 @@ import zarr
 from analytic_library import analytic_library
 
 from scleraforce.dataset.generate import generate_dataset
-from scleraforce.dataset.library_samples import near_library, slices_of_plan
+from scleraforce.dataset.library_samples import library_slices, near_library
 from scleraforce.dataset.plan import draft_plan, plan_dataset
 from scleraforce.dataset.store import open_dataset
 from scleraforce.errors import DatasetError, InputError, StudyError
@@ -60,7 +60,7 @@ def one_by_one(study, library, plan, sample):
 def test_slices_are_those_of_cutting_and_filling_one_by_one(study, library):
     plan = plan_dataset(study)
     near = near_library(study, plan, library)
-    images = slices_of_plan(study, MODULUS_PA, draft_plan(study).unit(1), near)
+    images = library_slices(study, MODULUS_PA, draft_plan(study).unit(1), near)
     numbers = np.arange(plan.images)[plan.unit(1)]
     differing = [
         int((image != one_by_one(study, library, plan, sample)).sum())
@@ -107,4 +107,4 @@ def test_a_library_of_another_eye_and_other_mechanics_are_refused(study, library
 
 def test_a_force_beyond_the_library_is_named(study, library):
     with pytest.raises(InputError, match=r"F/E: .* mm\^2 is outside the library's range, 0 to 0\.5 mm\^2"):
-        slices_of_plan(study, 0.05e6, draft_plan(study).unit(0), library)
+        library_slices(study, 0.05e6, draft_plan(study).unit(0), library)

@@ -9,7 +9,7 @@ from folder_contents import contents
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError, RecordingError
-from scleraforce.laboratory.acquisition import Acquisition, acquire_all, draw_phantom_eyes, is_recorded
+from scleraforce.laboratory.acquisition import Acquisition, acquire_all, is_recorded, sample_eyes
 from scleraforce.laboratory.phantom import write_phantom
 from scleraforce.laboratory.virtual_eye import study_sections
 from scleraforce.study import DatasetStudy, MeshStudy, NeedleStudy, OctStudy, Range, Study, format_study
@@ -27,13 +27,13 @@ ACQUISITION = Acquisition((0.002, 0.01), STUDY, 3)
 def here(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Recordings that this process has written, one by one."""
     out = tmp_path_factory.mktemp("eyes")
-    for eye in draw_phantom_eyes(STUDY, 4, 3, "pig", {}):
+    for eye in sample_eyes(STUDY, 4, 3, "pig", {}):
         write_phantom(out / eye.id, ACQUISITION.plan(eye), study_sections(eye, STUDY), STUDY)
     return out
 
 
 def test_eyes_are_drawn_from_what_the_study_samples() -> None:
-    eyes = draw_phantom_eyes(STUDY, 300, 0, "eye", {})
+    eyes = sample_eyes(STUDY, 300, 0, "eye", {})
     assert len({eye.id for eye in eyes}) == 300
     assert {eye.thickness_m for eye in eyes} == set(STUDY.eye.thickness_m.values)
     for values, low, high in [
@@ -49,23 +49,23 @@ def test_eyes_are_drawn_from_what_the_study_samples() -> None:
 
 
 def test_more_eyes_and_what_is_told_leave_the_rest_of_an_eye_as_it_is() -> None:
-    few, many = draw_phantom_eyes(STUDY, 2, 7, "eye", {}), draw_phantom_eyes(STUDY, 5, 7, "eye", {"thickness_m": 5e-4})
+    few, many = sample_eyes(STUDY, 2, 7, "eye", {}), sample_eyes(STUDY, 5, 7, "eye", {"thickness_m": 5e-4})
     assert [eye.thickness_m for eye in many] == [5e-4] * 5
     assert [eye.polar_rad for eye in few] == [eye.polar_rad for eye in many[:2]]
-    assert draw_phantom_eyes(STUDY, 2, 8, "eye", {})[0].polar_rad != few[0].polar_rad
+    assert sample_eyes(STUDY, 2, 8, "eye", {})[0].polar_rad != few[0].polar_rad
     with pytest.raises(InputError, match="eye-1: thickness_m"):
-        draw_phantom_eyes(STUDY, 1, 7, "eye", {"thickness_m": 5.0})
+        sample_eyes(STUDY, 1, 7, "eye", {"thickness_m": 5.0})
 
 
 def test_a_needle_that_moves_is_planned_as_such() -> None:
-    (eye,) = draw_phantom_eyes(STUDY, 1, 3, "eye", {})
+    (eye,) = sample_eyes(STUDY, 1, 3, "eye", {})
     moving = Acquisition((0.01,), STUDY, 3, rate_hz=50.0, ramp_n_per_s=10e-3, hold_s=0.5).plan(eye)
     assert len(moving.frames) > 50
     assert len(ACQUISITION.plan(eye).frames) == 2
 
 
 def test_a_recording_is_known_by_its_truth(here: Path, tmp_path: Path) -> None:
-    first, second, *_ = draw_phantom_eyes(STUDY, 4, 3, "pig", {})
+    first, second, *_ = sample_eyes(STUDY, 4, 3, "pig", {})
     assert is_recorded(here / "pig-1", ACQUISITION.plan(first), STUDY)
     assert not is_recorded(here / "pig-1", ACQUISITION.plan(second), STUDY)
     assert not is_recorded(here / "pig-1", Acquisition((0.002, 0.011), STUDY, 3).plan(first), STUDY)
@@ -77,7 +77,7 @@ def test_a_recording_is_known_by_its_truth(here: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_workers_and_ctrl_c_change_no_byte(here: Path, tmp_path: Path) -> None:
-    eyes = draw_phantom_eyes(STUDY, 4, 3, "pig", {})
+    eyes = sample_eyes(STUDY, 4, 3, "pig", {})
 
     def interrupt(done: int) -> None:
         if done:
@@ -94,7 +94,7 @@ def test_workers_and_ctrl_c_change_no_byte(here: Path, tmp_path: Path) -> None:
 def test_what_is_no_recording_of_the_eye_is_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "pig-2").mkdir()
     with pytest.raises(RecordingError, match="pig-2: not the recording of this eye and seed"):
-        acquire_all(tmp_path, draw_phantom_eyes(STUDY, 4, 3, "pig", {}), ACQUISITION, workers=1)
+        acquire_all(tmp_path, sample_eyes(STUDY, 4, 3, "pig", {}), ACQUISITION, workers=1)
     assert [path.name for path in tmp_path.iterdir()] == ["pig-2"]
 
 

@@ -8,7 +8,7 @@ from dask_cluster import NEEDS_DASK, Cluster
 from folder_contents import contents
 
 from scleraforce.cluster import cluster_workers
-from scleraforce.laboratory.acquisition import Acquisition, acquire_all, draw_phantom_eyes
+from scleraforce.laboratory.acquisition import Acquisition, acquire_all, sample_eyes
 from scleraforce.laboratory.phantom import write_phantom
 from scleraforce.laboratory.virtual_eye import study_sections
 from scleraforce.study import MeshStudy, OctStudy, Study
@@ -20,7 +20,7 @@ ACQUISITION = Acquisition((0.002, 0.01), STUDY, 3)
 
 
 def test_a_worker_killed_half_way_changes_no_byte(tmp_path: Path) -> None:
-    eyes = draw_phantom_eyes(STUDY, 4, 3, "pig", {})
+    eyes = sample_eyes(STUDY, 4, 3, "pig", {})
     cluster = Cluster(tmp_path)
     try:
         victim, _ = cluster.worker(), cluster.worker()

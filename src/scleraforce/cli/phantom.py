@@ -178,9 +178,9 @@ def _acquire_many(
     out: Path, name: str, count: int, told: Mapping[str, float], acquisition: "Acquisition", workers: int | None
 ) -> dict[str, Any]:
     """Write the recordings of many eyes; return what they are."""
-    from scleraforce.laboratory.acquisition import acquire_all, draw_phantom_eyes
+    from scleraforce.laboratory.acquisition import acquire_all, sample_eyes
 
-    eyes = draw_phantom_eyes(acquisition.study, count, acquisition.seed, name, told)
+    eyes = sample_eyes(acquisition.study, count, acquisition.seed, name, told)
     with resumable_bar(out, "recordings", "eyes", count) as advance:
         acquire_all(out, eyes, acquisition, workers=workers, progress=advance)
     frames = sum(len(acquisition.plan(eye).frames) for eye in eyes)

@@ -12,7 +12,7 @@ from scleraforce.library.sections import highest_depths
 from scleraforce.library.slices import Framing, draw_slices
 from scleraforce.study import Study
 
-__all__ = ["near_library", "slices_of_plan"]
+__all__ = ["library_slices", "near_library"]
 
 
 def near_library(study: Study, plan: DatasetPlan, library: Library) -> Library:
@@ -30,7 +30,7 @@ def near_library(study: Study, plan: DatasetPlan, library: Library) -> Library:
     return library.within(_reach(study, plan))
 
 
-def slices_of_plan(study: Study, youngs_modulus_pa: float, plan: DatasetPlan, library: Library) -> NDArray[np.uint8]:
+def library_slices(study: Study, youngs_modulus_pa: float, plan: DatasetPlan, library: Library) -> NDArray[np.uint8]:
     """Draw the samples of a plan from the library; return their slices (sample, row, column), 255 = wall.
 
     The wall of the library is even and bends the same all around the needle, and gravity is left out: samples differ by

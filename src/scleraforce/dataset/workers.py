@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.cluster import ClusterWorkers
-from scleraforce.dataset.library_samples import near_library, slices_of_plan
+from scleraforce.dataset.library_samples import library_slices, near_library
 from scleraforce.dataset.plan import DatasetPlan, draft_plan
 from scleraforce.dataset.samples import SampleSimulator
 from scleraforce.library import Library
@@ -57,4 +57,4 @@ def _simulating(study: Study, youngs_modulus_pa: float) -> Callable[[int], Slice
 def _drawing(study: Study, youngs_modulus_pa: float, library: Library) -> Callable[[int], Slices]:
     """Return what draws a unit."""
     draft = draft_plan(study)
-    return lambda unit: slices_of_plan(study, youngs_modulus_pa, draft.unit(unit), library)
+    return lambda unit: library_slices(study, youngs_modulus_pa, draft.unit(unit), library)

@@ -19,7 +19,7 @@ from scleraforce.processes import available_cores, work_units
 from scleraforce.study import Study, draw
 from scleraforce.whole_files import KINDS, folder_files, read_text, write_whole_folder
 
-__all__ = ["Acquisition", "acquire_all", "draw_phantom_eyes", "is_recorded"]
+__all__ = ["Acquisition", "acquire_all", "is_recorded", "sample_eyes"]
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,7 @@ class Acquisition:
         return plan_moving_phantom(eye, self.forces_n, self.study, self.seed, **moves)
 
 
-def draw_phantom_eyes(
-    study: Study, count: int, seed: int, name: str, told: Mapping[str, float]
-) -> tuple[PhantomEye, ...]:
+def sample_eyes(study: Study, count: int, seed: int, name: str, told: Mapping[str, float]) -> tuple[PhantomEye, ...]:
     """Draw eyes of a study, named NAME-1, NAME-2 ...; more eyes leave those before as they are.
 
     Thickness, polar angle, gap, direction and tilt come from what the study samples them from, the azimuth from all
