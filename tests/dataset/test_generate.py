@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 import zarr
 from folder_contents import contents
+from machine_code import compiled_again
 from numcodecs import Zstd
 from numcodecs.checksum32 import CRC32C
 from rehash import rehash_store
 
 from scleraforce import processes
-from scleraforce.compiled import can_compile
 from scleraforce.dataset import workers
 from scleraforce.dataset.generate import generate_dataset
 from scleraforce.dataset.modulus import CalibratedModulus
@@ -30,11 +30,11 @@ from scleraforce.dataset.store import (
     write_dataset_unit,
 )
 from scleraforce.errors import DatasetError, SolverError
-from scleraforce.eye import locate
+from scleraforce.eye import locate, locate_loops
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import build_mesh
 from scleraforce.mechanics.linear import LinearWall
-from scleraforce.section import slices
+from scleraforce.section import fill_loops, slices
 from scleraforce.section.cut import cut_section
 from scleraforce.section.plane import ScanPlane
 from scleraforce.section.slices import fill_section, slice_window
@@ -119,11 +119,12 @@ def test_a_sample_can_be_made_again_from_its_metadata_the_slow_way(made):
         assert wrong <= 3  # pixels whose centres the curve passes within the micrometres between two sets of stations
 
 
-@pytest.mark.skipif(not can_compile(), reason="Numba is not installed")
 def test_compiled_loops_change_no_byte(monkeypatch):
     study = small_study()
     plan = draft_plan(study).samples(slice(0, 60))
-    drawn = [SampleSimulator(study, MODULUS_PA).slices(plan)]
+    monkeypatch.setattr(locate, "MANY", 1)
+    with compiled_again(locate_loops, fill_loops):
+        drawn = [SampleSimulator(study, MODULUS_PA).slices(plan)]
     monkeypatch.setattr(locate, "can_compile", lambda: False)
     monkeypatch.setattr(slices, "can_compile", lambda: False)
     drawn.append(SampleSimulator(study, MODULUS_PA).slices(plan))

@@ -1,13 +1,14 @@
 import math
+from contextlib import nullcontext
 
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from machine_code import compiled_again
 
-from scleraforce.compiled import can_compile
-from scleraforce.section import slices
+from scleraforce.section import fill_loops, slices
 from scleraforce.section.plane import Section, SliceWindow
 from scleraforce.section.slices import WALL, fill_section, fill_sections, slice_contours, slice_window
 from scleraforce.study import SliceStudy
@@ -171,10 +172,11 @@ def test_slice_contours_finds_the_wall_and_its_hole():
     assert (hole.min(0).tolist(), hole.max(0).tolist()) == ([19, 9], [50, 20])
 
 
-@pytest.fixture(params=[False, pytest.param(True, marks=pytest.mark.skipif(not can_compile(), reason="no Numba"))],
-                ids=["NumPy", "compiled"])  # fmt: skip
+@pytest.fixture(params=[False, True], ids=["NumPy", "compiled"])
 def compiled_or_not(request, monkeypatch):
     monkeypatch.setattr(slices, "can_compile", lambda: request.param)
+    with compiled_again(fill_loops) if request.param else nullcontext():
+        yield
 
 
 @pytest.mark.usefixtures("compiled_or_not")
