@@ -2,20 +2,17 @@
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any
 
-import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
 
-from scleraforce.known.discrepancy import NO_DISCREPANCY
 from scleraforce.known.eye import Known
 from scleraforce.models.session import check_interface, run_network
 from scleraforce.reader.force_distribution import ratio_edges, single_force
-from scleraforce.reader.given import GIVEN, given_inputs, told_modulus
+from scleraforce.reader.given import GIVEN
 from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors
 from scleraforce.reader.needle_gap import read_by_fit
 from scleraforce.reader.readings import Reading
-from scleraforce.reader.slice_network import CONTACT, HISTOGRAM, INPUTS, told_of
+from scleraforce.reader.slice_network import CONTACT, HISTOGRAM, INPUTS, Prepared, prepared
 from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES
 from scleraforce.study import Study
@@ -72,13 +69,5 @@ class OnnxRawNetwork:
             contact_m=float(contact_m[0]),
         )
 
-    def _prepared(self, known: Known) -> tuple[np.ndarray[Any, np.dtype[np.float32]], float, float, list[float]]:
-        """Return the second input for an eye (1, len(GIVEN)), the modulus in it, and the intervals' factor.
-
-        And the edges of the bins of F/E, with the eye's discrepancy of the force.
-        """
-        told = told_of(known)
-        modulus_pa = float(told_modulus(told, self._trained)[0][0])
-        discrepancy = known.discrepancy or NO_DISCREPANCY
-        edges_m2 = discrepancy.corrected_n(modulus_pa * self._edges_m2) / modulus_pa
-        return given_inputs(told, self._trained), modulus_pa, self._factors.of_network(known), edges_m2.tolist()
+    def _prepared(self, known: Known) -> Prepared:
+        return prepared(known, self._trained, self._edges_m2, self._factors)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import onnxruntime  # type: ignore[import-untyped]  # it ships no types
@@ -18,10 +18,10 @@ from scleraforce.reader.force_distribution import ratio_edges, single_force
 from scleraforce.reader.given import GIVEN, Told, given_inputs, told_modulus
 from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors
 from scleraforce.reader.readings import Reading
-from scleraforce.study import Study
+from scleraforce.study import ReaderStudy, Study
 from scleraforce.study.globe import RIGIDITY_LAWS
 
-__all__ = ["CONTACT", "HISTOGRAM", "INPUTS", "OnnxSliceNetwork", "told_of"]
+__all__ = ["CONTACT", "HISTOGRAM", "INPUTS", "OnnxSliceNetwork", "Prepared", "prepared", "told_of"]
 
 SLICES, TOLD = INPUTS = ("slices", "given")
 HISTOGRAM, CONTACT = OUTPUTS = ["histogram", "contact_m"]
@@ -76,22 +76,42 @@ class OnnxSliceNetwork:
             contact_m=float(contact_m.mean()),
         )
 
-    def _prepared(self, known: Known) -> tuple[NDArray[np.float32], float, float, list[float]]:
-        """Return the network's second input for an eye, (1, len(GIVEN)), the modulus in it, the intervals' factor.
-
-        And the edges of the bins of F/E, with the eye's discrepancy of the force.
-        """
-        told = told_of(known)
-        modulus_pa, _ = told_modulus(told, self._study.reader)
-        discrepancy, modulus = known.discrepancy or NO_DISCREPANCY, float(modulus_pa[0])
-        edges_m2 = discrepancy.corrected_n(modulus * self._edges_m2) / modulus
-        return given_inputs(told, self._study.reader), modulus, self._factors.of_network(known), edges_m2.tolist()
+    def _prepared(self, known: Known) -> "Prepared":
+        return prepared(known, self._study.reader, self._edges_m2, self._factors)
 
     def _check(self) -> None:
         rows, columns = self._study.slice.rows, self._study.slice.columns
         inputs = {SLICES: ("tensor(uint8)", [rows, columns]), TOLD: ("tensor(float)", [len(GIVEN)])}
         outputs = {HISTOGRAM: ("tensor(float)", [self._study.reader.bins]), CONTACT: ("tensor(float)", [])}
         check_interface(self._session, inputs, outputs, self._place)
+
+
+class Prepared(NamedTuple):
+    """What a network is told of an eye, (1, len(GIVEN)), the modulus in it, Pa, and the factor of its intervals.
+
+    `edges_m2`: of the bins of F/E, with the eye's discrepancy of the force.
+    """
+
+    given: NDArray[np.float32]
+    modulus_pa: float
+    factor: float
+    edges_m2: list[float]
+
+
+def prepared(known: Known, trained: ReaderStudy, edges_m2: NDArray[np.float64], factors: IntervalFactors) -> Prepared:
+    """Return what a network is told of an eye.
+
+    Args:
+        known: of the eye.
+        trained: on what the network was.
+        edges_m2: of its bins of F/E.
+        factors: of its intervals.
+    """
+    told = told_of(known)
+    modulus_pa = float(told_modulus(told, trained)[0][0])
+    discrepancy = known.discrepancy or NO_DISCREPANCY
+    edges = discrepancy.corrected_n(modulus_pa * edges_m2) / modulus_pa
+    return Prepared(given_inputs(told, trained), modulus_pa, factors.of_network(known), edges.tolist())
 
 
 def told_of(known: Known) -> Told:

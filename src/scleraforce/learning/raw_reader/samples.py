@@ -10,12 +10,9 @@ from numpy.typing import NDArray
 from scleraforce.laboratory.reduced_bscans import draw_reduced
 from scleraforce.learning.raw_reader.light import draw_optics, draw_shafts, largest_needle_gap
 from scleraforce.learning.reader.draws import Source
-from scleraforce.learning.reader.samples import Eyes, draw_eyes
-from scleraforce.learning.reader.uneven import added_depths, draw_forms
+from scleraforce.learning.reader.samples import draw_eyes, draw_walls
 from scleraforce.library import Library
-from scleraforce.library.base_bulge import pole_directions
-from scleraforce.library.section_motion import section_motion
-from scleraforce.library.slices import Framing, column_laterals, wall_boundaries
+from scleraforce.library.slices import Framing
 from scleraforce.processes import work_in_order
 from scleraforce.reader.given import given_inputs, told_modulus
 from scleraforce.reader.needle_gap import read_by_fit
@@ -91,7 +88,7 @@ class RawSource:
         eyes = draw_eyes(self.library, reader, count, rng)
         lateral_m = reader.lateral_m.sample(rng, count)
         framing = Framing(lateral_m, reader.surface_depth_m.sample(rng, count), eyes.size, eyes.rotation_rad)
-        depth_sbc = _walls(self.library, reader, eyes, framing, window_columns(window), rng)
+        depth_sbc = draw_walls(self.library, reader, eyes, framing, window_columns(window), rng)
         optics = [draw_optics(study, gap_m if needle else None, rng) for gap_m in eyes.gap_m.tolist()]
         shafts = draw_shafts(optics, depth_sbc, lateral_m, eyes.rotation_rad, study, window)
         drawn = draw_reduced(depth_sbc, optics, study.oct, window, rng, shafts)
@@ -132,20 +129,3 @@ def raw_chunks_ahead(source: RawSource, numbers: Sequence[int], workers: int) ->
 def _drawing(source: RawSource) -> Callable[[int], RawSamples]:
     """Return what draws a chunk, in its process."""
     return source.chunk
-
-
-def _walls(
-    library: Library, reader: ReaderStudy, eyes: Eyes, framing: Framing, columns: SliceStudy, rng: np.random.Generator
-) -> Floats:
-    """Return the boundaries of eyes' walls in the columns of their frames (sample, boundary, column), m."""
-    gap_m = eyes.gap_m / eyes.size
-    place = eyes.thickness_m / eyes.size, eyes.iop_ratio
-    walls = library.curves(*place, eyes.force_n / (eyes.modulus_pa * eyes.size**2))
-    beside_m = max(abs(end) for end in reader.lateral_m.bounds)
-    reach_m = (0.5 * columns.columns * columns.pixel_m + beside_m) / reader.size.bounds[0]
-    pole = pole_directions(eyes.polar_rad, eyes.direction_rad)
-    moved = section_motion(library, walls, place, gap_m, pole, reach_m)
-    true = wall_boundaries(walls.curves_sbnc, gap_m, eyes.tilt_rad, framing, columns, moved)
-    radius_m = library.radius_m * eyes.size
-    forms = draw_forms(eyes.thickness_m, radius_m, rng.random(len(gap_m)) < reader.uneven_share, rng)
-    return true.depth_sbc + added_depths(forms, radius_m, column_laterals(columns) - framing.lateral_m[:, None])

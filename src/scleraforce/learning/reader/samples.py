@@ -18,7 +18,7 @@ from scleraforce.library.under_force import iop_ratio_under_force
 from scleraforce.reader.given import Told, given_inputs, told_modulus
 from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy
 
-__all__ = ["Eyes", "ReaderSamples", "draw_eyes", "draw_samples", "log_even"]
+__all__ = ["Eyes", "ReaderSamples", "draw_eyes", "draw_samples", "draw_walls", "log_even"]
 
 Floats = NDArray[np.float64]
 
@@ -89,19 +89,30 @@ def draw_samples(
     framing = Framing(
         reader.lateral_m.sample(rng, count), reader.surface_depth_m.sample(rng, count), eyes.size, eyes.rotation_rad
     )
+    walls = draw_walls(library, reader, eyes, framing, slice_study, rng)
+    seen = disturb(walls, slice_study, rng, scale=reader.boundary_errors)
+    slices = fill_boundaries(seen, slice_study)
+    told_pa, _ = told_modulus(eyes.told, reader)
+    return ReaderSamples(slices, given_inputs(eyes.told, reader), eyes.force_n, told_pa, framing.lateral_m)
+
+
+def draw_walls(
+    library: Library, reader: ReaderStudy, eyes: Eyes, framing: Framing, columns: SliceStudy, rng: np.random.Generator
+) -> Floats:
+    """Return the boundaries of eyes' walls, each of a form of its own, at columns (eye, boundary, column), m.
+
+    Raises:
+        InputError: the library does not hold such eyes.
+    """
     gap_m = eyes.gap_m / eyes.size
     place = eyes.thickness_m / eyes.size, eyes.iop_ratio
     walls = library.curves(*place, eyes.force_n / (eyes.modulus_pa * eyes.size**2))
     pole = pole_directions(eyes.polar_rad, eyes.direction_rad)
-    moved = section_motion(library, walls, place, gap_m, pole, _reach_m(reader, slice_study))
-    true = wall_boundaries(walls.curves_sbnc, gap_m, eyes.tilt_rad, framing, slice_study, moved)
+    moved = section_motion(library, walls, place, gap_m, pole, _reach_m(reader, columns))
+    true = wall_boundaries(walls.curves_sbnc, gap_m, eyes.tilt_rad, framing, columns, moved)
     radius_m = library.radius_m * eyes.size
-    forms = draw_forms(eyes.thickness_m, radius_m, rng.random(count) < reader.uneven_share, rng)
-    formed = true.depth_sbc + added_depths(forms, radius_m, column_laterals(slice_study) - framing.lateral_m[:, None])
-    seen = disturb(formed, slice_study, rng, scale=reader.boundary_errors)
-    slices = fill_boundaries(seen, slice_study)
-    told_pa, _ = told_modulus(eyes.told, reader)
-    return ReaderSamples(slices, given_inputs(eyes.told, reader), eyes.force_n, told_pa, framing.lateral_m)
+    forms = draw_forms(eyes.thickness_m, radius_m, rng.random(len(gap_m)) < reader.uneven_share, rng)
+    return true.depth_sbc + added_depths(forms, radius_m, column_laterals(columns) - framing.lateral_m[:, None])
 
 
 def _reach_m(reader: ReaderStudy, slice_study: SliceStudy) -> float:
