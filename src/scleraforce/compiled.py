@@ -7,7 +7,7 @@ Modules with such loops are imported only by who reads many frames, as the impor
 import os
 from collections.abc import Callable
 from functools import cache
-from importlib.util import find_spec
+from importlib import import_module
 from pathlib import Path
 from typing import TypeVar, cast
 
@@ -28,7 +28,11 @@ def can_compile() -> bool:
 
 @cache
 def _numba_is_there() -> bool:
-    return find_spec("numba") is not None
+    try:
+        import_module("numba")
+    except ImportError:  # not installed, or not for this NumPy
+        return False
+    return True
 
 
 def compiled(loops: Loops) -> Loops:

@@ -66,7 +66,10 @@ def find_wall(frame: Pixels, scale: PixelScale) -> Segmentation:
     """
     if not _compiles:
         return find_wall_by(_NUMPY_STEPS, frame, scale)
-    steps = _compiled_steps.pop() if _compiled_steps else _new_compiled_steps()
+    try:
+        steps = _compiled_steps.pop()
+    except IndexError:
+        steps = _new_compiled_steps()
     try:
         return find_wall_by(steps, frame, scale)
     finally:
