@@ -84,6 +84,7 @@ medial_azimuth_deg = 20.0
 [phantom]
 eye_drift_deg = [2.0]
 eye_saccade_deg = [0.5]
+needle_count = 1
 """
 EYE = PhantomEye(id="eye-x", thickness_m=800e-6, youngs_modulus_pa=0.3e6, iop_pa=266.0, gap_m=0.5e-3, polar_rad=0.6)
 STATED = EyeConstants(iop_pa=266.0, thickness_m=0.7e-3, gap_m=0.5e-3, polar_rad=0.5, polar_sd_rad=0.0)
@@ -178,6 +179,8 @@ def test_reproduce_refuses_what_its_linear_slices_do_and_the_reader_what_its_lib
     assert UNUSED["reproduce", None] == (*UNUSED["generate", "linear"], *movement)
     assert set(UNUSED["phantom", "linear"]) < set(UNUSED["reproduce", None])
     assert UNUSED["train --kind reader", None] == UNUSED["library", None]
+    drawn_alone = (*movement, "phantom.needle_count")  # it has a share of frames with a needle of its own
+    assert UNUSED["train --kind raw-reader", None] == (*UNUSED["library", None], *drawn_alone)
 
 
 ARGUMENTS = {
@@ -187,6 +190,7 @@ ARGUMENTS = {
     "calibrate": "no-recording --out OUT",
     "library": "--out OUT",
     "train --kind reader": "no-library --out OUT",
+    "train --kind raw-reader": "no-library --out OUT",
     "reproduce": "--out OUT",
 }
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scleraforce.report.wall_figure import ComputedWall, FrameWithWalls, draw_walls, laid_on_surface
+from scleraforce.report.wall_figure import ComputedWall, FrameWithWalls, laid_on_surface, plot_walls
 from scleraforce.section.plane import Section
 
 WIDTH_M, COLUMNS = 15e-3, 512
@@ -40,7 +40,7 @@ def test_where_no_surface_is_seen_the_wall_stays_in_the_middle() -> None:
 def test_each_frame_is_drawn_bare_and_with_all_its_walls() -> None:
     walls = tuple(ComputedWall(name, wall().shifted(WIDTH_M / 2, 0.3e-3)) for name in ("finite strain", "linear"))
     frame = np.zeros((64, 64), dtype=np.uint16)
-    figure = draw_walls([FrameWithWalls(title, frame, (WIDTH_M, 4e-3), walls) for title in ("a", "b", "c")])
+    figure = plot_walls([FrameWithWalls(title, frame, (WIDTH_M, 4e-3), walls) for title in ("a", "b", "c")])
     assert len(figure.axes) == 6
     assert [len(axes.get_lines()) for axes in figure.axes] == [0, 0, 0, 4, 4, 4]
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["finite strain", "linear"]

@@ -22,7 +22,7 @@ from scleraforce.replay.player import median_interval_s
 from scleraforce.replay.scanner_client import Unstamped, frame_message, image_matrix
 from scleraforce.units import from_si
 
-__all__ = ["BOUND_N", "FLOOD", "WITHIN_S", "Act", "Prepared", "Sending", "prepare"]
+__all__ = ["BOUND_N", "FLOOD", "WITHIN_S", "Act", "PreparedFault", "Sending", "prepare"]
 
 WITHIN_S = 0.5  # a withdrawal later than this does not count
 BOUND_N = MonitorLimits().bound_n
@@ -47,7 +47,7 @@ Act = tuple[Sending, ...] | None  # what is sent at a frame's time; None: the co
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedFault:
     """A prepared fault: its name, its time in the recording (s), and the acts from then on."""
 
     name: str
@@ -64,7 +64,7 @@ def prepare(
     version: int = 1,
     speed: float = 1.0,
     forces_n: Sequence[float] | None = None,
-) -> Prepared:
+) -> PreparedFault:
     """Prepare a fault that takes the place of the first frame at or after a time of the recording.
 
     Args:
@@ -89,7 +89,7 @@ def prepare(
         )
     stage = _Stage(recording, first, rng, version, median_interval_s(recording) / speed, forces_n)
     acts = ACTS[name](stage)
-    return Prepared(name, frames_s[first], tuple(acts))
+    return PreparedFault(name, frames_s[first], tuple(acts))
 
 
 class _Stage:

@@ -11,7 +11,7 @@ from scleraforce.errors import InputError, LinkError
 from scleraforce.monitor.causes import Cause
 from scleraforce.recording.files import Recording
 from scleraforce.replay.answer_log import Change
-from scleraforce.replay.fault_acts import BOUND_N, FLOOD, WITHIN_S, Act, Prepared, Sending
+from scleraforce.replay.fault_acts import BOUND_N, FLOOD, WITHIN_S, Act, PreparedFault, Sending
 from scleraforce.replay.player import STATED_S, Player, median_interval_s
 from scleraforce.replay.scanner_client import Unstamped
 from scleraforce.units import from_si
@@ -103,7 +103,7 @@ def draw_fault_time(recording: Recording, forces_n: Sequence[float], rng: np.ran
     return float(frames_s[rng.choice(possible)])
 
 
-def inject(player: Player, prepared: Prepared) -> FaultReport:
+def inject(player: Player, prepared: PreparedFault) -> FaultReport:
     """Do the prepared acts, each at a frame's time, until the robot withdraws or `WITHIN_S` has passed.
 
     Args:

@@ -13,7 +13,7 @@ from scleraforce.report.style import AMBER, SCAN_COLOURS, inches, styled
 from scleraforce.section.plane import Section
 from scleraforce.units import from_si
 
-__all__ = ["ComputedWall", "FrameWithWalls", "draw_walls", "laid_on_surface"]
+__all__ = ["ComputedWall", "FrameWithWalls", "laid_on_surface", "plot_walls"]
 
 SHIFTS_M = np.linspace(-0.6e-3, 0.6e-3, 49)  # lateral, to either side of the frame's middle
 WALL_COLOURS = ("#56B4E9", AMBER)  # bright enough on a B-scan
@@ -74,7 +74,7 @@ def laid_on_surface(
 
 
 @styled
-def draw_walls(frames: Sequence[FrameWithWalls]) -> Figure:
+def plot_walls(frames: Sequence[FrameWithWalls]) -> Figure:
     """Draw each frame bare and, below, with the computed walls; the walls have the same names in all frames."""
     figure = Figure(figsize=inches(170, 52))
     grid = figure.subplots(2, len(frames), squeeze=False, sharex="col", sharey="col")

@@ -20,7 +20,7 @@ from scleraforce.report.evaluation_page import read_forces_figure
 from scleraforce.report.html import Html, figure, paragraph, section, table
 from scleraforce.report.style import data_uri
 from scleraforce.report.tables import NOTHING, confusion_table, frame_table, share
-from scleraforce.report.wall_figure import ComputedWall, FrameWithWalls, draw_walls, laid_on_surface
+from scleraforce.report.wall_figure import ComputedWall, FrameWithWalls, laid_on_surface, plot_walls
 from scleraforce.reproduction.against_truth import against_truth
 from scleraforce.reproduction.bent import CALIBRATED, CALIBRATION_FORCES_N, bent_trials, run_library
 from scleraforce.reproduction.figures import eye_of
@@ -151,7 +151,7 @@ def _walls_figure(run: Run, reader: Evaluation) -> Html:
         f"Frames of {linear.id} and the sections computed for their measured forces, each mechanics with the "
         "modulus that it found for this eye. Only their place in the frame is fitted."
     )
-    return figure(data_uri(draw_walls(frames)), "raw frames with the linear and the finite-strain section", caption)
+    return figure(data_uri(plot_walls(frames)), "raw frames with the linear and the finite-strain section", caption)
 
 
 def _shown(reader: Evaluation) -> list[FrameAnswer]:
