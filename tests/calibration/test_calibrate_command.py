@@ -58,7 +58,8 @@ def test_finite_strain_is_the_default_and_takes_the_cached_library(
 ) -> None:
     asked: list[Study] = []
 
-    def cached(study: Study, *, progress: Callable[[int], None]) -> Library:
+    def cached(study: Study, *, workers: int | None, progress: Callable[[int], None]) -> Library:
+        assert workers is None
         asked.append(study)
         progress(10)
         return analytic_library()

@@ -47,6 +47,7 @@ def test_ctrl_c_is_its_end_and_no_module_of_the_current_folder_has_run(folder: P
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
 def test_who_ends_it_otherwise_ends_it_in_order_as_well(folder: Path, tmp_path: Path, number: signal.Signals) -> None:
     with started(folder, "--black-box", str(tmp_path / "box")) as monitor, Peer(monitor.port) as robot:
+        robot.hear(5.0, lambda peer: bool(peer.statuses()))  # it has been let in, not only queued by the system
         os.kill(monitor.process.pid, number)
         os.kill(monitor.process.pid, number)  # a shell and the system may both say so
         assert "the monitor ends" in robot.wait_for_code(3).message

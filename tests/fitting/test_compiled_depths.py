@@ -100,6 +100,16 @@ def test_a_wall_that_folds_and_places_beside_it_are_the_same(both: Both) -> None
     np.testing.assert_allclose(loops.depth_m[loops.seen], arrays.depth_m[arrays.seen], rtol=0, atol=5e-9)
 
 
+def test_a_wall_that_only_runs_back_is_the_same(both: Both) -> None:
+    unknown = drawn(np.random.default_rng(1))
+    unknown[[TIP, ROTATION]] = 1e-3, np.pi
+    arrays, loops = both(lambda: predict_wall(Walls(LIBRARY), unknown, replace(BOTH, smoothing_m=90e-6)))
+    assert not arrays.seen.any()
+    assert not loops.seen.any()
+    np.testing.assert_allclose(loops.depth_m, arrays.depth_m, rtol=0, atol=2e-9)
+    np.testing.assert_allclose(loops.slope, arrays.slope, rtol=0, atol=1e-9)
+
+
 def test_forces_and_volumes_are_the_same_and_refused_alike(both: Both) -> None:
     rng = np.random.default_rng(2)
     thickness_m = rng.uniform(LIBRARY.thickness_m[0], LIBRARY.thickness_m[-1], 50)

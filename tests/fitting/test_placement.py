@@ -48,6 +48,13 @@ def test_of_a_wall_that_folds_back_what_light_meets_first_counts() -> None:
     assert seen.tolist() == [True, True, True, False]
 
 
+def test_of_a_wall_that_only_runs_back_nothing_is_seen() -> None:
+    depth, slope, seen = curve_depths(bowl()[:, ::-1], both_boundaries(90e-6))
+    assert not seen.any()
+    assert np.isfinite(depth).all()
+    assert not slope.any()
+
+
 def test_derivatives_of_the_pose_are_differences_of_depths() -> None:
     pose = np.array([0.2e-3, 0.4e-3, 0.03])
     places, steps = both_boundaries(), (1e-7, 1e-7, 1e-5)

@@ -16,7 +16,7 @@ from scleraforce.models.folder import sha256
 from scleraforce.reader import load_classifier, load_model
 from scleraforce.reader.force_distribution import ratio_edges
 from scleraforce.reader.given import unknown_modulus
-from scleraforce.reader.slice_network import told_of
+from scleraforce.reader.told_network import told_of
 
 pytest.importorskip("torch")
 

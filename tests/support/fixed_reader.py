@@ -9,7 +9,8 @@ import numpy as np
 from scleraforce.library import Library, save_library
 from scleraforce.models.folder import LIBRARY_FILE
 from scleraforce.reader.given import GIVEN
-from scleraforce.reader.slice_network import CONTACT, HISTOGRAM, INPUTS
+from scleraforce.reader.slice_network import SLICES
+from scleraforce.reader.told_network import CONTACT, HISTOGRAM, TOLD
 from scleraforce.study import Study, format_study, study_hash
 
 
@@ -28,7 +29,7 @@ def write_fixed_reader(
     from scleraforce.models.writing import write_folder
 
     study = fixed_study(len(shares))
-    slices, told = INPUTS
+    slices, told = SLICES, TOLD
     values = {
         "none": np.zeros((len(GIVEN), len(shares)), dtype=np.float32),
         "shares": np.log(np.maximum(np.asarray(shares, dtype=np.float32), np.float32(1e-12))),

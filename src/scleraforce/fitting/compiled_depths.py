@@ -111,7 +111,7 @@ def _depths_of_walls(
                 across, deep = lateral[node], down[node]
                 lateral[node] = c * across - s * deep + states.lateral_m
                 down[node] = s * across + c * deep + states.depth_m
-            length = max(_without_folds(lateral, down), 2)
+            length = _without_folds(lateral, down)
             part = slice(0, outer) if boundary == 0 else slice(outer, len(at_m))
             _depths_along(
                 lateral[:length], down[:length], at_m[part], smoothing_m if boundary == 0 else 0.0,
@@ -219,6 +219,9 @@ def _depths_along(
     reached: NDArray[np.bool_],
 ) -> None:
     """Write depth, slope and whether it is reached, of a polyline under a Gaussian (`placement.curve_depths`)."""
+    if len(lateral) == 1:
+        depth_m[:], slope[:], reached[:] = down[0], 0.0, False
+        return
     depth_m[:], slope[:] = 0.0, 0.0
     for place in range(len(at_m)):
         reached[place] = lateral[0] <= at_m[place] <= lateral[-1]

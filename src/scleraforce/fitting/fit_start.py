@@ -1,8 +1,7 @@
 """Where a fit begins: the best of a coarse search over dents and lateral places, on the outer boundary alone.
 
-A globe that may be sealed is followed along two paths: by dents, at the pressures of the least rigidity that it may
-have, and by pressures, at the dents of the one that it is taken to have. Near the pressure that runs away a path by
-dents would end, or turn back.
+In a globe that may be sealed each dent is tried at two pressures: those of the least rigidity that it may have and of
+the one that it is taken to have. A dent at which that pressure runs away is none to begin from.
 """
 
 import numpy as np
@@ -33,21 +32,20 @@ FARTHEST_M = 3e-3
 POINTS = 40  # of the outer boundary
 GRID_M = 50e-6
 MUCH_WORSE = 3.0  # times as far off as the best
-HIGHEST_RISE = 16.0  # times the pressure without the needle
 FAR_M = 0.3e-3  # a column that is farther off than this does not care how much
 
 
 def starts(walls: Walls, mean: Array, lateral_m: Array, depth_m: Array, count: int) -> list[Array]:
-    """Return where to begin: states that lie better than their neighbours, the best first, (unknown,) each.
+    """Return where to begin: dents that lie better than their neighbours, the best first, (unknown,) each.
 
-    Each comes with its best lateral place and depth. What lies much worse than the best is nothing to begin from.
+    Each comes with its best lateral place and depth. A dent that lies much worse than the best is none to begin from.
 
     Args:
         walls: that may be seen.
         mean: of the prior (unknown,).
         lateral_m: places of the outer boundary that are seen (place,).
         depth_m: its depth there (place,).
-        count: the most to return of a path.
+        count: the most to return.
     """
     some = np.unique(np.linspace(0, len(lateral_m) - 1, POINTS).astype(np.intp))
     lateral_m, depth_m = lateral_m[some], depth_m[some]
@@ -55,10 +53,7 @@ def starts(walls: Walls, mean: Array, lateral_m: Array, depth_m: Array, count: i
     tips = walls.library.tip_m[-1] * np.exp(mean[SIZE]) * np.linspace(0.0, 1.0, DENTS) ** 1.5
     samples = np.repeat(mean[None], DENTS, axis=0)
     samples[:, TIP], samples[:, POLE] = tips, 0.0
-    paths = [_along_dents(walls, samples)]
-    if walls.globe.mean > 0.0:
-        paths.append(_along_pressures(walls, samples))
-    samples = np.concatenate(paths)
+    samples, dent_s = _at_pressures(walls, samples)
     outer = place_walls(walls, samples)[:, 0]
     reach = int(np.ceil((np.abs(lateral_m).max() + FARTHEST_M) / GRID_M)) + 1
     grid = np.arange(-reach, reach + 1) * GRID_M
@@ -69,54 +64,33 @@ def starts(walls: Walls, mean: Array, lateral_m: Array, depth_m: Array, count: i
     down = np.median(rest, axis=2)
     cost = np.minimum(np.abs(rest - down[..., None]), FAR_M).mean(axis=2)
     best, cost = cost.argmin(axis=1), cost.min(axis=1)
-    begun, least = [], cost.min()
-    for path in np.split(np.arange(len(samples)), np.cumsum([len(path) for path in paths[:-1]])):
-        around = np.concatenate([[np.inf], cost[path], [np.inf]])
-        better = path[(cost[path] <= around[:-2]) & (cost[path] <= around[2:]) & (cost[path] <= MUCH_WORSE * least)]
-        begun += better[np.argsort(cost[better])][:count].tolist()
-    found = []
-    for sample in sorted(begun, key=lambda sample: cost[sample]):
+    least = np.full(DENTS, np.inf)
+    np.minimum.at(least, dent_s, cost)
+    around = np.concatenate([[np.inf], least, [np.inf]])
+    better = np.flatnonzero((least <= around[:-2]) & (least <= around[2:]) & (least <= MUCH_WORSE * least.min()))
+    begun = []
+    for dent in better[np.argsort(least[better])][:count]:
+        sample = int(np.argmin(np.where(dent_s == dent, cost, np.inf)))
         start = mean.copy()
         start[[TIP, PRESSURE]] = samples[sample, [TIP, PRESSURE]]
         start[[LATERAL, DEPTH]] = shifts[best[sample]], down[sample, best[sample]]
-        found.append(start)
-    return found
+        begun.append(start)
+    return begun
 
 
-def _along_dents(walls: Walls, dents_su: Array) -> Array:
-    """Return dents (sample, unknown) at the pressures of the least rigidity, where the law bears them."""
-    globe = walls.globe
+def _at_pressures(walls: Walls, dents_du: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Return dents (sample, unknown) at the pressures that they may be under, and which dent each is (sample,)."""
+    globe, dents = walls.globe, np.arange(len(dents_du))
     if not globe.can_be_sealed:
-        return dents_su
-    thickness, resting, size, modulus = _resting(walls, dents_su)
-    law = globe.globe(globe.lowest * size**3).over(modulus)
-    tips = np.minimum(dents_su[:, TIP] / size, walls.library.tip_m[-1])
-    ratio = iop_ratio_at_dent(walls.library, thickness, resting, tips, law)
-    borne, samples = np.isfinite(ratio), dents_su.copy()
-    samples[borne, PRESSURE] = np.log(ratio[borne] * modulus[borne])
-    return samples[borne]
-
-
-def _along_pressures(walls: Walls, dents_su: Array) -> Array:
-    """Return pressures (sample, unknown) at the dents of the rigidity that the globe is taken to have."""
-    library = walls.library
-    thickness, resting, size, modulus = (values[0] for values in _resting(walls, dents_su))
-    law = walls.globe.globe(walls.globe.mean * size**3).over(modulus)
-    ratios = np.geomspace(resting, min(HIGHEST_RISE * resting, library.iop_ratio_ends(thickness)[1]), DENTS + 1)[1:]
-    volumes = (law.level(ratios) - law.level(resting)) / law.rate
-    tips = np.tile(library.tip_m, (DENTS, 1))
-    held = library.displaced_m3(np.full(tips.size, thickness), np.repeat(ratios, tips.shape[1]), tips.ravel())
-    samples = dents_su.copy()
-    samples[:, PRESSURE] = np.log(ratios * modulus)
-    samples[:, TIP] = size * np.array(
-        [np.interp(volume, row, library.tip_m) for volume, row in zip(volumes, held.reshape(tips.shape), strict=True)]
-    )
-    return samples
-
-
-def _resting(walls: Walls, dents_su: Array) -> tuple[Array, Array, Array, Array]:
-    """Return thickness and pressure over E without the needle, in the library's size, that size and E (sample,)."""
-    library, size, modulus = walls.library, np.exp(dents_su[:, SIZE]), np.exp(dents_su[:, MODULUS])
-    thickness = np.clip(dents_su[:, THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
-    resting = np.clip(np.exp(dents_su[:, IOP]) / modulus, *library.iop_ratio_ends(thickness))
-    return thickness, resting, size, modulus
+        return dents_du, dents
+    library, size, modulus = walls.library, np.exp(dents_du[:, SIZE]), np.exp(dents_du[:, MODULUS])
+    thickness = np.clip(dents_du[:, THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
+    resting = np.clip(np.exp(dents_du[:, IOP]) / modulus, *library.iop_ratio_ends(thickness))
+    rigidity = np.repeat([globe.lowest, globe.mean], len(dents))
+    tips = np.minimum(dents_du[:, TIP] / size, library.tip_m[-1])
+    thickness, resting, tips, size, modulus = (np.tile(part, 2) for part in (thickness, resting, tips, size, modulus))
+    ratio = iop_ratio_at_dent(library, thickness, resting, tips, globe.globe(rigidity * size**3).over(modulus))
+    borne = np.isfinite(ratio)
+    samples = np.tile(dents_du, (2, 1))
+    samples[:, PRESSURE] = np.log(np.where(borne, ratio, 1.0) * modulus)
+    return samples[borne], np.tile(dents, 2)[borne]

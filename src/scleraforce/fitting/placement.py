@@ -90,11 +90,13 @@ def _smoothed(curve_sc: Array, at: Array, sd_m: float) -> tuple[Array, Array, ND
 
 
 def _depths_along(curve_sc: Array, at: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Interpolate a polyline, without what folds back."""
+    """Interpolate a polyline, without what folds back; of one that only does nothing is seen."""
     lateral, down = curve_sc.T
     if (lateral[1:] <= lateral[:-1]).any():
         ahead = np.concatenate([[True], lateral[1:] > np.maximum.accumulate(lateral)[:-1]])
         lateral, down = lateral[ahead], down[ahead]
+        if len(lateral) == 1:
+            return np.full(at.shape, down[0]), np.zeros(at.shape), np.zeros(at.shape, dtype=np.bool_)
     segment = np.minimum(np.maximum(lateral.searchsorted(at) - 1, 0), len(lateral) - 2)
     left, top = lateral[segment], down[segment]
     slope = (down[segment + 1] - top) / (lateral[segment + 1] - left)

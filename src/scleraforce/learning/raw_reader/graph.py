@@ -15,12 +15,11 @@ from scleraforce.learning.framework import onnx
 from scleraforce.learning.raw_reader.network import RawReaderNetwork
 from scleraforce.learning.reader.graph import reader_onnx_bytes
 from scleraforce.learning.wall_finder.graph import finder_onnx_bytes
-from scleraforce.reader.slice_network import INPUTS
+from scleraforce.reader.slice_network import SLICES
 from scleraforce.segmentation.wall_finder import FINDER_ROWS, FINDER_WALL
 
 __all__ = ["raw_reader_onnx_bytes"]
 
-SLICES, _ = INPUTS
 OF_SLICES = "read_"  # begins the names of the slice network's values: both graphs have a "signal0"
 
 

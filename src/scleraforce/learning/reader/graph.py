@@ -13,11 +13,10 @@ from scleraforce.learning.classifier.graph import constant, model_bytes, node, t
 from scleraforce.learning.framework import onnx, torch
 from scleraforce.learning.reader.network import KERNEL, SHARPNESS, STRIDE, ReaderNetwork, bin_ends
 from scleraforce.reader.given import GIVEN
-from scleraforce.reader.slice_network import CONTACT, HISTOGRAM, INPUTS
+from scleraforce.reader.slice_network import SLICES
+from scleraforce.reader.told_network import CONTACT, HISTOGRAM, TOLD
 
 __all__ = ["reader_onnx_bytes"]
-
-SLICES, TOLD = INPUTS
 
 
 def reader_onnx_bytes(network: ReaderNetwork, rows: int, columns: int, provenance: Mapping[str, str]) -> bytes:

@@ -14,6 +14,7 @@ from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Known
 from scleraforce.learning.reader.virtual_eyes import (
     FRAMES,
+    VirtualEye,
     VirtualFrame,
     calibrated,
     draw_eye,
@@ -28,7 +29,7 @@ from scleraforce.reader.model import slice_network
 from scleraforce.reader.readings import Reading, fit_reading
 from scleraforce.study import Study
 
-__all__ = ["measured_intervals"]
+__all__ = ["STREAM", "calibrated_eye", "intervals_of", "measured_intervals"]
 
 STREAM = 2**30  # of random numbers: the samples' streams are below, those of the validation above
 AHEAD = 2  # eyes for each process that are drawn or wait
@@ -54,12 +55,31 @@ def measured_intervals(
         SolverError: a worker died.
     """
     prepare = partial(_measuring, study, library, network)
+    return intervals_of(prepare, study.reader.interval_eyes, workers, "virtual eyes of the library's walls", progress)
+
+
+def intervals_of(
+    prepare: Callable[[], Callable[[int], list[Score]]],
+    eyes: int,
+    workers: int,
+    source: str,
+    progress: Callable[[int], object] | None,
+) -> dict[str, Any]:
+    """Return `intervals` of `model.json` from the scores of virtual eyes.
+
+    Args:
+        prepare: called once in each process; returns what scores an eye of a number.
+        eyes: how many.
+        workers: processes.
+        source: what the eyes are, in words.
+        progress: called with 1 after each eye.
+    """
     scores: list[Score] = []
-    for of_eye in work_in_order(prepare, range(study.reader.interval_eyes), workers, ahead=AHEAD * workers):
+    for of_eye in work_in_order(prepare, range(eyes), workers, ahead=AHEAD * workers):
         scores += of_eye
         if progress:
             progress(1)
-    return intervals_record(scores, "virtual eyes of the library's walls")
+    return intervals_record(scores, source)
 
 
 def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
@@ -69,12 +89,10 @@ def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int]
 
     def scores_of(number: int) -> list[Score]:
         rng = np.random.default_rng([study.reader.seed, STREAM + number])
-        try:
-            eye = draw_eye(study, library, number, rng)
-            frames = draw_frames(eye, study, FRAMES, rng)
-            known, left = calibrated(eye, frames, study, library, rng)
-        except CalibrationError:  # a corner of the ranges that the library does not have
+        drawn = calibrated_eye(study, library, number, rng)
+        if drawn is None:
             return []
+        eye, known, left = drawn
         near = library.for_contact(eye.wall.polar_rad)
         found = []
         for told in (known, of_population(eye, study, rng)):
@@ -83,6 +101,20 @@ def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int]
         return found
 
     return scores_of
+
+
+def calibrated_eye(
+    study: Study, library: Library, number: int, rng: np.random.Generator
+) -> tuple[VirtualEye, Known, tuple[VirtualFrame, ...]] | None:
+    """Return a virtual eye, what is known of it after its calibration, and the frames that are left.
+
+    None where it lies in a corner of the ranges that the library does not have.
+    """
+    try:
+        eye = draw_eye(study, library, number, rng)
+        return eye, *calibrated(eye, draw_frames(eye, study, FRAMES, rng), study, library, rng)
+    except CalibrationError:
+        return None
 
 
 def _scores(

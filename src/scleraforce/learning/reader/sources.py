@@ -29,7 +29,7 @@ NOT_RUN = (
 ROOMS = ("calibration", "eye", "fitting", "known", "learning", "library", "mechanics", "section")
 MODULES = (
     "reader/force_distribution.py", "reader/given.py", "reader/interval_scores.py", "reader/slice_network.py",
-    "study/sampled.py",
+    "reader/told_network.py", "study/sampled.py", "compiled.py",
 )  # fmt: skip
 SHARED: tuple[Callable[..., Any], ...] = (group_of, fit_reading, observe_points)
 

@@ -1,7 +1,7 @@
 """From a library to a model folder of kind "reader": train, measure on samples that were never seen, write."""
 
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from io import BytesIO
@@ -27,7 +27,7 @@ from scleraforce.processes import available_cores
 from scleraforce.study import Study, format_study, study_hash
 from scleraforce.units import from_si
 
-__all__ = ["TrainedReader", "check_library", "stored_library", "train_reader"]
+__all__ = ["TrainedReader", "check_library", "metrics_record", "provenance_of", "stored_library", "train_reader"]
 
 DEFAULT_METHOD = "fit"  # nearer to the true force than the network on virtual eyes (docs/figures.md)
 
@@ -69,7 +69,8 @@ def train_reader(
     content, errors = stored_library(library)
     source = Source.of(library, study.reader, study.slice)
     fitted = fit_reader(study, source, workers or max(1, available_cores() - 1), progress)
-    provenance = _provenance(study, content)
+    sources = {"sources_sha256": reader_sources_hash()}
+    provenance = provenance_of("reader", study, study.reader.seed, content, sources)
     graph = reader_onnx_bytes(fitted.network, study.slice.rows, study.slice.columns, provenance)
     record = {**_record(study, fitted, provenance), "library": asdict(errors)}
     if study.reader.interval_eyes:
@@ -97,15 +98,25 @@ def stored_library(library: Library) -> tuple[bytes, StoredErrors]:
     return file.getvalue(), errors
 
 
-def _provenance(study: Study, library: bytes) -> dict[str, str]:
-    """Return what `metadata_props` of the network says: the same for the same study, library and versions."""
+def provenance_of(
+    kind: str, study: Study, seed: int, library: bytes, sources: Mapping[str, str] | None = None
+) -> dict[str, str]:
+    """Return what `metadata_props` of a network says: the same for the same study, library and versions.
+
+    Args:
+        kind: of the model.
+        study: of the training.
+        seed: of the training.
+        library: as it is stored.
+        sources: hashes of what decides the model, if they are kept.
+    """
     return {
-        "kind": "reader",
+        "kind": kind,
         "study_sha256": study_hash(study),
         "library_sha256": sha256(library).hexdigest(),
-        "seed": str(study.reader.seed),
+        "seed": str(seed),
         "threads": str(READER_THREADS),
-        "sources_sha256": reader_sources_hash(),
+        **(sources or {}),
         "class_bounds_mn": ", ".join(f"{from_si(bound, 'mn'):g}" for bound in study.classes.bounds_n),
         "scleraforce": __version__,
         "python": platform.python_version(),
@@ -117,7 +128,7 @@ def _provenance(study: Study, library: bytes) -> dict[str, str]:
 
 def _record(study: Study, fitted: FittedReader, provenance: dict[str, str]) -> dict[str, Any]:
     """Return `model.json` without its hashes."""
-    reader, metrics = study.reader, fitted.metrics
+    reader = study.reader
     return {
         "kind": "reader",
         "default": DEFAULT_METHOD,
@@ -127,13 +138,18 @@ def _record(study: Study, fitted: FittedReader, provenance: dict[str, str]) -> d
             "validation": reader.validation_samples,
         },
         "epochs": reader.epochs,
-        "metrics": {
-            "validation_accuracy": metrics.accuracy,
-            "validation_interval": metrics.interval,
-            "validation_confusion": metrics.confusion,
-            "mae_mn": from_si(metrics.mae_n, "mn"),
-            "coverage": metrics.coverage,
-            "lateral_mae_mm": from_si(metrics.lateral_mae_m, "mm"),
-        },
+        "metrics": metrics_record(fitted.metrics),
         "curves": asdict(fitted.curves),
+    }
+
+
+def metrics_record(metrics: ReaderMetrics) -> dict[str, Any]:
+    """Return `metrics` of `model.json`."""
+    return {
+        "validation_accuracy": metrics.accuracy,
+        "validation_interval": metrics.interval,
+        "validation_confusion": metrics.confusion,
+        "mae_mn": from_si(metrics.mae_n, "mn"),
+        "coverage": metrics.coverage,
+        "lateral_mae_mm": from_si(metrics.lateral_mae_m, "mm"),
     }

@@ -142,11 +142,15 @@ def _validation_samples(source: Source) -> ReaderSamples:
 
 def measure(network: ReaderNetwork, samples: ReaderSamples, study: Study) -> ReaderMetrics:
     """Compare a network's answers with the truth."""
-    answers = answer(network, samples, study.reader)
+    return compared(answer(network, samples, study.reader), samples.force_n, samples.lateral_m, study)
+
+
+def compared(answers: Answers, force_n: Floats, lateral_m: Floats, study: Study) -> ReaderMetrics:
+    """Compare answers with the true forces (sample,), N, and places of the contact (sample,), m."""
     median_n, (low_n, high_n) = answers.forces.median_n, answers.forces.interval_n.T
     classify = study.classes.classify
     confusion = confusion_matrix(
-        [classify(force) for force in samples.force_n.tolist()],
+        [classify(force) for force in force_n.tolist()],
         [classify(force) for force in median_n.tolist()],
         len(study.classes.bounds_n) + 1,
     )
@@ -154,9 +158,9 @@ def measure(network: ReaderNetwork, samples: ReaderSamples, study: Study) -> Rea
     return ReaderMetrics(
         accuracy=share.value,
         interval=share.interval,
-        mae_n=float(np.abs(median_n - samples.force_n).mean()),
-        coverage=float(((samples.force_n >= low_n) & (samples.force_n <= high_n)).mean()),
-        lateral_mae_m=float(np.abs(answers.lateral_m - samples.lateral_m).mean()),
+        mae_n=float(np.abs(median_n - force_n).mean()),
+        coverage=float(((force_n >= low_n) & (force_n <= high_n)).mean()),
+        lateral_mae_m=float(np.abs(answers.lateral_m - lateral_m).mean()),
         confusion=tuple(tuple(row) for row in confusion.tolist()),
     )
 
@@ -168,11 +172,14 @@ def answer(network: ReaderNetwork, samples: ReaderSamples, reader: ReaderStudy) 
     with torch.inference_mode():
         parts = [network(batch.slices[i], batch.given[i]) for i in torch.split(torch.arange(len(samples)), 512)]
     mixtures, places_mm = (torch.cat(values) for values in zip(*parts, strict=True))
+    return answers_of(mixtures, places_mm, samples.modulus_pa, reader)
+
+
+def answers_of(mixtures: torch.Tensor, places_mm: torch.Tensor, modulus_pa: Floats, reader: ReaderStudy) -> Answers:
+    """Return the answers that a network's outputs are, with the moduli that it was told (sample,), Pa."""
     edges = ratio_edges(reader.bins, reader.max_force_ratio)
     probabilities = histogram(mixtures, reader.bins).double().numpy()
-    return Answers(
-        force_distribution(probabilities, edges, samples.modulus_pa), to_si(places_mm.double().numpy(), "mm")
-    )
+    return Answers(force_distribution(probabilities, edges, modulus_pa), to_si(places_mm.double().numpy(), "mm"))
 
 
 def reader_loss(

@@ -6,7 +6,7 @@ computed in three dimensions do. What is told of an eye is off by what a study s
 calibrate it, as `calibrate --frames 3` does; the others are read.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,7 +31,16 @@ from scleraforce.reader.force_reader import SHIFTS
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import SliceStudy, Study, draw
 
-__all__ = ["FRAMES", "VirtualEye", "VirtualFrame", "calibrated", "draw_eye", "draw_frames", "of_population"]
+__all__ = [
+    "FRAMES",
+    "VirtualEye",
+    "VirtualFrame",
+    "calibrated",
+    "draw_eye",
+    "draw_frames",
+    "of_population",
+    "wall_depths",
+]
 
 Floats = NDArray[np.float64]
 
@@ -124,19 +133,12 @@ def draw_frames(eye: VirtualEye, study: Study, count: int, rng: np.random.Genera
     """Draw frames of an eye with even forces, with errors like those of the segmentation."""
     reader = study.reader
     forces_n = rng.uniform(0.0, eye.largest_n, count)
-    effective_n = forces_n / (1.0 + eye.drift * (forces_n / eye.largest_n - 0.5))
-    states = [replace(eye.wall, force_n=float(force_n)) for force_n in effective_n]
     lateral_m, depth_m = draw(reader.lateral_m, rng), draw(reader.surface_depth_m, rng)
     pose = np.array([lateral_m, depth_m, rng.uniform(-ROTATION_RAD, ROTATION_RAD), 0.0, 0.0])
     fine = _finer(study.slice)
     columns_m = column_laterals(fine)
-    both = Places(np.concatenate([columns_m, columns_m]), np.repeat([0, 1], fine.columns))
-    seen_sbc = np.empty((count, 2, fine.columns))
-    for depths, curves in zip(seen_sbc, eye.model.curves(states), strict=True):
-        moved = pose + np.array([*rng.uniform(-SHIFT_M, SHIFT_M, 2), 0.0, 0.0, 0.0])
-        depth, _, reached = curve_depths(place_section(curves, moved), both)
-        form = added_depths(eye.forms, np.array([eye.model.library.radius_m]), (columns_m - moved[0])[None])[0]
-        depths[:] = np.where(reached, depth, np.nan).reshape(2, -1) + form
+    poses = (pose + np.array([*rng.uniform(-SHIFT_M, SHIFT_M, 2), 0.0, 0.0, 0.0]) for _ in forces_n)
+    seen_sbc = wall_depths(eye, forces_n, poses, columns_m)
     seen_sbc = disturb(seen_sbc, fine, rng, scale=reader.boundary_errors)
     middle = slice(FINER // 2 - 1, FINER // 2 + 1)
     coarse_sbc = seen_sbc.reshape(count, 2, study.slice.columns, FINER)[..., middle].mean(axis=3)
@@ -145,6 +147,27 @@ def draw_frames(eye: VirtualEye, study: Study, count: int, rng: np.random.Genera
         VirtualFrame(float(force_n), Boundaries(columns_m, depths, fine.pixel_m), np.stack(cuts))
         for force_n, depths, cuts in zip(forces_n, seen_sbc, zip(*halves, strict=True), strict=True)
     )
+
+
+def wall_depths(eye: VirtualEye, forces_n: Floats, poses: Iterable[Floats], columns_m: Floats) -> Floats:
+    """Return the boundaries of an eye's wall in frames (frame, boundary, column), m; NaN where it does not reach.
+
+    Args:
+        eye: of whose wall.
+        forces_n: under them (frame,).
+        poses: of the sections, one for each frame (`calibration.placement.place_section`).
+        columns_m: lateral places of a frame's columns from its middle.
+    """
+    effective_n = forces_n / (1.0 + eye.drift * (forces_n / eye.largest_n - 0.5))
+    states = [replace(eye.wall, force_n=float(force_n)) for force_n in effective_n]
+    both = Places(np.concatenate([columns_m, columns_m]), np.repeat([0, 1], len(columns_m)))
+    radius_m = np.array([eye.model.library.radius_m])
+    depth_sbc = np.empty((len(states), 2, len(columns_m)))
+    for depths, curves, pose in zip(depth_sbc, eye.model.curves(states), poses, strict=True):
+        depth, _, reached = curve_depths(place_section(curves, pose), both)
+        form = added_depths(eye.forms, radius_m, (columns_m - pose[0])[None])[0]
+        depths[:] = np.where(reached, depth, np.nan).reshape(2, -1) + form
+    return depth_sbc
 
 
 def calibrated(
