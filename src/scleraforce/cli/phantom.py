@@ -126,8 +126,8 @@ def phantom(
         **{field: None if value is None else radians(value) for field, value in angles.items()},
     }
     told = {field: value for field, value in stated.items() if value is not None}
-    moves = {"ramp_n_per_s": to_si(20.0 if ramp_mn_per_s is None else ramp_mn_per_s, "mn_per_s"),
-             "hold_s": 1.0 if hold_s is None else hold_s}  # fmt: skip
+    moves = {} if ramp_mn_per_s is None else {"ramp_n_per_s": to_si(ramp_mn_per_s, "mn_per_s")}
+    moves |= {} if hold_s is None else {"hold_s": hold_s}
     acquisition = Acquisition(forces_mn, study, study.phantom.seed if seed is None else seed, rate_hz=rate_hz, **moves)
     if count is None:
         if not (scheduler is None and workers is None):
