@@ -60,17 +60,20 @@ class Latest:
 
 
 class Viewers:
-    """The connections from Slicer; one that does not read is dropped."""
+    """The connections from Slicer; one that comes late is told what was told last, one that does not read is dropped."""
 
     def __init__(self) -> None:
         self._links: list[socket.socket] = []
+        self._last: dict[str, bytes] = {}
         self._lock = threading.Lock()
 
     def add(self, link: socket.socket) -> None:
-        """Take a connection."""
+        """Take a connection, and tell it the newest of each device."""
         link.settimeout(1.0)
         with self._lock:
             self._links.append(link)
+            for data in self._last.values():
+                self._send(link, data)
 
     def close(self) -> None:
         """End all connections."""
@@ -83,12 +86,17 @@ class Viewers:
         """Send a message to all; Slicer is spoken to in version 1, which every version of it reads."""
         data = encode(message, device)
         with self._lock:
+            self._last[device] = data
             for link in list(self._links):
-                try:
-                    link.sendall(data)
-                except OSError:
-                    self._links.remove(link)
-                    link.close()
+                self._send(link, data)
+
+    def _send(self, link: socket.socket, data: bytes) -> None:
+        try:
+            link.sendall(data)
+        except OSError:
+            if link in self._links:
+                self._links.remove(link)
+            link.close()
 
 
 def relay(source: socket.socket, target: socket.socket, latest: Latest) -> None:

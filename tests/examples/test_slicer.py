@@ -66,6 +66,24 @@ def test_slicer_gets_the_frame_with_its_wall_the_bar_and_the_words_and_the_scann
     assert words.string.splitlines() == ["1.5 mN (90 %: 0.5 to 2.5)", "WATCHING: class 0"]
 
 
+def test_a_slicer_that_comes_after_the_frame_is_shown_it() -> None:
+    with fake_monitor() as monitor, bridge.run(0, 0, ("127.0.0.1", monitor.port)) as (scanner_port, slicer_port):
+        clients = [pyigtl.OpenIGTLinkClient("127.0.0.1", slicer_port)]
+        try:
+            with Peer(scanner_port, version=2) as scanner:
+                scanner.say(Image(wall()[None], MATRIX), message_id=5)
+                scanner.hear(10.0, lambda peer: peer.readings() > 0)
+                heard(clients[0], "ForceText")  # all three have been sent
+            clients.append(pyigtl.OpenIGTLinkClient("127.0.0.1", slicer_port))
+            picture, bar, words = (heard(clients[1], device) for device in ("ForceView", "ForceBar", "ForceText"))
+        finally:
+            for client in clients:
+                client.stop()
+    assert picture.image.shape == (1, ROWS, COLUMNS, 3)
+    assert bar.matrix[2, 2] == pytest.approx(1.5)
+    assert words.string.startswith("1.5 mN")
+
+
 def test_a_withdrawal_and_a_frame_without_a_force_are_said() -> None:
     unread = {"force_mn": None, "interval_mn": None, "reason": "no wall was found"}
     assert bridge.words(unread, "WITHDRAW: no wall") == "no force: no wall was found\nWITHDRAW: no wall"

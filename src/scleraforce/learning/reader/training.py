@@ -30,6 +30,8 @@ __all__ = [
     "ReaderCurves",
     "ReaderMetrics",
     "answer",
+    "answers_of",
+    "compared",
     "fit_reader",
     "measure",
     "reader_loss",
