@@ -84,7 +84,7 @@ def drawn_fit(draws_n: np.ndarray) -> BoundaryFit:
     low_n, median_n, high_n = np.quantile(draws_n, [0.05, 0.5, 0.95])
     return BoundaryFit(
         force_n=float(median_n), interval_n=(float(low_n), float(high_n)), draws_n=draws_n, contact_m=0.0, tip_m=1e-3,
-        misfit_m=3e-6, outliers=0.0, wall_bmc=np.zeros((2, 2, 2)), iop_pa=300.0,
+        misfit_m=3e-6, outliers=0.0, wall_bmc=np.zeros((2, 2, 2)), iop_pa=300.0, tension=0.02,
         unknown=np.zeros(len(NAMES)), sd=np.zeros(len(NAMES)),
     )  # fmt: skip
 
@@ -131,6 +131,10 @@ def test_groups_follow_what_makes_a_reader_wrong() -> None:
     other = Known(modulus=replace(own, source="population"), globe=SEALED)
     assert group_of(other, replace(fit, unknown=bulging)) == "other E, sealed, uneven"
     assert group_of(Known(modulus=replace(own, source="stated"))) == "own E, unknown"
+    taut = replace(fit, tension=0.1)
+    assert [group_of(Known(modulus=own, globe=globe), taut) for globe in (OPEN, SEALED, None)] == [
+        "own E, open, even", "own E, taut", "own E, taut",
+    ]  # fmt: skip
 
 
 def test_factors_come_from_the_record_and_are_one_where_it_has_none() -> None:

@@ -103,7 +103,7 @@ def read_again(
     found = list[KnownForce | None]()
     for seen, force_n in frames:
         at = (near, seen.lateral_m, seen.depth_m)
-        fits = [fit_boundaries(*at, prior, study.calibration.surface_smoothing_m) for prior in priors]
+        fits = [fit_boundaries(*at, prior, study.calibration.surface_smoothing_m, force_n) for prior in priors]
         here, stiffer, *rigid = [fit if fit is not None and _read(fit) else None for fit in fits]
         if here is None or stiffer is None or None in rigid:
             found.append(None)

@@ -1,7 +1,8 @@
-"""Where a fit begins: the best of a coarse search over dents and lateral places, on the outer boundary alone.
+"""Where a fit begins: the best of a coarse search over walls and lateral places, on the outer boundary alone.
 
 In a globe that may be sealed each dent is tried at two pressures: those of the least rigidity that it may have and of
-the one that it is taken to have. A dent at which that pressure runs away is none to begin from.
+the one that it is taken to have. A dent at which that pressure runs away is none to begin from. Where it has nearly run
+away, dents hardly grow with the force, or shrink: the states of such a globe are then gone through by their pressure.
 """
 
 import numpy as np
@@ -18,11 +19,12 @@ from scleraforce.fitting.fit_prediction import (
     THICKNESS,
     TIP,
     Walls,
+    force_n,
     place_walls,
 )
 from scleraforce.library.sealed import iop_ratio_at_dent
 
-__all__ = ["starts"]
+__all__ = ["LARGEST_N", "bearing_start", "higher_start", "starts"]
 
 Array = NDArray[np.float64]
 
@@ -33,6 +35,9 @@ POINTS = 40  # of the outer boundary
 GRID_M = 50e-6
 MUCH_WORSE = 3.0  # times as far off as the best
 FAR_M = 0.3e-3  # a column that is farther off than this does not care how much
+PRESSURES = 24  # at which the states of a sealed globe are found
+HIGHER = 0.3  # a much higher pressure's logarithm is higher by this
+LARGEST_N = 90e-3  # half as much again as the forces of a needle
 
 
 def starts(walls: Walls, mean: Array, lateral_m: Array, depth_m: Array, count: int) -> list[Array]:
@@ -47,14 +52,62 @@ def starts(walls: Walls, mean: Array, lateral_m: Array, depth_m: Array, count: i
         depth_m: its depth there (place,).
         count: the most to return.
     """
-    some = np.unique(np.linspace(0, len(lateral_m) - 1, POINTS).astype(np.intp))
-    lateral_m, depth_m = lateral_m[some], depth_m[some]
     # Dents crowd where they are shallow: forces grow quickest there.
     tips = walls.library.tip_m[-1] * np.exp(mean[SIZE]) * np.linspace(0.0, 1.0, DENTS) ** 1.5
     samples = np.repeat(mean[None], DENTS, axis=0)
-    samples[:, TIP], samples[:, POLE] = tips, 0.0
+    samples[:, TIP] = tips
     samples, dent_s = _at_pressures(walls, samples)
-    outer = place_walls(walls, samples)[:, 0]
+    laid, cost = _laid(walls, samples, lateral_m, depth_m)
+    least = np.full(DENTS, np.inf)
+    np.minimum.at(least, dent_s, cost)
+    around = np.concatenate([[np.inf], least, [np.inf]])
+    better = np.flatnonzero((least <= around[:-2]) & (least <= around[2:]) & (least <= MUCH_WORSE * least.min()))
+    best = better[np.argsort(least[better])][:count]
+    return [laid[int(np.argmin(np.where(dent_s == dent, cost, np.inf)))] for dent in best]
+
+
+def bearing_start(walls: Walls, mean: Array, borne_n: float, lateral_m: Array, depth_m: Array) -> Array:
+    """Return where to begin in a sealed globe whose needle is known to bear a force: (unknown,).
+
+    Args:
+        walls: that may be seen.
+        mean: of the prior (unknown,).
+        borne_n: the force.
+        lateral_m: places of the outer boundary that are seen (place,).
+        depth_m: its depth there (place,).
+    """
+    states = _by_pressure(walls, mean)
+    nearest = int(np.argmin(np.abs(force_n(walls, states) - borne_n)))
+    start: Array = _laid(walls, states[[nearest]], lateral_m, depth_m)[0][0]
+    return start
+
+
+def higher_start(walls: Walls, mean: Array, fitted: Array, lateral_m: Array, depth_m: Array) -> Array | None:
+    """Return the state of a sealed globe that lies best, of those at much higher pressures than the one that was found.
+
+    None where all lie much worse than that one, or the globe has none.
+
+    Args:
+        walls: that may be seen.
+        mean: of the prior (unknown,).
+        fitted: unknowns of the state that was found (unknown,).
+        lateral_m: places of the outer boundary that are seen (place,).
+        depth_m: its depth there (place,).
+    """
+    states = _by_pressure(walls, mean)
+    higher = (states[:, PRESSURE] > fitted[PRESSURE] + HIGHER) & (force_n(walls, states) < LARGEST_N)
+    laid, cost = _laid(walls, np.concatenate([fitted[None], states[higher]]), lateral_m, depth_m)
+    best = int(np.argmin(cost[1:])) + 1 if higher.any() else 0
+    return laid[best] if best and cost[best] <= MUCH_WORSE * cost[0] else None
+
+
+def _laid(walls: Walls, samples: Array, lateral_m: Array, depth_m: Array) -> tuple[Array, Array]:
+    """Return walls where they lie best on an outer boundary (sample, unknown), and how far off that is (sample,)."""
+    some = np.unique(np.linspace(0, len(lateral_m) - 1, POINTS).astype(np.intp))
+    lateral_m, depth_m = lateral_m[some], depth_m[some]
+    over_pole = samples.copy()
+    over_pole[:, POLE] = 0.0
+    outer = place_walls(walls, over_pole)[:, 0]
     reach = int(np.ceil((np.abs(lateral_m).max() + FARTHEST_M) / GRID_M)) + 1
     grid = np.arange(-reach, reach + 1) * GRID_M
     depth_sg = np.stack([np.interp(grid, curve[:, 0], curve[:, 1]) for curve in outer])
@@ -63,19 +116,10 @@ def starts(walls: Walls, mean: Array, lateral_m: Array, depth_m: Array, count: i
     rest = depth_m - depth_sg[:, at]  # (sample, shift, place)
     down = np.median(rest, axis=2)
     cost = np.minimum(np.abs(rest - down[..., None]), FAR_M).mean(axis=2)
-    best, cost = cost.argmin(axis=1), cost.min(axis=1)
-    least = np.full(DENTS, np.inf)
-    np.minimum.at(least, dent_s, cost)
-    around = np.concatenate([[np.inf], least, [np.inf]])
-    better = np.flatnonzero((least <= around[:-2]) & (least <= around[2:]) & (least <= MUCH_WORSE * least.min()))
-    begun = []
-    for dent in better[np.argsort(least[better])][:count]:
-        sample = int(np.argmin(np.where(dent_s == dent, cost, np.inf)))
-        start = mean.copy()
-        start[[TIP, PRESSURE]] = samples[sample, [TIP, PRESSURE]]
-        start[[LATERAL, DEPTH]] = shifts[best[sample]], down[sample, best[sample]]
-        begun.append(start)
-    return begun
+    every, best = np.arange(len(samples)), cost.argmin(axis=1)
+    laid = samples.copy()
+    laid[:, LATERAL], laid[:, DEPTH] = shifts[best], down[every, best]
+    return laid, cost[every, best]
 
 
 def _at_pressures(walls: Walls, dents_du: Array) -> tuple[Array, NDArray[np.intp]]:
@@ -83,14 +127,37 @@ def _at_pressures(walls: Walls, dents_du: Array) -> tuple[Array, NDArray[np.intp
     globe, dents = walls.globe, np.arange(len(dents_du))
     if not globe.can_be_sealed:
         return dents_du, dents
-    library, size, modulus = walls.library, np.exp(dents_du[:, SIZE]), np.exp(dents_du[:, MODULUS])
-    thickness = np.clip(dents_du[:, THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
-    resting = np.clip(np.exp(dents_du[:, IOP]) / modulus, *library.iop_ratio_ends(thickness))
+    thickness, resting, size, modulus = _resting(walls, dents_du)
     rigidity = np.repeat([globe.lowest, globe.mean], len(dents))
-    tips = np.minimum(dents_du[:, TIP] / size, library.tip_m[-1])
+    tips = np.minimum(dents_du[:, TIP] / size, walls.library.tip_m[-1])
     thickness, resting, tips, size, modulus = (np.tile(part, 2) for part in (thickness, resting, tips, size, modulus))
-    ratio = iop_ratio_at_dent(library, thickness, resting, tips, globe.globe(rigidity * size**3).over(modulus))
+    law = globe.globe(rigidity * size**3).over(modulus)
+    ratio = iop_ratio_at_dent(walls.library, thickness, resting, tips, law)
     borne = np.isfinite(ratio)
     samples = np.tile(dents_du, (2, 1))
     samples[:, PRESSURE] = np.log(np.where(borne, ratio, 1.0) * modulus)
     return samples[borne], np.tile(dents, 2)[borne]
+
+
+def _by_pressure(walls: Walls, mean: Array) -> Array:
+    """Return states of a globe of the rigidity that it is taken to have (state, unknown), by their pressure."""
+    library = walls.library
+    thickness, resting, size, modulus = (values[0] for values in _resting(walls, mean[None]))
+    law = walls.globe.globe(walls.globe.mean * size**3).over(modulus)
+    ratios = np.geomspace(resting, library.iop_ratio_ends(thickness)[1], PRESSURES)
+    volumes = (law.level(ratios) - law.level(resting)) / law.rate
+    tips = np.tile(library.tip_m, (PRESSURES, 1))
+    held = library.displaced_m3(np.full(tips.size, thickness), np.repeat(ratios, tips.shape[1]), tips.ravel())
+    reached = zip(volumes, held.reshape(tips.shape), strict=True)
+    states = np.repeat(mean[None], PRESSURES, axis=0)
+    states[:, PRESSURE] = np.log(ratios * modulus)
+    states[:, TIP] = size * np.array([np.interp(volume, row, library.tip_m) for volume, row in reached])
+    return states[volumes <= held.reshape(tips.shape)[:, -1]]
+
+
+def _resting(walls: Walls, unknown_su: Array) -> tuple[Array, Array, Array, Array]:
+    """Return thickness and pressure over E without the needle, in the library's size; that size, and E (sample,)."""
+    library, size, modulus = walls.library, np.exp(unknown_su[:, SIZE]), np.exp(unknown_su[:, MODULUS])
+    thickness = np.clip(unknown_su[:, THICKNESS] / size, library.thickness_m[0], library.thickness_m[-1])
+    resting = np.clip(np.exp(unknown_su[:, IOP]) / modulus, *library.iop_ratio_ends(thickness))
+    return thickness, resting, size, modulus

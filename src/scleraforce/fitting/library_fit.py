@@ -33,7 +33,7 @@ from scleraforce.fitting.fit_prediction import (
     formed_wall,
     predict_wall,
 )
-from scleraforce.fitting.fit_start import starts
+from scleraforce.fitting.fit_start import LARGEST_N, bearing_start, higher_start, starts
 from scleraforce.fitting.globe_term import keep_within, law_slope, off_the_law
 from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
 from scleraforce.fitting.limbus_start import limbus_starts
@@ -51,6 +51,7 @@ POINT_SD_M = np.array([5e-6, 9e-6])  # of the outer and the inner boundary along
 CORRELATED_M = 1.5e-3  # so far apart two errors of a boundary are independent
 # What is farther off is no wall. Virtual eyes reach 9 um, those with a cornea in view 13 um.
 NO_WALL_M = 20e-6
+LEAST_NOISE = 0.3  # of a frame's boundaries, over POINT_SD_M: a small misfit may be chance
 OUTLIER_SD = 8.0
 LAYER_M = 0.3e-3  # so far below the wall the choroid may end, which stretches of the inner boundary may follow
 HEAVY_CAUCHY = 2.0  # standard deviations, of what has a heavy prior
@@ -83,7 +84,7 @@ class BoundaryFit:
     the robust root mean square distance from the wall, `outliers` the share of columns farther off than that of a
     segmented wall ever is; an inner boundary at the end of a layer below the wall is none. `wall_bmc` (boundary,
     point, 2) is the wall in the frame, m; `unknown` and `sd` (unknown,) are the values in the order of `NAMES`.
-    `iop_pa` is the pressure in the eye under the needle.
+    `iop_pa` is the pressure in the eye under the needle, `tension` that times the eye's radius over E times thickness.
     """
 
     force_n: float
@@ -97,6 +98,7 @@ class BoundaryFit:
     unknown: Array
     sd: Array
     iop_pa: float
+    tension: float
 
     def probabilities(self, bounds_n: tuple[float, ...]) -> tuple[float, ...]:
         """Return the probability of each class: no class is ever certain, as the draws are so many."""
@@ -106,7 +108,12 @@ class BoundaryFit:
 
 
 def fit_boundaries(
-    library: Library, lateral_m: Array, depth_bc: Array, prior: Prior, smoothing_m: float = 0.0
+    library: Library,
+    lateral_m: Array,
+    depth_bc: Array,
+    prior: Prior,
+    smoothing_m: float = 0.0,
+    borne_n: float | None = None,
 ) -> BoundaryFit | None:
     """Fit the library to the boundaries of a frame.
 
@@ -117,6 +124,7 @@ def fit_boundaries(
             NaN where a boundary is not seen.
         prior: what is known.
         smoothing_m: over which the segmentation smooths the outer boundary (a Gaussian's standard deviation).
+        borne_n: the needle's force, where it is known: one more place to begin from in a sealed globe, and no more.
 
     Returns:
         The fit; None where less is seen than there are unknowns.
@@ -133,6 +141,8 @@ def fit_boundaries(
         near = ((best[0], best[1]), (begun[0], problem.evaluate(begun[0])[0]))
         again = [problem.inside(start) for where in near for start in limbus_starts(columns, *where)]
         best = min(best, _best_fit(problem, again), key=lambda fit: fit[2]) if again else best
+    if walls.globe.can_be_sealed and walls.globe.mean > 0.0:
+        best = _beyond(problem, best, borne_n)
     if walls.globe.can_be_sealed:
         best = _along_valley(problem, best)
     return problem.result(best[0], best[1])
@@ -144,6 +154,22 @@ def _best_fit(problem: "_Problem", starts: Sequence[Array]) -> _Fit:
         begun = (gauss_newton(problem, start, FIRST_STEPS, _step) for start in starts)
         starts = [min(begun, key=lambda fit: fit[2])[0]]
     return gauss_newton(problem, starts[0], STOPPING, _step)
+
+
+def _beyond(problem: "_Problem", best: _Fit, borne_n: float | None) -> _Fit:
+    """Return the best fit of a sealed globe's wall, also begun where a known force lies and at a higher pressure.
+
+    Where the pressure has nearly run away, two dents that are alike may be under very different forces.
+    """
+    walls, mean = problem.walls, problem.prior.mean
+    outer = problem.columns.places.outer
+    surface = problem.columns.places.lateral_m[:outer], problem.columns.depth_m[:outer]
+    begun = [higher_start(walls, mean, best[0], *surface)]
+    if borne_n is not None:
+        begun.append(bearing_start(walls, mean, borne_n, *surface))
+    others = [_best_fit(problem, [problem.inside(start)]) for start in begun if start is not None]
+    known = [fit for fit in others if force_n(walls, fit[0][None])[0] < LARGEST_N]
+    return min([best, *known], key=lambda fit: fit[2])
 
 
 def _along_valley(problem: "_Problem", best: _Fit) -> _Fit:
@@ -248,14 +274,19 @@ class _Problem:
         ends = self.walls.library.iop_ratio_ends(unknown[THICKNESS] / np.exp(unknown[SIZE]))
         return np.asarray(np.log(ends) + unknown[MODULUS])
 
+    def _tension(self, unknown: Array) -> float:
+        """Return the pressure under the needle times the eye's radius, over E times the wall's thickness."""
+        radius_m = self.walls.library.radius_m * np.exp(unknown[SIZE])
+        return float(np.exp(unknown[self.walls.pressure] - unknown[MODULUS]) * radius_m / unknown[THICKNESS])
+
     def result(self, unknown: Array, placed: Placed) -> BoundaryFit:
-        """Return the fit with its uncertainty: the curvature's, scaled by the misfit where that is large (Birge)."""
+        """Return the fit with its uncertainty: the curvature's, with the noise that the misfit shows (Birge)."""
         signed = self.columns.residual(placed)
         residual = np.where(placed.seen, np.abs(signed), np.inf)
         misfit = robust_spread(residual)
         below_m = signed * POINT_SD_M[1]
         layer = (self.columns.places.boundary == 1) & placed.seen & (below_m > 0.0) & (below_m < LAYER_M)
-        spread_uz = self.spread(unknown, placed, max(1.0, min(misfit, 1e3)))
+        spread_uz = self.spread(unknown, placed, float(np.clip(misfit, LEAST_NOISE, 1e3)))
         draws_n = self._drawn_forces(unknown, spread_uz)
         low_n, force, high_n = np.quantile(draws_n, [INTERVAL[0], 0.5, INTERVAL[1]])
         return BoundaryFit(
@@ -270,6 +301,7 @@ class _Problem:
             unknown=unknown,
             sd=np.linalg.norm(spread_uz, axis=1),
             iop_pa=float(np.exp(unknown[self.walls.pressure])),
+            tension=self._tension(unknown),
         )
 
     def spread(self, unknown: Array, placed: Placed, scale: float = 1.0) -> Array:

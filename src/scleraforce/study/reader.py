@@ -27,7 +27,9 @@ class ReaderStudy:
     `uneven_share` of the walls are no even spheres at rest (`learning.reader.uneven`). So many `interval_eyes`, of
     which as many are uneven, tell how wide intervals have to be (`reader.interval_factors`); 0: they stay as they are.
 
-    `boundary_errors`: times the errors that the segmentation of rendered frames makes.
+    `boundary_errors`: times the errors that the segmentation of rendered frames makes, in the samples of the network,
+    which has to stand more than it will see; `interval_boundary_errors` in the frames of the eyes that intervals are
+    measured on, which are to be as wide as they have to.
 
     The modulus that the network is told comes with its relative standard deviation (its logarithm even over
     `modulus_sd_fraction`); the eye's own is drawn from that normal distribution. Other known values are off by
@@ -58,6 +60,7 @@ class ReaderStudy:
     uneven_share: float = quantity(0.4, None, 0.0, 1.0)
     interval_eyes: int = quantity(210, None, 0, 1_000_000)
     boundary_errors: float = quantity(1.5, None, 0.0, 100.0)
+    interval_boundary_errors: float = quantity(1.0, None, 0.0, 100.0)
     modulus_sd_fraction: Sampled = quantity(Range(min=0.5, max=30.0), "percent", 0.01, 100.0)
     iop_noise_fraction: float = quantity(5.0, "percent", 0.0, 50.0)
     thickness_noise_fraction: float = quantity(3.0, "percent", 0.0, 50.0)

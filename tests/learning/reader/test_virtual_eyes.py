@@ -81,7 +81,7 @@ def test_eyes_are_told_open_sealed_or_nothing_by_turns(library) -> None:
 
 
 def test_forces_drift_away_from_those_of_the_library_with_the_dent(eye: VirtualEye) -> None:
-    exact = replace(EXACT, reader=replace(EXACT.reader, boundary_errors=0.0))
+    exact = replace(EXACT, reader=replace(EXACT.reader, interval_boundary_errors=0.0))
     plain, drifted = (
         draw_frames(replace(eye, drift=drift), exact, 6, np.random.default_rng(6)) for drift in (0.0, 0.2)
     )

@@ -139,7 +139,7 @@ def draw_frames(eye: VirtualEye, study: Study, count: int, rng: np.random.Genera
     columns_m = column_laterals(fine)
     poses = (pose + np.array([*rng.uniform(-SHIFT_M, SHIFT_M, 2), 0.0, 0.0, 0.0]) for _ in forces_n)
     seen_sbc = wall_depths(eye, forces_n, poses, columns_m)
-    seen_sbc = disturb(seen_sbc, fine, rng, scale=reader.boundary_errors)
+    seen_sbc = disturb(seen_sbc, fine, rng, scale=reader.interval_boundary_errors)
     middle = slice(FINER // 2 - 1, FINER // 2 + 1)
     coarse_sbc = seen_sbc.reshape(count, 2, study.slice.columns, FINER)[..., middle].mean(axis=3)
     halves = [fill_boundaries(coarse_sbc + shift * study.slice.pixel_m, study.slice) for shift in SHIFTS]
