@@ -60,7 +60,7 @@ class Latest:
 
 
 class Viewers:
-    """The connections from Slicer; one that comes late is told what was told last, one that does not read is dropped."""
+    """The connections from Slicer; a late one is told what was told last, one that does not read is dropped."""
 
     def __init__(self) -> None:
         self._links: list[socket.socket] = []

@@ -171,6 +171,17 @@ def test_intervals_cover_the_force_where_the_noise_is_as_stated() -> None:
     assert np.median(off) < 3e-3
 
 
+def test_a_dent_is_the_surer_the_less_noise_a_frame_has() -> None:
+    """What is known of the eye leaves some 6 um; the rest goes with the noise, which the fit finds by itself."""
+    truth, sds_m = eye(1e-3), []
+    for noise_m in (2.5e-6, 5e-6, 10e-6, 20e-6):
+        fits = [fitted(truth, boundaries(truth, noise_m, np.random.default_rng(seed))) for seed in range(6)]
+        sds_m.append(np.median([fit.sd[TIP] for fit in fits]))
+    assert sds_m[0] < 0.85 * sds_m[1]
+    assert sds_m[1] < 0.75 * sds_m[2]
+    assert sds_m[3] / sds_m[2] == pytest.approx(2.0, rel=0.15)
+
+
 def test_what_is_not_known_of_the_eye_widens_the_interval() -> None:
     rng = np.random.default_rng(5)
     truth = eye(1.2e-3)

@@ -21,7 +21,7 @@ from scleraforce.fitting.fit_prediction import (
     force_n,
     predict_wall,
 )
-from scleraforce.fitting.fit_start import starts
+from scleraforce.fitting.fit_start import bearing_start, higher_start, starts
 from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Known, Modulus
@@ -203,6 +203,23 @@ def library() -> Library:
     return load_library(SHIPPED_READER / LIBRARY_FILE).for_contact(0.6)
 
 
+MODULUS_PA = 0.25e6
+
+
+def taut_wall(
+    library: Library, rigidity: float, thickness_m: float, pressure_pa: float
+) -> tuple[np.ndarray, KnownGlobe]:
+    """The unknowns of a soft wall that a needle has brought to a pressure, and its globe, k known to 3 %."""
+    unknown = eye(1e-3, 0.0)
+    unknown[[THICKNESS, MODULUS, IOP, PRESSURE]] = thickness_m, log(MODULUS_PA), log(400.0), log(pressure_pa)
+    globe = replace(SEALED, mean=rigidity * REFERENCE_RIGIDITY, sd=0.03 * rigidity * REFERENCE_RIGIDITY)
+    tips_m = np.linspace(0.0, 3e-3, 300)
+    of_wall = np.full(300, thickness_m), np.full(300, pressure_pa / MODULUS_PA), tips_m
+    needed_m3 = globe.globe(globe.mean).displaced_m3(400.0, pressure_pa)
+    unknown[TIP] = np.interp(needed_m3, library.displaced_m3(*of_wall), tips_m)
+    return unknown, globe
+
+
 @pytest.mark.parametrize(("rigidity", "thickness_m"), [(1.0, 0.58e-3), (1.25, 0.6e-3), (1.6, 0.5e-3)])
 def test_a_frame_near_the_pressure_that_runs_away_is_read_right(
     library: Library, rigidity: float, thickness_m: float
@@ -211,14 +228,7 @@ def test_a_frame_near_the_pressure_that_runs_away_is_read_right(
     twice as large look nearly alike, and a search from the dents that lie best ends a third below the truth.
     """
     walls = Walls(library, SEALED)
-    unknown = eye(1e-3, 0.0)
-    pressure_pa, modulus_pa = to_si(21.0, "mmhg"), 0.25e6
-    unknown[[THICKNESS, MODULUS, IOP, PRESSURE]] = thickness_m, log(modulus_pa), log(400.0), log(pressure_pa)
-    globe = replace(SEALED, mean=rigidity * REFERENCE_RIGIDITY, sd=0.03 * rigidity * REFERENCE_RIGIDITY)
-    tips_m = np.linspace(0.0, 3e-3, 300)
-    of_wall = np.full(300, thickness_m), np.full(300, pressure_pa / modulus_pa), tips_m
-    needed_m3 = globe.globe(globe.mean).displaced_m3(400.0, pressure_pa)
-    unknown[TIP] = np.interp(needed_m3, library.displaced_m3(*of_wall), tips_m)
+    unknown, globe = taut_wall(library, rigidity, thickness_m, to_si(21.0, "mmhg"))
     depth = noisy_boundaries(predict_wall(walls, unknown, BOTH), 5e-6, np.random.default_rng(3))
     known = replace(known_of(unknown, globe), polar_rad=None, direction_rad=None)
     fit = fit_boundaries(library, LATERAL_M, depth, prior_of(known, RANGES))
@@ -226,3 +236,41 @@ def test_a_frame_near_the_pressure_that_runs_away_is_read_right(
     true_n = float(force_n(walls, unknown[None])[0])
     assert 30e-3 < true_n < 65e-3
     assert fit.force_n == pytest.approx(true_n, rel=0.06)
+    assert fit.tension == pytest.approx(fit.iop_pa * 12e-3 / (MODULUS_PA * thickness_m), rel=0.15)
+
+
+def test_a_start_at_a_known_force_bears_it_under_the_law_and_lies_on_the_frame(library: Library) -> None:
+    unknown, globe = taut_wall(library, 1.25, 0.6e-3, to_si(15.0, "mmhg"))
+    walls = Walls(library, globe)
+    true_n = float(force_n(walls, unknown[None])[0])
+    outer_m = predict_wall(walls, unknown, BOTH).depth_m.reshape(2, -1)[0]
+    begun = bearing_start(walls, prior_of(known_of(unknown, globe), RANGES).mean, true_n, LATERAL_M, outer_m)
+    assert float(force_n(walls, begun[None])[0]) == pytest.approx(true_n, rel=0.1)
+    pressures_pa = 400.0, float(np.exp(begun[PRESSURE]))
+    assert displaced_m3_of(library, begun) == pytest.approx(
+        globe.globe(globe.mean).displaced_m3(*pressures_pa), rel=1e-3
+    )
+    assert begun[TIP] == pytest.approx(unknown[TIP], abs=0.1e-3)
+    assert begun[LATERAL] == pytest.approx(unknown[LATERAL], abs=0.3e-3)
+    assert begun[DEPTH] == pytest.approx(unknown[DEPTH], abs=0.1e-3)
+
+
+def displaced_m3_of(library: Library, unknown: np.ndarray) -> float:
+    """The volume below the undented wall of a state of an eye of the library's size."""
+    ratio = np.exp(unknown[[PRESSURE]] - unknown[MODULUS])
+    return float(library.displaced_m3(unknown[[THICKNESS]], ratio, unknown[[TIP]])[0])
+
+
+def test_a_higher_start_is_given_where_it_may_be_the_right_one_and_only_there(library: Library) -> None:
+    """From 8 to 21 mmHg the dent deepens by a fifth, from 3 to 8 it doubles."""
+    taut, globe = taut_wall(library, 1.6, 0.5e-3, to_si(21.0, "mmhg"))
+    walls, mean = Walls(library, globe), prior_of(known_of(taut, globe), RANGES).mean
+    outer_m = predict_wall(walls, taut, BOTH).depth_m.reshape(2, -1)[0]
+    low, _ = taut_wall(library, 1.6, 0.5e-3, to_si(8.0, "mmhg"))
+    begun = higher_start(walls, mean, low, LATERAL_M, outer_m)
+    assert begun is not None
+    assert begun[PRESSURE] > low[PRESSURE] + 0.3
+    assert begun[TIP] == pytest.approx(taut[TIP], abs=0.15e-3)
+    slack, _ = taut_wall(library, 1.6, 0.5e-3, to_si(4.0, "mmhg"))
+    slack_m = predict_wall(walls, slack, BOTH).depth_m.reshape(2, -1)[0]
+    assert higher_start(walls, mean, slack, LATERAL_M, slack_m) is None

@@ -12,6 +12,7 @@ from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Known
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.learning.reader.intervals import STREAM, calibrated_eye
 from scleraforce.learning.reader.uneven import CORNEA_RADIUS_M, Forms, added_depths, draw_forms
 from scleraforce.learning.reader.virtual_eyes import (
     VirtualEye,
@@ -22,7 +23,8 @@ from scleraforce.learning.reader.virtual_eyes import (
     of_population,
 )
 from scleraforce.library import INNER, OUTER
-from scleraforce.reader.force_reader import SHIFTS
+from scleraforce.reader.force_reader import SHIFTS, ForceReader
+from scleraforce.reader.model import load_force_reader
 from scleraforce.study import Range, ReaderStudy, Study
 
 RADIUS_M = np.array([12e-3])
@@ -164,3 +166,33 @@ def test_forces_that_drift_from_the_library_s_are_read_as_three_frames_of_known_
     assert np.mean(growths) == pytest.approx(drift, abs=0.1)
     learned_n, unlearned_n = np.mean(errors_n, axis=0)
     assert learned_n < 0.6 * unlearned_n
+
+
+def eye_of_the_shipped_reader(number: int) -> tuple[ForceReader, VirtualEye, Known, tuple[VirtualFrame, ...]]:
+    """A virtual eye that the intervals of the reader that ships were measured on, what is known of it, other frames."""
+    reader = load_force_reader("default")
+    rng = np.random.default_rng([reader.study.reader.seed, STREAM + number])
+    found = calibrated_eye(reader.study, reader.library, number, rng)
+    assert found is not None
+    return reader, *found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [133, 175])
+def test_no_large_force_of_a_sealed_eye_whose_pressure_nearly_runs_away_is_read_as_a_small_one(number: int) -> None:
+    """Without a start at higher pressures, frames of 53 to 56 mN are read as 20."""
+    reader, eye, known, left = eye_of_the_shipped_reader(number)
+    near, prior = reader.library_at(eye.wall.polar_rad), prior_of(known, reader.study.reader)
+    smoothing_m = reader.study.calibration.surface_smoothing_m
+    large = [frame for frame in left if frame.force_n > 35e-3]
+    fits = [fit_boundaries(near, f.boundaries.lateral_m, f.boundaries.depth_m, prior, smoothing_m) for f in large]
+    assert len(fits) >= 4
+    assert all(fit is not None and fit.interval_n[1] > 30e-3 for fit in fits)
+
+
+@pytest.mark.slow
+def test_the_modulus_of_a_sealed_eye_whose_pressure_nearly_runs_away_is_found() -> None:
+    """Without starts at higher pressures and at the forces that are known, it comes out 38 % too high."""
+    _, eye, known, _ = eye_of_the_shipped_reader(109)
+    assert known.modulus is not None
+    assert known.modulus.mean_pa == pytest.approx(eye.wall.youngs_modulus_pa, rel=0.12)
