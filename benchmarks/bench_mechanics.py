@@ -20,7 +20,9 @@ from reference_r1 import CONTACT, CONVERGED_MM, E_PA, FORCE_N, NU, RADIUS_M, SPR
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, build_mesh, locate
 from scleraforce.mechanics.assembly import element_stiffness, stiffness_matrix
+from scleraforce.mechanics.dissection import dissect
 from scleraforce.mechanics.elasticity import lame_constants
+from scleraforce.mechanics.frontal import FrontalFactor
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.loads import needle_loads
 from scleraforce.mechanics.quadrature import volume_points
@@ -94,6 +96,7 @@ def timings(quads: int) -> None:
     points = volume_points(mesh)
     element = element_stiffness(points, *lame_constants(1.0, NU))
     wall = LinearWall(mesh, NU)
+    dissection = dissect(mesh, wall.held_nc)
     free = np.flatnonzero(~wall.held_nc.ravel())
     K = wall.stiffness[free][:, free].tocsc()
     symmetric: dict[str, Any] = {
@@ -116,7 +119,9 @@ def timings(quads: int) -> None:
         "element matrices": least_s(lambda: element_stiffness(points, *lame_constants(1.0, NU))),
         "sparse matrix": least_s(lambda: stiffness_matrix(mesh, element)),
         "(scikit-fem: all of the matrix)": least_s(lambda: scikit_fem_matrix(mesh), 1),
-        "factorisation": least_s(lambda: splu(K, **symmetric)),
+        "order of elimination": least_s(lambda: dissect(mesh, wall.held_nc)),
+        "factorisation": least_s(lambda: FrontalFactor(dissection, element)),
+        "(SuperLU, minimum degree)": least_s(lambda: splu(K, **symmetric)),
         "(SuperLU's default ordering)": least_s(lambda: splu(K), 1),
         "one contact's load": least_s(lambda: needle_loads(mesh, contacts, NEEDLE_RADIUS_M)) / len(contacts),
         "one contact, 32 at once": least_s(lambda: wall.solve(loads)) / len(loads),
