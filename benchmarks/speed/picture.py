@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from scleraforce.report.style import AMBER, BLUE, GREY, RED, inches, styled
 from speed.record import QUOTED, Row
@@ -10,12 +12,8 @@ from speed.record import QUOTED, Row
 __all__ = ["draw_solves"]
 
 COLOURS = {"ours": BLUE, "CalculiX": AMBER, "plain": RED, "SOFA": GREY}
-PLACES = {
-    "ours": ("right", (-5, -3)),
-    "CalculiX": ("left", (5, -3)),
-    "plain": ("center", (0, 6)),
-    "SOFA": ("center", (0, 6)),
-}
+LEFT, RIGHT = ("right", "center", (-6, 0)), ("left", "center", (6, 0))
+ABOVE, BELOW = ("center", "bottom", (0, 6)), ("center", "top", (0, -6))
 LEAST_PERCENT = 0.05  # smaller errors are drawn here
 
 
@@ -24,16 +22,37 @@ def draw_solves(rows: Sequence[Row]) -> Figure:
     """Draw the error of each solve over its time; those that are not of this run are open."""
     figure = Figure(figsize=inches(150, 90))
     axes = figure.add_subplot()
+    axes.set(xscale="log", yscale="log", xlabel="time of a first static solve, s", ylabel="error of the tip, %")
+    axes.margins(x=0.3, y=0.15)
+    drawn = dict[str, tuple[float, float]]()
     for row in rows:
         error = row.more.get("error, %")
         if row.value is None or error is None:
             continue
-        program = row.what.replace(",", " ").split()[0]
-        colour, (side, offset) = COLOURS[program], PLACES[program]
-        height = max(abs(error), LEAST_PERCENT)
-        axes.plot(row.value, height, "o", color=colour, fillstyle="none" if row.source else "full")
         name = f"{row.what}\n({QUOTED})" if row.source else row.what
-        axes.annotate(name, (row.value, height), xytext=offset, textcoords="offset points", color=colour, ha=side)
-    axes.set(xscale="log", yscale="log", xlabel="time of a first static solve, s", ylabel="error of the tip, %")
-    axes.margins(x=0.3, y=0.15)
+        drawn[name] = row.value, max(abs(error), LEAST_PERCENT)
+        axes.plot(*drawn[name], "o", color=_colour(name), fillstyle="none" if row.source else "full")
+    figure.draw_without_rendering()  # places are those of the picture from here on
+    taken = [Bbox.from_bounds(x - 4, y - 4, 8, 8) for x, y in axes.transData.transform(list(drawn.values()))]
+    for name, place in drawn.items():
+        taken.append(_name(axes, name, place, taken))
     return figure
+
+
+def _name(axes: Axes, name: str, place: tuple[float, float], taken: Sequence[Bbox]) -> Bbox:
+    """Write a name beside a place, where nothing stands if there is room; return where it is."""
+    sides = (LEFT, BELOW, ABOVE, RIGHT) if name.startswith("ours") else (RIGHT, BELOW, ABOVE, LEFT)
+    for left, (across, along, offset) in zip(range(len(sides) - 1, -1, -1), sides, strict=True):
+        text = axes.annotate(
+            name, place, xytext=offset, textcoords="offset points", color=_colour(name), ha=across, va=along
+        )
+        found: Bbox = text.get_window_extent()
+        if not left or not any(found.overlaps(other) for other in taken):
+            break
+        text.remove()
+    return found
+
+
+def _colour(name: str) -> str:
+    """Return the colour of a program."""
+    return COLOURS[name.replace(",", " ").split()[0]]

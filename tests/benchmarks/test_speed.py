@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import combinations
 from math import isfinite
 from pathlib import Path
 from time import sleep
@@ -117,6 +118,18 @@ def test_errors_are_drawn_over_time_and_what_was_not_measured_is_not() -> None:
     axes = draw_solves([ROW, replace(ROW, value=None), replace(ROW, source="quoted")]).axes[0]
     assert [(line.get_xdata()[0], line.get_ydata()[0]) for line in axes.lines] == [(0.5, 1.0)] * 2
     assert [line.get_fillstyle() for line in axes.lines] == ["full", "none"]
+
+
+def test_no_two_names_of_solves_overlap() -> None:
+    near = [
+        replace(ROW, what=f"{name}, {number}", value=0.5 + 0.01 * number)
+        for number in (0, 1)
+        for name in ("ours", "SOFA")
+    ]
+    figure = draw_solves([*near, replace(ROW, what="CalculiX C3D20", value=50.0)])
+    boxes = [text.get_window_extent() for text in figure.axes[0].texts]
+    assert len(boxes) == 5
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
 def test_a_part_of_a_training_stands_for_the_whole_with_what_is_done_once() -> None:
