@@ -42,15 +42,17 @@ def draw_solves(rows: Sequence[Row]) -> Figure:
 def _name(axes: Axes, name: str, place: tuple[float, float], taken: Sequence[Bbox]) -> Bbox:
     """Write a name beside a place, where nothing stands if there is room; return where it is."""
     sides = (LEFT, BELOW, ABOVE, RIGHT) if name.startswith("ours") else (RIGHT, BELOW, ABOVE, LEFT)
-    for left, (across, along, offset) in zip(range(len(sides) - 1, -1, -1), sides, strict=True):
-        text = axes.annotate(
-            name, place, xytext=offset, textcoords="offset points", color=_colour(name), ha=across, va=along
-        )
-        found: Bbox = text.get_window_extent()
-        if not left or not any(found.overlaps(other) for other in taken):
-            break
-        text.remove()
-    return found
+    texts = [
+        axes.annotate(name, place, xytext=offset, textcoords="offset points", color=_colour(name), ha=across, va=along)
+        for across, along, offset in sides
+    ]
+    boxes: list[Bbox] = [text.get_window_extent() for text in texts]
+    free = [side for side, box in enumerate(boxes) if not any(box.overlaps(other) for other in taken)]
+    kept = free[0] if free else 0
+    for side, text in enumerate(texts):
+        if side != kept:
+            text.remove()
+    return boxes[kept]
 
 
 def _colour(name: str) -> str:

@@ -72,8 +72,7 @@ class Viewers:
         link.settimeout(1.0)
         with self._lock:
             self._links.append(link)
-            for data in self._last.values():
-                self._send(link, data)
+            self._send(link, b"".join(self._last.values()))
 
     def close(self) -> None:
         """End all connections."""
@@ -94,8 +93,7 @@ class Viewers:
         try:
             link.sendall(data)
         except OSError:
-            if link in self._links:
-                self._links.remove(link)
+            self._links.remove(link)
             link.close()
 
 

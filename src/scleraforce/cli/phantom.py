@@ -125,9 +125,9 @@ def phantom(
         "gap_m": None if gap_mm is None else to_si(gap_mm, "mm"),
         **{field: None if value is None else radians(value) for field, value in angles.items()},
     }
-    told = {field: value for field, value in stated.items() if value is not None}
-    moves = {} if ramp_mn_per_s is None else {"ramp_n_per_s": to_si(ramp_mn_per_s, "mn_per_s")}
-    moves |= {} if hold_s is None else {"hold_s": hold_s}
+    told = _stated_of(stated)
+    ramp_n_per_s = None if ramp_mn_per_s is None else to_si(ramp_mn_per_s, "mn_per_s")
+    moves = _stated_of({"ramp_n_per_s": ramp_n_per_s, "hold_s": hold_s})
     acquisition = Acquisition(forces_mn, study, study.phantom.seed if seed is None else seed, rate_hz=rate_hz, **moves)
     if count is None:
         if not (scheduler is None and workers is None):
@@ -147,6 +147,11 @@ def phantom(
     else:
         recordings = "" if count is None else f"{count} recordings, "
         say(f"wrote {out}: {recordings}{made['frames']} frames, seed {acquisition.seed}")
+
+
+def _stated_of(values: Mapping[str, float | None]) -> dict[str, float]:
+    """Return the values that are stated; the others have their defaults elsewhere."""
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _acquire_one(out: Path, name: str, told: Mapping[str, float], acquisition: "Acquisition") -> dict[str, Any]:
