@@ -91,7 +91,7 @@ def table(
     cuts = [boundary_slices(entry, scale, study.slice, SHIFTS) for entry in found]
     usable = [number for number, entry in enumerate(found) if entry.usable]
     seen = [segmented_boundaries(found[number], scale) for number in usable]
-    library, prior = reader.library_at(known.polar_rad), prior_of(known, study.reader)
+    library, prior = reader.library_for(known), prior_of(known, study.reader)
     smoothing_m = study.calibration.surface_smoothing_m
     gc.collect()
     gc.freeze()

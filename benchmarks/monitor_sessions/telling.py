@@ -5,6 +5,7 @@ Thickness, pressure and gap are stated as calipers and gauges give them, alike i
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -15,13 +16,16 @@ from scleraforce.calibration.discrepancy import settled
 from scleraforce.calibration.eye_model import EyeConstants, known_of_constants
 from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR
 from scleraforce.calibration.session import begin, known_after, step
+from scleraforce.calibration.stiffening import TissueTrial, search
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.library import Library
 from scleraforce.reader.force_reader import ForceReader
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import segmented_boundaries
 from scleraforce.segmentation.wall import find_wall
+from scleraforce.study import Study
 
 __all__ = ["TELLINGS", "calibrated", "tellings"]
 
@@ -70,14 +74,28 @@ def _stated(drawn: SessionEye, rng: np.random.Generator) -> tuple[EyeConstants, 
 
 def calibrated(stated: EyeConstants, labelled: Sequence[tuple[Frame, float]], reader: ForceReader) -> Known:
     """Return what is known of an eye after frames of known force."""
-    session, scale = begin(reader.study, stated, reader.library), PixelScale.of(reader.study.oct)
-    taken = list[tuple[Boundaries, float]]()
+    scale, seen = PixelScale.of(reader.study.oct), list[tuple[Boundaries, float]]()
     for frame, force_n in labelled:
         wall = find_wall(frame, scale)
         if wall.usable:
-            boundaries = segmented_boundaries(wall, scale)
-            session = step(session, boundaries, force_n)
-            if isinstance(session.last, FrameStep):
-                taken.append((boundaries, force_n))
+            seen.append((segmented_boundaries(wall, scale), force_n))
+    found = search(reader.library, partial(_with_tissue, stated, seen, reader.study))
+    assert found is not None  # the library has these eyes
+    stiffening, known = found
+    return replace(known, stiffening=stiffening)
+
+
+def _with_tissue(
+    stated: EyeConstants, seen: Sequence[tuple[Boundaries, float]], study: Study, library: Library
+) -> TissueTrial[Known]:
+    """Return what is known of an eye after frames of known force, with the walls of one tissue."""
+    session, taken = begin(study, stated, library), list[tuple[Boundaries, float]]()
+    for boundaries, force_n in seen:
+        session = step(session, boundaries, force_n)
+        if isinstance(session.last, FrameStep):
+            taken.append((boundaries, force_n))
     known = known_after(session)
-    return known if known.modulus is None else settled(known, taken, (), reader.library, reader.study)[0]
+    if known.modulus is None:
+        return TissueTrial.diverged(known, 0)
+    after = settled(known, taken, (), library, study)
+    return after.trial(after.known, len(seen) - len(taken))

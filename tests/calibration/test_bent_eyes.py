@@ -35,6 +35,7 @@ NARROW = LibraryStudy(
     tension=Range(min=5e-3, max=6e-2),
     tensions=4,
     max_tip_m=5.5e-3,
+    stiffenings=1,
 )
 
 

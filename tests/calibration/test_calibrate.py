@@ -16,8 +16,9 @@ from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.frame_order import frame_order
 from scleraforce.calibration.result import Calibration, EyeCalibration
 from scleraforce.calibration.saved import calibration_as_json, parse_calibration
+from scleraforce.calibration.stiffening import TissueTrial
 from scleraforce.errors import CalibrationError
-from scleraforce.known.calibration_file import open_calibration, parse_calibration_file
+from scleraforce.known.calibration_file import open_calibration, parse_calibration_file, summary_of
 from scleraforce.known.globe import SEALED, UNKNOWN
 from scleraforce.laboratory.ideal_boundaries import virtual_sections
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
@@ -208,7 +209,29 @@ def test_a_file_that_is_no_calibration_is_refused_in_one_line(text: str, message
         parsed(text)
 
 
+def test_the_stiffening_of_the_eyes_and_of_the_population_survives_the_file() -> None:
+    one = calibration_of_a_sealed_eye().eyes["mine"]
+    again = tuple(replace(frame, again=replace(frame.again, loss=3.5)) for frame in one.frames if frame.again)
+    eyes = {"a": replace(one, id="a", stiffening=15.0, frames=again), "b": replace(one, id="b", stiffening=0.0)}
+    content = calibration_as_json(Calibration(eyes, "hash", (5e-3, 30e-3), "finite-strain"))
+    text = json.dumps(content, allow_nan=False)
+    found, summary = parsed(text), summary_of(parse_calibration_file(text.encode(), "c.json"))
+    assert [found.eyes[eye].stiffening for eye in "ab"] == [15.0, 0.0]
+    assert [summary.eyes[eye].stiffening for eye in "ab"] == [15.0, 0.0]
+    assert found.population_stiffening == pytest.approx(3.0)  # 1 + b: 16 and 1
+    assert summary.population_stiffening == pytest.approx(3.0)
+    assert [frame.again.loss for frame in found.eyes["a"].frames if frame.again] == [3.5] * 3
+    for entry in (content["population"], *content["eyes"].values()):
+        del entry["stiffening"]
+    for step in content["eyes"]["a"]["steps"]:
+        del step["again"]["loss"]
+    before = parsed(json.dumps(content))
+    assert [before.eyes[eye].stiffening for eye in "ab"] == [0.0, 0.0]
+    assert [frame.again.loss for frame in before.eyes["a"].frames if frame.again] == [0.0] * 3
+
+
 HOSTILE = {
+    "stiffening": ([-1, 1e300, "5", True, None, []], "stiffening"),
     "mean_mpa": ([1e300, "0.2", True, None, [], 10**35], "mean_mpa"),
     "sd_mpa": ([-1, 1e300], "sd_mpa"),
     "parameters": ([{}, [], {"youngs_modulus_pa": {"mean": 1e300, "sd": 1.0}}, {"weight": {}}], "parameters"),
@@ -288,12 +311,13 @@ def test_a_globe_is_doubted_where_the_frames_agree_on_another_one(
     sealed = calibration_of_a_sealed_eye().eyes["mine"]
     per_ul = SI_PER_UNIT["mmhg13_per_ul"][1]
 
-    def found(asked: Recording, *_: Any) -> EyeCalibration:
+    def found(asked: Recording, *_: Any) -> TissueTrial[EyeCalibration]:
         untold = asked.info.eye.globe is None
         status = untold_status if untold and told is not None else "diverged: by 5 sd"
         *frames, last = sealed.frames
         globe = replace(UNKNOWN, mean=rigidity * per_ul, sd=0.001 * per_ul) if untold else SEALED
-        return replace(sealed, frames=(*frames, replace(last, status=status)), globe=globe)
+        eye = replace(sealed, frames=(*frames, replace(last, status=status)), globe=globe)
+        return TissueTrial.diverged(eye, 0)
 
     monkeypatch.setattr("scleraforce.calibration.calibrate._calibrate", found)
     asked = replace(recording, info=replace(recording.info, eye=replace(recording.info.eye, globe=told)))

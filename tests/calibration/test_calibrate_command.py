@@ -90,7 +90,20 @@ def test_unknown_parameters_are_a_usage_error(
 ) -> None:
     arguments = ["calibrate", str(folder / "eye"), "--out", str(tmp_path / "o.json"), "--parameters", parameters]
     assert run(arguments) == 2
-    assert "of iop, thickness, gap" in capsys.readouterr().err
+    assert "of stiffening, iop, thickness, gap" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("parameters", ["e,stiffening", "stiffening,iop,e"])
+def test_linear_mechanics_refuses_a_stiffening_in_one_line(
+    folder: Path, tmp_path: Path, parameters: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "o.json"
+    arguments = ["calibrate", str(folder / "eye"), "--out", str(out), "--mechanics", "linear"]
+    assert run([*arguments, "--parameters", parameters]) == 2
+    printed = capsys.readouterr()
+    (line,) = (text for text in printed.err.splitlines() if text.strip())
+    assert line == "error: parameters: linear mechanics knows no tissue that stiffens; leave out stiffening"
+    assert (printed.out, out.exists()) == ("", False)
 
 
 @pytest.mark.slow

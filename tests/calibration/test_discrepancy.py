@@ -64,7 +64,8 @@ def test_slopes_are_those_of_forces_that_are_read_with_another_modulus() -> None
 
 @pytest.mark.parametrize("wrong", [0.6, 1.5])
 def test_a_modulus_that_the_filter_missed_is_found(wrong: float) -> None:
-    now, again = settled(known_of(wrong * MODULUS_PA), frames(), (), LIBRARY, STUDY)
+    after = settled(known_of(wrong * MODULUS_PA), frames(), (), LIBRARY, STUDY)
+    now, again = after.known, after.again
     assert now.modulus is not None
     assert now.discrepancy is not None
     assert now.modulus.mean_pa == pytest.approx(MODULUS_PA, rel=0.05)
@@ -77,7 +78,7 @@ def test_a_modulus_that_the_filter_missed_is_found(wrong: float) -> None:
 def test_forces_are_surer_than_the_modulus_that_they_tell() -> None:
     """An eye whose forces all lie 4 % off is read right, and its intervals are those of a frame, not of E."""
     seen = frames(1.04)
-    now, _ = settled(known_of(MODULUS_PA), seen, (), LIBRARY, STUDY)
+    now = settled(known_of(MODULUS_PA), seen, (), LIBRARY, STUDY).known
     assert now.modulus is not None
     assert now.modulus.relative_sd > 0.015
     assert now.discrepancy is not None
@@ -95,7 +96,8 @@ def test_forces_are_surer_than_the_modulus_that_they_tell() -> None:
 def test_level_and_growth_are_those_of_a_modulus_that_may_go_no_farther(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where E may not go where the frames want it, the forces are told right all the same, by the discrepancy."""
     monkeypatch.setattr(discrepancy, "READINGS", 1)
-    now, again = settled(known_of(0.7 * MODULUS_PA), frames(), (), LIBRARY, STUDY)
+    after = settled(known_of(0.7 * MODULUS_PA), frames(), (), LIBRARY, STUDY)
+    now, again = after.known, after.again
     assert now.modulus is not None
     assert now.discrepancy is not None
     assert now.modulus.mean_pa == pytest.approx(0.7 * MODULUS_PA)
@@ -109,7 +111,8 @@ def test_what_was_read_before_counts_as_what_is_read_now() -> None:
     seen = frames(1.1)
     known = known_of(MODULUS_PA)
     earlier = [frame for frame in read_again(seen[:2], known, LIBRARY, STUDY) if frame is not None]
-    at_once, parts = settled(known, seen, (), LIBRARY, STUDY)[0], settled(known, seen[2:], earlier, LIBRARY, STUDY)[0]
+    at_once = settled(known, seen, (), LIBRARY, STUDY).known
+    parts = settled(known, seen[2:], earlier, LIBRARY, STUDY).known
     assert at_once.modulus is not None
     assert parts.modulus is not None
     assert parts.modulus.mean_pa == pytest.approx(at_once.modulus.mean_pa, rel=0.01)
@@ -118,9 +121,32 @@ def test_what_was_read_before_counts_as_what_is_read_now() -> None:
 def test_without_a_frame_that_can_be_read_the_filter_s_stays() -> None:
     known = known_of(MODULUS_PA)
     blind = Boundaries(LATERAL_M, np.full((2, len(LATERAL_M)), np.nan), 1e-4)
-    now, again = settled(known, [(blind, 0.02)], (), LIBRARY, STUDY)
-    assert again == [None]
+    after = settled(known, [(blind, 0.02)], (), LIBRARY, STUDY)
+    now = after.known
+    assert after.again == (None,)
     assert now.modulus is not None
     assert now.modulus.mean_pa == pytest.approx(MODULUS_PA, rel=exp(1e-9) - 1.0)
     assert now.discrepancy is not None
     assert (now.discrepancy.level, now.discrepancy.growth) == (0.0, 0.0)
+
+
+def test_what_the_search_of_a_stiffening_compares_is_what_the_frames_that_were_read_lose() -> None:
+    """Rougher boundaries lose more, and forces that E cannot explain; a frame that cannot be read counts as refused."""
+    known = known_of(MODULUS_PA)
+    blind = Boundaries(LATERAL_M, np.full((2, len(LATERAL_M)), np.nan), 1e-4)
+    after = settled(known, [*frames(), (blind, 0.02)], (), LIBRARY, STUDY)
+    trial = after.trial("an eye", 2)
+    read = [frame for frame in after.again if frame is not None]
+    assert (trial.found, trial.refused, trial.frames) == ("an eye", 3, 3)
+    assert trial.of_boundaries == pytest.approx(sum(frame.loss for frame in read))
+    assert min(frame.loss for frame in read) > 0.0
+    assert trial.of_forces == after.loss
+    assert trial.loss == pytest.approx(trial.of_boundaries + trial.of_forces)
+    rng = np.random.default_rng(1)
+    rough = [
+        (replace(seen, depth_m=seen.depth_m + 20e-6 * np.sin(LATERAL_M / 0.4e-3 + rng.uniform(0.0, 6.0))), force_n)
+        for seen, force_n in frames()
+    ]
+    assert settled(known, rough, (), LIBRARY, STUDY).trial("", 0).of_boundaries > 3.0 * trial.of_boundaries
+    bent = [(seen, force_n * factor) for (seen, force_n), factor in zip(frames(), (0.8, 1.0, 1.25), strict=True)]
+    assert settled(known, bent, (), LIBRARY, STUDY).loss > after.loss + 5.0

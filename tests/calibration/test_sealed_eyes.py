@@ -38,6 +38,7 @@ STUDY = replace(
         tensions=10,
         max_tip_m=4e-3,
         tips=28,
+        stiffenings=1,
     ),
 )
 SHARP = replace(STUDY, calibration=replace(STUDY.calibration, surface_smoothing_m=0.0))

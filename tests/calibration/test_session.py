@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from told_finder import told_finder
 
-from scleraforce.calibration import calibrate, session
+from scleraforce.calibration import frame_walls, session
 from scleraforce.calibration.calibrate import calibrate_recordings, eye_constants
 from scleraforce.calibration.forces import FrameForces, frame_forces
 from scleraforce.calibration.result import Calibration
@@ -165,7 +165,7 @@ def test_a_calibration_looks_below_a_conjunctiva_with_the_thickness_that_the_rec
         told.append(more)
         return replace(find_sclera(frame, scale), usable=False, reason="under a layer")
 
-    monkeypatch.setattr(calibrate, "find_sclera", below)
+    monkeypatch.setattr(frame_walls, "find_sclera", below)
     finder = told_finder(np.full(88, 10.0), np.full(88, 20.0))
     with pytest.raises(CalibrationError, match="under a layer"):
         calibrate_recordings([recording], STUDY, "", library, finder=finder)
@@ -194,7 +194,7 @@ def test_forces_far_above_those_that_could_be_calibrated_on_are_a_doubt(
 
     seen: list[Any] = []
     assert calibration.eyes["made-up"].recordings[0].doubts == ()
-    monkeypatch.setattr(calibrate, "find_sclera", shallow)
+    monkeypatch.setattr(frame_walls, "find_sclera", shallow)
     eye = calibrate_recordings([recording], STUDY, "", library).eyes["made-up"]
     assert [round(1e3 * frame.force_n) for frame in eye.frames if frame.skipped == "not usable: deep"] == [30, 45, 38]
     (doubt,) = eye.recordings[0].doubts

@@ -34,7 +34,7 @@ def test_a_library_is_made_and_its_size_and_time_are_said(study, tmp_path, capsy
     out = tmp_path / "library.zarr"
     assert run(["library", "--study", str(study), "--out", str(out), "--workers", "1", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert answer["paths"] == 16 + 8 * 16
+    assert answer["paths"] == 5 * 16 + 8 * 16
     assert answer["seconds"] > 0.0
     assert open_library(out).force_ratio_tpd.shape == (4, 4, 4)
     assert run(["library", "--study", str(study), "--out", str(out)]) == 2
@@ -48,7 +48,7 @@ def test_an_interrupted_library_says_what_it_keeps_and_exits_with_130(study, tmp
 
     monkeypatch.setattr(library_build, "build_library", interrupted)
     assert run(["library", "--study", str(study), "--out", str(tmp_path / "d")]) == 130
-    assert "7 of 144 load paths are kept; the same command completes them" in capsys.readouterr().err
+    assert "7 of 208 load paths are kept; the same command completes them" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from analytic_library import analytic_library
 
+from scleraforce.calibration.calibrate import stated_tissue
 from scleraforce.calibration.eye_model import EyeConstants, WallState
 from scleraforce.calibration.session import eye_model
 from scleraforce.cli.main import run
@@ -113,7 +114,7 @@ def calibrate_linear(study: Study) -> None:
 
 
 def calibrate(study: Study) -> None:
-    eye_model(study, STATED, analytic_library()).curves([STATE])
+    eye_model(study, STATED, stated_tissue(analytic_library(), study)).curves([STATE])
 
 
 def library(study: Study) -> None:

@@ -21,7 +21,7 @@ from scleraforce.fitting.fit_prediction import (
     force_n,
     predict_wall,
 )
-from scleraforce.fitting.fit_start import bearing_start, higher_start, starts
+from scleraforce.fitting.fit_start import LARGEST_N, bearing_start, higher_start, starts
 from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Known, Modulus
@@ -36,6 +36,7 @@ from scleraforce.units import to_si
 SEALED_WALLS = Walls(LIBRARY, UNKNOWN)
 NOISE_M = 10e-6
 EYES = 120
+MODULUS_PA = 0.25e6  # of walls that a needle makes taut
 
 
 def eye(tip_m: float, rigidity: float) -> np.ndarray:
@@ -203,18 +204,15 @@ def library() -> Library:
     return load_library(SHIPPED_READER / LIBRARY_FILE).for_contact(0.6)
 
 
-MODULUS_PA = 0.25e6
-
-
 def taut_wall(
-    library: Library, rigidity: float, thickness_m: float, pressure_pa: float
+    library: Library, rigidity: float, thickness_m: float, pressure_pa: float, modulus_pa: float = MODULUS_PA
 ) -> tuple[np.ndarray, KnownGlobe]:
     """The unknowns of a soft wall that a needle has brought to a pressure, and its globe, k known to 3 %."""
     unknown = eye(1e-3, 0.0)
-    unknown[[THICKNESS, MODULUS, IOP, PRESSURE]] = thickness_m, log(MODULUS_PA), log(400.0), log(pressure_pa)
+    unknown[[THICKNESS, MODULUS, IOP, PRESSURE]] = thickness_m, log(modulus_pa), log(400.0), log(pressure_pa)
     globe = replace(SEALED, mean=rigidity * REFERENCE_RIGIDITY, sd=0.03 * rigidity * REFERENCE_RIGIDITY)
     tips_m = np.linspace(0.0, 3e-3, 300)
-    of_wall = np.full(300, thickness_m), np.full(300, pressure_pa / MODULUS_PA), tips_m
+    of_wall = np.full(300, thickness_m), np.full(300, pressure_pa / modulus_pa), tips_m
     needed_m3 = globe.globe(globe.mean).displaced_m3(400.0, pressure_pa)
     unknown[TIP] = np.interp(needed_m3, library.displaced_m3(*of_wall), tips_m)
     return unknown, globe
@@ -274,3 +272,33 @@ def test_a_higher_start_is_given_where_it_may_be_the_right_one_and_only_there(li
     slack, _ = taut_wall(library, 1.6, 0.5e-3, to_si(4.0, "mmhg"))
     slack_m = predict_wall(walls, slack, BOTH).depth_m.reshape(2, -1)[0]
     assert higher_start(walls, mean, slack, LATERAL_M, slack_m) is None
+
+
+def test_a_force_beyond_all_states_is_begun_at_a_state_that_the_law_bears(library: Library) -> None:
+    """A slack globe's pressure would need more volume than the deepest dent displaces."""
+    unknown, globe = taut_wall(library, 0.02, 0.6e-3, to_si(3.2, "mmhg"))
+    walls = Walls(library, globe)
+    outer_m = predict_wall(walls, unknown, BOTH).depth_m.reshape(2, -1)[0]
+    begun = bearing_start(walls, prior_of(known_of(unknown, globe), RANGES).mean, 1.0, LATERAL_M, outer_m)
+    wanted_m3 = globe.globe(globe.mean).displaced_m3(400.0, float(np.exp(begun[PRESSURE])))
+    assert displaced_m3_of(library, begun) == pytest.approx(wanted_m3, rel=1e-3)
+
+
+def test_no_fit_begins_at_a_force_that_no_needle_has(library: Library) -> None:
+    unknown, globe = taut_wall(library, 1.6, 0.7e-3, to_si(30.0, "mmhg"), 0.4e6)
+    walls, mean = Walls(library, globe), prior_of(known_of(unknown, globe), RANGES).mean
+    assert float(force_n(walls, unknown[None])[0]) > LARGEST_N
+    outer_m = predict_wall(walls, unknown, BOTH).depth_m.reshape(2, -1)[0]
+    low, _ = taut_wall(library, 1.6, 0.7e-3, to_si(15.0, "mmhg"), 0.4e6)
+    begun = higher_start(walls, mean, low, LATERAL_M, outer_m)
+    assert begun is not None
+    assert float(force_n(walls, begun[None])[0]) < LARGEST_N
+
+
+def test_a_globe_of_unknown_kind_that_was_found_to_be_open_is_read(library: Library) -> None:
+    found = replace(UNKNOWN, mean=0.0, sd=0.01 * REFERENCE_RIGIDITY, calibrated=True)
+    truth = eye(0.8e-3, 0.0)
+    depth = predict_wall(Walls(library, OPEN), truth, BOTH).depth_m.reshape(2, -1)
+    fit = fit_boundaries(library, LATERAL_M, depth, prior_of(known_of(truth, found), RANGES), 0.0, 10e-3)
+    assert fit is not None
+    assert fit.force_n == pytest.approx(float(force_n(Walls(library, OPEN), truth[None])[0]), rel=0.05)

@@ -1,4 +1,5 @@
 import hashlib
+import json
 from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any
@@ -7,7 +8,7 @@ import pytest
 from calibration_file import calibration_text
 
 from scleraforce.errors import CalibrationError
-from scleraforce.known.calibration_file import globe_entry, read_calibration
+from scleraforce.known.calibration_file import globe_entry, read_calibration, summary_of_eye
 from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.eye import Known, known_of_eye
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, KnownGlobe, known_globe
@@ -164,6 +165,63 @@ def test_a_population_of_one_eye_has_no_spread(tmp_path: Path) -> None:
 def test_a_missing_file_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match=r"nothing\.json: No such file"):
         read_calibration(tmp_path / "nothing.json")
+
+
+def test_the_stiffening_of_eyes_and_of_their_population_is_read_and_goes_with_the_modulus(tmp_path: Path) -> None:
+    file = tmp_path / "calibration.json"
+    eyes = {"a": {"stiffening": 12.5}, "b": {}, "c": {"stiffening": 3.0, "status": "diverged: by 4 sd"}}
+    population = {"mean_mpa": 0.27, "sd_mpa": 0.03, "stiffening": 6.0}
+    file.write_text(calibration_text(0.27, eyes, population=population))
+    summary = read_calibration(file)
+    assert [summary.eyes[eye].stiffening for eye in "abc"] == [12.5, 0.0, 3.0]
+    assert summary.population_stiffening == 6.0
+    assert known_of_eye(Known(stiffening=1.0), summary, "a").stiffening == 12.5
+    assert known_of_eye(Known(stiffening=1.0), summary, "b").stiffening == 0.0
+    assert known_of_eye(Known(stiffening=1.0), summary, "stranger").stiffening == 6.0
+    assert known_of_eye(Known(), summary, "c").stiffening is None  # nor is its modulus known
+
+
+def test_a_file_of_an_earlier_version_says_nothing_of_a_stiffening_which_is_0(tmp_path: Path) -> None:
+    file = tmp_path / "calibration.json"
+    file.write_text(calibration_text(0.27, EYES))
+    assert "stiffening" not in file.read_text()
+    summary = read_calibration(file)
+    assert [eye.stiffening for eye in summary.eyes.values()] == [0.0, 0.0]
+    assert summary.population_stiffening == 0.0
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (-0.1, "-0.1 is not between 0 and 200"),
+        (200.1, "200.1 is not between 0 and 200"),
+        ("stiff", "expected a number, found 'stiff'"),
+        (True, "expected a number, found True"),
+        (None, "expected a number, found None"),
+        ([1.0], r"expected a number, found \[1.0\]"),
+    ],
+)
+def test_a_stiffening_that_cannot_be_is_refused_in_one_line_with_its_key(
+    tmp_path: Path, value: Any, message: str
+) -> None:
+    file = tmp_path / "calibration.json"
+    file.write_text(calibration_text(0.27, {"x": {"stiffening": value}}))
+    with pytest.raises(CalibrationError, match=rf"^\S*: eyes\.x\.stiffening: {message}$"):
+        read_calibration(file)
+    population = {"mean_mpa": 0.27, "sd_mpa": 0.03, "stiffening": value}
+    file.write_text(calibration_text(0.27, population=population))
+    with pytest.raises(CalibrationError, match=rf"^\S*: population\.stiffening: {message}$"):
+        read_calibration(file)
+
+
+def test_a_stiffening_that_is_not_a_number_is_no_json_and_no_entry(tmp_path: Path) -> None:
+    file, entry = tmp_path / "calibration.json", {"x": {"stiffening": float("nan")}}
+    file.write_text(calibration_text(0.27, entry))
+    with pytest.raises(CalibrationError, match=r"not JSON: NaN is no number"):
+        read_calibration(file)
+    content = json.loads(calibration_text(0.27, entry))
+    with pytest.raises(CalibrationError, match=r"^f: eyes\.x\.stiffening: nan is not between 0 and 200$"):
+        summary_of_eye(content["eyes"]["x"], "f: eyes.x")
 
 
 DISCREPANCY = {"level": 0.02, "growth": 0.4, "level_sd": 0.01, "growth_sd": 0.05, "correlation": -0.3}

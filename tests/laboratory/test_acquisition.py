@@ -110,14 +110,16 @@ def test_the_command_makes_many_eyes_and_takes_them_up(tmp_path: Path, capsys: p
         "--forces-mn",
         "2,10",
     ]
-    assert run([*command, "--count", "2", "--eye", "pig", "--polar-angle-deg", "35", "--workers", "1", "--json"]) == 0
+    told = ("--polar-angle-deg", "35", "--azimuth-deg", "0")
+    assert run([*command, "--count", "2", "--eye", "pig", *told, "--workers", "1", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["recordings"] == [str(tmp_path / "eyes" / name) for name in ("pig-1", "pig-2")]
     assert (found["frames"], found["seed"]) == (4, 0)
     truths = [json.loads((Path(path) / "truth.json").read_text())["eye"] for path in found["recordings"]]
     assert [eye["polar_rad"] for eye in truths] == [radians(35.0)] * 2
+    assert [eye["azimuth_rad"] for eye in truths] == [0.0] * 2  # 0 is stated, too
     assert truths[0]["gap_m"] != truths[1]["gap_m"]
-    assert run([*command, "--count", "3", "--eye", "pig", "--polar-angle-deg", "35"]) == 0
+    assert run([*command, "--count", "3", "--eye", "pig", *told]) == 0
     assert "wrote" in capsys.readouterr().out
     assert len(list((tmp_path / "eyes").iterdir())) == 3
 

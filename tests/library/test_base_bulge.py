@@ -161,7 +161,8 @@ def test_where_no_direction_is_stated_a_calibration_sees_an_even_section() -> No
 def test_sections_of_a_sealed_eye_are_those_of_three_dimensions(tmp_path: Path) -> None:
     """A soft wall whose pressure has risen to three times what it was, 41 degrees from the pole."""
     grid = LibraryStudy(thickness_m=Range(min=450.0e-6, max=650.0e-6), thicknesses=4, tips=24,
-                        tension=Range(min=2e-2, max=0.2), tensions=6, max_tip_m=4e-3, elements=48)  # fmt: skip
+                        tension=Range(min=2e-2, max=0.2), tensions=6, max_tip_m=4e-3, elements=48,
+                        stiffenings=1)  # fmt: skip
     path = tmp_path / "library.zarr"
     build_library(Study(library=grid), path)
     polar, direction, thickness_m, modulus_pa, pressure_pa = float(np.radians(41.0)), 1.8, 0.52e-3, 0.26e6, 1530.0

@@ -14,7 +14,8 @@ from scleraforce.mechanics.polar import DIRECTIONS, base_angle, polar_path
 from scleraforce.study import LibraryStudy, Range, Study
 
 GRID = LibraryStudy(thickness_m=Range(min=500.0e-6, max=800.0e-6), thicknesses=4, tips=24,
-                    tension=Range(min=8e-3, max=6e-2), tensions=4, max_tip_m=5e-3, elements=32)  # fmt: skip
+                    tension=Range(min=8e-3, max=6e-2), tensions=4, max_tip_m=5e-3, elements=32,
+                    stiffenings=1)  # fmt: skip
 
 
 def test_a_force_that_does_not_feel_the_support_is_left_as_it_is():

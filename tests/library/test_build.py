@@ -30,7 +30,8 @@ from scleraforce.mechanics.axisymmetric.mesh import MeridianSize
 from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
 from scleraforce.study import LibraryStudy, NeedleStudy, Range, Study
 
-UNITS = 20 + 8 * 4 * 5  # paths, and those with other supports
+PATHS = 5 * 20  # of each stiffening
+UNITS = PATHS + 8 * 4 * 5  # and those with other supports
 STUDY = Study(library=LibraryStudy(thicknesses=4, tensions=5, tips=6, elements=16))
 
 
@@ -50,12 +51,13 @@ def test_what_is_read_is_what_was_solved(made):
     library, plan = open_library(made), plan_library(STUDY)
     assert library.thickness_m == pytest.approx(plan.thickness_m)
     assert (library.radius_m, library.poisson_ratio, library.needle_radius_m) == (12e-3, 0.45, 0.35e-3)
-    for number in (0, 7, 19):
+    for number in (0, 7, 19, 20, 53, 79):
         force_d, displaced_d, curves_dbnc = solve_analytic(plan, number)
-        place = divmod(number, 5)
-        assert np.array_equal(library.force_ratio_tpd[place], force_d)
-        assert np.array_equal(library.displaced_tpd[place], displaced_d)
-        assert np.array_equal(library.curves_tpdbnc[place], curves_dbnc)
+        of_tissue, place = library.for_stiffening(plan.stiffening[number // 20]), divmod(number % 20, 5)
+        assert np.array_equal(of_tissue.force_ratio_tpd[place], force_d)
+        assert np.array_equal(of_tissue.displaced_tpd[place], displaced_d)
+        assert np.array_equal(of_tissue.curves_tpdbnc[place], curves_dbnc)
+        assert np.array_equal(of_tissue.undented_tpbnc[place], curves_dbnc[0])
     assert library.contact_polar_rad == pytest.approx(np.radians(35.0))
 
 
@@ -97,7 +99,7 @@ def test_a_build_killed_at_any_time_is_completed(made, tmp_path):
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1] / "support")}
     for wanted in (1, 6):
         child = subprocess.Popen([sys.executable, script, path], env=environment, start_new_session=True)
-        while child.poll() is None and len(list(path.glob("force_ratio/c/*/*"))) < wanted:
+        while child.poll() is None and len(list(path.glob("force_ratio/c/*/*/*"))) < wanted:
             time.sleep(0.01)
         os.killpg(child.pid, signal.SIGKILL)
         assert child.wait() == -signal.SIGKILL
@@ -109,37 +111,50 @@ def test_a_build_killed_at_any_time_is_completed(made, tmp_path):
 @pytest.mark.slow
 def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
     path = Path(shutil.copytree(made, tmp_path / "copy"))
-    chunk = path / "curves" / "c" / "2" / "3" / "0" / "0" / "0" / "0"
+    chunk = path / "curves" / "c" / "1" / "2" / "3" / "0" / "0" / "0" / "0"
     content = bytearray(chunk.read_bytes())
     content[100] ^= 1
     chunk.write_bytes(content)
-    with pytest.raises(InputError, match="curves/c/2/3/0/0/0/0: damaged"):
+    with pytest.raises(InputError, match="curves/c/1/2/3/0/0/0/0: damaged"):
         open_library(path)
-    assert missing_library_units(path, plan_library(STUDY)) == [13]
+    assert missing_library_units(path, plan_library(STUDY)) == [33]
     chunk.unlink()
-    with pytest.raises(InputError, match=r"curves: 1 of 20 chunks are missing"):
+    with pytest.raises(InputError, match=r"curves: 1 of 80 chunks are missing"):
         open_library(path)
-    with pytest.raises(InputError, match="1 of 180 load paths are missing"):
+    with pytest.raises(InputError, match="1 of 260 load paths are missing"):
         complete_library(path, plan_library(STUDY))
 
 
-def test_load_paths_in_each_others_place_are_found(made, tmp_path):
+@pytest.mark.parametrize("other", ["1/2/4", "3/2/3"], ids=["another tension", "another stiffening"])
+def test_load_paths_in_each_others_place_are_found(made, tmp_path, other):
     path = Path(shutil.copytree(made, tmp_path / "copy"))
-    one, other = (path / "force_ratio" / "c" / "2" / place / "0" for place in "34")
-    content = one.read_bytes()
-    one.write_bytes(other.read_bytes())
-    other.write_bytes(content)
-    with pytest.raises(InputError, match="force_ratio/c/2/3/0: damaged"):
+    mine, theirs = (path / "force_ratio" / "c" / place / "0" for place in ("1/2/3", other))
+    content = mine.read_bytes()
+    mine.write_bytes(theirs.read_bytes())
+    theirs.write_bytes(content)
+    with pytest.raises(InputError, match="force_ratio/c/1/2/3/0: damaged"):
         open_library(path)
 
 
-def test_a_library_of_impossible_values_is_refused_even_where_the_hashes_agree(made, tmp_path):
-    for name, value in (("force_ratio", np.nan), ("curves", np.inf), ("thickness_m", 1.0)):
-        path = Path(shutil.copytree(made, tmp_path / name))
-        zarr.open_array(path / name, mode="r+")[1] = value
-        rehash_store(path)
-        with pytest.raises(InputError):
-            open_library(path)
+@pytest.mark.parametrize("stiffening", [0, 1])
+@pytest.mark.parametrize(("name", "value"), [("force_ratio", np.nan), ("displaced_m3", np.inf), ("curves", np.inf)])
+def test_impossible_values_of_any_tissue_are_refused_even_where_the_hashes_agree(
+    made, tmp_path, name, value, stiffening
+):
+    path = Path(shutil.copytree(made, tmp_path / name))
+    zarr.open_array(path / name, mode="r+")[stiffening] = value
+    rehash_store(path)
+    with pytest.raises(InputError, match="not finite"):
+        open_library(path)
+
+
+@pytest.mark.parametrize(("name", "value"), [("thickness_m", 1.0), ("stiffening", 1.0)])
+def test_axes_that_are_not_those_of_the_plan_are_refused_even_where_the_hashes_agree(made, tmp_path, name, value):
+    path = Path(shutil.copytree(made, tmp_path / name))
+    zarr.open_array(path / name, mode="r+")[1] = value
+    rehash_store(path)
+    with pytest.raises(InputError, match=f"{name}: not the values of its plan"):
+        open_library(path)
 
 
 def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):
@@ -163,7 +178,7 @@ def test_other_things_are_neither_overwritten_nor_read(made, tmp_path):
 @pytest.mark.parametrize(
     ("solve", "said"),
     [
-        (no_solution, "path 0 of 180: no equilibrium"),
+        (no_solution, "path 0 of 260: no equilibrium"),
         (no_worker, "worker ended"),
     ],
 )
@@ -187,19 +202,40 @@ def test_the_default_covers_what_it_says():
     assert (np.diff(plan.tip_m, 2) > 0.0).all()
 
 
-def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path):
+def test_units_are_the_paths_of_every_stiffening_and_those_of_the_first_with_other_supports():
+    plan = plan_library(STUDY)
+    assert plan.stiffening[[0, -1]].tolist() == [0.0, 30.0]
+    assert np.diff(np.log1p(5.0 * plan.stiffening)) == pytest.approx(np.full(4, np.log(151.0) / 4))
+    places = [plan.place(unit) for unit in range(PATHS)]
+    assert places == [(b, t, p) for b in range(5) for t in range(4) for p in range(5)]
+    for unit in (0, 27, PATHS - 1):
+        b, t, p = plan.place(unit)
+        assert plan.stiffening_of(unit) == plan.stiffening[b]
+        assert plan.support_rad(unit) == pytest.approx(0.5 * np.pi)
+        assert plan.wall(unit) == pytest.approx(
+            (plan.thickness_m[t], plan.tension[p] * plan.thickness_m[t] / plan.radius_m), rel=1e-12
+        )
+    assert {plan.stiffening_of(unit) for unit in range(PATHS, UNITS)} == {0.0}
+    assert all(plan.support_rad(unit) != pytest.approx(0.5 * np.pi) for unit in range(PATHS, UNITS))
+
+
+@pytest.mark.parametrize(("unit", "stiffening"), [(6, 0.0), (16 + 6, 0.2 * (151.0**0.25 - 1.0)), (4 * 16 + 6, 30.0)])
+def test_a_path_is_that_of_the_axisymmetric_wall(tmp_path, unit, stiffening):
     plan = plan_library(Study(library=LibraryStudy(thicknesses=4, tensions=4, tips=5, max_tip_m=1e-3, elements=16)))
-    force_d, displaced_d, curves_dbnc = solve_path(plan, 6)
-    thickness_m, iop_ratio = plan.wall(6)
+    force_d, displaced_d, curves_dbnc = solve_path(plan, unit)
+    thickness_m, iop_ratio = plan.wall(unit)
+    assert (thickness_m, iop_ratio) == plan.wall(6)
     expected = axisymmetric_path(
-        12e-3, thickness_m, 0.45, 0.35e-3, iop_ratio, tips_m=plan.tip_m[1:], size=MeridianSize(16, 1)
-    )
+        12e-3, thickness_m, 0.45, 0.35e-3, iop_ratio, tips_m=plan.tip_m[1:],
+        stiffening=float(plan.stiffening[unit // 16]), size=MeridianSize(16, 1),
+    )  # fmt: skip
+    assert plan.stiffening[unit // 16] == pytest.approx(stiffening)
     assert np.array_equal(force_d, expected.force_ratio_m2)
     assert np.array_equal(displaced_d, expected.displaced_m3)
     assert curves_dbnc == pytest.approx(expected.curves_sbnc, abs=1e-9)
     create_library(tmp_path / "library", plan)
-    write_library_unit(tmp_path / "library", plan, 6, force_d, displaced_d, curves_dbnc)
-    assert missing_library_units(tmp_path / "library", plan) == [n for n in range(plan.units) if n != 6]
+    write_library_unit(tmp_path / "library", plan, unit, force_d, displaced_d, curves_dbnc)
+    assert missing_library_units(tmp_path / "library", plan) == [n for n in range(plan.units) if n != unit]
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from scleraforce.library.cache import cached_library, library_cache
 from scleraforce.library.plan import LibraryPlan
 from scleraforce.study import LibraryStudy, Study
 
-UNITS = 16 + 8 * 4 * 4
+UNITS = 5 * 16 + 8 * 4 * 4  # paths of each stiffening, and those with other supports
 STUDY = Study(library=LibraryStudy(thicknesses=4, tensions=4, tips=5, elements=8))
 
 

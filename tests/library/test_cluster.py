@@ -37,7 +37,7 @@ def test_a_worker_killed_half_way_changes_no_byte(cluster, tmp_path):
     workers = cluster_workers(cluster.address)
     result = build_library(STUDY, tmp_path / "cluster", workers=workers, progress=kill_half_way, solve=solve_slowly)
     assert victim.wait() == -signal.SIGKILL
-    assert result.solved == sum(done) == 180
+    assert result.solved == sum(done) == 260
     build_library(STUDY, tmp_path / "here", workers=2, solve=solve_analytic)
     assert contents(tmp_path / "cluster") == contents(tmp_path / "here")
 
@@ -46,7 +46,8 @@ def test_a_worker_killed_half_way_changes_no_byte(cluster, tmp_path):
 @pytest.mark.slow
 def test_real_paths_are_the_same_on_a_cluster_and_on_processes(cluster, tmp_path):
     cluster.worker()
-    grid = LibraryStudy(thickness_m=Range(min=0.5e-3, max=0.8e-3), thicknesses=4, tensions=4, tips=5, max_tip_m=2e-3)
+    grid = LibraryStudy(thickness_m=Range(min=0.5e-3, max=0.8e-3), thicknesses=4, tensions=4, tips=5, max_tip_m=2e-3,
+                        stiffenings=1)  # fmt: skip
     build_library(Study(library=grid), tmp_path / "cluster", workers=cluster_workers(cluster.address))
     build_library(Study(library=grid), tmp_path / "here", workers=2)
     assert contents(tmp_path / "cluster") == contents(tmp_path / "here")
@@ -56,7 +57,7 @@ def test_real_paths_are_the_same_on_a_cluster_and_on_processes(cluster, tmp_path
 @pytest.mark.long
 def test_what_fails_on_the_cluster_fails_here(cluster, tmp_path):
     cluster.worker("--nanny")  # starts a worker anew after each death
-    with pytest.raises(SolverError, match=r"path \d+ of 180: no equilibrium"):
+    with pytest.raises(SolverError, match=r"path \d+ of 260: no equilibrium"):
         build_library(STUDY, tmp_path / "a", workers=cluster_workers(cluster.address), solve=no_solution)
     with pytest.raises(SolverError, match="die one after the other"):
         build_library(STUDY, tmp_path / "b", workers=cluster_workers(cluster.address), solve=no_worker)

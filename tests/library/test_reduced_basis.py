@@ -44,6 +44,14 @@ def test_numbers_stand_in_the_smallest_type_that_holds_them():
     assert np.abs(reduced.rows() - rows).max() <= 1e-7
 
 
+@pytest.mark.parametrize("weights", [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [-0.1, 0.9, 0.2]], ids=["first", "last", "all"])
+def test_a_mix_of_equal_parts_of_the_rows_is_their_sum_by_weights(weights):
+    reduced = reduce_rows(BUMPS * np.array([1.0, 0.1, 1e-3]).repeat(50)[:, None], 1e-7)
+    assert sum(part.shape[1] > 0 for part in reduced.steps) > 1  # more than one type of steps
+    naive = sum(weight * part for weight, part in zip(weights, reduced.rows().reshape(3, 50, 70), strict=True))
+    assert reduced.mixed_rows(np.array(weights)) == pytest.approx(naive, rel=1e-12, abs=1e-15)
+
+
 def test_rows_of_nothing_have_no_part():
     reduced = reduce_rows(np.zeros((5, 7)), 1e-6)
     assert reduced.basis_kv.shape == (0, 7)

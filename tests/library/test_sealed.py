@@ -30,6 +30,7 @@ GRID = LibraryStudy(
     tensions=8,
     max_tip_m=3e-3,
     tips=24,
+    stiffenings=1,
 )
 
 

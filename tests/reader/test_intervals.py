@@ -14,7 +14,8 @@ from scleraforce.fitting.resting_form import FORMS
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, SEALED
 from scleraforce.reader.force_distribution import ratio_edges, single_force
-from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors, group_of, parse_factors
+from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors, parse_factors
+from scleraforce.reader.interval_groups import group_of
 from scleraforce.reader.interval_scores import (
     Score,
     group_changes,
@@ -84,7 +85,7 @@ def drawn_fit(draws_n: np.ndarray) -> BoundaryFit:
     low_n, median_n, high_n = np.quantile(draws_n, [0.05, 0.5, 0.95])
     return BoundaryFit(
         force_n=float(median_n), interval_n=(float(low_n), float(high_n)), draws_n=draws_n, contact_m=0.0, tip_m=1e-3,
-        misfit_m=3e-6, outliers=0.0, wall_bmc=np.zeros((2, 2, 2)), iop_pa=300.0, tension=0.02,
+        misfit_m=3e-6, outliers=0.0, wall_bmc=np.zeros((2, 2, 2)), iop_pa=300.0, tension=0.02, loss=0.0,
         unknown=np.zeros(len(NAMES)), sd=np.zeros(len(NAMES)),
     )  # fmt: skip
 

@@ -67,7 +67,7 @@ def test_every_key_of_the_table_is_tried() -> None:
 
 
 def test_tissue_that_stiffens_is_refused_with_the_reason_and_with_what_to_do() -> None:
-    why = "(neither linear mechanics nor the response library knows tissue that stiffens)"
+    why = "(linear mechanics knows no tissue that stiffens, and a library has a range of it, [library])"
     for work, end in {
         ("simulate", "linear"): f"with linear mechanics {why}; leave it out, or give --mechanics finite-strain",
         ("generate", "finite-strain"): f"with finite-strain mechanics {why}; leave it out",

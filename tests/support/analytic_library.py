@@ -95,7 +95,8 @@ def draw_walls(rng, count):
 
 def solve_analytic(plan, number):
     """A path of a plan, as `library.build.solve_path` returns it, for tests of what is built around the solver."""
-    wall = plan.wall(number)
+    thickness_m, iop_ratio = plan.wall(number)
+    wall = thickness_m, iop_ratio * (1.0 + 0.05 * np.log1p(plan.stiffening_of(number)))
     tip_m = plan.tip_m if number < plan.paths else plan.tip_m[: plan.support_tips]
     forces = force_ratio(*wall, tip_m) * (1.0 + 0.05 * np.cos(plan.support_rad(number)))
     volumes = displaced_m3(*wall, tip_m)

@@ -40,15 +40,15 @@ def calibration_of_a_sealed_eye() -> Calibration:
         for number in (1, 2, 3)
     )
     eye = EyeCalibration(
-        "mine",
-        names,
-        (0.3e6, 651e-6, 1.04 * REFERENCE_RIGIDITY),
-        (1e4, 12e-6, 0.04 * REFERENCE_RIGIDITY),
-        650e-6,
-        SEALED,
-        state,
-        (UsedRecording(path="mine", sha256="0" * 64, zero_n=0.0, drift_n_per_s=0.0),),
-        frames,
-        ForceDiscrepancy(level=0.02, growth=0.2, level_sd=0.02, growth_sd=0.04, correlation=0.0),
+        id="mine",
+        names=names,
+        means=(0.3e6, 651e-6, 1.04 * REFERENCE_RIGIDITY),
+        sds=(1e4, 12e-6, 0.04 * REFERENCE_RIGIDITY),
+        stated_thickness_m=650e-6,
+        globe=SEALED,
+        state=state,
+        recordings=(UsedRecording(path="mine", sha256="0" * 64, zero_n=0.0, drift_n_per_s=0.0),),
+        frames=frames,
+        discrepancy=ForceDiscrepancy(level=0.02, growth=0.2, level_sd=0.02, growth_sd=0.04, correlation=0.0),
     )
     return Calibration({"mine": eye}, "0" * 64, (0.005, 0.03), "finite-strain")

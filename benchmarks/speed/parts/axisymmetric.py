@@ -1,11 +1,12 @@
 """The wall of revolution: one path, and the library of all of them."""
 
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
 from scleraforce.eye.contact import Contact
 from scleraforce.library.build import build_library, solve_path
-from scleraforce.library.plan import LibraryPlan, plan_library
+from scleraforce.library.plan import plan_library
 from scleraforce.mechanics.study_path import bend_eye
 from scleraforce.processes import available_cores
 from scleraforce.study import Study
@@ -14,7 +15,7 @@ from speed.run import Run, in_turns
 
 __all__ = ["LIBRARY", "measure"]
 
-LIBRARY = "library.zarr"  # in the run's folder
+LIBRARY, EVEN = "library.zarr", "even.zarr"  # in the run's folder
 PATH_GOAL_S, LIBRARY_GOAL_S = 0.05, 8.0
 PATHS_AT_ONCE = 8  # from thin to thick walls
 SOLID = "one path in three dimensions"
@@ -27,7 +28,8 @@ day."""
 def measure(run: Run) -> Table:
     """Time single paths in turns with one in 3-D, and the library of the study."""
     study = run.study
-    plan = plan_library(study)
+    even = replace(study, library=replace(study.library, stiffenings=1))
+    plan, whole = plan_library(even), plan_library(study)
     solve_path(plan, 0)
     some = run.count(PATHS_AT_ONCE, 2)
     units = [plan.units * number // some for number in range(some)]
@@ -38,7 +40,7 @@ def measure(run: Run) -> Table:
     taken = in_turns(work, run.count(2, 1))
     path_s = spread([seconds / len(units) for seconds in taken["one axisymmetric path"]])
     solid_s = spread(taken[SOLID])
-    library_s = _library_seconds(study, run, plan)
+    even_s, library_s = _library_seconds(even, run, EVEN), _library_seconds(study, run, LIBRARY)
     cores = available_cores()
     return Table(
         "Axisymmetric paths and the library",
@@ -55,21 +57,27 @@ def measure(run: Run) -> Table:
             ),
             Row(what=SOLID, unit="s", **solid_s, settings="`bend_eye` on the graded mesh, 0.6 mm, to 30 mN"),
             Row(
-                what=f"library of {plan.units} paths",
-                value=library_s,
+                what=f"library of {plan.units} paths, tissue that does not stiffen",
+                value=even_s,
                 unit="s",
                 beside=f"{plan.units} paths one after the other",
                 beside_value=plan.units * path_s["value"],
                 goal=LIBRARY_GOAL_S,
                 settings=f"`scleraforce library`, {cores} processes, from their start to the complete store; made once",
             ),
+            Row(
+                what=f"library of {whole.units} paths, tissue of {study.library.stiffenings} stiffenings",
+                value=library_s,
+                unit="s",
+                settings="likewise, as it is by default",
+            ),
         ),
     )
 
 
-def _library_seconds(study: Study, run: Run, plan: LibraryPlan) -> float:
+def _library_seconds(study: Study, run: Run, name: str) -> float:
     start = perf_counter()
-    built = build_library(study, run.folder / LIBRARY)
-    if built.solved != plan.units:
-        raise RuntimeError(f"{built.solved} paths were solved, not {plan.units}")
+    built = build_library(study, run.folder / name)
+    if built.solved != built.paths:
+        raise RuntimeError(f"{built.solved} paths were solved, not {built.paths}")
     return perf_counter() - start

@@ -94,7 +94,7 @@ def _fit(reader: ForceReader, path: Path) -> Work:
         known_of_recording(recording.info), modulus=Modulus(mean_pa=MODULUS_PA, sd_pa=MODULUS_SD_PA, source="own")
     )
     scale, prior = PixelScale.of(recording.info.oct), prior_of(known, reader.study.reader)
-    library, smoothing_m = reader.library_at(known.polar_rad), reader.study.calibration.surface_smoothing_m
+    library, smoothing_m = reader.library_for(known), reader.study.calibration.surface_smoothing_m
     frames = [recording.frame(entry) for entry in recording.frames[::FIT_EVERY]]
     seen = [segmented_boundaries(wall.find_wall(frame, scale), scale) for frame in frames]
 

@@ -18,39 +18,40 @@ from scleraforce.calibration.discrepancy import settled
 from scleraforce.calibration.eye_model import EyeConstants
 from scleraforce.calibration.forces import FrameForces, frame_forces
 from scleraforce.calibration.frame_order import frame_order, reach_doubts
+from scleraforce.calibration.frame_walls import FrameWalls, StepCount
 from scleraforce.calibration.registration import first_belief
 from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
 from scleraforce.calibration.session import EyeSession, begin, known_after, step
+from scleraforce.calibration.stiffening import TissueTrial, most_trials, search
 from scleraforce.calibration.words import rigidity_words
 from scleraforce.errors import CalibrationError
 from scleraforce.known.eye import Known, open_doubts, told_globe
 from scleraforce.known.globe import OPEN, UNKNOWN
 from scleraforce.library import Library
 from scleraforce.recording.agreement import log_doubts
-from scleraforce.recording.files import Recording, frame_digest, tables_digest
+from scleraforce.recording.files import Recording, tables_digest
 from scleraforce.recording.labels import label_frames
-from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observations import Boundaries
-from scleraforce.segmentation.observed import dent, segmented_boundaries
-from scleraforce.segmentation.sclera import find_sclera
-from scleraforce.segmentation.wall import Segmentation
+from scleraforce.segmentation.observed import dent
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
-__all__ = ["calibrate_recordings", "eye_constants"]
+__all__ = ["STIFFENING", "calibrate_recordings", "calibration_passes", "eye_constants", "stated_tissue"]
 
 SURE_SEALED = 3.0  # standard deviations that a rigidity lies above 0 of a globe that cannot be open
+STIFFENING = "stiffening"  # the parameter that no filter has: it is searched for
 SAME_MODULUS = 0.01  # relative; what else is stated of the eye moves the mean of a lognormal by less
 
 
 @dataclass(frozen=True)
 class _Way:
-    """How eyes are calibrated; see `calibrate_recordings`."""
+    """How eyes are calibrated; see `calibrate_recordings`. `parameters` are those of the filter."""
 
     study: Study
     library: Library | None
     parameters: tuple[str, ...]
+    stiffening_sought: bool
     frames: int | None
     finder: WallFinder | None
 
@@ -60,7 +61,7 @@ def calibrate_recordings(
     study: Study,
     study_sha256: str,
     library: Library | None,
-    parameters: tuple[str, ...] = ("e",),
+    parameters: tuple[str, ...] | None = None,
     frames: int | None = None,
     earlier: Calibration | None = None,
     progress: Callable[[int], object] | None = None,
@@ -73,29 +74,39 @@ def calibrate_recordings(
         study: prior, filter, mesh.
         study_sha256: hash of the study, kept as provenance.
         library: responses of finite strain; None: linear mechanics, as in the paper.
-        parameters: what is uncertain, of `e`, `iop`, `thickness`, `gap`; `e` among them.
+        parameters: what is uncertain, of `e`, `stiffening`, `iop`, `thickness`, `gap`; `e` among them. None: e, and
+            with a library the stiffening, which is found on the first recording of an eye. If it is not among them, it
+            is the study's.
         frames: take so many frames of each recording that bear enough force, deep dents among them; None: all.
         earlier: to go on from; the frames that its eyes have used are left out.
-        progress: called with 1 after each frame.
+        progress: called with 1 after each frame, in each of `calibration_passes`.
         finder: checks the walls: a frame in which it sees another one is not used. None: nothing checks them.
 
     Raises:
         CalibrationError: a recording without force log or wall thickness, or no frame that can be used; an earlier
             calibration with other mechanics or parameters.
     """
+    if parameters is None:
+        parameters = ("e",) if library is None else ("e", STIFFENING)
     if "e" not in parameters:
         raise CalibrationError(f"parameters {','.join(parameters)}: e must be among them")
+    if library is None and STIFFENING in parameters:
+        raise CalibrationError("parameters: linear mechanics knows no tissue that stiffens; leave out stiffening")
     mechanics = "linear" if library is None else "finite-strain"
     if earlier is not None and earlier.mechanics != mechanics:
         raise CalibrationError(
             f"the earlier calibration has {earlier.mechanics} mechanics, not {mechanics}; name the same"
         )
-    way = _Way(study, library, parameters, frames, finder)
+    of_filter = tuple(name for name in parameters if name != STIFFENING)
+    passes = calibration_passes(library, parameters)
+    way = _Way(study, library, of_filter, STIFFENING in parameters, frames, finder)
     eyes = {} if earlier is None else dict(earlier.eyes)
     for recording in recordings:
         eye_id = recording.info.eye.id
         before = eyes.get(eye_id)
-        found = _calibrate(recording, way, before, progress)
+        count = StepCount(passes * len(recording.frames), progress)
+        found = _of_tissue(recording, way, before, count)
+        count.finish()
         doubted = found.status != "ok" and before is None and library is not None
         eyes[eye_id] = _with_globe_doubt(found, recording, way) if doubted else found
     mine = {recording.info.eye.id: eyes[recording.info.eye.id] for recording in recordings}
@@ -109,7 +120,7 @@ def _with_globe_doubt(diverged: EyeCalibration, recording: Recording, way: _Way)
         return diverged
     untold = replace(eye, globe=None, rigidity_pa13_per_m3=None, rigidity_law=None)
     asked = replace(recording, info=replace(recording.info, eye=untold))
-    other = _calibrate(asked, way, None, None)
+    other = _of_tissue(asked, way, None, StepCount(0, None))
     as_told = eye.globe == "open" and other.globe.mean < SURE_SEALED * other.globe.sd
     if other.status != "ok" or as_told:
         return diverged
@@ -120,6 +131,21 @@ def _with_globe_doubt(diverged: EyeCalibration, recording: Recording, way: _Way)
     *others, last = diverged.recordings
     recordings = (*others, replace(last, doubts=(*last.doubts, doubt)))
     return replace(diverged, globe=UNKNOWN, recordings=recordings)
+
+
+def calibration_passes(library: Library | None, parameters: tuple[str, ...] | None) -> int:
+    """Return how often, at most, every frame of a recording is gone through."""
+    sought = parameters is None or STIFFENING in parameters
+    return most_trials(library) if sought and library is not None else 1
+
+
+def stated_tissue(library: Library, study: Study) -> Library:
+    """Return the library of a study's tissue.
+
+    Raises:
+        InputError: the library does not hold such tissue.
+    """
+    return library.for_stiffening(study.tissue.stiffening)
 
 
 def eye_constants(recording: Recording, study: Study) -> EyeConstants:
@@ -147,9 +173,41 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
     )
 
 
+def _of_tissue(recording: Recording, way: _Way, earlier: EyeCalibration | None, count: StepCount) -> EyeCalibration:
+    """Calibrate an eye with the walls of the tissue that explains its frames best, or of the one that is known."""
+    frames = FrameWalls(recording, way.finder)
+    if way.library is None:
+        return _calibrate(recording, way, frames, earlier, count).found
+    if earlier is not None or not way.stiffening_sought:
+        known = (
+            stated_tissue(way.library, way.study) if earlier is None else way.library.for_stiffening(earlier.stiffening)
+        )
+        of_tissue = replace(way, library=known)
+        return _calibrate(recording, of_tissue, frames, earlier, count).found
+    faults = list[CalibrationError]()
+
+    def attempt(library: Library) -> TissueTrial[EyeCalibration] | None:
+        try:
+            with np.errstate(all="ignore"):  # with walls that are far from the eye's a filter may end anywhere
+                return _calibrate(recording, replace(way, library=library), frames, None, count)
+        except CalibrationError as fault:
+            faults.append(fault)
+            return None
+
+    found = search(way.library, attempt)
+    if found is None:
+        raise faults[0]
+    return found[1]
+
+
 def _calibrate(
-    recording: Recording, way: _Way, earlier: EyeCalibration | None, progress: Callable[[int], object] | None
-) -> EyeCalibration:
+    recording: Recording,
+    way: _Way,
+    frames: FrameWalls,
+    earlier: EyeCalibration | None,
+    count: StepCount,
+) -> TissueTrial[EyeCalibration]:
+    """Calibrate an eye with the walls of one tissue."""
     if recording.forces is None:
         raise CalibrationError(f"{recording.path}: no forces.csv; a calibration needs frames of known force")
     trials = label_frames(recording, way.study.classes, way.study.needle.max_force_n)
@@ -157,20 +215,19 @@ def _calibrate(
     session = _begin(recording, way.study, way.library, way.parameters, forces, earlier)
     records, steps = ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
     seen = {record.sha256 for record in records}
-    scale = PixelScale.of(recording.info.oct)
     left = len(trials) if way.frames is None else way.frames
     included = [trial.excluded is None for trial in trials]
     rising = session.filter.model.constants.globe.can_be_sealed
     order = frame_order(forces.force_n, included, way.study.calibration.min_force_n, way.frames, rising)
     shown = [float("nan")] * len(trials)
     taken: dict[int, Boundaries] = {}
+    refused, least_n = 0, way.study.calibration.min_force_n
     for index in order:
-        entry, trial = recording.frames[index], trials[index]
-        pixels = recording.frame(entry) if left > 0 and trial.excluded is None else None
-        if pixels is not None and (sha256 := frame_digest(pixels)) not in seen:
+        trial = trials[index]
+        if left > 0 and trial.excluded is None and (sha256 := frames.digest(index)) not in seen:
             force_n, since_s = float(forces.force_n[index]), float(forces.since_start_s[index])
-            wall = find_sclera(pixels, scale, recording.info.eye.thickness_m, way.finder)
-            session, found, boundaries = _take(session, wall, scale, force_n, since_s)
+            session, found, boundaries = _take(session, frames.wall(index), force_n, since_s)
+            refused += boundaries is not None and force_n > least_n and isinstance(found, Skipped)
             shown[index] = float("nan") if boundaries is None else dent(boundaries)
             record = FrameRecord(
                 recording=str(recording.path),
@@ -186,10 +243,8 @@ def _calibrate(
                 taken[len(records) - 1] = boundaries
                 steps.append(found)
                 left -= 1
-        if progress is not None:
-            progress(1)
-    if progress is not None:
-        progress(len(trials) - len(order))
+        count(1)
+    count(len(trials) - len(order))
     missed_n = [record.force_n for record in records if record.skipped is not None]
     used_n = [record.force_n for record in records if record.skipped is None]
     doubts = (*log_doubts(recording, way.study.classes, shown), *reach_doubts(used_n, missed_n))
@@ -215,29 +270,32 @@ def _calibrate(
         frames=tuple(records),
         steps=tuple(steps),
         filter=session.filter,
+        stiffening=0.0 if way.library is None else way.library.stiffening,
     )
     if way.library is None or found_eye.status != "ok":
-        return found_eye
-    return _settled(found_eye, known_after(session), taken, way.library, way.study)
+        return TissueTrial.diverged(found_eye, refused)
+    return _settled(found_eye, known_after(session), taken, refused, way)
 
 
 def _settled(
-    eye: EyeCalibration, known: Known, taken: Mapping[int, Boundaries], library: Library, study: Study
-) -> EyeCalibration:
+    eye: EyeCalibration, known: Known, taken: Mapping[int, Boundaries], refused: int, way: _Way
+) -> TissueTrial[EyeCalibration]:
     """Return a calibration with what its frames tell when they are read again.
 
     Args:
         eye: the calibration.
         known: of the eye after it.
         taken: boundaries of the frames that were used now, by their place among the eye's; others were read before.
-        library: for any contact.
-        study: of the calibration.
+        refused: how many frames the filter did not take.
+        way: with the library, for any contact.
     """
+    assert way.library is not None  # whose frames are read again
     frames = list(eye.frames)
     asked = [(boundaries, frames[place].force_n) for place, boundaries in taken.items()]
     earlier = [frame.again for place, frame in enumerate(frames) if frame.again is not None and place not in taken]
-    found, again = settled(known, asked, earlier, library, study)
-    for place, read in zip(taken, again, strict=True):
+    after = settled(known, asked, earlier, way.library, way.study)
+    found = after.known
+    for place, read in zip(taken, after.again, strict=True):
         frames[place] = replace(frames[place], again=read)
     assert found.modulus is not None  # as before
     assert found.globe is not None
@@ -247,7 +305,10 @@ def _settled(
     }
     estimates = zip(eye.names, eye.means, eye.sds, strict=True)
     means, sds = zip(*(now.get(name, (mean, sd)) for name, mean, sd in estimates), strict=True)
-    return replace(eye, means=means, sds=sds, globe=found.globe, discrepancy=found.discrepancy, frames=tuple(frames))
+    settled_eye = replace(
+        eye, means=means, sds=sds, globe=found.globe, discrepancy=found.discrepancy, frames=tuple(frames)
+    )
+    return after.trial(settled_eye, refused)
 
 
 def _begin(
@@ -290,15 +351,14 @@ def _check_state(eye: EyeFilter, earlier: EyeCalibration) -> None:
 
 
 def _take(
-    session: EyeSession, segmentation: Segmentation, scale: PixelScale, force_n: float, since_s: float
+    session: EyeSession, seen: Boundaries | Skipped, force_n: float, since_s: float
 ) -> tuple[EyeSession, FrameStep | Skipped, Boundaries | None]:
     """Return the eye after one more frame, what became of the frame, and the wall's boundaries in it."""
-    if not segmentation.usable:
-        return session, Skipped(f"not usable: {segmentation.reason}"), None
-    boundaries = segmented_boundaries(segmentation, scale)
-    session = step(session, boundaries, force_n, since_s)
+    if isinstance(seen, Skipped):
+        return session, seen, None
+    session = step(session, seen, force_n, since_s)
     assert session.last is not None  # what `step` has just done
-    return session, session.last, boundaries
+    return session, session.last, seen
 
 
 def _recorded(record: FrameRecord, found: FrameStep | Skipped) -> FrameRecord:

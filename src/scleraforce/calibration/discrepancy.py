@@ -8,8 +8,9 @@ force at a dent like those of the frames is known best.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import exp, log
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from scleraforce.calibration.known_forces import (
     place_of,
     regression,
 )
+from scleraforce.calibration.stiffening import TissueTrial
 from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit, fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.discrepancy import ForceDiscrepancy
@@ -32,14 +34,36 @@ from scleraforce.library import Library
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study
 
-__all__ = ["read_again", "settled"]
+__all__ = ["Settled", "read_again", "settled"]
 
 Array = NDArray[np.float64]
+Taken = TypeVar("Taken")
 
 MODULUS_STEP, RIGIDITY_STEP, LEAST_RIGIDITY = 0.02, 0.05, 0.1  # of ln E; of k, as a share of it, or of the reference's
 LARGEST_STEP = 0.5  # of ln E, before the frames are read anew
 READINGS = 5  # at most; what moves by less than a step is not read anew
 CERTAIN = 0.001  # of a standard deviation: nothing is left of it
+
+
+@dataclass(frozen=True)
+class Settled:
+    """What is known of an eye, what its frames read (None: cannot be read), and what their forces lose."""
+
+    known: Known
+    again: tuple[KnownForce | None, ...]
+    loss: float
+
+    def trial(self, found: Taken, refused: int) -> TissueTrial[Taken]:
+        """Return what `stiffening.search` compares; `refused`: how many frames the filter did not take."""
+        read = [frame for frame in self.again if frame is not None]
+        refused += len(self.again) - len(read)
+        return TissueTrial(
+            found=found,
+            refused=refused,
+            frames=len(read),
+            of_boundaries=sum(frame.loss for frame in read),
+            of_forces=self.loss,
+        )
 
 
 def settled(
@@ -48,8 +72,8 @@ def settled(
     earlier: Sequence[KnownForce],
     library: Library,
     study: Study,
-) -> tuple[Known, list[KnownForce | None]]:
-    """Return what is known of an eye once its frames are read again, and what is read in them.
+) -> Settled:
+    """Return what is known of an eye once its frames are read again.
 
     Args:
         known: of the eye, with its own modulus, after the filter.
@@ -73,7 +97,7 @@ def settled(
         if len(moved_read) < len(read) or moved_found.loss >= found.loss:
             break
         now, again, read, found = moved, moved_again, moved_read, moved_found
-    return _with_discrepancy(now, found), again
+    return Settled(_with_discrepancy(now, found), tuple(again), found.loss)
 
 
 def _all_read(earlier: Sequence[KnownForce], again: Sequence[KnownForce | None]) -> list[KnownForce]:
@@ -119,6 +143,7 @@ def read_again(
                 rigidity=globe_of(known).mean,
                 by_modulus=slopes[0] / modulus_step,
                 by_rigidity=slopes[1] / rigidity_step if rigid else 0.0,
+                loss=here.loss,
             )
         )
     return found

@@ -38,7 +38,8 @@ class KnownForce:
     """A frame's force as it is known, what is read in it, and the standard deviation of that, all N.
 
     It was read with `modulus_pa` and `rigidity`, Pa^(1/3)/m^3, each taken for certain; `by_modulus` and `by_rigidity`
-    are the slopes of the logarithm of what is read by ln E and by the rigidity over the reference's.
+    are the slopes of the logarithm of what is read by ln E and by the rigidity over the reference's. `loss` is that of
+    its boundaries (`BoundaryFit.loss`).
     """
 
     force_n: float
@@ -48,6 +49,7 @@ class KnownForce:
     rigidity: float
     by_modulus: float = 1.0
     by_rigidity: float = 0.0
+    loss: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

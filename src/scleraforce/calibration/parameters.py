@@ -70,7 +70,7 @@ class ParameterSpace:
     def exist(self, values: Vector) -> NDArray[np.bool_]:
         """Return for which rows of values (..., p), SI, there is such an eye."""
         free = np.array([entry.either_sign for entry in self.parameters])
-        return np.asarray(((values > 0) | free).all(axis=-1))
+        return np.asarray((np.isfinite(values) & ((values > 0) | free)).all(axis=-1))
 
     def moments(self, mean: Vector, covariance: Vector) -> tuple[Vector, Vector]:
         """Return means (p,) and standard deviations (p,) in SI of coordinates with the given Gaussian."""

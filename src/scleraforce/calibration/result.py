@@ -53,14 +53,15 @@ class UsedRecording:
     doubts: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class EyeCalibration:
     """One eye: what is known after its frames.
 
     `names` of the uncertain parameters, `means` and `sds` of them in SI; `stated_thickness_m`: the recording's;
-    `globe`: what is known of it after the frames; `discrepancy`: how far its forces lie off the library's. With a
-    library, modulus and rigidity are those of the frames read again (`calibration.discrepancy`), `state` is the
-    filter's. `steps` are kept for figures, and are empty for what was read from a file.
+    `globe`: what is known of it after the frames; `discrepancy`: how far its forces lie off the library's;
+    `stiffening`: b of the tissue whose walls explain its frames best. With a library, modulus and rigidity are those of
+    the frames read again (`calibration.discrepancy`), `state` is the filter's. `steps` are kept for figures, and are
+    empty for what was read from a file.
     """
 
     id: str
@@ -73,6 +74,7 @@ class EyeCalibration:
     recordings: tuple[UsedRecording, ...] = field(repr=False)
     frames: tuple[FrameRecord, ...] = field(repr=False)
     discrepancy: ForceDiscrepancy | None = None
+    stiffening: float = 0.0
     steps: tuple[FrameStep, ...] = field(default=(), repr=False)
     filter: EyeFilter | None = field(default=None, repr=False)
 
@@ -131,6 +133,11 @@ class Calibration:
     def population(self) -> tuple[float, float | None]:
         """Mean and spread of the eyes' mean moduli, in Pa; one eye has no spread."""
         return spread([eye.mean_pa for eye in self._sound])
+
+    @property
+    def population_stiffening(self) -> float:
+        """B of the eyes' tissue: 1 + b is the geometric mean."""
+        return float(np.expm1(np.mean(np.log1p([eye.stiffening for eye in self._sound]))))
 
     def left_out(self, eye_id: str) -> float:
         """Return the population's mean without one eye, in Pa (that eye's own where it is the only one)."""

@@ -132,10 +132,14 @@ def filter_step(
         return failed._replace(status="diverged: the model cannot be evaluated at the sigma points")
     p = prior.factor.shape[1]
     frame = _Frame(prior, observe, first_rm, observed, noise_covariance, np.zeros(p), np.eye(p))
-    fit = _fit(params, frame if start is None else _from(params, frame, start))
+    try:
+        fit = _fit(params, frame if start is None else _from(params, frame, start))
+        nis = np.inf if fit is None else _normalised_innovation(fit.linear, observed, fit.kept)
+    except np.linalg.LinAlgError:  # so far off that nothing but rounding is left
+        fit, nis = None, np.inf
     if fit is None:
         return failed._replace(status="diverged: the iteration left the region in which the model can be evaluated")
-    count, nis = int(fit.kept.sum()), _normalised_innovation(fit.linear, observed, fit.kept)
+    count = int(fit.kept.sum())
     inflation = max(1.0, nis / count) if params.inflate else 1.0
     inflated = fit.linear._replace(noise=fit.linear.noise * inflation)
     shift, precision = _correct(inflated, observed, fit.kept)
@@ -217,11 +221,8 @@ def _linearise(params: FilterParams, frame: _Frame, kept: NDArray[np.bool_]) -> 
     prior, centre, root = frame.prior, frame.centre, frame.root
     linear = _regress(params.sigma, frame.first_rm, centre, root, frame.noise)
     for iteration in range(1, params.iterations):
-        try:
-            new_centre, precision = _correct(linear, frame.observed, kept)
-            new_root = np.linalg.cholesky(np.linalg.inv(precision))
-        except np.linalg.LinAlgError:  # so far off that nothing but rounding is left
-            return None
+        new_centre, precision = _correct(linear, frame.observed, kept)
+        new_root = np.linalg.cholesky(np.linalg.inv(precision))
         predicted_rm = frame.observe(prior.mean + (new_centre + points @ new_root.T) @ prior.factor.T)
         if not np.isfinite(predicted_rm).all():
             return None

@@ -57,6 +57,7 @@ def calibration_as_json(calibration: Calibration) -> dict[str, Any]:
         "population": {
             "mean_mpa": from_si(mean_pa, "mpa"),
             "sd_mpa": from_si(sd_pa, "mpa"),
+            "stiffening": calibration.population_stiffening,
             "eyes": len(calibration.eyes),
         },
         "class_bounds_n": list(calibration.bounds_n),
@@ -71,6 +72,7 @@ def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
         "sd_mpa": from_si(eye.sd_pa, "mpa"),
         "thickness_um": from_si(eye.thickness_m, "um"),
         "globe": globe_entry(eye.globe),
+        "stiffening": eye.stiffening,
         "discrepancy": None if eye.discrepancy is None else vars(eye.discrepancy),
         "updates": posterior.updates,
         "status": eye.status,
@@ -129,16 +131,17 @@ def _parse_eye(eye_id: str, entry: Any, place: str) -> EyeCalibration:
         raise CalibrationError(f"{place}.parameters: expected youngs_modulus_pa, and of {known} what else; {WRITER}")
     moments = {name: _moments(parameters, name, f"{place}.parameters") for name in parameters}
     found = EyeCalibration(
-        eye_id,
-        tuple(moments),
-        tuple(mean for mean, _ in moments.values()),
-        tuple(sd for _, sd in moments.values()),
-        summary.thickness_m,
-        summary.globe,
-        _parse_state(table_of(entry, "state", place), len(parameters), f"{place}.state"),
-        tuple(_parse_recording(*named) for named in _entries(entry, "recordings", place)),
-        tuple(_parse_frame(*named) for named in _entries(entry, "steps", place)),
-        summary.discrepancy,
+        id=eye_id,
+        names=tuple(moments),
+        means=tuple(mean for mean, _ in moments.values()),
+        sds=tuple(sd for _, sd in moments.values()),
+        stated_thickness_m=summary.thickness_m,
+        globe=summary.globe,
+        state=_parse_state(table_of(entry, "state", place), len(parameters), f"{place}.state"),
+        recordings=tuple(_parse_recording(*named) for named in _entries(entry, "recordings", place)),
+        frames=tuple(_parse_frame(*named) for named in _entries(entry, "steps", place)),
+        discrepancy=summary.discrepancy,
+        stiffening=summary.stiffening,
     )
     if not found.used:
         raise CalibrationError(f"{place}.steps: no frame that was used; {WRITER}")
@@ -214,7 +217,8 @@ def _parse_again(entry: Mapping[str, Any], place: str) -> KnownForce | None:
     values, within = table_of(entry, "again", place), f"{place}.again"
     least = dict.fromkeys(("force_n", "library_n", "sd_n", "modulus_pa"), TINY)
     least |= dict.fromkeys(("rigidity", "by_modulus", "by_rigidity"), -LARGEST)
-    return KnownForce(**{name: number_of(values, name, within, low, LARGEST) for name, low in least.items()})
+    loss = number_of(values, "loss", within, 0.0, LARGEST) if "loss" in values else 0.0
+    return KnownForce(**{name: number_of(values, name, within, low, LARGEST) for name, low in least.items()}, loss=loss)
 
 
 def _maybe(entry: Mapping[str, Any], key: str, place: str) -> float | None:

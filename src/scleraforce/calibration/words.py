@@ -22,10 +22,13 @@ SURE = 2.0  # standard deviations, of what is said
 def found_words(eye: EyeCalibration) -> tuple[str, ...]:
     """Return mean and standard deviation of each parameter but the modulus, which has a column of its own.
 
-    And by how much the eye's forces lie off the library's, where that is sure: tissue that stiffens, an uneven wall.
+    And how much the tissue stiffens, where it does; and by how much the eye's forces lie off the library's, where that
+    is sure: an uneven wall.
     """
     found = zip(eye.names, eye.means, eye.sds, strict=True)
-    return (*(_words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"]), *_discrepancy_words(eye))
+    stiffens = (f"tissue stiffens, b {eye.stiffening:.2g}",) if eye.stiffening > 0.0 else ()
+    others = (_words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"])
+    return (*others, *stiffens, *_discrepancy_words(eye))
 
 
 def rigidity_words(eye: EyeCalibration) -> str:

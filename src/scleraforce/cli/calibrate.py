@@ -25,7 +25,7 @@ class _Parameters(click.ParamType[tuple[str, ...]]):
     """Names of parameters, separated by commas."""
 
     name = "NAME,NAME,..."
-    known = ("e", "iop", "thickness", "gap")
+    known = ("e", "stiffening", "iop", "thickness", "gap")
 
     def convert(
         self, value: str | tuple[str, ...], param: click.Parameter | None, ctx: click.Context | None
@@ -33,7 +33,11 @@ class _Parameters(click.ParamType[tuple[str, ...]]):
         """Return the names."""
         names = value if isinstance(value, tuple) else tuple(part.strip().lower() for part in value.split(","))
         if "e" not in names or set(names) - set(self.known) or len(set(names)) < len(names):
-            self.fail(f"{value!r}: give e, and of iop, thickness, gap what is uncertain too, like e,iop", param, ctx)
+            self.fail(
+                f"{value!r}: give e, and of stiffening, iop, thickness, gap what is uncertain too, like e,iop",
+                param,
+                ctx,
+            )
         return names
 
 
@@ -48,8 +52,8 @@ class _Parameters(click.ParamType[tuple[str, ...]]):
 )
 @click.option("--mechanics", type=click.Choice(["finite-strain", "linear"]), default="finite-strain",
               show_default=True, help="How the wall bends; linear is the paper's.")  # fmt: skip
-@click.option("--parameters", type=_Parameters(), default="e", show_default=True,
-              help="What is uncertain, of e, iop, thickness, gap.")  # fmt: skip
+@click.option("--parameters", type=_Parameters(), show_default="e,stiffening; linear: e",
+              help="What is uncertain, of e, stiffening, iop, thickness, gap.")  # fmt: skip
 @wall_finder_option
 @click.option("--resume", type=click.Path(path_type=Path), help="Go on from an earlier file of this command.")
 @click.option("--intervals", "model", type=click.Path(path_type=Path), metavar="MODEL",
@@ -63,7 +67,7 @@ def calibrate(
     out: Path,
     frames: int | None,
     mechanics: str,
-    parameters: tuple[str, ...],
+    parameters: tuple[str, ...] | None,
     finder: Path | None,
     resume: Path | None,
     model: Path | None,
@@ -74,15 +78,16 @@ def calibrate(
 
     A reduced-order unscented Kalman filter compares points on the wall's
     boundaries with those of the simulated section, frame by frame. The
-    population's modulus is the mean of the eyes' means. Finite strain needs
-    the response library, which is made on first need (half a minute).
+    population's modulus is the mean of the eyes' means. How much the tissue
+    stiffens is found by trying it. Finite strain needs the response library,
+    which is made on first need (a minute).
 
     With --intervals, each eye is calibrated on three of its frames (or on
     --frames); the reader reads the others, and its copy in --out has intervals
     that hold for 90 % of them.
     """
     if model is not None:
-        if study_path or resume or plot or mechanics != "finite-strain" or parameters != ("e",):
+        if study_path or resume or plot or mechanics != "finite-strain" or parameters is not None:
             raise click.UsageError(
                 "--intervals: takes the model's own study; of the options, only --frames, --wall-finder and --json"
             )

@@ -51,6 +51,7 @@ def classify(
     gap_mm: float | None,
     polar_angle_deg: float | None,
     plane_direction_deg: float | None,
+    stiffening: float | None,
     globe: str | None,
     rigidity: float | None,
     finder: Path | None,
@@ -79,7 +80,15 @@ def classify(
     reader = load_model(model, finder=finder_folder(finder))
     told = told_scanner(width_mm, depth_mm, refractive_index)
     known = known_eye(
-        youngs_modulus_mpa, iop_mmhg, thickness_um, gap_mm, polar_angle_deg, plane_direction_deg, globe, rigidity
+        youngs_modulus_mpa,
+        iop_mmhg,
+        thickness_um,
+        gap_mm,
+        polar_angle_deg,
+        plane_direction_deg,
+        stiffening,
+        globe,
+        rigidity,
     )
     found = list(each_of(frames, lambda path: _read(reader, path, told, known, transpose)))
     read = [(path, answer) for path, answer in found if not isinstance(answer, InputError)]

@@ -29,6 +29,7 @@ OPTIONS = (
         type=click.FloatRange(-360.0, 360.0),
         help="Of the B-scan's lateral axis, from the meridian that leads away from the pole; likewise.",
     ),
+    click.option("--stiffening", type=click.FloatRange(0.0), help="b of the tissue; by default it does not stiffen."),
 )
 
 
@@ -47,6 +48,7 @@ def known_eye(
     gap_mm: float | None,
     polar_angle_deg: float | None,
     plane_direction_deg: float | None,
+    stiffening: float | None,
     globe: str | None,
     rigidity: float | None,
 ) -> "Known":
@@ -59,7 +61,7 @@ def known_eye(
 
     given = {"youngs-modulus-mpa": youngs_modulus_mpa, "iop-mmhg": iop_mmhg, "thickness-um": thickness_um,
              "gap-mm": gap_mm, "polar-angle-deg": polar_angle_deg, "plane-direction-deg": plane_direction_deg,
-             "rigidity": rigidity}  # fmt: skip
+             "stiffening": stiffening, "rigidity": rigidity}  # fmt: skip
     for name, value in given.items():
         if value is not None and not isfinite(value):
             raise InputError(f"--{name}: {value} is not a finite number; leave it out where it is not known")
@@ -71,6 +73,7 @@ def known_eye(
         polar_rad=to_si(polar_angle_deg, "deg"),
         direction_rad=to_si(plane_direction_deg, "deg"),
         globe=told_globe(globe, rigidity),
+        stiffening=stiffening,
     )
 
 
@@ -112,7 +115,7 @@ def globe_words(known: "Known", reads_force: bool) -> str:
 
 UNKNOWN_GLOBE = "unknown: tell --globe; intervals are wider and withdrawals come earlier"
 RIGIDITY_UNIT: Final = "mmhg13_per_ul"
-RIGIDITY = f"rigidity_{RIGIDITY_UNIT}"
+RIGIDITY, STIFFENING = f"rigidity_{RIGIDITY_UNIT}", "stiffening"
 WORDS = {  # name and unit of each key, for people
     "youngs_modulus_mpa": ("modulus", " MPa"),
     "iop_mmhg": ("IOP", " mmHg"),
@@ -120,6 +123,7 @@ WORDS = {  # name and unit of each key, for people
     "gap_mm": ("gap", " mm"),
     "polar_angle_deg": ("polar angle", "°"),
     "plane_direction_deg": ("plane's direction", "°"),
+    STIFFENING: ("stiffening", ""),
     "globe": ("globe", ""),
     RIGIDITY: ("k", " mmHg^(1/3)/µl"),
 }
@@ -131,14 +135,17 @@ def _printed(key: str, value: float | str) -> str:
 
 
 def _sourced(told: "Known", stated: "Known") -> list[tuple[str, Value, str]]:
-    """Return key, value and source of all that may be known: what was told comes first. k stands where it is told."""
+    """Return key, value and source of all that may be known: what was told comes first.
+
+    Stiffening and k stand where they are told.
+    """
     from scleraforce.known.eye import completed
 
     first, used = _values(told), _values(completed(told, stated))
     return [
         (key, value, "unknown" if value is None else "recording.toml" if first[key] is None else "option")
         for key, value in used.items()
-        if key != RIGIDITY or value is not None
+        if key not in (RIGIDITY, STIFFENING) or value is not None
     ]
 
 
@@ -153,6 +160,7 @@ def _values(known: "Known") -> dict[str, Value]:
         "gap_mm": _in_unit(known.gap_m, "mm"),
         "polar_angle_deg": _in_unit(known.polar_rad, "deg"),
         "plane_direction_deg": _in_unit(known.direction_rad, "deg"),
+        STIFFENING: known.stiffening,
         "globe": None if globe is None else globe.kind,
         RIGIDITY: _in_unit(globe.mean, RIGIDITY_UNIT) if globe and globe.rigidity_told else None,
     }

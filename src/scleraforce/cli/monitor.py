@@ -28,7 +28,7 @@ __all__ = ["monitor"]
 
 TOLD = (
     "youngs_modulus_mpa", "iop_mmhg", "thickness_um", "gap_mm", "polar_angle_deg", "plane_direction_deg",
-    "globe", "rigidity",
+    "stiffening", "globe", "rigidity",
 )  # fmt: skip
 LENGTH = click.FloatRange(0.01, 100.0)
 PORT = click.IntRange(0, 65535)
@@ -139,6 +139,8 @@ def _known(calibration: Path | None, eye: str | None, options: dict[str, Any]) -
         return known, None
     if told["youngs_modulus_mpa"] is not None:
         raise InputError("--youngs-modulus-mpa: --calibration gives the modulus already; leave out one of them")
+    if told["stiffening"] is not None:
+        raise InputError("--stiffening: --calibration gives the stiffening already; leave out one of them")
     if eye is None:
         raise InputError(
             f"--eye: missing; say which eye of {calibration} it is (another gets the population's modulus)"

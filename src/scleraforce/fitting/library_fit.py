@@ -85,6 +85,7 @@ class BoundaryFit:
     segmented wall ever is; an inner boundary at the end of a layer below the wall is none. `wall_bmc` (boundary,
     point, 2) is the wall in the frame, m; `unknown` and `sd` (unknown,) are the values in the order of `NAMES`.
     `iop_pa` is the pressure in the eye under the needle, `tension` that times the eye's radius over E times thickness.
+    `loss` is what the boundaries and what is known of the eye lose, in squares of standard deviations.
     """
 
     force_n: float
@@ -99,6 +100,7 @@ class BoundaryFit:
     sd: Array
     iop_pa: float
     tension: float
+    loss: float
 
     def probabilities(self, bounds_n: tuple[float, ...]) -> tuple[float, ...]:
         """Return the probability of each class: no class is ever certain, as the draws are so many."""
@@ -141,11 +143,9 @@ def fit_boundaries(
         near = ((best[0], best[1]), (begun[0], problem.evaluate(begun[0])[0]))
         again = [problem.inside(start) for where in near for start in limbus_starts(columns, *where)]
         best = min(best, _best_fit(problem, again), key=lambda fit: fit[2]) if again else best
-    if walls.globe.can_be_sealed and walls.globe.mean > 0.0:
-        best = _beyond(problem, best, borne_n)
     if walls.globe.can_be_sealed:
-        best = _along_valley(problem, best)
-    return problem.result(best[0], best[1])
+        best = _along_valley(problem, _beyond(problem, best, borne_n))
+    return problem.result(*best)
 
 
 def _best_fit(problem: "_Problem", starts: Sequence[Array]) -> _Fit:
@@ -162,6 +162,8 @@ def _beyond(problem: "_Problem", best: _Fit, borne_n: float | None) -> _Fit:
     Where the pressure has nearly run away, two dents that are alike may be under very different forces.
     """
     walls, mean = problem.walls, problem.prior.mean
+    if walls.globe.mean <= 0.0:
+        return best
     outer = problem.columns.places.outer
     surface = problem.columns.places.lateral_m[:outer], problem.columns.depth_m[:outer]
     begun = [higher_start(walls, mean, best[0], *surface)]
@@ -271,7 +273,9 @@ class _Problem:
 
     def _log_pressure_ends(self, unknown: Array) -> Array:
         """The logarithms of the lowest and the highest pressure, Pa, that the library holds of a wall."""
-        ends = self.walls.library.iop_ratio_ends(unknown[THICKNESS] / np.exp(unknown[SIZE]))
+        library = self.walls.library
+        thickness = np.clip(unknown[THICKNESS] / np.exp(unknown[SIZE]), library.thickness_m[0], library.thickness_m[-1])
+        ends = library.iop_ratio_ends(thickness)
         return np.asarray(np.log(ends) + unknown[MODULUS])
 
     def _tension(self, unknown: Array) -> float:
@@ -279,7 +283,7 @@ class _Problem:
         radius_m = self.walls.library.radius_m * np.exp(unknown[SIZE])
         return float(np.exp(unknown[self.walls.pressure] - unknown[MODULUS]) * radius_m / unknown[THICKNESS])
 
-    def result(self, unknown: Array, placed: Placed) -> BoundaryFit:
+    def result(self, unknown: Array, placed: Placed, cost: float) -> BoundaryFit:
         """Return the fit with its uncertainty: the curvature's, with the noise that the misfit shows (Birge)."""
         signed = self.columns.residual(placed)
         residual = np.where(placed.seen, np.abs(signed), np.inf)
@@ -302,6 +306,7 @@ class _Problem:
             sd=np.linalg.norm(spread_uz, axis=1),
             iop_pa=float(np.exp(unknown[self.walls.pressure])),
             tension=self._tension(unknown),
+            loss=cost,
         )
 
     def spread(self, unknown: Array, placed: Placed, scale: float = 1.0) -> Array:

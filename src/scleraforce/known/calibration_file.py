@@ -49,6 +49,7 @@ RIGIDITY_UNIT: Final = "mmhg13_per_ul"
 STIFFEST_RIGIDITY = 2.0  # mmHg^(1/3) per ul
 KINDS_OF_GLOBE = ("open", "sealed", "unknown")
 MOST_CORRELATED = 1.0 - 1e-9
+STIFFENS_MOST = 200.0
 LARGEST_DISCREPANCY = 2.0  # of a force's logarithm
 WRITER = "give a file of `scleraforce calibrate`"
 
@@ -77,6 +78,7 @@ class EyeSummary:
     `thickness_m` is the wall's as the eye was calibrated with it, estimated along with E where that was asked for.
     `globe` is what is known of it after the frames; files without it come from when every globe was taken for open.
     `discrepancy` is how far its forces lie off the library's; None with linear mechanics and in earlier files.
+    `stiffening` is b of its tissue (`mechanics.stiffening`), 0 with linear mechanics and in earlier files.
     `status` is "ok", or says that the filter diverged: the standard deviation then means nothing.
     """
 
@@ -86,6 +88,7 @@ class EyeSummary:
     thickness_m: float
     globe: KnownGlobe = OPEN
     discrepancy: ForceDiscrepancy | None = None
+    stiffening: float = 0.0
     status: str = "ok"
 
     @property
@@ -99,12 +102,14 @@ class CalibrationSummary:
     """Eyes by id, the population, and where it is from.
 
     `population_sd_pa` is the spread of the eyes' means, None for one eye: it says nothing of how eyes differ.
-    `mechanics` is what the moduli were fitted with; an E of the linear wall does not fit the other at high forces.
+    `population_stiffening` is b of their tissue: 1 + b is the geometric mean. `mechanics` is what the moduli were
+    fitted with; an E of the linear wall does not fit the other at high forces.
     """
 
     eyes: Mapping[str, EyeSummary]
     population_mean_pa: float
     population_sd_pa: float | None
+    population_stiffening: float
     mechanics: str
     path: str
     sha256: str
@@ -154,6 +159,7 @@ def summary_of(file: CalibrationFile) -> CalibrationSummary:
         eyes={eye: summary_of_eye(entry, f"{name}: eyes.{eye}") for eye, entry in content["eyes"].items()},
         population_mean_pa=to_si(number_of(population, "mean_mpa", place, SOFTEST_MPA, STIFFEST_MPA, "MPa"), "mpa"),
         population_sd_pa=_spread_pa(population, place),
+        population_stiffening=_stiffening(population, place),
         mechanics=content["mechanics"],
         path=name,
         sha256=file.sha256,
@@ -210,8 +216,14 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
         thickness_m=to_si(number_of(entry, "thickness_um", place, THINNEST_UM, THICKEST_UM, "um"), "um"),
         globe=OPEN if "globe" not in entry else _globe(table_of(entry, "globe", place), f"{place}.globe"),
         discrepancy=_discrepancy(entry, place),
+        stiffening=_stiffening(entry, place),
         status=text_of(entry, "status", place),
     )
+
+
+def _stiffening(entry: Mapping[str, Any], place: str) -> float:
+    """Return b; 0 where it is missing, as it is in files of earlier versions."""
+    return number_of(entry, "stiffening", place, 0.0, STIFFENS_MOST) if "stiffening" in entry else 0.0
 
 
 def _discrepancy(entry: Mapping[str, Any], place: str) -> ForceDiscrepancy | None:

@@ -7,7 +7,7 @@ from scleraforce.known.calibration_file import CalibrationSummary
 from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.globe import KnownGlobe, completed_globe, known_globe
 from scleraforce.recording.info import EyeInfo, RecordingInfo
-from scleraforce.study import ReaderStudy, Sampled
+from scleraforce.study import LibraryStudy, ReaderStudy, Sampled
 from scleraforce.units import HumanUnit, from_si
 
 __all__ = [
@@ -64,8 +64,9 @@ class Known:
 
     `gap_m` is the distance of the B-scan plane from the needle axis, `polar_rad` the polar angle of the contact,
     `direction_rad` that of the plane's lateral axis from the meridian.
-    `globe` is what was told of the globe; None, nothing, is read as `globe.UNKNOWN`. `discrepancy` goes with an eye's
-    own modulus.
+    `globe` is what was told of the globe; None, nothing, is read as `globe.UNKNOWN`. `stiffening` is b of the tissue
+    (`mechanics.stiffening`); None is read as 0, tissue that does not stiffen. `discrepancy` goes with an eye's own
+    modulus.
     """
 
     modulus: Modulus | None = None
@@ -75,6 +76,7 @@ class Known:
     polar_rad: float | None = None
     direction_rad: float | None = None
     globe: KnownGlobe | None = None
+    stiffening: float | None = None
     discrepancy: ForceDiscrepancy | None = None
 
 
@@ -141,18 +143,26 @@ def completed(told: Known, stated: Known) -> Known:
 def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
     """Return what is known of an eye once a calibration adds its modulus.
 
-    A modulus of its own goes with the wall's thickness that it was calibrated with, and with what was found of its
-    globe, unless another kind of globe is told. Of an eye whose calibration diverged nothing of its modulus is known,
-    and nothing of the globe where its frames contradict what was told of that: the file's is unknown then.
+    A modulus goes with the stiffening of its tissue; one of the eye's own with the wall's thickness that it was
+    calibrated with, and with what was found of its globe, unless another kind of globe is told. Of an eye whose
+    calibration diverged nothing of its modulus is known, and nothing of the globe where its frames contradict what was
+    told of that: the file's is unknown then.
     """
     modulus = calibrated_modulus(summary, eye)
     own = summary.eyes.get(eye)
     if own is not None and not own.usable:
         return replace(known, modulus=None, globe=None if own.globe.kind == "unknown" else known.globe)
     if own is None or modulus is None or modulus.source != "own":
-        return replace(known, modulus=modulus)
+        return replace(known, modulus=modulus, stiffening=summary.population_stiffening)
     globe = own.globe if known.globe is None or known.globe.kind == own.globe.kind else known.globe
-    return replace(known, modulus=modulus, thickness_m=own.thickness_m, globe=globe, discrepancy=own.discrepancy)
+    return replace(
+        known,
+        modulus=modulus,
+        thickness_m=own.thickness_m,
+        globe=globe,
+        stiffening=own.stiffening,
+        discrepancy=own.discrepancy,
+    )
 
 
 def calibrated_modulus(summary: CalibrationSummary, eye: str) -> Modulus | None:
@@ -198,7 +208,7 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
     return f"{eye} {there} {summary.path}, which has {count} ({names}): read {read}"
 
 
-def outside_training(known: Known, trained: ReaderStudy) -> str | None:
+def outside_training(known: Known, trained: ReaderStudy, library: LibraryStudy) -> str | None:
     """Return why a model cannot read an eye: what is known of it lies outside what it was trained on; None: inside.
 
     A value that is not a number is outside.
@@ -206,8 +216,9 @@ def outside_training(known: Known, trained: ReaderStudy) -> str | None:
     Args:
         known: of the eye.
         trained: the study's ranges.
+        library: whose tissue it was trained on.
 
-    >>> outside_training(Known(thickness_m=1.0e-3), ReaderStudy())
+    >>> outside_training(Known(thickness_m=1.0e-3), ReaderStudy(), LibraryStudy())
     'wall thickness 1000 µm, the model was trained on 380 to 900 µm'
     """
     modulus_pa = known.modulus.mean_pa if known.modulus else None
@@ -224,4 +235,8 @@ def outside_training(known: Known, trained: ReaderStudy) -> str | None:
         if not low * (1 - SLACK) <= value <= high * (1 + SLACK):
             covered = f"{from_si(low, unit):.4g} to {from_si(high, unit):.4g} {printed}"
             return f"{words} {from_si(value, unit):.4g} {printed}, the model was trained on {covered}"
+    softest, stiffest = library.stiffening_ends
+    stiffening = known.stiffening or 0.0
+    if not softest <= stiffening <= stiffest:
+        return f"stiffening {stiffening:.4g} of the tissue, the model was trained on {softest:g} to {stiffest:g}"
     return None

@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
 from scleraforce.library.splines import SUPPORT
+from scleraforce.mechanics.burst import burst_tension
 from scleraforce.units import HumanUnit, from_si
 
-__all__ = ["SLACK", "check_inside", "weight_products"]
+__all__ = ["SLACK", "check_inside", "check_tension", "weight_products"]
 
 Floats = NDArray[np.float64]
 
@@ -38,3 +39,23 @@ def check_inside(name: str, values: Floats, low: float, high: float, unit: Human
             f"{name}: {found:.4g} {printed or unit} is outside the library's range, "
             f"{from_si(low, unit):.4g} to {from_si(high, unit):.4g} {printed or unit}"
         )
+
+
+def check_tension(
+    tension: Floats, thickness_m: Floats, ends: tuple[float, float], radius_m: float, poisson_ratio: float
+) -> None:
+    """Check that tensions lie between the ends of a library's; the message gives what they are in the wall's IOP/E.
+
+    Raises:
+        InputError: one is outside, or no number.
+    """
+    inside = (tension >= ends[0] * (1.0 - SLACK)) & (tension <= ends[1] * (1.0 + SLACK))
+    if inside.all():
+        return
+    worst = int(np.argmin(inside))  # NaN is outside, too
+    thickness = float(np.broadcast_to(thickness_m, tension.shape)[worst])
+    low, high, burst = (value * thickness / radius_m for value in (*ends, burst_tension(poisson_ratio)))
+    raise InputError(
+        f"IOP/E: {tension[worst] * thickness / radius_m:.4g} is outside the library's range for a wall of "
+        f"{from_si(thickness, 'um'):.0f} um, {low:.3g} to {high:.3g}; it bursts at {burst:.3g}"
+    )

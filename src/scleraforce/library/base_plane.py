@@ -2,7 +2,8 @@
 
 From a contact beside the pole the base lies nearer on one side and farther on the other. The force of a wall of
 revolution depends on where it is clamped, smoothly; half of what the mean over the directions differs from the force
-with the clamp at 90 degrees is the correction.
+with the clamp at 90 degrees is the correction. It is that of the first stiffening of the tissue for all of them: up to
+45 degrees from the pole it changes by less than 1 % with it, at 55 degrees by 3 % (b = 10) and 9 % (30) in thick walls.
 """
 
 import numpy as np

@@ -108,6 +108,7 @@ def solve_path(plan: LibraryPlan, unit: int) -> SolvedPath:
         tips_m=tips_m[1:],
         max_force_ratio_m2=SOLVED_FORCES * plan.grid.max_force_ratio_m2,
         support_rad=plan.support_rad(unit),
+        stiffening=plan.stiffening_of(unit),
         size=MeridianSize(plan.grid.elements, plan.grid.layers),
     )
     force_d, displaced_d, curves_dbnc = (

@@ -1,7 +1,9 @@
 """The library in one file, `library.npz`, as a model folder carries it (NumPy only).
 
 Its walls, and the factors of its forces, are stored in a reduced basis (`library.reduced_basis`) and unpacked when they
-are read. Their largest errors were measured when the file was written, and stand in it. All else is stored as it is.
+are read. Their largest errors were measured when the file was written, and stand in it. The steps of the basis change
+smoothly along the last axis of the rows (the tips, the polar angles): their second differences are stored, and all is
+deflated.
 """
 
 from dataclasses import dataclass, replace
@@ -10,25 +12,27 @@ from math import prod
 from os import PathLike
 from pathlib import Path
 from typing import IO, Any
-from zipfile import ZIP_STORED, ZipFile, ZipInfo
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 from numpy.lib.format import read_array, read_array_header_1_0, read_array_header_2_0, read_magic, write_array
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
+from scleraforce.library.family import library_of, walls_of
 from scleraforce.library.reduced_basis import STEP_TYPES, ReducedRows, reduce_rows
 from scleraforce.library.responses import Library
+from scleraforce.library.stiffened import ReducedCurves, StiffenedWalls
 from scleraforce.whole_files import KINDS, MIB, read_bytes
 
 __all__ = ["StoredErrors", "load_library", "save_library"]
 
 AXES = {
-    "thickness_m": 1, "tension": 1, "tip_m": 1, "force_ratio_tpd": 3, "displaced_tpd": 3, "radius_m": 0,
-    "poisson_ratio": 0, "needle_radius_m": 0, "max_force_ratio": 0, "polar_rad": 1, "undented_tpbnc": 5,
-    "contact_polar_rad": 0,
+    "thickness_m": 1, "tension": 1, "tip_m": 1, "radius_m": 0, "poisson_ratio": 0, "needle_radius_m": 0,
+    "max_force_ratio": 0, "polar_rad": 1, "contact_polar_rad": 0,
 }  # fmt: skip
-UNDENTED = "undented_tpbnc"  # float32, as it is: its slope by the pressure counts where it moves by less than 1 um
+WALLS = {"stiffening": 1, "force_ratio_btpd": 4, "displaced_btpd": 4, "undented_btpbnc": 6}  # of each stiffening
+UNDENTED = "undented_btpbnc"  # float32, as it is: its slope by the pressure counts where it moves by less than 1 um
 ENCRYPTED = 1  # a bit of a ZIP entry's flags
 FOR_THE_BASIS = 0.9  # of an error; the rest is for what float32 rounds
 
@@ -63,7 +67,7 @@ class _ReducedArray:
     largest_error: float
 
 
-CURVES = _ReducedArray(name="curves", error="curves_error_m", row_axes=3, value_axes=3, largest_error=0.02e-6)
+CURVES = _ReducedArray(name="curves", error="curves_error_m", row_axes=4, value_axes=3, largest_error=0.02e-6)
 STIFFNESS = _ReducedArray(name="stiffness", error="stiffness_error", row_axes=2, value_axes=2, largest_error=1e-6)
 
 
@@ -73,13 +77,17 @@ def save_library(library: Library, path: Path | IO[bytes]) -> StoredErrors:
     Raises:
         InputError: the library is too large for a model folder, or cannot be stored so exactly.
     """
-    _check_size(library.curves_tpdbnc.size)
-    curves, of_curves = _reduced(CURVES, library.curves_tpdbnc)
+    walls = walls_of(library)
+    _check_size(library.curves_tpdbnc.size * len(walls.stiffening))
+    curves, of_curves = _reduced(CURVES, walls.curves_btpdbnc)
     stiffness, of_stiffness = _reduced(STIFFNESS, np.moveaxis(library.stiffness_atpd, 0, 2))
     plain = {name: np.asarray(getattr(library, name)) for name in AXES}
+    plain |= {name: np.asarray(getattr(walls, name)) for name in WALLS}
     with ZipFile(path, "w") as archive:
         for name, array in {**plain, **curves, **stiffness}.items():
-            with archive.open(ZipInfo(f"{name}.npy"), "w", force_zip64=True) as file:
+            entry = ZipInfo(f"{name}.npy")
+            entry.compress_type = ZIP_DEFLATED
+            with archive.open(entry, "w", force_zip64=True) as file:
                 write_array(file, array, allow_pickle=False)
     return StoredErrors(curves_m=of_curves, stiffness=of_stiffness)
 
@@ -97,13 +105,16 @@ def load_library(path: str | PathLike[str], content: bytes | None = None) -> Lib
     data = read_bytes(Path(path), replace(KINDS["model file"], error=InputError)) if content is None else content
     try:
         with ZipFile(BytesIO(data)) as archive, np.errstate(over="ignore", invalid="ignore"):  # `Library` checks
-            _check_entries(archive, len(data))
+            _check_entries(archive)
             found: dict[str, Any] = {name: _plain(archive, name, axes) for name, axes in AXES.items()}
+            of_walls: dict[str, Any] = {name: _plain(archive, name, axes) for name, axes in WALLS.items()}
             shape = tuple(len(found[name]) for name in ("thickness_m", "tension", "tip_m"))
-            found["curves_tpdbnc"] = _unpacked(archive, CURVES, shape)
-            stiffness_tpad = _unpacked(archive, STIFFNESS, shape[: STIFFNESS.row_axes])
-        found["stiffness_atpd"] = np.ascontiguousarray(np.moveaxis(stiffness_tpad, 2, 0), dtype=np.float64)
-        return Library(**found)
+            rows, values = _stored(archive, CURVES, (len(of_walls["stiffening"]), *shape))
+            curves = ReducedCurves(rows, (len(of_walls["stiffening"]), *shape, *values))
+            rows, values = _stored(archive, STIFFNESS, shape[: STIFFNESS.row_axes])
+            stiffness_tpad = rows.rows().astype(np.float32).reshape(*shape[: STIFFNESS.row_axes], *values)
+            found["stiffness_atpd"] = np.ascontiguousarray(np.moveaxis(stiffness_tpad, 2, 0), dtype=np.float64)
+            return library_of(StiffenedWalls(**of_walls, curves=curves), **found)
     except Exception as fault:  # whatever zipfile and NumPy raise where a file is damaged
         raise InputError(f"{path}: not a response library of this version ({fault}); train the model again") from fault
 
@@ -127,29 +138,55 @@ def _reduced(stored: _ReducedArray, values: NDArray[np.floating]) -> tuple[dict[
         raise InputError(f"library: {stored.name} up to {np.abs(values).max():.3g} would be off by {error:.3g}, more "
                          f"than {stored.largest_error:g}")  # fmt: skip
     basis = reduced.basis_kv.reshape(-1, *values.shape[stored.row_axes :])
-    steps = {f"{stored.name}_{kind}": part for kind, part in zip(STEP_TYPES, reduced.steps, strict=True)}
+    along = values.shape[stored.row_axes - 1]
+    steps = {
+        f"{stored.name}_{kind}": _differences(part, along) for kind, part in zip(STEP_TYPES, reduced.steps, strict=True)
+    }
     return {stored.error: np.asarray(error), f"{stored.name}_basis": basis, **steps}, error
 
 
-def _unpacked(archive: ZipFile, stored: _ReducedArray, rows: tuple[int, ...]) -> NDArray[np.float32]:
-    """Read an array that is stored in a reduced basis, of so many rows along its first axes."""
+def _stored(archive: ZipFile, stored: _ReducedArray, rows: tuple[int, ...]) -> tuple[ReducedRows, tuple[int, ...]]:
+    """Read an array that is stored in a reduced basis, of so many rows along its first axes; its rows' own shape."""
     error = _plain(archive, stored.error, 0)
     if not 0.0 <= error <= stored.largest_error:
         raise ValueError(f"{stored.error}: {error}; must be 0 to {stored.largest_error:g}")
     basis = _read(archive, f"{stored.name}_basis", "float32", 1 + stored.value_axes)
-    steps = tuple(_read(archive, f"{stored.name}_{kind}", kind, 2) for kind in STEP_TYPES)
+    differences = (_read(archive, f"{stored.name}_{kind}", kind, 3) for kind in STEP_TYPES)
+    steps = tuple(_summed(part) for part in differences)
     if {len(part) for part in steps} != {prod(rows)} or sum(part.shape[1] for part in steps) != len(basis):
         raise ValueError(f"{stored.name}: steps {[part.shape for part in steps]} for {prod(rows)} rows of {len(basis)}")
     _check_size(prod(rows) * prod(basis.shape[1:]))
-    reduced = ReducedRows(basis.reshape(len(basis), prod(basis.shape[1:])), steps)
-    return reduced.rows().astype(np.float32).reshape(*rows, *basis.shape[1:])
+    return ReducedRows(basis.reshape(len(basis), prod(basis.shape[1:])), steps), basis.shape[1:]
 
 
-def _check_entries(archive: ZipFile, most: int) -> None:
-    """Check that every entry is as it is written here, of at most so many bytes."""
+def _differences(steps_rk: NDArray[Any], along: int) -> NDArray[Any]:
+    """Return second differences along the last axis of the rows (part, row / along, along).
+
+    Whole numbers wrap around at both ends of their type, here and in their sums: nothing is lost.
+    """
+    rows, parts = steps_rk.shape
+    steps_kra = steps_rk.T.reshape(parts, rows // along, along)
+    for _ in range(2):
+        steps_kra = np.diff(steps_kra, axis=-1, prepend=steps_kra.dtype.type(0))
+    return np.ascontiguousarray(steps_kra)
+
+
+def _summed(differences_kra: NDArray[Any]) -> NDArray[Any]:
+    """Return the steps (row, part) of second differences."""
+    steps_kra = differences_kra
+    for _ in range(2):
+        steps_kra = np.cumsum(steps_kra, axis=-1, dtype=steps_kra.dtype)
+    parts, rows, along = steps_kra.shape
+    return np.ascontiguousarray(steps_kra.reshape(parts, rows * along).T)
+
+
+def _check_entries(archive: ZipFile) -> None:
+    """Check that every entry is as it is written here, and all of them no more than a file of a model folder."""
+    left = KINDS["model file"].max_bytes
     for entry in archive.infolist():
-        if entry.compress_type != ZIP_STORED or entry.flag_bits & ENCRYPTED or entry.file_size > most:
-            raise ValueError(f"{entry.filename}: compressed, encrypted or larger than the file")
+        left -= entry.file_size
+        if entry.compress_type != ZIP_DEFLATED or entry.flag_bits & ENCRYPTED or left < 0:
+            raise ValueError(f"{entry.filename}: not deflated, encrypted, or too large")
 
 
 def _plain(archive: ZipFile, name: str, axes: int) -> Any:

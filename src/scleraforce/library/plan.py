@@ -1,7 +1,7 @@
 """What a library holds: its axes, and the load paths that make it.
 
-There is a path for each pair of thickness and tension, p R/(E t), and forces alone for some pairs with the support
-nearer to the needle axis or farther from it (`library.base_plane` needs them).
+There is a path for each stiffening of the tissue, thickness and tension, p R/(E t), and forces alone for some walls of
+the first stiffening with the support nearer to the needle axis or farther from it (`library.base_plane` needs them).
 """
 
 import json
@@ -18,7 +18,16 @@ from scleraforce.plain_json import parse_json
 from scleraforce.source_hash import PACKAGE, hash_files
 from scleraforce.study import Choice, LibraryStudy, Range, Sampled, Study
 
-__all__ = ["LARGEST_POLAR_DEG", "SUPPORTS_DEG", "LibraryPlan", "evenly_picked", "parse_plan", "plan_library"]
+__all__ = [
+    "LARGEST_POLAR_DEG",
+    "LITTLE_STIFFENING",
+    "SUPPORTS_DEG",
+    "LibraryPlan",
+    "evenly_picked",
+    "parse_plan",
+    "plan_library",
+    "stiffening_place",
+]
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +35,7 @@ TIP_GRADING = 1.5  # tips stand like the numbers 0, 1, 2 ... to this power
 LARGEST_POLAR_DEG = 55.0  # of a contact
 SUPPORTS_DEG = (35.0, 40.0, 55.0, 70.0, 110.0, 125.0, 140.0, 145.0)  # beside 90: where its base may lie
 SUPPORT_THICKNESSES, SUPPORT_TENSIONS = 4, 6  # at most, among those of the library
+LITTLE_STIFFENING = 0.2  # b, below which states change evenly with it, and above with its logarithm
 SUPPORT_TIP_M = 6e-3  # deeper dents run into the base where it is nearest: the factor stays as it is there
 
 
@@ -38,6 +48,13 @@ class LibraryPlan:
     needle_radius_m: float
     contact_polar_rad: float
     grid: LibraryStudy
+
+    @property
+    def stiffening(self) -> Floats:
+        """Stiffenings b (b,): even in ln(1 + 5 b)."""
+        low, high = stiffening_place(np.array(self.grid.stiffening.bounds))
+        places = np.linspace(low, high, self.grid.stiffenings)
+        return np.clip(LITTLE_STIFFENING * np.expm1(places), *self.grid.stiffening.bounds)
 
     @property
     def thickness_m(self) -> Floats:
@@ -66,7 +83,7 @@ class LibraryPlan:
     @property
     def paths(self) -> int:
         """Number of load paths whose forces and curves are kept: the first of all units."""
-        return self.grid.thicknesses * self.grid.tensions
+        return self.grid.stiffenings * self.grid.thicknesses * self.grid.tensions
 
     @property
     def units(self) -> int:
@@ -94,9 +111,10 @@ class LibraryPlan:
         return max(2, int(np.searchsorted(self.tip_m, SUPPORT_TIP_M, side="right")))
 
     def place(self, unit: int) -> tuple[int, ...]:
-        """Return where a unit stands: (thickness, tension), or (support, thickness, tension)."""
+        """Return where a unit stands: (stiffening, thickness, tension), or (support, thickness, tension)."""
         if unit < self.paths:
-            return divmod(unit, self.grid.tensions)
+            shape = self.grid.stiffenings, self.grid.thicknesses, self.grid.tensions
+            return tuple(int(number) for number in np.unravel_index(unit, shape))
         return tuple(int(number) for number in np.unravel_index(unit - self.paths, self.support_shape))
 
     def wall(self, unit: int) -> tuple[float, float]:
@@ -111,6 +129,10 @@ class LibraryPlan:
             thickness, tension = int(self.support_thicknesses[thickness]), int(self.support_tensions[tension])
         thickness_m = float(self.thickness_m[thickness])
         return thickness_m, float(self.tension[tension]) * thickness_m / self.radius_m
+
+    def stiffening_of(self, unit: int) -> float:
+        """Return b of a unit's tissue."""
+        return float(self.stiffening[self.place(unit)[0] if unit < self.paths else 0])
 
     def support_rad(self, unit: int) -> float:
         """Return the angle from the needle axis at which a unit's wall is clamped, rad."""
@@ -175,6 +197,12 @@ def _numbers(record: LibraryPlan | LibraryStudy) -> bool:
 
 def _sampled(value: dict[str, Any]) -> Sampled:
     return Range(**value) if "min" in value else Choice(tuple(value["values"]))
+
+
+def stiffening_place(stiffening: Floats) -> Floats:
+    """Return where tissue stands on the axis of b, on which states change smoothly."""
+    place: Floats = np.log1p(stiffening / LITTLE_STIFFENING)
+    return place
 
 
 def evenly_picked(count: int, most: int) -> NDArray[np.intp]:

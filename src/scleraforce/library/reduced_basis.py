@@ -41,6 +41,16 @@ class ReducedRows:
         rows: Floats = steps_rk @ self.basis_kv.astype(np.float64)
         return rows
 
+    def mixed_rows(self, weights: Floats) -> Floats:
+        """Return the sum of equal parts of the rows (row / part, value), each of a weight (part,)."""
+        size = len(self.steps[0]) // len(weights)
+        steps_rk = np.zeros((size, len(self.basis_kv)))
+        for part in np.flatnonzero(weights):
+            steps = [steps[part * size : (part + 1) * size].astype(np.float64) for steps in self.steps]
+            steps_rk += weights[part] * np.concatenate(steps, axis=1)
+        rows: Floats = steps_rk @ self.basis_kv.astype(np.float64)
+        return rows
+
 
 def reduce_rows(rows_rv: NDArray[np.floating], largest_error: float) -> ReducedRows:
     """Return rows in a reduced basis.

@@ -12,6 +12,7 @@ side and meets a stiffer wall: forces are larger by a factor over the contact's 
 the dent displaces less, because the contact rises less under the pressure (`library.contact_rise`).
 """
 
+from collections import OrderedDict
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
 
@@ -21,39 +22,26 @@ from numpy.typing import NDArray
 from scleraforce.compiled import loops_are_compiled
 from scleraforce.errors import InputError
 from scleraforce.library.arrays import check_arrays
-from scleraforce.library.axes import SLACK, check_inside, weight_products
+from scleraforce.library.axes import SLACK, check_inside, check_tension, weight_products
 from scleraforce.library.base_bulge import base_bulge, meridian_angles, undented_motion
 from scleraforce.library.contact_rise import contact_rises, rise_slope
 from scleraforce.library.crossing import first_crossing
 from scleraforce.library.spline_weights import SplineWeights
 from scleraforce.library.splines import SUPPORT, CubicSpline, tensor_coefficients, values_and_slopes
+from scleraforce.library.states import Responses
+from scleraforce.library.stiffened import StiffenedWalls
 from scleraforce.library.tables import SplineTables
-from scleraforce.mechanics.burst import burst_tension
 from scleraforce.units import from_si
 
-__all__ = ["INNER", "OUTER", "Library", "Responses"]
+__all__ = ["INNER", "OUTER", "Library"]
 
 Floats = NDArray[np.float64]
 Curves = NDArray[np.float32]
 Walls = tuple[NDArray[np.intp], Floats]  # rows of (thickness, tension) and their weights, each (sample, 16)
 
 OUTER, INNER = 0, 1  # the boundaries of a wall, as an index
+OTHERS = 10  # libraries of other stiffenings that one keeps: each has some 30 MB
 BLOCK = 32  # samples interpolated together: what they gather stays in the cache
-
-
-@dataclass(frozen=True)
-class Responses:
-    """States of walls, one for each sample.
-
-    `curves_sbnc` (sample, boundary, node, 2), m: distance from the needle axis and depth below the undeformed contact
-    of material points of the outer and the inner surface, from the axis outwards; float32, exact to 1 nm.
-    `tip_m` (sample,): inward displacement of the contact relative to the wall under IOP alone.
-    `force_ratio` (sample,): F/E, m^2.
-    """
-
-    curves_sbnc: Curves
-    tip_m: Floats
-    force_ratio: Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +53,8 @@ class Library:
     at one pressure, and `curves_tpdbnc` what `Responses` says, of walls clamped 90 degrees from the needle axis.
     `undented_tpbnc` are the walls without the needle, from axis to clamp. `stiffness_atpd` is the factor of the force
     for contacts at the polar angles `polar_rad` (a,), from 0; the library answers for `contact_polar_rad`.
-    `max_force_ratio` is the largest F/E that it is asked for.
+    `max_force_ratio` is the largest F/E that it is asked for. The walls' tissue stiffens by `stiffening`
+    (`mechanics.stiffening`); `stiffened` has those of other tissue, None where the library holds no other.
     """
 
     thickness_m: Floats
@@ -82,13 +71,17 @@ class Library:
     polar_rad: Floats
     stiffness_atpd: Floats
     contact_polar_rad: float
+    stiffening: float = 0.0
+    stiffened: StiffenedWalls | None = None
     shapes_of: InitVar["Library | None"] = None  # of the same walls, with which it shares what they cost
     _weights: SplineWeights = field(init=False, repr=False, compare=False)
+    _others: "OrderedDict[float, Library]" = field(init=False, repr=False, compare=False)
 
     def __post_init__(self, shapes_of: "Library | None") -> None:
         check_arrays(self)
         own = SplineWeights(self.thickness_m, self.tension, self.tip_m, self.curves_tpdbnc, self.undented_tpbnc)
         object.__setattr__(self, "_weights", own if shapes_of is None else shapes_of._weights)
+        object.__setattr__(self, "_others", OrderedDict())
 
     def curves(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Responses:
         """Return the first state on loading that carries a force.
@@ -242,6 +235,27 @@ class Library:
         """
         return replace(self, contact_polar_rad=polar_rad, shapes_of=self)
 
+    def for_stiffening(self, stiffening: float) -> "Library":
+        """Return the library of tissue that stiffens by b, at the same contact; the last few are kept.
+
+        Raises:
+            InputError: the library does not hold such tissue.
+        """
+        if stiffening == self.stiffening:
+            return self
+        if self.stiffened is None:
+            raise InputError(f"stiffening: the library only holds tissue of {self.stiffening:g}, not of {stiffening:g}")
+        if stiffening not in self._others:
+            self._others[stiffening] = replace(self, **self.stiffened.at(stiffening), stiffening=stiffening)
+            if len(self._others) > OTHERS:
+                self._others.popitem(last=False)
+        return self._others[stiffening]
+
+    @property
+    def stiffenings(self) -> Floats:
+        """The stiffenings that it holds walls of (b,)."""
+        return np.array([self.stiffening]) if self.stiffened is None else self.stiffened.stiffening
+
     def nearest_contact(self, polar_rad: float | None) -> "Library":
         """Return the library of needles at a polar angle, or at the nearest that it has; None: as it is."""
         if polar_rad is None:
@@ -255,7 +269,9 @@ class Library:
         """
         near = (self.curves_tpdbnc[..., 0].min(axis=(0, 1, 2)) < distance_m).any(axis=0)
         nodes = min(int(np.flatnonzero(near)[-1]) + 2, len(near))
-        return replace(self, curves_tpdbnc=np.ascontiguousarray(self.curves_tpdbnc[..., :nodes, :]))
+        stiffened = None if self.stiffened is None else self.stiffened.within(nodes)
+        curves_tpdbnc = np.ascontiguousarray(self.curves_tpdbnc[..., :nodes, :])
+        return replace(self, curves_tpdbnc=curves_tpdbnc, stiffened=stiffened)
 
     @property
     def _splines(self) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
@@ -365,24 +381,8 @@ class Library:
         """Return the tensions of walls, after a check that they lie in the library."""
         check_inside("thickness", thickness_m, *self._ends(self.thickness_m), "um")
         tension = self._tension(thickness_m, iop_ratio)
-        self._check_tension(tension, thickness_m)
+        check_tension(tension, thickness_m, self._ends(self.tension), self.radius_m, self.poisson_ratio)
         return tension
-
-    def _check_tension(self, tension: Floats, thickness_m: Floats) -> None:
-        """Check that tensions lie in the library's range; the message gives what they are in the wall's IOP/E."""
-        inside = (tension >= self.tension[0] * (1.0 - SLACK)) & (tension <= self.tension[-1] * (1.0 + SLACK))
-        if inside.all():
-            return
-        worst = int(np.argmin(inside))  # NaN is outside, too
-        thickness = float(np.broadcast_to(thickness_m, tension.shape)[worst])
-        low, high, burst = (
-            value * thickness / self.radius_m
-            for value in (*self._ends(self.tension), burst_tension(self.poisson_ratio))
-        )
-        raise InputError(
-            f"IOP/E: {tension[worst] * thickness / self.radius_m:.4g} is outside the library's range for a wall of "
-            f"{from_si(thickness, 'um'):.0f} um, {low:.3g} to {high:.3g}; it bursts at {burst:.3g}"
-        )
 
     def _tension(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
         return np.asarray(iop_ratio) * (self.radius_m / np.asarray(thickness_m))

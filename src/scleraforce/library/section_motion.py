@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.library.base_bulge import base_push, section_places
-from scleraforce.library.responses import OUTER, Library, Responses
+from scleraforce.library.responses import OUTER, Library
+from scleraforce.library.states import Responses
 
 __all__ = ["ACROSS", "ALONG", "DOWN", "SectionMotion", "section_motion"]
 

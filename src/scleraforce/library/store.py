@@ -15,20 +15,22 @@ from numpy.typing import NDArray
 from scleraforce.checked_store import CheckedStore
 from scleraforce.errors import InputError
 from scleraforce.library.base_plane import base_stiffness
+from scleraforce.library.family import library_of
 from scleraforce.library.plan import LibraryPlan, parse_plan
 from scleraforce.library.responses import Library
+from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
 from scleraforce.stored_array import StoredArray
 
 __all__ = ["complete_library", "create_library", "missing_library_units", "open_library", "write_library_unit"]
 
 FORCES, DISPLACED, CURVES, SUPPORT_FORCES = "force_ratio", "displaced_m3", "curves", "support_force_ratio"
-AXES = ("thickness_m", "tension", "tip_m")
+AXES = ("stiffening", "thickness_m", "tension", "tip_m")
 VERSIONS = ("scleraforce", "numpy", "scipy", "zarr")
 STORE = CheckedStore(
     noun="library",
     command="library",
     verb="make",
-    schema="scleraforce-library-3",
+    schema="scleraforce-library-4",
     required=frozenset({"complete", "plan", "plan_hash", "key", "seed", "versions"}),
     same=("plan", "key", "versions"),
     others={"scleraforce-dataset": "a data set and no response library; `train --kind classifier` learns from it"},
@@ -120,16 +122,20 @@ def open_library(path: str | PathLike[str]) -> Library:
     for name in AXES:
         if not np.allclose(arrays[name], getattr(plan, name), rtol=1e-12, atol=0.0):
             raise InputError(f"{path / name}: not the values of its plan: the store is damaged; make it again")
-    thickness_m, tension, tip_m = (arrays[name] for name in AXES)
-    polar_rad, stiffness_atpd = base_stiffness(thickness_m, tension, tip_m, arrays[FORCES], arrays[SUPPORT_FORCES])
-    return Library(
+    stiffening, thickness_m, tension, tip_m = (arrays[name] for name in AXES)
+    walls = StiffenedWalls(
+        stiffening=stiffening,
+        force_ratio_btpd=arrays[FORCES],
+        displaced_btpd=arrays[DISPLACED],
+        undented_btpbnc=np.ascontiguousarray(arrays[CURVES][:, :, :, 0]),
+        curves=WholeCurves(arrays[CURVES]),
+    )
+    polar_rad, stiffness_atpd = base_stiffness(thickness_m, tension, tip_m, arrays[FORCES][0], arrays[SUPPORT_FORCES])
+    return library_of(
+        walls,
         thickness_m=thickness_m,
         tension=tension,
         tip_m=tip_m,
-        force_ratio_tpd=arrays[FORCES],
-        displaced_tpd=arrays[DISPLACED],
-        curves_tpdbnc=arrays[CURVES],
-        undented_tpbnc=np.ascontiguousarray(arrays[CURVES][:, :, 0]),
         radius_m=plan.radius_m,
         poisson_ratio=plan.poisson_ratio,
         needle_radius_m=plan.needle_radius_m,
@@ -157,13 +163,13 @@ def _arrays_of(plan: LibraryPlan, unit: int) -> tuple[str, ...]:
 
 def _arrays(plan: LibraryPlan) -> dict[str, StoredArray]:
     """Return the arrays of a library by name: the axes, and what a load path has a chunk of."""
-    shape = (len(plan.thickness_m), len(plan.tension), len(plan.tip_m))
+    shape = (len(plan.stiffening), len(plan.thickness_m), len(plan.tension), len(plan.tip_m))
     supports = (*plan.support_shape, plan.support_tips)
     axes = [StoredArray(name, (size,), (size,), "float64") for name, size in zip(AXES, shape, strict=True)]
     paths = (
-        StoredArray(CURVES, (*shape, 2, plan.nodes, 2), (1, 1, *shape[2:], 2, plan.nodes, 2), "float32"),
-        StoredArray(FORCES, shape, (1, 1, *shape[2:]), "float64"),
-        StoredArray(DISPLACED, shape, (1, 1, *shape[2:]), "float64"),
+        StoredArray(CURVES, (*shape, 2, plan.nodes, 2), (1, 1, 1, shape[3], 2, plan.nodes, 2), "float32"),
+        StoredArray(FORCES, shape, (1, 1, 1, shape[3]), "float64"),
+        StoredArray(DISPLACED, shape, (1, 1, 1, shape[3]), "float64"),
         StoredArray(SUPPORT_FORCES, supports, (1, 1, 1, *supports[3:]), "float64"),
     )
     return {array.name: array for array in (*axes, *paths)}

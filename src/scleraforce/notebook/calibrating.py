@@ -19,7 +19,7 @@ from scleraforce.study import Study
 __all__ = ["calibrate", "evaluate"]
 
 MECHANICS = ("finite-strain", "linear")
-PARAMETERS = ("e", "iop", "thickness", "gap")
+PARAMETERS = ("e", "stiffening", "iop", "thickness", "gap")
 
 
 def calibrate(
@@ -27,7 +27,7 @@ def calibrate(
     study: Study | None = None,
     *,
     frames: int | None = None,
-    parameters: Sequence[str] = ("e",),
+    parameters: Sequence[str] | None = None,
     mechanics: str = "finite-strain",
     earlier: Calibration | None = None,
     wall_finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER,
@@ -40,7 +40,8 @@ def calibrate(
         recordings: one or more, opened or as folders, with force logs; those of one eye add up.
         study: prior, filter and library; None: the paper's.
         frames: take the first so many frames above 5 mN of each recording; None: all.
-        parameters: what is uncertain, of "e", "iop", "thickness", "gap"; "e" among them.
+        parameters: what is uncertain, of "e", "stiffening", "iop", "thickness", "gap"; "e" among them. None: e and the
+            stiffening, with linear mechanics e.
         mechanics: "finite-strain" (from the library), or the paper's "linear".
         earlier: to go on from.
         wall_finder: model folder that checks the walls, by default the one that ships; None: nothing does.
@@ -61,8 +62,9 @@ def calibrate(
     """
     if mechanics not in MECHANICS:
         raise InputError(f"mechanics: {mechanics!r}; give {' or '.join(MECHANICS)}")
-    if "e" not in parameters or set(parameters) - set(PARAMETERS):
-        raise InputError(f"parameters: {parameters!r}; give a list of 'e' and of 'iop', 'thickness', 'gap' what else")
+    if parameters is not None and ("e" not in parameters or set(parameters) - set(PARAMETERS)):
+        others = ", ".join(repr(name) for name in PARAMETERS[1:])
+        raise InputError(f"parameters: {parameters!r}; give a list of 'e' and of {others} what else")
     if frames is not None and frames < 1:
         raise InputError(f"frames: {frames}; give at least 1")
     if out is not None and Path(out).exists():

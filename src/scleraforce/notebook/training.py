@@ -28,7 +28,7 @@ def library_of(
 ) -> Library:
     """Return the response library of a study: how its walls bend, for any thickness, pressure and modulus.
 
-    The first time it is computed, which takes half a minute; then it comes from the user's cache.
+    The first time it is computed, which takes a minute; then it comes from the user's cache.
 
     Args:
         study: the study; None: the paper's.

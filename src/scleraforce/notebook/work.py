@@ -98,7 +98,7 @@ def calibrate_eyes(
     counting: Counting,
     *,
     mechanics: str,
-    parameters: Sequence[str],
+    parameters: Sequence[str] | None,
     frames: int | None,
     earlier: "Calibration | None",
     wall_finder: str | PathLike[str] | None,
@@ -110,18 +110,22 @@ def calibrate_eyes(
     Raises:
         InputError: a recording cannot be calibrated on, or the study has keys that this mechanics does not use.
     """
-    from scleraforce.calibration.calibrate import calibrate_recordings
+    from scleraforce.calibration.calibrate import STIFFENING, calibrate_recordings, calibration_passes
     from scleraforce.reader.wall_finder_model import load_wall_finder
 
     refuse_unused(study, "calibrate", mechanics)
+    sought = None if parameters is None else tuple(parameters)
+    if study.tissue.stiffening > 0.0 and (sought is None or STIFFENING in sought):
+        raise InputError(
+            "study: tissue.stiffening: is sought in the frames; leave it out, or seek e alone (parameters e)"
+        )
     use_compiled_loops()
     each = opened(recordings)
     finder = None if wall_finder is None else load_wall_finder(wall_finder)
     library = library_for(study, mechanics, counting)
-    with counting("frames", sum(len(recording.frames) for recording in each)) as advance:
-        return calibrate_recordings(
-            each, study, study_hash(study), library, tuple(parameters), frames, earlier, advance, finder
-        )
+    passes = calibration_passes(library, sought)
+    with counting("frames", passes * sum(len(recording.frames) for recording in each)) as advance:
+        return calibrate_recordings(each, study, study_hash(study), library, sought, frames, earlier, advance, finder)
 
 
 def recalibrate_intervals(
@@ -151,7 +155,7 @@ def recalibrate_intervals(
     Raises:
         InputError: the model is no reader, a recording cannot be calibrated on, or leaves no frame to read.
     """
-    from scleraforce.calibration.calibrate import calibrate_recordings
+    from scleraforce.calibration.calibrate import calibrate_recordings, calibration_passes
     from scleraforce.models.folder import CARD_FILE, COMMON_FILES, NETWORK_FILE, STUDY_FILE, read_folder
     from scleraforce.models.writing import check_place, write_folder
     from scleraforce.notebook.frames import summary_of_calibration
@@ -165,7 +169,7 @@ def recalibrate_intervals(
     reader, folder, each = load_force_reader(model, finder=wall_finder), read_folder(Path(model)), opened(recordings)
     study, count = reader.study, sum(len(recording.frames) for recording in each)
     finder = None if wall_finder is None else load_wall_finder(wall_finder)
-    with counting("calibration", count) as advance:
+    with counting("calibration", count * calibration_passes(reader.library, None)) as advance:
         calibration = calibrate_recordings(
             each, study, study_hash(study), reader.library, frames=frames, progress=advance, finder=finder
         )

@@ -79,7 +79,7 @@ class ForceReader:
         self.factors = factors
         self._network = network
         self._finder = finder
-        self._library_of = lru_cache(maxsize=CONTACTS)(library.nearest_contact)
+        self._library_of = lru_cache(maxsize=CONTACTS)(self._found_library)
 
     @property
     def classes(self) -> int:
@@ -106,7 +106,7 @@ class ForceReader:
         if seen.reason:
             return unusable(self.classes, seen.reason)
         boundaries = segmented_boundaries(seen.segmentation, scale)
-        reason = outside_training(known, read_by_fit(self.study.reader))
+        reason = outside_training(known, read_by_fit(self.study.reader), self.study.library)
         reason = reason or needle_elsewhere(seen.needle, known, self.library.needle_radius_m)
         if reason:
             return replace(unusable(self.classes, reason), can_calibrate=can_calibrate(seen, boundaries))
@@ -124,7 +124,7 @@ class ForceReader:
 
     def refusal(self, known: Known) -> str | None:
         """Return why the network cannot read an eye: what is known lies outside the training; None: inside."""
-        return outside_training(known, self.study.reader)
+        return outside_training(known, self.study.reader, self.study.library)
 
     def unread_slices(self, needle: SeenNeedle | None, known: Known) -> str | None:
         """Return why the network cannot read slices of a frame, which the fit may read; None where it can."""
@@ -134,12 +134,15 @@ class ForceReader:
         """Return where an eye and its B-scans lie outside the training; see `Reader.limits`."""
         return wall_limits(self.study, known, scan)
 
-    def library_at(self, polar_rad: float | None) -> Library:
-        """Return the library for a contact's polar angle; that in the middle of the study's where it is not known.
+    def library_for(self, known: Known) -> Library:
+        """Return the library of an eye's tissue at its contact; where that is not known, in the middle of the study's.
 
         Angles beyond the library's count as its largest.
+
+        Raises:
+            InputError: the library does not hold such tissue.
         """
-        return self._library_of(polar_rad)
+        return self._library_of(known.polar_rad, known.stiffening or 0.0)
 
     def read_slices(self, cuts: NDArray[np.uint8], known: Known) -> Reading:
         """Return what the network reads.
@@ -149,6 +152,9 @@ class ForceReader:
             known: of the eye.
         """
         return self._network.read(cuts, known)
+
+    def _found_library(self, polar_rad: float | None, stiffening: float) -> Library:
+        return self.library.for_stiffening(stiffening).nearest_contact(polar_rad)
 
     def _live(self, seen: Look, scale: PixelScale, known: Known) -> Answer:
         """Return the network's answer, with every verdict that needs no fit."""
@@ -163,7 +169,7 @@ class ForceReader:
 
     def _fitted(self, seen: Look, boundaries: Boundaries, known: Known) -> Answer:
         """Lay a wall of the library on the frame, and read it where that is the wall of an eye."""
-        library = self.library_at(known.polar_rad)
+        library = self.library_for(known)
         trained = crossed_by_needle(self.study.reader, library.needle_radius_m) if seen.needle else self.study.reader
         prior = prior_of(known, trained)
         smoothing_m = self.study.calibration.surface_smoothing_m

@@ -19,8 +19,11 @@ Floats = NDArray[np.float64]
 GIVEN = (
     "modulus known", "modulus", "log modulus sd", "iop known", "log iop", "log iop ratio",
     "thickness known", "thickness", "gap known", "gap", "rigidity low", "rigidity high",
-    "polar angle known", "polar angle", "direction known", "pole along", "pole across",
+    "polar angle known", "polar angle", "direction known", "pole along", "pole across", "stiffening",
 )  # fmt: skip
+
+
+STIFF = np.log1p(30.0)  # of tissue that stiffens by so much the input is 1
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class Told:
     `modulus_pa` and `modulus_sd_fraction` (relative) describe a normal distribution; both or none of them are known.
     The globe's rigidity lies with 90 % between `rigidity_low` and `rigidity_high`, Pa^(1/3)/m^3, of the cube-root law:
     both 0 in an open globe; that is never unknown, only wide. `polar_rad` is the contact's polar angle, `direction_rad`
-    that of the section from the meridian.
+    that of the section from the meridian. `stiffening` is b of the tissue, never unknown.
     """
 
     modulus_pa: Floats
@@ -42,6 +45,7 @@ class Told:
     rigidity_high: Floats
     polar_rad: Floats
     direction_rad: Floats
+    stiffening: Floats
 
 
 def unknown_modulus(study: ReaderStudy) -> tuple[float, float]:
@@ -96,6 +100,7 @@ def given_inputs(told: Told, study: ReaderStudy) -> NDArray[np.float32]:
         _scaled(polar, *a),
         ~np.isnan(told.direction_rad),
         *pole.T,
+        np.log1p(told.stiffening) / STIFF,
     )
     inputs: NDArray[np.float32] = np.nan_to_num(np.stack(columns, axis=1)).astype(np.float32)
     return inputs

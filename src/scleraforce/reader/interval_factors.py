@@ -2,46 +2,25 @@
 
 What a method says of its own uncertainty leaves out what its model leaves out. So its intervals are measured on eyes
 that are not in its model (split-conformal prediction: Vovk, Gammerman and Shafer, Algorithmic Learning in a Random
-World, 2005; over groups of frames that belong together: Dunn, Wasserman and Ramdas 2023), one factor for each group of
-what makes a reader wrong: whether E is the eye's own, what is told of the globe, whether the wall is even, and whether
-the pressure under the needle has drawn a sealed globe's wall so taut that its dent says little. `model.json` keeps the
-factors; a model without them has intervals as its methods say.
+World, 2005; over groups of frames that belong together: Dunn, Wasserman and Ramdas 2023), one factor for each group
+(`interval_groups`). `model.json` keeps the factors; a model without them has intervals as its methods say.
 """
 
 import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import product
 from math import isfinite
 from typing import Any
 
 from scleraforce.errors import ModelError
 from scleraforce.fitting.library_fit import BoundaryFit
-from scleraforce.fitting.prior import form_size
 from scleraforce.known.eye import Known
-from scleraforce.known.globe import UNKNOWN
+from scleraforce.reader.interval_groups import FIT_GROUPS, NETWORK_GROUPS, group_of
 from scleraforce.segmentation.wall import Segmentation
 from scleraforce.study import ReaderStudy
 
-__all__ = [
-    "FIT_GROUPS",
-    "NETWORK_GROUPS",
-    "NO_FACTORS",
-    "IntervalFactors",
-    "frame_stretch",
-    "group_of",
-    "parse_factors",
-]
+__all__ = ["NO_FACTORS", "IntervalFactors", "frame_stretch", "parse_factors"]
 
-MODULI, GLOBES, FORMS = ("own E", "other E"), ("open", "sealed", "unknown"), ("even", "uneven")
-TAUT = "taut"
-NETWORK_GROUPS = tuple(", ".join(words) for words in product(MODULI, GLOBES))
-FIT_GROUPS = tuple(", ".join(words) for words in (*product(MODULI, GLOBES, FORMS), *product(MODULI, (TAUT,))))
-# Of the fit: frames of even walls lie nearer to an even wall of the library, those of uneven ones are farther from it.
-LARGEST_MISFIT_M, LARGEST_FORM = 6e-6, 1.0
-# Of 140 virtual eyes of the library that were not told open, calibrated on frames of their own, 90 % of the scores of
-# even walls stayed below 0.6 at smaller tensions; of all walls below 1.6 at larger ones.
-SLACK_TENSION = 0.05
 # Virtual eyes of the library's walls have no needle and no conjunctiva. With either, intervals were too narrow by so
 # much on twelve eyes each, computed in three dimensions: `python -m figures --seed 20261130 --eyes 12 --groups
 # needle,conjunctiva`, which is no draw of `make figures`.
@@ -65,23 +44,6 @@ class IntervalFactors:
 
 
 NO_FACTORS = IntervalFactors()
-
-
-def group_of(known: Known, fit: BoundaryFit | None = None) -> str:
-    """Return the group of a reading: of the network, or with a fit that of the fit.
-
-    >>> group_of(Known())
-    'other E, unknown'
-    """
-    own = known.modulus is not None and known.modulus.source != "population"
-    globe = UNKNOWN if known.globe is None else known.globe
-    words = [MODULI[0 if own else 1], globe.kind]
-    if fit is not None:
-        if globe.can_be_sealed and fit.tension > SLACK_TENSION:
-            return ", ".join([words[0], TAUT])
-        even = fit.misfit_m <= LARGEST_MISFIT_M and form_size(fit.unknown) <= LARGEST_FORM
-        words.append(FORMS[0 if even else 1])
-    return ", ".join(words)
 
 
 def frame_stretch(wall: Segmentation, known: Known, trained: ReaderStudy) -> float:

@@ -14,7 +14,8 @@ import numpy as np
 from scleraforce.known.calibration_file import CalibrationSummary
 from scleraforce.known.eye import known_of_eye, known_of_recording
 from scleraforce.reader.force_reader import ForceReader
-from scleraforce.reader.interval_factors import IntervalFactors, group_of
+from scleraforce.reader.interval_factors import IntervalFactors
+from scleraforce.reader.interval_groups import group_of
 from scleraforce.reader.readings import METHODS, Reading
 from scleraforce.recording.files import Recording, frame_digest
 from scleraforce.recording.labels import label_frames

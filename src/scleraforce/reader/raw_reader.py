@@ -79,7 +79,7 @@ class RawReader:
 
     def refusal(self, known: Known) -> str | None:
         """Return why the model cannot read an eye; see `Reader.refusal`."""
-        return outside_training(known, read_by_fit(self.study.reader))
+        return outside_training(known, read_by_fit(self.study.reader), self.study.library)
 
     def limits(self, known: Known, scan: OctInfo) -> tuple[str, ...]:
         """Return where an eye and its B-scans lie outside the training; see `Reader.limits`."""

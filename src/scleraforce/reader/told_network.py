@@ -125,6 +125,7 @@ def told_of(known: Known) -> Told:
         *_rigidity_band(known),
         known.polar_rad,
         known.direction_rad,
+        known.stiffening or 0.0,
     )
     return Told(*(np.array([np.nan if value is None else value]) for value in values))
 

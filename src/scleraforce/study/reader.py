@@ -24,6 +24,7 @@ class ReaderStudy:
     undeformed contact below the frame's top edge. `polar_angle_rad` is the contact's polar angle; the direction of the
     plane from the meridian is drawn from the whole circle.
 
+    `stiffening_share` of the tissue stiffens, as far as the library has it: the logarithm of 1 + b is even.
     `uneven_share` of the walls are no even spheres at rest (`learning.reader.uneven`). So many `interval_eyes`, of
     which as many are uneven, tell how wide intervals have to be (`reader.interval_factors`); 0: they stay as they are.
 
@@ -58,6 +59,7 @@ class ReaderStudy:
     polar_angle_rad: Sampled = quantity(Range(min=10.0, max=55.0), "deg", 0.0, 80.0)
     plain_share: float = quantity(0.5, None, 0.0, 1.0)
     uneven_share: float = quantity(0.4, None, 0.0, 1.0)
+    stiffening_share: float = quantity(0.4, None, 0.0, 1.0)
     interval_eyes: int = quantity(210, None, 0, 1_000_000)
     boundary_errors: float = quantity(1.5, None, 0.0, 100.0)
     interval_boundary_errors: float = quantity(1.0, None, 0.0, 100.0)

@@ -109,7 +109,9 @@ def test_sides_are_lost_as_often_and_as_far_as_stated() -> None:
 @pytest.mark.slow
 def test_the_errors_made_are_like_those_of_freshly_segmented_frames(tmp_path) -> None:
     study = Study(
-        library=LibraryStudy(thicknesses=5, tension=Range(min=1e-3, max=0.21), tensions=6, tips=30, max_tip_m=6e-3)
+        library=LibraryStudy(
+            thicknesses=5, tension=Range(min=1e-3, max=0.21), tensions=6, tips=30, max_tip_m=6e-3, stiffenings=1
+        )
     )
     library = cached_library(study, folder=tmp_path)
     forces_n = np.linspace(0.0, 55e-3, 12).tolist()

@@ -1,10 +1,11 @@
 """Samples of the reader: what is told of an eye means what it says, and the slice shows its wall."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from analytic_library import analytic_library, bulging
+from stiffened_library import made_up_library
 
 from scleraforce.errors import InputError
 from scleraforce.fitting.fit_prediction import (
@@ -21,11 +22,12 @@ from scleraforce.fitting.fit_prediction import (
     place_walls,
 )
 from scleraforce.known.globe import SEALED, UNKNOWN
-from scleraforce.learning.reader.draws import CHUNK, Source, chunks_ahead
-from scleraforce.learning.reader.samples import draw_eyes, draw_samples
+from scleraforce.learning.reader.draws import CHUNK, TISSUE, Source, chunks_ahead
+from scleraforce.learning.reader.samples import ReaderSamples, draw_eyes, draw_samples, library_of_tissue
 from scleraforce.library.base_bulge import pole_direction
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.library.slices import column_laterals, fill_boundaries
+from scleraforce.reader.given import GIVEN
 from scleraforce.section.plane import SliceWindow
 from scleraforce.section.slices import fill_section
 from scleraforce.study import ReaderStudy, SliceStudy, fixed
@@ -202,6 +204,54 @@ def test_the_stated_share_of_samples_is_plain(eyes) -> None:
 def test_a_library_without_such_eyes_is_refused(library) -> None:
     with pytest.raises(InputError, match="hardly any eye"):
         draw_eyes(library, replace(READER, thickness_m=fixed(1.1e-3)), 10, np.random.default_rng(0))
+
+
+def test_tissue_stiffens_as_often_as_stated_and_evenly_in_the_logarithm() -> None:
+    held, rng = made_up_library(), np.random.default_rng(4)
+    drawn = np.log1p([library_of_tissue(held, READER, rng).stiffening for _ in range(4000)])
+    stiff = drawn[drawn > 0.0]
+    assert len(stiff) / len(drawn) == pytest.approx(READER.stiffening_share, abs=0.025)
+    places, counts = np.unique(np.round(stiff, 6), return_counts=True)
+    assert np.diff(places) == pytest.approx(np.diff(places)[0], abs=1e-5)
+    assert (places[0], places[-1]) == (pytest.approx(np.diff(places)[0], abs=1e-5), pytest.approx(np.log(31.0)))
+    assert counts == pytest.approx(counts.mean(), rel=0.25)
+
+
+@pytest.mark.parametrize("most", [10.0, 25.0, 30.0, 33.0, 40.0])
+def test_the_stiffest_tissue_that_is_drawn_is_the_stiffest_that_the_library_holds(most: float) -> None:
+    held, rng = made_up_library(most), np.random.default_rng(4)
+    always = replace(READER, stiffening_share=1.0)
+    assert max(library_of_tissue(held, always, rng).stiffening for _ in range(60)) == pytest.approx(most, rel=1e-12)
+
+
+def test_a_library_of_one_stiffening_has_no_other_tissue_to_draw(library) -> None:
+    rng, always = np.random.default_rng(4), replace(READER, stiffening_share=1.0)
+    assert all(library_of_tissue(library, always, rng) is library for _ in range(20))
+    held, never = made_up_library(), replace(READER, stiffening_share=0.0)
+    assert all(library_of_tissue(held, never, rng) is held for _ in range(20))
+
+
+def test_samples_are_joined_one_after_the_other(library) -> None:
+    one, other = (draw_samples(library, READER, SLICE, count, np.random.default_rng(count)) for count in (3, 5))
+    joined = ReaderSamples.joined([one, other])
+    assert len(joined) == 8
+    for item in fields(ReaderSamples):
+        values = getattr(joined, item.name)
+        np.testing.assert_array_equal(values[:3], getattr(one, item.name))
+        np.testing.assert_array_equal(values[3:], getattr(other, item.name))
+
+
+def test_each_part_of_a_chunk_is_of_one_tissue_and_told_so() -> None:
+    held, count = made_up_library(), 2 * TISSUE + 50
+    mixed = Source.of(held, replace(READER, stiffening_share=0.5), SLICE)
+    told = np.stack([mixed.chunk(number, count).given[:, GIVEN.index("stiffening")] for number in range(4)])
+    assert told.shape == (4, count)
+    parts = [told[:, :TISSUE], told[:, TISSUE : 2 * TISSUE], told[:, 2 * TISSUE :]]
+    assert all((part == part[:, :1]).all() for part in parts)
+    firsts = np.array([part[:, 0] for part in parts])
+    assert len(np.unique(firsts)) > 2
+    assert firsts.min() == 0.0
+    assert firsts.max() <= 1.0 + 1e-6
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from scleraforce.learning.reader.virtual_eyes import FRAMES, VirtualEye, of_popu
 from scleraforce.library import Library
 from scleraforce.models.folder import NETWORK_FILE
 from scleraforce.models.session import network_session
-from scleraforce.reader.interval_factors import group_of
+from scleraforce.reader.interval_groups import group_of
 from scleraforce.reader.interval_scores import Score, score
 from scleraforce.reader.raw_network import OnnxRawNetwork
 from scleraforce.segmentation.frame_window import FrameWindow

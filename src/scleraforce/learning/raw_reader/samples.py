@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scleraforce.laboratory.reduced_bscans import draw_reduced
 from scleraforce.learning.raw_reader.light import draw_optics, draw_shafts, largest_needle_gap
 from scleraforce.learning.reader.draws import Source
-from scleraforce.learning.reader.samples import draw_eyes, draw_walls
+from scleraforce.learning.reader.samples import draw_eyes, draw_walls, library_of_tissue
 from scleraforce.library import Library
 from scleraforce.library.slices import Framing
 from scleraforce.processes import work_in_order
@@ -85,10 +85,11 @@ class RawSource:
     def _drawn(self, reader: ReaderStudy, count: int, needle: bool, rng: np.random.Generator) -> RawSamples:
         """Draw samples that a needle crosses, or none does, with eyes of a reader's study."""
         study, window = self.study, FrameWindow.of(self.study.raw_reader)
-        eyes = draw_eyes(self.library, reader, count, rng)
+        library = library_of_tissue(self.library, reader, rng)
+        eyes = draw_eyes(library, reader, count, rng)
         lateral_m = reader.lateral_m.sample(rng, count)
         framing = Framing(lateral_m, reader.surface_depth_m.sample(rng, count), eyes.size, eyes.rotation_rad)
-        depth_sbc = draw_walls(self.library, reader, eyes, framing, window_columns(window), rng)
+        depth_sbc = draw_walls(library, reader, eyes, framing, window_columns(window), rng)
         optics = [draw_optics(study, gap_m if needle else None, rng) for gap_m in eyes.gap_m.tolist()]
         shafts = draw_shafts(optics, depth_sbc, lateral_m, eyes.rotation_rad, study, window)
         drawn = draw_reduced(depth_sbc, optics, study.oct, window, rng, shafts)

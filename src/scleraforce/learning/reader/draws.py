@@ -6,13 +6,14 @@ from functools import partial
 
 import numpy as np
 
-from scleraforce.learning.reader.samples import ReaderSamples, draw_samples
+from scleraforce.learning.reader.samples import ReaderSamples, draw_samples, library_of_tissue
 from scleraforce.library import Library
 from scleraforce.processes import work_in_order
 from scleraforce.study import ReaderStudy, SliceStudy
 
 __all__ = ["CHUNK", "Source", "chunks_ahead"]
 
+TISSUE = 400  # samples of one tissue
 CHUNK = 2000  # samples that are drawn together, from a generator of their own
 AHEAD = 4  # chunks for each process that are drawn or wait
 BEYOND_SLICE_M = 0.5e-3  # of the wall that is kept: a tilted or turned section reaches a little farther
@@ -37,7 +38,13 @@ class Source:
     def chunk(self, number: int, count: int = CHUNK) -> ReaderSamples:
         """Draw a chunk of samples."""
         rng = np.random.default_rng([self.reader.seed, number])
-        return draw_samples(self.library, self.reader, self.slice_study, count, rng)
+        parts = [min(TISSUE, count - first) for first in range(0, count, TISSUE)]
+        libraries = [library_of_tissue(self.library, self.reader, rng) for _ in parts]
+        drawn = [
+            draw_samples(library, self.reader, self.slice_study, part, rng)
+            for library, part in zip(libraries, parts, strict=True)
+        ]
+        return ReaderSamples.joined(drawn)
 
 
 def chunks_ahead(source: Source, numbers: Sequence[int], workers: int) -> Generator[ReaderSamples, None, None]:

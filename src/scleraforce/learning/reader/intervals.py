@@ -23,7 +23,7 @@ from scleraforce.learning.reader.virtual_eyes import (
 )
 from scleraforce.library import Library
 from scleraforce.processes import work_in_order
-from scleraforce.reader.interval_factors import group_of
+from scleraforce.reader.interval_groups import group_of
 from scleraforce.reader.interval_scores import Score, intervals_record, score
 from scleraforce.reader.model import slice_network
 from scleraforce.reader.readings import Reading, fit_reading
@@ -93,9 +93,9 @@ def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int]
         if drawn is None:
             return []
         eye, known, left = drawn
-        near = library.for_contact(eye.wall.polar_rad)
         found = []
         for told in (known, of_population(eye, study, rng)):
+            near = library.for_stiffening(told.stiffening or 0.0).for_contact(eye.wall.polar_rad)
             for frame in left:
                 found += _scores(study, near, reads_slices.read, told, frame, str(number))
         return found

@@ -1,6 +1,7 @@
 """Samples for the reader, drawn from the response library: any number, each of an eye of its own."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from scleraforce.library.under_force import iop_ratio_under_force
 from scleraforce.reader.given import Told, given_inputs, told_modulus
 from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy
 
-__all__ = ["Eyes", "ReaderSamples", "draw_eyes", "draw_samples", "draw_walls", "log_even"]
+__all__ = ["Eyes", "ReaderSamples", "draw_eyes", "draw_samples", "draw_walls", "library_of_tissue", "log_even"]
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +27,7 @@ BARELY_INSIDE = 1.0 - 1e-9
 ROUNDS = 40
 CALIBRATED_SD = 0.06  # relative: a modulus that is told as surer than this was calibrated on the eye itself
 PRESSURE_TOLERANCE = 1e-3  # relative, of that under the needle
+TISSUES = 8  # stiffenings of tissue that does: what lies between them is learned
 TRUNCATED_SD = 2.5  # a told modulus is never farther off than this
 
 
@@ -68,6 +70,22 @@ class ReaderSamples:
 
     def __len__(self) -> int:
         return len(self.force_n)
+
+    @classmethod
+    def joined(cls, parts: Sequence["ReaderSamples"]) -> "ReaderSamples":
+        """Return samples one after the other."""
+        columns = ([getattr(part, item.name) for part in parts] for item in fields(cls))
+        return cls(*(np.concatenate(column) for column in columns))
+
+
+def library_of_tissue(library: Library, reader: ReaderStudy, rng: np.random.Generator) -> Library:
+    """Return a library of tissue that stiffens, in a share of the draws: 1 + b is spread evenly in its logarithm."""
+    least, most = np.log1p(library.stiffenings[[0, -1]])
+    stiffens, number = rng.random() < reader.stiffening_share, rng.integers(1, TISSUES + 1)
+    if not stiffens or least == most:
+        return library
+    drawn = np.expm1(least + (most - least) * number / TISSUES)
+    return library.for_stiffening(float(np.clip(drawn, *library.stiffenings[[0, -1]])))
 
 
 def draw_samples(
@@ -156,7 +174,8 @@ def draw_eyes(library: Library, reader: ReaderStudy, count: int, rng: np.random.
     force_n = _forces(reader, largest_n, rng)
     rigidity, low, high = _globes(reader, count, rng)
     pole, told_pole = _poles(reader, count, rng)
-    told = Told(told_pa, told_sd, told_iop_pa, told_thickness_m, told_gap_m, low, high, *told_pole)
+    tissue = np.full(count, library.stiffening)
+    told = Told(told_pa, told_sd, told_iop_pa, told_thickness_m, told_gap_m, low, high, *told_pole, tissue)
     iop_ratio = _pressures(library, (thickness_m, iop_pa, modulus_pa, size), rigidity, force_n, rng)
     eye = (told, modulus_pa, iop_pa, thickness_m, gap_m, size)
     return Eyes(*eye, tilt_rad, rotation_rad, *pole, force_n, rigidity, iop_ratio)

@@ -9,7 +9,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
-from scleraforce.reader.interval_factors import group_of
+from scleraforce.reader.interval_factors import IntervalFactors
 from scleraforce.reader.readings import fit_reading
 from scleraforce.segmentation.observations import observe_points
 from scleraforce.source_hash import PACKAGE, hash_files, sources
@@ -28,10 +28,10 @@ NOT_RUN = (
 )  # fmt: skip
 ROOMS = ("calibration", "eye", "fitting", "known", "learning", "library", "mechanics", "section")
 MODULES = (
-    "reader/force_distribution.py", "reader/given.py", "reader/interval_scores.py", "reader/slice_network.py",
-    "reader/told_network.py", "study/sampled.py", "compiled.py",
+    "reader/force_distribution.py", "reader/given.py", "reader/interval_groups.py", "reader/interval_scores.py",
+    "reader/slice_network.py", "reader/told_network.py", "study/sampled.py", "compiled.py",
 )  # fmt: skip
-SHARED: tuple[Callable[..., Any], ...] = (group_of, fit_reading, observe_points)
+SHARED: tuple[Callable[..., Any], ...] = (IntervalFactors.of_network, fit_reading, observe_points)
 
 
 def reader_files() -> list[str]:

@@ -8,22 +8,25 @@ calibrate it, as `calibrate --frames 3` does; the others are read.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.calibration.assimilation import Skipped
 from scleraforce.calibration.discrepancy import settled
 from scleraforce.calibration.eye_model import EyeConstants, WallState, known_of_constants, stated_wall
 from scleraforce.calibration.frame_order import frame_order
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.calibration.placement import place_section
 from scleraforce.calibration.session import begin, known_after, step
+from scleraforce.calibration.stiffening import TissueTrial, search
 from scleraforce.errors import CalibrationError
 from scleraforce.fitting.placement import Places, curve_depths
 from scleraforce.known.eye import POPULATION_SD, Known, Modulus
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
 from scleraforce.learning.reader.boundary_errors import disturb
-from scleraforce.learning.reader.samples import log_even
+from scleraforce.learning.reader.samples import library_of_tissue, log_even
 from scleraforce.learning.reader.uneven import Forms, added_depths, draw_forms
 from scleraforce.library import Library
 from scleraforce.library.slices import column_laterals, fill_boundaries
@@ -51,6 +54,7 @@ LABEL_SD_N = 0.2e-3
 ROTATION_RAD = np.radians(3.0)
 SHIFT_M = 0.05e-3  # of an eye between frames
 DIRECTION_TOLD = 0.5  # share of the eyes
+POPULATION_STIFFENING_SD = 0.5  # of ln(1 + b), between eyes whose tissue stiffens
 WEAKER = 0.9  # a largest force that the library does not hold is lowered by this
 OPEN_OR_SEALED = (OPEN, SEALED, UNKNOWN)
 
@@ -69,6 +73,11 @@ class VirtualEye:
     forms: Forms
     drift: float
     largest_n: float
+
+    @property
+    def stiffening(self) -> float:
+        """B of its tissue."""
+        return self.model.library.stiffening
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +98,7 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
         CalibrationError: the library does not have it.
     """
     reader, told_globe = study.reader, OPEN_OR_SEALED[number % 3]
+    library = library_of_tissue(library, reader, rng)
     drawn = (draw(values, rng) for values in (reader.youngs_modulus_pa, reader.thickness_m, reader.gap_m))
     modulus_pa, thickness_m, gap_m = drawn
     iop_pa = float(log_even(reader.iop_pa, 1, rng)[0])
@@ -178,21 +188,37 @@ def calibrated(
     Raises:
         CalibrationError: the library does not have the eye as it was told.
     """
-    session = begin(study, eye.told, library)
     labels_n = np.array([frame.force_n for frame in frames]) + LABEL_SD_N * rng.standard_normal(len(frames))
     order = frame_order(labels_n, [True] * len(frames), study.calibration.min_force_n, CALIBRATED, rising=True)
-    used = set[int]()
-    for place in order:
-        if session.updates < CALIBRATED:
-            session = step(session, frames[place].boundaries, float(labels_n[place]))
-            used.add(place)
-    left = tuple(frame for place, frame in enumerate(frames) if place not in used)
-    known = known_after(session)
+    taken = [(frames[place].boundaries, float(labels_n[place])) for place in order]
+    found = search(library, partial(_with_tissue, eye.told, taken, study))
+    if found is None:
+        raise CalibrationError("the library does not have the eye as it was told")
+    stiffening, (known, used) = found
+    left = tuple(frame for place, frame in enumerate(frames) if place not in {order[number] for number in range(used)})
+    return replace(known, stiffening=stiffening), left
+
+
+def _with_tissue(
+    told: EyeConstants, frames: Sequence[tuple[Boundaries, float]], study: Study, library: Library
+) -> TissueTrial[tuple[Known, int]] | None:
+    """Calibrate an eye with the walls of one tissue: what is known of it, and how many frames were gone through."""
+    try:
+        session = begin(study, told, library)
+    except CalibrationError:
+        return None
+    used, least_n, refused = 0, study.calibration.min_force_n, 0
+    for boundaries, force_n in frames:
+        if session.updates >= CALIBRATED:
+            break
+        session = step(session, boundaries, force_n)
+        refused += force_n > least_n and isinstance(session.last, Skipped)
+        used += 1
+    known, borne = known_after(session), [frame for frame in frames[:used] if frame[1] > least_n]
     if known.modulus is None:
-        return known, left
-    borne = [place for place in sorted(used) if labels_n[place] > study.calibration.min_force_n]
-    taken = [(frames[place].boundaries, float(labels_n[place])) for place in borne]
-    return settled(known, taken, (), library, study)[0], left
+        return TissueTrial.diverged((known, used), refused)
+    after = settled(known, borne, (), library, study)
+    return after.trial((after.known, used), refused)
 
 
 def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Known:
@@ -200,7 +226,16 @@ def of_population(eye: VirtualEye, study: Study, rng: np.random.Generator) -> Kn
     low, high = study.reader.youngs_modulus_pa.bounds
     mean_pa = float(np.clip(eye.wall.youngs_modulus_pa * (1.0 + POPULATION_SD * rng.standard_normal()), low, high))
     modulus = Modulus(mean_pa=mean_pa, sd_pa=POPULATION_SD * mean_pa, source="population")
-    return known_of_constants(eye.told, modulus)
+    return replace(known_of_constants(eye.told, modulus), stiffening=_of_others(eye, rng))
+
+
+def _of_others(eye: VirtualEye, rng: np.random.Generator) -> float:
+    """Return b of the population of an eye: of other eyes with tissue that stiffens, if its own does."""
+    if eye.stiffening == 0.0:
+        return 0.0
+    walls = eye.model.library.stiffenings
+    other = np.expm1(np.log1p(eye.stiffening) + POPULATION_STIFFENING_SD * rng.standard_normal())
+    return float(np.clip(other, walls[0], walls[-1]))
 
 
 def _bearable(model: LibraryEye, wall: WallState, largest_n: float) -> float:
