@@ -55,8 +55,29 @@ class _Groups(click.ParamType[tuple[str, ...]]):
         return names
 
 
+class _Counts(click.ParamType[dict[str, int]]):
+    """How many eyes of each group: a number, and others by name after it."""
+
+    name = "N,GROUP=N,..."
+
+    def convert(
+        self, value: str | int | dict[str, int], param: click.Parameter | None, ctx: click.Context | None
+    ) -> dict[str, int]:
+        """Return a number for every group."""
+        if isinstance(value, dict):
+            return value
+        every, *others = str(value).split(",")
+        named = dict(other.partition("=")[::2] for other in others)
+        if unknown := [name for name in named if name not in GROUPS]:
+            self.fail(f"{unknown[0]!r} is no group; there are {', '.join(GROUPS)}", param, ctx)
+        texts = {name: named.get(name, every) for name in GROUPS}
+        if wrong := [text for text in texts.values() if not text.isdigit() or int(text) < 2]:
+            self.fail(f"{wrong[0]!r}: give numbers of eyes, 2 or more, like 30 or 30,needle=6", param, ctx)
+        return {name: int(text) for name, text in texts.items()}
+
+
 COMMANDS = ("calibrate", "evaluate", "generate", "library", "train")  # run as processes of their own
-ERROR_FRAMES = (CALIBRATED_FRAMES, 5)  # after which the error of E is stated
+ERROR_FRAMES = {"plain": (CALIBRATED_FRAMES, 5)}  # after which the error of E is asked for; of others, it is stated
 
 
 @dataclass(frozen=True)
@@ -71,7 +92,8 @@ class Group:
 @click.command()
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/figures"), show_default=True,
               help="Folder of the results; what this code has made there is taken up.")  # fmt: skip
-@click.option("--eyes", "count", type=click.IntRange(2), default=30, show_default=True, help="Of each group.")
+@click.option("--eyes", "counts", type=_Counts(), default=30, show_default=True,
+              help="Of each group, and of some other numbers.")  # fmt: skip
 @click.option("--groups", "names", type=_Groups(), default=tuple(GROUPS), help="Which groups, as they are to come; all "
               f"by default: {','.join(GROUPS)}.")  # fmt: skip
 @worker_options("compute the eyes; the commands after them run here")
@@ -92,7 +114,7 @@ class Group:
 @click.option("--recordings-only", is_flag=True, help="Stop when the eyes are computed and imaged.")
 def main(
     out: Path,
-    count: int,
+    counts: dict[str, int],
     names: tuple[str, ...],
     scheduler: str | None,
     workers: int | None,
@@ -106,7 +128,7 @@ def main(
 ) -> None:
     """Read virtual eyes that no training has seen; write figures.md, figures.json and figures.png to the folder."""
     study, folder, chosen = Study(), FiguresFolder(out), chosen_workers(scheduler, workers) or available_cores()
-    drawn = {group: draw_eyes(group, count, study, seed) for group in names}
+    drawn = {group: draw_eyes(group, counts[group], study, seed) for group in names}
     if still:
         drawn = {group: tuple(eye.held_still() for eye in eyes) for group, eyes in drawn.items()}
     everyone = [eye for eyes in drawn.values() for eye in eyes]
@@ -166,7 +188,7 @@ def _result(folder: FiguresFolder, group: Group, study: Study) -> GroupResult:
         sum(frame.target != frame.true_target for frame in frames),
         sum(force_n < study.needle.max_force_n for force_n in largest_n),
         {method: score(answered) for method, answered in group.answers.items()},
-        [_modulus_errors(folder, group.eyes, count) for count in ERROR_FRAMES],
+        [_modulus_errors(folder, group.eyes, count) for count in ERROR_FRAMES.get(group.name, (CALIBRATED_FRAMES,))],
     )
 
 
