@@ -119,7 +119,7 @@ def test_a_damaged_chunk_is_found_and_made_again(made, tmp_path):
         open_library(path)
     assert missing_library_units(path, plan_library(STUDY)) == [33]
     chunk.unlink()
-    with pytest.raises(InputError, match=r"curves: 1 of 80 chunks are missing"):
+    with pytest.raises(InputError, match=r"curves: 1 of 100 chunks are missing"):
         open_library(path)
     with pytest.raises(InputError, match="1 of 260 load paths are missing"):
         complete_library(path, plan_library(STUDY))
