@@ -175,7 +175,8 @@ def eye_constants(recording: Recording, study: Study) -> EyeConstants:
 
 def _of_tissue(recording: Recording, way: _Way, earlier: EyeCalibration | None, count: StepCount) -> EyeCalibration:
     """Calibrate an eye with the walls of the tissue that explains its frames best, or of the one that is known."""
-    frames = FrameWalls(recording, way.finder)
+    used = frozenset() if earlier is None else frozenset(record.sha256 for record in earlier.frames)
+    frames = FrameWalls(recording, way.finder, used)
     if way.library is None:
         return _calibrate(recording, way, frames, earlier, count).found
     if earlier is not None or not way.stiffening_sought:
@@ -214,7 +215,6 @@ def _calibrate(
     forces = frame_forces(recording, trials)
     session = _begin(recording, way.study, way.library, way.parameters, forces, earlier)
     records, steps = ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
-    seen = {record.sha256 for record in records}
     left = len(trials) if way.frames is None else way.frames
     included = [trial.excluded is None for trial in trials]
     rising = session.filter.model.constants.globe.can_be_sealed
@@ -224,15 +224,16 @@ def _calibrate(
     refused, least_n = 0, way.study.calibration.min_force_n
     for index in order:
         trial = trials[index]
-        if left > 0 and trial.excluded is None and (sha256 := frames.digest(index)) not in seen:
+        seen = frames.look(index) if left > 0 and trial.excluded is None else None
+        if seen is not None:
             force_n, since_s = float(forces.force_n[index]), float(forces.since_start_s[index])
-            session, found, boundaries = _take(session, frames.wall(index), force_n, since_s)
+            session, found, boundaries = _take(session, seen.wall, force_n, since_s)
             refused += boundaries is not None and force_n > least_n and isinstance(found, Skipped)
             shown[index] = float("nan") if boundaries is None else dent(boundaries)
             record = FrameRecord(
                 recording=str(recording.path),
                 file=trial.file,
-                sha256=sha256,
+                sha256=seen.sha256,
                 force_n=force_n,
                 mean_pa=session.mean_pa,
                 sd_pa=session.sd_pa,

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from scleraforce.calibration.assimilation import Skipped
 from scleraforce.recording.files import Recording, frame_digest
@@ -11,7 +12,7 @@ from scleraforce.segmentation.observed import segmented_boundaries
 from scleraforce.segmentation.sclera import find_sclera
 from scleraforce.segmentation.wall_finder import WallFinder
 
-__all__ = ["FrameWalls", "StepCount"]
+__all__ = ["FrameWalls", "SeenFrame", "StepCount"]
 
 
 @dataclass
@@ -32,30 +33,33 @@ class StepCount:
         self(self.left)
 
 
+class SeenFrame(NamedTuple):
+    """By what a frame is known again, and the wall's boundaries in it, or why they are of no use."""
+
+    sha256: str
+    wall: Boundaries | Skipped
+
+
 @dataclass(frozen=True, eq=False)
 class FrameWalls:
-    """The frames of a recording, and the wall's boundaries in them, each looked for once."""
+    """The frames of a recording, each read once; `used` are the digests of those that an earlier calibration used."""
 
     recording: Recording
     finder: WallFinder | None
-    _digests: dict[int, str] = field(default_factory=dict)
-    _walls: dict[int, Boundaries | Skipped] = field(default_factory=dict)
+    used: frozenset[str]
+    _seen: dict[int, SeenFrame | None] = field(default_factory=dict)
 
-    def digest(self, index: int) -> str:
-        """Return by what a frame is known again."""
-        if index not in self._digests:
-            self._digests[index] = frame_digest(self._pixels(index))
-        return self._digests[index]
+    def look(self, index: int) -> SeenFrame | None:
+        """Return what is seen in a frame; None if it was used before."""
+        if index not in self._seen:
+            self._seen[index] = self._look(self.recording.frame(self.recording.frames[index]))
+        return self._seen[index]
 
-    def wall(self, index: int) -> Boundaries | Skipped:
-        """Return the wall's boundaries in a frame, or why they are of no use."""
-        if index not in self._walls:
-            info = self.recording.info
-            scale = PixelScale.of(info.oct)
-            found = find_sclera(self._pixels(index), scale, info.eye.thickness_m, self.finder)
-            seen = segmented_boundaries(found, scale) if found.usable else Skipped(f"not usable: {found.reason}")
-            self._walls[index] = seen
-        return self._walls[index]
-
-    def _pixels(self, index: int) -> Pixels:
-        return self.recording.frame(self.recording.frames[index])
+    def _look(self, pixels: Pixels) -> SeenFrame | None:
+        sha256, info = frame_digest(pixels), self.recording.info
+        if sha256 in self.used:
+            return None
+        scale = PixelScale.of(info.oct)
+        found = find_sclera(pixels, scale, info.eye.thickness_m, self.finder)
+        wall = segmented_boundaries(found, scale) if found.usable else Skipped(f"not usable: {found.reason}")
+        return SeenFrame(sha256, wall)

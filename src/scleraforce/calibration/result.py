@@ -136,7 +136,7 @@ class Calibration:
 
     @property
     def population_stiffening(self) -> float:
-        """B of the eyes' tissue: 1 + b is the geometric mean."""
+        """Return b of the eyes' tissue: 1 + b is the geometric mean."""
         return float(np.expm1(np.mean(np.log1p([eye.stiffening for eye in self._sound]))))
 
     def left_out(self, eye_id: str) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from scleraforce.calibration.calibrate import calibrate_recordings
+from scleraforce.calibration.calibrate import calibrate_recordings, calibration_passes
 from scleraforce.calibration.result import Calibration
 from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.dataset import generate_dataset, open_dataset, read_population_modulus
@@ -134,7 +134,8 @@ def _bent_answers(run: Run) -> int:
 
 def _bent_frames(run: Run) -> int:
     counts = [len(forces_n) for _, forces_n in bent_trials(run.study)]
-    return len(counts) * len(CALIBRATION_FORCES_N) + sum(counts[:CALIBRATED])
+    passes = calibration_passes(run_library(run), None)
+    return passes * len(counts) * len(CALIBRATION_FORCES_N) + sum(counts[:CALIBRATED])
 
 
 def _images(run: Run) -> int:
