@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import click
 import numpy as np
 import pytest
 from pieces_of_work import leave_a_mark_or_fail, leave_a_mark_or_wait
@@ -479,3 +480,13 @@ def test_a_raw_reader_stands_beside_the_default_reader_alone(tmp_path, monkeypat
         assert [method.name for method in methods] == names
         assert [each.name for each in figures_main._methods(folder, group, {}, STUDY, given, None)] == ["fit"]
     assert methods[0].own_modulus
+
+
+def test_some_groups_have_other_numbers_of_eyes() -> None:
+    kind = figures_main._Counts()
+    counts = kind.convert("30,needle=6,moving=4", None, None)
+    assert {name: counts[name] for name in ("plain", "needle", "moving")} == {"plain": 30, "needle": 6, "moving": 4}
+    assert set(counts) == set(GROUPS)
+    for wrong, words in (("30,nedle=6", "'nedle' is no group"), ("30,needle=x", "'x'"), ("1", "'1'"), ("", "''")):
+        with pytest.raises(click.BadParameter, match=words):
+            kind.convert(wrong, None, None)

@@ -52,3 +52,10 @@ def test_a_prior_without_width_or_sign_is_refused(mean: float, sd: float) -> Non
 def test_spread_is_the_sample_standard_deviation() -> None:
     assert spread([0.27, 0.22, 0.24, 0.29]) == pytest.approx((0.255, np.std([0.27, 0.22, 0.24, 0.29], ddof=1)))
     assert spread([0.3]) == (0.3, None)
+
+
+@pytest.mark.parametrize("either_sign", [False, True])
+def test_what_is_no_number_is_no_eye(either_sign: bool) -> None:
+    space = ParameterSpace((Parameter("x", mean=1.0, sd=1.0, positive=False, either_sign=either_sign),))
+    values = np.array([[1.0], [-1.0], [np.nan], [np.inf], [-np.inf]])
+    assert space.exist(values).tolist() == [True, either_sign, False, False, False]

@@ -282,3 +282,12 @@ def test_a_model_that_cannot_be_evaluated_keeps_the_posterior_and_says_so() -> N
     )
     assert step.posterior is prior
     assert "cannot be evaluated" in step.status
+
+
+@pytest.mark.parametrize("iterations", [1, 10])
+def test_a_step_of_which_nothing_but_rounding_is_left_has_diverged(iterations: int) -> None:
+    """Two observations that are one, without noise: no inverse of their covariance."""
+    params, prior = FilterParams(sigma_points("simplex", 1), iterations=iterations), initial_posterior([0.0], [[1.0]])
+    step = filter_step(params, prior, lambda x: np.repeat(x, 2, axis=1), np.array([1.0, 1.0]), np.zeros((2, 2)))
+    assert step.status.startswith("diverged: the iteration left")
+    assert step.posterior is prior

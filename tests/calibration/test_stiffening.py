@@ -135,6 +135,29 @@ def test_stiffenings_beyond_those_that_lose_too_much_are_not_tried() -> None:
     assert set(STIFFENINGS.tolist()) <= set(flat.tried)
 
 
+def test_it_does_not_end_at_walls_that_explain_nothing_themselves() -> None:
+    """Far from the eye's tissue a filter may end anywhere: that the second loses more than the first says nothing."""
+    lost = dict(zip(STIFFENINGS.tolist(), (300.0, 900.0, 60.0, EVEN, 80.0), strict=True))
+    eye = Eye(boundaries=lambda place: lost.get(min(STIFFENINGS, key=lambda b: abs(log1p(b) - place)), 0.0) + place)
+    assert found_of(eye) == pytest.approx(PLACES[3], abs=0.3)
+
+
+def test_it_does_not_end_at_walls_that_refuse_a_frame() -> None:
+    eye = Eye(boundaries=lambda place: 25.0 - 10.0 * (place > 1.0), refused=lambda place: int(0.1 < place < 0.8))
+    assert found_of(eye) > 1.0
+
+
+def test_one_that_diverged_counts_for_less_than_one_that_refuses_most_frames() -> None:
+    def calibrate(library: Library) -> TissueTrial[str]:
+        if library.stiffening == STIFFENINGS[2]:
+            return TissueTrial(found="poor", refused=11, frames=1, of_boundaries=500.0, of_forces=500.0)
+        return TissueTrial.diverged("diverged", 0)
+
+    result = search(LIBRARY, calibrate)
+    assert result is not None
+    assert result[1] == "poor"
+
+
 def test_where_no_stiffening_has_such_an_eye_there_is_none() -> None:
     eye = Eye(able=lambda _: False)
     assert search(LIBRARY, eye) is None
@@ -235,6 +258,11 @@ def test_the_stiffening_is_sought_unless_it_is_left_out(calibrating: Calibrating
     assert len(calibrating.tried) >= 4
     assert sum(steps) == 4 * calibration_passes(LIBRARY, None) == 4 * most_trials(LIBRARY)
     assert calibration_passes(LIBRARY, ("e",)) == calibration_passes(None, None) == 1
+
+
+def test_nobody_is_warned_of_a_filter_with_walls_that_are_far_off(calibrating: Calibrating) -> None:
+    calibrating.loss = lambda place: float(np.nan_to_num(np.sqrt(np.array(-place)))) + (place - 1.6) ** 2
+    assert calibration_of().eyes["mine"].stiffening > 0.0
 
 
 @pytest.mark.parametrize("stiffening", [0.0, 5.0])

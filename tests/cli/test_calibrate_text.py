@@ -1,10 +1,12 @@
 """`calibrate` says what it found beside the modulus in the units that people use, in its text and its picture."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from calibrated_eye import calibration_of_a_sealed_eye
 
+from scleraforce.calibration.words import found_words
 from scleraforce.cli.main import run
 from scleraforce.notebook import work
 from scleraforce.report.calibration_figures import draw_calibration
@@ -32,3 +34,19 @@ def test_text_and_picture_have_what_was_found_beside_the_modulus(
     assert plot.read_bytes().startswith(b"\x89PNG")
     title = draw_calibration(result).axes[0].get_title(loc="left")
     assert title.splitlines() == ["mine: 0.300 MPa, sd 0.0100 MPa", *FOUND]
+
+
+@pytest.mark.parametrize(("stiffening", "said"), [(0.0, None), (6.27, "tissue stiffens, b 6.3")])
+def test_tissue_that_stiffens_is_said(stiffening: float, said: str | None) -> None:
+    eye = replace(calibration_of_a_sealed_eye().eyes["mine"], stiffening=stiffening)
+    assert [words for words in found_words(eye) if "stiffens" in words] == ([] if said is None else [said])
+
+
+def test_a_stiffening_that_is_told_and_sought_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text("[tissue]\nstiffening = 3.0\n")
+    assert run(["calibrate", "eye", "--study", str(study), "--out", str(tmp_path / "out.json")]) == 2
+    error = capsys.readouterr().err
+    assert "tissue.stiffening: is sought in the frames" in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out.json").exists()

@@ -146,6 +146,11 @@ def _wait_at_rest(scanner: Peer, monitor: Started, shown: Shown | None = None) -
     [
         (["--calibration", "calibration.json"], "--eye: missing"),
         (["--calibration", "calibration.json", "--eye", "mine", "--youngs-modulus-mpa", "0.3"], "--youngs-modulus-mpa"),
+        (
+            ["--calibration", "calibration.json", "--eye", "mine", "--stiffening", "3"],
+            "--stiffening: --calibration gives",
+        ),
+        (["--stiffening", "99"], "stiffening 99 of the tissue"),
         (["--calibration", "nowhere.json", "--eye", "mine"], "nowhere.json"),
         (["--thickness-um", "5000"], "wall thickness 5000"),
         (["--thickness-um", "nan"], "nan"),

@@ -22,7 +22,7 @@ from scleraforce.fitting.fit_prediction import (
     predict_wall,
 )
 from scleraforce.fitting.fit_start import LARGEST_N, bearing_start, higher_start, starts
-from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries
+from scleraforce.fitting.library_fit import BoundaryFit, _Problem, fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, KnownGlobe, known_globe
@@ -302,3 +302,19 @@ def test_a_globe_of_unknown_kind_that_was_found_to_be_open_is_read(library: Libr
     fit = fit_boundaries(library, LATERAL_M, depth, prior_of(known_of(truth, found), RANGES), 0.0, 10e-3)
     assert fit is not None
     assert fit.force_n == pytest.approx(float(force_n(Walls(library, OPEN), truth[None])[0]), rel=0.05)
+
+
+def test_the_pressures_of_a_wall_that_no_library_holds_are_those_of_the_nearest() -> None:
+    """A search strides that far: through walls of no thickness, whose pressures have no logarithm."""
+    problem = _Problem(SEALED_WALLS, None, None)  # type: ignore[arg-type]  # neither columns nor prior are asked
+    wall = eye(1e-3, 0.5)
+    for beyond, nearest in ((-1e-4, LIBRARY.thickness_m[0]), (5e-3, LIBRARY.thickness_m[-1])):
+        ends = [problem._log_pressure_ends(_with_thickness(wall, thickness)) for thickness in (beyond, nearest)]
+        assert np.isfinite(ends).all()
+        assert ends[0] == pytest.approx(ends[1])
+
+
+def _with_thickness(wall: np.ndarray, thickness_m: float) -> np.ndarray:
+    wall = wall.copy()
+    wall[THICKNESS] = thickness_m
+    return wall

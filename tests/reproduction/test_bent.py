@@ -27,7 +27,7 @@ def test_the_bar_is_as_long_as_the_frames_that_both_calibrations_go_through(
     """The search of the stiffening goes through each frame several times; linear mechanics once."""
     library, counted = made_up_library(), []
 
-    def calibrate(recordings: Sequence[Frames], *others: Any, progress: Callable[[int], None], finder: object) -> None:
+    def calibrate(recordings: Sequence[Frames], *others: Any, progress: Callable[[int], None], **_: Any) -> None:
         passes = calibration_passes(others[-1], None)
         progress(passes * sum(len(recording.frames) for recording in recordings))
 
