@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.calibration.stiffening import TissueTrial
 from scleraforce.errors import CalibrationError
 from scleraforce.known.calibration_file import open_calibration, parse_calibration_file, summary_of
+from scleraforce.known.eye import known_of_eye, known_of_recording
 from scleraforce.known.globe import SEALED, UNKNOWN
 from scleraforce.laboratory.ideal_boundaries import virtual_sections
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
@@ -121,7 +123,7 @@ def test_of_an_eye_that_may_be_sealed_all_frames_are_taken_light_ones_first_then
 def test_going_on_from_a_saved_posterior_equals_an_uninterrupted_run(
     laboratory: Any, recording: Recording, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("scleraforce.calibration.calibrate.frame_order", lambda _, included, *__: range(len(included)))
+    monkeypatch.setattr("scleraforce.calibration.one_tissue.frame_order", lambda _, included, *__: range(len(included)))
     begun = calibrate_recordings([recording], laboratory.study, "hash", None, frames=2)
     assert [frame.file for frame in begun.eyes["virtual"].used] == ["0002.png", "0003.png"]
     saved = parsed(json.dumps(calibration_as_json(begun)))
@@ -290,37 +292,74 @@ def test_a_missing_file_names_the_command_that_writes_it(tmp_path: Path) -> None
         open_calibration(tmp_path / "none.json")
 
 
+def told_eye(recording: Recording, globe: str | None) -> Recording:
+    return replace(recording, info=replace(recording.info, eye=replace(recording.info.eye, globe=globe)))
+
+
+@pytest.fixture
+def found_of(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str | None]]:
+    """Make a calibration diverge unless nothing is told of the globe; return what was told in each."""
+
+    def use(untold_status: str, rigidity: float, sd: float = 0.001) -> list[str | None]:
+        sealed = calibration_of_a_sealed_eye().eyes["mine"]
+        per_ul, asked = SI_PER_UNIT["mmhg13_per_ul"][1], list[str | None]()
+
+        def found(recording: Recording, *_: Any) -> TissueTrial[EyeCalibration]:
+            asked.append(recording.info.eye.globe)
+            *frames, last = sealed.frames
+            status = "diverged: by 5 sd" if asked[-1] is not None else untold_status
+            globe = SEALED if asked[-1] is not None else replace(UNKNOWN, mean=rigidity * per_ul, sd=sd * per_ul)
+            eye = replace(sealed, id="virtual", frames=(*frames, replace(last, status=status)), globe=globe)
+            return TissueTrial.diverged(eye, 0)
+
+        monkeypatch.setattr("scleraforce.calibration.calibrate.calibrate_eye", found)
+        return asked
+
+    return use
+
+
 @pytest.mark.parametrize(
     ("told", "untold_status", "rigidity", "doubted"),
     [
         ("open", "ok", 0.03, True),
-        ("open", "ok", 0.0004, False),
+        ("open", "ok", 0.0052, True),
+        ("open", "diverged: by 4 sd", 0.0, False),
         ("open", "diverged: by 4 sd", 0.03, False),
         ("sealed", "ok", 0.0, True),
-        (None, "ok", 0.03, False),
+        (None, "diverged: by 4 sd", 0.03, False),
     ],
 )
 def test_a_globe_is_doubted_where_the_frames_agree_on_another_one(
     recording: Recording,
-    monkeypatch: pytest.MonkeyPatch,
+    found_of: Callable[..., list[str | None]],
     told: str | None,
     untold_status: str,
     rigidity: float,
     doubted: bool,
 ) -> None:
-    sealed = calibration_of_a_sealed_eye().eyes["mine"]
-    per_ul = SI_PER_UNIT["mmhg13_per_ul"][1]
-
-    def found(asked: Recording, *_: Any) -> TissueTrial[EyeCalibration]:
-        untold = asked.info.eye.globe is None
-        status = untold_status if untold and told is not None else "diverged: by 5 sd"
-        *frames, last = sealed.frames
-        globe = replace(UNKNOWN, mean=rigidity * per_ul, sd=0.001 * per_ul) if untold else SEALED
-        eye = replace(sealed, frames=(*frames, replace(last, status=status)), globe=globe)
-        return TissueTrial.diverged(eye, 0)
-
-    monkeypatch.setattr("scleraforce.calibration.calibrate._calibrate", found)
-    asked = replace(recording, info=replace(recording.info, eye=replace(recording.info.eye, globe=told)))
-    eye = calibrate_recordings([asked], Study(), "hash", LIBRARY).eyes["virtual"]
+    found_of(untold_status, rigidity)
+    eye = calibrate_recordings([told_eye(recording, told)], Study(), "hash", LIBRARY).eyes["virtual"]
+    assert eye.status.startswith("diverged")
     assert bool(eye.recordings[-1].doubts) == doubted
     assert (eye.globe == UNKNOWN) == doubted
+
+
+@pytest.mark.parametrize(("rigidity", "sd"), [(0.0017, 0.0002), (0.0004, 0.001), (0.0055, 0.003)])
+def test_an_open_globe_is_not_doubted_for_a_rigidity_that_no_closed_one_has(
+    recording: Recording, found_of: Callable[..., list[str | None]], rigidity: float, sd: float
+) -> None:
+    asked = found_of("ok", rigidity, sd)
+    before = calibrate_recordings([told_eye(recording, "open")], Study(), "hash", LIBRARY)
+    eye, per_ul = before.eyes["virtual"], SI_PER_UNIT["mmhg13_per_ul"][1]
+    assert asked[0] == "open"
+    assert eye.status == "ok"
+    assert (eye.globe.kind, eye.globe.mean, eye.globe.sd) == ("open", rigidity * per_ul, sd * per_ul)
+    (doubt,) = eye.recordings[-1].doubts
+    assert "its walls are none that the model knows: they are read as with k 0.03" in doubt
+    summary = summary_of(parse_calibration_file(json.dumps(calibration_as_json(before)).encode(), "c.json"))
+    told = known_of_recording(told_eye(recording, "open").info)
+    assert known_of_eye(told, summary, "virtual").globe == eye.globe
+    asked.clear()
+    again = calibrate_recordings([told_eye(recording, "open")], Study(), "hash", LIBRARY, earlier=before)
+    assert asked == [None]
+    assert again.eyes["virtual"].globe == eye.globe

@@ -10,8 +10,9 @@ import pytest
 from told_finder import told_finder
 
 from scleraforce.calibration import frame_walls, session
-from scleraforce.calibration.calibrate import calibrate_recordings, eye_constants
+from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.forces import FrameForces, frame_forces
+from scleraforce.calibration.one_tissue import eye_constants
 from scleraforce.calibration.result import Calibration
 from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.errors import CalibrationError

@@ -227,7 +227,7 @@ class Calibrating:
 @pytest.fixture
 def calibrating(monkeypatch: pytest.MonkeyPatch) -> Calibrating:
     made = Calibrating()
-    monkeypatch.setattr("scleraforce.calibration.calibrate._calibrate", made)
+    monkeypatch.setattr("scleraforce.calibration.calibrate.calibrate_eye", made)
     return made
 
 
@@ -238,6 +238,7 @@ class Recorded:
     @dataclass(frozen=True)
     class Named:
         id: str = "mine"
+        globe: str | None = None
 
     @dataclass(frozen=True)
     class Info:

@@ -1,59 +1,26 @@
 """Young's modulus of each eye from its recordings, and of the population (paper sec. 3.2, Table 2)."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from scleraforce.calibration.assimilation import (
-    PARAMETERS,
-    RIGIDITY,
-    EyeFilter,
-    FrameStep,
-    Skipped,
-    known_globe_after,
-    moments,
-)
-from scleraforce.calibration.discrepancy import settled
-from scleraforce.calibration.eye_model import EyeConstants
-from scleraforce.calibration.forces import FrameForces, frame_forces
-from scleraforce.calibration.frame_order import frame_order, reach_doubts
 from scleraforce.calibration.frame_walls import FrameWalls, StepCount
-from scleraforce.calibration.registration import first_belief
-from scleraforce.calibration.result import Calibration, EyeCalibration, FrameRecord, UsedRecording
-from scleraforce.calibration.session import EyeSession, begin, known_after, step
+from scleraforce.calibration.one_tissue import Way, calibrate_eye
+from scleraforce.calibration.result import Calibration, EyeCalibration
 from scleraforce.calibration.stiffening import TissueTrial, most_trials, search
 from scleraforce.calibration.words import rigidity_words
 from scleraforce.errors import CalibrationError
-from scleraforce.known.eye import Known, open_doubts, told_globe
-from scleraforce.known.globe import OPEN, UNKNOWN
+from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
 from scleraforce.library import Library
-from scleraforce.recording.agreement import log_doubts
-from scleraforce.recording.files import Recording, tables_digest
-from scleraforce.recording.labels import label_frames
-from scleraforce.segmentation.observations import Boundaries
-from scleraforce.segmentation.observed import dent
+from scleraforce.recording.files import Recording
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
-from scleraforce.units import from_si
 
-__all__ = ["STIFFENING", "calibrate_recordings", "calibration_passes", "eye_constants", "stated_tissue"]
+__all__ = ["STIFFENING", "calibrate_recordings", "calibration_passes", "stated_tissue"]
 
 SURE_SEALED = 3.0  # standard deviations that a rigidity lies above 0 of a globe that cannot be open
 STIFFENING = "stiffening"  # the parameter that no filter has: it is searched for
-SAME_MODULUS = 0.01  # relative; what else is stated of the eye moves the mean of a lognormal by less
-
-
-@dataclass(frozen=True)
-class _Way:
-    """How eyes are calibrated; see `calibrate_recordings`. `parameters` are those of the filter."""
-
-    study: Study
-    library: Library | None
-    parameters: tuple[str, ...]
-    stiffening_sought: bool
-    frames: int | None
-    finder: WallFinder | None
 
 
 def calibrate_recordings(
@@ -99,38 +66,57 @@ def calibrate_recordings(
         )
     of_filter = tuple(name for name in parameters if name != STIFFENING)
     passes = calibration_passes(library, parameters)
-    way = _Way(study, library, of_filter, STIFFENING in parameters, frames, finder)
+    way = Way(study, library, of_filter, STIFFENING in parameters, frames, finder)
     eyes = {} if earlier is None else dict(earlier.eyes)
     for recording in recordings:
         eye_id = recording.info.eye.id
         before = eyes.get(eye_id)
         count = StepCount(passes * len(recording.frames), progress)
-        found = _of_tissue(recording, way, before, count)
+        eyes[eye_id] = _of_eye(recording, way, before, count)
         count.finish()
-        doubted = found.status != "ok" and before is None and library is not None
-        eyes[eye_id] = _with_globe_doubt(found, recording, way) if doubted else found
     mine = {recording.info.eye.id: eyes[recording.info.eye.id] for recording in recordings}
     return Calibration(mine, study_sha256, study.classes.bounds_n, mechanics)
 
 
-def _with_globe_doubt(diverged: EyeCalibration, recording: Recording, way: _Way) -> EyeCalibration:
-    """Return a calibration that diverged; where its frames agree if nothing is told of the globe, none is known."""
-    eye = recording.info.eye
-    if eye.globe is None:
-        return diverged
-    untold = replace(eye, globe=None, rigidity_pa13_per_m3=None, rigidity_law=None)
-    asked = replace(recording, info=replace(recording.info, eye=untold))
-    other = _of_tissue(asked, way, None, StepCount(0, None))
-    as_told = eye.globe == "open" and other.globe.mean < SURE_SEALED * other.globe.sd
-    if other.status != "ok" or as_told:
-        return diverged
+def _of_eye(recording: Recording, way: Way, before: EyeCalibration | None, count: StepCount) -> EyeCalibration:
+    """Calibrate an eye; where its filter diverges, say what its frames tell of its globe."""
+    told = recording.info.eye.globe
+    if before is not None and told == before.globe.kind == "open" and before.globe.can_be_sealed:
+        return _as_open(_of_tissue(_untold(recording), way, before, count))
+    found = _of_tissue(recording, way, before, count)
+    if found.status == "ok" or before is not None or way.library is None or told is None:
+        return found
+    other = _of_tissue(_untold(recording), way, None, StepCount(0, None))
+    if other.status != "ok":
+        return found
+    if told == "open" and other.globe.mean < max(SEALED.lowest, SURE_SEALED * other.globe.sd):
+        return _doubted(
+            _as_open(other),
+            f"eye.globe is stated as open, and its walls are none that the model knows: they are read as with "
+            f"{rigidity_words(other)}, less than that of closed eyes; is its limbus in view, or its wall uneven?",
+        )
     doubt = (
-        f"eye.globe is stated as {eye.globe}, and the frames contradict that; of a globe that may be open or sealed "
+        f"eye.globe is stated as {told}, and the frames contradict that; of a globe that may be open or sealed "
         f"they say {rigidity_words(other)} and do not: state what it is, or leave eye.globe out"
     )
-    *others, last = diverged.recordings
-    recordings = (*others, replace(last, doubts=(*last.doubts, doubt)))
-    return replace(diverged, globe=UNKNOWN, recordings=recordings)
+    return _doubted(replace(found, globe=UNKNOWN), doubt)
+
+
+def _untold(recording: Recording) -> Recording:
+    """Return a recording that says nothing of its globe."""
+    eye = replace(recording.info.eye, globe=None, rigidity_pa13_per_m3=None, rigidity_law=None)
+    return replace(recording, info=replace(recording.info, eye=eye))
+
+
+def _as_open(eye: EyeCalibration) -> EyeCalibration:
+    """Return an eye that was told open and found with a small rigidity, which stands for what its walls have else."""
+    return replace(eye, globe=replace(eye.globe, kind=OPEN.kind))
+
+
+def _doubted(eye: EyeCalibration, doubt: str) -> EyeCalibration:
+    """Return an eye whose last recording is doubted."""
+    *others, last = eye.recordings
+    return replace(eye, recordings=(*others, replace(last, doubts=(*last.doubts, doubt))))
 
 
 def calibration_passes(library: Library | None, parameters: tuple[str, ...] | None) -> int:
@@ -148,49 +134,24 @@ def stated_tissue(library: Library, study: Study) -> Library:
     return library.for_stiffening(study.tissue.stiffening)
 
 
-def eye_constants(recording: Recording, study: Study) -> EyeConstants:
-    """Return what a recording states about its eye, and where it does not, the study.
-
-    Raises:
-        CalibrationError: the wall's thickness is not stated; nothing in a frame says as much about E.
-    """
-    info = recording.info
-    if info.eye.thickness_m is None:
-        raise CalibrationError(
-            f"{recording.path / 'recording.toml'}: eye.thickness_m: missing; a calibration needs the wall's thickness"
-        )
-    low, high = study.needle.polar_angle_rad.bounds
-    stated = info.needle.polar_angle_rad
-    return EyeConstants(
-        iop_pa=study.eye.iop_pa if info.eye.iop_pa is None else info.eye.iop_pa,
-        thickness_m=info.eye.thickness_m,
-        gap_m=info.needle.slice_gap_m,
-        polar_rad=(low + high) / 2 if stated is None else stated,
-        polar_sd_rad=(high - low) / 12**0.5 if stated is None else 0.0,
-        direction_rad=info.oct.plane_direction_rad,
-        tilt_rad=info.oct.plane_tilt_rad,
-        globe=told_globe(info.eye) or UNKNOWN,
-    )
-
-
-def _of_tissue(recording: Recording, way: _Way, earlier: EyeCalibration | None, count: StepCount) -> EyeCalibration:
+def _of_tissue(recording: Recording, way: Way, earlier: EyeCalibration | None, count: StepCount) -> EyeCalibration:
     """Calibrate an eye with the walls of the tissue that explains its frames best, or of the one that is known."""
     used = frozenset() if earlier is None else frozenset(record.sha256 for record in earlier.frames)
     frames = FrameWalls(recording, way.finder, used)
     if way.library is None:
-        return _calibrate(recording, way, frames, earlier, count).found
+        return calibrate_eye(recording, way, frames, earlier, count).found
     if earlier is not None or not way.stiffening_sought:
         known = (
             stated_tissue(way.library, way.study) if earlier is None else way.library.for_stiffening(earlier.stiffening)
         )
         of_tissue = replace(way, library=known)
-        return _calibrate(recording, of_tissue, frames, earlier, count).found
+        return calibrate_eye(recording, of_tissue, frames, earlier, count).found
     faults = list[CalibrationError]()
 
     def attempt(library: Library) -> TissueTrial[EyeCalibration] | None:
         try:
             with np.errstate(all="ignore"):  # with walls that are far from the eye's a filter may end anywhere
-                return _calibrate(recording, replace(way, library=library), frames, None, count)
+                return calibrate_eye(recording, replace(way, library=library), frames, None, count)
         except CalibrationError as fault:
             faults.append(fault)
             return None
@@ -199,199 +160,3 @@ def _of_tissue(recording: Recording, way: _Way, earlier: EyeCalibration | None, 
     if found is None:
         raise faults[0]
     return found[1]
-
-
-def _calibrate(
-    recording: Recording,
-    way: _Way,
-    frames: FrameWalls,
-    earlier: EyeCalibration | None,
-    count: StepCount,
-) -> TissueTrial[EyeCalibration]:
-    """Calibrate an eye with the walls of one tissue."""
-    if recording.forces is None:
-        raise CalibrationError(f"{recording.path}: no forces.csv; a calibration needs frames of known force")
-    trials = label_frames(recording, way.study.classes, way.study.needle.max_force_n)
-    forces = frame_forces(recording, trials)
-    session = _begin(recording, way.study, way.library, way.parameters, forces, earlier)
-    records, steps = ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
-    left = len(trials) if way.frames is None else way.frames
-    included = [trial.excluded is None for trial in trials]
-    rising = session.filter.model.constants.globe.can_be_sealed
-    order = frame_order(forces.force_n, included, way.study.calibration.min_force_n, way.frames, rising)
-    shown = [float("nan")] * len(trials)
-    taken: dict[int, Boundaries] = {}
-    refused, least_n = 0, way.study.calibration.min_force_n
-    for index in order:
-        trial = trials[index]
-        seen = frames.look(index) if left > 0 and trial.excluded is None else None
-        if seen is not None:
-            force_n, since_s = float(forces.force_n[index]), float(forces.since_start_s[index])
-            session, found, boundaries = _take(session, seen.wall, force_n, since_s)
-            refused += boundaries is not None and force_n > least_n and isinstance(found, Skipped)
-            shown[index] = float("nan") if boundaries is None else dent(boundaries)
-            record = FrameRecord(
-                recording=str(recording.path),
-                file=trial.file,
-                sha256=seen.sha256,
-                force_n=force_n,
-                mean_pa=session.mean_pa,
-                sd_pa=session.sd_pa,
-            )
-            records.append(_recorded(record, found))
-            if isinstance(found, FrameStep):
-                assert boundaries is not None  # of a frame without a wall there is no step
-                taken[len(records) - 1] = boundaries
-                steps.append(found)
-                left -= 1
-        count(1)
-    count(len(trials) - len(order))
-    missed_n = [record.force_n for record in records if record.skipped is not None]
-    used_n = [record.force_n for record in records if record.skipped is None]
-    doubts = (*log_doubts(recording, way.study.classes, shown), *reach_doubts(used_n, missed_n))
-    if way.library is None:
-        doubts = (*open_doubts(recording.info.eye.globe), *doubts)
-    if all(record.skipped is not None for record in records):
-        reason = next((record.skipped for record in records), "excluded")
-        raise CalibrationError(
-            f"{recording.path}: none of its {len(trials)} frames can be calibrated on ({reason}); it "
-            f"takes frames with a wall in view and more than {from_si(way.study.calibration.min_force_n, 'mn'):g} mN"
-            + "".join(f"; {doubt}" for doubt in doubts)
-        )
-    means, sds = moments(session.filter, session.state)
-    found_eye = EyeCalibration(
-        id=recording.info.eye.id,
-        names=session.filter.space.names,
-        means=tuple(means.tolist()),
-        sds=tuple(sds.tolist()),
-        stated_thickness_m=session.filter.model.constants.thickness_m,
-        globe=known_globe_after(session.filter, session.state),
-        state=session.state,
-        recordings=_recordings(recording, forces, earlier, doubts),
-        frames=tuple(records),
-        steps=tuple(steps),
-        filter=session.filter,
-        stiffening=0.0 if way.library is None else way.library.stiffening,
-    )
-    if way.library is None or found_eye.status != "ok":
-        return TissueTrial.diverged(found_eye, refused)
-    return _settled(found_eye, known_after(session), taken, refused, way)
-
-
-def _settled(
-    eye: EyeCalibration, known: Known, taken: Mapping[int, Boundaries], refused: int, way: _Way
-) -> TissueTrial[EyeCalibration]:
-    """Return a calibration with what its frames tell when they are read again.
-
-    Args:
-        eye: the calibration.
-        known: of the eye after it.
-        taken: boundaries of the frames that were used now, by their place among the eye's; others were read before.
-        refused: how many frames the filter did not take.
-        way: with the library, for any contact.
-    """
-    assert way.library is not None  # whose frames are read again
-    frames = list(eye.frames)
-    asked = [(boundaries, frames[place].force_n) for place, boundaries in taken.items()]
-    earlier = [frame.again for place, frame in enumerate(frames) if frame.again is not None and place not in taken]
-    after = settled(known, asked, earlier, way.library, way.study)
-    found = after.known
-    for place, read in zip(taken, after.again, strict=True):
-        frames[place] = replace(frames[place], again=read)
-    assert found.modulus is not None  # as before
-    assert found.globe is not None
-    now = {
-        PARAMETERS["e"]: (found.modulus.mean_pa, found.modulus.sd_pa),
-        RIGIDITY: (found.globe.mean, found.globe.sd),
-    }
-    estimates = zip(eye.names, eye.means, eye.sds, strict=True)
-    means, sds = zip(*(now.get(name, (mean, sd)) for name, mean, sd in estimates), strict=True)
-    settled_eye = replace(
-        eye, means=means, sds=sds, globe=found.globe, discrepancy=found.discrepancy, frames=tuple(frames)
-    )
-    return after.trial(settled_eye, refused)
-
-
-def _begin(
-    recording: Recording,
-    study: Study,
-    library: Library | None,
-    parameters: tuple[str, ...],
-    forces: FrameForces,
-    earlier: EyeCalibration | None,
-) -> EyeSession:
-    """Return the eye before this recording's frames; what a recording's frames share is new with each recording."""
-    constants = eye_constants(recording, study)
-    if library is None:
-        constants = replace(constants, globe=OPEN)  # as in the paper: linear mechanics knows no other
-    session = begin(study, constants, library, parameters, forces.zero_covariance)
-    if earlier is None:
-        return session
-    if earlier.names != session.filter.space.names:
-        raise CalibrationError(
-            f"{earlier.id}: the earlier calibration has {', '.join(earlier.names)} for parameters, not "
-            f"{', '.join(session.filter.space.names)}; begin anew or name the same"
-        )
-    _check_state(session.filter, earlier)
-    if tables_digest(recording) in {entry.sha256 for entry in earlier.recordings}:
-        return replace(session, state=earlier.state)
-    return replace(session, state=replace(earlier.state, belief=first_belief(session.filter.model)))
-
-
-def _check_state(eye: EyeFilter, earlier: EyeCalibration) -> None:
-    """Check that the state of an earlier calibration gives its moduli again."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        means, sds = moments(eye, earlier.state)
-    modulus_pa = means[eye.space.names.index(PARAMETERS["e"])]
-    same = abs(modulus_pa / earlier.used[-1].mean_pa - 1.0) < SAME_MODULUS
-    if not (same and np.isfinite((means, sds)).all()):
-        raise CalibrationError(
-            f"{earlier.id}: the state of the earlier calibration is not that of its parameters under this study; begin "
-            "anew, or give the study that it was made with"
-        )
-
-
-def _take(
-    session: EyeSession, seen: Boundaries | Skipped, force_n: float, since_s: float
-) -> tuple[EyeSession, FrameStep | Skipped, Boundaries | None]:
-    """Return the eye after one more frame, what became of the frame, and the wall's boundaries in it."""
-    if isinstance(seen, Skipped):
-        return session, seen, None
-    session = step(session, seen, force_n, since_s)
-    assert session.last is not None  # what `step` has just done
-    return session, session.last, seen
-
-
-def _recorded(record: FrameRecord, found: FrameStep | Skipped) -> FrameRecord:
-    """Return a frame's record with what became of the frame."""
-    if isinstance(found, Skipped):
-        return replace(record, skipped=found.reason)
-    result = found.result
-    return replace(
-        record,
-        own_modulus_pa=found.registered.youngs_modulus_pa,
-        points=result.observations,
-        gated=result.gated,
-        nis=result.nis,
-        inflation=result.inflation,
-        status=result.status,
-    )
-
-
-def _recordings(
-    recording: Recording, forces: FrameForces, earlier: EyeCalibration | None, doubts: tuple[str, ...]
-) -> tuple[UsedRecording, ...]:
-    """Return the recordings that an eye rests on, this one among them."""
-    zero_n, drift_n_per_s = forces.zero.tolist()
-    used = UsedRecording(
-        path=str(recording.path),
-        sha256=tables_digest(recording),
-        zero_n=zero_n,
-        drift_n_per_s=drift_n_per_s,
-        doubts=doubts,
-    )
-    before = () if earlier is None else earlier.recordings
-    if used.sha256 not in {entry.sha256 for entry in before}:
-        return (*before, used)
-    *others, last = before
-    return (*others, replace(last, doubts=doubts or last.doubts))
