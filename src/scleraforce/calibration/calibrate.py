@@ -11,7 +11,7 @@ from scleraforce.calibration.result import Calibration, EyeCalibration
 from scleraforce.calibration.stiffening import TissueTrial, most_trials, search
 from scleraforce.calibration.words import rigidity_words
 from scleraforce.errors import CalibrationError
-from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.known.globe import NINETY_PERCENT, OPEN, SEALED, UNKNOWN
 from scleraforce.library import Library
 from scleraforce.recording.files import Recording
 from scleraforce.segmentation.wall_finder import WallFinder
@@ -109,8 +109,12 @@ def _untold(recording: Recording) -> Recording:
 
 
 def _as_open(eye: EyeCalibration) -> EyeCalibration:
-    """Return an eye that was told open and found with a small rigidity, which stands for what its walls have else."""
-    return replace(eye, globe=replace(eye.globe, kind=OPEN.kind))
+    """Return an eye that was told open and found with a small rigidity, which stands for what its walls have else.
+
+    So it is no surer than what was told: the band that holds it with 90 % reaches down to 0.
+    """
+    sd = max(eye.globe.sd, eye.globe.mean / NINETY_PERCENT)
+    return replace(eye, globe=replace(eye.globe, kind=OPEN.kind, sd=sd))
 
 
 def _doubted(eye: EyeCalibration, doubt: str) -> EyeCalibration:
