@@ -11,7 +11,7 @@ from analytic_library import analytic_library
 from calibrated_eye import calibration_of_a_sealed_eye
 from stiffened_library import STIFFENINGS, made_up_library, solved_library
 
-from scleraforce.calibration.calibrate import calibrate_recordings, calibration_passes
+from scleraforce.calibration.calibrate import SOUGHT_ON, calibrate_recordings, calibration_passes
 from scleraforce.calibration.result import Calibration, EyeCalibration
 from scleraforce.calibration.stiffening import TissueTrial, most_trials, search
 from scleraforce.errors import CalibrationError, InputError
@@ -215,8 +215,10 @@ class Calibrating:
     loss: Callable[[float], float] = lambda place: 40.0 * (place - 1.6) ** 2
     fault: str | None = None
     tried: list[tuple[float, bool]] = field(default_factory=list)
+    frames: list[int | None] = field(default_factory=list)
 
     def __call__(self, recording: Any, way: Any, _frames: Any, earlier: Any, count: Callable[[int], None]) -> Any:
+        self.frames.append(way.frames)
         self.tried.append((way.library.stiffening, earlier is not None))
         count(len(recording.frames))
         if self.fault is not None:
@@ -245,7 +247,7 @@ class Recorded:
         eye: Any
 
     info: Any = Info(Named())
-    frames: tuple[int, ...] = (1, 2, 3, 4)
+    frames: tuple[int, ...] = tuple(range(8))
 
 
 def calibration_of(study: Study | None = None, **given: Any) -> Calibration:
@@ -257,8 +259,26 @@ def test_the_stiffening_is_sought_unless_it_is_left_out(calibrating: Calibrating
     eye = calibration_of(progress=steps.append).eyes["mine"]
     assert log1p(eye.stiffening) == pytest.approx(1.55, abs=0.1)
     assert len(calibrating.tried) >= 4
-    assert sum(steps) == 4 * calibration_passes(LIBRARY, None) == 4 * most_trials(LIBRARY)
+    assert sum(steps) == 8 * calibration_passes(LIBRARY, None) == 8 * (most_trials(LIBRARY) + 1)
     assert calibration_passes(LIBRARY, ("e",)) == calibration_passes(None, None) == 1
+
+
+@pytest.mark.parametrize("wanted", [None, 3, 6, 40])
+def test_it_is_sought_on_a_few_frames_and_then_all_that_are_wanted_are_calibrated_on(
+    calibrating: Calibrating, wanted: int | None
+) -> None:
+    eye = calibration_of(frames=wanted).eyes["mine"]
+    few = wanted in (3, 6)
+    tried = calibrating.frames if few else calibrating.frames[:-1]
+    assert set(tried) == {wanted if few else SOUGHT_ON}
+    assert calibrating.frames[-1] == wanted
+    assert few or calibrating.tried[-1] == (eye.stiffening, False)
+
+
+def test_a_short_recording_is_calibrated_on_once_with_each_tissue(calibrating: Calibrating) -> None:
+    calibrate_recordings([Recorded(frames=(1, 2, 3))], Study(), "hash", LIBRARY)  # type: ignore[list-item]
+    assert set(calibrating.frames) == {None}
+    assert len(calibrating.tried) == len(set(calibrating.tried))
 
 
 def test_nobody_is_warned_of_a_filter_with_walls_that_are_far_off(calibrating: Calibrating) -> None:
@@ -271,7 +291,7 @@ def test_where_it_is_not_sought_it_is_the_study_s(calibrating: Calibrating, stif
     study, steps = replace(Study(), tissue=TissueStudy(stiffening=stiffening)), list[int]()
     eye = calibration_of(study, parameters=("e", "iop"), progress=steps.append).eyes["mine"]
     assert calibrating.tried == [(stiffening, False)]
-    assert (eye.stiffening, sum(steps)) == (stiffening, 4)
+    assert (eye.stiffening, sum(steps)) == (stiffening, 8)
 
 
 def test_a_stiffening_that_the_library_does_not_hold_is_refused(calibrating: Calibrating) -> None:
@@ -288,7 +308,7 @@ def test_an_earlier_calibration_goes_on_with_its_stiffening(calibrating: Calibra
     eye = calibration_of(earlier=earlier, progress=steps.append).eyes["mine"]
     assert calibrating.tried == [(7.0, True)]
     assert eye.stiffening == 7.0
-    assert sum(steps) == 4 * most_trials(LIBRARY)
+    assert sum(steps) == 8 * calibration_passes(LIBRARY, None)
 
 
 def test_where_no_tissue_will_do_the_first_fault_is_said(calibrating: Calibrating) -> None:

@@ -17,10 +17,11 @@ from scleraforce.recording.files import Recording
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 
-__all__ = ["STIFFENING", "calibrate_recordings", "calibration_passes", "stated_tissue"]
+__all__ = ["SOUGHT_ON", "STIFFENING", "calibrate_recordings", "calibration_passes", "stated_tissue"]
 
 SURE_SEALED = 3.0  # standard deviations that a rigidity lies above 0 of a globe that cannot be open
 STIFFENING = "stiffening"  # the parameter that no filter has: it is searched for
+SOUGHT_ON = 6  # frames; where more are wanted, they are calibrated on once it is found
 
 
 def calibrate_recordings(
@@ -126,7 +127,7 @@ def _doubted(eye: EyeCalibration, doubt: str) -> EyeCalibration:
 def calibration_passes(library: Library | None, parameters: tuple[str, ...] | None) -> int:
     """Return how often, at most, every frame of a recording is gone through."""
     sought = parameters is None or STIFFENING in parameters
-    return most_trials(library) if sought and library is not None else 1
+    return most_trials(library) + 1 if sought and library is not None else 1
 
 
 def stated_tissue(library: Library, study: Study) -> Library:
@@ -151,11 +152,16 @@ def _of_tissue(recording: Recording, way: Way, earlier: EyeCalibration | None, c
         of_tissue = replace(way, library=known)
         return calibrate_eye(recording, of_tissue, frames, earlier, count).found
     faults = list[CalibrationError]()
+    more = len(recording.frames) > SOUGHT_ON and (way.frames is None or way.frames > SOUGHT_ON)
+    on_few = replace(way, frames=SOUGHT_ON) if more else way
+
+    def calibrate(library: Library, way: Way) -> TissueTrial[EyeCalibration]:
+        with np.errstate(all="ignore"):  # with walls that are far from the eye's a filter may end anywhere
+            return calibrate_eye(recording, replace(way, library=library), frames, None, count)
 
     def attempt(library: Library) -> TissueTrial[EyeCalibration] | None:
         try:
-            with np.errstate(all="ignore"):  # with walls that are far from the eye's a filter may end anywhere
-                return calibrate_eye(recording, replace(way, library=library), frames, None, count)
+            return calibrate(library, on_few)
         except CalibrationError as fault:
             faults.append(fault)
             return None
@@ -163,4 +169,5 @@ def _of_tissue(recording: Recording, way: Way, earlier: EyeCalibration | None, c
     found = search(way.library, attempt)
     if found is None:
         raise faults[0]
-    return found[1]
+    stiffening, eye = found
+    return calibrate(way.library.for_stiffening(stiffening), way).found if more else eye
