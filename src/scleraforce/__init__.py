@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from scleraforce.library.store import open_library
     from scleraforce.notebook.calibrating import calibrate, evaluate
     from scleraforce.notebook.frames import load_model, read, segment
+    from scleraforce.notebook.importing import import_recording
     from scleraforce.notebook.training import generate, library_of, train
     from scleraforce.notebook.virtual import phantom, simulate
     from scleraforce.recording.files import read_recording
@@ -29,6 +30,7 @@ __all__ = [
     "calibrate",
     "evaluate",
     "generate",
+    "import_recording",
     "library_of",
     "load_model",
     "open_dataset",
@@ -54,6 +56,7 @@ _MODULES = {
     "calibrate": "notebook.calibrating",
     "evaluate": "notebook.calibrating",
     "generate": "notebook.training",
+    "import_recording": "notebook.importing",
     "library_of": "notebook.training",
     "load_model": "notebook.frames",
     "open_dataset": "dataset.store",

@@ -18,9 +18,11 @@ from small_recording import write_small_recording
 
 from scleraforce.cli import main
 from scleraforce.cli.import_ import import_
-from scleraforce.cli.importing import questions
-from scleraforce.cli.importing.options import OPTIONS, ImportAnswers
+from scleraforce.cli.importing import questions as terminal
+from scleraforce.cli.importing.options import OPTIONS
 from scleraforce.cli.main import run
+from scleraforce.formats.importing import questions
+from scleraforce.formats.importing.told import ImportAnswers
 from scleraforce.recording.files import read_recording
 
 REAL = Path(__file__).parents[3] / "shared" / "recordings" / "sample-a"
@@ -198,7 +200,7 @@ def test_floats_are_scaled_and_that_is_said(tmp_path: Path, capsys) -> None:
 def test_a_value_beyond_what_a_recording_may_have_is_refused(tmp_path: Path, capsys) -> None:
     write_dicom(tmp_path / "a.dcm", FRAMES[0], PixelSpacing=[1.0, 5.0])
     error = refused(capsys, tmp_path / "r", tmp_path / "a.dcm", *told())
-    assert "a.dcm: width_m: 0.2 is above the largest allowed value 0.1; tell the value with its option" in error
+    assert "a.dcm: width_m: 0.2 is above the largest allowed value 0.1; tell the right one" in error
 
 
 def test_more_bits_than_were_told_are_refused(tmp_path: Path, capsys) -> None:
@@ -272,7 +274,7 @@ def test_a_recording_that_is_there_stays(tmp_path: Path, capsys) -> None:
 
 
 def test_on_a_terminal_it_asks_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(questions, "can_ask", lambda as_json: not as_json)
+    monkeypatch.setattr(terminal, "_can_ask", lambda as_json: not as_json)
     np.save(tmp_path / "a.npy", FRAMES)
     lines = [f"{n / 200},{-0.001 * n}" for n in range(400)]
     (tmp_path / "log.csv").write_text("\n".join(["when,pull", *lines]) + "\n")
@@ -323,6 +325,7 @@ def test_every_question_is_an_option_and_every_option_an_answer() -> None:
     fields = set(ImportAnswers.__dataclass_fields__)
     assert set(questions.QUESTIONS) <= fields == names - {"out", "like", "as_json", "quiet"}  # quiet: as every command
     assert len(OPTIONS) == len(fields)
+    assert set(terminal.KINDS) == set(questions.QUESTIONS)
     assert main.module_name("import") == "import_"
 
 

@@ -25,11 +25,13 @@ def told_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times |
     goes to the frame of that name; else they go to the frames in their order.
 
     Raises:
-        InputError: both were given, or the table does not go with the frames.
+        InputError: both were given, the rate is none, or the table does not go with the frames.
     """
     if table is not None and rate_hz is not None:
         raise InputError("--rate-hz: --times states when frames were taken; give one of them")
     if rate_hz is not None:
+        if not 0.0 < rate_hz < float("inf"):
+            raise InputError(f"--rate-hz: {rate_hz:g}; give the frames taken in a second")
         return even_times(len(scan.names), 1.0 / rate_hz, "option")
     return None if table is None else Times(_of_table(scan, table), str(table))
 

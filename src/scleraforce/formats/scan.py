@@ -40,7 +40,7 @@ class UnansweredError(InputError):
 
     def __init__(self, option: str, question: str, *forms: str) -> None:
         super().__init__(f"{question}; give {' '.join(f'{option} {form}' for form in forms) or option}")
-        self.option, self.forms = option, forms
+        self.option, self.question, self.forms = option, question, forms
 
 
 @dataclass(frozen=True, eq=False)

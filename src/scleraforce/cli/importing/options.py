@@ -1,32 +1,15 @@
-"""The options of `import`, and their values as one record."""
+"""The options of `import`: the fields of `formats.importing.told.ImportAnswers`."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import click
 
 from scleraforce.study.globe import GLOBES
 
-if TYPE_CHECKING:
-    from scleraforce.formats.gather import Asked
+__all__ = ["AXIS", "BITS", "GAP", "GAUGE", "INDEX", "LENGTH", "RATE", "SIGN", "answer_options"]
 
-__all__ = [
-    "AXIS",
-    "BITS",
-    "GAP",
-    "GAUGE",
-    "INDEX",
-    "LENGTH",
-    "OPTION",
-    "RATE",
-    "SIGN",
-    "ImportAnswers",
-    "answer_options",
-]
-
-OPTION = "option"  # the source of a value that was given on the command line
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 LENGTH, GAP = click.FloatRange(0.01, 100.0), click.FloatRange(0.0, 10.0)
@@ -76,47 +59,3 @@ def answer_options(command: Command) -> Command:
     for option in reversed(OPTIONS):
         command = option(command)
     return command
-
-
-@dataclass(frozen=True, kw_only=True)
-class ImportAnswers:
-    """The values of all options on sources, scale, times, forces and eye, in the units of their names; None: open."""
-
-    axes: str | None
-    array: str | None
-    width_mm: float | None
-    depth_mm: float | None
-    refractive_index: float | None
-    bits: int | None
-    grey_range: tuple[float, float] | None
-    rate_hz: float | None
-    times: Path | None
-    clock_offset_s: float | None
-    columns: tuple[str, ...]
-    axis: str | None
-    contact_sign: str | None
-    average_s: float | None
-    image_topic: str | None
-    force_topic: str | None
-    by_arrival: bool
-    eye: str | None
-    thickness_um: float | None
-    iop_mmhg: float | None
-    globe: str | None
-    gauge: int | None
-    gap_mm: float | None
-    polar_angle_deg: float | None
-
-    def asked(self) -> "Asked":
-        """Return what concerns the reading of sources."""
-        from scleraforce.formats.axes import parse_axes
-        from scleraforce.formats.bags import BagTopics
-        from scleraforce.formats.gather import Asked
-        from scleraforce.formats.log_columns import parse_column
-        from scleraforce.formats.sources import SourceOrder
-
-        return Asked(
-            SourceOrder(None if self.axes is None else parse_axes(self.axes), self.array),
-            tuple(parse_column(text) for text in self.columns),
-            BagTopics(self.image_topic, self.force_topic, self.by_arrival),
-        )

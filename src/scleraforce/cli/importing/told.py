@@ -1,30 +1,17 @@
-"""What `import` tells of a recording that it wrote: for people, for JSON, and in its import.json."""
+"""What `import` tells of a recording that it wrote: for people, and for JSON."""
 
-from dataclasses import asdict
-from hashlib import file_digest
 from pathlib import Path
 from typing import Any
 
-from scleraforce import __version__
-from scleraforce.cli.importing.complete import Complete
-from scleraforce.cli.importing.options import ImportAnswers
-from scleraforce.formats.answers import import_record
 from scleraforce.formats.greys import TOP, Greys
+from scleraforce.formats.importing.complete import Complete
+from scleraforce.formats.importing.provenance import provenance
+from scleraforce.notebook.importing import PREVIEW
 from scleraforce.plain_text import wrapped
 from scleraforce.recording.info import RecordingInfo
 from scleraforce.units import from_si
 
-__all__ = ["PREVIEW", "entries", "lines", "record_text"]
-
-PREVIEW = "preview.png"
-
-
-def record_text(done: Complete, greys: Greys, answers: ImportAnswers) -> str:
-    """Return the text of import.json: the sources with their SHA-256, who states each value, and the answers."""
-    columns = [column.answer() for column in done.gathered.columns]
-    files = [{"path": str(path), "kind": kind, "sha256": _sha256(path)} for path, kind in done.gathered.files]
-    told = {"version": __version__, "files": files, **_provenance(done, greys)}
-    return import_record(asdict(answers) | {"columns": columns}, told)
+__all__ = ["entries", "lines"]
 
 
 def entries(out: Path, done: Complete, greys: Greys) -> dict[str, Any]:
@@ -39,7 +26,7 @@ def entries(out: Path, done: Complete, greys: Greys) -> dict[str, Any]:
         "depth_mm": from_si(info.oct.depth_m, "mm"),
         "refractive_index": info.oct.refractive_index,
         "bits": info.oct.bits,
-        **_provenance(done, greys),
+        **provenance(done, greys),
     }
 
 
@@ -77,21 +64,3 @@ def _times(done: Complete) -> str:
 
 def _contact(info: RecordingInfo) -> str:
     return "" if info.force is None else f"; contact is {'+' if info.force.contact_sign > 0 else '-'}{info.force.axis}"
-
-
-def _provenance(done: Complete, greys: Greys) -> dict[str, Any]:
-    return {
-        "values": done.sources,
-        "clock_origin_s": done.origin_s,
-        "columns": [column.answer() for column in done.gathered.columns],
-        "grey": {"low": greys.low, "high": greys.high, "scaled": greys.scaled, "not_finite": greys.lost},
-        "notes": list(done.gathered.notes),
-    }
-
-
-def _sha256(path: Path) -> str | None:
-    """Return the hash of a file; None of a folder."""
-    if path.is_dir():
-        return None
-    with path.open("rb") as file:
-        return file_digest(file, "sha256").hexdigest()

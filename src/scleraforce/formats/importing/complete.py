@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scleraforce.cli.importing.options import OPTION, ImportAnswers
-from scleraforce.cli.importing.questions import QUESTIONS, ask_missing
 from scleraforce.errors import InputError, StudyError
 from scleraforce.formats.frame_times import told_times
 from scleraforce.formats.gather import Gathered, on_one_clock
 from scleraforce.formats.greys import MOST_BITS, Greys
+from scleraforce.formats.importing.questions import QUESTIONS, Asker
+from scleraforce.formats.importing.told import OPTION, ImportAnswers
 from scleraforce.formats.scan import Times
 from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.scaled_frame import Sourced
@@ -60,16 +60,16 @@ class Complete:
 
 
 def complete(
-    gathered: Gathered, greys: Greys, answers: ImportAnswers, origins: "Mapping[str, str]", ask: bool
+    gathered: Gathered, greys: Greys, answers: ImportAnswers, origins: "Mapping[str, str]", asker: Asker
 ) -> Complete:
-    """Bring together what options say, what sources state and what another recording has, and ask for the rest.
+    """Bring together what was told, what sources state and what another recording has, and ask for the rest.
 
     Args:
         gathered: the sources.
         greys: how their pixels become counts.
-        answers: the options' values.
-        origins: who told them; those of another recording give way to what the sources state.
-        ask: whether somebody can be asked.
+        answers: what was told.
+        origins: who told it, by the names of the answers; another recording gives way to what the sources state.
+        asker: who is asked.
 
     Raises:
         InputError: something stays open, an option has nothing to act on, or a value is none that a recording may have.
@@ -84,10 +84,12 @@ def complete(
         if (value := getattr(answers, name)) is not None and (name not in stated or origins.get(name) == OPTION)
     }
     known = stated | known
-    known |= {name: (value, ANSWER) for name, value in ask_missing(needed - set(known), ask).items()}
+    questions = {name: question for name, question in QUESTIONS.items() if name in needed - set(known)}
+    known |= {name: (value, ANSWER) for name, value in asker.missing(questions).items()}
     values = {name: value for name, (value, _) in known.items()}
-    if not greys.fit(values["bits"]):
-        raise InputError(f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; --bits says {values['bits']}")
+    info = _info(gathered, answers, values)
+    if not greys.fit(info.oct.bits):
+        raise InputError(f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; --bits says {info.oct.bits}")
     if times is None:
         rate_hz = values.get("rate_hz")
         times = told_times(gathered.scan, None, rate_hz) if rate_hz else Times(np.zeros(1), "a single frame")
@@ -95,7 +97,7 @@ def complete(
     offset_s = values.get("clock_offset_s", answers.clock_offset_s or 0.0)
     moved, log, origin_s = on_one_clock(times, gathered.log, offset_s)
     sources = {name: known[name][1] for name in QUESTIONS if name in known} | {"times": times.source}
-    return Complete(gathered, moved, log, origin_s, _info(gathered, answers, values), sources)
+    return Complete(gathered, moved, log, origin_s, info, sources)
 
 
 def _check_used(gathered: Gathered, origins: "Mapping[str, str]") -> None:
@@ -171,7 +173,7 @@ def _info(gathered: Gathered, answers: ImportAnswers, values: dict[str, Any]) ->
         needle = NeedleInfo(gauge=values["gauge"], slice_gap_m=gap_m, polar_angle_rad=polar_rad)
         return RecordingInfo(eye, oct_info, needle, None if gathered.log is None else _force_info(answers, values))
     except StudyError as fault:
-        raise InputError(f"{scan.names[0]}: {fault}; tell the value with its option") from fault
+        raise InputError(f"{scan.names[0]}: {fault}; tell the right one") from fault
 
 
 def _force_info(answers: ImportAnswers, values: dict[str, Any]) -> ForceInfo:

@@ -1,0 +1,220 @@
+"""A laboratory's frames and force log as a recording folder."""
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from math import degrees
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce import __version__
+from scleraforce.errors import InputError
+from scleraforce.formats.answers import IMPORT_RECORD, answers_like
+from scleraforce.formats.gather import Gathered, gather
+from scleraforce.formats.greys import Greys, find_greys
+from scleraforce.formats.imported import folder_when_whole, frame_files, write_frames, write_log, written
+from scleraforce.formats.importing.complete import Complete, complete
+from scleraforce.formats.importing.provenance import record_text
+from scleraforce.formats.importing.questions import NOBODY, Asker
+from scleraforce.formats.importing.told import OPTION, ImportAnswers
+from scleraforce.formats.scan import UnansweredError
+from scleraforce.formats.sources import files_of
+from scleraforce.notebook.work import Counting, counting_for
+from scleraforce.recording.files import Recording, read_recording
+from scleraforce.units import from_si
+
+__all__ = ["PREVIEW", "Imported", "import_recording", "write_imported"]
+
+PREVIEW = "preview.png"
+# Arguments that are not called as their options are.
+SI_NAMES = {
+    "width_mm": "width_m", "depth_mm": "depth_m", "thickness_um": "thickness_m", "iop_mmhg": "iop_pa",
+    "gap_mm": "gap_m", "polar_angle_deg": "polar_angle_rad",
+}  # fmt: skip
+
+
+def import_recording(
+    sources: str | PathLike[str] | Sequence[str | PathLike[str]],
+    out: str | PathLike[str],
+    *,
+    like: str | PathLike[str] | None = None,
+    eye: str | None = None,
+    width_m: float | None = None,
+    depth_m: float | None = None,
+    refractive_index: float | None = None,
+    gauge: int | None = None,
+    gap_m: float | None = None,
+    axis: str | None = None,
+    contact_sign: int | None = None,
+    columns: Sequence[str] = (),
+    rate_hz: float | None = None,
+    times: str | PathLike[str] | None = None,
+    clock_offset_s: float | None = None,
+    axes: str | None = None,
+    array: str | None = None,
+    bits: int | None = None,
+    grey_range: tuple[float, float] | None = None,
+    average_s: float | None = None,
+    image_topic: str | None = None,
+    force_topic: str | None = None,
+    by_arrival: bool = False,
+    thickness_m: float | None = None,
+    iop_pa: float | None = None,
+    globe: str | None = None,
+    polar_angle_rad: float | None = None,
+    progress: Callable[[int], object] | None = None,
+) -> Recording:
+    """Write frames and force log of other programs as a recording folder (docs/formats.md lists what is read).
+
+    Nothing is assumed: what the sources do not state has to be told, and the error names all that is missing. Look at
+    `preview.png` in the folder; its `import.json` says where each value comes from.
+
+    Args:
+        sources: images, stacks, volumes, films, ROS bags, a force log, or folders of images.
+        out: the folder to make.
+        like: another recording, whose scanner, needle, sensor and columns hold where the sources state none.
+        eye: its name.
+        width_m: of the frames.
+        depth_m: of the frames as stored.
+        refractive_index: by which depth is stretched; 1 where the scanner has corrected it.
+        gauge: of the needle.
+        gap_m: distance of the B-scan plane from the needle axis.
+        axis: of the force sensor along the needle: "fx", "fy" or "fz".
+        contact_sign: of that axis in contact: 1 or -1.
+        columns: of a force log, like "time=Clock:ms" and "fz=Pull:mN".
+        rate_hz: frames taken in a second.
+        times: table of the frames' times.
+        clock_offset_s: what the force log's clock shows more than the frames'.
+        axes: their order in an array or volume, like "frame,depth,lateral".
+        array: its name in a .npz.
+        bits: of a 16-bit pixel that are used.
+        grey_range: pixel values that become black and white.
+        average_s: time over which a label averages.
+        image_topic: of a ROS bag, where there are several.
+        force_topic: likewise.
+        by_arrival: take the times at which a bag's messages arrived, where they have no capture stamp.
+        thickness_m: of the wall, where it was measured.
+        iop_pa: pressure at rest, where it was measured.
+        globe: "open" or "sealed"; None: not known.
+        polar_angle_rad: of the contact, from the pole, where it is known.
+        progress: called with 1 after each frame that is written.
+
+    Raises:
+        InputError: a source cannot be read, something is missing or has nothing to act on, or `out` exists.
+
+    >>> import scleraforce as sf
+    >>> frames = [f"eye-a/frames/000{nth}.png" for nth in range(1, 4)]
+    >>> recording = sf.import_recording(frames, "eye-b", like="eye-a", eye="b", rate_hz=0.5)
+    >>> [(frame.file, frame.time_s) for frame in recording.frames]
+    [('0001.png', 0.0), ('0002.png', 2.0), ('0003.png', 4.0)]
+    """
+    told: dict[str, Any] = {
+        "axes": axes, "array": array, "width_mm": from_si(width_m, "mm"), "depth_mm": from_si(depth_m, "mm"),
+        "refractive_index": refractive_index, "bits": bits, "grey_range": grey_range, "rate_hz": rate_hz,
+        "times": None if times is None else Path(times), "clock_offset_s": clock_offset_s,
+        "columns": tuple(columns) or None, "axis": axis, "contact_sign": contact_sign, "average_s": average_s,
+        "image_topic": image_topic, "force_topic": force_topic, "by_arrival": by_arrival or None, "eye": eye,
+        "thickness_um": from_si(thickness_m, "um"), "iop_mmhg": from_si(iop_pa, "mmhg"), "globe": globe,
+        "gauge": gauge, "gap_mm": from_si(gap_m, "mm"),
+        "polar_angle_deg": None if polar_angle_rad is None else degrees(polar_angle_rad),
+    }  # fmt: skip
+    told = {name: value for name, value in told.items() if value is not None}
+    paths = [Path(path) for path in ([sources] if isinstance(sources, str | PathLike) else sources)]
+    try:
+        if not paths:
+            raise InputError("sources: none; give at least one")
+        others = {} if like is None else answers_like(Path(like))
+        answers = ImportAnswers(**(others | told))
+        origins = dict.fromkeys(others, f"like {like}") | dict.fromkeys(told, OPTION)
+        write_imported(paths, Path(out), answers, origins, counting_for("frames", progress), NOBODY)
+    except InputError as fault:
+        raise InputError(_by_arguments(fault)) from fault
+    return read_recording(out)
+
+
+def _by_arguments(fault: InputError) -> str:
+    """Return a message that names arguments where the commands' names options."""
+    text = str(fault)
+    if isinstance(fault, UnansweredError) and fault.forms:
+        text = f"{fault.question}; give columns=[{', '.join(map(repr, fault.forms))}]"
+    arguments = {f"--{field.name.replace('_', '-')}": SI_NAMES.get(field.name, field.name)
+                 for field in fields(ImportAnswers)}  # fmt: skip
+    arguments |= {"--column": "columns", "--out": "out"}
+    return re.sub(r"(?<![\w/-])--[a-z-]+", lambda option: arguments.get(option[0], option[0]), text)
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """What a recording was written from, and how its pixels became counts."""
+
+    done: Complete
+    greys: Greys
+
+
+def write_imported(
+    sources: Sequence[Path],
+    out: Path,
+    answers: ImportAnswers,
+    origins: Mapping[str, str],
+    counting: Counting,
+    asker: Asker,
+) -> Imported:
+    """Write a recording folder, whole or not at all: counts "sources", "grey levels" and "frames".
+
+    Args:
+        sources: files and folders.
+        out: the folder to make.
+        answers: what was told.
+        origins: who told it, by the names of the answers.
+        counting: how the work is counted.
+        asker: who is asked for what is open.
+
+    Raises:
+        InputError: as of `import_recording`, with the names of options.
+    """
+    with folder_when_whole(out) as part:
+        gathered, answers = _gathered(sources, answers, counting, asker)
+        scan = gathered.scan
+        with counting("grey levels", len(scan.names)) as advance:
+            greys = find_greys(_counted(scan.pictures(), advance), answers.grey_range, scan.names[0])
+        done = complete(gathered, greys, answers, origins, asker)
+        with counting("frames", len(scan.names)) as advance:
+            counts = (greys.counts(picture) for picture in _counted(scan.pictures(), advance))
+            named = zip(frame_files(scan.names), done.times.time_s.tolist(), counts, strict=True)
+            write_frames(part, done.info, f"imported by scleraforce {__version__}; import.json says from what", named)
+        if done.log is not None:
+            write_log(part, done.log)
+        (part / IMPORT_RECORD).write_text(record_text(done, greys, answers, __version__), encoding="utf-8")
+        _write_preview(written(part, out))
+    return Imported(done, greys)
+
+
+def _gathered(
+    sources: Sequence[Path], answers: ImportAnswers, counting: Counting, asker: Asker
+) -> tuple[Gathered, ImportAnswers]:
+    """Read the sources, asking until they leave nothing open."""
+    while True:
+        try:
+            with counting("sources", len(files_of(sources))) as seen:
+                return gather(sources, answers.asked(), seen), answers
+        except UnansweredError as open_point:
+            answers = asker.settle(answers, open_point)
+
+
+def _counted(pictures: Iterator[NDArray[Any]], advance: Callable[[int], None]) -> Iterator[NDArray[np.generic]]:
+    for picture in pictures:
+        yield picture
+        advance(1)
+
+
+def _write_preview(recording: Recording) -> None:
+    from scleraforce.report.files import write_figure
+    from scleraforce.report.recording_preview import SHOWN_FRAMES, FirstFrame, draw_preview
+
+    shown = recording.frames[:SHOWN_FRAMES]
+    frames = [FirstFrame(entry.file, entry.time_s, recording.frame(entry)) for entry in shown]
+    write_figure(draw_preview(recording, frames), recording.path / PREVIEW)

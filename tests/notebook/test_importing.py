@@ -1,0 +1,141 @@
+"""`sf.import_recording`: what `scleraforce import` writes, told in SI, with errors that name arguments."""
+
+import inspect
+import json
+from collections.abc import Callable
+from dataclasses import fields
+from math import radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+from folder_contents import contents
+from format_frames import COUNT, FRAMES, write_log
+
+import scleraforce as sf
+from scleraforce.cli.main import run
+from scleraforce.formats.importing.told import ImportAnswers
+from scleraforce.notebook.importing import SI_NAMES
+
+SCALE = {"width_m": 12e-3, "depth_m": 4e-3, "refractive_index": 1.38, "bits": 13}
+NEEDLE = {"eye": "eye-1", "gauge": 22, "gap_m": 0.6e-3}
+FORCE = {"contact_sign": -1, "clock_offset_s": 0.5}
+TOLD = {**SCALE, **NEEDLE, "rate_hz": 1.0}
+OPTIONS = [
+    "--width-mm", "12", "--depth-mm", "4", "--refractive-index", "1.38", "--bits", "13", "--eye", "eye-1",
+    "--gauge", "22", "--gap-mm", "0.6", "--rate-hz", "1", "--contact-sign", "-1", "--clock-offset-s", "0.5",
+    "--thickness-um", "650", "--iop-mmhg", "15", "--globe", "sealed", "--polar-angle-deg", "30", "--average-s", "0.5",
+]  # fmt: skip
+
+
+@pytest.fixture
+def sources(tmp_path: Path) -> list[Path]:
+    """A stack that states nothing, and a log whose columns say what they are."""
+    tifffile.imwrite(tmp_path / "a.tif", FRAMES, photometric="minisblack")
+    write_log(tmp_path / "log.csv")
+    return [tmp_path / "a.tif", tmp_path / "log.csv"]
+
+
+def test_it_writes_what_the_command_writes(sources: list[Path], tmp_path: Path) -> None:
+    eye = {"thickness_m": 650e-6, "iop_pa": 15 * 133.322387415, "globe": "sealed", "polar_angle_rad": radians(30.0)}
+    recording = sf.import_recording(sources, tmp_path / "r", **TOLD, **FORCE, **eye, average_s=0.5)
+    assert run(["import", *map(str, sources), "--out", str(tmp_path / "s"), *OPTIONS]) == 0
+    command = sf.read_recording(tmp_path / "s")
+    assert recording.path == tmp_path / "r"
+    assert recording.frames == command.frames
+    assert recording.info.oct == command.info.oct
+    for part in ("eye", "needle", "force"):
+        mine, theirs = vars(getattr(recording.info, part)), vars(getattr(command.info, part))
+        assert {key: value for key, value in mine.items() if not isinstance(value, float)} == {
+            key: value for key, value in theirs.items() if not isinstance(value, float)
+        }
+        for key, value in theirs.items():
+            if isinstance(value, float):
+                assert mine[key] == pytest.approx(value, rel=1e-12), key
+    written, by_command = contents(tmp_path / "r"), contents(tmp_path / "s")
+    assert set(written) == set(by_command)
+    assert [name for name in written if written[name] != by_command[name] and not name.endswith(".toml")] == []
+
+
+def test_progress_counts_the_frames_that_are_written(sources: list[Path], tmp_path: Path) -> None:
+    seen: list[int] = []
+    sf.import_recording(sources[0], tmp_path / "r", **TOLD, progress=seen.append)
+    assert seen == [1] * COUNT
+
+
+def test_what_is_missing_is_named_by_arguments_all_at_once_and_nothing_is_written(
+    sources: list[Path], tmp_path: Path
+) -> None:
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(sf.InputError) as told:
+        sf.import_recording(sources, tmp_path / "r")
+    names = [*SCALE, *NEEDLE, *FORCE, "rate_hz or times"]
+    assert all(f"({name})" in str(told.value) for name in names), told.value
+    assert "--" not in str(told.value)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+REFUSED: dict[str, tuple[dict[str, object], str]] = {
+    "a width": ({"width_m": 12.0}, "width_m: 12 is above the largest allowed value 0.1"),
+    "bits": ({"bits": -1}, "bits: -1 is below"),
+    "too few bits": ({"bits": 8}, "bits says 8"),
+    "a rate": ({"rate_hz": 0.0}, "^rate_hz: 0; give the frames taken in a second"),
+    "a sign": ({**FORCE, "contact_sign": 0}, "contact_sign: 0 is no sign"),
+    "greys": ({"grey_range": (9.0, 1.0)}, "^grey_range: 9 1; give the darkest"),
+    "nothing to act on": ({"array": "a"}, "^array: acts on an .npz file"),
+    "a column": ({"columns": ["fz=pull"]}, "^columns: 'fz=pull'; give COLUMN=NAME:UNIT"),
+    "a globe": ({"globe": "shut"}, "globe: "),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_value_that_is_none_is_refused_by_its_argument(sources: list[Path], tmp_path: Path, case: str) -> None:
+    changed, words = REFUSED[case]
+    with pytest.raises(sf.InputError, match=words):
+        sf.import_recording(sources, tmp_path / "r", **{**TOLD, **FORCE, **changed})
+    assert not (tmp_path / "r").exists()
+
+
+def test_what_a_source_leaves_open_is_asked_for_as_an_argument(sources: list[Path], tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", FRAMES)
+    with pytest.raises(sf.InputError, match=r"a\.npy: an array of .*; give axes$"):
+        sf.import_recording(tmp_path / "a.npy", tmp_path / "r", **TOLD)
+    sources[1].write_text("\n".join(["when,pull", *(f"{n / 200},{-0.1 * n}" for n in range(900))]) + "\n")
+    with pytest.raises(sf.InputError, match=r"; give columns=\['time=NAME:UNIT', 'fz=NAME:UNIT'\]$"):
+        sf.import_recording(sources, tmp_path / "r", **TOLD, **FORCE)
+    columns = ["time=when:s", "fz=pull:mN"]
+    recording = sf.import_recording(sources, tmp_path / "r", **TOLD, **FORCE, columns=columns)
+    assert recording.forces.force_n("fz")[100] == pytest.approx(-10e-3)
+
+
+def test_another_recording_answers_what_the_sources_do_not_and_arguments_come_first(
+    sources: list[Path], tmp_path: Path
+) -> None:
+    first = sf.import_recording(sources, str(tmp_path / "r"), **TOLD, **FORCE)
+    like = {"like": first.path, "eye": "eye-2", "rate_hz": 2.0, "clock_offset_s": 0.0}
+    second = sf.import_recording([str(path) for path in sources], tmp_path / "s", **like, width_m=9e-3)
+    assert (second.info.oct.width_m, second.info.oct.depth_m) == (9e-3, 4e-3)
+    assert (second.info.force, second.info.needle) == (first.info.force, first.info.needle)
+    values = json.loads((tmp_path / "s" / "import.json").read_text())["values"]
+    assert (values["width_mm"], values["depth_mm"]) == ("option", f"like {first.path}")
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda out: sf.import_recording([], out), "sources: none; give at least one"),
+        (lambda out: sf.import_recording("nowhere.tif", out), "nowhere.tif: No such file or directory"),
+        (lambda out: sf.import_recording("a.tif", out.parent), "exists already; remove it or choose another out$"),
+        (lambda out: sf.import_recording("a", out, like="nowhere"), "nowhere: no such folder; give a recording folder"),
+    ],
+)
+def test_what_is_not_there_is_one_line(call: Callable[[Path], object], words: str, tmp_path: Path) -> None:
+    with pytest.raises(sf.InputError, match=words) as told:
+        call(tmp_path / "r")
+    assert "\n" not in str(told.value)
+
+
+def test_every_option_of_the_command_is_an_argument_in_si() -> None:
+    arguments = {SI_NAMES.get(field.name, field.name) for field in fields(ImportAnswers)}
+    assert set(inspect.signature(sf.import_recording).parameters) == arguments | {"sources", "out", "like", "progress"}
