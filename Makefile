@@ -69,6 +69,9 @@ dist: .venv/installed  ## wheel and sdist of the last commit, in dist/; the same
 sbom: dist  ## a CycloneDX list of the package and all that it needs, in dist/
 	.ci/sbom
 
+size: dist  ## how much an installation takes without extras, in a fresh environment
+	.ci/size
+
 wheels: dist  ## whether other Pythons and systems have wheels of all that it needs
 	.ci/wheels
 
@@ -90,4 +93,4 @@ clean:  ## remove .venv and what the tools left; out/ stays
 .venv/installed: .venv/locked pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
 
-.PHONY: help install reproduce test slow lint bench figures stale trace wall-finder model dist sbom wheels lock clean docs gallery
+.PHONY: help install reproduce test slow lint bench figures stale trace wall-finder model dist sbom size wheels lock clean docs gallery
