@@ -1,0 +1,234 @@
+"""Files of four makers as volumes: by stand-ins for OCT-Converter's readers, and by itself where it is installed.
+
+It cannot be installed beside scleraforce (examples/vendor_frames.py); its own tests here run in its environment:
+`vendor/bin/pip install pytest`, then
+`PYTHONPATH=tests/support vendor/bin/python -m pytest -c /dev/null --noconftest tests/examples/test_vendor_frames.py`.
+"""
+
+import struct
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+from example_module import example_module
+
+vendor_frames = example_module("vendor_frames")
+FRAMES, ROWS, COLUMNS = 3, 20, 28
+VOLUME = np.arange(FRAMES * ROWS * COLUMNS, dtype=np.uint16).reshape(FRAMES, ROWS, COLUMNS)
+
+
+def installed(monkeypatch: pytest.MonkeyPatch, name: str, read: Callable[..., object]) -> None:
+    """Have OCT-Converter with one reader."""
+    readers = ModuleType("oct_converter.readers")
+    setattr(readers, name, lambda _: SimpleNamespace(read_oct_volume=read))
+    package = ModuleType("oct_converter")
+    package.readers = readers
+    monkeypatch.setitem(sys.modules, "oct_converter", package)
+    monkeypatch.setitem(sys.modules, "oct_converter.readers", readers)
+
+
+def volume(frames: object = VOLUME, spacing: object = None) -> SimpleNamespace:
+    return SimpleNamespace(volume=frames, pixel_spacing=spacing)
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert vendor_frames.main(list(arguments)) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"error: {arguments[0]}: ")
+    assert error.count("\n") == 1
+    assert not Path("out").exists()
+    return error
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("file", "reader", "spacing", "depth"),
+    [
+        ("a.E2E", "E2E", [0.01, 0.0039, 0.05], "0.0039 mm a row, 0.078 mm"),
+        ("a.fda", "FDA", [0.1, 0.2, 0.0026], "0.0026 mm a row"),
+        ("a.fds", "FDS", None, ""),
+    ],
+)
+def test_volumes_are_written_upright_and_what_is_said_of_the_depth_is_told(
+    monkeypatch, capsys, file: str, reader: str, spacing: object, depth: str
+) -> None:
+    installed(monkeypatch, reader, lambda: [volume(list(VOLUME), spacing), volume(VOLUME[:1], spacing)])
+    assert vendor_frames.main([file, "--out", "out"]) == 0
+    np.testing.assert_array_equal(np.load("out/a-1.npy"), VOLUME)
+    np.testing.assert_array_equal(np.load("out/a-2.npy"), VOLUME[:1])
+    told = capsys.readouterr().out
+    assert "wrote out/a-1.npy: 3 frames of 20 x 28 (depth x lateral), uint16" in told
+    assert ("said of the depth" in told) == bool(depth)
+    assert depth in told
+
+
+def test_frames_of_bioptigen_are_one_volume_turned_so_that_rows_are_depth(monkeypatch, capsys) -> None:
+    installed(monkeypatch, "BOCT", lambda: [volume(frame.T[np.newaxis]) for frame in VOLUME])
+    assert vendor_frames.main(["a.OCT", "--out", "out"]) == 0
+    np.testing.assert_array_equal(np.load("out/a-1.npy"), VOLUME)
+    assert "3 frames of 20 x 28" in capsys.readouterr().out
+
+
+def test_the_size_of_raw_bytes_is_asked_for_and_that_of_others_is_not_taken(monkeypatch, capsys) -> None:
+    asked = []
+
+    def read(rows: int, cols: int) -> SimpleNamespace:
+        asked.append((rows, cols))
+        return volume()
+
+    installed(monkeypatch, "IMG", read)
+    assert "has no header; give --rows and --columns" in refused(capsys, "a.img", "--out", "out")
+    assert vendor_frames.main(["a.img", "--out", "out", "--rows", "20", "--columns", "28"]) == 0
+    assert asked == [(ROWS, COLUMNS)]
+    with pytest.raises(SystemExit):
+        vendor_frames.main(["a.img", "--out", "other", "--rows", "20"])
+    assert "--rows and --columns belong together" in capsys.readouterr().err
+    Path("out").rename("first")
+    assert "leave --rows out" in refused(capsys, "a.e2e", "--out", "out", "--rows", "20", "--columns", "28")
+
+
+def stopped() -> list[SimpleNamespace]:
+    print("cannot read\nStopping load")  # noqa: T201 - as OCT-Converter does
+    return [volume()]
+
+
+def in_two_lines() -> None:
+    raise type("StreamError", (Exception,), {})("in data\ntoo short")
+
+
+def warned() -> list[SimpleNamespace]:
+    import warnings
+
+    warnings.warn("Could not reshape image", UserWarning, stacklevel=1)
+    return [volume()]
+
+
+@pytest.mark.parametrize(
+    ("file", "reader", "read", "words"),
+    [
+        ("a.OCT", "BOCT", stopped, "damaged: cannot read Stopping load"),
+        ("a.e2e", "E2E", warned, "UserWarning: Could not reshape image"),
+        ("a.e2e", "E2E", list, "no B-scans"),
+        ("a.fda", "FDA", lambda: volume([VOLUME[0], VOLUME[0, 1:]]), "one size is needed"),
+        ("a.fda", "FDA", lambda: struct.unpack("<I", b""), "error: unpack requires a buffer"),
+        ("a.OCT", "BOCT", in_two_lines, "StreamError: in data too short"),
+        ("a.vol", "VOL", list, "of no kind that is read"),
+    ],
+)
+def test_what_cannot_be_taken_over_whole_is_refused_in_one_line(
+    monkeypatch, capsys, file: str, reader: str, read: Callable[..., object], words: str
+) -> None:
+    installed(monkeypatch, reader, read)
+    assert words in refused(capsys, file, "--out", "out")
+
+
+def test_a_folder_that_is_there_stays(monkeypatch, capsys) -> None:
+    installed(monkeypatch, "FDA", volume)
+    Path("out").mkdir()
+    assert vendor_frames.main(["a.fda", "--out", "out"]) == 2
+    assert "out" in capsys.readouterr().err
+    assert list(Path("out").iterdir()) == []
+
+
+def bioptigen(scans: int = FRAMES) -> bytes:
+    """A file of one scan after another, by OCT-Converter's description of the format."""
+
+    def field(key: str, value: bytes) -> bytes:
+        return struct.pack("<I", len(key)) + key.encode() + struct.pack("<I", len(value)) + value
+
+    def whole(key: str, value: int) -> bytes:
+        return field(key, struct.pack("<I", value))
+
+    def real(key: str) -> bytes:
+        return field(key, struct.pack("<d", 1.0))
+
+    head = struct.pack("<IH", 0xC40F2B14, 1) + field("FRAMEHEADER", b"")
+    head += whole("FRAMECOUNT", scans) + whole("LINECOUNT", COLUMNS) + whole("LINELENGTH", ROWS)
+    head += whole("SAMPLEFORMAT", 2) + field("DESCRIPTION", b"a")
+    for axis in "XY":
+        head += real(f"{axis}MIN") + real(f"{axis}MAX") + field(f"{axis}CAPTION", b"a")
+    head += whole("SCANTYPE", 0) + b"".join(map(real, ("DEPTH", "LENGTH", "AZ", "EL", "DISTANCE", "ANGLE")))
+    head += whole("SCANS", 1) + whole("FRAMES", scans) + whole("DOPPLERFLAG", 0) + whole("CONFIG", 0) + bytes(4)
+    taken = field("FRAMEDATETIME", struct.pack("<8H", 2026, 11, 1, 23, 12, 0, 0, 0))
+    lines = field("FRAMEDATA", b"") + taken + real("FRAMETIMESTAMP") + whole("FRAMELINES", COLUMNS)
+    pixels = [struct.pack("<I", 11) + b"FRAMESAMPLE" + struct.pack("<I", 2 * ROWS * COLUMNS) + frame.T.tobytes()
+              for frame in VOLUME]  # fmt: skip
+    return head + b"".join(lines + frame + bytes(4) for frame in pixels)
+
+
+def test_oct_converter_reads_a_bioptigen_file(capsys) -> None:
+    pytest.importorskip("oct_converter")
+    Path("a.OCT").write_bytes(bioptigen())
+    assert vendor_frames.main(["a.OCT", "--out", "out"]) == 0, capsys.readouterr().err
+    np.testing.assert_array_equal(np.load("out/a-1.npy"), VOLUME)
+
+
+def test_a_bioptigen_file_that_is_cut_is_refused(capsys) -> None:
+    pytest.importorskip("oct_converter")
+    Path("a.OCT").write_bytes(bioptigen()[:-2000])
+    refused(capsys, "a.OCT", "--out", "out")
+
+
+def test_oct_converter_reads_a_heidelberg_file(capsys) -> None:
+    pytest.importorskip("oct_converter")
+    from oct_converter.readers.binary_structs import e2e_binary
+
+    mark = {"version": 100, "unknown": [0] * 10}
+    series = {"patient_db_id": 1, "study_id": 1, "series_id": 1}
+    first, entry, chunk = 36 + 52, 44, 60 + 20 + 2 * ROWS * COLUMNS
+    images = first + 52 + FRAMES * entry
+    table = {"magic2": "MDbDir", **mark, "num_entries": FRAMES, "prev": 0, "unknown3": 0}
+    file = e2e_binary.header_structure.build({"magic1": "CMDb", **mark})
+    file += 2 * e2e_binary.main_directory_structure.build({**table, "current": first})
+    for nth in range(FRAMES):
+        place = {"pos": 0, "start": images + nth * chunk, "size": chunk, "unknown": 0, "slice_id": 2 * nth, **series}
+        kind = {"unknown2": 0, "unknown3": 0, "type": 0x40000000, "unknown4": 0}
+        file += e2e_binary.sub_directory_structure.build(place | kind)
+    exponent = 48 + np.arange(FRAMES)[:, None, None] + np.arange(ROWS)[:, None] // 2  # of floats of 6 and 10 bits
+    for nth, frame in enumerate(np.broadcast_to(exponent << 10, VOLUME.shape)):
+        place = {"magic3": "MDbData", "unknown": 0, "unknown2": 0, "pos": 0, "size": chunk, "unknown3": 0, **series}
+        kind = {"slice_id": 2 * nth, "ind": 1, "unknown4": 0, "type": 0x40000000, "unknown5": 0}
+        size = {"size": 2 * ROWS * COLUMNS, "type": 0, "unknown": 0, "height": ROWS, "width": COLUMNS}
+        file += e2e_binary.chunk_structure.build(place | kind) + e2e_binary.image_structure.build(size)
+        file += frame.astype("<u2").tobytes()
+    Path("a.e2e").write_bytes(file)
+    assert vendor_frames.main(["a.e2e", "--out", "out"]) == 0, capsys.readouterr().err
+    read = np.load("out/a-1.npy")
+    assert read.shape == VOLUME.shape
+    assert (np.diff(read, axis=0) > 0).all()
+    assert (np.diff(read[:, ::2], axis=1) > 0).all()
+    assert (np.diff(read, axis=2) == 0).all()
+
+
+def test_oct_converter_reads_a_topcon_file(capsys) -> None:
+    pytest.importorskip("oct_converter")
+    from oct_converter.readers.binary_structs import fda_binary
+
+    def chunk(name: str, content: bytes) -> bytes:
+        return bytes([len(name)]) + name.encode() + struct.pack("<I", len(content)) + content
+
+    size = {"width": COLUMNS, "height": ROWS, "bits_per_pixel": 16, "number_slices": FRAMES, "format": 0}
+    head = fda_binary.oct_header_2.build({"scan_mode": 2, "size": VOLUME.nbytes, **size})
+    parsed = fda_binary.capture_info_02_header.parse(bytes(1000))
+    captured = fda_binary.capture_info_02_header.build(parsed | {"cap_date": [2026, 11, 23, 12, 0, 0]})
+    file = b"FOCTFDA" + struct.pack("<II", 1, 1)
+    file += chunk("@IMG_MOT_COMP_03", head + VOLUME.tobytes()) + chunk("@CAPTURE_INFO_02", captured) + b"\0"
+    Path("a.fda").write_bytes(file)
+    assert vendor_frames.main(["a.fda", "--out", "out"]) == 0, capsys.readouterr().err
+    np.testing.assert_array_equal(np.load("out/a-1.npy"), VOLUME)
+
+
+def test_oct_converter_reads_raw_bytes_of_a_size_that_is_told(capsys) -> None:
+    pytest.importorskip("oct_converter")
+    frames = VOLUME.astype(np.uint8)
+    Path("a.img").write_bytes(b"".join(frame.T.tobytes() for frame in frames))
+    size = ["--rows", str(ROWS), "--columns", str(COLUMNS)]
+    assert vendor_frames.main(["a.img", "--out", "out", *size]) == 0, capsys.readouterr().err
+    np.testing.assert_array_equal(np.load("out/a-1.npy"), frames)
