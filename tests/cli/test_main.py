@@ -66,11 +66,23 @@ def test_a_developer_gets_the_traceback_on_request(fails, monkeypatch) -> None:
         run(["fails"])
 
 
-@pytest.mark.parametrize("arguments", [["no-such-command"], ["init"], ["--no-such-option"], ["init", "a", "b"]])
-def test_wrong_usage_is_exit_code_2_and_one_line(arguments, capsys) -> None:
+@pytest.mark.parametrize(
+    ("arguments", "words", "page"),
+    [
+        (["no-such-command"], "No such command 'no-such-command'", "scleraforce"),
+        (["--no-such-option"], "No such option", "scleraforce"),
+        (["init"], "Missing argument 'DIRECTORY'", "scleraforce init"),
+        (["init", "a", "b"], "unexpected extra argument (b)", "scleraforce init"),
+        (["import", "a.tif", "--out", "r", "--bits", "99"], "99 is not in the range", "scleraforce import"),
+        (["replay", "r", "--fault-at-s", "1"], "of which --fault?", "scleraforce replay"),
+    ],
+)
+def test_wrong_usage_is_exit_code_2_and_one_line_that_says_where_to_look(arguments, words, page, capsys) -> None:
     assert run(arguments) == 2
     err = capsys.readouterr().err
     assert err.startswith("error: ")
+    assert words in err
+    assert err.endswith(f"; see `{page} --help`\n")
     assert err.count("\n") == 1
 
 
