@@ -96,6 +96,25 @@ def test_the_scripts_of_the_package_can_be_run() -> None:
         subprocess.run(["bash", "-n", script], check=True)
 
 
+def test_the_size_of_an_installation_is_that_of_all_its_files(tmp_path: Path) -> None:
+    (tmp_path / ".ci").mkdir()
+    shutil.copy(ROOT / ".ci" / "size", tmp_path / ".ci" / "size")
+    megabytes = {
+        "big/a.py": 4,
+        "big/__pycache__/a.pyc": 1,
+        "big.libs/b c.so": 3,
+        "big-1.2.dist-info/RECORD": 1,
+        "s.py": 2,
+    }
+    make = [f'install -D /dev/null "$1/site/{name}" && truncate -s {size}MB "$1/site/{name}"'
+            for name, size in megabytes.items()]  # fmt: skip
+    clean = tmp_path / ".ci" / "clean"
+    clean.write_text("#!/bin/bash\n" + "\n".join(make).replace("/site/", "/lib/python3.11/site-packages/"))
+    clean.chmod(0o755)
+    done = subprocess.run([tmp_path / ".ci" / "size"], capture_output=True, text=True, check=True)
+    assert done.stdout == "  11.0 MB in all, of which compiled Python 1.0\n   9.0    big\n"
+
+
 def test_extras_are_named_in_the_page_on_installation() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     page = (ROOT / "docs" / "installation.md").read_text()
