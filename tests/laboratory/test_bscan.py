@@ -341,14 +341,16 @@ def test_any_optics_of_the_study_are_within_its_ranges_and_give_a_frame(seed):
     assert bscan.frame.max() < 2**12
 
 
-def test_a_linear_display_shows_the_intensity_itself() -> None:
+@pytest.mark.parametrize(("display", "shown"), [("linear", lambda light: light), ("root", np.sqrt)])
+def test_a_linear_display_shows_the_intensity_itself_and_one_of_roots_its_root(display: str, shown) -> None:
     scales = replace(CLEAR, snr_db=20.0, display_floor_db=-10.0, display_range_db=50.0)
-    logarithmic, linear = (
-        render(flat_wall(), replace(scales, display=display)).frame / (2**SCANNER.bits - 1)
-        for display in ("logarithmic", "linear")
+    logarithmic, found = (
+        render(flat_wall(), replace(scales, display=name)).frame / (2**SCANNER.bits - 1)
+        for name in ("logarithmic", display)
     )
     intensity = 10.0 ** ((50.0 * logarithmic - 10.0) / 10.0)
     lit = (logarithmic > 0.0) & (logarithmic < 1.0)
-    expected = (intensity - 0.1) / (1e4 - 0.1)
-    np.testing.assert_allclose(linear[lit], expected[lit], rtol=2e-3, atol=2e-5)
-    assert linear[300, 200:300].mean() == pytest.approx(0.01, rel=0.3)  # 100 times the noise, of 10,000
+    expected = (shown(intensity) - shown(0.1)) / (shown(1e4) - shown(0.1))
+    np.testing.assert_allclose(found[lit], expected[lit], rtol=2e-3, atol=2e-5)
+    wall = {"linear": 0.01, "root": 0.086}[display]  # light of 100 times the noise, of 10,000
+    assert found[300, 200:300].mean() == pytest.approx(wall, rel=0.3)

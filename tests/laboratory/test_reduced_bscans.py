@@ -70,18 +70,22 @@ def drawn(of: BscanOptics, scanner=STUDY.oct, count: int = FRAMES) -> DrawnFrame
 
 
 def test_a_display_shows_speckle_as_drawn_values_do() -> None:
-    both = [optics(1), optics(2, display_floor_db=-2.0, display_range_db=20.0), optics(3, display="linear")]
-    displayed, rng = Displayed(both), np.random.default_rng(1)
+    drawn_by = [
+        optics(1),
+        optics(2, display_floor_db=-2.0, display_range_db=20.0),
+        optics(3, display="linear"),
+        optics(4, display="root"),
+    ]
+    displayed, rng = Displayed(drawn_by), np.random.default_rng(1)
     for level_db in (NO_LIGHT_DB, 3.0, 14.0, 31.0):
         light = 0.0 if level_db == NO_LIGHT_DB else 10.0 ** (level_db / 10.0)
         seen_db = 10.0 * np.log10((1.0 + light) * rng.exponential(size=200_000))
-        mean, variance = displayed.moments(np.full((3, 1, 1), level_db, dtype=np.float32))
-        for number, of in enumerate(both):
+        mean, variance = displayed.moments(np.full((4, 1, 1), level_db, dtype=np.float32))
+        for number, of in enumerate(drawn_by):
             share = (seen_db - of.display_floor_db) / of.display_range_db
-            if of.display == "linear":
-                share = (10.0 ** (share * of.display_range_db / 10.0) - 1.0) / (
-                    10.0 ** (of.display_range_db / 10.0) - 1.0
-                )
+            if power := {"linear": 1.0, "root": 0.5}.get(of.display):
+                brightest = 10.0 ** (power * of.display_range_db / 10.0)
+                share = (brightest**share - 1.0) / (brightest - 1.0)
             counts = np.clip(share, 0.0, 1.0)
             assert mean[number, 0, 0] == pytest.approx(counts.mean(), abs=4e-3)
             assert variance[number, 0, 0] == pytest.approx(counts.var(), rel=0.15, abs=2e-3)

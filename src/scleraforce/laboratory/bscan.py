@@ -2,8 +2,8 @@
 
 The tissue is a field of complex circular Gaussian scatterers (fully developed speckle: Goodman, Speckle Phenomena in
 Optics, ch. 3), weighted by the root of the light that comes back from there, seen through a Gaussian point spread
-function, plus mirror reflections and complex Gaussian detector noise; its intensity is shown on a logarithmic scale, or
-a linear one.
+function, plus mirror reflections and complex Gaussian detector noise; its intensity is shown on a logarithmic scale, a
+linear one, or one of roots.
 
 Simplifications: rays run straight down the columns (no bending at the surface), light is scattered once, the
 sensitivity does not fall off with depth, and everything below the first surface of a column is stretched by

@@ -1,7 +1,7 @@
 """Counts of speckle on a scanner's display: mean and variance by the level of the light (NumPy only).
 
 Speckle and noise are complex Gaussian, so their intensity is exponential (Goodman, Speckle Phenomena in Optics, ch. 3).
-The display shows its logarithm, or itself, cut off below and above (`BscanOptics.counts`).
+The display shows its logarithm, its root, or itself, cut off below and above (`BscanOptics.counts`).
 """
 
 from collections.abc import Sequence

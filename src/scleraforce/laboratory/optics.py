@@ -24,6 +24,8 @@ __all__ = [
     "sample_pose",
 ]
 
+POWERS = {"root": 0.5, "linear": 1.0}  # of the intensity, with which the counts of a display grow
+
 
 @dataclass(frozen=True, kw_only=True)
 class Shadow:
@@ -111,7 +113,8 @@ class BscanOptics:
     `reflection_db`: mirror reflection of the surface at normal incidence over the speckle there, which falls with the
     slope as exp(-(slope/reflection_angle)^2). `choroid_*`: a layer below the wall; its level is the backscatter against
     the wall's. `display_floor_db`: intensity of count 0 over the mean noise; `display_range_db`: from there to the
-    largest count; `display`: in between, counts grow with the logarithm of the intensity or, "linear", with itself.
+    largest count; `display`: in between, counts grow with the logarithm of the intensity, its "root" or, "linear", with
+    itself.
     `band_m`: width of the black band on each side. `needle`: what may cross the picture, None: nothing;
     `conjunctiva`: over the wall, None: none.
     """
@@ -142,9 +145,11 @@ class BscanOptics:
             intensity: of each pixel.
             largest: count; what is brighter saturates.
         """
-        if self.display == "linear":
-            darkest, brightest = 10.0 ** (self.display_floor_db / 10.0), 10.0 ** (self.display_range_db / 10.0)
-            counts = (intensity / np.float32(darkest) - 1.0) * np.float32(largest / (brightest - 1.0))
+        if self.display in POWERS:
+            power = POWERS[self.display]
+            darkest, brightest = (10.0 ** (db / 10.0) for db in (self.display_floor_db, power * self.display_range_db))
+            shown = (intensity / np.float32(darkest)) ** np.float32(power)
+            counts = (shown - 1.0) * np.float32(largest / (brightest - 1.0))
         else:
             level_db = np.float32(10.0) * np.log10(np.maximum(intensity, np.float32(1e-12)))
             counts = (level_db - np.float32(self.display_floor_db)) * np.float32(largest / self.display_range_db)

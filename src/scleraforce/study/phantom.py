@@ -24,7 +24,7 @@ class PhantomStudy:
     lateral_resolution_m: Sampled = quantity(Range(min=15.0, max=35.0), "um", 1.0, 500.0)
     display_floor_db: Sampled = quantity(Range(min=-8.0, max=-6.0), None, -60.0, 20.0)
     display_range_db: Sampled = quantity(Range(min=34.0, max=46.0), None, 5.0, 120.0)
-    display: str = option("logarithmic", "logarithmic", "linear")
+    display: str = option("logarithmic", "logarithmic", "root", "linear")
     band_m: Sampled = quantity(Range(min=0.4, max=0.6), "mm", 0.0, 5.0)
     # the wall and what lies below it
     attenuation_per_m: Sampled = quantity(Range(min=0.5, max=1.5), "per_mm", 0.0, 20.0)
