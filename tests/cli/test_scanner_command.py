@@ -101,6 +101,33 @@ def test_frames_on_which_nothing_can_be_measured_are_refused(frames, tmp_path: P
     )
 
 
+def test_a_linear_display_is_told_written_and_drawn(tmp_path: Path, capsys) -> None:
+    """Its wall is found in the logarithms of the counts: in the counts themselves both ways to find one differ."""
+    out = tmp_path / "study.toml"
+    optics = {"display": "linear", "snr_db": 20.0, "display_range_db": 38.0, "attenuation_per_m": 2000.0}
+    frame, mask = str(tmp_path / "0.png"), str(tmp_path / "mask")
+    cv2.imwrite(frame, drawn_counts(7710, **optics))
+    assert run(["segment", frame, "--out", mask, *map(str, SCALE[:4]), "--json"]) == 0
+    assert not json.loads(capsys.readouterr().out)["frames"][0]["usable"]
+    assert run(["scanner", frame, *map(str, SCALE), "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["display"] == read_study(out).phantom.display == "linear"
+    assert told["measured"]["snr_db"]["median"] == pytest.approx(20.0, abs=1.0)
+    assert told["measured"]["display_range_db"]["median"] == pytest.approx(38.0, abs=1.0)
+    assert told["measured"]["attenuation_per_mm"]["median"] == pytest.approx(2.0, rel=0.1)
+    assert told["not_drawn"]["spread_slope"]["median"] == pytest.approx(1.58, abs=0.2)
+    assert told["histogram_overlap"] > 0.95
+
+
+def test_a_display_that_the_wall_does_not_tell_is_said_to_be_taken_for_granted(tmp_path: Path, capsys) -> None:
+    out = tmp_path / "study.toml"
+    cv2.imwrite(str(tmp_path / "0.png"), drawn_counts(7110, attenuation_per_m=20.0))
+    assert run(["scanner", str(tmp_path / "0.png"), *map(str, SCALE), "--out", str(out)]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "note: that the display is logarithmic is taken for granted: the wall's light is too even" in told
+    assert "taken for granted" in out.read_text()
+
+
 @pytest.mark.slow
 def test_phantom_draws_frames_of_the_measured_scanner(frames, tmp_path: Path, capsys) -> None:
     """A recording that the written study draws is measured again: the same display, resolution and attenuation."""

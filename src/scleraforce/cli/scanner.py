@@ -1,6 +1,7 @@
 """`scleraforce scanner`: what a simulation needs to know of a scanner, measured on its own frames."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,8 +27,8 @@ __all__ = ["scanner"]
 
 SEED = 0  # of the drawn frame
 MOST_LOOKS = 1.5  # of the noise: beyond, it is averaged
-LOG_MISFIT_DB = 0.5  # of the noise: beyond, the display is not logarithmic, or the noise is no noise
-LOG_SKEW = -0.05  # of the wall's speckle: beyond, likewise
+LOG_MISFIT_DB = 0.5  # of the noise: beyond, the display is another one, or the noise is no noise
+LOG_SKEW = -0.05  # of the wall's speckle in dB: beyond, likewise
 DRAWN_OVERLAP = 0.8  # of the histograms: below, the drawn frame looks otherwise
 
 
@@ -121,13 +122,20 @@ def _bits(path: Path, frame: "ScaledFrame", told: int | None) -> int:
 
 
 def _eye(path: Path, frame: "ScaledFrame", bits: int, finder: "WallFinder | None") -> "ImagedEye":
-    """Return a frame with its wall."""
+    """Return a frame with its wall; where none is found, it is looked for in the logarithms of the counts, too.
+
+    All ways to find one expect a logarithmic display.
+    """
+    from scleraforce.scanner.display_kind import logarithms
     from scleraforce.scanner.imaged_eye import ImagedEye
 
     rows, columns = frame.pixels.shape
     if not (32 <= rows <= 8192 and 32 <= columns <= 8192):
         raise FrameError(f"{path}: {rows} x {columns} pixels; a study takes 32 to 8192")
     found = wall_in(frame, finder)
+    if not found.usable:
+        of_logarithms = wall_in(replace(frame, pixels=logarithms(frame.pixels)), finder)
+        found = of_logarithms if of_logarithms.usable else found
     if not found.usable:
         raise FrameError(f"{path}: {found.reason}; nothing can be measured on it")
     if found.needle is not None:
@@ -176,6 +184,7 @@ def _entries(measured: "MeasuredScanner") -> dict[str, Any]:
             missing[key] = result.reason
     return {
         "frames": len(measured.frames),
+        "display": measured.display.name,
         "measured": found,
         "counts": {name: list(counts) for name, counts in measured.counts.items()},
         "not_measured": missing,
@@ -208,7 +217,7 @@ def _lines(measured: "MeasuredScanner", out: Path, picture: Path, overlap: float
     """Return what is told: a line for each key, what was not measured, and what the frames are doubted for."""
     from scleraforce.scanner.measure import MeasuredRange
 
-    lines = []
+    lines = [f"display = {measured.display.name}"]
     for name, found in measured.ranges.items():
         key, change = _key(name)
         if isinstance(found, MeasuredRange) and _is_drawn(name):
@@ -235,9 +244,13 @@ def _notes(measured: "MeasuredScanner", overlap: float) -> list[str]:
     from scleraforce.scanner.measure import MeasuredRange
 
     notes = []
-    roll_off, looks, misfit, skew = (
-        measured.ranges[name] for name in ("roll_off_db_per_m", "noise_looks", "noise_misfit_db", "speckle_skew")
+    kind = measured.display.name
+    roll_off, looks, misfit, skew, slope = (
+        measured.ranges[name]
+        for name in ("roll_off_db_per_m", "noise_looks", "noise_misfit_db", "speckle_skew", "spread_slope")
     )
+    if not isinstance(slope, MeasuredRange):
+        notes.append(f"that the display is {kind} is taken for granted: {slope.reason}")
     if isinstance(roll_off, MeasuredRange) and roll_off.low * roll_off.high > 0.0:
         notes.append(
             f"the wall's light changes by {-from_si(roll_off.median, 'per_mm'):.1f} dB/mm with the depth of the "
@@ -250,13 +263,13 @@ def _notes(measured: "MeasuredScanner", overlap: float) -> list[str]:
         )
     if isinstance(misfit, MeasuredRange) and misfit.median > LOG_MISFIT_DB:
         notes.append(
-            f"the noise lies {misfit.median:.1f} dB off that of a logarithmic display: it is processed, or something "
+            f"the noise lies {misfit.median:.1f} dB off that of a {kind} display: it is processed, or something "
             "shows in it"
         )
     if isinstance(skew, MeasuredRange) and skew.median > LOG_SKEW:
         notes.append(
-            f"the wall's speckle has a skew of {skew.median:.2f}; on a logarithmic display it is -0.20, on one of "
-            "roots 0.13, on a linear one 0.42: levels in dB may be wrong, and the study has a logarithmic display"
+            f"the wall's speckle has a skew of {skew.median:.2f} in dB, that of one look is -0.20: fibres lie among "
+            f"it, or the display is no {kind} one, and levels in dB are wrong"
         )
     if overlap < DRAWN_OVERLAP:
         notes.append(

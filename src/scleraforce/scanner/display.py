@@ -1,13 +1,14 @@
-"""From counts back to light: the logarithmic scale of the display, from the noise above the tissue.
+"""From counts back to light: the scale of a display of a known kind, from the noise above the tissue.
 
-Detector noise is complex Gaussian, so its intensity is exponential, whatever the scanner: in dB its quantiles lie at
-10 log10(-ln(1 - p)) over the mean noise, with a standard deviation of 5.57 dB. A line through the quantiles of the
-counts gives counts per dB and the count of the mean noise. Quantiles also stand where the display cuts off darker
-pixels. (Goodman, Speckle Phenomena in Optics, ch. 3.)
+Detector noise is complex Gaussian, so its intensity is exponential, whatever the scanner: its quantiles lie at
+-ln(1 - p) over the mean noise, and in dB they have a standard deviation of 5.57 dB. A line through the quantiles of the
+counts, over what the display shows of those (`display_kind`), gives its gain and its offset. Quantiles also stand where
+the display cuts off darker pixels. (Goodman, Speckle Phenomena in Optics, ch. 3.)
 
 Scanners average frames. That takes the noise's spread away, but not the speckle's, which is the same in every frame of
-an eye at rest. Where the wall's speckle spreads farther than the noise, it tells the scale instead, by the quartiles of
-an exponential intensity, and the noise tells how many looks were averaged.
+an eye at rest. Where the wall's speckle spreads farther than the noise on a logarithmic display, it tells the scale
+instead, by the quartiles of an exponential intensity, and the noise tells how many looks were averaged. On other
+displays averaged noise looks like an offset: what has one is refused.
 """
 
 from dataclasses import dataclass, replace
@@ -18,6 +19,7 @@ from scipy.optimize import brentq
 from scipy.stats import gamma, linregress, sigmaclip
 
 from scleraforce.errors import FrameError
+from scleraforce.scanner.display_kind import LOGARITHMIC, DisplayKind, dithered
 from scleraforce.scanner.estimate import Estimate
 from scleraforce.scanner.imaged_eye import ImagedEye
 
@@ -34,16 +36,20 @@ GROUPS = 4  # of columns, whose differences tell how sure the scale is
 LEAST_PIXELS = 1000
 LOOKS = (0.05, 1e7)  # of the noise: what is looked for
 LEAST_COUNTS = 2  # between the quartiles of the noise: less cannot be told from rounding
+DARKEST_DB = -30.0  # stands for no light, where count 0 is none
+MOST_OFFSET = 0.3  # of the root of the mean noise, or of itself: where no light at all has more, it is no offset
 
 
 @dataclass(frozen=True, kw_only=True)
 class Display:
     """The scale: `floor_db`, intensity of count 0 over the mean noise, and `range_db`, from there to the `top` count.
 
-    `misfit`: of the noise to an exponential intensity on a logarithmic scale, standard deviation in dB; below about
-    0.3 the scale is one. `cut_share`: of the noise that is at count 0. `looks`: of the noise that were averaged.
+    `kind`: what counts grow with in between. `misfit`: of the noise to an exponential intensity on such a scale,
+    standard deviation in dB where that of the noise is 5.57 dB; below about 0.3 the scale is one. `cut_share`: of the
+    noise that is at count 0. `looks`: of the noise that were averaged.
     """
 
+    kind: DisplayKind
     floor_db: Estimate
     range_db: Estimate
     top: int
@@ -53,8 +59,9 @@ class Display:
 
     def levels(self, counts: NDArray[np.generic]) -> NDArray[np.float64]:
         """Return counts as levels in dB over the mean noise."""
-        levels: NDArray[np.float64] = counts.astype(np.float64) * (self.range_db.value / self.top) + self.floor_db.value
-        return levels
+        ends_db = np.array([self.floor_db.value, self.highest_db])
+        least, most = self.kind.shown(10.0 ** (ends_db / 10.0))
+        return self.kind.level_db(least + counts.astype(np.float64) * ((most - least) / self.top))
 
     @property
     def highest_db(self) -> float:
@@ -93,25 +100,34 @@ def air_counts(eye: ImagedEye) -> NDArray[np.float64]:
     return noise
 
 
-def fit_display(eye: ImagedEye) -> Display:
-    """Find the scale of a frame's display.
+def fit_display(eye: ImagedEye, kind: DisplayKind) -> Display:
+    """Find the scale of a frame's display of a kind.
 
     Raises:
-        FrameError: no noise is seen, or it has no spread.
+        FrameError: no noise is seen, it has no spread, or no light at all has a count of its own.
     """
     noise = air_counts(eye)
     lit = noise[:, np.isfinite(noise).any(axis=0)]
     groups = [
-        _scale(part, eye) for part in np.array_split(lit, GROUPS, axis=1) if np.isfinite(part).sum() > LEAST_PIXELS
+        _scale(part, eye, kind)
+        for part in np.array_split(lit, GROUPS, axis=1)
+        if np.isfinite(part).sum() > LEAST_PIXELS
     ]
-    per_db, zero, misfit, cut = _scale(lit, eye)
-    scatter = np.array([[-group[1] / group[0], eye.top / group[0]] for group in groups])
+    per_unit, zero, misfit, cut = _scale(lit, eye, kind)
+    if kind is not LOGARITHMIC and zero > MOST_OFFSET * per_unit:
+        raise FrameError(
+            f"{eye.name}: the wall's speckle spreads as on a {kind.name} display, and its noise lies above count 0, as "
+            "if it were averaged: neither such frames can be measured nor those with an offset (subtract it)"
+        )
+    scatter = np.array([_ends_db(kind, group[0], group[1], eye.top) for group in groups])
+    floor_db, range_db = _ends_db(kind, per_unit, zero, eye.top)
     floor_error, range_error = (
         scatter.std(axis=0, ddof=1) / np.sqrt(len(scatter)) if len(scatter) > 1 else np.array([1.0, 1.0])
     )
     return Display(
-        floor_db=Estimate(value=-zero / per_db, error=float(floor_error)),
-        range_db=Estimate(value=eye.top / per_db, error=float(range_error)),
+        kind=kind,
+        floor_db=Estimate(value=floor_db, error=float(floor_error)),
+        range_db=Estimate(value=range_db, error=float(range_error)),
         top=eye.top,
         misfit_db=misfit,
         cut_share=cut,
@@ -119,7 +135,9 @@ def fit_display(eye: ImagedEye) -> Display:
 
 
 def display_of_speckle(eye: ImagedEye, display: Display, spread: float) -> Display:
-    """Return a scale on which the wall's speckle spreads so many times less than on that of the noise: as one look.
+    """Return a logarithmic scale on which the wall's speckle spreads so many times less than on that of the noise.
+
+    It then spreads as one look.
 
     Raises:
         FrameError: as of `fit_display`.
@@ -143,8 +161,15 @@ def _quartiles_db(looks: float) -> float:
     return float(10.0 * np.log10(gamma.ppf(0.75, looks) / gamma.ppf(0.25, looks)))
 
 
-def _scale(noise: NDArray[np.float64], eye: ImagedEye) -> tuple[float, float, float, float]:
-    """Return counts per dB, the count of the mean noise, the misfit in dB, and the share of the noise at count 0."""
+def _ends_db(kind: DisplayKind, per_unit: float, zero: float, top: int) -> tuple[float, float]:
+    """Return the level of count 0 over the mean noise, and from there to the largest count, dB."""
+    floor_db, top_db = kind.level_db((np.array([0.0, top]) - zero) / per_unit)
+    floor_db = max(floor_db, DARKEST_DB) if kind is not LOGARITHMIC else floor_db
+    return float(floor_db), float(top_db - floor_db)
+
+
+def _scale(noise: NDArray[np.float64], eye: ImagedEye, kind: DisplayKind) -> tuple[float, float, float, float]:
+    """Return counts for each unit of what is shown, the count of none, the misfit, dB, and the noise's share at 0."""
     counts = noise[np.isfinite(noise)]
     cut = float(np.mean(counts <= 0))
     if cut > MOST_CUT:
@@ -153,11 +178,11 @@ def _scale(noise: NDArray[np.float64], eye: ImagedEye) -> tuple[float, float, fl
             "frames with a lower floor"
         )
     share = np.linspace(max(LOWEST, cut + 0.02), HIGHEST, SHARES)
-    expected_db = 10.0 * np.log10(-np.log1p(-share))
-    # Counts are rounded: half a count is spread evenly before quantiles are taken.
-    steps = np.arange(len(counts)) % 16 / 16.0 - 0.5 + 1 / 32
-    line = linregress(expected_db, np.quantile(counts + steps, share))
+    expected = kind.shown(-np.log1p(-share))
+    found = np.quantile(dithered(counts), share)
+    line = linregress(expected, found)
     if np.subtract(*np.quantile(counts, (0.75, 0.25))) < LEAST_COUNTS:
         raise FrameError(f"{eye.name}: the air above the tissue is of one colour: there is no noise in it to measure")
-    misfit = float(np.std(np.quantile(counts + steps, share) - line.intercept - line.slope * expected_db) / line.slope)
-    return float(line.slope), float(line.intercept), misfit, cut
+    misfit = np.std(found - line.intercept - line.slope * expected) / line.slope
+    misfit_db = misfit * np.std(LOGARITHMIC.shown(-np.log1p(-share))) / np.std(expected)
+    return float(line.slope), float(line.intercept), float(misfit_db), cut

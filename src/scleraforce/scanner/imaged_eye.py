@@ -18,6 +18,7 @@ Trace = NDArray[np.float64]
 
 SMOOTH_M = 0.6e-3  # of the surface, laterally: an eye at rest is smoother than its speckle
 EDGE_ROWS, EDGE_M = 4, 20e-6  # what a boundary's own light and its error reach
+UNSEEN_M = 0.4e-3  # below the surface there is wall, where the inner boundary is not seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +89,16 @@ class ImagedEye:
         """Rows of each pixel below the surface, (row, column)."""
         rows: Trace = np.arange(len(self.pixels), dtype=np.float64)[:, None] - self.surface_row
         return rows
+
+    @cached_property
+    def inside(self) -> NDArray[np.bool_]:
+        """Which pixels are wall, away from its boundaries, (row, column)."""
+        inside: NDArray[np.bool_] = (self.below_surface_rows >= self.edge_rows) & (
+            self.below_inner_rows < -self.edge_rows
+        )
+        if not self.inner_found:
+            inside &= self.below_surface_rows * self.row_m < UNSEEN_M
+        return inside & (self.pixels > 0).any(axis=0)
 
     @cached_property
     def below_inner_rows(self) -> Trace:

@@ -9,6 +9,7 @@ import numpy as np
 from scleraforce.errors import FrameError
 from scleraforce.scanner.below import layer_below
 from scleraforce.scanner.display import QUARTILES_DB, Display, display_of_speckle, fit_display
+from scleraforce.scanner.display_kind import LOGARITHMIC, DisplayKind, display_kind, spread_slope
 from scleraforce.scanner.estimate import Estimate, Unmeasured
 from scleraforce.scanner.imaged_eye import ImagedEye
 from scleraforce.scanner.lines import SeenLine, find_lines
@@ -42,7 +43,7 @@ MEASURED = (
 )  # fmt: skip
 OF_FRAMES = 12  # of them; the others are of shadows and lines
 COUNTS = ("shadow_count", "line_count")
-NOT_DRAWN = ("roll_off_db_per_m", "noise_looks", "noise_misfit_db", "speckle_skew")
+NOT_DRAWN = ("roll_off_db_per_m", "noise_looks", "noise_misfit_db", "speckle_skew", "spread_slope")
 AVERAGED = 1.25  # times as far the wall's speckle spreads as the noise: it tells the display's scale
 LEAST_PIXELS = 500
 OCTILES = (0.125, 0.25, 0.5, 0.75, 0.875)
@@ -75,8 +76,12 @@ class MeasuredRange:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredScanner:
-    """A scanner: ranges by the field's name, in SI, or why there is none; counts of each frame; the frames."""
+    """A scanner: its `display`; ranges by the field's name, in SI, or why there is none; counts of each frame; frames.
 
+    A display that could not be told (`spread_slope` has no range) is taken for a logarithmic one.
+    """
+
+    display: DisplayKind
     ranges: Mapping[str, MeasuredRange | Unmeasured]
     counts: Mapping[str, tuple[int, ...]]
     frames: tuple[MeasuredFrame, ...]
@@ -93,7 +98,7 @@ class MeasuredScanner:
             if len(chosen) > MOST_COUNTS:
                 chosen = [chosen[n] for n in np.linspace(0, len(chosen) - 1, MOST_COUNTS).round().astype(int)]
             measured[name] = Choice(tuple(float(count) for count in chosen))
-        return PhantomStudy(**measured)  # type: ignore[arg-type]  # sampled values only
+        return PhantomStudy(display=self.display.name, **measured)  # type: ignore[arg-type]  # sampled values only
 
 
 def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
@@ -105,7 +110,10 @@ def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
     Raises:
         FrameError: a frame shows too little to be measured, or nothing that a study could draw.
     """
-    measured = [_measure(eye) for eye in eyes]
+    seen = list(eyes)
+    slopes = [spread_slope(eye) for eye in seen]
+    kind = display_kind(slopes)
+    measured = [_measure(eye, kind, slope) for eye, slope in zip(seen, slopes, strict=True)]
     strengths, angle = reflections([surface for _, surface in measured])
     frames = tuple(
         MeasuredFrame(
@@ -131,15 +139,15 @@ def measure_scanner(eyes: Iterable[ImagedEye]) -> MeasuredScanner:
         "shadow_count": tuple(len(frame.shadows) for frame in frames),
         "line_count": tuple(len(frame.lines) for frame in frames),
     }
-    return MeasuredScanner(ranges, counts, frames)
+    return MeasuredScanner(kind, ranges, counts, frames)
 
 
-def _measure(eye: ImagedEye) -> tuple[MeasuredFrame, SurfaceLight]:
+def _measure(eye: ImagedEye, kind: DisplayKind, slope: Estimate | Unmeasured) -> tuple[MeasuredFrame, SurfaceLight]:
     """Measure one frame, all but its reflection, which is told from all frames together."""
-    display = fit_display(eye)
+    display = fit_display(eye, kind)
     tissue = light_in_wall(eye, display)
     spread, skew = _speckle_spread(tissue, display)
-    if spread > AVERAGED:
+    if kind is LOGARITHMIC and spread > AVERAGED:
         display = display_of_speckle(eye, display, spread)
         tissue = light_in_wall(eye, display)
     axial, lateral = resolutions(eye, display, tissue)
@@ -159,6 +167,7 @@ def _measure(eye: ImagedEye) -> tuple[MeasuredFrame, SurfaceLight]:
         "noise_looks": Estimate(value=display.looks, error=0.0),
         "noise_misfit_db": Estimate(value=display.misfit_db, error=0.0),
         "speckle_skew": skew,
+        "spread_slope": slope,
     }
     frame = MeasuredFrame(eye, display, values, find_shadows(eye, tissue), find_lines(eye, display))
     return frame, surface_light(eye, display, tissue, axial)
@@ -168,8 +177,7 @@ def _speckle_spread(tissue: WallLight, display: Display) -> tuple[float, Estimat
     """Return how far the wall's speckle spreads on the display, over what the noise says, and its skew.
 
     The spread is 1 where nothing is averaged, more where the noise is, or where the display is not logarithmic; it is 1
-    where it cannot be told. The skew is that of octiles: -0.20 of one look on a logarithmic display, 0.13 on one that
-    shows the root of the intensity, 0.42 on a linear one.
+    where it cannot be told. The skew is that of octiles: -0.20 of one look, in dB.
     """
     expected_db = 10.0 * np.log10(tissue.expected + 1.0) + np.nan_to_num(tissue.column_db)
     chosen = tissue.inside & tissue.clear & (expected_db < display.highest_db - 3.0) & (expected_db > 3.0)

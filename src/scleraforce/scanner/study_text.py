@@ -41,6 +41,9 @@ def study_text(scanner: MeasuredScanner, names: Sequence[str], date: str, versio
         "",
         "[phantom]  # levels in dB are ratios of intensity",
     ]
+    slope = scanner.ranges["spread_slope"]
+    taken = f"  # taken for granted: {slope.reason}" if isinstance(slope, Unmeasured) else ""
+    lines.append(f"{sections['phantom']['display']}{taken}")
     lines += [_line(keys[name], sections["phantom"], scanner.ranges[name]) for name in MEASURED[:OF_FRAMES]]
     for count in COUNTS:
         lines.append(f"{sections['phantom'][keys[count]]}  # of each frame")

@@ -21,7 +21,6 @@ from scleraforce.scanner.imaged_eye import ImagedEye, Trace
 __all__ = ["WallLight", "depth_profile", "light_in_wall", "roll_off", "typical"]
 
 BIN_M = 15e-6  # of depth
-UNSEEN_M = 0.4e-3  # below the surface, where the inner boundary is not seen
 LEAST_BINS, LEAST_IN_BIN = 5, 50
 OVER_NOISE_DB, BELOW_TOP_DB = 1.0, 1.0  # of a median that tells the light
 SHADED_DB, SHADED_SDS = 0.7, 3.0  # a column that gets so much less, and by so many of its deviations, is left out
@@ -73,12 +72,8 @@ def light_in_wall(eye: ImagedEye, display: Display) -> WallLight:
         FrameError: too little of the wall can be seen to tell its light.
     """
     levels = display.levels(eye.pixels)
-    below, edge = eye.below_surface_rows, eye.edge_rows
-    depth_m = below * eye.row_m
-    inside = (below >= edge) & (eye.below_inner_rows < -edge)
-    if not eye.inner_found:
-        inside &= depth_m < UNSEEN_M
-    inside &= (eye.pixels > 0).any(axis=0)
+    depth_m = eye.below_surface_rows * eye.row_m
+    inside = eye.inside
     clear = eye.walled.copy()
     for _ in range(2):
         value, error = _fit(eye, levels, depth_m, inside & clear, display)
