@@ -8,7 +8,7 @@ from drawn_eyes import OPTICS, SCANNER, drawn_counts, drawn_eyes, imaged
 
 from scleraforce.errors import FrameError
 from scleraforce.scanner.display import fit_display
-from scleraforce.scanner.display_kind import KINDS, LOGARITHMIC, display_kind, spread_slope
+from scleraforce.scanner.display_kind import DISPLAY_KINDS, LOGARITHMIC, display_kind, spread_slope
 from scleraforce.scanner.drawn import drawn_alike, histogram_overlap
 from scleraforce.scanner.estimate import Estimate, Unmeasured
 from scleraforce.scanner.measure import measure_scanner
@@ -55,13 +55,15 @@ def test_the_slopes_are_those_of_many_drawn_intensities() -> None:
     rng = np.random.default_rng(7120)
     dim = rng.exponential(size=400_000)
     for kind, expected in (("logarithmic", 0.0), ("root", 0.770), ("linear", np.log(3.0) / np.log(2.0))):
-        quartiles = np.array([np.quantile(KINDS[kind].shown(light), (0.25, 0.5, 0.75)) for light in (dim, 3.0 * dim)])
+        quartiles = np.array(
+            [np.quantile(DISPLAY_KINDS[kind].shown(light), (0.25, 0.5, 0.75)) for light in (dim, 3.0 * dim)]
+        )
         spread = quartiles[:, 2] - quartiles[:, 0]
         assert np.diff(spread)[0] / np.diff(quartiles[:, 1])[0] == pytest.approx(expected, abs=0.01)
-        assert KINDS[kind].spread_slope == pytest.approx(expected, abs=1e-3)
+        assert DISPLAY_KINDS[kind].spread_slope == pytest.approx(expected, abs=1e-3)
 
 
-@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+@pytest.mark.parametrize("kind", DISPLAY_KINDS.values(), ids=DISPLAY_KINDS)
 def test_what_a_display_shows_goes_back_to_the_intensity(kind) -> None:
     light = np.array([1e-3, 0.5, 1.0, 700.0])
     np.testing.assert_allclose(kind.level_db(kind.shown(light)), 10.0 * np.log10(light))

@@ -18,7 +18,7 @@ from scleraforce.recording.pixels import Pixels
 from scleraforce.scanner.estimate import Estimate, Unmeasured, fitted, level_db
 from scleraforce.scanner.imaged_eye import ImagedEye
 
-__all__ = ["KINDS", "LOGARITHMIC", "DisplayKind", "display_kind", "dithered", "logarithms", "spread_slope"]
+__all__ = ["DISPLAY_KINDS", "LOGARITHMIC", "DisplayKind", "display_kind", "dithered", "logarithms", "spread_slope"]
 
 BLOCK_M = (100e-6, 3e-3)  # of the wall, along the depth and across it: light hardly changes, speckle does often
 NARROWEST_SHARE = 0.25  # of a narrow frame a block has at most
@@ -46,7 +46,7 @@ class DisplayKind:
 
 
 LOGARITHMIC = DisplayKind(name="logarithmic", shown=level_db, level_db=np.copy)
-KINDS: Mapping[str, DisplayKind] = {
+DISPLAY_KINDS: Mapping[str, DisplayKind] = {
     kind.name: kind
     for kind in (
         LOGARITHMIC,
@@ -54,7 +54,7 @@ KINDS: Mapping[str, DisplayKind] = {
         DisplayKind(name="linear", shown=np.copy, level_db=level_db),
     )
 }
-MOST_ERROR = KINDS["root"].spread_slope / 6.0  # a third of the way from one kind to the middle of two
+MOST_ERROR = DISPLAY_KINDS["root"].spread_slope / 6.0  # a third of the way from one kind to the middle of two
 
 
 def spread_slope(eye: ImagedEye) -> Estimate | Unmeasured:
@@ -76,7 +76,7 @@ def display_kind(slopes: Sequence[Estimate | Unmeasured]) -> DisplayKind:
     if not known:
         return LOGARITHMIC
     found = float(np.median(known))
-    return min(KINDS.values(), key=lambda kind: abs(kind.spread_slope - found))
+    return min(DISPLAY_KINDS.values(), key=lambda kind: abs(kind.spread_slope - found))
 
 
 def logarithms(counts: Pixels) -> Pixels:
