@@ -119,6 +119,33 @@ def test_the_mean_is_where_the_loss_is_least() -> None:
     assert regression(read, known, place_of(known)).loss > loss(found)
 
 
+def test_frames_that_agree_scatter_less_than_expected_and_others_more() -> None:
+    """Whatever the four explain is no scatter; what they leave is, over what is expected of each frame."""
+    known, forces_n = filtered(OPEN), (18e-3, 38e-3, 57e-3)
+    assert regression([], known, place_of(known)).scatter == 1.0
+    agreeing = frames(forces_n, (0.0, 0.0, 0.0, 0.0), known)
+    assert regression(agreeing, known, place_of(known)).scatter == pytest.approx(np.sqrt(5.0 / 8.0))
+    shifts = (0.05, -0.05, 0.04)
+    scattered = [
+        replace(frame, force_n=frame.force_n * np.exp(shift)) for frame, shift in zip(agreeing, shifts, strict=True)
+    ]
+    off, _ = found_off(scattered, known)
+    squares = 0.0
+    for frame in scattered:
+        slopes = np.array([frame.by_modulus, frame.by_rigidity, 1.0, frame.library_n / 60e-3 - 0.5])
+        rest = np.log(frame.force_n / frame.library_n) - slopes @ off
+        squares += rest**2 / ((frame.sd_n / frame.library_n) ** 2 + (LABEL_SD_N / frame.force_n) ** 2)
+    scatter = regression(scattered, known, place_of(known)).scatter
+    assert scatter == pytest.approx(np.sqrt((5.0 + squares / 0.17) / 8.0))
+    assert scatter > 2.0
+
+
+def test_frames_of_tissue_that_stiffens_do_not_scatter_for_it() -> None:
+    known = filtered(OPEN)
+    stiffening = regression(frames((17e-3, 30e-3, 38e-3), (0.0, 0.0, 0.15, 1.2), known), known, place_of(known))
+    assert stiffening.scatter < 1.0
+
+
 def test_frames_that_were_read_with_another_modulus_tell_the_same() -> None:
     known = filtered(OPEN)
     read = frames((12e-3, 30e-3, 50e-3), (0.0, 0.0, 0.02, 0.0), known)

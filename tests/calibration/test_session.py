@@ -118,6 +118,7 @@ def test_a_calibration_tells_how_far_the_forces_lie_off_the_librarys(calibration
     assert found is not None
     assert abs(found.level) < 0.01
     assert found.level_sd < 0.02  # what eyes have
+    assert 0.5 < found.scatter < 2.0  # as expected of a wall of the library's
     assert found.level_by[0] < 0.0  # an E that is too high goes with forces that are below the library's
     content = calibration_as_json(calibration)
     steps = [step for step in content["eyes"]["made-up"]["steps"] if step["again"]]
@@ -135,6 +136,11 @@ def test_what_frames_told_together_is_refused_by_its_key_where_it_is_none(calibr
         content["eyes"][name]["discrepancy"]["level_by"] = value
         with pytest.raises(CalibrationError, match=r"eyes\.made-up\.discrepancy\.level_by"):
             parse_calibration_file_of(content)
+    for value in (-0.1, 1e3, "x", None):
+        content = json.loads(whole)
+        content["eyes"][name]["discrepancy"]["scatter"] = value
+        with pytest.raises(CalibrationError, match=r"eyes\.made-up\.discrepancy\.scatter"):
+            parse_calibration_file_of(content)
     read = next(place for place, step in enumerate(json.loads(whole)["eyes"][name]["steps"]) if step["again"])
     for key, value in (("library_n", -1.0), ("modulus_pa", 0.0), ("sd_n", "x"), ("by_modulus", None)):
         content = json.loads(whole)
@@ -142,13 +148,14 @@ def test_what_frames_told_together_is_refused_by_its_key_where_it_is_none(calibr
         with pytest.raises(CalibrationError, match=rf"eyes\.made-up\.steps\[{read}\]\.again\.{key}"):
             parse_calibration_file_of(content)
     content = json.loads(whole)
-    for key in ("level_by", "growth_by"):
+    for key in ("level_by", "growth_by", "scatter"):
         del content["eyes"][name]["discrepancy"][key]
     for step in content["eyes"][name]["steps"]:
         del step["again"]
     found = parse_calibration_file_of(content).eyes[name]
     assert found.discrepancy is not None
     assert found.discrepancy.level_by == found.discrepancy.growth_by == (0.0, 0.0)
+    assert found.discrepancy.scatter == 1.0
     assert {frame.again for frame in found.frames} == {None}
 
 

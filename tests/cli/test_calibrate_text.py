@@ -42,6 +42,15 @@ def test_tissue_that_stiffens_is_said(stiffening: float, said: str | None) -> No
     assert [words for words in found_words(eye) if "stiffens" in words] == ([] if said is None else [said])
 
 
+@pytest.mark.parametrize(("scatter", "said"), [(1.9, False), (2.64, True)])
+def test_frames_that_scatter_far_are_said(scatter: float, said: bool) -> None:
+    eye = calibration_of_a_sealed_eye().eyes["mine"]
+    assert eye.discrepancy is not None
+    scattered = replace(eye, discrepancy=replace(eye.discrepancy, scatter=scatter))
+    assert ("forces scatter 2.6 times as far as expected" in found_words(scattered)) == said
+    assert found_words(replace(eye, discrepancy=None)) == FOUND[:-1]
+
+
 def test_a_stiffening_that_is_told_and_sought_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study = tmp_path / "study.toml"
     study.write_text("[tissue]\nstiffening = 3.0\n")

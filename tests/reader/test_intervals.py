@@ -11,6 +11,7 @@ from scleraforce.fitting.fit_prediction import FORM, NAMES
 from scleraforce.fitting.library_fit import BoundaryFit
 from scleraforce.fitting.prior import prior_of
 from scleraforce.fitting.resting_form import FORMS
+from scleraforce.known.discrepancy import NO_DISCREPANCY
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, SEALED
 from scleraforce.reader.force_distribution import ratio_edges, single_force
@@ -145,6 +146,17 @@ def test_factors_come_from_the_record_and_are_one_where_it_has_none() -> None:
     assert (factors.of_fit(own, fit), factors.of_fit(own, replace(fit, misfit_m=1e-3))) == (1.5, 1.0)
     assert (factors.of_network(Known(globe=SEALED)), factors.of_network(own)) == (2.0, 1.0)
     assert parse_factors({}, "model.json") == NO_FACTORS
+
+
+def test_an_eye_whose_frames_scattered_has_wider_intervals_of_the_fit() -> None:
+    own, fit = Modulus(mean_pa=3e5, sd_pa=1e4, source="own"), drawn_fit(np.linspace(0.0, 1e-2, 11))
+    even = Known(modulus=own, globe=OPEN)
+    scattered = replace(even, discrepancy=replace(NO_DISCREPANCY, scatter=1.7))
+    assert (even.scatter, scattered.scatter, NO_DISCREPANCY.scatter) == (1.0, 1.7, 1.0)
+    factors = IntervalFactors(network={"own E, open": 2.0}, fit={"own E, open, even": 1.5})
+    assert factors.of_fit(scattered, fit) == pytest.approx(1.7 * 1.5)
+    assert NO_FACTORS.of_fit(scattered, fit) == 1.7
+    assert factors.of_network(scattered) == 2.0  # another model of the eye: its errors do not follow
 
 
 @pytest.mark.parametrize(

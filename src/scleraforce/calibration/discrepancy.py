@@ -216,5 +216,6 @@ def _with_discrepancy(known: Known, found: Found) -> Known:
         correlation=float(left[0, 1] / (level_sd * growth_sd)),
         level_by=(float(by[0, 0]), float(by[0, 1])),
         growth_by=(float(by[1, 0]), float(by[1, 1])),
+        scatter=found.scatter,
     )
     return replace(known, modulus=modulus, globe=known.globe if known.globe is None else globe, discrepancy=discrepancy)

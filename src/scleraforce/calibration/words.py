@@ -17,18 +17,19 @@ PRINTED: dict[str, tuple[str, HumanUnit, str]] = {
     RIGIDITY: ("k", "mmhg13_per_ul", "mmHg^(1/3)/µl"),
 }
 SURE = 2.0  # standard deviations, of what is said
+MUCH = 2.0  # times what is expected
 
 
 def found_words(eye: EyeCalibration) -> tuple[str, ...]:
     """Return mean and standard deviation of each parameter but the modulus, which has a column of its own.
 
-    And how much the tissue stiffens, where it does; and by how much the eye's forces lie off the library's, where that
-    is sure: an uneven wall.
+    And how much the tissue stiffens, where it does; by how much the eye's forces lie off the library's, where that is
+    sure: an uneven wall; and how far its frames scatter, where that is much: a wall that is none of the library's.
     """
     found = zip(eye.names, eye.means, eye.sds, strict=True)
     stiffens = (f"tissue stiffens, b {eye.stiffening:.2g}",) if eye.stiffening > 0.0 else ()
     others = (_words(name, mean, sd) for name, mean, sd in found if name != PARAMETERS["e"])
-    return (*others, *stiffens, *_discrepancy_words(eye))
+    return (*others, *stiffens, *_discrepancy_words(eye), *_scatter_words(eye))
 
 
 def rigidity_words(eye: EyeCalibration) -> str:
@@ -45,6 +46,11 @@ def _discrepancy_words(eye: EyeCalibration) -> tuple[str, ...]:
     side = "above" if percent > 0.0 else "below"
     reference = f"{from_si(REFERENCE_N, 'mn'):g} mN"
     return (f"forces {abs(percent):.0f} ± {from_si(sd, 'percent'):.0f} % {side} the library's at {reference}",)
+
+
+def _scatter_words(eye: EyeCalibration) -> tuple[str, ...]:
+    scatter = eye.discrepancy.scatter if eye.discrepancy else 1.0
+    return (f"forces scatter {scatter:.1f} times as far as expected",) if scatter > MUCH else ()
 
 
 def _words(name: str, mean: float, sd: float) -> str:

@@ -51,6 +51,7 @@ KINDS_OF_GLOBE = ("open", "sealed", "unknown")
 MOST_CORRELATED = 1.0 - 1e-9
 STIFFENS_MOST = 200.0
 LARGEST_DISCREPANCY = 2.0  # of a force's logarithm
+LARGEST_SCATTER = 100.0
 WRITER = "give a file of `scleraforce calibrate`"
 
 
@@ -237,6 +238,7 @@ def _discrepancy(entry: Mapping[str, Any], place: str) -> ForceDiscrepancy | Non
         **{name: number_of(values, name, within, *bounds) for name, bounds in ends.items()},
         level_by=_pair(values, "level_by", within),
         growth_by=_pair(values, "growth_by", within),
+        scatter=number_of(values, "scatter", within, 0.0, LARGEST_SCATTER) if "scatter" in values else 1.0,
     )
 
 

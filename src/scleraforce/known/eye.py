@@ -79,6 +79,11 @@ class Known:
     stiffening: float | None = None
     discrepancy: ForceDiscrepancy | None = None
 
+    @property
+    def scatter(self) -> float:
+        """By how much intervals are wider for what the eye's frames of known force showed (`ForceDiscrepancy`)."""
+        return 1.0 if self.discrepancy is None else self.discrepancy.scatter
+
 
 NOTHING_KNOWN = Known()
 

@@ -3,7 +3,8 @@
 What a method says of its own uncertainty leaves out what its model leaves out. So its intervals are measured on eyes
 that are not in its model (split-conformal prediction: Vovk, Gammerman and Shafer, Algorithmic Learning in a Random
 World, 2005; over groups of frames that belong together: Dunn, Wasserman and Ramdas 2023), one factor for each group
-(`interval_groups`). `model.json` keeps the factors; a model without them has intervals as its methods say.
+(`interval_groups`). `model.json` keeps the factors; a model without them has intervals as its methods say. Before that,
+an eye whose calibration left its frames of known force scattered has wider intervals than another (`Known.scatter`).
 """
 
 import reprlib
@@ -40,7 +41,7 @@ class IntervalFactors:
 
     def of_fit(self, known: Known, fit: BoundaryFit) -> float:
         """Return the factor of the interval of a fit."""
-        return self.fit.get(group_of(known, fit), 1.0)
+        return known.scatter * self.fit.get(group_of(known, fit), 1.0)
 
 
 NO_FACTORS = IntervalFactors()

@@ -12,9 +12,10 @@ from scleraforce.calibration.discrepancy import _certain, read_again
 from scleraforce.errors import CalibrationError
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
+from scleraforce.known.discrepancy import NO_DISCREPANCY
 from scleraforce.known.eye import Known
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
-from scleraforce.learning.reader.intervals import STREAM, calibrated_eye
+from scleraforce.learning.reader.intervals import STREAM, _scores, calibrated_eye
 from scleraforce.learning.reader.uneven import CORNEA_RADIUS_M, Forms, added_depths, draw_forms
 from scleraforce.learning.reader.virtual_eyes import (
     FRAMES,
@@ -28,6 +29,7 @@ from scleraforce.learning.reader.virtual_eyes import (
 from scleraforce.library import INNER, OUTER
 from scleraforce.reader.force_reader import SHIFTS, ForceReader
 from scleraforce.reader.model import load_force_reader
+from scleraforce.reader.readings import Reading
 from scleraforce.study import Range, ReaderStudy, Study
 
 RADIUS_M = np.array([12e-3])
@@ -254,3 +256,18 @@ def test_a_frame_of_known_force_is_read_again_from_near_that_force() -> None:
     assert begun_there.misfit_m < 0.7 * without.misfit_m
     assert again.library_n == pytest.approx(begun_there.force_n, rel=1e-6)
     assert again.library_n < 0.95 * without.force_n
+
+
+def test_a_scattered_eye_scores_from_the_wider_intervals_of_the_fit(library, eye: VirtualEye) -> None:
+    rng = np.random.default_rng(3)
+    known, (frame, *_) = calibrated(eye, draw_frames(eye, EXACT, FRAMES, rng), EXACT, library, rng)
+    by_network = Reading(probabilities=(1.0, 0.0, 0.0), force_n=0.02, interval_n=(0.01, 0.03), contact_m=0.0)
+
+    def scores(scatter: float) -> dict[str, float]:
+        scattered = replace(known, discrepancy=replace(NO_DISCREPANCY, scatter=scatter))
+        found = _scores(EXACT, library.for_contact(eye.wall.polar_rad), lambda *_: by_network, scattered, frame, "0")
+        return {entry.method: entry.score for entry in found}
+
+    once, twice = scores(1.0), scores(2.0)
+    assert twice["network"] == once["network"]
+    assert twice["fit"] == pytest.approx(0.5 * once["fit"], rel=1e-9)

@@ -23,6 +23,7 @@ from scleraforce.learning.reader.virtual_eyes import (
 )
 from scleraforce.library import Library
 from scleraforce.processes import work_in_order
+from scleraforce.reader.interval_factors import NO_FACTORS
 from scleraforce.reader.interval_groups import group_of
 from scleraforce.reader.interval_scores import Score, intervals_record, score
 from scleraforce.reader.model import slice_network
@@ -133,6 +134,6 @@ def _scores(
         library, seen.lateral_m, seen.depth_m, prior_of(known, study.reader), study.calibration.surface_smoothing_m
     )
     if fit is not None:
-        by_fit = fit_reading(fit, study.classes.bounds_n)
+        by_fit = fit_reading(fit, study.classes.bounds_n, NO_FACTORS.of_fit(known, fit))
         found.append(Score("fit", group_of(known, fit), eye, score(by_fit, frame.force_n)))
     return found

@@ -31,7 +31,9 @@ MODULES = (
     "reader/force_distribution.py", "reader/given.py", "reader/interval_groups.py", "reader/interval_scores.py",
     "reader/slice_network.py", "reader/told_network.py", "study/sampled.py", "compiled.py",
 )  # fmt: skip
-SHARED: tuple[Callable[..., Any], ...] = (IntervalFactors.of_network, fit_reading, observe_points)
+SHARED: tuple[Callable[..., Any], ...] = (
+    IntervalFactors.of_network, IntervalFactors.of_fit, fit_reading, observe_points,
+)  # fmt: skip
 
 
 def reader_files() -> list[str]:

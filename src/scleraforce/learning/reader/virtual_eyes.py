@@ -195,7 +195,8 @@ def calibrated(
     if found is None:
         raise CalibrationError("the library does not have the eye as it was told")
     stiffening, (known, used) = found
-    left = tuple(frame for place, frame in enumerate(frames) if place not in {order[number] for number in range(used)})
+    gone_through = set(order[:used])
+    left = tuple(frame for place, frame in enumerate(frames) if place not in gone_through)
     return replace(known, stiffening=stiffening), left
 
 
