@@ -26,8 +26,8 @@ from scleraforce.learning.reader.virtual_eyes import (
     draw_frames,
     of_population,
 )
-from scleraforce.library import INNER, OUTER
-from scleraforce.reader.force_reader import SHIFTS, ForceReader
+from scleraforce.library import INNER, OUTER, Library
+from scleraforce.reader.force_reader import SHIFTS
 from scleraforce.reader.model import load_force_reader
 from scleraforce.reader.readings import Reading
 from scleraforce.study import Range, ReaderStudy, Study
@@ -202,41 +202,53 @@ def test_frames_have_the_errors_that_intervals_are_measured_with_not_those_of_th
     assert rough > 1.5 * np.nanstd(np.diff(usual_m, 2, axis=1)) > 1.5 * smooth
 
 
-def eye_of_the_shipped_reader(number: int) -> tuple[ForceReader, VirtualEye, Known, tuple[VirtualFrame, ...]]:
-    """A virtual eye that the intervals of the reader that ships were measured on, what is known of it, other frames."""
-    reader = load_force_reader("default")
-    rng = np.random.default_rng([reader.study.reader.seed, STREAM + number])
-    found = calibrated_eye(reader.study, reader.library, number, rng)
+@pytest.fixture
+def _of_one_tissue(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eyes are drawn as before some of them stiffened: among these are those on which the fit once failed."""
+    monkeypatch.setattr("scleraforce.learning.reader.virtual_eyes.library_of_tissue", lambda library, *_: library)
+
+
+def shipped_walls() -> Library:
+    """Those of the reader that ships, of tissue that does not stiffen: their calibration seeks no other one."""
+    return replace(load_force_reader("default").library, stiffened=None)
+
+
+def eye_of_shipped_walls(number: int) -> tuple[VirtualEye, Known, tuple[VirtualFrame, ...]]:
+    """A virtual eye, what is known of it, and its other frames."""
+    study = Study()
+    found = calibrated_eye(study, shipped_walls(), number, np.random.default_rng([study.reader.seed, STREAM + number]))
     assert found is not None
-    return reader, *found
+    return found
 
 
+@pytest.mark.usefixtures("_of_one_tissue")
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [133, 175])
 def test_no_large_force_of_a_sealed_eye_whose_pressure_nearly_runs_away_is_read_as_a_small_one(number: int) -> None:
     """Without a start at higher pressures, frames of 53 to 56 mN are read as 20."""
-    reader, _, known, left = eye_of_the_shipped_reader(number)
-    near, prior = reader.library_for(known), prior_of(known, reader.study.reader)
-    smoothing_m = reader.study.calibration.surface_smoothing_m
+    _, known, left = eye_of_shipped_walls(number)
+    near, prior = shipped_walls().nearest_contact(known.polar_rad), prior_of(known, Study().reader)
+    smoothing_m = Study().calibration.surface_smoothing_m
     large = [frame for frame in left if frame.force_n > 35e-3]
     fits = [fit_boundaries(near, f.boundaries.lateral_m, f.boundaries.depth_m, prior, smoothing_m) for f in large]
     assert len(fits) >= 4
     assert all(fit is not None and fit.interval_n[1] > 30e-3 for fit in fits)
 
 
+@pytest.mark.usefixtures("_of_one_tissue")
 @pytest.mark.slow
 def test_the_modulus_of_a_sealed_eye_whose_pressure_nearly_runs_away_is_found() -> None:
     """Without starts at higher pressures and at the forces that are known, it comes out 38 % too high."""
-    _, eye, known, _ = eye_of_the_shipped_reader(109)
+    eye, known, _ = eye_of_shipped_walls(109)
     assert known.modulus is not None
     assert known.modulus.mean_pa == pytest.approx(eye.wall.youngs_modulus_pa, rel=0.12)
 
 
+@pytest.mark.usefixtures("_of_one_tissue")
 @pytest.mark.slow
 def test_a_frame_of_known_force_is_read_again_from_near_that_force() -> None:
-    """With an E that is 15 % too high, a fit that is not begun there ends 10 % higher, and lies half as well."""
-    reader = load_force_reader("default")
-    study, library = reader.study, reader.library
+    """With an E that is 15 % too high, a fit that is not begun there ends 5 % higher, and lies half as well."""
+    study, library = Study(), shipped_walls()
     rng = np.random.default_rng([study.reader.seed, STREAM + 55])
     eye = draw_eye(study, library, 55, rng)
     frames = draw_frames(eye, study, FRAMES, rng)
@@ -255,7 +267,7 @@ def test_a_frame_of_known_force_is_read_again_from_near_that_force() -> None:
     assert again is not None
     assert begun_there.misfit_m < 0.7 * without.misfit_m
     assert again.library_n == pytest.approx(begun_there.force_n, rel=1e-6)
-    assert again.library_n < 0.95 * without.force_n
+    assert again.library_n < 0.97 * without.force_n
 
 
 def test_a_scattered_eye_scores_from_the_wider_intervals_of_the_fit(library, eye: VirtualEye) -> None:
