@@ -15,6 +15,7 @@ from calibrated_eye import calibration_of_a_sealed_eye
 
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.frame_order import frame_order
+from scleraforce.calibration.frame_walls import FrameWalls
 from scleraforce.calibration.result import Calibration, EyeCalibration
 from scleraforce.calibration.saved import calibration_as_json, parse_calibration
 from scleraforce.calibration.stiffening import TissueTrial
@@ -364,3 +365,18 @@ def test_an_open_globe_is_not_doubted_for_a_rigidity_that_no_closed_one_has(
     again = calibrate_recordings([told_eye(recording, "open")], Study(), "hash", LIBRARY, earlier=before)
     assert asked == [None]
     assert again.eyes["virtual"].globe == eye.globe
+
+
+def test_the_frames_are_not_read_again_to_doubt_a_globe(
+    recording: Recording, found_of: Callable[..., list[str | None]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked, read = found_of("ok", 0.03), list[FrameWalls]()
+
+    def counted(*given: Any) -> FrameWalls:
+        read.append(FrameWalls(*given))
+        return read[-1]
+
+    monkeypatch.setattr("scleraforce.calibration.calibrate.FrameWalls", counted)
+    calibrate_recordings([told_eye(recording, "open")], Study(), "hash", LIBRARY)
+    assert set(asked) == {"open", None}
+    assert len(read) == 1

@@ -82,12 +82,14 @@ def calibrate_recordings(
 def _of_eye(recording: Recording, way: Way, before: EyeCalibration | None, count: StepCount) -> EyeCalibration:
     """Calibrate an eye; where its filter diverges, say what its frames tell of its globe."""
     told = recording.info.eye.globe
+    used = frozenset() if before is None else frozenset(record.sha256 for record in before.frames)
+    frames = FrameWalls(recording, way.finder, used)
     if before is not None and told == before.globe.kind == "open" and before.globe.can_be_sealed:
-        return _as_open(_of_tissue(_untold(recording), way, before, count))
-    found = _of_tissue(recording, way, before, count)
+        return _as_open(_of_tissue(_untold(recording), way, frames, before, count))
+    found = _of_tissue(recording, way, frames, before, count)
     if found.status == "ok" or before is not None or way.library is None or told is None:
         return found
-    other = _of_tissue(_untold(recording), way, None, StepCount(0, None))
+    other = _of_tissue(_untold(recording), way, frames, None, StepCount(0, None))
     if other.status != "ok":
         return found
     if told == "open" and other.globe.mean < max(SEALED.lowest, SURE_SEALED * other.globe.sd):
@@ -139,35 +141,41 @@ def stated_tissue(library: Library, study: Study) -> Library:
     return library.for_stiffening(study.tissue.stiffening)
 
 
-def _of_tissue(recording: Recording, way: Way, earlier: EyeCalibration | None, count: StepCount) -> EyeCalibration:
+def _of_tissue(
+    recording: Recording, way: Way, frames: FrameWalls, earlier: EyeCalibration | None, count: StepCount
+) -> EyeCalibration:
     """Calibrate an eye with the walls of the tissue that explains its frames best, or of the one that is known."""
-    used = frozenset() if earlier is None else frozenset(record.sha256 for record in earlier.frames)
-    frames = FrameWalls(recording, way.finder, used)
     if way.library is None:
-        return calibrate_eye(recording, way, frames, earlier, count).found
-    if earlier is not None or not way.stiffening_sought:
-        known = (
-            stated_tissue(way.library, way.study) if earlier is None else way.library.for_stiffening(earlier.stiffening)
-        )
-        of_tissue = replace(way, library=known)
-        return calibrate_eye(recording, of_tissue, frames, earlier, count).found
+        known = None
+    elif earlier is not None:
+        known = way.library.for_stiffening(earlier.stiffening)
+    elif way.stiffening_sought:
+        return _of_sought_tissue(recording, way, way.library, frames, count)
+    else:
+        known = stated_tissue(way.library, way.study)
+    return calibrate_eye(recording, replace(way, library=known), frames, earlier, count).found
+
+
+def _of_sought_tissue(
+    recording: Recording, way: Way, library: Library, frames: FrameWalls, count: StepCount
+) -> EyeCalibration:
+    """Calibrate an eye with the walls of the tissue that explains its frames best."""
     faults = list[CalibrationError]()
     more = len(recording.frames) > SOUGHT_ON and (way.frames is None or way.frames > SOUGHT_ON)
-    on_few = replace(way, frames=SOUGHT_ON) if more else way
 
-    def calibrate(library: Library, way: Way) -> TissueTrial[EyeCalibration]:
+    def calibrate(of_tissue: Library, wanted: int | None) -> TissueTrial[EyeCalibration]:
         with np.errstate(all="ignore"):  # with walls that are far from the eye's a filter may end anywhere
-            return calibrate_eye(recording, replace(way, library=library), frames, None, count)
+            return calibrate_eye(recording, replace(way, library=of_tissue, frames=wanted), frames, None, count)
 
-    def attempt(library: Library) -> TissueTrial[EyeCalibration] | None:
+    def attempt(of_tissue: Library) -> TissueTrial[EyeCalibration] | None:
         try:
-            return calibrate(library, on_few)
+            return calibrate(of_tissue, SOUGHT_ON if more else way.frames)
         except CalibrationError as fault:
             faults.append(fault)
             return None
 
-    found = search(way.library, attempt)
+    found = search(library, attempt)
     if found is None:
         raise faults[0]
     stiffening, eye = found
-    return calibrate(way.library.for_stiffening(stiffening), way).found if more else eye
+    return calibrate(library.for_stiffening(stiffening), way.frames).found if more else eye

@@ -4,7 +4,7 @@ from math import exp, floor, isfinite, log10
 
 from scleraforce.calibration.assimilation import PARAMETERS, RIGIDITY
 from scleraforce.calibration.result import EyeCalibration
-from scleraforce.known.discrepancy import REFERENCE_N
+from scleraforce.known.discrepancy import NO_DISCREPANCY, REFERENCE_N
 from scleraforce.units import HumanUnit, from_si
 
 __all__ = ["found_words", "rigidity_words"]
@@ -39,7 +39,7 @@ def rigidity_words(eye: EyeCalibration) -> str:
 
 
 def _discrepancy_words(eye: EyeCalibration) -> tuple[str, ...]:
-    mean, sd = eye.discrepancy.at_reference() if eye.discrepancy else (0.0, 0.0)
+    mean, sd = (eye.discrepancy or NO_DISCREPANCY).at_reference()
     if abs(mean) <= SURE * sd:
         return ()
     percent = from_si(exp(mean) - 1.0, "percent")
@@ -49,7 +49,7 @@ def _discrepancy_words(eye: EyeCalibration) -> tuple[str, ...]:
 
 
 def _scatter_words(eye: EyeCalibration) -> tuple[str, ...]:
-    scatter = eye.discrepancy.scatter if eye.discrepancy else 1.0
+    scatter = (eye.discrepancy or NO_DISCREPANCY).scatter
     return (f"forces scatter {scatter:.1f} times as far as expected",) if scatter > MUCH else ()
 
 
