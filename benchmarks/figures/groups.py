@@ -155,7 +155,7 @@ def _under_a_conjunctiva(eye: PhantomEye, study: Study, rng: Generator) -> Drawn
 
 
 def _another_scanner(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
-    """Return an open eye before a scanner with four times the noise, three times the speckle, or other frames."""
+    """Return an open eye before another scanner: more noise, coarser speckle, a linear display, or larger frames."""
     phantom, oct_study = study.phantom, study.oct
     scanners = (
         (replace(phantom, snr_db=_times(phantom.snr_db, 1.0, -10.0 * log10(4.0))), oct_study),
@@ -167,6 +167,7 @@ def _another_scanner(eye: PhantomEye, study: Study, rng: Generator) -> Drawn:
             ),
             oct_study,
         ),
+        (replace(phantom, display="linear"), oct_study),
         (phantom, replace(oct_study, width_m=16e-3, depth_m=5.2e-3, columns=800, rows=640)),
     )
     phantom, oct_study = scanners[rng.integers(len(scanners))]
@@ -235,7 +236,8 @@ GROUPS: Mapping[str, Group] = {
         error_mn=1.0,
     ),
     "scanner": Group(
-        words="another scanner: four times the noise, three times the speckle, or 16 x 5.2 mm; globe open, and told so",
+        words="another scanner: four times the noise, three times the speckle, a linear display, or 16 x 5.2 mm; globe "
+        "open, and told so",
         own=_another_scanner,
         accuracy_percent=98,
         error_mn=0.5,

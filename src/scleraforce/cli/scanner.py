@@ -1,7 +1,6 @@
 """`scleraforce scanner`: what a simulation needs to know of a scanner, measured on its own frames."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -122,20 +121,13 @@ def _bits(path: Path, frame: "ScaledFrame", told: int | None) -> int:
 
 
 def _eye(path: Path, frame: "ScaledFrame", bits: int, finder: "WallFinder | None") -> "ImagedEye":
-    """Return a frame with its wall; where none is found, it is looked for in the logarithms of the counts, too.
-
-    All ways to find one expect a logarithmic display.
-    """
-    from scleraforce.scanner.display_kind import logarithms
+    """Return a frame with its wall."""
     from scleraforce.scanner.imaged_eye import ImagedEye
 
     rows, columns = frame.pixels.shape
     if not (32 <= rows <= 8192 and 32 <= columns <= 8192):
         raise FrameError(f"{path}: {rows} x {columns} pixels; a study takes 32 to 8192")
     found = wall_in(frame, finder)
-    if not found.usable:
-        of_logarithms = wall_in(replace(frame, pixels=logarithms(frame.pixels)), finder)
-        found = of_logarithms if of_logarithms.usable else found
     if not found.usable:
         raise FrameError(f"{path}: {found.reason}; nothing can be measured on it")
     if found.needle is not None:

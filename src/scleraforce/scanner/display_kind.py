@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import theilslopes
 
-from scleraforce.recording.pixels import Pixels
 from scleraforce.scanner.estimate import Estimate, Unmeasured, fitted, level_db
 from scleraforce.scanner.imaged_eye import ImagedEye
 
-__all__ = ["DISPLAY_KINDS", "LOGARITHMIC", "DisplayKind", "display_kind", "dithered", "logarithms", "spread_slope"]
+__all__ = ["DISPLAY_KINDS", "LOGARITHMIC", "DisplayKind", "display_kind", "dithered", "spread_slope"]
 
 BLOCK_M = (100e-6, 3e-3)  # of the wall, along the depth and across it: light hardly changes, speckle does often
 NARROWEST_SHARE = 0.25  # of a narrow frame a block has at most
@@ -26,7 +25,6 @@ LEAST_FILLED = 0.6  # of a block lies in the wall
 LEAST_BLOCKS = 10
 ONE_DEVIATION = 0.68  # of the slopes between two blocks
 QUARTILES = (0.25, 0.5, 0.75)
-DARKEST_SHARE = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,20 +75,6 @@ def display_kind(slopes: Sequence[Estimate | Unmeasured]) -> DisplayKind:
         return LOGARITHMIC
     found = float(np.median(known))
     return min(DISPLAY_KINDS.values(), key=lambda kind: abs(kind.spread_slope - found))
-
-
-def logarithms(counts: Pixels) -> Pixels:
-    """Return the logarithms of counts, as 16 bits: a frame of a linear display as a logarithmic one would show it.
-
-    The darkest tenth of what is not black becomes 1, black stays 0.
-    """
-    lit = counts > 0
-    if not lit.any():
-        return counts
-    least = float(np.quantile(counts[lit], DARKEST_SHARE))
-    level = np.log(np.maximum(counts, least) / least)
-    shown: Pixels = np.where(lit, np.rint(1.0 + level * (65534.0 / max(level.max(), 1e-9))), 0).astype(np.uint16)
-    return shown
 
 
 def dithered(counts: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.below_surface import grouped, grouping, in_tissue, rows_per_metre, search_below
 from scleraforce.segmentation.columns import at_columns, bridged, fine_columns
+from scleraforce.segmentation.display import as_logarithmic
 from scleraforce.segmentation.grid import Float, make_grid
 from scleraforce.segmentation.imaged import imaged_part, lit_columns
 from scleraforce.segmentation.inner import CELL_M, CELLS
@@ -70,6 +71,7 @@ def find_checked_wall(
         ValueError: as of `find_wall`.
         ModelError: as of `WallFinder.find`.
     """
+    frame = as_logarithmic(frame)
     first, other = find_walls(frame, scale, thickness_m)
     lit = lit_columns(frame)
     if lit is None:

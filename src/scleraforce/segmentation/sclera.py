@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
+from scleraforce.segmentation.display import as_logarithmic
 from scleraforce.segmentation.two_ways import two_ways_doubt
 from scleraforce.segmentation.wall import Segmentation, find_wall
 from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
@@ -33,6 +34,7 @@ def find_sclera(
         ValueError: as of `find_wall`.
         ModelError: as of `WallFinder.find`.
     """
+    frame = as_logarithmic(frame)
     first, found = find_walls(frame, scale, thickness_m)
     if finder is None or not found.usable:
         return found

@@ -1,0 +1,101 @@
+"""Linear displays are told from pairs of counts, and only their walls are looked for in logarithms."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from drawn_eyes import SCANNER, drawn_counts
+
+from scleraforce.models.shipped import SHIPPED_WALL_FINDER
+from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.checked_wall import find_checked_wall
+from scleraforce.segmentation.display import NOT_LOGARITHMIC, as_logarithmic, pair_contrast
+from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.segmentation.wall_finder import WallFinder
+
+SCALE = PixelScale(lateral_m=SCANNER.width_m / SCANNER.columns, depth_m=SCANNER.depth_m / SCANNER.rows)
+LINEAR = {"display": "linear", "snr_db": 20.0, "display_range_db": 38.0}
+
+
+@pytest.fixture(scope="module")
+def shipped() -> WallFinder:
+    return load_wall_finder(SHIPPED_WALL_FINDER)
+
+
+def speckle(seed: int = 1, shape: tuple[int, int] = (400, 500)) -> np.ndarray:
+    """Intensities whose mean falls from row to row, by 20 dB."""
+    mean = np.logspace(0.0, -2.0, shape[0])[:, None]
+    return mean * np.random.default_rng(seed).exponential(size=shape)
+
+
+@pytest.mark.parametrize(("largest", "dtype"), [(200.0, np.uint8), (4000.0, np.uint16), (60000.0, np.uint16)])
+@pytest.mark.parametrize(("power", "expected"), [(1.0, 0.5), (0.5, 2.0 - np.sqrt(3.0))])
+def test_the_contrast_of_pairs_is_that_of_speckle_whatever_the_gain(largest, dtype, power, expected) -> None:
+    shown = speckle() ** power
+    frame = (shown * largest / shown.max()).astype(dtype)
+    assert pair_contrast(frame) == pytest.approx(expected, abs=0.04)
+
+
+def test_it_is_a_median_over_the_brightest_tenth_of_lit_pairs() -> None:
+    """Written down once more, pair by pair."""
+    frame = (speckle(2, (96, 120)) * 500.0).astype(np.uint16)
+    shares = []
+    for row, column in product(range(0, 96, 2), range(8, 120)):
+        one, other = int(frame[row, column]), int(frame[row, column - 8])
+        if one and other:
+            shares.append((one + other, abs(one - other) / (one + other)))
+    shares.sort()
+    brightest = [share for _, share in shares[round(0.9 * len(shares)) :]]
+    assert pair_contrast(frame) == pytest.approx(np.median(brightest), abs=0.01)
+
+
+@pytest.mark.parametrize("display", ["logarithmic", "root"])
+def test_other_displays_stay_as_they_are(display: str) -> None:
+    for seed in range(7201, 7205):
+        frame = drawn_counts(seed, display=display)
+        assert as_logarithmic(frame) is frame
+
+
+def test_a_frame_with_hardly_any_light_stays_as_it_is() -> None:
+    frame = np.zeros((64, 64), dtype=np.uint16)
+    assert as_logarithmic(frame) is frame
+    frame[10, ::8] = [100, 4000] * 4
+    assert as_logarithmic(frame) is frame
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_logarithms_keep_order_and_black(dtype: type) -> None:
+    frame = (speckle() * 30.0).clip(0, 255).astype(dtype)
+    assert pair_contrast(frame) > NOT_LOGARITHMIC
+    shown = as_logarithmic(frame)
+    assert shown.dtype == np.uint16
+    counts, first = np.unique(frame, return_index=True)
+    levels = shown.ravel()[first].astype(float)
+    assert (np.diff(levels) > 0.0).all()
+    assert levels[0] == counts[0] == 0
+    step = np.log1p(counts[1:].astype(float))
+    np.testing.assert_allclose(levels[1:] / step, 65535.0 / np.log1p(np.iinfo(dtype).max), rtol=1e-3)
+
+
+def test_walls_of_linear_frames_are_found_as_those_of_logarithmic_ones(shipped: WallFinder) -> None:
+    """In the counts themselves both ways to find one differ in most of these frames, which are then not usable."""
+    for seed in range(7210, 7216):
+        frame, logarithmic = drawn_counts(seed, **LINEAR), drawn_counts(seed, **(LINEAR | {"display": "logarithmic"}))
+        expected = find_sclera(logarithmic, SCALE, finder=shipped)
+        assert expected.usable
+        for found in (
+            find_sclera(frame, SCALE),
+            find_sclera(frame, SCALE, finder=shipped),
+            find_checked_wall(frame, SCALE, shipped),
+        ):
+            assert found.usable, found.reason
+            assert np.nanmedian(np.abs(found.outer_row - expected.outer_row)) < 1.0
+            assert np.nanmedian(np.abs(found.inner_row - expected.inner_row)) < 3.0
+
+
+def test_the_contrast_of_coarse_and_of_noisy_frames_is_told_too() -> None:
+    coarse = LINEAR | {"axial_resolution_m": 20e-6, "lateral_resolution_m": 80e-6}
+    for seed, optics in product(range(7220, 7223), (coarse, LINEAR | {"snr_db": 12.0})):
+        assert pair_contrast(drawn_counts(seed, replace(SCANNER, bits=16), **optics)) > NOT_LOGARITHMIC
