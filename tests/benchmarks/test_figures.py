@@ -158,17 +158,19 @@ def test_eyes_lie_in_the_ranges_that_were_asked_for(group):
     assert max(tensions) < 0.1  # far from the burst
 
 
-def test_the_eyes_of_another_scanner_have_one_of_three_and_the_same_walls():
+def test_the_eyes_of_another_scanner_have_one_of_four_and_the_same_walls():
     drawn = draw_eyes("scanner", 30, STUDY)
     found = {
         (
             eye.study.oct.columns,
             round(eye.study.phantom.snr_db.bounds[0], 2),
             round(1e6 * eye.study.phantom.axial_resolution_m.bounds[0], 3),
+            eye.study.phantom.display,
         )
         for eye in drawn
     }
-    assert found == {(800, 15.0, 4.0), (512, 15.0, 12.0), (512, 8.98, 4.0)}
+    logarithmic = {(800, 15.0, 4.0), (512, 15.0, 12.0), (512, 8.98, 4.0)}
+    assert found == {(*scanner, "logarithmic") for scanner in logarithmic} | {(512, 15.0, 4.0, "linear")}
 
 
 def test_every_eye_of_its_group_lies_under_a_conjunctiva():
