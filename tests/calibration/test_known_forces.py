@@ -119,12 +119,12 @@ def test_the_mean_is_where_the_loss_is_least() -> None:
     assert regression(read, known, place_of(known)).loss > loss(found)
 
 
-def test_frames_that_agree_scatter_less_than_expected_and_others_more() -> None:
+def test_frames_that_agree_promise_nothing_and_others_scatter() -> None:
     """Whatever the four explain is no scatter; what they leave is, over what is expected of each frame."""
     known, forces_n = filtered(OPEN), (18e-3, 38e-3, 57e-3)
     assert regression([], known, place_of(known)).scatter == 1.0
     agreeing = frames(forces_n, (0.0, 0.0, 0.0, 0.0), known)
-    assert regression(agreeing, known, place_of(known)).scatter == pytest.approx(np.sqrt(5.0 / 8.0))
+    assert regression(agreeing, known, place_of(known)).scatter == 1.0
     shifts = (0.05, -0.05, 0.04)
     scattered = [
         replace(frame, force_n=frame.force_n * np.exp(shift)) for frame, shift in zip(agreeing, shifts, strict=True)
@@ -143,7 +143,7 @@ def test_frames_that_agree_scatter_less_than_expected_and_others_more() -> None:
 def test_frames_of_tissue_that_stiffens_do_not_scatter_for_it() -> None:
     known = filtered(OPEN)
     stiffening = regression(frames((17e-3, 30e-3, 38e-3), (0.0, 0.0, 0.15, 1.2), known), known, place_of(known))
-    assert stiffening.scatter < 1.0
+    assert stiffening.scatter == 1.0
 
 
 def test_frames_that_were_read_with_another_modulus_tell_the_same() -> None:

@@ -56,7 +56,7 @@ class KnownForce:
     loss: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Found:
     """What frames tell of ln E, k over the reference's, level and growth: mean (4,) and covariance (4, 4).
 
@@ -94,7 +94,8 @@ def regression(frames: Sequence[KnownForce], known: Known, place: Array) -> Foun
     there, _ = _reweighted(direction, left - direction @ away, weight, scales, np.array(AS_READ), BEGINNINGS[0])
     loss = _loss(direction, left, weight, scales, there + away)
     rest = left - direction @ mean
-    return Found(center + mean, covariance, loss, _scatter(float(weight @ rest**2), len(frames)))
+    scatter = _scatter(float(weight @ rest**2), len(frames))
+    return Found(mean=center + mean, covariance=covariance, loss=loss, scatter=scatter)
 
 
 def _reweighted(
@@ -132,9 +133,9 @@ def _scatter(squares: float, frames: int) -> float:
     """Return by how much more than expected frames scatter, from the sum of their squares over what is expected.
 
     Before any frame it is 1, sure like `SCATTER_FRAMES` frames (inverse gamma prior: Gelman et al., Bayesian Data
-    Analysis, 3rd ed., section 2.6).
+    Analysis, 3rd ed., section 2.6). It is never less: that a few frames agree does not say that others will.
     """
-    return float(np.sqrt((SCATTER_FRAMES + squares / EXPECTED_SQUARE) / (SCATTER_FRAMES + frames)))
+    return max(1.0, float(np.sqrt((SCATTER_FRAMES + squares / EXPECTED_SQUARE) / (SCATTER_FRAMES + frames))))
 
 
 def _loss(direction: Array, left: Array, weight: Array, scales: Scales, found: Array) -> float:

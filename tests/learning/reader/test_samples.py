@@ -23,7 +23,7 @@ from scleraforce.fitting.fit_prediction import (
 )
 from scleraforce.known.globe import SEALED, UNKNOWN
 from scleraforce.learning.reader.draws import CHUNK, TISSUE, Source, chunks_ahead
-from scleraforce.learning.reader.samples import ReaderSamples, draw_eyes, draw_samples, library_of_tissue
+from scleraforce.learning.reader.samples import ReaderSamples, concatenated, draw_eyes, draw_samples, library_of_tissue
 from scleraforce.library.base_bulge import pole_direction
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.library.slices import column_laterals, fill_boundaries
@@ -233,7 +233,7 @@ def test_a_library_of_one_stiffening_has_no_other_tissue_to_draw(library) -> Non
 
 def test_samples_are_joined_one_after_the_other(library) -> None:
     one, other = (draw_samples(library, READER, SLICE, count, np.random.default_rng(count)) for count in (3, 5))
-    joined = ReaderSamples.joined([one, other])
+    joined = concatenated([one, other])
     assert len(joined) == 8
     for item in fields(ReaderSamples):
         values = getattr(joined, item.name)

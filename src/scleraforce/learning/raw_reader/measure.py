@@ -3,6 +3,7 @@
 from scleraforce.learning.framework import torch
 from scleraforce.learning.raw_reader.network import RawReaderNetwork
 from scleraforce.learning.raw_reader.samples import FRAMES_TOGETHER, RawSamples, RawSource
+from scleraforce.learning.reader.samples import concatenated
 from scleraforce.learning.reader.training import ReaderMetrics, answers_of, compared
 from scleraforce.study import Study
 
@@ -19,7 +20,7 @@ def measure_raw_reader(network: RawReaderNetwork, source: RawSource, study: Stud
         for n in range(-(-count // FRAMES_TOGETHER))
     ]
     mixtures, places_mm = (torch.cat(each) for each in zip(*(_answers(network, part) for part in parts), strict=True))
-    samples = RawSamples.joined(parts)
+    samples = concatenated(parts)
     answers = answers_of(mixtures, places_mm, samples.modulus_pa, study.reader)
     return compared(answers, samples.force_n, samples.lateral_m, study)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scleraforce.laboratory.reduced_bscans import draw_reduced
 from scleraforce.learning.raw_reader.light import draw_optics, draw_shafts, largest_needle_gap
 from scleraforce.learning.reader.draws import Source
-from scleraforce.learning.reader.samples import draw_eyes, draw_walls, library_of_tissue
+from scleraforce.learning.reader.samples import concatenated, draw_eyes, draw_walls, library_of_tissue
 from scleraforce.library import Library
 from scleraforce.library.slices import Framing
 from scleraforce.processes import work_in_order
@@ -51,11 +51,6 @@ class RawSamples:
         """Return these samples, in this order."""
         return RawSamples(*(getattr(self, item.name)[order] for item in fields(self)))
 
-    @classmethod
-    def joined(cls, parts: Sequence["RawSamples"]) -> "RawSamples":
-        """Return the samples of all parts."""
-        return cls(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(cls)))
-
 
 @dataclass(frozen=True)
 class RawSource:
@@ -78,9 +73,9 @@ class RawSource:
         beside = self.study.reader
         across = replace(beside, gap_m=Range(min=0.0, max=largest_needle_gap(raw)))
         parts = [(beside, count - crossed, False), (across, crossed, True)]
-        return RawSamples.joined(
-            [self._drawn(reader, many, needle, rng) for reader, many, needle in parts if many]
-        ).picked(rng.permutation(count))
+        return concatenated([self._drawn(reader, many, needle, rng) for reader, many, needle in parts if many]).picked(
+            rng.permutation(count)
+        )
 
     def _drawn(self, reader: ReaderStudy, count: int, needle: bool, rng: np.random.Generator) -> RawSamples:
         """Draw samples that a needle crosses, or none does, with eyes of a reader's study."""

@@ -18,6 +18,7 @@ from scleraforce.learning.framework import torch
 from scleraforce.learning.raw_reader.network import RawReaderNetwork
 from scleraforce.learning.raw_reader.samples import FRAMES_TOGETHER, RawSamples, RawSource, raw_chunks_ahead
 from scleraforce.learning.reader.draws import Source
+from scleraforce.learning.reader.samples import concatenated
 from scleraforce.learning.reader.training import READER_THREADS, fit_reader, reader_loss
 from scleraforce.learning.wall_finder.training import finder_loss
 from scleraforce.library import Library
@@ -87,7 +88,7 @@ def _batches(source: RawSource, raw: RawReaderStudy, workers: int) -> Iterator[R
         for _ in range(raw.batches):
             while left is None or len(left) < raw.batch_size:
                 chunk = next(chunks)
-                left = chunk if left is None else RawSamples.joined([left, chunk])
+                left = chunk if left is None else concatenated([left, chunk])
             yield left.picked(np.arange(raw.batch_size))
             left = left.picked(np.arange(raw.batch_size, len(left)))
 

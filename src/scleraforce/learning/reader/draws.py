@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from scleraforce.learning.reader.samples import ReaderSamples, draw_samples, library_of_tissue
+from scleraforce.learning.reader.samples import ReaderSamples, concatenated, draw_samples, library_of_tissue
 from scleraforce.library import Library
 from scleraforce.processes import work_in_order
 from scleraforce.study import ReaderStudy, SliceStudy
@@ -44,7 +44,7 @@ class Source:
             draw_samples(library, self.reader, self.slice_study, part, rng)
             for library, part in zip(libraries, parts, strict=True)
         ]
-        return ReaderSamples.joined(drawn)
+        return concatenated(drawn)
 
 
 def chunks_ahead(source: Source, numbers: Sequence[int], workers: int) -> Generator[ReaderSamples, None, None]:

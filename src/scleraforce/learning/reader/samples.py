@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +20,22 @@ from scleraforce.library.under_force import iop_ratio_under_force
 from scleraforce.reader.given import Told, given_inputs, told_modulus
 from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy
 
-__all__ = ["Eyes", "ReaderSamples", "draw_eyes", "draw_samples", "draw_walls", "library_of_tissue", "log_even"]
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+__all__ = [
+    "Eyes",
+    "ReaderSamples",
+    "concatenated",
+    "draw_eyes",
+    "draw_samples",
+    "draw_walls",
+    "library_of_tissue",
+    "log_even",
+]
 
 Floats = NDArray[np.float64]
+Samples = TypeVar("Samples", bound="DataclassInstance")
 
 BARELY_INSIDE = 1.0 - 1e-9
 ROUNDS = 40
@@ -71,11 +85,11 @@ class ReaderSamples:
     def __len__(self) -> int:
         return len(self.force_n)
 
-    @classmethod
-    def joined(cls, parts: Sequence["ReaderSamples"]) -> "ReaderSamples":
-        """Return samples one after the other."""
-        columns = ([getattr(part, item.name) for part in parts] for item in fields(cls))
-        return cls(*(np.concatenate(column) for column in columns))
+
+def concatenated(parts: Sequence[Samples]) -> Samples:
+    """Return samples one after the other: all fields of such a record are arrays with a row for each."""
+    kind = type(parts[0])
+    return kind(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(kind)))
 
 
 def library_of_tissue(library: Library, reader: ReaderStudy, rng: np.random.Generator) -> Library:

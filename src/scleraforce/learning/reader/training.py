@@ -17,7 +17,7 @@ from scleraforce.learning.classifier.training import learning_rate, repeatable
 from scleraforce.learning.framework import torch
 from scleraforce.learning.reader.draws import CHUNK, Source, chunks_ahead
 from scleraforce.learning.reader.network import ReaderNetwork, histogram, log_density
-from scleraforce.learning.reader.samples import ReaderSamples
+from scleraforce.learning.reader.samples import ReaderSamples, concatenated
 from scleraforce.reader.force_distribution import ForceDistribution, force_distribution, ratio_edges
 from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.study import ReaderStudy, Study
@@ -137,9 +137,7 @@ def _validation_samples(source: Source) -> ReaderSamples:
     count = source.reader.validation_samples
     numbers = range(-(-count // CHUNK))
     parts = [source.chunk(VALIDATION_CHUNK + n, min(CHUNK, count - n * CHUNK)) for n in numbers]
-    return ReaderSamples(
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in ReaderSamples.__dataclass_fields__)
-    )
+    return concatenated(parts)
 
 
 def measure(network: ReaderNetwork, samples: ReaderSamples, study: Study) -> ReaderMetrics:
