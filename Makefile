@@ -63,6 +63,12 @@ model: .venv/installed  ## make the library and train the reader that ships with
 	.venv/bin/scleraforce train out/default.zarr --kind reader --out out/default
 	rm -rf $(SHIPPED)/default && cp -r out/default $(SHIPPED)/default
 
+paper: .venv/installed  ## make the paper's slices and train its classifier, in place of the one that ships
+	rm -rf out/paper-study out/paper.zarr out/paper && .venv/bin/scleraforce init out/paper-study
+	.venv/bin/scleraforce generate --study out/paper-study/study.toml --out out/paper.zarr
+	.venv/bin/scleraforce train out/paper.zarr --out out/paper
+	rm -rf $(SHIPPED)/paper && cp -r out/paper $(SHIPPED)/paper
+
 dist: .venv/installed  ## wheel and sdist of the last commit, in dist/; the same commit gives the same wheel
 	.ci/dist
 
@@ -93,4 +99,4 @@ clean:  ## remove .venv and what the tools left; out/ stays
 .venv/installed: .venv/locked pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
 
-.PHONY: help install reproduce test slow lint bench figures stale trace wall-finder model dist sbom size wheels lock clean docs gallery
+.PHONY: help install reproduce test slow lint bench figures stale trace wall-finder model paper dist sbom size wheels lock clean docs gallery

@@ -14,7 +14,7 @@ import scleraforce as sf
 from scleraforce.cli.main import run
 from scleraforce.errors import ModelError
 from scleraforce.models.folder import read_folder
-from scleraforce.models.shipped import SHIPPED, SHIPPED_READER, SHIPPED_WALL_FINDER, model_folder
+from scleraforce.models.shipped import SHIPPED, SHIPPED_PAPER, SHIPPED_READER, SHIPPED_WALL_FINDER, model_folder
 
 NOT_FOR_A_FRAME = ("scipy", "matplotlib", "zarr", "torch", "onnx", "pydicom", "tifffile", "meshio", "pandas")
 
@@ -31,8 +31,9 @@ def frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_every_shipped_name_is_a_whole_model_folder() -> None:
-    assert set(SHIPPED) == {"default", "wall-finder"}
+    assert set(SHIPPED) == {"default", "paper", "wall-finder"}
     assert sf.load_model("default").path == SHIPPED_READER
+    assert sf.load_model("paper").path == SHIPPED_PAPER
     assert read_folder(Path("wall-finder")).path == SHIPPED_WALL_FINDER
 
 
@@ -69,7 +70,7 @@ def test_a_wrong_name_is_an_error_that_lists_the_shipped_ones(
     assert run([word.format(**names) for word in arguments]) == 2
     told = capsys.readouterr()
     assert told.err.startswith(
-        "error: defualt: no such folder, and no model that ships with scleraforce (default, wall-finder)"
+        "error: defualt: no such folder, and no model that ships with scleraforce (default, paper, wall-finder)"
     )
     assert len(told.err.splitlines()) == 1
     assert sorted(path.name for path in frame.parents[2].iterdir()) == ["session"]

@@ -152,7 +152,7 @@ def test_torn_parts_of_a_log_are_counted(tmp_path: Path, capsys: Captured) -> No
 
 REFUSED = {
     "nowhere": "nowhere: no such file or folder; give a study",
-    "empty": "empty: give a study, library, data set, model (one that ships: default, wall-finder), recording,",
+    "empty": "empty: give a study, library, data set, model (one that ships: default, paper, wall-finder), recording,",
     "eye/recording.toml": "a part of a recording; give its folder",
     "eye/frames/0000.png": "0000.png: give a study",
     "eye --calibration modulus.json": "--calibration: only used with --html",

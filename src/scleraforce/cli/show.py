@@ -39,8 +39,8 @@ def show(
     """Say what THING is and what is in it.
 
     THING is a study, a library, a data set, a model (or the name of one that
-    ships: default, wall-finder), a recording, a calibration file, or the log of
-    a black box; which of them is seen by itself.
+    ships: default, paper, wall-finder), a recording, a calibration file, or
+    the log of a black box; which of them is seen by itself.
 
     Example: scleraforce show eye-a --plot eye-a.svg
     """

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-__all__ = ["SHIPPED", "SHIPPED_READER", "SHIPPED_WALL_FINDER", "model_folder"]
+__all__ = ["SHIPPED", "SHIPPED_PAPER", "SHIPPED_READER", "SHIPPED_WALL_FINDER", "model_folder"]
 
 FOLDER = Path(__file__).parents[1] / "shipped"
-SHIPPED_READER, SHIPPED_WALL_FINDER = FOLDER / "default", FOLDER / "wall_finder"
-SHIPPED = {"default": SHIPPED_READER, "wall-finder": SHIPPED_WALL_FINDER}
+SHIPPED_READER, SHIPPED_PAPER, SHIPPED_WALL_FINDER = FOLDER / "default", FOLDER / "paper", FOLDER / "wall_finder"
+SHIPPED = {"default": SHIPPED_READER, "paper": SHIPPED_PAPER, "wall-finder": SHIPPED_WALL_FINDER}
 
 
 def model_folder(given: Path) -> Path:

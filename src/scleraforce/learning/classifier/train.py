@@ -13,8 +13,10 @@ from scleraforce.dataset.store import Dataset
 from scleraforce.errors import DatasetError
 from scleraforce.learning.classifier.card import model_card
 from scleraforce.learning.classifier.graph import onnx_bytes
+from scleraforce.learning.classifier.half_weights import stored_as_half, with_half_weights
 from scleraforce.learning.classifier.samples import Samples, classes_at_modulus, content_hash
 from scleraforce.learning.classifier.search import Candidate, search_sizes
+from scleraforce.learning.classifier.sources import classifier_sources_hash
 from scleraforce.learning.classifier.training import CLASSIFIER_THREADS, Curves, Fitted, fit
 from scleraforce.learning.framework import onnx, torch
 from scleraforce.models.writing import check_place, write_folder
@@ -71,9 +73,10 @@ def train_classifier(
         study, fitted, candidates = replace(study, network=found.study), found.fitted, found.candidates
     else:
         fitted, candidates = fit(study.network, training, validation, classes, progress), ()
+    fitted = replace(fitted, network=with_half_weights(fitted.network))
     provenance = _provenance(study, training, validation)
     record, card = _describe(study, fitted, training, validation, provenance)
-    graph = onnx_bytes(fitted.network, study.slice.rows, study.slice.columns, provenance)
+    graph = stored_as_half(onnx_bytes(fitted.network, study.slice.rows, study.slice.columns, provenance))
     write_folder(out, graph, format_study(study), card, {**record, "search": [asdict(entry) for entry in candidates]})
     metrics = record["metrics"]
     accuracy_value, interval = metrics["validation_accuracy"], metrics["validation_interval"]
@@ -112,6 +115,7 @@ def _provenance(study: Study, training: Samples, validation: Samples) -> dict[st
         "kind": "classifier",
         "study_sha256": study_hash(study),
         "dataset_sha256": content_hash(training, validation),
+        "sources_sha256": classifier_sources_hash(),
         "seed": str(study.network.seed),
         "threads": str(CLASSIFIER_THREADS),
         "class_bounds_mn": ", ".join(f"{from_si(bound, 'mn'):g}" for bound in study.classes.bounds_n),
