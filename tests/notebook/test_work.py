@@ -3,10 +3,13 @@
 import ast
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import scleraforce
+from scleraforce.models.shipped import SHIPPED_READER
 from scleraforce.notebook.work import counting_for, library_for
+from scleraforce.reader import load_force_reader
 from scleraforce.study import Study
 
 ROOT = Path(scleraforce.__file__).parent
@@ -30,3 +33,13 @@ def test_progress_is_told_of_its_own_work_alone() -> None:
 
 def test_linear_mechanics_needs_no_library() -> None:
     assert library_for(Study(), "linear", counting_for("library", None)) is None
+
+
+def test_the_papers_library_is_that_of_the_shipped_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    ticks: list[int] = []
+    found = library_for(Study(), "finite-strain", counting_for("library", ticks.append))
+    assert found is not None
+    np.testing.assert_array_equal(found.curves_tpdbnc, load_force_reader(SHIPPED_READER).library.curves_tpdbnc)
+    assert not ticks
+    assert not list(tmp_path.iterdir())

@@ -79,8 +79,8 @@ def calibrate(
     A reduced-order unscented Kalman filter compares points on the wall's
     boundaries with those of the simulated section, frame by frame. The
     population's modulus is the mean of the eyes' means. How much the tissue
-    stiffens is found by trying it. Finite strain needs the response library,
-    which is made on first need (a minute).
+    stiffens is found by trying it. Finite strain needs the response library:
+    that of another study than the paper's is made on first need (a minute).
 
     With --intervals, each eye is calibrated on three of its frames (or on
     --frames); the reader reads the others, and its copy in --out has intervals

@@ -37,8 +37,8 @@ def generate(
 ) -> None:
     """Simulate slices of the deformed sclera with their forces.
 
-    Finite strain draws from the response library, which is made on first need
-    (a minute). An interrupted run is taken up by the same command. The
+    Finite strain draws from the response library: that of another study than
+    the paper's is made on first need (a minute). An interrupted run is taken up by the same command. The
     data set is the same wherever and by however many it is made.
     """
     # Imported here: the simulation takes longer to import than the help to print.

@@ -20,8 +20,8 @@ __all__ = ["library"]
 def library(study_path: Path | None, out: Path, scheduler: str | None, workers: int | None, as_json: bool) -> None:
     """Solve the load paths of the response library.
 
-    Other commands make the library of their study on first need and keep it
-    in the user's cache; this one puts it where you say, on a Dask cluster if
+    Other commands take the paper's study's from the reader that ships, make
+    another one on first need and keep it in the user's cache; this one puts it where you say, on a Dask cluster if
     you like. An interrupted run is taken up by the same command. The library
     is the same wherever and by however many it is made.
     """

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import InputError
+from scleraforce.models.shipped import SHIPPED_READER
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.study import NetworkStudy, Study, study_hash
 from scleraforce.study.unused import refuse_unused
@@ -71,7 +72,9 @@ def opened(given: Given | Sequence[Given]) -> list[Recording]:
 
 
 def library_for(study: Study, mechanics: str, counting: Counting, workers: int | None = None) -> "Library | None":
-    """Return the library that finite strain draws from, from the user's cache; linear mechanics needs None.
+    """Return the library that finite strain draws from; linear mechanics needs None.
+
+    It is that of the reader that ships where that is of this study, else from the user's cache.
 
     Args:
         study: the study.
@@ -87,8 +90,12 @@ def library_for(study: Study, mechanics: str, counting: Counting, workers: int |
         return None
     from scleraforce.library.cache import cached_library
     from scleraforce.library.plan import plan_library
+    from scleraforce.reader.model import load_force_reader
 
-    with counting("library", plan_library(study).units) as advance:
+    plan, shipped = plan_library(study), load_force_reader(SHIPPED_READER, finder=None)
+    if plan_library(shipped.study).key == plan.key:
+        return shipped.library
+    with counting("library", plan.units) as advance:
         return cached_library(study, workers=workers, progress=advance)
 
 
