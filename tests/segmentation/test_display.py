@@ -35,14 +35,14 @@ def speckle(seed: int = 1, shape: tuple[int, int] = (400, 500)) -> np.ndarray:
 def test_the_contrast_of_pairs_is_that_of_speckle_whatever_the_gain(largest, dtype, power, expected) -> None:
     shown = speckle() ** power
     frame = (shown * largest / shown.max()).astype(dtype)
-    assert pair_contrast(frame) == pytest.approx(expected, abs=0.04)
+    assert pair_contrast(frame) == pytest.approx(expected, abs=0.05)
 
 
 def test_it_is_a_median_over_the_brightest_tenth_of_lit_pairs() -> None:
     """Written down once more, pair by pair."""
     frame = (speckle(2, (96, 120)) * 500.0).astype(np.uint16)
     shares = []
-    for row, column in product(range(0, 96, 2), range(8, 120)):
+    for row, column in product(range(0, 96, 4), range(8, 120)):
         one, other = int(frame[row, column]), int(frame[row, column - 8])
         if one and other:
             shares.append((one + other, abs(one - other) / (one + other)))

@@ -17,7 +17,7 @@ from scleraforce.recording.pixels import Pixels
 __all__ = ["NOT_LOGARITHMIC", "as_logarithmic", "pair_contrast"]
 
 NOT_LOGARITHMIC = 0.38  # contrast of pairs: midway between the root and the intensity itself
-PAIR_COLUMNS, LOOKED_AT_ROWS = 8, 48  # of a pair, from one count to the other; of a frame, spread over it
+PAIR_COLUMNS, LOOKED_AT_ROWS = 8, 24  # of a pair, from one count to the other; of a frame, spread over it
 BRIGHTEST = 0.1  # of the pairs: tissue, and not the noise about it
 LEAST_PAIRS = 200
 
