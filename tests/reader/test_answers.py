@@ -53,8 +53,10 @@ def ball(radius_m: float) -> Section:
 
 @pytest.mark.parametrize("force_n", [0.003, 0.015, 0.035])
 def test_a_frame_of_known_force_is_read_with_force_interval_and_contact(force_n: float) -> None:
-    found = answer(image(wall_section(tip_of(force_n))))
+    agreeing = Reading(probabilities=(0.3, 0.3, 0.4), force_n=force_n, interval_n=(0.0, 0.06), contact_m=0.3e-3)
+    found = answer(image(wall_section(tip_of(force_n))), model=force_reader(agreeing))
     assert found.usable
+    assert not found.warnings
     assert found.predicted == STUDY.classes.classify(force_n)
     assert found.interval_n[0] < force_n < found.interval_n[1]
     assert found.force_n == pytest.approx(force_n, abs=1.2e-3)
@@ -76,6 +78,7 @@ def test_the_default_method_answers_and_the_other_one_checks_it() -> None:
         assert len(found.warnings) == 1
         assert "more apart than their intervals allow" in found.warnings[0]
         assert found.usable
+
     agreeing = Reading(probabilities=(0.0, 1.0, 0.0), force_n=0.0152, interval_n=(0.014, 0.0165), contact_m=0.0)
     agreed = answer(frame, model=force_reader(agreeing))
     assert agreed.warnings == ()
@@ -277,6 +280,17 @@ def test_a_reading_that_is_no_number_never_passes(field: str) -> None:
     assert "no number" in found.reason
 
 
+def test_two_methods_so_far_apart_that_no_class_is_left_are_no_answer() -> None:
+    """The network reads 5 mN, from 4 on; the fit 20 and 35 mN. Alone neither interval reaches into every class."""
+    below, above = (answer(image(wall_section(tip_of(force_n)))) for force_n in (0.020, 0.035))
+    assert below.usable
+    assert below.interval_n[0] == 0.004
+    assert (above.usable, above.predicted, above.interval_n) == (False, 2, None)
+    assert above.reason.startswith("the fit reads 3")
+    assert "the network 5.0 mN: more apart than their intervals allow; from 4 to 3" in above.reason
+    assert above.reason.endswith(" mN, no class is told")
+
+
 def test_a_check_that_is_no_number_is_a_warning() -> None:
     found = answer(image(wall_section(tip_of(0.015))), model=force_reader(replace(FIVE_MN, force_n=nan)))
     assert found.usable
@@ -305,7 +319,9 @@ def test_a_dent_that_leaves_the_window_is_read_where_its_flanks_tell_enough() ->
         assert (open_ended.usable, open_ended.predicted) == (False, 2)
         assert "leaves the window" in open_ended.reason
     # Within the window nothing keeps a wide interval from being told.
-    assert answer(image(wall_section(tip_of(0.02))), replace(KNOWN, modulus=None)).usable
+    wide = answer(image(wall_section(tip_of(0.02))), replace(KNOWN, modulus=None), force_reader(agreeing))
+    assert wide.usable
+    assert wide.interval_n[1] > 0.03
 
 
 def test_more_is_known_where_more_is_told() -> None:

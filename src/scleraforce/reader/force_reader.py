@@ -20,7 +20,14 @@ from scleraforce.reader.limits import wall_limits
 from scleraforce.reader.look import NEEDLE_SEEN, Look, can_calibrate, look
 from scleraforce.reader.needle_gap import crossed_by_needle, needle_elsewhere, read_by_fit
 from scleraforce.reader.readings import METHODS, Reading, disagreement, fit_reading, spanned_interval
-from scleraforce.reader.verdicts import contact_outside, dent_leaves, fit_leaves, no_wall_of_an_eye, too_little_wall
+from scleraforce.reader.verdicts import (
+    contact_outside,
+    dent_leaves,
+    fit_leaves,
+    no_class,
+    no_wall_of_an_eye,
+    too_little_wall,
+)
 from scleraforce.recording.info import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.needle import SeenNeedle
@@ -199,15 +206,18 @@ class ForceReader:
         """Return the answer of the model's default method, checked by the other one.
 
         Where both are more apart than their intervals allow, one of them is wrong, and nothing says which: the interval
-        then spans those of both.
+        then spans those of both. One that reaches into every class is no answer.
         """
         default, other = readings[self.default], readings[self.other]
         warning = disagreement(default, other, (self.default, self.other))
         reading = replace(default, interval_n=spanned_interval(default, other)) if warning else default
         leaves = dent_leaves(seen.cut) or fit_leaves(fit, self.study.slice)
         answer = judged_answer(reading, self.default, leaves, self.study)
-        elsewhere = contact_outside(other, self.study.reader)
-        if answer.usable and elsewhere:
-            answer = unusable(self.classes, elsewhere)
+        reason = contact_outside(other, self.study.reader)
+        untold = no_class(reading.interval_n, self.study.classes.bounds_n) if warning else None
+        if untold:
+            reason = reason or f"{warning}; {untold}"
+        if answer.usable and reason:
+            answer = unusable(self.classes, reason)
         warnings = (warning,) if warning and answer.usable else ()
         return replace(answer, warnings=warnings, readings=tuple(readings.items()))

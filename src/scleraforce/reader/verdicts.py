@@ -12,7 +12,15 @@ from scleraforce.segmentation.wall import Segmentation
 from scleraforce.study import ReaderStudy, SliceStudy
 from scleraforce.units import from_si
 
-__all__ = ["allows_calibration", "contact_outside", "dent_leaves", "fit_leaves", "no_wall_of_an_eye", "too_little_wall"]
+__all__ = [
+    "allows_calibration",
+    "contact_outside",
+    "dent_leaves",
+    "fit_leaves",
+    "no_class",
+    "no_wall_of_an_eye",
+    "too_little_wall",
+]
 
 LEAST_WALL_SHARE = 0.7  # of the slice's width, from end to end: on less, many a surface is like an eye's
 OUTLIERS = 0.3  # deep dents have steep sides, which are segmented badly: in a fit that is good otherwise
@@ -54,6 +62,19 @@ def fit_leaves(fit: BoundaryFit, slice_study: SliceStudy) -> bool:
     lateral_m, depth_m = fit.wall_bmc[0].T
     dent = depth_m[np.abs(lateral_m - fit.contact_m) < DENT_M]
     return bool(dent.max(initial=0.0) > slice_study.rows * slice_study.pixel_m)
+
+
+def no_class(interval_n: tuple[float, float], bounds_n: tuple[float, ...]) -> str | None:
+    """Return what to say of an interval that reaches into every class; None where it does not.
+
+    >>> no_class((0.002, 0.049), (0.005, 0.030))
+    'from 2 to 49 mN, no class is told'
+    >>> no_class((0.006, 0.049), (0.005, 0.030))
+    """
+    low_n, high_n = interval_n
+    if low_n >= bounds_n[0] or high_n <= bounds_n[-1]:
+        return None
+    return f"from {from_si(low_n, 'mn'):.0f} to {from_si(high_n, 'mn'):.0f} mN, no class is told"
 
 
 def too_little_wall(
