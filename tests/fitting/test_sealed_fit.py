@@ -15,6 +15,7 @@ from scleraforce.fitting.fit_prediction import (
     MODULUS,
     NAMES,
     PRESSURE,
+    SHINE,
     THICKNESS,
     TIP,
     Walls,
@@ -23,7 +24,7 @@ from scleraforce.fitting.fit_prediction import (
 )
 from scleraforce.fitting.fit_start import LARGEST_N, bearing_start, higher_start, starts
 from scleraforce.fitting.library_fit import BoundaryFit, _Problem, fit_boundaries
-from scleraforce.fitting.prior import prior_of
+from scleraforce.fitting.prior import SHINE_MEAN_M, prior_of
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, KnownGlobe, known_globe
 from scleraforce.library import Library
@@ -43,7 +44,7 @@ def eye(tip_m: float, rigidity: float) -> np.ndarray:
     """The unknowns of a middling eye; `rigidity` over that of enucleated human eyes."""
     unknown = np.zeros(len(NAMES))
     unknown[[TIP, LATERAL, DEPTH]] = tip_m, 0.4e-3, 0.5e-3
-    unknown[[GAP, THICKNESS, MODULUS, IOP]] = 0.6e-3, 0.65e-3, log(0.3e6), log(270.0)
+    unknown[[GAP, THICKNESS, MODULUS, IOP, SHINE]] = 0.6e-3, 0.65e-3, log(0.3e6), log(270.0), SHINE_MEAN_M
     unknown[PRESSURE] = log_pressures(unknown[None], np.array([rigidity]))[0]
     return unknown
 

@@ -41,6 +41,7 @@ __all__ = [
     "POLE",
     "PRESSURE",
     "ROTATION",
+    "SHINE",
     "SIZE",
     "THICKNESS",
     "TIP",
@@ -51,25 +52,28 @@ __all__ = [
     "formed_wall",
     "place_walls",
     "predict_wall",
+    "shining",
 ]
 
 Array = NDArray[np.float64]
 
 # The unknowns of a fit, (unknown,): dent and pose in m and rad; logarithms of the eye's size over the library's, of E
 # in Pa and of the IOP without the needle in Pa; an offset of the inner boundary in m, which the segmentation may see a
-# little too deep; the logarithm of the pressure under the needle in Pa, which counts where the globe may be sealed; the
-# form at rest (`resting_form.FORMS`), in m; and where the pole lies, along the section and across it
+# little too deep; the logarithm of the pressure under the needle in Pa, which counts where the globe may be sealed; by
+# how much the segmentation sees the outer boundary too high where that faces the light (`shining`), in m; the form at
+# rest (`resting_form.FORMS`), in m; and where the pole lies, along the section and across it
 # (`base_bulge.pole_direction`).
 NAMES = (
     "tip_m", "lateral_m", "depth_m", "rotation_rad", "gap_m", "thickness_m", "log_modulus", "log_iop", "log_size",
-    "inner_m", "log_pressure", *FORMS, "pole_along", "pole_across",
+    "inner_m", "log_pressure", "shine_m", *FORMS, "pole_along", "pole_across",
 )  # fmt: skip
-TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS, MODULUS, IOP, SIZE, INNER_OFFSET, PRESSURE = range(11)
-FORM = slice(PRESSURE + 1, PRESSURE + 1 + len(FORMS))
+TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS, MODULUS, IOP, SIZE, INNER_OFFSET, PRESSURE, SHINE = range(12)
+FORM = slice(SHINE + 1, SHINE + 1 + len(FORMS))
 POLE = slice(FORM.stop, len(NAMES))
 
 TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP = 20e-6, 10e-6, 5e-6, 0.02
 POLE_STEP = 5e-3
+SHINING_SLOPE = 0.09  # at which the surface's mirror reflection moves its edge 1/e as far as where it faces the light
 # Of a wall and what it is compared to, by each of these steps: whose curves, whose motion under the pressure they have.
 SAME_CURVES_AND_MOTION = np.array([[0, 1, 0, 3, 4, 0, 0], [0, 0, 0, 3, 4, 5, 6]])
 HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit takes
@@ -180,8 +184,20 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
     jacobian[:, POLE] = np.stack(by_pole, axis=1)
     jacobian[:, LATERAL] -= form_slope
     jacobian[~seen] = 0.0
-    offset = unknown[INNER_OFFSET] * places.is_inner + formed
+    shine = (1.0 - places.is_inner) * shining(slope + form_slope)  # how that turns with the wall is left out: hardly
+    jacobian[:, SHINE] = -shine * seen
+    offset = unknown[INNER_OFFSET] * places.is_inner + formed - unknown[SHINE] * shine
     return Placed(depth + offset, slope + form_slope, jacobian, seen)
+
+
+def shining(slope: Array) -> Array:
+    """Return how far the mirror reflection moves the edge of a surface of some slope, over where it faces the light.
+
+    >>> shining(np.array([0.0, SHINING_SLOPE])).round(3)
+    array([1.   , 0.368])
+    """
+    share: Array = np.exp(-((slope / SHINING_SLOPE) ** 2))
+    return share
 
 
 def _varied_depths(walls: Walls, varied_su: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:

@@ -14,8 +14,8 @@ from scleraforce.study import LibraryStudy, Range, SliceStudy, Study
 
 SLICE = SliceStudy()
 NONE = BoundaryErrors(
-    surface_smoothing_m=1e-9, outer_sd_m=0.0, thickness_scale_sd=0.0, thickness_sd_m=0.0, bumps=0.0, layer_share=0.0,
-    side_loss_share=0.0, bottom_knee_m=1e-12,
+    surface_smoothing_m=1e-9, shine_m=0.0, shine_sd_m=0.0, outer_sd_m=0.0, thickness_scale_sd=0.0, thickness_sd_m=0.0,
+    bumps=0.0, layer_share=0.0, side_loss_share=0.0, bottom_knee_m=1e-12,
 )  # fmt: skip
 
 
@@ -133,3 +133,18 @@ def test_the_errors_made_are_like_those_of_freshly_segmented_frames(tmp_path) ->
     assert abs(made.outer_bias_m - real.outer_bias_m) < 2e-6
     assert abs(made.large_share - real.large_share) < 0.02
     assert max(made.lost_share, real.lost_share) < 0.01
+
+
+def test_the_surface_lies_higher_where_it_faces_the_light_and_the_wall_ends_where_it_did() -> None:
+    true = walls(3000)
+    shining = disturb(true, SLICE, np.random.default_rng(2), replace(NONE, shine_m=8e-6, shine_sd_m=2e-6)) - true
+    lateral = (np.arange(SLICE.columns) + 0.5 - SLICE.columns / 2) * SLICE.pixel_m
+    slope = np.gradient(true[0, OUTER], SLICE.pixel_m)
+    expected = -8e-6 * np.exp(-((slope / 0.09) ** 2))
+    inside = np.abs(lateral) < 5e-3
+    np.testing.assert_allclose(shining[:, OUTER].mean(axis=0)[inside], expected[inside], atol=0.15e-6)
+    middle = np.abs(slope).argmin()
+    assert shining[:, OUTER, middle].std() == pytest.approx(2e-6, rel=0.05)
+    np.testing.assert_allclose(shining[:, INNER][:, inside], 0.0, atol=1e-12)
+    none = disturb(true, SLICE, np.random.default_rng(2), replace(NONE, shine_m=-1.0)) - true
+    np.testing.assert_allclose(none[:, OUTER][:, inside], 0.0, atol=1e-12)

@@ -1,9 +1,10 @@
 """Errors of boundaries like those of the segmentation, for walls that no frame was rendered of (NumPy only).
 
 What `benchmarks/bench_boundary_errors.py` measures on rendered frames, made anew: the surface is smoothed, which moves
-it where it bends; on it lies a small error that neighbouring columns share. The thickness seen in a column is off by a
-scale of the whole frame, by an error that reaches farther along the columns and grows with the slope, now and then by a
-bump on a steep flank, and seldom by the layer below the wall, whose lower edge is taken for the wall's along a stretch.
+it where it bends; where it faces the light its mirror reflection moves it up; on it lies a small error that
+neighbouring columns share. The thickness seen in a column is off by a scale of the whole frame, by an error that
+reaches farther along the columns and grows with the slope, now and then by a bump on a steep flank, and seldom by the
+layer below the wall, whose lower edge is taken for the wall's along a stretch.
 No boundary is found in columns that the scan does not reach at the sides, nor where the surface leaves the frame at the
 bottom, near which it is seen too high, or at the top.
 """
@@ -14,6 +15,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.fitting.fit_prediction import shining
+from scleraforce.fitting.prior import SHINE_MEAN_M, SHINE_SD_M
 from scleraforce.library import INNER, OUTER
 from scleraforce.study import SliceStudy
 
@@ -28,6 +31,8 @@ class BoundaryErrors:
 
     Attributes:
         surface_smoothing_m: over which the surface is smoothed.
+        shine_m: by how much it is seen too high where it faces the light, in the mean, and `shine_sd_m`: from frame to
+            frame.
         outer_sd_m: of the surface, and `outer_lengths_m`: of its two parts, short and long, of equal size.
         thickness_scale_sd: of a frame's thickness, relative.
         thickness_sd_m: of the thickness on a flat surface, and `thickness_lengths_m`, as above.
@@ -44,6 +49,8 @@ class BoundaryErrors:
     """
 
     surface_smoothing_m: float = 0.18e-3
+    shine_m: float = SHINE_MEAN_M
+    shine_sd_m: float = SHINE_SD_M
     outer_sd_m: float = 2.6e-6
     outer_lengths_m: tuple[float, float] = (0.08e-3, 1.0e-3)
     thickness_scale_sd: float = 6e-3
@@ -93,10 +100,12 @@ def disturb(
     size = scale * np.exp(errors.spread * rng.standard_normal((len(outer), 2, 1)))
     seen = outer @ _smoothing(study.columns, errors.surface_smoothing_m / study.pixel_m)
     seen += size[:, 0] * errors.outer_sd_m * _noise(outer.shape, errors.outer_lengths_m, study, rng)
+    shine = np.maximum(errors.shine_m + errors.shine_sd_m * rng.standard_normal((len(outer), 1)), 0.0) * shining(slope)
+    seen -= shine
     growing = errors.thickness_sd_m * (1.0 + (slope / errors.steep) ** 2)
     thickness = thickness * (1.0 + scale * errors.thickness_scale_sd * rng.standard_normal((len(outer), 1)))
     thickness += size[:, 1] * growing * _noise(outer.shape, errors.thickness_lengths_m, study, rng)
-    thickness += _bumps(slope, errors, scale, study, rng) + _layers(outer.shape, errors, scale, rng)
+    thickness += shine + _bumps(slope, errors, scale, study, rng) + _layers(outer.shape, errors, scale, rng)
     found = known & _within_sides(outer.shape, errors, study, rng)
     below_m = seen - (study.rows * study.pixel_m - errors.bottom_m)
     found &= (seen > errors.top_m) & (below_m < rng.exponential(errors.bottom_reach_m, (len(outer), 1)))
