@@ -15,6 +15,7 @@ from scleraforce.fitting.prior import prior_of
 from scleraforce.known.discrepancy import NO_DISCREPANCY
 from scleraforce.known.eye import Known
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.learning.reader.boundary_errors import disturb
 from scleraforce.learning.reader.intervals import STREAM, _scores, calibrated_eye
 from scleraforce.learning.reader.uneven import CORNEA_RADIUS_M, Forms, added_depths, draw_forms
 from scleraforce.learning.reader.virtual_eyes import (
@@ -202,10 +203,30 @@ def test_frames_have_the_errors_that_intervals_are_measured_with_not_those_of_th
     assert rough > 1.5 * np.nanstd(np.diff(usual_m, 2, axis=1)) > 1.5 * smooth
 
 
+class EvenShine:
+    """Draws as a generator does, but for the first column of normal numbers: `disturb` draws frames' shine there."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.rng, self.drawn = rng, False
+
+    def standard_normal(self, size: tuple[int, ...]) -> np.ndarray:
+        if len(size) == 2 and size[1] == 1 and not self.drawn:
+            self.drawn = True
+            return np.zeros(size)
+        return self.rng.standard_normal(size)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.rng, name)
+
+
 @pytest.fixture
-def _of_one_tissue(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Eyes are drawn as before some of them stiffened: among these are those on which the fit once failed."""
-    monkeypatch.setattr("scleraforce.learning.reader.virtual_eyes.library_of_tissue", lambda library, *_: library)
+def _drawn_as_then(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eyes are drawn as before some stiffened, and all surfaces shone: among these are those where the fit failed."""
+    eyes = "scleraforce.learning.reader.virtual_eyes"
+    monkeypatch.setattr(f"{eyes}.library_of_tissue", lambda library, *_: library)
+    monkeypatch.setattr(
+        f"{eyes}.disturb", lambda walls, fine, rng, **sizes: disturb(walls, fine, EvenShine(rng), **sizes)
+    )
 
 
 def shipped_walls() -> Library:
@@ -221,7 +242,7 @@ def eye_of_shipped_walls(number: int) -> tuple[VirtualEye, Known, tuple[VirtualF
     return found
 
 
-@pytest.mark.usefixtures("_of_one_tissue")
+@pytest.mark.usefixtures("_drawn_as_then")
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [133, 175])
 def test_no_large_force_of_a_sealed_eye_whose_pressure_nearly_runs_away_is_read_as_a_small_one(number: int) -> None:
@@ -235,7 +256,7 @@ def test_no_large_force_of_a_sealed_eye_whose_pressure_nearly_runs_away_is_read_
     assert all(fit is not None and fit.interval_n[1] > 30e-3 for fit in fits)
 
 
-@pytest.mark.usefixtures("_of_one_tissue")
+@pytest.mark.usefixtures("_drawn_as_then")
 @pytest.mark.slow
 def test_the_modulus_of_a_sealed_eye_whose_pressure_nearly_runs_away_is_found() -> None:
     """Without starts at higher pressures and at the forces that are known, it comes out 38 % too high."""
@@ -244,18 +265,15 @@ def test_the_modulus_of_a_sealed_eye_whose_pressure_nearly_runs_away_is_found() 
     assert known.modulus.mean_pa == pytest.approx(eye.wall.youngs_modulus_pa, rel=0.12)
 
 
-@pytest.mark.usefixtures("_of_one_tissue")
+@pytest.mark.usefixtures("_drawn_as_then")
 @pytest.mark.slow
 def test_a_frame_of_known_force_is_read_again_from_near_that_force() -> None:
-    """With an E that is 15 % too high, a fit that is not begun there ends 5 % higher, and lies half as well."""
+    """With an E that is 30 % too high, a fit that is not begun there ends at a third of it and lies far worse."""
     study, library = Study(), shipped_walls()
-    rng = np.random.default_rng([study.reader.seed, STREAM + 55])
-    eye = draw_eye(study, library, 55, rng)
-    frames = draw_frames(eye, study, FRAMES, rng)
-    known, left = calibrated(eye, frames, study, library, rng)
+    _, known, left = eye_of_shipped_walls(175)
     assert known.modulus is not None
-    stiff = replace(known, modulus=replace(known.modulus, mean_pa=1.15 * known.modulus.mean_pa))
-    frame = min((frame for frame in frames if frame not in left), key=lambda frame: abs(frame.force_n - 20.8e-3))
+    stiff = replace(known, modulus=replace(known.modulus, mean_pa=1.3 * known.modulus.mean_pa))
+    frame = max(left, key=lambda frame: frame.force_n)
     seen, near = frame.boundaries, library.nearest_contact(known.polar_rad)
     at = near, seen.lateral_m, seen.depth_m, prior_of(_certain(stiff), study.reader)
     without, begun_there = (
@@ -267,7 +285,7 @@ def test_a_frame_of_known_force_is_read_again_from_near_that_force() -> None:
     assert again is not None
     assert begun_there.misfit_m < 0.7 * without.misfit_m
     assert again.library_n == pytest.approx(begun_there.force_n, rel=1e-6)
-    assert again.library_n < 0.97 * without.force_n
+    assert again.library_n > frame.force_n > 2.0 * without.force_n
 
 
 def test_a_scattered_eye_scores_from_the_wider_intervals_of_the_fit(library, eye: VirtualEye) -> None:
