@@ -108,7 +108,7 @@ def evaluate(
     >>> import scleraforce as sf
     >>> evaluation = sf.evaluate(sf.load_model("reader"), "eye-a")
     >>> [frame.predicted for frame in evaluation.frames]
-    [1, 1, 2]
+    [1, 2, 2]
     """
     check_model(model)
     use_compiled_loops()
