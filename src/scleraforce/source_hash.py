@@ -6,12 +6,12 @@ files do not count.
 """
 
 import ast
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
-__all__ = ["PACKAGE", "hash_files", "hash_sources", "sources"]
+__all__ = ["PACKAGE", "hash_files", "hash_sources", "sources", "sources_in_rooms"]
 
 PACKAGE = Path(__file__).parent
 
@@ -63,6 +63,21 @@ def sources(
             found[name] = file
             waiting += [*_imported(file, file.stat().st_mtime_ns), *_parents(name)]
     return frozenset(found.values())
+
+
+def sources_in_rooms(
+    *modules: str, rooms: Collection[str], beside: Collection[str] = (), apart_from: Iterable[str] = ()
+) -> list[str]:
+    """Return the places in the package of what modules import from some of its rooms, in order.
+
+    Args:
+        modules: as of `sources`.
+        rooms: folders of the package.
+        beside: places of files of other rooms that count, too.
+        apart_from: as of `sources`.
+    """
+    found = (path.relative_to(PACKAGE) for path in sources(*modules, apart_from=apart_from))
+    return sorted(path.as_posix() for path in found if path.parts[0] in rooms or path.as_posix() in beside)
 
 
 def _places(packages: Mapping[str, Path] | None) -> dict[str, Path]:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -53,9 +54,13 @@ def test_it_writes_the_posterior_and_the_picture_and_prints_one_json_object(
 
 
 @pytest.mark.slow
-def test_finite_strain_is_the_default_and_takes_the_shipped_library(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_finite_strain_is_the_default_and_takes_the_cached_library(
+    laboratory: Any, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """That of another study than the paper's: its own ships (`tests/notebook/test_work.py`)."""
+    study = laboratory.study
+    other = replace(study, library=replace(study.library, tips=study.library.tips - 1))
+    (tmp_path / "study.toml").write_text(format_study(other))
     asked: list[Study] = []
 
     def cached(study: Study, *, workers: int | None, progress: Callable[[int], None]) -> Library:
@@ -66,13 +71,13 @@ def test_finite_strain_is_the_default_and_takes_the_shipped_library(
 
     monkeypatch.setattr(cache, "cached_library", cached)
     out = tmp_path / "out.json"
-    arguments = ["calibrate", str(folder / "eye"), "--study", str(folder / "study.toml"), "--out", str(out)]
+    arguments = ["calibrate", str(folder / "eye"), "--study", str(tmp_path / "study.toml"), "--out", str(out)]
     assert run([*arguments, "--frames", "2"]) == 0
     written = read_calibration(out)
     assert written.mechanics == "finite-strain"
     assert written.eyes["virtual"].thickness_m == pytest.approx(0.7e-3)
     assert len(written.digests) == 2
-    assert not asked
+    assert [study.mesh.divisions for study in asked] == [6]
     assert "population" in capsys.readouterr().out
 
 

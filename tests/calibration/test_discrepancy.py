@@ -112,10 +112,12 @@ def test_level_and_growth_are_those_of_a_modulus_that_may_go_no_farther(monkeypa
     assert now.modulus is not None
     assert now.discrepancy is not None
     assert now.modulus.mean_pa == pytest.approx(0.7 * MODULUS_PA)
-    for frame in again:
+    for frame, within in zip(
+        again, (0.1, 0.08, 0.08), strict=True
+    ):  # how much the surface shines is open in a small dent
         assert frame is not None
         corrected_n = now.discrepancy.corrected_n(np.array([frame.library_n]))[0]
-        assert corrected_n == pytest.approx(frame.force_n, rel=0.1)
+        assert corrected_n == pytest.approx(frame.force_n, rel=within)
 
 
 def test_what_was_read_before_counts_as_what_is_read_now() -> None:

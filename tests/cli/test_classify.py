@@ -206,6 +206,7 @@ def test_a_transposed_frame_is_read_as_the_upright_one(model, loose, pixels, tmp
 
 
 def test_a_bad_file_is_told_and_the_others_are_answered(model, frame, tmp_path, capsys) -> None:
+    cv2.imwrite(str(frame), image(wall_section(tip_of(0.008))))
     empty, missing = tmp_path / "empty.png", tmp_path / ("x" * 300)
     empty.write_bytes(b"")
     os.mkfifo(tmp_path / "pipe.png")
@@ -216,7 +217,7 @@ def test_a_bad_file_is_told_and_the_others_are_answered(model, frame, tmp_path, 
     assert all((entry["predicted"], entry["usable"]) == (2, False) for entry in entries if "error" in entry)
     assert run(["classify", str(model), *map(str, given)]) == 2
     told = capsys.readouterr()
-    assert told.out.startswith(f"{frame}: class ")
+    assert told.out.startswith(f"{frame}: class 1")
     assert told.err.splitlines() == [
         f"error: {empty}: an empty file; give a PNG, TIFF, JPEG or a single DICOM image",
         f"error: {missing}: File name too long",

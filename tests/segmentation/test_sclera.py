@@ -86,7 +86,7 @@ def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(shipped:
         refused += not find_sclera(scene.frame, scale, finder=shipped).usable
         passed += 1
     assert passed >= 8
-    assert refused >= 0.6 * passed
+    assert refused >= 0.7 * passed
 
 
 def test_what_a_needle_hides_speaks_against_nothing() -> None:

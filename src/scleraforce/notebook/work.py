@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import InputError
+from scleraforce.models.folder import LIBRARY_FILE, read_folder
 from scleraforce.models.shipped import SHIPPED_READER
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.study import NetworkStudy, Study, study_hash
@@ -89,12 +90,13 @@ def library_for(study: Study, mechanics: str, counting: Counting, workers: int |
     if mechanics == "linear":
         return None
     from scleraforce.library.cache import cached_library
+    from scleraforce.library.files import load_library
     from scleraforce.library.plan import plan_library
-    from scleraforce.reader.model import load_force_reader
+    from scleraforce.models.session import folder_study
 
-    plan, shipped = plan_library(study), load_force_reader(SHIPPED_READER, finder=None)
-    if plan_library(shipped.study).key == plan.key:
-        return shipped.library
+    plan, shipped = plan_library(study), read_folder(SHIPPED_READER)
+    if plan_library(folder_study(shipped)).key == plan.key:
+        return load_library(shipped.path / LIBRARY_FILE, shipped.files[LIBRARY_FILE])
     with counting("library", plan.units) as advance:
         return cached_library(study, workers=workers, progress=advance)
 

@@ -213,10 +213,8 @@ class ForceReader:
         reading = replace(default, interval_n=spanned_interval(default, other)) if warning else default
         leaves = dent_leaves(seen.cut) or fit_leaves(fit, self.study.slice)
         answer = judged_answer(reading, self.default, leaves, self.study)
-        reason = contact_outside(other, self.study.reader)
         untold = no_class(reading.interval_n, self.study.classes.bounds_n) if warning else None
-        if untold:
-            reason = reason or f"{warning}; {untold}"
+        reason = contact_outside(other, self.study.reader) or (untold and f"{warning}; {untold}")
         if answer.usable and reason:
             answer = unusable(self.classes, reason)
         warnings = (warning,) if warning and answer.usable else ()

@@ -1,6 +1,6 @@
 """The sources that decide a classifier of linear mechanics: its slices and its weights."""
 
-from scleraforce.source_hash import PACKAGE, hash_files, sources
+from scleraforce.source_hash import PACKAGE, hash_files, sources_in_rooms
 
 __all__ = ["classifier_files", "classifier_sources_hash"]
 
@@ -18,8 +18,7 @@ ROOMS = ("dataset", "eye", "learning", "mechanics", "section")
 
 def classifier_files() -> list[str]:
     """Return the files that count, as places in the package."""
-    found = (path.relative_to(PACKAGE) for path in sources(*STEPS, apart_from=NOT_RUN))
-    return sorted(path.as_posix() for path in found if path.parts[0] in ROOMS or path.name == "sampled.py")
+    return sources_in_rooms(*STEPS, rooms=ROOMS, beside=["study/sampled.py"], apart_from=NOT_RUN)
 
 
 def classifier_sources_hash() -> str:

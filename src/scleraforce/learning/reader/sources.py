@@ -12,7 +12,7 @@ from typing import Any
 from scleraforce.reader.interval_factors import IntervalFactors
 from scleraforce.reader.readings import fit_reading
 from scleraforce.segmentation.observations import observe_points
-from scleraforce.source_hash import PACKAGE, hash_files, sources
+from scleraforce.source_hash import PACKAGE, hash_files, sources_in_rooms
 
 __all__ = ["reader_files", "reader_sources_hash"]
 
@@ -38,8 +38,7 @@ SHARED: tuple[Callable[..., Any], ...] = (
 
 def reader_files() -> list[str]:
     """Return the files that count as a whole, as places in the package."""
-    found = (path.relative_to(PACKAGE) for path in sources(*STEPS, apart_from=NOT_RUN))
-    return sorted(path.as_posix() for path in found if path.parts[0] in ROOMS or path.as_posix() in MODULES)
+    return sources_in_rooms(*STEPS, rooms=ROOMS, beside=MODULES, apart_from=NOT_RUN)
 
 
 def reader_sources_hash() -> str:
