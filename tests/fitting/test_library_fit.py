@@ -156,18 +156,29 @@ def test_a_boundary_without_errors_gives_its_force_and_contact() -> None:
         assert fit.outliers < 0.02
 
 
+def test_only_the_surface_shines() -> None:
+    even, shining = (predict_wall(WALLS, eye(0.8e-3, shine_m=shine_m), BOTH) for shine_m in (0.0, 6e-6))
+    moved = shining.depth_m - even.depth_m
+    np.testing.assert_allclose(moved[BOTH.outer :], 0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        moved[: BOTH.outer], -6e-6 * np.exp(-((even.slope[: BOTH.outer] / 0.09) ** 2)), atol=1e-9
+    )
+
+
 @pytest.mark.parametrize("tip_m", [0.1e-3, 0.8e-3])
 def test_a_surface_that_shines_is_not_taken_for_a_shallower_dent(tip_m: float) -> None:
     """Written down once more: the edge lies higher where the surface faces the light. Without, forces were 1 mN off."""
     truth = eye(tip_m, shine_m=0.0)
     force = float(force_n(WALLS, truth[None])[0])
     even, off = boundaries(truth), []
-    slope = np.gradient(even[0], LATERAL_M)
+    slope, found = np.gradient(even[0], LATERAL_M), []
     for shine_m in (0.0, SHINE_MEAN_M, SHINE_MEAN_M + 2 * SHINE_SD_M):
         seen = even - np.array([[shine_m], [0.0]]) * np.exp(-((slope / 0.09) ** 2))
         fit = fitted(truth, seen)
         assert fit.interval_n[0] < force < fit.interval_n[1]
         off.append(fit.force_n - force)
+        found.append(fit.unknown[SHINE])
+    assert found[0] < SHINE_MEAN_M - 0.2e-6 < SHINE_MEAN_M + 0.2e-6 < found[2]  # a dent hides the most of it
     assert abs(off[1]) < 0.02e-3 + 0.01 * force
     assert off[0] > off[1] > off[2]
     assert off[0] - off[2] < 0.6e-3

@@ -1,6 +1,7 @@
 """Linear displays are told from pairs of counts, and only their walls are looked for in logarithms."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -85,6 +86,9 @@ def test_walls_of_linear_frames_are_found_as_those_of_logarithmic_ones(shipped: 
         frame, logarithmic = drawn_counts(seed, **LINEAR), drawn_counts(seed, **(LINEAR | {"display": "logarithmic"}))
         expected = find_sclera(logarithmic, SCALE, finder=shipped)
         assert expected.usable
+        shown = as_logarithmic(frame)
+        for way in (find_sclera, partial(find_checked_wall, finder=shipped)):
+            np.testing.assert_array_equal(way(frame, SCALE).inner_row, way(shown, SCALE).inner_row)
         for found in (
             find_sclera(frame, SCALE),
             find_sclera(frame, SCALE, finder=shipped),

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import onnx
 import pytest
 import torch
 
@@ -14,6 +15,7 @@ from scleraforce.cli.main import run
 from scleraforce.dataset.plan import plan_dataset
 from scleraforce.dataset.store import complete_dataset, create_dataset, open_dataset, write_dataset_unit
 from scleraforce.errors import ModelError
+from scleraforce.learning.classifier.network import TrainedNetwork
 from scleraforce.learning.classifier.train import split_samples, train_classifier
 from scleraforce.reader import load_model
 from scleraforce.study import DatasetGroup, DatasetStudy, NetworkStudy, SliceStudy, Study, study_hash
@@ -60,6 +62,22 @@ def test_the_reader_takes_the_folder_and_reaches_the_stated_accuracy(store: Path
     assert right.mean() == trained.validation_accuracy == reader.record["metrics"]["validation_accuracy"]
     assert trained.validation_accuracy > 0.8
     assert reader.record["curves"]["validation_loss"] == list(trained.curves.validation_loss)
+
+
+def test_weights_are_rounded_before_they_are_measured_and_stored(store: Path, tmp_path: Path, monkeypatch) -> None:
+    dataset = open_dataset(store)
+    train_classifier(dataset, tmp_path / "model")
+    held = onnx.load_model(tmp_path / "model" / "model.onnx").graph.initializer
+    assert {len(tensor.dims) for tensor in held if tensor.data_type == onnx.TensorProto.FLOAT16} == {2}
+    assert {len(tensor.dims) for tensor in held if tensor.data_type == onnx.TensorProto.FLOAT} == {0, 1}
+
+    def to_nothing(network: TrainedNetwork) -> TrainedNetwork:
+        return replace(network, layers=tuple(replace(layer, weight=0.0 * layer.weight) for layer in network.layers))
+
+    monkeypatch.setattr("scleraforce.learning.classifier.train.with_half_weights", to_nothing)
+    train_classifier(dataset, tmp_path / "nothing")
+    rows = load_model(tmp_path / "nothing").record["metrics"]["validation_confusion"]
+    assert np.count_nonzero(np.sum(rows, axis=0)) == 1  # it answers always the same
 
 
 def test_the_model_knows_the_modulus_data_and_study_that_it_was_made_from(store: Path, tmp_path: Path) -> None:
