@@ -15,6 +15,7 @@ from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.needle import draw_shaft
 from scleraforce.laboratory.optics import BscanOptics, Cover, Line, NeedleShaft, Pose, Shadow, sample_optics
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.needle import needle_entry
 from scleraforce.segmentation.observed import segmented_boundaries
@@ -143,6 +144,29 @@ def test_a_flare_through_the_tissue_and_a_hair_that_casts_no_shadow_are_no_needl
     cv2.line(hair, (240, 0), (262, 60), 3500, 2)
     for picture in (flare, hair):
         assert find_wall(picture, SCALE).needle is None
+
+
+def test_a_line_whose_light_goes_on_below_the_tissue_is_a_flare() -> None:
+    frame, tip_m = frame_of(STEEL, 0.05e-3, seed=5)
+    column = round((tip_m[0] + OCT.width_m / 2) / SCALE.lateral_m)
+    under = round(tip_m[1] / SCALE.depth_m)
+    assert find_wall(frame, SCALE).needle is not None
+    begin = under + round(1.0e-3 / SCALE.depth_m)
+    for end, seen in ((len(frame), False), (len(frame) * 3 // 4, True)):  # what fades on its way down is no flare
+        streak = frame.astype(np.int64)
+        streak[begin:end, column - 8 : column + 9] += 200
+        needle = find_wall(np.clip(streak, 0, 4095).astype(np.uint16), SCALE).needle
+        assert (needle is not None) == seen
+
+
+@needs_shared
+@pytest.mark.real
+@pytest.mark.parametrize("lateral_um", [8, 12, 16, 20, 31])
+def test_the_flare_of_a_real_eye_at_rest_is_no_needle(lateral_um: int) -> None:
+    path = SHARED / "real-oct" / "dicom" / "anterior-segment.dcm"
+    pixels = read_scaled_frame(path, Scanner(width_m=15e-3, depth_m=4e-3, refractive_index=1.0), (Scanner(), "")).pixels
+    for depth_um in (4, 6, 8, lateral_um):
+        assert find_wall(pixels, PixelScale(lateral_m=1e-6 * lateral_um, depth_m=1e-6 * depth_um)).needle is None
 
 
 def test_what_a_needle_hides_is_no_wall_that_is_seen() -> None:

@@ -1,7 +1,8 @@
 """The needle in a frame: a thin bright line from the frame's top edge down to the tissue, and the shadow below it.
 
 Lines that come in through the top edge (`needle_edges`) are a shaft's only where the tissue below them is darker than
-that beside, and they end at it: what shines through the tissue is a flare, and a shadow without a line is a vessel's.
+that beside, and they end at it: what shines through the tissue, or goes on below it, is a flare, and a shadow without a
+line is a vessel's.
 """
 
 from dataclasses import dataclass
@@ -26,6 +27,11 @@ SHADED_SHARE = 0.93  # of the level beside: the tissue under a needle is darker
 BESIDE_M = 2.5e-3
 TISSUE_M = 0.1e-3  # depth over which light is tissue's: thinner lines are not
 HOVERING_M = 0.3e-3  # over the surface beside it, at most: a needle's tip
+BELOW_M = 1.2e-3  # under a shaft's end no tissue shines
+NEAR_M = 0.5e-3
+DEEP_M = 0.5e-3  # down to the frame's end, at least, to judge what goes on there
+PARTS = 3
+STREAK = 0.06  # of the spread of a frame's light: a flare is brighter by so much in all parts, drawn needles by 0.015
 NEAREST = 6  # columns of the grid with tissue on each side, which tell where its surface is
 BEVELLED = 0.6  # of the width: an edge that is so much longer than the other one is the point of a bevel
 
@@ -130,7 +136,9 @@ def _shaded_shaft(grid: Grid, edges: list[ShaftEdge]) -> Shaft | None:
         after += 1
     shown = tissue > LIT_SHARE * usual
     tip = _tip(grid, edges, (first * step, after * step))
-    if _goes_through(grid, edges, shown, first, after) or not _touches(grid, shown, (first, after), tip[1]):
+    if _goes_through(grid, edges, shown, first, after) or _goes_on(grid, edges):
+        return None
+    if not _touches(grid, shown, (first, after), tip[1]):
         return None
     margin = max(1, round(MARGIN_M / grid.scale.lateral_m))
     hidden = max(0, first - margin) * step, min(columns, after + margin) * step
@@ -159,6 +167,27 @@ def _goes_through(grid: Grid, edges: list[ShaftEdge], lit: NDArray[np.bool_], fi
     surfaces = [int(side.argmax(axis=0).max()) for side in sides if side.any()]
     below = max(edge.row for edge in edges) - max(surfaces, default=len(lit))
     return below * grid.scale.depth_m > WIDEST_M
+
+
+def _goes_on(grid: Grid, edges: list[ShaftEdge]) -> bool:
+    """Return whether columns in which edges end are brighter than those beside down to the frame's end: a flare's are.
+
+    A steep reflection floods its A-scans with light, whose rest lies over all depths; below a needle it is dark.
+    """
+    begin = round(max(edge.row for edge in edges) + BELOW_M / grid.scale.depth_m)
+    deep: Float = grid.cells[begin:].astype(np.float32)
+    if len(deep) * grid.scale.depth_m < DEEP_M or len(deep) < PARTS:
+        return False
+    ends = [round(edge.end / grid.step_columns - 0.5) for edge in edges]
+    place, reach = np.arange(deep.shape[1]), max(2, round(NEAR_M / grid.scale.lateral_m))
+    inside = (place >= min(ends)) & (place <= max(ends))
+    beside = (place >= min(ends) - 1 - reach) & (place <= max(ends) + 1 + reach)
+    beside &= (place < min(ends) - 1) | (place > max(ends) + 1)
+    if not inside.any() or not beside.any():
+        return False
+    least = STREAK * float(grid.cells.std())
+    parts = (part.mean(axis=0) for part in np.array_split(deep, PARTS))
+    return all(float(level[inside].mean() - level[beside].mean()) > least for level in parts)
 
 
 def _tissue(grid: Grid, edges: list[ShaftEdge]) -> Float:
