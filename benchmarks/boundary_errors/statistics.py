@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.fitting.fit_prediction import shining
 from scleraforce.library import INNER, OUTER
 from scleraforce.study import SliceStudy
 
@@ -17,6 +18,9 @@ LAGS = (1, 5)  # columns
 LARGE_M = 0.1e-3
 CLEAR_M = 0.1e-3  # of the frame's lower edge: nearer to it no error is counted
 LAYER_M, LAYER_COLUMNS = 0.08e-3, 1 / 3
+GENTLY_BENT_PER_M = 1000.0
+SHINING_COLUMNS, JUDGED_COLUMNS = 5, 40  # a frame needs as many for its shine
+LARGEST_SHINE_M = 0.02e-3
 CORRELATED_M = 0.05e-3  # larger errors are cut to this for correlations: a bump is no noise
 
 
@@ -31,6 +35,8 @@ class BoundaryStatistics:
         outer_sd_m: its standard deviation there.
         outer_per_curvature_m2: by how much the surface is seen deeper for each 1/m of its curvature.
         outer_correlation: of errors 1 and 5 columns apart.
+        shine_m: by how much a frame's surface is seen too high where it faces the light, in the mean over frames, and
+            `shine_sd_m`: from frame to frame; by least squares beside an offset and the curvature.
         thickness_sd_m: of the thickness down a column, the frame's own median taken out, on gentle slopes.
         thickness_steep_sd_m: on steep ones.
         thickness_correlation: as above.
@@ -45,6 +51,8 @@ class BoundaryStatistics:
     outer_sd_m: float
     outer_per_curvature_m2: float
     outer_correlation: tuple[float, ...]
+    shine_m: float
+    shine_sd_m: float
     thickness_sd_m: float
     thickness_steep_sd_m: float
     thickness_correlation: tuple[float, ...]
@@ -77,12 +85,15 @@ def boundary_statistics(
     outer_error = np.where(found, seen[:, OUTER] - outer, np.nan)
     thickness_error, scale = _thickness_errors(true, seen, found, gentle, bottom_m)
     bent = found & (np.abs(curvature) < 2e3) & (np.abs(slope) < 1.0)
+    shines = _shines(outer_error, slope, curvature)
     flat_error = np.where(np.abs(curvature) < 300.0, outer_error, np.nan)
     return BoundaryStatistics(
         outer_bias_m=float(np.median(outer_error[gentle])),
         outer_sd_m=_spread(flat_error[gentle & np.isfinite(flat_error)]),
         outer_per_curvature_m2=float(np.polyfit(curvature[bent], np.clip(outer_error[bent], -2e-4, 2e-4), 1)[0]),
         outer_correlation=_correlations(flat_error),
+        shine_m=float(shines.mean()),
+        shine_sd_m=float(shines.std()),
         thickness_sd_m=_spread(thickness_error[gentle]),
         thickness_steep_sd_m=_spread(thickness_error[steep]),
         thickness_correlation=_correlations(np.where(gentle, thickness_error, np.nan)),
@@ -92,6 +103,21 @@ def boundary_statistics(
         lost_share=_share(~found, outer < bottom_m - CLEAR_M),
         beyond_share=_share(np.isfinite(seen[:, OUTER]), outer >= bottom_m),
     )
+
+
+def _shines(outer_error: Floats, slope: Floats, curvature: Floats) -> Floats:
+    """Return the shine (frame,), m, of the frames that show enough of what faces the light and of what does not."""
+    judged = np.isfinite(outer_error) & (np.abs(slope) < GENTLE) & (np.abs(curvature) < GENTLY_BENT_PER_M)
+    towards = shining(slope)
+    shines = []
+    for frame in np.flatnonzero((judged & (towards > 0.5)).sum(axis=1) >= SHINING_COLUMNS):
+        at = np.flatnonzero(judged[frame])
+        if len(at) < JUDGED_COLUMNS:
+            continue
+        parts = np.stack([np.ones(len(at)), -towards[frame, at], curvature[frame, at] / GENTLY_BENT_PER_M], axis=1)
+        error_m = np.clip(outer_error[frame, at], -LARGEST_SHINE_M, LARGEST_SHINE_M)
+        shines.append(np.linalg.lstsq(parts, error_m, rcond=None)[0][1])
+    return np.array(shines)
 
 
 def _thickness_errors(

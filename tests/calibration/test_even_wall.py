@@ -48,7 +48,9 @@ def test_a_wall_that_grows_thicker_along_the_section_is_so_on_its_inner_boundary
     wedge = 0.03
     seen = boundaries(replace(eye, forms=replace(eye.forms, wedge=np.array([wedge]))))
     off = seen.depth_m - without_form(eye.model, seen, STUDY.calibration).depth_m
-    thicker = np.polyfit(seen.lateral_m, off[1] - off[0], 1)[0]
+    known = np.isfinite(off).all(axis=0)  # the scan does not reach every side
+    assert known.mean() > 0.8
+    thicker = np.polyfit(seen.lateral_m[known], (off[1] - off[0])[known], 1)[0]
     assert thicker == pytest.approx(wedge, rel=0.1)
 
 

@@ -231,6 +231,17 @@ def test_an_outlier_is_gated_and_reported_and_leaves_the_posterior_as_without_it
     np.testing.assert_allclose(step.posterior.covariance, clean.posterior.covariance)
 
 
+@pytest.mark.parametrize("prior_sd", [1e3, 1e5, 1e6])
+def test_an_outlier_is_gated_beside_a_prior_however_wide(prior_sd: float) -> None:
+    rng = np.random.default_rng(12)
+    H, prior = rng.normal(size=(10, 2)), initial_posterior(np.zeros(2), prior_sd**2 * np.eye(2))
+    y = H @ np.array([1.0, -2.0]) + 1e-2 * rng.normal(size=10)
+    y[6] += 0.3
+    params = FilterParams(sigma_points("simplex", 2), gate=4.0)
+    step = filter_step(params, prior, lambda x: x @ H.T, y, 1e-4 * np.eye(10))
+    assert step.gated == (6,)
+
+
 def test_gating_spares_observations_that_the_model_explains() -> None:
     rng = np.random.default_rng(9)
     H, params = rng.normal(size=(10, 2)), FilterParams(sigma_points("simplex", 2), gate=5.0)

@@ -125,7 +125,7 @@ def test_no_stretched_interval_begins_below_zero_and_no_nan_becomes_a_number() -
 
 
 def test_groups_follow_what_makes_a_reader_wrong() -> None:
-    own, fit = Modulus(mean_pa=3e5, sd_pa=1e4, source="own"), drawn_fit(np.linspace(0.0, 1e-2, 11))
+    own, fit = Modulus(mean_pa=3e5, sd_pa=1e4, source="own"), drawn_fit(np.linspace(0.0, 3e-2, 11))
     assert group_of(Known(modulus=own, globe=OPEN), fit) == "own E, open, even"
     assert group_of(Known(modulus=own, globe=OPEN), replace(fit, misfit_m=20e-6)) == "own E, open, uneven"
     bulging = fit.unknown.copy()
@@ -137,11 +137,13 @@ def test_groups_follow_what_makes_a_reader_wrong() -> None:
     assert [group_of(Known(modulus=own, globe=globe), taut) for globe in (OPEN, SEALED, None)] == [
         "own E, open, even", "own E, taut", "own E, taut",
     ]  # fmt: skip
+    light = replace(taut, force_n=9.9e-3)
+    assert [group_of(known, light) for known in (Known(modulus=own), other)] == ["own E, light", "other E, light"]
 
 
 def test_factors_come_from_the_record_and_are_one_where_it_has_none() -> None:
     record = {"intervals": {"fit": {"own E, open, even": 1.5}, "network": {"other E, sealed": 2}}}
-    factors, fit = parse_factors(record, "model.json"), drawn_fit(np.linspace(0.0, 1e-2, 11))
+    factors, fit = parse_factors(record, "model.json"), drawn_fit(np.linspace(0.0, 3e-2, 11))
     own = Known(modulus=Modulus(mean_pa=3e5, sd_pa=1e4, source="own"), globe=OPEN)
     assert (factors.of_fit(own, fit), factors.of_fit(own, replace(fit, misfit_m=1e-3))) == (1.5, 1.0)
     assert (factors.of_network(Known(globe=SEALED)), factors.of_network(own)) == (2.0, 1.0)
@@ -149,7 +151,7 @@ def test_factors_come_from_the_record_and_are_one_where_it_has_none() -> None:
 
 
 def test_an_eye_whose_frames_scattered_has_wider_intervals_of_the_fit() -> None:
-    own, fit = Modulus(mean_pa=3e5, sd_pa=1e4, source="own"), drawn_fit(np.linspace(0.0, 1e-2, 11))
+    own, fit = Modulus(mean_pa=3e5, sd_pa=1e4, source="own"), drawn_fit(np.linspace(0.0, 3e-2, 11))
     even = Known(modulus=own, globe=OPEN)
     scattered = replace(even, discrepancy=replace(NO_DISCREPANCY, scatter=1.7))
     assert (even.scatter, scattered.scatter, NO_DISCREPANCY.scatter) == (1.0, 1.7, 1.0)

@@ -241,8 +241,8 @@ def _regress(sigma: SigmaPoints, predicted_rm: Array, centre: Array, root: Array
     spread = predicted_rm - mean
     along_points = spread.T @ (weights[:, None] * points)
     slope = _solve(root.T, along_points.T).T
-    curved = spread.T @ (weights[:, None] * spread) - along_points @ along_points.T
-    return _Linear(mean - slope @ centre, slope, noise + curved)
+    bent = spread - points @ along_points.T  # squared, not taken from the spread's square: that may round below zero
+    return _Linear(mean - slope @ centre, slope, noise + bent.T @ (weights[:, None] * bent))
 
 
 def _correct(linear: _Linear, observed: Array, kept: NDArray[np.bool_]) -> tuple[Array, Array]:
@@ -267,14 +267,9 @@ def _solve(matrix: Array, right: Array) -> Array:
     return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
 
-def _innovation_covariance(linear: _Linear, kept: NDArray[np.bool_]) -> Array:
-    slope = linear.slope[kept]
-    return linear.noise[np.ix_(kept, kept)] + slope @ slope.T
-
-
 def _normalised_innovation(linear: _Linear, observed: Array, kept: NDArray[np.bool_]) -> float:
-    innovation = (observed - linear.offset)[kept]
-    return float(innovation @ _solve(_innovation_covariance(linear, kept), innovation))
+    whitened = _whitening(linear, kept).T @ (observed - linear.offset)[kept]
+    return float(whitened @ whitened)
 
 
 def _worst(linear: _Linear, observed: Array, kept: NDArray[np.bool_]) -> tuple[int, float]:
@@ -283,9 +278,18 @@ def _worst(linear: _Linear, observed: Array, kept: NDArray[np.bool_]) -> tuple[i
     Given the others, because a common mode (a pose, a wide prior) makes every plain innovation look harmless
     (Baarda 1968): w_j = (S^-1 nu)_j / sqrt((S^-1)_jj), which for a single observation is nu / sqrt(S).
     """
-    inverse = np.linalg.inv(_innovation_covariance(linear, kept))
-    sizes = np.abs(inverse @ (observed - linear.offset)[kept]) / np.sqrt(np.diag(inverse))
+    root = _whitening(linear, kept)
+    sizes = np.abs(root @ (root.T @ (observed - linear.offset)[kept])) / np.sqrt((root**2).sum(axis=1))
     return int(np.flatnonzero(kept)[sizes.argmax()]), float(sizes.max())
+
+
+def _whitening(linear: _Linear, kept: NDArray[np.bool_]) -> Array:
+    """Return B with S^-1 = B B^T of the innovation's covariance S.
+
+    S itself is not formed: beside what a wide prior adds to it, the noise would be lost in the rounding.
+    """
+    noise_root = np.linalg.cholesky(linear.noise[np.ix_(kept, kept)])
+    return np.linalg.inv(np.linalg.qr(np.vstack([noise_root.T, linear.slope[kept].T]), mode="r"))
 
 
 def _status(recent: tuple[tuple[float, int], ...]) -> str:

@@ -89,7 +89,7 @@ def test_a_surface_that_leaves_at_the_bottom_is_seen_too_high_and_then_lost() ->
     outer = 4.6e-3 - 0.3 * np.abs(lateral)
     true = np.repeat(np.stack([outer, outer + 0.6e-3])[None], 300, axis=0)
     seen = disturb(true, SLICE, np.random.default_rng(4), replace(NONE, bottom_knee_m=0.02e-3))[:, OUTER]
-    assert np.isnan(seen[:, outer > 4.5e-3]).all()
+    assert np.isnan(seen[:, outer > 4.5e-3]).mean() > 0.995  # an exponential has no end
     assert np.isfinite(seen[:, outer < 3.94e-3]).all()
     assert np.nanmax(seen) <= 3.945e-3
     reached = np.nanmax(np.where(np.isfinite(seen), outer, np.nan), axis=1) - 3.945e-3
@@ -123,6 +123,8 @@ def test_the_errors_made_are_like_those_of_freshly_segmented_frames(tmp_path) ->
     for name in (
         "outer_sd_m",
         "outer_per_curvature_m2",
+        "shine_m",
+        "shine_sd_m",
         "thickness_sd_m",
         "thickness_steep_sd_m",
         "thickness_scale_sd",
@@ -140,7 +142,7 @@ def test_the_surface_lies_higher_where_it_faces_the_light_and_the_wall_ends_wher
     shining = disturb(true, SLICE, np.random.default_rng(2), replace(NONE, shine_m=8e-6, shine_sd_m=2e-6)) - true
     lateral = (np.arange(SLICE.columns) + 0.5 - SLICE.columns / 2) * SLICE.pixel_m
     slope = np.gradient(true[0, OUTER], SLICE.pixel_m)
-    expected = -8e-6 * np.exp(-((slope / 0.09) ** 2))
+    expected = -8e-6 * np.exp(-((slope / 0.115) ** 2))
     inside = np.abs(lateral) < 5e-3
     np.testing.assert_allclose(shining[:, OUTER].mean(axis=0)[inside], expected[inside], atol=0.15e-6)
     middle = np.abs(slope).argmin()

@@ -9,12 +9,15 @@ from analytic_library import analytic_library
 from stiffened_library import made_up_library
 
 from scleraforce.calibration.discrepancy import _certain, read_again
+from scleraforce.calibration.forces import LABEL_SD_N, ZERO_PRIOR, FrameForces, rest_zeros, zero_line
 from scleraforce.errors import CalibrationError
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.discrepancy import NO_DISCREPANCY
 from scleraforce.known.eye import Known
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
+from scleraforce.laboratory.pushes import motion_end_s, plan_pushes, sample_sensor, sense
+from scleraforce.learning.reader import virtual_eyes
 from scleraforce.learning.reader.boundary_errors import disturb
 from scleraforce.learning.reader.intervals import STREAM, _scores, calibrated_eye
 from scleraforce.learning.reader.uneven import CORNEA_RADIUS_M, Forms, added_depths, draw_forms
@@ -25,12 +28,16 @@ from scleraforce.learning.reader.virtual_eyes import (
     calibrated,
     draw_eye,
     draw_frames,
+    label_forces,
     of_population,
 )
 from scleraforce.library import INNER, OUTER, Library
 from scleraforce.reader.force_reader import SHIFTS
 from scleraforce.reader.model import load_force_reader
 from scleraforce.reader.readings import Reading
+from scleraforce.recording.info import ForceInfo
+from scleraforce.recording.labels import contact_force
+from scleraforce.recording.tables import ForceLog
 from scleraforce.study import Range, ReaderStudy, Study
 
 RADIUS_M = np.array([12e-3])
@@ -122,6 +129,38 @@ def test_each_slice_of_a_frame_shows_the_wall_as_much_lower_as_a_reader_shifts_i
         assert top_rows - top_rows[0] == pytest.approx(np.array(SHIFTS), abs=0.12)
 
 
+def logged_forces(forces_n: np.ndarray, rng: np.random.Generator) -> FrameForces:
+    """Labels of a force log of the virtual laboratory, as `frame_forces` frees them of the sensor's zero."""
+    phantom = Study().phantom
+    pushes, sensor = plan_pushes(tuple(forces_n.tolist()), phantom, rng), sample_sensor(phantom, rng)
+    log = sense(pushes, sensor, 2, 1, motion_end_s(pushes) + 1.0, rng)
+    told = ForceLog(log[:, 0], log[:, 1:], tuple(f"{name}_n" for name in ("fx", "fy", "fz", "tx", "ty", "tz")))
+    info = ForceInfo(axis="fz", contact_sign=1)
+    contact_n, frames_s = contact_force(told, info), np.array([push.frame_s for push in pushes])
+    near = np.abs(told.time_s - frames_s[:, None]) <= info.average_s / 2
+    labels_n = np.array([contact_n[samples].mean() for samples in near])
+    zero, covariance = zero_line(*rest_zeros(contact_n, told.time_s, frames_s, labels_n))
+    return FrameForces(labels_n - zero[0] - zero[1] * frames_s, frames_s, zero, covariance)
+
+
+def test_labels_are_off_as_those_of_a_force_log_are_and_tell_how_much() -> None:
+    rng = np.random.default_rng(11)
+    forces_n = rng.uniform(0.0, 60e-3, (250, FRAMES))
+    shared, own, told = [], [], []
+    for labels in (label_forces, logged_forces):
+        found = [labels(of_eye, rng) for of_eye in forces_n]
+        off_n = np.array([each.force_n for each in found]) - forces_n
+        shared.append(off_n.mean(axis=1).std())
+        own.append((off_n - off_n.mean(axis=1, keepdims=True)).std())
+        middle = np.array([[1.0, each.since_start_s.mean()] for each in found])
+        told.append(
+            np.sqrt(np.mean([row @ each.zero_covariance @ row for row, each in zip(middle, found, strict=True)]))
+        )
+    for made, logged in (shared, own, told):
+        assert made == pytest.approx(logged, rel=0.25)
+    assert shared[0] == pytest.approx(np.hypot(told[0], LABEL_SD_N / np.sqrt(FRAMES)), rel=0.15)
+
+
 def test_an_even_eye_is_calibrated_and_three_frames_are_used_up(eye: VirtualEye, library) -> None:
     frames = draw_frames(eye, EXACT, 8, np.random.default_rng(6))
     again = draw_frames(eye, EXACT, 8, np.random.default_rng(6))
@@ -166,10 +205,18 @@ def test_an_eye_that_the_library_does_not_hold_at_rest_is_refused(library) -> No
         draw_eye(study, library, 0, np.random.default_rng(0))
 
 
+def without_rests(forces_n: np.ndarray, rng: np.random.Generator) -> FrameForces:
+    """Labels of a log whose zero no rest between two pushes tells of."""
+    noise_n = LABEL_SD_N * rng.standard_normal(len(forces_n))
+    return FrameForces(forces_n + noise_n, np.zeros(len(forces_n)), np.zeros(2), ZERO_PRIOR)
+
+
 @pytest.mark.parametrize("drift", [-0.25, 0.25])
 def test_forces_that_drift_from_the_library_s_are_read_as_three_frames_of_known_force_told(
-    eye: VirtualEye, library, drift: float
+    eye: VirtualEye, library, drift: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A few percent of drift is expected; of more than that as much is learnt as the forces' zero leaves open."""
+    monkeypatch.setattr(virtual_eyes, "label_forces", without_rests)
     drifting = replace(eye, drift=drift)
     near, smoothing_m = library.for_contact(eye.wall.polar_rad), EXACT.calibration.surface_smoothing_m
 

@@ -51,12 +51,12 @@ class BoundaryErrors:
     surface_smoothing_m: float = 0.18e-3
     shine_m: float = SHINE_MEAN_M
     shine_sd_m: float = SHINE_SD_M
-    outer_sd_m: float = 2.6e-6
-    outer_lengths_m: tuple[float, float] = (0.08e-3, 1.0e-3)
+    outer_sd_m: float = 1.7e-6
+    outer_lengths_m: tuple[float, float] = (0.16e-3, 0.2e-3)
     thickness_scale_sd: float = 6e-3
-    thickness_sd_m: float = 3e-6
-    thickness_lengths_m: tuple[float, float] = (0.25e-3, 1.2e-3)
-    steep: float = 0.36
+    thickness_sd_m: float = 2.1e-6
+    thickness_lengths_m: tuple[float, float] = (0.3e-3, 1.2e-3)
+    steep: float = 0.27
     spread: float = 0.35
     bumps: float = 0.4
     bump_m: float = 0.1e-3

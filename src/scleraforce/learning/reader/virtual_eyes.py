@@ -16,6 +16,14 @@ from numpy.typing import NDArray
 from scleraforce.calibration.assimilation import Skipped
 from scleraforce.calibration.discrepancy import settled
 from scleraforce.calibration.eye_model import EyeConstants, WallState, known_of_constants, stated_wall
+from scleraforce.calibration.forces import (
+    LABEL_SD_N,
+    PUSH_N,
+    REST_SD_N,
+    ZERO_PRIOR,
+    FrameForces,
+    zero_line,
+)
 from scleraforce.calibration.frame_order import frame_order
 from scleraforce.calibration.library_eye import LibraryEye, library_eye
 from scleraforce.calibration.placement import place_section
@@ -41,6 +49,7 @@ __all__ = [
     "calibrated",
     "draw_eye",
     "draw_frames",
+    "label_forces",
     "of_population",
     "wall_depths",
 ]
@@ -50,7 +59,7 @@ Floats = NDArray[np.float64]
 FRAMES, CALIBRATED = 12, 3
 FINER = 4  # columns and rows of a frame for one of a slice
 FORCE_DRIFT_SD = 0.035  # relative, from no force to the largest: uneven eyes computed in three dimensions
-LABEL_SD_N = 0.2e-3
+FRAME_EVERY_S = 12.0  # of a force log: ramps, a hold, a rest
 ROTATION_RAD = np.radians(3.0)
 SHIFT_M = 0.05e-3  # of an eye between frames
 DIRECTION_TOLD = 0.5  # share of the eyes
@@ -185,37 +194,63 @@ def calibrated(
 ) -> tuple[Known, tuple[VirtualFrame, ...]]:
     """Return what is known of an eye after a calibration on three of its frames, and the frames that are left.
 
+    Those that only said where the eye lies, of light forces, are among these.
+
     Raises:
         CalibrationError: the library does not have the eye as it was told.
     """
-    labels_n = np.array([frame.force_n for frame in frames]) + LABEL_SD_N * rng.standard_normal(len(frames))
-    order = frame_order(labels_n, [True] * len(frames), study.calibration.min_force_n, CALIBRATED, rising=True)
-    taken = [(frames[place].boundaries, float(labels_n[place])) for place in order]
-    found = search(library, partial(_with_tissue, eye.told, taken, study))
+    labelled = label_forces(np.array([frame.force_n for frame in frames]), rng)
+    forces_n = labelled.force_n
+    order = frame_order(forces_n, [True] * len(frames), study.calibration.min_force_n, CALIBRATED, rising=True)
+    taken = [
+        (frames[place].boundaries, float(forces_n[place]), float(labelled.since_start_s[place])) for place in order
+    ]
+    found = search(library, partial(_with_tissue, eye.told, taken, labelled.zero_covariance, study))
     if found is None:
         raise CalibrationError("the library does not have the eye as it was told")
     stiffening, (known, used) = found
-    gone_through = set(order[:used])
-    left = tuple(frame for place, frame in enumerate(frames) if place not in gone_through)
+    told_force = {place for place in order[:used] if forces_n[place] > study.calibration.min_force_n}
+    left = tuple(frame for place, frame in enumerate(frames) if place not in told_force)
     return replace(known, stiffening=stiffening), left
 
 
+def label_forces(forces_n: Floats, rng: np.random.Generator) -> FrameForces:
+    """Return forces as a log would tell them: noise, and what a line through the rests leaves of the sensor's zero.
+
+    Args:
+        forces_n: the true ones (frame,), in the order of the pushes.
+        rng: source of the errors.
+    """
+    time_s = FRAME_EVERY_S * np.arange(1, len(forces_n) + 1, dtype=np.float64)
+    offset_n, drift_n_per_s = np.sqrt(np.diag(ZERO_PRIOR)) * rng.standard_normal(2)
+    rests_s = 0.5 * (time_s[:-1] + time_s[1:])[np.minimum(forces_n[:-1], forces_n[1:]) > PUSH_N]
+    rests_n = offset_n + drift_n_per_s * rests_s + REST_SD_N * rng.standard_normal(len(rests_s))
+    zero, covariance = zero_line(rests_s, rests_n)
+    left_n = offset_n - zero[0] + (drift_n_per_s - zero[1]) * time_s
+    labels_n = forces_n + left_n + LABEL_SD_N * rng.standard_normal(len(forces_n))
+    return FrameForces(labels_n, time_s, zero, covariance)
+
+
 def _with_tissue(
-    told: EyeConstants, frames: Sequence[tuple[Boundaries, float]], study: Study, library: Library
+    told: EyeConstants,
+    frames: Sequence[tuple[Boundaries, float, float]],
+    zero_covariance: Floats,
+    study: Study,
+    library: Library,
 ) -> TissueTrial[tuple[Known, int]] | None:
     """Calibrate an eye with the walls of one tissue: what is known of it, and how many frames were gone through."""
     try:
-        session = begin(study, told, library)
+        session = begin(study, told, library, zero_covariance=zero_covariance)
     except CalibrationError:
         return None
     used, least_n, refused = 0, study.calibration.min_force_n, 0
-    for boundaries, force_n in frames:
+    for boundaries, force_n, since_start_s in frames:
         if session.updates >= CALIBRATED:
             break
-        session = step(session, boundaries, force_n)
+        session = step(session, boundaries, force_n, since_start_s)
         refused += force_n > least_n and isinstance(session.last, Skipped)
         used += 1
-    known, borne = known_after(session), [frame for frame in frames[:used] if frame[1] > least_n]
+    known, borne = known_after(session), [(seen, force_n) for seen, force_n, _ in frames[:used] if force_n > least_n]
     if known.modulus is None:
         return TissueTrial.diverged((known, used), refused)
     after = settled(known, borne, (), library, study)
