@@ -100,6 +100,14 @@ def test_a_globe_is_read_as_it_was_written_with_its_band_for_people(tmp_path: Pa
     assert 0.0 <= low <= high <= 0.06
 
 
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_correlation_that_rounding_put_beyond_one_is_read_again(tmp_path: Path, sign: float) -> None:
+    (tmp_path / "calibration.json").write_text(
+        calibration_text(0.27, {"a": {"globe": globe_entry(replace(SEALED, correlation=sign * (1.0 + 1e-15)))}})
+    )
+    assert read_calibration(tmp_path / "calibration.json").eyes["a"].globe.correlation == pytest.approx(sign)
+
+
 def test_an_eye_without_a_globe_was_calibrated_as_an_open_one(tmp_path: Path) -> None:
     file = tmp_path / "calibration.json"
     file.write_text(calibration_text(0.27, {"a": {}}))

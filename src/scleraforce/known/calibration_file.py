@@ -34,6 +34,7 @@ __all__ = [
     "open_calibration",
     "parse_calibration_file",
     "read_calibration",
+    "stored_correlation",
     "summary_of",
     "summary_of_eye",
     "table_of",
@@ -252,6 +253,15 @@ def _pair(values: Mapping[str, Any], key: str, place: str) -> tuple[float, float
     return first, second
 
 
+def stored_correlation(correlation: float) -> float:
+    """Return a correlation as the file has it: where two values are as good as one, rounding may put it beyond one.
+
+    >>> stored_correlation(-1.0000000000000002) == -MOST_CORRELATED
+    True
+    """
+    return min(max(correlation, -MOST_CORRELATED), MOST_CORRELATED)
+
+
 def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
     """Return a globe as it stands in the file, with the band that holds its rigidity with 90 %."""
     low, high = globe.band
@@ -267,7 +277,7 @@ def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
         "kind": globe.kind,
         "rigidity_law": globe.law,
         "rigidity_mmhg13_per_ul": {name: from_si(value, RIGIDITY_UNIT) for name, value in values.items()},
-        "correlation": globe.correlation,
+        "correlation": stored_correlation(globe.correlation),
         "calibrated": globe.calibrated,
         "rigidity_told": globe.rigidity_told,
     }
