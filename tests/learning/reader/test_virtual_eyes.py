@@ -172,6 +172,15 @@ def test_an_even_eye_is_calibrated_and_three_frames_are_used_up(eye: VirtualEye,
     assert known.modulus.mean_pa == pytest.approx(eye.wall.youngs_modulus_pa, rel=0.05)
 
 
+def test_frames_of_light_forces_say_where_the_eye_lies_and_are_left_to_be_read(eye: VirtualEye, library) -> None:
+    rng = np.random.default_rng(6)
+    light, others = draw_frames(replace(eye, largest_n=2e-3), EXACT, 2, rng), draw_frames(eye, EXACT, 6, rng)
+    known, left = calibrated(eye, (*light, *others), EXACT, library, rng)
+    assert known.modulus is not None
+    assert left[:2] == light
+    assert len(left) == 5
+
+
 def test_an_eye_has_tissue_that_stiffens_as_often_as_stated_and_is_told_that_of_others_then() -> None:
     library, study = made_up_library(), replace(EXACT, reader=replace(EXACT.reader, stiffening_share=0.4))
     eyes = [draw_eye(study, library, 0, np.random.default_rng(seed)) for seed in range(60)]
