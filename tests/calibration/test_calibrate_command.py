@@ -67,7 +67,7 @@ def test_finite_strain_is_the_default_and_takes_the_cached_library(
         assert workers is None
         asked.append(study)
         progress(10)
-        return analytic_library()
+        return replace(analytic_library(), max_force_ratio=1e-6)  # as far as this eye is pushed
 
     monkeypatch.setattr(cache, "cached_library", cached)
     out = tmp_path / "out.json"
@@ -76,7 +76,7 @@ def test_finite_strain_is_the_default_and_takes_the_cached_library(
     written = read_calibration(out)
     assert written.mechanics == "finite-strain"
     assert written.eyes["virtual"].thickness_m == pytest.approx(0.7e-3)
-    assert 1 <= len(written.digests) <= 2  # these walls are none that the analytic library holds as a whole
+    assert len(written.digests) == 2
     assert [study.mesh.divisions for study in asked] == [6]
     assert "population" in capsys.readouterr().out
 

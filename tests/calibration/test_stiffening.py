@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import log, log1p
 from typing import Any
 
@@ -10,9 +11,9 @@ import pytest
 from analytic_library import analytic_library
 from calibrated_eye import calibration_of_a_sealed_eye
 from stiffened_library import STIFFENINGS, made_up_library, solved_library
+from without_rests import without_rests
 
 from scleraforce.calibration.calibrate import SOUGHT_ON, calibrate_recordings, calibration_passes
-from scleraforce.calibration.forces import ZERO_PRIOR, FrameForces
 from scleraforce.calibration.result import Calibration, EyeCalibration
 from scleraforce.calibration.stiffening import TissueTrial, most_trials, search
 from scleraforce.errors import CalibrationError, InputError
@@ -339,18 +340,13 @@ EXACT = Study(
 )  # fmt: skip
 
 
-def exactly_labelled(forces_n: np.ndarray, _: np.random.Generator) -> FrameForces:
-    """Return labels without errors."""
-    return FrameForces(forces_n, np.zeros(len(forces_n)), np.zeros(2), ZERO_PRIOR)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("stiffening", "seed"), [(0.0, 1), (3.0, 1), (9.0, 2), (20.0, 1)])
 def test_the_stiffening_of_an_eye_is_found_from_three_frames_and_the_others_are_read_right(
     stiffening: float, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An open eye of even form, whose boundaries and forces are known without errors."""
-    monkeypatch.setattr(virtual_eyes, "label_forces", exactly_labelled)
+    monkeypatch.setattr(virtual_eyes, "label_forces", partial(without_rests, sd_n=0.0))
     library, rng = solved_library(GRID), np.random.default_rng(seed)
     eye = virtual_eyes.draw_eye(EXACT, library.for_stiffening(stiffening), 0, rng)
     assert eye.stiffening == stiffening

@@ -27,10 +27,10 @@ SHADED_SHARE = 0.93  # of the level beside: the tissue under a needle is darker
 BESIDE_M = 2.5e-3
 TISSUE_M = 0.1e-3  # depth over which light is tissue's: thinner lines are not
 HOVERING_M = 0.3e-3  # over the surface beside it, at most: a needle's tip
-BELOW_M = 1.2e-3  # under a shaft's end no tissue shines
-NEAR_M = 0.5e-3
-DEEP_M = 0.5e-3  # down to the frame's end, at least, to judge what goes on there
-PARTS = 3
+BELOW_M = 1.2e-3  # below a line's end, from where on no tissue is expected
+DEEP_M = 0.5e-3  # from there down to the frame's end, at least, to judge what goes on there
+NEAR_M = 0.5e-3  # beside a line's end, of what its column is compared with there
+PARTS = 3  # of that depth
 STREAK = 0.06  # of the spread of a frame's light: a flare is brighter by so much in all parts, drawn needles by 0.015
 NEAREST = 6  # columns of the grid with tissue on each side, which tell where its surface is
 BEVELLED = 0.6  # of the width: an edge that is so much longer than the other one is the point of a bevel
@@ -124,7 +124,7 @@ def _shaded_shaft(grid: Grid, edges: list[ShaftEdge]) -> Shaft | None:
     tissue = _tissue(grid, edges)
     level: Float = tissue.max(axis=0)
     reach = max(2, round(BESIDE_M / grid.scale.lateral_m))
-    beside = np.concatenate([level[max(0, first - reach) : max(0, first - 1)], level[after + 1 : after + reach]])
+    beside = _beside(level, first, after, reach)
     usual = float(np.sort(level)[3 * columns // 4])
     lit = beside[beside > LIT_SHARE * usual]
     if not len(lit) or float(np.median(level[first:after])) > SHADED_SHARE * float(np.median(lit)):
@@ -179,15 +179,20 @@ def _goes_on(grid: Grid, edges: list[ShaftEdge]) -> bool:
     if len(deep) * grid.scale.depth_m < DEEP_M or len(deep) < PARTS:
         return False
     ends = [round(edge.end / grid.step_columns - 0.5) for edge in edges]
-    place, reach = np.arange(deep.shape[1]), max(2, round(NEAR_M / grid.scale.lateral_m))
-    inside = (place >= min(ends)) & (place <= max(ends))
-    beside = (place >= min(ends) - 1 - reach) & (place <= max(ends) + 1 + reach)
-    beside &= (place < min(ends) - 1) | (place > max(ends) + 1)
-    if not inside.any() or not beside.any():
-        return False
+    first, after = max(0, min(ends)), max(0, max(ends) + 1)
+    reach = max(2, round(NEAR_M / grid.scale.lateral_m)) + 1
     least = STREAK * float(grid.cells.std())
-    parts = (part.mean(axis=0) for part in np.array_split(deep, PARTS))
-    return all(float(level[inside].mean() - level[beside].mean()) > least for level in parts)
+    for part in np.array_split(deep, PARTS):
+        level: Float = part.mean(axis=0)
+        within, beside = level[first:after], _beside(level, first, after, reach)
+        if not len(within) or not len(beside) or float(within.mean() - beside.mean()) <= least:
+            return False
+    return True
+
+
+def _beside(level: Float, first: int, after: int, reach: int) -> Float:
+    """Return the levels of columns on both sides of others, without those right beside them."""
+    return np.concatenate([level[max(0, first - reach) : max(0, first - 1)], level[after + 1 : after + reach]])
 
 
 def _tissue(grid: Grid, edges: list[ShaftEdge]) -> Float:
