@@ -131,6 +131,17 @@ def test_what_was_read_before_counts_as_what_is_read_now() -> None:
     assert parts.modulus.mean_pa == pytest.approx(at_once.modulus.mean_pa, rel=0.01)
 
 
+def test_the_largest_force_of_the_frames_that_were_read_is_kept() -> None:
+    seen, known = frames(), known_of(MODULUS_PA)
+    blind = Boundaries(LATERAL_M, np.full((2, len(LATERAL_M)), np.nan), 1e-4)
+    largest_n = seen[-1][1]
+    earlier = [frame for frame in read_again(seen, known, LIBRARY, STUDY) if frame is not None]
+    for now, before in (([*seen, (blind, 2.0 * largest_n)], []), (seen[:1], earlier)):
+        found = settled(known, now, before, LIBRARY, STUDY).known.discrepancy
+        assert found is not None
+        assert found.largest_n == largest_n
+
+
 def test_without_a_frame_that_can_be_read_the_filter_s_stays() -> None:
     known = known_of(MODULUS_PA)
     blind = Boundaries(LATERAL_M, np.full((2, len(LATERAL_M)), np.nan), 1e-4)
@@ -140,7 +151,7 @@ def test_without_a_frame_that_can_be_read_the_filter_s_stays() -> None:
     assert now.modulus is not None
     assert now.modulus.mean_pa == pytest.approx(MODULUS_PA, rel=exp(1e-9) - 1.0)
     assert now.discrepancy is not None
-    assert (now.discrepancy.level, now.discrepancy.growth) == (0.0, 0.0)
+    assert (now.discrepancy.level, now.discrepancy.growth, now.discrepancy.largest_n) == (0.0, 0.0, None)
 
 
 def test_what_the_search_of_a_stiffening_compares_is_what_the_frames_that_were_read_lose() -> None:

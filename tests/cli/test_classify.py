@@ -140,6 +140,8 @@ def test_evaluate_has_the_pressure_at_each_dent_too(model, frame, capsys) -> Non
     assert run(["evaluate", str(model), str(frame.parents[1]), "--json"]) == 0
     (answered,) = json.loads(capsys.readouterr().out)["frames"]
     assert answered["iop_at_dent_mmhg"] == pytest.approx(entry["iop_at_dent_mmhg"])
+    for one in (answered, entry):
+        assert one["pressure_pa"] == pytest.approx(133.322 * one["iop_at_dent_mmhg"], rel=1e-4)
     assert answered["iop_at_dent_mmhg"] == pytest.approx(2.025, rel=0.1)
 
 

@@ -100,14 +100,6 @@ def test_a_globe_is_read_as_it_was_written_with_its_band_for_people(tmp_path: Pa
     assert 0.0 <= low <= high <= 0.06
 
 
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_a_correlation_that_rounding_put_beyond_one_is_read_again(tmp_path: Path, sign: float) -> None:
-    (tmp_path / "calibration.json").write_text(
-        calibration_text(0.27, {"a": {"globe": globe_entry(replace(SEALED, correlation=sign * (1.0 + 1e-15)))}})
-    )
-    assert read_calibration(tmp_path / "calibration.json").eyes["a"].globe.correlation == pytest.approx(sign)
-
-
 def test_an_eye_without_a_globe_was_calibrated_as_an_open_one(tmp_path: Path) -> None:
     file = tmp_path / "calibration.json"
     file.write_text(calibration_text(0.27, {"a": {}}))
@@ -245,6 +237,14 @@ def test_the_discrepancy_of_the_forces_goes_with_an_eye_s_own_modulus_alone(tmp_
     assert [known_of_eye(Known(), summary, eye).discrepancy for eye in ("b", "c", "stranger")] == [None] * 3
 
 
+def test_the_largest_force_that_an_eye_was_calibrated_on_is_read_where_a_file_has_it(tmp_path: Path) -> None:
+    file = tmp_path / "calibration.json"
+    entries = {"a": {"largest_n": 31e-3}, "b": {"largest_n": None}, "c": {}}
+    file.write_text(calibration_text(0.27, {eye: {"discrepancy": DISCREPANCY | more} for eye, more in entries.items()}))
+    found = [eye.discrepancy for eye in read_calibration(file).eyes.values()]
+    assert [None if one is None else one.largest_n for one in found] == [31e-3, None, None]
+
+
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
@@ -253,6 +253,7 @@ def test_the_discrepancy_of_the_forces_goes_with_an_eye_s_own_modulus_alone(tmp_
         ("level", None, "level: expected a number"),
         ("level_sd", -0.1, "level_sd: -0.1 is not between"),
         ("correlation", 1.0, "correlation: 1 is not between"),
+        ("largest_n", 31.0, "largest_n: 31 is not between 0 and 3"),
     ],
 )
 def test_a_discrepancy_that_cannot_be_is_refused_with_its_key(

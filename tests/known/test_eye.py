@@ -103,6 +103,17 @@ def test_another_kind_of_globe_that_is_told_stands(summary: CalibrationSummary) 
     assert known_of_eye(Known(globe=OPEN), summary, "mine").globe is OPEN
 
 
+def test_what_frames_found_of_a_globe_of_which_nothing_was_told_stands(tmp_path: Path) -> None:
+    """E was found with it, and goes with no other."""
+    found = replace(UNKNOWN, mean=0.4 * UNKNOWN.mean, sd=0.1 * UNKNOWN.sd, correlation=-0.8, calibrated=True)
+    file = tmp_path / "calibration.json"
+    file.write_text(calibration_text(0.25, {"mine": {"globe": globe_entry(found)}}))
+    for told in (None, OPEN, SEALED):
+        globe = known_of_eye(Known(globe=told), read_calibration(file), "mine").globe
+        assert globe is not None
+        assert (globe.kind, globe.correlation, globe.mean) == ("unknown", -0.8, pytest.approx(found.mean))
+
+
 def test_an_eye_of_the_population_says_nothing_of_another_globe(summary: CalibrationSummary) -> None:
     assert known_of_eye(Known(globe=SEALED), summary, "stranger").globe is SEALED
     assert known_of_eye(Known(), summary, "stranger").globe is None

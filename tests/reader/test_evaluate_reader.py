@@ -242,7 +242,7 @@ def test_intervals_are_stretched_to_hold_on_recordings(places, tmp_path: Path, c
     was, now = (model.read(pixels, scale, known) for model in (before, after))
     assert now.force_n == was.force_n
     assert was.fit is not None
-    name = group_of(known, was.fit)
+    name = group_of(known, was.force_n, was.fit)
     assert ("fit", name) in groups
     widths = [answer.interval_n[1] - answer.force_n for answer in (was, now)]
     assert widths[1] / widths[0] == pytest.approx(after.record["intervals"]["fit"][name], rel=1e-6)

@@ -14,6 +14,7 @@ from scleraforce.fitting.resting_form import FORMS
 from scleraforce.known.discrepancy import NO_DISCREPANCY
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, SEALED
+from scleraforce.notebook.work import _widening
 from scleraforce.reader.force_distribution import ratio_edges, single_force
 from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors, parse_factors
 from scleraforce.reader.interval_groups import group_of
@@ -109,7 +110,7 @@ def test_a_stretched_histogram_is_that_of_stretched_forces(factor: float) -> Non
     edges_m2 = ratio_edges(64, 0.2e-6)
     histogram = np.exp(-0.5 * ((np.arange(64) - 40.0) / 4.0) ** 2)
     plain = single_force(histogram.tolist(), edges_m2.tolist(), 0.3e6, BOUNDS_N)
-    found = single_force(histogram.tolist(), edges_m2.tolist(), 0.3e6, BOUNDS_N, factor)
+    found = single_force(histogram.tolist(), edges_m2.tolist(), 0.3e6, BOUNDS_N, {plain.median_n: factor}.__getitem__)
     drawn = np.interp(rng.random(400_000), np.append(0.0, histogram.cumsum() / histogram.sum()), edges_m2) * 0.3e6
     drawn = plain.median_n + factor * (drawn - plain.median_n)
     assert found.interval_n == pytest.approx(tuple(np.quantile(drawn, [0.05, 0.95])), rel=5e-3)
@@ -126,19 +127,47 @@ def test_no_stretched_interval_begins_below_zero_and_no_nan_becomes_a_number() -
 
 def test_groups_follow_what_makes_a_reader_wrong() -> None:
     own, fit = Modulus(mean_pa=3e5, sd_pa=1e4, source="own"), drawn_fit(np.linspace(0.0, 3e-2, 11))
-    assert group_of(Known(modulus=own, globe=OPEN), fit) == "own E, open, even"
-    assert group_of(Known(modulus=own, globe=OPEN), replace(fit, misfit_m=20e-6)) == "own E, open, uneven"
+    force_n = fit.force_n
+    assert group_of(Known(modulus=own, globe=OPEN), force_n, fit) == "own E, open, even"
+    assert group_of(Known(modulus=own, globe=OPEN), force_n, replace(fit, misfit_m=20e-6)) == "own E, open, uneven"
     bulging = fit.unknown.copy()
     bulging[FORM.start + 1] = -0.1
     other = Known(modulus=replace(own, source="population"), globe=SEALED)
-    assert group_of(other, replace(fit, unknown=bulging)) == "other E, sealed, uneven"
-    assert group_of(Known(modulus=replace(own, source="stated"))) == "own E, unknown"
+    assert group_of(other, force_n, replace(fit, unknown=bulging)) == "other E, sealed, uneven"
+    assert group_of(Known(modulus=own), force_n) == "own E, unknown"
+    assert group_of(Known(modulus=replace(own, source="stated")), force_n) == "other E, unknown"  # told, not measured
     taut = replace(fit, tension=0.1)
-    assert [group_of(Known(modulus=own, globe=globe), taut) for globe in (OPEN, SEALED, None)] == [
+    assert [group_of(Known(modulus=own, globe=globe), force_n, taut) for globe in (OPEN, SEALED, None)] == [
         "own E, open, even", "own E, taut", "own E, taut",
     ]  # fmt: skip
-    light = replace(taut, force_n=9.9e-3)
-    assert [group_of(known, light) for known in (Known(modulus=own), other)] == ["own E, light", "other E, light"]
+    both = Known(modulus=own), other
+    assert [group_of(known, 9.9e-3, taut) for known in both] == ["own E, light", "other E, light"]
+
+
+def test_forces_beyond_those_of_the_calibration_are_groups_of_their_own() -> None:
+    taut = replace(drawn_fit(np.linspace(0.0, 3e-2, 11)), tension=0.1)
+    own = Modulus(mean_pa=3e5, sd_pa=1e4, source="own")
+    gentle = Known(modulus=own, discrepancy=replace(NO_DISCREPANCY, largest_n=20e-3))
+    found = [[group_of(gentle, force_n, fit) for fit in (None, taut)] for force_n in (23.9e-3, 24.1e-3, 40.1e-3)]
+    assert found == [["own E, unknown", "own E, taut"], ["own E, beyond"] * 2, ["own E, far beyond"] * 2]
+    lightly = replace(gentle, discrepancy=replace(NO_DISCREPANCY, largest_n=4e-3))
+    assert group_of(lightly, 9.9e-3, taut) == "own E, light"
+    told = replace(gentle, modulus=replace(own, source="population"))  # whose discrepancy is another eye's
+    for same in (told, replace(gentle, discrepancy=NO_DISCREPANCY), replace(gentle, discrepancy=None)):
+        assert group_of(same, 60e-3).endswith("E, unknown")
+
+
+def test_a_model_without_a_factor_beyond_takes_that_of_the_usual_group() -> None:
+    gentle = Known(
+        modulus=Modulus(mean_pa=3e5, sd_pa=1e4, source="own"),
+        globe=OPEN,
+        discrepancy=replace(NO_DISCREPANCY, largest_n=10e-3),
+    )
+    fit = drawn_fit(np.linspace(0.0, 60e-3, 11))
+    before = IntervalFactors(network={"own E, open": 2.0}, fit={"own E, open, even": 1.5})
+    after = IntervalFactors(network={**before.network, "own E, far beyond": 4.0}, fit={"own E, far beyond": 3.0})
+    assert [factors.of_network(gentle, 30e-3) for factors in (before, after, NO_FACTORS)] == [2.0, 4.0, 1.0]
+    assert [factors.of_fit(gentle, fit) for factors in (before, after, NO_FACTORS)] == [1.5, 3.0, 1.0]
 
 
 def test_factors_come_from_the_record_and_are_one_where_it_has_none() -> None:
@@ -146,7 +175,7 @@ def test_factors_come_from_the_record_and_are_one_where_it_has_none() -> None:
     factors, fit = parse_factors(record, "model.json"), drawn_fit(np.linspace(0.0, 3e-2, 11))
     own = Known(modulus=Modulus(mean_pa=3e5, sd_pa=1e4, source="own"), globe=OPEN)
     assert (factors.of_fit(own, fit), factors.of_fit(own, replace(fit, misfit_m=1e-3))) == (1.5, 1.0)
-    assert (factors.of_network(Known(globe=SEALED)), factors.of_network(own)) == (2.0, 1.0)
+    assert (factors.of_network(Known(globe=SEALED), 30e-3), factors.of_network(own, 30e-3)) == (2.0, 1.0)
     assert parse_factors({}, "model.json") == NO_FACTORS
 
 
@@ -158,7 +187,7 @@ def test_an_eye_whose_frames_scattered_has_wider_intervals_of_the_fit() -> None:
     factors = IntervalFactors(network={"own E, open": 2.0}, fit={"own E, open, even": 1.5})
     assert factors.of_fit(scattered, fit) == pytest.approx(1.7 * 1.5)
     assert NO_FACTORS.of_fit(scattered, fit) == 1.7
-    assert factors.of_network(scattered) == 2.0  # another model of the eye: its errors do not follow
+    assert factors.of_network(scattered, 30e-3) == 2.0  # another model of the eye: its errors do not follow
 
 
 @pytest.mark.parametrize(
@@ -179,6 +208,13 @@ def test_scores_that_count_from_stretched_intervals_stretch_them_again() -> None
     assert record["network"] == {"own E, open": 3.0}
     assert parse_factors({"intervals": record}, "m").fit == record["fit"]
     assert intervals_record(scores, "x")["eyes"] == 20
+
+
+@pytest.mark.parametrize(("eyes", "factors"), [(8, (1.0, 3.0)), (9, (0.5, 3.0))])
+def test_few_eyes_widen_intervals_and_never_narrow_them(eyes: int, factors: tuple[float, float]) -> None:
+    did = {"own E, light": 0.5, "own E, taut": 3.0}
+    scores = [Score("fit", group, str(eye), value) for group, value in did.items() for eye in range(eyes)]
+    assert tuple(interval_factors(_widening(scores))["fit"].values()) == factors
 
 
 def test_a_surface_that_bends_like_a_cornea_on_both_sides_is_no_sclera() -> None:

@@ -7,6 +7,7 @@ followed from step to step and added to the posterior in the end (Schmidt 1966, 
 """
 
 from dataclasses import KW_ONLY, dataclass, replace
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,7 @@ from scleraforce.calibration.registration import (
 from scleraforce.calibration.roukf import FilterParams, Posterior, StepResult, filter_step, initial_posterior
 from scleraforce.calibration.sigma_points import sigma_points
 from scleraforce.fitting.placement import Placed, Places, curve_depths
+from scleraforce.known.correlation import correlation_of
 from scleraforce.known.globe import KnownGlobe
 from scleraforce.segmentation.observations import Boundaries, Observation, observe_points
 from scleraforce.study import CalibrationStudy
@@ -186,12 +188,11 @@ def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:
         return globe
     mean, covariance = _within_bounds(eye, state)
     rigidity, modulus = (eye.space.names.index(name) for name in (RIGIDITY, PARAMETERS["e"]))
-    sds = np.sqrt(np.diag(covariance))
     return replace(
         globe,
         mean=globe.mean * float(mean[rigidity]),
-        sd=globe.mean * float(sds[rigidity]),
-        correlation=float(covariance[rigidity, modulus] / (sds[rigidity] * sds[modulus])),
+        sd=globe.mean * sqrt(covariance[rigidity, rigidity]),
+        correlation=correlation_of(covariance, rigidity, modulus),
         calibrated=state.posterior.updates > 0,
     )
 

@@ -7,6 +7,8 @@ registration sees to it; across the plane it is a gap that is not the stated one
 pressure adds to it is `library.base_bulge`.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,10 +22,13 @@ __all__ = ["base_moves"]
 Array = NDArray[np.float64]
 
 SIZE = MeridianSize()
+SHIFTS = 8  # that are kept: an eye has one to three, the same for all tissues that are tried
+
+_kept_shift = lru_cache(maxsize=SHIFTS)(base_shift)
 
 
 def base_moves(study: Study, constants: EyeConstants, polar_rad: float, lateral_m: Array) -> Array:
-    """Return the motion of the wall for F/E = 1 m^2 (boundary, place, [lateral, across, depth]), m: 0.4 s.
+    """Return the motion of the wall for F/E = 1 m^2 (boundary, place, [lateral, across, depth]), m: 0.3 s, once an eye.
 
     Gap and thickness are those stated; where they are uncertain the motion, small as it is, is held. It does not grow
     beyond a polar angle of 55 degrees.
@@ -39,7 +44,7 @@ def base_moves(study: Study, constants: EyeConstants, polar_rad: float, lateral_
     wall = (study.eye.radius_m, constants.thickness_m)
     needle_radius_m = study.needle.outer_diameter_m / 2
     polar_rad = min(polar_rad, LARGEST_POLAR_RAD)
-    shift = base_shift(*wall, study.eye.poisson_ratio, needle_radius_m, polar_rad=polar_rad, size=SIZE)
+    shift = _kept_shift(*wall, study.eye.poisson_ratio, needle_radius_m, polar_rad=polar_rad, size=SIZE)
     mesh = meridian_mesh(*wall, needle_radius_m, np.pi / 2, SIZE)
     rings_bn = np.stack([mesh.points_nc[nodes, 0] for nodes in (mesh.outer_n, mesh.inner_n)])
     inside = np.arctan2(constants.gap_m, lateral_m)  # angle about the needle axis, from the lateral axis

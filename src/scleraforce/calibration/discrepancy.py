@@ -27,6 +27,7 @@ from scleraforce.calibration.known_forces import (
 from scleraforce.calibration.stiffening import TissueTrial
 from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit, fit_boundaries
 from scleraforce.fitting.prior import prior_of
+from scleraforce.known.correlation import correlation_of
 from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import NINETY_PERCENT, REFERENCE_RIGIDITY
@@ -97,7 +98,8 @@ def settled(
         if len(moved_read) < len(read) or moved_found.loss >= found.loss:
             break
         now, again, read, found = moved, moved_again, moved_read, moved_found
-    return Settled(_with_discrepancy(now, found), tuple(again), found.loss)
+    largest_n = max((frame.force_n for frame in read), default=None)
+    return Settled(_with_discrepancy(now, found, largest_n), tuple(again), found.loss)
 
 
 def _all_read(earlier: Sequence[KnownForce], again: Sequence[KnownForce | None]) -> list[KnownForce]:
@@ -194,15 +196,24 @@ def _moved(known: Known, found: Found) -> Known:
     return replace(known, modulus=modulus, globe=known.globe if known.globe is None else globe)
 
 
-def _with_discrepancy(known: Known, found: Found) -> Known:
-    """Return an eye at its E and k with their uncertainty, and the discrepancy given these."""
+def _with_discrepancy(known: Known, found: Found, largest_n: float | None) -> Known:
+    """Return an eye at its E and k with their uncertainty, and the discrepancy given these.
+
+    Args:
+        known: of the eye.
+        found: what its frames tell.
+        largest_n: the largest force of these, N.
+    """
     assert known.modulus is not None  # its own
     globe, covariance = globe_of(known), found.covariance
     sds = np.sqrt(np.diag(covariance))
     modulus = replace(known.modulus, sd_pa=float(sds[OF_MODULUS]) * known.modulus.mean_pa)
     if globe.can_be_sealed:
-        correlation = float(covariance[OF_MODULUS, OF_RIGIDITY] / (sds[OF_MODULUS] * sds[OF_RIGIDITY]))
-        globe = replace(globe, sd=float(sds[OF_RIGIDITY]) * REFERENCE_RIGIDITY, correlation=correlation)
+        globe = replace(
+            globe,
+            sd=float(sds[OF_RIGIDITY]) * REFERENCE_RIGIDITY,
+            correlation=correlation_of(covariance, OF_MODULUS, OF_RIGIDITY),
+        )
     given = covariance[2:, :2] @ np.linalg.inv(covariance[:2, :2])
     level, growth = (found.mean[2:] + given @ (place_of(known) - found.mean[:2])).tolist()
     left = covariance[2:, 2:] - given @ covariance[:2, 2:]
@@ -213,9 +224,10 @@ def _with_discrepancy(known: Known, found: Found) -> Known:
         growth=growth,
         level_sd=level_sd,
         growth_sd=growth_sd,
-        correlation=float(left[0, 1] / (level_sd * growth_sd)),
+        correlation=correlation_of(left, 0, 1),
         level_by=(float(by[0, 0]), float(by[0, 1])),
         growth_by=(float(by[1, 0]), float(by[1, 1])),
         scatter=found.scatter,
+        largest_n=largest_n,
     )
     return replace(known, modulus=modulus, globe=known.globe if known.globe is None else globe, discrepancy=discrepancy)

@@ -23,12 +23,10 @@ from scleraforce.known.calibration_file import (
     CalibrationFile,
     globe_entry,
     number_of,
-    stored_correlation,
     summary_of_eye,
     table_of,
     text_of,
 )
-from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.units import from_si
 
 __all__ = ["calibration_as_json", "parse_calibration"]
@@ -67,10 +65,6 @@ def calibration_as_json(calibration: Calibration) -> dict[str, Any]:
     }
 
 
-def _discrepancy(discrepancy: ForceDiscrepancy) -> dict[str, Any]:
-    return {**vars(discrepancy), "correlation": stored_correlation(discrepancy.correlation)}
-
-
 def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
     posterior, belief = eye.state.posterior, eye.state.belief
     return {
@@ -79,7 +73,7 @@ def _eye(eye: EyeCalibration, bounds_n: tuple[float, ...]) -> dict[str, Any]:
         "thickness_um": from_si(eye.thickness_m, "um"),
         "globe": globe_entry(eye.globe),
         "stiffening": eye.stiffening,
-        "discrepancy": None if eye.discrepancy is None else _discrepancy(eye.discrepancy),
+        "discrepancy": None if eye.discrepancy is None else vars(eye.discrepancy),
         "updates": posterior.updates,
         "status": eye.status,
         "by_class_mpa": [from_si(value, "mpa") for value in eye.by_class(bounds_n)],

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 __all__ = ["calibrate"]
 
 CALIBRATED = 3  # frames of each recording, where the others are read
-FEW_EYES = 9  # 90 % of a new eye's readings: with fewer eyes no quantile promises as much
 
 
 class _Parameters(click.ParamType[tuple[str, ...]]):
@@ -132,7 +131,7 @@ def _stretch(
     model: Path, recordings: tuple[Path, ...], out: Path, frames: int, finder: Path | None, as_json: bool
 ) -> None:
     """Write a reader whose intervals hold on recordings, and say by how much they changed."""
-    from scleraforce.notebook.work import recalibrate_intervals
+    from scleraforce.notebook.work import FEW_EYES, recalibrate_intervals
 
     folder = finder_folder(finder)
     changes = recalibrate_intervals(model, recordings, out, count_bar, frames=frames, wall_finder=folder)
@@ -144,8 +143,8 @@ def _stretch(
         counts = f"{change.eyes:>5}{change.readings:>10}{change.held:>7.0%}"
         factors = f"{change.factor_before:.2f} -> {change.factor:.2f}"
         say(f"{change.method:<9}{change.group:<24}{counts}{factors:>15}")
-    if max(change.eyes for change in changes) < FEW_EYES:
-        say(f"note: fewer than {FEW_EYES} eyes: the widest of their readings counts")
+    if min(change.eyes for change in changes) < FEW_EYES:
+        say(f"note: groups of fewer than {FEW_EYES} eyes: their widest reading counts, and none becomes narrower")
     say(f"wrote {out}")
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from scleraforce.errors import CalibrationError
+from scleraforce.known.correlation import MOST_CORRELATED
 from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.globe import OPEN, KnownGlobe
 from scleraforce.plain_json import parse_json
@@ -34,7 +35,6 @@ __all__ = [
     "open_calibration",
     "parse_calibration_file",
     "read_calibration",
-    "stored_correlation",
     "summary_of",
     "summary_of_eye",
     "table_of",
@@ -49,10 +49,10 @@ THINNEST_UM, THICKEST_UM = 1.0, 10e3
 RIGIDITY_UNIT: Final = "mmhg13_per_ul"
 STIFFEST_RIGIDITY = 2.0  # mmHg^(1/3) per ul
 KINDS_OF_GLOBE = ("open", "sealed", "unknown")
-MOST_CORRELATED = 1.0 - 1e-9
 STIFFENS_MOST = 200.0
 LARGEST_DISCREPANCY = 2.0  # of a force's logarithm
 LARGEST_SCATTER = 100.0
+LARGEST_N = 3.0  # of a force that a frame was calibrated on
 WRITER = "give a file of `scleraforce calibrate`"
 
 
@@ -240,6 +240,7 @@ def _discrepancy(entry: Mapping[str, Any], place: str) -> ForceDiscrepancy | Non
         level_by=_pair(values, "level_by", within),
         growth_by=_pair(values, "growth_by", within),
         scatter=number_of(values, "scatter", within, 0.0, LARGEST_SCATTER) if "scatter" in values else 1.0,
+        largest_n=None if values.get("largest_n") is None else number_of(values, "largest_n", within, 0.0, LARGEST_N),
     )
 
 
@@ -251,15 +252,6 @@ def _pair(values: Mapping[str, Any], key: str, place: str) -> tuple[float, float
     low, high = -LARGEST_DISCREPANCY, LARGEST_DISCREPANCY
     first, second = (number_of({key: value}, key, place, low, high) for value in found)
     return first, second
-
-
-def stored_correlation(correlation: float) -> float:
-    """Return a correlation as the file has it: where two values are as good as one, rounding may put it beyond one.
-
-    >>> stored_correlation(-1.0000000000000002) == -MOST_CORRELATED
-    True
-    """
-    return min(max(correlation, -MOST_CORRELATED), MOST_CORRELATED)
 
 
 def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
@@ -277,7 +269,7 @@ def globe_entry(globe: KnownGlobe) -> dict[str, Any]:
         "kind": globe.kind,
         "rigidity_law": globe.law,
         "rigidity_mmhg13_per_ul": {name: from_si(value, RIGIDITY_UNIT) for name, value in values.items()},
-        "correlation": stored_correlation(globe.correlation),
+        "correlation": globe.correlation,
         "calibrated": globe.calibrated,
         "rigidity_told": globe.rigidity_told,
     }

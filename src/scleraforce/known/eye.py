@@ -149,9 +149,9 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
     """Return what is known of an eye once a calibration adds its modulus.
 
     A modulus goes with the stiffening of its tissue; one of the eye's own with the wall's thickness that it was
-    calibrated with, and with what was found of its globe, unless another kind of globe is told. Of an eye whose
-    calibration diverged nothing of its modulus is known, and nothing of the globe where its frames contradict what was
-    told of that: the file's is unknown then.
+    calibrated with, and with what was found of its globe, unless a kind was told then and another one is told now. Of
+    an eye whose calibration diverged nothing of its modulus is known, and nothing of the globe where its frames
+    contradict what was told of that: the file's is unknown then.
     """
     modulus = calibrated_modulus(summary, eye)
     own = summary.eyes.get(eye)
@@ -159,7 +159,7 @@ def known_of_eye(known: Known, summary: CalibrationSummary, eye: str) -> Known:
         return replace(known, modulus=None, globe=None if own.globe.kind == "unknown" else known.globe)
     if own is None or modulus is None or modulus.source != "own":
         return replace(known, modulus=modulus, stiffening=summary.population_stiffening)
-    globe = own.globe if known.globe is None or known.globe.kind == own.globe.kind else known.globe
+    globe = own.globe if known.globe is None or own.globe.kind in (known.globe.kind, "unknown") else known.globe
     return replace(
         known,
         modulus=modulus,

@@ -9,7 +9,7 @@ Python: a third of the time.
 """
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from math import inf, nan
@@ -125,7 +125,7 @@ def single_force(
     edges_m2: Sequence[float],
     modulus_pa: float,
     bounds_n: tuple[float, ...],
-    factor: float = 1.0,
+    factor_of: Callable[[float], float] = lambda _: 1.0,
 ) -> SingleForce:
     """Return what one histogram says of the force: the same as the arrays' functions, for one sample.
 
@@ -134,7 +134,8 @@ def single_force(
         edges_m2: of the bins, one more.
         modulus_pa: that the network was told.
         bounds_n: increasing bounds between the classes, N.
-        factor: by which the distribution is stretched about its median (`interval_factors`); no force is below 0.
+        factor_of: what the distribution is stretched by about its median, of that median (`interval_factors`); no
+            force is below 0.
 
     >>> single_force([1.0, 1.0], [0.0, 1e-8, 3e-8], 1e6, (5e-3, 20e-3)).probabilities
     (0.25, 0.5, 0.25)
@@ -144,6 +145,7 @@ def single_force(
     low_n, median_n, high_n = (
         modulus_pa * _crossing(sums, edges_m2, share * total) for share in (INTERVAL[0], 0.5, INTERVAL[1])
     )
+    factor = factor_of(median_n)
     low_n, high_n = stretched_interval(median_n, (low_n, high_n), factor)
     asked_n = unstretched(median_n, bounds_n, factor)
     below = [0.0, *(_sum_below(sums, edges_m2, force_n / modulus_pa) / total for force_n in asked_n), 1.0]

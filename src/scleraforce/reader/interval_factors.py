@@ -8,7 +8,7 @@ an eye whose calibration left its frames of known force scattered has wider inte
 """
 
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 from scleraforce.errors import ModelError
 from scleraforce.fitting.library_fit import BoundaryFit
 from scleraforce.known.eye import Known
-from scleraforce.reader.interval_groups import FIT_GROUPS, NETWORK_GROUPS, group_of
+from scleraforce.reader.interval_groups import FIT_GROUPS, NETWORK_GROUPS, groups_of
 from scleraforce.segmentation.wall import Segmentation
 from scleraforce.study import ReaderStudy
 
@@ -35,13 +35,13 @@ class IntervalFactors:
     network: Mapping[str, float] = field(default_factory=dict)
     fit: Mapping[str, float] = field(default_factory=dict)
 
-    def of_network(self, known: Known) -> float:
-        """Return the factor of the network's intervals for an eye."""
-        return self.network.get(group_of(known), 1.0)
+    def of_network(self, known: Known, force_n: float) -> float:
+        """Return the factor of the network's interval of a force, N."""
+        return _first(self.network, groups_of(known, force_n))
 
     def of_fit(self, known: Known, fit: BoundaryFit) -> float:
         """Return the factor of the interval of a fit."""
-        return known.scatter * self.fit.get(group_of(known, fit), 1.0)
+        return known.scatter * _first(self.fit, groups_of(known, fit.force_n, fit))
 
 
 NO_FACTORS = IntervalFactors()
@@ -78,6 +78,11 @@ def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:
         _factors(intervals.get("network", {}), NETWORK_GROUPS, f"{place}: intervals.network"),
         _factors(intervals.get("fit", {}), FIT_GROUPS, f"{place}: intervals.fit"),
     )
+
+
+def _first(factors: Mapping[str, float], groups: Iterable[str]) -> float:
+    """Return the factor of the first of some groups that has one, else 1."""
+    return next((factors[group] for group in groups if group in factors), 1.0)
 
 
 def _factors(values: object, groups: tuple[str, ...], place: str) -> dict[str, float]:

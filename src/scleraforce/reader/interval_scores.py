@@ -135,7 +135,7 @@ def recording_scores(
         if force_n is not None and frame_digest(pixels) not in summary.digests:
             answer = reader.read(pixels, scale, known)
             for method, reading in answer.readings if answer.usable else ():
-                group = group_of(known, answer.fit if method == "fit" else None)
+                group = group_of(known, reading.force_n, answer.fit if method == "fit" else None)
                 yield Score(method, group, eye, score(reading, force_n))
         if progress:
             progress(1)

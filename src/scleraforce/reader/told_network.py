@@ -1,7 +1,7 @@
 """What the networks that read a force share: what they see and what they are told in, a histogram of F/E out."""
 
-from collections.abc import Mapping
-from functools import lru_cache
+from collections.abc import Callable, Mapping
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,14 +37,14 @@ class Seen(NamedTuple):
 
 
 class _Prepared(NamedTuple):
-    """What a network is told of an eye, (1, len(GIVEN)), the modulus in it, Pa, and the factor of its intervals.
+    """What a network is told of an eye, (1, len(GIVEN)), the modulus in it, Pa, and the factor of a force's interval.
 
     `edges_m2`: of the bins of F/E, with the eye's discrepancy of the force.
     """
 
     given: NDArray[np.float32]
     modulus_pa: float
-    factor: float
+    factor_of: Callable[[float], float]
     edges_m2: list[float]
 
 
@@ -86,7 +86,7 @@ class ToldNetwork:
 
     def read_pictures(self, pictures: NDArray[Any], known: Known) -> Reading:
         """Return what the network reads in pictures of one wall (picture, ...): the mean of its histograms."""
-        given, modulus_pa, factor, edges_m2 = self._told(known)
+        given, modulus_pa, factor_of, edges_m2 = self._told(known)
         inputs: dict[str, NDArray[Any]] = {
             self._sees.name: np.ascontiguousarray(pictures),
             TOLD: np.repeat(given, len(pictures), axis=0),
@@ -96,7 +96,7 @@ class ToldNetwork:
             found = f"{histogram.shape} and {contact_m.shape} to {len(pictures)} {self._sees.name}"
             raise ModelError(f"{self._place}: answers {found}")
         mean = histogram.mean(axis=0).tolist()
-        force = single_force(mean, edges_m2, modulus_pa, self._bounds_n, factor)
+        force = single_force(mean, edges_m2, modulus_pa, self._bounds_n, factor_of)
         return Reading(
             probabilities=force.probabilities,
             force_n=force.median_n,
@@ -110,7 +110,7 @@ class ToldNetwork:
         discrepancy = known.discrepancy or NO_DISCREPANCY
         edges_m2 = discrepancy.corrected_n(modulus_pa * self._edges_m2) / modulus_pa
         given = given_inputs(told, self._trained)
-        return _Prepared(given, modulus_pa, self._factors.of_network(known), edges_m2.tolist())
+        return _Prepared(given, modulus_pa, partial(self._factors.of_network, known), edges_m2.tolist())
 
 
 def told_of(known: Known) -> Told:

@@ -32,7 +32,7 @@ from scleraforce.reproduction.run import Progress, Run
 from scleraforce.study import Study, study_hash
 
 __all__ = [
-    "CALIBRATED",
+    "CALIBRATED_EYES",
     "CALIBRATION_FORCES_N",
     "bend_eyes",
     "bent_recordings",
@@ -45,7 +45,7 @@ __all__ = [
     "train_force_reader",
 ]
 
-CALIBRATED = 4  # of the five eyes, as in the paper (sec. 3.2, Table 2)
+CALIBRATED_EYES = 4  # of the five eyes, as in the paper (sec. 3.2, Table 2)
 INTERVAL_EYES = 60  # at most: 20 of each kind of globe
 CALIBRATION_FORCES_N = (10e-3, 20e-3, 30e-3)  # of the pushes before the trials: none above the bound of danger
 
@@ -88,7 +88,7 @@ def calibrate_bent(run: Run, progress: Progress) -> None:
     opened = [read_recording(path) for path in bent_recordings(run)]
     before = [replace(one, frames=one.frames[: len(CALIBRATION_FORCES_N)]) for one in opened]  # the trials
     by_reader = _calibrated(run, before, progress, run_library(run))
-    as_in_paper = _calibrated(run, opened[:CALIBRATED], progress, None)
+    as_in_paper = _calibrated(run, opened[:CALIBRATED_EYES], progress, None)
     run.bent.calibrations.mkdir(parents=True)
     for calibration, path in ((by_reader, run.bent.finite_strain), (as_in_paper, run.bent.linear)):
         write_calibration(calibration_as_json(calibration), path)

@@ -22,7 +22,7 @@ from scleraforce.report.style import data_uri
 from scleraforce.report.tables import NOTHING, confusion_table, frame_table, share
 from scleraforce.report.wall_figure import ComputedWall, FrameWithWalls, laid_on_surface, plot_walls
 from scleraforce.reproduction.against_truth import against_truth
-from scleraforce.reproduction.bent import CALIBRATED, CALIBRATION_FORCES_N, bent_trials, run_library
+from scleraforce.reproduction.bent import CALIBRATED_EYES, CALIBRATION_FORCES_N, bent_trials, run_library
 from scleraforce.reproduction.figures import eye_of
 from scleraforce.reproduction.run import Run
 from scleraforce.section.plane import Section
@@ -46,7 +46,7 @@ def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callabl
     words = (
         "Walls that are thin beside their dent soften and then stiffen, which linear mechanics does not know. Here the "
         "eyes of the same design are computed in three dimensions at finite strain and imaged anew. The paper's method "
-        f"reads them with a network for the mean linear modulus of {CALIBRATED} of them, calibrated on all their "
+        f"reads them with a network for the mean linear modulus of {CALIBRATED_EYES} of them, calibrated on all their "
         "frames. The force reader has learned from the response library, and each eye is read with its own modulus, "
         f"found on three pushes of {forces} mN before the trials, which do not count."
     )

@@ -24,7 +24,7 @@ from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
 from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.files import read_recording
 from scleraforce.reproduction.bent import (
-    CALIBRATED,
+    CALIBRATED_EYES,
     CALIBRATION_FORCES_N,
     bend_eyes,
     bent_trials,
@@ -125,7 +125,7 @@ def _trials(run: Run) -> int:
 
 
 def _calibrated_trials(run: Run) -> int:
-    return sum(len(forces_n) for _, forces_n in paper_eyes(run.study)[:CALIBRATED])
+    return sum(len(forces_n) for _, forces_n in paper_eyes(run.study)[:CALIBRATED_EYES])
 
 
 def _bent_answers(run: Run) -> int:
@@ -135,7 +135,7 @@ def _bent_answers(run: Run) -> int:
 def _bent_frames(run: Run) -> int:
     counts = [len(forces_n) for _, forces_n in bent_trials(run.study)]
     passes = calibration_passes(run_library(run), None)
-    return passes * len(counts) * len(CALIBRATION_FORCES_N) + sum(counts[:CALIBRATED])
+    return passes * len(counts) * len(CALIBRATION_FORCES_N) + sum(counts[:CALIBRATED_EYES])
 
 
 def _images(run: Run) -> int:
@@ -147,7 +147,7 @@ def _reader_steps(run: Run) -> int:
 
 
 def _left_out_epochs(run: Run) -> int:
-    return CALIBRATED * min(EPOCHS, run.study.network.epochs)
+    return CALIBRATED_EYES * min(EPOCHS, run.study.network.epochs)
 
 
 def _make_eyes(run: Run, progress: Progress) -> None:
@@ -169,7 +169,7 @@ def _write_eyes(
 
 
 def _calibrate(run: Run, progress: Progress) -> None:
-    opened = [read_recording(path) for path in _recordings(run, run.recordings)[:CALIBRATED]]
+    opened = [read_recording(path) for path in _recordings(run, run.recordings)[:CALIBRATED_EYES]]
     finder, study = load_wall_finder(SHIPPED_WALL_FINDER), run.study
     calibration = calibrate_recordings(opened, study, study_hash(study), None, progress=progress, finder=finder)
     write_calibration(calibration_as_json(calibration), run.calibration)

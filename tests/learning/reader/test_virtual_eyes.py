@@ -22,9 +22,10 @@ from scleraforce.known.globe import OPEN, SEALED, UNKNOWN
 from scleraforce.laboratory.pushes import motion_end_s, plan_pushes, sample_sensor, sense
 from scleraforce.learning.reader import virtual_eyes
 from scleraforce.learning.reader.boundary_errors import BoundaryErrors, disturb
-from scleraforce.learning.reader.intervals import STREAM, _scores, calibrated_eye
+from scleraforce.learning.reader.intervals import STREAM, _scores, calibrated_eye, gently_calibrated
 from scleraforce.learning.reader.uneven import CORNEA_RADIUS_M, Forms, added_depths, draw_forms
 from scleraforce.learning.reader.virtual_eyes import (
+    CALIBRATED,
     FRAMES,
     VirtualEye,
     VirtualFrame,
@@ -345,6 +346,27 @@ def test_a_frame_of_known_force_is_read_again_from_near_that_force() -> None:
     assert again.library_n > frame.force_n > 2.0 * without.force_n
 
 
+def test_an_eye_calibrated_on_gentle_forces_is_read_beyond_them(library, eye: VirtualEye) -> None:
+    found = gently_calibrated(eye, EXACT, library, np.random.default_rng(3))
+    assert found is not None
+    known, left = found
+    assert known.discrepancy is not None
+    assert known.discrepancy.largest_n is not None
+    assert 11e-3 < known.discrepancy.largest_n < 31e-3
+    forces_n = np.array([frame.force_n for frame in left])
+    assert len(left) == FRAMES - CALIBRATED
+    assert forces_n.min() > 1.1 * known.discrepancy.largest_n  # the log's own error is within a tenth
+    assert forces_n.max() <= eye.largest_n
+    by_network = Reading(probabilities=(0.0, 0.0, 1.0), force_n=0.2, interval_n=(0.1, 0.3), contact_m=0.0)
+    scores = _scores(EXACT, library, eye.wall.polar_rad, lambda *_: by_network, "0", known, left)
+    assert {entry.group for entry in scores if entry.method == "network"} == {"own E, far beyond"}
+    assert {entry.group for entry in scores if entry.method == "fit"} <= {"own E, beyond", "own E, far beyond"}
+
+
+def test_an_eye_that_bears_gentle_forces_only_is_not_read_beyond_them(library, eye: VirtualEye) -> None:
+    assert gently_calibrated(replace(eye, largest_n=14e-3), EXACT, library, np.random.default_rng(0)) is None
+
+
 def test_a_scattered_eye_scores_from_the_wider_intervals_of_the_fit(library, eye: VirtualEye) -> None:
     rng = np.random.default_rng(3)
     known, (frame, *_) = calibrated(eye, draw_frames(eye, EXACT, FRAMES, rng), EXACT, library, rng)
@@ -352,7 +374,7 @@ def test_a_scattered_eye_scores_from_the_wider_intervals_of_the_fit(library, eye
 
     def scores(scatter: float) -> dict[str, float]:
         scattered = replace(known, discrepancy=replace(NO_DISCREPANCY, scatter=scatter))
-        found = _scores(EXACT, library.for_contact(eye.wall.polar_rad), lambda *_: by_network, scattered, frame, "0")
+        found = _scores(EXACT, library, eye.wall.polar_rad, lambda *_: by_network, "0", scattered, [frame])
         return {entry.method: entry.score for entry in found}
 
     once, twice = scores(1.0), scores(2.0)

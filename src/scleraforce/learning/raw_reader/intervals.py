@@ -13,21 +13,18 @@ from numpy.typing import NDArray
 
 from scleraforce.laboratory.reduced_bscans import draw_reduced
 from scleraforce.learning.raw_reader.light import draw_optics
-from scleraforce.learning.reader.intervals import STREAM, calibrated_eye, intervals_of
+from scleraforce.learning.reader.intervals import STREAM, calibrated_eye, intervals_of, network_score
 from scleraforce.learning.reader.virtual_eyes import FRAMES, VirtualEye, of_population, wall_depths
 from scleraforce.library import Library
 from scleraforce.models.folder import NETWORK_FILE
 from scleraforce.models.session import network_session
-from scleraforce.reader.interval_groups import group_of
-from scleraforce.reader.interval_scores import Score, score
+from scleraforce.reader.interval_scores import Score
 from scleraforce.reader.raw_network import OnnxRawNetwork
 from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import Study, draw
 
 __all__ = ["measured_raw_intervals"]
-
-METHOD = "network"
 
 
 def measured_raw_intervals(
@@ -63,7 +60,7 @@ def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int]
         forces_n = rng.uniform(0.0, eye.largest_n, FRAMES)
         frames = _frames(eye, forces_n, study, rng)
         return [
-            Score(METHOD, group_of(told), str(number), score(reads_frames.read(frame, told), float(force_n)))
+            network_score(reads_frames.read(frame, told), told, str(number), float(force_n))
             for told in (known, of_population(eye, study, rng))
             for frame, force_n in zip(frames, forces_n, strict=True)
         ]

@@ -1,6 +1,6 @@
 """How wide a reader's intervals have to be: its scores (`reader.interval_scores`) on whole virtual eyes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -13,27 +13,32 @@ from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Known
 from scleraforce.learning.reader.virtual_eyes import (
+    CALIBRATED,
     FRAMES,
+    OPEN_OR_SEALED,
     VirtualEye,
     VirtualFrame,
     calibrated,
     draw_eye,
     draw_frames,
+    frames_under,
     of_population,
 )
 from scleraforce.library import Library
 from scleraforce.processes import work_in_order
 from scleraforce.reader.interval_factors import NO_FACTORS
-from scleraforce.reader.interval_groups import group_of
+from scleraforce.reader.interval_groups import BEYOND_FROM, EXTRAPOLATED_GROUPS, group_of
 from scleraforce.reader.interval_scores import Score, intervals_record, score
 from scleraforce.reader.model import slice_network
 from scleraforce.reader.readings import Reading, fit_reading
 from scleraforce.study import Study
 
-__all__ = ["STREAM", "calibrated_eye", "intervals_of", "measured_intervals"]
+__all__ = ["STREAM", "calibrated_eye", "gently_calibrated", "intervals_of", "measured_intervals", "network_score"]
 
 STREAM = 2**30  # of random numbers: the samples' streams are below, those of the validation above
 AHEAD = 2  # eyes for each process that are drawn or wait
+GENTLE_EVERY = 3  # of the eyes of each telling, one is calibrated a second time, on gentle forces
+GENTLEST_N, GENTLE_N = 6e-3, (12e-3, 30e-3)  # the least of these forces, and what the largest lies between
 
 
 def measured_intervals(
@@ -94,11 +99,13 @@ def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int]
         if drawn is None:
             return []
         eye, known, left = drawn
-        found = []
-        for told in (known, of_population(eye, study, rng)):
-            near = library.for_stiffening(told.stiffening or 0.0).for_contact(eye.wall.polar_rad)
-            for frame in left:
-                found += _scores(study, near, reads_slices.read, told, frame, str(number))
+        scores = partial(_scores, study, library, eye.wall.polar_rad, reads_slices.read, str(number))
+        found = [*scores(known, left), *scores(of_population(eye, study, rng), left)]
+        if number // len(OPEN_OR_SEALED) % GENTLE_EVERY == 0:
+            again = np.random.default_rng([study.reader.seed, number, STREAM])
+            gentle = gently_calibrated(eye, study, library, again)
+            # Of forces that turn out to lie among those of the calibration, the other groups have scores enough.
+            found += [entry for entry in scores(*gentle) if entry.group in EXTRAPOLATED_GROUPS] if gentle else []
         return found
 
     return scores_of
@@ -118,22 +125,49 @@ def calibrated_eye(
         return None
 
 
+def gently_calibrated(
+    eye: VirtualEye, study: Study, library: Library, rng: np.random.Generator
+) -> tuple[Known, tuple[VirtualFrame, ...]] | None:
+    """Return what is known of an eye after a calibration on gentle forces, and frames of forces beyond these.
+
+    None where the eye bears no force beyond, or where the library does not have it as it was told.
+    """
+    calibrating_n = np.linspace(GENTLEST_N, rng.uniform(*GENTLE_N), CALIBRATED)
+    beyond_n = BEYOND_FROM[0] * calibrating_n[-1]
+    if eye.largest_n <= beyond_n:
+        return None
+    read_n = rng.uniform(beyond_n, eye.largest_n, FRAMES - CALIBRATED)
+    frames = frames_under(eye, study, np.concatenate([calibrating_n, read_n]), rng)
+    try:
+        known, _ = calibrated(eye, frames[:CALIBRATED], study, library, rng)
+    except CalibrationError:
+        return None
+    return known, frames[CALIBRATED:]
+
+
+def network_score(reading: Reading, known: Known, eye: str, force_n: float) -> Score:
+    """Return the score of what a network read of an eye under a force, N."""
+    return Score("network", group_of(known, reading.force_n), eye, score(reading, force_n))
+
+
 def _scores(
     study: Study,
     library: Library,
+    polar_rad: float,
     read: Callable[[NDArray[np.uint8], Known], Reading],
-    known: Known,
-    frame: VirtualFrame,
     eye: str,
+    known: Known,
+    frames: Sequence[VirtualFrame],
 ) -> list[Score]:
-    """Return the scores of both methods on a frame."""
-    by_network = read(frame.cuts, known)
-    found = [Score("network", group_of(known), eye, score(by_network, frame.force_n))]
-    seen = frame.boundaries
-    fit = fit_boundaries(
-        library, seen.lateral_m, seen.depth_m, prior_of(known, study.reader), study.calibration.surface_smoothing_m
-    )
-    if fit is not None:
-        by_fit = fit_reading(fit, study.classes.bounds_n, NO_FACTORS.of_fit(known, fit))
-        found.append(Score("fit", group_of(known, fit), eye, score(by_fit, frame.force_n)))
+    """Return the scores of both methods on frames of an eye with its contact at a polar angle."""
+    found = list[Score]()
+    walls = library.for_stiffening(known.stiffening or 0.0).for_contact(polar_rad)
+    prior = prior_of(known, study.reader)
+    for frame in frames:
+        found.append(network_score(read(frame.cuts, known), known, eye, frame.force_n))
+        seen = frame.boundaries
+        fit = fit_boundaries(walls, seen.lateral_m, seen.depth_m, prior, study.calibration.surface_smoothing_m)
+        if fit is not None:
+            by_fit = fit_reading(fit, study.classes.bounds_n, NO_FACTORS.of_fit(known, fit))
+            found.append(Score("fit", group_of(known, fit.force_n, fit), eye, score(by_fit, frame.force_n)))
     return found

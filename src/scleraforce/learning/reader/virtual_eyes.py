@@ -43,12 +43,15 @@ from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import SliceStudy, Study, draw
 
 __all__ = [
+    "CALIBRATED",
     "FRAMES",
+    "OPEN_OR_SEALED",
     "VirtualEye",
     "VirtualFrame",
     "calibrated",
     "draw_eye",
     "draw_frames",
+    "frames_under",
     "label_forces",
     "of_population",
     "wall_depths",
@@ -149,9 +152,13 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
 
 
 def draw_frames(eye: VirtualEye, study: Study, count: int, rng: np.random.Generator) -> tuple[VirtualFrame, ...]:
-    """Draw frames of an eye with even forces, with errors like those of the segmentation."""
+    """Draw frames of an eye with even forces (`frames_under`)."""
+    return frames_under(eye, study, rng.uniform(0.0, eye.largest_n, count), rng)
+
+
+def frames_under(eye: VirtualEye, study: Study, forces_n: Floats, rng: np.random.Generator) -> tuple[VirtualFrame, ...]:
+    """Draw frames of an eye under forces (frame,), N, with errors like those of the segmentation."""
     reader = study.reader
-    forces_n = rng.uniform(0.0, eye.largest_n, count)
     lateral_m, depth_m = draw(reader.lateral_m, rng), draw(reader.surface_depth_m, rng)
     pose = np.array([lateral_m, depth_m, rng.uniform(-ROTATION_RAD, ROTATION_RAD), 0.0, 0.0])
     fine = _finer(study.slice)
@@ -160,7 +167,7 @@ def draw_frames(eye: VirtualEye, study: Study, count: int, rng: np.random.Genera
     seen_sbc = wall_depths(eye, forces_n, poses, columns_m)
     seen_sbc = disturb(seen_sbc, fine, rng, scale=reader.interval_boundary_errors)
     middle = slice(FINER // 2 - 1, FINER // 2 + 1)
-    coarse_sbc = seen_sbc.reshape(count, 2, study.slice.columns, FINER)[..., middle].mean(axis=3)
+    coarse_sbc = seen_sbc.reshape(len(forces_n), 2, study.slice.columns, FINER)[..., middle].mean(axis=3)
     halves = [fill_boundaries(coarse_sbc + shift * study.slice.pixel_m, study.slice) for shift in SHIFTS]
     return tuple(
         VirtualFrame(float(force_n), Boundaries(columns_m, depths, fine.pixel_m), np.stack(cuts))

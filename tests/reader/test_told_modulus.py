@@ -1,0 +1,48 @@
+"""An E that somebody told is not one that was found on frames of the eye: intervals know the difference."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scleraforce.calibration.eye_model import known_of_constants
+from scleraforce.errors import CalibrationError
+from scleraforce.fitting.library_fit import fit_boundaries
+from scleraforce.fitting.prior import prior_of
+from scleraforce.known.eye import STATED_MODULUS_SD, Modulus
+from scleraforce.learning.reader.virtual_eyes import draw_eye, draw_frames
+from scleraforce.reader.interval_scores import score
+from scleraforce.reader.model import load_force_reader
+from scleraforce.reader.readings import fit_reading
+
+EYES, FRAMES = range(60, 90), 8
+
+
+@pytest.mark.slow
+def test_intervals_of_eyes_whose_modulus_was_told_hold_as_those_of_other_eyes_do() -> None:
+    """With the factors of eyes that were calibrated, 60 % of these intervals held."""
+    reader = load_force_reader("default")
+    study, held = reader.study, dict[str, list[float]](stated=[], own=[])
+    for number in EYES:
+        rng = np.random.default_rng([77, number])
+        try:
+            eye = draw_eye(study, reader.library, number, rng)
+        except CalibrationError:
+            continue
+        frames = draw_frames(eye, study, FRAMES, rng)
+        told_pa = eye.wall.youngs_modulus_pa * (1.0 + STATED_MODULUS_SD * rng.standard_normal())
+        known = replace(known_of_constants(eye.told, Modulus.stated(told_pa)), stiffening=eye.stiffening)
+        library = reader.library.for_stiffening(eye.stiffening).for_contact(eye.wall.polar_rad)
+        prior, smoothing_m = prior_of(known, study.reader), study.calibration.surface_smoothing_m
+        seen = [frame.boundaries for frame in frames]
+        fits = [fit_boundaries(library, each.lateral_m, each.depth_m, prior, smoothing_m) for each in seen]
+        for source, shares in held.items():
+            other = replace(known, modulus=replace(Modulus.stated(told_pa), source=source))
+            scores = [
+                score(fit_reading(fit, study.classes.bounds_n, reader.factors.of_fit(other, fit)), frame.force_n)
+                for fit, frame in zip(fits, frames, strict=True)
+                if fit is not None
+            ]
+            shares.append(float(np.mean(np.array(scores) <= 1.0)))
+    assert np.mean(held["stated"]) > 0.85
+    assert np.mean(held["own"]) < 0.75
