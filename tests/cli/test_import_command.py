@@ -207,11 +207,19 @@ def test_more_bits_than_were_told_are_refused(tmp_path: Path, capsys) -> None:
     assert "--bits says 8" in refused(capsys, tmp_path / "r", stack(tmp_path / "a.tif"), *told("--bits", 8))
 
 
-def test_a_slow_log_is_refused_by_the_name_that_it_was_to_have(tmp_path: Path, capsys) -> None:
+def test_clocks_that_do_not_overlap_are_refused(tmp_path: Path, capsys) -> None:
+    write_log(tmp_path / "log.csv")
+    options = told("--bits", 16, "--clock-offset-s", 1000, "--contact-sign", -1)
+    error = refused(capsys, tmp_path / "r", stack(tmp_path / "a.tif"), tmp_path / "log.csv", *options)
+    assert "the clocks do not overlap: frames at 1000.000 to" in error
+    assert "--clock-offset-s brings both to one clock" in error
+
+
+def test_a_slow_log_is_refused_by_its_own_name(tmp_path: Path, capsys) -> None:
     write_log(tmp_path / "log.csv", rate_hz=20.0)
     options = told("--bits", 16, "--clock-offset-s", 0, "--contact-sign", -1)
     error = refused(capsys, tmp_path / "r", stack(tmp_path / "a.tif"), tmp_path / "log.csv", *options)
-    assert f"{tmp_path}/r/forces.csv: time_s: 20 samples a second; at least 100 are needed" in error
+    assert f"{tmp_path}/log.csv: time_s: 20 samples a second; at least 100 are needed" in error
 
 
 @pytest.mark.parametrize(

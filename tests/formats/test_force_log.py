@@ -83,6 +83,13 @@ def test_dates_and_times(tmp_path: Path) -> None:
     np.testing.assert_array_equal(log.force_n("fy"), [7.0, 8.0])
 
 
+@pytest.mark.parametrize("zone", ["", "Z", "+00:00"])
+def test_a_date_beside_one_force_is_a_log(tmp_path: Path, zone: str) -> None:
+    rows = f"2026-01-02T03:04:05.250{zone},7\n2026-01-02T03:04:05.260{zone},8\n"
+    log, _ = log_of(tmp_path, "when,F\n" + rows, "time=when:iso", "fz=F:N")
+    np.testing.assert_allclose(log.time_s, [1767323045.25, 1767323045.26], rtol=0, atol=1e-6)
+
+
 def test_a_long_log_with_columns_of_its_own_comes_back(tmp_path: Path) -> None:
     force_n = write_log(tmp_path / "log.csv")
     log, _ = read_force_text(read_log_text(tmp_path / "log.csv"), [])
@@ -96,6 +103,9 @@ def test_a_long_log_with_columns_of_its_own_comes_back(tmp_path: Path) -> None:
         ("time_s,fz_n\n0.0,1\n0.1,x\n", r"log\.csv:3: fz_n: 'x' is not a number"),
         ("time_s,fz_n\n0.0,1\n0.1\n", r"log\.csv:3: 1 fields; the header has 2"),
         ("a\nb\ntime_s,fz_n\n0.0,1\n0.1,x\n", r"log\.csv:5: fz_n: 'x'"),
+        ("set\ntime_s,fz_n\n0.0,1\n0.1,1\n0.1,1\n", r"log\.csv:5: time_s: 0\.1 does not come after 0\.1"),
+        ("time_s,fz_n\n0.0,1\n0.01,nan\n", r"log\.csv:3: fz_n: nan is not a finite number"),
+        ("time_s,fz_n\n0.0,1\n", r"log\.csv: fewer than two samples"),
         ("1,2\n3,4\n", r"log\.csv: no header"),
         ("", r"log\.csv: no header"),
     ],

@@ -1,6 +1,7 @@
 """Force logs as robots and sensors write them: delimited text, any columns, with or without settings above them."""
 
 import re
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,7 +14,7 @@ from scleraforce.errors import RecordingError
 from scleraforce.formats.log_columns import LogColumn, columns_by_header, required_columns
 from scleraforce.formats.stated_units import FORCE, TIME, TORQUE
 from scleraforce.recording.delimited import fields_of, number
-from scleraforce.recording.tables import ForceLog
+from scleraforce.recording.tables import ForceLog, check_samples
 from scleraforce.whole_files import KINDS, read_text
 
 __all__ = ["LogText", "numbers_of", "read_force_text", "read_log_text"]
@@ -25,6 +26,7 @@ STATED = {FORCE: r"Force Units:\s*([\w-]+)", TORQUE: r"Torque Units:\s*([\w-]+)"
 SAMPLE_RATE = r"RDT Sample Rate:\s*([\d.]+)"
 COUNTER = "RDT Sequence"
 ISO = "iso"  # the unit of dates and times
+DATE = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 NANOSECONDS = 1_000_000_000.0
 
 
@@ -44,7 +46,7 @@ def read_log_text(path: Path, least: int = 2) -> LogText:
 
     Args:
         path: of the file.
-        least: so many fields of a line are numbers.
+        least: so many fields of a line are numbers or dates.
 
     Raises:
         RecordingError: there is no header.
@@ -55,7 +57,7 @@ def read_log_text(path: Path, least: int = 2) -> LogText:
         names, fields = _fields(line, separator), _fields(below, separator)
         if len(fields) != len(names) or any(number(name, separator) is not None for name in names):
             continue
-        if sum(number(field, separator) is not None for field in fields) >= least:
+        if sum(number(field, separator) is not None or DATE.match(field) is not None for field in fields) >= least:
             rest = tuple(text for text in lines[nth + 1 :] if text.strip())
             return LogText(path, tuple(lines[:nth]), names, separator, rest)
     raise RecordingError(f"{path}: no header: a line with the names of columns, above lines of numbers")
@@ -70,7 +72,7 @@ def read_force_text(text: LogText, told: Sequence[LogColumn]) -> tuple[ForceLog,
 
     Raises:
         UnansweredError: neither says which the time is, or any force.
-        RecordingError: a value is no number.
+        RecordingError: a value is no number, or none that a sensor can give.
     """
     by_header = columns_by_header(text.names, _stated_units(text))
     if (rate := _first(SAMPLE_RATE, text.above)) and COUNTER in text.names:  # ATI's own clock has whole seconds
@@ -82,7 +84,9 @@ def read_force_text(text: LogText, told: Sequence[LogColumn]) -> tuple[ForceLog,
     values_sc = numbers_of(text, places[1:] if dated else places)
     values_sc *= [column.factor for column in columns[1 if dated else 0 :]]
     time_s, wrench_sc = (_moments(text, places[0]), values_sc) if dated else (values_sc[:, 0], values_sc[:, 1:])
-    return ForceLog(time_s, wrench_sc, tuple(column.ours for column in columns[1:])), columns
+    log = ForceLog(time_s, wrench_sc, tuple(column.ours for column in columns[1:]))
+    check_samples(log, text.path, lambda sample: f"{text.path}:{len(text.above) + 2 + sample}")
+    return log, columns
 
 
 def numbers_of(text: LogText, places: Sequence[int]) -> NDArray[np.float64]:
@@ -115,10 +119,12 @@ def _fields(line: str, separator: str) -> tuple[str, ...]:
 
 
 def _moments(text: LogText, place: int) -> NDArray[np.float64]:
-    """Return dates and times in s since 1970."""
+    """Return dates and times in s since 1970; without a zone they are of UTC."""
     try:
         stamps = np.loadtxt(text.lines, delimiter=text.separator, usecols=place, dtype=str, quotechar='"', ndmin=1)
-        return np.char.strip(stamps).astype("datetime64[ns]").astype(np.int64) / NANOSECONDS
+        with warnings.catch_warnings():  # NumPy warns that it keeps no zones; what a zone says is counted in
+            warnings.simplefilter("ignore", UserWarning)
+            return np.char.strip(stamps).astype("datetime64[ns]").astype(np.int64) / NANOSECONDS
     except ValueError as fault:
         raise RecordingError(f"{text.path}: {text.names[place]}: {fault}") from fault
 

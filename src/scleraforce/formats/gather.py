@@ -12,9 +12,9 @@ from scleraforce.formats.force_log import read_force_text, read_log_text
 from scleraforce.formats.log_columns import LogColumn
 from scleraforce.formats.scan import Scan, Times, joined, rising
 from scleraforce.formats.sources import SourceOrder, files_of, natural_order, oriented, read_scan, source_kind
-from scleraforce.recording.tables import ForceLog
+from scleraforce.recording.tables import ForceLog, check_samples
 
-__all__ = ["Asked", "Gathered", "gather", "on_one_clock"]
+__all__ = ["Asked", "Gathered", "check_overlap", "gather", "on_one_clock"]
 
 SINCE_1970_S = 1e8  # a clock beyond counts from 1970
 
@@ -65,7 +65,9 @@ def gather(sources: Sequence[Path], asked: Asked, seen: Callable[[int], None] = 
         if kind == "bag":
             bag = read_bag(path, asked.topics)
             scans += [oriented(path, bag.scan, asked.order)] if bag.scan is not None else []
-            logs += [(path, bag.log)] if bag.log is not None else []
+            if bag.log is not None:
+                check_samples(bag.log, path, f"{path}: message {{}} of the forces".format)
+                logs.append((path, bag.log))
             notes += bag.notes
         elif kind == "log":
             log, columns = read_force_text(read_log_text(path), asked.columns)
@@ -103,6 +105,20 @@ def on_one_clock(times: Times, log: ForceLog | None, offset_s: float) -> tuple[T
     origin_s = float(np.floor(first_s)) if first_s > SINCE_1970_S else 0.0
     moved = None if log is None else replace(log, time_s=log.time_s - origin_s)
     return Times(time_s - origin_s, times.source), moved, origin_s
+
+
+def check_overlap(times: Times, log: ForceLog | None) -> None:
+    """Check that frames and forces, on one clock, were taken at one time.
+
+    Raises:
+        InputError: the last of one came before the first of the other.
+    """
+    if log is None or (times.time_s[-1] >= log.time_s[0] and times.time_s[0] <= log.time_s[-1]):
+        return
+    frames, forces = (f"{each[0]:.3f} to {each[-1]:.3f} s" for each in (times.time_s, log.time_s))
+    raise InputError(
+        f"the clocks do not overlap: frames at {frames}, forces at {forces}; --clock-offset-s brings both to one clock"
+    )
 
 
 def _order_note(files: Sequence[tuple[Path, str]], scan: Scan) -> tuple[str, ...]:

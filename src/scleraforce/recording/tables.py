@@ -1,5 +1,6 @@
 """The two tables of a recording folder, `frames.csv` and `forces.csv`: read fast, and say where a fault is."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -10,7 +11,15 @@ from scleraforce.errors import RecordingError
 from scleraforce.recording.delimited import Table, fields_of, number, read_table
 from scleraforce.whole_files import KINDS
 
-__all__ = ["FORCE_COLUMNS", "MIN_SAMPLE_RATE_HZ", "ForceLog", "FrameEntry", "read_force_log", "read_frame_list"]
+__all__ = [
+    "FORCE_COLUMNS",
+    "MIN_SAMPLE_RATE_HZ",
+    "ForceLog",
+    "FrameEntry",
+    "check_samples",
+    "read_force_log",
+    "read_frame_list",
+]
 
 FORCE_COLUMNS = ("time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
 FRAME_COLUMNS = ("file", "time_s", "pierced")
@@ -86,10 +95,27 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
     table = read_table(path, KINDS["forces"], FORCE_COLUMNS, ("time_s", f"{axis}_n"))
     values_sc = _numbers(table)
     time = table.columns.index("time_s")
-    _check_range(table, values_sc, time)
-    _check_clock(table, values_sc[:, time])
     columns = tuple(name for name in table.columns if name != "time_s")
-    return ForceLog(values_sc[:, time].copy(), np.delete(values_sc, time, axis=1), columns)
+    log = ForceLog(values_sc[:, time].copy(), np.delete(values_sc, time, axis=1), columns)
+    check_samples(log, path, lambda sample: _place_of_sample(table, sample))
+    return log
+
+
+def check_samples(log: ForceLog, path: Path, place: Callable[[int], str]) -> None:
+    """Check that a log has numbers that a sensor can give, and a clock that runs forward and fast enough.
+
+    Args:
+        log: what was read.
+        path: of its file.
+        place: where in it a sample stands, by its number.
+
+    Raises:
+        RecordingError: naming the place and the column.
+    """
+    if len(log.time_s) < 2:
+        raise RecordingError(f"{path}: fewer than two samples of the force")
+    _check_range(log, place)
+    _check_clock(log.time_s, path, place)
 
 
 def _numbers(table: Table) -> NDArray[np.float64]:
@@ -124,28 +150,28 @@ def _with_points(table: Table) -> tuple[str, ...]:
     return tuple(line.replace(",", ".") for line in table.lines)
 
 
-def _check_range(table: Table, values_sc: NDArray[np.float64], time: int) -> None:
-    largest_c = np.full(values_sc.shape[1], LARGEST_FORCE_N)
-    largest_c[time] = LARGEST_TIME_S
+def _check_range(log: ForceLog, place: Callable[[int], str]) -> None:
+    columns, values_sc = ("time_s", *log.columns), np.column_stack([log.time_s, log.wrench_sc])
+    largest_c = np.array([LARGEST_TIME_S, *[LARGEST_FORCE_N] * len(log.columns)])
     bad = ~(np.abs(values_sc) <= largest_c)  # a NaN is bad as well
     if not bad.any():
         return
     sample, column = np.argwhere(bad)[0]
     value = values_sc[sample, column]
     fault = f"is beyond {largest_c[column]:g}" if np.isfinite(value) else "is not a finite number"
-    raise RecordingError(f"{_place_of_sample(table, int(sample))}: {table.columns[column]}: {value:g} {fault}")
+    raise RecordingError(f"{place(int(sample))}: {columns[column]}: {value:g} {fault}")
 
 
-def _check_clock(table: Table, time_s: NDArray[np.float64]) -> None:
+def _check_clock(time_s: NDArray[np.float64], path: Path, place: Callable[[int], str]) -> None:
     steps_s = np.diff(time_s)
     if (steps_s <= 0.0).any():
         sample = int(np.argmax(steps_s <= 0.0)) + 1
-        found = f"{time_s[sample]:g} does not come after {time_s[sample - 1]:g}"
-        raise RecordingError(f"{_place_of_sample(table, sample)}: time_s: {found}; the clock must run forward")
+        found = f"{time_s[sample]:.12g} does not come after {time_s[sample - 1]:.12g}"
+        raise RecordingError(f"{place(sample)}: time_s: {found}; the clock must run forward")
     rate_hz = 1.0 / float(np.median(steps_s))
     if rate_hz < MIN_SAMPLE_RATE_HZ * 0.999:
         raise RecordingError(
-            f"{table.path}: time_s: {rate_hz:.4g} samples a second; at least {MIN_SAMPLE_RATE_HZ:g} are needed "
+            f"{path}: time_s: {rate_hz:.4g} samples a second; at least {MIN_SAMPLE_RATE_HZ:g} are needed "
             "(times are in seconds)"
         )
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from scleraforce.errors import InputError, StudyError
 from scleraforce.formats.frame_times import told_times
-from scleraforce.formats.gather import Gathered, on_one_clock
+from scleraforce.formats.gather import Gathered, check_overlap, on_one_clock
 from scleraforce.formats.greys import MOST_BITS, Greys
 from scleraforce.formats.importing.questions import QUESTIONS, Asker
 from scleraforce.formats.importing.told import OPTION, ImportAnswers
@@ -96,6 +96,7 @@ def complete(
     assert times is not None
     offset_s = values.get("clock_offset_s", answers.clock_offset_s or 0.0)
     moved, log, origin_s = on_one_clock(times, gathered.log, offset_s)
+    check_overlap(moved, log)
     sources = {name: known[name][1] for name in QUESTIONS if name in known} | {"times": times.source}
     return Complete(gathered, moved, log, origin_s, info, sources)
 
