@@ -134,7 +134,27 @@ def test_a_deflated_file_and_one_without_pixels_are_refused(tmp_path: Path) -> N
     dataset = write_dicom(tmp_path / "a.dcm", FRAMES)
     del dataset.PixelData
     dataset.save_as(tmp_path / "a.dcm")
-    with pytest.raises(FrameError, match="without pixels"):
+    with pytest.raises(FrameError, match=r"a\.dcm: a DICOM file without PixelData"):
+        read_dicom_scan(tmp_path / "a.dcm")
+
+
+def test_tags_that_are_missing_are_named(tmp_path: Path) -> None:
+    dataset = write_dicom(tmp_path / "a.dcm", FRAMES)
+    del dataset.Rows, dataset.BitsStored
+    dataset.save_as(tmp_path / "a.dcm")
+    with pytest.raises(FrameError, match=r"a\.dcm: a DICOM file without Rows, BitsStored; export it anew"):
+        read_dicom_scan(tmp_path / "a.dcm")
+
+
+@pytest.mark.parametrize("widths_mm", [(0.01, 0.01), (0.01, 0.02)])
+def test_frames_of_several_scales_are_refused(tmp_path: Path, widths_mm: tuple[float, float]) -> None:
+    measures = [group(PixelSpacing=[0.004, width_mm]) for width_mm in widths_mm]
+    frames = Sequence([group(PixelMeasuresSequence=Sequence([measure])) for measure in measures])
+    write_dicom(tmp_path / "a.dcm", FRAMES[:2], PerFrameFunctionalGroupsSequence=frames)
+    if len(set(widths_mm)) == 1:
+        assert read_dicom_scan(tmp_path / "a.dcm").lateral_pixel_m.value == pytest.approx(10e-6)
+        return
+    with pytest.raises(FrameError, match=r"pixels of 0\.004 x 0\.01 mm in one frame and 0\.004 x 0\.02 mm in another"):
         read_dicom_scan(tmp_path / "a.dcm")
 
 

@@ -54,6 +54,12 @@ def test_a_kind_that_is_no_grey_is_refused(tmp_path: Path) -> None:
         read_frame(tmp_path / "a.tif")
 
 
+def test_a_compression_that_needs_a_package_is_no_damage(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "a.tif"), BYTES, [cv2.IMWRITE_TIFF_COMPRESSION, 5])
+    with pytest.raises(FrameError, match=r"a\.tif: compressed as LZW; save it without compression, .* imagecodecs"):
+        read_frame(tmp_path / "a.tif")
+
+
 OME = {"axes": "YX", "PhysicalSizeX": 0.02, "PhysicalSizeXUnit": "mm", "PhysicalSizeY": 7.0}
 
 

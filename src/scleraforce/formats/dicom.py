@@ -19,7 +19,7 @@ from scleraforce.recording.dicom_image import (
     turned_round,
 )
 from scleraforce.recording.scaled_frame import Sourced
-from scleraforce.units import to_si
+from scleraforce.units import from_si, to_si
 
 if TYPE_CHECKING:
     import pydicom
@@ -45,13 +45,12 @@ def read_dicom_scan(path: Path) -> Scan:
         if DEFLATED in head:
             raise FrameError(f"{path}: a deflated DICOM file, whose size is not known before; save it uncompressed")
         dataset = pydicom.dcmread(path)
-        if "PixelData" not in dataset:
-            raise FrameError(f"{path}: a DICOM file without pixels (PixelData)")
         count = int(dataset.get("NumberOfFrames", None) or 1)
+        check_image(path, dataset, count)
         rows, columns = int(dataset.Rows), int(dataset.Columns)
         check_bytes(path, count * rows * columns * (int(dataset.BitsAllocated) // 8))
-        check_image(path, dataset, count)
         _check_codec(path, dataset)
+        _check_one_scale(path, dataset)
         depth_m, lateral_m = pixel_spacing(dataset)
         scan = Scan(
             names=frame_names(path, count),
@@ -103,6 +102,17 @@ def _check_codec(path: Path, dataset: "pydicom.Dataset") -> None:
         raise FrameError(
             f"{path}: compressed as {syntax.name}; reading it takes a package: pip install 'scleraforce[formats]'"
         )
+
+
+def _check_one_scale(path: Path, dataset: "pydicom.Dataset") -> None:
+    """Check that frames which state their scale one by one state the same one: a recording has no other."""
+    groups = dataset.get("PerFrameFunctionalGroupsSequence", None) or []
+    measures = [measure for group in groups for measure in group.get("PixelMeasuresSequence", None) or []]
+    scales = {(depth_m, lateral_m) for depth_m, lateral_m in map(pixel_spacing, measures) if depth_m and lateral_m}
+    if len(scales) > 1:
+        ends = [f"{from_si(depth_m, 'mm'):g} x {from_si(lateral_m, 'mm'):g} mm" for depth_m, lateral_m in
+                (min(scales), max(scales))]  # fmt: skip
+        raise FrameError(f"{path}: pixels of {' in one frame and '.join(ends)} in another; export them apart")
 
 
 def _bits(dataset: "pydicom.Dataset") -> int | None:

@@ -33,6 +33,7 @@ KINDS_READ = (
     "MONOCHROME1", "MONOCHROME2", "PALETTE COLOR", "RGB", "YBR_FULL", "YBR_FULL_422", "YBR_ICT", "YBR_RCT",
 )  # fmt: skip
 DEFLATED = b"1.2.840.10008.1.2.1.99"  # the transfer syntax of a file that is inflated as a whole
+NEEDED = ("Rows", "Columns", "BitsAllocated", "BitsStored", "PixelRepresentation", "PixelData")  # to know the pixels
 RLE_HEADER = 64  # bytes, the number and the places of the segments
 
 
@@ -96,6 +97,9 @@ def check_image(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
     Raises:
         FrameError: naming the file, what was found and what is allowed.
     """
+    missing = [name for name in NEEDED if dataset.get(name, None) is None]
+    if missing:
+        raise FrameError(f"{path}: a DICOM file without {', '.join(missing)}; export it anew")
     kind = grey_kind(dataset)
     if kind not in KINDS_READ:
         raise FrameError(f"{path}: PhotometricInterpretation: {kind or 'missing'}; one of {', '.join(KINDS_READ)}")

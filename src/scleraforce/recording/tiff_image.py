@@ -64,6 +64,7 @@ def check_page(path: Path, page: "tifffile.TiffPage", data: bytes | mmap) -> Non
     if page.photometric not in (WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE):
         kind = getattr(page.photometric, "name", page.photometric)
         raise FrameError(f"{path}: a TIFF of kind {kind}; save it as grey (black is zero) or RGB")
+    _check_compression(path, page)
     check_size(path, page.imagelength, page.imagewidth, page.samplesperpixel)
     check_size(path, max(2, page.tilelength), max(2, page.tilewidth))
     if page.imagedepth != 1 or page.bitspersample > 64:
@@ -72,6 +73,19 @@ def check_page(path: Path, page: "tifffile.TiffPage", data: bytes | mmap) -> Non
     for at, count in zip(page.dataoffsets, page.databytecounts, strict=True):
         if _unpacks_to_more(page.compression, data[at : at + count], largest):
             raise FrameError(f"{path}: damaged: more is packed in it than the {page.shape} pixels that it states")
+
+
+def _check_compression(path: Path, page: "tifffile.TiffPage") -> None:
+    from tifffile import TIFF
+
+    try:
+        TIFF.DECOMPRESSORS[page.compression]
+    except KeyError as fault:
+        name = getattr(page.compression, "name", page.compression)
+        raise FrameError(
+            f"{path}: compressed as {name}; save it without compression, or as ZIP (deflate), or install what reads "
+            "it: pip install imagecodecs"
+        ) from fault
 
 
 def _unpacks_to_more(compression: int, packed: bytes, largest: int) -> bool:
