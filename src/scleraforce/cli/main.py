@@ -1,11 +1,12 @@
 """The entry point: finds the command, and turns every failure into one line and an exit code.
 
-Exit codes: 0 done, 1 an internal fault, 2 bad input or usage, 130 interrupted.
+Exit codes: 0 done, 1 an internal fault, 2 bad input or usage, 130 interrupted, by Ctrl-C or SIGTERM.
 """
 
 import errno
 import logging
 import os
+import signal
 import sys
 from importlib import import_module
 from keyword import iskeyword
@@ -104,7 +105,12 @@ def cli() -> None:
 
 
 def main() -> None:
-    """Run the command line and exit with its code."""
+    """Run the command line and exit with its code.
+
+    Who asks the process to end (a cluster's scheduler, `kill`) is heard as Ctrl-C is: nothing unfinished stays behind.
+    """
+    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     code = run(sys.argv[1:])
     if code == INTERRUPTED:  # what zarr's own loop leaves unfinished is no news to the user
         logging.getLogger("asyncio").disabled = True
