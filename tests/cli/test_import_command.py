@@ -1,8 +1,10 @@
 """`scleraforce import`: recordings from files of other programs, asked for what these leave open."""
 
 import json
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import click
@@ -310,7 +312,22 @@ def test_on_a_terminal_it_asks_and_goes_on(tmp_path: Path, monkeypatch: pytest.M
     recording = read_recording(tmp_path / "r")
     assert (recording.info.oct.bits, recording.info.force.contact_sign, recording.info.eye.id) == (13, -1, "eye-1")
     assert len(recording.forces.time_s) == 400
-    assert json.loads((tmp_path / "r" / "import.json").read_text())["values"]["width_mm"] == "answer"
+    values = json.loads((tmp_path / "r" / "import.json").read_text())["values"]
+    assert values["width_mm"] == values["times"] == "answer"
+
+
+def test_ended_from_outside_it_leaves_nothing(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.random.default_rng(0).integers(0, 2**16, (100, 512, 512), np.uint16))
+    told_all = told("--axes", "frame,depth,lateral", "--width-mm", 10, "--depth-mm", 4, "--bits", 16, "--rate-hz", 1)
+    command = ["import", str(tmp_path / "a.npy"), "--out", str(tmp_path / "r"), *map(str, told_all)]
+    code = "from scleraforce.cli.main import main; main()"
+    child = subprocess.Popen([sys.executable, "-c", code, *command], stderr=subprocess.PIPE, text=True)
+    while child.poll() is None and not list(tmp_path.glob(".scleraforce-*.part")):
+        time.sleep(0.002)
+    child.send_signal(signal.SIGTERM)
+    _, error = child.communicate(timeout=30)
+    assert (child.returncode, error.strip()) == (130, "error: interrupted")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]
 
 
 def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(tmp_path: Path, capsys) -> None:

@@ -53,7 +53,9 @@ def array_scan(
     if array.ndim not in (2, 3):
         raise FrameError(f"{path}: an array of {sizes}; give frames x rows x columns, or one frame")
     if axes is None:
-        raise UnansweredError("--axes", f"{path}: an array of {sizes}: which axis is which does not stand in it")
+        names = ",".join(AXES[-array.ndim :])
+        question = f"which axis is which? Name {names} in the order of the sizes"
+        raise UnansweredError("--axes", f"{path}: an array of {sizes}: {question}")
     if array.ndim == 2:
         axes = tuple(name for name in axes if name != "frame")
     if len(axes) != array.ndim:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-__all__ = ["SHIPPED", "SHIPPED_PAPER", "SHIPPED_READER", "SHIPPED_WALL_FINDER", "model_folder"]
+__all__ = ["SHIPPED", "SHIPPED_PAPER", "SHIPPED_READER", "SHIPPED_WALL_FINDER", "model_folder", "model_name"]
 
 FOLDER = Path(__file__).parents[1] / "shipped"
 SHIPPED_READER, SHIPPED_PAPER, SHIPPED_WALL_FINDER = FOLDER / "default", FOLDER / "paper", FOLDER / "wall_finder"
@@ -18,3 +18,12 @@ def model_folder(given: Path) -> Path:
     PosixPath('nowhere')
     """
     return given if given.exists() else SHIPPED.get(str(given), given)
+
+
+def model_name(folder: Path) -> str:
+    """Return what MODEL calls a folder: its path, or the name of one that ships, wherever that is installed.
+
+    >>> model_name(SHIPPED_READER), model_name(Path("models/mine"))
+    ('default', 'models/mine')
+    """
+    return next((name for name, shipped in SHIPPED.items() if shipped == folder), str(folder))

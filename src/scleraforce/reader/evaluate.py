@@ -9,6 +9,7 @@ from typing import Any
 from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known.calibration_file import CalibrationSummary
 from scleraforce.known.eye import Known, foreign_modulus, known_of_eye, known_of_recording
+from scleraforce.models.shipped import model_name
 from scleraforce.reader.answers import Answer
 from scleraforce.reader.evaluation import Evaluation, FrameAnswer
 from scleraforce.reader.reader import Reader
@@ -56,7 +57,7 @@ def evaluate_recordings(
         frames += answers
     study = reader.study
     return Evaluation(
-        model=str(reader.path),
+        model=model_name(reader.path),
         bounds_n=study.classes.bounds_n,
         max_force_n=study.needle.max_force_n,
         youngs_modulus_pa=study.eye.youngs_modulus_pa,

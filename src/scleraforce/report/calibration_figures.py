@@ -164,7 +164,7 @@ def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -
     axes.set_xlabel("frames")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_ylabel("E [MPa]")
-    axes.legend(loc="upper right")
+    axes.legend(loc="best")
 
 
 def _draw_by_force(axes: Axes, eye: EyeCalibration, colour: str, marker: str) -> None:

@@ -94,6 +94,8 @@ def complete(
         rate_hz = values.get("rate_hz")
         times = told_times(gathered.scan, None, rate_hz) if rate_hz else Times(np.zeros(1), "a single frame")
     assert times is not None
+    if "rate_hz" in known:
+        times = replace(times, source=known["rate_hz"][1])
     offset_s = values.get("clock_offset_s", answers.clock_offset_s or 0.0)
     moved, log, origin_s = on_one_clock(times, gathered.log, offset_s)
     check_overlap(moved, log)

@@ -18,7 +18,8 @@ __all__ = ["eye_view", "view_script", "view_style", "write_simulation_html"]
 HERE = files("scleraforce.report.eye_view")
 WORDS = (
     "Drag, or use the arrow keys, to turn it; turn the wheel, or press + and -, to come nearer. The slider exaggerates "
-    "the displacement, or takes it away. Half of the wall is left out so that the needle's meridian is seen."
+    "the displacement, or takes it away. Half of the wall is left out so that the needle's meridian is seen. Colours: "
+    "how far each point has moved from the unloaded wall, under pressure and gravity as well."
 )
 
 
