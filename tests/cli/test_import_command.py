@@ -1,10 +1,8 @@
 """`scleraforce import`: recordings from files of other programs, asked for what these leave open."""
 
 import json
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import click
@@ -209,6 +207,23 @@ def test_more_bits_than_were_told_are_refused(tmp_path: Path, capsys) -> None:
     assert "--bits says 8" in refused(capsys, tmp_path / "r", stack(tmp_path / "a.tif"), *told("--bits", 8))
 
 
+def test_a_scale_that_is_told_against_the_file_is_noted(tmp_path: Path, capsys) -> None:
+    width_mm = COLUMNS * LATERAL_M * 1e3
+    path = stack(tmp_path / "a.tif")
+    same = imported(capsys, path, "--out", tmp_path / "r", *told("--bits", 16, "--width-mm", width_mm))
+    assert same["notes"] == []
+    other = imported(capsys, path, "--out", tmp_path / "s", *told("--bits", 16, "--width-mm", 2 * width_mm))
+    stated = f"width of the frames: {2 * width_mm:g} mm (option), where ImageJ's unit states {width_mm:g} mm"
+    assert other["notes"] == [stated]
+
+
+def test_frames_without_forces_beside_them_are_counted(tmp_path: Path, capsys) -> None:
+    write_log(tmp_path / "log.csv")
+    options = told("--bits", 16, "--clock-offset-s", -1.5, "--contact-sign", -1)
+    entry = imported(capsys, stack(tmp_path / "a.tif"), tmp_path / "log.csv", "--out", tmp_path / "r", *options)
+    assert any(note.startswith("2 frames were taken before or after the forces") for note in entry["notes"])
+
+
 def test_clocks_that_do_not_overlap_are_refused(tmp_path: Path, capsys) -> None:
     write_log(tmp_path / "log.csv")
     options = told("--bits", 16, "--clock-offset-s", 1000, "--contact-sign", -1)
@@ -314,20 +329,6 @@ def test_on_a_terminal_it_asks_and_goes_on(tmp_path: Path, monkeypatch: pytest.M
     assert len(recording.forces.time_s) == 400
     values = json.loads((tmp_path / "r" / "import.json").read_text())["values"]
     assert values["width_mm"] == values["times"] == "answer"
-
-
-def test_ended_from_outside_it_leaves_nothing(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", np.random.default_rng(0).integers(0, 2**16, (100, 512, 512), np.uint16))
-    told_all = told("--axes", "frame,depth,lateral", "--width-mm", 10, "--depth-mm", 4, "--bits", 16, "--rate-hz", 1)
-    command = ["import", str(tmp_path / "a.npy"), "--out", str(tmp_path / "r"), *map(str, told_all)]
-    code = "from scleraforce.cli.main import main; main()"
-    child = subprocess.Popen([sys.executable, "-c", code, *command], stderr=subprocess.PIPE, text=True)
-    while child.poll() is None and not list(tmp_path.glob(".scleraforce-*.part")):
-        time.sleep(0.002)
-    child.send_signal(signal.SIGTERM)
-    _, error = child.communicate(timeout=30)
-    assert (child.returncode, error.strip()) == (130, "error: interrupted")
-    assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]
 
 
 def test_a_bag_gives_frames_and_forces_on_one_clock_that_begins_near_them(tmp_path: Path, capsys) -> None:

@@ -35,6 +35,7 @@ ACT_ON = {
     "an .npz file": {"array": "--array"},
     "frames whose axes are not fixed": {"axes": "--axes"},
 }  # fmt: skip
+SAME_SCALE = 0.001  # scales that differ by less are rounded
 ANSWER = "answer"  # the source of a value that was typed on the terminal
 
 
@@ -100,6 +101,8 @@ def complete(
     moved, log, origin_s = on_one_clock(times, gathered.log, offset_s)
     check_overlap(moved, log)
     sources = {name: known[name][1] for name in QUESTIONS if name in known} | {"times": times.source}
+    doubts = (*_other_scales(stated, known), *_outside(moved, log))
+    gathered = replace(gathered, notes=(*gathered.notes, *doubts))
     return Complete(gathered, moved, log, origin_s, info, sources)
 
 
@@ -152,6 +155,24 @@ def _stated(gathered: Gathered, greys: Greys) -> dict[str, tuple[Any, str]]:
     if len(axes) == 1:
         found["axis"] = (axes[0], "the only force of the log")
     return found
+
+
+def _other_scales(stated: dict[str, tuple[Any, str]], known: dict[str, tuple[Any, str]]) -> list[str]:
+    """Say where a scale was told that is not what the source states."""
+    return [
+        f"{QUESTIONS[name].words}: {known[name][0]:g} mm ({known[name][1]}), where {source} states {value:g} mm"
+        for name, (value, source) in stated.items()
+        if name in ("width_mm", "depth_mm") and abs(known[name][0] - value) > SAME_SCALE * value
+    ]
+
+
+def _outside(times: Times, log: "ForceLog | None") -> list[str]:
+    """Say how many frames have no force beside them."""
+    if log is None:
+        return []
+    count = int(np.count_nonzero((times.time_s < log.time_s[0]) | (times.time_s > log.time_s[-1])))
+    words = f"{count} frames were taken before or after the forces: without a label a recording is not evaluated, so"
+    return [f"{words} leave them out, or mend the clocks (--clock-offset-s)"] if count else []
 
 
 def _info(gathered: Gathered, answers: ImportAnswers, values: dict[str, Any]) -> RecordingInfo:

@@ -1,0 +1,24 @@
+"""A command that is ended from outside: by `kill`, or by the scheduler of a cluster."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from format_frames import told
+
+
+def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.random.default_rng(0).integers(0, 2**16, (100, 512, 512), np.uint16))
+    told_all = told("--axes", "frame,depth,lateral", "--width-mm", 10, "--depth-mm", 4, "--bits", 16, "--rate-hz", 1)
+    command = ["import", str(tmp_path / "a.npy"), "--out", str(tmp_path / "r"), *map(str, told_all)]
+    code = "from scleraforce.cli.main import main; main()"
+    child = subprocess.Popen([sys.executable, "-c", code, *command], stderr=subprocess.PIPE, text=True)
+    while child.poll() is None and not list(tmp_path.glob(".scleraforce-*.part")):
+        time.sleep(0.002)
+    child.send_signal(signal.SIGTERM)
+    _, error = child.communicate(timeout=30)
+    assert (child.returncode, error.strip()) == (130, "error: interrupted")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]
