@@ -136,6 +136,19 @@ def test_the_frames_of_a_recording_have_their_forces(things: Path, capsys: Captu
                     36: (pytest.approx(36, abs=0.5), 2)}  # fmt: skip
 
 
+def test_a_recording_whose_frames_have_no_label_is_shown_with_the_reason(
+    things: Path, tmp_path: Path, capsys: Captured
+) -> None:
+    copytree(things / "eye", tmp_path / "eye")
+    table = (tmp_path / "eye" / "frames.csv").read_text().splitlines()
+    file, _, *others = table[1].split(",")
+    (tmp_path / "eye" / "frames.csv").write_text("\n".join([table[0], ",".join([file, "-9.0", *others]), *table[2:]]))
+    assert run(["show", str(tmp_path / "eye"), "--json", "--plot", str(tmp_path / "eye.png")]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert "force samples within" in shown["no_labels"]
+    assert {frame["target"] for frame in shown["frames"]} == {None}
+
+
 def test_a_withdrawal_is_counted_once_with_its_cause_and_sentence(things: Path, capsys: Captured) -> None:
     run(["show", str(things / "box"), "--json"])
     said = json.loads(capsys.readouterr().out)

@@ -90,6 +90,12 @@ def test_a_date_beside_one_force_is_a_log(tmp_path: Path, zone: str) -> None:
     np.testing.assert_allclose(log.time_s, [1767323045.25, 1767323045.26], rtol=0, atol=1e-6)
 
 
+def test_a_header_that_numpy_wrote_is_read(tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "log.csv", [[0.0, 1.0], [0.01, 2.0]], delimiter=",", header="time_s,fz_n")
+    log, _ = read_force_text(read_log_text(tmp_path / "log.csv"), [])
+    np.testing.assert_allclose(log.force_n("fz"), [1.0, 2.0])
+
+
 def test_a_long_log_with_columns_of_its_own_comes_back(tmp_path: Path) -> None:
     force_n = write_log(tmp_path / "log.csv")
     log, _ = read_force_text(read_log_text(tmp_path / "log.csv"), [])

@@ -59,6 +59,7 @@ def read_log_text(path: Path, least: int = 2) -> LogText:
             continue
         if sum(number(field, separator) is not None or DATE.match(field) is not None for field in fields) >= least:
             rest = tuple(text for text in lines[nth + 1 :] if text.strip())
+            names = (names[0].removeprefix("#").lstrip(), *names[1:])  # what NumPy's savetxt begins a header with
             return LogText(path, tuple(lines[:nth]), names, separator, rest)
     raise RecordingError(f"{path}: no header: a line with the names of columns, above lines of numbers")
 

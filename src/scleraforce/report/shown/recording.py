@@ -1,12 +1,14 @@
 """A recording folder: what it states, its frames, and the force under each."""
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from scleraforce.errors import RecordingError
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.labels import Trial, contact_force, label_frames
 from scleraforce.report.shown.thing import Thing, span, value_words
@@ -28,7 +30,7 @@ def show_recording(path: Path) -> Thing:
         RecordingError: it cannot be read.
     """
     recording = read_recording(path)
-    trials = label_frames(recording, CLASSES)
+    trials, fault = _labelled(recording)
     info, seconds = recording.info, recording.frames[-1].time_s - recording.frames[0].time_s
     width_mm, depth_mm = (from_si(extent_m, "mm") for extent_m in (info.oct.width_m, info.oct.depth_m))
     forces_n = [trial.measured_force_n for trial in trials if trial.measured_force_n is not None]
@@ -45,11 +47,13 @@ def show_recording(path: Path) -> Thing:
         ("force log", _log_words(recording)),
         *((("forces", span([min(forces_n), max(forces_n)], "mn", "mN") + ": " + ", ".join(
             f"{counts[label]} of class {label}" for label in range(len(CLASSES.bounds_n) + 1))),) if forces_n else ()),
+        *((("no labels", fault),) if fault else ()),
     )  # fmt: skip
     facts = {
         "eye": info.eye.id,
         "seconds": seconds,
         "globe": info.eye.globe,
+        "no_labels": fault,
         "frames": [
             {"file": trial.file, "time_s": trial.time_s, "measured_force_mn": from_si(trial.measured_force_n, "mn"),
              "target": trial.target, "excluded": trial.excluded}
@@ -63,6 +67,14 @@ def show_recording(path: Path) -> Thing:
         lines=tuple(_table(trials)),
         draw=lambda: draw_recording(recording, trials),
     )
+
+
+def _labelled(recording: Recording) -> tuple[tuple[Trial, ...], str | None]:
+    """Return the frames with their labels, or without and why: who looks at them may be looking for the fault."""
+    try:
+        return label_frames(recording, CLASSES), None
+    except RecordingError as fault:
+        return label_frames(replace(recording, forces=None), CLASSES), str(fault)
 
 
 @styled
