@@ -170,7 +170,7 @@ REFUSED = {
     "eye/frames/0000.png": "0000.png: give a study",
     "eye --calibration modulus.json": "--calibration: only used with --html",
     "eye --wall-finder none": "--wall-finder: only used with --html",
-    "eye --html page.html": "--html and --model belong together",
+    "eye --html page.html": "--html and --model belong together: the page shows what a model reads, like default",
     "eye --model reader": "--html and --model belong together",
     "study.toml --html page.html --model reader": "study.toml: a study; --html browses recordings",
     "eye --plot picture.jpg": "picture.jpg: give a name that ends in .png, .svg, .pdf",

@@ -73,7 +73,7 @@ def _check_options(
     from scleraforce.report.files import check_figure_path
 
     if (html is None) != (model is None):
-        raise InputError("--html and --model belong together: the page shows what the model reads")
+        raise InputError("--html and --model belong together: the page shows what a model reads, like default")
     for name, given in (("--calibration", calibration), ("--wall-finder", finder)):
         if given is not None and html is None:
             raise InputError(f"{name}: only used with --html")

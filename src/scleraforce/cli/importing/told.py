@@ -49,8 +49,9 @@ def lines(out: Path, done: Complete, greys: Greys) -> list[str]:
 
 def _frames(done: Complete) -> str:
     scan, info, source = done.gathered.scan, done.info.oct, done.sources
+    count = "1 frame" if len(scan.names) == 1 else f"{len(scan.names)} frames"
     return (
-        f"{len(scan.names)} frames of {scan.rows} x {scan.columns} pixels (depth x lateral), {info.bits} bits; "
+        f"{count} of {scan.rows} x {scan.columns} pixels (depth x lateral), {info.bits} bits; "
         f"{from_si(info.width_m, 'mm'):.4g} mm wide ({source['width_mm']}), {from_si(info.depth_m, 'mm'):.4g} mm deep "
         f"({source['depth_mm']}), refractive index {info.refractive_index:g} ({source['refractive_index']})"
     )

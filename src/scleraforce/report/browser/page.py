@@ -30,7 +30,7 @@ MOST_PICTURES = 1000  # what a browser opens at once: 40 MB
 HERE = files("scleraforce.report.browser")
 KEYS = (
     "Left and right arrow: one frame; page up and down: ten; home and end: first and last; space: play. The curve "
-    "below shows all frames; click in it to go to one. Grey: the measured force. Dots with bars: the read force with "
+    "shows all frames; click in it to go to one. Grey: the measured force. Dots with bars: the read force with "
     "its 90 % interval; a cross at the top: not usable."
 )
 

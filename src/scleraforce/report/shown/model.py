@@ -14,7 +14,12 @@ from scleraforce.units import from_si
 
 __all__ = ["draw_curves", "show_model"]
 
-TITLES = {"mae_mn": "mean error of the force [mN]", "coverage": "intervals that hold", "dice_mean": "overlap (Dice)"}
+TITLES = {
+    "mae_mn": "mean error of the force [mN]",
+    "lateral_mae_mm": "mean error of the contact [mm]",
+    "coverage": "intervals that hold",
+    "dice_mean": "overlap (Dice)",
+}
 MADE_WITH = ("scleraforce", "python", "numpy", "torch", "onnx")
 
 
