@@ -48,7 +48,6 @@ EYE = PhantomEye(
 RIGIDITY = to_si(0.03, "mmhg13_per_ul")
 LARGEST_MN, DEEPEST_MM = 60.0, 2.6
 CALIBRATION_N = (10e-3, 20e-3, 28e-3)
-MODULUS_SD = 0.03  # relative, of a modulus that is told
 TOLD = "told sealed, E and k found on three frames"
 UNTOLD = "nothing told of the globe, E known to 3 %"
 AS_OPEN = "told open, E known to 3 %"
@@ -102,8 +101,7 @@ def tellings(sealed: ComputedEye, reader: ForceReader) -> dict[str, Known]:
         (frame_of(sealed, force_n, number), force_n + rng.normal(0.0, LABEL_SD_N))
         for number, force_n in enumerate(CALIBRATION_N, start=1)
     ]
-    E = EYE.youngs_modulus_pa
-    modulus = Modulus(mean_pa=E, sd_pa=MODULUS_SD * E, source="own")
+    modulus = Modulus.stated(EYE.youngs_modulus_pa)
     return {
         TOLD: calibrated(replace(stated, globe=SEALED), labelled, reader),
         UNTOLD: known_of_constants(stated, modulus),
