@@ -10,10 +10,11 @@ from hypothesis import HealthCheck, settings
 import scleraforce  # noqa: F401 - before ONNX Runtime, which tests import too: it switches off what that sends
 from scleraforce.compiled import SWITCH
 
-# A shell without job control starts background jobs with SIGINT ignored, and children inherit that: the tests that send
-# Ctrl-C to a child would wait for ever where CI runs that way.
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+# A shell without job control starts background jobs with SIGINT and SIGQUIT ignored, and children inherit that: tests
+# that send these to a child would wait for ever where CI runs that way.
+for ignored, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGQUIT, signal.SIG_DFL)):
+    if signal.getsignal(ignored) is signal.SIG_IGN:
+        signal.signal(ignored, handler)
 
 # Monitors that tests start answer at once, and do not compile first; the tests of compiled loops switch it on.
 os.environ.setdefault(SWITCH, "0")
