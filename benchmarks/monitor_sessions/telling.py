@@ -33,6 +33,7 @@ TELLINGS: Mapping[str, str] = {
     "told": "told; E and k from three frames",
     "found": "not told; E and k from three frames",
     "unknown": "not told; E alone is known",
+    "option": "not told; E alone is told",
 }
 CALIBRATION_N = (10e-3, 20e-3, 28e-3)
 THICKNESS_SD_M, GAP_SD_M, IOP_SD, MODULUS_SD = 10e-6, 20e-6, 0.03, 0.015  # IOP and E: relative
@@ -51,6 +52,7 @@ def tellings(drawn: SessionEye, reader: ForceReader, seed: int, rng: np.random.G
         "told": calibrated(replace(stated, globe=kind), labelled, reader),
         "found": calibrated(stated, labelled, reader),
         "unknown": known_of_constants(stated, modulus),
+        "option": known_of_constants(stated, Modulus.stated(modulus.mean_pa)),
     }
 
 

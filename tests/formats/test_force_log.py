@@ -90,10 +90,23 @@ def test_a_date_beside_one_force_is_a_log(tmp_path: Path, zone: str) -> None:
     np.testing.assert_allclose(log.time_s, [1767323045.25, 1767323045.26], rtol=0, atol=1e-6)
 
 
-def test_a_header_that_numpy_wrote_is_read(tmp_path: Path) -> None:
-    np.savetxt(tmp_path / "log.csv", [[0.0, 1.0], [0.01, 2.0]], delimiter=",", header="time_s,fz_n")
+@pytest.mark.parametrize("separator", [",", " ", "   ", "\t"])
+def test_a_header_that_numpy_wrote_is_read(tmp_path: Path, separator: str) -> None:
+    header = separator.join(("time_s", "fz_n"))
+    np.savetxt(tmp_path / "log.csv", [[0.0, 1.0], [0.01, 2.0]], delimiter=separator, header=header)
     log, _ = read_force_text(read_log_text(tmp_path / "log.csv"), [])
+    np.testing.assert_allclose(log.time_s, [0.0, 0.01])
     np.testing.assert_allclose(log.force_n("fz"), [1.0, 2.0])
+
+
+def test_columns_that_spaces_align_are_read_and_a_fault_among_them_is_named(tmp_path: Path) -> None:
+    lines = ["a log of my robot", "  time_s    fx_n     fz_n", "  0.00      0.0     -1.0", "  0.01     10.0     -2.5"]
+    (tmp_path / "log.txt").write_text("\n".join(lines))
+    log, _ = read_force_text(read_log_text(tmp_path / "log.txt"), [])
+    np.testing.assert_allclose(log.force_n("fz"), [-1.0, -2.5])
+    (tmp_path / "log.txt").write_text("\n".join([*lines, "  0.02      0.0     high"]))
+    with pytest.raises(RecordingError, match=r"log\.txt:5: fz_n: 'high' is not a number"):
+        read_force_text(read_log_text(tmp_path / "log.txt"), [])
 
 
 def test_a_long_log_with_columns_of_its_own_comes_back(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from scleraforce.whole_files import KINDS, read_text
 
 __all__ = ["LogText", "numbers_of", "read_force_text", "read_log_text"]
 
-SEPARATORS = "\t;,"
+SEPARATORS, SPACES = "\t;,", " "  # of the header that has none of the first; so many spaces are one separator
 SEARCHED_LINES = 100  # for the header
 # What ATI's Net F/T demo writes above the header.
 STATED = {FORCE: r"Force Units:\s*([\w-]+)", TORQUE: r"Torque Units:\s*([\w-]+)"}
@@ -40,6 +40,11 @@ class LogText:
     separator: str
     lines: tuple[str, ...]
 
+    @property
+    def delimiter(self) -> str | None:
+        """What separates the columns, as NumPy has it: None for any number of spaces."""
+        return None if self.separator == SPACES else self.separator
+
 
 def read_log_text(path: Path, least: int = 2) -> LogText:
     """Read a log and find its header: the first line with a name for each field of the line below.
@@ -53,13 +58,14 @@ def read_log_text(path: Path, least: int = 2) -> LogText:
     """
     lines = read_text(path, KINDS["forces"]).splitlines()
     for nth, (line, below) in enumerate(pairwise(lines[:SEARCHED_LINES])):
-        separator = next((mark for mark in SEPARATORS if mark in line), ",")
-        names, fields = _fields(line, separator), _fields(below, separator)
+        alone = SPACES if len(below.split()) > 1 else ","  # a single column's name may have spaces
+        separator = next((mark for mark in SEPARATORS if mark in line), alone)
+        bare = line.removeprefix("#").lstrip(" ")  # what NumPy's savetxt begins a header with
+        names, fields = _fields(bare, separator), _fields(below, separator)
         if len(fields) != len(names) or any(number(name, separator) is not None for name in names):
             continue
         if sum(number(field, separator) is not None or DATE.match(field) is not None for field in fields) >= least:
             rest = tuple(text for text in lines[nth + 1 :] if text.strip())
-            names = (names[0].removeprefix("#").lstrip(), *names[1:])  # what NumPy's savetxt begins a header with
             return LogText(path, tuple(lines[:nth]), names, separator, rest)
     raise RecordingError(f"{path}: no header: a line with the names of columns, above lines of numbers")
 
@@ -99,7 +105,7 @@ def numbers_of(text: LogText, places: Sequence[int]) -> NDArray[np.float64]:
     lines = text.lines if text.separator == "," else [line.replace(",", ".") for line in text.lines]
     try:
         found = np.loadtxt(
-            lines, delimiter=text.separator, usecols=tuple(places), comments=None, quotechar='"', ndmin=2
+            lines, delimiter=text.delimiter, usecols=tuple(places), comments=None, quotechar='"', ndmin=2
         )
     except ValueError as fault:
         raise _bad_value(text, places) or RecordingError(f"{text.path}: {fault}") from fault
@@ -116,13 +122,15 @@ def _first(pattern: str, lines: Sequence[str]) -> str | None:
 
 
 def _fields(line: str, separator: str) -> tuple[str, ...]:
+    if separator == SPACES:
+        return tuple(line.split())
     return fields_of(line.rstrip(f" {separator}"), separator, "") if line.count('"') % 2 == 0 else ()
 
 
 def _moments(text: LogText, place: int) -> NDArray[np.float64]:
     """Return dates and times in s since 1970; without a zone they are of UTC."""
     try:
-        stamps = np.loadtxt(text.lines, delimiter=text.separator, usecols=place, dtype=str, quotechar='"', ndmin=1)
+        stamps = np.loadtxt(text.lines, delimiter=text.delimiter, usecols=place, dtype=str, quotechar='"', ndmin=1)
         with warnings.catch_warnings():  # NumPy warns that it keeps no zones; what a zone says is counted in
             warnings.simplefilter("ignore", UserWarning)
             return np.char.strip(stamps).astype("datetime64[ns]").astype(np.int64) / NANOSECONDS
