@@ -22,22 +22,33 @@ from scleraforce.openigtlink import Decoder, Image, Message, Received, Status, T
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.units import from_si
 
 VIEW, BAR, WORDS = "ForceView", "ForceBar", "ForceText"
 PIECE, MM = 1 << 16, 1e-3
+KEPT_FRAMES, FRAME_WAIT_S = 4, 0.2
 FLAT = 0.01  # height of the bar where no force was read; a scale of 0 is no transform
 Address = tuple[str, int]
 
 
 class Latest:
-    """The newest frame, reading and status; whoever waits gets them once for each reading."""
+    """The newest reading with its frame, and the status; whoever waits gets them once for each reading."""
 
     def __init__(self) -> None:
-        self.image: Image | None = None
         self.status = ""
+        self._frames: dict[int, Image] = {}
         self._reading: dict[str, Any] | None = None
         self._ended = False
         self._changed = threading.Condition()
+
+    def saw(self, image: Image, frame_id: int) -> None:
+        """Keep a frame by its sender's number; the oldest gives way."""
+        with self._changed:
+            self._frames.pop(frame_id, None)
+            self._frames[frame_id] = image
+            if len(self._frames) > KEPT_FRAMES:
+                del self._frames[next(iter(self._frames))]
+            self._changed.notify_all()
 
     def read(self, reading: dict[str, Any]) -> None:
         """Keep a reading, and wake who waits."""
@@ -51,12 +62,21 @@ class Latest:
             self._ended = True
             self._changed.notify_all()
 
-    def wait(self) -> dict[str, Any] | None:
-        """Return the next reading, None at the end; one that was overtaken is left out."""
+    def wait(self) -> tuple[dict[str, Any], Image | None] | None:
+        """Return the next reading and its frame, None at the end; a reading that was overtaken is left out.
+
+        A frame is handed on before it is looked at, so that its reading can come first: it is waited for. A sender that
+        gives neither number nor time has the newest frame shown.
+        """
         with self._changed:
             self._changed.wait_for(lambda: self._ended or self._reading is not None)
             reading, self._reading = self._reading, None
-            return None if self._ended else reading
+            if reading is None or self._ended:
+                return None
+            frame_id = reading.get("frame_id")
+            self._changed.wait_for(lambda: self._ended or frame_id in self._frames, FRAME_WAIT_S)
+            newest = next(reversed(self._frames.values()), None)
+            return None if self._ended else (reading, self._frames.get(frame_id, newest))
 
 
 class Viewers:
@@ -106,16 +126,18 @@ def relay(source: socket.socket, target: socket.socket, latest: Latest) -> None:
             if not decoder.broken:
                 for event in decoder.feed(data):
                     if isinstance(event, Received):
-                        notice(event.message, event.header.device, latest)
+                        notice(event, latest)
     for link in (source, target):
         with suppress(OSError):
             link.shutdown(socket.SHUT_RDWR)
 
 
-def notice(message: Message, device: str, latest: Latest) -> None:
+def notice(event: Received, latest: Latest) -> None:
     """Keep what is shown."""
+    message, device = event.message, event.header.device
     if isinstance(message, Image) and message.pixels.ndim == 3 and len(message.pixels) == 1:
-        latest.image = replace(message, pixels=message.pixels.copy())  # the decoder's own are overwritten
+        own = replace(message, pixels=message.pixels.copy())  # the decoder's own are overwritten
+        latest.saw(own, event.message_id or int(from_si(event.header.time_s, "us")))
     elif isinstance(message, Status) and device == "ForceMonitor":
         latest.status = message.message
     elif isinstance(message, Text) and device == "ForceReading":
@@ -148,10 +170,11 @@ def words(reading: dict[str, Any], status: str) -> str:
 
 def show(latest: Latest, viewers: Viewers) -> None:
     """Tell Slicer each reading as it comes."""
-    while (reading := latest.wait()) is not None:
-        if latest.image is not None:
+    while (told := latest.wait()) is not None:
+        reading, image = told
+        if image is not None:
             with suppress(ValueError):  # a frame of an impossible scale
-                viewers.tell(shown(latest.image), VIEW)
+                viewers.tell(shown(image), VIEW)
         viewers.tell(bar(reading), BAR)
         viewers.tell(Text(words(reading, latest.status)), WORDS)
 

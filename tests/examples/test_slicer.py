@@ -1,7 +1,9 @@
 """What 3D Slicer would see: the bridge, heard by an independent client, and the module beside stand-ins for Slicer."""
 
 import sys
+import threading
 import time
+from dataclasses import replace
 from types import ModuleType, SimpleNamespace
 from unittest.mock import MagicMock
 
@@ -82,6 +84,31 @@ def test_a_slicer_that_comes_after_the_frame_is_shown_it() -> None:
     assert picture.image.shape == (1, ROWS, COLUMNS, 3)
     assert bar.matrix[2, 2] == pytest.approx(1.5)
     assert words.string.startswith("1.5 mN")
+
+
+def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on() -> None:
+    latest, image = bridge.Latest(), Image(wall()[None], MATRIX)
+    older, newer = (replace(image, matrix=(width_mm, *MATRIX[1:])) for width_mm in (1.0, 2.0))
+
+    def picture_of(frame_id: int) -> Image:
+        latest.read({"frame_id": frame_id})
+        reading, picture = latest.wait()
+        assert reading == {"frame_id": frame_id}
+        return picture
+
+    latest.saw(older, 4)
+    later = threading.Timer(0.02, latest.saw, (image, 5))
+    later.start()
+    assert picture_of(5) is image
+    later.join()
+    latest.saw(newer, 6)
+    assert picture_of(5) is image  # not the newest
+    assert picture_of(77) is newer  # the monitor's own number, of a sender that gives none
+    for frame_id in range(7, 7 + bridge.KEPT_FRAMES):
+        latest.saw(older, frame_id)
+    assert picture_of(6) is older  # let go
+    latest.end()
+    assert latest.wait() is None
 
 
 def test_a_withdrawal_and_a_frame_without_a_force_are_said() -> None:
