@@ -16,9 +16,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP, Walls, place_walls
+from scleraforce.fitting.fit_prediction import Walls, place_walls
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
+from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN
 from scleraforce.laboratory.bscan import render_bscan

@@ -9,22 +9,10 @@ from analytic_walls import BOTH, LATERAL_M, LIBRARY, noisy_boundaries
 
 from scleraforce.calibration import discrepancy
 from scleraforce.calibration.discrepancy import read_again, settled
-from scleraforce.fitting.fit_prediction import (
-    DEPTH,
-    GAP,
-    IOP,
-    LATERAL,
-    MODULUS,
-    NAMES,
-    SHINE,
-    THICKNESS,
-    TIP,
-    Walls,
-    force_n,
-    predict_wall,
-)
+from scleraforce.fitting.fit_prediction import Walls, force_n, predict_wall
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import SHINE_MEAN_M, prior_of
+from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, SHINE, THICKNESS, TIP
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN
 from scleraforce.segmentation.observations import Boundaries

@@ -12,35 +12,24 @@ from machine_code import compiled_again
 
 from scleraforce import compiled
 from scleraforce.errors import InputError
-from scleraforce.fitting import compiled_depths
-from scleraforce.fitting.fit_prediction import (
-    DEPTH,
-    GAP,
-    IOP,
-    MODULUS,
-    NAMES,
-    POLE,
-    PRESSURE,
-    ROTATION,
-    SIZE,
-    THICKNESS,
-    TIP,
-    Walls,
-    predict_wall,
-)
+from scleraforce.fitting import compiled_depths, compiled_prediction
+from scleraforce.fitting.fit_prediction import Walls, predict_wall
+from scleraforce.fitting.globe_term import law_slope, off_the_law
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.placement import Places
 from scleraforce.fitting.prior import prior_of
+from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, POLE, PRESSURE, ROTATION, SIZE, THICKNESS, TIP
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, KnownGlobe
-from scleraforce.library import compiled_states
+from scleraforce.library import compiled_pressures, compiled_states
+from scleraforce.study.globe import RIGIDITY_LAWS
 
 Both = Callable[[Callable[[], object]], tuple[object, object]]
 
 
 @pytest.fixture(scope="module", autouse=True)
 def machine_code() -> Iterator[None]:
-    with compiled_again(compiled_states, compiled_depths):
+    with compiled_again(compiled_states, compiled_pressures, compiled_depths, compiled_prediction):
         yield
 
 
@@ -108,6 +97,44 @@ def test_a_wall_that_only_runs_back_is_the_same(both: Both) -> None:
     assert not loops.seen.any()
     np.testing.assert_allclose(loops.depth_m, arrays.depth_m, rtol=0, atol=2e-9)
     np.testing.assert_allclose(loops.slope, arrays.slope, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("place", ["deepest", "thickest", "at the highest pressure"])
+def test_a_wall_at_an_end_of_the_library_turns_as_it_does_inwards(both: Both, place: str) -> None:
+    unknown = drawn(np.random.default_rng(7))
+    unknown[SIZE], highest = 0.0, LIBRARY.iop_ratio_ends(np.array([unknown[THICKNESS]]))[1][0]
+    ends = {TIP: LIBRARY.tip_m[-1], THICKNESS: LIBRARY.thickness_m[-1], IOP: unknown[MODULUS] + np.log(highest)}
+    which = dict(zip(("deepest", "thickest", "at the highest pressure"), ends, strict=True))[place]
+    unknown[which] = ends[which]
+    arrays, loops = both(lambda: predict_wall(Walls(LIBRARY), unknown, BOTH))
+    assert np.abs(loops.jacobian[:, which]).max() > 0.0
+    scale = np.abs(arrays.jacobian).max(axis=0) + 1e-12
+    np.testing.assert_allclose(loops.jacobian / scale, arrays.jacobian / scale, rtol=0, atol=5e-3)
+
+
+@pytest.mark.parametrize("law", RIGIDITY_LAWS)
+def test_a_pressure_is_as_far_off_the_law_of_its_globe(both: Both, law: str) -> None:
+    rng = np.random.default_rng(9)
+    unknown_su = np.stack([drawn(rng) for _ in range(30)])
+    walls = Walls(bulging(LIBRARY), replace(UNKNOWN, law=law))
+    for term in (lambda: off_the_law(walls, unknown_su), lambda: law_slope(walls, unknown_su[0])):
+        arrays, loops = both(term)
+        assert np.abs(arrays).max() > 0.1
+        np.testing.assert_allclose(loops, arrays, rtol=1e-6, atol=1e-9)
+
+
+def test_curves_are_the_same_and_refused_alike(both: Both) -> None:
+    rng = np.random.default_rng(12)
+    thickness_m = rng.uniform(LIBRARY.thickness_m[0], LIBRARY.thickness_m[-1], 40)
+    low, high = LIBRARY.iop_ratio_ends(thickness_m)
+    state = thickness_m, rng.uniform(low, high), rng.uniform(0.0, LIBRARY.tip_m[-1], 40)
+    arrays, loops = both(lambda: LIBRARY.shapes(*state))
+    np.testing.assert_allclose(loops, arrays, rtol=0, atol=5e-9)  # sums in single precision, of up to 12 mm
+    for place, outside in enumerate((2e-3, 1.0, 9e-3)):
+        wrong = list(state)
+        wrong[place] = np.full(40, outside)
+        messages = both(lambda wrong=wrong: refusal(LIBRARY.shapes, wrong))
+        assert messages[0] == messages[1]
 
 
 def test_forces_and_volumes_are_the_same_and_refused_alike(both: Both) -> None:

@@ -1,11 +1,16 @@
 """The pressure of sealed eyes under a force, against the pressure at the dent that the force makes."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 from analytic_library import analytic_library, draw_walls
+from machine_code import compiled_again
 
+from scleraforce import compiled
 from scleraforce.errors import InputError
 from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
+from scleraforce.library import compiled_pressures, compiled_states
 from scleraforce.library.sealed import iop_ratio_at_dent
 from scleraforce.library.under_force import iop_ratio_under_force
 from scleraforce.study.globe import RIGIDITY_LAWS
@@ -14,6 +19,17 @@ from scleraforce.units import SI_PER_UNIT
 PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]
 LIBRARY = analytic_library()
 WALL = (np.array([0.65e-3]), np.array([9e-4]))
+
+
+@pytest.fixture(scope="module", params=["arrays", "loops"], autouse=True)
+def way(request: pytest.FixtureRequest) -> Iterator[None]:
+    """All that is claimed holds for arrays and for compiled loops."""
+    if request.param == "arrays":
+        yield
+        return
+    with compiled_again(compiled_states, compiled_pressures), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiled, "_in_use", True)
+        yield
 
 
 def sealed_eyes(law: str, count: int = 200) -> tuple[np.ndarray, np.ndarray, np.ndarray, Globe]:
@@ -82,3 +98,20 @@ def test_where_a_force_is_more_than_a_wall_carries_the_deepest_dent_counts() -> 
     largest = LIBRARY.largest_force_ratio(*WALL)
     assert LIBRARY.reached_tips(*WALL, 0.5 * largest) == pytest.approx(LIBRARY.tips(*WALL, 0.5 * largest))
     assert LIBRARY.reached_tips(*WALL, 100.0 * largest) == LIBRARY.tip_m[-1]
+
+
+@pytest.mark.parametrize("law", RIGIDITY_LAWS)
+def test_loops_find_the_pressures_that_arrays_find(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(8)
+    thickness, resting, _, _ = sealed_eyes(law)
+    globe = sealed_globe(
+        np.where(rng.random(len(thickness)) < 0.1, -0.002, rng.uniform(0.0, 0.2, len(thickness))) * PER_UL, law
+    ).over(0.4e6)
+    forces = rng.uniform(0.0, 1.2, len(thickness)) * LIBRARY.largest_force_ratio(thickness, resting)
+    found = iop_ratio_under_force(LIBRARY, thickness, resting, forces, globe)
+    monkeypatch.setattr(compiled, "_in_use", False)
+    expected = iop_ratio_under_force(LIBRARY, thickness, resting, forces, globe)
+    highest = LIBRARY.iop_ratio_ends(thickness)[1]
+    assert np.count_nonzero(expected > (1.0 - 1e-9) * highest) > 5
+    assert np.count_nonzero(expected < resting) > 2
+    np.testing.assert_allclose(found, expected, rtol=1e-6)

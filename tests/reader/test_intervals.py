@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import ModelError
-from scleraforce.fitting.fit_prediction import FORM, NAMES
 from scleraforce.fitting.library_fit import BoundaryFit
 from scleraforce.fitting.prior import prior_of
 from scleraforce.fitting.resting_form import FORMS
+from scleraforce.fitting.unknowns import FORM, NAMES
 from scleraforce.known.discrepancy import NO_DISCREPANCY
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, SEALED

@@ -9,7 +9,7 @@ from analytic_frames import CLEAN, GAP_M, KNOWN, SCALE, STUDY, image, tip_of, wa
 from fixed_network import FIVE_MN, force_reader
 from shafts import STEEL
 
-from scleraforce.fitting.fit_prediction import GAP
+from scleraforce.fitting.unknowns import GAP
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.needle import draw_shaft
 from scleraforce.laboratory.optics import sample_optics

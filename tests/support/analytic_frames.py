@@ -6,18 +6,8 @@ from math import log
 import numpy as np
 from analytic_library import analytic_library
 
-from scleraforce.fitting.fit_prediction import (
-    DEPTH,
-    GAP,
-    IOP,
-    LATERAL,
-    MODULUS,
-    NAMES,
-    THICKNESS,
-    TIP,
-    Walls,
-    place_walls,
-)
+from scleraforce.fitting.fit_prediction import Walls, place_walls
+from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN
 from scleraforce.laboratory.bscan import render_bscan

@@ -11,10 +11,10 @@ import numpy as np
 
 from scleraforce.calibration.eye_model import known_of_constants
 from scleraforce.calibration.library_eye import LibraryEye
-from scleraforce.fitting.fit_prediction import FORM
 from scleraforce.fitting.library_fit import NO_WALL_M, fit_boundaries
 from scleraforce.fitting.prior import form_size, prior_of
 from scleraforce.fitting.resting_form import form_depths
+from scleraforce.fitting.unknowns import FORM
 from scleraforce.known.eye import Modulus
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import CalibrationStudy, ReaderStudy

@@ -10,14 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.compiled import compiled
-from scleraforce.fitting.base_motion import Stations
-from scleraforce.fitting.placement import Places
 from scleraforce.library.base_bulge import SHEARED
 from scleraforce.library.compiled_states import curves_at, state_weights, undented_at, value_at
 from scleraforce.library.splines import SUPPORT
 from scleraforce.library.tables import SplineTables
 
-__all__ = ["States", "depths_of_walls"]
+__all__ = ["Rings", "States", "depths_of_walls"]
 
 Floats = NDArray[np.float64]
 Curves = NDArray[np.float32]
@@ -47,7 +45,7 @@ class States(NamedTuple):
     rotation_rad: float
 
 
-class _Rings(NamedTuple):
+class Rings(NamedTuple):
     """What `base_motion.Stations` says of places and rings."""
 
     places: Floats
@@ -55,25 +53,10 @@ class _Rings(NamedTuple):
     share: Floats
 
 
-def depths_of_walls(
-    tables: SplineTables, stations: Stations, states: States, places: Places
-) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Return what a frame shows of walls at places, which go from the left on either boundary.
-
-    Returns:
-        Depths (wall, place), m; of the first wall the slope and whether it is reached (place,).
-    """
-    count = len(places.lateral_m)
-    depth_m, slope, reached = np.empty((len(states.tip_m), count)), np.empty(count), np.empty(count, dtype=np.bool_)
-    rings = _Rings(stations.places_bpc, stations.left_bw, stations.share_bw)
-    _depths_of_walls(tables, rings, states, places.lateral_m, places.outer, places.smoothing_m, depth_m, slope, reached)
-    return depth_m, slope, reached
-
-
 @compiled
-def _depths_of_walls(
+def depths_of_walls(
     tables: SplineTables,
-    rings: _Rings,
+    rings: Rings,
     states: States,
     at_m: Floats,
     outer: int,
@@ -82,6 +65,10 @@ def _depths_of_walls(
     slope: Floats,
     reached: NDArray[np.bool_],
 ) -> None:
+    """Write what a frame shows of walls at places, which go from the left on either boundary.
+
+    Depths (wall, place), m; of the first wall the slope and whether it is reached (place,).
+    """
     walls, nodes = len(states.tip_m), tables.curves.shape[1] // 4
     rows, weights = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3)
     curves = np.empty((walls, tables.curves.shape[1]))
@@ -122,7 +109,7 @@ def _depths_of_walls(
 
 
 @compiled
-def _motion(tables: SplineTables, rings: _Rings, states: States, wall: int, motion: Floats) -> None:
+def _motion(tables: SplineTables, rings: Rings, states: States, wall: int, motion: Floats) -> None:
     """Write how the pressure moves the rings of a wall beside the pole (boundary, ring, 3) (`base_bulge`)."""
     nodes, places = len(tables.angles), rings.places.shape[1]
     meridian, at_places = np.empty((2, nodes, 2)), np.empty((places, 3))

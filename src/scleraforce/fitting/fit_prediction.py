@@ -24,27 +24,36 @@ from numpy.typing import NDArray
 from scleraforce.compiled import loops_are_compiled
 from scleraforce.fitting.base_motion import Stations, section_stations
 from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
-from scleraforce.fitting.resting_form import FORMS, form_depths
+from scleraforce.fitting.resting_form import form_depths
+from scleraforce.fitting.unknowns import (
+    DEPTH,
+    FORM,
+    GAP,
+    GAP_STEP_M,
+    INNER_OFFSET,
+    IOP,
+    LATERAL,
+    LOG_PRESSURE_STEP,
+    MODULUS,
+    NAMES,
+    POLE,
+    POLE_STEP,
+    PRESSURE,
+    ROTATION,
+    SAME_CURVES_AND_MOTION,
+    SHINE,
+    SHINING_SLOPE,
+    SIZE,
+    THICKNESS,
+    THICKNESS_STEP_M,
+    TIP,
+    TIP_STEP_M,
+)
 from scleraforce.known.globe import OPEN, KnownGlobe
 from scleraforce.library.responses import Library
 
 __all__ = [
-    "DEPTH",
-    "FORM",
-    "GAP",
     "HIGHEST_POLE",
-    "INNER_OFFSET",
-    "IOP",
-    "LATERAL",
-    "MODULUS",
-    "NAMES",
-    "POLE",
-    "PRESSURE",
-    "ROTATION",
-    "SHINE",
-    "SIZE",
-    "THICKNESS",
-    "TIP",
     "Walls",
     "cut_by_plane",
     "displaced_m3",
@@ -57,25 +66,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-# The unknowns of a fit, (unknown,): dent and pose in m and rad; logarithms of the eye's size over the library's, of E
-# in Pa and of the IOP without the needle in Pa; an offset of the inner boundary in m, which the segmentation may see a
-# little too deep; the logarithm of the pressure under the needle in Pa, which counts where the globe may be sealed; by
-# how much the segmentation sees the outer boundary too high where that faces the light (`shining`), in m; the form at
-# rest (`resting_form.FORMS`), in m; and where the pole lies, along the section and across it
-# (`base_bulge.pole_direction`).
-NAMES = (
-    "tip_m", "lateral_m", "depth_m", "rotation_rad", "gap_m", "thickness_m", "log_modulus", "log_iop", "log_size",
-    "inner_m", "log_pressure", "shine_m", *FORMS, "pole_along", "pole_across",
-)  # fmt: skip
-TIP, LATERAL, DEPTH, ROTATION, GAP, THICKNESS, MODULUS, IOP, SIZE, INNER_OFFSET, PRESSURE, SHINE = range(12)
-FORM = slice(SHINE + 1, SHINE + 1 + len(FORMS))
-POLE = slice(FORM.stop, len(NAMES))
-
-TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP = 20e-6, 10e-6, 5e-6, 0.02
-POLE_STEP = 5e-3
-SHINING_SLOPE = 0.115  # at which the surface's mirror reflection moves its edge 1/e as far as where it faces the light
-# Of a wall and what it is compared to, by each of these steps: whose curves, whose motion under the pressure they have.
-SAME_CURVES_AND_MOTION = np.array([[0, 1, 0, 3, 4, 0, 0], [0, 0, 0, 3, 4, 5, 6]])
 HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit takes
 
 
@@ -162,13 +152,30 @@ def predict_wall(walls: Walls, unknown: Array, places: Places) -> Placed:
         unknown: (unknown,), in the order of `NAMES`.
         places: where the frame was looked at.
     """
+    return (_predicted_by_loops if loops_are_compiled() else _predicted_by_arrays)(walls, unknown, places)
+
+
+def _predicted_by_loops(walls: Walls, unknown: Array, places: Places) -> Placed:
+    from scleraforce.fitting.compiled_depths import Rings
+    from scleraforce.fitting.compiled_prediction import predict
+
+    count = len(places.lateral_m)
+    placed = Placed(np.empty(count), np.empty(count), np.empty((count, len(NAMES))), np.empty(count, dtype=np.bool_))
+    stations = walls.stations
+    rings = Rings(stations.places_bpc, stations.left_bw, stations.share_bw)
+    looked_at = places.lateral_m, places.outer, places.smoothing_m
+    predict(walls.library.tables, rings, unknown, walls.pressure, *looked_at, *vars(placed).values())
+    return placed
+
+
+def _predicted_by_arrays(walls: Walls, unknown: Array, places: Places) -> Placed:
     steps = np.array([TIP_STEP_M, GAP_STEP_M, THICKNESS_STEP_M, LOG_PRESSURE_STEP, POLE_STEP, POLE_STEP])
     moving = [TIP, GAP, THICKNESS, walls.pressure, *range(POLE.start, POLE.stop)]
     varied = np.repeat(unknown[None], len(moving) + 1, axis=0)
     varied[1:, moving] += np.diag(_inward(walls, unknown, steps))
     moved = varied[1:, moving].diagonal() - unknown[moving]
-    depths, slope, seen = _varied_depths(walls, varied, places)
-    depth = depths[0]
+    found = [curve_depths(curves, places) for curves in _varied_walls(walls, varied)]
+    depths, (depth, slope, seen) = np.stack([depth for depth, _, _ in found]), found[0]
     by_tip, by_gap, by_thickness, by_pressure, *by_pole = (depths[1:] - depth) / moved[:, None]
     by_lateral, by_depth, by_rotation = pose_derivatives(places, depth, slope, (unknown[LATERAL], unknown[DEPTH]))
     by_size = depth - unknown[DEPTH] - slope * (places.lateral_m - unknown[LATERAL])
@@ -198,27 +205,6 @@ def shining(slope: Array) -> Array:
     """
     share: Array = np.exp(-((slope / SHINING_SLOPE) ** 2))
     return share
-
-
-def _varied_depths(walls: Walls, varied_su: Array, places: Places) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return the depths that a frame shows of varied walls (wall, place); slope and whether it is seen of the first."""
-    if not loops_are_compiled():
-        found = [curve_depths(curves, places) for curves in _varied_walls(walls, varied_su)]
-        return np.stack([depth for depth, _, _ in found]), *found[0][1:]
-    from scleraforce.fitting.compiled_depths import States, depths_of_walls
-
-    thickness, ratio, tip = _library_place(walls, varied_su)
-    states = States(
-        thickness,
-        ratio,
-        tip,
-        np.exp(varied_su[:, SIZE]),
-        np.ascontiguousarray(varied_su[:, GAP]),
-        np.ascontiguousarray(varied_su[:, POLE]),
-        *SAME_CURVES_AND_MOTION,
-        *varied_su[0, [LATERAL, DEPTH, ROTATION]],
-    )
-    return depths_of_walls(walls.library.tables, walls.stations, states, places)
 
 
 def _varied_walls(walls: Walls, varied_su: Array) -> Array:

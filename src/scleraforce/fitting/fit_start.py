@@ -8,20 +8,8 @@ away, dents hardly grow with the force, or shrink: the states of such a globe ar
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import (
-    DEPTH,
-    IOP,
-    LATERAL,
-    MODULUS,
-    POLE,
-    PRESSURE,
-    SIZE,
-    THICKNESS,
-    TIP,
-    Walls,
-    force_n,
-    place_walls,
-)
+from scleraforce.fitting.fit_prediction import Walls, force_n, place_walls
+from scleraforce.fitting.unknowns import DEPTH, IOP, LATERAL, MODULUS, POLE, PRESSURE, SIZE, THICKNESS, TIP
 from scleraforce.library.sealed import iop_ratio_at_dent
 
 __all__ = ["LARGEST_N", "bearing_start", "higher_start", "starts"]

@@ -5,10 +5,17 @@ says that level(P) is normal about level(P0) + mean(k) dV with the standard devi
 fitted, which a frame shows, and not the rigidity, which it shows only where the dent is deep.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import IOP, MODULUS, NAMES, PRESSURE, SIZE, THICKNESS, TIP, Walls, displaced_m3
+from scleraforce.compiled import loops_are_compiled
+from scleraforce.eye.globe import Globe
+from scleraforce.fitting.fit_prediction import Walls, displaced_m3
+from scleraforce.fitting.unknowns import IOP, MODULUS, NAMES, PRESSURE, SIZE, THICKNESS, TIP
+from scleraforce.known.globe import KnownGlobe
+from scleraforce.study.globe import RIGIDITY_LAWS
 
 __all__ = ["keep_within", "law_slope", "off_the_law"]
 
@@ -52,10 +59,23 @@ def keep_within(walls: Walls, unknown_su: Array) -> Array:
     return kept
 
 
+@lru_cache(maxsize=8)
+def _laws(known: KnownGlobe) -> tuple[Globe, Globe]:
+    """Return the globes of the mean rigidity and of its standard deviation."""
+    return known.globe(known.mean), known.globe(known.sd)
+
+
 def _off(walls: Walls, unknown_su: Array) -> tuple[Array, Array]:
     """Return how far level(P) is off its mean and its standard deviation, (sample,) each."""
-    known, volume = walls.globe, displaced_m3(walls, unknown_su)
-    mean, spread = known.globe(known.mean), known.globe(known.sd)
+    mean, spread = _laws(walls.globe)
+    if loops_are_compiled():
+        from scleraforce.fitting.compiled_prediction import Law, off_the_laws
+
+        off, sd = np.empty(len(unknown_su)), np.empty(len(unknown_su))
+        law = Law(mean.law == RIGIDITY_LAWS[1], float(mean.rate), float(spread.rate), LEAST_SD)
+        off_the_laws(walls.library.tables, law, unknown_su, off, sd)
+        return off, sd
+    volume = displaced_m3(walls, unknown_su)
     pressure, resting = np.exp(unknown_su[:, PRESSURE]), np.exp(unknown_su[:, IOP])
     off = mean.level(pressure) - mean.level(resting) - mean.rate * volume
     sd = np.hypot(spread.rate * volume, LEAST_SD * mean.level_slope(resting) * resting)

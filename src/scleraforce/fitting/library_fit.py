@@ -16,32 +16,17 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import (
-    FORM,
-    GAP,
-    HIGHEST_POLE,
-    LATERAL,
-    MODULUS,
-    NAMES,
-    POLE,
-    PRESSURE,
-    SIZE,
-    THICKNESS,
-    TIP,
-    Walls,
-    force_n,
-    formed_wall,
-    predict_wall,
-)
+from scleraforce.fitting.fit_prediction import HIGHEST_POLE, Walls, force_n, formed_wall, predict_wall
 from scleraforce.fitting.fit_start import LARGEST_N, bearing_start, higher_start, starts
 from scleraforce.fitting.globe_term import keep_within, law_slope, off_the_law
 from scleraforce.fitting.least_squares import Columns, Stopping, gauss_newton, robust_spread
 from scleraforce.fitting.limbus_start import limbus_starts
 from scleraforce.fitting.placement import Placed, Places
 from scleraforce.fitting.prior import HEAVY, Prior
+from scleraforce.fitting.unknowns import FORM, GAP, LATERAL, MODULUS, NAMES, POLE, PRESSURE, SIZE, THICKNESS, TIP
 from scleraforce.library.responses import Library
 
-__all__ = ["NO_WALL_M", "BoundaryFit", "fit_boundaries"]
+__all__ = ["NO_WALL_M", "BoundaryFit", "fit_boundaries", "fit_from"]
 
 Array = NDArray[np.float64]
 _Fit = tuple[Array, Placed, float]  # unknowns, prediction and cost
@@ -63,6 +48,7 @@ FORM_ENDS = np.array([[1.5e-3, -0.5, -20.0, 1.5e-3, -0.5, -20.0, -0.05], [7e-3, 
 LARGEST_LOG_SIZE = 0.5
 LOST = 0.05  # share of the columns that a fit may leave aside before a limbus is looked for
 STOPPING = Stopping(iterations=20, converged_sd=0.05, settled_cost=0.005, retry_damping=1e-2)
+TO_THE_END = Stopping(iterations=20, converged_sd=0.002, retry_damping=1e-2)  # differences of fits are told by it
 FIRST_STEPS = replace(STOPPING, iterations=5)  # from each of several starts; the best is then followed to its end
 # Of where the pole lies, in one step: towards the base the wall's bulge turns quickly with it, and a fit that strides
 # farther goes to and fro.
@@ -135,8 +121,8 @@ def fit_boundaries(
     outer = columns.places.outer
     if outer < 2 * len(NAMES):
         return None
-    walls = Walls(library, prior.globe, gap_m=float(prior.mean[GAP]), thickness_m=float(prior.mean[THICKNESS]))
-    problem = _Problem(walls, columns, prior)
+    problem = _problem(library, columns, prior)
+    walls = problem.walls
     begun = starts(walls, prior.mean, columns.places.lateral_m[:outer], columns.depth_m[:outer], STARTS)
     best = _best_fit(problem, begun)
     if problem.outliers(best[1]) > LOST:
@@ -146,6 +132,28 @@ def fit_boundaries(
     if walls.globe.can_be_sealed:
         best = _along_valley(problem, _beyond(problem, best, borne_n))
     return problem.result(*best)
+
+
+def fit_from(
+    library: Library, lateral_m: Array, depth_bc: Array, prior: Prior, smoothing_m: float, unknown: Array
+) -> BoundaryFit:
+    """Fit the library to boundaries from one place only, and to the end: what a prior changes a little in a fit.
+
+    Args:
+        library: of responses, as `fit_boundaries`, like the other arguments.
+        lateral_m: of the columns.
+        depth_bc: of the boundaries.
+        prior: what is known.
+        smoothing_m: of the outer boundary.
+        unknown: where a fit to the same boundaries lies (`BoundaryFit.unknown`).
+    """
+    problem = _problem(library, _thinned(lateral_m, depth_bc, smoothing_m), prior)
+    return problem.result(*gauss_newton(problem, problem.inside(unknown.copy()), TO_THE_END, _step))
+
+
+def _problem(library: Library, columns: Columns, prior: Prior) -> "_Problem":
+    walls = Walls(library, prior.globe, gap_m=float(prior.mean[GAP]), thickness_m=float(prior.mean[THICKNESS]))
+    return _Problem(walls, columns, prior)
 
 
 def _best_fit(problem: "_Problem", starts: Sequence[Array]) -> _Fit:

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import FORM, LATERAL
 from scleraforce.fitting.least_squares import Columns
 from scleraforce.fitting.placement import Placed
+from scleraforce.fitting.unknowns import FORM, LATERAL
 
 __all__ = ["limbus_starts"]
 

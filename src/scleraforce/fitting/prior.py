@@ -6,7 +6,7 @@ from math import log, radians, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import (
+from scleraforce.fitting.unknowns import (
     DEPTH,
     FORM,
     GAP,

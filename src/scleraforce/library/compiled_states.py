@@ -10,14 +10,14 @@ from scleraforce.compiled import compiled
 from scleraforce.library.splines import SUPPORT, Pieces
 from scleraforce.library.tables import SplineTables
 
-__all__ = ["curves_at", "state_weights", "undented_at", "value_at", "values_at"]
+__all__ = ["curves_at", "curves_of", "spline_weights", "state_weights", "undented_at", "value_at", "values_at"]
 
 Floats = NDArray[np.float64]
 Curves = NDArray[np.float32]
 
 
 @compiled
-def _spline_weights(pieces: Pieces, place: float, weights: Floats) -> int:
+def spline_weights(pieces: Pieces, place: float, weights: Floats) -> int:
     """Write the weights of the four B-splines at a place between the ends; return the first (`CubicSpline.weights`)."""
     interval = 0
     while interval + 1 < len(pieces.start) and place >= pieces.start[interval + 1]:
@@ -37,9 +37,9 @@ def state_weights(
 ) -> None:
     """Write the rows (64,) of the state tables that a state lies between, and their weights."""
     of_t, of_p, of_d = np.empty(SUPPORT), np.empty(SUPPORT), np.empty(SUPPORT)
-    t = _spline_weights(tables.thickness, np.log(thickness_m), of_t)
-    p = _spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m), of_p)
-    d = _spline_weights(tables.tip, tip_m, of_d)
+    t = spline_weights(tables.thickness, np.log(thickness_m), of_t)
+    p = spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m), of_p)
+    d = spline_weights(tables.tip, tip_m, of_d)
     place = 0
     for i in range(SUPPORT):
         for j in range(SUPPORT):
@@ -72,8 +72,8 @@ def curves_at(curves: Curves, rows: NDArray[np.intp], weights: Floats, found: Fl
 def undented_at(tables: SplineTables, thickness_m: float, iop_ratio: float, found: Floats) -> None:
     """Write the wall without the needle (b n c,)."""
     of_t, of_p = np.empty(SUPPORT), np.empty(SUPPORT)
-    t = _spline_weights(tables.thickness, np.log(thickness_m), of_t)
-    p = _spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m), of_p)
+    t = spline_weights(tables.thickness, np.log(thickness_m), of_t)
+    p = spline_weights(tables.tension, np.log(iop_ratio * tables.radius_m / thickness_m), of_p)
     found[:] = 0.0
     for i in range(SUPPORT):
         for j in range(SUPPORT):
@@ -90,3 +90,13 @@ def values_at(tables: SplineTables, values: Floats, thickness_m: Floats, iop_rat
         state_weights(tables, thickness_m[sample], iop_ratio[sample], tip_m[sample], rows, weights)
         found[sample] = value_at(values, rows, weights)
     return found
+
+
+@compiled
+def curves_of(tables: SplineTables, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats, found: Curves) -> None:
+    """Write the curves (sample, b n c) of states (sample,)."""
+    rows, weights, curves = np.empty(SUPPORT**3, dtype=np.intp), np.empty(SUPPORT**3), np.empty(found.shape[1])
+    for sample in range(len(found)):
+        state_weights(tables, thickness_m[sample], iop_ratio[sample], tip_m[sample], rows, weights)
+        curves_at(tables.curves, rows, weights, curves)
+        found[sample] = curves

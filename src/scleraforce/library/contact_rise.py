@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.library.base_bulge import meridian_angles
-from scleraforce.library.splines import SUPPORT, CubicSpline
+from scleraforce.library.splines import CubicSpline
 
 __all__ = ["contact_rises", "rise_slope"]
 
@@ -34,10 +34,7 @@ def contact_rises(undented_tpbnc: NDArray[np.float32], polar_rad: Floats, radius
     outer_tpnc = undented_tpbnc[:, :, 0].astype(np.float64)
     # The first has hardly moved; and an angle that is a little off turns the rise by its square only.
     spline = CubicSpline(meridian_angles(undented_tpbnc[0, 0].astype(np.float64), radius_m))
-    first, weights = spline.weights(polar_rad)
-    coefficients = spline.coefficients(outer_tpnc, axis=2)
-    near = coefficients[:, :, first[:, None] + np.arange(SUPPORT)]
-    contact_tpac = np.einsum("ak,tpakc->tpac", weights, near)
+    contact_tpac = spline.shares(polar_rad) @ outer_tpnc
     away, above = contact_tpac[..., 0], radius_m - contact_tpac[..., 1]
     return np.moveaxis(away * np.sin(polar_rad) + above * np.cos(polar_rad) - radius_m, -1, 0)
 

@@ -73,14 +73,14 @@ class Library:
     contact_polar_rad: float
     stiffening: float = 0.0
     stiffened: StiffenedWalls | None = None
-    shapes_of: InitVar["Library | None"] = None  # of the same walls, with which it shares what they cost
+    weights: InitVar[SplineWeights | None] = None  # of its walls, where another library has them already
     _weights: SplineWeights = field(init=False, repr=False, compare=False)
     _others: "OrderedDict[float, Library]" = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self, shapes_of: "Library | None") -> None:
+    def __post_init__(self, weights: SplineWeights | None) -> None:
         check_arrays(self)
         own = SplineWeights(self.thickness_m, self.tension, self.tip_m, self.curves_tpdbnc, self.undented_tpbnc)
-        object.__setattr__(self, "_weights", own if shapes_of is None else shapes_of._weights)
+        object.__setattr__(self, "_weights", own if weights is None else weights)
         object.__setattr__(self, "_others", OrderedDict())
 
     def curves(self, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats) -> Responses:
@@ -96,7 +96,8 @@ class Library:
         """
         walls = self._walls(thickness_m, iop_ratio)
         tip_m = self._tips(walls, thickness_m, iop_ratio, force_ratio)
-        return Responses(self._curves(walls, tip_m), tip_m, np.asarray(force_ratio, dtype=np.float64))
+        curves_sbnc = self._curves(thickness_m, iop_ratio, tip_m)
+        return Responses(curves_sbnc, tip_m, np.asarray(force_ratio, dtype=np.float64))
 
     def at_tip(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Responses:
         """Return the states at given tips (sample,), m; twice continuously differentiable in all three arguments.
@@ -106,7 +107,7 @@ class Library:
         """
         forces = self.forces(thickness_m, iop_ratio, tip_m)
         tips = np.asarray(tip_m, dtype=np.float64)
-        return Responses(self._curves(self._walls(thickness_m, iop_ratio), tips), tips, forces)
+        return Responses(self._curves(thickness_m, iop_ratio, tips), tips, forces)
 
     def shapes(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Curves:
         """Return the curves of `at_tip` (sample, boundary, node, 2), m, without the forces: half the work.
@@ -114,9 +115,8 @@ class Library:
         Raises:
             InputError: a sample lies outside the library.
         """
-        walls = self._walls(thickness_m, iop_ratio)
         check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
-        return self._curves(walls, np.asarray(tip_m, dtype=np.float64))
+        return self._curves(thickness_m, iop_ratio, np.asarray(tip_m, dtype=np.float64))
 
     def forces(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Floats:
         """Return F/E (sample,), m^2, of `at_tip` without the curves, at a hundredth of the cost; errors of `shapes`."""
@@ -233,7 +233,7 @@ class Library:
         Raises:
             InputError: the polar angle is outside the library's range.
         """
-        return replace(self, contact_polar_rad=polar_rad, shapes_of=self)
+        return replace(self, contact_polar_rad=polar_rad, weights=self._weights)
 
     def for_stiffening(self, stiffening: float) -> "Library":
         """Return the library of tissue that stiffens by b, at the same contact; the last few are kept.
@@ -249,6 +249,7 @@ class Library:
             self._others[stiffening] = replace(self, **self.stiffened.at(stiffening), stiffening=stiffening)
             if len(self._others) > OTHERS:
                 self._others.popitem(last=False)
+        self._others.move_to_end(stiffening)
         return self._others[stiffening]
 
     @property
@@ -271,7 +272,9 @@ class Library:
         nodes = min(int(np.flatnonzero(near)[-1]) + 2, len(near))
         stiffened = None if self.stiffened is None else self.stiffened.within(nodes)
         curves_tpdbnc = np.ascontiguousarray(self.curves_tpdbnc[..., :nodes, :])
-        return replace(self, curves_tpdbnc=curves_tpdbnc, stiffened=stiffened)
+        return replace(
+            self, curves_tpdbnc=curves_tpdbnc, stiffened=stiffened, weights=self._weights.within(curves_tpdbnc)
+        )
 
     @property
     def _splines(self) -> tuple[CubicSpline, CubicSpline, CubicSpline]:
@@ -292,6 +295,10 @@ class Library:
             undented=self._weights.of_undented,
             forces=self._state_coefficients,
             volumes=self._volume_coefficients,
+            paths=self._force_coefficients,
+            tip_m=self.tip_m,
+            thickness_ends_m=self._ends(self.thickness_m),
+            tension_ends=self._ends(self.tension),
             angles=self._angles,
             radius_m=self.radius_m,
             poisson_ratio=self.poisson_ratio,
@@ -301,9 +308,8 @@ class Library:
     def _contact_forces(self) -> Floats:
         """F/E at the contact's polar angle (t, p, d)."""
         spline = CubicSpline(self.polar_rad)
-        first, weights = spline.weights(self._inside(np.array([self.contact_polar_rad]), self.polar_rad))
-        near = spline.coefficients(self.stiffness_atpd)[first[0] : first[0] + SUPPORT]
-        forces: Floats = self.force_ratio_tpd * np.tensordot(weights[0], near, axes=1)
+        (shares,) = spline.shares(self._inside(np.array([self.contact_polar_rad]), self.polar_rad))
+        forces: Floats = self.force_ratio_tpd * np.tensordot(shares, self.stiffness_atpd, axes=1)
         return forces
 
     @cached_property
@@ -352,8 +358,17 @@ class Library:
         both = (weights[:, None] @ self._force_coefficients[rows])[:, 0]
         return both[:, : len(self.tip_m)], both[:, len(self.tip_m) :]
 
-    def _curves(self, walls: Walls, tip_m: Floats) -> Curves:
-        rows, weights = self._states(walls, tip_m)
+    def _curves(self, thickness_m: Floats, iop_ratio: Floats, tip_m: Floats) -> Curves:
+        """Curves of states whose tips lie in the library, after a check that their walls do."""
+        if loops_are_compiled():
+            from scleraforce.library.compiled_states import curves_of
+
+            self._check_walls(thickness_m, iop_ratio)
+            found = np.empty((len(tip_m), self._weights.of_curves.shape[1]), dtype=np.float32)
+            thickness, ratio, tip = np.broadcast_arrays(thickness_m, iop_ratio, tip_m)
+            curves_of(self.tables, thickness, ratio, tip, found)
+            return found.reshape(len(tip_m), *self.curves_tpdbnc.shape[3:])
+        rows, weights = self._states(self._walls(thickness_m, iop_ratio), tip_m)
         samples, weights32 = len(weights), weights[:, None].astype(np.float32)
         curves = np.empty((samples, 1, self._weights.of_curves.shape[1]), dtype=np.float32)
         for start in range(0, samples, BLOCK):

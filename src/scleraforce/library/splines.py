@@ -53,6 +53,10 @@ class CubicSpline:
         """Return, for places (place,) between the ends, the first B-spline (place,) and four weights (place, 4)."""
         return self.pieces.weights(places)
 
+    def shares(self, places: Floats) -> Floats:
+        """Return how much a value at each node counts at places (place, node); for a few, cheaper than all weights."""
+        return np.asarray(np.linalg.solve(self._matrix().T, self._spread(places).T).T)
+
     def slopes(self, coefficients: Floats) -> Floats:
         """Return the spline's derivative at the nodes; `coefficients` and result have the nodes as last axis."""
         knots, degree = self.knots, SUPPORT - 1
@@ -73,10 +77,14 @@ class CubicSpline:
 
     def _matrix(self) -> Floats:
         """Values of all B-splines at the nodes (node, B-spline)."""
-        first, weights = self.weights(self.nodes)
-        matrix = np.zeros((len(self.nodes), len(self.nodes)))
-        np.put_along_axis(matrix, first[:, None] + np.arange(SUPPORT), weights, axis=1)
-        return matrix
+        return self._spread(self.nodes)
+
+    def _spread(self, places: Floats) -> Floats:
+        """Values of all B-splines at places (place, B-spline)."""
+        first, weights = self.weights(places)
+        values = np.zeros((len(places), len(self.nodes)))
+        np.put_along_axis(values, first[:, None] + np.arange(SUPPORT), weights, axis=1)
+        return values
 
 
 class Pieces(NamedTuple):

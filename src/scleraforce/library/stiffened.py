@@ -136,6 +136,4 @@ class StiffenedWalls:
         if not low <= stiffening <= high:  # nor is NaN
             raise InputError(f"stiffening: {stiffening:g} is outside the library's range, {low:g} to {high:g}")
         spline = CubicSpline(stiffening_place(self.stiffening))
-        first, near = spline.weights(stiffening_place(np.array([stiffening])))
-        of_nodes = spline.coefficients(np.eye(len(self.stiffening)))[first[0] : first[0] + SUPPORT]
-        return np.asarray(near[0] @ of_nodes)
+        return np.asarray(spline.shares(stiffening_place(np.array([stiffening])))[0])

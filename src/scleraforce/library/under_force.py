@@ -4,8 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import elementwise
 
+from scleraforce.compiled import loops_are_compiled
 from scleraforce.eye.globe import Globe
 from scleraforce.library.responses import Library
+from scleraforce.study.globe import RIGIDITY_LAWS
 
 __all__ = ["iop_ratio_under_force"]
 
@@ -42,29 +44,48 @@ def iop_ratio_under_force(
     (sealed,) = np.nonzero((walls[3] != 0.0) & (walls[2] > 0.0))
     if not len(sealed):
         return found
-    thickness, resting, force, rate = (np.asarray(values[sealed], dtype=np.float64) for values in walls)
+    eyes = tuple(np.asarray(values[sealed], dtype=np.float64) for values in walls)
+    found[sealed] = (_by_loops if loops_are_compiled() else _by_arrays)(library, eyes, globe, tolerance)
+    return found
+
+
+def _by_loops(library: Library, eyes: tuple[Floats, ...], globe: Globe, tolerance: float) -> Floats:
+    """Return the pressures of sealed eyes, whose walls lie in the library, by compiled loops."""
+    from scleraforce.library.compiled_pressures import SealedEyes, pressures_under_forces
+
+    thickness, resting, force, rate = eyes
+    library.check_walls(thickness, resting)
+    found = np.empty_like(resting)
+    sealed = SealedEyes(thickness, resting, force, rate, *library.iop_ratio_ends(thickness))
+    pressures_under_forces(library.tables, sealed, globe.law == RIGIDITY_LAWS[1], tolerance, found)
+    return found
+
+
+def _by_arrays(library: Library, eyes: tuple[Floats, ...], globe: Globe, tolerance: float) -> Floats:
+    """Return the pressures of sealed eyes: thickness, resting pressure, force and rate (sample,) each."""
+    thickness, resting, force, rate = eyes
 
     def missing(log_ratio: Floats, thickness: Floats, resting: Floats, force: Floats, rate: Floats) -> Floats:
         ratio = np.exp(log_ratio)
         volumes = library.displaced_m3(thickness, ratio, library.reached_tips(thickness, ratio, force))
         return globe.level(ratio) - globe.level(resting) - rate * volumes
 
-    state, (lowest, highest) = (thickness, resting, force, rate), library.iop_ratio_ends(thickness)
+    lowest, highest = library.iop_ratio_ends(thickness)
     # The dent of the resting pressure hardly ever displaces less than that of a higher one.
     most = library.displaced_m3(thickness, resting, library.reached_tips(thickness, resting, force))
     bound = np.clip(Globe(globe.law, rate).pressure(resting, (1.0 + SPARE) * most), resting, highest)
     low, high = np.log(np.where(rate > 0.0, resting, lowest)), np.log(bound)
-    above, below = missing(high, *state), -rate * most
+    above, below = missing(high, *eyes), -rate * most
     beyond, under = above <= 0.0, rate < 0.0
     high[beyond] = np.log(highest[beyond])
     for place, ends, values in ((beyond, high, above), (under, low, below)):
         if place.any():
-            values[place] = missing(ends[place], *(part[place] for part in state))
+            values[place] = missing(ends[place], *(part[place] for part in eyes))
     within = (above > 0.0) & (below < 0.0)
-    found[sealed] = np.exp(np.where(below >= 0.0, low, high))
-    args = tuple(values[within] for values in state)
+    found: Floats = np.exp(np.where(below >= 0.0, low, high))
+    args = tuple(values[within] for values in eyes)
     root = elementwise.find_root(
         missing, (low[within], high[within]), args=args, tolerances={"xatol": tolerance, "fatol": 0.0}
     )
-    found[sealed[within]] = np.exp(root.x)
+    found[within] = np.exp(root.x)
     return found

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from math import hypot, isfinite
 
-from scleraforce.fitting.fit_prediction import LATERAL
 from scleraforce.fitting.library_fit import BoundaryFit
+from scleraforce.fitting.unknowns import LATERAL
 from scleraforce.reader.force_distribution import stretched_interval, unstretched
 from scleraforce.units import from_si
 

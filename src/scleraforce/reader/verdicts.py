@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.fitting.fit_prediction import FORM, INNER_OFFSET, SIZE, THICKNESS
 from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit
 from scleraforce.fitting.prior import Prior
 from scleraforce.fitting.resting_form import FORMS
+from scleraforce.fitting.unknowns import FORM, INNER_OFFSET, SIZE, THICKNESS
 from scleraforce.reader.readings import Reading
 from scleraforce.segmentation.wall import Segmentation
 from scleraforce.study import ReaderStudy, SliceStudy

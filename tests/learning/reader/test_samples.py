@@ -8,19 +8,8 @@ from analytic_library import analytic_library, bulging
 from stiffened_library import made_up_library
 
 from scleraforce.errors import InputError
-from scleraforce.fitting.fit_prediction import (
-    DEPTH,
-    GAP,
-    IOP,
-    LATERAL,
-    MODULUS,
-    NAMES,
-    POLE,
-    THICKNESS,
-    TIP,
-    Walls,
-    place_walls,
-)
+from scleraforce.fitting.fit_prediction import Walls, place_walls
+from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, LATERAL, MODULUS, NAMES, POLE, THICKNESS, TIP
 from scleraforce.known.globe import SEALED, UNKNOWN
 from scleraforce.learning.reader.draws import CHUNK, TISSUE, Source, chunks_ahead
 from scleraforce.learning.reader.samples import ReaderSamples, concatenated, draw_eyes, draw_samples, library_of_tissue
