@@ -25,7 +25,7 @@ from scleraforce.calibration.known_forces import (
     regression,
 )
 from scleraforce.calibration.stiffening import TissueTrial
-from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit, fit_boundaries
+from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit, fit_boundaries, fit_from
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.correlation import correlation_of
 from scleraforce.known.discrepancy import ForceDiscrepancy
@@ -98,8 +98,7 @@ def settled(
         if len(moved_read) < len(read) or moved_found.loss >= found.loss:
             break
         now, again, read, found = moved, moved_again, moved_read, moved_found
-    largest_n = max((frame.force_n for frame in read), default=None)
-    return Settled(_with_discrepancy(now, found, largest_n), tuple(again), found.loss)
+    return Settled(_with_discrepancy(now, found, [frame.force_n for frame in read]), tuple(again), found.loss)
 
 
 def _all_read(earlier: Sequence[KnownForce], again: Sequence[KnownForce | None]) -> list[KnownForce]:
@@ -128,14 +127,20 @@ def read_again(
     priors = [prior_of(each, study.reader) for each in certain]
     found = list[KnownForce | None]()
     for seen, force_n in frames:
-        at = (near, seen.lateral_m, seen.depth_m)
-        fits = [fit_boundaries(*at, prior, study.calibration.surface_smoothing_m, force_n) for prior in priors]
-        here, stiffer, *rigid = [fit if fit is not None and _read(fit) else None for fit in fits]
-        if here is None or stiffer is None or None in rigid:
+        at, smoothing_m = (near, seen.lateral_m, seen.depth_m), study.calibration.surface_smoothing_m
+        fit = fit_boundaries(*at, priors[0], smoothing_m, force_n)
+        if fit is None or not _read(fit):
             found.append(None)
             continue
+        # A fit of its own for each could end in another valley, and the slope would be that from one to the other.
+        moved = (fit.unknown + prior.mean - priors[0].mean for prior in priors)
+        beside = [fit_from(*at, prior, smoothing_m, unknown) for prior, unknown in zip(priors, moved, strict=True)]
+        if not all(_read(each) for each in beside):
+            found.append(None)
+            continue
+        here, stiffer, *rigid = beside
         low_n, high_n = here.interval_n
-        slopes = [log(fit.force_n / here.force_n) for fit in (stiffer, *rigid) if fit is not None]
+        slopes = [log(each.force_n / here.force_n) for each in (stiffer, *rigid)]
         found.append(
             KnownForce(
                 force_n=force_n,
@@ -196,13 +201,13 @@ def _moved(known: Known, found: Found) -> Known:
     return replace(known, modulus=modulus, globe=known.globe if known.globe is None else globe)
 
 
-def _with_discrepancy(known: Known, found: Found, largest_n: float | None) -> Known:
+def _with_discrepancy(known: Known, found: Found, forces_n: Sequence[float]) -> Known:
     """Return an eye at its E and k with their uncertainty, and the discrepancy given these.
 
     Args:
         known: of the eye.
         found: what its frames tell.
-        largest_n: the largest force of these, N.
+        forces_n: of these frames, N.
     """
     assert known.modulus is not None  # its own
     globe, covariance = globe_of(known), found.covariance
@@ -218,6 +223,7 @@ def _with_discrepancy(known: Known, found: Found, largest_n: float | None) -> Kn
     level, growth = (found.mean[2:] + given @ (place_of(known) - found.mean[:2])).tolist()
     left = covariance[2:, 2:] - given @ covariance[:2, 2:]
     level_sd, growth_sd = np.sqrt(np.diag(left)).tolist()
+    rising_n = [0.0, *sorted(forces_n)]
     by = given * np.array([modulus.relative_sd, float(sds[OF_RIGIDITY])])
     discrepancy = ForceDiscrepancy(
         level=level,
@@ -228,6 +234,7 @@ def _with_discrepancy(known: Known, found: Found, largest_n: float | None) -> Kn
         level_by=(float(by[0, 0]), float(by[0, 1])),
         growth_by=(float(by[1, 0]), float(by[1, 1])),
         scatter=found.scatter,
-        largest_n=largest_n,
+        largest_n=rising_n[-1] if forces_n else None,
+        widest_gap=float(np.diff(rising_n).max() / rising_n[-1]) if forces_n else None,
     )
     return replace(known, modulus=modulus, globe=known.globe if known.globe is None else globe, discrepancy=discrepancy)

@@ -240,8 +240,14 @@ def _discrepancy(entry: Mapping[str, Any], place: str) -> ForceDiscrepancy | Non
         level_by=_pair(values, "level_by", within),
         growth_by=_pair(values, "growth_by", within),
         scatter=number_of(values, "scatter", within, 0.0, LARGEST_SCATTER) if "scatter" in values else 1.0,
-        largest_n=None if values.get("largest_n") is None else number_of(values, "largest_n", within, 0.0, LARGEST_N),
+        largest_n=_or_none(values, "largest_n", within, LARGEST_N),
+        widest_gap=_or_none(values, "widest_gap", within, 1.0),
     )
+
+
+def _or_none(values: Mapping[str, Any], key: str, place: str, high: float) -> float | None:
+    """Return a number from 0 on; None where it is null, or missing, as it is in files of earlier versions."""
+    return None if values.get(key) is None else number_of(values, key, place, 0.0, high)
 
 
 def _pair(values: Mapping[str, Any], key: str, place: str) -> tuple[float, float]:

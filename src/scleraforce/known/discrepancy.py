@@ -27,7 +27,8 @@ class ForceDiscrepancy:
     All are given E and the globe's rigidity at their means; a standard deviation of either above it takes level and
     growth along by `level_by` and `growth_by` (by E, by the rigidity): an eye's frames tell all of these together.
     `scatter`: how far the forces of single frames lie off these, in standard deviations of what is expected.
-    `largest_n`: the largest of these forces, N; None where it is not known. Beyond it the eye is extrapolated.
+    `largest_n`: the largest of these forces, N, beyond which the eye is extrapolated; `widest_gap`: the widest gap
+    between two of them, or below the first, as a share of the largest. None where they are not known.
     """
 
     level: float
@@ -39,6 +40,7 @@ class ForceDiscrepancy:
     growth_by: tuple[float, float] = (0.0, 0.0)
     scatter: float = 1.0
     largest_n: float | None = None
+    widest_gap: float | None = None
 
     def corrected_n(
         self,

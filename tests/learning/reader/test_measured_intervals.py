@@ -15,7 +15,7 @@ from scleraforce.reader.interval_scores import Score
 from scleraforce.study import Range, ReaderStudy, Study
 
 EVEN = Study(reader=ReaderStudy(uneven_share=0.0, thickness_m=Range(min=500e-6, max=700e-6)))
-CALIBRATED, OTHERS, GENTLE = Known(gap_m=0.3e-3), Known(gap_m=0.4e-3), Known(gap_m=0.5e-3)
+CALIBRATED, OTHERS, OTHERWISE = Known(gap_m=0.3e-3), Known(gap_m=0.4e-3), Known(gap_m=0.5e-3)
 
 
 @pytest.fixture(scope="module")
@@ -28,26 +28,19 @@ def eye(library: Library) -> VirtualEye:
     return draw_eye(EVEN, library, 0, np.random.default_rng(5))
 
 
-def test_every_third_eye_of_a_telling_is_read_beyond_gentle_forces_and_counts_there_alone(
+def test_every_second_eye_of_a_telling_is_calibrated_otherwise_as_well(
     eye: VirtualEye, library: Library, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    groups = {CALIBRATED: "own E, taut", OTHERS: "other E, taut"}
-
-    def scores(*given: Any) -> list[Score]:
-        eye, known = given[4:6]
-        names = ("own E, light", "own E, beyond", "own E, far beyond") if known is GENTLE else (groups[known],)
-        return [Score("fit", name, eye, 1.0) for name in names]
-
+    groups = {CALIBRATED: "own E, taut", OTHERS: "other E, taut", OTHERWISE: "own E, sparse, taut"}
     monkeypatch.setattr(intervals, "calibrated_eye", lambda *_: (eye, CALIBRATED, ()))
     monkeypatch.setattr(intervals, "of_population", lambda *_: OTHERS)
-    monkeypatch.setattr(intervals, "gently_calibrated", lambda *_: (GENTLE, ()))
-    monkeypatch.setattr(intervals, "_scores", scores)
+    monkeypatch.setattr(intervals, "calibrated_otherwise", lambda *_: (OTHERWISE, ()))
+    monkeypatch.setattr(intervals, "_scores", lambda *given: [Score("fit", groups[given[5]], given[4], 1.0)])
     scores_of = intervals._measuring(Study(), library, (SHIPPED_READER / "model.onnx").read_bytes())
-    found = {number: [(score.group, score.eye) for score in scores_of(number)] for number in range(18)}
+    found = {number: [(score.group, score.eye) for score in scores_of(number)] for number in range(12)}
     for number, of_eye in found.items():
-        usual = [("own E, taut", str(number)), ("other E, taut", str(number))]
-        beyond = [("own E, beyond", str(number)), ("own E, far beyond", str(number))]
-        assert of_eye == (usual + beyond if number in (0, 1, 2, 9, 10, 11) else usual)
+        of_all = [(group, str(number)) for group in groups.values()]
+        assert of_eye == (of_all if number in (0, 1, 2, 6, 7, 8) else of_all[:2])
 
 
 def test_a_calibration_is_told_how_unsure_the_zero_of_the_log_is_and_when_its_frames_were_taken(

@@ -27,18 +27,19 @@ from scleraforce.learning.reader.virtual_eyes import (
 from scleraforce.library import Library
 from scleraforce.processes import work_in_order
 from scleraforce.reader.interval_factors import NO_FACTORS
-from scleraforce.reader.interval_groups import BEYOND_FROM, EXTRAPOLATED_GROUPS, group_of
+from scleraforce.reader.interval_groups import group_of
 from scleraforce.reader.interval_scores import Score, intervals_record, score
 from scleraforce.reader.model import slice_network
 from scleraforce.reader.readings import Reading, fit_reading
 from scleraforce.study import Study
 
-__all__ = ["STREAM", "calibrated_eye", "gently_calibrated", "intervals_of", "measured_intervals", "network_score"]
+__all__ = ["STREAM", "calibrated_eye", "calibrated_otherwise", "intervals_of", "measured_intervals", "network_score"]
 
 STREAM = 2**30  # of random numbers: the samples' streams are below, those of the validation above
 AHEAD = 2  # eyes for each process that are drawn or wait
-GENTLE_EVERY = 3  # of the eyes of each telling, one is calibrated a second time, on gentle forces
-GENTLEST_N, GENTLE_N = 6e-3, (12e-3, 30e-3)  # the least of these forces, and what the largest lies between
+OTHERWISE_EVERY = 2  # of the eyes of each telling, one is calibrated a second time, on frames of any forces
+MOST_CHOSEN = 5  # of these frames
+LEAST_N, LEAST_LARGEST_N = 6e-3, 12e-3  # of their forces, and of the largest of them
 
 
 def measured_intervals(
@@ -101,11 +102,10 @@ def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int]
         eye, known, left = drawn
         scores = partial(_scores, study, library, eye.wall.polar_rad, reads_slices.read, str(number))
         found = [*scores(known, left), *scores(of_population(eye, study, rng), left)]
-        if number // len(OPEN_OR_SEALED) % GENTLE_EVERY == 0:
+        if number // len(OPEN_OR_SEALED) % OTHERWISE_EVERY == 0:
             again = np.random.default_rng([study.reader.seed, number, STREAM])
-            gentle = gently_calibrated(eye, study, library, again)
-            # Of forces that turn out to lie among those of the calibration, the other groups have scores enough.
-            found += [entry for entry in scores(*gentle) if entry.group in EXTRAPOLATED_GROUPS] if gentle else []
+            otherwise = calibrated_otherwise(eye, study, library, again)
+            found += scores(*otherwise) if otherwise else []
         return found
 
     return scores_of
@@ -125,24 +125,25 @@ def calibrated_eye(
         return None
 
 
-def gently_calibrated(
+def calibrated_otherwise(
     eye: VirtualEye, study: Study, library: Library, rng: np.random.Generator
 ) -> tuple[Known, tuple[VirtualFrame, ...]] | None:
-    """Return what is known of an eye after a calibration on gentle forces, and frames of forces beyond these.
+    """Return what is known of an eye after a calibration on a few frames of any forces, and frames that are left.
 
-    None where the eye bears no force beyond, or where the library does not have it as it was told.
+    Their number is drawn, how large a force is dared, and the other forces below. None where the eye does not bear
+    enough, or where the library does not have it as it was told.
     """
-    calibrating_n = np.linspace(GENTLEST_N, rng.uniform(*GENTLE_N), CALIBRATED)
-    beyond_n = BEYOND_FROM[0] * calibrating_n[-1]
-    if eye.largest_n <= beyond_n:
+    if eye.largest_n <= LEAST_LARGEST_N:
         return None
-    read_n = rng.uniform(beyond_n, eye.largest_n, FRAMES - CALIBRATED)
-    frames = frames_under(eye, study, np.concatenate([calibrating_n, read_n]), rng)
+    count = int(rng.integers(1, MOST_CHOSEN, endpoint=True))
+    dared_n = rng.uniform(LEAST_LARGEST_N, eye.largest_n)
+    forces_n = np.concatenate([[dared_n], rng.uniform(LEAST_N, dared_n, count - 1)])
+    read_n = rng.uniform(0.0, eye.largest_n, FRAMES - CALIBRATED)
+    frames = frames_under(eye, study, np.concatenate([forces_n, read_n]), rng)
     try:
-        known, _ = calibrated(eye, frames[:CALIBRATED], study, library, rng)
+        return calibrated(eye, frames, study, library, rng, range(count))
     except CalibrationError:
         return None
-    return known, frames[CALIBRATED:]
 
 
 def network_score(reading: Reading, known: Known, eye: str, force_n: float) -> Score:

@@ -139,12 +139,15 @@ def draw_eye(study: Study, library: Library, number: int, rng: np.random.Generat
         reader.thickness_noise_fraction,
         reader.gap_noise_fraction,
     )
+    direction_told = rng.random() < DIRECTION_TOLD
+    pole_noise_rad = reader.pole_noise_rad * rng.spawn(1)[0].standard_normal(2)
     told = replace(
         true,
         iop_pa=iop_pa * float(noise[0]),
         thickness_m=float(np.clip(thickness_m * noise[1], *reader.thickness_m.bounds)),
         gap_m=gap_m * float(noise[2]),
-        direction_rad=direction_rad if rng.random() < DIRECTION_TOLD else None,
+        polar_rad=abs(polar_rad + float(pole_noise_rad[0])),
+        direction_rad=direction_rad + float(pole_noise_rad[1]) if direction_told else None,
         globe=told_globe,
     )
     largest_n = _bearable(model, wall, study.needle.max_force_n)
@@ -197,26 +200,43 @@ def wall_depths(eye: VirtualEye, forces_n: Floats, poses: Iterable[Floats], colu
 
 
 def calibrated(
-    eye: VirtualEye, frames: Sequence[VirtualFrame], study: Study, library: Library, rng: np.random.Generator
+    eye: VirtualEye,
+    frames: Sequence[VirtualFrame],
+    study: Study,
+    library: Library,
+    rng: np.random.Generator,
+    chosen: Sequence[int] | None = None,
 ) -> tuple[Known, tuple[VirtualFrame, ...]]:
-    """Return what is known of an eye after a calibration on three of its frames, and the frames that are left.
+    """Return what is known of an eye after a calibration on some of its frames, and the frames that are left.
 
     Those that only said where the eye lies, of light forces, are among these.
+
+    Args:
+        eye: whose frames.
+        frames: in the order of the pushes.
+        study: of the calibration.
+        library: for any contact.
+        rng: source of the errors of the forces.
+        chosen: the frames that it is calibrated on; None: three, as `calibrate --frames 3` takes them.
 
     Raises:
         CalibrationError: the library does not have the eye as it was told.
     """
     labelled = label_forces(np.array([frame.force_n for frame in frames]), rng)
     forces_n = labelled.force_n
-    order = frame_order(forces_n, [True] * len(frames), study.calibration.min_force_n, CALIBRATED, rising=True)
+    least_n, wanted = study.calibration.min_force_n, CALIBRATED if chosen is None else len(chosen)
+    if chosen is None:
+        order = frame_order(forces_n, [True] * len(frames), least_n, wanted, rising=True)
+    else:
+        order = sorted(chosen, key=lambda place: float(forces_n[place]))
     taken = [
         (frames[place].boundaries, float(forces_n[place]), float(labelled.since_start_s[place])) for place in order
     ]
-    found = search(library, partial(_with_tissue, eye.told, taken, labelled.zero_covariance, study))
+    found = search(library, partial(_with_tissue, eye.told, taken, wanted, labelled.zero_covariance, study))
     if found is None:
         raise CalibrationError("the library does not have the eye as it was told")
     stiffening, (known, used) = found
-    told_force = {place for place in order[:used] if forces_n[place] > study.calibration.min_force_n}
+    told_force = {place for place in order[:used] if forces_n[place] > least_n}
     left = tuple(frame for place, frame in enumerate(frames) if place not in told_force)
     return replace(known, stiffening=stiffening), left
 
@@ -241,6 +261,7 @@ def label_forces(forces_n: Floats, rng: np.random.Generator) -> FrameForces:
 def _with_tissue(
     told: EyeConstants,
     frames: Sequence[tuple[Boundaries, float, float]],
+    wanted: int,
     zero_covariance: Floats,
     study: Study,
     library: Library,
@@ -252,7 +273,7 @@ def _with_tissue(
         return None
     used, least_n, refused = 0, study.calibration.min_force_n, 0
     for boundaries, force_n, since_start_s in frames:
-        if session.updates >= CALIBRATED:
+        if session.updates >= wanted:
             break
         session = step(session, boundaries, force_n, since_start_s)
         refused += force_n > least_n and isinstance(session.last, Skipped)
