@@ -29,6 +29,7 @@ from figures.readings import (
 from figures.recordings import make_recordings, read_made
 from figures.scores import AnsweredFrame, score
 from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
+from figures.told import tell
 from provenance.stamps import new_stamp
 from scleraforce.cli.output import progress_bar
 from scleraforce.cli.place_of_work import chosen_workers, worker_options
@@ -111,6 +112,8 @@ class Group:
 @click.option("--seed", type=click.IntRange(0), default=SEED, show_default=True, help="Of the draw of the eyes.")
 @click.option("--still", is_flag=True, help="Hold the eyes of all groups still: what their movement costs is the "
               "difference.")  # fmt: skip
+@click.option("--told-exactly", is_flag=True, help="Let the recordings say what is true of their eyes; by default "
+              "that is off as what users measure is.")  # fmt: skip
 @click.option("--recordings-only", is_flag=True, help="Stop when the eyes are computed and imaged.")
 def main(
     out: Path,
@@ -124,6 +127,7 @@ def main(
     page: Path | None,
     seed: int,
     still: bool,
+    told_exactly: bool,
     recordings_only: bool,
 ) -> None:
     """Read virtual eyes that no training has seen; write figures.md, figures.json and figures.png to the folder."""
@@ -140,6 +144,8 @@ def main(
         return
     left = {group: tuple(eye for eye in eyes if eye.eye.id not in failed) for group, eyes in drawn.items()}
     given = {DEFAULT_READER: reader, "living": living_reader}
+    if not told_exactly:
+        folder = tell(folder, [eye for eyes in left.values() for eye in eyes])
     groups = [
         _read(folder, name, eyes, _methods(folder, name, left, study, given, raw_reader)) for name, eyes in left.items()
     ]
