@@ -1,7 +1,6 @@
 """The needle that is drawn into a B-scan: where it lies, what it hides, and that it changes nothing where it is not."""
 
 from dataclasses import replace
-from hashlib import sha256
 from math import pi, radians, tan
 
 import numpy as np
@@ -22,7 +21,11 @@ TIP_M = np.array([0.2e-3, 2e-3])
 EYE = PhantomEye(
     id="eye", thickness_m=0.6e-3, youngs_modulus_pa=0.3e6, iop_pa=266.0, gap_m=0.05e-3, polar_rad=radians(35.0)
 )
-BEFORE = "ed0d68d513b35cbfc19041ad4c3a75b04460a906e843459ac4fbd7b7e71dc975"
+# Mean counts of bands of 64 rows; single counts are rounded otherwise by other processors.
+BEFORE = [
+    [868.323, 2806.102, 838.279, 459.913, 456.422, 460.023, 456.789, 459.12],
+    [1092.613, 1623.599, 472.971, 457.971, 457.191, 458.58, 458.477, 457.5],
+]
 
 
 def width_m(shaft: NeedleShaft, row: int = 128) -> float:
@@ -85,10 +88,11 @@ def flat_wall() -> Section:
 
 
 def test_frames_without_a_needle_are_those_of_before() -> None:
-    """The hash is that of the frames that the code drew before it knew needles."""
+    """The means are those of the frames that the code drew before it knew needles."""
     plan = plan_phantom(EYE, (0.004, 0.02), Study(), 3)
     frames = [render_frame(frame, flat_wall(), Study()).frame for frame in plan.frames]
-    assert sha256(b"".join(frame.tobytes() for frame in frames)).hexdigest() == BEFORE
+    means = np.mean(np.reshape(frames, (2, 8, 64, 512)), axis=(2, 3))
+    np.testing.assert_allclose(means, BEFORE, rtol=0, atol=2e-3)
     assert all(frame.optics.needle is None for frame in plan.frames)
 
 

@@ -8,7 +8,7 @@ sphere angles, curvatures and thickening are 0, and the places of the limbus do 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FORMS", "form_depths"]
+__all__ = ["FORMS", "SOFT_M", "form_depths"]
 
 Array = NDArray[np.float64]
 

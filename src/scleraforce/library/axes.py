@@ -8,7 +8,7 @@ from scleraforce.library.splines import SUPPORT
 from scleraforce.mechanics.burst import burst_tension
 from scleraforce.units import HumanUnit, from_si
 
-__all__ = ["SLACK", "check_inside", "check_tension", "weight_products"]
+__all__ = ["SLACK", "check_inside", "check_tension", "inside_ends", "weight_products"]
 
 Floats = NDArray[np.float64]
 
@@ -59,3 +59,8 @@ def check_tension(
         f"IOP/E: {tension[worst] * thickness / radius_m:.4g} is outside the library's range for a wall of "
         f"{from_si(thickness, 'um'):.0f} um, {low:.3g} to {high:.3g}; it bursts at {burst:.3g}"
     )
+
+
+def inside_ends(values: Floats, axis: Floats) -> Floats:
+    """Return values of a range that was checked, without what rounding added."""
+    return np.clip(np.asarray(values, dtype=np.float64), axis[0], axis[-1])

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from scleraforce.compiled import loops_are_compiled
 from scleraforce.errors import InputError
 from scleraforce.library.arrays import check_arrays
-from scleraforce.library.axes import SLACK, check_inside, check_tension, weight_products
+from scleraforce.library.axes import SLACK, check_inside, check_tension, inside_ends, weight_products
 from scleraforce.library.base_bulge import base_bulge, meridian_angles, undented_motion
 from scleraforce.library.contact_rise import contact_rises, rise_slope
 from scleraforce.library.crossing import first_crossing
-from scleraforce.library.spline_weights import SplineWeights
+from scleraforce.library.spline_weights import SplineWeights, gathered_curves
 from scleraforce.library.splines import SUPPORT, CubicSpline, tensor_coefficients, values_and_slopes
 from scleraforce.library.states import Responses
 from scleraforce.library.stiffened import StiffenedWalls
@@ -41,7 +41,6 @@ Walls = tuple[NDArray[np.intp], Floats]  # rows of (thickness, tension) and thei
 
 OUTER, INNER = 0, 1  # the boundaries of a wall, as an index
 OTHERS = 10  # libraries of other stiffenings that one keeps: each has some 30 MB
-BLOCK = 32  # samples interpolated together: what they gather stays in the cache
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,8 +137,8 @@ class Library:
         """
         check_inside("thickness", thickness_m, *self._ends(self.thickness_m), "um")
         check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
-        t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
-        d, of_d = self._splines[2].weights(self._inside(tip_m, self.tip_m))
+        t, of_t = self._splines[0].weights(np.log(inside_ends(thickness_m, self.thickness_m)))
+        d, of_d = self._splines[2].weights(inside_ends(tip_m, self.tip_m))
         rows, weights = weight_products(t, of_t, d, of_d, len(self.tip_m))
         both = (weights[:, None] @ self._volumes_along_pressure[rows])[:, 0]
         return both[:, : len(self.tension)], both[:, len(self.tension) :]
@@ -308,7 +307,7 @@ class Library:
     def _contact_forces(self) -> Floats:
         """F/E at the contact's polar angle (t, p, d)."""
         spline = CubicSpline(self.polar_rad)
-        (shares,) = spline.shares(self._inside(np.array([self.contact_polar_rad]), self.polar_rad))
+        (shares,) = spline.shares(inside_ends(np.array([self.contact_polar_rad]), self.polar_rad))
         forces: Floats = self.force_ratio_tpd * np.tensordot(shares, self.stiffness_atpd, axes=1)
         return forces
 
@@ -364,23 +363,17 @@ class Library:
             from scleraforce.library.compiled_states import curves_of
 
             self._check_walls(thickness_m, iop_ratio)
-            found = np.empty((len(tip_m), self._weights.of_curves.shape[1]), dtype=np.float32)
+            found = np.empty((len(tip_m), *self.curves_tpdbnc.shape[3:]), dtype=np.float32)
             thickness, ratio, tip = np.broadcast_arrays(thickness_m, iop_ratio, tip_m)
-            curves_of(self.tables, thickness, ratio, tip, found)
-            return found.reshape(len(tip_m), *self.curves_tpdbnc.shape[3:])
+            curves_of(self.tables, thickness, ratio, tip, found.reshape(len(found), -1))
+            return found
         rows, weights = self._states(self._walls(thickness_m, iop_ratio), tip_m)
-        samples, weights32 = len(weights), weights[:, None].astype(np.float32)
-        curves = np.empty((samples, 1, self._weights.of_curves.shape[1]), dtype=np.float32)
-        for start in range(0, samples, BLOCK):
-            block = slice(start, start + BLOCK)
-            alike = rows[block] if (rows[block] != rows[start]).any() else rows[start]  # a fit varies a wall by little
-            np.matmul(weights32[block], self._weights.of_curves[alike], out=curves[block])
-        return curves.reshape(samples, *self.curves_tpdbnc.shape[3:])
+        return gathered_curves(self._weights.of_curves, rows, weights).reshape(-1, *self.curves_tpdbnc.shape[3:])
 
     def _states(self, walls: Walls, tip_m: Floats) -> Walls:
         """Return where states of walls stand between those of the library (t p d)."""
         rows, weights = walls
-        first, along_tip = self._splines[2].weights(self._inside(tip_m, self.tip_m))
+        first, along_tip = self._splines[2].weights(inside_ends(tip_m, self.tip_m))
         rows = rows[:, :, None] * len(self.tip_m) + (first[:, None] + np.arange(SUPPORT))[:, None]
         weights = weights[:, :, None] * along_tip[:, None]
         return rows.reshape(len(rows), SUPPORT**3), weights.reshape(len(rows), SUPPORT**3)
@@ -388,8 +381,8 @@ class Library:
     def _walls(self, thickness_m: Floats, iop_ratio: Floats) -> Walls:
         """Return where walls stand between those of the library, after a check that they do."""
         tension = self._check_walls(thickness_m, iop_ratio)
-        t, of_t = self._splines[0].weights(np.log(self._inside(thickness_m, self.thickness_m)))
-        p, of_p = self._splines[1].weights(np.log(self._inside(tension, self.tension)))
+        t, of_t = self._splines[0].weights(np.log(inside_ends(thickness_m, self.thickness_m)))
+        p, of_p = self._splines[1].weights(np.log(inside_ends(tension, self.tension)))
         return weight_products(t, of_t, p, of_p, len(self.tension))
 
     def _check_walls(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
@@ -405,8 +398,3 @@ class Library:
     @staticmethod
     def _ends(axis: Floats) -> tuple[float, float]:
         return float(axis[0]), float(axis[-1])
-
-    @staticmethod
-    def _inside(values: Floats, axis: Floats) -> Floats:
-        """Values of a range that was checked, without what rounding added."""
-        return np.clip(np.asarray(values, dtype=np.float64), axis[0], axis[-1])

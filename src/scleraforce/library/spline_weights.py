@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from scleraforce.library.splines import CubicSpline, tensor_coefficients
 
-__all__ = ["SplineWeights"]
+__all__ = ["SplineWeights", "gathered_curves"]
 
 Floats = NDArray[np.float64]
 Curves = NDArray[np.float32]
+
+BLOCK = 32  # samples interpolated together: what they gather stays in the cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,3 +57,14 @@ class SplineWeights:
             return self.longer.of_undented
         weights = tensor_coefficients(self.splines[:2], self.undented_tpbnc.astype(np.float64))
         return weights.reshape(prod(self.undented_tpbnc.shape[:2]), -1)
+
+
+def gathered_curves(of_curves: Curves, rows: NDArray[np.intp], weights: Floats) -> Curves:
+    """Return the curves (sample, b n c) of states that lie between rows (sample, 64), by their weights."""
+    samples, weights32 = len(weights), weights[:, None].astype(np.float32)
+    curves = np.empty((samples, 1, of_curves.shape[1]), dtype=np.float32)
+    for start in range(0, samples, BLOCK):
+        block = slice(start, start + BLOCK)
+        alike = rows[block] if (rows[block] != rows[start]).any() else rows[start]  # a fit varies a wall by little
+        np.matmul(weights32[block], of_curves[alike], out=curves[block])
+    return curves[:, 0]

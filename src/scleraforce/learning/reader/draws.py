@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from scleraforce.compiled import use_compiled_loops
 from scleraforce.learning.reader.samples import ReaderSamples, concatenated, draw_samples, library_of_tissue
 from scleraforce.library import Library
 from scleraforce.processes import work_in_order
@@ -60,4 +61,5 @@ def chunks_ahead(source: Source, numbers: Sequence[int], workers: int) -> Genera
 
 def _drawing(source: Source) -> Callable[[int], ReaderSamples]:
     """Return what draws a chunk, in its process."""
+    use_compiled_loops()
     return source.chunk
