@@ -80,6 +80,8 @@ def print_dice(name: str, cases: Iterator[Case], finder: WallFinder) -> None:
         for key, wall in (("find_wall", classical), ("together", checked)):
             errors[key].append(row_errors(wall, true))
         usable.append(checked.usable)
+    if not usable:
+        return
     print_rows(name, shares, np.array(usable, dtype=np.bool_))
     for key, off in errors.items():
         outer, inner = np.nanmean(np.array(off), axis=0)
