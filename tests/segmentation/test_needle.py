@@ -66,6 +66,21 @@ def test_a_needle_is_found_with_its_angle_and_its_tip(gauge: int, angle_deg: flo
     assert needle.tip_m == pytest.approx(tip_m, abs=0.35e-3)
 
 
+@pytest.mark.parametrize("dent_m", [3.2e-3, 4.2e-3])
+def test_a_tip_below_the_frame_is_told_as_none(dent_m: float) -> None:
+    frame, tip_m = frame_of(replace(STEEL, angle_rad=radians(10.0)), dent_m)
+    needle = find_wall(frame, SCALE).needle
+    entry = needle_entry(needle)
+    assert needle is not None
+    assert entry is not None
+    assert entry["angle_deg"] == pytest.approx(10.0, abs=3.0)
+    if tip_m[1] > OCT.depth_m:
+        assert needle.tip_m is None
+        assert entry["tip_mm"] is None
+    else:
+        assert needle.tip_m == pytest.approx(tip_m, abs=0.35e-3)
+
+
 @pytest.mark.parametrize("shaft", [STEEL, replace(STEEL, loss_fraction=0.5), replace(STEEL, bevel_rad=0.4)])
 @pytest.mark.parametrize("dent_m", [0.05e-3, 1.0e-3, 2.0e-3])
 def test_the_wall_is_found_on_both_sides_of_a_needle_and_nothing_behind_it(shaft: NeedleShaft, dent_m: float) -> None:

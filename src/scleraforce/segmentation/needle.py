@@ -53,13 +53,13 @@ class SeenNeedle:
     """A needle seen in a frame.
 
     `angle_rad` lies between its shaft and the depth; above 0 it leans to growing columns on its way up. `tip_m`:
-    lateral place from the frame's middle and depth from its top edge. In pixels, `tip` and `top`: column and row of its
-    tip and of where its axis meets the top edge; `hidden`: the first column that shaft or shadow cover, and the first
-    one after.
+    lateral place from the frame's middle and depth from its top edge, None where the shaft goes on below the frame. In
+    pixels, `tip` and `top`: column and row of its tip, or of the last that is seen of it, and of where its axis meets
+    the top edge; `hidden`: the first column that shaft or shadow cover, and the first one after.
     """
 
     angle_rad: float
-    tip_m: tuple[float, float]
+    tip_m: tuple[float, float] | None
     tip: tuple[float, float]
     top: tuple[float, float]
     hidden: tuple[int, int]
@@ -77,7 +77,7 @@ def needle_entry(needle: SeenNeedle | None) -> dict[str, Any] | None:
     return {
         "angle_deg": round(from_si(abs(needle.angle_rad), "deg"), 2),
         "leans": "left" if needle.angle_rad < 0.0 else "right",
-        "tip_mm": [round(from_si(place_m, "mm"), 4) for place_m in needle.tip_m],
+        "tip_mm": None if needle.tip_m is None else [round(from_si(place_m, "mm"), 4) for place_m in needle.tip_m],
     }
 
 
@@ -105,9 +105,10 @@ def needle_of(shaft: Shaft, grid: Grid, left: int, columns: int) -> SeenNeedle:
     tip = left + shaft.tip[0], (shaft.tip[1] + 1.0) * grid.step_rows - 0.5
     slope = shaft.slope / grid.step_rows
     first, after = (left + end for end in shaft.hidden)
+    ends = shaft.tip[1] < len(grid.cells) - 1.0
     return SeenNeedle(
         angle_rad=-atan(slope * lateral_m / depth_m),
-        tip_m=((tip[0] + 0.5 - columns / 2) * lateral_m, (tip[1] + 0.5) * depth_m),
+        tip_m=((tip[0] + 0.5 - columns / 2) * lateral_m, (tip[1] + 0.5) * depth_m) if ends else None,
         tip=tip,
         top=(tip[0] - slope * (tip[1] + 0.5), -0.5),
         hidden=(first, min(after, columns)),
