@@ -81,9 +81,10 @@ size: dist  ## how much an installation takes without extras, in a fresh environ
 wheels: dist  ## whether other Pythons and systems have wheels of all that it needs
 	.ci/wheels
 
+# soupsieve 4, which Furo brings along, takes CPython 3.11.5 and more; Debian 12 has 3.11.2.
 lock:  ## requirements.lock anew, from pyproject.toml
 	@python=$$($(FIND_PYTHON)); folder=$$(mktemp -d); trap 'rm -rf "$$folder"' EXIT; \
-	$$python -m venv "$$folder" && "$$folder"/bin/pip install -qq torch==2.13.0 'setuptools>=77' -e '.[train,dev,docs]' && \
+	$$python -m venv "$$folder" && "$$folder"/bin/pip install -qq torch==2.13.0 'setuptools>=77' 'soupsieve<4' -e '.[train,dev,docs]' && \
 	{ sed -n '/^#/p' requirements.lock; "$$folder"/bin/pip freeze --all --exclude pip --exclude-editable | sed 's/+cpu//'; } \
 	  > requirements.lock.new && mv requirements.lock.new requirements.lock
 

@@ -37,6 +37,10 @@ def test_every_shipped_name_is_a_whole_model_folder() -> None:
     assert read_folder(Path("wall-finder")).path == SHIPPED_WALL_FINDER
 
 
+def test_the_reader_takes_less_than_10_mb_of_the_package() -> None:
+    assert sum(path.stat().st_size for path in SHIPPED_READER.iterdir()) < 10_000_000
+
+
 def test_a_frame_is_read_with_the_shipped_reader(frame: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["classify", "default", str(frame), "--youngs-modulus-mpa", "0.25", "--globe", "open", "--json"]) == 0
     (entry,) = json.loads(capsys.readouterr().out)["frames"]
