@@ -33,7 +33,7 @@ from scleraforce.units import to_si
 __all__ = ["DEFAULT_READER", "GROUPS", "SEED", "Group", "draw_eyes"]
 
 SEED = (
-    20_261_125  # of the draws of this benchmark alone; those of earlier ones were looked at while the reader was made
+    20_261_126  # of the draws of this benchmark alone; those of earlier ones were looked at while the reader was made
 )
 FRAMES = 20
 CORE, RINGS = 8, 20  # of the mesh: tip displacements are within 1 % of those of one with twice the elements

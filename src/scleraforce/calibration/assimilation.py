@@ -36,7 +36,7 @@ from scleraforce.calibration.registration import (
 from scleraforce.calibration.roukf import FilterParams, Posterior, StepResult, filter_step, initial_posterior
 from scleraforce.calibration.sigma_points import sigma_points
 from scleraforce.fitting.placement import Placed, Places, curve_depths
-from scleraforce.known.correlation import correlation_of
+from scleraforce.known.correlation import correlation_of, within_bounds
 from scleraforce.known.globe import KnownGlobe
 from scleraforce.segmentation.observations import Boundaries, Observation, observe_points
 from scleraforce.study import CalibrationStudy
@@ -177,8 +177,8 @@ def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Array, Array]:
     if RIGIDITY not in eye.space.names:
         return mean, covariance
     globe, place = eye.model.constants.globe, eye.space.names.index(RIGIDITY)
-    away = np.clip(globe.mean * mean[place], globe.lowest, globe.highest) / globe.mean - mean[place]
-    return mean + away * covariance[:, place] / covariance[place, place], covariance
+    bounds = (globe.lowest / globe.mean, globe.highest / globe.mean)
+    return within_bounds(mean, covariance, place, bounds), covariance
 
 
 def known_globe_after(eye: EyeFilter, state: EyeState) -> KnownGlobe:

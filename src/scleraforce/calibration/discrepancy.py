@@ -27,7 +27,7 @@ from scleraforce.calibration.known_forces import (
 from scleraforce.calibration.stiffening import TissueTrial
 from scleraforce.fitting.library_fit import NO_WALL_M, BoundaryFit, fit_boundaries, fit_from
 from scleraforce.fitting.prior import prior_of
-from scleraforce.known.correlation import correlation_of
+from scleraforce.known.correlation import correlation_of, within_bounds
 from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import NINETY_PERCENT, REFERENCE_RIGIDITY
@@ -192,9 +192,8 @@ def _moved(known: Known, found: Found) -> Known:
     assert known.modulus is not None  # its own
     globe, mean, covariance = globe_of(known), found.mean, found.covariance
     if globe.can_be_sealed:  # where k would leave its bounds, E is that of a k on the bound
-        ends = np.array([globe.lowest, globe.highest]) / REFERENCE_RIGIDITY
-        away = np.clip(mean[OF_RIGIDITY], *ends) - mean[OF_RIGIDITY]
-        mean = mean + away * covariance[:, OF_RIGIDITY] / covariance[OF_RIGIDITY, OF_RIGIDITY]
+        bounds = (globe.lowest / REFERENCE_RIGIDITY, globe.highest / REFERENCE_RIGIDITY)
+        mean = within_bounds(mean, covariance, OF_RIGIDITY, bounds)
         globe = replace(globe, mean=float(mean[OF_RIGIDITY]) * REFERENCE_RIGIDITY)
     farther = np.clip(mean[OF_MODULUS] - log(known.modulus.mean_pa), -LARGEST_STEP, LARGEST_STEP)
     modulus = replace(known.modulus, mean_pa=known.modulus.mean_pa * exp(farther))

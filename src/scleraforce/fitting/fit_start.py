@@ -28,7 +28,9 @@ HIGHER = 0.3  # a much higher pressure's logarithm is higher by this
 LARGEST_N = 90e-3  # half as much again as the forces of a needle
 
 
-def starts(walls: Walls, mean: Array, lateral_m: Array, depth_m: Array, count: int) -> list[Array]:
+def starts(
+    walls: Walls, mean: Array, lateral_m: Array, depth_m: Array, count: int, farthest_m: float = FARTHEST_M
+) -> list[Array]:
     """Return where to begin: dents that lie better than their neighbours, the best first, (unknown,) each.
 
     Each comes with its best lateral place and depth. A dent that lies much worse than the best is none to begin from.
@@ -39,13 +41,14 @@ def starts(walls: Walls, mean: Array, lateral_m: Array, depth_m: Array, count: i
         lateral_m: places of the outer boundary that are seen (place,).
         depth_m: its depth there (place,).
         count: the most to return.
+        farthest_m: of a contact from the frame's middle.
     """
     # Dents crowd where they are shallow: forces grow quickest there.
     tips = walls.library.tip_m[-1] * np.exp(mean[SIZE]) * np.linspace(0.0, 1.0, DENTS) ** 1.5
     samples = np.repeat(mean[None], DENTS, axis=0)
     samples[:, TIP] = tips
     samples, dent_s = _at_pressures(walls, samples)
-    laid, cost = _laid(walls, samples, lateral_m, depth_m)
+    laid, cost = _laid(walls, samples, lateral_m, depth_m, farthest_m)
     least = np.full(DENTS, np.inf)
     np.minimum.at(least, dent_s, cost)
     around = np.concatenate([[np.inf], least, [np.inf]])
@@ -89,17 +92,19 @@ def higher_start(walls: Walls, mean: Array, fitted: Array, lateral_m: Array, dep
     return laid[best] if best and cost[best] <= MUCH_WORSE * cost[0] else None
 
 
-def _laid(walls: Walls, samples: Array, lateral_m: Array, depth_m: Array) -> tuple[Array, Array]:
+def _laid(
+    walls: Walls, samples: Array, lateral_m: Array, depth_m: Array, farthest_m: float = FARTHEST_M
+) -> tuple[Array, Array]:
     """Return walls where they lie best on an outer boundary (sample, unknown), and how far off that is (sample,)."""
     some = np.unique(np.linspace(0, len(lateral_m) - 1, POINTS).astype(np.intp))
     lateral_m, depth_m = lateral_m[some], depth_m[some]
     over_pole = samples.copy()
     over_pole[:, POLE] = 0.0
     outer = place_walls(walls, over_pole)[:, 0]
-    reach = int(np.ceil((np.abs(lateral_m).max() + FARTHEST_M) / GRID_M)) + 1
+    reach = int(np.ceil((np.abs(lateral_m).max() + farthest_m) / GRID_M)) + 1
     grid = np.arange(-reach, reach + 1) * GRID_M
     depth_sg = np.stack([np.interp(grid, curve[:, 0], curve[:, 1]) for curve in outer])
-    shifts = np.arange(-FARTHEST_M, FARTHEST_M + SHIFT_M / 2, SHIFT_M)
+    shifts = np.arange(-farthest_m, farthest_m + SHIFT_M / 2, SHIFT_M)
     at = np.rint((lateral_m - shifts[:, None]) / GRID_M).astype(np.intp) + reach
     rest = depth_m - depth_sg[:, at]  # (sample, shift, place)
     down = np.median(rest, axis=2)

@@ -34,7 +34,7 @@ __all__ = ["HEAVY", "SHINE_MEAN_M", "SHINE_SD_M", "Prior", "form_size", "prior_o
 
 Array = NDArray[np.float64]
 
-FREE_SD = {TIP: 10e-3, LATERAL: 2e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.03, INNER_OFFSET: 15e-6}
+FREE_SD = {TIP: 10e-3, LATERAL: 1e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.03, INNER_OFFSET: 15e-6}
 # Where the surface faces the light its mirror reflection moves the edge found up: by 3.0 +- 2.7 um in 716 frames
 # of 60 drawn eyes, with the noise of what is fitted to each (`benchmarks/bench_boundary_errors.py 30`, seeds 21, 22).
 SHINE_MEAN_M, SHINE_SD_M = 3e-6, 2.3e-6

@@ -8,7 +8,7 @@ sphere angles, curvatures and thickening are 0, and the places of the limbus do 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FORMS", "SOFT_M", "form_depths"]
+__all__ = ["FORMS", "FORM_ENDS", "SOFT_M", "form_depths"]
 
 Array = NDArray[np.float64]
 
@@ -18,6 +18,8 @@ FORMS = (
     "left_limbus_m", "left_angle_rad", "left_curvature",
     "right_limbus_m", "right_angle_rad", "right_curvature", "wedge",
 )  # fmt: skip
+# Least and largest of them. A limbus turns up: the cornea bulges.
+FORM_ENDS = np.array([[1.5e-3, -0.5, -20.0, 1.5e-3, -0.5, -20.0, -0.05], [7e-3, 0.01, 60.0, 7e-3, 0.01, 60.0, 0.05]])
 SOFT_M = 0.4e-3  # the limbus is a smooth furrow
 
 

@@ -12,16 +12,14 @@ from numpy.typing import NDArray
 
 from scleraforce.compiled import compiled
 from scleraforce.library.compiled_states import spline_weights, state_weights, value_at
+from scleraforce.library.crossing import CONVERGED, MOST_STEPS
 from scleraforce.library.splines import SUPPORT
 from scleraforce.library.tables import SplineTables
+from scleraforce.library.under_force import SPARE
 
 __all__ = ["SealedEyes", "level_of", "pressures_under_forces"]
 
 Floats = NDArray[np.float64]
-
-NEWTON_STEPS = 50  # as `library.crossing`
-CONVERGED = 1e-13  # of an interval
-SPARE = 1e-3  # of the volume, as `library.under_force`
 
 
 class SealedEyes(NamedTuple):
@@ -166,7 +164,7 @@ def _peak(cubic: tuple[float, float, float, float]) -> tuple[float, float]:
 def _rising_root(cubic: tuple[float, float, float, float], wanted: float, high: float) -> float:
     """Return where a cubic reaches a value from below (`crossing._rising_root`)."""
     low, place = 0.0, 0.5 * high
-    for _ in range(NEWTON_STEPS):
+    for _ in range(MOST_STEPS):
         over = _value(cubic, place) - wanted
         if over < 0.0:
             low = place

@@ -8,7 +8,7 @@ a cubic (Hermite).
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["first_crossing"]
+__all__ = ["CONVERGED", "MOST_STEPS", "first_crossing"]
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from scleraforce.eye.globe import Globe
 from scleraforce.library.responses import Library
 from scleraforce.study.globe import RIGIDITY_LAWS
 
-__all__ = ["iop_ratio_under_force"]
+__all__ = ["SPARE", "iop_ratio_under_force"]
 
 Floats = NDArray[np.float64]
 
