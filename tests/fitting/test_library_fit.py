@@ -138,6 +138,18 @@ def test_a_cornea_in_view_does_not_change_the_force(side: float) -> None:
     assert limbus[f"{name}_angle_rad"] == pytest.approx(-0.33, abs=0.06)
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("tip_m", [0.05e-3, 0.4e-3])
+def test_the_furrow_at_a_limbus_is_not_taken_for_the_dent(side: float, tip_m: float) -> None:
+    truth = eye(tip_m, lateral_m=0.1e-3)
+    depths = boundaries(truth, noise_m=4e-6, rng=np.random.default_rng(7))
+    beyond_m = np.maximum(side * (LATERAL_M - truth[LATERAL]) - 2.4e-3, 0.0)
+    depths += -np.tan(0.25) * beyond_m + 0.5 * (1 / 7.8e-3 - 1 / 12e-3) * beyond_m**2
+    fit = fitted(truth, depths)
+    assert fit.contact_m == pytest.approx(truth[LATERAL], abs=0.6e-3)
+    assert fit.force_n == pytest.approx(float(force_n(WALLS, truth[None])[0]), abs=1.5e-3)
+
+
 def test_an_even_wall_is_found_even() -> None:
     truth = eye(1.2e-3)
     assert form_size(fitted(truth, boundaries(truth)).unknown) < 0.5
