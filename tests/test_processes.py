@@ -4,13 +4,14 @@ import multiprocessing
 import os
 import subprocess
 import sys
+import time
 from collections import deque
 from functools import partial
 from multiprocessing import resource_tracker, spawn
 from pathlib import Path
 
 import pytest
-from pieces_of_work import fails_oddly, no_preparation, tripled
+from pieces_of_work import fails_oddly, leave_a_mark_for_each, no_preparation, tripled
 
 from scleraforce.errors import InputError, SolverError
 from scleraforce.processes import next_unit, split_runs, work_in_order, work_units
@@ -66,6 +67,15 @@ def test_an_exception_that_cannot_be_sent_is_told():
 def test_results_come_in_order_whatever_the_workers_do():
     assert list(work_in_order(HEAVY, range(5, 12), 2, ahead=3)) == [3 * unit for unit in range(5, 12)]
     assert list(work_in_order(HEAVY, [], 2, ahead=3)) == []
+
+
+def test_a_worker_goes_on_while_the_caller_has_a_result(tmp_path: Path) -> None:
+    results = work_in_order(partial(leave_a_mark_for_each, tmp_path), range(4), 1, ahead=2)
+    for unit in results:
+        following, deadline = tmp_path / str(unit + 1), time.monotonic() + 30.0
+        while unit < 3 and not following.exists():
+            assert time.monotonic() < deadline, f"{following.name} waits until the caller comes back"
+            time.sleep(0.01)
 
 
 def test_no_module_of_the_current_folder_runs_in_a_worker(tmp_path: Path) -> None:

@@ -102,11 +102,13 @@ def work_in_order(
         idle, busy = deque(lanes), dict[object, _Lane]()
         coming, done = deque(units), dict[int, Result]()
         for place, unit in enumerate(units):
-            while unit not in done:
+            while True:
                 while idle and coming and len(units) - len(coming) < place + ahead:
                     lane = idle.popleft()
                     busy[lane.connection] = lane
                     _ask(lane, coming.popleft())
+                if unit in done:  # and what comes next is worked on while the caller has this one
+                    break
                 for ready in wait([lane.connection for lane in busy.values()]):
                     lane = busy.pop(ready)
                     number, result = _receive(lane)

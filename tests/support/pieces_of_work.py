@@ -11,6 +11,7 @@ from scleraforce.errors import InputError
 __all__ = [
     "ends_its_process",
     "fails_oddly",
+    "leave_a_mark_for_each",
     "leave_a_mark_or_fail",
     "leave_a_mark_or_wait",
     "named_threads",
@@ -18,6 +19,16 @@ __all__ = [
     "slowly_tripled",
     "tripled",
 ]
+
+
+def leave_a_mark_for_each(folder: Path):
+    """Work that makes a file named like its unit."""
+
+    def work(unit: int) -> int:
+        (folder / str(unit)).touch()
+        return unit
+
+    return work
 
 
 def leave_a_mark_or_fail(path: Path) -> None:
