@@ -10,6 +10,7 @@ from pathlib import Path
 
 from analytic_frames import MODULUS_PA, SMALL_LIBRARY, THICKNESS_M
 from calibration_file import calibration_text
+from ended import ends
 from fixed_reader import write_fixed_reader
 
 __all__ = ["BINS", "Started", "monitor_folder", "program", "started"]
@@ -50,18 +51,19 @@ def started(folder: Path, *options: str, here: Path | None = None) -> Iterator[S
         [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=here
     )
     assert process.stderr
-    lines: list[str] = []
-    while not lines or not lines[-1].startswith("reset"):
-        lines.append(process.stderr.readline())
-        assert lines[-1], lines
-    words = lines[-1].split()
-    monitor = Started(process, int(words[words.index("--port") + 1]), words[-1], lines)
-    try:
-        yield monitor
-    finally:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-        process.wait(20.0)
-        process.stderr.close()
-        if process.stdout:
-            process.stdout.close()
+    with ends(process.stderr):
+        lines: list[str] = []
+        while not lines or not lines[-1].startswith("reset"):
+            lines.append(process.stderr.readline())
+            assert lines[-1], lines
+        words = lines[-1].split()
+        monitor = Started(process, int(words[words.index("--port") + 1]), words[-1], lines)
+        try:
+            yield monitor
+        finally:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+            process.wait(20.0)
+            process.stderr.close()
+            if process.stdout:
+                process.stdout.close()

@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from ended import ends
+
 __all__ = ["SCLERAFORCE", "STRACE", "Traced", "fresh_home", "traced"]
 
 STRACE = shutil.which("strace")
@@ -52,7 +54,7 @@ def traced(folder: Path, *arguments: object, until: Callable[[str], bool] | None
         start_new_session=True,
     )  # fmt: skip
     assert process.stderr
-    with process.stderr:
+    with process.stderr, ends(process.stderr):
         lines = []
         while until and not (lines and until(lines[-1])):
             lines.append(process.stderr.readline())
