@@ -27,7 +27,7 @@ def calibrated(name: str, globe: str | None, frames: int | None = None) -> EyeCa
     return calibrate_recordings([told], Study(), "", cached_library(Study(), workers=1), frames=frames).eyes[name]
 
 
-@pytest.mark.parametrize(("name", "frames"), [("sample-a", 3), ("sample-b", None)])
+@pytest.mark.parametrize(("name", "frames"), [("sample-a", 3), pytest.param("sample-b", None, marks=pytest.mark.long)])
 def test_an_open_eye_of_which_nothing_is_told_is_found_open(name: str, frames: int | None) -> None:
     untold, told = calibrated(name, None, frames), calibrated(name, "open")
     assert (untold.status, told.status) == ("ok", "ok")

@@ -51,6 +51,7 @@ REFUSED = {
     "reproduce": "--out study.toml",
 }
 SLOW = {"calibrate", "demo", "doctor", "generate", "phantom", "scanner", "simulate", "train"}
+LONG = {"demo", "doctor"}  # of these: each runs them four times; `.ci/run` has tests of their own
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +79,10 @@ def words(name: str, tmp_path: Path, number: int = 0) -> list[str]:
     return [name, *line.split()]
 
 
+def marks_of(name: str) -> list[pytest.MarkDecorator]:
+    return [pytest.mark.slow] * (name in SLOW) + [pytest.mark.long] * (name in LONG)
+
+
 def test_every_command_is_tried_here() -> None:
     assert {*RUNS, *REFUSED} == set(COMMANDS)
     assert set(COMMANDS) > NEVER_QUIET == {"monitor"}
@@ -93,7 +98,7 @@ def test_help_fits_80_columns(name: str, capsys: pytest.CaptureFixture[str]) -> 
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n in SLOW else []) for n in RUNS])
+@pytest.mark.parametrize("name", [pytest.param(n, marks=marks_of(n)) for n in RUNS])
 def test_a_command_is_readable_in_a_pipe_one_object_with_json_and_silent_when_told_so(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

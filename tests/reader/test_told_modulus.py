@@ -19,6 +19,7 @@ EYES, FRAMES = range(60, 90), 8
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_intervals_of_eyes_whose_modulus_was_told_hold_as_those_of_other_eyes_do() -> None:
     """With the factors of eyes that were calibrated, 60 % of these intervals held."""
     reader = load_force_reader("default")
