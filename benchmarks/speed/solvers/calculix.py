@@ -86,8 +86,7 @@ def calculate(folder: Path, deck: str, nodes: int) -> Calculated:
         said += part
         if not began and FIRST_STEP in said:
             began = seconds
-        if LAST_STEP not in said:
-            peak = peak_mb(process.pid)
+        peak = max(peak, peak_mb(process.pid))  # what it said last may be read after its end
     os.close(ours)
     process.wait()
     if process.returncode or "ERROR" in said or LAST_STEP not in said:

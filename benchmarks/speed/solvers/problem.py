@@ -74,9 +74,9 @@ def error_percent(found_mm: float) -> float:
 
 
 def peak_mb(pid: int | str = "self") -> float:
-    """Return the largest resident memory of a process so far.
+    """Return the largest resident memory of a process so far; 0 of one that has ended and is not waited for yet.
 
     The system's `ru_maxrss` would do for no child: it begins with what the parent had when it started it.
     """
     lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
-    return next(float(line.split()[1]) / 1e3 for line in lines if line.startswith("VmHWM"))
+    return next((float(line.split()[1]) / 1e3 for line in lines if line.startswith("VmHWM")), 0.0)
