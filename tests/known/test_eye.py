@@ -1,7 +1,6 @@
-"""What is known of an eye: where it comes from, and what lies outside a model's training."""
+"""What is known of an eye: where it comes from."""
 
 from dataclasses import replace
-from math import nan
 from pathlib import Path
 
 import pytest
@@ -15,22 +14,12 @@ from scleraforce.known.eye import (
     foreign_modulus,
     known_of_eye,
     known_of_recording,
-    outside_training,
     told_globe,
 )
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, KnownGlobe
 from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
-from scleraforce.study import LibraryStudy, Range, ReaderStudy
 
-TRAINED = ReaderStudy(
-    youngs_modulus_pa=Range(min=0.18e6, max=0.55e6),
-    iop_pa=Range(min=120.0, max=560.0),
-    thickness_m=Range(min=0.45e-3, max=0.85e-3),
-    gap_m=Range(min=0.35e-3, max=1e-3),
-)
-HELD = LibraryStudy(stiffening=Range(min=0.0, max=20.0))
 CALIBRATED = replace(SEALED, mean=1.3e8, sd=4e6, correlation=-0.4, calibrated=True)
-INSIDE = Known(modulus=Modulus(mean_pa=0.3e6, sd_pa=5e3, source="own"), iop_pa=270.0, thickness_m=0.6e-3, gap_m=0.5e-3)
 
 
 def test_a_recordings_statements_are_taken_and_what_it_omits_is_unknown() -> None:
@@ -141,45 +130,3 @@ def test_the_spread_of_one_eye_is_not_zero(tmp_path: Path) -> None:
     assert calibrated_modulus(read_calibration(file), "stranger").relative_sd == pytest.approx(0.12)
     file.write_text(calibration_text(0.25, {"mine": {}}, population={"mean_mpa": 0.25, "sd_mpa": None}))
     assert calibrated_modulus(read_calibration(file), "stranger").relative_sd == pytest.approx(0.12 * 2**0.5)
-
-
-def test_an_eye_inside_the_training_is_inside_also_on_its_bounds() -> None:
-    assert outside_training(Known(), TRAINED, HELD) is None
-    assert outside_training(INSIDE, TRAINED, HELD) is None
-    for end in (0, 1):
-        modulus = Modulus(mean_pa=TRAINED.youngs_modulus_pa.bounds[end], sd_pa=1e3, source="own")
-        known = Known(
-            modulus=modulus,
-            iop_pa=TRAINED.iop_pa.bounds[end],
-            thickness_m=TRAINED.thickness_m.bounds[end],
-            gap_m=TRAINED.gap_m.bounds[end],
-        )
-        assert outside_training(known, TRAINED, HELD) is None
-
-
-def test_an_eye_is_inside_where_the_library_of_the_training_holds_its_tissue() -> None:
-    for stiffening in (None, 0.0, 7.0, 20.0):
-        assert outside_training(Known(stiffening=stiffening), TRAINED, HELD) is None
-    stiff, alone = replace(HELD, stiffening=Range(min=2.0, max=20.0)), replace(HELD, stiffenings=1)
-    assert str(outside_training(Known(), TRAINED, stiff)).startswith("stiffening 0 of the tissue")
-    assert outside_training(Known(), TRAINED, alone) is None
-    assert str(outside_training(Known(stiffening=7.0), TRAINED, alone)).endswith("the model was trained on 0 to 0")
-
-
-@pytest.mark.parametrize(
-    ("known", "words"),
-    [
-        (Known(modulus=Modulus(mean_pa=0.6e6, sd_pa=1e3, source="own")), "Young's modulus 0.6 MPa"),
-        (Known(iop_pa=1333.0), "IOP 9.998 mmHg"),
-        (Known(thickness_m=1e-3), "wall thickness 1000 µm"),
-        (Known(gap_m=0.1e-3), "gap between B-scan and needle axis 0.1 mm"),
-        (Known(thickness_m=nan), "wall thickness nan"),
-        (Known(stiffening=20.5), "stiffening 20.5 of the tissue, the model was trained on 0 to 20"),
-        (Known(stiffening=-0.1), "stiffening -0.1 of the tissue"),
-        (Known(stiffening=nan), "stiffening nan of the tissue"),
-    ],
-)
-def test_what_is_outside_is_named(known: Known, words: str) -> None:
-    reason = outside_training(known, TRAINED, HELD)
-    assert reason is not None
-    assert reason.startswith(words)

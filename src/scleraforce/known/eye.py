@@ -7,8 +7,7 @@ from scleraforce.known.calibration_file import CalibrationSummary
 from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.globe import KnownGlobe, completed_globe, known_globe
 from scleraforce.recording.info import EyeInfo, RecordingInfo
-from scleraforce.study import LibraryStudy, ReaderStudy, Sampled
-from scleraforce.units import HumanUnit, from_si
+from scleraforce.units import from_si
 
 __all__ = [
     "NOTHING_KNOWN",
@@ -22,7 +21,6 @@ __all__ = [
     "known_of_eye",
     "known_of_recording",
     "open_doubts",
-    "outside_training",
     "stated_eye",
     "told_globe",
 ]
@@ -32,7 +30,6 @@ POPULATION_SD = 0.12  # relative: eyes differ by so much (paper, Table 2), also 
 LEAST_MODULUS_SD = 0.01  # relative: below it mechanics and segmentation are what is uncertain
 NAMED_EYES = 8  # of a calibration file, in a sentence
 SEALED = "eye.globe is sealed, and linear mechanics takes every eye for an open one: forces are read too low"
-SLACK = 1e-6  # of a bound: 0.45 mm that came through another unit is still 0.45 mm
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,37 +208,3 @@ def foreign_modulus(summary: CalibrationSummary, eye: str) -> str | None:
         )
     )
     return f"{eye} {there} {summary.path}, which has {count} ({names}): read {read}"
-
-
-def outside_training(known: Known, trained: ReaderStudy, library: LibraryStudy) -> str | None:
-    """Return why a model cannot read an eye: what is known of it lies outside what it was trained on; None: inside.
-
-    A value that is not a number is outside.
-
-    Args:
-        known: of the eye.
-        trained: the study's ranges.
-        library: whose tissue it was trained on.
-
-    >>> outside_training(Known(thickness_m=1.0e-3), ReaderStudy(), LibraryStudy())
-    'wall thickness 1000 µm, the model was trained on 380 to 900 µm'
-    """
-    modulus_pa = known.modulus.mean_pa if known.modulus else None
-    stated: tuple[tuple[str, float | None, Sampled, HumanUnit, str], ...] = (
-        ("Young's modulus", modulus_pa, trained.youngs_modulus_pa, "mpa", "MPa"),
-        ("IOP", known.iop_pa, trained.iop_pa, "mmhg", "mmHg"),
-        ("wall thickness", known.thickness_m, trained.thickness_m, "um", "µm"),
-        ("gap between B-scan and needle axis", known.gap_m, trained.gap_m, "mm", "mm"),
-    )
-    for words, value, sampled, unit, printed in stated:
-        if value is None:
-            continue
-        low, high = sampled.bounds
-        if not low * (1 - SLACK) <= value <= high * (1 + SLACK):
-            covered = f"{from_si(low, unit):.4g} to {from_si(high, unit):.4g} {printed}"
-            return f"{words} {from_si(value, unit):.4g} {printed}, the model was trained on {covered}"
-    softest, stiffest = library.stiffening_ends
-    stiffening = known.stiffening or 0.0
-    if not softest <= stiffening <= stiffest:
-        return f"stiffening {stiffening:.4g} of the tissue, the model was trained on {softest:g} to {stiffest:g}"
-    return None

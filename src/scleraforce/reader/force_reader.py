@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from scleraforce.fitting.library_fit import BoundaryFit, fit_boundaries
 from scleraforce.fitting.prior import prior_of
-from scleraforce.known.eye import NOTHING_KNOWN, Known, outside_training
+from scleraforce.known.eye import NOTHING_KNOWN, Known
 from scleraforce.library.responses import Library
 from scleraforce.reader.answers import Answer, LiveReading, unusable
 from scleraforce.reader.interval_factors import NO_FACTORS, IntervalFactors, frame_stretch
 from scleraforce.reader.judged import judged_answer
-from scleraforce.reader.limits import wall_limits
+from scleraforce.reader.limits import outside_training, wall_limits
 from scleraforce.reader.look import NEEDLE_SEEN, Look, can_calibrate, look
 from scleraforce.reader.needle_gap import crossed_by_needle, needle_elsewhere, read_by_fit
 from scleraforce.reader.readings import METHODS, Reading, disagreement, fit_reading, spanned_interval

@@ -1,14 +1,59 @@
 """Where an eye and its B-scans lie outside what a model was trained on: sentences for the reader of a result."""
 
-from scleraforce.known.eye import Known, open_doubts
+from math import hypot
+
+from scleraforce.known.eye import Known, Modulus, open_doubts
 from scleraforce.reader.needle_gap import read_by_fit
 from scleraforce.recording.info import OctInfo
-from scleraforce.study import Choice, Sampled, Study
+from scleraforce.study import Choice, LibraryStudy, ReaderStudy, Sampled, Study
 from scleraforce.units import HumanUnit, from_si
 
-__all__ = ["slice_limits", "wall_limits"]
+__all__ = ["outside_training", "slice_limits", "wall_limits"]
 
 Compared = tuple[str, float | None, Sampled, HumanUnit, str]  # what, value, covered range, unit, as printed
+
+
+def outside_training(known: Known, trained: ReaderStudy, library: LibraryStudy) -> str | None:
+    """Return why a model cannot read an eye: what is known of it lies outside what it was trained on; None: inside.
+
+    A value that is not a number is outside. A modulus of the eye's own may lie as far outside as it is uncertain, its
+    standard deviation and what errors of the told thickness and IOP make of it: the training told such moduli.
+
+    Args:
+        known: of the eye.
+        trained: the study's ranges.
+        library: whose tissue it was trained on.
+
+    >>> outside_training(Known(thickness_m=1.0e-3), ReaderStudy(), LibraryStudy())
+    'wall thickness 1000 µm, the model was trained on 380 to 900 µm'
+    """
+    reasons = _sentences(
+        ("Young's modulus", _uncovered_modulus(known.modulus, trained), trained.youngs_modulus_pa, "mpa", "MPa"),
+        ("IOP", known.iop_pa, trained.iop_pa, "mmhg", "mmHg"),
+        ("wall thickness", known.thickness_m, trained.thickness_m, "um", "µm"),
+        ("gap between B-scan and needle axis", known.gap_m, trained.gap_m, "mm", "mm"),
+    )
+    if reasons:
+        return reasons[0]
+    softest, stiffest = library.stiffening_ends
+    stiffening = known.stiffening or 0.0
+    if not softest <= stiffening <= stiffest:
+        return f"stiffening {stiffening:.4g} of the tissue, the model was trained on {softest:g} to {stiffest:g}"
+    return None
+
+
+def _uncovered_modulus(modulus: Modulus | None, trained: ReaderStudy) -> float | None:
+    """Return a modulus, Pa, to compare with the training's range; None where it is an eye's own and near enough.
+
+    At a given dent F goes as E t^2 IOP^(1/3) (`learning.reader.samples`), so a calibrated E takes twice the error of
+    the thickness and a third of the pressure's.
+    """
+    if modulus is None:
+        return None
+    low, high = trained.youngs_modulus_pa.bounds
+    told = hypot(2.0 * trained.thickness_noise_fraction, trained.iop_noise_fraction / 3.0)
+    reach = hypot(modulus.relative_sd, told) if modulus.source == "own" else 0.0
+    return None if low * (1.0 - reach) <= modulus.mean_pa <= high * (1.0 + reach) else modulus.mean_pa
 
 
 def wall_limits(study: Study, known: Known, scan: OctInfo) -> tuple[str, ...]:

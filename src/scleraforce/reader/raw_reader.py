@@ -5,10 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, final
 
-from scleraforce.known.eye import NOTHING_KNOWN, Known, outside_training
+from scleraforce.known.eye import NOTHING_KNOWN, Known
 from scleraforce.reader.answers import Answer, LiveReading, unusable
 from scleraforce.reader.judged import judged_answer
-from scleraforce.reader.limits import wall_limits
+from scleraforce.reader.limits import outside_training, wall_limits
 from scleraforce.reader.look import Look, can_calibrate, look
 from scleraforce.reader.needle_gap import needle_elsewhere, read_by_fit
 from scleraforce.reader.raw_network import OnnxRawNetwork
