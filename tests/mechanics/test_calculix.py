@@ -60,7 +60,10 @@ def test_displacements_are_those_of_calculix(tmp_path: Path, element: str, kind:
 
 
 def test_a_program_that_has_ended_holds_no_memory_until_it_is_waited_for() -> None:
-    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as program:
+    waits = [sys.executable, "-c", "print(flush=True); input()"]
+    with subprocess.Popen(waits, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program:
+        assert program.stdout is not None
+        program.stdout.readline()  # right after its start it holds nothing yet
         assert peak_mb(program.pid) > 1.0
         program.kill()
         os.waitid(os.P_PID, program.pid, os.WEXITED | os.WNOWAIT)  # it has ended, and is left to be waited for
