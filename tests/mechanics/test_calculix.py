@@ -1,8 +1,5 @@
 """The same wall in CalculiX, an independent program in its own process."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +11,6 @@ from scleraforce.mechanics.linear import LinearWall
 from scleraforce.mechanics.loads import needle_loads
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 from speed.solvers.calculix import MM_PER_M, calculate, force_cards, input_deck, is_installed
-from speed.solvers.problem import peak_mb
 
 pytestmark = pytest.mark.skipif(not is_installed(), reason="CalculiX (ccx) is not installed")
 
@@ -57,14 +53,3 @@ def test_displacements_are_those_of_calculix(tmp_path: Path, element: str, kind:
     }[load]() / E
     assert np.abs(theirs).max() > 1e-6
     assert np.abs(ours - theirs).max() < 1e-4 * np.abs(theirs).max()
-
-
-def test_a_program_that_has_ended_holds_no_memory_until_it_is_waited_for() -> None:
-    waits = [sys.executable, "-c", "print(flush=True); input()"]
-    with subprocess.Popen(waits, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program:
-        assert program.stdout is not None
-        program.stdout.readline()  # right after its start it holds nothing yet
-        assert peak_mb(program.pid) > 1.0
-        program.kill()
-        os.waitid(os.P_PID, program.pid, os.WEXITED | os.WNOWAIT)  # it has ended, and is left to be waited for
-        assert peak_mb(program.pid) == 0.0
