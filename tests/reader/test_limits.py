@@ -71,3 +71,19 @@ def test_an_eyes_own_modulus_is_outside_only_by_more_than_it_is_uncertain(mean_p
         assert outside_training(Known(modulus=replace(own, source=source)), TRAINED, HELD) is not None
     exact = replace(TRAINED, thickness_noise_fraction=0.0, iop_noise_fraction=0.0)
     assert (outside_training(Known(modulus=own), exact, HELD) is None) == (sd_pa == 25e3)
+
+
+@pytest.mark.parametrize(
+    ("thickness", "iop", "sd", "reach"),
+    [(0.03, 0.0, 0.01, 0.0608), (0.0, 0.15, 0.01, 0.0510), (0.0, 0.0, 0.04, 0.04), (0.02, 0.09, 0.12, 0.13)],
+)
+def test_an_own_modulus_may_be_off_by_its_sd_twice_the_thicknesss_error_and_a_third_of_the_pressures(
+    thickness: float, iop: float, sd: float, reach: float
+) -> None:
+    trained = replace(TRAINED, thickness_noise_fraction=thickness, iop_noise_fraction=iop)
+    low, high = TRAINED.youngs_modulus_pa.bounds
+    for bound, outwards in ((low, -1.0), (high, 1.0)):
+        for share, inside in ((0.97, True), (1.03, False)):
+            mean_pa = bound * (1.0 + outwards * share * reach)
+            own = Modulus(mean_pa=mean_pa, sd_pa=sd * mean_pa, source="own")
+            assert (outside_training(Known(modulus=own), trained, HELD) is None) == inside
