@@ -136,5 +136,13 @@ def test_a_sealed_eye_gives_way_less_and_tells_its_pressure(tmp_path: Path, caps
     assert sealed["tip_displacement_mm"] < sealed["dent_mm"] < opened["dent_mm"]
     assert run(["simulate", *wall, "--globe", "sealed"]) == 0
     assert "the pressure rises from 2 to " in capsys.readouterr().out
-    assert run(["simulate", *wall, "--rigidity", "0.02"]) == 2
-    assert 'globe.rigidity_mmhg13_per_ul: has no effect with globe.kind = "open"' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [("simulate", "--force-mn", "25"), ("phantom", "--out", "eye")])
+@pytest.mark.parametrize("globe", [(), ("--globe", "open")])
+def test_a_rigidity_of_an_open_globe_is_refused_though_it_be_the_default(command, globe, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    told = ("--thickness-um", "600", "--mechanics", "finite-strain", "--rigidity", "0.03")
+    assert run([*command, *told, *globe]) == 2
+    assert "--rigidity: of a sealed globe; tell --globe sealed, too, or leave 0.03 out" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

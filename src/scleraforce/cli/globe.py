@@ -45,7 +45,12 @@ known_globe_options = _options(  # of a command that reads eyes: the arguments o
 
 
 def with_globe(study: Study, globe: str | None, rigidity: float | None) -> Study:
-    """Put the options into the study, whose records check them as they check a study file."""
+    """Put the options into the study, whose records check them as they check a study file.
+
+    Raises:
+        InputError: a rigidity, and neither the options nor the study say that the globe is sealed.
+    """
+    _check_rigidity(globe or study.globe.kind, rigidity)
     return replace(study, globe=study.globe.told(globe, None if rigidity is None else RIGIDITY.to_si(rigidity)))
 
 
@@ -57,11 +62,15 @@ def told_globe(globe: str | None, rigidity: float | None) -> "KnownGlobe | None"
     """
     from scleraforce.known.globe import known_globe
 
-    if rigidity is not None and globe != "sealed":
-        raise InputError(f"--rigidity: of a sealed globe; tell --globe sealed, too, or leave {rigidity:g} out")
+    _check_rigidity(globe, rigidity)
     if globe is None:
         return None
     try:
         return known_globe(globe, None if rigidity is None else RIGIDITY.to_si(rigidity))
     except StudyError as fault:
         raise InputError(f"--rigidity: {fault}") from fault
+
+
+def _check_rigidity(globe: str | None, rigidity: float | None) -> None:
+    if rigidity is not None and globe != "sealed":
+        raise InputError(f"--rigidity: of a sealed globe; tell --globe sealed, too, or leave {rigidity:g} out")
