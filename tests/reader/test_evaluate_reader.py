@@ -28,7 +28,6 @@ from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN
 from scleraforce.reader import Reader, load_model
 from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
-from scleraforce.reader.interval_groups import group_of
 from scleraforce.recording.files import read_frame, read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import MeshStudy
@@ -231,12 +230,10 @@ def test_intervals_are_stretched_to_hold_on_recordings(places, tmp_path: Path, c
     command = ["calibrate", str(places["mine"]), "--intervals", str(places["model"]), "--frames", "1", "--json"]
     assert run([*command, "--out", str(out)]) == 0
     found = json.loads(capsys.readouterr().out)
-    groups = {(row["method"], row["group"]): row for row in found["groups"]}
-    assert {method for method, _ in groups} == {"fit", "network"}
-    sparse = ("own E, sparse, open", "own E, sparse, light")  # one frame leaves a gap of all its force
-    assert {group for method, group in groups if method == "fit"} <= {*sparse}
-    assert {group for method, group in groups if method == "network"} == {"own E, sparse"}
-    assert all(row["factor_before"] == 1.0 for row in groups.values())
+    changes = {row["method"]: row for row in found["stretches"]}
+    assert set(changes) == {"fit", "network"}
+    assert {(row["modulus"], *row["kinds"]) for row in changes.values()} == {("own E", "open")}
+    assert all(row["eyes"] == 1 and row["factor"] >= 1.0 for row in changes.values())
     before, after = load_model(places["model"]), load_model(out)
     assert after.record["intervals"]["source"] == "recordings of mine"
     modulus = Modulus(mean_pa=MODULUS_PA, sd_pa=0.01 * MODULUS_PA, source="own")
@@ -247,10 +244,8 @@ def test_intervals_are_stretched_to_hold_on_recordings(places, tmp_path: Path, c
     was, now = (model.read(pixels, scale, known) for model in (before, after))
     assert now.force_n == was.force_n
     assert was.fit is not None
-    name = group_of(known, was.force_n, was.fit)
-    assert ("fit", name) in groups
     widths = [answer.interval_n[1] - answer.force_n for answer in (was, now)]
-    assert widths[1] / widths[0] == pytest.approx(after.record["intervals"]["fit"][name], rel=1e-6)
+    assert widths[1] / widths[0] == pytest.approx(changes["fit"]["factor"], rel=1e-4)
 
 
 def test_intervals_take_a_reader_only_and_none_of_the_other_options(places, tmp_path: Path, capsys) -> None:

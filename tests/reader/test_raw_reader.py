@@ -73,7 +73,7 @@ def test_what_is_told_of_the_eye_counts(folder, frame) -> None:
     assert network(folder).read(reduced, replace(KNOWN, modulus=twice)).force_n != first.force_n
     higher = network(folder).read(reduced, replace(KNOWN, discrepancy=replace(NO_DISCREPANCY, level=0.1)))
     assert higher.force_n != first.force_n
-    wider = network(folder, IntervalFactors(network={"own E, open": 1.5})).read(reduced, KNOWN)
+    wider = network(folder, IntervalFactors(network={"own E": {"open": 1.5}})).read(reduced, KNOWN)
     assert wider.force_n == first.force_n
     assert wider.interval_n[1] - first.force_n == pytest.approx(1.5 * (first.interval_n[1] - first.force_n))
 

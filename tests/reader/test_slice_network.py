@@ -89,7 +89,7 @@ def test_the_factor_of_its_group_stretches_what_the_network_reads(folder: Path) 
     known = Known(modulus=Modulus(mean_pa=0.3e6, sd_pa=5e3, source="own"))
     was = load_model(folder).read_slices(CUTS, known)
     record = json.loads((folder / "model.json").read_text())
-    record["intervals"] = {"network": {"own E, unknown": 1.5, "other E, unknown": 9.0}}
+    record["intervals"] = {"network": {"own E": {"unknown": 1.5}, "other E": {"unknown": 9.0}}}
     (folder / "model.json").write_text(json.dumps(record))
     now = load_model(folder).read_slices(CUTS, known)
     assert now.force_n == was.force_n

@@ -131,20 +131,20 @@ def _stretch(
     model: Path, recordings: tuple[Path, ...], out: Path, frames: int, finder: Path | None, as_json: bool
 ) -> None:
     """Write a reader whose intervals hold on recordings, and say by how much they changed."""
-    from scleraforce.notebook.work import FEW_EYES, recalibrate_intervals
+    from scleraforce.notebook.work import recalibrate_intervals
+    from scleraforce.reader.interval_scores import FEW_EYES
 
     folder = finder_folder(finder)
     changes = recalibrate_intervals(model, recordings, out, count_bar, frames=frames, wall_finder=folder)
     if as_json:
-        print_json({"model": str(out), "from": str(model), "groups": [asdict(change) for change in changes]})
+        print_json({"model": str(out), "from": str(model), "stretches": [asdict(change) for change in changes]})
         return
-    say(f"{'method':<9}{'group':<24}{'eyes':>5}{'readings':>10}{'held':>7}{'factor':>15}")
+    say(f"{'method':<9}{'modulus':<9}{'globe':<24}{'eyes':>5}{'readings':>10}{'held':>7}{'stretched by':>14}")
     for change in changes:
-        counts = f"{change.eyes:>5}{change.readings:>10}{change.held:>7.0%}"
-        factors = f"{change.factor_before:.2f} -> {change.factor:.2f}"
-        say(f"{change.method:<9}{change.group:<24}{counts}{factors:>15}")
+        counts = f"{change.eyes:>5}{change.readings:>10}{change.held:>7.0%}{change.factor:>14.2f}"
+        say(f"{change.method:<9}{change.modulus:<9}{', '.join(change.kinds):<24}{counts}")
     if min(change.eyes for change in changes) < FEW_EYES:
-        say(f"note: groups of fewer than {FEW_EYES} eyes: their widest reading counts, and none becomes narrower")
+        say(f"note: with fewer than {FEW_EYES} eyes the widest reading counts, and no interval becomes narrower")
     say(f"wrote {out}")
 
 

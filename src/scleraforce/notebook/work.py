@@ -6,7 +6,6 @@ Each function imports the rooms that it needs: they take seconds, PyTorch most o
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,10 +25,9 @@ if TYPE_CHECKING:
     from scleraforce.learning.raw_reader.train import TrainedRawReader
     from scleraforce.learning.reader.train import TrainedReader
     from scleraforce.library import Library
-    from scleraforce.reader.interval_scores import GroupChange, Score
+    from scleraforce.reader.interval_scores import Stretch
 
 __all__ = [
-    "FEW_EYES",
     "Counting",
     "Given",
     "calibrate_eyes",
@@ -43,7 +41,6 @@ __all__ = [
     "train_on_slices",
 ]
 
-FEW_EYES = 9  # 90 % of a new eye's readings: with fewer eyes no quantile promises as much
 Given = Recording | str | PathLike[str]
 # Of work with a title and a number of steps: entered around it, it gives what is called with the steps newly done.
 Counting = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]
@@ -148,11 +145,11 @@ def recalibrate_intervals(
     *,
     frames: int,
     wall_finder: str | PathLike[str] | None,
-) -> "tuple[GroupChange, ...]":
+) -> "tuple[Stretch, ...]":
     """Write a reader whose intervals hold on recordings: counts "calibration" and "reading".
 
     Each eye is calibrated on so many of its frames; the others are read, and their scores stretch the intervals.
-    Fewer than `FEW_EYES` in a group only widen its intervals.
+    Few eyes only widen them (`reader.interval_scores.FEW_EYES`).
 
     Args:
         model: folder of a reader.
@@ -163,7 +160,7 @@ def recalibrate_intervals(
         wall_finder: model that checks the walls; None: nothing does.
 
     Returns:
-        How the readings of each group did, and its factors before and after.
+        How the readings of each method with each kind of modulus did, and by how much they are stretched.
 
     Raises:
         InputError: the model is no reader, a recording cannot be calibrated on, or leaves no frame to read.
@@ -172,8 +169,7 @@ def recalibrate_intervals(
     from scleraforce.models.folder import CARD_FILE, COMMON_FILES, NETWORK_FILE, STUDY_FILE, read_folder
     from scleraforce.models.writing import check_place, write_folder
     from scleraforce.notebook.frames import summary_of_calibration
-    from scleraforce.reader.interval_factors import parse_factors
-    from scleraforce.reader.interval_scores import group_changes, recording_scores, stretched
+    from scleraforce.reader.interval_scores import intervals_record, recording_scores, stretched, stretches
     from scleraforce.reader.model import load_force_reader
     from scleraforce.reader.wall_finder_model import load_wall_finder
 
@@ -193,23 +189,13 @@ def recalibrate_intervals(
         raise InputError(f"{each[0].path}: no frame with a known force is left to read; take fewer --frames")
     source = "recordings of " + ", ".join(sorted({recording.info.eye.id for recording in each}))
     record = {key: value for key, value in folder.record.items() if key not in ("format", "files")}
-    record["intervals"] = stretched(reader.factors, _widening(scores), source)
+    changes = stretches(scores)
+    record["intervals"] = intervals_record(scores, stretched(reader.factors, changes), source)
     more = {name: content for name, content in folder.files.items() if name not in COMMON_FILES}
     study_toml, card = (folder.files[name].decode() for name in (STUDY_FILE, CARD_FILE))
-    card += f"\n## Intervals\nStretched to hold on {source}, by groups that `intervals` of model.json names.\n"
+    card += f"\n## Intervals\nStretched to hold on {source}; `intervals` of model.json has the factors.\n"
     write_folder(out, folder.files[NETWORK_FILE], study_toml, card, record, more)
-    return group_changes(scores, reader.factors, parse_factors(record, str(out)))
-
-
-def _widening(scores: "Sequence[Score]") -> "list[Score]":
-    """Return scores with 1 for less, where a group has few eyes: that these did well does not say that others will."""
-    eyes: dict[tuple[str, str], set[str]] = {}
-    for entry in scores:
-        eyes.setdefault((entry.method, entry.group), set()).add(entry.eye)
-    return [
-        replace(entry, score=max(entry.score, 1.0)) if len(eyes[entry.method, entry.group]) < FEW_EYES else entry
-        for entry in scores
-    ]
+    return changes
 
 
 def simulate_slices(

@@ -2,25 +2,28 @@
 
 What a method says of its own uncertainty leaves out what its model leaves out. So its intervals are measured on eyes
 that are not in its model (split-conformal prediction: Vovk, Gammerman and Shafer, Algorithmic Learning in a Random
-World, 2005; over groups of frames that belong together: Dunn, Wasserman and Ramdas 2023), one factor for each group
-(`interval_groups`). `model.json` keeps the factors; a model without them has intervals as its methods say. Before that,
-an eye whose calibration left its frames of known force scattered has wider intervals than another (`Known.scatter`).
+World, 2005; over groups of frames that belong together: Dunn, Wasserman and Ramdas 2023). Each trait of a reading
+(`interval_traits`) has a factor, and those of its traits are multiplied. `model.json` keeps the factors; a model
+without them has intervals as its methods say. Before that, an eye whose calibration left its frames of known force
+scattered has wider intervals than another (`Known.scatter`).
 """
 
 import reprlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import isfinite
+from math import isfinite, prod
 from typing import Any
 
 from scleraforce.errors import ModelError
 from scleraforce.fitting.library_fit import BoundaryFit
 from scleraforce.known.eye import Known
-from scleraforce.reader.interval_groups import FIT_GROUPS, NETWORK_GROUPS, groups_of
+from scleraforce.reader.interval_traits import FIT_TRAITS, NETWORK_TRAITS, traits_of
 from scleraforce.segmentation.wall import Segmentation
 from scleraforce.study import ReaderStudy
 
-__all__ = ["NO_FACTORS", "IntervalFactors", "frame_stretch", "parse_factors"]
+__all__ = ["NO_FACTORS", "Factors", "IntervalFactors", "frame_stretch", "parse_factors"]
+
+Factors = Mapping[str, Mapping[str, float]]  # by `MODULI`, then by trait
 
 # Virtual eyes of the library's walls have no needle and no conjunctiva. With either, intervals were too narrow by so
 # much on twelve eyes each, computed in three dimensions: `python -m figures --seed 20261130 --eyes 12 --groups
@@ -30,18 +33,18 @@ NEEDLE_STRETCH, CONJUNCTIVA_STRETCH = 1.18, 1.14
 
 @dataclass(frozen=True)
 class IntervalFactors:
-    """Factors of the intervals of both methods, by the group; 1 where a group has none."""
+    """Factors of the intervals of both methods, by the reading's traits; 1 where a trait has none."""
 
-    network: Mapping[str, float] = field(default_factory=dict)
-    fit: Mapping[str, float] = field(default_factory=dict)
+    network: Factors = field(default_factory=dict)
+    fit: Factors = field(default_factory=dict)
 
     def of_network(self, known: Known, force_n: float) -> float:
         """Return the factor of the network's interval of a force, N."""
-        return _first(self.network, groups_of(known, force_n))
+        return _product(self.network, traits_of(known, force_n))
 
     def of_fit(self, known: Known, fit: BoundaryFit) -> float:
         """Return the factor of the interval of a fit."""
-        return known.scatter * _first(self.fit, groups_of(known, fit.force_n, fit))
+        return known.scatter * _product(self.fit, traits_of(known, fit.force_n, fit))
 
 
 NO_FACTORS = IntervalFactors()
@@ -75,21 +78,31 @@ def parse_factors(record: Mapping[str, Any], place: str) -> IntervalFactors:
     if not isinstance(intervals, dict):
         raise ModelError(f"{place}: intervals: found {reprlib.repr(intervals)}, expected an object")
     return IntervalFactors(
-        _factors(intervals.get("network", {}), NETWORK_GROUPS, f"{place}: intervals.network"),
-        _factors(intervals.get("fit", {}), FIT_GROUPS, f"{place}: intervals.fit"),
+        _factors(intervals.get("network", {}), NETWORK_TRAITS, f"{place}: intervals.network"),
+        _factors(intervals.get("fit", {}), FIT_TRAITS, f"{place}: intervals.fit"),
     )
 
 
-def _first(factors: Mapping[str, float], groups: Iterable[str]) -> float:
-    """Return the factor of the first of some groups that has one, else 1."""
-    return next((factors[group] for group in groups if group in factors), 1.0)
+def _product(factors: Factors, traits: tuple[str, ...]) -> float:
+    """Return the product of the factors of a reading's traits."""
+    modulus, *others = traits
+    given = factors.get(modulus, {})
+    return prod(given.get(trait, 1.0) for trait in others)
 
 
-def _factors(values: object, groups: tuple[str, ...], place: str) -> dict[str, float]:
-    """Return the factors of one method's groups."""
-    if not isinstance(values, dict) or not set(values) <= set(groups):
-        raise ModelError(f"{place}: found {reprlib.repr(values)}, expected factors of {'; '.join(groups)}")
-    for group, value in values.items():
+def _factors(values: object, traits: Mapping[str, tuple[str, ...]], place: str) -> Factors:
+    """Return the factors of one method's traits."""
+    if not isinstance(values, dict) or not set(values) <= set(traits):
+        found = f"found {reprlib.repr(values)}, expected factors of {' and '.join(traits)}"
+        raise ModelError(f"{place}: {found}; a model of an earlier version has to be made anew")
+    return {modulus: _of_modulus(given, traits[modulus], f"{place}: {modulus}") for modulus, given in values.items()}
+
+
+def _of_modulus(given: object, traits: tuple[str, ...], place: str) -> dict[str, float]:
+    """Return the factors of the traits of readings with one kind of modulus."""
+    if not isinstance(given, dict) or not set(given) <= set(traits):
+        raise ModelError(f"{place}: found {reprlib.repr(given)}, expected factors of {', '.join(traits)}")
+    for trait, value in given.items():
         if type(value) not in (int, float) or not isfinite(value) or not value > 0.0:
-            raise ModelError(f"{place}: {group}: found {reprlib.repr(value)}, expected a number above 0")
-    return {group: float(value) for group, value in values.items()}
+            raise ModelError(f"{place}, {trait}: found {reprlib.repr(value)}, expected a number above 0")
+    return {trait: float(value) for trait, value in given.items()}

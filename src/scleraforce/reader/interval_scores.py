@@ -1,66 +1,77 @@
-"""How wide a reader's intervals have to be: scores of readings of known forces, and their quantiles by group.
+"""How wide a reader's intervals have to be: scores of readings of known forces, and what they stretch intervals by.
 
-The score of a reading is how far the force is from the median, over how far the interval's end on that side is. The
-factor of a group (`interval_factors`) is the score that 90 % of its readings stay below, every eye weighing the same:
-the eyes are exchangeable, the frames of one are not. With n eyes the share is 0.9 (n + 1)/n, as for a new eye.
+The score of a reading is how far the force is from the median, over how far the interval's end on that side is. What
+90 % of the readings stay below, every eye weighing the same, makes 90 % of the intervals hold: the eyes are
+exchangeable, the frames of one are not. With n eyes the share is 0.9 (n + 1)/n, as for a new eye.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scleraforce.known.calibration_file import CalibrationSummary
 from scleraforce.known.eye import known_of_eye, known_of_recording
 from scleraforce.reader.force_reader import ForceReader
-from scleraforce.reader.interval_factors import IntervalFactors
-from scleraforce.reader.interval_groups import group_of
+from scleraforce.reader.interval_factors import Factors, IntervalFactors
+from scleraforce.reader.interval_traits import KINDS, traits_of
 from scleraforce.reader.readings import METHODS, Reading
 from scleraforce.recording.files import Recording, frame_digest
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
 
 __all__ = [
+    "FEW_EYES",
+    "LARGEST",
     "LEVEL",
-    "GroupChange",
+    "SMALLEST",
     "Score",
-    "group_changes",
-    "interval_factors",
+    "Stretch",
+    "conformal_quantile",
     "intervals_record",
+    "of_each_modulus",
     "recording_scores",
     "score",
+    "share_of_new_eye",
     "stretched",
+    "stretches",
+    "weights_of_eyes",
 ]
+
+Floats = NDArray[np.float64]
 
 LEVEL = 0.9
 LEAST_N = 1e-6  # of a half interval
-SMALLEST, LARGEST = 0.3, 20.0  # factors: a group of few eyes must not promise more, nor say nothing
+SMALLEST, LARGEST = 0.3, 20.0  # factors: a few eyes must not promise more, nor say nothing
+FEW_EYES = 9  # 90 % of a new eye's readings: with fewer eyes no quantile promises as much
 
 
 @dataclass(frozen=True)
 class Score:
-    """One reading's score: by which method, of which group and which eye."""
+    """One reading's score: by which method, of which traits (`interval_traits.traits_of`) and which eye."""
 
     method: str
-    group: str
+    traits: tuple[str, ...]
     eye: str
     score: float
 
 
 @dataclass(frozen=True, kw_only=True)
-class GroupChange:
-    """How a group's readings did, and what becomes of the factor of its intervals.
+class Stretch:
+    """How a method's readings with one kind of modulus did, and by how much their intervals are stretched for it.
 
-    `held`: the share of the readings whose interval held the force, with the factor before.
+    `held`: the share of the readings whose interval held the force before. `kinds`: which of `KINDS` they are of, whose
+    factors grow by `factor`.
     """
 
     method: str
-    group: str
+    modulus: str
+    kinds: tuple[str, ...]
     eyes: int
     readings: int
     held: float
-    factor_before: float
     factor: float
 
 
@@ -75,36 +86,48 @@ def score(reading: Reading, force_n: float) -> float:
     return abs(force_n - reading.force_n) / max(abs(end_n - reading.force_n), LEAST_N)
 
 
-def interval_factors(scores: Iterable[Score]) -> dict[str, dict[str, float]]:
-    """Return the factor of every group of every method that has scores."""
-    grouped: dict[str, dict[str, list[Score]]] = {}
-    for entry in scores:
-        grouped.setdefault(entry.method, {}).setdefault(entry.group, []).append(entry)
-    return {
-        method: {group: round(_factor(found), 4) for group, found in sorted(groups.items())}
-        for method, groups in sorted(grouped.items())
-    }
-
-
-def _factor(scores: list[Score]) -> float:
-    """Return the score below which 90 % of the readings of a group lie, every eye weighing the same."""
+def weights_of_eyes(scores: Sequence[Score]) -> Floats:
+    """Return the weight of each score, of sum 1: every eye weighs the same."""
     names, eye, count = np.unique([entry.eye for entry in scores], return_inverse=True, return_counts=True)
+    weights: Floats = (1.0 / (count * len(names)))[eye]
+    return weights
+
+
+def share_of_new_eye(eyes: int) -> float:
+    """Return which share of the scores of some eyes has to be held for 90 % of a new eye's.
+
+    >>> round(share_of_new_eye(90), 3), share_of_new_eye(8)
+    (0.91, 1.0)
+    """
+    return min(1.0, LEVEL * (eyes + 1) / eyes)
+
+
+def conformal_quantile(scores: Sequence[Score]) -> float:
+    """Return the score below which 90 % of the readings of a new eye lie."""
     values = np.array([entry.score for entry in scores])
     order = np.argsort(values)
-    share = np.cumsum((1.0 / (count * len(names)))[eye][order])
-    wanted = min(1.0, LEVEL * (len(names) + 1) / len(names))
-    place = min(int(np.searchsorted(share, wanted * (1.0 - 1e-12))), len(values) - 1)
+    held = np.cumsum(weights_of_eyes(scores)[order])
+    wanted = share_of_new_eye(len({entry.eye for entry in scores}))
+    place = min(int(np.searchsorted(held, wanted * (1.0 - 1e-12))), len(values) - 1)
     return float(np.clip(values[order][place], SMALLEST, LARGEST))
 
 
-def intervals_record(scores: list[Score], source: str) -> dict[str, Any]:
-    """Return `intervals` of `model.json` from scores, and where these come from."""
+def of_each_modulus(scores: Iterable[Score]) -> dict[tuple[str, str], list[Score]]:
+    """Return the scores of each method and each of `MODULI` that has any."""
+    found: dict[tuple[str, str], list[Score]] = {}
+    for entry in scores:
+        found.setdefault((entry.method, entry.traits[0]), []).append(entry)
+    return dict(sorted(found.items()))
+
+
+def intervals_record(scores: Sequence[Score], factors: Mapping[str, Factors], source: str) -> dict[str, Any]:
+    """Return `intervals` of `model.json`: the factors of both methods, and on what they rest."""
     return {
         "level": LEVEL,
         "source": source,
         "eyes": len({entry.eye for entry in scores}),
         "readings": len(scores),
-        **interval_factors(scores),
+        **factors,
     }
 
 
@@ -135,36 +158,40 @@ def recording_scores(
         if force_n is not None and frame_digest(pixels) not in summary.digests:
             answer = reader.read(pixels, scale, known)
             for method, reading in answer.readings if answer.usable else ():
-                group = group_of(known, reading.force_n, answer.fit if method == "fit" else None)
-                yield Score(method, group, eye, score(reading, force_n))
+                traits = traits_of(known, reading.force_n, answer.fit if method == "fit" else None)
+                yield Score(method, traits, eye, score(reading, force_n))
         if progress:
             progress(1)
 
 
-def group_changes(scores: Sequence[Score], before: IntervalFactors, after: IntervalFactors) -> tuple[GroupChange, ...]:
-    """Return what scores say of each group that they are of, with its factors before and after."""
-    found: dict[tuple[str, str], list[Score]] = {}
-    for entry in scores:
-        found.setdefault((entry.method, entry.group), []).append(entry)
-    return tuple(
-        GroupChange(
-            method=method,
-            group=group,
-            eyes=len({entry.eye for entry in entries}),
-            readings=len(entries),
-            held=sum(entry.score <= 1.0 for entry in entries) / len(entries),
-            factor_before=getattr(before, method).get(group, 1.0),
-            factor=getattr(after, method).get(group, 1.0),
+def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
+    """Return by how much intervals have to be stretched to hold on the eyes that scores are of.
+
+    All readings with one kind of modulus together: a user's eyes are too few to tell their traits apart. Fewer than
+    `FEW_EYES` only widen: that these did well does not say that others will.
+    """
+    found = list[Stretch]()
+    for (method, modulus), entries in of_each_modulus(scores).items():
+        eyes, factor = len({entry.eye for entry in entries}), conformal_quantile(entries)
+        kinds = tuple(kind for kind in KINDS if any(kind in entry.traits for entry in entries))
+        found.append(
+            Stretch(
+                method=method,
+                modulus=modulus,
+                kinds=kinds,
+                eyes=eyes,
+                readings=len(entries),
+                held=sum(entry.score <= 1.0 for entry in entries) / len(entries),
+                factor=max(factor, 1.0) if eyes < FEW_EYES else factor,
+            )
         )
-        for (method, group), entries in sorted(found.items())
-    )
+    return tuple(found)
 
 
-def stretched(before: IntervalFactors, scores: Sequence[Score], source: str) -> dict[str, Any]:
-    """Return `intervals` of `model.json` after scores that count from what was there; other groups stay as they are."""
-    record = intervals_record(list(scores), source)
-    for method in METHODS:
-        was = getattr(before, method)
-        found = {group: round(was.get(group, 1.0) * factor, 4) for group, factor in record.get(method, {}).items()}
-        record[method] = {**was, **found}
-    return record
+def stretched(before: IntervalFactors, changes: Iterable[Stretch]) -> dict[str, Factors]:
+    """Return the factors of both methods after stretches that count from what was there; other kinds stay."""
+    after = {method: {modulus: dict(given) for modulus, given in getattr(before, method).items()} for method in METHODS}
+    for change in changes:
+        given = after[change.method].setdefault(change.modulus, {})
+        given |= {kind: round(given.get(kind, 1.0) * change.factor, 4) for kind in change.kinds}
+    return dict(after)

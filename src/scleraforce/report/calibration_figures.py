@@ -86,7 +86,7 @@ def draw_observed_points(
         axes.set_xlim(extent[:2])
         axes.set_ylim(extent[2:])
     panels[0].set_ylabel("depth [mm]")
-    panels[0].legend(loc="lower right", labelcolor="white")
+    panels[0].legend(loc="upper right", labelcolor="white")
     return figure
 
 

@@ -31,15 +31,15 @@ def eye(library: Library) -> VirtualEye:
 def test_every_second_eye_of_a_telling_is_calibrated_otherwise_as_well(
     eye: VirtualEye, library: Library, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    groups = {CALIBRATED: "own E, taut", OTHERS: "other E, taut", OTHERWISE: "own E, sparse, taut"}
+    traits = {CALIBRATED: ("own E", "taut"), OTHERS: ("other E", "taut"), OTHERWISE: ("own E", "taut", "sparse")}
     monkeypatch.setattr(intervals, "calibrated_eye", lambda *_: (eye, CALIBRATED, ()))
     monkeypatch.setattr(intervals, "of_population", lambda *_: OTHERS)
     monkeypatch.setattr(intervals, "calibrated_otherwise", lambda *_: (OTHERWISE, ()))
-    monkeypatch.setattr(intervals, "_scores", lambda *given: [Score("fit", groups[given[5]], given[4], 1.0)])
+    monkeypatch.setattr(intervals, "_scores", lambda *given: [Score("fit", traits[given[5]], given[4], 1.0)])
     scores_of = intervals._measuring(Study(), library, (SHIPPED_READER / "model.onnx").read_bytes())
-    found = {number: [(score.group, score.eye) for score in scores_of(number)] for number in range(12)}
+    found = {number: [(score.traits, score.eye) for score in scores_of(number)] for number in range(12)}
     for number, of_eye in found.items():
-        of_all = [(group, str(number)) for group in groups.values()]
+        of_all = [(found_in, str(number)) for found_in in traits.values()]
         assert of_eye == (of_all if number in (0, 1, 2, 6, 7, 8) else of_all[:2])
 
 

@@ -67,7 +67,7 @@ def test_the_hash_changes_with_a_room_that_computes(tmp_path: Path, monkeypatch:
 
 @pytest.mark.parametrize(
     "name", ["library/base_plane.py", "mechanics/axisymmetric/path.py", "fitting/library_fit.py", "reader/given.py",
-             "reader/interval_groups.py", "learning/reader/network.py", "calibration/session.py", "study/sampled.py"],
+             "reader/interval_traits.py", "learning/reader/network.py", "calibration/session.py", "study/sampled.py"],
 )  # fmt: skip
 def test_what_decides_a_reader_counts(name: str) -> None:
     assert name in reader_files()

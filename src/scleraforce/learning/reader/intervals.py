@@ -12,6 +12,7 @@ from scleraforce.errors import CalibrationError
 from scleraforce.fitting.library_fit import fit_boundaries
 from scleraforce.fitting.prior import prior_of
 from scleraforce.known.eye import Known
+from scleraforce.learning.reader.trait_factors import trait_factors
 from scleraforce.learning.reader.virtual_eyes import (
     CALIBRATED,
     FRAMES,
@@ -27,8 +28,8 @@ from scleraforce.learning.reader.virtual_eyes import (
 from scleraforce.library import Library
 from scleraforce.processes import work_in_order
 from scleraforce.reader.interval_factors import NO_FACTORS
-from scleraforce.reader.interval_groups import group_of
 from scleraforce.reader.interval_scores import Score, intervals_record, score
+from scleraforce.reader.interval_traits import traits_of
 from scleraforce.reader.model import slice_network
 from scleraforce.reader.readings import Reading, fit_reading
 from scleraforce.study import Study
@@ -86,7 +87,7 @@ def intervals_of(
         scores += of_eye
         if progress:
             progress(1)
-    return intervals_record(scores, source)
+    return intervals_record(scores, trait_factors(scores), source)
 
 
 def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
@@ -148,7 +149,7 @@ def calibrated_otherwise(
 
 def network_score(reading: Reading, known: Known, eye: str, force_n: float) -> Score:
     """Return the score of what a network read of an eye under a force, N."""
-    return Score("network", group_of(known, reading.force_n), eye, score(reading, force_n))
+    return Score("network", traits_of(known, reading.force_n), eye, score(reading, force_n))
 
 
 def _scores(
@@ -170,5 +171,5 @@ def _scores(
         fit = fit_boundaries(walls, seen.lateral_m, seen.depth_m, prior, study.calibration.surface_smoothing_m)
         if fit is not None:
             by_fit = fit_reading(fit, study.classes.bounds_n, NO_FACTORS.of_fit(known, fit))
-            found.append(Score("fit", group_of(known, fit.force_n, fit), eye, score(by_fit, frame.force_n)))
+            found.append(Score("fit", traits_of(known, fit.force_n, fit), eye, score(by_fit, frame.force_n)))
     return found

@@ -28,7 +28,7 @@ NOT_RUN = (
 )  # fmt: skip
 ROOMS = ("calibration", "eye", "fitting", "known", "learning", "library", "mechanics", "section")
 MODULES = (
-    "reader/force_distribution.py", "reader/given.py", "reader/interval_groups.py", "reader/interval_scores.py",
+    "reader/force_distribution.py", "reader/given.py", "reader/interval_scores.py", "reader/interval_traits.py",
     "reader/slice_network.py", "reader/told_network.py", "study/sampled.py", "compiled.py",
 )  # fmt: skip
 SHARED: tuple[Callable[..., Any], ...] = (

@@ -59,7 +59,7 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-FRAMES, CALIBRATED = 12, 3
+FRAMES, CALIBRATED = 20, 3
 FINER = 4  # columns and rows of a frame for one of a slice
 FORCE_DRIFT_SD = 0.035  # relative, from no force to the largest: uneven eyes computed in three dimensions
 FRAME_EVERY_S = 12.0  # of a force log: ramps, a hold, a rest
