@@ -9,6 +9,8 @@ from calibrated_eye import calibration_of_a_sealed_eye
 from scleraforce.calibration.words import found_words
 from scleraforce.cli.main import run
 from scleraforce.notebook import work
+from scleraforce.reader.interval_scores import Stretch
+from scleraforce.reader.interval_traits import KINDS
 from scleraforce.report.calibration_figures import draw_calibration
 
 FOUND = (
@@ -59,3 +61,22 @@ def test_a_stiffening_that_is_told_and_sought_is_refused(tmp_path: Path, capsys:
     assert "tissue.stiffening: is sought in the frames" in error
     assert error.count("\n") == 1
     assert not (tmp_path / "out.json").exists()
+
+
+@pytest.mark.parametrize(("eyes", "noted"), [(8, True), (9, False)])
+def test_stretched_intervals_are_a_table_of_80_columns(
+    eyes: int, noted: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change = Stretch(
+        method="network", modulus="other E", kinds=KINDS, eyes=eyes, readings=1700, held=0.825, factor=12.345
+    )
+    monkeypatch.setattr(work, "recalibrate_intervals", lambda *_, **__: (change,))
+    assert run(["calibrate", "any", "--intervals", "default", "--out", str(tmp_path / "new")]) == 0
+    head, row, *others = capsys.readouterr().out.splitlines()
+    assert head.split() == ["method", "modulus", "globe", "eyes", "readings", "held", "factor"]
+    assert row.split() == [
+        "network", "other", "E", "open,", "sealed,", "unknown,", "taut", str(eyes), "1700", "82%", "12.35",
+    ]  # fmt: skip
+    assert len(head) == len(row) <= 80
+    assert any("none becomes narrower" in line for line in others) == noted
+    assert all(len(line) <= 80 for line in others[:-1])

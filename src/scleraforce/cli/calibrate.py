@@ -139,12 +139,12 @@ def _stretch(
     if as_json:
         print_json({"model": str(out), "from": str(model), "stretches": [asdict(change) for change in changes]})
         return
-    say(f"{'method':<9}{'modulus':<9}{'globe':<24}{'eyes':>5}{'readings':>10}{'held':>7}{'stretched by':>14}")
+    say(f"{'method':<9}{'modulus':<9}{'globe':<28}{'eyes':>5}{'readings':>10}{'held':>7}{'factor':>8}")
     for change in changes:
-        counts = f"{change.eyes:>5}{change.readings:>10}{change.held:>7.0%}{change.factor:>14.2f}"
-        say(f"{change.method:<9}{change.modulus:<9}{', '.join(change.kinds):<24}{counts}")
+        counts = f"{change.eyes:>5}{change.readings:>10}{change.held:>7.0%}{change.factor:>8.2f}"
+        say(f"{change.method:<9}{change.modulus:<9}{', '.join(change.kinds):<28}{counts}")
     if min(change.eyes for change in changes) < FEW_EYES:
-        say(f"note: with fewer than {FEW_EYES} eyes the widest reading counts, and no interval becomes narrower")
+        say(f"note: of fewer than {FEW_EYES} eyes the widest reading counts; none becomes narrower")
     say(f"wrote {out}")
 
 

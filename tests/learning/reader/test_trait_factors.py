@@ -77,3 +77,10 @@ def test_methods_and_moduli_are_apart_and_a_force_at_the_median_counts() -> None
     scores.append(Score("fit", ("own E", "open"), "60", 0.0))
     found = trait_factors(scores)
     assert {(m, e): factors["open"] for m, of in found.items() for e, factors in of.items()} == pytest.approx(sizes)
+
+
+@pytest.mark.parametrize(("score", "factor"), [(0.01, 0.3), (100.0, 20.0)])
+def test_a_few_eyes_promise_no_more_and_say_no_less_than_a_bound(score: float, factor: float) -> None:
+    scores = [Score("fit", ("own E", "open"), str(eye), score) for eye in range(30)]
+    assert trait_factors(scores)["fit"]["own E"]["open"] == pytest.approx(factor)
+    assert conformal_quantile(scores) == pytest.approx(factor)
