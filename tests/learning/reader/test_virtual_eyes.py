@@ -291,7 +291,11 @@ class EvenShine:
 
 @pytest.fixture
 def _drawn_as_then(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Eyes are drawn as before some stiffened, and all surfaces shone: among these are those where the fit failed."""
+    """Eyes are drawn as before some stiffened, and all surfaces shone: among these are those where the fit failed.
+
+    They had 12 frames.
+    """
+    monkeypatch.setattr("scleraforce.learning.reader.intervals.FRAMES", 12)
     eyes = "scleraforce.learning.reader.virtual_eyes"
     sizes = BoundaryErrors(
         outer_sd_m=2.6e-6, outer_lengths_m=(0.08e-3, 1.0e-3), thickness_sd_m=3e-6,
