@@ -84,9 +84,7 @@ def test_a_public_name_stands_for_one_thing() -> None:
         body = parsed(MODULES[name]).body
         classes = {node.name for node in body if isinstance(node, ast.ClassDef) and node.name[0] != "_"}
         edge = name.startswith(("scleraforce.cli.", "scleraforce.notebook"))
-        # KINDS are of globes (`interval_traits`) and of files. Either name stands in a source that decides the shipped
-        # reader (`learning.reader.sources`), which another one would have trained anew: with the next training.
-        for found in classes if edge else classes | public(name) - {"main", "KINDS"}:
+        for found in classes if edge else classes | public(name) - {"main"}:
             places.setdefault(found, []).append(name)
     twice = {name: where for name, where in places.items() if where[1:]}
     assert not twice, f"a name stands for one thing: {twice}"

@@ -10,7 +10,7 @@ from scleraforce.calibration.words import found_words
 from scleraforce.cli.main import run
 from scleraforce.notebook import work
 from scleraforce.reader.interval_scores import Stretch
-from scleraforce.reader.interval_traits import KINDS
+from scleraforce.reader.interval_traits import GLOBE_TRAITS
 from scleraforce.report.calibration_figures import draw_calibration
 
 FOUND = (
@@ -68,7 +68,7 @@ def test_stretched_intervals_are_a_table_of_80_columns(
     eyes: int, noted: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change = Stretch(
-        method="network", modulus="other E", kinds=KINDS, eyes=eyes, readings=1700, held=0.825, factor=12.345
+        method="network", modulus="other E", globes=GLOBE_TRAITS, eyes=eyes, readings=1700, held=0.825, factor=12.345
     )
     monkeypatch.setattr(work, "recalibrate_intervals", lambda *_, **__: (change,))
     assert run(["calibrate", "any", "--intervals", "default", "--out", str(tmp_path / "new")]) == 0

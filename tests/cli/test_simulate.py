@@ -140,9 +140,12 @@ def test_a_sealed_eye_gives_way_less_and_tells_its_pressure(tmp_path: Path, caps
 
 @pytest.mark.parametrize("command", [("simulate", "--force-mn", "25"), ("phantom", "--out", "eye")])
 @pytest.mark.parametrize("globe", [(), ("--globe", "open")])
-def test_a_rigidity_of_an_open_globe_is_refused_though_it_be_the_default(command, globe, tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("rigidity", ["0.02", "0.03"])  # the latter is the default's
+def test_a_rigidity_of_an_open_globe_is_refused(command, globe, rigidity, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
-    told = ("--thickness-um", "600", "--mechanics", "finite-strain", "--rigidity", "0.03")
+    told = ("--thickness-um", "600", "--mechanics", "finite-strain", "--rigidity", rigidity)
     assert run([*command, *told, *globe]) == 2
-    assert "--rigidity: of a sealed globe; tell --globe sealed, too, or leave 0.03 out" in capsys.readouterr().err
+    assert (
+        f"--rigidity: of a sealed globe; tell --globe sealed, too, or leave {rigidity} out" in capsys.readouterr().err
+    )
     assert not list(tmp_path.iterdir())

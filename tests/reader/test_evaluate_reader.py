@@ -232,7 +232,7 @@ def test_intervals_are_stretched_to_hold_on_recordings(places, tmp_path: Path, c
     found = json.loads(capsys.readouterr().out)
     changes = {row["method"]: row for row in found["stretches"]}
     assert set(changes) == {"fit", "network"}
-    assert {(row["modulus"], *row["kinds"]) for row in changes.values()} == {("own E", "open")}
+    assert {(row["modulus"], *row["globes"]) for row in changes.values()} == {("own E", "open")}
     assert all(row["eyes"] == 1 and row["factor"] >= 1.0 for row in changes.values())
     before, after = load_model(places["model"]), load_model(out)
     assert after.record["intervals"]["source"] == "recordings of mine"

@@ -24,7 +24,7 @@ from scleraforce.reader.interval_scores import (
     stretched,
     stretches,
 )
-from scleraforce.reader.interval_traits import FIT_TRAITS, KINDS, NETWORK_TRAITS, traits_of
+from scleraforce.reader.interval_traits import FIT_TRAITS, GLOBE_TRAITS, NETWORK_TRAITS, traits_of
 from scleraforce.reader.readings import Reading, fit_reading
 from scleraforce.reader.verdicts import no_wall_of_an_eye
 from scleraforce.study import ReaderStudy
@@ -79,9 +79,9 @@ def test_stretches_count_what_held_before_and_are_of_all_readings_with_one_kind_
     scores = [Score("fit", ("own E", kind, "light"), str(eye % 3), value) for eye, (value, kind) in enumerate(did)]
     scores += [Score("fit", ("other E", "sealed"), "x", 2.0), Score("network", ("own E", "open"), "x", 4.0)]
     of_other, of_own, of_network = stretches(scores)
-    assert (of_own.method, of_own.modulus, of_own.kinds) == ("fit", "own E", ("open", "taut"))
+    assert (of_own.method, of_own.modulus, of_own.globes) == ("fit", "own E", ("open", "taut"))
     assert (of_own.eyes, of_own.readings, of_own.held, of_own.factor) == (3, 4, 0.5, 3.0)
-    assert (of_other.modulus, of_other.kinds, of_other.factor) == ("other E", ("sealed",), 2.0)
+    assert (of_other.modulus, of_other.globes, of_other.factor) == ("other E", ("sealed",), 2.0)
     assert (of_network.method, of_network.factor) == ("network", 4.0)
 
 
@@ -189,7 +189,7 @@ def test_every_trait_of_a_reading_may_have_a_factor() -> None:
     for by_network, traits in found.items():
         allowed = NETWORK_TRAITS if by_network else FIT_TRAITS
         assert traits == {(modulus, trait) for modulus, of_modulus in allowed.items() for trait in of_modulus}
-    assert set(KINDS) <= set(FIT_TRAITS["own E"])
+    assert set(GLOBE_TRAITS) <= set(FIT_TRAITS["own E"])
 
 
 def test_factors_come_from_the_record_are_multiplied_and_are_one_where_it_has_none() -> None:

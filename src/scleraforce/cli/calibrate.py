@@ -142,7 +142,7 @@ def _stretch(
     say(f"{'method':<9}{'modulus':<9}{'globe':<28}{'eyes':>5}{'readings':>10}{'held':>7}{'factor':>8}")
     for change in changes:
         counts = f"{change.eyes:>5}{change.readings:>10}{change.held:>7.0%}{change.factor:>8.2f}"
-        say(f"{change.method:<9}{change.modulus:<9}{', '.join(change.kinds):<28}{counts}")
+        say(f"{change.method:<9}{change.modulus:<9}{', '.join(change.globes):<28}{counts}")
     if min(change.eyes for change in changes) < FEW_EYES:
         say(f"note: of fewer than {FEW_EYES} eyes the widest reading counts; none becomes narrower")
     say(f"wrote {out}")

@@ -95,7 +95,7 @@ def prior_of(known: Known, trained: ReaderStudy) -> Prior:
     modulus_sd = known.modulus.relative_sd if known.modulus else 0.0
     mean[MODULUS], sd[MODULUS] = _stated(modulus, _logs(trained.youngs_modulus_pa.bounds), modulus_sd)
     mean[PRESSURE], sd[PRESSURE] = mean[IOP], PRESSURE_SD
-    own = known.modulus is not None and known.modulus.source == "own"
+    own = known.has_own_modulus
     same_force = _same_force(mean, sd) if own else np.zeros(len(NAMES))
     precision = np.diag(np.where(own & (np.arange(len(NAMES)) == MODULUS), 0.0, sd**-2.0))
     globe = UNKNOWN if known.globe is None else known.globe

@@ -77,6 +77,11 @@ class Known:
     discrepancy: ForceDiscrepancy | None = None
 
     @property
+    def has_own_modulus(self) -> bool:
+        """Whether E was found on frames of the eye."""
+        return self.modulus is not None and self.modulus.source == "own"
+
+    @property
     def scatter(self) -> float:
         """By how much intervals are wider for what the eye's frames of known force showed (`ForceDiscrepancy`)."""
         return 1.0 if self.discrepancy is None else self.discrepancy.scatter

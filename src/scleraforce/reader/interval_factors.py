@@ -23,7 +23,7 @@ from scleraforce.study import ReaderStudy
 
 __all__ = ["NO_FACTORS", "Factors", "IntervalFactors", "frame_stretch", "parse_factors"]
 
-Factors = Mapping[str, Mapping[str, float]]  # by `MODULI`, then by trait
+Factors = Mapping[str, Mapping[str, float]]  # by whose modulus, then by trait
 
 # Virtual eyes of the library's walls have no needle and no conjunctiva. With either, intervals were too narrow by so
 # much on twelve eyes each, computed in three dimensions: `python -m figures --seed 20261130 --eyes 12 --groups

@@ -16,7 +16,7 @@ from scleraforce.known.calibration_file import CalibrationSummary
 from scleraforce.known.eye import known_of_eye, known_of_recording
 from scleraforce.reader.force_reader import ForceReader
 from scleraforce.reader.interval_factors import Factors, IntervalFactors
-from scleraforce.reader.interval_traits import KINDS, traits_of
+from scleraforce.reader.interval_traits import GLOBE_TRAITS, traits_of
 from scleraforce.reader.readings import METHODS, Reading
 from scleraforce.recording.files import Recording, frame_digest
 from scleraforce.recording.labels import label_frames
@@ -30,6 +30,7 @@ __all__ = [
     "Score",
     "Stretch",
     "conformal_quantile",
+    "eye_count",
     "intervals_record",
     "of_each_modulus",
     "recording_scores",
@@ -62,13 +63,13 @@ class Score:
 class Stretch:
     """How a method's readings with one kind of modulus did, and by how much their intervals are stretched for it.
 
-    `held`: the share of the readings whose interval held the force before. `kinds`: which of `KINDS` they are of, whose
-    factors grow by `factor`.
+    `held`: the share of the readings whose interval held the force before. `globes`: which of `GLOBE_TRAITS`
+    they have, whose factors grow by `factor`.
     """
 
     method: str
     modulus: str
-    kinds: tuple[str, ...]
+    globes: tuple[str, ...]
     eyes: int
     readings: int
     held: float
@@ -84,6 +85,11 @@ def score(reading: Reading, force_n: float) -> float:
     low_n, high_n = reading.interval_n
     end_n = high_n if force_n > reading.force_n else low_n
     return abs(force_n - reading.force_n) / max(abs(end_n - reading.force_n), LEAST_N)
+
+
+def eye_count(scores: Iterable[Score]) -> int:
+    """Return of how many eyes scores are."""
+    return len({entry.eye for entry in scores})
 
 
 def weights_of_eyes(scores: Sequence[Score]) -> Floats:
@@ -107,13 +113,13 @@ def conformal_quantile(scores: Sequence[Score]) -> float:
     values = np.array([entry.score for entry in scores])
     order = np.argsort(values)
     held = np.cumsum(weights_of_eyes(scores)[order])
-    wanted = share_of_new_eye(len({entry.eye for entry in scores}))
+    wanted = share_of_new_eye(eye_count(scores))
     place = min(int(np.searchsorted(held, wanted * (1.0 - 1e-12))), len(values) - 1)
     return float(np.clip(values[order][place], SMALLEST, LARGEST))
 
 
 def of_each_modulus(scores: Iterable[Score]) -> dict[tuple[str, str], list[Score]]:
-    """Return the scores of each method and each of `MODULI` that has any."""
+    """Return the scores of each method and kind of modulus that has any."""
     found: dict[tuple[str, str], list[Score]] = {}
     for entry in scores:
         found.setdefault((entry.method, entry.traits[0]), []).append(entry)
@@ -125,7 +131,7 @@ def intervals_record(scores: Sequence[Score], factors: Mapping[str, Factors], so
     return {
         "level": LEVEL,
         "source": source,
-        "eyes": len({entry.eye for entry in scores}),
+        "eyes": eye_count(scores),
         "readings": len(scores),
         **factors,
     }
@@ -172,13 +178,13 @@ def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
     """
     found = list[Stretch]()
     for (method, modulus), entries in of_each_modulus(scores).items():
-        eyes, factor = len({entry.eye for entry in entries}), conformal_quantile(entries)
-        kinds = tuple(kind for kind in KINDS if any(kind in entry.traits for entry in entries))
+        eyes, factor = eye_count(entries), conformal_quantile(entries)
+        globes = tuple(globe for globe in GLOBE_TRAITS if any(globe in entry.traits for entry in entries))
         found.append(
             Stretch(
                 method=method,
                 modulus=modulus,
-                kinds=kinds,
+                globes=globes,
                 eyes=eyes,
                 readings=len(entries),
                 held=sum(entry.score <= 1.0 for entry in entries) / len(entries),
@@ -188,10 +194,10 @@ def stretches(scores: Iterable[Score]) -> tuple[Stretch, ...]:
     return tuple(found)
 
 
-def stretched(before: IntervalFactors, changes: Iterable[Stretch]) -> dict[str, Factors]:
-    """Return the factors of both methods after stretches that count from what was there; other kinds stay."""
+def stretched(before: IntervalFactors, changes: Iterable[Stretch]) -> Mapping[str, Factors]:
+    """Return the factors of both methods after stretches that count from what was there; those of other traits stay."""
     after = {method: {modulus: dict(given) for modulus, given in getattr(before, method).items()} for method in METHODS}
     for change in changes:
         given = after[change.method].setdefault(change.modulus, {})
-        given |= {kind: round(given.get(kind, 1.0) * change.factor, 4) for kind in change.kinds}
-    return dict(after)
+        given |= {globe: round(given.get(globe, 1.0) * change.factor, 4) for globe in change.globes}
+    return after

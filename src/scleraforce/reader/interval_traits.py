@@ -13,17 +13,17 @@ from scleraforce.fitting.prior import form_size
 from scleraforce.known.eye import Known
 from scleraforce.known.globe import UNKNOWN, KnownGlobe
 
-__all__ = ["BEYOND_FROM", "FIT_TRAITS", "KINDS", "MODULI", "NETWORK_TRAITS", "traits_of"]
+__all__ = ["FIT_TRAITS", "GLOBE_TRAITS", "NETWORK_TRAITS", "traits_of"]
 
-MODULI = OWN, OTHER = ("own E", "other E")
+OWN, OTHER = "own E", "other E"  # whose modulus: of which a reading has one
 GLOBES, TAUT = ("open", "sealed", "unknown"), "taut"
-KINDS = (*GLOBES, TAUT)  # of which a reading has one; of the other traits none or some
+GLOBE_TRAITS = (*GLOBES, TAUT)  # likewise; of the other traits it has none or some
 UNEVEN, LIGHT, BEYOND, SPARSE = "uneven", "light", ("beyond", "far beyond"), "sparse"
 OF_CALIBRATION = (*BEYOND, SPARSE)
 NETWORK_TRAITS: Mapping[str, tuple[str, ...]] = {OWN: (*GLOBES, *OF_CALIBRATION), OTHER: GLOBES}
 FIT_TRAITS: Mapping[str, tuple[str, ...]] = {
-    OWN: (*KINDS, UNEVEN, LIGHT, *OF_CALIBRATION),
-    OTHER: (*KINDS, UNEVEN, LIGHT),
+    OWN: (*GLOBE_TRAITS, UNEVEN, LIGHT, *OF_CALIBRATION),
+    OTHER: (*GLOBE_TRAITS, UNEVEN, LIGHT),
 }
 # Of the fit: frames of even walls lie nearer to an even wall of the library, those of uneven ones are farther from it.
 LARGEST_MISFIT_M, LARGEST_FORM = 6e-6, 1.0
@@ -42,17 +42,16 @@ SPARSE_FROM = 0.45
 def traits_of(known: Known, force_n: float, fit: BoundaryFit | None = None) -> tuple[str, ...]:
     """Return the traits of a reading of a force, N: of the network, or with a fit those of the fit.
 
-    First of `MODULI`, then of `KINDS`, then the others. An E that was told, or that is of other eyes, is not the eye's
-    own: how sure it is was said, not measured.
+    First whose modulus, then of `GLOBE_TRAITS`, then the others. An E that was told, or that is of other eyes, is not
+    the eye's own: how sure it is was said, not measured.
 
     >>> traits_of(Known(), 20e-3)
     ('other E', 'unknown')
     """
-    own = known.modulus is not None and known.modulus.source == "own"
     globe = UNKNOWN if known.globe is None else known.globe
-    of_eye = _of_calibration(known, force_n) if own else ()
+    of_eye = _of_calibration(known, force_n) if known.has_own_modulus else ()
     of_frame = (globe.kind,) if fit is None else _of_fit(fit, force_n, globe)
-    return MODULI[0 if own else 1], *of_frame, *of_eye
+    return OWN if known.has_own_modulus else OTHER, *of_frame, *of_eye
 
 
 def _of_fit(fit: BoundaryFit, force_n: float, globe: KnownGlobe) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ learned from all readings that have it. A factor for each combination of traits 
 a new eye is then 0.92 to 1 of theirs, and intervals were too wide.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import linprog
@@ -19,22 +19,23 @@ from scleraforce.reader.interval_scores import (
     LARGEST,
     SMALLEST,
     Score,
+    eye_count,
     of_each_modulus,
     share_of_new_eye,
     weights_of_eyes,
 )
-from scleraforce.reader.interval_traits import KINDS
+from scleraforce.reader.interval_traits import GLOBE_TRAITS
 
 __all__ = ["trait_factors"]
 
 LEAST_SCORE = 1e-3  # a force at the median has no logarithm
 
 
-def trait_factors(scores: Sequence[Score]) -> dict[str, Factors]:
+def trait_factors(scores: Sequence[Score]) -> Mapping[str, Factors]:
     """Return the factor of every trait that scores are of, by method and modulus.
 
-    A kind's factor (`interval_traits.KINDS`) is at least `SMALLEST`, that of any other trait at least 1: these make a
-    reader worse, and what few eyes say to the contrary is chance.
+    The factor of what is told of the globe (`interval_traits.GLOBE_TRAITS`) is at least `SMALLEST`, that of any other
+    trait at least 1: these make a reader worse, and what few eyes say to the contrary is chance.
 
     Raises:
         SolverError: the regression has no solution.
@@ -42,7 +43,7 @@ def trait_factors(scores: Sequence[Score]) -> dict[str, Factors]:
     found: dict[str, dict[str, dict[str, float]]] = {}
     for (method, modulus), entries in of_each_modulus(scores).items():
         found.setdefault(method, {})[modulus] = _regression(entries)
-    return dict(found)
+    return found
 
 
 def _regression(scores: Sequence[Score]) -> dict[str, float]:
@@ -54,9 +55,9 @@ def _regression(scores: Sequence[Score]) -> dict[str, float]:
     traits = sorted({trait for entry in scores for trait in entry.traits[1:]})
     has = csr_array(np.array([[trait in entry.traits for trait in traits] for entry in scores], dtype=np.float64))
     logs = np.log([max(entry.score, LEAST_SCORE) for entry in scores])
-    share, weight = share_of_new_eye(len({entry.eye for entry in scores})), len(scores) * weights_of_eyes(scores)
+    share, weight = share_of_new_eye(eye_count(scores)), len(scores) * weights_of_eyes(scores)  # 1 in the mean
     one = eye_array(len(scores))
-    ends = [(np.log(SMALLEST) if trait in KINDS else 0.0, np.log(LARGEST)) for trait in traits]
+    ends = [(np.log(SMALLEST) if trait in GLOBE_TRAITS else 0.0, np.log(LARGEST)) for trait in traits]
     solution = linprog(
         np.concatenate([np.zeros(len(traits)), share * weight, (1.0 - share) * weight]),
         A_eq=hstack([has, one, -one], format="csr"),
