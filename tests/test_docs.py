@@ -73,7 +73,7 @@ def pages_with_commands() -> list[object]:
         used = {name for example in examples(page) for name in COMMANDS if f"scleraforce {name}" in example.command}
         if any(not example.command.startswith(("make", "cd ", "git ")) for example in examples(page)):
             long = pytest.mark.first if page.name == "README.md" else pytest.mark.long
-            marks = [pytest.mark.slow, long] if used & SLOW_COMMANDS else []
+            marks = [pytest.mark.slow, long] if used & SLOW_COMMANDS else [pytest.mark.slow] if "import" in used else []
             found.append(pytest.param(page, id=name_of(page), marks=marks))
     return found
 

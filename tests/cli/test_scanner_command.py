@@ -143,6 +143,7 @@ def test_phantom_draws_frames_of_the_measured_scanner(frames, tmp_path: Path, ca
         assert again["measured"][key]["median"] == pytest.approx(told["measured"][key]["median"], rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.real
 @pytest.mark.skipif(not REAL.is_dir(), reason="../shared is absent")
 def test_real_frames_of_one_scanner_have_one_display(tmp_path: Path, capsys) -> None:

@@ -210,6 +210,7 @@ def test_intervals_cover_the_force_where_the_noise_is_as_stated() -> None:
     assert np.median(off) < 3e-3
 
 
+@pytest.mark.slow
 def test_a_dent_is_the_surer_the_less_noise_a_frame_has() -> None:
     """What is known of the eye leaves some 6 um; the rest goes with the noise, which the fit finds by itself."""
     truth, sds_m = eye(1e-3), []

@@ -132,6 +132,7 @@ def test_eyes_at_the_knots_are_pushed_by_a_needle_that_leans_as_before() -> None
     assert turned_eyes(EYE, replace(study, phantom=PhantomStudy())) == [(EYE, replace(study, phantom=PhantomStudy()))]
 
 
+@pytest.mark.slow
 def test_pressures_of_a_sealed_eye_follow_the_turn() -> None:
     study = replace(STUDY, globe=GlobeStudy("sealed"), mesh=MeshStudy(kind="graded", core=2, rings=4))
     sections_at = study_sections(EYE, study)
@@ -207,6 +208,7 @@ def test_sections_of_one_contact_are_refused_for_an_eye_that_turns() -> None:
         plan_sections(plan, lambda _: [])
 
 
+@pytest.mark.slow
 def test_the_command_computes_all_paths_and_says_how_far_it_is(tmp_path) -> None:
     study = tmp_path / "study.toml"
     study.write_text(format_study(replace(STUDY, mesh=MeshStudy(kind="graded", core=2, rings=4), form=FormStudy())))

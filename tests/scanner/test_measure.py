@@ -41,7 +41,13 @@ SCANNERS = {
 }
 
 
-@pytest.fixture(scope="module", params=SCANNERS, ids=str)
+def scanners() -> list[object]:
+    """Their names; two are measured by default."""
+    usual = ("the common one", "8 bits, stretched depth")
+    return [pytest.param(name, marks=[] if name in usual else [pytest.mark.slow]) for name in SCANNERS]
+
+
+@pytest.fixture(scope="module", params=scanners(), ids=str)
 def measured(request: pytest.FixtureRequest) -> tuple[MeasuredScanner, dict]:
     scanner, optics = SCANNERS[request.param]
     return measure_scanner(drawn_eyes(SEEDS, scanner, **optics)), optics
@@ -59,6 +65,7 @@ def test_lengths_and_attenuations_are_recovered_within_10_percent(measured, key:
     assert scanner.ranges[key].median == pytest.approx(optics.get(key, getattr(OPTICS, key)), rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_strong_reflections_angle_is_recovered_within_20_percent() -> None:
     found = measure_scanner(drawn_eyes(SEEDS, reflection_db=8.0, display_range_db=46.0)).ranges["reflection_angle_rad"]
     assert found.median == pytest.approx(OPTICS.reflection_angle_rad, rel=0.2)
@@ -76,6 +83,7 @@ def test_shadows_and_lines_are_recovered() -> None:
     assert found.ranges["line_thickness_m"].median == pytest.approx(16e-6, rel=0.1)
 
 
+@pytest.mark.slow
 def test_two_displays_of_the_same_light_give_the_same_physics() -> None:
     one, other = (
         measure_scanner(drawn_eyes(FEW, scanner, display_floor_db=floor_db, display_range_db=range_db))
@@ -97,6 +105,7 @@ def test_resolution_finer_than_the_pixels_is_said_to_be_at_most_so_much() -> Non
         assert found[key].median < pixel_m
 
 
+@pytest.mark.slow
 def test_roll_off_is_measured_where_the_light_falls_with_depth(monkeypatch: pytest.MonkeyPatch) -> None:
     """The wall's columns get 3 dB less for every mm that their surface lies deeper; without that, they get the same."""
     assert abs(measure_scanner(drawn_eyes(FEW)).ranges["roll_off_db_per_m"].median) < 200.0
@@ -107,6 +116,7 @@ def test_roll_off_is_measured_where_the_light_falls_with_depth(monkeypatch: pyte
     assert found.median == pytest.approx(3000.0, rel=0.15)
 
 
+@pytest.mark.slow
 def test_averaged_noise_leaves_the_scale_of_the_display_to_the_speckle() -> None:
     """The air of eight frames, averaged in intensity; the wall's speckle is the same in all of them."""
     rng = np.random.default_rng(7100)
@@ -140,6 +150,7 @@ def test_a_frame_drawn_like_a_measured_one_has_its_histogram() -> None:
         assert histogram_overlap(frame.eye.pixels, drawn, 4095) > 0.97
 
 
+@pytest.mark.slow
 def test_without_a_choroid_its_keys_keep_their_defaults_and_say_why() -> None:
     found = measure_scanner(drawn_eyes(FEW, choroid_level_db=-60.0))
     assert isinstance(found.ranges["choroid_level_db"], Unmeasured)

@@ -51,6 +51,7 @@ for one in (frame, frame, np.where(np.arange(200) % 50 < 3, 0, frame).astype(np.
 """
 
 
+@pytest.mark.slow
 def test_without_numba_the_loops_are_plain_functions_that_find_the_same() -> None:
     """In a process that is told not to compile, as in one that has no Numba."""
     without = {**os.environ, SWITCH: "0"}

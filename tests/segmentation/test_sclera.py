@@ -70,6 +70,7 @@ def test_a_frame_that_is_not_usable_keeps_its_own_reason() -> None:
     assert same(checked, alone)
 
 
+@pytest.mark.slow
 def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(shipped: WallFinder) -> None:
     """Drawn scenes: where `find_wall` is far off, and says nothing, the network's look refuses most frames.
 

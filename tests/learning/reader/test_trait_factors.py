@@ -31,7 +31,7 @@ def test_of_one_trait_the_factor_is_the_quantile() -> None:
 
 
 def test_traits_that_multiply_are_found() -> None:
-    factors = trait_factors(drawn(np.random.default_rng(1), 2000, 6))["fit"]["own E"]
+    factors = trait_factors(drawn(np.random.default_rng(1), 1000, 6))["fit"]["own E"]
     held = factors["sealed"] / TRAITS["sealed"]  # what 90 % of the eyes' own errors stay below
     assert held == pytest.approx(1.75, rel=0.05)
     for trait, size in TRAITS.items():
@@ -39,6 +39,7 @@ def test_traits_that_multiply_are_found() -> None:
         assert factors[trait] == pytest.approx(wanted, rel=0.08), trait
 
 
+@pytest.mark.slow
 def test_of_each_trait_90_percent_are_held_and_of_new_eyes_too() -> None:
     rng = np.random.default_rng(2)
     of_new = []

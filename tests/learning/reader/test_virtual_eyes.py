@@ -173,11 +173,12 @@ def logged_forces(forces_n: np.ndarray, rng: np.random.Generator) -> FrameForces
     return frame_forces(recording, label_frames(recording, Study().classes))
 
 
+@pytest.mark.slow
 def test_labels_are_off_as_those_of_a_force_log_are_and_tell_how_much() -> None:
     rng = np.random.default_rng(11)
-    forces_n = rng.uniform(0.0, 60e-3, (100, FRAMES))
     shared, own, told = [], [], []
-    for labels in (label_forces, logged_forces):
+    for labels, eyes in ((label_forces, 1000), (logged_forces, 100)):
+        forces_n = rng.uniform(0.0, 60e-3, (eyes, FRAMES))
         found = [labels(of_eye, rng) for of_eye in forces_n]
         off_n = np.array([each.force_n for each in found]) - forces_n
         shared.append(off_n.mean(axis=1).std())
@@ -245,7 +246,7 @@ def test_an_eye_that_the_library_does_not_hold_at_rest_is_refused(library) -> No
         draw_eye(study, library, 0, np.random.default_rng(0))
 
 
-@pytest.mark.parametrize("drift", [-0.25, 0.25])
+@pytest.mark.parametrize("drift", [pytest.param(-0.25, marks=pytest.mark.slow), 0.25])
 def test_forces_that_drift_from_the_library_s_are_read_as_three_frames_of_known_force_told(
     eye: VirtualEye, library, drift: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -380,6 +381,7 @@ def test_a_frame_of_known_force_is_read_again_from_near_that_force() -> None:
     assert again.library_n > frame.force_n > 2.0 * without.force_n
 
 
+@pytest.mark.slow
 def test_an_eye_is_calibrated_otherwise_on_a_few_frames_of_any_forces_and_read_at_others(
     library, eye: VirtualEye
 ) -> None:
