@@ -191,10 +191,10 @@ def test_parts_are_printed_and_not_written() -> None:
 
 
 def test_figures_that_are_none_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="results.json: No such file"):
+    with pytest.raises(InputError, match=r"results\.json: No such file"):
         main(["--render", "--out", str(tmp_path)], standalone_mode=False)
     (tmp_path / "results.json").write_text('{"tables": 3}')
-    with pytest.raises(InputError, match="results.json: not the figures of a run"):
+    with pytest.raises(InputError, match=r"results\.json: not the figures of a run"):
         main(["--render", "--out", str(tmp_path)], standalone_mode=False)
     assert not (tmp_path / "RESULTS.md").exists()
 

@@ -63,7 +63,7 @@ def _still_base(monkeypatch: pytest.MonkeyPatch) -> None:
     """How the base moves a wall takes 0.3 s an eye, and decides nothing of what is drawn and told."""
     monkeypatch.setattr(
         "scleraforce.calibration.library_eye.base_moves",
-        lambda study, constants, polar_rad, lateral_m: np.zeros((2, len(lateral_m), 3)),
+        lambda *arguments: np.zeros((2, len(arguments[-1]), 3)),
     )
 
 
