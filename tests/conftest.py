@@ -3,12 +3,13 @@
 import gc
 import os
 import signal
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 import scleraforce  # noqa: F401 - before ONNX Runtime, which tests import too: it switches off what that sends
-from scleraforce.compiled import SWITCH
+from scleraforce.compiled import SWITCH, use_compiled_loops
 
 # A shell without job control starts background jobs with SIGINT and SIGQUIT ignored, and children inherit that: tests
 # that send these to a child would wait for ever where CI runs that way.
@@ -35,3 +36,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     gc.freeze()
     gc.enable()
+
+
+@pytest.fixture(scope="module")
+def compiled_loops() -> Iterator[None]:
+    """Compiled loops, as commands have them, for what calibrates: in this process and those that it starts."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("scleraforce.compiled._in_use", False)  # what it is afterwards
+        patch.setenv(SWITCH, "1")
+        use_compiled_loops()
+        yield

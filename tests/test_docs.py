@@ -20,6 +20,7 @@ from notebook_folder import write_notebook_folder
 
 import scleraforce
 from scleraforce.cli.main import COMMANDS
+from scleraforce.compiled import SWITCH
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
@@ -99,15 +100,15 @@ def test_what_the_examples_of_the_readme_write_is_ignored_by_git() -> None:
 def test_the_commands_of_a_page_run_and_print_what_it_shows(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    environment = os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "80"}
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    environment = os.environ | {"PATH": path, "COLUMNS": "80", SWITCH: "1"}  # compiled, as a reader's commands are
     (tmp_path / "docs").symlink_to(ROOT / "docs")
     checker = doctest.OutputChecker()
     for example in examples(page):
         if example.command.startswith(("make", "cd ", "git ")):
             continue
-        done = subprocess.run(
-            ["bash", "-c", example.command], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
-        )
+        given = {"cwd": tmp_path, "env": environment, "timeout": 600.0}
+        done = subprocess.run(["bash", "-c", example.command], capture_output=True, text=True, check=False, **given)
         assert done.returncode == 0, f"{page.name}: $ {example.command}\n{done.stdout}{done.stderr}"
         if example.output:
             flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
