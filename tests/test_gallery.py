@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from machine_code import cache_of_its_own
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = sorted((ROOT / "examples" / "gallery").glob("*.py"))
@@ -19,9 +20,9 @@ ALIKE = 2.0  # of 255, in the mean
 
 
 @pytest.fixture(scope="module")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def cache(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Where the library of the scripts is kept."""
-    return tmp_path_factory.mktemp("cache")
+    return cache_of_its_own(tmp_path_factory.mktemp("cache"))
 
 
 def shrunk(path: Path) -> np.ndarray:
@@ -30,8 +31,8 @@ def shrunk(path: Path) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
-def test_a_script_draws_the_picture_of_the_page(script: Path, tmp_path: Path, cache: Path) -> None:
-    environment = os.environ | {"XDG_CACHE_HOME": str(cache)}
+def test_a_script_draws_the_picture_of_the_page(script: Path, tmp_path: Path, cache: dict[str, str]) -> None:
+    environment = os.environ | cache
     picture = tmp_path / "picture.png"
     subprocess.run([sys.executable, script, picture], cwd=tmp_path, env=environment, check=True)
     assert [path.name for path in tmp_path.iterdir()] == ["picture.png"]

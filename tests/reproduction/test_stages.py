@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from machine_code import cache_of_its_own
 
 SCLERAFORCE = [sys.executable, "-c", "from scleraforce.cli.main import main; main()"]
 
@@ -62,7 +63,8 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
 def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """A cache of this module's own, which the commands inherit."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        for name, value in cache_of_its_own(tmp_path_factory.mktemp("cache")).items():
+            patch.setenv(name, value)
         yield
 
 
