@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.reader.metrics import Proportion
+from scleraforce.reader.metrics import Proportion, coverage_band
 from scleraforce.study import ClassesStudy
 
-__all__ = ["AnsweredFrame", "Scores", "answered_frame", "coverage_band", "score"]
+__all__ = ["AnsweredFrame", "Scores", "answered_frame", "score"]
 
 DANGEROUS = 2  # the class of forces that hurt
 HIGH_MN, BOUND_MN = 35.0, 30.0  # a force above the one must not be read, with confidence, as one below the other
 LEVEL, SMALLEST_MN = 0.9, 1e-3
-RESAMPLES, RESAMPLING_SEED, BAND = 2000, 20_261_122, (2.5, 97.5)  # of the eyes; percent
 
 
 @dataclass(frozen=True)
@@ -140,25 +139,6 @@ def score(frames: Sequence[AnsweredFrame]) -> Scores:
         stretch=_stretch(held),
         log_coverage=_share([_holds(frame, frame.measured_mn) for frame in held]),
     )
-
-
-def coverage_band(eyes: Sequence[str], covered: Sequence[bool]) -> tuple[float, float] | None:
-    """Return between which shares of covered frames lie with 95 %, by a bootstrap over whole eyes; None: no frames.
-
-    Frames of one eye share its errors, so eyes are drawn anew, not frames.
-
-    Args:
-        eyes: the eye of each frame.
-        covered: whether its interval holds.
-    """
-    if not eyes:
-        return None
-    _, numbers = np.unique(eyes, return_inverse=True)
-    hits_e, frames_e = np.bincount(numbers, weights=np.asarray(covered)), np.bincount(numbers)
-    rng = np.random.default_rng(RESAMPLING_SEED)
-    drawn_re = rng.integers(len(frames_e), size=(RESAMPLES, len(frames_e)))
-    low, high = np.percentile(hits_e[drawn_re].sum(axis=1) / frames_e[drawn_re].sum(axis=1), BAND)
-    return float(low), float(high)
 
 
 def _holds(frame: AnsweredFrame, force_mn: float) -> bool:

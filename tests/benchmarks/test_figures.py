@@ -19,7 +19,7 @@ from figures.page import BEGIN, END, insert_tables
 from figures.picture import draw_forces
 from figures.readings import READERS, Method
 from figures.recordings import MadeEye, lowest_m
-from figures.scores import AnsweredFrame, answered_frame, coverage_band, score
+from figures.scores import AnsweredFrame, answered_frame, score
 from figures.sections import compute_eye
 from figures.table import COLUMNS, GroupResult, ModulusErrors, as_json, as_markdown
 from figures.told import as_told, tell
@@ -119,20 +119,6 @@ def test_the_width_that_would_do_holds_nine_in_ten_frames_and_every_eye_weighs_t
     alone = replace(below[0], eye="other", true_mn=23.0)
     assert score([*below, alone]).stretch == pytest.approx(1.5)
     assert math.isnan(score([frame(1, 1)]).stretch)
-
-
-def test_the_band_of_the_coverage_is_that_of_whole_eyes():
-    """Where every eye is right or wrong as a whole, it is the band of as many coins; 17 frames an eye do not help."""
-    rng = np.random.default_rng(0)
-    right = rng.uniform(size=30) < 0.9
-    eyes = np.repeat([f"eye-{number}" for number in range(30)], 17).tolist()
-    low, high = coverage_band(eyes, np.repeat(right, 17).tolist())
-    share = right.mean()
-    half = 1.96 * math.sqrt(share * (1.0 - share) / 30)
-    assert low == pytest.approx(share - half, abs=0.04)
-    assert high == pytest.approx(min(share + half, 1.0), abs=0.04)
-    assert coverage_band(eyes, [True] * len(eyes)) == (1.0, 1.0)
-    assert coverage_band(eyes, np.repeat(right, 17).tolist()) == (low, high)  # drawn from one seed
 
 
 RANGES = {

@@ -42,10 +42,11 @@ def test_intervals_are_counted_against_the_log_and_against_the_truth(tmp_path: P
     evaluation = read_beside_log_and_truth(tmp_path)
     words = _coverage_words(evaluation)
     assert "hold 0 of 2 forces of the force log" in words
-    assert words.endswith("2 of 2 true forces")
+    assert words.endswith("2 of 2 true forces: 2 of 2 of eye")
     metrics = _true_metrics(evaluation)
     assert metrics["true_mae_mn"] == pytest.approx(0.5)
-    assert metrics["true_coverage"] == 1.0
+    assert (metrics["true_coverage"], metrics["true_coverage_interval"]) == (1.0, (1.0, 1.0))
+    assert metrics["true_coverage_by_eye"] == {"eye": 1.0}
     assert evaluation.coverage.value == 0.0
 
 

@@ -1,5 +1,6 @@
 """Metrics against naive counts, and the Wilson interval against published values and its defining equation."""
 
+from dataclasses import replace
 from math import isnan, nan, sqrt
 
 import numpy as np
@@ -7,7 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scleraforce.reader.metrics import Proportion, accuracy, confusion_matrix, precision, recall, wilson_interval
+from scleraforce.reader.metrics import (
+    ForceTrial,
+    Proportion,
+    accuracy,
+    confusion_matrix,
+    coverage_band,
+    coverage_by_eye,
+    precision,
+    recall,
+    wilson_interval,
+)
 
 PAPER = np.array([[5, 2, 0], [0, 14, 1], [0, 0, 23]])
 PAIRS = st.lists(st.tuples(st.integers(0, 2), st.integers(0, 2)), max_size=40)
@@ -77,3 +88,24 @@ def test_what_is_undefined_is_not_a_number() -> None:
 def test_labels_that_make_no_matrix_are_refused(target: list[int], predicted: list[int]) -> None:
     with pytest.raises(ValueError):
         confusion_matrix(target, predicted)
+
+
+def test_the_band_of_the_coverage_is_that_of_whole_eyes() -> None:
+    """Where every eye is right or wrong as a whole, it is the band of as many coins; 17 frames an eye do not help."""
+    rng = np.random.default_rng(0)
+    right = rng.uniform(size=30) < 0.9
+    eyes = np.repeat([f"eye-{number}" for number in range(30)], 17).tolist()
+    low, high = coverage_band(eyes, np.repeat(right, 17).tolist())
+    share = right.mean()
+    half = 1.96 * sqrt(share * (1.0 - share) / 30)
+    assert low == pytest.approx(share - half, abs=0.04)
+    assert high == pytest.approx(min(share + half, 1.0), abs=0.04)
+    assert coverage_band(eyes, [True] * len(eyes)) == (1.0, 1.0)
+    assert coverage_band(eyes, np.repeat(right, 17).tolist()) == (low, high)  # drawn from one seed
+
+
+def test_the_coverage_is_counted_eye_by_eye() -> None:
+    held = ForceTrial(eye="one", measured_n=1.0, read_n=0.9, interval_n=(0.8, 1.2))
+    trials = [held, replace(held, measured_n=3.0), replace(held, eye="other")]
+    assert coverage_by_eye(trials) == {"one": Proportion(1, 2), "other": Proportion(1, 1)}
+    assert coverage_band([], []) is None

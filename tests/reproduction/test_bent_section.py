@@ -51,4 +51,5 @@ def test_a_low_coverage_is_explained_by_the_error_of_the_log_where_it_stands(tmp
     assert "off from the true force by 2.00 mN in the mean and by 2.00 mN at most" in words
     assert "reach 1.00 mN to either side in the median" in words
     assert "hold 0.00 of the logged forces and 1.00 of the true ones" in words
+    assert "Of the true ones they hold 2 of 2 of eye-1." in words
     assert _coverage_words(evaluation(tmp_path, "classifier", (None, None))) == ()

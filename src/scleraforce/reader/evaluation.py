@@ -131,7 +131,12 @@ class Evaluation:
     def forces(self) -> tuple[ForceTrial, ...]:
         """Measured and read force of each usable frame that counts; none with a classifier."""
         return tuple(
-            ForceTrial(measured_n=frame.measured_force_n, read_n=frame.predicted_force_n, interval_n=frame.interval_n)
+            ForceTrial(
+                eye=frame.eye,
+                measured_n=frame.measured_force_n,
+                read_n=frame.predicted_force_n,
+                interval_n=frame.interval_n,
+            )
             for frame in self.scored
             if frame.measured_force_n is not None and frame.predicted_force_n is not None and frame.interval_n
         )

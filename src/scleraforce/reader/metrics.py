@@ -19,11 +19,15 @@ __all__ = [
     "accuracy",
     "confusion_matrix",
     "coverage",
+    "coverage_band",
+    "coverage_by_eye",
     "mean_absolute_error",
     "precision",
     "recall",
     "wilson_interval",
 ]
+
+RESAMPLES, RESAMPLING_SEED, BAND = 2000, 20_261_122, (2.5, 97.5)  # of the eyes; percent
 
 
 def wilson_interval(hits: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -99,8 +103,9 @@ def precision(confusion: NDArray[np.int64]) -> tuple[Proportion, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class ForceTrial:
-    """A trial's measured and read force, N, and the interval that was read."""
+    """A trial's eye, its measured and read force, N, and the interval that was read."""
 
+    eye: str
     measured_n: float
     read_n: float
     interval_n: tuple[float, float]
@@ -116,7 +121,7 @@ def mean_absolute_error(trials: Sequence[ForceTrial]) -> float:
     """Return the mean absolute error, N; NaN where there is no trial.
 
     >>> from dataclasses import replace
-    >>> trial = ForceTrial(measured_n=0.25, read_n=0.5, interval_n=(0.0, 1.0))
+    >>> trial = ForceTrial(eye="a", measured_n=0.25, read_n=0.5, interval_n=(0.0, 1.0))
     >>> mean_absolute_error([trial, replace(trial, measured_n=1.0)])
     0.375
     """
@@ -127,11 +132,36 @@ def coverage(trials: Sequence[ForceTrial]) -> Proportion:
     """Return the share of trials whose measured force lies in its interval.
 
     >>> from dataclasses import replace
-    >>> trial = ForceTrial(measured_n=1.0, read_n=0.9, interval_n=(0.8, 1.2))
+    >>> trial = ForceTrial(eye="a", measured_n=1.0, read_n=0.9, interval_n=(0.8, 1.2))
     >>> coverage([trial, replace(trial, measured_n=3.0)]).value
     0.5
     """
     return Proportion(sum(trial.covered for trial in trials), len(trials))
+
+
+def coverage_by_eye(trials: Sequence[ForceTrial]) -> dict[str, Proportion]:
+    """Return the coverage of each eye's trials."""
+    eyes = dict.fromkeys(trial.eye for trial in trials)
+    return {eye: coverage([trial for trial in trials if trial.eye == eye]) for eye in eyes}
+
+
+def coverage_band(eyes: Sequence[str], covered: Sequence[bool]) -> tuple[float, float] | None:
+    """Return between which shares of covered frames lie with 95 %, by a bootstrap over whole eyes; None: no frames.
+
+    Frames of one eye share its errors, so eyes are drawn anew, not frames.
+
+    Args:
+        eyes: the eye of each frame.
+        covered: whether its interval holds.
+    """
+    if not eyes:
+        return None
+    _, numbers = np.unique(eyes, return_inverse=True)
+    hits_e, frames_e = np.bincount(numbers, weights=np.asarray(covered)), np.bincount(numbers)
+    rng = np.random.default_rng(RESAMPLING_SEED)
+    drawn_re = rng.integers(len(frames_e), size=(RESAMPLES, len(frames_e)))
+    low, high = np.percentile(hits_e[drawn_re].sum(axis=1) / frames_e[drawn_re].sum(axis=1), BAND)
+    return float(low), float(high)
 
 
 def _shares(confusion: NDArray[np.int64], totals: NDArray[np.int64]) -> tuple[Proportion, ...]:

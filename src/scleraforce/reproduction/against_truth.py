@@ -18,7 +18,10 @@ def against_truth(evaluation: Evaluation) -> tuple[ForceTrial, ...]:
     true = {path: true_forces(Path(path)) for path in {frame.recording for frame in evaluation.scored}}
     return tuple(
         ForceTrial(
-            measured_n=true[frame.recording][frame.file], read_n=frame.predicted_force_n, interval_n=frame.interval_n
+            eye=frame.eye,
+            measured_n=true[frame.recording][frame.file],
+            read_n=frame.predicted_force_n,
+            interval_n=frame.interval_n,
         )
         for frame in evaluation.scored
         if frame.predicted_force_n is not None and frame.interval_n is not None
