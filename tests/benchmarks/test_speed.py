@@ -156,6 +156,7 @@ def test_a_page_is_rendered_anew_from_its_figures(tmp_path: Path) -> None:
     assert (tmp_path / "static_solves.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_stale_figures_of_the_page_are_listed(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "provenance"], env=environment(tmp_path), capture_output=True, text=True, check=True

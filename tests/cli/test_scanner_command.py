@@ -50,6 +50,7 @@ def test_it_writes_a_study_and_its_picture_and_tells_what_it_measured(frames, tm
     assert cv2.imread(str(tmp_path / "study.png")).shape[1] > 1000
 
 
+@pytest.mark.slow
 def test_a_second_run_writes_the_same_bytes(frames, tmp_path: Path, capsys) -> None:
     written = []
     for name in ("one", "two"):

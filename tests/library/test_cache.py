@@ -22,6 +22,7 @@ def places(folder):
     return sorted(path.suffix for path in folder.iterdir())
 
 
+@pytest.mark.slow
 def test_a_library_is_built_on_first_need_only(tmp_path):
     done = []
     first = cached_library(STUDY, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic)

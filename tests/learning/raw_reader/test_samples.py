@@ -27,6 +27,7 @@ def study_with(**raw: object) -> Study:
     return replace(STUDY, raw_reader=replace(STUDY.raw_reader, **{**none, **raw}))
 
 
+@pytest.mark.slow
 def test_a_chunk_is_the_same_wherever_it_is_drawn(source: RawSource) -> None:
     here = source.chunk(3, FRAMES_TOGETHER)
     (there,) = raw_chunks_ahead(source, [3], workers=1)
@@ -45,6 +46,7 @@ def test_frames_are_bright_between_their_boundaries_and_dark_above(source: RawSo
     assert abs(pairs[above].mean()) < 0.05
 
 
+@pytest.mark.slow
 def test_a_needle_crosses_its_share_and_lies_within_its_diameter(source: RawSource) -> None:
     gap = GIVEN.index("gap")
     many = RawSource(source.library, study_with(needle_share=0.5)).chunk(2, 400)

@@ -246,7 +246,9 @@ def test_an_eye_that_the_library_does_not_hold_at_rest_is_refused(library) -> No
         draw_eye(study, library, 0, np.random.default_rng(0))
 
 
-@pytest.mark.parametrize("drift", [pytest.param(-0.25, marks=pytest.mark.slow), 0.25])
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_loops")
+@pytest.mark.parametrize("drift", [-0.25, 0.25])
 def test_forces_that_drift_from_the_library_s_are_read_as_three_frames_of_known_force_told(
     eye: VirtualEye, library, drift: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:

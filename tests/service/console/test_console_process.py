@@ -182,6 +182,7 @@ def test_a_page_is_told_the_settings_the_state_and_the_picture_with_its_outline(
         assert message["detail"] == "up to 31.0 mN, the bound is 30.0 mN"
 
 
+@pytest.mark.slow
 def test_a_page_is_told_less_while_answers_are_slow_and_a_withdrawal_at_once_all_the_same() -> None:
     rows, columns = 512, 400
     with ConsoleMonitor(rows=rows, columns=columns) as monitor, page(monitor) as link:
