@@ -12,12 +12,9 @@ from pathlib import Path
 from time import sleep
 
 import pytest
-from click import UsageError
 
 from provenance.stamps import read_stamps
-from scleraforce.errors import InputError
 from scleraforce.study import Study
-from speed.__main__ import main
 from speed.lock import alone
 from speed.page import as_markdown, table_lines
 from speed.parts.reader_training import whole_seconds
@@ -151,12 +148,12 @@ def test_the_page_of_the_last_run_is_that_of_its_figures() -> None:
 
 def test_a_page_is_rendered_anew_from_its_figures(tmp_path: Path) -> None:
     (tmp_path / "results.json").write_text(json.dumps(RESULTS.as_json()))
-    main(["--render", "--out", str(tmp_path)], standalone_mode=False)
+    done = speed("--render", "--out", str(tmp_path), folder=tmp_path)
+    assert done.returncode == 0, done.stderr
     assert (tmp_path / "RESULTS.md").read_text(encoding="utf-8") == as_markdown(RESULTS)
     assert (tmp_path / "static_solves.png").stat().st_size > 10_000
 
 
-@pytest.mark.slow
 def test_stale_figures_of_the_page_are_listed(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "provenance"], env=environment(tmp_path), capture_output=True, text=True, check=True
@@ -179,24 +176,26 @@ def test_another_benchmark_waits_until_the_first_is_done(tmp_path: Path) -> None
     assert mark.exists()
 
 
-def test_an_unknown_part_is_refused_in_a_line(tmp_path: Path) -> None:
-    done = speed("nothing", folder=tmp_path)
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nothing"], "'nothing' is not one of 'static_solve'"),
+        (["wire", "--out", "somewhere"], "PARTs are printed, and nothing is written"),
+        (["--render", "--out", "nowhere"], "error: nowhere/results.json: No such file"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_in_a_line(words: list[str], said: str, tmp_path: Path) -> None:
+    done = speed(*words, folder=tmp_path)
     assert done.returncode == 2, done.stderr
-    assert "'nothing' is not one of 'static_solve'" in done.stderr
+    assert said in done.stderr
     assert "Traceback" not in done.stderr
 
 
-def test_parts_are_printed_and_not_written() -> None:
-    with pytest.raises(UsageError, match="PARTs are printed, and nothing is written"):
-        main(["wire", "--out", "somewhere"], standalone_mode=False)
-
-
 def test_figures_that_are_none_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"results\.json: No such file"):
-        main(["--render", "--out", str(tmp_path)], standalone_mode=False)
     (tmp_path / "results.json").write_text('{"tables": 3}')
-    with pytest.raises(InputError, match=r"results\.json: not the figures of a run"):
-        main(["--render", "--out", str(tmp_path)], standalone_mode=False)
+    done = speed("--render", "--out", str(tmp_path), folder=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert "results.json: not the figures of a run" in done.stderr
     assert not (tmp_path / "RESULTS.md").exists()
 
 

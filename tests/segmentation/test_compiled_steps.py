@@ -20,6 +20,7 @@ from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.needle import draw_shaft
 from scleraforce.laboratory.optics import Pose, sample_conjunctiva, sample_optics
 from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.segmentation import surface
 from scleraforce.segmentation.numpy_steps import NumpySteps
 from scleraforce.segmentation.steps import Segmentation, Steps
 from scleraforce.segmentation.wall import find_wall_by
@@ -69,23 +70,21 @@ def compiled_steps() -> Steps:
     return CompiledSteps()
 
 
-def assert_alike(found: Segmentation, oracle: Segmentation, tied_share: float = 0.0) -> None:
-    """Compare two ways; in a share of the columns two rows may be as good as each other, and rounding decides."""
+def assert_alike(found: Segmentation, oracle: Segmentation) -> None:
     assert found.reason == oracle.reason
     assert (found.usable, found.inner_found, found.needle) == (oracle.usable, oracle.inner_found, oracle.needle)
     if found.reason.startswith(NOISE):
         return  # two paths through noise may be as good as each other, and rounding decides
-    for one, other in ((found.outer_row, oracle.outer_row), (found.inner_row, oracle.inner_row)):
-        np.testing.assert_allclose(one, other, rtol=0.0, atol=1.0 if tied_share else ROWS)
-        assert np.mean(np.abs(one - other) > ROWS) <= tied_share
-    np.testing.assert_allclose(found.thickness_m, oracle.thickness_m, rtol=1e-2 if tied_share else 1e-5)
+    np.testing.assert_allclose(found.outer_row, oracle.outer_row, rtol=0.0, atol=ROWS)
+    np.testing.assert_allclose(found.inner_row, oracle.inner_row, rtol=0.0, atol=ROWS)
+    np.testing.assert_allclose(found.thickness_m, oracle.thickness_m, rtol=1e-5)
 
 
-def check(steps: Steps, frame: Pixels, scale: PixelScale = SCALE, tied_share: float = 0.0) -> Segmentation:
+def check(steps: Steps, frame: Pixels, scale: PixelScale = SCALE) -> Segmentation:
     """Compare both ways, twice: the second time all steps are taken at once."""
     oracle = find_wall_by(NumpySteps(), frame, scale)
     for _ in range(2):
-        assert_alike(find_wall_by(steps, frame, scale), oracle, tied_share)
+        assert_alike(find_wall_by(steps, frame, scale), oracle)
     return oracle
 
 
@@ -157,18 +156,21 @@ def test_hostile_frames(compiled_steps: Steps) -> None:
 @pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @example(seed=166, rows=87, columns=229, layers=0)
-@example(seed=196, rows=365, columns=123, layers=1)  # two of 400 such images have edges of whole numbers that tie
+@example(seed=196, rows=365, columns=123, layers=1)
 @example(seed=278, rows=365, columns=123, layers=1)
 @given(
     seed=st.integers(0, 2**32 - 1), rows=st.integers(16, 420), columns=st.integers(16, 420), layers=st.integers(0, 4)
 )
 def test_random_images(compiled_steps: Steps, seed: int, rows: int, columns: int, layers: int) -> None:
+    """The oracle fits its edges in double, as the loops do: in two of 400 such images single precision moves one."""
     rng = np.random.default_rng(seed)
     frame = rng.integers(0, 400, (rows, columns))
     for _ in range(layers):
         top = int(rng.integers(0, rows))
         frame[top : top + int(rng.integers(1, rows))] += int(rng.integers(0, 8000))
-    check(compiled_steps, frame.astype(np.uint16), tied_share=0.1)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(surface, "_two_levels", surface.two_levels)
+        check(compiled_steps, frame.astype(np.uint16))
 
 
 @pytest.mark.slow

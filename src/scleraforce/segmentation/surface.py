@@ -44,6 +44,7 @@ __all__ = [
     "refine_surface",
     "step_rows",
     "strip_rows",
+    "two_levels",
 ]
 
 LINE_PIXELS, LINE_M = 12.0, 0.1e-3  # what is thinner is a line
@@ -261,6 +262,10 @@ def _strip_rows(half: int) -> Float:
 
 @lru_cache(maxsize=8)
 def _two_levels(half: int) -> Float:
+    return two_levels(half).astype(np.float32)
+
+
+def two_levels(half: int) -> NDArray[np.float64]:
     """Return the matrix, (row, edge + 1), that a strip's columns are multiplied by.
 
     For each edge between the rows it gives the sum of (count - middle level) above; last, the level below less that
@@ -271,4 +276,4 @@ def _two_levels(half: int) -> Float:
     above[:end], below[-end:] = 1.0 / end, 1.0 / end
     sums = np.triu(np.ones((size, size + 1)), 1)
     edges = sums - np.outer((above + below) / 2, np.arange(size + 1))
-    return np.column_stack([edges, below - above]).astype(np.float32)
+    return np.column_stack([edges, below - above])
