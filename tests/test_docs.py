@@ -24,7 +24,8 @@ from scleraforce.compiled import SWITCH
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
-SLOW_COMMANDS = {"demo", "doctor", "simulate", "reproduce", "library", "generate", "train", "phantom", "calibrate"}
+LONG_COMMANDS = {"demo", "doctor", "simulate", "reproduce", "library", "generate", "train", "phantom", "calibrate"}
+SLOW_COMMANDS = {*LONG_COMMANDS, "import"}
 SLOW_CALLS = re.compile(r"\b(sf\.train|sf\.calibrate|linear_sections|FiniteWall|adaptive_bound_n)\(")
 # Whose examples train and solve.
 SLOW_MODULES = {f"scleraforce.notebook.{name}" for name in ("calibrating", "training", "virtual")}
@@ -74,7 +75,7 @@ def pages_with_commands() -> list[object]:
         used = {name for example in examples(page) for name in COMMANDS if f"scleraforce {name}" in example.command}
         if any(not example.command.startswith(("make", "cd ", "git ")) for example in examples(page)):
             long = pytest.mark.first if page.name == "README.md" else pytest.mark.long
-            marks = [pytest.mark.slow, long] if used & SLOW_COMMANDS else [pytest.mark.slow] if "import" in used else []
+            marks = [*[pytest.mark.slow] * bool(used & SLOW_COMMANDS), *[long] * bool(used & LONG_COMMANDS)]
             found.append(pytest.param(page, id=name_of(page), marks=marks))
     return found
 

@@ -104,29 +104,28 @@ def _metrics(evaluation: "Evaluation") -> dict[str, object]:
 
 def _true_metrics(evaluation: "Evaluation") -> dict[str, object]:
     """Return how far forces are from the true ones, and the share of these in their 90 % intervals."""
-    from scleraforce.reader.metrics import coverage, coverage_band, coverage_by_eye, mean_absolute_error
-    from scleraforce.reproduction.against_truth import against_truth
+    from scleraforce.reader.metrics import coverage, coverage_by_eye, mean_absolute_error
+    from scleraforce.reproduction.against_truth import against_truth, band_of
 
     true = against_truth(evaluation)
     return {
         "true_mae_mn": from_si(mean_absolute_error(true), "mn"),
         "true_coverage": coverage(true).value,
-        "true_coverage_interval": coverage_band([trial.eye for trial in true], [trial.covered for trial in true]),
+        "true_coverage_interval": band_of(true),
         "true_coverage_by_eye": {eye: one.value for eye, one in coverage_by_eye(true).items()},
     }
 
 
 def _coverage_words(evaluation: "Evaluation") -> str:
     """Say how many forces the 90 % intervals hold: of the log, with its own error, and of the true ones."""
-    from scleraforce.reader.metrics import coverage, coverage_by_eye
-    from scleraforce.reproduction.against_truth import against_truth
+    from scleraforce.reader.metrics import coverage
+    from scleraforce.reproduction.against_truth import against_truth, held_by_eye
 
     logged, trials = evaluation.coverage, against_truth(evaluation)
     true = coverage(trials)
-    of_eyes = ", ".join(f"{one.hits} of {one.total} of {eye}" for eye, one in coverage_by_eye(trials).items())
     return (
         f"its 90 % intervals hold {logged.hits} of {logged.total} forces of the force log, which is noisy itself, and "
-        f"{true.hits} of {true.total} true forces: {of_eyes}"
+        f"{true.hits} of {true.total} true forces: {held_by_eye(trials)}"
     )
 
 

@@ -1,12 +1,13 @@
 """Forces that were read of virtual eyes beside the true ones, which a force log only approaches."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from scleraforce.laboratory.phantom import true_forces
 from scleraforce.reader.evaluation import Evaluation
-from scleraforce.reader.metrics import ForceTrial
+from scleraforce.reader.metrics import ForceTrial, coverage_band, coverage_by_eye
 
-__all__ = ["against_truth"]
+__all__ = ["against_truth", "band_of", "held_by_eye"]
 
 
 def against_truth(evaluation: Evaluation) -> tuple[ForceTrial, ...]:
@@ -26,3 +27,13 @@ def against_truth(evaluation: Evaluation) -> tuple[ForceTrial, ...]:
         for frame in evaluation.scored
         if frame.predicted_force_n is not None and frame.interval_n is not None
     )
+
+
+def band_of(trials: Sequence[ForceTrial]) -> tuple[float, float] | None:
+    """Return between which coverages other such eyes lie (`metrics.coverage_band`); None: no trials."""
+    return coverage_band([trial.eye for trial in trials], [trial.covered for trial in trials])
+
+
+def held_by_eye(trials: Sequence[ForceTrial]) -> str:
+    """Say how many forces the intervals of each eye hold."""
+    return ", ".join(f"{held.hits} of {held.total} of {eye}" for eye, held in coverage_by_eye(trials).items())

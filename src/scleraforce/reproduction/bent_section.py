@@ -13,14 +13,14 @@ from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
-from scleraforce.reader.metrics import ForceTrial, coverage, coverage_band, coverage_by_eye, mean_absolute_error
+from scleraforce.reader.metrics import ForceTrial, coverage, mean_absolute_error
 from scleraforce.report.answered_frame import AnsweredFrame, look_at
 from scleraforce.report.evaluation_page import read_forces_figure
 from scleraforce.report.html import Html, figure, paragraph, section, table
 from scleraforce.report.style import data_uri
 from scleraforce.report.tables import NOTHING, confusion_table, frame_table, share
 from scleraforce.report.wall_figure import ComputedWall, FrameWithWalls, laid_on_surface, plot_walls
-from scleraforce.reproduction.against_truth import against_truth
+from scleraforce.reproduction.against_truth import against_truth, band_of, held_by_eye
 from scleraforce.reproduction.bent import CALIBRATED_EYES, CALIBRATION_FORCES_N, bent_trials, run_library
 from scleraforce.reproduction.figures import eye_of
 from scleraforce.reproduction.run import Run
@@ -87,7 +87,7 @@ def _comparison(paper: Evaluation, reader: Evaluation) -> Html:
 
 def _held(trials: Sequence[ForceTrial]) -> str:
     """Return the share of forces that lie in their intervals, and between what that of other such eyes lies."""
-    band = coverage_band([trial.eye for trial in trials], [trial.covered for trial in trials])
+    band = band_of(trials)
     return NOTHING if band is None else f"{coverage(trials).value:.2f} ({band[0]:.2f} to {band[1]:.2f})"
 
 
@@ -98,14 +98,13 @@ def _coverage_words(reader: Evaluation) -> tuple[Html, ...]:
         return ()
     off_mn = [from_si(abs(log.measured_n - fact.measured_n), "mn") for log, fact in zip(logged, true, strict=True)]
     reach_mn = median(from_si(high - low, "mn") / 2 for low, high in (trial.interval_n for trial in true))
-    of_eyes = ", ".join(f"{one.hits} of {one.total} of {eye}" for eye, one in coverage_by_eye(true).items())
     words = (
         "The reader's 90 % interval is one of the true force under the needle; it allows for no error of the force "
         f"log. The log is off from the true force by {mean(off_mn):.2f} mN in the mean and by {max(off_mn):.2f} mN at "
         "most, because its zero is taken once, before the first contact, and drifts from then on; the intervals reach "
         f"{reach_mn:.2f} mN to either side in the median. They hold {coverage(logged).value:.2f} of the logged forces "
         f"and {coverage(true).value:.2f} of the true ones: the log's error makes the difference, and only the second "
-        f"figure says how good the intervals are. Of the true ones they hold {of_eyes}. Trials of one eye "
+        f"figure says how good the intervals are. Of the true ones they hold {held_by_eye(true)}. Trials of one eye "
         "share the drift of its log, and the error of the modulus that was found with it: they hold or miss together. "
         "The paper's method reads no force, so it has no intervals."
     )
