@@ -7,7 +7,8 @@ from pathlib import Path
 from frame_answers import frame_answer
 
 from scleraforce.reader.evaluation import Evaluation
-from scleraforce.reproduction.bent_section import _comparison, _coverage_words
+from scleraforce.reader.metrics import ForceTrial
+from scleraforce.reproduction.bent_section import _comparison, _coverage_words, _held
 
 
 def evaluation(folder: Path, kind: str, read_n: tuple[float | None, ...]) -> Evaluation:
@@ -53,3 +54,15 @@ def test_a_low_coverage_is_explained_by_the_error_of_the_log_where_it_stands(tmp
     assert "hold 0.00 of the logged forces and 1.00 of the true ones" in words
     assert "Of the true ones they hold 2 of 2 of eye-1." in words
     assert _coverage_words(evaluation(tmp_path, "classifier", (None, None))) == ()
+
+
+def test_the_share_that_is_held_is_bounded_by_that_of_the_eyes() -> None:
+    """One eye holds and one does not, with two trials each: other two such eyes may hold none, half or all."""
+    held = ForceTrial(eye="eye-1", measured_n=1.0, read_n=1.0, interval_n=(0.9, 1.1))
+    missed = ForceTrial(eye="eye-2", measured_n=2.0, read_n=1.0, interval_n=(0.9, 1.1))
+    assert _held([held, held, missed, missed]) == "0.50 (0.00 to 1.00)"
+    assert _held([]) == "\N{EN DASH}"
+
+
+def test_logged_forces_are_those_of_their_eyes(tmp_path: Path) -> None:
+    assert [trial.eye for trial in evaluation(tmp_path, "reader", (10e-3, 20e-3)).forces] == ["eye-1", "eye-1"]
