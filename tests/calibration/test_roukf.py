@@ -302,3 +302,19 @@ def test_a_step_of_which_nothing_but_rounding_is_left_has_diverged(iterations: i
     step = filter_step(params, prior, lambda x: np.repeat(x, 2, axis=1), np.array([1.0, 1.0]), np.zeros((2, 2)))
     assert step.status.startswith("diverged: the iteration left")
     assert step.posterior is prior
+
+
+def test_a_precision_that_is_rounding_is_no_covariance() -> None:
+    """Two parameters that differ by less than rounding in an observation without noise to speak of."""
+    params, prior = FilterParams(sigma_points("simplex", 2)), initial_posterior(np.zeros(2), np.eye(2))
+    rng = np.random.default_rng(2)
+    directions = rng.normal(size=(40, 1)) * [1.0, 2.0] + 1e-12 * rng.normal(size=(40, 2))
+    seen = [
+        filter_step(params, prior, lambda x, d=d: 1e12 * x @ d[:, None] * [[1.0, 1.0]], np.ones(2), 1e-9 * np.eye(2))
+        for d in directions
+    ]
+    diverged = [step for step in seen if step.status.startswith("diverged: the iteration left")]
+    assert diverged
+    assert all(step.posterior is prior for step in diverged)
+    for step in seen:
+        assert (np.diag(step.posterior.covariance) > 0.0).all()

@@ -133,23 +133,12 @@ def filter_step(
     p = prior.factor.shape[1]
     frame = _Frame(prior, observe, first_rm, observed, noise_covariance, np.zeros(p), np.eye(p))
     try:
-        fit = _fit(params, frame if start is None else _from(params, frame, start))
-        nis = np.inf if fit is None else _normalised_innovation(fit.linear, observed, fit.kept)
+        step = _step(params, frame if start is None else _from(params, frame, start), posterior, predicted)
     except np.linalg.LinAlgError:  # so far off that nothing but rounding is left
-        fit, nis = None, np.inf
-    if fit is None:
+        step = None
+    if step is None:
         return failed._replace(status="diverged: the iteration left the region in which the model can be evaluated")
-    count = int(fit.kept.sum())
-    inflation = max(1.0, nis / count) if params.inflate else 1.0
-    inflated = fit.linear._replace(noise=fit.linear.noise * inflation)
-    shift, precision = _correct(inflated, observed, fit.kept)
-    recent = (*posterior.recent, (nis, count))[-WINDOW:]
-    corrected = Posterior(prior.mean + prior.factor @ shift, prior.factor, precision, posterior.updates + 1, recent)
-    gated = tuple(int(index) for index in np.flatnonzero(~fit.kept))
-    status = _status(recent)
-    gain, contraction = _gain(prior.factor, inflated, precision, fit.kept)
-    seen = (predicted, observed - predicted, nis, count, gated, inflation, fit.iterations)
-    return StepResult(corrected, *seen, status, gain, contraction)
+    return step
 
 
 class _Frame(NamedTuple):
@@ -177,6 +166,28 @@ def _from(params: FilterParams, frame: _Frame, start: Array) -> _Frame:
     if not np.isfinite(predicted_rm).all():
         return frame
     return frame._replace(first_rm=predicted_rm, centre=centre, root=root)
+
+
+def _step(params: FilterParams, frame: _Frame, posterior: Posterior, predicted: Array) -> StepResult | None:
+    """Return the step from a posterior; None where the model cannot be evaluated.
+
+    Raises:
+        numpy.linalg.LinAlgError: what is left of a covariance is rounding.
+    """
+    fit, prior, observed = _fit(params, frame), frame.prior, frame.observed
+    if fit is None:
+        return None
+    nis, count = _normalised_innovation(fit.linear, observed, fit.kept), int(fit.kept.sum())
+    inflation = max(1.0, nis / count) if params.inflate else 1.0
+    inflated = fit.linear._replace(noise=fit.linear.noise * inflation)
+    shift, precision = _correct(inflated, observed, fit.kept)
+    np.linalg.cholesky(np.linalg.inv(precision))  # it raises where that is no covariance
+    recent = (*posterior.recent, (nis, count))[-WINDOW:]
+    corrected = Posterior(prior.mean + prior.factor @ shift, prior.factor, precision, posterior.updates + 1, recent)
+    gated = tuple(int(index) for index in np.flatnonzero(~fit.kept))
+    gain, contraction = _gain(prior.factor, inflated, precision, fit.kept)
+    seen = (predicted, observed - predicted, nis, count, gated, inflation, fit.iterations)
+    return StepResult(corrected, *seen, _status(recent), gain, contraction)
 
 
 class _Fit(NamedTuple):

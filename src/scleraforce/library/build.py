@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import InputError
 from scleraforce.library.plan import LibraryPlan, plan_library
 from scleraforce.library.store import complete_library, create_library, missing_library_units, write_library_unit
@@ -125,5 +126,6 @@ def _gone_on(values: NDArray[np.float64], solved_m: NDArray[np.float64], tips_m:
 
 
 def _prepared(work: Callable[[int], SolvedPath]) -> Callable[[int], SolvedPath]:
-    """Return what needs no preparation in its process."""
+    """Return what solves a path, in its process."""
+    use_compiled_loops()
     return work

@@ -2,18 +2,25 @@
 
 The energy is that of `neo_hookean`. The deformation gradient has five entries that are not zero, in the order
 F_rr, F_rz, F_zr, F_zz, F_tt (t: around the axis, F_tt = 1 + u_r / R). Every integral is over the undeformed wall.
-Tissue that stiffens (`stiffening`) multiplies its stress by exp(b Q).
+Tissue that stiffens (`stiffening`) multiplies its stress by exp(b Q). Where this process uses compiled loops
+(`compiled_solid`), they take less than half of the time of the arrays here.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scleraforce.compiled import loops_are_compiled
 from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh
 from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.quadrature import gauss_points
 from scleraforce.mechanics.stiffening import growth, strain_measure
+
+if TYPE_CHECKING:
+    from scleraforce.mechanics.axisymmetric.compiled_solid import ElementTables
 
 __all__ = ["SolidOfRevolution", "line_shapes"]
 
@@ -65,6 +72,8 @@ class SolidOfRevolution:
 
         They are not finite where J <= 0, or where the tissue is stretched too far.
         """
+        if loops_are_compiled():
+            return self._forces_by_loops(u)
         state = self._state(u)
         P = self._stress(state)
         if self._stiffening > 0.0:
@@ -79,6 +88,8 @@ class SolidOfRevolution:
         mu dF:dF + lambda (H:dF)^2 + (mu - lambda ln J) H dF^T:(H dF^T)^T; the first does not depend on u. In tissue
         that stiffens all of it is times exp(b Q), and so is (2 b/mu) (P:dF)^2 with P of b = 0.
         """
+        if loops_are_compiled():
+            return self._tangents_by_loops(u)
         state = self._state(u)
         H = np.ascontiguousarray(state.H.transpose(0, 2, 1))
         A = (self._lambda_ep[..., None] * H)[..., :, None] * H[..., None, :]
@@ -87,6 +98,29 @@ class SolidOfRevolution:
             return self._products(self._stiffened(A, state))
         tangents: Floats = self._products(A) + self._laplacian
         return tangents
+
+    def _forces_by_loops(self, u: Floats) -> Floats:
+        from scleraforce.mechanics.axisymmetric.compiled_solid import nodal_forces
+
+        forces = np.empty(self._size)
+        nodal_forces(self._tables, u, forces)
+        return forces
+
+    def _tangents_by_loops(self, u: Floats) -> Floats:
+        from scleraforce.mechanics.axisymmetric.compiled_solid import element_tangents
+
+        tangents = np.empty((*self.unknowns_eN.shape, self.unknowns_eN.shape[1]))
+        element_tangents(self._tables, u, tangents)
+        return tangents
+
+    @cached_property
+    def _tables(self) -> "ElementTables":
+        from scleraforce.mechanics.axisymmetric.compiled_solid import ElementTables
+
+        shapes_epgn = np.ascontiguousarray(self._G[:, :, (0, 1, 4), ::2])
+        lame_ratio = float(self._lambda_ep[0, 0] / self._mu_ep[0, 0])
+        material = (self._lambda_ep, self._mu_ep, float(self._stiffening), lame_ratio)
+        return ElementTables(shapes_epgn, self.unknowns_eN, *material)
 
     def _stress(self, state: _State) -> Floats:
         """Stress of b = 0 times the volumes, (element, 5, point)."""
