@@ -5,9 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from analytic_library import analytic_library, draw_walls
-from machine_code import compiled_again
+from machine_code import compiled_again, loops_in_use
 
-from scleraforce import compiled
 from scleraforce.errors import InputError
 from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.library import compiled_pressures, compiled_states
@@ -27,8 +26,7 @@ def way(request: pytest.FixtureRequest) -> Iterator[None]:
     if request.param == "arrays":
         yield
         return
-    with compiled_again(compiled_states, compiled_pressures), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compiled, "_in_use", True)
+    with compiled_again(compiled_states, compiled_pressures), loops_in_use():
         yield
 
 
@@ -101,7 +99,7 @@ def test_where_a_force_is_more_than_a_wall_carries_the_deepest_dent_counts() -> 
 
 
 @pytest.mark.parametrize("law", RIGIDITY_LAWS)
-def test_loops_find_the_pressures_that_arrays_find(law: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_loops_find_the_pressures_that_arrays_find(law: str) -> None:
     rng = np.random.default_rng(8)
     thickness, resting, _, _ = sealed_eyes(law)
     globe = sealed_globe(
@@ -109,8 +107,8 @@ def test_loops_find_the_pressures_that_arrays_find(law: str, monkeypatch: pytest
     ).over(0.4e6)
     forces = rng.uniform(0.0, 1.2, len(thickness)) * LIBRARY.largest_force_ratio(thickness, resting)
     found = iop_ratio_under_force(LIBRARY, thickness, resting, forces, globe)
-    monkeypatch.setattr(compiled, "_in_use", False)
-    expected = iop_ratio_under_force(LIBRARY, thickness, resting, forces, globe)
+    with loops_in_use(False):
+        expected = iop_ratio_under_force(LIBRARY, thickness, resting, forces, globe)
     highest = LIBRARY.iop_ratio_ends(thickness)[1]
     assert np.count_nonzero(expected > (1.0 - 1e-9) * highest) > 5
     assert np.count_nonzero(expected < resting) > 2

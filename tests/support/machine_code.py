@@ -1,17 +1,21 @@
 """Loops that Numba compiles, in tests: it is switched off for the monitors that tests start (`conftest`)."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import reload
 from pathlib import Path
 from types import ModuleType
+from typing import TypeVar
 
 import pytest
 from platformdirs import user_cache_path
 
+from scleraforce import compiled
 from scleraforce.compiled import SWITCH, can_compile
 
-__all__ = ["cache_of_its_own", "compiled_again"]
+__all__ = ["by_arrays_and_loops", "cache_of_its_own", "compiled_again", "loops_in_use"]
+
+Answer = TypeVar("Answer")
 
 
 def cache_of_its_own(folder: Path) -> dict[str, str]:
@@ -33,3 +37,19 @@ def compiled_again(*modules: ModuleType) -> Iterator[None]:
         for module in modules:
             reload(module)
         yield
+
+
+@contextmanager
+def loops_in_use(in_use: bool = True) -> Iterator[None]:
+    """Have this process use compiled loops where it has others, too, or not."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiled, "_in_use", in_use)
+        yield
+
+
+def by_arrays_and_loops(call: Callable[[], Answer]) -> tuple[Answer, Answer]:
+    """What a call returns by arrays and by loops, which are compiled within `compiled_again`."""
+    with loops_in_use(False):
+        by_arrays = call()
+    with loops_in_use():
+        return by_arrays, call()
