@@ -1,14 +1,19 @@
-"""What a monitor's recordings state of the eye that it watches."""
+"""How a monitor starts, and what its recordings state of the eye that it watches."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from fake_companion import FakeCompanion
 
 from scleraforce.known.eye import Known, stated_eye, told_globe
 from scleraforce.known.globe import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, KnownGlobe, known_globe
 from scleraforce.monitor import MonitorLimits
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.service import monitor_service
+from scleraforce.service.companions.companions import OPINION, Companions
+from scleraforce.service.companions.messages import Alive, SelfReport
 from scleraforce.service.monitor_service import Address, MonitorSettings, _recording_info
 from scleraforce.study import Study
 
@@ -46,3 +51,45 @@ def test_a_recording_states_where_the_monitor_was_told_that_plane_and_needle_are
     untold = _recording_info(replace(settings, known=Known()), Study(), scale)
     assert (untold.oct.plane_direction_rad, untold.needle.polar_angle_rad) == (None, None)
     assert untold.needle.slice_gap_m == Study().needle.gap_m
+
+
+@pytest.fixture
+def opinion() -> Iterator[FakeCompanion]:
+    companion = FakeCompanion()
+    yield companion
+    companion.end()
+
+
+def test_a_monitor_waits_until_the_second_opinion_is_ready(
+    opinion: FakeCompanion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(monitor_service, "NOTED_S", 0.0)
+    companions, notes = Companions({OPINION: opinion}), list[str]()  # type: ignore[dict-item]  # a stand-in
+
+    def note(text: str) -> None:  # it is told while it waits
+        notes.append(text)
+        assert companions.starts(OPINION)
+        opinion.says(Alive(faults=()))
+
+    monitor_service._wait_for_opinion(companions, opinion.channel, note)
+    assert not companions.starts(OPINION)
+    assert notes == ["the second opinion gets ready: some seconds, once after an installation half a minute or more"]
+
+
+def test_a_monitor_does_not_wait_for_a_second_opinion_that_has_failed(opinion: FakeCompanion) -> None:
+    companions, notes = Companions({OPINION: opinion}), list[str]()  # type: ignore[dict-item]  # a stand-in
+    opinion.says(SelfReport(detail="no model"))
+    opinion.theirs.close()
+    monitor_service._wait_for_opinion(companions, opinion.channel, notes.append)
+    assert companions.faults(1.0) == ("second opinion: no model",)  # a cause at the server's first tick
+    assert notes == []
+
+
+def test_a_monitor_serves_without_a_second_opinion_that_is_never_ready_and_says_so(
+    opinion: FakeCompanion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(monitor_service, "READY_S", 0.3)
+    companions, notes = Companions({OPINION: opinion}), list[str]()  # type: ignore[dict-item]  # a stand-in
+    monitor_service._wait_for_opinion(companions, opinion.channel, notes.append)
+    assert companions.starts(OPINION)
+    assert notes == ["the second opinion was not ready within 0.3 s: nothing is OK before its first one"]

@@ -4,14 +4,11 @@ The network alone answers, with every verdict that needs no fit to the response 
 long and gives its opinion afterwards, in a process of its own (`Reader.read`, `service.companions.second_opinion`).
 """
 
-import numpy as np
-from numpy.typing import NDArray
-
 from scleraforce.known.eye import Known
 from scleraforce.reader.answers import LiveReading
 from scleraforce.reader.reader import Reader
+from scleraforce.reader.warming import warming_frame
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.study import OctStudy
 
 __all__ = ["LiveReader"]
 
@@ -31,7 +28,8 @@ class LiveReader:
 
     def __init__(self, reader: Reader, known: Known, refractive_index: float) -> None:
         self._reader, self._known, self._refractive_index = reader, known, refractive_index
-        frame, scale = _warming_frame(reader.study.oct)
+        scanner, scale = reader.study.oct, PixelScale.of(reader.study.oct)
+        frame = warming_frame((scanner.rows, scanner.columns), scale, reader.study.eye.radius_m, known.thickness_m)
         for _ in range(WARMING_FRAMES):
             self.read(frame, scale)
 
@@ -47,11 +45,3 @@ class LiveReader:
         """
         scale = PixelScale(lateral_m=scale.lateral_m, depth_m=scale.depth_m, refractive_index=self._refractive_index)
         return self._reader.read_live(frame, scale, self._known)
-
-
-def _warming_frame(scanner: OctStudy) -> tuple[NDArray[np.uint16], PixelScale]:
-    """Return a frame of the study's size with a bright layer in noise, and the size of its pixel."""
-    scale = PixelScale.of(scanner)
-    counts = np.random.default_rng(0).integers(0, 400, (scanner.rows, scanner.columns)).astype(np.uint16)
-    counts[scanner.rows // 4 : scanner.rows // 2] += 1500
-    return counts, scale

@@ -7,6 +7,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from select import select
+from time import monotonic
 
 import cv2
 
@@ -19,6 +21,7 @@ from scleraforce.recording.info import NeedleInfo, OctInfo, RecordingInfo, neare
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.wall import compile_wall, compiled_is_kept
 from scleraforce.service.black_box.settings import black_box_settings
+from scleraforce.service.companions.channel import Channel
 from scleraforce.service.companions.child import Child
 from scleraforce.service.companions.companions import BLACK_BOX, CONSOLE, OPINION, Companions
 from scleraforce.service.companions.frame_ring import FrameRing
@@ -35,6 +38,8 @@ from scleraforce.study import Study
 __all__ = ["Address", "MonitorSettings", "monitor_service"]
 
 KEPT_S = 10.0
+READY_S = 180.0  # for the second opinion: some 15 s where its loops are compiled, and machines may be slow
+NOTED_S, LOOK_S = 3.0, 0.1
 RING_FRAMES = 1200  # at 100 a second two seconds more than are kept, which leaves time to copy them
 MOST_BITS = 16  # a scanner may use more bits than the model's study states, and its recording must stay readable
 WEB_NEEDS = ("fastapi", "uvicorn", "websockets")
@@ -115,6 +120,8 @@ def monitor_service(
         companions = Companions(children)
         stack.callback(companions.end)
         session = Session(live.read, settings.limits)
+        if OPINION in children:
+            _wait_for_opinion(companions, children[OPINION].channel, note)
         gc.collect()
         gc.freeze()  # the model stays, so the collector need not scan it again and again
         guard = Guard()
@@ -137,6 +144,25 @@ def _listen_for_pages(address: Address) -> socket.socket:
     if missing:
         raise InputError(f"--web-port: {missing[0]} is not installed; run pip install 'scleraforce[web]'")
     return listen(address.host, address.port, "web-")
+
+
+def _wait_for_opinion(companions: Companions, channel: Channel, note: Callable[[str], None]) -> None:
+    """Wait until the second opinion is ready, or has failed, which the server then answers with a withdrawal.
+
+    Frames that it were asked about before would wait for as long as its first reading takes.
+    """
+    begun_s = now_s = monotonic()
+    is_noted = False
+    while companions.starts(OPINION) and now_s - begun_s < READY_S:
+        select([channel], [], [], LOOK_S)
+        now_s = monotonic()
+        for _ in companions.hear(OPINION, now_s):
+            pass  # it has been asked nothing
+        if not is_noted and now_s - begun_s > NOTED_S:
+            is_noted = True
+            note("the second opinion gets ready: some seconds, once after an installation half a minute or more")
+    if companions.starts(OPINION):
+        note(f"the second opinion was not ready within {READY_S:g} s: nothing is OK before its first one")
 
 
 def _recording_info(settings: MonitorSettings, study: Study, scale: PixelScale) -> RecordingInfo:

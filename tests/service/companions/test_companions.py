@@ -69,6 +69,25 @@ def test_a_black_box_that_says_nothing_for_five_seconds_is_at_fault_until_it_doe
     assert companions.faults(135.0) == ()
 
 
+@pytest.mark.parametrize("end", ["alive", "faulty", "garbled", "dead"])
+def test_a_companion_starts_until_it_gives_a_sign_of_life_or_fails(companions, children, end):
+    assert companions.starts(OPINION)
+    children[BLACK_BOX].says(Alive(faults=()))  # speaks for itself only
+    hear(companions, BLACK_BOX, 1.0)
+    assert companions.starts(OPINION)
+    says = {"alive": Alive(faults=()), "faulty": SelfReport(detail="no model"), "garbled": WrongTokens(count=1)}
+    if end in says:
+        children[OPINION].says(says[end])
+    else:
+        children[OPINION].theirs.close()
+    hear(companions, OPINION, 1.1)
+    assert not companions.starts(OPINION)
+
+
+def test_a_companion_that_does_not_run_does_not_start(children):
+    assert not Companions({BLACK_BOX: children[BLACK_BOX]}).starts(OPINION)
+
+
 def test_a_black_box_that_never_says_anything_is_at_fault_after_half_a_minute(companions):
     assert companions.faults(100.0) == ()
     assert companions.faults(130.1) == ("black box: it does not answer",)

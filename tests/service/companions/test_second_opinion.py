@@ -9,10 +9,12 @@ import pytest
 from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_section
 from fixed_reader import write_fixed_reader
 
-from scleraforce.service.companions.channel import ChannelClosedError
+from scleraforce.service.companions import second_opinion
+from scleraforce.service.companions.channel import Channel, ChannelClosedError
 from scleraforce.service.companions.child import Child
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.messages import (
+    Alive,
     CompanionMessage,
     MonitorEnds,
     OpinionAsked,
@@ -53,6 +55,7 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
     model = tmp_path_factory.mktemp("opinion") / "reader"
     write_fixed_reader(model, LIBRARY, [float(number == BIN) for number in range(BINS)])
     reader = Reader(model)
+    assert reader.hear() == Alive(faults=())  # it has read a frame of its own, and is ready
     yield reader
     assert reader.child.end(20.0) == 0
 
@@ -67,6 +70,29 @@ def test_a_wall_is_read_with_its_force_by_the_fit(reader: Reader) -> None:
     assert opinion.probabilities
     assert opinion.interval_n[0] < 0.015 < opinion.interval_n[1]
     assert sum(opinion.probabilities) == pytest.approx(1.0)
+
+
+def test_it_is_ready_once_it_has_read_a_frame_to_its_end_and_asks_nothing_of_the_monitor_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = []
+
+    class Counted:
+        study = STUDY
+
+        def read(self, *told: object) -> None:
+            read.append(told)
+
+    ours, theirs = Channel.pair()
+    ring = FrameRing.create(4, 300, 200)
+    settings = OpinionSettings(model=tmp_path, known=KNOWN, scale=SCALE, ring=ring.place)
+    monkeypatch.setattr(second_opinion, "load_model", lambda _: Counted())
+    ours.close()
+    with pytest.raises(ChannelClosedError):
+        second_opinion._serve(theirs, settings)
+    theirs.close()
+    ((frame, scale, known),) = read
+    assert (frame.shape, scale, known) == ((300, 200), SCALE, KNOWN)  # as the frames that will come
 
 
 def test_what_is_no_wall_cannot_be_judged(reader: Reader) -> None:
@@ -102,6 +128,7 @@ def test_what_is_no_question_ends_the_process_with_a_word(tmp_path: Path) -> Non
     write_fixed_reader(model, LIBRARY, [float(number == BIN) for number in range(BINS)])
     other = Reader(model)
     assert other.child.channel.send(MonitorEnds())
+    assert other.hear() == Alive(faults=())
     message = other.hear()
     assert message == SelfReport(
         detail="MessageError: a MonitorEnds came; the second opinion is asked about frames only"

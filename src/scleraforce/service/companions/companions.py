@@ -55,6 +55,7 @@ class Companions:
         self._faults: dict[str, str] = {}
         self._dead: set[str] = set()
         self._garbled: dict[str, str] = {}
+        self._heard_of: set[str] = set()
         self._alive_until_s: float | None = None
         self._full_since_s: dict[str, float] = {}
         self._waiting = deque[bytes]()
@@ -67,6 +68,11 @@ class Companions:
     def channels(self) -> dict[int, str]:
         """File descriptors of the channels, with the names of the companions."""
         return {child.channel.fileno(): name for name, child in self._children.items()}
+
+    def starts(self, name: str) -> bool:
+        """Return whether a companion runs that has neither given a sign of life nor failed, as far as `hear` knows."""
+        failed = name in self._faults or name in self._garbled or self.dead(name)
+        return name in self and not failed and name not in self._heard_of
 
     def faults(self, now_s: float) -> tuple[str, ...]:
         """Return what is wrong with the companions that are needed; call it every few ms, after `hear`."""
@@ -156,6 +162,7 @@ class Companions:
 
     def _take_alive(self, name: str, faults: tuple[str, ...], now_s: float) -> None:
         """Take a companion's sign of life with its present faults, which replace earlier ones."""
+        self._heard_of.add(name)
         if name == BLACK_BOX:
             self._alive_until_s = now_s + SILENT_S
         if faults:

@@ -161,7 +161,7 @@ class OpinionGiven:
 
 @dataclass(frozen=True, kw_only=True)
 class Alive:
-    """From the black box: a sign of life, with what it cannot keep now."""
+    """A sign of life: of the black box every 0.5 s, with what it cannot keep now; of a second opinion that is ready."""
 
     faults: tuple[str, ...]
 

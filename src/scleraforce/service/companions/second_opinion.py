@@ -3,7 +3,8 @@
 The monitor answers with the network, in a few milliseconds. Here the whole chain runs on the raw frame, including the
 fit to the response library, which takes several times as long. The process reads the newest frame, at most 50 a second,
 skips those that come meanwhile, and takes no more than half of a core: it runs in real time, and where a reading takes
-20 ms, others would get nothing of that core.
+20 ms, others would get nothing of that core. It is ready when it has read a frame of its own: a first reading takes
+0.3 s, and much longer where loops are compiled, so the opinion of a real frame would be overdue.
 """
 
 import sys
@@ -15,10 +16,11 @@ from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import MessageError
 from scleraforce.reader import load_model
 from scleraforce.reader.answers import Answer
+from scleraforce.reader.warming import warming_frame
 from scleraforce.service.companions.channel import Channel, ChannelClosedError
 from scleraforce.service.companions.child import settings_of_child
 from scleraforce.service.companions.frame_ring import FrameRing
-from scleraforce.service.companions.messages import OpinionAsked, OpinionGiven, SelfReport
+from scleraforce.service.companions.messages import Alive, OpinionAsked, OpinionGiven, SelfReport
 from scleraforce.service.companions.opinion_settings import OpinionSettings
 from scleraforce.service.priority import OPINION_PRIORITY, run_in_real_time
 
@@ -29,7 +31,6 @@ LEAST_S = 0.02  # from frame to frame
 
 def main(arguments: Sequence[str]) -> None:
     """Read the frames that the monitor names, until its channel closes."""
-    run_in_real_time(OPINION_PRIORITY)
     use_compiled_loops()
     channel, settings = settings_of_child(arguments, OpinionSettings)
     try:
@@ -43,6 +44,10 @@ def main(arguments: Sequence[str]) -> None:
 
 def _serve(channel: Channel, settings: OpinionSettings) -> None:
     reader, ring = load_model(settings.model), FrameRing.at(settings.ring)
+    frame = warming_frame(ring.shape, settings.scale, reader.study.eye.radius_m, settings.known.thickness_m)
+    reader.read(frame, settings.scale, settings.known)
+    run_in_real_time(OPINION_PRIORITY)  # not before: Linux pauses what leaves a core nothing for a second
+    channel.send(Alive(faults=()))
     while True:
         select([channel], [], [])
         begun_s = monotonic()
