@@ -50,12 +50,11 @@ class Monitor:
         self.pids = {"monitor": process.pid, **_children(process.pid)}
 
     def _await_reset_line(self) -> str:
-        """Wait until it listens: the line that tells how to reset comes last."""
+        """Wait until it listens: it says last how to reset, but for its console, which speaks when it likes."""
         end_s = monotonic() + START_S
         while monotonic() < end_s and self.process.poll() is None:
-            lines = self._said.read_text(encoding="utf-8").splitlines(keepends=True)
-            if lines and lines[-1].startswith("reset") and lines[-1].endswith("\n"):
-                return lines[-1]
+            if found := re.search(r"^reset .*\n", self.said, re.MULTILINE):
+                return found[0]
             sleep(0.02)
         raise SystemExit(f"the monitor did not start:\n{self.said}")
 
