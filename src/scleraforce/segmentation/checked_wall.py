@@ -1,9 +1,10 @@
 """The wall by two ways that check each other: a network's, refined on the full frame, and that of `wall.find_wall`.
 
-Where both find the same wall, that of `find_wall` stays: it is the finer one. Elsewhere the wall is the network's,
-moved to an edge of the full frame where one lies within the network's own resolution. A frame in which the other way
-finds another wall, by more than both are unsure of, or in which the network is too unsure of the wall's end, is not
-usable. `segmentation.two_ways` compares, `docs/wall_finder.md` says what was measured.
+Where both find the same wall, that of `find_wall` stays, but for stretches in which the network's is the better one: it
+is the finer one. Elsewhere the wall is the network's, moved to an edge of the full frame where one lies within the
+network's own resolution. A frame in which the other way finds another wall, by more than both are unsure of, or in
+which the network is too unsure of the wall's end, is not usable. `segmentation.two_ways` compares,
+`docs/wall_finder.md` says what was measured.
 """
 
 from dataclasses import dataclass, replace
@@ -18,6 +19,7 @@ from scleraforce.segmentation.display import as_logarithmic
 from scleraforce.segmentation.grid import Float, make_grid
 from scleraforce.segmentation.imaged import imaged_part, lit_columns
 from scleraforce.segmentation.inner import CELL_M, CELLS
+from scleraforce.segmentation.joined_walls import joined_walls
 from scleraforce.segmentation.sclera import find_walls, walls_doubt
 from scleraforce.segmentation.surface import refine_surface
 from scleraforce.segmentation.two_ways import sees_wall, ways_agree
@@ -63,9 +65,10 @@ def find_checked_wall(
         thickness_m: of the wall, as told (see `find_sclera`).
 
     Returns:
-        The wall of `find_wall` where both ways agree, and that below a conjunctiva where one is seen; else the
-        network's, refined. It is usable where that of `find_wall` is, and nothing speaks against it; a needle is what
-        that sees. A frame in which either way sees no wall at all has that of the other, and is not usable.
+        The wall of `find_wall` where both ways agree, with the network's for stretches (`joined_walls`), and that below
+        a conjunctiva where one is seen; else the network's, refined. It is usable where that of `find_wall` is, and
+        nothing speaks against it; a needle is what that sees. A frame in which either way sees no wall at all has that
+        of the other, and is not usable.
 
     Raises:
         ValueError: as of `find_wall`.
@@ -77,8 +80,11 @@ def find_checked_wall(
     if lit is None:
         return other
     seen = finder.find(frame)
-    theirs = other is first and sees_wall(seen) and not ways_agree(other, seen)
-    found = _refined(frame, scale, seen, *lit[:2]) if theirs else other
+    found = other
+    if other is first and sees_wall(seen):
+        found = _refined(frame, scale, seen, *lit[:2])
+        if ways_agree(other, seen):
+            found = joined_walls(frame, other, found, seen.step_rows)
     reason = other.reason or walls_doubt(first, other, seen)
     return replace(found, usable=not reason, reason=reason, needle=other.needle)
 

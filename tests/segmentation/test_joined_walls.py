@@ -1,0 +1,88 @@
+"""One wall of two: the finer one, and the other in stretches where the light falls more at its inner boundary."""
+
+from dataclasses import replace
+from math import nan
+
+import numpy as np
+import pytest
+
+from scleraforce.segmentation.joined_walls import joined_walls
+from scleraforce.segmentation.needle import SeenNeedle
+from scleraforce.segmentation.wall import Segmentation
+
+ROWS, COLUMNS = 200, 120
+STEP = 4.0  # rows
+OUTER = np.full(COLUMNS, 49.5)
+STRETCH = slice(40, 60)
+
+
+def wall(inner_row: np.ndarray, outer_row: np.ndarray = OUTER) -> Segmentation:
+    return Segmentation(outer_row, inner_row, ROWS, True, "", True, thickness_m=0.6e-3)
+
+
+def bright_to(inner_row: np.ndarray, noise: float = 150.0) -> np.ndarray:
+    """A frame of noise whose tissue ends at a boundary, column by column."""
+    row = np.arange(ROWS)[:, None]
+    tissue = (row > 49.5) & (row < inner_row)
+    return np.clip(np.random.default_rng(0).normal(500.0 + 400.0 * tissue, noise), 0.0, None).astype(np.uint16)
+
+
+def moved(by: float, where: slice = STRETCH) -> np.ndarray:
+    inner = np.full(COLUMNS, 110.0)
+    inner[where] += by
+    return inner
+
+
+@pytest.mark.parametrize("by", [-25.0, -6.0, 6.0, 25.0])
+def test_the_boundary_where_light_falls_is_taken_whichever_wall_has_it(by: float) -> None:
+    straight, swerved = wall(moved(0.0)), wall(moved(by))
+    for true in (straight, swerved):
+        frame = bright_to(true.inner_row)
+        for finer, other in ((straight, swerved), (swerved, straight)):
+            joined = joined_walls(frame, finer, other, STEP)
+            np.testing.assert_array_equal(joined.inner_row, true.inner_row)
+            np.testing.assert_array_equal(joined.outer_row, OUTER)
+
+
+def test_a_stretch_is_decided_as_a_whole_and_each_by_itself() -> None:
+    """Single columns would fall to either side in such noise."""
+    other, true = moved(8.0), moved(8.0)
+    other[80:100] += 8.0
+    joined = joined_walls(bright_to(true, noise=600.0), wall(moved(0.0)), wall(other), STEP)
+    np.testing.assert_array_equal(joined.inner_row, true)
+
+
+def test_what_parts_less_than_the_other_way_can_tell_stays_the_finer_walls() -> None:
+    true = moved(STEP)
+    joined = joined_walls(bright_to(true), wall(moved(0.0)), wall(true), STEP)
+    np.testing.assert_array_equal(joined.inner_row, moved(0.0))
+    joined = joined_walls(bright_to(true), wall(moved(0.0)), wall(true), STEP - 0.5)
+    np.testing.assert_array_equal(joined.inner_row, true)
+
+
+def test_a_boundary_beyond_the_frame_wins_only_where_nothing_falls_at_the_other() -> None:
+    beyond = moved(150.0)
+    dark, lit = bright_to(moved(0.0)), bright_to(beyond, noise=0.0)
+    lit[100:] += np.arange(100, dtype=np.uint16)[:, None]  # it gets brighter: the boundary at row 110 is none
+    np.testing.assert_array_equal(joined_walls(dark, wall(moved(0.0)), wall(beyond), STEP).inner_row, moved(0.0))
+    np.testing.assert_array_equal(joined_walls(lit, wall(moved(0.0)), wall(beyond), STEP).inner_row, beyond)
+
+
+def test_where_only_the_other_way_sees_the_wall_it_is_the_others_but_behind_a_needle() -> None:
+    gap = np.where((np.arange(COLUMNS) >= 10) & (np.arange(COLUMNS) < 50), nan, 0.0)
+    needle = SeenNeedle(angle_rad=0.0, tip_m=(0.0, 0.0), tip=(40.0, 40.0), top=(40.0, 0.0), hidden=(30, 50))
+    finer = replace(wall(moved(0.0) + gap, OUTER + gap), needle=needle)
+    joined = joined_walls(bright_to(moved(0.0)), finer, wall(moved(0.0) + 1.0, OUTER - 1.0), STEP)
+    np.testing.assert_array_equal(joined.outer_row[10:30], OUTER[10:30] - 1.0)
+    np.testing.assert_array_equal(joined.inner_row[10:30], 111.0)
+    assert np.isnan(joined.outer_row[30:50]).all()
+    assert np.isnan(joined.inner_row[30:50]).all()
+    np.testing.assert_array_equal(joined.outer_row[50:], OUTER[50:])
+    assert joined.needle is needle
+
+
+def test_where_the_other_way_sees_no_wall_the_finer_one_stays() -> None:
+    there = np.where(np.arange(COLUMNS) < 90, 0.0, nan)
+    joined = joined_walls(bright_to(moved(0.0)), wall(moved(0.0)), wall(moved(20.0) + there, OUTER + there), STEP)
+    np.testing.assert_array_equal(joined.inner_row, moved(0.0))
+    np.testing.assert_array_equal(joined.outer_row, OUTER)
