@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 from hypothesis import HealthCheck, settings
+from machine_code import compile_chosen
 
 import scleraforce  # noqa: F401 - before ONNX Runtime, which tests import too: it switches off what that sends
 from scleraforce.compiled import SWITCH, use_compiled_loops
@@ -44,5 +45,6 @@ def compiled_loops() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("scleraforce.compiled._in_use", False)  # what it is afterwards
         patch.setenv(SWITCH, "1")
+        compile_chosen()
         use_compiled_loops()
         yield

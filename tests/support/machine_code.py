@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib import reload
+from importlib import import_module, reload
 from pathlib import Path
 from types import ModuleType
 from typing import TypeVar
@@ -13,9 +13,26 @@ from platformdirs import user_cache_path
 from scleraforce import compiled
 from scleraforce.compiled import SWITCH, can_compile
 
-__all__ = ["by_arrays_and_loops", "cache_of_its_own", "compiled_again", "loops_in_use"]
+__all__ = [
+    "CHOSEN",
+    "by_arrays_and_loops",
+    "cache_of_its_own",
+    "compile_chosen",
+    "compiled_again",
+    "compiled_loops_of",
+    "loops_in_use",
+]
 
 Answer = TypeVar("Answer")
+
+# Modules of loops that `loops_are_compiled` chooses, those that others take loops from first.
+CHOSEN = (
+    "scleraforce.library.compiled_states",
+    "scleraforce.library.compiled_pressures",
+    "scleraforce.fitting.compiled_depths",
+    "scleraforce.fitting.compiled_prediction",
+    "scleraforce.mechanics.axisymmetric.compiled_solid",
+)
 
 
 def cache_of_its_own(folder: Path) -> dict[str, str]:
@@ -37,6 +54,23 @@ def compiled_again(*modules: ModuleType) -> Iterator[None]:
         for module in modules:
             reload(module)
         yield
+
+
+def compile_chosen() -> None:
+    """Compile the modules of `CHOSEN` that a test before has imported as they are, if Numba is there.
+
+    Uncompiled loops answer likewise, and take a hundred times as long.
+    """
+    for name in CHOSEN:
+        module = import_module(name)
+        if can_compile() and not compiled_loops_of(module):
+            reload(module)
+
+
+def compiled_loops_of(module: ModuleType) -> list[str]:
+    """Return the names of the module's own loops that are compiled."""
+    own = {name: value for name, value in vars(module).items() if getattr(value, "__module__", "") == module.__name__}
+    return [name for name, value in own.items() if hasattr(value, "py_func")]
 
 
 @contextmanager

@@ -127,8 +127,8 @@ def test_what_is_no_question_ends_the_process_with_a_word(tmp_path: Path) -> Non
     model = tmp_path / "reader"
     write_fixed_reader(model, LIBRARY, [float(number == BIN) for number in range(BINS)])
     other = Reader(model)
-    assert other.child.channel.send(MonitorEnds())
     assert other.hear() == Alive(faults=())
+    assert other.child.channel.send(MonitorEnds())
     message = other.hear()
     assert message == SelfReport(
         detail="MessageError: a MonitorEnds came; the second opinion is asked about frames only"
