@@ -203,11 +203,14 @@ OUTSIDE = {"DIVF_endo_metric_20_Slice28.tif", "DSLong4_Slice29.tif", "DSWSlipLon
            "DS_Coverslip_Slice44.tif", "035.jpeg"}  # fmt: skip
 
 
-def reason_of(name: str, known: Known | None) -> str:
+def reasons_of(name: str, known: Known | None) -> tuple[str, ...]:
     if name in OUTSIDE:
-        return "the wall lies outside the window"
-    # With nothing known of the eye, a wall with a limbus lies near enough, but its dent lies where no frame has it.
-    return "contact -3" if name == "107.jpg" and known is None else "not the wall of an eye"
+        return ("the wall lies outside the window",)
+    if name == "107.jpg" and known is None:  # a wall with a limbus lies near enough, but no frame has its dent there
+        return ("contact -3",)
+    if name == "011.jpeg" and known is None:  # of two fits that are nearly as good, the processor's rounding chooses
+        return "not the wall of an eye", "the fit reads 148.8 mN, the network 5.0 mN"
+    return ("not the wall of an eye",)
 
 
 def real_scans() -> list[Path]:
@@ -269,7 +272,7 @@ def test_a_real_scan_taken_for_one_as_wide_as_the_product_s_is_no_wall_of_an_eye
     pixel_m = STUDY.oct.width_m / pixels.shape[1]  # wide enough, so that the other rules have to refuse it
     found = force_reader().read(pixels, PixelScale(lateral_m=pixel_m, depth_m=pixel_m), known or Known())
     assert (found.usable, found.predicted, found.force_n) == (False, 2, None)
-    assert found.reason.startswith(reason_of(path.name, known))
+    assert found.reason.startswith(reasons_of(path.name, known))
 
 
 @pytest.mark.parametrize("field", ["force_n", "probabilities", "interval_n"])
