@@ -38,7 +38,8 @@ from scleraforce.compiled import can_compile
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.compiled_steps import CompiledSteps
 from scleraforce.segmentation.numpy_steps import NumpySteps
-from scleraforce.segmentation.wall import compile_wall, find_wall_by
+from scleraforce.segmentation.compiling import compile_wall
+from scleraforce.segmentation.wall import find_wall_by
 assert not can_compile() and not compile_wall()
 rng, scale = np.random.default_rng(0), PixelScale(lateral_m=60e-6, depth_m=15e-6)
 frame = rng.integers(0, 400, (90, 200)).astype(np.uint16)

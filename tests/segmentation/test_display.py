@@ -1,5 +1,6 @@
 """Linear displays are told from pairs of counts, and only their walls are looked for in logarithms."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -7,12 +8,16 @@ from itertools import product
 import numpy as np
 import pytest
 from drawn_eyes import SCANNER, drawn_counts
+from hypothesis import given
+from hypothesis import strategies as st
+from machine_code import compiled_again, walls_by_loops
 
 from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.display import NOT_LOGARITHMIC, as_logarithmic, pair_contrast
+from scleraforce.segmentation.kernels import contrast, ranks
 from scleraforce.segmentation.sclera import find_sclera
 from scleraforce.segmentation.wall_finder import WallFinder
 
@@ -25,12 +30,19 @@ def shipped() -> WallFinder:
     return load_wall_finder(SHIPPED_WALL_FINDER)
 
 
+@pytest.fixture(params=[False, True], ids=["arrays", "loops"])
+def by(request: pytest.FixtureRequest) -> Iterator[None]:
+    with compiled_again(ranks, contrast), walls_by_loops(request.param):
+        yield
+
+
 def speckle(seed: int = 1, shape: tuple[int, int] = (400, 500)) -> np.ndarray:
     """Intensities whose mean falls from row to row, by 20 dB."""
     mean = np.logspace(0.0, -2.0, shape[0])[:, None]
     return mean * np.random.default_rng(seed).exponential(size=shape)
 
 
+@pytest.mark.usefixtures("by")
 @pytest.mark.parametrize(("largest", "dtype"), [(200.0, np.uint8), (4000.0, np.uint16), (60000.0, np.uint16)])
 @pytest.mark.parametrize(("power", "expected"), [(1.0, 0.5), (0.5, 2.0 - np.sqrt(3.0))])
 def test_the_contrast_of_pairs_is_that_of_speckle_whatever_the_gain(largest, dtype, power, expected) -> None:
@@ -39,6 +51,7 @@ def test_the_contrast_of_pairs_is_that_of_speckle_whatever_the_gain(largest, dty
     assert pair_contrast(frame) == pytest.approx(expected, abs=0.04)
 
 
+@pytest.mark.usefixtures("by")
 def test_it_is_a_median_over_the_brightest_tenth_of_lit_pairs() -> None:
     """Written down once more, pair by pair."""
     frame = (speckle(2, (96, 120)) * 500.0).astype(np.uint16)
@@ -48,10 +61,27 @@ def test_it_is_a_median_over_the_brightest_tenth_of_lit_pairs() -> None:
         if one and other:
             shares.append((one + other, abs(one - other) / (one + other)))
     shares.sort()
-    brightest = [share for _, share in shares[round(0.9 * len(shares)) :]]
-    assert pair_contrast(frame) == pytest.approx(np.median(brightest), abs=0.01)
+    dimmest = shares[int(0.9 * len(shares))][0] // 2
+    brightest = [share for total, share in shares if total // 2 >= dimmest]
+    assert pair_contrast(frame) == pytest.approx(np.median(brightest), rel=1e-6)
 
 
+@given(st.integers(0, 2**32 - 1), st.sampled_from([3, 255, 4095, 65535]), st.sampled_from([0.0, 0.3, 0.99]))
+def test_both_ways_tell_the_same_contrast(seed: int, largest: int, black: float) -> None:
+    """To the last bit, in frames of any size and light."""
+    rng = np.random.default_rng(seed)
+    shape = tuple(rng.integers(16, 300, 2).tolist())
+    frame = rng.integers(0, largest + 1, shape).astype(np.uint8 if largest < 256 else np.uint16)
+    frame[rng.random(shape) < black] = 0
+    found = []
+    with compiled_again(ranks, contrast):
+        for in_use in (False, True):
+            with walls_by_loops(in_use):
+                found.append(pair_contrast(frame))
+    assert found[0] == found[1]
+
+
+@pytest.mark.usefixtures("by")
 @pytest.mark.parametrize("display", ["logarithmic", "root"])
 def test_other_displays_stay_as_they_are(display: str) -> None:
     for seed in range(7201, 7205):
@@ -59,6 +89,7 @@ def test_other_displays_stay_as_they_are(display: str) -> None:
         assert as_logarithmic(frame) is frame
 
 
+@pytest.mark.usefixtures("by")
 def test_a_frame_with_hardly_any_light_stays_as_it_is() -> None:
     frame = np.zeros((64, 64), dtype=np.uint16)
     assert as_logarithmic(frame) is frame

@@ -1,17 +1,30 @@
+"""A frame's wall drawn into slices, by arrays and by compiled loops alike."""
+
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from machine_code import compiled_again, walls_by_loops
 
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section, SliceWindow
 from scleraforce.section.slices import fill_section
-from scleraforce.segmentation.wall import Segmentation, boundary_slice
+from scleraforce.segmentation.kernels import slices
+from scleraforce.segmentation.wall import Segmentation, boundary_slice, boundary_slices
 from scleraforce.study import SliceStudy
 
 SLICE = SliceStudy()
 SCALE = PixelScale(lateral_m=15e-3 / 512, depth_m=4e-3 / 512)
 WINDOW = SliceWindow(left_m=-7e-3, top_m=0.0, columns=140, rows=40, pixel_m=0.1e-3)
+
+
+@pytest.fixture(autouse=True, scope="module", params=[False, True], ids=["arrays", "loops"])
+def by(request: pytest.FixtureRequest) -> Iterator[None]:
+    with compiled_again(slices), walls_by_loops(request.param):
+        yield
 
 
 def segmentation(outer_m: np.ndarray, inner_m: np.ndarray) -> Segmentation:
@@ -66,3 +79,22 @@ def test_rows_below_the_frame_are_empty_only_where_the_wall_has_ended():
 def test_a_frame_without_a_wall_gives_an_empty_slice():
     nowhere = np.full(512, np.nan)
     assert not boundary_slice(segmentation(nowhere, nowhere), SCALE, SLICE).any()
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.1, 0.9, 1.0]))
+def test_both_ways_draw_the_same(seed: int, missing: float):
+    """Any boundaries, of any scanner, with holes in each of them."""
+    rng, columns = np.random.default_rng(seed), int(np.random.default_rng(seed).integers(16, 700))
+    outer_row = rng.uniform(-20.0, 300.0, columns)
+    inner_row = outer_row + rng.uniform(-3.0, 90.0, columns)
+    outer_row[rng.random(columns) < missing] = inner_row[rng.random(columns) < 0.05] = np.nan
+    scale = PixelScale(
+        lateral_m=rng.uniform(5e-6, 90e-6), depth_m=rng.uniform(3e-6, 30e-6), refractive_index=rng.uniform(1.0, 1.5)
+    )
+    found = Segmentation(outer_row, inner_row, 512, True, "", True, thickness_m=0.5e-3)
+    drawn = []
+    for in_use in (False, True):
+        with walls_by_loops(in_use):
+            drawn.append(boundary_slices(found, scale, SLICE, (0.0, 0.3, -0.3)))
+    np.testing.assert_array_equal(*drawn)
+    assert drawn[0].shape == (3, 40, 140)

@@ -165,6 +165,40 @@ def test_a_long_pause_counts_as_a_silence_in_the_interval_and_a_fast_scanner_is_
     assert paused.arrived(60.01) == pytest.approx((99 * 0.01 + 0.1) / 100)
 
 
+def test_the_first_frames_stand_for_the_interval_of_the_times_in_their_headers() -> None:
+    """They may have come in one bunch, so that their arrivals tell nothing."""
+    fast, slow, mixed, wrong = (FramePace(0.1) for _ in range(4))
+    assert [fast.arrived(5.0, 7.0 + 1e-3 * n) for n in range(4)] == pytest.approx([0.01, 1e-3, 1e-3, 1e-3])
+    assert [slow.arrived(5.0, 7.0 + 0.4 * n) for n in range(3)] == pytest.approx([0.01, 0.1, 0.1])
+    stamps = [None, 7.0, 7.002, None, 7.1, 7.104, 7.106]
+    assert [mixed.arrived(5.0, at) for at in stamps] == pytest.approx([0.01, 0.01, 0.002, 0.01, 0.01, 0.004, 0.003])
+    assert [wrong.arrived(5.0, at) for at in (7.0, 7.0, 6.0)] == [0.01] * 3
+
+
+def test_ten_arrivals_tell_the_interval_whatever_the_headers_say() -> None:
+    pace = FramePace(0.1)
+    for n in range(11):
+        pace.arrived(2e-3 * n, 7.0 + 0.05 * n)
+    assert pace.arrived(0.022, 7.55) == pytest.approx(2e-3)
+
+
+def test_a_bunch_at_the_start_is_a_loss_for_as_long_as_its_frames_stand_for() -> None:
+    """Ten frames of a scanner of 1000 Hz are 10 ms, and not the 100 ms that those of an unknown one might be."""
+    lost_s = []
+    for sent_s in ([100.0 + 1e-3 * n for n in range(10)], [None] * 10):
+        clock = Clock()
+        session = Session(read, LIMITS, clock, clock)
+        frames = [
+            session.frame(ScannerFrame(frame_of(10_000, n), **SCALE), n, 1, clock.now_s, at)
+            for n, at in enumerate(sent_s, start=1)
+        ]
+        for frame in frames[:-1]:
+            session.put_off(frame, frames[-1])
+        clock.now_s += LIMITS.catch_up_s + 0.001
+        lost_s += [loss.unread_s for loss in session.losses(clock.now_s)]
+    assert lost_s == pytest.approx([0.01 + 8 * 1e-3, 0.09])
+
+
 def test_an_entry_has_the_reading_of_its_frame_only() -> None:
     clock = Clock()
     session = Session(read, LIMITS, clock, clock)

@@ -12,6 +12,7 @@ from platformdirs import user_cache_path
 
 from scleraforce import compiled
 from scleraforce.compiled import SWITCH, can_compile
+from scleraforce.segmentation import compiling
 
 __all__ = [
     "CHOSEN",
@@ -21,6 +22,7 @@ __all__ = [
     "compiled_again",
     "compiled_loops_of",
     "loops_in_use",
+    "walls_by_loops",
 ]
 
 Answer = TypeVar("Answer")
@@ -78,6 +80,14 @@ def loops_in_use(in_use: bool = True) -> Iterator[None]:
     """Have this process use compiled loops where it has others, too, or not."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compiled, "_in_use", in_use)
+        yield
+
+
+@contextmanager
+def walls_by_loops(in_use: bool = True) -> Iterator[None]:
+    """Have this process find walls by compiled loops, or not; they are compiled within `compiled_again`."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiling, "_compiles", in_use)
         yield
 
 

@@ -17,8 +17,9 @@ from scleraforce.reader import ForceReader
 from scleraforce.reader.live import LiveReader
 from scleraforce.recording.files import read_recording
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation import wall
+from scleraforce.segmentation.compiling import compile_wall
 from scleraforce.segmentation.observed import segmented_boundaries
+from scleraforce.segmentation.wall import find_wall
 from speed.eyes import DrawnEye, draw_eyes, shipped_reader
 from speed.parts.recording import made_recording
 from speed.record import Row, Table
@@ -49,7 +50,7 @@ def measure(run: Run) -> Table:
     """Time a frame's steps, cold and in a row."""
     reader = shipped_reader()
     # As the monitor and its second opinion do before they say that they are ready.
-    wall.compile_wall()
+    compile_wall()
     use_compiled_loops()
     eyes = draw_eyes(reader, run.count(24, 4))
     work = _work(reader, eyes) | {FIT: _fit(reader, made_recording(run))}
@@ -82,7 +83,7 @@ def _work(reader: ForceReader, eyes: Sequence[DrawnEye]) -> dict[str, Work]:
     live = [LiveReader(reader, eye.known, eye.scale.refractive_index) for eye in eyes]
     return {
         CRUDE: lambda n: _crude(eyes[n].frame),
-        SEGMENT: lambda n: wall.find_wall(eyes[n].frame, eyes[n].scale),
+        SEGMENT: lambda n: find_wall(eyes[n].frame, eyes[n].scale),
         READ: lambda n: live[n].read(eyes[n].frame, eyes[n].scale),
     }
 
@@ -96,7 +97,7 @@ def _fit(reader: ForceReader, path: Path) -> Work:
     scale, prior = PixelScale.of(recording.info.oct), prior_of(known, reader.study.reader)
     library, smoothing_m = reader.library_for(known), reader.study.calibration.surface_smoothing_m
     frames = [recording.frame(entry) for entry in recording.frames[::FIT_EVERY]]
-    seen = [segmented_boundaries(wall.find_wall(frame, scale), scale) for frame in frames]
+    seen = [segmented_boundaries(find_wall(frame, scale), scale) for frame in frames]
 
     def fit(n: int) -> object:
         one = seen[n % len(seen)]

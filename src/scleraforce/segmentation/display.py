@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.recording.pixels import Pixels
+from scleraforce.segmentation.compiling import wall_is_compiled
 
 __all__ = ["NOT_LOGARITHMIC", "as_logarithmic", "pair_contrast"]
 
 NOT_LOGARITHMIC = 0.38  # contrast of pairs: midway between the root and the intensity itself
 PAIR_COLUMNS, LOOKED_AT_ROWS = 8, 24  # of a pair, from one count to the other; of a frame, spread over it
-BRIGHTEST = 0.1  # of the pairs: tissue, and not the noise about it
+DIMMER = 0.9  # of the pairs are left out: noise about the tissue
 LEAST_PAIRS = 200
 
 
@@ -34,17 +35,27 @@ def as_logarithmic(frame: Pixels) -> Pixels:
 
 
 def pair_contrast(frame: Pixels) -> float:
-    """Return how much the brightest pairs of a frame differ, as a share of their sums (median): 0 where few are lit."""
-    rows = frame[:: max(1, len(frame) // LOOKED_AT_ROWS)].astype(np.float32)
+    """Return how much the brightest pairs of a frame differ, as a share of their sums (median): 0 where few are lit.
+
+    Pairs as bright as the dimmest of the brightest tenth count as well.
+    """
+    looked_at = frame[:: max(1, len(frame) // LOOKED_AT_ROWS)]
+    if wall_is_compiled():
+        # Imported here: Numba takes longer than a frame does.
+        from scleraforce.segmentation.kernels.contrast import find_contrast
+
+        return find_contrast(looked_at.astype(np.uint16), PAIR_COLUMNS, DIMMER, LEAST_PAIRS)
+    rows = looked_at.astype(np.int32)
     one, other = rows[:, PAIR_COLUMNS:], rows[:, :-PAIR_COLUMNS]
-    lit = (one > 0.0) & (other > 0.0)
+    lit = (one > 0) & (other > 0)
     one, other = one[lit], other[lit]
     if len(one) < LEAST_PAIRS:
         return 0.0
     total = one + other
-    least = round((1.0 - BRIGHTEST) * len(total))
-    brightest = np.argpartition(total, least)[least:]
-    return float(np.median(np.abs(one - other)[brightest] / total[brightest]))
+    place, mean = int(DIMMER * len(total)), total >> 1
+    brightest = mean >= np.partition(mean, place)[place]
+    shares = np.abs(one - other)[brightest].astype(np.float32) / total[brightest].astype(np.float32)
+    return float(np.median(shares))
 
 
 @cache

@@ -1,15 +1,15 @@
 """Raw frame to mask of the corneoscleral wall, and a verdict whether that can be judged.
 
 `docs/segmentation.md` explains the steps. They are taken by NumPy and OpenCV alone (`numpy_steps`), or compiled where a
-process has asked for that (`compile_wall`): this runs in the control loop.
+process has asked for that (`compiling`): this runs in the control loop.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from scleraforce.compiled import can_compile, code_is_kept
 from scleraforce.recording.pixels import Pixels, PixelScale
+from scleraforce.segmentation.compiling import wall_is_compiled
 from scleraforce.segmentation.imaged import LEAST_SHAPE
 from scleraforce.segmentation.needle import find_shaft, needle_of
 from scleraforce.segmentation.numpy_steps import UNSEEN_DEPTH_M, NumpySteps
@@ -22,8 +22,6 @@ __all__ = [
     "Segmentation",
     "boundary_slice",
     "boundary_slices",
-    "compile_wall",
-    "compiled_is_kept",
     "find_wall",
     "find_wall_by",
 ]
@@ -32,23 +30,6 @@ LEAST_SIDE = 0.05  # of the imaged width: less beside a needle is not looked at
 
 _NUMPY_STEPS = NumpySteps()
 _compiled_steps: list[Steps] = []  # those that no thread uses at the moment; each owns the memory that it works in
-_compiles = False
-
-
-def compile_wall() -> bool:
-    """Let `find_wall` take compiled steps in this process from now on; return whether it does.
-
-    For processes that read many frames: the import takes 0.3 s, and the first two frames as long as the compilation,
-    half a minute on an idle machine, where `compiled_is_kept` says no.
-    """
-    global _compiles
-    _compiles = can_compile()
-    return _compiles
-
-
-def compiled_is_kept() -> bool:
-    """Return whether a process before this one has left the compiled steps in the user's cache."""
-    return code_is_kept("scleraforce.segmentation.kernels.boundaries")
 
 
 def find_wall(frame: Pixels, scale: PixelScale) -> Segmentation:
@@ -64,7 +45,7 @@ def find_wall(frame: Pixels, scale: PixelScale) -> Segmentation:
     Raises:
         ValueError: not such an array, or smaller than 16 x 16.
     """
-    if not _compiles:
+    if not wall_is_compiled():
         return find_wall_by(_NUMPY_STEPS, frame, scale)
     try:
         steps = _compiled_steps.pop()

@@ -19,7 +19,7 @@ from scleraforce.reader import Reader
 from scleraforce.reader.live import LiveReader
 from scleraforce.recording.info import NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.wall import compile_wall, compiled_is_kept
+from scleraforce.segmentation.compiling import compile_wall, compiled_is_kept
 from scleraforce.service.black_box.settings import black_box_settings
 from scleraforce.service.companions.channel import Channel
 from scleraforce.service.companions.child import Child

@@ -126,7 +126,7 @@ class Session:
             order=order,
             sender_id=sender_id,
             at_s=at_s,
-            interval_s=self._pace.arrived(at_s),
+            interval_s=self._pace.arrived(at_s, sent_s),
             image=image,
             shown_back=self._shown.back(image.pixels),
             misfit=misfit,
