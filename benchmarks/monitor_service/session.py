@@ -4,6 +4,7 @@ The robot is this process too, on a connection of its own; `--receiver` starts D
 The frames stay below 25 mN, so every withdrawal is false: each is printed, and reset so that the session goes on.
 """
 
+import gc
 import os
 import subprocess
 from argparse import ArgumentParser, Namespace
@@ -66,6 +67,8 @@ def measure(monitor: Monitor, frames: Frames, given: Namespace) -> dict[str, Any
     total = round(given.seconds * given.rate_hz)
     pace, progress = Pace(monitor.port, frames, given.rate_hz, observed=True), Progress("session", total)
     operator, withdrawals, since_withdrawal = Operator(monitor.port, monitor.token), list[str](), 0
+    gc.collect()
+    gc.disable()  # among the answers of half a minute a collection takes 60 ms, in which no frame would be sent
     try:
         pace.warm_up(WARM_UP, operator)
         lost = pace.log.reading.get("lost", 0)
@@ -87,6 +90,7 @@ def measure(monitor: Monitor, frames: Frames, given: Namespace) -> dict[str, Any
         used = {name: (now - used.get(name, 0.0)) / took_s for name, now in shares(monitor).items()}
         pace.client.listen(monotonic() + 1.0, lambda: pace.log.last is not None)
     finally:
+        gc.enable()
         progress.end()
         pace.client.close()
         operator.close()
