@@ -166,20 +166,24 @@ def test_a_long_pause_counts_as_a_silence_in_the_interval_and_a_fast_scanner_is_
 
 
 def test_the_first_frames_stand_for_the_interval_of_the_times_in_their_headers() -> None:
-    """They may have come in one bunch, so that their arrivals tell nothing."""
-    fast, slow, mixed, wrong = (FramePace(0.1) for _ in range(4))
+    """They may come in one bunch, or after a pause of the scanner, so that their arrivals tell nothing."""
+    fast, slow, paused, mixed, wrong, counted = (FramePace(0.1) for _ in range(6))
     assert [fast.arrived(5.0, 7.0 + 1e-3 * n) for n in range(4)] == pytest.approx([0.01, 1e-3, 1e-3, 1e-3])
-    assert [slow.arrived(5.0, 7.0 + 0.4 * n) for n in range(3)] == pytest.approx([0.01, 0.1, 0.1])
-    stamps = [None, 7.0, 7.002, None, 7.1, 7.104, 7.106]
-    assert [mixed.arrived(5.0, at) for at in stamps] == pytest.approx([0.01, 0.01, 0.002, 0.01, 0.01, 0.004, 0.003])
+    assert [slow.arrived(5.0, 7.0 + 0.4 * n) for n in range(4)] == pytest.approx([0.01, 0.01, 0.1, 0.1])
+    stamps = [7.0, 7.06, *(7.06 + 1e-3 * n for n in range(1, 4))]
+    assert [paused.arrived(5.0, at) for at in stamps] == pytest.approx([0.01, 0.01, 0.01, 1e-3, 1e-3])
+    stamps = [None, 7.0, 7.002, None, 7.1, 7.103, 7.104]
+    assert [mixed.arrived(5.0, at) for at in stamps] == pytest.approx([0.01, 0.01, 2e-3, 2e-3, 2e-3, 3e-3, 2e-3])
     assert [wrong.arrived(5.0, at) for at in (7.0, 7.0, 6.0)] == [0.01] * 3
+    assert [counted.arrived(5.0, 1e-6 * n) for n in range(3)] == pytest.approx([0.01, 1e-3, 1e-3])
 
 
-def test_ten_arrivals_tell_the_interval_whatever_the_headers_say() -> None:
-    pace = FramePace(0.1)
-    for n in range(11):
-        pace.arrived(2e-3 * n, 7.0 + 0.05 * n)
-    assert pace.arrived(0.022, 7.55) == pytest.approx(2e-3)
+def test_arrivals_tell_the_interval_of_all_later_frames_whatever_their_headers_say() -> None:
+    told, untold = FramePace(0.1), FramePace(0.1)
+    for n in range(101):
+        assert told.arrived(2e-3 * n, 7.0 + 0.05 * n) == pytest.approx(0.05 if n > 1 else 0.01)
+        assert untold.arrived(2e-3 * n) == pytest.approx(2e-3 if n > 10 else 0.01)
+    assert told.arrived(0.202, 12.05) == pytest.approx(2e-3)
 
 
 def test_a_bunch_at_the_start_is_a_loss_for_as_long_as_its_frames_stand_for() -> None:

@@ -1,6 +1,7 @@
 """Frames that newer ones overtook: each waits to be read after them, for a limited time, or is lost."""
 
 from collections import deque
+from statistics import median_low
 from typing import Generic, TypeVar
 
 __all__ = ["MOST_FRAMES", "FramePace", "Overtaken"]
@@ -9,22 +10,25 @@ Item = TypeVar("Item")
 
 MOST_FRAMES = 100  # that wait: those of 0.1 s at 1000 a second, 52 MB of 512 x 512 pixels
 SLACK_S = 1e-9  # of a sum of intervals
-FIRST_INTERVAL_S = 0.01  # until enough frames have come, where their headers have no times
+FIRST_INTERVAL_S = 0.01  # until frames tell another
+LEAST_SENT_S = 0.001  # between two headers: they may count in anything
 KNOWN_FRAMES, ENOUGH_FRAMES = 1000, 10  # so many that a flood hardly counts in the mean
+SETTLED_FRAMES = 100  # so many that a pause at the start hardly counts in the mean
 
 
 class FramePace:
     """The interval of a scanner: the mean over its last frames, in which a pause counts up to `most_s`.
 
-    The first frames may come in one bunch, which tells no interval: until enough of them have come it is that of the
-    times in their headers.
+    The first frames may come in bunches or after a pause, so that their mean tells little: until `SETTLED_FRAMES` have
+    come it is the median of the gaps between the times in their headers, where they have any.
     """
 
     def __init__(self, most_s: float) -> None:
         self._most_s = most_s
         self._gaps_s: deque[float] = deque(maxlen=KNOWN_FRAMES)
         self._last_s: float | None = None
-        self._first_sent: tuple[int, float] | None = None  # the first frame with a time in its header, and that
+        self._sent_gaps_s = [FIRST_INTERVAL_S]
+        self._last_sent_s: float | None = None
 
     def arrived(self, at_s: float, sent_s: float | None = None) -> float:
         """Take the time at which a frame was complete, and that in its header; return the interval.
@@ -33,22 +37,20 @@ class FramePace:
         >>> [round(pace.arrived(0.02 * n), 3) for n in range(20)][8::11]
         [0.01, 0.02]
         """
-        enough = len(self._gaps_s) >= ENOUGH_FRAMES
-        interval_s = sum(self._gaps_s) / len(self._gaps_s) if enough else self._stated_s(sent_s)
+        if len(self._gaps_s) < SETTLED_FRAMES:
+            self._sent(sent_s)
+        enough = len(self._gaps_s) >= (ENOUGH_FRAMES if len(self._sent_gaps_s) == 1 else SETTLED_FRAMES)
+        interval_s = sum(self._gaps_s) / len(self._gaps_s) if enough else median_low(self._sent_gaps_s)
         if self._last_s is not None:
             self._gaps_s.append(min(max(at_s - self._last_s, 0.0), self._most_s))
         self._last_s = at_s
         return interval_s
 
-    def _stated_s(self, sent_s: float | None) -> float:
-        """Return the mean interval by the headers up to this one."""
-        number = len(self._gaps_s) + (self._last_s is not None)
-        if sent_s is None or self._first_sent is None:
-            self._first_sent = None if sent_s is None else (number, sent_s)
-            return FIRST_INTERVAL_S
-        first, first_s = self._first_sent
-        mean_s = (sent_s - first_s) / (number - first)
-        return min(mean_s, self._most_s) if mean_s > 0.0 else FIRST_INTERVAL_S
+    def _sent(self, sent_s: float | None) -> None:
+        """Keep the gap between two headers, where the time rises."""
+        if sent_s is not None and self._last_sent_s is not None and sent_s > self._last_sent_s:
+            self._sent_gaps_s.append(min(max(sent_s - self._last_sent_s, LEAST_SENT_S), self._most_s))
+        self._last_sent_s = sent_s
 
 
 class Overtaken(Generic[Item]):
