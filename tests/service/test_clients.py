@@ -1,14 +1,12 @@
 """A client that does not read: it misses messages, never gets half of one, and is let go in the end."""
 
 import socket
-from collections.abc import Callable, Iterator
-from functools import partial
-from select import select
+from collections.abc import Iterator
 
 import pytest
 from peer import NoGuard
 
-from scleraforce.openigtlink import Decoder, PeerEvent, Received, Text, encode
+from scleraforce.openigtlink import Decoder, Received, Text, encode
 from scleraforce.service.clients import STALLED_S, Clients
 from scleraforce.service.connection import WAITING_BYTES, Connection
 
@@ -64,33 +62,6 @@ def test_hardly_more_than_a_tenth_of_a_second_waits_for_a_peer_that_does_not_rea
             heard += peer.recv(100)  # slowly
         own_bytes = peer.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
         assert len(heard) < WAITING_BYTES + len(message) + own_bytes
-        connection.close()
-
-
-def test_what_comes_while_a_scanner_is_read_waits_for_the_next_turn(listener: socket.socket) -> None:
-    """It sends a message whenever one is taken: only what was there at the beginning is received."""
-    with socket.create_connection(listener.getsockname()) as peer:
-        connection = Connection(listener.accept()[0], "peer", 1)
-        message = encode(Text("x" * 5000), "Scanner")
-
-        def send_another(count: int, taken: Callable[[int], tuple[PeerEvent, ...]]) -> tuple[PeerEvent, ...]:
-            peer.sendall(message)
-            return taken(count)
-
-        decoder = connection._decoder
-        decoder.received = partial(send_another, taken=decoder.received)  # type: ignore[method-assign]  # a scanner
-        peer.sendall(message * 3)
-        select([connection], [], [], 1.0)
-        heard = []
-        for _ in range(3):
-            events, alive = connection.receive(2**20, 100.0)
-            assert alive
-            heard.append(len(events))
-        assert heard[0] == 3
-        assert sum(heard) <= 16
-        peer.shutdown(socket.SHUT_WR)
-        while alive:
-            events, alive = connection.receive(2**20, 100.0)
         connection.close()
 
 

@@ -16,7 +16,7 @@ __all__ = ["Connection"]
 WAITING_BYTES = 8192  # not yet taken by the peer: a tenth of a second; a message behind them is old when it is read
 NOTES_PER_S, NOTES_AT_ONCE = 1.0, 10
 FORCES_PER_S, FORCES_AT_ONCE = 1200.0, 120  # a robot sends 1000 a second at most
-TURN_BYTES, TURN_EVENTS = 8 * 1024 * 1024, 16  # received before others have their turn
+TURN_BYTES, TURN_EVENTS = 8 * 1024 * 1024, 16  # received before others have their turn: all that a socket holds
 
 
 class Connection:
@@ -51,10 +51,7 @@ class Connection:
         return self._link.fileno()
 
     def receive(self, max_body_bytes: int, now_s: float) -> tuple[list[PeerEvent], bool]:
-        """Read what has arrived by now, up to the share of one turn.
-
-        What comes meanwhile has to wait: a scanner that sends as fast as it is read would otherwise be listened to
-        for 20 ms and more before its newest frame is answered.
+        """Read what has arrived, up to the share of one turn.
 
         Args:
             max_body_bytes: largest body of a message that begins now.
@@ -66,14 +63,14 @@ class Connection:
         events: list[PeerEvent] = []
         self.heard_s = now_s
         self._decoder.max_body_bytes = max_body_bytes
-        left, alive = min(self._arrived_bytes(), TURN_BYTES), True
+        left, alive = TURN_BYTES, True
         try:
-            while alive and len(events) < TURN_EVENTS and not self._decoder.broken:
+            while left > 0 and len(events) < TURN_EVENTS and alive and not self._decoder.broken:
                 space = self._decoder.space()
                 count = self._link.recv_into(space)
                 events += self._decoder.received(count) if count else ()
                 alive, left = count > 0, left - count
-                if left <= 0 or (count < len(space) and not self._decoder.between):
+                if count < len(space) and not self._decoder.between:
                     break
         except BlockingIOError:
             pass
@@ -101,10 +98,6 @@ class Connection:
         self.unread_since_s = None
         self._rest = memoryview(data)
         self._flush()
-
-    def _arrived_bytes(self) -> int:
-        """Return how much can be read at once (Linux: SIOCINQ)."""
-        return int.from_bytes(fcntl.ioctl(self._link, termios.FIONREAD, bytes(4)), sys.byteorder)
 
     def _waiting_bytes(self) -> int:
         """Return how much was sent that has not arrived in the peer's own buffer (Linux: SIOCOUTQ)."""
