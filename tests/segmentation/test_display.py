@@ -97,6 +97,18 @@ def test_a_frame_with_hardly_any_light_stays_as_it_is() -> None:
     assert as_logarithmic(frame) is frame
 
 
+@pytest.mark.usefixtures("by")
+def test_two_hundred_lit_pairs_tell_a_contrast_and_fewer_do_not() -> None:
+    frame = np.zeros((24, 16), dtype=np.uint16)
+    frame.reshape(24, 2, 8)[:, :, :] = [[[100], [300]]]
+    assert pair_contrast(frame) == 0.0  # 192 pairs
+    frame = np.zeros((25, 16), dtype=np.uint16)
+    frame.reshape(25, 2, 8)[:, :, :] = [[[100], [300]]]
+    assert pair_contrast(frame) == 0.5
+    frame[7, 3] = 0
+    assert pair_contrast(frame) == 0.0
+
+
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_logarithms_keep_order_and_black(dtype: type) -> None:
     frame = (speckle() * 30.0).clip(0, 255).astype(dtype)

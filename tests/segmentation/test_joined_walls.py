@@ -68,6 +68,22 @@ def test_a_boundary_beyond_the_frame_wins_only_where_nothing_falls_at_the_other(
     np.testing.assert_array_equal(joined_walls(lit, wall(moved(0.0)), wall(beyond), STEP).inner_row, beyond)
 
 
+def test_what_the_frame_cuts_off_is_no_fall() -> None:
+    """The last two rows are black, as a program may leave them: more light is lost there than at the wall's end."""
+    cut_off, frame = moved(88.0), bright_to(moved(0.0), noise=0.0)
+    frame[198:] = 0
+    for finer, other in ((moved(0.0), cut_off), (cut_off, moved(0.0))):
+        np.testing.assert_array_equal(joined_walls(frame, wall(finer), wall(other), STEP).inner_row, moved(0.0))
+
+
+def test_as_many_rows_are_looked_at_for_a_thin_wall_as_for_a_thick_one() -> None:
+    """Three rows above row 60 are brighter: light falls there by more than at the wall's end, but for as few rows."""
+    thin, frame = moved(-50.5), bright_to(moved(0.0), noise=0.0)
+    frame[57:60] += 600
+    for finer, other in ((moved(0.0), thin), (thin, moved(0.0))):
+        np.testing.assert_array_equal(joined_walls(frame, wall(finer), wall(other), STEP).inner_row, moved(0.0))
+
+
 def test_where_only_the_other_way_sees_the_wall_it_is_the_others_but_behind_a_needle() -> None:
     gap = np.where((np.arange(COLUMNS) >= 10) & (np.arange(COLUMNS) < 50), nan, 0.0)
     needle = SeenNeedle(angle_rad=0.0, tip_m=(0.0, 0.0), tip=(40.0, 40.0), top=(40.0, 0.0), hidden=(30, 50))

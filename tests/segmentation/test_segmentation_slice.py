@@ -81,6 +81,13 @@ def test_a_frame_without_a_wall_gives_an_empty_slice():
     assert not boundary_slice(segmentation(nowhere, nowhere), SCALE, SLICE).any()
 
 
+def test_a_pixel_whose_middle_lies_on_the_surface_is_wall_and_one_on_the_inner_boundary_is_not():
+    found = Segmentation(np.full(140, 3.0), np.full(140, 6.0), 40, True, "", True, thickness_m=0.3e-3)
+    scale = PixelScale(lateral_m=SLICE.pixel_m, depth_m=SLICE.pixel_m)
+    drawn = boundary_slice(found, scale, SLICE)
+    assert np.flatnonzero(drawn.all(axis=1)).tolist() == np.flatnonzero(drawn.any(axis=1)).tolist() == [3, 4, 5]
+
+
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.1, 0.9, 1.0]))
 def test_both_ways_draw_the_same(seed: int, missing: float):
     """Any boundaries, of any scanner, with holes in each of them."""
