@@ -61,11 +61,11 @@ def boundary_slices(
     depth_m = _row_depths(slice_study.rows, slice_study.pixel_m, shifts)
     if wall_is_compiled():
         # Imported here: Numba takes longer than a frame does.
-        from scleraforce.segmentation.kernels.slices import draw_slices
+        from scleraforce.segmentation.kernels.slices import draw_boundary_slices
 
         outer_row, inner_row = segmentation.outer_row, segmentation.inner_row
         places = _places(len(outer_row), scale.lateral_m, slice_study.columns, slice_study.pixel_m)
-        return draw_slices(outer_row, inner_row, places, scale.depth_m, scale.refractive_index, depth_m)
+        return draw_boundary_slices(outer_row, inner_row, places, scale.depth_m, scale.refractive_index, depth_m)
     outer_m, inner_m = boundary_depths(segmentation, scale, slice_study)
     inside = depth_m >= outer_m
     inside &= depth_m < inner_m  # NaN compares as False: no wall

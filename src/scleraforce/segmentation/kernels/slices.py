@@ -5,13 +5,13 @@ from numpy.typing import NDArray
 
 from scleraforce.compiled import compiled
 
-__all__ = ["draw_slices"]
+__all__ = ["draw_boundary_slices"]
 
 Floats = NDArray[np.float64]
 
 
 @compiled
-def draw_slices(
+def draw_boundary_slices(
     outer_row: Floats, inner_row: Floats, places: tuple[Floats, NDArray[np.intp], NDArray[np.bool_]], depth_m: float,
     refractive_index: float, row_depths_m: Floats,
 ) -> NDArray[np.uint8]:  # fmt: skip
