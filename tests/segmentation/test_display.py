@@ -10,7 +10,7 @@ import pytest
 from drawn_eyes import SCANNER, drawn_counts
 from hypothesis import given
 from hypothesis import strategies as st
-from machine_code import compiled_again, walls_by_loops
+from machine_code import by_arrays_and_loops, compiled_again, walls_by_loops
 
 from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.reader.wall_finder_model import load_wall_finder
@@ -30,9 +30,15 @@ def shipped() -> WallFinder:
     return load_wall_finder(SHIPPED_WALL_FINDER)
 
 
+@pytest.fixture(autouse=True, scope="module")
+def loops() -> Iterator[None]:
+    with compiled_again(ranks, contrast):
+        yield
+
+
 @pytest.fixture(params=[False, True], ids=["arrays", "loops"])
 def by(request: pytest.FixtureRequest) -> Iterator[None]:
-    with compiled_again(ranks, contrast), walls_by_loops(request.param):
+    with walls_by_loops(request.param):
         yield
 
 
@@ -73,12 +79,8 @@ def test_both_ways_tell_the_same_contrast(seed: int, largest: int, black: float)
     shape = tuple(rng.integers(16, 300, 2).tolist())
     frame = rng.integers(0, largest + 1, shape).astype(np.uint8 if largest < 256 else np.uint16)
     frame[rng.random(shape) < black] = 0
-    found = []
-    with compiled_again(ranks, contrast):
-        for in_use in (False, True):
-            with walls_by_loops(in_use):
-                found.append(pair_contrast(frame))
-    assert found[0] == found[1]
+    by_arrays, by_loops = by_arrays_and_loops(lambda: pair_contrast(frame), walls_by_loops)
+    assert by_arrays == by_loops
 
 
 @pytest.mark.usefixtures("by")

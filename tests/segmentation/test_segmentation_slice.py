@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from machine_code import compiled_again, walls_by_loops
+from machine_code import by_arrays_and_loops, compiled_again, walls_by_loops
 
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section, SliceWindow
 from scleraforce.section.slices import fill_section
-from scleraforce.segmentation.kernels import slices
+from scleraforce.segmentation.kernels import across, slices
 from scleraforce.segmentation.wall import Segmentation, boundary_slice, boundary_slices
 from scleraforce.study import SliceStudy
 
@@ -23,7 +23,7 @@ WINDOW = SliceWindow(left_m=-7e-3, top_m=0.0, columns=140, rows=40, pixel_m=0.1e
 
 @pytest.fixture(autouse=True, scope="module", params=[False, True], ids=["arrays", "loops"])
 def by(request: pytest.FixtureRequest) -> Iterator[None]:
-    with compiled_again(slices), walls_by_loops(request.param):
+    with compiled_again(across, slices), walls_by_loops(request.param):
         yield
 
 
@@ -91,7 +91,8 @@ def test_a_pixel_whose_middle_lies_on_the_surface_is_wall_and_one_on_the_inner_b
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.1, 0.9, 1.0]))
 def test_both_ways_draw_the_same(seed: int, missing: float):
     """Any boundaries, of any scanner, with holes in each of them."""
-    rng, columns = np.random.default_rng(seed), int(np.random.default_rng(seed).integers(16, 700))
+    rng = np.random.default_rng(seed)
+    columns = int(rng.integers(16, 700))
     outer_row = rng.uniform(-20.0, 300.0, columns)
     inner_row = outer_row + rng.uniform(-3.0, 90.0, columns)
     outer_row[rng.random(columns) < missing] = inner_row[rng.random(columns) < 0.05] = np.nan
@@ -99,9 +100,6 @@ def test_both_ways_draw_the_same(seed: int, missing: float):
         lateral_m=rng.uniform(5e-6, 90e-6), depth_m=rng.uniform(3e-6, 30e-6), refractive_index=rng.uniform(1.0, 1.5)
     )
     found = Segmentation(outer_row, inner_row, 512, True, "", True, thickness_m=0.5e-3)
-    drawn = []
-    for in_use in (False, True):
-        with walls_by_loops(in_use):
-            drawn.append(boundary_slices(found, scale, SLICE, (0.0, 0.3, -0.3)))
+    drawn = by_arrays_and_loops(lambda: boundary_slices(found, scale, SLICE, (0.0, 0.3, -0.3)), walls_by_loops)
     np.testing.assert_array_equal(*drawn)
     assert drawn[0].shape == (3, 40, 140)

@@ -1,7 +1,7 @@
 """Loops that Numba compiles, in tests: it is switched off for the monitors that tests start (`conftest`)."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from importlib import import_module, reload
 from pathlib import Path
 from types import ModuleType
@@ -91,9 +91,11 @@ def walls_by_loops(in_use: bool = True) -> Iterator[None]:
         yield
 
 
-def by_arrays_and_loops(call: Callable[[], Answer]) -> tuple[Answer, Answer]:
+def by_arrays_and_loops(
+    call: Callable[[], Answer], switch: Callable[[bool], AbstractContextManager[None]] = loops_in_use
+) -> tuple[Answer, Answer]:
     """What a call returns by arrays and by loops, which are compiled within `compiled_again`."""
-    with loops_in_use(False):
+    with switch(False):
         by_arrays = call()
-    with loops_in_use():
+    with switch(True):
         return by_arrays, call()

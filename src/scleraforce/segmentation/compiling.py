@@ -4,6 +4,8 @@ from scleraforce.compiled import can_compile, code_is_kept
 
 __all__ = ["compile_wall", "compiled_is_kept", "wall_is_compiled"]
 
+CALLED = ("boundaries", "contrast", "lit", "slices", "workplace")  # of the kernels: the others are called by these
+
 _compiles = False
 
 
@@ -25,4 +27,4 @@ def wall_is_compiled() -> bool:
 
 def compiled_is_kept() -> bool:
     """Return whether a process before this one has left the compiled loops in the user's cache."""
-    return code_is_kept("scleraforce.segmentation.kernels.boundaries")
+    return all(code_is_kept(f"scleraforce.segmentation.kernels.{module}") for module in CALLED)

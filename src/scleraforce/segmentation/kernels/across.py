@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scleraforce.compiled import compiled
 from scleraforce.segmentation.grid import Float
 
-__all__ = ["at_every_column", "bridge"]
+__all__ = ["at_every_column", "bridge", "straight_line"]
 
 Flags = NDArray[np.bool_]
 
@@ -20,7 +20,7 @@ def bridge(row: Float, there: Flags, bridged: Float) -> None:
             bridged[at] = row[at]
             first = last + 1
             for between in range(first, at):
-                bridged[between] = _between(between, last, at, row[last], row[at]) if last >= 0 else row[at]
+                bridged[between] = straight_line(between, last, at, row[last], row[at]) if last >= 0 else row[at]
             last = at
     for after in range(last + 1, len(row)):
         bridged[after] = row[last]
@@ -53,11 +53,11 @@ def at_every_column(
         elif after == points:
             to[at] = row[last]
         else:
-            to[at] = _between(at, column[last], column[after], row[last], row[after])
+            to[at] = straight_line(at, column[last], column[after], row[last], row[after])
 
 
 @compiled
-def _between(at: float, left: float, right: float, first: np.float32, last: np.float32) -> float:
+def straight_line(at: float, left: float, right: float, first: np.floating, last: np.floating) -> float:
     """Return the straight line between two points, in the order of operations of `np.interp`."""
     slope = (np.float64(last) - np.float64(first)) / (np.float64(right) - np.float64(left))
     return slope * (np.float64(at) - np.float64(left)) + np.float64(first)

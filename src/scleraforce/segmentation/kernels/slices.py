@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.compiled import compiled
+from scleraforce.segmentation.kernels.across import straight_line
 
 __all__ = ["draw_boundary_slices"]
 
@@ -26,7 +27,7 @@ def draw_boundary_slices(
         row_depths_m: depth of the slices' rows, (shift, row, 1).
     """
     at, nearest, inside = places
-    there = np.empty(len(outer_row) + 1, np.intp)  # the columns with a wall; the last one twice
+    there = np.empty(len(outer_row), np.intp)  # the columns with a wall
     number = 0
     for column in range(len(outer_row)):
         if np.isfinite(outer_row[column]) and np.isfinite(inner_row[column]):
@@ -40,12 +41,11 @@ def draw_boundary_slices(
             continue
         while behind < number - 1 and there[behind + 1] <= here:
             behind += 1
-        left = there[behind]
-        right = there[min(behind + 1, number - 1)]
+        left, right = there[behind], there[min(behind + 1, number - 1)]
         outer, inner = outer_row[left], inner_row[left]
         if left < here and right > left:
-            outer += (outer_row[right] - outer_row[left]) / (right - left) * (here - left)
-            inner += (inner_row[right] - inner_row[left]) / (right - left) * (here - left)
+            outer = straight_line(here, left, right, outer, outer_row[right])
+            inner = straight_line(here, left, right, inner, inner_row[right])
         outer_m[column] = (outer + 0.5) * depth_m
         inner_m[column] = outer_m[column] + ((inner + 0.5) * depth_m - outer_m[column]) / refractive_index
     shifts, rows, _ = row_depths_m.shape
