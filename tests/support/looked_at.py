@@ -6,7 +6,10 @@ import cv2
 import numpy as np
 from frame_answers import frame_answer
 
+from scleraforce.recording.files import read_recording
+from scleraforce.recording.pixels import PixelScale
 from scleraforce.report.answered_frame import AnsweredFrame, look_at_all
+from scleraforce.segmentation.sclera import find_sclera
 
 __all__ = ["looked_at_frames"]
 
@@ -34,7 +37,12 @@ def looked_at_frames(folder: Path, count: int) -> tuple[AnsweredFrame, ...]:
     rng = np.random.default_rng(7)
     for name in names:
         cv2.imwrite(str(folder / "frames" / name), _wall(rng))
-    return look_at_all(frame_answer(recording=str(folder), file=name) for name in names)
+    recording = read_recording(folder)
+    scale = PixelScale.of(recording.info.oct)
+    return look_at_all(
+        frame_answer(recording=str(folder), file=entry.file, segmentation=find_sclera(recording.frame(entry), scale))
+        for entry in recording.frames
+    )
 
 
 def _wall(rng: np.random.Generator) -> np.ndarray:

@@ -91,17 +91,15 @@ def _write_page(recording: Path, html: Path, model: Path, calibration: Path | No
     from scleraforce.known.calibration_file import read_calibration
     from scleraforce.reader import load_model
     from scleraforce.reader.evaluate import evaluate_recordings
-    from scleraforce.reader.wall_finder_model import load_wall_finder
     from scleraforce.recording.files import read_recording
     from scleraforce.report.browser.page import write_browser_html
 
-    folder = finder_folder(finder)
-    reader, walls = load_model(model, finder=folder), None if folder is None else load_wall_finder(folder)
+    reader = load_model(model, finder=finder_folder(finder))
     summary = None if calibration is None else read_calibration(calibration)
     frames = len(read_recording(recording).frames)
     with progress_bar(range(2 * frames), "frames") as bar:
         evaluation = evaluate_recordings(reader, [recording], summary, bar.update)
-        write_browser_html(evaluation, html, datetime.now(UTC), bar.update, walls)
+        write_browser_html(evaluation, html, datetime.now(UTC), bar.update)
 
 
 def _lines(path: Path, found: "Thing") -> list[str]:

@@ -1,6 +1,6 @@
 """What a model answers to one frame; what cannot be judged is class 2 (withdraw)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scleraforce.fitting.library_fit import BoundaryFit
 from scleraforce.reader.readings import Reading
 from scleraforce.segmentation.needle import SeenNeedle
+from scleraforce.segmentation.steps import Segmentation
 
 __all__ = ["Answer", "LiveReading", "unusable"]
 
@@ -21,7 +22,8 @@ class Answer:
     frame's middle, are None with a classifier. `warnings` are sentences that limit the answer; `can_calibrate` says
     whether enough of the wall is in view to calibrate on the frame. `readings` has what each method read, by its name,
     and `fit` the wall of the library that lies best on the frame, where they were made. `needle` is the one seen in
-    the frame, usable or not, and `conjunctiva_m` the median thickness of a layer over the wall.
+    the frame, usable or not, and `conjunctiva_m` the median thickness of a layer over the wall. `segmentation` is the
+    wall that was read, and what a page draws.
     """
 
     predicted: int
@@ -37,6 +39,7 @@ class Answer:
     fit: BoundaryFit | None = None
     needle: SeenNeedle | None = None
     conjunctiva_m: float | None = None
+    segmentation: Segmentation | None = field(default=None, compare=False, repr=False)
 
     @property
     def iop_at_dent_pa(self) -> float | None:

@@ -184,4 +184,5 @@ def _read(answer: Answer) -> dict[str, Any]:
         "conjunctiva_m": answer.conjunctiva_m,
         "warnings": answer.warnings,
         "can_calibrate": answer.can_calibrate,
+        "segmentation": answer.segmentation,
     }

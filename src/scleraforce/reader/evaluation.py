@@ -1,6 +1,6 @@
 """An evaluation: a model's answers beside the measured forces, and the metrics (paper sec. 3.4, Table 3, Fig. 10)."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +18,7 @@ from scleraforce.reader.metrics import (
     recall,
 )
 from scleraforce.segmentation.needle import SeenNeedle, needle_entry
+from scleraforce.segmentation.steps import Segmentation
 from scleraforce.units import from_si
 
 __all__ = ["Evaluation", "FrameAnswer"]
@@ -32,7 +33,8 @@ class FrameAnswer:
     its `probabilities` None, and `reason` says why. `excluded` says why a trial is left out of the metrics although
     it has a label (pierced, or over the study's largest force); `calibration` marks a frame that Young's modulus was
     fitted on, which is left out as well. `iop_at_dent_pa` is the pressure in the eye under the needle;
-    `needle` the one seen in the picture, `conjunctiva_m` the median thickness of a layer over the wall.
+    `needle` the one seen in the picture, `conjunctiva_m` the median thickness of a layer over the wall, `segmentation`
+    the wall that was read.
     """
 
     recording: str
@@ -56,6 +58,7 @@ class FrameAnswer:
     can_calibrate: bool = False
     youngs_modulus_pa: float | None = None
     modulus_source: str | None = None
+    segmentation: Segmentation | None = field(default=None, compare=False, repr=False)
 
     @property
     def scored(self) -> bool:

@@ -46,8 +46,9 @@ class Look:
         return self.segmentation.needle
 
     def told(self, answer: Answer) -> Answer:
-        """Return an answer to the frame with what else is seen in it."""
-        return replace(answer, needle=self.segmentation.needle, conjunctiva_m=self.segmentation.conjunctiva_m)
+        """Return an answer to the frame with its segmentation and what else is seen in it."""
+        found = self.segmentation
+        return replace(answer, segmentation=found, needle=found.needle, conjunctiva_m=found.conjunctiva_m)
 
 
 def look(

@@ -1,4 +1,4 @@
-"""A frame that was answered, looked at again: raw pixels, the wall found in it, its slice."""
+"""A frame that was answered: raw pixels, the wall that was read in it, its slice."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from scleraforce.reader.evaluate import FrameAnswer
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.sclera import find_sclera
 from scleraforce.segmentation.wall import Segmentation, boundary_slice
 from scleraforce.study import SliceStudy
 
@@ -18,7 +17,7 @@ __all__ = ["AnsweredFrame", "look_at", "look_at_all"]
 
 @dataclass(frozen=True)
 class AnsweredFrame:
-    """A raw frame (rows, columns) with its answer, its recording and the wall found in it."""
+    """A raw frame (rows, columns) with its answer, its recording and the wall that was read in it."""
 
     answer: FrameAnswer
     recording: Recording
@@ -36,11 +35,12 @@ class AnsweredFrame:
 
 
 def look_at(answer: FrameAnswer) -> AnsweredFrame:
-    """Read and segment the frame of an answer.
+    """Read the pixels of an answer's frame; the wall is the one that was read.
 
     Raises:
         RecordingError: its recording is gone.
         FrameError: its file cannot be read.
+        ValueError: the answer has no segmentation.
     """
     return _looked_at(answer, read_recording(answer.recording))
 
@@ -53,8 +53,8 @@ def look_at_all(answers: Iterable[FrameAnswer]) -> tuple[AnsweredFrame, ...]:
 
 
 def _looked_at(answer: FrameAnswer, recording: Recording) -> AnsweredFrame:
+    if answer.segmentation is None:
+        raise ValueError(f"{answer.recording}: {answer.file}: the answer has no segmentation")
     entry = next(entry for entry in recording.frames if entry.file == answer.file)
     frame = np.asarray(recording.frame(entry), dtype=np.uint16)
-    scale = PixelScale.of(recording.info.oct)
-    found = find_sclera(frame, scale, recording.info.eye.thickness_m)
-    return AnsweredFrame(answer, recording, frame, found)
+    return AnsweredFrame(answer, recording, frame, answer.segmentation)

@@ -12,15 +12,11 @@ from typing import Any
 
 from scleraforce.reader.evaluation import Evaluation, FrameAnswer
 from scleraforce.recording.files import read_recording
-from scleraforce.recording.pixels import PixelScale
 from scleraforce.report.files import write_page
 from scleraforce.report.frame_pictures import WALL_COLOURS, shown_frames, wall_picture
 from scleraforce.report.html import Html, bullets, embedded, page, paragraph, section
 from scleraforce.report.provenance import made_line
 from scleraforce.report.tables import class_names
-from scleraforce.segmentation.checked_wall import find_checked_wall
-from scleraforce.segmentation.sclera import find_sclera
-from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.units import from_si
 
 __all__ = ["write_browser_html"]
@@ -40,16 +36,14 @@ def write_browser_html(
     path: Path,
     made_at: datetime,
     progress: Callable[[int], object],
-    finder: WallFinder | None = None,
 ) -> None:
     """Write the page of one recording.
 
     Args:
-        evaluation: the answers to its frames.
+        evaluation: the answers to its frames, each with the wall that was read, which is drawn.
         path: the file to write.
         made_at: what the page gives as its date.
         progress: called with 1 after each frame.
-        finder: checks the walls that are drawn, as it did when they were read.
 
     Raises:
         InputError: the file exists already or cannot be written, or a frame cannot be read again.
@@ -58,7 +52,7 @@ def write_browser_html(
     data = {
         "classes": class_names(evaluation.bounds_n),
         "bounds_mn": [from_si(bound, "mn") for bound in evaluation.bounds_n],
-        "frames": list(_frames(evaluation, progress, finder)),
+        "frames": list(_frames(evaluation, progress)),
     }
     markup = Html(HERE.joinpath("browser.html").read_text(encoding="utf-8"))
     script = HERE.joinpath("browser.js").read_text(encoding="utf-8")
@@ -77,23 +71,17 @@ def write_browser_html(
     write_page(content, path)
 
 
-def _frames(
-    evaluation: Evaluation, progress: Callable[[int], object], finder: WallFinder | None
-) -> Iterator[dict[str, Any]]:
+def _frames(evaluation: Evaluation, progress: Callable[[int], object]) -> Iterator[dict[str, Any]]:
     """Yield what the script shows of each frame; one frame is in memory at a time."""
     recording = read_recording(evaluation.frames[0].recording)
-    scale, thickness_m = PixelScale.of(recording.info.oct), recording.info.eye.thickness_m
     extent_m = recording.info.oct.width_m, recording.info.oct.depth_m
     pictured = {answer.file for answer in shown_frames(evaluation.frames, MOST_PICTURES)}
     for entry, answer in zip(recording.frames, evaluation.frames, strict=True):
         picture = None
         if entry.file in pictured:
-            pixels = recording.frame(entry)
-            if finder is None:
-                found = find_sclera(pixels, scale, thickness_m)
-            else:
-                found = find_checked_wall(pixels, scale, finder, thickness_m)
-            picture = wall_picture(pixels, found, extent_m, WIDTH)
+            if answer.segmentation is None:
+                raise ValueError(f"{answer.file}: the answer has no segmentation")
+            picture = wall_picture(recording.frame(entry), answer.segmentation, extent_m, WIDTH)
         yield {"time_s": entry.time_s, "picture": picture, **_answered(answer)}
         progress(1)
 
