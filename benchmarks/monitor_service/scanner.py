@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.laboratory.phantom import true_forces
 from scleraforce.openigtlink import Message
-from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.files import Recording, read_recording, true_forces
 from scleraforce.recording.images import Pixels
 from scleraforce.recording.tables import FrameEntry
 from scleraforce.replay.answer_log import AnswerLog

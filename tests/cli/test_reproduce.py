@@ -1,6 +1,5 @@
 """`scleraforce reproduce`: what it says of intervals, and on standard error where no progress bar can be."""
 
-import json
 import re
 import sys
 from pathlib import Path
@@ -20,14 +19,13 @@ def read_beside_log_and_truth(folder: Path) -> Evaluation:
             recording=str(folder),
             file=file,
             measured_force_n=1e-3 * (force_mn + 2.0),
+            true_force_n=1e-3 * force_mn,
             predicted_force_n=1e-3 * (force_mn + 0.5),
             interval_n=(1e-3 * (force_mn - 0.5), 1e-3 * (force_mn + 1.5)),
         )
         for file, force_mn in list(true_mn.items())[:2]
     )
     refused = frame_answer(recording=str(folder), file="2.png", usable=False)
-    truth = {"frames": [{"file": file, "force_n": 1e-3 * force_mn} for file, force_mn in true_mn.items()]}
-    (folder / "truth.json").write_text(json.dumps(truth))
     return Evaluation(
         model="reader",
         bounds_n=(5e-3, 30e-3),
@@ -41,8 +39,8 @@ def read_beside_log_and_truth(folder: Path) -> Evaluation:
 def test_intervals_are_counted_against_the_log_and_against_the_truth(tmp_path: Path) -> None:
     evaluation = read_beside_log_and_truth(tmp_path)
     words = _coverage_words(evaluation)
-    assert "hold 0 of 2 forces of the force log" in words
-    assert words.endswith("2 of 2 true forces: 2 of 2 of eye")
+    assert "hold 2 of 2 true forces: 2 of 2 of eye; they agree with 0 of 2 labels" in words
+    assert "share the error" in words
     metrics = _true_metrics(evaluation)
     assert metrics["true_mae_mn"] == pytest.approx(0.5)
     assert (metrics["true_coverage"], metrics["true_coverage_interval"]) == (1.0, (1.0, 1.0))

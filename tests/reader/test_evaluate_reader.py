@@ -21,7 +21,7 @@ from known_forces import FORCES_N, write_places
 
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.cli.main import run
-from scleraforce.errors import CalibrationError
+from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.known.discrepancy import NO_DISCREPANCY
 from scleraforce.known.eye import Known, Modulus
@@ -76,21 +76,37 @@ def test_errors_and_coverage_are_those_of_the_usable_frames_that_count(both) -> 
     assert len(counted) == 7
     errors = [abs(f.predicted_force_n - f.measured_force_n) for f in counted]
     assert both.mae_n == pytest.approx(np.mean(errors))
-    inside = [f.interval_n[0] <= f.measured_force_n <= f.interval_n[1] for f in counted]
-    assert both.coverage.value == np.mean(inside)
+    assert all(f.measured_force_sd_n > 0.0 for f in counted)
+    sds_n = 1.6449 * np.array([f.measured_force_sd_n for f in counted])
+    off_n = np.array([f.measured_force_n - f.predicted_force_n for f in counted])
+    below_n, above_n = np.array([np.subtract(f.interval_n, f.predicted_force_n) for f in counted]).T
+    assert both.coverage.value == np.mean((off_n >= -np.hypot(below_n, sds_n)) & (off_n <= np.hypot(above_n, sds_n)))
     assert (both.accuracy.total, both.usable.accuracy.total) == (9, 7)
     assert both.accuracy.hits == 7
     assert both.usable.accuracy.value == 1.0
 
 
-def test_an_evaluation_never_looks_at_what_is_true_of_a_virtual_eye(places, model, tmp_path: Path) -> None:
+def test_the_truth_of_a_virtual_eye_decides_nothing_that_is_read_and_is_compared_with(
+    places, model, tmp_path: Path
+) -> None:
     mine = shutil.copytree(places["mine"], tmp_path / "mine")
-    (mine / "truth.json").write_text("no JSON")
     calibration = read_calibration(places["calibration"])
-    beside, without = (evaluate_recordings(model, [path], calibration) for path in (mine, places["mine"]))
-    assert [frame.as_json() | {"recording": ""} for frame in beside.frames] == [
-        frame.as_json() | {"recording": ""} for frame in without.frames
+    without = evaluate_recordings(model, [mine], calibration)
+    assert without.as_json()["truth"] is None
+    true_n = [frame.predicted_force_n or 0.0 for frame in without.frames]
+    true_n[0] += 1.0  # far outside its interval
+    truth = [{"file": frame.file, "force_n": n} for frame, n in zip(without.frames, true_n, strict=True)]
+    (mine / "truth.json").write_text(json.dumps({"frames": truth}))
+    beside = evaluate_recordings(model, [mine], calibration)
+    assert [frame.as_json() | {"true_force_mn": None} for frame in beside.frames] == [
+        frame.as_json() for frame in without.frames
     ]
+    assert (beside.coverage, beside.as_json()["truth"]) == (without.coverage, "truth.json")
+    compared = len(beside.true_forces)
+    assert (beside.true_coverage.hits, beside.true_coverage.total) == (compared - 1, compared)
+    (mine / "truth.json").write_text("no JSON")
+    with pytest.raises(RecordingError, match=r"truth\.json"):
+        evaluate_recordings(model, [mine], calibration)
 
 
 def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warnings(places, both, capsys) -> None:
@@ -183,7 +199,7 @@ def test_the_commands_text_has_forces_and_fits_80_columns(places, capsys, monkey
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
     assert any(line.startswith("force error") for line in lines)
-    assert any("90 % interval holds the force" in line for line in lines)
+    assert any("90 % interval and label agree" in line for line in lines)
 
 
 def test_classify_reads_more_the_more_it_is_told(places, capsys, tmp_path) -> None:

@@ -13,6 +13,7 @@ from scleraforce.reader.metrics import (
     Proportion,
     accuracy,
     confusion_matrix,
+    coverage,
     coverage_band,
     coverage_by_eye,
     precision,
@@ -109,3 +110,43 @@ def test_the_coverage_is_counted_eye_by_eye() -> None:
     trials = [held, replace(held, measured_n=3.0), replace(held, eye="other")]
     assert coverage_by_eye(trials) == {"one": Proportion(1, 2), "other": Proportion(1, 1)}
     assert coverage_band([], []) is None
+
+
+def test_a_reader_as_sure_as_it_says_agrees_with_nine_of_ten_labels_however_noisy_they_are() -> None:
+    rng = np.random.default_rng(5)
+    for label_sd in (0.0, 0.2, 1.0, 5.0):
+        read, true, label = 10.0 + rng.standard_normal((3, 20_000)) * np.array([[0.0], [1.0], [label_sd]])
+        trials = [
+            ForceTrial(eye="a", measured_n=t + n - 10.0, read_n=r, interval_n=(r - 1.6449, r + 1.6449),
+                       measured_sd_n=label_sd)
+            for r, t, n in zip(read, true, label, strict=True)
+        ]  # fmt: skip
+        assert coverage(trials).value == pytest.approx(0.9, abs=0.01)
+
+
+def test_intervals_of_unlike_halves_agree_with_nine_of_ten_labels_too() -> None:
+    """Readings whose errors are twice as large to one side, beside labels as unsure as either."""
+    rng = np.random.default_rng(6)
+    z = rng.standard_normal(40_000)
+    true = np.where(z > 0.0, 2.0, 1.0) * z
+    trials = [
+        ForceTrial(eye="a", measured_n=n, read_n=0.0, interval_n=(-1.6449, 2 * 1.6449), measured_sd_n=1.5)
+        for n in true + rng.normal(0.0, 1.5, len(true))
+    ]
+    assert coverage(trials).value == pytest.approx(0.9, abs=0.015)
+
+
+def test_readings_that_claim_too_much_do_not_pass_for_right_beside_noisy_labels() -> None:
+    rng = np.random.default_rng(7)
+    trials = [
+        ForceTrial(eye="a", measured_n=n, read_n=0.0, interval_n=(-0.8, 0.8), measured_sd_n=0.5)
+        for n in rng.normal(0.0, 1.0, 5000) + rng.normal(0.0, 0.5, 5000)
+    ]
+    assert coverage(trials).value < 0.75
+
+
+def test_a_true_force_has_to_lie_in_the_interval() -> None:
+    trial = ForceTrial(eye="a", measured_n=1.2, read_n=0.9, interval_n=(0.8, 1.2))
+    assert trial.covered
+    assert not replace(trial, measured_n=1.2 + 1e-9).covered
+    assert replace(trial, measured_n=1.24, measured_sd_n=0.1).covered

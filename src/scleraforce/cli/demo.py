@@ -45,6 +45,7 @@ def demo(out: Path, open_page: bool, as_json: bool) -> None:
 
 
 def _result(done: "Demo", seconds: float) -> dict[str, Any]:
+    from scleraforce.reader.metrics import mean_absolute_error
     from scleraforce.reproduction.demo import EYE
 
     evaluation = done.evaluation
@@ -56,8 +57,8 @@ def _result(done: "Demo", seconds: float) -> dict[str, Any]:
         "frames": len(evaluation.frames),
         "read": evaluation.accuracy.total,
         "right": evaluation.accuracy.hits,
-        "mae_mn": from_si(evaluation.mae_n, "mn"),
-        "intervals_hold": evaluation.coverage.hits,
+        "mae_mn": from_si(mean_absolute_error(evaluation.true_forces), "mn"),
+        "intervals_hold": evaluation.true_coverage.hits,
         "seconds": seconds,
     }
 
@@ -70,6 +71,6 @@ def _lines(result: dict[str, Any]) -> list[str]:
         f"calibrated on {result['frames'] - result['read']} frames: {modulus['found']:.2f} MPa",
         f"read the other {result['read']}: {result['right']} in the right class, {result['mae_mn']:.2f} mN off in the "
         "mean,",
-        f"  {result['intervals_hold']} of their 90 % intervals hold the force",
+        f"  {result['intervals_hold']} of their 90 % intervals hold the true force",
         f"{result['seconds']:.0f} s; the page: {result['page']}",
     ]

@@ -39,6 +39,10 @@ def evaluate(
 
     MODEL is a folder that `train` wrote, or `default`, the reader that ships.
 
+    A label is given with the standard deviation of its error, by the log's own
+    noise, steps and drift. Intervals are held against labels with that error,
+    and against truth.json where the eye is a virtual one.
+
     Trials over the largest force of the model's study, and pierced ones, are
     listed and left out. A frame that cannot be judged counts as class 2. A
     model of kind "reader" reads an eye that the calibration knows with its own
@@ -77,16 +81,17 @@ def _frames(evaluation: "Evaluation") -> list[str]:
     lines = []
     for recording in dict.fromkeys(frame.recording for frame in evaluation.frames):
         read = f"{'read/mN':>9}{'90 %':>14}" if evaluation.reads_force else ""
-        lines += [recording, f"  {'frame':<16}{'force/mN':>9}{'target':>7}{'read':>5}{'p':>7}{read or '  remark'}"]
+        lines += [recording, f"  {'frame':<16}{'force/mN':>12}{'target':>7}{'read':>5}{'p':>7}{read or '  remark'}"]
         lines += [_frame(frame, bool(read)) for frame in evaluation.frames if frame.recording == recording]
     return lines
 
 
 def _frame(frame: "FrameAnswer", with_force: bool) -> str:
     force = "-" if frame.measured_force_n is None else f"{from_si(frame.measured_force_n, 'mn'):.1f}"
+    force += "" if frame.measured_force_sd_n is None else f" ± {from_si(frame.measured_force_sd_n, 'mn'):.1f}"
     target = "-" if frame.target is None else str(frame.target)
     share = "-" if frame.probabilities is None else f"{max(frame.probabilities):.3f}"
-    figures = f"  {frame.file:<16}{force:>9}{target:>7}{frame.predicted:>5}{share:>7}"
+    figures = f"  {frame.file:<16}{force:>12}{target:>7}{frame.predicted:>5}{share:>7}"
     if not with_force:
         return wrapped(_remark(frame), f"{figures}  ")
     lines = [f"{figures}{_read_force(frame)}"]
@@ -129,14 +134,30 @@ def _confusion(evaluation: "Evaluation") -> list[str]:
 
 
 def _forces(evaluation: "Evaluation") -> list[str]:
-    """Return how far the forces are off; nothing where none was read."""
+    """Return how far the forces are off, and how the intervals did; nothing where none was read.
+
+    Interval and label agree where their difference is within both errors at 90 % (`ForceTrial.covered`).
+    """
+    from scleraforce.reader.metrics import SHARED_ERROR, held_by_eye, mean_absolute_error
+
     if not evaluation.forces:
         return []
-    covered = evaluation.coverage
-    return [
-        f"force error   {from_si(evaluation.mae_n, 'mn'):.2f} mN in the mean, {covered.total} usable frames",
-        f"90 % interval holds the force in {_share(covered)}: {covered.hits} of {covered.total}",
+    logged, true, sd_mn = evaluation.coverage, evaluation.true_coverage, from_si(evaluation.label_sd_n, "mn")
+    lines = [
+        f"force error   {from_si(evaluation.mae_n, 'mn'):.2f} mN in the mean, {logged.total} usable frames",
+        f"              against labels that are sure to {sd_mn:.2f} mN (standard deviation)",
     ]
+    if true.total:
+        true_mn = from_si(mean_absolute_error(evaluation.true_forces), "mn")
+        lines += [
+            f"              {true_mn:.2f} mN against the true forces of truth.json",
+            f"90 % interval holds the true force in {_share(true)}: {true.hits} of {true.total}",
+        ]
+    lines.append(f"90 % interval and label agree in {_share(logged)}: {logged.hits} of {logged.total}")
+    compared = evaluation.true_forces or evaluation.forces
+    if len({trial.eye for trial in compared}) > 1:
+        lines.append(wrapped(held_by_eye(compared), "  by eye: "))
+    return [*lines, wrapped(SHARED_ERROR)]
 
 
 def _value(share: "Proportion") -> str:

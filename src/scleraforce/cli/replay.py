@@ -113,7 +113,7 @@ def replay(
 
 def _true_frame_forces(recording: "Recording") -> Sequence[float] | None:
     """Return the true force at each frame, N; None where no truth.json tells it."""
-    from scleraforce.laboratory.phantom import true_forces
+    from scleraforce.recording.files import true_forces
 
     if not (recording.path / "truth.json").exists():
         return None

@@ -104,10 +104,9 @@ def _metrics(evaluation: "Evaluation") -> dict[str, object]:
 
 def _true_metrics(evaluation: "Evaluation") -> dict[str, object]:
     """Return how far forces are from the true ones, and the share of these in their 90 % intervals."""
-    from scleraforce.reader.metrics import coverage, coverage_by_eye, mean_absolute_error
-    from scleraforce.reproduction.against_truth import against_truth, band_of
+    from scleraforce.reader.metrics import band_of, coverage, coverage_by_eye, mean_absolute_error
 
-    true = against_truth(evaluation)
+    true = evaluation.true_forces
     return {
         "true_mae_mn": from_si(mean_absolute_error(true), "mn"),
         "true_coverage": coverage(true).value,
@@ -118,14 +117,13 @@ def _true_metrics(evaluation: "Evaluation") -> dict[str, object]:
 
 def _coverage_words(evaluation: "Evaluation") -> str:
     """Say how many forces the 90 % intervals hold: of the log, with its own error, and of the true ones."""
-    from scleraforce.reader.metrics import coverage
-    from scleraforce.reproduction.against_truth import against_truth, held_by_eye
+    from scleraforce.reader.metrics import SHARED_ERROR, held_by_eye
 
-    logged, trials = evaluation.coverage, against_truth(evaluation)
-    true = coverage(trials)
+    logged, true = evaluation.coverage, evaluation.true_coverage
     return (
-        f"its 90 % intervals hold {logged.hits} of {logged.total} forces of the force log, which is noisy itself, and "
-        f"{true.hits} of {true.total} true forces: {held_by_eye(trials)}"
+        f"its 90 % intervals hold {true.hits} of {true.total} true forces: {held_by_eye(evaluation.true_forces)}; they "
+        f"agree with {logged.hits} of {logged.total} labels of the force log, the labels' own error counted. "
+        f"{SHARED_ERROR}"
     )
 
 

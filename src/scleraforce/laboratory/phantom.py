@@ -62,7 +62,6 @@ from scleraforce.recording.writing import RecordingWriter
 from scleraforce.section.plane import Section
 from scleraforce.study import Study, draw, study_hash
 from scleraforce.study.fields import NEEDLE_FORCE
-from scleraforce.whole_files import KINDS, read_text
 
 __all__ = [
     "PhantomFrame",
@@ -73,7 +72,6 @@ __all__ = [
     "plan_phantom",
     "plan_sections",
     "render_frame",
-    "true_forces",
     "write_phantom",
 ]
 
@@ -299,20 +297,6 @@ def write_phantom(
         raise RecordingError(f"{fault.filename or out}: {fault.strerror}") from fault
     finally:
         shutil.rmtree(partial, ignore_errors=True)
-
-
-def true_forces(recording: Path) -> dict[str, float]:
-    """Return the true force at each frame of a virtual acquisition, N, by the frame's file.
-
-    Raises:
-        RecordingError: the recording has no `truth.json`, or it cannot be read.
-    """
-    path = recording / "truth.json"
-    try:
-        frames = json.loads(read_text(path, KINDS["truth"]))["frames"]
-        return {frame["file"]: float(frame["force_n"]) for frame in frames}
-    except (ValueError, KeyError, TypeError) as fault:
-        raise RecordingError(f"{path}: not the truth of a virtual acquisition: {fault}") from fault
 
 
 def _write_log_and_truth(folder: Path, plan: PhantomPlan, study: Study, pressures_pa: Sequence[float]) -> None:

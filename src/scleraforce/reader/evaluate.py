@@ -6,6 +6,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from scleraforce.calibration.label_errors import label_sds
 from scleraforce.errors import CalibrationError, RecordingError
 from scleraforce.known.calibration_file import CalibrationSummary
 from scleraforce.known.eye import Known, foreign_modulus, known_of_eye, known_of_recording
@@ -14,7 +15,7 @@ from scleraforce.reader.answers import Answer
 from scleraforce.reader.evaluation import Evaluation, FrameAnswer
 from scleraforce.reader.reader import Reader
 from scleraforce.recording.agreement import log_doubts
-from scleraforce.recording.files import Recording, frame_digest, read_recording
+from scleraforce.recording.files import Recording, frame_digest, read_recording, true_forces
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.units import from_si
@@ -30,7 +31,7 @@ def evaluate_recordings(
     calibration: CalibrationSummary | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> Evaluation:
-    """Read every frame of recordings and compare with their force logs.
+    """Read every frame of recordings and compare with their force logs, and a virtual eye's with its `truth.json`.
 
     Args:
         reader: the model.
@@ -143,7 +144,9 @@ def _answers(
     digests = frozenset[str]() if summary is None else summary.digests
     doubts = FOREIGN if _foreign(reader, recording, summary) else ()
     trials = label_frames(recording, study.classes, study.needle.max_force_n)
-    for entry, trial in zip(recording.frames, trials, strict=True):
+    sds_n = label_sds(recording, trials)
+    true_n = true_forces(recording.path) if (recording.path / "truth.json").exists() else {}
+    for entry, trial, sd_n in zip(recording.frames, trials, sds_n, strict=True):
         pixels = recording.frame(entry)
         answer = reader.read(pixels, scale, known)
         yield FrameAnswer(
@@ -151,6 +154,8 @@ def _answers(
             eye=eye,
             file=entry.file,
             measured_force_n=trial.measured_force_n,
+            measured_force_sd_n=sd_n,
+            true_force_n=true_n.get(entry.file),
             target=trial.target,
             calibration=frame_digest(pixels) in digests,
             excluded=trial.excluded,

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import nan
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from scleraforce.reader.metrics import (
     accuracy,
     confusion_matrix,
     coverage,
+    coverage_by_eye,
     mean_absolute_error,
     precision,
     recall,
@@ -29,12 +32,13 @@ class FrameAnswer:
     """One frame: what was measured, what the model said.
 
     `recording` is the path as given, `file` the frame's name. `measured_force_n` and `target` are None where there is
-    no force log. A frame that is not `usable` is never shown to the network: its `predicted` class is 2 (withdraw),
-    its `probabilities` None, and `reason` says why. `excluded` says why a trial is left out of the metrics although
-    it has a label (pierced, or over the study's largest force); `calibration` marks a frame that Young's modulus was
-    fitted on, which is left out as well. `iop_at_dent_pa` is the pressure in the eye under the needle;
-    `needle` the one seen in the picture, `conjunctiva_m` the median thickness of a layer over the wall, `segmentation`
-    the wall that was read.
+    no force log; `measured_force_sd_n` is the standard deviation of its error (`calibration.label_errors`).
+    `true_force_n` is that of a virtual eye's `truth.json`: it is compared with, and decides nothing that is read. A
+    frame that is not `usable` is never shown to the network: its `predicted` class is 2 (withdraw), its `probabilities`
+    None, and `reason` says why. `excluded` says why a trial is left out of the metrics although it has a label
+    (pierced, or over the study's largest force); `calibration` marks a frame that Young's modulus was fitted on, which
+    is left out as well. `iop_at_dent_pa` is the pressure in the eye under the needle; `needle` the one seen in the
+    picture, `conjunctiva_m` the median thickness of a layer over the wall, `segmentation` the wall that was read.
     """
 
     recording: str
@@ -59,6 +63,8 @@ class FrameAnswer:
     youngs_modulus_pa: float | None = None
     modulus_source: str | None = None
     segmentation: Segmentation | None = field(default=None, compare=False, repr=False)
+    measured_force_sd_n: float | None = None
+    true_force_n: float | None = None
 
     @property
     def scored(self) -> bool:
@@ -72,6 +78,8 @@ class FrameAnswer:
             "eye": self.eye,
             "file": self.file,
             "measured_force_mn": from_si(self.measured_force_n, "mn"),
+            "measured_force_sd_mn": from_si(self.measured_force_sd_n, "mn"),
+            "true_force_mn": from_si(self.true_force_n, "mn"),
             "target": self.target,
             "predicted": self.predicted,
             "probabilities": self.probabilities,
@@ -139,9 +147,24 @@ class Evaluation:
                 measured_n=frame.measured_force_n,
                 read_n=frame.predicted_force_n,
                 interval_n=frame.interval_n,
+                measured_sd_n=frame.measured_force_sd_n or 0.0,
             )
             for frame in self.scored
             if frame.measured_force_n is not None and frame.predicted_force_n is not None and frame.interval_n
+        )
+
+    @cached_property
+    def true_forces(self) -> tuple[ForceTrial, ...]:
+        """True and read force of each usable frame that counts and whose true force is known."""
+        return tuple(
+            ForceTrial(
+                eye=frame.eye,
+                measured_n=frame.true_force_n,
+                read_n=frame.predicted_force_n,
+                interval_n=frame.interval_n,
+            )
+            for frame in self.scored
+            if frame.true_force_n is not None and frame.predicted_force_n is not None and frame.interval_n
         )
 
     @property
@@ -151,8 +174,18 @@ class Evaluation:
 
     @property
     def coverage(self) -> Proportion:
-        """Share of `forces` whose measured force lies in the 90 % interval."""
+        """Share of `forces` whose 90 % interval and label agree, the label's own error counted."""
         return coverage(self.forces)
+
+    @property
+    def true_coverage(self) -> Proportion:
+        """Share of `true_forces` in their 90 % intervals."""
+        return coverage(self.true_forces)
+
+    @property
+    def label_sd_n(self) -> float:
+        """Median standard deviation of the labels of `forces`, N; NaN where there is none."""
+        return median([trial.measured_sd_n for trial in self.forces]) if self.forces else nan
 
     @property
     def accuracy(self) -> Proportion:
@@ -178,6 +211,13 @@ class Evaluation:
             "mae_mn": from_si(self.mae_n, "mn"),
             "coverage": self.coverage.value,
             "coverage_interval": self.coverage.interval,
+            "coverage_by_eye": {eye: one.value for eye, one in coverage_by_eye(self.forces).items()},
+            "label_sd_mn": from_si(self.label_sd_n, "mn"),
+            "truth": "truth.json" if self.true_forces else None,
+            "true_mae_mn": from_si(mean_absolute_error(self.true_forces), "mn"),
+            "true_coverage": self.true_coverage.value,
+            "true_coverage_interval": self.true_coverage.interval,
+            "true_coverage_by_eye": {eye: one.value for eye, one in coverage_by_eye(self.true_forces).items()},
             "usable": self.usable._metrics(),
             "notes": self.notes,
             "frames": [frame.as_json() for frame in self.frames],

@@ -4,6 +4,7 @@
 """
 
 import hashlib
+import json
 import os
 from dataclasses import dataclass
 from os import PathLike
@@ -16,7 +17,7 @@ from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, r
 from scleraforce.study.toml import parse_record
 from scleraforce.whole_files import KINDS, read_bytes, read_text
 
-__all__ = ["Recording", "frame_digest", "read_frame", "read_info", "read_recording", "tables_digest"]
+__all__ = ["Recording", "frame_digest", "read_frame", "read_info", "read_recording", "tables_digest", "true_forces"]
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,20 @@ def tables_digest(recording: Recording) -> str:
     for kind, name in (("recording", "recording.toml"), ("frames", "frames.csv"), ("forces", "forces.csv")):
         digest.update(read_bytes(recording.path / name, KINDS[kind]))
     return digest.hexdigest()
+
+
+def true_forces(recording: Path) -> dict[str, float]:
+    """Return the true force at each frame of a virtual acquisition, N, by the frame's file.
+
+    Raises:
+        RecordingError: the recording has no `truth.json`, or it cannot be read.
+    """
+    path = recording / "truth.json"
+    try:
+        frames = json.loads(read_text(path, KINDS["truth"]))["frames"]
+        return {frame["file"]: float(frame["force_n"]) for frame in frames}
+    except (ValueError, KeyError, TypeError) as fault:
+        raise RecordingError(f"{path}: not the truth of a virtual acquisition: {fault}") from fault
 
 
 def read_info(path: Path) -> RecordingInfo:

@@ -17,7 +17,7 @@ from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ, ForceLog, FrameEntr
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
 
-__all__ = ["CUTOFF_HZ", "Trial", "contact_force", "first_contact", "label_frames", "low_pass"]
+__all__ = ["CUTOFF_HZ", "Trial", "contact_force", "first_contact", "label_frames", "low_pass", "tare_samples"]
 
 Samples = NDArray[np.float64]
 
@@ -133,11 +133,14 @@ def contact_force(log: ForceLog, info: ForceInfo) -> Samples:
     The tare is one value, from before the first contact: what the sensor drifts after that stays in the force.
     """
     raw_n = info.contact_sign * log.force_n(info.axis)
-    contact = first_contact(raw_n, log.sample_rate_hz)
-    guard = round(GUARD_S * log.sample_rate_hz)
-    before = len(raw_n) if contact is None else max(contact - guard, (contact + 1) // 2)
-    tare_n = float(raw_n[:before].mean())
+    tare_n = float(raw_n[: tare_samples(raw_n, log.sample_rate_hz)].mean())
     return low_pass(raw_n, log.time_s) - tare_n
+
+
+def tare_samples(raw_n: Samples, rate_hz: float) -> int:
+    """Return the number of samples, from the first, whose mean is the tare: all before the first contact."""
+    contact = first_contact(raw_n, rate_hz)
+    return len(raw_n) if contact is None else max(contact - round(GUARD_S * rate_hz), (contact + 1) // 2)
 
 
 def low_pass(force_n: Samples, time_s: Samples) -> Samples:

@@ -6,6 +6,7 @@ from math import isnan
 from pathlib import Path
 
 from scleraforce.reader.evaluate import Evaluation
+from scleraforce.reader.metrics import SHARED_ERROR, mean_absolute_error
 from scleraforce.report.answered_frame import AnsweredFrame
 from scleraforce.report.files import write_page
 from scleraforce.report.force_figures import draw_trial_forces
@@ -84,12 +85,17 @@ def evaluation_cards(evaluation: Evaluation) -> Html:
 
 def _force_cards(evaluation: Evaluation) -> list[tuple[str, str, str]]:
     """Return how far the forces are off; nothing where none was read."""
-    covered = evaluation.coverage
-    if not covered.total:
+    logged, true = evaluation.coverage, evaluation.true_coverage
+    if not logged.total:
         return []
+    error_n = mean_absolute_error(evaluation.true_forces) if true.total else evaluation.mae_n
+    against = f"against truth.json, {true.total} trials" if true.total else f"{logged.total} usable trials"
+    held = [(_percent(true.value), "of true forces in their 90 % interval", _of(true.hits, true.total))]
+    agree = f"{_of(logged.hits, logged.total)}; labels sure to {from_si(evaluation.label_sd_n, 'mn'):.2f} mN"
     return [
-        (f"{from_si(evaluation.mae_n, 'mn'):.2f} mN", "mean error of the force", f"{covered.total} usable trials"),
-        (_percent(covered.value), "of logged forces in their 90 % interval", _of(covered.hits, covered.total)),
+        (f"{from_si(error_n, 'mn'):.2f} mN", "mean error of the force", against),
+        *(held if true.total else []),
+        (_percent(logged.value), "of labels agree with their 90 % interval", agree),
     ]
 
 
@@ -117,7 +123,8 @@ def _result(evaluation: Evaluation) -> Html:
     if not evaluation.scored:
         return section("Result", paragraph("No frame has a label that counts, so there are no metrics."))
     confusion = confusion_table(evaluation.confusion, evaluation.bounds_n, NAMES_REMARK)
-    forces = [read_forces_figure(evaluation)] if evaluation.forces else []
+    words = paragraph(f"A label is given with the standard deviation of its error. {SHARED_ERROR}")
+    forces = [words, read_forces_figure(evaluation)] if evaluation.forces else []
     return section("Result", evaluation_cards(evaluation), confusion, *forces, forces_figure(evaluation))
 
 

@@ -98,7 +98,9 @@ def _words(answer: FrameAnswer) -> str:
     if answer.measured_force_n is None:
         measured = "not measured"
     else:
-        measured = f"measured {from_si(answer.measured_force_n, 'mn'):.1f} mN (class {answer.target})"
+        sd_n = answer.measured_force_sd_n
+        sure = "" if sd_n is None else f" ± {from_si(sd_n, 'mn'):.1f}"
+        measured = f"measured {from_si(answer.measured_force_n, 'mn'):.1f}{sure} mN (class {answer.target})"
     if not answer.usable:
         return f"{measured}; not usable: {answer.reason}" if answer.reason else f"{measured}; not usable"
     if answer.predicted_force_n is None or answer.interval_n is None:

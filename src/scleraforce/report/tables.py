@@ -62,7 +62,7 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
     rows = [
         [
             f"{frame.eye}/{frame.file}" if several else frame.file,
-            NOTHING if frame.measured_force_n is None else f"{from_si(frame.measured_force_n, 'mn'):.1f}",
+            _measured(frame),
             NOTHING if frame.target is None else frame.target,
             frame.predicted,
             *(_read_force(frame) if with_force else []),
@@ -76,6 +76,15 @@ def frame_table(evaluation: Evaluation, frames: Sequence[FrameAnswer], caption: 
     read = ["read [mN]", "90 % [mN]"] if with_force else []
     head = ["frame", "force [mN]", "target", "predicted", *read, *classes, "remark"]
     return table(head, rows, caption, wrong, remarks=True)
+
+
+def _measured(frame: FrameAnswer) -> str:
+    if frame.measured_force_n is None:
+        return NOTHING
+    force = f"{from_si(frame.measured_force_n, 'mn'):.1f}"
+    if frame.measured_force_sd_n is None:
+        return force
+    return f"{force}{NO_BREAK}±{NO_BREAK}{from_si(frame.measured_force_sd_n, 'mn'):.1f}"
 
 
 def _read_force(frame: FrameAnswer) -> list[str]:

@@ -13,14 +13,21 @@ from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.reader.evaluate import Evaluation, FrameAnswer
-from scleraforce.reader.metrics import ForceTrial, coverage, mean_absolute_error
+from scleraforce.reader.metrics import (
+    SHARED_ERROR,
+    ForceTrial,
+    band_of,
+    coverage,
+    coverage_by_eye,
+    held_by_eye,
+    mean_absolute_error,
+)
 from scleraforce.report.answered_frame import AnsweredFrame, look_at
 from scleraforce.report.evaluation_page import read_forces_figure
 from scleraforce.report.html import Html, figure, paragraph, section, table
 from scleraforce.report.style import data_uri
 from scleraforce.report.tables import NOTHING, confusion_table, frame_table, share
 from scleraforce.report.wall_figure import ComputedWall, FrameWithWalls, laid_on_surface, plot_walls
-from scleraforce.reproduction.against_truth import against_truth, band_of, held_by_eye
 from scleraforce.reproduction.bent import CALIBRATED_EYES, CALIBRATION_FORCES_N, bent_trials, run_library
 from scleraforce.reproduction.figures import eye_of
 from scleraforce.reproduction.run import Run
@@ -65,7 +72,7 @@ def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callabl
 
 
 def _comparison(paper: Evaluation, reader: Evaluation) -> Html:
-    both, true = (paper, reader), against_truth(reader)
+    both, true = (paper, reader), reader.true_forces
     rows: list[list[object]] = [
         ["trials read right", *(share(one.accuracy) for one in both)],
         ["the same, of the usable ones", *(share(one.usable.accuracy) for one in both)],
@@ -74,13 +81,14 @@ def _comparison(paper: Evaluation, reader: Evaluation) -> Html:
         ["trials not usable, which count as class 2", *(len(one.scored) - len(one.usable.scored) for one in both)],
         ["mean error of the force in mN", *(_number(from_si(one.mae_n, "mn")) for one in both)],
         ["the same against the true force", NOTHING, _number(from_si(mean_absolute_error(true), "mn"))],
-        ["logged forces within their 90 % interval", *(_held(one.forces) for one in both)],
+        ["labels that agree with their 90 % interval", *(_held(one.forces) for one in both)],
         ["true forces within their 90 % interval", NOTHING, _held(true)],
     ]
     caption = (
         f"The same {len(reader.scored)} trials, read in two ways; in brackets the 95 % Wilson interval, of intervals "
         "that hold that of other such eyes (bootstrap over eyes). Forces are those of the force log, whose labels are "
-        "noisy and drift over the minutes of a recording; of virtual eyes the true ones are known, too."
+        "noisy and drift over the minutes of a recording: where they are held against intervals, that error counts. "
+        "Of virtual eyes the true forces are known, too."
     )
     return table(["", "the paper's method", "the force reader"], rows, caption)
 
@@ -93,7 +101,7 @@ def _held(trials: Sequence[ForceTrial]) -> str:
 
 def _coverage_words(reader: Evaluation) -> tuple[Html, ...]:
     """Say what the two shares of forces within their intervals are of, and what comes between them."""
-    logged, true = reader.forces, against_truth(reader)
+    logged, true = reader.forces, reader.true_forces
     if not logged:
         return ()
     off_mn = [from_si(abs(log.measured_n - fact.measured_n), "mn") for log, fact in zip(logged, true, strict=True)]
@@ -102,13 +110,32 @@ def _coverage_words(reader: Evaluation) -> tuple[Html, ...]:
         "The reader's 90 % interval is one of the true force under the needle; it allows for no error of the force "
         f"log. The log is off from the true force by {mean(off_mn):.2f} mN in the mean and by {max(off_mn):.2f} mN at "
         "most, because its zero is taken once, before the first contact, and drifts from then on; the intervals reach "
-        f"{reach_mn:.2f} mN to either side in the median. They hold {coverage(logged).value:.2f} of the logged forces "
-        f"and {coverage(true).value:.2f} of the true ones: the log's error makes the difference, and only the second "
-        f"figure says how good the intervals are. Of the true ones they hold {held_by_eye(true)}. Trials of one eye "
-        "share the drift of its log, and the error of the modulus that was found with it: they hold or miss together. "
+        f"{reach_mn:.2f} mN to either side in the median. They agree with {coverage(logged).value:.2f} of the labels, "
+        f"whose own error counts ({from_si(reader.label_sd_n, 'mn'):.2f} mN, median standard deviation), and hold "
+        f"{coverage(true).value:.2f} of the true forces: {held_by_eye(true)}. {SHARED_ERROR} {_worst_eye(reader)}"
         "The paper's method reads no force, so it has no intervals."
     )
     return (paragraph(words),)
+
+
+def _worst_eye(reader: Evaluation) -> str:
+    """Say how far the eye whose true forces are held least was read off, and its calibration's labels; '' if all hold.
+
+    What the frames of an eye share is the mean of their relative errors.
+    """
+    shares = coverage_by_eye(reader.true_forces)
+    worst = min(shares, key=lambda eye: shares[eye].value)
+    if shares[worst].hits == shares[worst].total:
+        return ""
+    off = mean(trial.read_n / trial.measured_n - 1.0 for trial in reader.true_forces if trial.eye == worst)
+    frames = [frame for frame in reader.frames if frame.eye == worst and frame.calibration]
+    labels_mn = [
+        from_si(frame.measured_force_n - frame.true_force_n, "mn")
+        for frame in frames
+        if frame.measured_force_n is not None and frame.true_force_n is not None
+    ]
+    labels = f", after labels of {mean(labels_mn):+.2f} mN in the mean of its calibration" if labels_mn else ""
+    return f"{worst} is read {from_si(off, 'percent'):+.1f} % off in the mean{labels}. "
 
 
 def _moduli(run: Run) -> Html:
@@ -119,8 +146,12 @@ def _moduli(run: Run) -> Html:
         ["true", *(f"{from_si(eye.youngs_modulus_pa, 'mpa'):.3f}" for eye in eyes)],
         ["linear, all frames", *(_modulus(linear, eye.id) for eye in eyes)],
         ["finite strain, three frames", *(_modulus(finite, eye.id) for eye in eyes)],
+        ["its error, in standard deviations", *(_off(finite, eye) for eye in eyes)],
     ]
-    caption = "Young's modulus in MPa: mean and standard deviation of the posterior."
+    caption = (
+        "Young's modulus in MPa: mean and standard deviation of the posterior. An error of 1.6 standard deviations or "
+        "more is one of ten; all readings of its eye share it."
+    )
     return table(["", *(eye.id for eye in eyes)], rows, caption)
 
 
@@ -129,6 +160,13 @@ def _modulus(summary: CalibrationSummary, eye: str) -> str:
         return NOTHING
     found = summary.eyes[eye]
     return f"{from_si(found.mean_pa, 'mpa'):.3f} ± {from_si(found.sd_pa, 'mpa'):.3f}"
+
+
+def _off(summary: CalibrationSummary, eye: PhantomEye) -> str:
+    if eye.id not in summary.eyes:
+        return NOTHING
+    found = summary.eyes[eye.id]
+    return f"{(found.mean_pa - eye.youngs_modulus_pa) / found.sd_pa:+.1f}"
 
 
 def _misread(evaluation: Evaluation, name: str) -> tuple[Html, ...]:
