@@ -160,7 +160,7 @@ def test_a_frame_beyond_the_library_is_left_out_with_its_reason(library: Library
 
 
 def test_an_eye_that_the_library_does_not_have_is_refused(library: Library) -> None:
-    with pytest.raises(CalibrationError, match="1000 um; the library has walls of 350 to 900 um"):
+    with pytest.raises(CalibrationError, match="1000 µm; the library has walls of 350 to 900 µm"):
         library_eye(STUDY, replace(STATED, thickness_m=1e-3), library)
     with pytest.raises(CalibrationError, match="another radius"):
         library_eye(replace(STUDY, eye=replace(STUDY.eye, radius_m=11e-3)), STATED, library)

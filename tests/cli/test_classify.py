@@ -149,8 +149,8 @@ def test_a_rigidity_wants_a_globe_that_is_told_sealed(model, frame, capsys) -> N
     for options, words in (
         (["--rigidity", "0.03"], "--rigidity: of a sealed globe; tell --globe sealed, too, or leave 0.03 out"),
         (["--globe", "open", "--rigidity", "0.03"], "--rigidity: of a sealed globe"),
-        (["--globe", "sealed", "--rigidity", "5"], "--rigidity: rigidity_mmhg13_per_ul: 5 is above"),
-        (["--globe", "sealed", "--rigidity", "nan"], "--rigidity: nan is not a finite number"),
+        (["--globe", "sealed", "--rigidity", "5"], "'--rigidity': 5 is above the largest allowed value 1"),
+        (["--globe", "sealed", "--rigidity", "nan"], "'--rigidity': nan is not a finite number"),
     ):
         assert run(["classify", str(model), str(frame), *options]) == 2
         assert words in capsys.readouterr().err
@@ -180,7 +180,8 @@ def test_a_scale_that_no_scan_has_is_refused(model, pixels, tmp_path, capsys) ->
     options = {"resolution": (1.0, 2.0), "resolutionunit": "CENTIMETER"}
     tifffile.imwrite(tmp_path / "a.tif", pixels, **options)
     (entry,) = classified(capsys, model, tmp_path / "a.tif", code=2)
-    assert "5120 mm wide (file); no B-scan is: tell its size with --width-mm" in entry["error"]
+    assert "width_mm: 5120 is above the largest allowed value 100; did you mean 5.12 mm (5120 µm)?" in entry["error"]
+    assert "(stated by: file); give --width-mm" in entry["error"]
 
 
 def test_a_frame_that_is_not_what_its_recording_says_is_refused(model, frame, capsys) -> None:

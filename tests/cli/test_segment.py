@@ -1,4 +1,5 @@
 import json
+import re
 from pathlib import Path
 
 import cv2
@@ -6,6 +7,7 @@ import numpy as np
 import pytest
 
 from scleraforce.cli.main import run
+from scleraforce.cli.segment import _line
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.study import parse_study
@@ -141,9 +143,33 @@ def test_a_scale_that_nobody_states_is_assumed_and_told(recordings, tmp_path: Pa
     assert {size["source"] for size in assumed["scale"].values()} == {"assumed"}
     assert run(["segment", str(frame), str(loose), "--out", str(tmp_path / "a")]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    assert "note: the scale of 1 of 2 frames is not known" in text
+    assert "note: of 1 of 2 frames nothing states the width (taken as 15 mm; give --width-mm)" in text
     assert run(["segment", str(frame), "--out", str(tmp_path / "a")]) == 0
     assert "note" not in capsys.readouterr().out
+
+
+def test_only_what_nothing_states_of_a_scale_is_called_unknown(recordings, tmp_path: Path, capsys) -> None:
+    loose = tmp_path / "loose.png"
+    loose.write_bytes((recordings[0] / "frames" / "0001.png").read_bytes())
+    sized = ("segment", str(loose), "--out", str(tmp_path / "a"), "--width-mm", "15", "--depth-mm", "8")
+    assert run([*sized]) == 0
+    (note,) = " ".join(capsys.readouterr().out.split()).split("note: ")[1:]
+    assert "refractive index (taken as 1; give --refractive-index)" in note
+    assert "width" not in note
+    assert "depth" not in note
+    assert run([*sized, "--force", "--refractive-index", "1.38"]) == 0
+    assert "note: " not in capsys.readouterr().out
+
+
+def test_lengths_for_people_are_in_micrometres_of_one_spelling(recordings, tmp_path: Path, capsys) -> None:
+    frame = recordings[0] / "frames" / "0001.png"
+    assert run(["segment", str(frame), "--out", str(tmp_path / "a")]) == 0
+    assert re.search(r"wall of \d+ µm$", capsys.readouterr().out.strip())
+
+
+def test_a_wall_without_a_thickness_is_not_printed_as_a_number() -> None:
+    entry = {"file": "a.png", "usable": True, "inner_found": False, "thickness_um": None}
+    assert _line(entry) == "a.png: inner boundary not seen; the mask ends 1 mm below the surface"
 
 
 def test_a_bad_file_is_told_and_the_others_are_segmented(recordings, tmp_path: Path, capsys) -> None:

@@ -100,16 +100,16 @@ def test_states_are_smooth_across_the_cells(library):
 @pytest.mark.parametrize(
     ("t", "p", "f", "says"),
     [
-        (0.2e-3, 1e-3, 1e-8, "thickness: 200 um is outside the library's range, 350 to 900 um"),
+        (0.2e-3, 1e-3, 1e-8, "thickness: 200 µm is outside the library's range, 350 to 900 µm"),
         (
             0.5e-3,
             7e-2,
             1e-8,
-            "IOP/E: 0.07 is outside the library's range for a wall of 500 um, 4.17e-05 to 0.00875; it bursts at 0.0173",
+            "IOP/E: 0.07 is outside the library's range for a wall of 500 µm, 4.17e-05 to 0.00875; it bursts at 0.0173",
         ),
         (0.5e-3, 1e-3, 6e-7, "F/E: 0.6 mm^2 is outside the library's range, 0 to 0.5 mm^2"),
         (0.5e-3, np.nan, 1e-8, "IOP/E: nan"),
-        (0.35e-3, 8e-5, 3e-7, "F/E: 0.3 mm^2 dents a wall of 350 um with IOP/E 8e-05 by more than .* 7.5 mm"),
+        (0.35e-3, 8e-5, 3e-7, "F/E: 0.3 mm^2 dents a wall of 350 µm with IOP/E 8e-05 by more than .* 7.5 mm"),
     ],
 )
 def test_what_lies_outside_is_named_and_not_covered(library, t, p, f, says):

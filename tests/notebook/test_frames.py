@@ -54,7 +54,7 @@ def test_an_array_is_segmented() -> None:
         (FRAME[0], SIZE, r"shape \(512,\); give one frame"),
         ([[1, 2], [3, 4]], SIZE, "frame: a frame of 2 dimensions and type int64"),
         (FRAME.astype(float), SIZE, "type float64"),
-        (FRAME, {"width_m": 15.0, "depth_m": 4.0}, "width_m: 15 m; give between"),
+        (FRAME, {"width_m": 15.0, "depth_m": 4.0}, r"width_m: 15 .*did you mean 0\.015 m \(15 mm\)"),
         (FRAME, {**SIZE, "refractive_index": 3.0}, "refractive index of 3"),
         ("nowhere.png", SIZE, "nowhere.png"),
     ],

@@ -179,8 +179,8 @@ def library_eye(study: Study, constants: EyeConstants, library: Library) -> Libr
     thinnest, thickest = float(library.thickness_m[0]), float(library.thickness_m[-1])
     if not thinnest <= constants.thickness_m <= thickest:
         raise CalibrationError(
-            f"thickness: {from_si(constants.thickness_m, 'um'):g} um; the library has walls of "
-            f"{from_si(thinnest, 'um'):.0f} to {from_si(thickest, 'um'):.0f} um"
+            f"thickness: {from_si(constants.thickness_m, 'um'):g} µm; the library has walls of "
+            f"{from_si(thinnest, 'um'):.0f} to {from_si(thickest, 'um'):.0f} µm"
         )
     side = np.arange(0.0, REACH * library.radius_m, SAMPLE_STEP_M)
     lateral_m = np.concatenate([-side[:0:-1], side])

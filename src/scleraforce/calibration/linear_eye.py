@@ -85,7 +85,7 @@ def linear_eye(study: Study, constants: EyeConstants, thickness_uncertain: bool 
     """
     if not 0.1e-3 <= constants.thickness_m <= 0.4 * study.eye.radius_m:
         raise CalibrationError(
-            f"thickness: {from_si(constants.thickness_m, 'um'):g} um cannot be meshed; state the wall's"
+            f"thickness: {from_si(constants.thickness_m, 'um'):g} µm cannot be meshed; state the wall's"
         )
     shares = THICKNESS_NODES if thickness_uncertain else (1.0,)
     thicknesses = tuple(share * constants.thickness_m for share in shares)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from scleraforce.cli.quantities import Possible
 from scleraforce.errors import InputError, StudyError
 from scleraforce.study import Study
 from scleraforce.study.fields import field_unit
@@ -28,7 +29,7 @@ def _options(kind: str, rate: str) -> Callable[[Command], Command]:
 
     def decorated(command: Command) -> Command:
         return click.option("--globe", type=click.Choice(GLOBES), help=f"{KIND}{kind}")(
-            click.option("--rigidity", type=float, help=f"{RATE}{rate}")(command)
+            click.option("--rigidity", type=Possible("rigidity"), help=f"{RATE}{rate}")(command)
         )
 
     return decorated

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 import click
 
 from scleraforce.cli.globe import known_globe_options, told_globe
+from scleraforce.cli.quantities import Possible
 from scleraforce.errors import InputError
 from scleraforce.units import HumanUnit, from_si, to_si
 
@@ -17,13 +18,14 @@ __all__ = ["globe_words", "known_entry", "known_eye", "known_eye_options", "know
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-POSITIVE = click.FloatRange(0.0, min_open=True)
 OPTIONS = (
-    click.option("--youngs-modulus-mpa", type=POSITIVE, help="Of this eye; by default it is not known."),
-    click.option("--iop-mmhg", type=click.FloatRange(0.0), help="Intraocular pressure; likewise."),
-    click.option("--thickness-um", type=POSITIVE, help="Of the wall; likewise."),
-    click.option("--gap-mm", type=click.FloatRange(0.0), help="Distance of the B-scan from the needle axis; likewise."),
-    click.option("--polar-angle-deg", type=click.FloatRange(0.0, 90.0), help="Of the contact from the pole; likewise."),
+    click.option(
+        "--youngs-modulus-mpa", type=Possible("youngs_modulus_mpa"), help="Of this eye; by default it is not known."
+    ),
+    click.option("--iop-mmhg", type=Possible("iop_mmhg"), help="Intraocular pressure; likewise."),
+    click.option("--thickness-um", type=Possible("thickness_um"), help="Of the wall; likewise."),
+    click.option("--gap-mm", type=Possible("gap_mm"), help="Distance of the B-scan from the needle axis; likewise."),
+    click.option("--polar-angle-deg", type=Possible("polar_angle_deg"), help="Of the contact from the pole; likewise."),
     click.option(
         "--plane-direction-deg",
         type=click.FloatRange(-360.0, 360.0),

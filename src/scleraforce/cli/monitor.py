@@ -13,6 +13,7 @@ import click
 
 from scleraforce.cli.known_eye import globe_words, known_eye, known_eye_options
 from scleraforce.cli.output import print_json
+from scleraforce.cli.quantities import Possible
 from scleraforce.errors import InputError
 from scleraforce.processes import one_thread
 from scleraforce.units import from_si, to_si
@@ -30,7 +31,6 @@ TOLD = (
     "youngs_modulus_mpa", "iop_mmhg", "thickness_um", "gap_mm", "polar_angle_deg", "plane_direction_deg",
     "stiffening", "globe", "rigidity",
 )  # fmt: skip
-LENGTH = click.FloatRange(0.01, 100.0)
 PORT = click.IntRange(0, 65535)
 
 
@@ -45,8 +45,8 @@ PORT = click.IntRange(0, 65535)
 @known_eye_options
 @click.option("--columns", type=click.IntRange(16, 16384), help="Of the frames; by default the model's study's.")
 @click.option("--rows", type=click.IntRange(16, 16384), help="Likewise.")
-@click.option("--width-mm", type=LENGTH, help="Likewise, black bands included.")
-@click.option("--depth-mm", type=LENGTH, help="Likewise, as stored.")
+@click.option("--width-mm", type=Possible("width_mm"), help="Likewise, black bands included.")
+@click.option("--depth-mm", type=Possible("depth_mm"), help="Likewise, as stored.")
 @click.option("--refractive-index", type=click.FloatRange(1.0, 2.0), help="Likewise (1: corrected already).")
 @click.option("--withdraw-class", type=click.IntRange(1), help="Withdraw from this class on; by default the highest.")
 @click.option("--bound-mn", type=click.FloatRange(0.0, min_open=True),

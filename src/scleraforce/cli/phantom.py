@@ -10,8 +10,10 @@ import click
 from scleraforce.cli.globe import globe_options, with_globe
 from scleraforce.cli.output import print_json, progress_bar, resumable_bar, say, share_bar
 from scleraforce.cli.place_of_work import chosen_workers, worker_options
-from scleraforce.errors import InputError
+from scleraforce.cli.quantities import Possible
+from scleraforce.errors import InputError, StudyError
 from scleraforce.study import Study, read_study
+from scleraforce.study.fields import check_quantity
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import to_si
 
@@ -33,9 +35,14 @@ class _Forces(click.ParamType[tuple[float, ...]]):
         if isinstance(value, tuple):
             return value
         try:
-            return tuple(to_si(float(entry), "mn") for entry in value.split(","))
+            forces_mn = [float(entry) for entry in value.split(",")]
+            for force_mn in forces_mn:
+                check_quantity("force_mn", force_mn)
         except ValueError:
             self.fail(f"{value!r} is not a list of forces in mN; give for example 2,10,40", param, ctx)
+        except StudyError as fault:
+            self.fail(str(fault).partition(": ")[2], param, ctx)
+        return tuple(to_si(force_mn, "mn") for force_mn in forces_mn)
 
 
 @click.command()
@@ -55,11 +62,15 @@ class _Forces(click.ParamType[tuple[float, ...]]):
 @click.option("--ramp-mn-per-s", type=click.FloatRange(0.01, 1e5), help="How fast the force changes between them; "
               "20 by default.")  # fmt: skip
 @click.option("--hold-s", type=click.FloatRange(0, 3600), help="How long it stays at each; 1 by default.")
-@click.option("--thickness-um", type=float, help="Thickness of the wall; 600 by default.")
-@click.option("--youngs-modulus-mpa", type=float, help="Young's modulus of the wall; the study's by default.")
-@click.option("--iop-mmhg", type=float, help="Intraocular pressure; the study's by default.")
-@click.option("--gap-mm", type=float, help="B-scan plane to needle axis; the study's by default.")
-@click.option("--polar-angle-deg", type=float, help="Contact, from the pole; 35 by default.")
+@click.option("--thickness-um", type=Possible("thickness_um"), help="Thickness of the wall; 600 by default.")
+@click.option(
+    "--youngs-modulus-mpa",
+    type=Possible("youngs_modulus_mpa"),
+    help="Young's modulus of the wall; the study's by default.",
+)
+@click.option("--iop-mmhg", type=Possible("iop_mmhg"), help="Intraocular pressure; the study's by default.")
+@click.option("--gap-mm", type=Possible("gap_mm"), help="B-scan plane to needle axis; the study's by default.")
+@click.option("--polar-angle-deg", type=Possible("polar_angle_deg"), help="Contact, from the pole; 35 by default.")
 @click.option("--azimuth-deg", type=float, help="Contact, about the pole; 0 by default.")
 @click.option("--direction-deg", type=float, help="B-scan plane about the needle axis; 0 by default.")
 @click.option("--tilt-deg", type=float, help="B-scan plane against the needle axis; 0 by default.")

@@ -1,7 +1,9 @@
 """`scleraforce segment`: masks of the wall in raw frames."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -164,7 +166,7 @@ def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
         "usable": found.usable,
         "reason": found.reason,
         "inner_found": found.inner_found,
-        "thickness_um": from_si(found.thickness_m, "um"),
+        "thickness_um": None if isnan(found.thickness_m) else from_si(found.thickness_m, "um"),
         "needle": needle_entry(found.needle),
         "conjunctiva_um": from_si(found.conjunctiva_m, "um"),
         "scale": scale_entry(frame),
@@ -191,15 +193,26 @@ def _entry(source: _Source, found: dict[str, Any] | InputError) -> dict[str, Any
 def _lines(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a line for each frame, and a note where a scale was assumed."""
     lines = [_line(entry) for entry in entries]
-    assumed = sum(ASSUMED in (size["source"] for size in entry["scale"].values()) for entry in entries)
-    if assumed:
-        scanner = OctStudy()
-        lines.append(
-            f"note: the scale of {assumed} of {len(entries)} frames is not known: where nothing states it, width is "
-            f"{from_si(scanner.width_m, 'mm'):g} mm, depth {from_si(scanner.depth_m, 'mm'):g} mm; tell --width-mm and "
-            "--depth-mm"
-        )
-    return [wrapped(line) if line.startswith("note: ") else line for line in lines]
+    lines += [wrapped(words, "note: ") for words in _assumed(entries)]
+    return lines
+
+
+def _assumed(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return sentences on what nothing states of the frames' scale, and what was taken for it."""
+    scanner = OctStudy()
+    taken = {
+        "width_mm": f"width (taken as {from_si(scanner.width_m, 'mm'):g} mm; give --width-mm)",
+        "depth_mm": f"depth (taken as {from_si(scanner.depth_m, 'mm'):g} mm; give --depth-mm)",
+        "refractive_index": f"refractive index (taken as {scanner.refractive_index:g}; give --refractive-index)",
+    }
+    missing = Counter(
+        tuple(words for key, words in taken.items() if entry["scale"][key]["source"] == ASSUMED) for entry in entries
+    )
+    return [
+        f"of {count} of {len(entries)} frames nothing states the {', the '.join(words)}"
+        for words, count in missing.items()
+        if words
+    ]
 
 
 def _line(entry: Mapping[str, Any]) -> str:
@@ -208,5 +221,5 @@ def _line(entry: Mapping[str, Any]) -> str:
     if entry["thickness_um"] is None:
         return f"{entry['file']}: inner boundary not seen; the mask ends 1 mm below the surface"
     if not entry["inner_found"]:
-        return f"{entry['file']}: wall of {entry['thickness_um']:.0f} um; its inner boundary is the network's guess"
-    return f"{entry['file']}: wall of {entry['thickness_um']:.0f} um"
+        return f"{entry['file']}: wall of {entry['thickness_um']:.0f} µm; its inner boundary is the network's guess"
+    return f"{entry['file']}: wall of {entry['thickness_um']:.0f} µm"

@@ -9,9 +9,10 @@ import click
 
 from scleraforce.cli.globe import globe_options, with_globe
 from scleraforce.cli.output import print_json, say, share_bar
+from scleraforce.cli.quantities import Possible
 from scleraforce.errors import InputError
 from scleraforce.study import Study, read_study
-from scleraforce.study.fields import NEEDLE_FORCE, check_number
+from scleraforce.study.fields import NEEDLE_FORCE
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import from_si, to_si
 
@@ -20,12 +21,22 @@ __all__ = ["simulate"]
 
 @click.command()
 @click.option("--study", "study_path", type=click.Path(path_type=Path), help="Study file; the paper's by default.")
-@click.option("--thickness-um", type=float, required=True, help="Thickness of the wall.")
-@click.option("--force-mn", type=float, required=True, help="Force of the needle, along the inward normal.")
-@click.option("--youngs-modulus-mpa", type=float, help="Young's modulus of the wall; the study's by default.")
-@click.option("--iop-mmhg", type=float, help="Intraocular pressure; the study's by default.")
-@click.option("--polar-angle-deg", type=float, help="Contact, from the pole; the middle of the study's by default.")
-@click.option("--gap-mm", type=float, help="B-scan plane to needle axis; the study's by default.")
+@click.option("--thickness-um", type=Possible("thickness_um"), required=True, help="Thickness of the wall.")
+@click.option(
+    "--force-mn", type=Possible("force_mn"), required=True, help="Force of the needle, along the inward normal."
+)
+@click.option(
+    "--youngs-modulus-mpa",
+    type=Possible("youngs_modulus_mpa"),
+    help="Young's modulus of the wall; the study's by default.",
+)
+@click.option("--iop-mmhg", type=Possible("iop_mmhg"), help="Intraocular pressure; the study's by default.")
+@click.option(
+    "--polar-angle-deg",
+    type=Possible("polar_angle_deg"),
+    help="Contact, from the pole; the middle of the study's by default.",
+)
+@click.option("--gap-mm", type=Possible("gap_mm"), help="B-scan plane to needle axis; the study's by default.")
 @globe_options
 @click.option("--mechanics", type=click.Choice(["linear", "finite-strain"]), help="Small displacements, or any; the "
               "study's by default (linear, if it does not say).")  # fmt: skip
@@ -74,7 +85,6 @@ def simulate(
     )
     study = with_globe(study, globe, rigidity)
     refuse_unused(study, "simulate", study.mechanics.kind, study_path)
-    check_number("force_mn", force_mn, NEEDLE_FORCE)
     for path in filter(None, (vtu, xdmf, plot, html)):
         if path.exists():
             raise InputError(f"{path}: exists already; remove it or choose another name")

@@ -9,6 +9,7 @@ import click
 
 from scleraforce.cli.main import fail
 from scleraforce.cli.output import progress_bar
+from scleraforce.cli.quantities import Possible
 from scleraforce.cli.wall_finder_option import finder_folder
 from scleraforce.errors import InputError
 from scleraforce.units import from_si, to_si
@@ -36,11 +37,10 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 ASSUMED = "assumed"  # the source of a value that nobody states
-LENGTH = click.FloatRange(0.01, 100.0)
 OPTIONS = (
-    click.option("--width-mm", type=LENGTH, help="Width of the frames; by default their recording's or their own "
-                 "(DICOM, TIFF)."),
-    click.option("--depth-mm", type=LENGTH, help="Depth of the frames, as stored; by default likewise."),
+    click.option("--width-mm", type=Possible("width_mm"), help="Width of the frames; by default their "
+                 "recording's or their own (DICOM, TIFF)."),
+    click.option("--depth-mm", type=Possible("depth_mm"), help="Depth of the frames, as stored; by default likewise."),
     click.option("--refractive-index", type=click.FloatRange(1.0, 2.0),
                  help="By which depth is stretched (1: corrected already); by default the recording's, else "
                  "that of the model's study (classify) or 1."),

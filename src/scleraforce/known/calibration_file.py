@@ -18,6 +18,7 @@ from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.globe import OPEN, KnownGlobe
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.info import eye_id_fault
+from scleraforce.study.fields import Unit, allowed, meant
 from scleraforce.study.globe import RIGIDITY_LAWS
 from scleraforce.units import from_si, to_si
 from scleraforce.whole_files import KINDS, read_bytes, write_whole
@@ -44,8 +45,9 @@ __all__ = [
 
 CALIBRATION_FORMAT = 3
 MECHANICS = ("finite-strain", "linear")
-SOFTEST_MPA, STIFFEST_MPA = 0.001, 100.0
-THINNEST_UM, THICKEST_UM = 1.0, 10e3
+_MODULUS, _THICKNESS = allowed("youngs_modulus_mpa"), allowed("thickness_um")
+SOFTEST_MPA, STIFFEST_MPA = _MODULUS.low or 0.0, _MODULUS.high or 0.0
+THINNEST_UM, THICKEST_UM = _THICKNESS.low or 0.0, _THICKNESS.high or 0.0
 RIGIDITY_UNIT: Final = "mmhg13_per_ul"
 STIFFEST_RIGIDITY = 2.0  # mmHg^(1/3) per ul
 KINDS_OF_GLOBE = ("open", "sealed", "unknown")
@@ -215,7 +217,7 @@ def summary_of_eye(entry: Any, place: str) -> EyeSummary:
         mean_pa=to_si(number_of(entry, "mean_mpa", place, SOFTEST_MPA, STIFFEST_MPA, "MPa"), "mpa"),
         sd_pa=to_si(number_of(entry, "sd_mpa", place, 0.0, STIFFEST_MPA, "MPa"), "mpa"),
         frames=tuple(_frame(frame, f"{place}.frames[{index}]") for index, frame in enumerate(frames)),
-        thickness_m=to_si(number_of(entry, "thickness_um", place, THINNEST_UM, THICKEST_UM, "um"), "um"),
+        thickness_m=to_si(number_of(entry, "thickness_um", place, THINNEST_UM, THICKEST_UM, "µm"), "um"),
         globe=OPEN if "globe" not in entry else _globe(table_of(entry, "globe", place), f"{place}.globe"),
         discrepancy=_discrepancy(entry, place),
         stiffening=_stiffening(entry, place),
@@ -351,5 +353,6 @@ def number_of(entry: Mapping[str, Any], key: str, place: str, low: float, high: 
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise CalibrationError(f"{place}.{key}: expected a number, found {value!r:.40}")
     if not low <= value <= high:  # true of NaN as well
-        raise CalibrationError(f"{place}.{key}: {value:g} is not between {low:g} and {high:g} {unit}".rstrip())
+        between = f"{value:g} is not between {low:g} and {high:g} {unit}".rstrip()
+        raise CalibrationError(f"{place}.{key}: {between}{meant(key, value, Unit(low=low, high=high))}")
     return float(value)

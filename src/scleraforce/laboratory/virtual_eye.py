@@ -7,7 +7,7 @@ from math import pi, radians, remainder
 
 import numpy as np
 
-from scleraforce.errors import InputError
+from scleraforce.errors import InputError, StudyError
 from scleraforce.eye.contact import Contact
 from scleraforce.eye.study_mesh import supported_mesh
 from scleraforce.laboratory.eye_movement import EyeTurn, farthest_turn_rad, turned_plane
@@ -18,6 +18,7 @@ from scleraforce.mechanics.study_path import BentEye, bend_eye
 from scleraforce.section.cut import cut_sections
 from scleraforce.section.plane import ScanPlane, Section
 from scleraforce.study import Study
+from scleraforce.study.fields import check_quantity
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
@@ -55,17 +56,11 @@ class PhantomEye:
     tilt_rad: float = 0.0
 
     def __post_init__(self) -> None:
-        bounds = {
-            "thickness_m": (1e-4, 3e-3),
-            "youngs_modulus_pa": (1e3, 1e9),
-            "iop_pa": (0.0, 15e3),
-            "gap_m": (0.0, 1e-2),
-        }
-        for name, (low, high) in bounds.items():
-            if not low <= getattr(self, name) <= high:
-                raise InputError(
-                    f"eye {self.id}: {name}: {getattr(self, name):g}; must be between {low:g} and {high:g}"
-                )
+        for name in ("thickness_m", "youngs_modulus_pa", "iop_pa", "gap_m"):
+            try:
+                check_quantity(name, getattr(self, name))
+            except StudyError as fault:
+                raise InputError(f"eye {self.id}: {fault}") from None
         if not self.id or "/" in self.id or self.id.startswith("."):
             raise InputError(f"eye: id: {self.id!r}; must be a name without /")
 

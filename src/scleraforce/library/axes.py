@@ -57,7 +57,7 @@ def check_tension(
     low, high, burst = (value * thickness / radius_m for value in (*ends, burst_tension(poisson_ratio)))
     raise InputError(
         f"IOP/E: {tension[worst] * thickness / radius_m:.4g} is outside the library's range for a wall of "
-        f"{from_si(thickness, 'um'):.0f} um, {low:.3g} to {high:.3g}; it bursts at {burst:.3g}"
+        f"{from_si(thickness, 'um'):.0f} µm, {low:.3g} to {high:.3g}; it bursts at {burst:.3g}"
     )
 
 

@@ -203,7 +203,7 @@ class Library:
             sample = int(np.argmax(np.isnan(tips)))
             raise InputError(
                 f"F/E: {from_si(force_ratio[sample], 'mm2'):.4g} mm^2 dents a wall of "
-                f"{from_si(thickness_m[sample], 'um'):.0f} um with "
+                f"{from_si(thickness_m[sample], 'um'):.0f} µm with "
                 f"IOP/E {iop_ratio[sample]:.3g} by more than the library's {from_si(self.tip_m[-1], 'mm'):g} mm"
             )
         return tips

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scleraforce import reader
-from scleraforce.errors import FrameError, InputError
+from scleraforce.errors import FrameError, InputError, StudyError
 from scleraforce.known.calibration_file import CalibrationSummary, parse_calibration_file, read_calibration, summary_of
 from scleraforce.known.eye import Known, Modulus, completed, foreign_modulus, known_of_eye, known_of_recording
 from scleraforce.known.globe import KnownGlobe, known_globe
@@ -23,11 +23,12 @@ from scleraforce.reader.reader import Reader
 from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.info import RecordingInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.recording.scaled_frame import LARGEST_M, LEAST_M, Scanner, read_scaled_frame, recording_of
+from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame, recording_of
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.sclera import find_sclera
 from scleraforce.segmentation.wall import Segmentation
 from scleraforce.segmentation.wall_finder import WallFinder
+from scleraforce.study.fields import check_quantity
 
 if TYPE_CHECKING:
     from scleraforce.calibration.result import Calibration
@@ -169,6 +170,10 @@ def read(
     2... mN, class 1
     """
     check_model(model)
+    given = {"youngs_modulus_pa": youngs_modulus_pa, "iop_pa": iop_pa, "thickness_m": thickness_m, "gap_m": gap_m}
+    for key, value in given.items():
+        if value is not None:
+            check_quantity(key, value)
     seen = _scaled(
         frame,
         Scanner(width_m=width_m, depth_m=depth_m, refractive_index=refractive_index),
@@ -223,8 +228,10 @@ def _scaled(frame: Frame, told: Scanner, assumed: Scanner, source: str) -> _Scal
     if told.width_m is None or told.depth_m is None:
         raise FrameError("frame: nothing says how large this array is; give width_m and depth_m")
     for name, extent_m in (("width_m", told.width_m), ("depth_m", told.depth_m)):
-        if not LEAST_M <= extent_m <= LARGEST_M:
-            raise FrameError(f"{name}: {extent_m:g} m; give between {LEAST_M:g} and {LARGEST_M:g} m")
+        try:
+            check_quantity(name, extent_m)
+        except StudyError as fault:
+            raise FrameError(str(fault)) from None
     index = told.refractive_index or assumed.refractive_index or 1.0
     try:
         scale = PixelScale(

@@ -12,12 +12,10 @@ from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
 from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.study import Study, fixed
-from scleraforce.study.fields import Unit, check_number
+from scleraforce.study.fields import check_quantity
 from scleraforce.study.unused import refuse_unused
 
 __all__ = ["middle_contact", "phantom", "simulate", "with_mechanics", "with_one_eye"]
-
-FORCE_N = Unit(low=0.0, high=1.0)
 
 
 def simulate(
@@ -73,7 +71,7 @@ def simulate(
         polar_angle_rad=polar_angle_rad,
     )
     refuse_unused(study, "simulate", study.mechanics.kind)
-    check_number("force_n", force_n, FORCE_N)
+    check_quantity("force_n", force_n)
     return simulate_eye(study, thickness_m, force_n, middle_contact(study), progress)
 
 

@@ -1,9 +1,10 @@
 """The typed record of `recording.toml`: what a laboratory states about one eye's recording. All keys are SI but one."""
 
 from dataclasses import KW_ONLY, dataclass
+from typing import Any
 
 from scleraforce.errors import StudyError
-from scleraforce.study.fields import check_fields, option, quantity, required
+from scleraforce.study.fields import allowed, check_fields, option, quantity, required
 from scleraforce.study.globe import GLOBES, RIGIDITY_LAWS
 
 __all__ = ["EyeInfo", "ForceInfo", "NeedleInfo", "OctInfo", "RecordingInfo", "eye_id_fault", "nearest_gauge"]
@@ -28,9 +29,12 @@ GAUGE_DIAMETER_M = {
     33: 0.2e-3,
     34: 0.18e-3,
 }
-
-
 LONGEST_ID = 200
+
+
+def _possible(key: str) -> Any:
+    """Declare an SI field that may be left out, with the bounds of `study.fields.QUANTITIES`."""
+    return quantity(None, None, allowed(key).low, allowed(key).high)
 
 
 @dataclass(frozen=True)
@@ -43,10 +47,12 @@ class EyeInfo:
 
     id: str
     _: KW_ONLY
-    thickness_m: float | None = quantity(None, None, 100e-6, 3e-3)
-    iop_pa: float | None = quantity(None, None, 0.0, 15e3)
+    thickness_m: float | None = _possible("thickness_m")
+    iop_pa: float | None = _possible("iop_pa")
     globe: str | None = option(None, *GLOBES)
-    rigidity_pa13_per_m3: float | None = quantity(None, "mmhg13_per_ul", 1e-4, 1.0)
+    rigidity_pa13_per_m3: float | None = quantity(
+        None, "mmhg13_per_ul", allowed("rigidity").low, allowed("rigidity").high
+    )
     rigidity_law: str | None = option(None, *RIGIDITY_LAWS)
 
     def __post_init__(self) -> None:
@@ -68,8 +74,8 @@ class OctInfo:
     columns: int = required(low=16, high=16384)
     rows: int = required(low=16, high=16384)
     bits: int = required(low=1, high=16)
-    width_m: float = required(low=1e-5, high=0.1)
-    depth_m: float = required(low=1e-5, high=0.1)
+    width_m: float = required(low=allowed("width_m").low, high=allowed("width_m").high)
+    depth_m: float = required(low=allowed("depth_m").low, high=allowed("depth_m").high)
     plane_direction_rad: float | None = quantity(None, None, -6.3, 6.3)
     plane_tilt_rad: float = quantity(0.0, None, -1.0, 1.0)
     refractive_index: float = quantity(1.0, None, 1.0, 2.0)
@@ -83,8 +89,8 @@ class NeedleInfo:
     """The needle: gauge, distance of the B-scan plane from its axis, polar angle of the contact where known."""
 
     gauge: int = required(low=10, high=36)
-    slice_gap_m: float = required(low=0.0, high=10e-3)
-    polar_angle_rad: float | None = quantity(None, None, 0.0, 1.6)
+    slice_gap_m: float = required(low=allowed("gap_m").low, high=allowed("gap_m").high)
+    polar_angle_rad: float | None = _possible("polar_angle_rad")
 
     def __post_init__(self) -> None:
         check_fields(self)

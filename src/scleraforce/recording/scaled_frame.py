@@ -4,16 +4,15 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from scleraforce.errors import FrameError
+from scleraforce.errors import FrameError, StudyError
 from scleraforce.recording.files import read_info
 from scleraforce.recording.images import Pixels, check_frame, read_frame_image
 from scleraforce.recording.info import RecordingInfo
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.study.fields import check_quantity
 from scleraforce.units import from_si
 
-__all__ = ["LARGEST_M", "LEAST_M", "ScaledFrame", "Scanner", "Sourced", "read_scaled_frame", "recording_of"]
-
-LEAST_M, LARGEST_M = 1e-5, 0.1  # of a frame's width and depth, as in recording.toml
+__all__ = ["ScaledFrame", "Scanner", "Sourced", "read_scaled_frame", "recording_of"]
 
 
 @dataclass(frozen=True)
@@ -94,8 +93,12 @@ def read_scaled_frame(path: Path, told: Scanner, assumed: tuple[Scanner, str], t
         raise FrameError(
             f"{path}: how large it is stands neither in it nor in a recording.toml; give --width-mm and --depth-mm"
         )
-    _check_extent(path, "wide", "--width-mm", width)
-    _check_extent(path, "deep", "--depth-mm", depth)
+    for key, extent in (("width_mm", width), ("depth_mm", depth)):
+        try:
+            check_quantity(key, from_si(extent.value, "mm"))
+        except StudyError as fault:
+            option = f"--{key.replace('_', '-')}"
+            raise FrameError(f"{path}: {fault} (stated by: {extent.source}); give {option}") from None
     return ScaledFrame(pixels, width, depth, index or Sourced(1.0, "assumed"), info)
 
 
@@ -105,11 +108,3 @@ def _scanner(info: RecordingInfo | None) -> Scanner:
         if info
         else Scanner()
     )
-
-
-def _check_extent(path: Path, word: str, option: str, extent: Sourced) -> None:
-    if not LEAST_M <= extent.value <= LARGEST_M:
-        raise FrameError(
-            f"{path}: {from_si(extent.value, 'mm'):.4g} mm {word} ({extent.source}); no B-scan is: tell its size "
-            f"with {option}"
-        )

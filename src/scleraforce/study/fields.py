@@ -4,10 +4,10 @@ A record keeps SI; a field made by `quantity` knows the human unit of its TOML k
 `radius_mm` in the file, and its bounds are given and reported in that unit.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, Field, dataclass, field, fields
 from functools import cache
-from math import isfinite
+from math import isfinite, log
 from typing import Any
 
 from scleraforce.errors import StudyError
@@ -16,12 +16,16 @@ from scleraforce.units import SI_PER_UNIT, HumanUnit, from_si, to_si
 
 __all__ = [
     "NEEDLE_FORCE",
+    "QUANTITIES",
     "Unit",
+    "allowed",
     "check_fields",
     "check_number",
+    "check_quantity",
     "field_key",
     "field_unit",
     "map_numbers",
+    "meant",
     "option",
     "quantity",
     "required",
@@ -50,6 +54,26 @@ class Unit:
 PLAIN = Unit()  # of a field that declares none
 # Of a needle's force: what every force of a study may be at most, and more than a sclera bears before it is pierced.
 NEEDLE_FORCE = Unit("mn", low=0.0, high=1000.0)
+# What states an eye, its needle and its pictures, with the bounds of what can be, ex vivo and in life.
+# Options, keys of files and arguments of these names, in any unit, are checked against them (`allowed`).
+QUANTITIES: Mapping[str, Unit] = {
+    "thickness": Unit("um", low=100.0, high=3000.0),
+    "youngs_modulus": Unit("mpa", low=0.001, high=50.0),
+    "iop": Unit("mmhg", low=0.0, high=110.0),
+    "gap": Unit("mm", low=0.0, high=10.0),
+    "rigidity": Unit("mmhg13_per_ul", low=1e-4, high=1.0),
+    "polar_angle": Unit("deg", low=0.0, high=90.0),
+    "width": Unit("mm", low=0.01, high=100.0),
+    "depth": Unit("mm", low=0.01, high=100.0),
+    "force": NEEDLE_FORCE,
+}
+WIDEST = 1e-4  # of the largest value: where 0 is allowed, what is meant is no smaller
+# Units that are taken for one another, by the suffix of a key: each with its name and its size in SI.
+_METRES = {"um": ("µm", 1e-6), "mm": ("mm", 1e-3), "m": ("m", 1.0)}
+_PASCALS = {"pa": ("Pa", 1.0), "kpa": ("kPa", 1e3), "mpa": ("MPa", 1e6)}
+_NEWTONS = {"un": ("µN", 1e-6), "mn": ("mN", 1e-3), "n": ("N", 1.0)}
+_ANGLES = {"deg": ("°", SI_PER_UNIT["deg"][1]), "rad": ("rad", 1.0)}
+_MERCURY = {"mmhg": ("mmHg", SI_PER_UNIT["mmhg"][1])}
 
 
 def quantity(default: Any, unit: HumanUnit | None = None, low: float | None = None, high: float | None = None) -> Any:
@@ -132,6 +156,61 @@ def check_number(key: str, number: float, unit: Unit) -> None:
     if not isfinite(number):
         raise StudyError(f"{key}: {number} is not a finite number")
     if unit.low is not None and number < unit.low - slack:
-        raise StudyError(f"{key}: {number:g} is below the smallest allowed value {unit.low:g}")
+        raise StudyError(
+            f"{key}: {number:g} is below the smallest allowed value {unit.low:g}{meant(key, number, unit)}"
+        )
     if unit.high is not None and number > unit.high + slack:
-        raise StudyError(f"{key}: {number:g} is above the largest allowed value {unit.high:g}")
+        raise StudyError(
+            f"{key}: {number:g} is above the largest allowed value {unit.high:g}{meant(key, number, unit)}"
+        )
+
+
+def check_quantity(key: str, number: float) -> None:
+    """Check a number of `QUANTITIES`, in the unit of its key.
+
+    >>> check_quantity("thickness_um", 0.65)
+    Traceback (most recent call last):
+    scleraforce.errors.StudyError: thickness_um: 0.65 is below the smallest allowed value 100; did you mean 650 µm \
+(0.65 mm)?
+
+    Raises:
+        StudyError: it is no finite number, or none that the quantity can have.
+    """
+    check_number(key, number, allowed(key))
+
+
+def allowed(key: str) -> Unit:
+    """Return the bounds of one of `QUANTITIES` in the unit of a key; the key's own unit is not converted any more.
+
+    >>> allowed("thickness_m"), allowed("iop_mmhg").high
+    (Unit(name=None, low=0.0001, high=0.003, words=()), 110.0)
+    """
+    name = next(name for name in QUANTITIES if key == name or key.startswith(f"{name}_"))
+    spec, suffix = QUANTITIES[name], key[len(name) + 1 :]
+    assert spec.name is not None
+    if suffix in ("", spec.name):
+        return Unit(low=spec.low, high=spec.high)
+    assert suffix == SI_PER_UNIT[spec.name][0], f"{key}: give it in {spec.name} or SI"
+    assert spec.low is not None
+    assert spec.high is not None
+    return Unit(low=spec.to_si(spec.low), high=spec.to_si(spec.high))
+
+
+def meant(key: str, number: float, unit: Unit) -> str:
+    """Return "; did you mean ...?" where a number outside its bounds lies inside them in a unit that is often mixed up.
+
+    >>> meant("youngs_modulus_mpa", 300.0, allowed("youngs_modulus_mpa"))
+    '; did you mean 0.3 MPa (300 kPa)?'
+    """
+    suffix = key.rpartition("_")[2]
+    pressures = _MERCURY | _PASCALS if "iop" in key else _PASCALS
+    family = next((units for units in (_METRES, pressures, _NEWTONS, _ANGLES) if suffix in units), {})
+    if unit.high is None:
+        return ""
+    low, high = max(unit.low or 0.0, WIDEST * unit.high), unit.high
+    values = {name: number * size / family[suffix][1] for other, (name, size) in family.items() if other != suffix}
+    inside = {name: value for name, value in values.items() if low <= value <= high}
+    if not inside:
+        return ""
+    name = min(inside, key=lambda name: abs(log(inside[name] ** 2 / (low * high))))  # the middle is likeliest
+    return f"; did you mean {inside[name]:.4g} {family[suffix][0]} ({number:g} {name})?"

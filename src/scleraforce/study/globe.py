@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from scleraforce.study.fields import check_fields, option, quantity
+from scleraforce.study.fields import allowed, check_fields, option, quantity
 
 __all__ = ["GLOBES", "RIGIDITY_LAWS", "GlobeStudy"]
 
@@ -19,7 +19,7 @@ class GlobeStudy:
     """
 
     kind: str = option("open", *GLOBES)
-    rigidity_pa13_per_m3: float = quantity(0.03, "mmhg13_per_ul", 1e-4, 1.0)
+    rigidity_pa13_per_m3: float = quantity(0.03, "mmhg13_per_ul", allowed("rigidity").low, allowed("rigidity").high)
     rigidity_law: str = option("cube-root", *RIGIDITY_LAWS)
 
     def __post_init__(self) -> None:

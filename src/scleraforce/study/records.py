@@ -6,7 +6,7 @@ The defaults are the paper's study; `paper.toml` beside this file is the same, c
 from dataclasses import dataclass, field
 
 from scleraforce.errors import StudyError
-from scleraforce.study.fields import check_fields, option, quantity
+from scleraforce.study.fields import allowed, check_fields, option, quantity
 from scleraforce.study.form import FormStudy
 from scleraforce.study.globe import GlobeStudy
 from scleraforce.study.library import LibraryStudy
@@ -45,7 +45,7 @@ class EyeStudy:
     density_kg_m3: float = quantity(1100.0, None, 0.0, 5000.0)
     iop_pa: float = quantity(2.0, "mmhg", 0.0, 80.0)
     thickness_m: Sampled = quantity(Choice((400.0, 500.0, 600.0, 700.0, 800.0)), "um", 300.0, 1200.0)
-    youngs_modulus_pa: float = quantity(0.25, "mpa", 0.001, 100.0)
+    youngs_modulus_pa: float = quantity(0.25, "mpa", allowed("youngs_modulus").low, allowed("youngs_modulus").high)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -146,7 +146,7 @@ class ClassesStudy:
 class CalibrationStudy:
     """The reduced-order unscented Kalman filter (paper sec. 2.2, 3.2); `docs/calibration.md` explains each value."""
 
-    prior_mean_pa: float = quantity(0.49, "mpa", 0.001, 100.0)
+    prior_mean_pa: float = quantity(0.49, "mpa", allowed("youngs_modulus").low, allowed("youngs_modulus").high)
     prior_sd_pa: float = quantity(0.34, "mpa", 0.0001, 100.0)
     points: int = quantity(10, None, 2, 200)
     span_m: float = quantity(4.0, "mm", 0.5, 20.0)

@@ -6,14 +6,15 @@ from typing import Any, TypeVar
 
 import click
 
+from scleraforce.cli.quantities import Possible
 from scleraforce.study.globe import GLOBES
 
 __all__ = ["AXIS", "BITS", "GAP", "GAUGE", "INDEX", "LENGTH", "RATE", "SIGN", "answer_options"]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-LENGTH, GAP = click.FloatRange(0.01, 100.0), click.FloatRange(0.0, 10.0)
-THICKNESS, IOP = click.FloatRange(100.0, 3000.0), click.FloatRange(0.0, 110.0)
+LENGTH, GAP = Possible("width_mm"), Possible("gap_mm")
+THICKNESS, IOP = Possible("thickness_um"), Possible("iop_mmhg")
 INDEX, RATE = click.FloatRange(1.0, 2.0), click.FloatRange(1e-3, 1e6)
 BITS, GAUGE = click.IntRange(8, 16), click.IntRange(10, 36)
 AXIS, SIGN = click.Choice(["fx", "fy", "fz"]), click.Choice(["1", "-1"])
@@ -49,7 +50,7 @@ OPTIONS = (
                  "default."),
     click.option("--gauge", type=GAUGE, help="Gauge of the needle."),
     click.option("--gap-mm", type=GAP, help="B-scan plane to needle axis."),
-    click.option("--polar-angle-deg", type=click.FloatRange(0.0, 90.0), help="Contact, from the pole, where it is "
+    click.option("--polar-angle-deg", type=Possible("polar_angle_deg"), help="Contact, from the pole, where it is "
                  "known."),
 )  # fmt: skip
 

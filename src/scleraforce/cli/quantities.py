@@ -1,0 +1,30 @@
+"""The type of an option that states a quantity of an eye: a number with the bounds of `study.fields.QUANTITIES`."""
+
+import click
+
+from scleraforce.errors import StudyError
+from scleraforce.study.fields import allowed, check_quantity
+
+__all__ = ["Possible"]
+
+
+class Possible(click.FloatRange):
+    """A number that a quantity can have, in the unit of its key; another one is refused with what may have been meant.
+
+    >>> Possible("thickness_um").convert("650", None, None)
+    650.0
+    """
+
+    def __init__(self, key: str) -> None:
+        bounds = allowed(key)
+        super().__init__(bounds.low, bounds.high)
+        self._key = key
+
+    def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number."""
+        number = float(click.FLOAT.convert(value, param, ctx))
+        try:
+            check_quantity(self._key, number)
+        except StudyError as fault:
+            self.fail(str(fault).partition(": ")[2], param, ctx)
+        return number
