@@ -127,6 +127,18 @@ def test_a_thing_of_a_shipped_name_is_shown_itself(things: Path, tmp_path: Path,
     assert capsys.readouterr().out.startswith("default: recording")
 
 
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [("default", "the network alone"), ("paper", "simulated slices"), ("wall-finder", "drawn scenes")],
+)
+def test_what_the_figures_of_a_training_are_of_is_said_before_them(model: str, words: str, capsys: Captured) -> None:
+    assert run(["show", model]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    said = text.index("figures below are of")
+    assert words in text[said : said + 60]
+    assert said < min(text.find(name) % len(text) for name in ("mean error", "validation accuracy", "overlap"))
+
+
 def test_the_frames_of_a_recording_have_their_forces(things: Path, capsys: Captured) -> None:
     run(["show", str(things / "eye"), "--json"])
     frames = json.loads(capsys.readouterr().out)["frames"]

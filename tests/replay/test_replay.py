@@ -14,6 +14,7 @@ from fake_monitor import FakeMonitor, fake_monitor
 from small_recording import write_small_recording
 
 from scleraforce.cli.main import run
+from scleraforce.cli.replay import _Show, _when
 from scleraforce.errors import FrameError
 from scleraforce.openigtlink import Image, Received, Sensor, Status
 from scleraforce.recording.files import read_recording
@@ -21,6 +22,7 @@ from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.player import STATED_S, Player
 from scleraforce.replay.scanner_client import ScannerClient
 from scleraforce.service.scanner_image import FrameAssembler
+from scleraforce.service.telling import STATUS_DEVICE
 
 
 def images(monitor: FakeMonitor) -> list[Received]:
@@ -158,6 +160,22 @@ def test_text_has_a_line_for_each_change_and_a_summary(tmp_path, capsys) -> None
     assert lines[-1].startswith("withdrawal at frame 12 (0011.png), ")
     said = "BOUND: WITHDRAW: up to 31 mN; read 1.5 mN (0.5 to 2.5 mN); true force 11.0 mN"
     assert lines[-1].endswith(f"after it was sent: {said}")
+
+
+def test_a_withdrawal_from_before_the_first_frame_is_said_to_be_one(tmp_path) -> None:
+    recording = read_recording(write_small_recording(tmp_path / "rec", frames=5))
+    log = AnswerLog()
+    log.hear(0.0, STATUS_DEVICE, Status(3, 102, "BOUND", "WITHDRAW: up to 31 mN; reset to go on"))
+    record = _Show(recording, log, None, quiet=True)._change_record(log.first_doubt(0.0, (3,)))
+    assert (record["frame"], record["file"]) == (None, None)
+    assert _when(record) == "before the first frame was sent: the monitor was in withdrawal already"
+
+
+def test_a_withdrawal_that_answers_no_frame_is_after_the_last_one_that_was_sent() -> None:
+    change = {"frame": 7, "file": "0006.png", "answers_frame": False}
+    assert _when(change) == "after frame 7 (0006.png)"
+    assert _when({**change, "answers_frame": True}) == "at frame 7 (0006.png)"
+    assert _when({**change, "file": None}) == "after frame 7"
 
 
 def test_a_terminal_shows_a_live_line_that_the_summary_replaces(tmp_path, capsys, monkeypatch) -> None:

@@ -285,6 +285,18 @@ class _Show:
         }
 
 
+def _when(change: Mapping[str, Any]) -> str:
+    """Return when a change came: as the answer to a frame, after one that was sent, or before any.
+
+    >>> _when({"frame": None, "file": None, "answers_frame": False, "at_s": 0.0})
+    'before the first frame was sent: the monitor was in withdrawal already'
+    """
+    if change["frame"] is None:
+        return "before the first frame was sent: the monitor was in withdrawal already"
+    file = f" ({change['file']})" if change["file"] else ""
+    return f"{'at' if change['answers_frame'] else 'after'} frame {change['frame']}{file}"
+
+
 def _summary_lines(result: Mapping[str, Any]) -> list[str]:
     """Return a summary as lines of text."""
     overtaken = f", {result['frames_overtaken']} overtaken" if result["frames_overtaken"] else ""
@@ -301,8 +313,7 @@ def _summary_lines(result: Mapping[str, Any]) -> list[str]:
         read += "" if found["interval_mn"] is None else " ({:.1f} to {:.1f} mN)".format(*found["interval_mn"])
         force = "" if found["true_force_mn"] is None else f"; true force {found['true_force_mn']:.1f} mN"
         after = "" if found["after_ms"] is None else f", {found['after_ms']:.2f} ms after it was sent"
-        lines += [f"withdrawal at frame {found['frame']} ({found['file']}){after}: {found['cause']}: "
-                  f"{found['message']}{read}{force}"]  # fmt: skip
+        lines += [f"withdrawal {_when(found)}{after}: {found['cause'] or 'no cause'}: {found['message']}{read}{force}"]
     if (fault := result["fault"]) is not None:
         said = f"the robot withdraws {fault['delay_ms']:.1f} ms later" if fault["withdraws"] else "the robot goes on"
         lines += [f"fault {fault['name']} at {fault['at_s']:.3f} s: {said}: {fault['cause'] or fault['message']}"]

@@ -20,6 +20,15 @@ TITLES = {
     "coverage": "intervals that hold",
     "dice_mean": "overlap (Dice)",
 }
+# What the metrics of a training are of: of a reader, other figures than those of recordings, which README and
+# docs/figures.md have.
+MEASURED_ON = {
+    "reader": "the network alone, on simulated slices with values that are missing or wrong; not what it does on "
+              "recordings of calibrated eyes, where {default} answers (docs/figures.md)",
+    "raw-reader": "simulated frames with values that are missing or wrong",
+    "classifier": "simulated slices that it was not trained on",
+    "wall-finder": "drawn scenes that it was not trained on",
+}  # fmt: skip
 MADE_WITH = ("scleraforce", "python", "numpy", "torch", "onnx")
 
 
@@ -36,6 +45,7 @@ def show_model(path: Path) -> Thing:
     rows = [
         ("kind", f"{record['kind']}{_default(record)}"),
         ("training", ", ".join(f"{count} {name}" for name, count in _amounts(record))),
+        ("figures below are of", MEASURED_ON[record["kind"]].format(default=f"its {record.get('default')}")),
         *((TITLES.get(name, name.replace("_", " ")), f"{value:.4g}") for name, value in metrics.items()
           if isinstance(value, int | float)),
         ("intervals", _intervals(record)),
