@@ -24,14 +24,16 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.calibration.forces import QUIET_S, REST_SD_N, ZERO_PRIOR, rest_zeros, zero_line
+from scleraforce.calibration.forces import REST_SD_N, ZERO_PRIOR, rest_zeros, zero_line
 from scleraforce.recording.files import Recording
-from scleraforce.recording.labels import BLOCK_S, Trial, contact_force, low_pass, tare_samples
+from scleraforce.recording.labels import Trial, contact_force, low_pass, tare_samples
 
 __all__ = ["label_sds"]
 
 Array = NDArray[np.float64]
 
+REST_S = 1.0  # that `REST_SD_N` is of
+MEAN_S = 0.1  # of the means that the noise is taken from
 LEAST_SPAN_S = 1.0  # about a frame, that a parabola is laid through
 TERMS = 3  # of the parabola
 MOST_FRAMES = 200  # of which the noise is taken
@@ -40,7 +42,7 @@ SURE = 2.0  # standard errors, beyond which motion counts
 LEAST_SCALE = 1e-3  # of the noise over that of the zero's line: a log without noise is none of a sensor
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Around:
     """The log about one frame: `density` of its noise, N^2 s (NaN where there are too few samples), and `motion_n`.
 
@@ -64,15 +66,17 @@ def label_sds(recording: Recording, trials: Sequence[Trial]) -> tuple[float | No
     labelled = [trial for trial in trials if trial.measured_force_n is not None]
     if log is None or info is None or not labelled:
         return tuple(None for _ in trials)
-    raw_n, contact_n = info.contact_sign * log.force_n(info.axis), contact_force(log, info)
+    every_n = info.contact_sign * log.force_n(info.axis)
+    there = np.isfinite(every_n)
+    log_s, raw_n, contact_n = log.time_s[there], every_n[there], contact_force(log, info)[there]
     frames_s = np.array([trial.time_s for trial in labelled])
     frames_n = np.array([trial.measured_force_n for trial in labelled])
-    around = [_around(log.time_s, raw_n, time_s, info.average_s) for time_s in frames_s]
+    around = [_around(log_s, raw_n, time_s, info.average_s) for time_s in frames_s]
     density = _density(around[:: max(len(around) // MOST_FRAMES, 1)], raw_n, log.sample_rate_hz)
-    scale = max(sqrt(density / QUIET_S) / REST_SD_N, LEAST_SCALE)
-    rests_s, rests_n = rest_zeros(contact_n, log.time_s, frames_s, frames_n)
+    scale = max(sqrt(density / REST_S) / REST_SD_N, LEAST_SCALE)
+    rests_s, rests_n = rest_zeros(contact_n, log_s, frames_s, frames_n)
     line, covariance = zero_line(rests_s / scale, rests_n / scale)  # times, too: the prior of the drift stays
-    at_frame = np.stack([np.ones_like(frames_s), (frames_s - log.time_s[0]) / scale], axis=1)
+    at_frame = np.stack([np.ones_like(frames_s), (frames_s - log_s[0]) / scale], axis=1)
     zero = scale**2 * ((at_frame @ line) ** 2 + np.einsum("fi,ij,fj->f", at_frame, covariance, at_frame))
     tare_s = tare_samples(raw_n, log.sample_rate_hz) / log.sample_rate_hz
     tare = max(density / tare_s - scale**2 * float(ZERO_PRIOR[0, 0]), 0.0)
@@ -88,13 +92,11 @@ def _around(log_s: Array, raw_n: Array, time_s: float, average_s: float) -> _Aro
     half_s = max(average_s, LEAST_SPAN_S) / 2
     start, stop = np.searchsorted(log_s, [time_s - half_s, time_s + half_s])
     since_s, force_n = log_s[start:stop] - time_s, raw_n[start:stop]
-    there = np.isfinite(force_n)
-    since_s, force_n = since_s[there], force_n[there]
-    block = np.floor((since_s + half_s) / BLOCK_S).astype(np.intp)
+    block = np.floor((since_s + half_s) / MEAN_S).astype(np.intp)
     count = np.bincount(block)
     full = count > 0.5 * np.median(count[count > 0]) if len(count) else np.zeros(0, dtype=np.bool_)
     if full.sum() <= TERMS:
-        return _Around(np.nan, 0.0, 0.0)
+        return _Around(density=np.nan, motion_n=0.0, motion_gain=0.0)
     mean_s, mean_n = (np.bincount(block, weights=values)[full] / count[full] for values in (since_s, force_n))
     design = np.stack([np.ones_like(mean_s), mean_s, mean_s**2], axis=1)
     inverse = np.linalg.inv(design.T @ design)
@@ -105,9 +107,9 @@ def _around(log_s: Array, raw_n: Array, time_s: float, average_s: float) -> _Aro
     window_s = since_s[np.abs(since_s) <= average_s / 2]
     off = np.array([0.0, window_s.mean(), (window_s**2).mean()]) if len(window_s) else np.zeros(TERMS)
     return _Around(
-        density=BLOCK_S * float(rest @ rest) / freedom / median,
+        density=MEAN_S * float(rest @ rest) / freedom / median,
         motion_n=float(off @ parabola),
-        motion_gain=sqrt(float(off @ inverse @ off) / BLOCK_S),
+        motion_gain=sqrt(float(off @ inverse @ off) / MEAN_S),
     )
 
 
@@ -133,12 +135,12 @@ def _energy(average_s: float, rate_hz: float) -> float:
 def _sample_variance(raw_n: Array) -> float:
     """Return the variance of a sample's noise, N^2, from the differences of neighbours."""
     steps_n = np.abs(np.diff(raw_n))
-    return float(np.nanmean(steps_n) ** 2 * pi / 4.0)
+    return float(steps_n.mean() ** 2 * pi / 4.0)
 
 
 def _quantisation(raw_n: Array) -> float:
     """Return the variance of the bias that the log's steps leave, N^2 (see above)."""
-    levels_n = np.unique(raw_n[np.isfinite(raw_n)])
+    levels_n = np.unique(raw_n)
     if len(levels_n) < 2:
         return 0.0
     step_n = float(np.diff(levels_n).min())
