@@ -22,9 +22,11 @@ class Possible(click.FloatRange):
 
     def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """Return the number."""
-        number = float(click.FLOAT.convert(value, param, ctx))
         try:
+            number = float(value)
             check_quantity(self._key, number)
+        except ValueError:
+            self.fail(f"{value!r} is not a valid float.", param, ctx)
         except StudyError as fault:
             self.fail(str(fault).partition(": ")[2], param, ctx)
         return number
