@@ -234,7 +234,7 @@ class _Show:
         return {
             "recording": str(self._recording.path),
             "monitor": player.client.address,
-            "duration_s": self._time_s(monotonic()),
+            "duration_s": self._time_s(player.client.clock()),
             "frames_sent": log.frames_sent,
             "frames_answered": len(latencies_ms),
             "frames_overtaken": log.reading.get("overtaken"),

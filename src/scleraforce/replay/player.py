@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from heapq import merge
 from itertools import islice, pairwise
 from math import ceil
-from time import monotonic, time
+from time import time
 
 import numpy as np
 
@@ -38,7 +38,7 @@ class Timed:
 
 
 class Player:
-    """Plays a recording through an open client; keeps time by the monotonic clock, so that no delay adds up.
+    """Plays a recording through an open client; keeps time by the client's clock, so that no delay adds up.
 
     Args:
         recording: what is played.
@@ -85,7 +85,7 @@ class Player:
         for timed in merge(self.frames(entries), forces):
             self.send(timed)
         if stop_s == float("inf"):
-            self.client.listen(monotonic() + ANSWER_S, lambda: self.log.answered == self.last)
+            self.client.listen(self.client.clock() + ANSWER_S, lambda: self.log.answered == self.last)
             self._watch()
 
     def step(self, asked: Callable[[FrameEntry], bool]) -> None:
@@ -98,9 +98,9 @@ class Player:
         for entry, timed in zip(self.recording.frames, self.frames(self.recording.frames), strict=True):
             if not asked(entry):
                 return
-            self.client.listen(monotonic())
+            self.client.listen(self.client.clock())
             self._put(timed, time())
-            self.client.listen(monotonic() + ANSWER_S, lambda: self.log.answered == self.last)
+            self.client.listen(self.client.clock() + ANSWER_S, lambda: self.log.answered == self.last)
             self._watch()
 
     def send(self, timed: Timed) -> float:
@@ -114,7 +114,7 @@ class Player:
             time_s, went_s = self._frame_went
             earliest_s = max(due_s, went_s + (timed.time_s - time_s) / self.speed / 2)
         self.client.listen(earliest_s)
-        late_s = max(0.0, monotonic() - due_s)
+        late_s = max(0.0, self.client.clock() - due_s)
         self.latest_s = max(self.latest_s, late_s)
         sent_s = self._put(timed, stamp_s + max(0.0, late_s - STATED_S))
         if timed.number:
@@ -122,12 +122,12 @@ class Player:
         return sent_s
 
     def due(self, time_s: float) -> tuple[float, float]:
-        """Return when a time of the recording is due, on the monotonic clock and since 1970; the first one is now."""
+        """Return when a time of the recording is due, on the client's clock and since 1970; the first one is now."""
         if self._begun is None:
-            self._begun = time_s, monotonic(), time()
-        first_s, monotonic_s, wall_s = self._begun
+            self._begun = time_s, self.client.clock(), time()
+        first_s, begun_s, wall_s = self._begun
         passed_s = (time_s - first_s) / self.speed
-        return monotonic_s + passed_s, wall_s + passed_s
+        return begun_s + passed_s, wall_s + passed_s
 
     def _put(self, timed: Timed, stamp_s: float) -> float:
         sent_s = self.client.send(timed.message.stamped(stamp_s))
