@@ -48,6 +48,7 @@ class Player:
         version: of the headers, 1 to 3.
         ahead: frames that are read before they are due, and before the first one goes out.
         watch: called after each message.
+        wall_clock: s since 1970, of the headers.
 
     Attributes:
         forces_sent: how many samples of the force log were sent.
@@ -65,11 +66,12 @@ class Player:
         version: int = 1,
         ahead: int = AHEAD,
         watch: Callable[[], object] = lambda: None,
+        wall_clock: Callable[[], float] = time,
     ) -> None:
         self.recording, self.client, self.log = recording, client, log
         self.speed, self.version, self.ahead = speed, version, ahead
         self.forces_sent, self.latest_s, self.last = 0, 0.0, 0
-        self._watch = watch
+        self._watch, self._wall_clock = watch, wall_clock
         self._begun: tuple[float, float, float] | None = None
         self._frame_went: tuple[float, float] | None = None
 
@@ -99,7 +101,7 @@ class Player:
             if not asked(entry):
                 return
             self.client.listen(self.client.clock())
-            self._put(timed, time())
+            self._put(timed, self._wall_clock())
             self.client.listen(self.client.clock() + ANSWER_S, lambda: self.log.answered == self.last)
             self._watch()
 
@@ -124,7 +126,7 @@ class Player:
     def due(self, time_s: float) -> tuple[float, float]:
         """Return when a time of the recording is due, on the client's clock and since 1970; the first one is now."""
         if self._begun is None:
-            self._begun = time_s, self.client.clock(), time()
+            self._begun = time_s, self.client.clock(), self._wall_clock()
         first_s, begun_s, wall_s = self._begun
         passed_s = (time_s - first_s) / self.speed
         return begun_s + passed_s, wall_s + passed_s
