@@ -182,7 +182,7 @@ def _answered(path: Path, answer: "Answer") -> dict[str, Any]:
         "interval_mn": None if answer.interval_n is None else [from_si(end, "mn") for end in answer.interval_n],
         "contact_mm": from_si(answer.contact_m, "mm"),
         "pressure_pa": answer.iop_at_dent_pa,
-        "iop_at_dent_mmhg": from_si(answer.iop_at_dent_pa, "mmhg"),
+        "pressure_mmhg": from_si(answer.iop_at_dent_pa, "mmhg"),
         "needle": needle_entry(answer.needle),
         "conjunctiva_um": from_si(answer.conjunctiva_m, "um"),
         "usable": answer.usable,
