@@ -128,7 +128,7 @@ def _read(reader: "Reader", path: Path, told: "Scanner", known: "Known", transpo
     except ValueError as fault:
         raise FrameError(f"{path}: {fault}") from fault
     place = recording_of(path) or path
-    limits = () if frame.info is None else reader.limits(used, frame.info.oct)
+    limits = () if frame.info is None else reader.limits(used, frame.info.oct, frame.info.needle.gauge)
     return _FrameRead(
         answer,
         {"scale": scale_entry(frame), "known": known_entry(known, stated)},

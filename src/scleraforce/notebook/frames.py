@@ -195,7 +195,7 @@ def read(
     elif eye is not None:
         raise InputError(f"eye: {eye!r} names an eye of a calibration; give the calibration, too")
     if seen.info is not None:
-        warnings += (f"{seen.place}: {limit}" for limit in model.limits(known, seen.info.oct))
+        warnings += (f"{seen.place}: {limit}" for limit in model.limits(known, seen.info.oct, seen.info.needle.gauge))
     try:
         answer = model.read(seen.pixels, seen.scale, known)
     except ValueError as fault:

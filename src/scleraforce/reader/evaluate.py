@@ -15,6 +15,7 @@ from scleraforce.reader.evaluation import Evaluation, FrameAnswer
 from scleraforce.reader.reader import Reader
 from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, read_recording
+from scleraforce.recording.info import RecordingInfo
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.units import from_si
@@ -105,15 +106,16 @@ def _notes(
             f"{from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa; {summary.path} only marks frames"
         )
     for path, recording in zip(paths, recordings, strict=True):
-        yield from _limits(reader, path, recording)
+        yield from _limits(reader, path, recording, summary)
         foreign = _foreign(reader, recording, summary)
         if foreign:
             yield f"{path}: {foreign}"
 
 
-def _limits(reader: Reader, path: Path, recording: Recording) -> Iterator[str]:
+def _limits(reader: Reader, path: Path, recording: Recording, summary: CalibrationSummary | None) -> Iterator[str]:
     """Say what of a recording the model's training did not cover, and where its frames cannot be scored."""
-    for sentence in reader.limits(known_of_recording(recording.info), recording.info.oct):
+    info = recording.info
+    for sentence in reader.limits(_known(info, summary), info.oct, info.needle.gauge):
         yield f"{path}: {sentence}"
     if recording.forces is None:
         yield f"{path}: no forces.csv: its frames are read, but not scored"
@@ -136,9 +138,7 @@ def _answers(
     """Answer each frame of a recording, in its order."""
     study, eye = reader.study, recording.info.eye.id
     scale = PixelScale.of(recording.info.oct)
-    known = known_of_recording(recording.info)
-    if summary is not None:
-        known = known_of_eye(known, summary, eye)
+    known = _known(recording.info, summary)
     modulus_pa, source = _modulus(reader, known)
     digests = frozenset[str]() if summary is None else summary.digests
     doubts = FOREIGN if _foreign(reader, recording, summary) else ()
@@ -160,6 +160,12 @@ def _answers(
         )
         if progress:
             progress(1)
+
+
+def _known(info: RecordingInfo, summary: CalibrationSummary | None) -> Known:
+    """Return what a recording and a calibration say of its eye."""
+    known = known_of_recording(info)
+    return known if summary is None else known_of_eye(known, summary, info.eye.id)
 
 
 def _modulus(reader: Reader, known: Known) -> tuple[float | None, str | None]:

@@ -8,7 +8,9 @@ import click
 
 from scleraforce.study.globe import GLOBES
 
-__all__ = ["AXIS", "BITS", "GAP", "GAUGE", "INDEX", "LENGTH", "RATE", "SIGN", "answer_options"]
+__all__ = [
+    "AXIS", "BITS", "GAP", "GAUGE", "INDEX", "LENGTH", "RATE", "SIGN", "THICKNESS", "answer_options",
+]  # fmt: skip
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 

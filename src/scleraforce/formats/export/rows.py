@@ -130,7 +130,7 @@ def csv_text(rows: Iterable[Mapping[str, Any]]) -> str:
     filled = {name for row in flattened for name, value in row.items() if value is not None}
     # What is null in one row and an object in another has the object's columns only.
     names = [name for name in every if name in filled or not any(other.startswith(f"{name}_") for other in every)]
-    return "".join(map(_line, [names, *([row.get(name) for name in names] for row in flattened)]))
+    return _line(names) + "".join(_line(row.get(name) for name in names) for row in flattened)
 
 
 def _line(cells: Iterable[Any]) -> str:

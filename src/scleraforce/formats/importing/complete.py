@@ -18,7 +18,7 @@ from scleraforce.recording.scaled_frame import Sourced
 from scleraforce.units import from_si, to_si
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from scleraforce.recording.tables import ForceLog
 
@@ -59,9 +59,18 @@ class Complete:
     info: RecordingInfo
     sources: dict[str, str]
 
+    def with_notes(self, notes: "Sequence[str]") -> "Complete":
+        """Return the same with further notes."""
+        return replace(self, gathered=replace(self.gathered, notes=(*self.gathered.notes, *notes)))
+
 
 def complete(
-    gathered: Gathered, greys: Greys, answers: ImportAnswers, origins: "Mapping[str, str]", asker: Asker
+    gathered: Gathered,
+    greys: Greys,
+    answers: ImportAnswers,
+    origins: "Mapping[str, str]",
+    asker: Asker,
+    measured: "Callable[[OctInfo], float | None]",
 ) -> Complete:
     """Bring together what was told, what sources state and what another recording has, and ask for the rest.
 
@@ -71,6 +80,7 @@ def complete(
         answers: what was told.
         origins: who told it, by the names of the answers; another recording gives way to what the sources state.
         asker: who is asked.
+        measured: returns the wall's thickness as the frames show it, um, at the scale of the recording.
 
     Raises:
         InputError: something stays open, an option has nothing to act on, or a value is none that a recording may have.
@@ -86,11 +96,63 @@ def complete(
     }
     known = stated | known
     questions = {name: question for name, question in QUESTIONS.items() if name in needed - set(known)}
-    known |= {name: (value, ANSWER) for name, value in asker.missing(questions).items()}
+    if "bits" in questions:
+        questions["bits"] = replace(questions["bits"], fault=greys.wider_than)
+    while True:
+        answered = {name: (value, ANSWER) for name, value in asker.missing(questions).items()}
+        try:
+            done = _completed(gathered, greys, answers, times, stated, known | answered)
+            break
+        except InputError as fault:
+            if not questions:
+                raise
+            asker.again(fault)
+    return _with_thickness(done, answers, origins, asker, measured)
+
+
+def _with_thickness(
+    done: Complete,
+    answers: ImportAnswers,
+    origins: "Mapping[str, str]",
+    asker: Asker,
+    measured: "Callable[[OctInfo], float | None]",
+) -> Complete:
+    """Ask for the wall's thickness where nobody has told it; say what it costs where it stays open."""
+    name, value = "thickness_um", answers.thickness_um
+    if value is not None:
+        return replace(done, sources=done.sources | {name: origins.get(name, ANSWER)})
+    found: list[float | None] = []
+
+    def offered() -> float | None:
+        found.append(measured(done.info.oct))
+        return found[-1]
+
+    value = asker.missing({name: replace(QUESTIONS[name], offered=offered)}).get(name)
+    if value is None:
+        note = "the wall's thickness is not stated: `calibrate` needs it, and readings are less sure (--thickness-um)"
+        return done.with_notes([note])
+    info = replace(done.info, eye=replace(done.info.eye, thickness_m=to_si(value, "um")))
+    source = "measured on the first frames" if value in found else ANSWER
+    return replace(done, info=info, sources=done.sources | {name: source})
+
+
+def _completed(
+    gathered: Gathered,
+    greys: Greys,
+    answers: ImportAnswers,
+    times: Times | None,
+    stated: dict[str, tuple[Any, str]],
+    known: dict[str, tuple[Any, str]],
+) -> Complete:
+    """Bring together what is known, each value with who states it.
+
+    Raises:
+        InputError: a value is none that a recording may have, or does not go with the others.
+    """
     values = {name: value for name, (value, _) in known.items()}
     info = _info(gathered, answers, values)
-    if not greys.fit(info.oct.bits):
-        raise InputError(f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; --bits says {info.oct.bits}")
+    if fault := greys.wider_than(info.oct.bits):
+        raise InputError(f"{gathered.scan.names[0]}: --bits: {fault}")
     if times is None:
         rate_hz = values.get("rate_hz")
         times = told_times(gathered.scan, None, rate_hz) if rate_hz else Times(np.zeros(1), "a single frame")
@@ -102,8 +164,7 @@ def complete(
     check_overlap(moved, log)
     sources = {name: known[name][1] for name in QUESTIONS if name in known} | {"times": times.source}
     doubts = (*_other_scales(stated, known), *_outside(moved, log))
-    gathered = replace(gathered, notes=(*gathered.notes, *doubts))
-    return Complete(gathered, moved, log, origin_s, info, sources)
+    return Complete(gathered, moved, log, origin_s, info, sources).with_notes(doubts)
 
 
 def _check_used(gathered: Gathered, origins: "Mapping[str, str]") -> None:

@@ -1,0 +1,15 @@
+"""README's box of what the reader that ships reads is of today's model, and a page without the box's place is refused."""
+
+import pytest
+from reading_ranges import README, box, boxed
+
+
+def test_the_box_is_of_the_reader_that_ships() -> None:
+    text = README.read_text(encoding="utf-8")
+    assert box() in text, "run `make ranges`"
+    assert boxed(text) == text
+
+
+def test_a_page_without_the_marks_is_refused() -> None:
+    with pytest.raises(ValueError, match="the marks"):
+        boxed("# a page\n")
