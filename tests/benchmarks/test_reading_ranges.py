@@ -1,6 +1,7 @@
-"""README's box of what the reader that ships reads is of today's model, and a page without the box's place is refused."""
+"""README's box of ranges is of the reader that ships; a page without the place of the box is refused."""
 
 import pytest
+
 from reading_ranges import README, box, boxed
 
 

@@ -29,10 +29,9 @@ class Greys:
     scaled: bool
     lost: int = 0
 
-    def wider_than(self, bits: int) -> str | None:
-        """Return why a number of bits does not hold the counts, None where it does."""
-        top = TOP if self.scaled else self.high - self.low
-        return None if top < 1 << bits else f"{bits} bits do not hold pixels up to {top:g}"
+    def fit(self, bits: int) -> bool:
+        """Return whether so many bits hold the counts."""
+        return (TOP if self.scaled else self.high - self.low) < 1 << bits
 
     def counts(self, picture: NDArray[Any]) -> NDArray[np.uint16]:
         """Return a picture (row, column) as counts, row after row in memory."""

@@ -97,7 +97,8 @@ def complete(
     known = stated | known
     questions = {name: question for name, question in QUESTIONS.items() if name in needed - set(known)}
     if "bits" in questions:
-        questions["bits"] = replace(questions["bits"], fault=greys.wider_than)
+        few = f"pixels are up to {greys.high - greys.low:g}, which needs more bits"
+        questions["bits"] = replace(questions["bits"], fault=lambda bits: None if greys.fit(bits) else few)
     while True:
         answered = {name: (value, ANSWER) for name, value in asker.missing(questions).items()}
         try:
@@ -151,8 +152,8 @@ def _completed(
     """
     values = {name: value for name, (value, _) in known.items()}
     info = _info(gathered, answers, values)
-    if fault := greys.wider_than(info.oct.bits):
-        raise InputError(f"{gathered.scan.names[0]}: --bits: {fault}")
+    if not greys.fit(info.oct.bits):
+        raise InputError(f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; --bits says {info.oct.bits}")
     if times is None:
         rate_hz = values.get("rate_hz")
         times = told_times(gathered.scan, None, rate_hz) if rate_hz else Times(np.zeros(1), "a single frame")
