@@ -103,4 +103,4 @@ clean:  ## remove .venv and what the tools left; out/ stays
 .venv/installed: .venv/locked pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
 
-.PHONY: help install reproduce test slow lint bench figures stale trace wall-finder model paper dist sbom size wheels lock clean docs gallery
+.PHONY: help install reproduce test slow lint bench figures stale trace ranges wall-finder model paper dist sbom size wheels lock clean docs gallery
