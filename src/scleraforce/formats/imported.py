@@ -19,7 +19,7 @@ from scleraforce.recording.writing import RecordingWriter
 __all__ = ["folder_when_whole", "frame_files", "write_frames", "write_log", "written"]
 
 
-PLAIN_NAME = re.compile(r"[\w.+-]+", re.ASCII)  # of a frame's file, without its ending
+PLAIN_NAME = re.compile(r"\w[\w.+-]*", re.ASCII)  # of a frame's file, without its ending; no formula in a spreadsheet
 
 
 @contextmanager
@@ -49,6 +49,8 @@ def frame_files(names: Sequence[str]) -> list[str]:
 
     >>> frame_files(["scans/a.png", "scans/b.jpg"]), frame_files(["volume.nii[0]", "volume.nii[1]"])
     (['a.png', 'b.png'], ['0001.png', '0002.png'])
+    >>> frame_files(["scans/-1.png", "scans/+2.png"])
+    ['0001.png', '0002.png']
     """
     stems = [PurePath(name).stem for name in names]
     own = len(set(stems)) == len(stems) and all(PLAIN_NAME.fullmatch(stem) for stem in stems)
