@@ -16,10 +16,10 @@ HEAD_BYTES = 512
 TIFF_MARKS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 MATROSKA, SQLITE, MCAP = b"\x1a\x45\xdf\xa3", b"SQLite format 3\0", b"\x89MCAP0\r\n"
 NIFTI_NAMES = (".nii", ".nii.gz", ".hdr", ".img")
-TEXT_NAMES = (".csv", ".txt", ".tsv", ".log", ".dat")
+TEXT_NAMES = (".csv", ".txt", ".tsv", ".log", ".dat", ".lvm")
 KINDS = (
     "PNG, JPEG, TIFF, DICOM, NumPy (.npy, .npz), NIfTI, MetaImage (.mha, .mhd), NRRD, films (AVI, MP4, MOV, MKV), "
-    "ROS bags (.bag, .db3, .mcap), Thorlabs .oct, force logs (.csv, .txt)"
+    "ROS bags (.bag, .db3, .mcap), Thorlabs .oct, force logs (.csv, .txt, .lvm)"
 )
 
 

@@ -171,8 +171,8 @@ def _outside(times: Times, log: "ForceLog | None") -> list[str]:
     if log is None:
         return []
     count = int(np.count_nonzero((times.time_s < log.time_s[0]) | (times.time_s > log.time_s[-1])))
-    words = f"{count} frames were taken before or after the forces: without a label a recording is not evaluated, so"
-    return [f"{words} leave them out, or mend the clocks (--clock-offset-s)"] if count else []
+    words = f"{count} frames were taken before or after the forces: they have no label and are not evaluated;"
+    return [f"{words} mend the clocks (--clock-offset-s) if they should be"] if count else []
 
 
 def _info(gathered: Gathered, answers: ImportAnswers, values: dict[str, Any]) -> RecordingInfo:
