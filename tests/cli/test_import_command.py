@@ -232,6 +232,40 @@ def test_clocks_that_do_not_overlap_are_refused(tmp_path: Path, capsys) -> None:
     assert "--clock-offset-s brings both to one clock" in error
 
 
+def test_a_log_of_counts_with_saturated_samples_is_imported_in_newtons_with_gaps(tmp_path: Path, capsys) -> None:
+    head = [
+        "RDT Sample Rate: 200",
+        "Force Units: N",
+        "Counts per Unit Force: 1000000.0",
+        "Status (hex), RDT Sequence, Fz",
+    ]
+    time_s = np.arange(0.0, 6.0, 0.005)
+    force_n = -0.02 * np.clip(time_s - 2.0, 0.0, 1.0)
+    words = np.where((time_s >= 4.0) & (time_s < 4.1), "0x80020000", "0x80000000")
+    rows = [f'"{word}","{nth}","{n * 1e6:.0f}"' for nth, (word, n) in enumerate(zip(words, force_n, strict=True))]
+    (tmp_path / "log.csv").write_text("\n".join([*head, *rows]) + "\n")
+    options = told("--bits", 16, "--clock-offset-s", 0.5, "--contact-sign", -1)
+    entry = imported(capsys, stack(tmp_path / "a.tif"), tmp_path / "log.csv", "--out", tmp_path / "r", *options)
+    assert entry["columns"] == ["time=RDT Sequence:200Hz", "fz=Fz:1000000/N", "status=Status (hex):ati"]
+    note = "Status (hex): 20 of 1200 samples are flagged by the sensor and have no force; the first is "
+    assert any(each.startswith(note) and "log.csv:805: 0x80020000" in each for each in entry["notes"])
+    assert json.loads((tmp_path / "r" / "import.json").read_text())["notes"] == entry["notes"]
+    found_n = read_recording(tmp_path / "r").forces.force_n("fz")
+    assert np.isnan(found_n).tolist() == (words == "0x80020000").tolist()
+    np.testing.assert_allclose(found_n[~np.isnan(found_n)], force_n[~np.isnan(found_n)], atol=1e-6)
+    assert run(["show", str(tmp_path / "r"), "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert [frame["measured_force_mn"] is None for frame in shown["frames"]] == [False, False, False, True, True]
+    assert "are no forces" in shown["frames"][3]["excluded"]
+
+
+def test_a_log_of_30_samples_a_second_is_imported_with_a_note(tmp_path: Path, capsys) -> None:
+    write_log(tmp_path / "log.csv", rate_hz=30.0)
+    options = told("--bits", 16, "--clock-offset-s", 0.5, "--contact-sign", -1)
+    entry = imported(capsys, stack(tmp_path / "a.tif"), tmp_path / "log.csv", "--out", tmp_path / "r", *options)
+    assert any("30 samples a second, 100 are recommended" in note for note in entry["notes"])
+
+
 def test_a_slow_log_is_refused_by_its_own_name(tmp_path: Path, capsys) -> None:
     write_log(tmp_path / "log.csv", rate_hz=10.0)
     options = told("--bits", 16, "--clock-offset-s", 0, "--contact-sign", -1)

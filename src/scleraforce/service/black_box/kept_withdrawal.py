@@ -68,7 +68,7 @@ class KeptWithdrawal:
         shutil.rmtree(self._partial, ignore_errors=True)
 
     def _write_forces(self, columns: Sequence[str], forces: Sequence[ForceSample], start_s: float) -> str | None:
-        """Write the log; if it cannot label every frame, set it aside, so that the frames can be read."""
+        """Write the log; if it can label no frame, set it aside, so that the frames can be read."""
         from scleraforce.recording.files import read_recording  # here: the monitor imports this module without SciPy
         from scleraforce.recording.labels import label_frames
         from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ
