@@ -69,7 +69,9 @@ def test_numbers_that_are_no_counts_under_a_header_with_counts_are_asked_about_w
     tmp_path: Path,
 ) -> None:
     text = ATI.replace('"-41000"', '"-41.5"')
-    with pytest.raises(UnansweredError, match=r"log\.csv:10: Fz: -41\.5 is not a count, .* fz=Fz:mN .* fz=Fz:1000/mN"):
+    with pytest.raises(
+        UnansweredError, match=r"log\.csv:10: Fz: -41\.5 is not a count, .* fz=Fz:1000/mN or fz=Fz:mN\?"
+    ):
         log_of(tmp_path, text)
     others = [f"{name.lower()}={name}:{unit}" for name, unit in
               (("Fx", "mN"), ("Fy", "mN"), ("Tx", "Nmm"), ("Ty", "Nmm"), ("Tz", "Nmm"))]  # fmt: skip
@@ -82,7 +84,7 @@ def test_numbers_that_are_no_counts_under_a_header_with_counts_are_asked_about_w
 @pytest.mark.parametrize("name", ["Fz [N]", "Fz"])
 def test_a_factor_above_the_header_that_is_not_applied_is_asked_about(tmp_path: Path, line: str, name: str) -> None:
     text = f"Force Unit: N\n{line}\nTime (s);{name}\n0.00;1\n0.01;2\n"
-    with pytest.raises(UnansweredError, match=r"log\.csv:2: .* is not applied: fz="):
+    with pytest.raises(UnansweredError, match=r"log\.csv:2: .* is not applied to 'Fz.*fz=Fz"):
         log_of(tmp_path, text)
     log, _ = log_of(tmp_path, text, f"fz={name}:1000/N")
     np.testing.assert_allclose(log.force_n("fz"), [1e-3, 2e-3])
@@ -108,7 +110,8 @@ def test_counts_and_volts_are_never_newtons(tmp_path: Path, name: str) -> None:
     [
         ("status", "0", "2"), ("Sensor Status", "0x0", "0x4"), ("is_valid", "1", "0"), ("valid", "True", "False"),
         ("overload", "0", "1"), ("Saturated", "no", "yes"), ("error_code", "0", "17"), ("Status", "OK", "OVERLOAD"),
-        ("ft_error_flag", "False", "True"), ("data ok", "yes", "no"), ("Status (hex)", "0", "1F"),
+        ("ft_error_flag", "False", "True"), ("isSaturated", "0", "1"), ("cable ok", "1", "0"),
+        ("Status_hex", "0", "1F"), ("fz_valid", "1", "nan"), ("data ok", "yes", "no"), ("Status (hex)", "0", "1F"),
     ],
 )  # fmt: skip
 def test_samples_that_a_flag_calls_faulty_are_no_forces(tmp_path: Path, name: str, good: str, bad: str) -> None:
@@ -265,6 +268,22 @@ def test_a_comma_that_may_part_thousands_is_refused_with_both_readings(
 def test_a_comma_is_decimal_where_the_log_shows_it(tmp_path: Path, separator: str) -> None:
     text = "time_s fz_n\n0,000 -15,000\n0,005 -15,250\n".replace(" ", separator)  # no thousands begin with 0
     np.testing.assert_allclose(log_of(tmp_path, text)[0].force_n("fz"), [-15.0, -15.25])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Force Units: mN\ntime_s;Fz (N)\n0.00;1\n0.01;2\n",
+        "Force Units: N\nCounts per Unit Force: 1000\ntime_s;Fz (N)\n0.00;1\n0.01;2\n",
+        "time_s;Fz (N)\ns;mN\n0.00;1\n0.01;2\n",
+    ],
+)
+def test_two_units_of_one_column_are_asked_about(tmp_path: Path, text: str) -> None:
+    with pytest.raises(
+        UnansweredError, match=r"'Fz \(N\)' is in N by its name: fz=Fz \(N\):N or fz=Fz \(N\):(mN|1000/N)\?"
+    ):
+        log_of(tmp_path, text)
+    assert log_of(tmp_path, text, "fz=Fz (N):mN")[0].force_n("fz")[1] == pytest.approx(2e-3)
 
 
 def test_units_on_a_line_of_their_own_are_read(tmp_path: Path) -> None:

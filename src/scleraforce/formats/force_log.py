@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.errors import RecordingError
+from scleraforce.errors import InputError, RecordingError
 from scleraforce.formats.clock_times import CLOCKS, clock_of, seconds_of
 from scleraforce.formats.labview import MARK, read_labview_header
 from scleraforce.formats.log_columns import (
@@ -37,7 +37,7 @@ COUNTS = {
     quantity: rf"(?i)counts?\s*(?:per|/)\s*(?:unit\s*)?{quantity}\"?\s*[:=,;\t]+\s*\"?([\d.eE+]+)"
     for quantity in (FORCE, TORQUE)
 }
-SAMPLE_RATE = r"RDT Sample Rate:\s*([\d.]+)"
+SAMPLE_RATE = r"RDT Sample Rate\"?\s*[:=,;\t]+\s*\"?([\d.]+)"
 COUNTER = "RDT Sequence"
 # A factor between the numbers of a log and forces, which is not applied.
 GAIN = re.compile(
@@ -45,10 +45,8 @@ GAIN = re.compile(
     r"((?:scale|scaling|gain|sensitivity|multiplier|(?:conversion|calibration)[ _-]?(?:factor|constant)|"
     r"(?:lsb|counts?)\s*(?:per\b|/))[^:=;,\t]*)[:=;,\t]+\s*\"?([-+]?[\d.]+(?:[eE][-+]?\d+)?)"
 )
-RANGE = re.compile(
-    r"(?i)\b(?:full[ -]?scale|range|capacity|rated (?:force|load)|max(?:imum|\.)? (?:force|load))\b"
-    r".*?([\d.]+(?:e[-+]?\d+)?)\s*(m?n|kn|gf|kgf|lbf)\b"
-)
+RANGE = re.compile(r"(?i)\b(?:full[ -]?scale|range|capacity|rated (?:force|load)|max(?:imum|\.)? (?:force|load))\b(.*)")
+FORCE_IN_TEXT = re.compile(r"(?i)([\d.]+(?:e[-+]?\d+)?)\s*(m?n|kn|gf|kgf|lbf)\b")
 
 
 @dataclass(frozen=True)
@@ -127,7 +125,7 @@ def read_force_text(text: LogText, told: Sequence[LogColumn]) -> tuple[ForceLog,
     elif not any(column.ours == "time_s" for column in (*by_header, *told)):
         by_header += _clock_column(text)
     answered = of_each_kind(text.path, by_header, told)
-    _check_gains(text, [column for column in answered if column not in told])
+    _check_units(text, [column for column in answered if column not in told], stated)
     columns = required_columns(text.path, answered, text.names)
     places = [text.names.index(column.name) for column in columns]
     dated = columns[0].unit in CLOCKS
@@ -135,11 +133,12 @@ def read_force_text(text: LogText, told: Sequence[LogColumn]) -> tuple[ForceLog,
     _check_whole(text, columns[1:], values_sc[:, -len(columns) + 1 :], told)
     values_sc *= [column.factor for column in columns[1 if dated else 0 :]]
     time_s, wrench_sc = (_moments(text, columns[0]), values_sc) if dated else (values_sc[:, 0], values_sc[:, 1:])
-    flags, notes = _flagged(text, told)
+    flags, notes = _flagged(text, told), list[str]()
     faulty = np.zeros(len(text.lines), dtype=bool)
     for column in flags:
         found, said = faulty_samples(column.name, column.unit, _texts(text, column.name), text.place)
-        faulty, notes = faulty | found, (*notes, *said)
+        faulty |= found
+        notes += said
     wrench_sc = np.where(faulty[:, None], np.nan, wrench_sc)
     log = ForceLog(
         time_s, wrench_sc, tuple(column.ours for column in columns[1:]), (*notes, *_overruled(by_header, told))
@@ -258,6 +257,33 @@ def _stated_units(text: LogText) -> dict[str, str]:
             for quantity, unit in units.items()}  # fmt: skip
 
 
+def _check_units(text: LogText, columns: Sequence[LogColumn], stated: dict[str, str]) -> None:
+    """Ask where the file states two units of a column, or a factor that is not applied.
+
+    Args:
+        text: of the log.
+        columns: that the header answers for.
+        stated: units by the lines above it.
+
+    Raises:
+        UnansweredError: naming both readings.
+    """
+    forces = [column for column in columns if column.ours != "time_s"]
+    for column in columns:
+        quantity, place = quantity_of(column.ours), text.names.index(column.name)
+        for other in (stated.get(quantity, ""), text.units[place] if text.units else ""):
+            factor = unit_factor(other, quantity)
+            if factor is not None and not np.isclose(factor, column.factor, rtol=1e-9):
+                raise _question(f"{text.path}: {column.name!r} is in {column.unit} by its name", column, other, columns)
+    counted = {quantity_of(column.ours) for column in forces if "/" in column.unit}
+    for nth, line in enumerate(text.above, start=1):
+        found = GAIN.search(line)
+        applied = any(re.search(COUNTS[quantity], line) for quantity in counted)
+        if forces and found and not applied and float(found[2]) != 1.0:
+            said = f"{text.path}:{nth}: {found[1].strip()}: {found[2]} is not applied to {forces[0].name!r}"
+            raise _question(said, forces[0], f"1000/{forces[0].unit}", forces)
+
+
 def _check_whole(
     text: LogText, columns: Sequence[LogColumn], values_sc: NDArray[np.float64], told: Sequence[LogColumn]
 ) -> None:
@@ -266,56 +292,41 @@ def _check_whole(
     Raises:
         UnansweredError: naming both readings.
     """
+    counted = [column for column in columns if "/" in column.unit and column not in told]
     for column, values in zip(columns, values_sc.T, strict=True):
         broken = np.isfinite(values) & (values != np.rint(values))
-        if "/" not in column.unit or column in told or not broken.any():
-            continue
-        line, (count, unit) = int(np.argmax(broken)), column.unit.split("/")
-        short = f"{column.ours.partition('_')[0]}={column.name}"
-        raise UnansweredError(
-            "--column",
-            f"{text.place(line)}: {column.name}: {values[line]:g} is not a count, but the header states {count} counts "
-            f"per {unit}: {short}:{unit} takes the numbers for {unit}, {short}:{column.unit} for counts",
-            f"{column.ours.partition('_')[0]}=NAME:UNIT",
-        )
+        if column in counted and broken.any():
+            line, (count, unit) = int(np.argmax(broken)), column.unit.split("/")
+            found = f"{text.place(line)}: {column.name}: {values[line]:g} is not a count"
+            raise _question(f"{found}, but the header states {count} per {unit}", column, unit, counted)
 
 
-def _check_gains(text: LogText, columns: Sequence[LogColumn]) -> None:
-    """Ask where the header states a factor that is not applied.
-
-    Raises:
-        UnansweredError: naming the line and the factor.
-    """
-    forces = [column for column in columns if column.ours not in ("time_s", STATUS)]
-    counted = {quantity_of(column.ours) for column in forces if "/" in column.unit}
-    for nth, line in enumerate(text.above, start=1):
-        found = GAIN.search(line)
-        applied = any(re.search(COUNTS[quantity], line) for quantity in counted)
-        if not forces or found is None or applied or float(found[2]) == 1.0:
-            continue
-        column = forces[0]
-        short = f"{column.ours.partition('_')[0]}={column.name}"
-        raise UnansweredError(
-            "--column",
-            f"{text.path}:{nth}: {found[1].strip()}: {found[2]} is not applied: {short}:{column.unit} takes the "
-            f"numbers for {column.unit}, {short}:1000/{column.unit} for thousandths of it (counts or volts per unit)",
-            *(f"{each.ours.partition('_')[0]}=NAME:UNIT" for each in forces if quantity_of(each.ours) == FORCE),
-        )
+def _question(said: str, column: LogColumn, other: str, columns: Sequence[LogColumn]) -> UnansweredError:
+    """Return the question in which of two units columns are, with one of them as the example."""
+    short = f"{column.ours.partition('_')[0]}={column.name}"
+    forms = (f"{each.ours.partition('_')[0]}={each.name}:UNIT" for each in columns)
+    return UnansweredError("--column", f"{said}: {short}:{column.unit} or {short}:{other}?", *forms)
 
 
 def _range_n(text: LogText) -> float | None:
     """Return the largest force of the sensor by the lines above the header, None where they do not state it."""
-    found = [RANGE.search(line) for line in text.above]
-    ranges_n = [float(each[1]) * (unit_factor(each[2], FORCE) or 0.0) for each in found if each]
-    return max(ranges_n, default=0.0) or None
+    stated = [each for line in text.above if (found := RANGE.search(line)) for each in FORCE_IN_TEXT.findall(found[1])]
+    return max((float(size) * (unit_factor(unit, FORCE) or 0.0) for size, unit in stated), default=0.0) or None
 
 
-def _flagged(text: LogText, told: Sequence[LogColumn]) -> tuple[tuple[LogColumn, ...], tuple[str, ...]]:
-    """Return the columns of the sensor's status."""
+def _flagged(text: LogText, told: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
+    """Return the columns of the sensor's status.
+
+    Raises:
+        InputError: one that was stated is not in the log.
+    """
     stated = {column.name: column for column in told if column.ours == STATUS}
-    found = {name: status_meaning(name, text.names) for name in text.names}
-    named = {name: LogColumn(STATUS, name, meaning) for name, meaning in found.items() if meaning}
-    return tuple((named | stated).values()), ()
+    missing = next((name for name in stated if name not in text.names), None)
+    if missing is not None:
+        raise InputError(f"{text.path}: --column: no column {missing!r}; there are {', '.join(map(repr, text.names))}")
+    named = {name: LogColumn(STATUS, name, meaning) for name in text.names
+             if (meaning := status_meaning(name, text.names))}  # fmt: skip
+    return tuple((named | stated).values())
 
 
 def _overruled(by_header: Sequence[LogColumn], told: Sequence[LogColumn]) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +18,15 @@ STATUS_MEANINGS = ATI, GOOD_IF_ZERO, GOOD_IF_SET, ANY = "ati", "zero", "set", "a
 # latched condition of the user's own monitor (a threshold).
 ATI_HARMLESS = 0x80010000
 OF_SENSOR = (
-    r"((sensor|ft|f/t|f_t|force|device|data|sample|measurement|measured|reading|bota|ati|rdt|daq|adc|amp)[ _-]*)?"
+    r"((is|sensor|ft|f/t|f_t|f[xyz]|m[xyz]|force|wrench|torque|device|data|sample|measurement|measured|reading|bota|ati|"
+    r"rdt|daq|adc|amp|cable|gage|gauge|transducer)[ _-]*)*"
 )
 FAULTS = re.compile(
     OF_SENSOR + r"(status|error|fault|over[ _-]?load(ed)?|over[ _-]?range|over[ _-]?flow|saturat(ed|ion)|clipp(ed|ing)|"
     r"invalid|alarm|out[ _-]of[ _-]range|disconnected)[ _-]*(code|word|flags?|bits?|register)?"
 )
-VALIDITY = re.compile(r"(is[ _-]?)?" + OF_SENSOR + r"(is[ _-]?)?(valid|ok|good|healthy)([ _-]*flag)?")
-HEX = re.compile(r"\s*[\[(]?\s*hex\w*\s*[\])]?\s*$")
+VALIDITY = re.compile(OF_SENSOR + r"(valid|validity|ok|good|healthy)([ _-]*flag)?")
+HEX = re.compile(r"[ _-]*[\[(]?hex\w*[\])]?$", re.IGNORECASE)
 CLEAR_WORDS = {"", "ok", "good", "valid", "normal", "none", "false", "no", "no error", "f", "n"}
 SET_WORDS = {"ok", "good", "valid", "normal", "true", "yes", "t", "y"}
 
@@ -37,9 +39,8 @@ def status_meaning(name: str, others: Sequence[str]) -> str | None:
     """
     bare = HEX.sub("", name.strip().lower())
     if FAULTS.fullmatch(bare):
-        return (
-            ATI if HEX.search(name.lower()) and any("sequence" in other.lower() for other in others) else GOOD_IF_ZERO
-        )
+        of_ati = bare != name.strip().lower() and any("sequence" in other.lower() for other in others)
+        return ATI if of_ati else GOOD_IF_ZERO
     return GOOD_IF_SET if VALIDITY.fullmatch(bare) else None
 
 
@@ -61,7 +62,7 @@ def faulty_samples(
     values, index = np.unique(np.char.strip(texts), return_inverse=True)
     if meaning == ANY:
         return none, ()
-    in_hex = bool(HEX.search(name.lower()))
+    in_hex = bool(HEX.search(name.strip()))
     codes = [_code(str(value), in_hex) for value in values]
     if any(isinstance(code, float) for code in codes):  # a measured quantity, like the error of a position
         return none, (f"{name}: not taken for the sensor's status, because it has fractions",)
@@ -89,7 +90,7 @@ def _code(text: str, in_hex: bool) -> int | float | str:
         if in_hex or text.lower().startswith("0x"):
             return int(text, 16)
         value = float(text.replace(",", "."))
-        return int(value) if value.is_integer() else value
+        return int(value) if value.is_integer() else value if isfinite(value) else text.lower()
     except (ValueError, OverflowError):
         return text.lower()
 

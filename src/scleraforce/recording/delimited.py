@@ -120,7 +120,10 @@ def decimal_mark(
         return "."
     comma: tuple[int, int, str] | None = None
     pointed, proven = stated == ".", stated == ","
+    no_point = not any("." in line for line in lines)
     for index, line in enumerate(lines):
+        if no_point and proven and comma is not None:
+            break
         fields = fields_of(line, separator, place(index)) if '"' in line else line.split(separator.strip(" ") or None)
         for column, text in enumerate(fields):
             field = text.strip()
