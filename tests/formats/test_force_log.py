@@ -267,7 +267,9 @@ def test_a_comma_that_may_part_thousands_is_refused_with_both_readings(
 @pytest.mark.parametrize("separator", ["\t", ";", " "])
 def test_a_comma_is_decimal_where_the_log_shows_it(tmp_path: Path, separator: str) -> None:
     text = "time_s fz_n\n0,000 -15,000\n0,005 -15,250\n".replace(" ", separator)  # no thousands begin with 0
-    np.testing.assert_allclose(log_of(tmp_path, text)[0].force_n("fz"), [-15.0, -15.25])
+    log, _ = log_of(tmp_path, text)
+    np.testing.assert_allclose(log.force_n("fz"), [-15.0, -15.25])
+    assert log.notes == ("numbers have decimal commas",)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from scleraforce.laboratory.virtual_eye import paper_eyes
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.info import ForceInfo
 from scleraforce.recording.labels import contact_force, first_contact, label_frames, label_notes, low_pass
-from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
+from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry, read_force_log
 from scleraforce.study import ClassesStudy, PhantomStudy, Study, fixed
 
 SHARED = Path(__file__).parents[3] / "shared" / "recordings"
@@ -286,6 +286,25 @@ def test_millinewtons_in_columns_of_newtons_are_refused_and_the_unit_is_asked_fo
     milli = recording_of(replace(quiet, wrench_sc=1e3 * quiet.wrench_sc), 8.0)
     with pytest.raises(RecordingError, match=r"fz_n: a noise of 4\.?\d* N, more than the 300 mN .* by 0.001"):
         label_frames(milli, CLASSES)
+
+
+def test_millinewtons_of_a_coarse_sensor_that_rests_most_of_the_time_are_not_taken_for_bursts(tmp_path):
+    force = np.rint(np.r_[np.zeros(1500), 20.0 * np.clip(np.arange(500) / 100.0, 0.0, 1.0)] / 5.0) * 5.0
+    rows = "".join(f"{k / 200},{-n}\n" for k, n in enumerate(force))
+    (tmp_path / "forces.csv").write_text("time_s,fz_n\n" + rows)
+    log = read_force_log(tmp_path / "forces.csv", "fz")
+    assert np.isfinite(log.wrench_sc).all()
+    with pytest.raises(RecordingError, match=r"fz_n: 20.* N under 0.png, more than 3 N; .* by 0.001"):
+        label_frames(recording_of(log, 9.0), CLASSES)
+
+
+@pytest.mark.parametrize("levels_n", [(0.0, 213.0), (0.01, 0.02, 213.0), (0.0, 0.01, 0.02, 0.03, -213.0)])
+def test_a_burst_is_told_from_a_few_levels(tmp_path, levels_n):
+    force_n = np.repeat([*levels_n[:-1], *levels_n[:-1], levels_n[-1]], 100)
+    (tmp_path / "forces.csv").write_text("time_s,fz_n\n" + "".join(f"{k / 200},{n}\n" for k, n in enumerate(force_n)))
+    log = read_force_log(tmp_path / "forces.csv", "fz")
+    assert (np.isnan(log.force_n("fz")) == (np.abs(force_n) > 200.0)).all()
+    assert "is it in N?" in log.notes[0]
 
 
 def test_overloads_and_knocks_are_no_other_unit():

@@ -24,7 +24,7 @@ from scleraforce.formats.sample_status import STATUS, faulty_samples, status_mea
 from scleraforce.formats.scan import UnansweredError
 from scleraforce.formats.stated_units import FORCE, TORQUE, is_unit, quantity_of, unit_factor
 from scleraforce.recording.delimited import decimal_mark, fields_of, is_number, number
-from scleraforce.recording.tables import ForceLog, checked_samples
+from scleraforce.recording.tables import ForceLog, checked_samples, gap_notes
 from scleraforce.whole_files import KINDS, read_text
 
 __all__ = ["LogText", "numbers_of", "read_force_text", "read_log_text"]
@@ -129,35 +129,40 @@ def read_force_text(text: LogText, told: Sequence[LogColumn]) -> tuple[ForceLog,
     columns = required_columns(text.path, answered, text.names)
     places = [text.names.index(column.name) for column in columns]
     dated = columns[0].unit in CLOCKS
-    values_sc = numbers_of(text, places[1:] if dated else places, gaps=places[1:])
+    read = places[1:] if dated else places
+    mark = _mark(text, read)
+    values_sc = numbers_of(text, read, gaps=places[1:], mark=mark)
     _check_whole(text, columns[1:], values_sc[:, -len(columns) + 1 :], told)
     values_sc *= [column.factor for column in columns[1 if dated else 0 :]]
     time_s, wrench_sc = (_moments(text, columns[0]), values_sc) if dated else (values_sc[:, 0], values_sc[:, 1:])
-    flags, notes = _flagged(text, told), list[str]()
+    notes = ["numbers have decimal commas"] if mark == "," else []
+    notes += [*_overruled(by_header, told), *gap_notes(text.path, wrench_sc)]
+    flags = _flagged(text, told)
     faulty = np.zeros(len(text.lines), dtype=bool)
     for column in flags:
         found, said = faulty_samples(column.name, column.unit, _texts(text, column.name), text.place)
         faulty |= found
         notes += said
     wrench_sc = np.where(faulty[:, None], np.nan, wrench_sc)
-    log = ForceLog(
-        time_s, wrench_sc, tuple(column.ours for column in columns[1:]), (*notes, *_overruled(by_header, told))
-    )
+    log = ForceLog(time_s, wrench_sc, tuple(column.ours for column in columns[1:]), tuple(notes))
     return checked_samples(log, text.path, text.place, _range_n(text)), (*columns, *flags)
 
 
-def numbers_of(text: LogText, places: Sequence[int], gaps: Sequence[int] = ()) -> NDArray[np.float64]:
+def numbers_of(
+    text: LogText, places: Sequence[int], gaps: Sequence[int] = (), mark: str | None = None
+) -> NDArray[np.float64]:
     """Return the columns at some places (sample, column); a fault is looked for only where NumPy finds one.
 
     Args:
         text: of the log.
         places: of the columns.
         gaps: places of the columns that may be empty or nan: NaN.
+        mark: the decimal mark; None: by the numbers.
 
     Raises:
         RecordingError: naming the line and the column that is no number.
     """
-    mark = decimal_mark(text.lines, text.separator, text.names, places, text.place, text.mark)
+    mark = mark or _mark(text, places)
     lines = [line.replace(",", ".") for line in text.lines] if mark == "," else text.lines
     try:
         found = np.loadtxt(
@@ -166,6 +171,10 @@ def numbers_of(text: LogText, places: Sequence[int], gaps: Sequence[int] = ()) -
     except ValueError:
         found = np.array([_row(text, line, places, gaps, mark) for line in range(len(text.lines))])
     return np.asarray(found, dtype=np.float64)
+
+
+def _mark(text: LogText, places: Sequence[int]) -> str:
+    return decimal_mark(text.lines, text.separator, text.names, places, text.place, text.mark)
 
 
 def _header(path: Path, lines: Sequence[str], least: int) -> tuple[int, str, tuple[str, ...]]:

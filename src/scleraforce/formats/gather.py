@@ -12,7 +12,7 @@ from scleraforce.formats.force_log import read_force_text, read_log_text
 from scleraforce.formats.log_columns import LogColumn
 from scleraforce.formats.scan import Scan, Times, joined, rising
 from scleraforce.formats.sources import SourceOrder, files_of, natural_order, oriented, read_scan, source_kind
-from scleraforce.recording.tables import ForceLog, checked_samples
+from scleraforce.recording.tables import ForceLog, checked_samples, gap_notes
 
 __all__ = ["Asked", "Gathered", "check_overlap", "gather", "on_one_clock"]
 
@@ -66,7 +66,8 @@ def gather(sources: Sequence[Path], asked: Asked, seen: Callable[[int], None] = 
             bag = read_bag(path, asked.topics)
             scans += [oriented(path, bag.scan, asked.order)] if bag.scan is not None else []
             if bag.log is not None:
-                logs.append((path, checked_samples(bag.log, path, f"{path}: message {{}} of the forces".format)))
+                log = replace(bag.log, notes=gap_notes(path, bag.log.wrench_sc))
+                logs.append((path, checked_samples(log, path, f"{path}: message {{}} of the forces".format)))
             notes += bag.notes
         elif kind == "log":
             log, columns = read_force_text(read_log_text(path), asked.columns)

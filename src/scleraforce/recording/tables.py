@@ -18,6 +18,7 @@ __all__ = [
     "ForceLog",
     "FrameEntry",
     "checked_samples",
+    "gap_notes",
     "read_force_log",
     "read_frame_list",
 ]
@@ -29,9 +30,10 @@ GOOD_SAMPLE_RATE_HZ = 100.0
 MIN_SAMPLE_RATE_HZ = 20.0
 # Beyond, a number is damage: 300 years (clocks may count from 1970), and a thousand times what such a sensor bears.
 LARGEST_TIME_S, LARGEST_FORCE_N = 1e10, 1e6
-# A sample is no force beyond 1,000 times the median distance from the log's median, but never below 3 N: no needle
-# pushes an eye by more (`labels.LARGEST_FORCE_BOUNDS`), and on a quiet log 60 mN are 1,000 times its noise.
+# A sample is no force beyond 1,000 times the median distance from the log's median (or the sensor's step, if that is
+# larger), but never below 3 N: no needle pushes an eye by more, and on a quiet log 60 mN are 1,000 times its noise.
 IMPLAUSIBLE_RATIO, LEAST_IMPLAUSIBLE_N = 1000.0, 3.0
+LEAST_LEVELS = 4  # different values of a log that tell the sensor's step: rest, a push and a burst are three
 MOST_IMPLAUSIBLE = 1.0 / 3.0  # of the samples; with more, the log's usual size is in doubt
 
 
@@ -106,7 +108,9 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
     values_sc = _numbers(table)
     time = table.columns.index("time_s")
     columns = tuple(name for name in table.columns if name != "time_s")
-    log = ForceLog(values_sc[:, time].copy(), np.delete(values_sc, time, axis=1), columns)
+    wrench_sc = np.delete(values_sc, time, axis=1)
+    notes = gap_notes(path, wrench_sc[:, [columns.index(f"{axis}_n")]])
+    log = ForceLog(values_sc[:, time].copy(), wrench_sc, columns, notes)
     log = checked_samples(log, path, lambda sample: _place_of_sample(table, sample))
     if not np.isfinite(log.force_n(axis)).any():
         raise RecordingError(f"{path}: {axis}_n: no sample has a force; all are nan")
@@ -130,10 +134,7 @@ def checked_samples(log: ForceLog, path: Path, place: Callable[[int], str], rang
         raise RecordingError(f"{path}: fewer than two samples of the force")
     _check_range(log, place)
     rate_hz = _check_clock(log.time_s, path, place)
-    missing = int(np.isnan(log.wrench_sc).any(axis=1).sum())
     notes = list(log.notes)
-    if missing and not notes:
-        notes.append(f"{path.name}: {missing} of {len(log.time_s)} samples have no force (nan)")
     wrench_sc, note = _without_implausible(log, place, range_n)
     notes += [note] if note else []
     if rate_hz < GOOD_SAMPLE_RATE_HZ * 0.999:
@@ -143,6 +144,12 @@ def checked_samples(log: ForceLog, path: Path, place: Callable[[int], str], rang
             f"{rate_hz / 2:.3g} Hz is taken for force"
         )
     return replace(log, wrench_sc=wrench_sc, notes=tuple(notes))
+
+
+def gap_notes(path: Path, wrench_sc: NDArray[np.float64]) -> tuple[str, ...]:
+    """Return a sentence on the samples of a file that have no force."""
+    missing = int(np.isnan(wrench_sc).any(axis=1).sum())
+    return (f"{path.name}: {missing} of {len(wrench_sc)} samples have no force (nan)",) if missing else ()
 
 
 def _without_implausible(
@@ -157,7 +164,7 @@ def _without_implausible(
         if not name.endswith("_n") or not len(known_n):
             continue
         middle_n = float(np.median(known_n))
-        typical_n = float(np.median(np.abs(known_n - middle_n)))
+        typical_n = max(float(np.median(np.abs(known_n - middle_n))), _step_n(known_n))
         limits_n[column] = limit_n = max(IMPLAUSIBLE_RATIO * typical_n, LEAST_IMPLAUSIBLE_N)
         beyond[:, column] = np.abs(force_n - middle_n) > limit_n
         if range_n is not None:
@@ -175,7 +182,13 @@ def _without_implausible(
     if flagged.mean() > MOST_IMPLAUSIBLE:
         raise RecordingError(f"{place(sample)}: {found}; {count} are implausible: check the unit and the sensor")
     kept_sc = np.where(flagged[:, None], np.nan, log.wrench_sc)
-    return kept_sc, f"{count} are implausible and have no force; the first is {place(sample)}: {found}"
+    return kept_sc, f"{count} are implausible and have no force; the first is {place(sample)}: {found}; is it in N?"
+
+
+def _step_n(force_n: NDArray[np.float64]) -> float:
+    """Return the smallest step between values of a log, 0 where it has too few values to tell."""
+    levels_n = np.unique(force_n)
+    return float(np.diff(levels_n).min()) if len(levels_n) >= LEAST_LEVELS else 0.0
 
 
 def _numbers(table: Table) -> NDArray[np.float64]:
