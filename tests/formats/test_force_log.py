@@ -7,8 +7,9 @@ import pytest
 from format_frames import write_log
 
 from scleraforce.errors import RecordingError
-from scleraforce.formats.force_log import read_force_text, read_log_text
+from scleraforce.formats.force_log import read_force_text
 from scleraforce.formats.log_columns import parse_column
+from scleraforce.formats.log_text import read_log_text
 from scleraforce.formats.scan import UnansweredError
 from scleraforce.formats.sources import source_kind
 

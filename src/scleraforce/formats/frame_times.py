@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.formats.force_log import numbers_of, read_log_text
 from scleraforce.formats.log_columns import columns_by_header
+from scleraforce.formats.log_text import numbers_of, read_log_text
 from scleraforce.formats.scan import Scan, Times, even_times
 from scleraforce.recording.delimited import fields_of
 

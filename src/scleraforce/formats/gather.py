@@ -8,8 +8,9 @@ import numpy as np
 
 from scleraforce.errors import InputError
 from scleraforce.formats.bags import BagTopics, read_bag
-from scleraforce.formats.force_log import read_force_text, read_log_text
+from scleraforce.formats.force_log import read_force_text
 from scleraforce.formats.log_columns import LogColumn
+from scleraforce.formats.log_text import read_log_text
 from scleraforce.formats.scan import Scan, Times, joined, rising
 from scleraforce.formats.sources import SourceOrder, files_of, natural_order, oriented, read_scan, source_kind
 from scleraforce.recording.tables import ForceLog, checked_samples, gap_notes
