@@ -58,7 +58,8 @@ def test_samples_that_are_no_forces_and_frames_without_a_label_leave_the_others_
         log = ForceLog(time_s, force_n[:, None], ("fz_n",))
         frames = tuple(FrameEntry(f"{k}.png", at) for k, at in enumerate(frames_s.tolist()))
         recording = Recording(Path("rec"), replace(LOGGED_INFO, force=ForceInfo("fz", -1, 2.0)), frames, log)
-        found.append(frame_forces(recording, label_frames(recording, ClassesStudy())))
+        trials = label_frames(recording, ClassesStudy())
+        found.append(frame_forces(replace(recording, forces=log.known("fz")), trials))
     assert np.flatnonzero(np.isnan(found[1].force_n)).tolist() == [7]
     known = np.isfinite(found[1].force_n)
     np.testing.assert_allclose(found[1].force_n[known], found[0].force_n[known], atol=1e-4)

@@ -58,11 +58,9 @@ def frame_forces(recording: Recording, trials: tuple[Trial, ...]) -> FrameForces
     time_s = np.array([trial.time_s for trial in trials])
     if recording.forces is None or recording.info.force is None:
         return FrameForces(force_n, np.zeros_like(time_s), np.zeros(2), ZERO_PRIOR)
-    contact_n = contact_force(recording.forces, recording.info.force)
-    known, labelled = np.isfinite(contact_n), np.isfinite(force_n)
-    log_s = recording.forces.time_s[known]
+    log_s = recording.forces.time_s
     since_s = time_s - log_s[0]
-    zeros = rest_zeros(contact_n[known], log_s, time_s[labelled], force_n[labelled])
+    zeros = rest_zeros(contact_force(recording.forces, recording.info.force), log_s, time_s, force_n)
     zero, covariance = zero_line(*zeros)
     return FrameForces(force_n - zero[0] - zero[1] * since_s, since_s, zero, covariance)
 

@@ -86,10 +86,11 @@ def calibrate_eye(
     count: StepCount,
 ) -> TissueTrial[EyeCalibration]:
     """Calibrate an eye with the walls of one tissue."""
-    if recording.forces is None:
+    if recording.forces is None or recording.info.force is None:
         raise CalibrationError(f"{recording.path}: no forces.csv; a calibration needs frames of known force")
     trials = label_frames(recording, way.study.classes, way.study.needle.max_force_n)
-    forces = frame_forces(recording, trials)
+    known = recording.forces.known(recording.info.force.axis)
+    forces = frame_forces(replace(recording, forces=known), trials)
     session = _begin(recording, way.study, way.library, way.parameters, forces, earlier)
     records, steps = ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
     left = len(trials) if way.frames is None else way.frames

@@ -120,9 +120,8 @@ class _Means:
 
     @classmethod
     def of(cls, log: ForceLog, info: ForceInfo) -> "_Means":
-        force_n = contact_force(log, info)
-        known = np.isfinite(force_n)
-        return cls(log.time_s[known], np.concatenate([[0.0], np.cumsum(force_n[known])]), info.average_s / 2)
+        log = log.known(info.axis)
+        return cls(log.time_s, np.concatenate([[0.0], np.cumsum(contact_force(log, info))]), info.average_s / 2)
 
     def around(self, times_s: Array) -> Array:
         """Return the means (time,), NaN where there are no samples."""

@@ -68,6 +68,11 @@ class ForceLog:
         """Return the force along fx, fy or fz in N, shape (samples,)."""
         return self.wrench_sc[:, self.columns.index(f"{axis}_n")]
 
+    def known(self, axis: str) -> "ForceLog":
+        """Return the samples that have a force along fx, fy or fz."""
+        known = np.isfinite(self.force_n(axis))
+        return replace(self, time_s=self.time_s[known], wrench_sc=self.wrench_sc[known])
+
 
 def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     """Read frames.csv, in its order.
