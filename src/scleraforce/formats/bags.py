@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.formats.bag_images import image_pixels
 from scleraforce.formats.extra import package_for
-from scleraforce.formats.faults import named_faults
 from scleraforce.formats.scan import PictureStream, Scan, Times, UnansweredError, check_bytes
+from scleraforce.recording.faults import named_faults
 from scleraforce.recording.pixels import check_size
 from scleraforce.recording.tables import ForceLog
 from scleraforce.units import from_si

@@ -90,17 +90,17 @@ def read_scan(path: Path, kind: str, order: SourceOrder) -> Scan:
     # Each format brings its own packages, which take long to import: only that of this file is.
     match kind:
         case "picture":
-            from scleraforce.formats.pictures import read_picture
+            from scleraforce.recording.images import read_picture
 
             return oriented(path, read_picture(path), order)
         case "tiff":
-            from scleraforce.formats.tiff import read_tiff_scan
+            from scleraforce.recording.tiff_image import read_tiff
 
-            return oriented(path, read_tiff_scan(path), order)
+            return oriented(path, read_tiff(path), order)
         case "dicom":
-            from scleraforce.formats.dicom import read_dicom_scan
+            from scleraforce.recording.dicom_image import read_dicom
 
-            return oriented(path, read_dicom_scan(path), order)
+            return oriented(path, read_dicom(path), order)
         case "film":
             from scleraforce.formats.video import read_film
 
@@ -138,8 +138,8 @@ def _shown(path: Path) -> bool:
 def _by_content(head: bytes) -> str | None:
     marks = {
         "picture": head.startswith((b"\x89PNG", b"\xff\xd8\xff")),
+        "dicom": head[128:132] == b"DICM",  # before TIFF: its preamble may be the head of one
         "tiff": head.startswith(TIFF_MARKS),
-        "dicom": head[128:132] == b"DICM",
         "numpy": head.startswith(b"\x93NUMPY"),
         "nrrd": head.startswith(b"NRRD"),
         "bag": head.startswith((b"#ROSBAG", SQLITE, MCAP)),

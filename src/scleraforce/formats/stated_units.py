@@ -2,6 +2,7 @@
 
 import re
 
+from scleraforce.recording.scan import SECONDS
 from scleraforce.units import STANDARD_GRAVITY_M_S2, to_si
 
 __all__ = ["FORCE", "SECONDS", "TIME", "TORQUE", "quantity_of", "unit_factor"]
@@ -10,10 +11,6 @@ TIME, FORCE, TORQUE = "time", "force", "torque"
 INCH_M = 0.0254
 POUND_N = 0.45359237 * STANDARD_GRAVITY_M_S2
 
-SECONDS = {
-    "s": 1.0, "sec": 1.0, "seconds": 1.0, "min": 60.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "µs": 1e-6, "usec": 1e-6,
-    "ns": 1e-9,
-}  # fmt: skip
 NEWTONS = {
     "n": 1.0, "newton": 1.0, "mn": to_si(1.0, "mn"), "un": 1e-6, "µn": 1e-6, "kn": 1e3,
     "g": to_si(STANDARD_GRAVITY_M_S2, "mn"), "gf": to_si(STANDARD_GRAVITY_M_S2, "mn"), "kgf": STANDARD_GRAVITY_M_S2,

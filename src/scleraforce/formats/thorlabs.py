@@ -12,8 +12,8 @@ from zipfile import ZipFile
 import numpy as np
 
 from scleraforce.errors import FrameError
-from scleraforce.formats.faults import named_faults
 from scleraforce.formats.scan import PictureStream, Scan, check_bytes, frame_names
+from scleraforce.recording.faults import named_faults
 from scleraforce.recording.pixels import check_size
 from scleraforce.recording.scaled_frame import Sourced
 from scleraforce.units import to_si

@@ -16,9 +16,9 @@ import numpy as np
 from scleraforce.errors import FrameError
 from scleraforce.formats.axes import AXES, array_scan
 from scleraforce.formats.extra import package_for
-from scleraforce.formats.faults import named_faults
 from scleraforce.formats.scan import LARGEST_BYTES, Scan, Times, check_bytes, even_times, rising
 from scleraforce.formats.stated_units import SECONDS
+from scleraforce.recording.faults import named_faults
 from scleraforce.recording.scaled_frame import Sourced
 from scleraforce.recording.tiff_image import METRES
 
