@@ -48,6 +48,7 @@ PLANES_APART = 2  # PlanarConfiguration
 ORIENTATIONS = range(1, 9)
 NO_UNIT, INCH, CENTIMETRE = 1, 2, 3  # ResolutionUnit
 UNIT_NAMES = {NO_UNIT: "none", INCH: "inch", CENTIMETRE: "cm"}
+NO_UNITS = ("pixel", "pixels", "px")  # what ImageJ calls the unit of an image without a scale
 FRAME_AXES = "TZQIRPC"  # that count pages: time, depth of a stack, any
 METRES = {
     "m": 1.0, "meter": 1.0, "metre": 1.0, "cm": 1e-2, "centimeter": 1e-2, "inch": 25.4e-3, "in": 25.4e-3, "mm": 1e-3,
@@ -79,12 +80,12 @@ def read_tiff(path: Path, data: bytes | None = None) -> Scan:
         orientation = _orientation(path, pages)
         sizes, notes = _pixel_sizes(path, file, pages, rows, columns)
         depth, lateral, scale_fault = one_size(path, sizes)
-        first = pages[0]
-        if len(pages) < len(file.pages) or first.subifds:
+        kinds = {page.photometric for page in pages}
+        if len(pages) < len(file.pages) or any(page.subifds for page in pages):
             notes.append(f"{path}: smaller copies of the frames in the file were not read")
-        if first.photometric == WHITE_IS_ZERO:
+        if WHITE_IS_ZERO in kinds:
             notes.append(f"{path}: PhotometricInterpretation is WhiteIsZero: dark and bright were exchanged")
-        if first.photometric in (RGB, PALETTE):
+        if kinds & {RGB, PALETTE}:
             notes.append(f"{path}: colour became grey")
         if orientation != ORIENTATIONS[0]:
             notes.append(f"{path}: Orientation {orientation}: the frames were turned as it states")
@@ -285,7 +286,7 @@ def _pixel_sizes(
 ) -> tuple[list[PixelSize], list[str]]:
     """Return the sizes of a pixel that the fields of a file state, in the order of their precedence, and notes."""
     notes: list[str] = []
-    sizes = _ome_sizes(file.ome_metadata) if file.ome_metadata else []
+    sizes = _ome_sizes(path, file.ome_metadata, notes) if file.ome_metadata else []
     sizes += [_resolution(path, file, page, notes) for page in pages]
     sizes.append(_json_size(pages[0], rows, columns))
     return sizes, list(dict.fromkeys(notes))
@@ -302,6 +303,8 @@ def _resolution(path: Path, file: "tifffile.TiffFile", page: "tifffile.TiffPage"
     names = [str((file.imagej_metadata or {}).get(name, "")).strip() for name in ("yunit", "unit")]
     units = [names[0] or names[1], names[1]]
     source, units_m = "ImageJ's unit", [_metres(unit) for unit in units]
+    if names[1] and names[1] not in NO_UNITS and units_m[1] is None:
+        notes.append(f"{path}: ImageJ's unit {names[1]!r} is not known: the scale is not either")
     if not names[1]:
         source, units_m = "XResolution, YResolution", [tag_m, tag_m]
         if tag_m and "ResolutionUnit" not in page.tags and "XResolution" in page.tags:
@@ -345,9 +348,14 @@ def _local(element: ElementTree.Element) -> str:
     return element.tag.rpartition("}")[2]
 
 
-def _ome_sizes(xml: str) -> list[PixelSize]:
+def _ome_sizes(path: Path, xml: str, notes: list[str]) -> list[PixelSize]:
     """Return the physical sizes of a pixel that OME-XML states; their unit is the micrometre where it names none."""
-    return [PixelSize("OME", _ome_size(stated, "Y"), _ome_size(stated, "X")) for stated in _ome_pixels(xml)]
+    found = []
+    for stated in _ome_pixels(xml):
+        units = {stated.get(f"PhysicalSize{axis}Unit", "µm") for axis in "XY"} - set(METRES)
+        notes += [f"{path}: OME's unit {unit!r} is not known: the scale is not either" for unit in sorted(units)]
+        found.append(PixelSize("OME", _ome_size(stated, "Y"), _ome_size(stated, "X")))
+    return found
 
 
 def _ome_size(stated: dict[str, str], axis: str) -> float | None:
