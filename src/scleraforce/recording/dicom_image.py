@@ -12,9 +12,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
+from scleraforce.recording.dicom_greys import (
+    GREY_KINDS,
+    cell,
+    dark_is_large,
+    grey_kind,
+    places,
+    stored_values,
+    without_padding,
+)
 from scleraforce.recording.faults import named_faults
 from scleraforce.recording.pixels import check_size, inverted, jpeg_frame, one_grey, unpacked_bytes
 from scleraforce.recording.scan import (
@@ -37,7 +45,6 @@ __all__ = ["read_dicom"]
 
 # Zeiss writes the A-scans of its Visante along the rows of the image, so depth runs along the columns' index.
 A_SCANS_ALONG_ROWS = {("Carl Zeiss Meditec", "1000")}
-GREY_KINDS = ("MONOCHROME1", "MONOCHROME2")
 KINDS_READ = (*GREY_KINDS, "PALETTE COLOR", "RGB", "YBR_FULL", "YBR_FULL_422", "YBR_ICT", "YBR_RCT")
 DEFLATED = b"1.2.840.10008.1.2.1.99"  # the transfer syntax of a file that is inflated as a whole
 HEAD_BYTES = 1024  # in which the transfer syntax is
@@ -48,9 +55,6 @@ RLE_HEADER = 64  # bytes, the number and the places of the segments
 JPEG_BEGINS = (b"\xff\xd8\xff", b"\xff\x4f\xff\x51")
 SPACINGS = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing")
 CENTIMETRES, IMAGE_2D = 3, 1  # of a region of ultrasound: its units, its spatial format
-OVERLAYS = range(0x6000, 0x6020, 2)  # groups
-# What turns stored values into grey levels in another way than along a straight line.
-TABLES = ("ModalityLUTSequence", "VOILUTSequence", "PresentationLUTSequence")
 FRAME_TIMES = ("FrameReferenceDateTime", "FrameAcquisitionDateTime")  # when it was taken comes before when it began
 FRAME_TIME, FRAME_TIME_VECTOR = 0x00181063, 0x00181065  # what FrameIncrementPointer names
 ZONE = re.compile(r"([+-])(\d\d)([0-5]\d)")
@@ -73,14 +77,14 @@ def read_dicom(path: Path, data: bytes | None = None) -> Scan:
         check_bytes(path, count * rows * columns * (int(dataset.BitsAllocated) // 8))
         _check_codec(path, dataset)
         turned_round, turning_notes = _turned_round(path, dataset)
-        dark_is_large, grey_notes = _dark_is_large(path, dataset)
+        dark_large, grey_notes = dark_is_large(path, dataset)
         depth, lateral, scale_fault = one_size(path, _pixel_sizes(dataset))
         times, times_fault = _times(path, dataset, count)
         scan = Scan(
             names=frame_names(path, count),
             rows=rows,
             columns=columns,
-            pictures=lambda: _pictures(path, data, dark_is_large),
+            pictures=lambda: _pictures(path, data, dark_large),
             bits=_bits(dataset),
             depth_pixel_m=depth,
             lateral_pixel_m=lateral,
@@ -130,12 +134,12 @@ def _check_image(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
     missing = [name for name in NEEDED if dataset.get(name, None) is None]
     if missing:
         raise FrameError(f"{path}: a DICOM file without {', '.join(missing)}; export it anew")
-    kind = _grey_kind(dataset)
+    kind = grey_kind(dataset)
     if kind not in KINDS_READ:
         raise FrameError(f"{path}: PhotometricInterpretation: {kind or 'missing'}; one of {', '.join(KINDS_READ)}")
     rows, columns, samples = int(dataset.Rows), int(dataset.Columns), int(dataset.get("SamplesPerPixel", 1))
     check_size(path, rows, columns, samples)
-    allocated, stored, high = _cell(dataset)
+    allocated, stored, high = cell(dataset)
     if allocated not in CELL_BITS or not 1 <= stored <= high + 1 <= allocated:
         found = f"BitsAllocated {allocated}, BitsStored {stored}, HighBit {high}"
         raise FrameError(f"{path}: {found}; a pixel has 8, 16 or 32 bits, and BitsStored of them end at HighBit")
@@ -159,7 +163,7 @@ def _check_compressed(path: Path, dataset: "pydicom.Dataset", frames: int) -> No
     from pydicom.encaps import generate_fragments, generate_frames
     from pydicom.uid import RLELossless
 
-    syntax, (_, stored, high) = dataset.file_meta.TransferSyntaxUID, _cell(dataset)
+    syntax, (_, stored, high) = dataset.file_meta.TransferSyntaxUID, cell(dataset)
     rows, columns = int(dataset.Rows), int(dataset.Columns)
     if syntax == RLELossless:
         count = sum(1 for _ in generate_fragments(dataset.PixelData)) - 1  # but for the table of offsets
@@ -206,7 +210,7 @@ def _check_jpeg(path: Path, dataset: "pydicom.Dataset", packed: bytes) -> None:
             f"({words[bool(dataset.PixelRepresentation)]}), its JPEG 2000 image has {words[signed]} pixels; save it "
             "uncompressed"
         )
-    # Unsigned values of more bits are right where they fit, which `_values` checks.
+    # Unsigned values of more bits are right where they fit, which `stored_values` checks.
     if syntax in JPEG2000TransferSyntaxes and (bits < stored or (signed and bits != stored)):
         raise FrameError(f"{path}: BitsStored is {stored}, its JPEG 2000 image has {bits} bits; save it uncompressed")
 
@@ -239,34 +243,12 @@ def _check_codec(path: Path, dataset: "pydicom.Dataset") -> None:
         )
 
 
-def _grey_kind(dataset: "pydicom.Dataset") -> str:
-    """Return the photometric interpretation of a data set, "" where it has none."""
-    return str(dataset.get("PhotometricInterpretation", "")).strip()
-
-
-def _cell(dataset: "pydicom.Dataset") -> tuple[int, int, int]:
-    """Return BitsAllocated, BitsStored and HighBit."""
-    stored = int(dataset.BitsStored)
-    high = dataset.get("HighBit", None)
-    return int(dataset.BitsAllocated), stored, stored - 1 if high is None else int(high)
-
-
 def _bits(dataset: "pydicom.Dataset") -> int | None:
     """Return the bits that grey pixels use; a palette or colour gives 8 or 16, whatever was stored."""
     stored = int(dataset.BitsStored)
-    if _grey_kind(dataset) not in GREY_KINDS:
-        return 8 if _grey_kind(dataset) != "PALETTE COLOR" and stored == 8 else None
+    if grey_kind(dataset) not in GREY_KINDS:
+        return 8 if grey_kind(dataset) != "PALETTE COLOR" and stored == 8 else None
     return stored if 1 <= stored <= 16 and not int(dataset.PixelRepresentation) else None
-
-
-def _places(dataset: "pydicom.Dataset", sequence: str) -> "Iterator[tuple[str, pydicom.Dataset]]":
-    """Yield the data set and the items of a sequence in its functional groups, each with its place in words."""
-    yield "", dataset
-    for groups in ("SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence"):
-        for nth, group in enumerate(dataset.get(groups, None) or []):
-            place = f" of frame {nth + 1}" if groups.startswith("PerFrame") else f" of {groups}"
-            for item in group.get(sequence, None) or []:
-                yield place, item
 
 
 def _turned_round(path: Path, dataset: "pydicom.Dataset") -> tuple[bool, tuple[str, ...]]:
@@ -277,154 +259,28 @@ def _turned_round(path: Path, dataset: "pydicom.Dataset") -> tuple[bool, tuple[s
     return True, (f"{path}: this scanner writes A-scans along the rows: rows and columns were exchanged",)
 
 
-def _dark_is_large(path: Path, dataset: "pydicom.Dataset") -> tuple[bool, list[str]]:
-    """Return whether larger stored values are darker, and notes on what becomes of the values.
-
-    A negative RescaleSlope turns the values, MONOCHROME1 or the PresentationLUTShape INVERSE their display; one of each
-    cancel. The two of the display are one inversion in PS3.3 C.8.11.3 (DX) and two in other readers, so both together
-    are refused.
-
-    Raises:
-        FrameError: fields contradict each other, or a table turns values into grey levels.
-    """
-    kind, shape = _grey_kind(dataset), str(dataset.get("PresentationLUTShape", None) or "IDENTITY")
-    for place, item in _places(dataset, "FrameVOILUTSequence"):
-        table = next((name for name in TABLES if item.get(name, None)), None)
-        if table:
-            raise FrameError(f"{path}: {table}{place}: a table of grey levels, which is not read; export it applied")
-    if shape not in ("IDENTITY", "INVERSE"):
-        raise FrameError(f"{path}: PresentationLUTShape: {shape}; IDENTITY or INVERSE")
-    if kind == "MONOCHROME1" and shape == "INVERSE":
-        raise FrameError(
-            f"{path}: PhotometricInterpretation MONOCHROME1 and PresentationLUTShape INVERSE: programs differ in "
-            "whether these are one inversion or two; export it as MONOCHROME2"
-        )
-    slope = _slope(path, dataset)
-    notes = [f"{path}: colour became grey"] if kind not in GREY_KINDS else []
-    turns = [f"RescaleSlope {slope:g}"] if slope < 0.0 else []
-    turns += ["MONOCHROME1"] if kind == "MONOCHROME1" else []
-    turns += ["PresentationLUTShape INVERSE"] if shape == "INVERSE" else []
-    if turns and kind not in GREY_KINDS:
-        raise FrameError(f"{path}: {turns[0]} and PhotometricInterpretation {kind}; export it as MONOCHROME2")
-    if len(turns) == 1:
-        notes.append(f"{path}: {turns[0]}: dark and bright were exchanged")
-    elif turns:
-        notes.append(f"{path}: {turns[0]} and {turns[1]} cancel: pixels stay as stored")
-    return len(turns) == 1, notes + _cell_notes(path, dataset)
-
-
-def _cell_notes(path: Path, dataset: "pydicom.Dataset") -> list[str]:
-    """Return notes on bits and values that are not those of the picture."""
-    _, stored, high = _cell(dataset)
-    padding = dataset.get("PixelPaddingValue", None)
-    notes = [f"{path}: HighBit is {high}, BitsStored {stored}: pixels were shifted"] if high != stored - 1 else []
-    if overlays := _overlay_bits(dataset):
-        bits = ", ".join(map(str, overlays))
-        notes.append(f"{path}: OverlayBitPosition {bits}: overlays in the pixels' bits were left out")
-    if padding is not None:
-        notes.append(f"{path}: PixelPaddingValue {padding}: such pixels become as dark as the darkest of their frame")
-    return notes
-
-
-def _slope(path: Path, dataset: "pydicom.Dataset") -> float:
-    """Return the RescaleSlope of all frames, 1 where none is stated.
-
-    Raises:
-        FrameError: there are several, with their RescaleIntercept, or it is 0.
-    """
-    found = [
-        (place, (float(item.RescaleSlope), float(item.get("RescaleIntercept", None) or 0.0)))
-        for place, item in _places(dataset, "PixelValueTransformationSequence")
-        if item.get("RescaleSlope", None) is not None
-    ]
-    if not found:
-        return 1.0
-    first, scale = found[0]
-    for place, other in found:
-        if other != scale:
-            raise FrameError(
-                f"{path}: RescaleSlope and RescaleIntercept {scale[0]:g}, {scale[1]:g}{first} and {other[0]:g}, "
-                f"{other[1]:g}{place}; export frames of one scale of grey"
-            )
-    if not np.isfinite(scale[0]) or scale[0] == 0.0:
-        raise FrameError(f"{path}: RescaleSlope: {scale[0]:g}; it is a number other than 0")
-    return scale[0]
-
-
-def _overlay_bits(dataset: "pydicom.Dataset") -> list[int]:
-    """Return the bits of a pixel in which overlays are stored, as older files have them."""
-    found: list[int] = []
-    for group in OVERLAYS:
-        position, data = dataset.get((group, 0x0102), None), dataset.get((group, 0x3000), None)
-        if position is not None and data is None and position.value is not None:
-            found.append(int(position.value))
-    return found
-
-
-def _pictures(path: Path, data: bytes | None, dark_is_large: bool) -> PictureStream:
+def _pictures(path: Path, data: bytes | None, dark_large: bool) -> PictureStream:
     """Yield the frames as they are stored; larger is brighter, signed ones stay signed."""
     from pydicom.pixels.processing import apply_color_lut
     from pydicom.pixels.utils import iter_pixels
 
     with _opened(path, data) as dataset:
-        kind = _grey_kind(dataset)
+        kind = grey_kind(dataset)
         for pixels in iter_pixels(dataset, correct_unused_bits=False):
-            values = _values(path, dataset, np.asarray(pixels))
+            values = stored_values(path, dataset, np.asarray(pixels))
             if kind == "PALETTE COLOR":
                 yield one_grey(np.asarray(apply_color_lut(values, dataset)), path)
             elif kind in GREY_KINDS:
-                bright = inverted(values, int(dataset.BitsStored), path) if dark_is_large else values
-                yield _without_padding(dataset, values, bright)
+                bright = inverted(values, int(dataset.BitsStored), path) if dark_large else values
+                yield without_padding(dataset, values, bright)
             else:
                 yield one_grey(values, path)
-
-
-def _values(path: Path, dataset: "pydicom.Dataset", cells: NDArray[Any]) -> NDArray[Any]:
-    """Return the values that BitsStored bits up to HighBit hold (PS3.5 8.1.1).
-
-    Raises:
-        FrameError: pixels use other bits as well, and no overlay is declared in them.
-    """
-    allocated, stored, high = _cell(dataset)
-    if stored == allocated or cells.dtype.itemsize * 8 != allocated:  # codecs give smaller cells where these suffice
-        return cells
-    plain = cells.view(f"u{cells.dtype.itemsize}").astype(np.int64)
-    known = plain & ~sum(1 << bit for bit in _overlay_bits(dataset))
-    shift = high + 1 - stored
-    value = (plain >> shift) & ((1 << stored) - 1)
-    above = known >> (high + 1)
-    if cells.dtype.kind == "i":
-        sign = 1 << (stored - 1)
-        value = (value ^ sign) - sign
-        above = np.where((value < 0) & (above == (1 << (allocated - high - 1)) - 1), 0, above)
-    stray = (above != 0) | ((known & ((1 << shift) - 1)) != 0)
-    if stray.any():
-        found = f"a pixel is {int(known[stray][0]):#x}"
-        raise FrameError(
-            f"{path}: BitsStored is {stored}, HighBit {high}, but {found}, which has other bits; export it anew"
-        )
-    return value.astype(cells.dtype)
-
-
-def _without_padding(dataset: "pydicom.Dataset", values: NDArray[Any], bright: NDArray[Any]) -> NDArray[Any]:
-    """Return a picture whose pixels of PixelPaddingValue, up to PixelPaddingRangeLimit, are as dark as its darkest."""
-    ends = [dataset.get(name, None) for name in ("PixelPaddingValue", "PixelPaddingRangeLimit")]
-    if ends[0] is None:
-        return bright
-    stored = int(dataset.BitsStored)
-    first, last = (int(ends[0] if end is None else end) for end in ends)
-    if values.dtype.kind == "i":  # some programs write the negative ones without their sign
-        first, last = (end - (1 << stored) if end >= 1 << (stored - 1) else end for end in (first, last))
-    padded = (values >= min(first, last)) & (values <= max(first, last))
-    if not padded.any() or padded.all():
-        return bright
-    return np.where(padded, bright[~padded].min(), bright)
 
 
 def _pixel_sizes(dataset: "pydicom.Dataset") -> list[PixelSize]:
     """Return the sizes of a pixel that the fields of a data set state, in the order of their precedence."""
     sizes = []
-    for place, item in _places(dataset, "PixelMeasuresSequence"):
+    for place, item in places(dataset, "PixelMeasuresSequence"):
         for name in SPACINGS:
             spacing = [float(value) for value in _several(item.get(name, None))]
             if len(spacing) == 2 and min(spacing) > 0.0:

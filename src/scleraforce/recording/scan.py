@@ -14,6 +14,7 @@ from scleraforce.units import from_si
 
 __all__ = [
     "LARGEST_BYTES",
+    "METRES",
     "SECONDS",
     "PictureStream",
     "PixelSize",
@@ -29,6 +30,11 @@ __all__ = [
 PictureStream = Iterator[NDArray[Any]]
 
 LARGEST_BYTES = 16 * 2**30  # of the frames of one source, unpacked
+METRES = {
+    "m": 1.0, "meter": 1.0, "metre": 1.0, "cm": 1e-2, "centimeter": 1e-2, "inch": 25.4e-3, "in": 25.4e-3, "mm": 1e-3,
+    "millimeter": 1e-3, "millimetre": 1e-3, "µm": 1e-6, "μm": 1e-6, "um": 1e-6, "micron": 1e-6, "microns": 1e-6,
+    "micrometer": 1e-6, "micrometre": 1e-6, "nm": 1e-9, "nanometer": 1e-9,
+}  # fmt: skip
 SECONDS = {
     "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "min": 60.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "µs": 1e-6,
     "μs": 1e-6, "usec": 1e-6, "ns": 1e-9,

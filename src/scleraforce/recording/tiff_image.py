@@ -11,20 +11,20 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from io import BytesIO
-from math import isfinite
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from struct import unpack
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.faults import named_faults
+from scleraforce.recording.ome_xml import ome_sizes, ome_times
 from scleraforce.recording.pixels import as_shown, check_size, inverted, one_grey, unpacked_bytes
 from scleraforce.recording.scan import (
+    METRES,
     SECONDS,
     PictureStream,
     PixelSize,
@@ -34,7 +34,6 @@ from scleraforce.recording.scan import (
     even_times,
     frame_names,
     one_size,
-    rising,
 )
 
 if TYPE_CHECKING:
@@ -50,11 +49,6 @@ NO_UNIT, INCH, CENTIMETRE = 1, 2, 3  # ResolutionUnit
 UNIT_NAMES = {NO_UNIT: "none", INCH: "inch", CENTIMETRE: "cm"}
 NO_UNITS = ("pixel", "pixels", "px")  # what ImageJ calls the unit of an image without a scale
 FRAME_AXES = "TZQIRPC"  # that count pages: time, depth of a stack, any
-METRES = {
-    "m": 1.0, "meter": 1.0, "metre": 1.0, "cm": 1e-2, "centimeter": 1e-2, "inch": 25.4e-3, "in": 25.4e-3, "mm": 1e-3,
-    "millimeter": 1e-3, "millimetre": 1e-3, "µm": 1e-6, "μm": 1e-6, "um": 1e-6, "micron": 1e-6, "microns": 1e-6,
-    "micrometer": 1e-6, "micrometre": 1e-6, "nm": 1e-9, "nanometer": 1e-9,
-}  # fmt: skip
 PRINTED = (25.4e-3, 1e-2)  # units in which programs state the resolution of a screen or a printer, asked or not ...
 PRINTED_M = 20e-6  # ... which are never finer than this: 1,270 dots per inch
 
@@ -286,7 +280,7 @@ def _pixel_sizes(
 ) -> tuple[list[PixelSize], list[str]]:
     """Return the sizes of a pixel that the fields of a file state, in the order of their precedence, and notes."""
     notes: list[str] = []
-    sizes = _ome_sizes(path, file.ome_metadata, notes) if file.ome_metadata else []
+    sizes = ome_sizes(path, file.ome_metadata, notes) if file.ome_metadata else []
     sizes += [_resolution(path, file, page, notes) for page in pages]
     sizes.append(_json_size(pages[0], rows, columns))
     return sizes, list(dict.fromkeys(notes))
@@ -339,31 +333,6 @@ def _size(page: "tifffile.TiffPage", name: str, unit_m: float | None) -> float |
     return units / count * unit_m if unit_m and count > 0 and units > 0 else None
 
 
-def _ome_pixels(xml: str) -> list[dict[str, str]]:
-    """Return the attributes of all elements `Pixels`, whatever their name space."""
-    return [element.attrib for element in ElementTree.fromstring(xml).iter() if _local(element) == "Pixels"]
-
-
-def _local(element: ElementTree.Element) -> str:
-    return element.tag.rpartition("}")[2]
-
-
-def _ome_sizes(path: Path, xml: str, notes: list[str]) -> list[PixelSize]:
-    """Return the physical sizes of a pixel that OME-XML states; their unit is the micrometre where it names none."""
-    found = []
-    for stated in _ome_pixels(xml):
-        units = {stated.get(f"PhysicalSize{axis}Unit", "µm") for axis in "XY"} - set(METRES)
-        notes += [f"{path}: OME's unit {unit!r} is not known: the scale is not either" for unit in sorted(units)]
-        found.append(PixelSize("OME", _ome_size(stated, "Y"), _ome_size(stated, "X")))
-    return found
-
-
-def _ome_size(stated: dict[str, str], axis: str) -> float | None:
-    unit_m = METRES.get(stated.get(f"PhysicalSize{axis}Unit", "µm"))
-    size = float(stated.get(f"PhysicalSize{axis}", "nan"))
-    return size * unit_m if unit_m and isfinite(size) and size > 0.0 else None
-
-
 def _json_size(page: "tifffile.TiffPage", rows: int, columns: int) -> PixelSize:
     """Return the steps of axes that a JSON text in the Software tag lists value by value, as myOCT writes them."""
     source = "JSON axes in the Software tag"
@@ -389,21 +358,9 @@ def _step_m(axis: Any, size: int) -> float | None:
 def _times(file: "tifffile.TiffFile", count: int) -> Times | None:
     """Return times of frames from ImageJ's frame interval, or OME's planes or increment."""
     if file.ome_metadata:
-        return _ome_times(file.ome_metadata, count)
+        return ome_times(file.ome_metadata, count)
     interval = (file.imagej_metadata or {}).get("finterval")
     unit_s = SECONDS.get(str((file.imagej_metadata or {}).get("tunit", "sec")))
     if not isinstance(interval, int | float) or unit_s is None:
         return None
     return even_times(count, interval * unit_s, "ImageJ's finterval")
-
-
-def _ome_times(xml: str, count: int) -> Times | None:
-    planes = [element.attrib for element in ElementTree.fromstring(xml).iter() if _local(element) == "Plane"]
-    if len(planes) == count and all("DeltaT" in plane for plane in planes):
-        units_s = [SECONDS.get(plane.get("DeltaTUnit", "s")) for plane in planes]
-        if None not in units_s:
-            time_s = np.array([float(plane["DeltaT"]) for plane in planes]) * np.array(units_s, dtype=np.float64)
-            return Times(time_s, "OME's DeltaT") if rising(time_s) else None
-    stated = next(iter(_ome_pixels(xml)), {})
-    unit_s = SECONDS.get(stated.get("TimeIncrementUnit", "s"))
-    return even_times(count, float(stated.get("TimeIncrement", "0")) * (unit_s or 0.0), "OME's TimeIncrement")
