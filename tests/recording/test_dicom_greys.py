@@ -157,6 +157,33 @@ def test_padding_is_dark_and_shifts_nothing(tmp_path: Path, kind: str, limit: in
     assert any("PixelPaddingValue -3000" in note for note in image.notes)
 
 
+def test_padding_that_is_dark_already_stays(tmp_path: Path) -> None:
+    padded = RAMP + 100
+    padded[:5] = 0
+    write_dicom(tmp_path / "a.dcm", padded, PixelPaddingValue=0)
+    np.testing.assert_array_equal(read_frame(tmp_path / "a.dcm"), padded)
+
+
+@pytest.mark.parametrize("planar", [0, 1])
+def test_planes_of_colour_are_read_as_colour(tmp_path: Path, planar: int) -> None:
+    grey = (RAMP % 200).astype(np.uint8)
+    colour = np.stack([grey, grey, grey], axis=0 if planar else -1)
+    tags = {"SamplesPerPixel": 3, "PhotometricInterpretation": "RGB", "PlanarConfiguration": planar}
+    write_dicom(tmp_path / "a.dcm", grey, PixelData=colour.tobytes(), **tags)
+    image = read_frame_image(tmp_path / "a.dcm")
+    np.testing.assert_array_equal(image.pixels, grey)
+    assert any("colour became grey" in note for note in image.notes)
+
+
+@pytest.mark.parametrize(("kind", "samples"), [("MONOCHROME2", 3), ("RGB", 1), ("PALETTE COLOR", 3)])
+def test_samples_that_are_not_those_of_the_kind_are_refused(tmp_path: Path, kind: str, samples: int) -> None:
+    pixels = bytes(40 * 60 * samples)
+    tags = {"SamplesPerPixel": samples, "PhotometricInterpretation": kind, "PlanarConfiguration": 0}
+    write_dicom(tmp_path / "a.dcm", RAMP.astype(np.uint8), PixelData=pixels, **tags)
+    with pytest.raises(FrameError, match=f"SamplesPerPixel {samples}, PhotometricInterpretation {kind}"):
+        read_frame(tmp_path / "a.dcm")
+
+
 def spacing(**mm: list[float]) -> dict[str, object]:
     """Tags of spacings at the top and, by `shared` and `frames`, in functional groups."""
     tags: dict[str, object] = {name: value for name, value in mm.items() if name[0].isupper()}

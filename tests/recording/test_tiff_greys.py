@@ -112,6 +112,22 @@ def test_imagejs_unit_takes_precedence_as_in_imagej(
     assert any("ResolutionUnit" in note for note in image.notes) is (resolution_unit != "NONE")
 
 
+def without_resolution_unit(path: Path) -> None:
+    """Give the tag ResolutionUnit of a TIFF a number of no meaning."""
+    data, tag = path.read_bytes(), np.array([296, 3], "<u2").tobytes()
+    assert data.count(tag) == 1
+    path.write_bytes(data.replace(tag, np.array([299, 3], "<u2").tobytes()))
+
+
+def test_imagejs_unit_alone_is_no_contradiction(tmp_path: Path) -> None:
+    options = {"resolution": (1 / 0.015, 1 / 0.004), "metadata": {"unit": "mm"}}
+    tifffile.imwrite(tmp_path / "a.tif", RAMP, imagej=True, byteorder="<", **options)
+    without_resolution_unit(tmp_path / "a.tif")
+    image = read_frame_image(tmp_path / "a.tif")
+    assert (image.depth_pixel_m, image.lateral_pixel_m) == pytest.approx((4e-6, 15e-6), rel=1e-4)
+    assert image.notes == ()
+
+
 def test_um_beside_centimetres_is_per_centimetre_as_in_imagej(tmp_path: Path) -> None:
     options = {"resolution": (1e4 / 15, 1e4 / 4), "resolutionunit": "CENTIMETER", "metadata": {"unit": "um"}}
     tifffile.imwrite(tmp_path / "a.tif", RAMP, imagej=True, **options)
@@ -187,10 +203,7 @@ def test_pages_of_several_scales_are_refused(tmp_path: Path) -> None:
 
 def test_a_resolution_without_a_unit_is_per_inch_and_that_is_said(tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "a.tif", RAMP, metadata=None, resolution=(25400 / 15, 25400 / 4))
-    data = (tmp_path / "a.tif").read_bytes()
-    entry = np.array([296, 3], "<u2").tobytes()
-    assert data.count(entry) == 1
-    (tmp_path / "a.tif").write_bytes(data.replace(entry, np.array([299, 3], "<u2").tobytes()))  # a tag of no meaning
+    without_resolution_unit(tmp_path / "a.tif")
     image = read_frame_image(tmp_path / "a.tif")
     assert (image.depth_pixel_m, image.lateral_pixel_m) == pytest.approx((4e-6, 15e-6), rel=1e-4)
     assert any("no ResolutionUnit" in note for note in image.notes)
@@ -204,6 +217,13 @@ def test_smaller_copies_are_left_out_and_that_is_said(tmp_path: Path, inner: boo
     image = read_frame_image(tmp_path / "a.tif")
     np.testing.assert_array_equal(image.pixels, RAMP)
     assert any("smaller copies" in note for note in image.notes)
+
+
+def test_pages_that_are_marked_as_copies_but_no_smaller_are_frames(tmp_path: Path) -> None:
+    with tifffile.TiffWriter(tmp_path / "a.tif") as writer:
+        for nth, frame in enumerate(FRAMES):
+            writer.write(frame, metadata=None, subfiletype=int(nth > 0))
+    np.testing.assert_array_equal(pictures_of(read_tiff(tmp_path / "a.tif")), FRAMES)
 
 
 @pytest.mark.parametrize("samples", [2, 3, 4])
@@ -223,9 +243,11 @@ def test_differences_between_pixels_are_undone_and_those_of_floats_refused_by_na
         read_frame_image(tmp_path / "a.tif")
 
 
-def test_signed_tiff_is_shifted_to_start_at_zero(tmp_path: Path) -> None:
+def test_signed_tiff_is_shifted_to_start_at_zero_and_that_is_said(tmp_path: Path) -> None:
     tifffile.imwrite(tmp_path / "a.tif", RAMP.astype(np.int16) - 500)
-    np.testing.assert_array_equal(read_frame_image(tmp_path / "a.tif").pixels, RAMP)
+    image = read_frame_image(tmp_path / "a.tif")
+    np.testing.assert_array_equal(image.pixels, RAMP)
+    assert any("500 was added" in note for note in image.notes)
 
 
 def exif(orientation: int, order: str) -> bytes:

@@ -117,12 +117,14 @@ def _slope(path: Path, dataset: "pydicom.Dataset") -> float:
 
 
 def _overlay_bits(dataset: "pydicom.Dataset") -> list[int]:
-    """Return the bits of a pixel in which overlays are stored, as older files have them."""
+    """Return the bits beside BitsStored in which overlays are stored, as older files have them."""
+    _, stored, high = cell(dataset)
     found: list[int] = []
     for group in OVERLAYS:
         position, data = dataset.get((group, 0x0102), None), dataset.get((group, 0x3000), None)
-        if position is not None and data is None and position.value is not None:
-            found.append(int(position.value))
+        bit = None if position is None or data is not None else position.value
+        if bit is not None and not high - stored < int(bit) <= high:
+            found.append(int(bit))
     return found
 
 
@@ -165,4 +167,5 @@ def without_padding(dataset: "pydicom.Dataset", values: NDArray[Any], bright: ND
     padded = (values >= min(first, last)) & (values <= max(first, last))
     if not padded.any() or padded.all():
         return bright
-    return np.where(padded, bright[~padded].min(), bright)
+    darkest = bright[~padded].min()
+    return np.where(padded, darkest if values.dtype.kind == "i" else np.minimum(bright, darkest), bright)

@@ -46,6 +46,7 @@ __all__ = ["read_dicom"]
 # Zeiss writes the A-scans of its Visante along the rows of the image, so depth runs along the columns' index.
 A_SCANS_ALONG_ROWS = {("Carl Zeiss Meditec", "1000")}
 KINDS_READ = (*GREY_KINDS, "PALETTE COLOR", "RGB", "YBR_FULL", "YBR_FULL_422", "YBR_ICT", "YBR_RCT")
+SAMPLES = dict.fromkeys((*GREY_KINDS, "PALETTE COLOR"), 1)  # the others have three
 DEFLATED = b"1.2.840.10008.1.2.1.99"  # the transfer syntax of a file that is inflated as a whole
 HEAD_BYTES = 1024  # in which the transfer syntax is
 NEEDED = ("Rows", "Columns", "BitsAllocated", "BitsStored", "PixelRepresentation", "PixelData")  # to know the pixels
@@ -139,6 +140,9 @@ def _check_image(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
         raise FrameError(f"{path}: PhotometricInterpretation: {kind or 'missing'}; one of {', '.join(KINDS_READ)}")
     rows, columns, samples = int(dataset.Rows), int(dataset.Columns), int(dataset.get("SamplesPerPixel", 1))
     check_size(path, rows, columns, samples)
+    if samples != SAMPLES.get(kind, 3):
+        found = f"SamplesPerPixel {samples}, PhotometricInterpretation {kind}"
+        raise FrameError(f"{path}: {found}, which has {SAMPLES.get(kind, 3)}; export it anew")
     allocated, stored, high = cell(dataset)
     if allocated not in CELL_BITS or not 1 <= stored <= high + 1 <= allocated:
         found = f"BitsAllocated {allocated}, BitsStored {stored}, HighBit {high}"

@@ -86,16 +86,18 @@ def _only_frame(path: Path, scan: Scan) -> FrameImage:
     """
     if len(scan.names) != 1:
         raise FrameError(f"{path}: {len(scan.names)} frames in one file; give a file for each frame, or import it")
-    (pixels,) = scan.pictures()
+    (pixels,), notes = scan.pictures(), scan.notes
     if pixels.dtype.kind == "i":
-        pixels = pixels.astype(np.int64) - int(pixels.min())
+        least = int(pixels.min())
+        notes += (f"{path}: signed pixels: {-least} was added, so that the smallest is 0",)
+        pixels = pixels.astype(np.int64) - least
         pixels = pixels.astype(np.uint16) if int(pixels.max()) < 2**16 else pixels
     depth, lateral = scan.depth_pixel_m, scan.lateral_pixel_m
     return FrameImage(
         grey_pixels(np.ascontiguousarray(pixels), path),
         depth_pixel_m=None if depth is None else depth.value,
         lateral_pixel_m=None if lateral is None else lateral.value,
-        notes=scan.notes,
+        notes=notes,
         scale_fault=scan.scale_fault,
     )
 

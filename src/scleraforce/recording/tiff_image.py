@@ -177,14 +177,18 @@ def _unpacks_to_more(compression: int, packed: bytes, largest: int) -> bool:
 
 def _full_size(several: "Sequence[tifffile.TiffPageSeries]") -> "list[tifffile.TiffPageSeries]":
     """Return the series of images without those of smaller copies."""
-    full = [series for series in several if not series.keyframe.is_reduced]
-    return full or list(several)
+    return [series for series in several if not _is_copy(series.keyframe, several[0].keyframe)]
 
 
 def _frame_pages(file: "tifffile.TiffFile") -> "list[tifffile.TiffPage]":
     """Return the pages without those of smaller copies."""
     pages = [entry.aspage() for entry in file.pages]
-    return [page for page in pages if not page.is_reduced] or pages
+    return [page for page in pages if not _is_copy(page, pages[0])]
+
+
+def _is_copy(page: "tifffile.TiffPage", first: "tifffile.TiffPage") -> bool:
+    """Return whether a page is a smaller copy of the first."""
+    return bool(page.is_reduced) and page.shape != first.shape
 
 
 def _sizes(path: Path, several: "Sequence[tifffile.TiffPageSeries]") -> tuple[int, int, int]:
