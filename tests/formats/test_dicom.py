@@ -107,9 +107,13 @@ def test_frames_packed_as_rle_are_read_and_a_bomb_among_them_is_not(tmp_path: Pa
 
 
 @pytest.mark.parametrize("syntax", ["1.2.840.10008.1.2.4.70", "1.2.840.10008.1.2.4.80", "1.2.840.10008.1.2.4.90"])
-def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path, syntax: str) -> None:
+@pytest.mark.parametrize("stored", [13, 16])
+@pytest.mark.parametrize("least", [0, -2400])  # unsigned, signed
+def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path, syntax: str, stored: int, least: int) -> None:
+    frames = (FRAMES + np.int16(least)).astype(np.int16 if least else np.uint16)
     gdcm = pytest.importorskip("gdcm")
-    write_dicom(tmp_path / "a.dcm", FRAMES, SOPClassUID="1.2.840.10008.5.1.4.1.1.7", SOPInstanceUID="1.2.3")
+    tags = {"SOPClassUID": "1.2.840.10008.5.1.4.1.1.7", "SOPInstanceUID": "1.2.3"}
+    write_dicom(tmp_path / "a.dcm", frames, BitsStored=stored, HighBit=stored - 1, **tags)
     reader = gdcm.ImageReader()
     reader.SetFileName(str(tmp_path / "a.dcm"))
     assert reader.Read()
@@ -124,7 +128,7 @@ def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path, syntax: str) -> No
     writer.SetFile(reader.GetFile())
     writer.SetImage(change.GetOutput())
     assert writer.Write()
-    np.testing.assert_array_equal(pictures_of(read_dicom(tmp_path / "b.dcm")), FRAMES)
+    np.testing.assert_array_equal(pictures_of(read_dicom(tmp_path / "b.dcm")), frames)
 
 
 def test_a_deflated_file_and_one_without_pixels_are_refused(tmp_path: Path) -> None:

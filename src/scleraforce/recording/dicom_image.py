@@ -214,8 +214,8 @@ def _check_jpeg(path: Path, dataset: "pydicom.Dataset", packed: bytes) -> None:
             f"({words[bool(dataset.PixelRepresentation)]}), its JPEG 2000 image has {words[signed]} pixels; save it "
             "uncompressed"
         )
-    # Unsigned values of more bits are right where they fit, which `stored_values` checks.
-    if syntax in JPEG2000TransferSyntaxes and (bits < stored or (signed and bits != stored)):
+    # Values of more bits are right where they fit, which `stored_values` checks.
+    if syntax in JPEG2000TransferSyntaxes and bits < stored:
         raise FrameError(f"{path}: BitsStored is {stored}, its JPEG 2000 image has {bits} bits; save it uncompressed")
 
 
