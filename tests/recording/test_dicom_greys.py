@@ -12,7 +12,7 @@ from format_frames import FRAMES, pictures_of
 from pydicom.dataset import Dataset
 from pydicom.encaps import encapsulate
 from pydicom.sequence import Sequence
-from pydicom.uid import JPEG2000Lossless, JPEGBaseline8Bit, JPEGExtended12Bit
+from pydicom.uid import ExplicitVRBigEndian, JPEG2000Lossless, JPEGBaseline8Bit, JPEGExtended12Bit
 
 from scleraforce.errors import FrameError
 from scleraforce.formats.sources import source_kind
@@ -46,6 +46,18 @@ def test_bits_are_taken_where_high_bit_says(tmp_path: Path, high: int, compresse
     np.testing.assert_array_equal(image.pixels, RAMP)
     assert any("HighBit" in note for note in image.notes) is (high != 11)
     assert read_dicom(tmp_path / "a.dcm").bits == 12
+
+
+def test_bits_of_big_endian_pixels_are_taken_where_high_bit_says(tmp_path: Path) -> None:
+    for pixels in (RAMP, RAMP.astype(np.int16) - 1200):
+        written = write_dicom(tmp_path / "a.dcm", pixels, BitsStored=12, HighBit=15)
+        dataset = Dataset()
+        dataset.update(written)
+        dataset.file_meta = written.file_meta
+        dataset.file_meta.TransferSyntaxUID = ExplicitVRBigEndian
+        dataset.PixelData = (pixels << 4).astype(">i2").tobytes()
+        dataset.save_as(tmp_path / "a.dcm", enforce_file_format=True)
+        np.testing.assert_array_equal(read_frame(tmp_path / "a.dcm"), RAMP)
 
 
 def test_signed_pixels_are_taken_where_high_bit_says(tmp_path: Path) -> None:

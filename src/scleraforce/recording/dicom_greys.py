@@ -137,22 +137,21 @@ def stored_values(path: Path, dataset: "pydicom.Dataset", cells: NDArray[Any]) -
     allocated, stored, high = cell(dataset)
     if stored == allocated or cells.dtype.itemsize * 8 != allocated:  # codecs give smaller cells where these suffice
         return cells
-    plain = cells.view(f"u{cells.dtype.itemsize}").astype(np.int64)
-    known = plain & ~sum(1 << bit for bit in _overlay_bits(dataset))
+    cells = np.ascontiguousarray(cells, cells.dtype.newbyteorder("="))
     shift = high + 1 - stored
-    value = (plain >> shift) & ((1 << stored) - 1)
-    above = known >> (high + 1)
+    values = (cells << (allocated - high - 1)) >> (allocated - stored)  # keeps the sign of signed ones
+    above, below = (1 << allocated) - (1 << (high + 1)), (1 << shift) - 1
+    drawn = sum(1 << bit for bit in _overlay_bits(dataset))
+    plain = cells.view(f"u{cells.dtype.itemsize}")
+    stray = plain & plain.dtype.type((above | below) & ~drawn)
     if cells.dtype.kind == "i":
-        sign = 1 << (stored - 1)
-        value = (value ^ sign) - sign
-        above = np.where((value < 0) & (above == (1 << (allocated - high - 1)) - 1), 0, above)
-    stray = (above != 0) | ((known & ((1 << shift) - 1)) != 0)
+        stray[(values < 0) & (stray == (above & ~drawn))] = 0
     if stray.any():
-        found = f"a pixel is {int(known[stray][0]):#x}"
+        found = f"a pixel is {int(plain[stray != 0][0]):#x}"
         raise FrameError(
             f"{path}: BitsStored is {stored}, HighBit {high}, but {found}, which has other bits; export it anew"
         )
-    return value.astype(cells.dtype)
+    return values
 
 
 def without_padding(dataset: "pydicom.Dataset", values: NDArray[Any], bright: NDArray[Any]) -> NDArray[Any]:
