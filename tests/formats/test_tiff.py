@@ -9,6 +9,7 @@ import tifffile
 from format_frames import COLUMNS, COUNT, DEPTH_M, FRAMES, LATERAL_M, ROWS, pictures_of
 
 from scleraforce.errors import FrameError
+from scleraforce.recording.images import read_frame_image
 from scleraforce.recording.tiff_image import read_tiff
 
 REAL = Path(__file__).parents[3] / "shared" / "real-oct" / "tissue-surface"
@@ -87,6 +88,7 @@ def test_json_axes_count_where_they_go_with_the_pixels(tmp_path: Path) -> None:
     assert scan.depth_pixel_m.value == pytest.approx(2e-6)
     assert scan.lateral_pixel_m.value == pytest.approx(1e-5)
     assert scan.depth_pixel_m.source == "JSON axes in the Software tag"
+    assert read_frame_image(written(ROWS)).depth_pixel_m == pytest.approx(2e-6)  # as a frame alone
     assert read_tiff(written(ROWS + 1)).depth_pixel_m is None
     assert read_tiff(written(ROWS, 0.0)).depth_pixel_m is None
     uneven = {"z": {"values": [n**2 for n in range(ROWS)], "units": "mm"}}
