@@ -333,6 +333,16 @@ def test_a_sequence_of_plus_with_other_frames_or_none_that_is_valid_is_refused(t
         read_metaimage(mha(tmp_path / "a.mha", **sequence(range(COUNT), ["INVALID"] * COUNT)), IJK)
 
 
+def test_a_sequence_of_plus_in_an_nrrd_is_read_alike(tmp_path: Path) -> None:
+    fields = sequence([10.0, 10.25, 0.0, 11.0, 12.0], ["OK", "OK", "INVALID", "OK", "OK"])
+    lines = [f"{name}:={value}" for name, value in fields.items()]
+    scan = read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK)
+    np.testing.assert_array_equal(pictures_of(scan), FRAMES[[0, 1, 3, 4]])
+    np.testing.assert_allclose(scan.times.time_s, [10.0, 10.25, 11.0, 12.0])
+    with pytest.raises(FrameError, match="UltrasoundImageOrientation = MN"):
+        read_nrrd(nhdr(tmp_path / "b.nrrd", "UltrasoundImageOrientation:=MN"), IJK)
+
+
 def nhdr(path: Path, *lines: str, pixels: bytes | None = None) -> Path:
     known = ["type: uint16", "dimension: 3", f"sizes: {COLUMNS} {ROWS} {COUNT}", "endian: little", "encoding: raw"]
     names = [line.partition(":")[0] for line in lines]

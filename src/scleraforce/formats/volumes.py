@@ -378,6 +378,7 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
             _unpacked(data, data.read_bytes()[start if data == path else 0 :], count)
         array, _ = nrrd.read(str(path), index_order="F")
         named = axes or _nrrd_axes(header, array.shape)
+        _check_orientation(path, str(header.get("UltrasoundImageOrientation", "")), named)
         scan = array_scan(path, array, named, _nrrd_steps(path, header, array.ndim))
         times = _nrrd_times(header, len(scan.names))
         return _sequence(path, replace(scan, times=times), {name: str(value) for name, value in header.items()})
