@@ -10,8 +10,9 @@ from format_frames import COLUMNS, COUNT, FRAMES, ROWS, pictures_of
 from peak_memory import less_than
 
 from scleraforce.errors import FrameError, InputError
+from scleraforce.formats.metaimage import read_metaimage
 from scleraforce.formats.scan import UnansweredError
-from scleraforce.formats.volumes import read_metaimage, read_nifti, read_nrrd
+from scleraforce.formats.volumes import read_nifti, read_nrrd
 
 nibabel = pytest.importorskip("nibabel")
 nrrd = pytest.importorskip("nrrd")

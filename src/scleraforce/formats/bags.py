@@ -239,7 +239,7 @@ def _check_publishers(place: str, publisher: NDArray[np.int64], late_ms: NDArray
     """Check that the publishers of a topic are on one clock."""
     typical_ms = {int(each): float(np.median(late_ms[publisher == each])) for each in np.unique(publisher)}
     if max(typical_ms.values()) - min(typical_ms.values()) > LATEST_MS:
-        listed = " and ".join(f"{value / 1e3:.3f} s (connection {each})" for each, value in typical_ms.items())
+        listed = " and ".join(f"{value:.0f} ms (connection {each})" for each, value in typical_ms.items())
         raise RecordingError(
             f"{place}: its publishers are not on one clock: messages arrive {listed} after their stamps; {SPLIT}"
         )

@@ -131,9 +131,13 @@ def read_scan(path: Path, kind: str, order: SourceOrder) -> Scan:
             from scleraforce.formats.numpy_file import read_numpy
 
             return read_numpy(path, order.axes, order.array)
-    from scleraforce.formats.volumes import read_metaimage, read_nifti, read_nrrd
+        case "metaimage":
+            from scleraforce.formats.metaimage import read_metaimage
 
-    return {"nifti": read_nifti, "metaimage": read_metaimage, "nrrd": read_nrrd}[kind](path, order.axes)
+            return read_metaimage(path, order.axes)
+    from scleraforce.formats.volumes import read_nifti, read_nrrd
+
+    return {"nifti": read_nifti, "nrrd": read_nrrd}[kind](path, order.axes)
 
 
 def oriented(path: Path, scan: Scan, order: SourceOrder) -> Scan:

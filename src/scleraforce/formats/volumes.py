@@ -1,14 +1,12 @@
-"""Volumes of frames as NIfTI, MetaImage (MHA, MHD) and NRRD have them, with their spacing and its unit.
+"""Volumes of frames as NIfTI and NRRD have them, with their spacing and its unit.
 
 Axes are named in the order of the file, the fastest first. A spacing of exactly 1 along every axis is what programs
 write where they know none, and counts as none.
 """
 
 import re
-import zlib
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,26 +18,23 @@ from scleraforce.formats.extra import package_for
 from scleraforce.formats.faults import named_faults
 from scleraforce.formats.scan import Scan, Times, check_bytes, even_times, rising
 from scleraforce.formats.stated_units import SECONDS
+from scleraforce.formats.volume_files import (
+    SAME,
+    Axes,
+    check_orientation,
+    data_file,
+    listed,
+    plus_sequence,
+    stated_steps,
+    unpacked,
+)
 from scleraforce.recording.scaled_frame import Sourced
 from scleraforce.recording.tiff_image import METRES
 
-__all__ = ["read_metaimage", "read_nifti", "read_nrrd"]
+__all__ = ["read_nifti", "read_nrrd"]
 
-Axes = tuple[str, ...] | None
-
-HEADER_BYTES = 2**26
 SAMPLE_BYTES = 8  # of the widest type of NRRD
-GZIP_OR_ZLIB = zlib.MAX_WBITS | 32
-SAME = 1e-3  # spacings that differ by less are rounded
 NIFTI_UNITS = {0: "", 1: "m", 2: "mm", 3: "micron"}
-METAIMAGE_TYPES = {
-    "MET_CHAR": "i1", "MET_UCHAR": "u1", "MET_SHORT": "i2", "MET_USHORT": "u2", "MET_INT": "i4", "MET_UINT": "u4",
-    "MET_LONG": "i4", "MET_ULONG": "u4", "MET_LONG_LONG": "i8", "MET_ULONG_LONG": "u8", "MET_FLOAT": "f4",
-    "MET_DOUBLE": "f8",
-}  # fmt: skip
-NOT_READ = ("HeaderSizePerSlice", "HeaderSizesPerDataFile")
-CONVERT = "convert it to one .mha file (3D Slicer, SimpleITK)"
-SEQUENCE = "Seq_Frame(\\d+)_{}"
 NRRD_AXES = ("", "???", "none", "domain", "space", "time", "list", "point", "stub")  # kinds that are no components
 NRRD_IN_MM = re.compile(r"(left|right|scanner|[LR]A[SI]\b|[LR]P[SI]\b)", re.IGNORECASE)
 PACKED = ("gzip", "gz", "bzip2", "bz2")
@@ -105,12 +100,12 @@ def _nifti_steps(path: Path, header: Any, shape: tuple[int, ...]) -> tuple[tuple
     unit_m = METRES.get(NIFTI_UNITS[code])
     pixdim = [float(step) for step in header.get_zooms()]
     affine, sform_code = header.get_sform(coded=True)
-    pixdim_steps = _stated(pixdim, [unit_m] * len(pixdim), "NIfTI's pixdim")
+    pixdim_steps = stated_steps(pixdim, [unit_m] * len(pixdim), "NIfTI's pixdim")
     if affine is None or not sform_code:
         return pixdim_steps, []
     sform = np.linalg.norm(affine[:3, :3], axis=0).tolist()[: len(pixdim)]
-    sform_steps = _stated(sform, [unit_m] * len(sform), "NIfTI's sform")
-    both = f"pixdim states a spacing of {_listed(pixdim[:3])} and sform (code {sform_code}) of {_listed(sform)}"
+    sform_steps = stated_steps(sform, [unit_m] * len(sform), "NIfTI's sform")
+    both = f"pixdim states a spacing of {listed(pixdim[:3])} and sform (code {sform_code}) of {listed(sform)}"
     if not any(sform_steps):
         others = (
             [f"{path}: {both}, as programs write where they know none; pixdim is taken"] if any(pixdim_steps) else []
@@ -121,241 +116,6 @@ def _nifti_steps(path: Path, header: Any, shape: tuple[int, ...]) -> tuple[tuple
     if any(abs(a - b) > SAME * b for a, b, size in zip(pixdim, sform, shape, strict=False) if size > 1):
         raise FrameError(f"{path}: {both}; correct one of them")
     return pixdim_steps, []
-
-
-def _listed(values: Sequence[float]) -> str:
-    return " x ".join(f"{value:.6g}" for value in values)
-
-
-def read_metaimage(path: Path, axes: Axes) -> Scan:
-    """Return a MetaImage's frames; its spacing is in mm. Sequences of PLUS have times, and frames that are invalid.
-
-    Raises:
-        UnansweredError: axes are open.
-        FrameError: it cannot be read, or contradicts itself.
-    """
-    with named_faults(path, "MetaImage"):
-        fields, start = _metaimage_header(path)
-        notes = _check_metaimage(path, fields)
-        array, order_notes = _metaimage_pixels(path, fields, start)
-        steps, spacing_notes = _metaimage_steps(path, fields)
-        _check_orientation(path, fields.get("ultrasoundimageorientation", ""), axes)
-        scan = array_scan(path, array, axes, steps)
-        scan = replace(scan, notes=(*scan.notes, *notes, *order_notes, *spacing_notes))
-        return _sequence(path, scan, fields)
-
-
-def _metaimage_header(path: Path) -> tuple[dict[str, str], int]:
-    """Return the header's fields, by their names in small letters, and where it ends.
-
-    Raises:
-        FrameError: it has no end, or one field twice.
-    """
-    fields: dict[str, str] = {}
-    with path.open("rb") as file:
-        while file.tell() < HEADER_BYTES and (line := file.readline(HEADER_BYTES)):
-            name, _, value = (part.strip() for part in line.decode("latin-1").partition("="))
-            if not name or name.startswith("#"):
-                continue
-            if fields.setdefault(name.lower(), value) != value:
-                raise FrameError(f"{path}: {name} is stated twice: {fields[name.lower()]!r} and {value!r}; correct it")
-            if name.lower() == "elementdatafile":
-                return fields, file.tell()
-    raise FrameError(f"{path}: damaged: its header has no ElementDataFile")
-
-
-def _check_metaimage(path: Path, fields: dict[str, str]) -> list[str]:
-    """Refuse by name what is not read.
-
-    Raises:
-        FrameError: the file uses it.
-    """
-    if (kind := fields.get("objecttype", "Image")).lower() != "image":
-        raise FrameError(f"{path}: ObjectType = {kind}; give one of ObjectType = Image")
-    for field in NOT_READ:
-        if field.lower() in fields:
-            raise FrameError(f"{path}: {field} = {fields[field.lower()]}: not read; {CONVERT}")
-    if int(channels := fields.get("elementnumberofchannels", "1")) != 1:
-        raise FrameError(f"{path}: ElementNumberOfChannels = {channels}; give grey frames, of one channel")
-    if missing := [field for field in ("DimSize", "ElementType") if field.lower() not in fields]:
-        raise FrameError(f"{path}: damaged: its header has no {missing[0]}")
-    sizes, count = fields["dimsize"].split(), fields.get("ndims", "")
-    if count and int(count) != len(sizes):
-        raise FrameError(f"{path}: NDims = {count}, and DimSize has {len(sizes)} numbers; correct one of them")
-    for field in ("TransformMatrix", "Orientation", "Rotation"):
-        values = np.array(fields.get(field.lower(), "").split(), dtype=np.float64)
-        side = len(sizes)
-        if values.size == side**2 and not np.allclose(
-            np.linalg.norm(values.reshape(side, side), axis=1), 1.0, atol=SAME
-        ):
-            lengths = _listed(np.linalg.norm(values.reshape(side, side), axis=1).tolist())
-            raise FrameError(
-                f"{path}: {field} has directions of length {lengths}, not 1, beside ElementSpacing = "
-                f"{fields.get('elementspacing', '(missing)')}; put the whole scale into ElementSpacing"
-            )
-    orientation = fields.get("ultrasoundimageorientation")
-    return [f"{path}: UltrasoundImageOrientation = {orientation}"] if orientation else []
-
-
-def _flag(path: Path, fields: dict[str, str], *names: str) -> bool | None:
-    """Return a field that is true or false, under one of several names; None: it is not there.
-
-    Raises:
-        FrameError: it is neither, or two names state both.
-    """
-    stated = {name: fields[name.lower()] for name in names if name.lower() in fields}
-    for name, value in stated.items():
-        if value.lower() not in ("true", "false", "1", "0"):
-            raise FrameError(f"{path}: {name} = {value}; give True or False")
-    found = {value.lower() in ("true", "1") for value in stated.values()}
-    if len(found) > 1:
-        listed = " and ".join(f"{name} = {value}" for name, value in stated.items())
-        raise FrameError(f"{path}: {listed}; correct one of them")
-    return next(iter(found), None)
-
-
-def _metaimage_pixels(path: Path, fields: dict[str, str], start: int) -> tuple[NDArray[Any], list[str]]:
-    """Return the pixels, their first axis the fastest, and notes.
-
-    Raises:
-        FrameError: they are stored in a way that is not read, or are not as many as the header says.
-    """
-    kind = METAIMAGE_TYPES.get(fields["elementtype"].upper())
-    if kind is None:
-        raise FrameError(f"{path}: ElementType = {fields['elementtype']}; one of {', '.join(METAIMAGE_TYPES)}")
-    big = _flag(path, fields, "BinaryDataByteOrderMSB", "ElementByteOrderMSB")
-    dtype = np.dtype((">" if big else "<") + kind)
-    shape = [int(length) for length in fields["dimsize"].split()]
-    size = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
-    check_bytes(path, size)
-    name = fields["elementdatafile"]
-    if name.upper().startswith("LIST") or "%" in name:
-        raise FrameError(f"{path}: ElementDataFile = {name}: pixels in several files; {CONVERT}")
-    local = name.upper() == "LOCAL"
-    data_path = path if local else _data_file(path, name)
-    skipped = int(fields.get("headersize", "0"))
-    packed = _flag(path, fields, "CompressedData")
-    if skipped < -1 or (skipped > 0 and local) or (skipped and packed):
-        where = "pixels in the same file" if local else "CompressedData = True"
-        raise FrameError(f"{path}: HeaderSize = {skipped} beside {where}; {CONVERT}")
-    text = _flag(path, fields, "BinaryData") is False
-    with data_path.open("rb") as file:
-        file.seek((start if local else 0) + max(skipped, 0))
-        if text:
-            if packed:
-                raise FrameError(f"{path}: BinaryData = False and CompressedData = True; correct one of them")
-            return _text_pixels(path, file.read(), dtype.newbyteorder("=")).reshape(shape, order="F"), []
-        data = _unpacked(data_path, file.read(), size) if packed else file.read()
-    if skipped == -1:
-        data = data[len(data) - size :] if len(data) > size else data
-    if len(data) != size:
-        raise FrameError(
-            f"{data_path}: damaged: {len(data)} bytes of pixels; DimSize = {fields['dimsize']} of "
-            f"{fields['elementtype']} take {size} (HeaderSize = {skipped})"
-        )
-    array = np.frombuffer(data, dtype).astype(dtype.newbyteorder("=")).reshape(shape, order="F")
-    unknown = big is None and dtype.itemsize > 1
-    return array, [f"{path}: no BinaryDataByteOrderMSB; taken as False"] if unknown else []
-
-
-def _text_pixels(path: Path, data: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return pixels written as text (BinaryData = False).
-
-    Raises:
-        FrameError: a number is none of the type.
-    """
-    values = np.array(data.split()).astype(np.float64)
-    pixels = values.astype(dtype) if dtype.kind == "f" else np.clip(values, -(2.0**53), 2.0**53).astype(np.int64)
-    pixels = pixels.astype(dtype)
-    if dtype.kind != "f" and (wrong := np.flatnonzero(pixels != values)).size:
-        raise FrameError(f"{path}: pixel {wrong[0]} is {values[wrong[0]]:g}, which is no number of type {dtype}")
-    return pixels
-
-
-def _metaimage_steps(path: Path, fields: dict[str, str]) -> tuple[tuple[Sourced | None, ...], list[str]]:
-    """Return the spacing in mm; the size of an element where no spacing is stated, as MetaIO takes it.
-
-    Raises:
-        FrameError: the numbers are not as many as the axes.
-    """
-    found = {}
-    for field in ("ElementSpacing", "ElementSize"):
-        values = [float(value) for value in fields.get(field.lower(), "").split()]
-        if values and len(values) != len(fields["dimsize"].split()):
-            raise FrameError(f"{path}: {field} has {len(values)} numbers, and DimSize {fields['dimsize']}; correct it")
-        steps = _stated(values, [METRES["mm"]] * len(values), field)
-        if any(steps):
-            found[field] = (values, steps)
-    if not found:
-        return (), []
-    name, (values, steps) = next(iter(found.items()))
-    sizes = found.get("ElementSize", (values,))[0]
-    differ = not np.allclose(sizes, values, rtol=SAME)
-    words = f"{path}: ElementSize = {_listed(sizes)}, and {name} = {_listed(values)}, which is taken"
-    return steps, [words] if differ else []
-
-
-def _check_orientation(path: Path, orientation: str, axes: Axes) -> None:
-    """Check that depth runs away from the probe along the axis that is named depth (PLUS).
-
-    Raises:
-        FrameError: it does not.
-    """
-    letters = orientation.upper()
-    if "N" in letters:
-        raise FrameError(
-            f"{path}: UltrasoundImageOrientation = {orientation}: depth runs towards the probe; write it as MF "
-            "(PlusToolkit: EditSequenceFile --operation=..., or flip the rows)"
-        )
-    if axes is not None and "F" in letters and letters.index("F") < len(axes) and axes[letters.index("F")] != "depth":
-        raise FrameError(
-            f"{path}: UltrasoundImageOrientation = {orientation}: depth is axis {letters.index('F') + 1}; --axes names "
-            f"{','.join(axes)}"
-        )
-
-
-def _sequence(path: Path, scan: Scan, fields: dict[str, str]) -> Scan:
-    """Return a sequence of PLUS with the times that it states, in s, and without its invalid frames.
-
-    Raises:
-        FrameError: the fields are not those of the frames, or no frame is valid.
-    """
-    stated = {
-        field: {int(match[1]): value for name, value in fields.items() if (match := re.fullmatch(pattern, name, re.I))}
-        for field in ("Timestamp", "ImageStatus")
-        for pattern in [SEQUENCE.format(field)]
-    }
-    times, states = stated["Timestamp"], stated["ImageStatus"]
-    count = len(scan.names)
-    for name, values in stated.items():
-        if values and sorted(values) != list(range(count)):
-            raise FrameError(
-                f"{path}: Seq_FrameNNNN_{name} of {len(values)} frames, {min(values)} to {max(values)}, and {count} "
-                "frames along the axis named frame; write the sequence again, or name the axes as they are"
-            )
-    kept = [nth for nth in range(count) if states.get(nth, "OK").upper() != "INVALID"]
-    if not kept:
-        raise FrameError(
-            f"{path}: Seq_FrameNNNN_ImageStatus = INVALID for all {count} frames; there is nothing to read"
-        )
-    if len(kept) < count:
-        left_out = ", ".join(str(nth) for nth in range(count) if nth not in kept)
-        note = f"{path}: ImageStatus = INVALID: frames {left_out} (from 0) are left out"
-        pictures = scan.pictures
-        scan = replace(
-            scan,
-            names=tuple(scan.names[nth] for nth in kept),
-            pictures=lambda: (picture for nth, picture in enumerate(pictures()) if nth in set(kept)),
-            notes=(*scan.notes, note),
-        )
-    if not times:
-        return scan
-    time_s = np.array([float(times[nth]) for nth in kept])
-    if not rising(time_s):
-        at = next(nth for nth in range(len(kept)) if not rising(time_s[: nth + 1]))
-        pair = " and ".join(f"{times[nth]} (frame {nth})" for nth in kept[max(0, at - 1) : at + 1])
-        return replace(scan, notes=(*scan.notes, f"{path}: Seq_FrameNNNN_Timestamp does not rise: {pair}; not used"))
-    return replace(scan, times=Times(time_s, "Seq_Frame Timestamp"))
 
 
 def read_nrrd(path: Path, axes: Axes) -> Scan:
@@ -373,15 +133,15 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
         _check_nrrd(path, header)
         count = int(np.prod(header["sizes"], dtype=np.int64)) * SAMPLE_BYTES
         check_bytes(path, count)
-        data = _data_file(path, str(header.get("data file", header.get("datafile", ""))))
+        data = data_file(path, str(header.get("data file", header.get("datafile", ""))))
         if header["encoding"].lower() in ("gzip", "gz"):
-            _unpacked(data, data.read_bytes()[start if data == path else 0 :], count)
+            unpacked(data, data.read_bytes()[start if data == path else 0 :], count)
         array, _ = nrrd.read(str(path), index_order="F")
         named = axes or _nrrd_axes(header, array.shape)
-        _check_orientation(path, str(header.get("UltrasoundImageOrientation", "")), named)
+        check_orientation(path, str(header.get("UltrasoundImageOrientation", "")), named)
         scan = array_scan(path, array, named, _nrrd_steps(path, header, array.ndim))
         times = _nrrd_times(header, len(scan.names))
-        return _sequence(path, replace(scan, times=times), {name: str(value) for name, value in header.items()})
+        return plus_sequence(path, replace(scan, times=times), {name: str(value) for name, value in header.items()})
 
 
 def _check_nrrd(path: Path, header: Any) -> None:
@@ -407,29 +167,6 @@ def _check_nrrd(path: Path, header: Any) -> None:
                 f"{path}: {field}: {skipped} beside encoding: {header['encoding']}; save it as one .nrrd (unu save, "
                 "3D Slicer)"
             )
-
-
-def _stated(steps: Sequence[float], units_m: Sequence[float | None], source: str) -> tuple[Sourced | None, ...]:
-    """Return the step along each axis, None where it is not known."""
-    if all(step in (0.0, 1.0) or not np.isfinite(step) for step in steps[:3]):
-        return tuple(None for _ in steps)
-    return tuple(
-        Sourced(step * unit_m, source) if unit_m is not None and np.isfinite(step) and step > 0.0 else None
-        for step, unit_m in zip(steps, units_m, strict=True)
-    )
-
-
-def _data_file(path: Path, named: str) -> Path:
-    """Return the file that holds the pixels of a header: its own where it names none, else one beside it.
-
-    Raises:
-        FrameError: it names one elsewhere.
-    """
-    if not named:
-        return path
-    if PurePath(named).name != named:
-        raise FrameError(f"{path}: its pixels are said to be in {named!r}; import it where they lie beside it")
-    return path.with_name(named)
 
 
 def _nrrd_axes(header: Any, shape: tuple[int, ...]) -> Axes:
@@ -461,7 +198,7 @@ def _nrrd_steps(path: Path, header: Any, count: int) -> tuple[Sourced | None, ..
     units = [str(unit) for unit in header.get("units", [""] * count)]
     spacings = [float(spacing) for spacing in header.get("spacings", [np.nan] * count)]
     if "space directions" not in header:
-        return _stated(spacings, [METRES.get(unit) for unit in units], "NRRD's spacings")
+        return stated_steps(spacings, [METRES.get(unit) for unit in units], "NRRD's spacings")
     directions = np.array(header["space directions"], dtype=np.float64)
     lengths = np.linalg.norm(directions, axis=1).tolist()
     in_space = _space_units(path, header, directions)
@@ -475,7 +212,7 @@ def _nrrd_steps(path: Path, header: Any, count: int) -> tuple[Sourced | None, ..
                 f"{path}: axis {axis}: units states {units[axis - 1]!r}, and space units "
                 f"{header.get('space units', 'nothing')}; correct one of them"
             )
-    return _stated(lengths, in_space, "NRRD's space directions")
+    return stated_steps(lengths, in_space, "NRRD's space directions")
 
 
 def _space_units(path: Path, header: Any, directions: NDArray[np.float64]) -> list[float | None]:
@@ -494,16 +231,3 @@ def _space_units(path: Path, header: Any, directions: NDArray[np.float64]) -> li
             raise FrameError(f"{path}: axis {axis} runs along directions of several space units, {' '.join(names)}")
         found.append(next(iter(along), None))
     return found
-
-
-def _unpacked(path: Path, packed: bytes, most: int) -> bytes:
-    """Return what a zlib or gzip stream holds.
-
-    Raises:
-        FrameError: it holds more bytes than its header says.
-    """
-    stream = zlib.decompressobj(GZIP_OR_ZLIB)
-    data = stream.decompress(packed, most + 1)
-    if len(data) > most:
-        raise FrameError(f"{path}: damaged: more is packed in it than its header says")
-    return data
