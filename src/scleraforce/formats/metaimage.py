@@ -117,9 +117,9 @@ def _flag(path: Path, fields: dict[str, str], *names: str) -> bool | None:
     """
     stated = {name: fields[name.lower()] for name in names if name.lower() in fields}
     for name, value in stated.items():
-        if value.lower() not in ("true", "false", "1", "0"):
+        if value[:1].lower() not in ("t", "f", "1", "0"):
             raise FrameError(f"{path}: {name} = {value}; give True or False")
-    found = {value.lower() in ("true", "1") for value in stated.values()}
+    found = {value[:1].lower() in ("t", "1") for value in stated.values()}
     if len(found) > 1:
         listed = " and ".join(f"{name} = {value}" for name, value in stated.items())
         raise FrameError(f"{path}: {listed}; correct one of them")

@@ -21,6 +21,7 @@ Axes = tuple[str, ...] | None
 
 GZIP_OR_ZLIB = zlib.MAX_WBITS | 32
 SAME = 1e-3  # spacings that differ by less are rounded
+ORIENTATION = re.compile("[UMFNAD]{2,3}", re.IGNORECASE)  # XX: not known
 SEQUENCE = "Seq_Frame(\\d+)_{}"
 
 
@@ -71,7 +72,7 @@ def check_orientation(path: Path, orientation: str, axes: Axes) -> None:
     Raises:
         FrameError: it does not.
     """
-    letters = orientation.upper()
+    letters = orientation.upper() if ORIENTATION.fullmatch(orientation) else ""
     if "N" in letters:
         raise FrameError(
             f"{path}: UltrasoundImageOrientation = {orientation}: depth runs towards the probe; write it as MF "

@@ -5,6 +5,7 @@ write where they know none, and counts as none.
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -197,6 +198,7 @@ def _nrrd_steps(path: Path, header: Any, count: int) -> tuple[Sourced | None, ..
     """
     units = [str(unit) for unit in header.get("units", [""] * count)]
     spacings = [float(spacing) for spacing in header.get("spacings", [np.nan] * count)]
+    _check_ends(path, header, spacings)
     if "space directions" not in header:
         return stated_steps(spacings, [METRES.get(unit) for unit in units], "NRRD's spacings")
     directions = np.array(header["space directions"], dtype=np.float64)
@@ -213,6 +215,24 @@ def _nrrd_steps(path: Path, header: Any, count: int) -> tuple[Sourced | None, ..
                 f"{header.get('space units', 'nothing')}; correct one of them"
             )
     return stated_steps(lengths, in_space, "NRRD's space directions")
+
+
+def _check_ends(path: Path, header: Any, spacings: Sequence[float]) -> None:
+    """Check that spacings are those between the first and the last sample, or between the edges of both.
+
+    Raises:
+        FrameError: one is not.
+    """
+    ends = [
+        header.get(f"axis {name}", header.get(f"axis{name}", [np.nan] * len(spacings))) for name in ("mins", "maxs")
+    ]
+    for axis, (step, size, low, high) in enumerate(zip(spacings, header["sizes"], *ends, strict=True), start=1):
+        fits = any(abs(abs(high - low) - step * steps) <= SAME * step * steps for steps in (size, size - 1))
+        if np.isfinite([step, low, high]).all() and not fits:
+            raise FrameError(
+                f"{path}: axis {axis}: spacings states {step:g}, and {size} samples from axis mins {low:g} to maxs "
+                f"{high:g} have another; correct one of them"
+            )
 
 
 def _space_units(path: Path, header: Any, directions: NDArray[np.float64]) -> list[float | None]:
