@@ -261,7 +261,6 @@ def test_the_name_of_an_array_is_refused_where_the_file_has_but_one(tmp_path: Pa
 
 
 def test_a_file_that_another_names_and_that_is_not_there_is_named(tmp_path: Path, capsys) -> None:
-    pytest.importorskip("metaimageio")
     header = "ObjectType = Image\nNDims = 3\nDimSize = 40 24 5\nElementType = MET_USHORT\nElementDataFile = a.raw\n"
     (tmp_path / "a.mhd").write_text(header)
     error = refused(capsys, tmp_path / "r", tmp_path / "a.mhd", *told("--bits", 16, *NIFTI))
