@@ -295,7 +295,6 @@ def test_the_name_of_an_array_is_refused_where_the_file_has_but_one(tmp_path: Pa
 
 
 def test_a_file_that_another_names_and_that_is_not_there_is_named(tmp_path: Path, capsys) -> None:
-    pytest.importorskip("metaimageio")
     header = "ObjectType = Image\nNDims = 3\nDimSize = 40 24 5\nElementType = MET_USHORT\nElementDataFile = a.raw\n"
     (tmp_path / "a.mhd").write_text(header)
     error = refused(capsys, tmp_path / "r", tmp_path / "a.mhd", *told("--bits", 16, *NIFTI))
@@ -419,3 +418,35 @@ def test_frames_of_a_real_recording_come_back_from_every_format(tmp_path: Path, 
     masks = tmp_path / "masks"
     assert run(["segment", str(tmp_path / "a.dcm-out"), "--out", str(masks), "--json"]) == 0
     assert all(frame["usable"] for frame in json.loads(capsys.readouterr().out)["frames"])
+
+
+def test_scales_that_contradict_each_other_need_both_options_and_are_noted_then(tmp_path: Path, capsys) -> None:
+    nominal = {"PixelSpacing": [0.004, 0.015], "NominalScannedPixelSpacing": [0.01, 0.02]}
+    write_dicom(tmp_path / "a.dcm", FRAMES, FrameTime=100.0, **nominal)
+    for given in ([], ["--width-mm", 6]):
+        error = refused(capsys, tmp_path / "r", tmp_path / "a.dcm", *given, *told("--bits", 13))
+        for found in ("PixelSpacing", "0.004 x 0.015 mm", "NominalScannedPixelSpacing", "0.01 x 0.02 mm", "--width-mm"):
+            assert found in error
+    options = told("--bits", 13, "--width-mm", 6, "--depth-mm", 3)
+    entry = imported(capsys, tmp_path / "a.dcm", "--out", tmp_path / "r", *options)
+    assert any("NominalScannedPixelSpacing" in note for note in entry["notes"])
+    assert json.loads((tmp_path / "r" / "import.json").read_text())["notes"] == entry["notes"]
+
+
+def test_times_that_contradict_each_other_need_an_option(tmp_path: Path, capsys) -> None:
+    write_dicom(tmp_path / "a.dcm", FRAMES, FrameTimeVector=[0.0, 1.0], PixelSpacing=[0.004, 0.015])
+    error = refused(capsys, tmp_path / "r", tmp_path / "a.dcm", *told("--bits", 13))
+    assert "FrameTimeVector has 2 values, NumberOfFrames is 5" in error
+    assert "--rate-hz" in error
+    imported(capsys, tmp_path / "a.dcm", "--out", tmp_path / "r", *told("--bits", 13, "--rate-hz", 10))
+    assert [frame.time_s for frame in read_recording(tmp_path / "r").frames] == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
+
+
+def test_what_was_done_to_the_pixels_is_in_import_json_and_printed(tmp_path: Path, capsys) -> None:
+    write_dicom(tmp_path / "a.dcm", 65535 - FRAMES, RescaleSlope=-1.0, FrameTime=100.0, PixelSpacing=[0.004, 0.015])
+    assert run(["import", str(tmp_path / "a.dcm"), "--out", str(tmp_path / "r"), *told("--bits", 16)]) == 0
+    assert "note:" in (printed := capsys.readouterr().out)
+    assert "RescaleSlope -1" in " ".join(printed.split())
+    assert "RescaleSlope -1" in " ".join(json.loads((tmp_path / "r" / "import.json").read_text())["notes"])
+    recording = read_recording(tmp_path / "r")
+    np.testing.assert_array_equal(recording.frame(recording.frames[3]), FRAMES[3])

@@ -2,6 +2,7 @@
 
 import re
 
+from scleraforce.recording.scan import SECONDS
 from scleraforce.units import STANDARD_GRAVITY_M_S2, to_si
 
 __all__ = ["FORCE", "SECONDS", "TIME", "TORQUE", "is_unit", "quantity_of", "unit_factor"]
@@ -10,11 +11,6 @@ TIME, FORCE, TORQUE = "time", "force", "torque"
 INCH_M = 0.0254
 POUND_N = 0.45359237 * STANDARD_GRAVITY_M_S2
 
-SECONDS = {
-    "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "sek": 1.0, "sekunden": 1.0, "secondes": 1.0, "min": 60.0,
-    "h": 3600.0, "d": 86400.0, "days": 86400.0, "ms": 1e-3, "msec": 1e-3, "milliseconds": 1e-3, "us": 1e-6,
-    "µs": 1e-6, "usec": 1e-6, "microseconds": 1e-6, "ns": 1e-9, "nsec": 1e-9, "nanoseconds": 1e-9,
-}  # fmt: skip
 NEWTONS = {
     "n": 1.0, "newton": 1.0, "newtons": 1.0, "mn": to_si(1.0, "mn"), "millinewton": to_si(1.0, "mn"),
     "millinewtons": to_si(1.0, "mn"), "un": 1e-6, "µn": 1e-6, "kn": 1e3,
