@@ -232,11 +232,45 @@ def test_clocks_that_do_not_overlap_are_refused(tmp_path: Path, capsys) -> None:
     assert "--clock-offset-s brings both to one clock" in error
 
 
+def test_a_log_of_counts_with_saturated_samples_is_imported_in_newtons_with_gaps(tmp_path: Path, capsys) -> None:
+    head = [
+        "RDT Sample Rate: 200",
+        "Force Units: N",
+        "Counts per Unit Force: 1000000.0",
+        "Status (hex), RDT Sequence, Fz",
+    ]
+    time_s = np.arange(0.0, 6.0, 0.005)
+    force_n = -0.02 * np.clip(time_s - 2.0, 0.0, 1.0)
+    words = np.where((time_s >= 4.0) & (time_s < 4.1), "0x80020000", "0x80000000")
+    rows = [f'"{word}","{nth}","{n * 1e6:.0f}"' for nth, (word, n) in enumerate(zip(words, force_n, strict=True))]
+    (tmp_path / "log.csv").write_text("\n".join([*head, *rows]) + "\n")
+    options = told("--bits", 16, "--clock-offset-s", 0.5, "--contact-sign", -1)
+    entry = imported(capsys, stack(tmp_path / "a.tif"), tmp_path / "log.csv", "--out", tmp_path / "r", *options)
+    assert entry["columns"] == ["time=RDT Sequence:200Hz", "fz=Fz:1000000/N", "status=Status (hex):ati"]
+    note = "Status (hex): 20 of 1200 samples are flagged by the sensor and have no force; the first is "
+    assert any(each.startswith(note) and "log.csv:805: 0x80020000" in each for each in entry["notes"])
+    assert json.loads((tmp_path / "r" / "import.json").read_text())["notes"] == entry["notes"]
+    found_n = read_recording(tmp_path / "r").forces.force_n("fz")
+    assert np.isnan(found_n).tolist() == (words == "0x80020000").tolist()
+    np.testing.assert_allclose(found_n[~np.isnan(found_n)], force_n[~np.isnan(found_n)], atol=1e-6)
+    assert run(["show", str(tmp_path / "r"), "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert [frame["measured_force_mn"] is None for frame in shown["frames"]] == [False, False, False, True, True]
+    assert "are no forces" in shown["frames"][3]["excluded"]
+
+
+def test_a_log_of_30_samples_a_second_is_imported_with_a_note(tmp_path: Path, capsys) -> None:
+    write_log(tmp_path / "log.csv", rate_hz=30.0)
+    options = told("--bits", 16, "--clock-offset-s", 0.5, "--contact-sign", -1)
+    entry = imported(capsys, stack(tmp_path / "a.tif"), tmp_path / "log.csv", "--out", tmp_path / "r", *options)
+    assert any("30 samples a second, 100 are recommended" in note for note in entry["notes"])
+
+
 def test_a_slow_log_is_refused_by_its_own_name(tmp_path: Path, capsys) -> None:
-    write_log(tmp_path / "log.csv", rate_hz=20.0)
+    write_log(tmp_path / "log.csv", rate_hz=10.0)
     options = told("--bits", 16, "--clock-offset-s", 0, "--contact-sign", -1)
     error = refused(capsys, tmp_path / "r", stack(tmp_path / "a.tif"), tmp_path / "log.csv", *options)
-    assert f"{tmp_path}/log.csv: time_s: 20 samples a second; at least 100 are needed" in error
+    assert f"{tmp_path}/log.csv: time_s: 10 samples a second; at least 20 are needed" in error
 
 
 @pytest.mark.parametrize(
@@ -261,7 +295,6 @@ def test_the_name_of_an_array_is_refused_where_the_file_has_but_one(tmp_path: Pa
 
 
 def test_a_file_that_another_names_and_that_is_not_there_is_named(tmp_path: Path, capsys) -> None:
-    pytest.importorskip("metaimageio")
     header = "ObjectType = Image\nNDims = 3\nDimSize = 40 24 5\nElementType = MET_USHORT\nElementDataFile = a.raw\n"
     (tmp_path / "a.mhd").write_text(header)
     error = refused(capsys, tmp_path / "r", tmp_path / "a.mhd", *told("--bits", 16, *NIFTI))
@@ -389,3 +422,35 @@ def test_frames_of_a_real_recording_come_back_from_every_format(tmp_path: Path, 
     masks = tmp_path / "masks"
     assert run(["segment", str(tmp_path / "a.dcm-out"), "--out", str(masks), "--json"]) == 0
     assert all(frame["usable"] for frame in json.loads(capsys.readouterr().out)["frames"])
+
+
+def test_scales_that_contradict_each_other_need_both_options_and_are_noted_then(tmp_path: Path, capsys) -> None:
+    nominal = {"PixelSpacing": [0.004, 0.015], "NominalScannedPixelSpacing": [0.01, 0.02]}
+    write_dicom(tmp_path / "a.dcm", FRAMES, FrameTime=100.0, **nominal)
+    for given in ([], ["--width-mm", 6]):
+        error = refused(capsys, tmp_path / "r", tmp_path / "a.dcm", *given, *told("--bits", 13))
+        for found in ("PixelSpacing", "0.004 x 0.015 mm", "NominalScannedPixelSpacing", "0.01 x 0.02 mm", "--width-mm"):
+            assert found in error
+    options = told("--bits", 13, "--width-mm", 6, "--depth-mm", 3)
+    entry = imported(capsys, tmp_path / "a.dcm", "--out", tmp_path / "r", *options)
+    assert any("NominalScannedPixelSpacing" in note for note in entry["notes"])
+    assert json.loads((tmp_path / "r" / "import.json").read_text())["notes"] == entry["notes"]
+
+
+def test_times_that_contradict_each_other_need_an_option(tmp_path: Path, capsys) -> None:
+    write_dicom(tmp_path / "a.dcm", FRAMES, FrameTimeVector=[0.0, 1.0], PixelSpacing=[0.004, 0.015])
+    error = refused(capsys, tmp_path / "r", tmp_path / "a.dcm", *told("--bits", 13))
+    assert "FrameTimeVector has 2 values, NumberOfFrames is 5" in error
+    assert "--rate-hz" in error
+    imported(capsys, tmp_path / "a.dcm", "--out", tmp_path / "r", *told("--bits", 13, "--rate-hz", 10))
+    assert [frame.time_s for frame in read_recording(tmp_path / "r").frames] == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
+
+
+def test_what_was_done_to_the_pixels_is_in_import_json_and_printed(tmp_path: Path, capsys) -> None:
+    write_dicom(tmp_path / "a.dcm", 65535 - FRAMES, RescaleSlope=-1.0, FrameTime=100.0, PixelSpacing=[0.004, 0.015])
+    assert run(["import", str(tmp_path / "a.dcm"), "--out", str(tmp_path / "r"), *told("--bits", 16)]) == 0
+    assert "note:" in (printed := capsys.readouterr().out)
+    assert "RescaleSlope -1" in " ".join(printed.split())
+    assert "RescaleSlope -1" in " ".join(json.loads((tmp_path / "r" / "import.json").read_text())["notes"])
+    recording = read_recording(tmp_path / "r")
+    np.testing.assert_array_equal(recording.frame(recording.frames[3]), FRAMES[3])

@@ -133,7 +133,7 @@ def _read(reader: "Reader", path: Path, told: "Scanner", known: "Known", transpo
         answer,
         {"scale": scale_entry(frame), "known": known_entry(known, stated)},
         f"{size_words(frame)}; {known_words(known, stated)}",
-        tuple(f"{place}: {sentence}" for sentence in limits),
+        (*frame.notes, *(f"{place}: {sentence}" for sentence in limits)),
     )
 
 

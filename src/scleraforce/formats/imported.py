@@ -75,7 +75,7 @@ def write_frames(
 
 
 def write_log(folder: Path, log: ForceLog) -> None:
-    """Write forces.csv: times to the microsecond, forces and torques to 7 digits."""
+    """Write forces.csv: times to the microsecond, forces and torques to 7 digits, nan where there is no force."""
     formats = ["%.6f", *["%.7g"] * len(log.columns)]
     values_sc = np.column_stack([log.time_s, log.wrench_sc])
     header = ",".join(["time_s", *log.columns])

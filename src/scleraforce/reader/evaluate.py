@@ -16,7 +16,7 @@ from scleraforce.reader.reader import Reader
 from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, read_recording
 from scleraforce.recording.info import RecordingInfo
-from scleraforce.recording.labels import label_frames
+from scleraforce.recording.labels import Trial, label_frames, label_notes
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.units import from_si
 
@@ -52,11 +52,13 @@ def evaluate_recordings(
     recordings = [read_recording(path) for path in folders]
     frames: list[FrameAnswer] = []
     notes = list(_notes(reader, folders, recordings, calibration))
-    for path, recording in zip(folders, recordings, strict=True):
-        answers = tuple(_answers(reader, str(path), recording, calibration, progress))
-        notes += (f"{path}: {doubt}" for doubt in _doubts(reader, recording, answers))
-        frames += answers
     study = reader.study
+    for path, recording in zip(folders, recordings, strict=True):
+        trials = label_frames(recording, study.classes, study.needle.max_force_n)
+        answers = tuple(_answers(reader, str(path), recording, trials, calibration, progress))
+        doubts = (*label_notes(recording, trials), *_doubts(reader, recording, answers))
+        notes += (f"{path}: {doubt}" for doubt in doubts)
+        frames += answers
     return Evaluation(
         model=model_name(reader.path),
         bounds_n=study.classes.bounds_n,
@@ -132,17 +134,17 @@ def _answers(
     reader: Reader,
     given: str,
     recording: Recording,
+    trials: Sequence[Trial],
     summary: CalibrationSummary | None,
     progress: Callable[[int], object] | None,
 ) -> Iterator[FrameAnswer]:
     """Answer each frame of a recording, in its order."""
-    study, eye = reader.study, recording.info.eye.id
+    eye = recording.info.eye.id
     scale = PixelScale.of(recording.info.oct)
     known = _known(recording.info, summary)
     modulus_pa, source = _modulus(reader, known)
     digests = frozenset[str]() if summary is None else summary.digests
     doubts = FOREIGN if _foreign(reader, recording, summary) else ()
-    trials = label_frames(recording, study.classes, study.needle.max_force_n)
     for entry, trial in zip(recording.frames, trials, strict=True):
         pixels = recording.frame(entry)
         answer = reader.read(pixels, scale, known)

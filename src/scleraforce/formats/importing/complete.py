@@ -12,7 +12,7 @@ from scleraforce.formats.gather import Gathered, check_overlap, on_one_clock
 from scleraforce.formats.greys import MOST_BITS, Greys
 from scleraforce.formats.importing.questions import QUESTIONS, Asker
 from scleraforce.formats.importing.told import OPTION, ImportAnswers
-from scleraforce.formats.scan import Times
+from scleraforce.formats.scan import Scan, Times
 from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.scaled_frame import Sourced
 from scleraforce.units import from_si, to_si
@@ -95,6 +95,7 @@ def complete(
         if (value := getattr(answers, name)) is not None and (name not in stated or origins.get(name) == OPTION)
     }
     known = stated | known
+    _check_contradictions(gathered.scan, needed - set(known))
     questions = {name: question for name, question in QUESTIONS.items() if name in needed - set(known)}
     if "bits" in questions:
         few = f"pixels are up to {greys.high - greys.low:g}, which needs more bits"
@@ -164,7 +165,9 @@ def _completed(
     moved, log, origin_s = on_one_clock(times, gathered.log, offset_s)
     check_overlap(moved, log)
     sources = {name: known[name][1] for name in QUESTIONS if name in known} | {"times": times.source}
-    doubts = (*_other_scales(stated, known), *_outside(moved, log))
+    scan = gathered.scan
+    faults = [fault for fault in (scan.scale_fault, scan.times_fault) if fault]
+    doubts = (*faults, *_other_scales(stated, known), *_outside(moved, log))
     return Complete(gathered, moved, log, origin_s, info, sources).with_notes(doubts)
 
 
@@ -186,6 +189,18 @@ def _check_used(gathered: Gathered, origins: "Mapping[str, str]") -> None:
         unused = [option for name, option in options.items() if origins.get(name) == OPTION and not there[what]]
         if unused:
             raise InputError(f"{unused[0]}: acts on {what}, which is not among the sources; leave it out")
+
+
+def _check_contradictions(scan: Scan, missing: set[str]) -> None:
+    """Check that options give what the source contradicts itself in.
+
+    Raises:
+        InputError: they do not.
+    """
+    for fault, options in ((scan.scale_fault, ("width_mm", "depth_mm")), (scan.times_fault, ("rate_hz",))):
+        if fault and missing.intersection(options):
+            named = " and ".join(f"--{name.replace('_', '-')}" for name in options)
+            raise InputError(f"{fault}; give {named}")
 
 
 def _needed(gathered: Gathered, answers: ImportAnswers, times: Times | None) -> set[str]:
@@ -233,8 +248,8 @@ def _outside(times: Times, log: "ForceLog | None") -> list[str]:
     if log is None:
         return []
     count = int(np.count_nonzero((times.time_s < log.time_s[0]) | (times.time_s > log.time_s[-1])))
-    words = f"{count} frames were taken before or after the forces: without a label a recording is not evaluated, so"
-    return [f"{words} leave them out, or mend the clocks (--clock-offset-s)"] if count else []
+    words = f"{count} frames were taken before or after the forces: they have no label and are not evaluated;"
+    return [f"{words} mend the clocks (--clock-offset-s) if they should be"] if count else []
 
 
 def _info(gathered: Gathered, answers: ImportAnswers, values: dict[str, Any]) -> RecordingInfo:

@@ -12,7 +12,7 @@ from scleraforce.errors import RecordingError
 from scleraforce.models.shipped import SHIPPED_READER
 from scleraforce.reader.limits import limit_notes
 from scleraforce.recording.files import Recording, read_recording
-from scleraforce.recording.labels import Trial, contact_force, label_frames
+from scleraforce.recording.labels import Trial, contact_force, label_frames, label_notes
 from scleraforce.report.shown.thing import Thing, span, value_words
 from scleraforce.report.style import BLACK, CLASS_COLOURS, CLASS_MARKERS, GREY, SCAN_COLOURS, inches, styled
 from scleraforce.study import ClassesStudy
@@ -34,7 +34,7 @@ def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
     """
     recording = read_recording(path)
     trials, fault = _labelled(recording)
-    notes = limit_notes(model, recording.info)
+    notes = (*limit_notes(model, recording.info), *label_notes(recording, () if fault else trials))
     info, seconds = recording.info, recording.frames[-1].time_s - recording.frames[0].time_s
     width_mm, depth_mm = (from_si(extent_m, "mm") for extent_m in (info.oct.width_m, info.oct.depth_m))
     forces_n = [trial.measured_force_n for trial in trials if trial.measured_force_n is not None]
