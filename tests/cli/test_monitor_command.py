@@ -297,3 +297,11 @@ def test_each_option_arrives_where_it_belongs(
         expects_opinion=True,
     )
     assert (plain.address, plain.console, plain.record) == (module.Address("127.0.0.1", 18944), None, None)
+
+
+def test_frames_that_are_too_narrow_are_said_at_the_start(folder: Path) -> None:
+    with started(
+        folder, "--width-mm", "6", "--no-second-opinion", "--black-box", str(folder / "narrow-box")
+    ) as monitor:
+        said = [line for line in monitor.lines if line.startswith("warning")]
+    assert any("of the wall are seen, not" in line for line in said), monitor.lines

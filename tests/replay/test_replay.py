@@ -15,7 +15,7 @@ from small_recording import write_small_recording
 
 from scleraforce.cli.main import run
 from scleraforce.errors import FrameError
-from scleraforce.openigtlink import Image, Received, Sensor, Status
+from scleraforce.openigtlink import Decoder, Image, Received, Sensor, Status
 from scleraforce.recording.files import read_recording
 from scleraforce.replay import player as module
 from scleraforce.replay.answer_log import AnswerLog
@@ -157,6 +157,23 @@ def test_a_log_of_one_axis_goes_along_as_the_contact_force(tmp_path, capsys) -> 
     (path / "forces.csv").write_text("\n".join(kept) + "\n")
     monitor, _ = played(path, capsys)
     assert [event.message.values for event in forces(monitor)][:2] == [pytest.approx((1.0,)), pytest.approx((1.005,))]
+
+
+def test_a_sample_without_a_force_is_not_sent(tmp_path) -> None:
+    path = write_small_recording(tmp_path / "rec", frames=5)
+    lines = (path / "forces.csv").read_text().splitlines()
+    time_s, *values = lines[4].split(",")
+    (path / "forces.csv").write_text(
+        "\n".join([*lines[:4], ",".join([time_s, *["nan"] * len(values)]), *lines[5:]]) + "\n"
+    )
+    recording = read_recording(path)
+    with fake_monitor() as monitor:
+        client = ScannerClient("127.0.0.1", monitor.port, AnswerLog().hear)
+        sent = list(Player(recording, client, AnswerLog())._forces())
+        client.close()
+    assert [timed.time_s for timed in sent] == np.delete(recording.forces.time_s, 3).tolist()
+    stamped = Decoder().feed(b"".join(timed.message.stamped(0.0) for timed in sent))
+    assert np.isfinite([event.message.values for event in stamped]).all()
 
 
 def test_a_fast_replay_sends_fewer_forces_but_all_frames(tmp_path, capsys) -> None:

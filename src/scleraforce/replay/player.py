@@ -170,7 +170,9 @@ class Player:
         every = max(1, ceil(log.sample_rate_hz * self.speed / FORCES_PER_S - 1e-3))
         whole = tuple(FORCE_COLUMNS[1 : 1 + len(log.columns)]) == log.columns and len(log.columns) in (3, 6)
         values_sc = log.wrench_sc if whole else info.contact_sign * log.force_n(info.axis)[:, None]
-        for time_s, values_c in zip(log.time_s[::every].tolist(), values_sc[::every].tolist(), strict=True):
+        known = np.isfinite(values_sc).all(axis=1)  # a robot sends no force that it does not have
+        times_s, values_sc = log.time_s[known], values_sc[known]
+        for time_s, values_c in zip(times_s[::every].tolist(), values_sc[::every].tolist(), strict=True):
             yield Timed(time_s, 0, Unstamped(Sensor(tuple(values_c), UNIT), FORCE_DEVICE, self.version))
 
 

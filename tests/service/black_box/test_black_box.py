@@ -248,12 +248,10 @@ def test_labels_of_a_withdrawal_are_the_force_although_the_needle_touched_long_b
     assert [trial.measured_force_n for trial in trials] == pytest.approx([0.02] * len(trials), abs=1e-6)
 
 
-@pytest.mark.parametrize(("rate_hz", "reason"), [(50, "fewer than 100 samples"), (100, "force samples within")])
-def test_a_force_log_that_gives_no_labels_stands_beside_a_recording_that_can_be_read(tmp_path, rate_hz, reason):
-    """Of the 100 Hz log the beginning is missing."""
+def test_a_force_log_that_gives_no_labels_stands_beside_a_recording_that_can_be_read(tmp_path):
     monitor = Monitor(tmp_path)
     for number in range(200):
-        if number % (100 // rate_hz) == 0 and (rate_hz == 50 or number > 100):
+        if number % 10 == 0:
             monitor.force([0.001])
         monitor.decide()
     monitor.decide("WITHDRAW")
@@ -264,9 +262,25 @@ def test_a_force_log_that_gives_no_labels_stands_beside_a_recording_that_can_be_
     assert read_recording(folder).forces is None
     lines = (folder / "robot_forces.csv").read_text().splitlines()
     assert [name.strip() for name in lines[0].split(",")] == ["time_s", "fz_n"]
-    assert len(lines) == 1 + (99 if rate_hz == 50 else 98)  # the last step may go on
+    assert len(lines) == 1 + 19  # the last step may go on
     assert float(lines[1].split(",")[1]) == -0.001  # positive along the needle; contact_sign is -1
-    assert reason in monitor.notes()[-1]
+    assert "fewer than 20 samples" in monitor.notes()[-1]
+
+
+def test_a_force_log_that_begins_late_labels_the_frames_that_it_covers(tmp_path):
+    monitor = Monitor(tmp_path)
+    for number in range(200):
+        if number > 100:
+            monitor.force([0.001])
+        monitor.decide()
+    monitor.decide("WITHDRAW")
+    monitor.box._withdrawals._writing.due_s = 0.0
+    monitor.wait_for(WithdrawalKept)
+    monitor.end()
+    trials = label_frames(read_recording(monitor.withdrawals()[0]), ClassesStudy())
+    labelled = [trial.measured_force_n is not None for trial in trials]
+    assert 80 < sum(labelled) < 110
+    assert not any(labelled[:90])
 
 
 def test_forces_of_another_device_or_count_or_that_are_no_numbers_are_noted_once_and_left_out(tmp_path):
