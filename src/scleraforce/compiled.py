@@ -11,8 +11,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import TypeVar, cast
 
-__all__ = ["SWITCH", "can_compile", "code_is_kept", "compiled", "loops_are_compiled", "use_compiled_loops"]
-
 SWITCH = "SCLERAFORCE_COMPILED"
 KEY_LETTERS = 32  # of the hash, in a file name
 

@@ -11,8 +11,6 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
-__all__ = ["PACKAGE", "hash_files", "hash_sources", "sources", "sources_in_rooms"]
-
 PACKAGE = Path(__file__).parent
 
 

@@ -28,8 +28,6 @@ from scleraforce.calibration.forces import REST_SD_N, ZERO_PRIOR, rest_zeros, ze
 from scleraforce.recording.files import Recording
 from scleraforce.recording.labels import Trial, contact_force, low_pass, tare_samples
 
-__all__ = ["label_sds"]
-
 Array = NDArray[np.float64]
 
 REST_S = 1.0  # that `REST_SD_N` is of

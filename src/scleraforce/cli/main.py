@@ -16,8 +16,6 @@ import click
 from scleraforce import __version__
 from scleraforce.errors import InputError, ScleraforceError
 
-__all__ = ["cli", "fail", "main", "module_name", "run"]
-
 INTERRUPTED = 130
 FULL_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # comes without the file's name
 
@@ -109,6 +107,9 @@ def main() -> None:
 
     Who asks the process to end (a cluster's scheduler, `kill`) is heard as Ctrl-C is: nothing unfinished stays behind.
     """
+    # Jupyter sets it for the commands that a cell starts: a backend that an environment without Jupyter lacks, and that
+    # Matplotlib refuses at its import. Commands draw to files; `sf.*` leaves a notebook's own variable alone.
+    os.environ.pop("MPLBACKEND", None)
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     code = run(sys.argv[1:])

@@ -5,8 +5,6 @@ import click
 from scleraforce.errors import StudyError
 from scleraforce.study.fields import allowed, check_quantity
 
-__all__ = ["Possible"]
-
 
 class Possible(click.FloatRange):
     """A number that a quantity can have, in the unit of its key; another one is refused with what may have been meant.

@@ -30,11 +30,9 @@ from scleraforce.units import from_si
 from scleraforce.whole_files import KINDS, read_bytes, write_whole
 
 if TYPE_CHECKING:
-    from scleraforce.recording.images import Pixels
+    from scleraforce.recording.pixels import Pixels
     from scleraforce.recording.scaled_frame import Scanner
     from scleraforce.segmentation.wall_finder import WallFinder
-
-__all__ = ["segment"]
 
 
 @dataclass(frozen=True)
@@ -170,6 +168,7 @@ def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
         "needle": needle_entry(found.needle),
         "conjunctiva_um": from_si(found.conjunctiva_m, "um"),
         "scale": scale_entry(frame),
+        "notes": list(frame.notes),
     }
 
 
@@ -193,6 +192,7 @@ def _entry(source: _Source, found: dict[str, Any] | InputError) -> dict[str, Any
 def _lines(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a line for each frame, and a note where a scale was assumed."""
     lines = [_line(entry) for entry in entries]
+    lines += [wrapped(note, "note: ") for entry in entries for note in entry["notes"]]
     lines += [wrapped(words, "note: ") for words in _assumed(entries)]
     return lines
 

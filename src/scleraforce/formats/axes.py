@@ -7,11 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError, InputError
-from scleraforce.formats.scan import Scan, UnansweredError, check_bytes, frame_names
-from scleraforce.recording.pixels import check_size
-from scleraforce.recording.scaled_frame import Sourced
-
-__all__ = ["AXES", "array_scan", "parse_axes"]
+from scleraforce.formats.scan import UnansweredError
+from scleraforce.recording.pixels import Sourced, check_size
+from scleraforce.recording.scan import Scan, check_bytes, frame_names
 
 AXES = ("frame", "depth", "lateral")
 
@@ -52,6 +50,8 @@ def array_scan(
     array = array.squeeze()
     if array.ndim not in (2, 3):
         raise FrameError(f"{path}: an array of {sizes}; give frames x rows x columns, or one frame")
+    if array.dtype.kind not in "uif":
+        raise FrameError(f"{path}: pixels of type {array.dtype}; give whole numbers or floats, one of a pixel (grey)")
     if axes is None:
         names = ",".join(AXES[-array.ndim :])
         question = f"which axis is which? Name {names} in the order of the sizes"

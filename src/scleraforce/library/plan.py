@@ -18,17 +18,6 @@ from scleraforce.plain_json import parse_json
 from scleraforce.source_hash import PACKAGE, hash_files
 from scleraforce.study import Choice, LibraryStudy, Range, Sampled, Study
 
-__all__ = [
-    "LARGEST_POLAR_DEG",
-    "LITTLE_STIFFENING",
-    "SUPPORTS_DEG",
-    "LibraryPlan",
-    "evenly_picked",
-    "parse_plan",
-    "plan_library",
-    "stiffening_place",
-]
-
 Floats = NDArray[np.float64]
 
 TIP_GRADING = 1.5  # tips stand like the numbers 0, 1, 2 ... to this power

@@ -15,8 +15,6 @@ from scleraforce.study import Study, fixed
 from scleraforce.study.fields import check_quantity
 from scleraforce.study.unused import refuse_unused
 
-__all__ = ["middle_contact", "phantom", "simulate", "with_mechanics", "with_one_eye"]
-
 
 def simulate(
     study: Study | None = None,

@@ -10,8 +10,6 @@ from scleraforce.reader.readings import Reading
 from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.steps import Segmentation
 
-__all__ = ["Answer", "LiveReading", "unusable"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:

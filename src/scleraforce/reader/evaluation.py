@@ -24,8 +24,6 @@ from scleraforce.segmentation.needle import SeenNeedle, needle_entry
 from scleraforce.segmentation.steps import Segmentation
 from scleraforce.units import from_si
 
-__all__ = ["Evaluation", "FrameAnswer"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class FrameAnswer:
@@ -87,7 +85,7 @@ class FrameAnswer:
             "interval_mn": None if self.interval_n is None else [from_si(end, "mn") for end in self.interval_n],
             "contact_mm": from_si(self.contact_m, "mm"),
             "pressure_pa": self.iop_at_dent_pa,
-            "iop_at_dent_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
+            "pressure_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
             "needle": needle_entry(self.needle),
             "conjunctiva_um": from_si(self.conjunctiva_m, "um"),
             "usable": self.usable,

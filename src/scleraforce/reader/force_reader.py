@@ -36,8 +36,6 @@ from scleraforce.segmentation.observed import segmented_boundaries, surface
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 
-__all__ = ["SHIFTS", "ForceReader", "SliceNetwork"]
-
 CONTACTS = 32  # polar angles whose libraries are kept
 # Of the slices that the network reads of one frame, in rows: the first is the slice itself. A slice of black and white
 # says nothing of where in its pixels a boundary lies; a reading of one jumps when a drifting eye crosses a row.
@@ -137,9 +135,9 @@ class ForceReader:
         """Return why the network cannot read slices of a frame, which the fit may read; None where it can."""
         return self.refusal(known) or (NEEDLE_SEEN if needle else None)
 
-    def limits(self, known: Known, scan: OctInfo) -> tuple[str, ...]:
+    def limits(self, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
         """Return where an eye and its B-scans lie outside the training; see `Reader.limits`."""
-        return wall_limits(self.study, known, scan)
+        return wall_limits(self.study, known, scan, gauge)
 
     def library_for(self, known: Known) -> Library:
         """Return the library of an eye's tissue at its contact; where that is not known, in the middle of the study's.

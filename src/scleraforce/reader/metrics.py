@@ -13,23 +13,6 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "SHARED_ERROR",
-    "ForceTrial",
-    "Proportion",
-    "accuracy",
-    "band_of",
-    "confusion_matrix",
-    "coverage",
-    "coverage_band",
-    "coverage_by_eye",
-    "held_by_eye",
-    "mean_absolute_error",
-    "precision",
-    "recall",
-    "wilson_interval",
-]
-
 SDS_OF_INTERVAL = NormalDist().inv_cdf(0.95)  # of a normal distribution, to either end of its 90 % interval
 SHARED_ERROR = (
     "Frames of one eye share the error of its calibration, so they hold or miss together: 90 % is the mean of many "

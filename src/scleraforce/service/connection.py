@@ -11,8 +11,6 @@ from scleraforce.openigtlink import Decoder, PeerEvent
 from scleraforce.service.allowance import Allowance
 from scleraforce.service.scanner_image import FrameAssembler
 
-__all__ = ["Connection"]
-
 WAITING_BYTES = 8192  # not yet taken by the peer: a tenth of a second; a message behind them is old when it is read
 NOTES_PER_S, NOTES_AT_ONCE = 1.0, 10
 FORCES_PER_S, FORCES_AT_ONCE = 1200.0, 120  # a robot sends 1000 a second at most

@@ -10,8 +10,6 @@ from scleraforce.monitor.transitions import State
 from scleraforce.plain_json import finite
 from scleraforce.service.record_json import record_as_json, record_of_json
 
-__all__ = ["Entry"]
-
 NUMBERS = float, tuple  # what may hold NaN; asking the others would take twice as long
 
 

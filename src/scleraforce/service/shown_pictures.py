@@ -6,8 +6,6 @@ import fastcrc
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ShownPictures"]
-
 PLACES = 256  # pairs of neighbouring pixels that are compared, spread over the frame
 LEAST_TOLD = 32  # pairs with texture; with fewer, only pictures equal to the last bit count as the same
 SAME_SHARE = 0.75  # of the pairs with texture

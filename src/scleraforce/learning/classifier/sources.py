@@ -2,8 +2,6 @@
 
 from scleraforce.source_hash import PACKAGE, hash_files, sources_in_rooms
 
-__all__ = ["classifier_files", "classifier_sources_hash"]
-
 STEPS = (
     "scleraforce.dataset.samples", "scleraforce.dataset.plan", "scleraforce.learning.classifier.training",
     "scleraforce.learning.classifier.graph", "scleraforce.learning.classifier.half_weights",

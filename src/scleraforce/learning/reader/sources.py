@@ -14,8 +14,6 @@ from scleraforce.reader.readings import fit_reading
 from scleraforce.segmentation.observations import observe_points
 from scleraforce.source_hash import PACKAGE, hash_files, sources_in_rooms
 
-__all__ = ["reader_files", "reader_sources_hash"]
-
 STEPS = (
     "scleraforce.library.build", "scleraforce.library.base_plane", "scleraforce.learning.reader.training",
     "scleraforce.learning.reader.graph", "scleraforce.learning.reader.intervals",

@@ -32,8 +32,6 @@ from scleraforce.segmentation import reduced
 from scleraforce.source_hash import hash_files
 from scleraforce.study import sampled, scenes, wall_finder
 
-__all__ = ["MODULES", "finder_sources_hash"]
-
 MODULES = (
     inside, light, over, picture, rays, scanner, scene, tissue, visible, wall, window,
     speckle, graph, network, samples, training, reduced, sampled, scenes, wall_finder,

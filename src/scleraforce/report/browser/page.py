@@ -19,8 +19,6 @@ from scleraforce.report.provenance import made_line
 from scleraforce.report.tables import class_names
 from scleraforce.units import from_si
 
-__all__ = ["write_browser_html"]
-
 WIDTH = 560  # pixels of a picture
 MOST_PICTURES = 1000  # what a browser opens at once: 40 MB
 HERE = files("scleraforce.report.browser")

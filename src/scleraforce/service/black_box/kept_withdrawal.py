@@ -12,8 +12,6 @@ from scleraforce.service.black_box.kept_frames import FrameTaker, TakenFrame
 from scleraforce.service.black_box.robot_force import ForceSample
 from scleraforce.service.companions.frame_ring import FrameRing
 
-__all__ = ["KeptWithdrawal"]
-
 
 class KeptWithdrawal:
     """The recording of one withdrawal: written as `.NAME.partial`, and renamed when it is complete.
@@ -68,9 +66,10 @@ class KeptWithdrawal:
         shutil.rmtree(self._partial, ignore_errors=True)
 
     def _write_forces(self, columns: Sequence[str], forces: Sequence[ForceSample], start_s: float) -> str | None:
-        """Write the log; if it cannot label every frame, set it aside, so that the frames can be read."""
+        """Write the log; if it can label no frame, set it aside, so that the frames can be read."""
         from scleraforce.recording.files import read_recording  # here: the monitor imports this module without SciPy
         from scleraforce.recording.labels import label_frames
+        from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ
         from scleraforce.study.records import ClassesStudy
 
         log = ForceWriter(self._partial, columns)
@@ -82,7 +81,9 @@ class KeptWithdrawal:
         except ScleraforceError as fault:
             log.set_aside()
             return str(fault).replace(str(self._partial), str(self.folder))
-        return None if (self._partial / "forces.csv").exists() else "fewer than 100 samples a second"
+        return (
+            None if (self._partial / "forces.csv").exists() else f"fewer than {MIN_SAMPLE_RATE_HZ:g} samples a second"
+        )
 
 
 def _sync(path: Path) -> None:
