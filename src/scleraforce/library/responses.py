@@ -133,7 +133,7 @@ class Library:
         Raises:
             InputError: a sample lies outside the library.
         """
-        check_inside("thickness", thickness_m, *self._ends(self.thickness_m), "um")
+        check_inside("thickness", thickness_m, *self._ends(self.thickness_m), "um", "µm")
         check_inside("tip", tip_m, 0.0, float(self.tip_m[-1]), "mm")
         t, of_t = self._splines[0].weights(np.log(inside_ends(thickness_m, self.thickness_m)))
         d, of_d = self._splines[2].weights(inside_ends(tip_m, self.tip_m))
@@ -385,7 +385,7 @@ class Library:
 
     def _check_walls(self, thickness_m: Floats, iop_ratio: Floats) -> Floats:
         """Return the tensions of walls, after a check that they lie in the library."""
-        check_inside("thickness", thickness_m, *self._ends(self.thickness_m), "um")
+        check_inside("thickness", thickness_m, *self._ends(self.thickness_m), "um", "µm")
         tension = self._tension(thickness_m, iop_ratio)
         check_tension(tension, thickness_m, self._ends(self.tension), self.radius_m, self.poisson_ratio)
         return tension
