@@ -1,12 +1,14 @@
 """Loops compiled by Numba (the extra `fast`), where it is installed and SCLERAFORCE_COMPILED is not 0.
 
-The machine code is kept in the user's cache, under a hash of the sources: another version finds none of this one's.
+The machine code is cached for the user under a hash of the sources of all packages with such loops: another version
+finds none of this one's.
 Modules with such loops are imported only by who reads many frames, as the import of Numba takes 0.3 s.
 """
 
 import os
 from collections.abc import Callable
 from functools import cache
+from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
 from typing import TypeVar, cast
@@ -14,6 +16,7 @@ from typing import TypeVar, cast
 __all__ = ["SWITCH", "can_compile", "code_is_kept", "compiled", "loops_are_compiled", "use_compiled_loops"]
 
 SWITCH = "SCLERAFORCE_COMPILED"
+PACKAGES = ("eye", "fitting", "library", "mechanics", "section", "segmentation")  # with compiled loops
 KEY_LETTERS = 32  # of the hash, in a file name
 
 Loops = TypeVar("Loops", bound=Callable[..., object])
@@ -70,12 +73,18 @@ def code_is_kept(module: str) -> bool:
     return _code_cache(module).is_dir()
 
 
-@cache
 def _code_cache(module: str) -> Path:
     """Return the folder for the code of a module; Numba does not notice a change of one that it imports."""
-    # Imported here: who compiles nothing need not wait for them.
-    from platformdirs import user_cache_path
+    from platformdirs import user_cache_path  # imported here: who compiles nothing need not wait for it
 
-    from scleraforce.source_hash import hash_sources
+    return user_cache_path("scleraforce") / "compiled" / _key() / module
 
-    return user_cache_path("scleraforce") / "compiled" / hash_sources(module)[:KEY_LETTERS]
+
+@cache
+def _key() -> str:
+    """Return the first digits of the hash of the sources of all loops: their machine code is made again with any."""
+    digest = sha256()
+    for package in PACKAGES:
+        for file in sorted((Path(__file__).parent / package).rglob("*.py")):
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:KEY_LETTERS]

@@ -34,7 +34,15 @@ from scleraforce.reader.model import slice_network
 from scleraforce.reader.readings import Reading, fit_reading
 from scleraforce.study import Study
 
-__all__ = ["STREAM", "calibrated_eye", "calibrated_otherwise", "intervals_of", "measured_intervals", "network_score"]
+__all__ = [
+    "STREAM",
+    "calibrated_eye",
+    "calibrated_otherwise",
+    "intervals_of",
+    "measured_intervals",
+    "measuring",
+    "network_score",
+]
 
 STREAM = 2**30  # of random numbers: the samples' streams are below, those of the validation above
 AHEAD = 2  # eyes for each process that are drawn or wait
@@ -62,7 +70,7 @@ def measured_intervals(
     Raises:
         SolverError: a worker died.
     """
-    prepare = partial(_measuring, study, library, network)
+    prepare = partial(measuring, study, library, network)
     return intervals_of(prepare, study.reader.interval_eyes, workers, "virtual eyes of the library's walls", progress)
 
 
@@ -90,7 +98,7 @@ def intervals_of(
     return intervals_record(scores, trait_factors(scores), source)
 
 
-def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
+def measuring(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
     """Return what scores an eye, in its process."""
     use_compiled_loops()
     reads_slices = slice_network(network, study)
