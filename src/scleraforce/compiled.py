@@ -8,10 +8,11 @@ Modules with such loops are imported only by who reads many frames, as the impor
 import os
 from collections.abc import Callable
 from functools import cache
-from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
 from typing import TypeVar, cast
+
+from scleraforce.whole_files import hash_sources
 
 __all__ = ["SWITCH", "can_compile", "code_is_kept", "compiled", "loops_are_compiled", "use_compiled_loops"]
 
@@ -77,14 +78,9 @@ def _code_cache(module: str) -> Path:
     """Return the folder for the code of a module; Numba does not notice a change of one that it imports."""
     from platformdirs import user_cache_path  # imported here: who compiles nothing need not wait for it
 
-    return user_cache_path("scleraforce") / "compiled" / _key() / module
+    return user_cache_path("scleraforce") / "compiled" / _sources()[:KEY_LETTERS] / module
 
 
 @cache
-def _key() -> str:
-    """Return the first digits of the hash of the sources of all loops: their machine code is made again with any."""
-    digest = sha256()
-    for package in PACKAGES:
-        for file in sorted((Path(__file__).parent / package).rglob("*.py")):
-            digest.update(file.read_bytes())
-    return digest.hexdigest()[:KEY_LETTERS]
+def _sources() -> str:
+    return hash_sources(*PACKAGES)

@@ -28,18 +28,18 @@ from scleraforce.learning.framework import torch
 from scleraforce.learning.reader.draws import CHUNK, Source
 from scleraforce.learning.reader.intervals import STREAM, measuring
 from scleraforce.learning.reader.samples import ReaderSamples, draw_seen
-from scleraforce.learning.reader.training import VALIDATION_CHUNK
-from scleraforce.learning.reader.training import descend as descend_reader
+from scleraforce.learning.reader.training import VALIDATION_CHUNK, descend_reader
 from scleraforce.learning.reader.trait_factors import trait_factors
 from scleraforce.learning.reader.virtual_eyes import calibrated, draw_eye, draw_frames
 from scleraforce.learning.wall_finder.samples import VALIDATION_SCENES, scene_batch
-from scleraforce.learning.wall_finder.training import descend as descend_finder
+from scleraforce.learning.wall_finder.training import descend_finder
 from scleraforce.library import Library, load_library, save_library
 from scleraforce.library.build import solve_path
 from scleraforce.library.plan import plan_library
 from scleraforce.library.store import complete_library, create_library, open_library, write_library_unit
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.study import Study
+from scleraforce.units import from_si
 
 __all__ = [
     "Fingerprint",
@@ -155,7 +155,11 @@ def _calibrated_tissue(study: Study, library: Library) -> list[float]:
     except CalibrationError:
         return []
     modulus = known.modulus
-    return [] if modulus is None else [known.stiffening or 0.0, 1e-6 * modulus.mean_pa, 1e-6 * modulus.sd_pa]
+    return (
+        []
+        if modulus is None
+        else [known.stiffening or 0.0, from_si(modulus.mean_pa, "mpa"), from_si(modulus.sd_pa, "mpa")]
+    )
 
 
 def classifier_fingerprint(study: Study) -> Fingerprint:
@@ -236,10 +240,11 @@ def _library_items(study: Study) -> Fingerprint:
     walls = library.curves(library.thickness_m[1:3], ratio, np.array([0.1, 0.3]) * library.max_force_ratio)
     return {
         **paths,
-        "grid": item(np.concatenate([plan.stiffening, plan.tension, 1e3 * plan.thickness_m, 1e3 * plan.tip_m])),
+        "stiffenings and tensions": item([*plan.stiffening, *plan.tension]),
+        "thicknesses and tips": item([*plan.thickness_m, *plan.tip_m]),
         "base of a small library": item(library.stiffness_atpd),
         "walls of a small library": item(walls.curves_sbnc, SINGLE),  # within what a folder's file may be off by
-    }  # fmt: skip
+    }
 
 
 def _sample_items(name: str, samples: ReaderSamples) -> Fingerprint:

@@ -25,6 +25,7 @@ from scleraforce.units import from_si, to_si
 
 __all__ = [
     "READER_THREADS",
+    "VALIDATION_CHUNK",
     "Answers",
     "FittedReader",
     "ReaderCurves",
@@ -32,7 +33,7 @@ __all__ = [
     "answer",
     "answers_of",
     "compared",
-    "descend",
+    "descend_reader",
     "fit_reader",
     "measure",
     "reader_loss",
@@ -112,12 +113,12 @@ def fit_reader(
     reader = study.reader
     chunks = range(reader.epochs * _chunks(reader))
     with closing(chunks_ahead(source, chunks, workers)) as drawn:
-        network, curves = descend(study, drawn, progress)
+        network, curves = descend_reader(study, drawn, progress)
     with repeatable(reader.seed, READER_THREADS):
         return FittedReader(network, curves, measure(network, _validation_samples(source), study))
 
 
-def descend(
+def descend_reader(
     study: Study, drawn: Iterable[ReaderSamples], progress: Callable[[int], object] | None = None
 ) -> tuple[ReaderNetwork, ReaderCurves]:
     """Train a new network on the chunks of all epochs.

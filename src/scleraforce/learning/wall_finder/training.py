@@ -18,7 +18,7 @@ from scleraforce.learning.wall_finder.network import WallFinderNetwork
 from scleraforce.learning.wall_finder.samples import SceneBatch, batches_ahead
 from scleraforce.study import ScenesStudy, WallFinderStudy
 
-__all__ = ["FINDER_THREADS", "FittedFinder", "descend", "finder_loss", "fit_wall_finder"]
+__all__ = ["FINDER_THREADS", "FittedFinder", "descend_finder", "finder_loss", "fit_wall_finder"]
 
 FINDER_THREADS = 1  # the other core draws; more threads would also sum in another order
 RANKED_WEIGHT, WALL_WEIGHT = 0.5, 1.0
@@ -48,10 +48,10 @@ def fit_wall_finder(
         SolverError: the descent diverged.
     """
     with closing(batches_ahead(scenes, study, range(study.batches), workers)) as drawn:
-        return descend(study, drawn, progress)
+        return descend_finder(study, drawn, progress)
 
 
-def descend(
+def descend_finder(
     study: WallFinderStudy, drawn: Iterable[SceneBatch], progress: Callable[[int], object] | None = None
 ) -> FittedFinder:
     """Train a new network on batches of scenes, in order; arguments and errors of `fit_wall_finder`."""
