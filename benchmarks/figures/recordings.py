@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -122,14 +122,14 @@ def _making(eyes: Sequence[FigureEye]) -> Callable[[int], _Sent | str]:
             except ScleraforceError as fault:
                 return str(fault)
             recording, made = folder_files(folder.recording(drawn)), folder.made(drawn).read_bytes()
-        return _Sent(_sources(), recording, made)
+        return _Sent(hash_sources(""), recording, made)
 
     return work
 
 
 def _write_sent(folder: FiguresFolder, drawn: FigureEye, sent: _Sent) -> None:
     recording, made = folder.recording(drawn), folder.made(drawn)
-    if sent.sources != _sources():
+    if sent.sources != hash_sources(""):
         raise ScleraforceError("a worker has other sources than this process; let them import the same ones")
     for place in (recording, made):
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -174,14 +174,6 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
 def recording_key(drawn: FigureEye) -> str:
     """Return the key of an eye's recording: a hash of all that is drawn of it."""
     return sha256(repr(drawn).encode()).hexdigest()
-
-
-@cache
-def _sources() -> str:
-    return (
-        hash_sources("")
-        + sha256(b"".join(f.read_bytes() for f in sorted(Path(__file__).parent.glob("*.py")))).hexdigest()
-    )
 
 
 def lowest_m(frame: PhantomFrame, section: Section, study: Study) -> tuple[float, float]:

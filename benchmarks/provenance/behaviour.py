@@ -1,6 +1,6 @@
 """What decides the figures of the pages, as a fingerprint (`scleraforce.learning.fingerprint`), at small size.
 
-The three models as they are trained, and an eye of each group of `make figures`, computed on a coarse mesh, imaged,
+The bundled models' fingerprints, and an eye of each group of `make figures`, computed on a coarse mesh, imaged,
 and read by the bundled reader. `behaviour.json` has the fingerprint of each run whose figures are in a page.
 """
 
@@ -23,12 +23,8 @@ from scleraforce.learning.fingerprint import (
     PIXELS,
     SCORES,
     Fingerprint,
-    classifier_fingerprint,
-    finder_fingerprint,
-    interval_fingerprint,
     item,
     moved,
-    reader_fingerprint,
 )
 from scleraforce.library import load_library
 from scleraforce.models.folder import LIBRARY_FILE, NETWORK_FILE, read_folder
@@ -46,25 +42,20 @@ SHARES = (0.2, 0.6)  # of the largest force, of the frames of an eye
 # Commands whose figures only some entries decide, by how their names begin; nothing here decides a speed.
 DECIDED_BY: dict[str, tuple[str, ...]] = {
     "make bench": (),
-    "make reproduce": ("reader", "classifier", "wall finder", "networks", "plain eye"),
-    "python benchmarks/bench_real_tissue.py": ("reader",),
-    "scleraforce train DATASET --search": ("classifier",),
+    "make reproduce": (*SHIPPED, "plain eye"),
+    "python benchmarks/bench_real_tissue.py": ("default",),
+    "scleraforce train DATASET --search": ("paper",),
 }
 
 
 def behaviour() -> Fingerprint:
-    """Return today's fingerprint; it takes half a minute."""
-    folder, study = read_folder(SHIPPED_READER), Study()
-    library = load_library(LIBRARY_FILE, folder.files[LIBRARY_FILE])
-    models = {
-        "reader": reader_fingerprint(study, library),
-        "reader's intervals": interval_fingerprint(study, library, folder.files[NETWORK_FILE]),
-        "classifier": classifier_fingerprint(study),
-        "wall finder": finder_fingerprint(study),
-    }
-    found = {f"{model} {name}": entry for model, entries in models.items() for name, entry in entries.items()}
-    digests = [sha256(read_folder(path).files[NETWORK_FILE]).hexdigest()[:7] for path in SHIPPED.values()]
-    return {**found, "networks": item([int(digest, 16) for digest in digests], 0.0), **_eyes()}
+    """Return today's fingerprint, in less than a minute; default tests hold the models' entries to today's code."""
+    found: Fingerprint = {}
+    for model, path in SHIPPED.items():
+        folder = read_folder(path)
+        found |= {f"{model} {name}": entry for name, entry in folder.record["fingerprint"].items()}
+        found[f"{model} network"] = item(int(sha256(folder.files[NETWORK_FILE]).hexdigest()[:7], 16), 0.0)
+    return found | _eyes()
 
 
 def keep(stamp: Stamp, now: Fingerprint) -> None:

@@ -439,8 +439,8 @@ def test_tables_take_the_place_of_those_before(tmp_path):
 
 def test_figures_are_out_of_date_where_an_entry_that_decides_them_has_moved(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(provenance_behaviour, "KEPT", tmp_path / "behaviour.json")
-    then, now = ({"classifier slices": item([1.0]), "reader samples": item([value])} for value in (1.0, 2.0))
-    for command, moved in (("make figures", ["reader samples"]), ("scleraforce train DATASET --search", [])):
+    then, now = ({"paper slices": item([1.0]), "default samples": item([value])} for value in (1.0, 2.0))
+    for command, moved in (("make figures", ["default samples"]), ("scleraforce train DATASET --search", [])):
         stamp = new_stamp(command)
         assert provenance_behaviour.moved_since(stamp, now) is None
         provenance_behaviour.keep(stamp, then)

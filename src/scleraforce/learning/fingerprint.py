@@ -90,7 +90,10 @@ def _agree(before: dict[str, Any] | None, now: dict[str, Any] | None) -> bool:
     if before is None or now is None:
         return False
     old, new = (np.array(entry["values"].split(), dtype=np.float64) for entry in (before, now))
-    return old.shape == new.shape and bool(np.abs(new - old).max() <= now["tolerance"] * np.abs(old).max())
+    if old.shape != new.shape:
+        return False
+    scale = np.abs(old[1:]).max(initial=0.0)  # of the values; the first is a share
+    return bool(old[0] == new[0]) and bool(np.abs(new[1:] - old[1:]).max(initial=0.0) <= now["tolerance"] * scale)
 
 
 def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
