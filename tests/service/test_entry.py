@@ -33,6 +33,7 @@ def test_what_is_no_number_is_null_wherever_it_stands():
 def test_without_a_frame_what_belongs_to_one_is_null():
     record = TICK_ENTRY.as_json()
     assert {name for name, value in record.items() if value is None} == {
-        "cause", "frame", "frame_id", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason",
+        "cause", "withdrawn_s", "present_cause",
+        "frame", "frame_id", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason",
         "latency_ms",
     }  # fmt: skip

@@ -29,6 +29,9 @@ class Entry:
         sub_code: of the STATUS.
         cause: name of the first cause of a withdrawal; None without one.
         message: of the STATUS.
+        withdrawn_s: when the withdrawal began, since 1970; None without one.
+        present_cause: name of the cause that the last event was; None if it was none.
+        present: what is wrong now; "" if nothing is.
         frame: number of the frame in this session, from 1; None for other events, as all that follows
             but the two counts.
         frame_id: the sender's number of the frame.
@@ -52,6 +55,9 @@ class Entry:
     sub_code: int
     cause: str | None
     message: str
+    withdrawn_s: float | None = None
+    present_cause: str | None = None
+    present: str = ""
     frame: int | None = None
     frame_id: int | None = None
     predicted: int | None = None
