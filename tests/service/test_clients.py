@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 
 import pytest
-from peer import NoGuard
+from peer import NoGuard, wait_until
 
 from scleraforce.openigtlink import Decoder, Received, Text, encode
 from scleraforce.service.clients import STALLED_S, Clients
@@ -37,7 +37,7 @@ def test_a_peer_that_reads_late_gets_whole_messages_and_misses_others(listener: 
             except TimeoutError:
                 pass
             connection.send(encode(Text(f"{number:04d}" * 1000), "ForceReading"), 100.0 + number)
-        assert connection.unread_since_s is None
+        wait_until(lambda: connection.unread_since_s is None)
         connection.close()
     texts = [event.message.text for event in heard if isinstance(event, Received)]  # type: ignore[union-attr] # a Text
     assert len(texts) == len(heard)

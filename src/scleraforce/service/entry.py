@@ -29,9 +29,6 @@ class Entry:
         sub_code: of the STATUS.
         cause: name of the first cause of a withdrawal; None without one.
         message: of the STATUS.
-        withdrawn_s: when the withdrawal began, since 1970; None without one.
-        present_cause: name of the cause that the last event was; None if it was none.
-        present: what is wrong now; "" if nothing is.
         frame: number of the frame in this session, from 1; None for other events, as all that follows
             but the two counts.
         frame_id: the sender's number of the frame.
@@ -44,6 +41,9 @@ class Entry:
         latency_ms: from the frame's last byte to the answer on the wire.
         lost: frames since the start that newer ones overtook and that were never read.
         overtaken: all that newer ones overtook, those included that were read after them.
+        withdrawn_s: when the withdrawal began, since 1970; None without one.
+        present_cause: name of the cause that is true now; None without one.
+        present: what is wrong now; "" if nothing is.
     """
 
     number: int
@@ -55,9 +55,6 @@ class Entry:
     sub_code: int
     cause: str | None
     message: str
-    withdrawn_s: float | None = None
-    present_cause: str | None = None
-    present: str = ""
     frame: int | None = None
     frame_id: int | None = None
     predicted: int | None = None
@@ -69,6 +66,9 @@ class Entry:
     latency_ms: float | None = None
     lost: int = 0
     overtaken: int = 0
+    withdrawn_s: float | None = None
+    present_cause: str | None = None
+    present: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON object: the attributes by name, `predicted` as `class`; NaN and infinity become null.
