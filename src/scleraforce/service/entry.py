@@ -12,6 +12,7 @@ from scleraforce.service.record_json import record_as_json, record_of_json
 
 __all__ = ["Entry"]
 
+LATER = {"withdrawn_s": None, "present_cause": None, "present": ""}  # logs of 26 November 2026 and before lack these
 NUMBERS = float, tuple  # what may hold NaN; asking the others would take twice as long
 
 
@@ -90,7 +91,7 @@ class Entry:
         """
         if not isinstance(value, dict) or "class" not in value or "predicted" in value:
             raise MessageError("not an entry: an object with a class")
-        record = {"predicted" if name == "class" else name: entry for name, entry in value.items()}
+        record = LATER | {"predicted" if name == "class" else name: entry for name, entry in value.items()}
         for name in ("probabilities", "interval_mn"):
             if isinstance(numbers := record.get(name), list):
                 record[name] = [nan if number is None else number for number in numbers]
