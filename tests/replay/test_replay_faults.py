@@ -309,7 +309,8 @@ def test_silence_sends_nothing_more_and_a_monitor_that_falls_silent_too_is_a_wit
         report = inject(player, ready)
         client.close()
     assert (report.code, report.cause, report.message) == (None, None, "no STATUS for 150 ms")
-    assert report.delay_s <= 0.151
+    heard_s = log.status_s if log.status_s is not None else report.began_s
+    assert report.delay_s == pytest.approx(heard_s + 0.15 - report.began_s)
 
 
 def test_a_monitor_that_dies_is_a_withdrawal_by_the_robots_rule(recording) -> None:
