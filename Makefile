@@ -54,6 +54,9 @@ stale: .venv/installed  ## which figures of the pages are older than the sources
 trace: .venv/installed  ## docs/requirements.md anew, from docs/requirements.toml and the names of the tests
 	.venv/bin/python benchmarks/requirements_trace.py > docs/requirements.md.new && mv docs/requirements.md.new docs/requirements.md
 
+ranges: .venv/installed  ## the box "Will it read my data?" of README anew, from the study of the reader that ships
+	.venv/bin/python benchmarks/reading_ranges.py
+
 wall-finder: .venv/installed  ## train the wall finder that ships with the package, in place of the one that is there
 	rm -rf out/wall_finder && .venv/bin/scleraforce train --kind wall-finder --out out/wall_finder
 	rm -rf $(SHIPPED)/wall_finder && cp -r out/wall_finder $(SHIPPED)/wall_finder
@@ -100,4 +103,4 @@ clean:  ## remove .venv and what the tools left; out/ stays
 .venv/installed: .venv/locked pyproject.toml
 	@$(PIP) install --no-deps --no-build-isolation -e . && touch $@
 
-.PHONY: help install reproduce test slow lint bench figures stale trace wall-finder model paper dist sbom size wheels lock clean docs gallery
+.PHONY: help install reproduce test slow lint bench figures stale trace ranges wall-finder model paper dist sbom size wheels lock clean docs gallery

@@ -1,4 +1,4 @@
-"""The rooms and their order (docs/architecture.md) hold in the code: imports, purity, what the runtime needs."""
+"""The packages and their order (docs/architecture.md) hold in the code: imports, purity, what the runtime needs."""
 
 import ast
 import re
@@ -6,15 +6,12 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from functools import cache
-from importlib import import_module
 from math import pi
 from pathlib import Path
 
-import pytest
 from parsed import parsed, syntax_nodes
 
 import scleraforce
-from scleraforce.cli.main import COMMANDS, module_name
 from scleraforce.units import SI_PER_UNIT, STANDARD_GRAVITY_M_S2
 
 ROOT = Path(scleraforce.__file__).parent
@@ -82,14 +79,9 @@ def dotted(path: Path) -> str:
     return ".".join(part for part in parts if part != "__init__")
 
 
-def room(name: str) -> str:
+def package(name: str) -> str:
+    """The package, or the module directly below `scleraforce`, that a module belongs to."""
     return name.split(".")[0]
-
-
-@cache
-def within(here: str) -> tuple[Path, ...]:
-    """The files of a room; of the package itself for ""."""
-    return tuple(path for path in MODULES if room(dotted(path)) == here)
 
 
 @cache
@@ -105,32 +97,39 @@ def imported(path: Path) -> frozenset[str]:
     return frozenset(names)
 
 
-def test_the_rooms_are_those_of_the_picture() -> None:
-    found = {room(dotted(path)) for path in MODULES} - {""}
-    assert found <= set(ORDER), f"a room that the order does not name: {found - set(ORDER)}"
+def test_every_package_has_its_place_in_the_order() -> None:
+    found = {package(dotted(path)) for path in MODULES} - {""}
+    assert found <= set(ORDER), f"a package that the order does not name: {found - set(ORDER)}"
 
 
-@pytest.mark.parametrize("here", ORDER)
-def test_imports_point_one_way(here: str) -> None:
-    for path in within(here):
-        for name in imported(path):
-            if name.startswith("scleraforce.") and room(name.removeprefix("scleraforce.")) in ORDER:
-                there = room(name.removeprefix("scleraforce."))
-                assert ORDER.index(there) <= ORDER.index(here), f"{dotted(path)} imports {name}, a room after its own"
+def test_imports_point_one_way() -> None:
+    for path in MODULES:
+        here = package(dotted(path))
+        for name in imported(path) if here else ():
+            there = package(name.removeprefix("scleraforce.")) if name.startswith("scleraforce.") else None
+            upward = there in ORDER and ORDER.index(there) > ORDER.index(here)
+            assert not upward, f"{dotted(path)} imports {name}, of a package after its own"
 
 
-@pytest.mark.parametrize("here", ["", *ORDER])
-def test_only_learning_imports_torch_and_nothing_copyleft_is_imported(here: str) -> None:
-    for path in within(here):
-        forbidden = COPYLEFT if here == "learning" else COPYLEFT | {"torch", "onnx"}
+def test_no_module_imports_a_private_name_of_another() -> None:
+    for path in MODULES:
+        for node in syntax_nodes(path):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("scleraforce"):
+                private = [alias.name for alias in node.names if re.match(r"_(?!_)", alias.name)]
+                assert not private, f"{dotted(path)}:{node.lineno} imports {private} of {node.module}"
+
+
+def test_only_learning_imports_torch_and_nothing_copyleft_is_imported() -> None:
+    for path in MODULES:
+        forbidden = COPYLEFT if package(dotted(path)) == "learning" else COPYLEFT | {"torch", "onnx"}
         found = {name.split(".")[0] for name in imported(path)} & forbidden
         assert not found, f"{dotted(path)} imports {found}"
 
 
-@pytest.mark.parametrize("here", PURE)
-def test_pure_rooms_touch_no_file_clock_socket_or_global_random_state(here: str) -> None:
-    for path in within(here):
-        check_that_it_is_pure(path)
+def test_pure_packages_touch_no_file_clock_socket_or_global_random_state() -> None:
+    for path in MODULES:
+        if package(dotted(path)) in PURE:
+            check_that_it_is_pure(path)
 
 
 def check_that_it_is_pure(path: Path) -> None:
@@ -150,11 +149,14 @@ def check_that_it_is_pure(path: Path) -> None:
             assert ast.unparse(node) not in {"os.environ", "os.getenv"}, f"{dotted(path)}:{node.lineno}: environment"
 
 
-@pytest.mark.parametrize("path", MODULES, ids=dotted)
-def test_only_units_knows_the_factors_between_units(path: Path) -> None:
-    """Whoever converts mmHg, degrees, weights or powers of ten with a number of its own is found."""
-    if dotted(path) == "units":
-        return
+def test_only_units_knows_the_factors_between_units() -> None:
+    for path in MODULES:
+        if dotted(path) != "units":
+            check_that_it_converts_no_units(path)
+
+
+def check_that_it_converts_no_units(path: Path) -> None:
+    """Find conversions of mmHg, degrees, weights or powers of ten with a number of their own."""
     for node in syntax_nodes(path):
         if isinstance(node, ast.Constant) and isinstance(node.value, float):
             near = [name for name, factor in FACTORS.items() if abs(node.value / factor - 1) < 4e-4]
@@ -197,26 +199,6 @@ def test_every_module_says_what_it_is_for() -> None:
     assert not {name: words for name, words in said.items() if len(words) <= 20}
 
 
-@pytest.mark.parametrize("here", ["", *ORDER])
-def test_all_names_exactly_what_is_public(here: str) -> None:
-    for path in within(here):
-        check_all(path)
-
-
-def check_all(path: Path) -> None:
-    name = ".".join(filter(None, ["scleraforce", dotted(path)]))
-    body = parsed(path).body
-    listed = [n for n in body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "__all__"]
-    if not any(isinstance(n, ast.FunctionDef | ast.ClassDef | ast.Import | ast.ImportFrom) for n in body):
-        return
-    assert listed, f"{name}: no __all__"
-    public = ast.literal_eval(listed[0].value)
-    assert sorted(set(public)) == sorted(public), f"{name}: __all__ names something twice"
-    module = import_module(name)
-    for entry in public:
-        assert hasattr(module, entry), f"{name}: __all__ names {entry}, which is not there"
-
-
 def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only() -> None:
     """One interpreter takes them all: what is refused to one module is in none, whichever is imported first."""
     block = (
@@ -230,18 +212,3 @@ def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only() -> None:
     )
     done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-
-
-def test_the_page_on_the_architecture_names_every_module_and_no_other() -> None:
-    page = (Path(__file__).parents[1] / "docs" / "architecture.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `([\w.]+)` \| (.*) \|$", page, flags=re.MULTILINE)
-    stated = {f"{name}.{module}" for name, modules in rows for module in re.findall(r"`(\w+)`", modules)}
-    found = {dotted(path) for path in MODULES if path.name != "__init__.py" and "." in dotted(path)}
-    commands = {f"cli.{module_name(name)}" for name in COMMANDS}
-    assert stated | commands == found
-
-
-def test_files_stay_small() -> None:
-    lengths = {dotted(path): len(path.read_text(encoding="utf-8").splitlines()) for path in MODULES}
-    too_long = {name: length for name, length in lengths.items() if length > 400}
-    assert not too_long, f"look for two rooms in one: {too_long}"

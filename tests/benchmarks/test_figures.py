@@ -1,6 +1,6 @@
 import json
 import math
-import time
+import multiprocessing
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -347,10 +347,9 @@ def test_processes_end_with_whoever_waits_for_them(tmp_path):
     def stop(_piece, _code):
         raise KeyboardInterrupt
 
-    start = time.perf_counter()
     with pytest.raises(KeyboardInterrupt):
         in_processes(leave_a_mark_or_wait, [tmp_path / "first", tmp_path / "waits"], 2, stop)
-    assert time.perf_counter() - start < 30
+    assert not multiprocessing.active_children()
 
 
 def test_a_result_is_made_anew_with_other_sources_other_words_or_another_input(tmp_path, monkeypatch):

@@ -1,8 +1,16 @@
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
+from logged_info import LOGGED_INFO
 
-from scleraforce.calibration.forces import ZERO_PRIOR, rest_zeros, zero_line
-from scleraforce.recording.labels import low_pass
+from scleraforce.calibration.forces import ZERO_PRIOR, frame_forces, rest_zeros, zero_line
+from scleraforce.recording.files import Recording
+from scleraforce.recording.info import ForceInfo
+from scleraforce.recording.labels import label_frames, low_pass
+from scleraforce.recording.tables import ForceLog, FrameEntry
+from scleraforce.study import ClassesStudy
 
 
 def pushes(drift_n_per_s: float, rng: np.random.Generator, lets_go: bool = True) -> tuple[np.ndarray, ...]:
@@ -37,3 +45,22 @@ def test_weak_pushes_are_not_taken_for_rests() -> None:
     contact, time_s, frames_s, forces = pushes(0.0, np.random.default_rng(2))
     assert len(rest_zeros(contact, time_s, frames_s, forces)[0]) == 19
     assert len(rest_zeros(contact, time_s, frames_s, 0.1 * forces)[0]) == 0
+
+
+def test_samples_that_are_no_forces_and_frames_without_a_label_leave_the_others_as_they_are() -> None:
+    _, time_s, frames_s, _ = pushes(0.0, np.random.default_rng(3))
+    phase = (time_s - 4) % 10
+    fz_n = -np.where((time_s > 4) & (time_s < 204) & (phase < 8), 20e-3, 0.0)
+    fz_n += 1e-3 * np.random.default_rng(4).standard_normal(len(time_s))
+    holed_n = np.where(np.abs(time_s - frames_s[7]) < 1.5, np.nan, fz_n)
+    found = []
+    for force_n in (fz_n, holed_n):
+        log = ForceLog(time_s, force_n[:, None], ("fz_n",))
+        frames = tuple(FrameEntry(f"{k}.png", at) for k, at in enumerate(frames_s.tolist()))
+        recording = Recording(Path("rec"), replace(LOGGED_INFO, force=ForceInfo("fz", -1, 2.0)), frames, log)
+        trials = label_frames(recording, ClassesStudy())
+        found.append(frame_forces(replace(recording, forces=log.known("fz")), trials))
+    assert np.flatnonzero(np.isnan(found[1].force_n)).tolist() == [7]
+    known = np.isfinite(found[1].force_n)
+    np.testing.assert_allclose(found[1].force_n[known], found[0].force_n[known], atol=1e-4)
+    assert np.isfinite(found[1].zero).all()

@@ -11,7 +11,8 @@ from format_frames import told
 
 
 def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", np.random.default_rng(0).integers(0, 2**16, (100, 512, 512), np.uint16))
+    many = (200, 512, 512)  # of noise: to write them takes seven times as long as to begin
+    np.save(tmp_path / "a.npy", np.random.default_rng(0).integers(0, 2**16, many, np.uint16))
     told_all = told("--axes", "frame,depth,lateral", "--width-mm", 10, "--depth-mm", 4, "--bits", 16, "--rate-hz", 1)
     command = ["import", str(tmp_path / "a.npy"), "--out", str(tmp_path / "r"), *map(str, told_all)]
     code = "from scleraforce.cli.main import main; main()"
@@ -19,6 +20,6 @@ def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
     while child.poll() is None and not list(tmp_path.glob(".scleraforce-*.part")):
         time.sleep(0.002)
     child.send_signal(signal.SIGTERM)
-    _, error = child.communicate(timeout=30)
+    _, error = child.communicate(timeout=300)
     assert (child.returncode, error.strip()) == (130, "error: interrupted")
     assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]

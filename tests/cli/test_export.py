@@ -44,7 +44,9 @@ def test_json_has_the_settings_of_the_recording_too(recording: Path) -> None:
 def test_answers_alone_become_a_table(recording: Path) -> None:
     out = recording.parent / "b.csv"
     assert exported(recording.parent / "answers.json", "--out", out) == 0
-    assert out.read_text() == "file,recording,predicted_force_mn,interval_mn_0,interval_mn_1\n0001.png,r,4.5,3.0,6.0\n"
+    assert out.read_text() == (
+        "file,recording,predicted_force_mn,interval_low_mn,interval_high_mn\n0001.png,r,4.5,3.0,6.0\n"
+    )
 
 
 @pytest.mark.parametrize("name", ["a.mcap", "a.nrrd", "a.seq.nrrd"])

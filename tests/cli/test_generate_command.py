@@ -73,7 +73,7 @@ def test_a_generate_that_was_stopped_is_completed_by_the_same_command(study, tmp
         assert process.poll() is None
         time.sleep(0.01)
     process.send_signal(sent)
-    message = process.communicate(timeout=60)[1]
+    message = process.communicate(timeout=300)[1]
     assert process.returncode == (130 if sent == signal.SIGINT else -signal.SIGKILL)
     if sent == signal.SIGINT:
         assert "Traceback" not in message

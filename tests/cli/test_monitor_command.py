@@ -14,7 +14,7 @@ import pytest
 from analytic_frames import GAP_M, IOP_PA, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
 from fixed_reader import fixed_study
 from monitor_command import BINS, Started, monitor_folder, started
-from peer import Peer, wait_until
+from peer import FUSE_S, Peer, wait_until
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
@@ -55,7 +55,7 @@ def push(scanner: Peer, force_mn: int, frames: int, every_s: float = 0.03, shown
         fresh = shown[force_mn][number % 3] + noise  # a live scanner never shows a picture again
         SENT.append(fresh)
         scanner.say(Image(fresh[None], MATRIX), message_id=serial)
-        scanner.hear(every_s)
+        scanner.hear(within_s=every_s)
 
 
 @pytest.mark.slow
@@ -67,7 +67,7 @@ def test_a_session_from_the_first_frame_to_the_reset_is_told_kept_and_recorded(f
         assert any(line.split() == ["globe", "open"] for line in monitor.lines)
         with Peer(monitor.port, version=2) as scanner:
             scanner.say(Sensor((0.0, 0.0, -0.008, 0.0, 0.0, 0.0)), "RobotForce")
-            scanner.hear(0.05, lambda peer: bool(peer.statuses()))
+            scanner.hear(lambda peer: bool(peer.statuses()))
             assert scanner.statuses()[0].code == 13
             withdrawal = _undisturbed(scanner, monitor, 40)  # which the network, always the same, does not see
             assert withdrawal.name in {"BOUND", "DANGEROUS_CLASS"}
@@ -75,10 +75,10 @@ def test_a_session_from_the_first_frame_to_the_reset_is_told_kept_and_recorded(f
             assert run(["monitor-reset", "--port", str(monitor.port), "--token", "wrong"]) == 2
             assert {status.code for status in scanner.statuses()[-5:]} == {3}
             reset = ["monitor-reset", "--port", str(monitor.port), "--token", monitor.token]
-            wait_until(lambda: _after(scanner, 8).code == 3 and run(reset) == 0, within_s=20.0)
+            wait_until(lambda: _after(scanner, 8).code == 3 and run(reset) == 0)
             _wait_at_rest(scanner, monitor)
         monitor.process.send_signal(signal.SIGINT)
-        told, _ = monitor.process.communicate(timeout=30.0)
+        told, _ = monitor.process.communicate(timeout=FUSE_S)
         assert monitor.process.returncode == 0
     summary = json.loads(told)
     assert withdrawal.name in {one["cause"] for one in summary["withdrawals"]}
@@ -138,7 +138,7 @@ def _wait_at_rest(scanner: Peer, monitor: Started, shown: Shown | None = None) -
             run(["monitor-reset", "--port", str(monitor.port), "--token", monitor.token])
         return status.code == 1
 
-    wait_until(at_rest, within_s=20.0)
+    wait_until(at_rest)
 
 
 @pytest.mark.parametrize(
@@ -230,7 +230,7 @@ def test_pids_are_not_left_behind(folder: Path, tmp_path: Path) -> None:
         children = _children(monitor.process.pid)
         assert len(children) == 3  # black box, second opinion, watchdog
         monitor.process.send_signal(signal.SIGTERM)
-        assert monitor.process.wait(20.0) == 0
+        assert monitor.process.wait(FUSE_S) == 0
     wait_until(lambda: not any(os.path.exists(f"/proc/{pid}") for pid in children))
 
 
@@ -297,3 +297,11 @@ def test_each_option_arrives_where_it_belongs(
         expects_opinion=True,
     )
     assert (plain.address, plain.console, plain.record) == (module.Address("127.0.0.1", 18944), None, None)
+
+
+def test_frames_that_are_too_narrow_are_said_at_the_start(folder: Path) -> None:
+    with started(
+        folder, "--width-mm", "6", "--no-second-opinion", "--black-box", str(folder / "narrow-box")
+    ) as monitor:
+        said = [line for line in monitor.lines if line.startswith("warning")]
+    assert any("of the wall are seen, not" in line for line in said), monitor.lines

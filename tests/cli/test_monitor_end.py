@@ -13,7 +13,7 @@ from time import monotonic
 
 import pytest
 from monitor_command import monitor_folder, program, started
-from peer import Peer, wait_until
+from peer import FUSE_S, Peer, wait_until
 
 from scleraforce.service.black_box.decision_log import read_log
 
@@ -35,7 +35,7 @@ def test_ctrl_c_is_its_end_and_no_module_of_the_current_folder_has_run(folder: P
         lines = iter(monitor.process.stderr.readline, "")
         assert any(line.startswith("console    http://127.0.0.1:") for line in lines)  # it has loaded all that it needs
         monitor.process.send_signal(signal.SIGINT)
-        told, said = monitor.process.communicate(timeout=60.0)
+        told, said = monitor.process.communicate(timeout=FUSE_S)
         assert monitor.process.returncode == 0
         assert "the monitor ends" in robot.wait_for_code(3).message
     assert said.splitlines()[-1] == "ended after 0 frames and 0 withdrawals"
@@ -47,11 +47,11 @@ def test_ctrl_c_is_its_end_and_no_module_of_the_current_folder_has_run(folder: P
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
 def test_who_ends_it_otherwise_ends_it_in_order_as_well(folder: Path, tmp_path: Path, number: signal.Signals) -> None:
     with started(folder, "--black-box", str(tmp_path / "box")) as monitor, Peer(monitor.port) as robot:
-        robot.hear(5.0, lambda peer: bool(peer.statuses()))  # it has been let in, not only queued by the system
+        robot.hear(lambda peer: bool(peer.statuses()))  # it has been let in, not only queued by the system
         os.kill(monitor.process.pid, number)
         os.kill(monitor.process.pid, number)  # a shell and the system may both say so
         assert "the monitor ends" in robot.wait_for_code(3).message
-        assert monitor.process.wait(60.0) == 0
+        assert monitor.process.wait(FUSE_S) == 0
 
 
 @pytest.mark.slow
@@ -68,7 +68,7 @@ def test_a_terminal_that_is_closed_ends_it_in_order_and_one_that_is_stopped_keep
         os.execv(sys.executable, [sys.executable, str(script), *command])
     read_until(terminal, "monitor-reset")
     with Peer(port) as robot:
-        robot.hear(5.0, lambda peer: bool(peer.statuses()))
+        robot.hear(lambda peer: bool(peer.statuses()))
         if how == "closed":
             os.close(terminal)
         else:
@@ -93,18 +93,18 @@ def test_a_monitor_that_is_stopped_in_its_terminal_is_ended_by_its_watchdog(
 ) -> None:
     """Ctrl-Z stops all processes of a terminal's session; the watchdog and the black box have their own."""
     with started(folder, "--black-box", str(tmp_path / "box")) as monitor, Peer(monitor.port) as robot:
-        robot.hear(5.0, lambda peer: bool(peer.statuses()))  # the monitor has taken the connection
+        robot.hear(lambda peer: bool(peer.statuses()))  # the monitor has taken the connection
         children = Path(f"/proc/{monitor.process.pid}/task/{monitor.process.pid}/children").read_text().split()
         assert len(children) == 3
         assert {os.getsid(int(child)) for child in children} == {int(child) for child in children}
         os.kill(monitor.process.pid, signal.SIGSTOP if sent == "Ctrl-Z" else signal.SIGKILL)
         assert robot.wait_for_code(3).name == "WATCHDOG"
         robot.link.close()
-        assert monitor.process.wait(10.0) == -signal.SIGKILL
-        wait_until(lambda: not any(os.path.exists(f"/proc/{child}") for child in children), within_s=30.0)
+        assert monitor.process.wait(FUSE_S) == -signal.SIGKILL
+        wait_until(lambda: not any(os.path.exists(f"/proc/{child}") for child in children))
 
 
-def read_until(terminal: int, word: str, within_s: float = 60.0) -> None:
+def read_until(terminal: int, word: str, within_s: float = FUSE_S) -> None:
     said, end_s = "", monotonic() + within_s
     while word not in said:
         assert select.select([terminal], [], [], max(0.0, end_s - monotonic()))[0], said
@@ -120,5 +120,5 @@ def waited(pid: int) -> int:
         found.append(status)
         return done == pid
 
-    wait_until(ended, within_s=60.0)
+    wait_until(ended)
     return found[-1]

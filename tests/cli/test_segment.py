@@ -4,6 +4,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import tifffile
 
 from scleraforce.cli.main import run
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
@@ -167,3 +168,18 @@ def test_a_frame_that_is_not_what_its_recording_says_is_refused(tmp_path: Path, 
     eye = make_recording(tmp_path / "eye-3")
     cv2.imwrite(str(eye / "frames" / "0001.png"), np.zeros((100, 120), np.uint16))
     assert "recording.toml says 512 x 512" in refused(capsys, eye / "frames" / "0001.png", "--out", tmp_path / "out")
+
+
+def test_what_was_done_to_a_frame_is_a_note(recordings, tmp_path: Path, capsys) -> None:
+    pixels = cv2.imread(str(recordings[0] / "frames" / "0001.png"), cv2.IMREAD_UNCHANGED)
+    tag = [(274, 3, 1, 4, True)]
+    tifffile.imwrite(tmp_path / "a.tif", pixels[::-1].copy(), extratags=tag, metadata=None)
+    options = ["--out", tmp_path / "masks", "--width-mm", 15, "--depth-mm", 4, "--refractive-index", 1]
+    (turned,) = segmented(capsys, tmp_path / "a.tif", *options)["frames"]
+    assert any("Orientation 4" in note for note in turned["notes"])
+    cv2.imwrite(str(tmp_path / "b.png"), pixels)
+    (upright,) = segmented(capsys, tmp_path / "b.png", *options)["frames"]
+    assert upright["notes"] == []
+    assert turned["thickness_um"] == upright["thickness_um"]
+    assert run(["segment", str(tmp_path / "a.tif"), *map(str, options)]) == 0
+    assert "Orientation 4" in " ".join(capsys.readouterr().out.split())

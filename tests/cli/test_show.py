@@ -136,7 +136,7 @@ def test_the_frames_of_a_recording_have_their_forces(things: Path, capsys: Captu
                     36: (pytest.approx(36, abs=0.5), 2)}  # fmt: skip
 
 
-def test_a_recording_whose_frames_have_no_label_is_shown_with_the_reason(
+def test_a_frame_outside_the_log_is_shown_without_a_label_and_the_others_with_theirs(
     things: Path, tmp_path: Path, capsys: Captured
 ) -> None:
     copytree(things / "eye", tmp_path / "eye")
@@ -145,7 +145,25 @@ def test_a_recording_whose_frames_have_no_label_is_shown_with_the_reason(
     (tmp_path / "eye" / "frames.csv").write_text("\n".join([table[0], ",".join([file, "-9.0", *others]), *table[2:]]))
     assert run(["show", str(tmp_path / "eye"), "--json", "--plot", str(tmp_path / "eye.png")]) == 0
     shown = json.loads(capsys.readouterr().out)
-    assert "force samples within" in shown["no_labels"]
+    assert shown["no_labels"] is None
+    assert [frame["target"] is None for frame in shown["frames"]] == [True] + [False] * 39
+    assert "force samples within" in shown["frames"][0]["excluded"]
+    assert any("1 of 40 frames have no label and are left out" in note for note in shown["notes"])
+    run(["show", str(tmp_path / "eye")])
+    assert "1 of 40 frames have no label" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_recording_whose_frames_have_no_label_is_shown_with_the_reason(
+    things: Path, tmp_path: Path, capsys: Captured
+) -> None:
+    copytree(things / "eye", tmp_path / "eye")
+    table = (tmp_path / "eye" / "frames.csv").read_text().splitlines()
+    moved = [(file, float(time_s) + 1e3, others) for file, time_s, *others in (line.split(",") for line in table[1:])]
+    lines = [",".join([file, f"{time_s}", *others]) for file, time_s, others in moved]
+    (tmp_path / "eye" / "frames.csv").write_text("\n".join([table[0], *lines]))
+    assert run(["show", str(tmp_path / "eye"), "--json", "--plot", str(tmp_path / "eye.png")]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert "the clocks do not overlap" in shown["no_labels"]
     assert {frame["target"] for frame in shown["frames"]} == {None}
 
 
@@ -170,9 +188,10 @@ REFUSED = {
     "eye/frames/0000.png": "0000.png: give a study",
     "eye --calibration modulus.json": "--calibration: only used with --html",
     "eye --wall-finder none": "--wall-finder: only used with --html",
-    "eye --html page.html": "--html and --model belong together: the page shows what a model reads, like default",
-    "eye --model reader": "--html and --model belong together",
-    "study.toml --html page.html --model reader": "study.toml: a study; --html browses recordings",
+    "eye --html page.html": "--html: shows what a model reads; give --model, like default",
+    "eye --model nowhere": "nowhere: no such folder, and no model that ships",
+    "eye --model wall-finder": "wall-finder: kind: found 'wall-finder'",
+    "study.toml --model default": "--model: study.toml is a study; a model reads recordings",
     "eye --plot picture.jpg": "picture.jpg: give a name that ends in .png, .svg, .pdf",
     "eye --plot study.toml": "give a name that ends in",
     "eye --plot old.svg": "old.svg: exists already",

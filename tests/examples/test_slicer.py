@@ -2,7 +2,6 @@
 
 import sys
 import threading
-import time
 from dataclasses import replace
 from types import ModuleType, SimpleNamespace
 from unittest.mock import MagicMock
@@ -12,13 +11,19 @@ import pyigtl
 import pytest
 from example_module import example_module
 from fake_monitor import fake_monitor
-from peer import Peer
+from peer import FUSE_S, Peer, wait_until
 
 from scleraforce.openigtlink import Image, Status
 
 bridge = example_module("slicer/bridge")
 ROWS, COLUMNS = 256, 300
 MATRIX = (0.05, 0.0, 0.0, 0.0, 4.0 / ROWS, 0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 3.0)
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a reading wait for its frame as long as it takes."""
+    monkeypatch.setattr(bridge, "FRAME_WAIT_S", FUSE_S)
 
 
 def wall() -> np.ndarray:
@@ -32,7 +37,7 @@ def wall() -> np.ndarray:
 
 
 def heard(client: pyigtl.OpenIGTLinkClient, device: str):
-    message = client.wait_for_message(device, timeout=10)
+    message = client.wait_for_message(device, timeout=FUSE_S)
     assert message is not None, f"{device} did not come"
     return message
 
@@ -43,12 +48,9 @@ def test_slicer_gets_the_frame_with_its_wall_the_bar_and_the_words_and_the_scann
         slicer = pyigtl.OpenIGTLinkClient("127.0.0.1", slicer_port)
         try:
             with Peer(scanner_port, version=2) as scanner:
-                end_s = time.monotonic() + 10.0
-                while not slicer.is_connected():
-                    assert time.monotonic() < end_s
-                    time.sleep(0.01)
+                wait_until(slicer.is_connected)
                 scanner.say(Image(pixels[None], MATRIX), message_id=5)
-                scanner.hear(10.0, lambda peer: peer.readings() > 0)
+                scanner.hear(lambda peer: peer.readings() > 0)
                 assert scanner.readings() == 1
                 picture = heard(slicer, "ForceView")
                 bar = heard(slicer, "ForceBar")
@@ -74,7 +76,7 @@ def test_a_slicer_that_comes_after_the_frame_is_shown_it() -> None:
         try:
             with Peer(scanner_port, version=2) as scanner:
                 scanner.say(Image(wall()[None], MATRIX), message_id=5)
-                scanner.hear(10.0, lambda peer: peer.readings() > 0)
+                scanner.hear(lambda peer: peer.readings() > 0)
                 heard(clients[0], "ForceText")  # all three have been sent
             clients.append(pyigtl.OpenIGTLinkClient("127.0.0.1", slicer_port))
             picture, bar, words = (heard(clients[1], device) for device in ("ForceView", "ForceBar", "ForceText"))
@@ -86,7 +88,9 @@ def test_a_slicer_that_comes_after_the_frame_is_shown_it() -> None:
     assert words.string.startswith("1.5 mN")
 
 
-def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on() -> None:
+def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     latest, image = bridge.Latest(), Image(wall()[None], MATRIX)
     older, newer = (replace(image, matrix=(width_mm, *MATRIX[1:])) for width_mm in (1.0, 2.0))
 
@@ -103,6 +107,7 @@ def test_a_reading_waits_for_its_frame_which_is_looked_at_after_it_was_handed_on
     later.join()
     latest.saw(newer, 6)
     assert picture_of(5) is image  # not the newest
+    monkeypatch.setattr(bridge, "FRAME_WAIT_S", 0.0)
     assert picture_of(77) is newer  # the monitor's own number, of a sender that gives none
     for frame_id in range(7, 7 + bridge.KEPT_FRAMES):
         latest.saw(older, frame_id)
@@ -123,12 +128,11 @@ def test_when_the_monitor_goes_the_scanner_is_told_by_the_end_of_its_connection(
         bridge.run(0, 0, ("127.0.0.1", monitor.port)) as ports,
         Peer(ports[0]) as scanner,
     ):
-        scanner.hear(10.0, lambda peer: len(peer.statuses()) > 0)
+        scanner.hear(lambda peer: len(peer.statuses()) > 0)
         assert isinstance(scanner.statuses()[0], Status)
         monitor.drop()
-        scanner.link.settimeout(5.0)
-        while scanner.link.recv(1 << 16):
-            pass
+        scanner.hear()
+        assert scanner.closed
 
 
 class Scene:

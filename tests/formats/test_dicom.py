@@ -12,7 +12,7 @@ from pydicom.sequence import Sequence
 from pydicom.uid import DeflatedExplicitVRLittleEndian, RLELossless
 
 from scleraforce.errors import FrameError
-from scleraforce.formats.dicom import read_dicom_scan
+from scleraforce.recording.dicom_image import read_dicom
 
 REAL = Path(__file__).parents[3] / "shared" / "real-oct" / "dicom" / "anterior-segment.dcm"
 TOMOGRAPHY = "1.2.840.10008.5.1.4.1.1.77.1.5.4"  # Ophthalmic Tomography Image Storage
@@ -34,7 +34,7 @@ def test_ophthalmic_tomography_has_frames_scale_and_the_time_of_each(tmp_path: P
         SharedFunctionalGroupsSequence=Sequence([group(PixelMeasuresSequence=Sequence([measures]))]),
         PerFrameFunctionalGroupsSequence=Sequence(frames),
     )  # fmt: skip
-    scan = read_dicom_scan(tmp_path / "a.dcm")
+    scan = read_dicom(tmp_path / "a.dcm")
     np.testing.assert_array_equal(pictures_of(scan), FRAMES)
     assert scan.bits == 13
     assert (scan.depth_pixel_m.value, scan.lateral_pixel_m.value) == pytest.approx((4e-6, 15e-6))
@@ -52,23 +52,23 @@ def test_ophthalmic_tomography_has_frames_scale_and_the_time_of_each(tmp_path: P
 )
 def test_steps_of_time_are_added_up(tmp_path: Path, tags: dict[str, object], time_s: list[float]) -> None:
     write_dicom(tmp_path / "a.dcm", FRAMES, **tags)
-    np.testing.assert_allclose(read_dicom_scan(tmp_path / "a.dcm").times.time_s, time_s)
+    np.testing.assert_allclose(read_dicom(tmp_path / "a.dcm").times.time_s, time_s)
 
 
 def test_what_no_tag_states_stays_open(tmp_path: Path) -> None:
     write_dicom(tmp_path / "a.dcm", FRAMES)
-    scan = read_dicom_scan(tmp_path / "a.dcm")
+    scan = read_dicom(tmp_path / "a.dcm")
     assert (scan.times, scan.depth_pixel_m, scan.lateral_pixel_m) == (None, None, None)
 
 
 def test_a_single_image_has_the_time_at_which_it_was_acquired(tmp_path: Path) -> None:
     write_dicom(tmp_path / "a.dcm", FRAMES[0], AcquisitionDateTime="20260102030405.5+0100")
-    assert read_dicom_scan(tmp_path / "a.dcm").times.time_s[0] == 1767323045.5 - 3600
+    assert read_dicom(tmp_path / "a.dcm").times.time_s[0] == 1767323045.5 - 3600
 
 
 def test_dark_and_bright_are_exchanged_alike_in_all_frames_and_that_is_said(tmp_path: Path) -> None:
     write_dicom(tmp_path / "a.dcm", 8191 - FRAMES, PhotometricInterpretation="MONOCHROME1", BitsStored=13, HighBit=12)
-    scan = read_dicom_scan(tmp_path / "a.dcm")
+    scan = read_dicom(tmp_path / "a.dcm")
     np.testing.assert_array_equal(pictures_of(scan), FRAMES)
     assert "dark and bright were exchanged" in scan.notes[0]
 
@@ -76,17 +76,17 @@ def test_dark_and_bright_are_exchanged_alike_in_all_frames_and_that_is_said(tmp_
 def test_signed_pixels_keep_their_sign_for_one_shift_of_all(tmp_path: Path) -> None:
     signed = FRAMES.astype(np.int16) - 2000
     write_dicom(tmp_path / "a.dcm", signed)
-    scan = read_dicom_scan(tmp_path / "a.dcm")
+    scan = read_dicom(tmp_path / "a.dcm")
     np.testing.assert_array_equal(pictures_of(scan), signed)
     assert scan.bits is None
     write_dicom(tmp_path / "b.dcm", signed, PhotometricInterpretation="MONOCHROME1")
-    np.testing.assert_array_equal(pictures_of(read_dicom_scan(tmp_path / "b.dcm")), -signed.astype(int))
+    np.testing.assert_array_equal(pictures_of(read_dicom(tmp_path / "b.dcm")), -signed.astype(int))
 
 
 def test_a_scanner_that_writes_a_scans_along_rows_is_turned(tmp_path: Path) -> None:
     maker = {"Manufacturer": "Carl Zeiss Meditec", "ManufacturerModelName": "1000", "PixelSpacing": [0.015, 0.004]}
     write_dicom(tmp_path / "a.dcm", FRAMES.swapaxes(1, 2).copy(), **maker)
-    scan = read_dicom_scan(tmp_path / "a.dcm")
+    scan = read_dicom(tmp_path / "a.dcm")
     np.testing.assert_array_equal(pictures_of(scan), FRAMES)
     assert (scan.depth_pixel_m.value, scan.lateral_pixel_m.value) == pytest.approx((4e-6, 15e-6))
 
@@ -95,7 +95,7 @@ def test_frames_packed_as_rle_are_read_and_a_bomb_among_them_is_not(tmp_path: Pa
     dataset = write_dicom(tmp_path / "a.dcm", FRAMES)
     dataset.compress(RLELossless)
     dataset.save_as(tmp_path / "a.dcm")
-    np.testing.assert_array_equal(pictures_of(read_dicom_scan(tmp_path / "a.dcm")), FRAMES)
+    np.testing.assert_array_equal(pictures_of(read_dicom(tmp_path / "a.dcm")), FRAMES)
     fitting = next(generate_frames(dataset.PixelData, number_of_frames=COUNT))
     large = write_dicom(tmp_path / "b.dcm", np.zeros((400, COLUMNS), np.uint16))
     large.compress(RLELossless)
@@ -103,13 +103,17 @@ def test_frames_packed_as_rle_are_read_and_a_bomb_among_them_is_not(tmp_path: Pa
     dataset.PixelData = encapsulate([fitting, bomb, *[fitting] * (COUNT - 2)])
     dataset.save_as(tmp_path / "a.dcm")
     with pytest.raises(FrameError, match="damaged: more is packed in it"):
-        read_dicom_scan(tmp_path / "a.dcm")
+        read_dicom(tmp_path / "a.dcm")
 
 
 @pytest.mark.parametrize("syntax", ["1.2.840.10008.1.2.4.70", "1.2.840.10008.1.2.4.80", "1.2.840.10008.1.2.4.90"])
-def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path, syntax: str) -> None:
+@pytest.mark.parametrize("stored", [13, 16])
+@pytest.mark.parametrize("least", [0, -2400])  # unsigned, signed
+def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path, syntax: str, stored: int, least: int) -> None:
+    frames = FRAMES if least == 0 else FRAMES[1:2].astype(np.int16) + least  # GDCM writes one signed frame alone
     gdcm = pytest.importorskip("gdcm")
-    write_dicom(tmp_path / "a.dcm", FRAMES, SOPClassUID="1.2.840.10008.5.1.4.1.1.7", SOPInstanceUID="1.2.3")
+    tags = {"SOPClassUID": "1.2.840.10008.5.1.4.1.1.7", "SOPInstanceUID": "1.2.3"}
+    write_dicom(tmp_path / "a.dcm", frames.squeeze(), BitsStored=stored, HighBit=stored - 1, **tags)
     reader = gdcm.ImageReader()
     reader.SetFileName(str(tmp_path / "a.dcm"))
     assert reader.Read()
@@ -124,18 +128,18 @@ def test_lossless_jpegs_of_all_kinds_are_read(tmp_path: Path, syntax: str) -> No
     writer.SetFile(reader.GetFile())
     writer.SetImage(change.GetOutput())
     assert writer.Write()
-    np.testing.assert_array_equal(pictures_of(read_dicom_scan(tmp_path / "b.dcm")), FRAMES)
+    np.testing.assert_array_equal(pictures_of(read_dicom(tmp_path / "b.dcm")), frames)
 
 
 def test_a_deflated_file_and_one_without_pixels_are_refused(tmp_path: Path) -> None:
     dataset = write_dicom(tmp_path / "a.dcm", FRAMES, TransferSyntaxUID=DeflatedExplicitVRLittleEndian)
     with pytest.raises(FrameError, match="deflated"):
-        read_dicom_scan(tmp_path / "a.dcm")
+        read_dicom(tmp_path / "a.dcm")
     dataset = write_dicom(tmp_path / "a.dcm", FRAMES)
     del dataset.PixelData
     dataset.save_as(tmp_path / "a.dcm")
     with pytest.raises(FrameError, match=r"a\.dcm: a DICOM file without PixelData"):
-        read_dicom_scan(tmp_path / "a.dcm")
+        read_dicom(tmp_path / "a.dcm")
 
 
 def test_tags_that_are_missing_are_named(tmp_path: Path) -> None:
@@ -143,7 +147,7 @@ def test_tags_that_are_missing_are_named(tmp_path: Path) -> None:
     del dataset.Rows, dataset.BitsStored
     dataset.save_as(tmp_path / "a.dcm")
     with pytest.raises(FrameError, match=r"a\.dcm: a DICOM file without Rows, BitsStored; export it anew"):
-        read_dicom_scan(tmp_path / "a.dcm")
+        read_dicom(tmp_path / "a.dcm")
 
 
 @pytest.mark.parametrize("widths_mm", [(0.01, 0.01), (0.01, 0.02)])
@@ -152,22 +156,24 @@ def test_frames_of_several_scales_are_refused(tmp_path: Path, widths_mm: tuple[f
     frames = Sequence([group(PixelMeasuresSequence=Sequence([measure])) for measure in measures])
     write_dicom(tmp_path / "a.dcm", FRAMES[:2], PerFrameFunctionalGroupsSequence=frames)
     if len(set(widths_mm)) == 1:
-        assert read_dicom_scan(tmp_path / "a.dcm").lateral_pixel_m.value == pytest.approx(10e-6)
+        assert read_dicom(tmp_path / "a.dcm").lateral_pixel_m.value == pytest.approx(10e-6)
         return
-    with pytest.raises(FrameError, match=r"pixels of 0\.004 x 0\.01 mm in one frame and 0\.004 x 0\.02 mm in another"):
-        read_dicom_scan(tmp_path / "a.dcm")
+    scan = read_dicom(tmp_path / "a.dcm")
+    assert (scan.depth_pixel_m, scan.lateral_pixel_m) == (None, None)
+    for found in ("PixelSpacing of frame 1", "0.004 x 0.01 mm", "PixelSpacing of frame 2", "0.004 x 0.02 mm"):
+        assert found in scan.scale_fault
 
 
 def test_more_frames_than_the_pixels_are_for_is_damage(tmp_path: Path) -> None:
     write_dicom(tmp_path / "a.dcm", FRAMES, NumberOfFrames=COUNT + 1)
     with pytest.raises(FrameError, match=r"a\.dcm: damaged"):
-        pictures_of(read_dicom_scan(tmp_path / "a.dcm"))
+        pictures_of(read_dicom(tmp_path / "a.dcm"))
 
 
 @pytest.mark.real
 @pytest.mark.skipif(not REAL.exists(), reason="no ../shared/real-oct")
 def test_a_real_visante_file_is_turned_and_states_its_time_but_no_scale() -> None:
-    scan = read_dicom_scan(REAL)
+    scan = read_dicom(REAL)
     assert (scan.rows, scan.columns) == (1024, 512)
     assert scan.depth_pixel_m is None
     assert scan.times.source == "DICOM's AcquisitionDateTime"

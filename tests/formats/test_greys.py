@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import FrameError, InputError
-from scleraforce.formats.greys import find_greys, one_grey
+from scleraforce.formats.greys import find_greys
+from scleraforce.recording.pixels import one_grey
 
 RAMP = np.arange(12).reshape(3, 4)
 

@@ -16,9 +16,18 @@ OURS = ["time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"]
     [
         (OURS, {ours: ours.rpartition("_")[2] for ours in OURS}),
         (["Time (ms)", "Fx [N]", "Fz [mN]", "Tz (Nmm)"], {"time_s": "ms", "fx_n": "N", "fz_n": "mN", "tz_nm": "Nmm"}),
-        (["timestamp_us", "force_z_N", "torque_x_Nm"], {"time_s": "us", "fz_n": "n", "tx_nm": "nm"}),
+        (["timestamp_us", "force_z_N", "torque_x_Nm"], {"time_s": "us", "fz_n": "N", "tx_nm": "Nm"}),
         (["Timestamp", "Fx", "Fy", "Fz"], {}),
-        (["elapsed time (s)", "Temperature (C)", "Force Z (gf)"], {"fz_n": "gf"}),
+        (["elapsed time (s)", "Temperature (C)", "Force Z (gf)"], {"time_s": "s", "fz_n": "gf"}),
+        (["Zeit [s]", "Kraft_Z_mN"], {"time_s": "s", "fz_n": "mN"}),
+        (["t / ms", "F_z(mN)"], {"time_s": "ms", "fz_n": "mN"}),
+        (["Temps (s)", "Force Z / mN"], {"time_s": "s", "fz_n": "mN"}),
+        (["Zeit in s", "F_z in mN", "Kraft X [N]"], {"time_s": "s", "fz_n": "mN", "fx_n": "N"}),
+        (["Time, s", "FZ,mN"], {"time_s": "s", "fz_n": "mN"}),
+        (["time_s", "z-Kraft [mN]", "Moment X (Nmm)"], {"time_s": "s", "fz_n": "mN", "tx_nm": "Nmm"}),
+        (["Time (s)", "Fz (μN)", "FY (MN)"], {"time_s": "s", "fz_n": "μN"}),
+        (["Time (s)", "Fz (counts)", "Fy (V)", "fx_raw", "Fz LSB"], {"time_s": "s"}),
+        (["F_t", "position_z_mm", "mz_mT", "Fzn"], {}),
     ],
 )
 def test_a_header_that_names_units_answers_for_itself(names: list[str], found: dict[str, str]) -> None:

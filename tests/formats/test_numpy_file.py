@@ -36,6 +36,20 @@ def test_pickled_objects_are_never_opened(tmp_path: Path) -> None:
         read_numpy(tmp_path / "a.npy", AXES, None)
 
 
+@pytest.mark.parametrize("kind", [bool, np.complex64, [("re", "f4"), ("im", "f4")], "M8[s]"])
+def test_arrays_of_no_grey_are_refused_before_their_axes_are_asked_for(tmp_path: Path, kind) -> None:
+    np.save(tmp_path / "a.npy", np.zeros((5, 24, 40), kind))
+    with pytest.raises(FrameError, match=r"a\.npy: pixels of type .*; give whole numbers or floats"):
+        read_numpy(tmp_path / "a.npy", None, None)
+
+
+@pytest.mark.parametrize("kind", [">u2", "<i4", ">f8", np.float16])
+def test_either_byte_order_and_any_number_is_read(tmp_path: Path, kind) -> None:
+    frames = (FRAMES % 2048).astype(kind, order="F")
+    np.save(tmp_path / "a.npy", frames)
+    np.testing.assert_array_equal(pictures_of(read_numpy(tmp_path / "a.npy", AXES, None)), FRAMES % 2048)
+
+
 def test_a_truncated_file_is_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", FRAMES)
     (tmp_path / "a.npy").write_bytes((tmp_path / "a.npy").read_bytes()[:-10])

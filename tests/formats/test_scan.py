@@ -8,8 +8,8 @@ import pytest
 from format_frames import COLUMNS, FRAMES, ROWS, pictures_of
 
 from scleraforce.errors import FrameError
-from scleraforce.formats import scan as scans
 from scleraforce.formats.scan import Scan, Times, check_bytes, joined, rising
+from scleraforce.recording import scan as scans
 from scleraforce.recording.scaled_frame import Sourced
 
 
@@ -39,11 +39,16 @@ def test_pictures_can_be_gone_through_twice() -> None:
 
 
 @pytest.mark.parametrize(
-    "other",
-    [{"bits": 8}, {"rows": ROWS + 1}, {"depth_pixel_m": Sourced(1e-6, "tag")}, {"lateral_pixel_m": Sourced(2e-6, "")}],
+    ("other", "found"),
+    [
+        ({"bits": 8}, "bits 8, where 0.png has not stated"),
+        ({"rows": ROWS + 1}, "rows 25, where 0.png has 24"),
+        ({"depth_pixel_m": Sourced(1e-6, "tag")}, "depth of a pixel .* 1, where 0.png has not stated"),
+        ({"lateral_pixel_m": Sourced(2e-6, "")}, "width of a pixel .* 2, where 0.png has not stated"),
+    ],
 )
-def test_files_of_another_kind_are_refused_by_name(other: dict[str, object]) -> None:
-    with pytest.raises(FrameError, match=r"1\.png: another size, scale or number of bits than 0\.png"):
+def test_files_of_another_kind_are_refused_with_both_values(other: dict[str, object], found: str) -> None:
+    with pytest.raises(FrameError, match=rf"1\.png: {found}"):
         joined([single(0), replace(single(1), **other)])
 
 

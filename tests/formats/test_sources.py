@@ -56,6 +56,57 @@ def test_a_file_of_no_kind_that_is_read_is_refused(tmp_path: Path, name: str, co
         source_kind(tmp_path / name)
 
 
+@pytest.mark.parametrize(
+    ("name", "content", "what", "way"),
+    [
+        ("a.hdr", (348).to_bytes(4, "little") + bytes(344), "Analyze 7.5", "NIfTI"),
+        ("a.hdr", (348).to_bytes(4, "big") + bytes(344), "Analyze 7.5", "NIfTI"),
+        ("a.img", bytes(1000), "Zeiss Cirrus", "vendor_frames"),
+        ("a.oct", b"\x01\x02" * 100, "Bioptigen, Optopol", "vendor_frames"),
+        ("a.E2E", b"CMDb" + bytes(100), "Heidelberg", "vendor_frames"),
+        ("a.vol", b"HSF-OCT-103" + bytes(100), "Heidelberg raw export", "TIFF or DICOM"),
+        ("a.fda", b"FOCT" + bytes(100), "Topcon", "vendor_frames"),
+        ("a.fds", bytes(100), "Topcon", "vendor_frames"),
+        ("a.czi", b"ZISRAWFILE" + bytes(100), "Zeiss ZEN", "OME-TIFF"),
+        ("a.h5", b"\x89HDF\r\n\x1a\n" + bytes(100), "HDF5", "h5py"),
+        ("a.mat", b"MATLAB 5.0 MAT-file" + bytes(200), "MATLAB", "loadmat"),
+        ("a.tdms", b"TDSm" + bytes(100), "TDMS", ".lvm or .csv"),
+        ("a.raw", bytes(100), "raw pixels", "fromfile"),
+        ("a.zip", b"PK\x03\x04" + bytes(100), "zip archive", "unpack"),
+        ("a.xlsx", b"PK\x03\x04" + bytes(100), "spreadsheet", ".csv"),
+        ("a.csv", b"PK\x03\x04" + bytes(100), "zip archive", "unpack"),
+        ("a.txt", b"\xd0\xcf\x11\xe0" + bytes(100), ".xls", ".csv"),
+        ("a.gif", b"GIF89a" + bytes(100), "GIF", "PNG or TIFF"),
+    ],
+)
+def test_a_file_that_is_known_and_not_read_is_named_with_what_to_do(
+    tmp_path: Path, name: str, content: bytes, what: str, way: str
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=f"{name}: .*{what}.*; .*{way}") as caught:
+        source_kind(tmp_path / name)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_labview_log_is_a_log(tmp_path: Path) -> None:
+    (tmp_path / "a.lvm").write_text("LabVIEW Measurement\t\n")
+    assert source_kind(tmp_path / "a.lvm") == "log"
+
+
+@pytest.mark.parametrize("folder", [True, False])
+def test_pixels_beside_their_header_are_read_once(tmp_path: Path, folder: bool) -> None:
+    nibabel = pytest.importorskip("nibabel")
+    nibabel.save(nibabel.Nifti1Pair(FRAMES.T, np.eye(4)), tmp_path / "a.hdr")
+    for name in ("b.mhd", "b.raw", "c.nhdr", "c.raw.gz", "d.raw"):
+        (tmp_path / name).touch()
+    given = [tmp_path] if folder else sorted(tmp_path.iterdir())
+    assert [path.name for path in files_of(given)] == ["a.hdr", "b.mhd", "c.nhdr", "d.raw"]
+    assert source_kind(tmp_path / "a.img") == source_kind(tmp_path / "a.hdr") == "nifti"
+    for name in ("a.hdr", "a.img"):
+        scan = read_scan(tmp_path / name, "nifti", SourceOrder(("lateral", "depth", "frame")))
+        np.testing.assert_array_equal(pictures_of(scan), FRAMES)
+
+
 def test_a_pipe_and_a_missing_file_are_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(InputError, match="pipe: a named pipe"):

@@ -61,6 +61,14 @@ def test_a_single_b_scan_has_no_third_size(tmp_path: Path) -> None:
         (entry(rows=ROWS + 1), "the header says 25 x 40 x 5 floats"),
         (entry(rows=10**7), "a frame may have"),
         (entry("data\\Spectral0.data"), "no processed intensity"),
+        (entry() + entry("data\\VideoImage.data").replace("VideoImage", "Intensity"), "2 files of intensity"),
+        (entry().replace(f'SizeZ="{ROWS}"', ""), "has no SizeZ"),
+        (entry().replace(f'SizeX="{COLUMNS}"', ""), "has no SizeX"),
+        (entry().replace('BytesPerPixel="4"', 'BytesPerPixel="2"'), "BytesPerPixel = 2"),
+        (
+            entry() + "<Image><SizeReal><SizeZ>0.192</SizeZ></SizeReal></Image>",
+            "SizeReal states SizeZ 0.192 mm, and RangeZ is 0.096 mm",
+        ),
         ("<DataFile>", "damaged or an unknown kind of Thorlabs"),
         ('<!DOCTYPE a [<!ENTITY b "c">]>' + entry(), "defines entities"),
     ],
@@ -68,6 +76,12 @@ def test_a_single_b_scan_has_no_third_size(tmp_path: Path) -> None:
 def test_what_does_not_fit_is_refused(tmp_path: Path, header: str, message: str) -> None:
     with pytest.raises(FrameError, match=message):
         read_thorlabs(write_oct(tmp_path / "a.oct", header, column_major(INTENSITY)))
+
+
+def test_what_a_header_says_of_the_refractive_index_is_noted(tmp_path: Path) -> None:
+    header = entry() + "<Image><SizeReal><SizeZ>0.096</SizeZ><SizeX>0.6</SizeX></SizeReal></Image>"
+    path = write_oct(tmp_path / "a.oct", f"{header}<RefractiveIndex>1.36</RefractiveIndex>", column_major(INTENSITY))
+    assert read_thorlabs(path).notes == (f"{path}: Header.xml states RefractiveIndex = 1.36",)
 
 
 def test_a_file_of_no_b_scans_is_refused(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """NIfTI, MetaImage and NRRD, written by the libraries of each and by hand as their specifications say."""
 
+import gzip
 import zlib
 from pathlib import Path
 
@@ -7,10 +8,12 @@ import numpy as np
 import pytest
 from format_frames import COLUMNS, COUNT, FRAMES, ROWS, pictures_of
 from peak_memory import less_than
+from plus_fields import plus_fields
 
 from scleraforce.errors import FrameError, InputError
+from scleraforce.formats.metaimage import read_metaimage
 from scleraforce.formats.scan import UnansweredError
-from scleraforce.formats.volumes import read_metaimage, read_nifti, read_nrrd
+from scleraforce.formats.volumes import read_nifti, read_nrrd
 
 nibabel = pytest.importorskip("nibabel")
 nrrd = pytest.importorskip("nrrd")
@@ -76,30 +79,6 @@ def test_axes_that_no_file_names_are_asked_for(tmp_path: Path, read) -> None:
         read(tmp_path / f"a.{ending}", None)
 
 
-@pytest.mark.parametrize("packed", [False, True])
-def test_a_metaimage_comes_back_with_its_spacing(tmp_path: Path, packed: bool) -> None:
-    metaimageio.write(tmp_path / "a.mha", FRAMES, ElementSpacing=[0.015, 0.004, 0.1], CompressedData=packed)
-    scan = read_metaimage(tmp_path / "a.mha", IJK)
-    np.testing.assert_array_equal(pictures_of(scan), FRAMES)
-    assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
-
-
-def test_a_metaimage_by_the_letter_of_its_specification(tmp_path: Path) -> None:
-    header = (
-        f"ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nDimSize = {COLUMNS} {ROWS} "
-        f"{COUNT}\nElementSpacing = 0.015 0.004 1\nElementType = MET_USHORT\nElementDataFile = "
-    )
-    (tmp_path / "a.mha").write_bytes(f"{header}LOCAL\n".encode() + FRAMES.tobytes())
-    (tmp_path / "b.mhd").write_text(f"{header}b.raw\n")
-    (tmp_path / "b.raw").write_bytes(FRAMES.tobytes())
-    packed = zlib.compress(FRAMES.tobytes())
-    sizes = f"CompressedData = True\nCompressedDataSize = {len(packed)}\nElementDataFile"
-    (tmp_path / "c.mhd").write_text(f"{header}c.zraw\n".replace("ElementDataFile", sizes))
-    (tmp_path / "c.zraw").write_bytes(packed)
-    for name in ("a.mha", "b.mhd", "c.mhd"):
-        np.testing.assert_array_equal(pictures_of(read_metaimage(tmp_path / name, IJK)), FRAMES)
-
-
 def test_an_nrrd_whose_pixels_lie_beside_it(tmp_path: Path) -> None:
     nrrd.write(str(tmp_path / "a.nhdr"), VOLUME)
     np.testing.assert_array_equal(pictures_of(read_nrrd(tmp_path / "a.nhdr", IJK)), FRAMES)
@@ -135,6 +114,171 @@ def test_an_nrrd_in_space_is_in_mm(tmp_path: Path) -> None:
 def test_a_spacing_without_a_unit_stays_open(tmp_path: Path) -> None:
     nrrd.write(str(tmp_path / "a.nrrd"), VOLUME, {"spacings": [15.0, 4.0, 7.0]})
     assert read_nrrd(tmp_path / "a.nrrd", IJK).depth_pixel_m is None
+
+
+def with_sform(path: Path, sform, pixdim=(0.015, 0.004, 0.1), code: int = 1) -> Path:
+    image = nibabel.Nifti1Image(VOLUME, None)
+    image.header.set_xyzt_units("mm", "sec")
+    image.header.set_zooms(pixdim)
+    image.header.set_sform(np.diag([*sform, 1.0]), code)
+    nibabel.save(image, path)
+    return path
+
+
+def test_an_sform_that_contradicts_pixdim_is_refused_with_both(tmp_path: Path) -> None:
+    path = with_sform(tmp_path / "a.nii", (0.015, 0.008, 0.1))
+    with pytest.raises(
+        FrameError, match=r"pixdim states .* 0\.015 x 0\.004 x 0\.1 and sform .* 0\.015 x 0\.008 x 0\.1"
+    ):
+        read_nifti(path, IJK)
+
+
+@pytest.mark.parametrize(
+    ("sform", "pixdim", "code", "source", "notes"),
+    [
+        ((-0.015, -0.004, 0.1), (0.015, 0.004, 0.1), 1, "NIfTI's pixdim", 0),
+        ((0.015, 0.004, 0.1), (1.0, 1.0, 1.0), 2, "NIfTI's sform", 1),
+        ((1.0, 1.0, 1.0), (0.015, 0.004, 0.1), 2, "NIfTI's pixdim", 1),
+        ((9.0, 9.0, 9.0), (0.015, 0.004, 0.1), 0, "NIfTI's pixdim", 0),
+    ],
+)
+def test_an_sform_without_code_or_of_ones_states_no_spacing(
+    tmp_path: Path, sform, pixdim, code: int, source: str, notes: int
+) -> None:
+    scan = read_nifti(with_sform(tmp_path / "a.nii", sform, pixdim, code), IJK)
+    assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
+    assert scan.depth_pixel_m.source == source
+    assert len(scan.notes) == notes
+
+
+def test_a_unit_that_nifti_does_not_have_is_refused_by_name(tmp_path: Path) -> None:
+    data = bytearray(nifti(tmp_path / "a.nii").read_bytes())
+    data[123] = 5  # xyzt_units
+    (tmp_path / "a.nii").write_bytes(data)
+    with pytest.raises(FrameError, match="xyzt_units: 5 is no unit of length"):
+        read_nifti(tmp_path / "a.nii", IJK)
+
+
+@pytest.mark.parametrize("name", ["a.nii", "a.nii.gz"])
+def test_slices_behind_those_that_dim_states_are_refused(tmp_path: Path, name: str) -> None:
+    image = nibabel.load(nifti(tmp_path / "whole.nii"))
+    data = bytearray(Path(image.get_filename()).read_bytes())
+    data[46:48] = (COUNT - 1).to_bytes(2, "little")  # dim[3]
+    (tmp_path / name).write_bytes(gzip.compress(data) if name.endswith("gz") else data)
+    with pytest.raises(FrameError, match=r"dim states 40 x 24 x 4 pixels, and more follow"):
+        read_nifti(tmp_path / name, IJK)
+
+
+@pytest.mark.parametrize(("slope", "intercept"), [(-0.5, 10.0), (2.0, 0.0), (0.0, 7.0), (np.nan, 0.0)])
+def test_the_slope_of_a_nifti_is_honoured(tmp_path: Path, slope: float, intercept: float) -> None:
+    data = bytearray(nifti(tmp_path / "a.nii").read_bytes())
+    data[112:120] = np.array([slope, intercept], "<f4").tobytes()
+    (tmp_path / "a.nii").write_bytes(data)
+    scan = read_nifti(tmp_path / "a.nii", IJK)
+    scaled = np.isfinite(slope) and slope != 0.0
+    np.testing.assert_allclose(pictures_of(scan), FRAMES * slope + intercept if scaled else FRAMES)
+    assert any("scl_slope" in note for note in scan.notes) == scaled
+
+
+@pytest.mark.parametrize("kind", [[("R", "u1"), ("G", "u1"), ("B", "u1")], np.complex64])
+def test_colour_and_complex_numbers_are_refused(tmp_path: Path, kind) -> None:
+    nibabel.save(nibabel.Nifti1Image(np.zeros((40, 24, 5), kind), np.eye(4)), tmp_path / "a.nii")
+    with pytest.raises(FrameError, match=r"a\.nii: pixels of type .*give whole numbers or floats"):
+        read_nifti(tmp_path / "a.nii", None)
+
+
+def test_a_sequence_of_plus_in_an_nrrd_is_read_alike(tmp_path: Path) -> None:
+    fields = plus_fields([10.0, 10.25, 0.0, 11.0, 12.0], ["OK", "OK", "INVALID", "OK", "OK"])
+    lines = [f"{name}:={value}" for name, value in fields.items()]
+    scan = read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK)
+    np.testing.assert_array_equal(pictures_of(scan), FRAMES[[0, 1, 3, 4]])
+    np.testing.assert_allclose(scan.times.time_s, [10.0, 10.25, 11.0, 12.0])
+    with pytest.raises(FrameError, match="UltrasoundImageOrientation = MN"):
+        read_nrrd(nhdr(tmp_path / "b.nrrd", "UltrasoundImageOrientation:=MN"), IJK)
+
+
+BIG = FRAMES.astype(">u2").tobytes()
+
+
+def nhdr(path: Path, *lines: str, pixels: bytes | None = None) -> Path:
+    known = ["type: uint16", "dimension: 3", f"sizes: {COLUMNS} {ROWS} {COUNT}", "endian: little", "encoding: raw"]
+    names = [line.partition(":")[0] for line in lines]
+    header = [line for line in known if line.partition(":")[0] not in names] + list(lines)
+    path.write_bytes(
+        "\n".join(["NRRD0004", *header, "", ""]).encode() + (FRAMES.tobytes() if pixels is None else pixels)
+    )
+    return path
+
+
+def test_units_of_an_nrrd_are_those_of_each_axis(tmp_path: Path) -> None:
+    scan = read_nrrd(nhdr(tmp_path / "a.nrrd", "spacings: 0.015 4 1", 'units: "mm" "um" ""'), IJK)
+    assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
+    scan = read_nrrd(nhdr(tmp_path / "b.nrrd", "spacings: 0.015 4 1", 'units: "mm" "" ""'), IJK)
+    assert scan.depth_pixel_m is None
+
+
+def test_space_units_of_an_nrrd_are_those_of_each_direction(tmp_path: Path) -> None:
+    directions = "space directions: (0,0.015,0) (4,0,0) (0,0,1)"
+    space = ("space dimension: 3", 'space units: "um" "mm" "mm"')
+    scan = read_nrrd(nhdr(tmp_path / "a.nrrd", *space, directions), IJK)
+    assert (scan.lateral_pixel_m.value, scan.depth_pixel_m.value) == pytest.approx((15e-6, 4e-6))
+    with pytest.raises(FrameError, match="axis 1 runs along directions of several space units"):
+        read_nrrd(nhdr(tmp_path / "b.nrrd", *space, directions.replace("(0,0.015,0)", "(1,0.015,0)")), IJK)
+
+
+@pytest.mark.parametrize("maxs", ["0.6 0.096 5", "0.585 0.092 4", "0.6 nan nan"])
+def test_ends_of_axes_go_with_spacings_between_samples_or_edges(tmp_path: Path, maxs: str) -> None:
+    lines = ["spacings: 0.015 0.004 1", 'units: "mm" "mm" "mm"', "axis mins: 0 0 0", f"axis maxs: {maxs}"]
+    assert read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK).depth_pixel_m.value == pytest.approx(4e-6)
+
+
+def test_directions_without_a_unit_are_in_mm_in_an_anatomical_space_alone(tmp_path: Path) -> None:
+    directions = "space directions: (0.015,0,0) (0,0.004,0) (0,0,1)"
+    for nth, (space, depth_m) in enumerate(
+        [("space: LPS", 4e-6), ("space: right-anterior-superior", 4e-6), ("space: 3D-right-handed", None)]
+    ):
+        scan = read_nrrd(nhdr(tmp_path / f"{nth}.nrrd", space, directions), IJK)
+        assert (scan.depth_pixel_m and scan.depth_pixel_m.value) == (depth_m and pytest.approx(depth_m))
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (
+            ("space: LPS", "space directions: (0.015,0,0) (0,0.004,0) (0,0,1)", "spacings: 0.015 0.008 1"),
+            "axis 2: spacings states 0.008, and space directions 0.004",
+        ),
+        (
+            ("space: LPS", "space directions: (0.015,0,0) (0,0.004,0) (0,0,1)", 'units: "um" "um" ""'),
+            "axis 1: units states 'um', and space units",
+        ),
+        (
+            ("spacings: 0.015 0.004 1", "axis mins: 0 0 0", "axis maxs: 0.6 0.2 5"),
+            "axis 2: spacings states 0.004, and 24 samples from axis mins 0 to maxs 0.2",
+        ),
+        (("kinds: vector domain domain",), "kinds: axis 1 of 40 is 'vector'"),
+        (("kinds: domain domain RGB-color",), "kinds: axis 3 of 5 is 'RGB-color'"),
+        (("data file: LIST",), "data file: LIST"),
+        (("data file: a%03d.raw 1 5 1",), "data file: a%03d.raw"),
+        (("encoding: gzip", "byte skip: 8"), "byte skip: 8 beside encoding: gzip"),
+        (("encoding: hex",), "hex"),
+        (("sizes: 40 24 4",), "Size of the data"),
+        (("type: block", "block size: 2"), "type: block"),
+    ],
+)
+def test_what_an_nrrd_contradicts_or_what_is_not_read_is_refused(tmp_path: Path, lines, message: str) -> None:
+    with pytest.raises(FrameError, match=message):
+        read_nrrd(nhdr(tmp_path / "a.nrrd", *lines), IJK)
+
+
+@pytest.mark.parametrize("skip", ["byte skip: 12", "byte skip: -1", "line skip: 2"])
+@pytest.mark.parametrize("big", [False, True])
+def test_pixels_of_an_nrrd_behind_a_skip_and_of_either_order_are_found(tmp_path: Path, skip: str, big: bool) -> None:
+    pixels = BIG if big else FRAMES.tobytes()
+    endian = f"endian: {'big' if big else 'little'}"
+    nhdr(tmp_path / "a.nhdr", "data file: a.raw", skip, endian, pixels=b"")
+    (tmp_path / "a.raw").write_bytes(b"two..\nlines\n" + pixels if skip.startswith("l") else b"x" * 12 + pixels)
+    np.testing.assert_array_equal(pictures_of(read_nrrd(tmp_path / "a.nhdr", IJK)), FRAMES)
 
 
 @pytest.mark.parametrize("kind", ["nrrd", "mha"])

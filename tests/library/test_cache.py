@@ -86,7 +86,7 @@ def test_makers_at_the_same_time_do_no_harm_and_one_of_them_builds(tmp_path):
         )
         for _ in range(3)
     ]
-    answers = [maker.communicate(timeout=60)[0].split() for maker in makers]
+    answers = [maker.communicate(timeout=300)[0].split() for maker in makers]
     assert sorted(int(built) for built, _ in answers) == [0, 0, UNITS]
     assert len({total for _, total in answers}) == 1
 

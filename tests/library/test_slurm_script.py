@@ -32,7 +32,7 @@ def run(folder: Path, tasks: int) -> "subprocess.CompletedProcess[str]":
     path = f"{folder / 'bin'}:{Path(sys.executable).parent}:{os.environ['PATH']}"
     environment = os.environ | {"PATH": path, "SLURM_NTASKS": str(tasks), "SLURM_JOB_ID": "7"}
     return subprocess.run(["bash", SCRIPT, "study.toml", "responses"], cwd=folder, env=environment, capture_output=True,
-                          text=True, check=False, timeout=120)  # fmt: skip
+                          text=True, check=False, timeout=300)  # fmt: skip
 
 
 def test_fewer_than_three_tasks_are_refused(tmp_path: Path) -> None:

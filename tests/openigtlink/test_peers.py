@@ -4,13 +4,12 @@ import json
 import shutil
 import signal
 import subprocess
-import time
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
-from peer import Peer, serving, wait_until
+from peer import FUSE_S, Peer, serving, wait_until
 from small_monitor import COLUMNS, ROWS, SCALE_M, frame_of
 from small_recording import write_small_recording
 
@@ -50,7 +49,7 @@ def test_a_scanner_in_cpp_is_answered_frame_by_frame_and_told_to_withdraw(build)
         size = [str(COLUMNS), str(ROWS), str(SCALE_M[0] * 1e3), str(SCALE_M[1] * 1e3)]
         forces_un = ["10000"] * 11 + ["45000"]
         command = [build(SUPPORT / "image_sender.cxx"), str(port), *size, "14", *forces_un]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=30.0, check=True)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=FUSE_S, check=True)
     lines = [line.split(" ", 3) for line in done.stdout.splitlines()]
     codes = [(int(code), int(sub_code)) for _, code, sub_code, _ in lines]
     assert codes[:11] == [(1, 0)] * 11
@@ -59,6 +58,16 @@ def test_a_scanner_in_cpp_is_answered_frame_by_frame_and_told_to_withdraw(build)
     assert [reading["frame"] for reading in readings] == list(range(1, 15))
     assert [reading["force_mn"] for reading in readings[10:12]] == pytest.approx([10.0, 45.0])
     assert readings[11]["sub_code"] == codes[11][1] in (101, 102, 103)
+
+
+def lines_until(child: "subprocess.Popen[str]", line: str) -> str:
+    """Return what a program prints, up to a line."""
+    assert child.stdout
+    said = ""
+    while not said.endswith(line):
+        said += child.stdout.readline()
+        assert child.poll() is None, said
+    return said
 
 
 @compiled
@@ -71,13 +80,12 @@ def test_debians_receiver_prints_what_the_monitor_says(build) -> None:
             [program, "127.0.0.1", str(port)],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         )  # fmt: skip
-        time.sleep(0.3)
+        out = lines_until(child, " Code      : 13\n")
         scanner.watch(force_mn=10.0)
-        scanner.show(45.0)
-        scanner.wait_for_code(3)
-        time.sleep(0.3)
-        child.terminate()
-        out, _ = child.communicate(timeout=10.0)
+        scanner.read(45.0)
+        out += lines_until(child, " Error Name: DANGEROUS_CLASS\n")
+        child.kill()
+        out += child.communicate()[0]
     assert " Code      : 1\n" in out
     assert " Code      : 3\n" in out
     assert out.index(" Code      : 1\n") < out.index(" Code      : 3\n")
@@ -96,7 +104,7 @@ def test_debians_image_client_sends_frames_that_are_refused_by_their_size(build)
         child = subprocess.Popen([program, "127.0.0.1", str(port), "50", str(images)], stderr=subprocess.DEVNULL)
         status = robot.wait_for_code(3)
         child.terminate()
-        child.wait(10.0)
+        child.wait(FUSE_S)
     assert status.subcode == 107
     assert "(256, 256)" in status.message
 
@@ -112,7 +120,7 @@ def test_debians_tracker_is_heard_and_changes_nothing(build) -> None:
         assert child.poll() is None
         assert {status.code for status in scanner.statuses()} == {13, 1}
         child.terminate()
-        child.wait(10.0)
+        child.wait(FUSE_S)
 
 
 def test_pyigtl_sends_frames_and_reads_what_is_said_of_them() -> None:
@@ -122,12 +130,12 @@ def test_pyigtl_sends_frames_and_reads_what_is_said_of_them() -> None:
         try:
             wait_until(client.is_connected)
             matrix = np.diag([SCALE_M[0] * 1e3, SCALE_M[1] * 1e3, 1.0, 1.0])
-            for number in range(8):
-                pixels = frame_of(12_000, number + 1)[None]
+            for number in range(1, 9):
+                pixels = frame_of(12_000, number)[None]
                 message = pyigtl.ImageMessage(pixels, ijk_to_world_matrix=matrix, device_name="PyScanner")
                 assert client.send_message(message)
-                robot.hear(0.02)
-            reading = client.wait_for_message("ForceReading", timeout=3.0)
+                robot.hear(lambda peer: peer.readings() == number)  # noqa: B023 - called at once
+            reading = client.wait_for_message("ForceReading", timeout=FUSE_S)
             assert reading is not None
             said = json.loads(reading.string)
         finally:
@@ -157,7 +165,7 @@ def test_a_pyigtl_server_receives_a_replay(tmp_path) -> None:
             wait_until(server.is_connected)
             player = Player(recording, client, log, version=2)
             player.play(1.15)
-            image = server.wait_for_message("Scanner", timeout=3.0)
+            image = server.wait_for_message("Scanner", timeout=FUSE_S)
     finally:
         server.stop()
     assert image is not None

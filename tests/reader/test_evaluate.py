@@ -170,6 +170,46 @@ def test_a_log_in_millinewtons_is_refused(places, tmp_path: Path, capsys) -> Non
     assert "forces.csv: fz_n: 79.99 N under 4.png, more than 3 N; the columns are in N" in capsys.readouterr().err
 
 
+def shortened(places, tmp_path: Path, change) -> Path:
+    """A copy of recording a whose log `change` was applied to."""
+    path = shutil.copytree(places["a"], tmp_path / "changed")
+    header, *rows = (path / "forces.csv").read_text().splitlines()
+    (path / "forces.csv").write_text("\n".join([header, *change(rows)]) + "\n")
+    return path
+
+
+def test_a_frame_outside_the_log_is_left_out_and_said_and_the_others_are_scored(places, tmp_path: Path) -> None:
+    path = shortened(places, tmp_path, lambda rows: [row for row in rows if float(row.split(",")[0]) > 6.0])
+    found = evaluate_recordings(load_model(places["model"]), [path])
+    assert [frame.scored for frame in found.frames] == [False, True, True, True, False, False]
+    assert (found.frames[0].measured_force_n, found.frames[0].target) == (None, None)
+    assert "force samples within" in found.frames[0].excluded
+    assert any("1 of 6 frames have no label and are left out (0.png: " in note for note in found.notes)
+
+
+def test_no_frame_is_scored_by_samples_that_are_no_forces(places, tmp_path: Path) -> None:
+    def damaged(rows: list[str]) -> list[str]:
+        fields = [row.split(",") for row in rows]
+        for line in fields:
+            line[3] = "213.0" if 10.8 < float(line[0]) < 11.5 else line[3]  # at frame 1
+            line[3] = "nan" if float(line[0]) == 17.0 else line[3]  # at frame 2
+        return [",".join(line) for line in fields]
+
+    found = evaluate_recordings(load_model(places["model"]), [shortened(places, tmp_path, damaged)])
+    assert [frame.scored for frame in found.frames] == [True, False, False, True, False, False]
+    np.testing.assert_allclose(found.frames[3].measured_force_n, FORCES_N[3], atol=3e-4)
+    notes = " ".join(found.notes)
+    assert "1 of 4500 samples have no force (nan)" in notes
+    assert "69 of 4500 samples are implausible and have no force; the first is " in notes
+    assert "forces.csv:1083: fz_n: 213 N" in notes
+
+
+def test_a_slow_log_is_scored_with_a_note(places, tmp_path: Path) -> None:
+    found = evaluate_recordings(load_model(places["model"]), [shortened(places, tmp_path, lambda rows: rows[::3])])
+    assert [frame.scored for frame in found.frames] == [True] * 4 + [False] * 2
+    assert "forces.csv: 33.33 samples a second, 100 are recommended" in " ".join(found.notes)
+
+
 def test_a_force_axis_across_the_needle_is_noted(places, tmp_path: Path) -> None:
     path = shutil.copytree(places["a"], tmp_path / "across")
     text = (path / "recording.toml").read_text()

@@ -87,5 +87,13 @@ def test_forces_of_another_size_than_those_that_were_read_are_doubted() -> None:
     assert log_doubts(recording(rng), CLASSES, (1.5 * PUSHES_N).tolist(), in_newtons=True) == ()
 
 
+def test_samples_that_are_no_forces_raise_no_doubt() -> None:
+    rng = np.random.default_rng(7)
+    holed = recording(rng)
+    holed.forces.wrench_sc[rng.random(len(holed.forces.time_s)) < 0.1] = np.nan
+    assert log_doubts(holed, CLASSES, seen(rng)) == ()
+    assert log_doubts(holed, CLASSES, PUSHES_N.tolist(), in_newtons=True) == ()
+
+
 def test_a_recording_without_a_log_gives_no_doubt() -> None:
     assert log_doubts(replace(recording(np.random.default_rng(5)), forces=None), CLASSES, []) == ()

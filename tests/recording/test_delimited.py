@@ -55,8 +55,11 @@ def test_tables_are_read_however_they_are_written(tmp_path: Path, way: str) -> N
     [
         ("time_s,fz_n\n0,00;0,001\n", "forces.csv:2: 3 fields; the header has 2; with decimal commas, columns are"),
         ("time_s,fz_n\n0,00,0,001\n0,01,0,001\n", "2 samples of 4 fields; .* with decimal commas, columns are separ"),
-        ("time_s;fz_n\n0,00;0.001\n0,01;0,001\n", r"forces.csv:2: a decimal point, where other numbers .* commas"),
-        ("time_s;fz_n\n0,00;1.000,5\n", r"forces.csv:2: a decimal point"),
+        (
+            "time_s;fz_n\n0,00;0.001\n0,01;0,001\n",
+            r"forces.csv:2: time_s: '0,00' is 0.00 with a decimal comma, or .* decimal points",
+        ),
+        ("time_s;fz_n\n0,00;1.000,5\n", r"forces.csv:2: fz_n: '1.000,5' is not a number"),
         ('time_s,fz_n\n0.00,1\n0.01,"1\n', "forces.csv:3: unexpected end of data; each line is a row of its own"),
         ("time_s,fz_n\n0.00,1\n0.01,1_000\n", "forces.csv:3: fz_n: '1_000' is not a number"),
         ("time_s,fz_n\n0.00,1\n0.01,\u0663\n", "forces.csv:3: fz_n: '\u0663' is not a number"),

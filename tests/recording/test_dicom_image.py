@@ -73,7 +73,10 @@ def large_jpeg(path: Path) -> None:
     ("write", "message"),
     [
         (lambda path: write_dicom(path, RAMP, Rows=60_000, Columns=60_000), "a frame may have 64 million"),
-        (lambda path: write_dicom(path, RAMP, NumberOfFrames=2_000_000), "2000000 frames in one DICOM file"),
+        (
+            lambda path: write_dicom(path, RAMP, NumberOfFrames=2_000_000),
+            "NumberOfFrames is 2000000, PixelData has 4,800 bytes",
+        ),
         (lambda path: write_dicom(path, RAMP, SamplesPerPixel=5000), "with 5000 samples each"),
         (rle_bomb, "more is packed in it than"),
         (large_jpeg, r"of \(400, 600\) pixels, the header says \(40, 60\)"),

@@ -82,12 +82,15 @@ def test_odd_dicom_tags_are_read_without_a_warning(tmp_path):
         (lambda path: path.write_bytes(b"file,time_s\n"), "not an image that can be read; give a PNG"),
         (lambda path: path.mkdir(), "a folder; give a regular file"),
         (lambda _: None, "No such file"),
-        (lambda path: tifffile.imwrite(path, np.stack([RAMP, RAMP])), "2 pages; give a file for each frame"),
+        (
+            lambda path: tifffile.imwrite(path, np.stack([RAMP, RAMP])),
+            "2 frames in one file; give a file for each frame",
+        ),
         (lambda path: tifffile.imwrite(path, np.full((9, 9), np.nan)), "81 pixels that are NaN or infinite"),
         (lambda path: tifffile.imwrite(path, np.ones((9, 9), np.float32)), "float32 pixels; give whole numbers"),
         (lambda path: tifffile.imwrite(path, np.ones((9, 9), np.uint32)), "uint32 pixels; give whole numbers"),
         (lambda path: tifffile.imwrite(path, np.ones((1, 9), np.uint8)), "give one frame, rows x columns"),
-        (lambda path: write_dicom(path, np.stack([RAMP] * 6)), "6 frames in one DICOM file"),
+        (lambda path: write_dicom(path, np.stack([RAMP] * 6)), "6 frames in one file"),
     ],
 )
 def test_what_is_not_a_frame_is_named(tmp_path, write, message):

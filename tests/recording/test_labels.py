@@ -13,8 +13,8 @@ from scleraforce.laboratory.pushes import sense
 from scleraforce.laboratory.virtual_eye import paper_eyes
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.info import ForceInfo
-from scleraforce.recording.labels import contact_force, first_contact, label_frames, low_pass
-from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
+from scleraforce.recording.labels import contact_force, first_contact, label_frames, label_notes, low_pass
+from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry, read_force_log
 from scleraforce.study import ClassesStudy, PhantomStudy, Study, fixed
 
 SHARED = Path(__file__).parents[3] / "shared" / "recordings"
@@ -155,14 +155,54 @@ def test_clocks_that_do_not_overlap_are_an_error():
             label_frames(recording_of(log, time_s), CLASSES)
 
 
-def test_frame_without_samples_around_it_is_an_error():
+def test_a_frame_without_samples_around_it_is_left_out_with_the_reason_and_the_others_count():
     log = log_of(np.zeros(2000))
     gap = ForceLog(np.r_[log.time_s[:1000], log.time_s[1000:] + 20.0], log.wrench_sc, log.columns)
-    for recording in (recording_of(gap, 2.0, 15.0), recording_of(log, 2.0, 10.4), recording_of(log, -0.5, 2.0)):
-        with pytest.raises(
-            RecordingError, match=r"frames.csv: \d.png: \d+ force samples within 1 s of its time .* spans 0 to"
-        ):
-            label_frames(recording, CLASSES)
+    for recording, lost in ((recording_of(gap, 2.0, 15.0), 1), (recording_of(log, 2.0, 10.4), 1),
+                            (recording_of(log, -0.5, 2.0), 0)):  # fmt: skip
+        trials = label_frames(recording, CLASSES)
+        assert trials[1 - lost].measured_force_n == 0.0
+        assert trials[1 - lost].excluded is None
+        assert (trials[lost].measured_force_n, trials[lost].target) == (None, None)
+        assert "force samples within 1 s of its time" in trials[lost].excluded
+        (note,) = label_notes(recording, trials)
+        assert note.startswith(f"1 of 2 frames have no label and are left out ({lost}.png: ")
+    with pytest.raises(RecordingError, match=r"no frame has a label; 0.png: 0 force samples .* spans 0 to"):
+        label_frames(recording_of(gap, 15.0, 20.0), CLASSES)
+
+
+def test_no_label_comes_from_a_window_with_a_sample_that_is_no_force_and_the_others_are_as_without_the_gap():
+    whole = log_of(-step_and_hold(0.02))
+    holed = replace(whole, wrench_sc=whole.wrench_sc.copy())
+    holed.wrench_sc[1000:1200] = np.nan  # 5 to 6 s
+    holed.wrench_sc[100] = np.nan  # one sample before the contact
+    frames = (3.9, 5.5, 6.9, 8.0)
+    trials = label_frames(recording_of(holed, *frames), CLASSES)
+    labels = [trial.measured_force_n for trial in label_frames(recording_of(whole, *frames), CLASSES)]
+    assert [trial.measured_force_n is None for trial in trials] == [False, True, True, False]
+    assert trials[2].excluded == "20 of the 401 force samples around it are no forces"
+    assert [trials[0].measured_force_n, trials[3].measured_force_n] == pytest.approx([labels[0], labels[3]], abs=1e-5)
+
+
+def test_contact_is_found_and_the_tare_kept_though_the_log_has_holes():
+    rng = np.random.default_rng(4)
+    force_n = step_and_hold(0.03, quiet_s=4.0)
+    log = log_of(sensed(-force_n, rng, offset_n=0.04))
+    holes = rng.random(len(force_n)) < 0.1
+    holes[300:360] = True
+    log.wrench_sc[holes] = np.nan
+    found_n = contact_force(log, LOGGED_INFO.force)
+    assert np.isnan(found_n).tolist() == holes.tolist()
+    assert np.nanmean((found_n - force_n)[:700]) == pytest.approx(0.0, abs=0.5e-3)
+    assert np.nanmean((found_n - force_n)[1000:]) == pytest.approx(0.0, abs=0.5e-3)
+
+
+def test_a_log_of_30_samples_a_second_gives_the_labels_of_a_fast_one():
+    fast, slow = (log_of(-step_and_hold(0.02, rate_hz=rate_hz), rate_hz) for rate_hz in (200.0, 30.0))
+    labels = [
+        [trial.measured_force_n for trial in label_frames(recording_of(log, 5.0, 8.0), CLASSES)] for log in (fast, slow)
+    ]
+    assert labels[1] == pytest.approx(labels[0], abs=1e-4)
 
 
 def test_frame_at_the_end_of_the_log_is_labelled_from_what_there_is():
@@ -175,7 +215,7 @@ def test_half_of_a_window_is_enough_however_the_clock_is_rounded():
     time_s = np.delete(np.arange(400), 3) * 0.01 * (1 - 1e-12)
     log = ForceLog(time_s, np.zeros((399, 6)), FORCE_COLUMNS[1:])
     assert label_frames(recording_of(log, 0.005, average_s=0.2), CLASSES)[0].measured_force_n == 0.0
-    with pytest.raises(RecordingError, match="9 force samples"):
+    with pytest.raises(RecordingError, match=r"no frame has a label; 0.png: 9 force samples"):
         label_frames(recording_of(replace(log, time_s=np.delete(time_s, 4), wrench_sc=np.zeros((398, 6))), 0.005,
                                   average_s=0.2), CLASSES)  # fmt: skip
 
@@ -246,6 +286,25 @@ def test_millinewtons_in_columns_of_newtons_are_refused_and_the_unit_is_asked_fo
     milli = recording_of(replace(quiet, wrench_sc=1e3 * quiet.wrench_sc), 8.0)
     with pytest.raises(RecordingError, match=r"fz_n: a noise of 4\.?\d* N, more than the 300 mN .* by 0.001"):
         label_frames(milli, CLASSES)
+
+
+def test_millinewtons_of_a_coarse_sensor_that_rests_most_of_the_time_are_not_taken_for_bursts(tmp_path):
+    force = np.rint(np.r_[np.zeros(1500), 20.0 * np.clip(np.arange(500) / 100.0, 0.0, 1.0)] / 5.0) * 5.0
+    rows = "".join(f"{k / 200},{-n}\n" for k, n in enumerate(force))
+    (tmp_path / "forces.csv").write_text("time_s,fz_n\n" + rows)
+    log = read_force_log(tmp_path / "forces.csv", "fz")
+    assert np.isfinite(log.wrench_sc).all()
+    with pytest.raises(RecordingError, match=r"fz_n: 20.* N under 0.png, more than 3 N; .* by 0.001"):
+        label_frames(recording_of(log, 9.0), CLASSES)
+
+
+@pytest.mark.parametrize("levels_n", [(0.0, 213.0), (0.01, 0.02, 213.0), (0.0, 0.01, 0.02, 0.03, -213.0)])
+def test_a_burst_is_told_from_a_few_levels(tmp_path, levels_n):
+    force_n = np.repeat([*levels_n[:-1], *levels_n[:-1], levels_n[-1]], 100)
+    (tmp_path / "forces.csv").write_text("time_s,fz_n\n" + "".join(f"{k / 200},{n}\n" for k, n in enumerate(force_n)))
+    log = read_force_log(tmp_path / "forces.csv", "fz")
+    assert (np.isnan(log.force_n("fz")) == (np.abs(force_n) > 200.0)).all()
+    assert "is it in N?" in log.notes[0]
 
 
 def test_overloads_and_knocks_are_no_other_unit():

@@ -130,7 +130,6 @@ def test_excel_writes_a_byte_order_mark_and_carriage_returns_which_do_no_harm(fo
         ("frames.csv", "file,time_s\na.png,0.2\nb.png,0.8\n", "", r"frames.csv: empty; the first line names"),
         ("forces.csv", "fz_n", "fz", r"forces.csv:1: unknown column 'fz'"),
         ("forces.csv", "fy_n", "fz_n", r"forces.csv:1: column fz_n stands there twice"),
-        ("forces.csv", "0.01,0,0.001", "0.01,0,nan", r"forces.csv:3: fy_n: nan is not a finite number"),
         ("forces.csv", "0.01,0,0.001", "0.01,0,x", r"forces.csv:3: fy_n: 'x' is not a number"),
         ("forces.csv", "0.01,0,0.001", "0.01,0", r"forces.csv:3: 6 fields; the header has 7"),
         ("forces.csv", "0.02,", "0.01,", r"forces.csv:4: time_s: 0.01 does not come after 0.01"),
@@ -155,9 +154,31 @@ def test_empty_force_log_is_an_error(folder, body, message):
         read_recording(folder)
 
 
-def test_slow_force_log_is_an_error(folder):
-    (folder / "forces.csv").write_text("time_s,fz_n\n" + "".join(f"{k / 50},0\n" for k in range(90)))
-    with pytest.raises(RecordingError, match="50 samples a second; at least 100 are needed"):
+def test_a_log_of_30_samples_a_second_is_read_with_a_note_and_one_of_10_is_refused(folder):
+    (folder / "forces.csv").write_text("time_s,fz_n\n" + "".join(f"{k / 30},0\n" for k in range(90)))
+    (note,) = read_recording(folder).forces.notes
+    assert "30 samples a second" in note
+    assert "1.8 times as large" in note
+    (folder / "forces.csv").write_text("time_s,fz_n\n" + "".join(f"{k / 10},0\n" for k in range(90)))
+    with pytest.raises(RecordingError, match="10 samples a second; at least 20 are needed"):
+        read_recording(folder)
+
+
+def test_a_sample_that_is_nan_is_a_gap_of_the_log_and_said(folder):
+    rows = "".join(f"{k / 100},0,{'nan' if k in (3, 4) else 0.001}\n" for k in range(90))
+    (folder / "forces.csv").write_text("time_s,fx_n,fz_n\n" + rows)
+    forces = read_recording(folder).forces
+    assert np.flatnonzero(np.isnan(forces.force_n("fz"))).tolist() == [3, 4]
+    assert forces.notes == ("forces.csv: 2 of 90 samples have no force (nan)",)
+    (folder / "forces.csv").write_text("time_s,fx_n,fz_n\n" + rows.replace("0.001", "nan"))
+    with pytest.raises(RecordingError, match="fz_n: no sample has a force"):
+        read_recording(folder)
+
+
+@pytest.mark.parametrize("field", ["", "NA", "--", "inf", "OVL"])
+def test_what_is_neither_a_number_nor_nan_is_no_sample(folder, field):
+    (folder / "forces.csv").write_text(f"time_s,fx_n,fz_n\n0.00,0,0\n0.01,{field},0\n0.02,0,0\n")
+    with pytest.raises(RecordingError, match=r"forces\.csv:3: fx_n: "):
         read_recording(folder)
 
 

@@ -1,56 +1,35 @@
 """The faults that `replay` injects: what the monitor receives, and what is reported of its reaction."""
 
 import json
-import time
-from contextlib import closing
 from itertools import count, pairwise
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from fake_monitor import FakeMonitor, fake_monitor
+from clocked_client import ClockedClient
+from fake_monitor import MonitorRule
 from small_recording import ROWS, write_small_recording
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.causes import Cause
-from scleraforce.openigtlink import BadChecksum, Decoder, Image, Malformed, Received, Status, Text, encode
+from scleraforce.openigtlink import BadChecksum, Decoder, Image, Malformed, Received, Status
 from scleraforce.reader.answers import Answer, LiveReading
 from scleraforce.recording.files import Recording, read_recording
-from scleraforce.replay import fault_acts, faults
-from scleraforce.replay import player as replay
+from scleraforce.replay import scanner_client
 from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.fault_acts import ACTS, prepare
 from scleraforce.replay.faults import FAULTS, FaultReport, draw_fault_time, inject
 from scleraforce.replay.player import Player
-from scleraforce.replay.scanner_client import ScannerClient, Unstamped, frame_message
+from scleraforce.replay.scanner_client import Unstamped, frame_message
 from scleraforce.service.scanner_image import FrameAssembler
 from scleraforce.service.session import Session
 
 FRAMES = 200
 FORCES_N = np.concatenate([np.zeros(20), np.linspace(0.0, 0.04, FRAMES - 20)])
 AT_S, SPEED = 1.3, 4.0  # frame 31 of 400 a second
-
-
-@pytest.fixture(autouse=True)
-def _patient(monkeypatch) -> None:
-    """Wait for seconds where something follows a fault: the fake monitor may be held up."""
-    monkeypatch.setattr(faults, "WITHIN_S", 5.0)
-    for module in (faults, replay):  # times are exact also where the machine is late
-        monkeypatch.setattr(module, "STATED_S", float("inf"))
-
-
-@pytest.fixture
-def _soon(monkeypatch) -> None:
-    """Wait for a quarter of a second where nothing follows a fault."""
-    monkeypatch.setattr(faults, "WITHIN_S", 0.25)
-
-
-@pytest.fixture
-def _usual(monkeypatch) -> None:
-    monkeypatch.setattr(faults, "WITHIN_S", fault_acts.WITHIN_S)
 
 
 @pytest.fixture(scope="module")
@@ -61,31 +40,20 @@ def recording(tmp_path_factory):
 
 def injected(
     recording, name: str, version: int, decide=lambda _: None, seed: int = 0
-) -> tuple[FakeMonitor, FaultReport]:
-    log = AnswerLog()
-    with (
-        fake_monitor(decide) as monitor,
-        closing(ScannerClient("127.0.0.1", monitor.port, log.hear, observed=True)) as client,
-    ):
-        player = Player(recording, client, log, speed=SPEED, version=version)
-        rng = np.random.default_rng(seed)
-        ready = prepare(name, recording, AT_S, rng, version=version, speed=SPEED, forces_n=FORCES_N)
-        player.play(ready.time_s)
-        report = inject(player, ready)
-        if name not in ("half", "garbage", "disconnect"):
-            client.send(encode(Text("end"), "End", version=version))
-            end_s = time.monotonic() + 10.0
-            while not any(isinstance(e, Received) and e.message == Text("end") for e in monitor.received):
-                assert time.monotonic() < end_s
-                time.sleep(0.001)
-    return monitor, report
+) -> tuple[MonitorRule, FaultReport]:
+    monitor, log = MonitorRule(decide), AnswerLog()
+    player = Player(recording, ClockedClient(monitor, log.hear), log, speed=SPEED, version=version)
+    rng = np.random.default_rng(seed)
+    ready = prepare(name, recording, AT_S, rng, version=version, speed=SPEED, forces_n=FORCES_N)
+    player.play(ready.time_s)
+    return monitor, inject(player, ready)
 
 
-def images(monitor: FakeMonitor) -> list[Received]:
+def images(monitor: MonitorRule) -> list[Received]:
     return [event for event in monitor.received if isinstance(event, Received) and isinstance(event.message, Image)]
 
 
-def numbers(monitor: FakeMonitor) -> list[int]:
+def numbers(monitor: MonitorRule) -> list[int]:
     return [int(event.message.pixels[0, 0, 0]) for event in images(monitor)]
 
 
@@ -210,8 +178,7 @@ def test_out_of_order_sends_one_frame_with_an_older_id(recording, version: int) 
     assert report.expected
 
 
-@pytest.mark.usefixtures("_soon")
-@pytest.mark.parametrize("version", [pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.parametrize("version", [1, 2])
 def test_checksum_nan_and_bad_image_are_what_they_say_and_the_stream_goes_on(recording, version: int) -> None:
     for name, kind in (("checksum", BadChecksum), ("nan", Malformed), ("bad-image", Malformed)):
         monitor, report = injected(recording, name, version)
@@ -283,50 +250,39 @@ def test_the_robots_connection_tells_what_follows_a_broken_scanner(recording, na
     assert report.expected is (name == "disconnect")
 
 
-@pytest.mark.usefixtures("_soon")
 def test_half_a_frame_is_followed_by_nothing(recording) -> None:
     monitor, report = injected(recording, "half", 2)
     assert len(images(monitor)) == 30
     assert report.delay_s is None  # the connection stands: this monitor sees nothing
 
 
-@pytest.mark.usefixtures("_soon")
 def test_silence_sends_nothing_more_and_a_monitor_that_falls_silent_too_is_a_withdrawal(recording) -> None:
     monitor, report = injected(recording, "silence", 2)
     assert len(images(monitor)) == 30
     assert report.delay_s is None
 
     def fall_silent(event) -> None:
-        monitor_now.answers = not (isinstance(event, Received) and len(images(monitor_now)) >= 30)
+        silent.answers = not (isinstance(event, Received) and len(images(silent)) >= 30)
 
-    log = AnswerLog()
-    with fake_monitor() as monitor_now:
-        monitor_now.decide = fall_silent
-        client = ScannerClient("127.0.0.1", monitor_now.port, log.hear, observed=True)
-        player = Player(recording, client, log, speed=SPEED, version=2)
-        ready = prepare("silence", recording, AT_S, np.random.default_rng(0), version=2, speed=SPEED)
-        player.play(ready.time_s)
-        report = inject(player, ready)
-        client.close()
+    silent, log = MonitorRule(fall_silent), AnswerLog()
+    player = Player(recording, ClockedClient(silent, log.hear), log, speed=SPEED, version=2)
+    ready = prepare("silence", recording, AT_S, np.random.default_rng(0), version=2, speed=SPEED)
+    player.play(ready.time_s)
+    report = inject(player, ready)
     assert (report.code, report.cause, report.message) == (None, None, "no STATUS for 150 ms")
-    heard_s = log.status_s if log.status_s is not None else report.began_s
-    assert report.delay_s == pytest.approx(heard_s + 0.15 - report.began_s)
+    assert 0.1 <= report.delay_s <= 0.15
 
 
 def test_a_monitor_that_dies_is_a_withdrawal_by_the_robots_rule(recording) -> None:
     def die(event) -> None:
-        if isinstance(event, BadChecksum):
-            monitor_now.drop()
+        client.dropped = isinstance(event, BadChecksum)
 
     log = AnswerLog()
-    with fake_monitor() as monitor_now:
-        monitor_now.decide = die
-        client = ScannerClient("127.0.0.1", monitor_now.port, log.hear, observed=True)
-        player = Player(recording, client, log, speed=SPEED)
-        ready = prepare("checksum", recording, AT_S, np.random.default_rng(0), speed=SPEED)
-        player.play(ready.time_s)
-        report = inject(player, ready)
-        client.close()
+    client = ClockedClient(MonitorRule(die), log.hear)
+    player = Player(recording, client, log, speed=SPEED)
+    ready = prepare("checksum", recording, AT_S, np.random.default_rng(0), speed=SPEED)
+    player.play(ready.time_s)
+    report = inject(player, ready)
     assert report.code is None
     assert report.delay_s is not None
     assert "the connection is lost" in report.message
@@ -337,7 +293,6 @@ def test_a_monitor_that_does_not_watch_shows_nothing(recording) -> None:
         injected(recording, "silence", 2, WithdrawsAfter(-10, 102))
 
 
-@pytest.mark.usefixtures("_usual")
 def test_the_time_of_a_fault_is_drawn_in_contact_and_clear_of_danger(recording) -> None:
     times_s = {draw_fault_time(recording, FORCES_N, np.random.default_rng(seed)) for seed in range(200)}
     frames_s = np.array([entry.time_s for entry in recording.frames])
@@ -375,40 +330,39 @@ def test_the_table_and_the_acts_name_the_same_faults() -> None:
     assert all(isinstance(cause, Cause) for fault in FAULTS.values() for cause in fault.causes)
 
 
-@pytest.mark.usefixtures("_usual")
-def test_the_command_injects_at_a_drawn_time_and_says_what_followed(recording, capsys) -> None:
-    def decide(event):
-        return Status(3, 9, "CHECKSUM", "WITHDRAW: checksum") if isinstance(event, BadChecksum) else None
+@pytest.fixture
+def clocked(monkeypatch: pytest.MonkeyPatch):
+    """Commands speak to this monitor at the time that their client keeps; gives it, and the clients."""
+    monitor, clients = MonitorRule(), []
 
-    with fake_monitor(decide) as monitor:
-        command = ["replay", str(recording.path), "--port", str(monitor.port), "--fault", "checksum", "--json"]
-        assert run(command) == 0
+    def client(_host: str, _port: int, hear, *, observed: bool) -> ClockedClient:
+        assert observed
+        clients.append(ClockedClient(monitor, hear))
+        return clients[-1]
+
+    monkeypatch.setattr(scanner_client, "ScannerClient", client)
+    return monitor, clients
+
+
+def test_the_command_injects_at_a_drawn_time_and_says_what_followed(recording, capsys, clocked) -> None:
+    monitor, _ = clocked
+    monitor.decide = lambda event: Status(3, 9, "", "WITHDRAW: checksum") if isinstance(event, BadChecksum) else None
+    assert run(["replay", str(recording.path), "--fault", "checksum", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     fault = result["fault"]
     assert (fault["name"], fault["withdraws"], fault["cause"], fault["code"]) == ("checksum", True, "CHECKSUM", 3)
     assert fault["cause_is_of_the_fault"] is True
-    assert 0.0 < fault["delay_ms"] < 500.0
+    assert fault["delay_ms"] == 0.0  # this monitor answers at once
     frames_s = [entry.time_s for entry in recording.frames]
     drawn_s = draw_fault_time(recording, FORCES_N, np.random.default_rng(0))
-    assert result["frames_sent"] >= frames_s.index(drawn_s)
+    assert result["frames_sent"] == frames_s.index(drawn_s)
+    assert fault["at_s"] == pytest.approx(drawn_s - frames_s[0])
 
 
-@pytest.mark.usefixtures("_soon")
-def test_a_fault_that_nobody_notices_is_exit_code_1(recording, capsys) -> None:
-    with fake_monitor() as monitor:
-        command = [
-            "replay",
-            str(recording.path),
-            "--port",
-            str(monitor.port),
-            "--fault",
-            "scale",
-            "--fault-at-s",
-            "1.3",
-        ]
-        began_s = time.monotonic()
-        assert run([*command, "--speed", "4"]) == 1
-        assert time.monotonic() - began_s > 0.2
+def test_a_fault_that_nobody_notices_is_exit_code_1(recording, capsys, clocked) -> None:
+    assert run(["replay", str(recording.path), "--fault", "scale", "--fault-at-s", "1.3", "--speed", "4"]) == 1
+    (client,) = clocked[1]
+    assert client.now_s == pytest.approx(1000.0 + 0.3 / 4 + 0.5, abs=0.01)  # half a second after the fault
     out, err = capsys.readouterr()
     assert "no withdrawal after the fault scale" in err
     assert "the robot goes on: the monitor still says OK" in out

@@ -5,9 +5,10 @@ import resource
 import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
+from time import sleep
 
 import pytest
-from peer import NoGuard, wait_until
+from peer import FUSE_S, NoGuard, wait_until
 
 from scleraforce.openigtlink import Decoder, Received, Text, encode
 from scleraforce.service.clients import STALLED_S, Clients
@@ -20,6 +21,19 @@ def listener() -> Iterator[socket.socket]:
         yield listener
 
 
+def all_that_arrives(peer: socket.socket, connection: Connection) -> Iterator[bytes]:
+    """Read until nothing of what was sent is on its way."""
+    peer.setblocking(False)
+    while True:
+        on_its_way = connection._waiting_bytes() > 0
+        try:
+            yield peer.recv(1 << 20)
+        except BlockingIOError:
+            if not on_its_way:
+                return
+            sleep(0.001)
+
+
 def test_a_peer_that_reads_late_gets_whole_messages_and_misses_others(listener: socket.socket) -> None:
     with socket.create_connection(listener.getsockname()) as peer:
         connection = Connection(listener.accept()[0], "peer", 1)
@@ -29,13 +43,9 @@ def test_a_peer_that_reads_late_gets_whole_messages_and_misses_others(listener: 
         since_s = connection.unread_since_s
         assert since_s is not None
         heard, decoder = [], Decoder()
-        peer.settimeout(0.2)
         for number in range(5000, 5003):
-            try:
-                while data := peer.recv(1 << 20):
-                    heard += decoder.feed(data)
-            except TimeoutError:
-                pass
+            for data in all_that_arrives(peer, connection):
+                heard += decoder.feed(data)
             connection.send(encode(Text(f"{number:04d}" * 1000), "ForceReading"), 100.0 + number)
         wait_until(lambda: connection.unread_since_s is None)
         connection.close()
@@ -58,7 +68,7 @@ def test_hardly_more_than_a_tenth_of_a_second_waits_for_a_peer_that_does_not_rea
         for number in range(5000):
             connection.send(message, 100.0 + number)
         newest = encode(Text("newest"), "ForceReading")
-        peer.settimeout(0.1)
+        peer.settimeout(FUSE_S)
         heard = b""
         while newest not in heard:
             connection.send(newest, 6000.0)

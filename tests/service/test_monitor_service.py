@@ -10,7 +10,6 @@ from fake_companion import FakeCompanion
 from scleraforce.known.eye import Known, stated_eye, told_globe
 from scleraforce.known.globe import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, KnownGlobe, known_globe
 from scleraforce.monitor import MonitorLimits
-from scleraforce.recording.pixels import PixelScale
 from scleraforce.service import monitor_service
 from scleraforce.service.companions.companions import OPINION, Companions
 from scleraforce.service.companions.messages import Alive, SelfReport
@@ -40,15 +39,14 @@ def test_a_recording_states_what_was_told_of_the_globe(known: KnownGlobe | None,
 def test_a_recording_states_where_the_monitor_was_told_that_plane_and_needle_are() -> None:
     known = Known(globe=OPEN, gap_m=0.4e-3, polar_rad=0.6, direction_rad=1.1)
     settings = MonitorSettings(
-        eye="mine", known=known, limits=MonitorLimits(size=(400, 500)), refractive_index=1.38,
+        eye="mine", known=known, limits=MonitorLimits(size=(400, 500), scale_m=(20e-6, 5e-6)), refractive_index=1.38,
         address=Address("localhost", 0), console=None, black_box=Path("black-box"), record=None, token="",
     )  # fmt: skip
-    scale = PixelScale(lateral_m=20e-6, depth_m=5e-6)
-    info = _recording_info(settings, Study(), scale)
+    info = _recording_info(settings, Study())
     assert (info.oct.plane_direction_rad, info.needle.polar_angle_rad, info.needle.slice_gap_m) == (1.1, 0.6, 0.4e-3)
     assert (info.oct.width_m, info.oct.depth_m) == pytest.approx((10e-3, 2e-3))
     assert info.oct.refractive_index == 1.38
-    untold = _recording_info(replace(settings, known=Known()), Study(), scale)
+    untold = _recording_info(replace(settings, known=Known()), Study())
     assert (untold.oct.plane_direction_rad, untold.needle.polar_angle_rad) == (None, None)
     assert untold.needle.slice_gap_m == Study().needle.gap_m
 

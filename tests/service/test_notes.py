@@ -2,6 +2,8 @@
 
 from threading import Event
 
+from peer import FUSE_S
+
 from scleraforce.service.notes import WAITING, Notes
 
 
@@ -10,7 +12,7 @@ def test_lines_come_in_their_order() -> None:
     notes = Notes(lines.append)
     for number in range(50):
         notes(str(number))
-    notes.close()
+    notes.close(FUSE_S)
     assert lines == [str(number) for number in range(50)]
 
 
@@ -27,5 +29,5 @@ def test_a_terminal_that_is_stopped_keeps_nobody_waiting_and_fills_no_memory() -
     notes.close(within_s=0.01)
     assert not lines
     go_on.set()
-    notes.close()
+    notes.close(FUSE_S)
     assert WAITING <= len(lines) <= WAITING + 1

@@ -30,10 +30,10 @@ def spoil(how: str, ours: int, theirs: int) -> None:
 def test_the_emergency_goes_on_whatever_becomes_of_the_terminal(how: str) -> None:
     ours, theirs = pty.openpty()
     with small_monitor(errors=theirs) as running, Peer(running.port) as robot:
-        robot.hear(0.1)
+        robot.hear(lambda peer: bool(peer.statuses()))  # the watchdog knows it, too
         spoil(how, ours, theirs)
         os.kill(running.process.pid, signal.SIGKILL)
-        robot.hear(10.0, lambda peer: emergencies(peer) >= 10)
+        robot.hear(lambda peer: emergencies(peer) >= 10)
         assert emergencies(robot) >= 10
     os.close(theirs)
     if how != "closed":
@@ -49,7 +49,7 @@ def test_the_watchdog_says_in_the_terminal_what_it_did() -> None:
     read, write = os.pipe()
     with small_monitor(errors=write) as running, Peer(running.port) as robot:
         os.close(write)
-        robot.hear(0.1)
+        robot.hear(lambda peer: bool(peer.statuses()))  # the watchdog knows it, too
         os.kill(running.process.pid, signal.SIGKILL)
         said = os.read(read, 1000).decode()
     assert said == "watchdog: the monitor hung or died and was ended; clients told to withdraw: 1\n"
@@ -70,5 +70,5 @@ def test_the_watchdog_ends_with_the_monitor_alone(number: signal.Signals) -> Non
         )  # Ctrl-Z and a hangup go to the terminal's session
         os.kill(running.watchdog_pid, number)
         scanner.watch()
-        scanner.hear(0.1)
+        scanner.read(10.0)
         assert scanner.statuses()[-1].code == 1

@@ -8,6 +8,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from decisions import decision
 from numpy.typing import NDArray
+from peer import FUSE_S
 
 from scleraforce.monitor import MonitorLimits
 from scleraforce.service.companions.child import Child
@@ -78,7 +79,7 @@ class ConsoleMonitor:
         """Where the page is."""
         return f"http://127.0.0.1:{self.port}/"
 
-    def hear(self, kind: type[Kind], within_s: float = 20.0) -> Kind:
+    def hear(self, kind: type[Kind], within_s: float = FUSE_S) -> Kind:
         """Wait for a message of the console."""
         if not select.select([self.child.channel], [], [], within_s)[0]:
             raise AssertionError(

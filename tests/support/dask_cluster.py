@@ -48,7 +48,7 @@ class Cluster:
         return self.start("worker", self.address, *options)
 
     @staticmethod
-    def wait(found: Callable[[], Result], seconds: float = 60.0) -> Result:
+    def wait(found: Callable[[], Result], seconds: float = 300.0) -> Result:
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             try:

@@ -1,4 +1,4 @@
-"""A client of the monitor that tests use: plain sockets, the codec, and a wait with an end."""
+"""A client of the monitor that tests use: plain sockets, the codec, and a wait for what comes."""
 
 import socket
 import subprocess
@@ -15,12 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from small_monitor import SCALE_M, frame_of, small_server
+from turned_clock import TurnedClock
 
 from scleraforce.openigtlink import Decoder, Image, Message, Received, Status, Text, encode
 from scleraforce.service.companions.companions import Companions
 
 MATRIX = (SCALE_M[0] * 1e3, 0.0, 0.0, 0.0, SCALE_M[1] * 1e3, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 SERIALS = count(1)
+FUSE_S = 300.0  # nothing takes so long, on any machine: what has not come by then never will
+FRAME_S = 0.01  # between two frames of a scanner
+LOOK_S = 6.0  # of a watchdog that no busy machine makes impatient
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,11 @@ class NoGuard:
 
 @contextmanager
 def serving(companions: Companions | None = None, **settings: Any) -> Iterator[int]:
-    """Run a small server in a thread until the block ends; what it gives is its port."""
+    """Run a small server in a thread until the block ends; what it gives is its port.
+
+    Its time is that of a `clock`, by default of one that stands still; `clock=None` is the machine's.
+    """
+    settings.setdefault("clock", TurnedClock())
     server, port = small_server(NoGuard(), companions or Companions({}), **settings)  # type: ignore[arg-type]
     thread = Thread(target=server.run)
     thread.start()
@@ -56,11 +64,15 @@ def serving(companions: Companions | None = None, **settings: Any) -> Iterator[i
 
 
 @contextmanager
-def small_monitor(errors: int | None = None) -> Iterator[Running]:
+def small_monitor(errors: int | None = None, look_s: float = LOOK_S) -> Iterator[Running]:
     """Run a small monitor, with its watchdog, in a process of its own until the block ends; `errors` is its fd 2."""
     script = Path(__file__).with_name("small_monitor.py")
     process = subprocess.Popen(
-        [sys.executable, str(script)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, text=True
+        [sys.executable, str(script), str(look_s)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=errors,
+        text=True,
     )
     assert process.stdin
     assert process.stdout
@@ -69,15 +81,16 @@ def small_monitor(errors: int | None = None) -> Iterator[Running]:
         yield Running(process, port, watchdog_pid)
     finally:
         process.stdin.close()
-        process.wait(10.0)
+        process.wait(FUSE_S)
         process.stdout.close()
 
 
 class Peer:
-    """One connection; `heard` has (device, message) of all that came."""
+    """One connection; `heard` has (device, message) of all that came. With a clock, a frame comes every 10 ms of it."""
 
-    def __init__(self, port: int, version: int = 1) -> None:
-        self.link = socket.create_connection(("127.0.0.1", port), timeout=5.0)
+    def __init__(self, port: int, version: int = 1, clock: TurnedClock | None = None) -> None:
+        self.link = socket.create_connection(("127.0.0.1", port), timeout=FUSE_S)
+        self.clock, self.closed = clock, False
         self.version, self.heard, self.decoder = version, list[tuple[str, Message]](), Decoder()
         self.versions: set[int] = set()
 
@@ -88,7 +101,9 @@ class Peer:
         self.link.close()
 
     def say(self, message: Message, device: str = "Scanner", time_s: float | None = None, message_id: int = 0) -> None:
-        stamp = time() if time_s is None else time_s
+        if self.clock and isinstance(message, Image):
+            self.clock.turn(FRAME_S)
+        stamp = (self.clock or time)() if time_s is None else time_s
         self.link.sendall(encode(message, device, version=self.version, time_s=stamp, message_id=message_id))
 
     def show(self, force_mn: float, pixels: NDArray[np.uint16] | None = None, **header: float) -> None:
@@ -96,7 +111,13 @@ class Peer:
         pixels = frame_of(round(force_mn * 1e3), next(SERIALS)) if pixels is None else pixels
         self.say(Image(pixels[None], MATRIX), **header)  # type: ignore[arg-type]
 
-    def hear(self, within_s: float, done: Callable[["Peer"], bool] = lambda _: False) -> None:
+    def read(self, force_mn: float, pixels: NDArray[np.uint16] | None = None, **header: float) -> None:
+        """Send a frame and wait until it is answered."""
+        before = self.readings()
+        self.show(force_mn, pixels, **header)
+        self.hear(lambda peer: peer.readings() > before)
+
+    def hear(self, done: Callable[["Peer"], bool] = lambda _: False, within_s: float = FUSE_S) -> None:
         """Take what comes until `done` or the time is over; a closed connection ends it as well."""
         end_s = monotonic() + within_s
         while not done(self) and (left_s := end_s - monotonic()) > 0:
@@ -105,7 +126,10 @@ class Peer:
                 data = self.link.recv(1 << 16)
             except TimeoutError:
                 return
+            except ConnectionResetError:
+                data = b""
             if not data:
+                self.closed = True
                 return
             for event in self.decoder.feed(data):
                 assert isinstance(event, Received)
@@ -115,14 +139,17 @@ class Peer:
     def statuses(self) -> list[Status]:
         return [message for _, message in self.heard if isinstance(message, Status)]
 
+    def texts(self) -> list[Text]:
+        return [message for _, message in self.heard if isinstance(message, Text)]
+
     def readings(self) -> int:
         """Return how many frames were read so far."""
-        return sum(isinstance(message, Text) for _, message in self.heard)
+        return len(self.texts())
 
-    def wait_for_code(self, code: int, within_s: float = 10.0) -> Status:
+    def wait_for_code(self, code: int) -> Status:
         """Return the first STATUS of a code that comes from now on."""
         since = len(self.statuses())
-        self.hear(within_s, lambda peer: any(status.code == code for status in peer.statuses()[since:]))
+        self.hear(lambda peer: any(status.code == code for status in peer.statuses()[since:]))
         found = [status for status in self.statuses()[since:] if status.code == code]
         assert found, f"no STATUS {code} came, but {self.statuses()[since:]}"
         return found[0]
@@ -130,17 +157,22 @@ class Peer:
     def watch(self, force_mn: float = 10.0, frames: int = 12) -> None:
         """Send harmless frames in contact, each when the last one was answered, until the monitor watches."""
         for number in range(frames):
-            read = self.readings()
-            self.show(force_mn + 0.01 * (number % 3))
-            self.hear(10.0, lambda peer: peer.readings() > read)  # noqa: B023 - called at once
+            self.read(force_mn + 0.01 * (number % 3))
         assert self.statuses()[-1].code == 1, self.statuses()[-1]
 
+    def watch_until(self, code: int) -> Status:
+        """Send harmless frames until the monitor says a code; return that STATUS."""
+        since = len(self.statuses())
+        while not (found := [status for status in self.statuses()[since:] if status.code == code]):
+            self.read(10.0)
+        return found[0]
 
-def wait_until(holds: Callable[[], bool], within_s: float = 10.0) -> None:
-    end_s = monotonic() + within_s
+
+def wait_until(holds: Callable[[], bool]) -> None:
+    end_s = monotonic() + FUSE_S
     while not holds():
         assert monotonic() < end_s, "it did not come about"
         sleep(0.01)
 
 
-__all__ = ["MATRIX", "Peer", "Running", "serving", "small_monitor", "wait_until"]
+__all__ = ["FRAME_S", "FUSE_S", "MATRIX", "Peer", "Running", "serving", "small_monitor", "wait_until"]

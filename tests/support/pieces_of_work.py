@@ -39,10 +39,10 @@ def leave_a_mark_or_fail(path: Path) -> None:
 
 
 def leave_a_mark_or_wait(path: Path) -> None:
-    """Make a file, and then wait for a minute where it is named `waits`."""
+    """Make a file, and then wait for an hour where it is named `waits`."""
     path.touch()
     if path.name == "waits":
-        time.sleep(60)
+        time.sleep(3600)
 
 
 def tripled(weight: bytes):

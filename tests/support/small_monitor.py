@@ -1,7 +1,7 @@
 """A monitor whose reader is a rule: its answer stands in the frame's first pixels. In a process of its own or a thread.
 
-Started as `python small_monitor.py`: prints its port and the watchdog's process id, and serves until its standard input
-closes.
+Started as `python small_monitor.py LOOK_S`, with the time of a look of its watchdog: prints its port and the watchdog's
+process id, and serves until its standard input closes.
 """
 
 import socket
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from turned_clock import TurnedClock
 
 from scleraforce.monitor import MonitorLimits
 from scleraforce.reader.answers import Answer, LiveReading
@@ -64,21 +65,25 @@ def small_server(
     companions: Companions,
     note: Callable[[str], None] = lambda _: None,
     *,
-    catch_up_s: float = 0.5,
+    clock: TurnedClock | None = None,
+    borne_s: float = 0.5,
+    catch_up_s: float | None = None,
     **settings: Any,
 ) -> tuple[Server, int]:
-    """A server of small frames, and its port; it bears half a second of silence and delay: a test may be held up."""
-    limits = MonitorLimits(size=(ROWS, COLUMNS), scale_m=SCALE_M, silence_s=0.5, lag_s=0.5, catch_up_s=catch_up_s)
+    """A server of small frames, and its port; without a clock of the test it needs to bear what holds a test up."""
+    limits = MonitorLimits(
+        size=(ROWS, COLUMNS), scale_m=SCALE_M, silence_s=borne_s, lag_s=borne_s, catch_up_s=catch_up_s or borne_s
+    )
     listener = socket.create_server(("127.0.0.1", 0))
     ring = FrameRing.create(100, ROWS, COLUMNS)
-    session = Session(read, limits)
+    session = Session(read, limits, clock, clock) if clock else Session(read, limits)
     server = Server(session, listener, ServerSettings(TOKEN, **settings), ring, guard, companions, note)
     return server, listener.getsockname()[1]
 
 
 def main() -> None:
-    guard = Guard()
-    server, port = small_server(guard, Companions({}))
+    guard = Guard(float(sys.argv[1]))
+    server, port = small_server(guard, Companions({}), borne_s=600.0)
 
     def wait() -> None:
         sys.stdin.read()

@@ -29,7 +29,7 @@ from scleraforce.known.globe import OPEN, UNKNOWN
 from scleraforce.library import Library
 from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, tables_digest
-from scleraforce.recording.labels import label_frames
+from scleraforce.recording.labels import label_frames, label_notes
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import dent
 from scleraforce.segmentation.wall_finder import WallFinder
@@ -86,10 +86,11 @@ def calibrate_eye(
     count: StepCount,
 ) -> TissueTrial[EyeCalibration]:
     """Calibrate an eye with the walls of one tissue."""
-    if recording.forces is None:
+    if recording.forces is None or recording.info.force is None:
         raise CalibrationError(f"{recording.path}: no forces.csv; a calibration needs frames of known force")
     trials = label_frames(recording, way.study.classes, way.study.needle.max_force_n)
-    forces = frame_forces(recording, trials)
+    known = recording.forces.known(recording.info.force.axis)
+    forces = frame_forces(replace(recording, forces=known), trials)
     session = _begin(recording, way.study, way.library, way.parameters, forces, earlier)
     records, steps = ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
     left = len(trials) if way.frames is None else way.frames
@@ -125,7 +126,11 @@ def calibrate_eye(
     count(len(trials) - len(order))
     missed_n = [record.force_n for record in records if record.skipped is not None]
     used_n = [record.force_n for record in records if record.skipped is None]
-    doubts = (*log_doubts(recording, way.study.classes, shown), *reach_doubts(used_n, missed_n))
+    doubts = (
+        *label_notes(recording, trials),
+        *log_doubts(recording, way.study.classes, shown),
+        *reach_doubts(used_n, missed_n),
+    )
     if way.library is None:
         doubts = (*open_doubts(recording.info.eye.globe), *doubts)
     if all(record.skipped is not None for record in records):

@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from scleraforce.cli.importing.options import THICKNESS
 from scleraforce.cli.output import count_bar, print_json, say
 from scleraforce.cli.wall_finder_option import finder_folder, wall_finder_option
 from scleraforce.errors import InputError
+from scleraforce.plain_text import wrapped
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
+from scleraforce.units import to_si
 
 if TYPE_CHECKING:
     from scleraforce.calibration.result import Calibration
@@ -40,6 +43,19 @@ class _Parameters(click.ParamType[tuple[str, ...]]):
         return names
 
 
+class _Notes:
+    """Notes on recordings: printed at once, or with JSON in its object."""
+
+    def __init__(self, as_json: bool) -> None:
+        self.said: list[str] = []
+        self._as_json = as_json
+
+    def __call__(self, sentence: str) -> None:
+        self.said.append(sentence)
+        if not self._as_json:
+            say(wrapped(sentence, "note: "))
+
+
 @click.command()
 @click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--study", "study_path", type=click.Path(path_type=Path), help="Study file; the paper's by default.")
@@ -53,6 +69,7 @@ class _Parameters(click.ParamType[tuple[str, ...]]):
               show_default=True, help="How the wall bends; linear is the paper's.")  # fmt: skip
 @click.option("--parameters", type=_Parameters(), show_default="e,stiffening; linear: e",
               help="What is uncertain, of e, stiffening, iop, thickness, gap.")  # fmt: skip
+@click.option("--thickness-um", type=THICKNESS, help="Of the eye's wall, in place of what recording.toml states.")
 @wall_finder_option
 @click.option("--resume", type=click.Path(path_type=Path), help="Go on from an earlier file of this command.")
 @click.option("--intervals", "model", type=click.Path(path_type=Path), metavar="MODEL",
@@ -67,6 +84,7 @@ def calibrate(
     frames: int | None,
     mechanics: str,
     parameters: tuple[str, ...] | None,
+    thickness_um: float | None,
     finder: Path | None,
     resume: Path | None,
     model: Path | None,
@@ -80,18 +98,21 @@ def calibrate(
     population's modulus is the mean of the eyes' means. How much the tissue
     stiffens is found by trying it. Finite strain needs the response library:
     that of another study than the paper's is made on first need (a minute).
+    What a reader of the study would not read afterwards is noted at the start.
 
     With --intervals, each eye is calibrated on three of its frames (or on
     --frames); the reader reads the others, and its copy in --out has intervals
     that hold for 90 % of them.
     """
     if model is not None:
-        if study_path or resume or plot or mechanics != "finite-strain" or parameters is not None:
+        unused = (study_path, resume, plot, parameters, thickness_um)
+        if mechanics != "finite-strain" or any(option is not None for option in unused):
             raise click.UsageError(
                 "--intervals: takes the model's own study; of the options, only --frames, --wall-finder and --json"
             )
         _stretch(model, recordings, out, frames or CALIBRATED, finder, as_json)
         return
+    notes = _Notes(as_json)
     from scleraforce.calibration.saved import calibration_as_json, parse_calibration
     from scleraforce.known.calibration_file import open_calibration, write_calibration
     from scleraforce.notebook.work import calibrate_eyes
@@ -115,13 +136,15 @@ def calibrate(
         frames=frames,
         earlier=earlier,
         wall_finder=finder_folder(finder),
+        thickness_m=to_si(thickness_um, "um"),
+        note=notes,
     )
     content = calibration_as_json(result)
     write_calibration(content, out)
     if plot is not None:
         _draw(result, plot)
     if as_json:
-        print_json(content)
+        print_json({**content, "notes": notes.said})
     else:
         say("\n".join(calibration_lines(result)))
         say(f"wrote {out}")
@@ -135,9 +158,11 @@ def _stretch(
     from scleraforce.reader.interval_scores import FEW_EYES
 
     folder = finder_folder(finder)
-    changes = recalibrate_intervals(model, recordings, out, count_bar, frames=frames, wall_finder=folder)
+    notes = _Notes(as_json)
+    changes = recalibrate_intervals(model, recordings, out, count_bar, frames=frames, wall_finder=folder, note=notes)
     if as_json:
-        print_json({"model": str(out), "from": str(model), "stretches": [asdict(change) for change in changes]})
+        each = [asdict(change) for change in changes]
+        print_json({"model": str(out), "from": str(model), "stretches": each, "notes": notes.said})
         return
     say(f"{'method':<9}{'modulus':<9}{'globe':<28}{'eyes':>5}{'readings':>10}{'held':>7}{'factor':>8}")
     for change in changes:

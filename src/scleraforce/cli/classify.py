@@ -128,12 +128,12 @@ def _read(reader: "Reader", path: Path, told: "Scanner", known: "Known", transpo
     except ValueError as fault:
         raise FrameError(f"{path}: {fault}") from fault
     place = recording_of(path) or path
-    limits = () if frame.info is None else reader.limits(used, frame.info.oct)
+    limits = () if frame.info is None else reader.limits(used, frame.info.oct, frame.info.needle.gauge)
     return _FrameRead(
         answer,
         {"scale": scale_entry(frame), "known": known_entry(known, stated)},
         f"{size_words(frame)}; {known_words(known, stated)}",
-        tuple(f"{place}: {sentence}" for sentence in limits),
+        (*frame.notes, *(f"{place}: {sentence}" for sentence in limits)),
     )
 
 
@@ -182,7 +182,7 @@ def _answered(path: Path, answer: "Answer") -> dict[str, Any]:
         "interval_mn": None if answer.interval_n is None else [from_si(end, "mn") for end in answer.interval_n],
         "contact_mm": from_si(answer.contact_m, "mm"),
         "pressure_pa": answer.iop_at_dent_pa,
-        "iop_at_dent_mmhg": from_si(answer.iop_at_dent_pa, "mmhg"),
+        "pressure_mmhg": from_si(answer.iop_at_dent_pa, "mmhg"),
         "needle": needle_entry(answer.needle),
         "conjunctiva_um": from_si(answer.conjunctiva_m, "um"),
         "usable": answer.usable,

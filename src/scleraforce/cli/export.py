@@ -95,10 +95,12 @@ def _export_recording(thing: Path, out: Path, answers: Path | None) -> int:
 
 
 def _stated(recording: "Recording") -> dict[str, Any]:
-    """Return what recording.toml says, by sections."""
-    from dataclasses import asdict
+    """Return what recording.toml says, under its keys."""
+    import tomllib
 
-    return {name: section for name, section in asdict(recording.info).items() if section is not None}
+    from scleraforce.study.toml import format_record
+
+    return tomllib.loads(format_record(recording.info))
 
 
 def _write_table(stated: dict[str, Any], rows: "list[Row]", out: Path) -> None:

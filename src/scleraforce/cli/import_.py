@@ -28,10 +28,19 @@ def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path |
 @click.option("--like", type=click.Path(path_type=Path), is_eager=True, callback=_like, metavar="RECORDING",
               help="Take scanner, needle, sensor and the columns of the log from another recording.")  # fmt: skip
 @answer_options
+@click.option("--model", type=click.Path(path_type=Path), help="Model whose limits are noted; by default the reader "
+              "that ships.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 @click.pass_context
 def import_(
-    ctx: click.Context, /, sources: tuple[Path, ...], out: Path, like: Path | None, as_json: bool, **told: Any
+    ctx: click.Context,
+    /,
+    sources: tuple[Path, ...],
+    out: Path,
+    like: Path | None,
+    model: Path | None,
+    as_json: bool,
+    **told: Any,
 ) -> None:
     """Write a laboratory's frames and force log as a recording folder.
 
@@ -49,9 +58,11 @@ def import_(
     from scleraforce.cli.importing.questions import asker
     from scleraforce.cli.importing.told import entries, lines
     from scleraforce.formats.importing.told import ImportAnswers
+    from scleraforce.models.shipped import SHIPPED_READER
     from scleraforce.notebook.importing import write_imported
 
-    imported = write_imported(sources, out, ImportAnswers(**told), _origins(ctx, like), count_bar, asker(as_json))
+    asked, origins = ImportAnswers(**told), _origins(ctx, like)
+    imported = write_imported(sources, out, asked, origins, count_bar, asker(as_json), model or SHIPPED_READER)
     if as_json:
         print_json(entries(out, imported.done, imported.greys))
     else:

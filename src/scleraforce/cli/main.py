@@ -109,6 +109,9 @@ def main() -> None:
 
     Who asks the process to end (a cluster's scheduler, `kill`) is heard as Ctrl-C is: nothing unfinished stays behind.
     """
+    # Jupyter sets it for the commands that a cell starts: a backend that an environment without Jupyter lacks, and that
+    # Matplotlib refuses at its import. Commands draw to files; `sf.*` leaves a notebook's own variable alone.
+    os.environ.pop("MPLBACKEND", None)
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     code = run(sys.argv[1:])

@@ -3,7 +3,7 @@
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -119,7 +119,7 @@ def monitor(
     with closing(Notes(_say)) as notes:
         with ExitStack() as until_ended, monitor_service(reader.path, reader, settings, notes) as (server, address):
             until_ended.enter_context(_ended_by_signals(server.stop))
-            _greet(reader, settings, address, doubt, notes)
+            _greet(reader, settings, address, _doubts(reader, settings, doubt), notes)
             server.run()
             summary = server.session.summary()
             notes("ends; the black box writes what it has to keep")
@@ -215,11 +215,19 @@ def _new_black_box(folder: Path | None) -> Path:
     return folder or user_state_path("scleraforce") / "monitor" / datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
 
 
+def _doubts(reader: "Reader", settings: "MonitorSettings", doubt: str | None) -> list[str]:
+    """Return what limits the session's readings: a modulus of others, and what the model was not trained on."""
+    from scleraforce.service.monitor_service import session_scan
+
+    limits = reader.limits(settings.known, session_scan(settings))
+    return [*([doubt] if doubt else []), *limits]
+
+
 def _greet(
     reader: "Reader",
     settings: "MonitorSettings",
     address: "Address",
-    doubt: str | None,
+    doubts: Sequence[str],
     say: Callable[[str], None],
 ) -> None:
     limits = settings.limits
@@ -231,7 +239,7 @@ def _greet(
     say(f"model      {reader.path} ({reader.kind})")
     say(f"eye        {settings.eye}: {_told(settings.known)}")
     say(f"globe      {globe_words(settings.known, reader.reads_force)}")
-    if doubt:
+    for doubt in doubts:
         say(f"warning    {doubt}")
     say(f"frames     {columns} x {rows} px of {from_si(lateral_m, 'um'):.2f} x {from_si(depth_m, 'um'):.2f} µm")
     say(f"withdraws  at class {limits.withdraw_class}{forces}")

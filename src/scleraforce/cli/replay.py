@@ -122,13 +122,19 @@ def _true_frame_forces(recording: "Recording") -> Sequence[float] | None:
 
 
 def _logged_frame_forces(recording: "Recording") -> Sequence[float] | None:
-    """Return the force at each frame by the force log, N; None without one."""
+    """Return the force at each frame by the force log, N, between labels where a frame has none; None without a log."""
+    import numpy as np
+
     from scleraforce.recording.labels import label_frames
     from scleraforce.study import ClassesStudy
 
     trials = label_frames(recording, ClassesStudy())
-    forces_n = [trial.measured_force_n for trial in trials if trial.measured_force_n is not None]
-    return forces_n or None
+    labels = [(trial.time_s, trial.measured_force_n) for trial in trials if trial.measured_force_n is not None]
+    if not labels:
+        return None
+    known_s, known_n = zip(*labels, strict=True)
+    forces_n: list[float] = np.interp([trial.time_s for trial in trials], known_s, known_n).tolist()
+    return forces_n
 
 
 def _prepare_fault(
@@ -234,7 +240,7 @@ class _Show:
         return {
             "recording": str(self._recording.path),
             "monitor": player.client.address,
-            "duration_s": self._time_s(monotonic()),
+            "duration_s": self._time_s(player.client.clock()),
             "frames_sent": log.frames_sent,
             "frames_answered": len(latencies_ms),
             "frames_overtaken": log.reading.get("overtaken"),

@@ -168,6 +168,7 @@ def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
         "needle": needle_entry(found.needle),
         "conjunctiva_um": from_si(found.conjunctiva_m, "um"),
         "scale": scale_entry(frame),
+        "notes": list(frame.notes),
     }
 
 
@@ -191,6 +192,7 @@ def _entry(source: _Source, found: dict[str, Any] | InputError) -> dict[str, Any
 def _lines(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return a line for each frame, and a note where a scale was assumed."""
     lines = [_line(entry) for entry in entries]
+    lines += [f"note: {note}" for entry in entries for note in entry["notes"]]
     assumed = sum(ASSUMED in (size["source"] for size in entry["scale"].values()) for entry in entries)
     if assumed:
         scanner = OctStudy()

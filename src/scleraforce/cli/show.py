@@ -22,7 +22,8 @@ __all__ = ["show"]
 @click.option("--plot", type=click.Path(path_type=Path), help="Draw it to this file as well (PNG, SVG, PDF).")
 @click.option("--html", type=click.Path(path_type=Path),
               help="Of a recording: page to browse its frames, read with --model; must not exist.")  # fmt: skip
-@click.option("--model", type=click.Path(path_type=Path), help="The model that reads the frames of --html.")
+@click.option("--model", type=click.Path(path_type=Path), help="Of a recording: the model that reads the frames of "
+              "--html, and whose limits are noted; by default those of the reader that ships.")  # fmt: skip
 @click.option("--calibration", type=click.Path(path_type=Path),
               help="File of `calibrate`: gives a reader the eye's modulus.")  # fmt: skip
 @wall_finder_option
@@ -47,7 +48,7 @@ def show(
     from scleraforce.report.shown.kinds import thing_at
 
     _check_options(plot, html, model, calibration, finder)
-    found = thing_at(thing)
+    found = thing_at(thing, model)
     if html is not None and found.kind != "recording":
         raise InputError(f"{thing}: a {found.kind}; --html browses recordings")
     if html is not None and model is not None:
@@ -72,8 +73,8 @@ def _check_options(
     """Refuse what cannot be written, and options that would not be used."""
     from scleraforce.report.files import check_figure_path
 
-    if (html is None) != (model is None):
-        raise InputError("--html and --model belong together: the page shows what a model reads, like default")
+    if html is not None and model is None:
+        raise InputError("--html: shows what a model reads; give --model, like default")
     for name, given in (("--calibration", calibration), ("--wall-finder", finder)):
         if given is not None and html is None:
             raise InputError(f"{name}: only used with --html")

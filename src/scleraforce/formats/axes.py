@@ -52,6 +52,8 @@ def array_scan(
     array = array.squeeze()
     if array.ndim not in (2, 3):
         raise FrameError(f"{path}: an array of {sizes}; give frames x rows x columns, or one frame")
+    if array.dtype.kind not in "uif":
+        raise FrameError(f"{path}: pixels of type {array.dtype}; give whole numbers or floats, one of a pixel (grey)")
     if axes is None:
         names = ",".join(AXES[-array.ndim :])
         question = f"which axis is which? Name {names} in the order of the sizes"

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 
-__all__ = ["image_pixels"]
+__all__ = ["image_fields", "image_pixels"]
 
 # Encodings of sensor_msgs/Image: type and number of samples of a pixel, and how colours become grey.
 ENCODINGS: dict[str, tuple[str, int, int | None]] = {
@@ -23,6 +23,15 @@ ENCODINGS: dict[str, tuple[str, int, int | None]] = {
     "rgba8": ("u1", 4, cv2.COLOR_RGBA2GRAY),
     "bgra8": ("u1", 4, cv2.COLOR_BGRA2GRAY),
 }
+
+
+# What decides on the meaning of a message's bytes, and stays the same within a topic.
+FIELDS = ("encoding", "is_bigendian", "height", "width", "step", "format")
+
+
+def image_fields(message: Any) -> dict[str, object]:
+    """Return those fields of a sensor_msgs Image or CompressedImage that decide on the meaning of its bytes."""
+    return {name: getattr(message, name) for name in FIELDS if hasattr(message, name)}
 
 
 def image_pixels(message: Any, place: str) -> NDArray[Any]:

@@ -1,21 +1,19 @@
 """When frames were taken, as somebody states it beside them: in a table, or by their rate."""
 
-import re
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.formats.force_log import LogText, numbers_of, read_log_text
+from scleraforce.formats.log_columns import columns_by_header
+from scleraforce.formats.log_text import numbers_of, read_log_text
 from scleraforce.formats.scan import Scan, Times, even_times
-from scleraforce.formats.stated_units import TIME, unit_factor
 from scleraforce.recording.delimited import fields_of
 
 __all__ = ["told_times"]
 
 FILE_NAMES = ("file", "filename", "frame", "image")
-TIME_NAME = re.compile(r"(time|timestamp|t|stamp)[ _]*[\[(]?(?P<unit>\w+)[\])]?", re.IGNORECASE)
 
 
 def told_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times | None:
@@ -38,8 +36,11 @@ def told_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times |
 
 def _of_table(scan: Scan, table: Path) -> NDArray[np.float64]:
     text = read_log_text(table, least=1)
-    at, factor = _time_column(text)
-    time_s = numbers_of(text, [at])[:, 0] * factor
+    column = next((found for found in columns_by_header(text.names, {}) if found.ours == "time_s"), None)
+    if column is None:
+        listed = ", ".join(repr(name) for name in text.names)
+        raise InputError(f"{table}: no column of times with its unit, like time_s or Time (ms); there are {listed}")
+    time_s = numbers_of(text, [text.names.index(column.name)])[:, 0] * column.factor
     file = next((nth for nth, name in enumerate(text.names) if name.lower() in FILE_NAMES), None)
     if file is not None:
         files = [Path(fields_of(line, text.separator, str(table))[file]).name for line in text.lines]
@@ -50,14 +51,3 @@ def _of_table(scan: Scan, table: Path) -> NDArray[np.float64]:
     if len(time_s) != len(scan.names):
         raise InputError(f"{table}: {len(time_s)} times for {len(scan.names)} frames")
     return time_s
-
-
-def _time_column(text: LogText) -> tuple[int, float]:
-    """Return the place and the unit, in s, of the column of times."""
-    for nth, name in enumerate(text.names):
-        found = TIME_NAME.fullmatch(name.strip())
-        factor = unit_factor(found["unit"], TIME) if found else None
-        if factor is not None:
-            return nth, factor
-    listed = ", ".join(repr(name) for name in text.names)
-    raise InputError(f"{text.path}: no column of times with its unit, like time_s or Time (ms); there are {listed}")

@@ -8,11 +8,12 @@ import numpy as np
 
 from scleraforce.errors import InputError
 from scleraforce.formats.bags import BagTopics, read_bag
-from scleraforce.formats.force_log import read_force_text, read_log_text
+from scleraforce.formats.force_log import read_force_text
 from scleraforce.formats.log_columns import LogColumn
+from scleraforce.formats.log_text import read_log_text
 from scleraforce.formats.scan import Scan, Times, joined, rising
 from scleraforce.formats.sources import SourceOrder, files_of, natural_order, oriented, read_scan, source_kind
-from scleraforce.recording.tables import ForceLog, check_samples
+from scleraforce.recording.tables import ForceLog, checked_samples, gap_notes
 
 __all__ = ["Asked", "Gathered", "check_overlap", "gather", "on_one_clock"]
 
@@ -66,8 +67,8 @@ def gather(sources: Sequence[Path], asked: Asked, seen: Callable[[int], None] = 
             bag = read_bag(path, asked.topics)
             scans += [oriented(path, bag.scan, asked.order)] if bag.scan is not None else []
             if bag.log is not None:
-                check_samples(bag.log, path, f"{path}: message {{}} of the forces".format)
-                logs.append((path, bag.log))
+                log = replace(bag.log, notes=gap_notes(path, bag.log.wrench_sc))
+                logs.append((path, checked_samples(log, path, f"{path}: message {{}} of the forces".format)))
             notes += bag.notes
         elif kind == "log":
             log, columns = read_force_text(read_log_text(path), asked.columns)
@@ -80,7 +81,7 @@ def gather(sources: Sequence[Path], asked: Asked, seen: Callable[[int], None] = 
     if len(logs) > 1:
         raise InputError(f"{logs[1][0]}: a second force log beside {logs[0][0]}; import one recording at a time")
     scan = joined(scans)
-    notes += [*scan.notes, *_order_note(files, scan)]
+    notes += [*scan.notes, *_order_note(files, scan), *(note for _, log in logs for note in log.notes)]
     return Gathered(tuple(files), scan, logs[0][1] if logs else None, columns, len(files) == 1, tuple(notes))
 
 

@@ -2,16 +2,14 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError, InputError
-from scleraforce.recording.pixels import grey_pixels
 
-__all__ = ["MOST_BITS", "TOP", "Greys", "find_greys", "one_grey"]
+__all__ = ["MOST_BITS", "TOP", "Greys", "find_greys"]
 
 MOST_BITS = 16
 TOP = 2**MOST_BITS - 1
@@ -40,15 +38,6 @@ class Greys:
             return np.asarray(picture.astype(np.int64) - int(self.low), dtype=np.uint16)
         scaled = np.clip((picture.astype(np.float64) - self.low) * (TOP / (self.high - self.low)), 0.0, TOP)
         return np.asarray(np.nan_to_num(np.rint(scaled), nan=0.0), dtype=np.uint16)
-
-
-def one_grey(picture: NDArray[Any], path: Path) -> NDArray[Any]:
-    """Return a picture without colour.
-
-    Raises:
-        FrameError: colour of another type than whole numbers of 8 or 16 bits.
-    """
-    return grey_pixels(picture, path) if picture.ndim == 3 else picture
 
 
 def find_greys(pictures: Iterable[NDArray[Any]], told: tuple[float, float] | None, name: str) -> Greys:

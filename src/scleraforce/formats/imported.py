@@ -19,7 +19,7 @@ from scleraforce.recording.writing import RecordingWriter
 __all__ = ["folder_when_whole", "frame_files", "write_frames", "write_log", "written"]
 
 
-PLAIN_NAME = re.compile(r"[\w.+-]+", re.ASCII)  # of a frame's file, without its ending
+PLAIN_NAME = re.compile(r"\w[\w.+-]*", re.ASCII)  # of a frame's file, without its ending; no formula in a spreadsheet
 
 
 @contextmanager
@@ -49,6 +49,8 @@ def frame_files(names: Sequence[str]) -> list[str]:
 
     >>> frame_files(["scans/a.png", "scans/b.jpg"]), frame_files(["volume.nii[0]", "volume.nii[1]"])
     (['a.png', 'b.png'], ['0001.png', '0002.png'])
+    >>> frame_files(["scans/-1.png", "scans/+2.png"])
+    ['0001.png', '0002.png']
     """
     stems = [PurePath(name).stem for name in names]
     own = len(set(stems)) == len(stems) and all(PLAIN_NAME.fullmatch(stem) for stem in stems)
@@ -73,7 +75,7 @@ def write_frames(
 
 
 def write_log(folder: Path, log: ForceLog) -> None:
-    """Write forces.csv: times to the microsecond, forces and torques to 7 digits."""
+    """Write forces.csv: times to the microsecond, forces and torques to 7 digits, nan where there is no force."""
     formats = ["%.6f", *["%.7g"] * len(log.columns)]
     values_sc = np.column_stack([log.time_s, log.wrench_sc])
     header = ",".join(["time_s", *log.columns])

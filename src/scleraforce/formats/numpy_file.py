@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.formats.axes import array_scan
-from scleraforce.formats.faults import named_faults
 from scleraforce.formats.scan import Scan, UnansweredError, check_bytes
+from scleraforce.recording.faults import named_faults
 
 __all__ = ["read_numpy"]
 

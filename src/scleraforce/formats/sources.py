@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scleraforce.errors import FrameError, InputError
+from scleraforce.formats.foreign import foreign_kind
 from scleraforce.formats.scan import Scan
 from scleraforce.whole_files import FileKind, check_regular
 
@@ -15,11 +16,12 @@ SOURCE = FileKind("source", 64 * 2**30, "", FrameError)
 HEAD_BYTES = 512
 TIFF_MARKS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 MATROSKA, SQLITE, MCAP = b"\x1a\x45\xdf\xa3", b"SQLite format 3\0", b"\x89MCAP0\r\n"
-NIFTI_NAMES = (".nii", ".nii.gz", ".hdr", ".img")
-TEXT_NAMES = (".csv", ".txt", ".tsv", ".log", ".dat")
+NIFTI_NAMES = (".nii", ".nii.gz")
+TEXT_NAMES = (".csv", ".txt", ".tsv", ".log", ".dat", ".lvm")
+HEADERS = {".img": (".hdr",), ".raw": (".mhd", ".nhdr"), ".zraw": (".mhd",), ".gz": (".nhdr",)}  # of files of pixels
 KINDS = (
     "PNG, JPEG, TIFF, DICOM, NumPy (.npy, .npz), NIfTI, MetaImage (.mha, .mhd), NRRD, films (AVI, MP4, MOV, MKV), "
-    "ROS bags (.bag, .db3, .mcap), Thorlabs .oct, force logs (.csv, .txt)"
+    "ROS bags (.bag, .db3, .mcap), Thorlabs .oct, force logs (.csv, .txt, .lvm)"
 )
 
 
@@ -34,7 +36,7 @@ class SourceOrder:
 def files_of(given: Sequence[Path]) -> list[Path]:
     """Return sources with folders replaced by the files in them, in the order of the numbers in their names.
 
-    A folder with a metadata.yaml is a ROS bag and stays one.
+    A folder with a metadata.yaml is a ROS bag and stays one. Pixels that lie beside their header are read with it.
 
     Raises:
         InputError: there is no such file, or a folder is empty.
@@ -48,7 +50,17 @@ def files_of(given: Sequence[Path]) -> list[Path]:
         if not inside:
             raise InputError(f"{path}: no files in this folder")
         found += inside
-    return found
+    return [path for path in found if not any(header in found for header in _headers_of(path))]
+
+
+def _headers_of(path: Path) -> list[Path]:
+    """Return the names that the header of a file of pixels may have.
+
+    >>> [path.name for path in _headers_of(Path("a.raw.gz")) + _headers_of(Path("b.img"))]
+    ['a.nhdr', 'b.hdr']
+    """
+    base = path.with_suffix("") if path.suffixes[-2:] == [".raw", ".gz"] else path
+    return [base.with_suffix(ending) for ending in HEADERS.get(path.suffix.lower(), ())]
 
 
 def natural_order(path: Path) -> list[tuple[int, str]]:
@@ -76,6 +88,12 @@ def source_kind(path: Path) -> str:
     except OSError as fault:
         raise InputError(f"{path}: {fault.strerror}") from fault
     kind = _by_content(head) or _by_name(path.name.lower(), head)
+    if kind is None and path.suffix.lower() == ".img" and path.with_suffix(".hdr").exists():
+        return source_kind(path.with_suffix(".hdr"))
+    # A log is text, which has no byte of 0.
+    foreign = foreign_kind(path.name, head) if (kind == "log" and b"\0" in head) or (kind is None and head) else None
+    if foreign is not None:
+        raise InputError(f"{path}: {foreign}")
     if kind is None:
         raise InputError(f"{path}: {'an empty file' if not head else 'of no kind that is read'}; give {KINDS}")
     return kind
@@ -90,17 +108,17 @@ def read_scan(path: Path, kind: str, order: SourceOrder) -> Scan:
     # Each format brings its own packages, which take long to import: only that of this file is.
     match kind:
         case "picture":
-            from scleraforce.formats.pictures import read_picture
+            from scleraforce.recording.images import read_picture
 
             return oriented(path, read_picture(path), order)
         case "tiff":
-            from scleraforce.formats.tiff import read_tiff_scan
+            from scleraforce.recording.tiff_image import read_tiff
 
-            return oriented(path, read_tiff_scan(path), order)
+            return oriented(path, read_tiff(path), order)
         case "dicom":
-            from scleraforce.formats.dicom import read_dicom_scan
+            from scleraforce.recording.dicom_image import read_dicom
 
-            return oriented(path, read_dicom_scan(path), order)
+            return oriented(path, read_dicom(path), order)
         case "film":
             from scleraforce.formats.video import read_film
 
@@ -113,9 +131,13 @@ def read_scan(path: Path, kind: str, order: SourceOrder) -> Scan:
             from scleraforce.formats.numpy_file import read_numpy
 
             return read_numpy(path, order.axes, order.array)
-    from scleraforce.formats.volumes import read_metaimage, read_nifti, read_nrrd
+        case "metaimage":
+            from scleraforce.formats.metaimage import read_metaimage
 
-    return {"nifti": read_nifti, "metaimage": read_metaimage, "nrrd": read_nrrd}[kind](path, order.axes)
+            return read_metaimage(path, order.axes)
+    from scleraforce.formats.volumes import read_nifti, read_nrrd
+
+    return {"nifti": read_nifti, "nrrd": read_nrrd}[kind](path, order.axes)
 
 
 def oriented(path: Path, scan: Scan, order: SourceOrder) -> Scan:
@@ -138,8 +160,8 @@ def _shown(path: Path) -> bool:
 def _by_content(head: bytes) -> str | None:
     marks = {
         "picture": head.startswith((b"\x89PNG", b"\xff\xd8\xff")),
+        "dicom": head[128:132] == b"DICM",  # before TIFF: its preamble may be the head of one
         "tiff": head.startswith(TIFF_MARKS),
-        "dicom": head[128:132] == b"DICM",
         "numpy": head.startswith(b"\x93NUMPY"),
         "nrrd": head.startswith(b"NRRD"),
         "bag": head.startswith((b"#ROSBAG", SQLITE, MCAP)),

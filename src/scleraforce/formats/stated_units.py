@@ -2,20 +2,18 @@
 
 import re
 
+from scleraforce.recording.scan import SECONDS
 from scleraforce.units import STANDARD_GRAVITY_M_S2, to_si
 
-__all__ = ["FORCE", "SECONDS", "TIME", "TORQUE", "quantity_of", "unit_factor"]
+__all__ = ["FORCE", "SECONDS", "TIME", "TORQUE", "is_unit", "quantity_of", "unit_factor"]
 
 TIME, FORCE, TORQUE = "time", "force", "torque"
 INCH_M = 0.0254
 POUND_N = 0.45359237 * STANDARD_GRAVITY_M_S2
 
-SECONDS = {
-    "s": 1.0, "sec": 1.0, "seconds": 1.0, "min": 60.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "µs": 1e-6, "usec": 1e-6,
-    "ns": 1e-9,
-}  # fmt: skip
 NEWTONS = {
-    "n": 1.0, "newton": 1.0, "mn": to_si(1.0, "mn"), "un": 1e-6, "µn": 1e-6, "kn": 1e3,
+    "n": 1.0, "newton": 1.0, "newtons": 1.0, "mn": to_si(1.0, "mn"), "millinewton": to_si(1.0, "mn"),
+    "millinewtons": to_si(1.0, "mn"), "un": 1e-6, "µn": 1e-6, "kn": 1e3,
     "g": to_si(STANDARD_GRAVITY_M_S2, "mn"), "gf": to_si(STANDARD_GRAVITY_M_S2, "mn"), "kgf": STANDARD_GRAVITY_M_S2,
     "lbf": POUND_N, "lb": POUND_N,
 }  # fmt: skip
@@ -25,6 +23,7 @@ NEWTON_METRES = {
 }  # fmt: skip
 UNITS = {TIME: SECONDS, FORCE: NEWTONS, TORQUE: NEWTON_METRES}
 RATE = re.compile(r"([\d.]+)\s*hz", re.IGNORECASE)
+PER_UNIT = re.compile(r"(\d+\.?\d*(?:[eE][+-]?\d+)?)\s*/\s*(.+)")
 
 
 def quantity_of(column: str) -> str:
@@ -39,12 +38,28 @@ def quantity_of(column: str) -> str:
 def unit_factor(unit: str, quantity: str) -> float | None:
     """Return how many of SI a unit is, None where it is none of the quantity.
 
-    Counters of samples have a unit of time as well: their rate.
+    Counters of samples have a unit of time as well: their rate. Counts and volts have how many of them are one unit.
+    "MN" is none: nobody can say whether it means mN.
 
-    >>> unit_factor("mN", FORCE), unit_factor("mN", TORQUE), unit_factor("500 Hz", TIME)
-    (0.001, None, 0.002)
+    >>> unit_factor("mN", FORCE), unit_factor("mN", TORQUE), unit_factor("500 Hz", TIME), unit_factor("1000/mN", FORCE)
+    (0.001, None, 0.002, 1e-06)
     """
+    per_unit = PER_UNIT.fullmatch(unit.strip())
+    if per_unit and quantity != TIME and float(per_unit[1]) > 0.0:
+        whole = unit_factor(per_unit[2], quantity)
+        return None if whole is None else whole / float(per_unit[1])
     rate = RATE.fullmatch(unit.strip())
     if rate and quantity == TIME and float(rate[1]) > 0.0:
         return 1.0 / float(rate[1])
-    return UNITS[quantity].get(unit.strip().lower())
+    if unit.strip() == "MN":
+        return None
+    return UNITS[quantity].get(unit.strip().lower().replace("\N{GREEK SMALL LETTER MU}", "µ"))
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a text is a unit of time, force or torque.
+
+    >>> is_unit("mN"), is_unit("Fz")
+    (True, False)
+    """
+    return any(unit_factor(text, quantity) is not None for quantity in UNITS)

@@ -1,34 +1,44 @@
-"""Volumes of frames as NIfTI, MetaImage (MHA, MHD) and NRRD have them, with their spacing and its unit.
+"""Volumes of frames as NIfTI and NRRD have them, with their spacing and its unit.
 
 Axes are named in the order of the file, the fastest first. A spacing of exactly 1 along every axis is what programs
 write where they know none, and counts as none.
 """
 
 import re
-import zlib
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.formats.axes import AXES, array_scan
 from scleraforce.formats.extra import package_for
-from scleraforce.formats.faults import named_faults
-from scleraforce.formats.scan import LARGEST_BYTES, Scan, Times, check_bytes, even_times, rising
+from scleraforce.formats.scan import Scan, Times, check_bytes, even_times, rising
 from scleraforce.formats.stated_units import SECONDS
+from scleraforce.formats.volume_files import (
+    SAME,
+    Axes,
+    check_orientation,
+    data_file,
+    listed,
+    plus_sequence,
+    stated_steps,
+    unpacked,
+)
+from scleraforce.recording.faults import named_faults
 from scleraforce.recording.scaled_frame import Sourced
 from scleraforce.recording.tiff_image import METRES
 
-__all__ = ["read_metaimage", "read_nifti", "read_nrrd"]
+__all__ = ["read_nifti", "read_nrrd"]
 
-Axes = tuple[str, ...] | None
-
-HEADER_BYTES = 2**16
-SAMPLE_BYTES = 8  # of the widest type of NRRD and MetaImage
-GZIP_OR_ZLIB = zlib.MAX_WBITS | 32
+SAMPLE_BYTES = 8  # of the widest type of NRRD
+NIFTI_UNITS = {0: "", 1: "m", 2: "mm", 3: "micron"}
+NRRD_AXES = ("", "???", "none", "domain", "space", "time", "list", "point", "stub")  # kinds that are no components
+NRRD_IN_MM = re.compile(r"(left|right|scanner|[LR]A[SI]\b|[LR]P[SI]\b)", re.IGNORECASE)
+PACKED = ("gzip", "gz", "bzip2", "bz2")
 
 
 def read_nifti(path: Path, axes: Axes) -> Scan:
@@ -36,44 +46,77 @@ def read_nifti(path: Path, axes: Axes) -> Scan:
 
     Raises:
         UnansweredError: axes are open.
-        FrameError: it cannot be read.
+        FrameError: it cannot be read, or contradicts itself.
     """
     nibabel = package_for(path, "nibabel", "NIfTI")
     with named_faults(path, "NIfTI"):
         image = nibabel.load(path)
         header = image.header
-        check_bytes(path, int(np.prod(header.get_data_shape(), dtype=np.int64)) * header.get_data_dtype().itemsize)
+        shape = header.get_data_shape()
+        size = int(np.prod(shape, dtype=np.int64)) * header.get_data_dtype().itemsize
+        check_bytes(path, size)
+        _check_nifti_end(path, image, size)
         unscaled = (image.dataobj.slope, image.dataobj.inter) == (1.0, 0.0)
         array = np.asarray(image.dataobj.get_unscaled() if unscaled else image.dataobj)
-        unit, unit_of_time = header.get_xyzt_units()
-        steps = [float(step) for step in header.get_zooms()]
-        scan = array_scan(path, array, axes, _stated(steps, METRES.get(unit), "NIfTI's pixdim"))
-        if len(steps) < 4 or axes is None or axes[-1] != "frame" or array.shape[3] != len(scan.names):
+        steps, notes = _nifti_steps(path, header, shape)
+        scan = array_scan(path, array, axes, steps)
+        if not unscaled:
+            notes.append(f"{path}: pixels were scaled by scl_slope {image.dataobj.slope:g}, {image.dataobj.inter:g}")
+        scan = replace(scan, notes=(*scan.notes, *notes))
+        if len(shape) < 4 or axes is None or axes[-1] != "frame" or array.shape[3] != len(scan.names):
             return scan
-        step_s = steps[3] * SECONDS.get(unit_of_time, 0.0)
-        return replace(scan, times=even_times(len(scan.names), step_s, "NIfTI's pixdim"))
+        unit_s = SECONDS.get(header.get_xyzt_units()[1], 0.0)
+        times = even_times(len(scan.names), float(header.get_zooms()[3]) * unit_s, "NIfTI's pixdim")
+        start_s = float(header["toffset"]) * unit_s
+        return replace(scan, times=times and replace(times, time_s=times.time_s + start_s))
 
 
-def read_metaimage(path: Path, axes: Axes) -> Scan:
-    """Return a MetaImage's frames; its spacing is in mm.
+def _check_nifti_end(path: Path, image: Any, size: int) -> None:
+    """Check that no further slice is behind the last one that the header states.
 
     Raises:
-        UnansweredError: axes are open.
-        FrameError: it cannot be read.
+        FrameError: there is one.
     """
-    metaimageio = package_for(path, "metaimageio", "MetaImage")
-    with named_faults(path, "MetaImage"):
-        stated = _metaimage_header(path)
-        size = [int(length) for length in stated["DimSize"].split()]
-        count = int(np.prod(size, dtype=np.int64)) * SAMPLE_BYTES
-        check_bytes(path, count)
-        data = _data_file(path, stated["ElementDataFile"].removesuffix("LOCAL"))
-        if stated.get("CompressedData", "").upper() == "TRUE":
-            _check_packed(data, b"LOCAL" if data == path else b"", count)
-        array, header = metaimageio.read(path)
-        steps = header["ElementSpacing"]
-        spacing = _stated(steps.tolist(), METRES["mm"], "ElementSpacing") if steps is not None else ()
-        return array_scan(path, array.T, axes, spacing)
+    file_map = image.file_map["image"]
+    plane = max(1, size // max(1, int(np.prod(image.shape[2:], dtype=np.int64))))
+    with file_map.get_prepare_fileobj("rb") as file:
+        file.seek(image.dataobj.offset + size)
+        more = len(file.read(plane))
+    if more >= plane:
+        raise FrameError(
+            f"{file_map.filename or path}: dim states {' x '.join(map(str, image.shape))} pixels, and more follow; "
+            "correct dim, or write the file again"
+        )
+
+
+def _nifti_steps(path: Path, header: Any, shape: tuple[int, ...]) -> tuple[tuple[Sourced | None, ...], list[str]]:
+    """Return the spacing of each axis as pixdim and sform state it, and notes.
+
+    Raises:
+        FrameError: both state one, and another; or the unit is none of NIfTI's.
+    """
+    code = int(header["xyzt_units"]) & 7
+    if code not in NIFTI_UNITS:
+        raise FrameError(f"{path}: xyzt_units: {code} is no unit of length in NIfTI; correct it (1 m, 2 mm, 3 micron)")
+    unit_m = METRES.get(NIFTI_UNITS[code])
+    pixdim = [float(step) for step in header.get_zooms()]
+    affine, sform_code = header.get_sform(coded=True)
+    pixdim_steps = stated_steps(pixdim, [unit_m] * len(pixdim), "NIfTI's pixdim")
+    if affine is None or not sform_code:
+        return pixdim_steps, []
+    sform = np.linalg.norm(affine[:3, :3], axis=0).tolist()[: len(pixdim)]
+    sform_steps = stated_steps(sform, [unit_m] * len(sform), "NIfTI's sform")
+    both = f"pixdim states a spacing of {listed(pixdim[:3])} and sform (code {sform_code}) of {listed(sform)}"
+    if not any(sform_steps):
+        others = (
+            [f"{path}: {both}, as programs write where they know none; pixdim is taken"] if any(pixdim_steps) else []
+        )
+        return pixdim_steps, others
+    if not any(pixdim_steps):
+        return (*sform_steps, *pixdim_steps[3:]), [f"{path}: {both}; sform is taken"]
+    if any(abs(a - b) > SAME * b for a, b, size in zip(pixdim, sform, shape, strict=False) if size > 1):
+        raise FrameError(f"{path}: {both}; correct one of them")
+    return pixdim_steps, []
 
 
 def read_nrrd(path: Path, axes: Axes) -> Scan:
@@ -81,48 +124,50 @@ def read_nrrd(path: Path, axes: Axes) -> Scan:
 
     Raises:
         UnansweredError: axes are open.
-        FrameError: it cannot be read.
+        FrameError: it cannot be read, or contradicts itself.
     """
     nrrd = package_for(path, "nrrd", "NRRD")
     with named_faults(path, "NRRD"):
-        header = nrrd.read_header(str(path))
+        with path.open("rb") as file:
+            header = nrrd.read_header(file)
+            start = file.tell()
+        _check_nrrd(path, header)
         count = int(np.prod(header["sizes"], dtype=np.int64)) * SAMPLE_BYTES
         check_bytes(path, count)
-        data = _data_file(path, str(header.get("data file", header.get("datafile", ""))))
-        if header["encoding"] in ("gzip", "gz"):
-            _check_packed(data, b"\n\n" if data == path else b"", count)
+        data = data_file(path, str(header.get("data file", header.get("datafile", ""))))
+        if header["encoding"].lower() in ("gzip", "gz"):
+            unpacked(data, data.read_bytes()[start if data == path else 0 :], count)
         array, _ = nrrd.read(str(path), index_order="F")
-        steps, unit = _nrrd_steps(header, array.ndim)
         named = axes or _nrrd_axes(header, array.shape)
-        scan = array_scan(path, array, named, _stated(steps, METRES.get(unit), "NRRD's spacing"))
-        return replace(scan, times=_nrrd_times(header, len(scan.names)))
+        check_orientation(path, str(header.get("UltrasoundImageOrientation", "")), named)
+        scan = array_scan(path, array, named, _nrrd_steps(path, header, array.ndim))
+        times = _nrrd_times(header, len(scan.names))
+        return plus_sequence(path, replace(scan, times=times), {name: str(value) for name, value in header.items()})
 
 
-def _stated(steps: Sequence[float], unit_m: float | None, source: str) -> tuple[Sourced | None, ...]:
-    """Return the step along each axis, None where it is not known."""
-    if unit_m is None or all(step in (0.0, 1.0) or not np.isfinite(step) for step in steps[:3]):
-        return tuple(None for _ in steps)
-    return tuple(Sourced(step * unit_m, source) if np.isfinite(step) and step > 0.0 else None for step in steps)
-
-
-def _metaimage_header(path: Path) -> dict[str, str]:
-    with path.open("rb") as file:
-        before, key, after = file.read(HEADER_BYTES).partition(b"ElementDataFile")
-    text = (before + key + after.partition(b"\n")[0]).decode("ascii", "replace")
-    return dict(re.findall(r"^\s*(\w+)\s*=\s*(.*?)\s*$", text, flags=re.MULTILINE))
-
-
-def _data_file(path: Path, named: str) -> Path:
-    """Return the file that holds the pixels of a header: its own where it names none, else one beside it.
+def _check_nrrd(path: Path, header: Any) -> None:
+    """Refuse by name what is not read.
 
     Raises:
-        FrameError: it names one elsewhere.
+        FrameError: the file uses it.
     """
-    if not named:
-        return path
-    if PurePath(named).name != named:
-        raise FrameError(f"{path}: its pixels are said to be in {named!r}; import it where they lie beside it")
-    return path.with_name(named)
+    if header["type"] == "block":
+        raise FrameError(f"{path}: type: block; give whole numbers or floats")
+    for axis, (kind, size) in enumerate(zip(header.get("kinds", []), header["sizes"], strict=False)):
+        if size > 1 and kind.lower() not in NRRD_AXES:
+            raise FrameError(f"{path}: kinds: axis {axis + 1} of {size} is {kind!r}; give grey frames, of one channel")
+    place = str(header.get("data file", header.get("datafile", "")))
+    if place.startswith("LIST") or "%" in place:
+        raise FrameError(
+            f"{path}: data file: {place}: pixels in several files; save it as one .nrrd (unu save, 3D Slicer)"
+        )
+    for field in ("byte skip", "line skip"):
+        skipped = header.get(field, header.get(field.replace(" ", ""), 0))
+        if skipped and header["encoding"].lower() in PACKED:
+            raise FrameError(
+                f"{path}: {field}: {skipped} beside encoding: {header['encoding']}; save it as one .nrrd (unu save, "
+                "3D Slicer)"
+            )
 
 
 def _nrrd_axes(header: Any, shape: tuple[int, ...]) -> Axes:
@@ -145,28 +190,64 @@ def _nrrd_times(header: Any, count: int) -> Times | None:
     return None
 
 
-def _nrrd_steps(header: Any, count: int) -> tuple[list[float], str]:
-    """Return the spacing of each axis (NaN: none) and its unit; in an anatomical space that is mm."""
-    if "space directions" in header:
-        steps = [float(np.linalg.norm(direction)) for direction in header["space directions"]]
-        units = header.get("space units") or ["mm"]
-        return steps, str(units[0])
-    spacings = header.get("spacings", [np.nan] * count)
-    units = [unit for unit in header.get("units", []) if unit in METRES]
-    return [float(spacing) for spacing in spacings], units[0] if units else ""
-
-
-def _check_packed(path: Path, mark: bytes, most: int) -> None:
-    """Check that the zlib or gzip stream behind a mark in a file gives no more bytes than its header says.
+def _nrrd_steps(path: Path, header: Any, count: int) -> tuple[Sourced | None, ...]:
+    """Return the spacing of each axis, by space directions or else by spacings, each in its own unit.
 
     Raises:
-        FrameError: it gives more.
+        FrameError: both are stated, and differ.
     """
-    data = path.read_bytes()
-    unpacked, rest = 0, data[data.find(mark) + len(mark) :].lstrip(b"\r\n")
-    stream = zlib.decompressobj(GZIP_OR_ZLIB)
-    while rest and not stream.eof and unpacked <= min(most, LARGEST_BYTES):
-        unpacked += len(stream.decompress(rest, 2**24))
-        rest = stream.unconsumed_tail
-    if unpacked > most:
-        raise FrameError(f"{path}: damaged: more is packed in it than its header says")
+    units = [str(unit) for unit in header.get("units", [""] * count)]
+    spacings = [float(spacing) for spacing in header.get("spacings", [np.nan] * count)]
+    _check_ends(path, header, spacings)
+    if "space directions" not in header:
+        return stated_steps(spacings, [METRES.get(unit) for unit in units], "NRRD's spacings")
+    directions = np.array(header["space directions"], dtype=np.float64)
+    lengths = np.linalg.norm(directions, axis=1).tolist()
+    in_space = _space_units(path, header, directions)
+    for axis, (spacing, length) in enumerate(zip(spacings, lengths, strict=True), start=1):
+        if np.isfinite(spacing) and np.isfinite(length) and abs(spacing - length) > SAME * length:
+            raise FrameError(
+                f"{path}: axis {axis}: spacings states {spacing:g}, and space directions {length:g}; correct one"
+            )
+        if units[axis - 1] in METRES and np.isfinite(length) and METRES[units[axis - 1]] != in_space[axis - 1]:
+            raise FrameError(
+                f"{path}: axis {axis}: units states {units[axis - 1]!r}, and space units "
+                f"{header.get('space units', 'nothing')}; correct one of them"
+            )
+    return stated_steps(lengths, in_space, "NRRD's space directions")
+
+
+def _check_ends(path: Path, header: Any, spacings: Sequence[float]) -> None:
+    """Check that spacings are those between the first and the last sample, or between the edges of both.
+
+    Raises:
+        FrameError: one is not.
+    """
+    ends = [
+        header.get(f"axis {name}", header.get(f"axis{name}", [np.nan] * len(spacings))) for name in ("mins", "maxs")
+    ]
+    for axis, (step, size, low, high) in enumerate(zip(spacings, header["sizes"], *ends, strict=True), start=1):
+        fits = any(abs(abs(high - low) - step * steps) <= SAME * step * steps for steps in (size, size - 1))
+        if np.isfinite([step, low, high]).all() and not fits:
+            raise FrameError(
+                f"{path}: axis {axis}: spacings states {step:g}, and {size} samples from axis mins {low:g} to maxs "
+                f"{high:g} have another; correct one of them"
+            )
+
+
+def _space_units(path: Path, header: Any, directions: NDArray[np.float64]) -> list[float | None]:
+    """Return the unit of each axis, in m; of an anatomical space it is mm, as NRRD's programs take it.
+
+    Raises:
+        FrameError: an axis runs along directions of several units.
+    """
+    sides = directions.shape[1]
+    anatomical = NRRD_IN_MM.match(str(header.get("space", "")))
+    names = [str(unit) for unit in header.get("space units") or ["mm" if anatomical else ""] * sides]
+    found: list[float | None] = []
+    for axis, direction in enumerate(directions, start=1):
+        along = {METRES.get(name) for name, part in zip(names, direction, strict=True) if part}
+        if len(along) > 1 and np.isfinite(direction).all():
+            raise FrameError(f"{path}: axis {axis} runs along directions of several space units, {' '.join(names)}")
+        found.append(next(iter(along), None))
+    return found

@@ -19,6 +19,7 @@ from scleraforce.study import Study
 __all__ = ["calibrate", "evaluate"]
 
 MECHANICS = ("finite-strain", "linear")
+LEAST_WALL_M, LARGEST_WALL_M = 100e-6, 3e-3  # as in a recording.toml
 PARAMETERS = ("e", "stiffening", "iop", "thickness", "gap")
 
 
@@ -31,6 +32,7 @@ def calibrate(
     mechanics: str = "finite-strain",
     earlier: Calibration | None = None,
     wall_finder: str | PathLike[str] | None = SHIPPED_WALL_FINDER,
+    thickness_m: float | None = None,
     out: str | PathLike[str] | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> Calibration:
@@ -45,6 +47,7 @@ def calibrate(
         mechanics: "finite-strain" (from the library), or the paper's "linear".
         earlier: to go on from.
         wall_finder: model folder that checks the walls, by default the one that ships; None: nothing does.
+        thickness_m: of the wall; None: the recordings'. All of them are of one eye then.
         out: a file to write as well, for the commands; it must not exist.
         progress: called with 1 after each frame.
 
@@ -67,6 +70,8 @@ def calibrate(
         raise InputError(f"parameters: {parameters!r}; give a list of 'e' and of {others} what else")
     if frames is not None and frames < 1:
         raise InputError(f"frames: {frames}; give at least 1")
+    if thickness_m is not None and not LEAST_WALL_M <= thickness_m <= LARGEST_WALL_M:
+        raise InputError(f"thickness_m: {thickness_m:g}; give between {LEAST_WALL_M:g} and {LARGEST_WALL_M:g} m")
     if out is not None and Path(out).exists():
         raise InputError(f"{out}: exists already; remove it or choose another name")
     found = calibrate_eyes(
@@ -78,6 +83,7 @@ def calibrate(
         frames=frames,
         earlier=earlier,
         wall_finder=wall_finder,
+        thickness_m=thickness_m,
     )
     if out is not None:
         write_calibration(calibration_as_json(found), Path(out))

@@ -39,12 +39,13 @@ Frame = str | PathLike[str] | Pixels
 
 @dataclass(frozen=True, eq=False)
 class _Scaled:
-    """Pixels with their scale; `place` names them in messages, `info` is what their recording states."""
+    """Pixels with their scale; `place` names them in messages, `info` is their recording's, `notes` their file's."""
 
     pixels: Pixels
     scale: PixelScale
     place: str
     info: RecordingInfo | None = None
+    notes: tuple[str, ...] = ()
 
 
 def segment(
@@ -184,7 +185,7 @@ def read(
         globe=_told_globe(globe, rigidity_pa13_per_m3),
     )
     known = completed(told, Known() if seen.info is None else known_of_recording(seen.info))
-    warnings: list[str] = []
+    warnings = list(seen.notes)
     if calibration is not None:
         if modulus is not None:
             raise InputError("youngs_modulus_pa: a calibration is given, too; leave one of the two out")
@@ -195,7 +196,7 @@ def read(
     elif eye is not None:
         raise InputError(f"eye: {eye!r} names an eye of a calibration; give the calibration, too")
     if seen.info is not None:
-        warnings += (f"{seen.place}: {limit}" for limit in model.limits(known, seen.info.oct))
+        warnings += (f"{seen.place}: {limit}" for limit in model.limits(known, seen.info.oct, seen.info.needle.gauge))
     try:
         answer = model.read(seen.pixels, seen.scale, known)
     except ValueError as fault:
@@ -216,7 +217,7 @@ def _scaled(frame: Frame, told: Scanner, assumed: Scanner, source: str) -> _Scal
         path = Path(frame)
         found = read_scaled_frame(path, told, (assumed, source))
         place = str(recording_of(path) or path)
-        return _Scaled(found.pixels, found.scale, place, found.info)
+        return _Scaled(found.pixels, found.scale, place, found.info, found.notes)
     pixels: Any = np.asarray(frame)  # its type is checked where it is read
     if pixels.ndim != 2:
         raise FrameError(f"frame: an array of shape {pixels.shape}; give one frame, rows x columns")

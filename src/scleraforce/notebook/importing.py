@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from itertools import islice
 from math import degrees
 from os import PathLike
 from pathlib import Path
@@ -21,15 +22,22 @@ from scleraforce.formats.importing.complete import Complete, complete
 from scleraforce.formats.importing.provenance import record_text
 from scleraforce.formats.importing.questions import NOBODY, Asker
 from scleraforce.formats.importing.told import OPTION, ImportAnswers
-from scleraforce.formats.scan import UnansweredError
+from scleraforce.formats.scan import Scan, UnansweredError
 from scleraforce.formats.sources import files_of
+from scleraforce.models.shipped import SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.notebook.work import Counting, counting_for
+from scleraforce.reader.limits import limit_notes
+from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.info import OctInfo
+from scleraforce.recording.pixels import PixelScale
+from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.units import from_si
 
 __all__ = ["PREVIEW", "Imported", "import_recording", "write_imported"]
 
 PREVIEW = "preview.png"
+LOOKED_AT = 5  # frames, from the first: of an eye that the needle does not dent yet, as a rule
 # Arguments that are not called as their options are.
 SI_NAMES = {
     "width_mm": "width_m", "depth_mm": "depth_m", "thickness_um": "thickness_m", "iop_mmhg": "iop_pa",
@@ -162,6 +170,7 @@ def write_imported(
     origins: Mapping[str, str],
     counting: Counting,
     asker: Asker,
+    model: Path = SHIPPED_READER,
 ) -> Imported:
     """Write a recording folder, whole or not at all: counts "sources", "grey levels" and "frames".
 
@@ -172,6 +181,7 @@ def write_imported(
         origins: who told it, by the names of the answers.
         counting: how the work is counted.
         asker: who is asked for what is open.
+        model: the folder or name of the one whose limits are noted.
 
     Raises:
         InputError: as of `import_recording`, with the names of options.
@@ -181,7 +191,8 @@ def write_imported(
         scan = gathered.scan
         with counting("grey levels", len(scan.names)) as advance:
             greys = find_greys(_counted(scan.pictures(), advance), answers.grey_range, scan.names[0])
-        done = complete(gathered, greys, answers, origins, asker)
+        done = complete(gathered, greys, answers, origins, asker, lambda oct_info: _wall_um(scan, greys, oct_info))
+        done = done.with_notes(limit_notes(model, done.info))
         with counting("frames", len(scan.names)) as advance:
             counts = (greys.counts(picture) for picture in _counted(scan.pictures(), advance))
             named = zip(frame_files(scan.names), done.times.time_s.tolist(), counts, strict=True)
@@ -196,13 +207,28 @@ def write_imported(
 def _gathered(
     sources: Sequence[Path], answers: ImportAnswers, counting: Counting, asker: Asker
 ) -> tuple[Gathered, ImportAnswers]:
-    """Read the sources, asking until they leave nothing open."""
+    """Read the sources, asking until they leave nothing open; an answer that they contradict is asked for again."""
+    last: tuple[ImportAnswers, UnansweredError] | None = None
     while True:
         try:
             with counting("sources", len(files_of(sources))) as seen:
                 return gather(sources, answers.asked(), seen), answers
         except UnansweredError as open_point:
-            answers = asker.settle(answers, open_point)
+            last = answers, open_point
+        except InputError as fault:
+            if last is None:
+                raise
+            asker.again(fault)
+        answers = asker.settle(*last)
+
+
+def _wall_um(scan: Scan, greys: Greys, oct_info: OctInfo) -> float | None:
+    """Return the median thickness of the wall in the first frames, um; None where none of them shows it."""
+    finder, scale = load_wall_finder(SHIPPED_WALL_FINDER), PixelScale.of(oct_info)
+    found = [find_checked_wall(greys.counts(picture), scale, finder) for picture in islice(scan.pictures(), LOOKED_AT)]
+    thickness_m = [wall.thickness_m for wall in found if wall.usable and wall.thickness_m is not None]
+    seen_m = [value for value in thickness_m if np.isfinite(value)]
+    return round(from_si(float(np.median(seen_m)), "um")) if seen_m else None
 
 
 def _counted(pictures: Iterator[NDArray[Any]], advance: Callable[[int], None]) -> Iterator[NDArray[np.generic]]:

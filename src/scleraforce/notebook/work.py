@@ -6,6 +6,7 @@ Each function imports the rooms that it needs: they take seconds, PyTorch most o
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -111,15 +112,20 @@ def calibrate_eyes(
     frames: int | None,
     earlier: "Calibration | None",
     wall_finder: str | PathLike[str] | None,
+    thickness_m: float | None = None,
+    note: Callable[[str], object] = lambda _: None,
 ) -> "Calibration":
     """Calibrate every eye on its recordings: counts "library", where finite strain needs one, and "frames".
 
-    The arguments are those of `sf.calibrate`, checked.
+    The arguments are those of `sf.calibrate`, checked. `note` is called, before the work begins, with a sentence for
+    each quantity of a recording that a reader of the study would not read.
 
     Raises:
         InputError: a recording cannot be calibrated on, or the study has keys that this mechanics does not use.
     """
     from scleraforce.calibration.calibrate import STIFFENING, calibrate_recordings, calibration_passes
+    from scleraforce.known.eye import known_of_recording
+    from scleraforce.reader.limits import slice_limits, wall_limits
     from scleraforce.reader.wall_finder_model import load_wall_finder
 
     refuse_unused(study, "calibrate", mechanics)
@@ -129,12 +135,31 @@ def calibrate_eyes(
             "study: tissue.stiffening: is sought in the frames; leave it out, or seek e alone (parameters e)"
         )
     use_compiled_loops()
-    each = opened(recordings)
+    each = _with_thickness(opened(recordings), thickness_m)
+    limits = slice_limits if mechanics == "linear" else wall_limits
+    for recording in each:
+        info = recording.info
+        if info.eye.thickness_m is None:
+            place = recording.path / "recording.toml"
+            raise InputError(f"{place}: eye.thickness_m: missing; state the wall's thickness there, or --thickness-um")
+        for sentence in limits(study, known_of_recording(info), info.oct, info.needle.gauge):
+            note(f"{recording.path}: {sentence}")
     finder = None if wall_finder is None else load_wall_finder(wall_finder)
     library = library_for(study, mechanics, counting)
     passes = calibration_passes(library, sought)
     with counting("frames", passes * sum(len(recording.frames) for recording in each)) as advance:
         return calibrate_recordings(each, study, study_hash(study), library, sought, frames, earlier, advance, finder)
+
+
+def _with_thickness(recordings: list[Recording], thickness_m: float | None) -> list[Recording]:
+    """Return recordings of one eye that state a thickness in place of their own; None: their own."""
+    if thickness_m is None:
+        return recordings
+    eyes = {recording.info.eye.id for recording in recordings}
+    if len(eyes) > 1:
+        raise InputError(f"--thickness-um: is one eye's, and the recordings are of {', '.join(sorted(eyes))}")
+    return [replace(one, info=replace(one.info, eye=replace(one.info.eye, thickness_m=thickness_m)))
+            for one in recordings]  # fmt: skip
 
 
 def recalibrate_intervals(
@@ -145,6 +170,7 @@ def recalibrate_intervals(
     *,
     frames: int,
     wall_finder: str | PathLike[str] | None,
+    note: Callable[[str], object] = lambda _: None,
 ) -> "tuple[Stretch, ...]":
     """Write a reader whose intervals hold on recordings: counts "calibration" and "reading".
 
@@ -158,6 +184,7 @@ def recalibrate_intervals(
         counting: how the work is counted.
         frames: of each recording that calibrate its eye.
         wall_finder: model that checks the walls; None: nothing does.
+        note: called at the start with a sentence for each quantity of a recording that the model does not read.
 
     Returns:
         How the readings of each method with each kind of modulus did, and by how much they are stretched.
@@ -166,6 +193,7 @@ def recalibrate_intervals(
         InputError: the model is no reader, a recording cannot be calibrated on, or leaves no frame to read.
     """
     from scleraforce.calibration.calibrate import calibrate_recordings, calibration_passes
+    from scleraforce.known.eye import known_of_recording
     from scleraforce.models.folder import CARD_FILE, COMMON_FILES, NETWORK_FILE, STUDY_FILE, read_folder
     from scleraforce.models.writing import check_place, write_folder
     from scleraforce.notebook.frames import summary_of_calibration
@@ -177,6 +205,10 @@ def recalibrate_intervals(
     use_compiled_loops()
     reader, folder, each = load_force_reader(model, finder=wall_finder), read_folder(Path(model)), opened(recordings)
     study, count = reader.study, sum(len(recording.frames) for recording in each)
+    for recording in each:
+        info = recording.info
+        for sentence in reader.limits(known_of_recording(info), info.oct, info.needle.gauge):
+            note(f"{recording.path}: {sentence}")
     finder = None if wall_finder is None else load_wall_finder(wall_finder)
     with counting("calibration", count * calibration_passes(reader.library, None)) as advance:
         calibration = calibrate_recordings(

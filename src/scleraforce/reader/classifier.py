@@ -90,9 +90,9 @@ class Classifier:
     def refusal(self, known: Known) -> None:
         """Return None: it reads every eye as the one that it was trained for."""
 
-    def limits(self, known: Known, scan: OctInfo) -> tuple[str, ...]:
+    def limits(self, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
         """Return where an eye and its B-scans lie outside the training; see `Reader.limits`."""
-        return slice_limits(self.study, known, scan)
+        return slice_limits(self.study, known, scan, gauge)
 
     def probabilities(self, slices: NDArray[np.uint8]) -> NDArray[np.float64]:
         """Return the probability of each force class.

@@ -15,7 +15,8 @@ from scleraforce.reader.evaluation import Evaluation, FrameAnswer
 from scleraforce.reader.reader import Reader
 from scleraforce.recording.agreement import log_doubts
 from scleraforce.recording.files import Recording, frame_digest, read_recording
-from scleraforce.recording.labels import label_frames
+from scleraforce.recording.info import RecordingInfo
+from scleraforce.recording.labels import Trial, label_frames, label_notes
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.units import from_si
 
@@ -51,11 +52,13 @@ def evaluate_recordings(
     recordings = [read_recording(path) for path in folders]
     frames: list[FrameAnswer] = []
     notes = list(_notes(reader, folders, recordings, calibration))
-    for path, recording in zip(folders, recordings, strict=True):
-        answers = tuple(_answers(reader, str(path), recording, calibration, progress))
-        notes += (f"{path}: {doubt}" for doubt in _doubts(reader, recording, answers))
-        frames += answers
     study = reader.study
+    for path, recording in zip(folders, recordings, strict=True):
+        trials = label_frames(recording, study.classes, study.needle.max_force_n)
+        answers = tuple(_answers(reader, str(path), recording, trials, calibration, progress))
+        doubts = (*label_notes(recording, trials), *_doubts(reader, recording, answers))
+        notes += (f"{path}: {doubt}" for doubt in doubts)
+        frames += answers
     return Evaluation(
         model=model_name(reader.path),
         bounds_n=study.classes.bounds_n,
@@ -105,15 +108,16 @@ def _notes(
             f"{from_si(reader.fixed_modulus_pa, 'mpa'):.3g} MPa; {summary.path} only marks frames"
         )
     for path, recording in zip(paths, recordings, strict=True):
-        yield from _limits(reader, path, recording)
+        yield from _limits(reader, path, recording, summary)
         foreign = _foreign(reader, recording, summary)
         if foreign:
             yield f"{path}: {foreign}"
 
 
-def _limits(reader: Reader, path: Path, recording: Recording) -> Iterator[str]:
+def _limits(reader: Reader, path: Path, recording: Recording, summary: CalibrationSummary | None) -> Iterator[str]:
     """Say what of a recording the model's training did not cover, and where its frames cannot be scored."""
-    for sentence in reader.limits(known_of_recording(recording.info), recording.info.oct):
+    info = recording.info
+    for sentence in reader.limits(_known(info, summary), info.oct, info.needle.gauge):
         yield f"{path}: {sentence}"
     if recording.forces is None:
         yield f"{path}: no forces.csv: its frames are read, but not scored"
@@ -130,19 +134,17 @@ def _answers(
     reader: Reader,
     given: str,
     recording: Recording,
+    trials: Sequence[Trial],
     summary: CalibrationSummary | None,
     progress: Callable[[int], object] | None,
 ) -> Iterator[FrameAnswer]:
     """Answer each frame of a recording, in its order."""
-    study, eye = reader.study, recording.info.eye.id
+    eye = recording.info.eye.id
     scale = PixelScale.of(recording.info.oct)
-    known = known_of_recording(recording.info)
-    if summary is not None:
-        known = known_of_eye(known, summary, eye)
+    known = _known(recording.info, summary)
     modulus_pa, source = _modulus(reader, known)
     digests = frozenset[str]() if summary is None else summary.digests
     doubts = FOREIGN if _foreign(reader, recording, summary) else ()
-    trials = label_frames(recording, study.classes, study.needle.max_force_n)
     for entry, trial in zip(recording.frames, trials, strict=True):
         pixels = recording.frame(entry)
         answer = reader.read(pixels, scale, known)
@@ -160,6 +162,12 @@ def _answers(
         )
         if progress:
             progress(1)
+
+
+def _known(info: RecordingInfo, summary: CalibrationSummary | None) -> Known:
+    """Return what a recording and a calibration say of its eye."""
+    known = known_of_recording(info)
+    return known if summary is None else known_of_eye(known, summary, info.eye.id)
 
 
 def _modulus(reader: Reader, known: Known) -> tuple[float | None, str | None]:

@@ -76,7 +76,7 @@ class FrameAnswer:
             "interval_mn": None if self.interval_n is None else [from_si(end, "mn") for end in self.interval_n],
             "contact_mm": from_si(self.contact_m, "mm"),
             "pressure_pa": self.iop_at_dent_pa,
-            "iop_at_dent_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
+            "pressure_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
             "needle": needle_entry(self.needle),
             "conjunctiva_um": from_si(self.conjunctiva_m, "um"),
             "usable": self.usable,

@@ -137,9 +137,9 @@ class ForceReader:
         """Return why the network cannot read slices of a frame, which the fit may read; None where it can."""
         return self.refusal(known) or (NEEDLE_SEEN if needle else None)
 
-    def limits(self, known: Known, scan: OctInfo) -> tuple[str, ...]:
+    def limits(self, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
         """Return where an eye and its B-scans lie outside the training; see `Reader.limits`."""
-        return wall_limits(self.study, known, scan)
+        return wall_limits(self.study, known, scan, gauge)
 
     def library_for(self, known: Known) -> Library:
         """Return the library of an eye's tissue at its contact; where that is not known, in the middle of the study's.

@@ -1,16 +1,70 @@
-"""Where an eye and its B-scans lie outside what a model was trained on: sentences for the reader of a result."""
+"""What a model reads, and where an eye and its B-scans lie outside: known before any frame is read.
 
-from math import hypot
+Every range is that of the model's study. `outside_training` is what a reader refuses an eye for; the limits of a
+recording (`Reader.limits`, and `recording_limits` of a model that is not loaded) have the same sentences, and those on
+the frames, the needle and the scan beside them. `reading_ranges` has the ranges alone.
+"""
 
-from scleraforce.known.eye import Known, Modulus, open_doubts
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from math import hypot, inf, sqrt
+from pathlib import Path
+
+from scleraforce.errors import ModelError
+from scleraforce.known.eye import NOTHING_KNOWN, Known, Modulus, known_of_recording, open_doubts
+from scleraforce.known.globe import UNKNOWN
+from scleraforce.models.folder import read_folder
+from scleraforce.models.session import folder_study
+from scleraforce.models.shipped import model_folder, model_name
 from scleraforce.reader.needle_gap import read_by_fit
-from scleraforce.recording.info import OctInfo
-from scleraforce.study import Choice, LibraryStudy, ReaderStudy, Sampled, Study
+from scleraforce.reader.verdicts import least_wall_m, wall_seen
+from scleraforce.recording.info import OctInfo, RecordingInfo, nearest_gauge
+from scleraforce.study import Choice, LibraryStudy, Range, ReaderStudy, Sampled, Study
 from scleraforce.units import HumanUnit, from_si
 
-__all__ = ["outside_training", "slice_limits", "wall_limits"]
+__all__ = [
+    "limit_notes",
+    "other_index",
+    "outside_training",
+    "raw_limits",
+    "reading_ranges",
+    "recording_limits",
+    "slice_limits",
+    "wall_limits",
+]
 
-Compared = tuple[str, float | None, Sampled, HumanUnit, str]  # what, value, covered range, unit, as printed
+SAME_INDEX = 1e-3  # of refractive indices
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """A value (None: unknown) and the range that a model was trained on, SI, with the unit that both are printed in."""
+
+    name: str
+    value: float | None
+    trained: Sampled
+    unit: HumanUnit
+    printed: str
+
+    @property
+    def covered(self) -> str:
+        """The range in words."""
+        low, high = (from_si(bound, self.unit) for bound in self.trained.bounds)
+        if high == inf:
+            return f"{low:.4g} {self.printed} or more"
+        return f"{low:.4g} {self.printed}" if low == high else f"{low:.4g} to {high:.4g} {self.printed}"
+
+    @property
+    def outside(self) -> str | None:
+        """Why the value is outside, None where it is not: in the printed unit, to four digits."""
+        if self.value is None:
+            return None
+        low, high = (from_si(bound, self.unit) for bound in self.trained.bounds)
+        found = from_si(self.value, self.unit)
+        slack = 1e-4 * max(abs(low), abs(high), 1.0)
+        if low - slack <= found <= high + slack:
+            return None
+        return f"{self.name} {found:.4g} {self.printed}, the model was trained on {self.covered}"
 
 
 def outside_training(known: Known, trained: ReaderStudy, library: LibraryStudy) -> str | None:
@@ -27,19 +81,138 @@ def outside_training(known: Known, trained: ReaderStudy, library: LibraryStudy) 
     >>> outside_training(Known(thickness_m=1.0e-3), ReaderStudy(), LibraryStudy())
     'wall thickness 1000 µm, the model was trained on 380 to 900 µm'
     """
-    reasons = _sentences(
-        ("Young's modulus", _uncovered_modulus(known.modulus, trained), trained.youngs_modulus_pa, "mpa", "MPa"),
-        ("IOP", known.iop_pa, trained.iop_pa, "mmhg", "mmHg"),
-        ("wall thickness", known.thickness_m, trained.thickness_m, "um", "µm"),
-        ("gap between B-scan and needle axis", known.gap_m, trained.gap_m, "mm", "mm"),
+    return next(iter(_refusals(known, trained, library)), None)
+
+
+def recording_limits(model: Path, info: RecordingInfo) -> tuple[str, ...]:
+    """Return a sentence for each quantity of a recording that a model's training did not cover.
+
+    Args:
+        model: its folder, or the name of one that ships; its network is not loaded.
+        info: what the recording states.
+
+    Raises:
+        ModelError: it cannot be used, or reads no forces.
+    """
+    study, (limits, _) = _study_and_kind(model)
+    return limits(study, known_of_recording(info), info.oct, info.needle.gauge)
+
+
+def limit_notes(model: Path, info: RecordingInfo) -> tuple[str, ...]:
+    """Return the same as notes that name the model: for who has not asked to read anything yet."""
+    name = model_name(model_folder(model))
+    return tuple(f"outside of what {name} reads: {sentence}" for sentence in recording_limits(model, info))
+
+
+def reading_ranges(model: Path) -> tuple[tuple[str, str], ...]:
+    """Return what a model's study covers: the name of each quantity, and its range in words.
+
+    Nothing of a model that reads no forces, the wall finder.
+
+    Raises:
+        ModelError: it cannot be used.
+    """
+    if read_folder(model).record["kind"] not in KINDS:
+        return ()
+    study, (_, compared) = _study_and_kind(model)
+    frames = (("width of the frames", _least_width(study).covered), ("depth of the frames", _least_depth(study)))
+    ranges = ((entry.name, entry.covered) for entry in compared(study, NOTHING_KNOWN, None))
+    return (*frames, *ranges, ("needle", _needle_words(study)))
+
+
+def wall_limits(study: Study, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
+    """Return a sentence for each known quantity that the walls of the library did not cover.
+
+    They do not depend on where on the eye the needle pushes.
+
+    Args:
+        study: of the model.
+        known: of the eye.
+        scan: the frames and the plane of the B-scans.
+        gauge: of the needle; None: not stated.
+    """
+    refused = _refusals(known, read_by_fit(study.reader), study.library)
+    others = [entry for entry in _of_walls(study, known, scan) if entry.name not in EYE]
+    return (*_unseen(study, scan), *refused, *_sentences(others), *_other_needle(study, gauge))
+
+
+def raw_limits(study: Study, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
+    """Return a sentence for each known quantity that the training on raw frames did not cover; see `wall_limits`."""
+    index = other_index(study, scan.refractive_index)
+    return (*wall_limits(study, known, scan, gauge), *([index] if index else ()))
+
+
+def slice_limits(study: Study, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
+    """Return a sentence for each known quantity that a classifier's data set did not cover, and on a sealed globe."""
+    sealed = open_doubts(None if known.globe is None else known.globe.kind)
+    compared = _sentences(_of_slices(study, known, scan))
+    return (*_unseen(study, scan), *sealed, *compared, *_other_needle(study, gauge))
+
+
+def other_index(study: Study, refractive_index: float) -> str | None:
+    """Return why a network that sees what lies below the surface cannot read frames of an index; None: it can."""
+    trained = study.oct.refractive_index
+    if abs(refractive_index - trained) <= SAME_INDEX:
+        return None
+    return f"refractive index {refractive_index:g} of the frame, the model was trained with {trained:g}"
+
+
+MODULUS, PRESSURE, WALL, GAP = "Young's modulus", "IOP", "wall thickness", "gap between B-scan and needle axis"
+EYE = (MODULUS, PRESSURE, WALL, GAP)
+
+
+def _of_eye(known: Known, trained: ReaderStudy) -> tuple[_Compared, ...]:
+    return (
+        _Compared(MODULUS, _uncovered_modulus(known.modulus, trained), trained.youngs_modulus_pa, "mpa", "MPa"),
+        _Compared(PRESSURE, known.iop_pa, trained.iop_pa, "mmhg", "mmHg"),
+        _Compared(WALL, known.thickness_m, trained.thickness_m, "um", "µm"),
+        _Compared(GAP, known.gap_m, trained.gap_m, "mm", "mm"),
     )
-    if reasons:
-        return reasons[0]
+
+
+def _of_walls(study: Study, known: Known, scan: OctInfo | None) -> tuple[_Compared, ...]:
+    """Return what the training of a reader covers: of the eye, of the plane, and of the scale of its frames."""
+    trained = read_by_fit(study.reader)
+    rigidity = known.globe.mean if known.globe and known.globe.can_be_sealed else None
+    rigidities = Range(min=UNKNOWN.lowest, max=UNKNOWN.highest)
+    return (
+        *_of_eye(known, trained),
+        _Compared("rigidity of a sealed globe", rigidity, rigidities, "mmhg13_per_ul", "mmHg^(1/3)/µl"),
+        _Compared("tilt of the B-scan", scan.plane_tilt_rad if scan else None, trained.tilt_rad, "deg", "°"),
+        _pixel(study, scan),
+    )
+
+
+def _of_slices(study: Study, known: Known, scan: OctInfo | None) -> tuple[_Compared, ...]:
+    """Return what the data set of a classifier covers."""
+    gap = study.dataset.gap_m or Choice((study.needle.gap_m,))
+    thickness = Choice(tuple(group.thickness_m for group in study.dataset.group))
+    direction_rad = scan.plane_direction_rad if scan else None
+    return (
+        _Compared(GAP, known.gap_m, gap, "mm", "mm"),
+        _Compared(WALL, known.thickness_m, thickness, "um", "µm"),
+        _Compared("polar angle", known.polar_rad, study.needle.polar_angle_rad, "deg", "°"),
+        _Compared("tilt of the B-scan", scan.plane_tilt_rad if scan else None, study.dataset.tilt_rad, "deg", "°"),
+        _Compared("direction of the B-scan", direction_rad, study.dataset.direction_rad, "deg", "°"),
+        _pixel(study, scan),
+    )
+
+
+def _pixel(study: Study, scan: OctInfo | None) -> _Compared:
+    """Return the scale: of the scenes from which the finder of walls learned."""
+    pixel_m = scan.depth_m / scan.rows if scan else None
+    return _Compared("depth of a pixel", pixel_m, study.scenes.window.pixel_m, "um", "µm")
+
+
+def _refusals(known: Known, trained: ReaderStudy, library: LibraryStudy) -> tuple[str, ...]:
+    """Return every reason for which an eye is not read."""
+    reasons = _sentences(_of_eye(known, trained))
     softest, stiffest = library.stiffening_ends
     stiffening = known.stiffening or 0.0
-    if not softest <= stiffening <= stiffest:
-        return f"stiffening {stiffening:.4g} of the tissue, the model was trained on {softest:g} to {stiffest:g}"
-    return None
+    if softest <= stiffening <= stiffest:
+        return reasons
+    tissue = f"stiffening {stiffening:.4g} of the tissue, the model was trained on {softest:g} to {stiffest:g}"
+    return (*reasons, tissue)
 
 
 def _uncovered_modulus(modulus: Modulus | None, trained: ReaderStudy) -> float | None:
@@ -56,51 +229,71 @@ def _uncovered_modulus(modulus: Modulus | None, trained: ReaderStudy) -> float |
     return None if low * (1.0 - reach) <= modulus.mean_pa <= high * (1.0 + reach) else modulus.mean_pa
 
 
-def wall_limits(study: Study, known: Known, scan: OctInfo) -> tuple[str, ...]:
-    """Return a sentence for each known quantity that the walls of the library did not cover.
+def _sentences(compared: Iterable[_Compared]) -> tuple[str, ...]:
+    return tuple(sentence for entry in compared if (sentence := entry.outside))
 
-    They do not depend on where on the eye the needle pushes.
 
-    Args:
-        study: of the model.
-        known: of the eye.
-        scan: the plane of the B-scans.
+def _unseen(study: Study, scan: OctInfo) -> tuple[str, ...]:
+    """Return why frames show too little of a wall: they are too narrow, or less deep than its curve or its dents.
+
+    Of a sphere of radius R that touches the top edge, a frame of depth d shows 2 sqrt(R^2 - (R - d)^2).
     """
-    reader = read_by_fit(study.reader)
-    return _sentences(
-        ("gap between B-scan and needle axis", known.gap_m, reader.gap_m, "mm", "mm"),
-        ("wall thickness", known.thickness_m, reader.thickness_m, "um", "µm"),
-        ("IOP", known.iop_pa, reader.iop_pa, "mmhg", "mmHg"),
-        ("tilt of the B-scan", scan.plane_tilt_rad, reader.tilt_rad, "deg", "°"),
-    )
+    radius_m = _largest_radius_m(study)
+    left_m = max(radius_m - scan.depth_m, 0.0)
+    between_columns_m = scan.width_m * (1.0 - 1.0 / scan.columns)
+    most_m = min(between_columns_m, _window_m(study)[0], 2.0 * sqrt(radius_m**2 - left_m**2))
+    width_mm, depth_mm = from_si(scan.width_m, "mm"), from_si(scan.depth_m, "mm")
+    short = wall_seen(most_m, study.slice)
+    if short:
+        return (f"frames of {width_mm:.4g} x {depth_mm:.4g} mm: at most {short}",)
+    needed_mm = from_si(_window_m(study)[1], "mm")
+    if depth_mm >= needed_mm:
+        return ()
+    return (f"frames {depth_mm:.4g} mm deep: deep dents leave them, the model reads {needed_mm:.4g} mm",)
 
 
-def slice_limits(study: Study, known: Known, scan: OctInfo) -> tuple[str, ...]:
-    """Return a sentence for each known quantity that a classifier's data set did not cover, and on a sealed globe."""
-    gap = study.dataset.gap_m or Choice((study.needle.gap_m,))
-    thickness = Choice(tuple(group.thickness_m for group in study.dataset.group))
-    sealed = open_doubts(None if known.globe is None else known.globe.kind)
-    return sealed + _sentences(
-        ("gap between B-scan and needle axis", known.gap_m, gap, "mm", "mm"),
-        ("wall thickness", known.thickness_m, thickness, "um", "µm"),
-        ("polar angle", known.polar_rad, study.needle.polar_angle_rad, "deg", "°"),
-        ("tilt of the B-scan", scan.plane_tilt_rad, study.dataset.tilt_rad, "deg", "°"),
-        ("direction of the B-scan", scan.plane_direction_rad, study.dataset.direction_rad, "deg", "°"),
-    )
+def _least_width(study: Study) -> _Compared:
+    return _Compared("width", None, Range(min=least_wall_m(study.slice), max=inf), "mm", "mm")
 
 
-def _sentences(*compared: Compared) -> tuple[str, ...]:
-    return tuple(sentence for entry in compared if (sentence := _outside(*entry)))
+def _least_depth(study: Study) -> str:
+    """Return the depth of the surface's curve over the least width, and that of what is read, in words."""
+    radius_m = _largest_radius_m(study)
+    curve_m = radius_m - sqrt(radius_m**2 - (least_wall_m(study.slice) / 2) ** 2)
+    return f"{from_si(curve_m, 'mm'):.1f} mm or more, for deep dents {from_si(_window_m(study)[1], 'mm'):.4g} mm"
 
 
-def _outside(name: str, value: float | None, trained: Sampled, unit: HumanUnit, printed: str) -> str | None:
-    """Compare in the printed unit, to four digits: what prints alike is alike."""
-    if value is None:
-        return None
-    low, high = (from_si(bound, unit) for bound in trained.bounds)
-    found = from_si(value, unit)
-    slack = 1e-4 * max(abs(low), abs(high), 1.0)
-    if low - slack <= found <= high + slack:
-        return None
-    covered = f"{low:.4g} {printed}" if low == high else f"{low:.4g} to {high:.4g} {printed}"
-    return f"{name} {found:.4g} {printed}, the model was trained on {covered}"
+def _largest_radius_m(study: Study) -> float:
+    return study.eye.radius_m * study.reader.size.bounds[1]
+
+
+def _window_m(study: Study) -> tuple[float, float]:
+    """Return width and depth of what is read of a frame."""
+    return study.slice.columns * study.slice.pixel_m, study.slice.rows * study.slice.pixel_m
+
+
+def _other_needle(study: Study, gauge: int | None) -> tuple[str, ...]:
+    """Return a sentence on a needle of another gauge than the model's, which dents a wall otherwise."""
+    if gauge is None or gauge == nearest_gauge(study.needle.outer_diameter_m):
+        return ()
+    return (f"needle of {gauge} gauge, the model was trained on {_needle_words(study)}",)
+
+
+def _needle_words(study: Study) -> str:
+    diameter_m = study.needle.outer_diameter_m
+    return f"{nearest_gauge(diameter_m)} gauge ({from_si(diameter_m, 'mm'):.4g} mm)"
+
+
+Limits = Callable[[Study, Known, OctInfo, int | None], tuple[str, ...]]
+Ranges = Callable[[Study, Known, OctInfo | None], tuple[_Compared, ...]]
+KINDS: dict[str, tuple[Limits, Ranges]] = {
+    "classifier": (slice_limits, _of_slices), "reader": (wall_limits, _of_walls), "raw-reader": (raw_limits, _of_walls),
+}  # fmt: skip
+
+
+def _study_and_kind(model: Path) -> tuple[Study, tuple[Limits, Ranges]]:
+    folder = read_folder(model)
+    kind = KINDS.get(folder.record["kind"])
+    if kind is None:
+        raise ModelError(f"{model}: kind: found {folder.record['kind']!r}, one of {', '.join(KINDS)} is needed here")
+    return folder_study(folder), kind

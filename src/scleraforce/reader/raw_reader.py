@@ -8,7 +8,7 @@ from typing import Any, final
 from scleraforce.known.eye import NOTHING_KNOWN, Known
 from scleraforce.reader.answers import Answer, LiveReading, unusable
 from scleraforce.reader.judged import judged_answer
-from scleraforce.reader.limits import outside_training, wall_limits
+from scleraforce.reader.limits import other_index, outside_training, raw_limits
 from scleraforce.reader.look import Look, can_calibrate, look
 from scleraforce.reader.needle_gap import needle_elsewhere, read_by_fit
 from scleraforce.reader.raw_network import OnnxRawNetwork
@@ -21,8 +21,6 @@ from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 
 __all__ = ["RawReader"]
-
-SAME_INDEX = 1e-3  # of refractive indices
 
 
 @final
@@ -81,15 +79,15 @@ class RawReader:
         """Return why the model cannot read an eye; see `Reader.refusal`."""
         return outside_training(known, read_by_fit(self.study.reader), self.study.library)
 
-    def limits(self, known: Known, scan: OctInfo) -> tuple[str, ...]:
+    def limits(self, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
         """Return where an eye and its B-scans lie outside the training; see `Reader.limits`."""
-        return wall_limits(self.study, known, scan)
+        return raw_limits(self.study, known, scan, gauge)
 
     def _read(self, seen: Look, frame: Pixels, scale: PixelScale, known: Known) -> Answer:
         """Return the answer to a frame in which a wall was seen, or why there is none."""
         reason = (
             seen.reason
-            or self._other_index(scale)
+            or other_index(self.study, scale.refractive_index)
             or self.refusal(known)
             or needle_elsewhere(seen.needle, known, self.study.needle.outer_diameter_m / 2)
             or too_little_wall(*surface(seen.segmentation, scale), self.study.slice)
@@ -99,10 +97,3 @@ class RawReader:
         reading = self._network.read(self._window.reduced(frame, scale), known)
         answer = judged_answer(reading, "network", dent_leaves(seen.cut), self.study)
         return replace(answer, readings=(("network", reading),))
-
-    def _other_index(self, scale: PixelScale) -> str | None:
-        """Return why frames of this scale cannot be read: what lies below a surface is stretched otherwise."""
-        trained = self.study.oct.refractive_index
-        if abs(scale.refractive_index - trained) <= SAME_INDEX:
-            return None
-        return f"refractive index {scale.refractive_index:g} of the frame, the model was trained with {trained:g}"

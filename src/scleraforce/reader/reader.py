@@ -74,5 +74,5 @@ class Reader(Protocol):
     def refusal(self, known: Known) -> str | None:
         """Return why the model cannot read an eye of which so much is known; None where it can."""
 
-    def limits(self, known: Known, scan: OctInfo) -> tuple[str, ...]:
-        """Return a sentence for each known quantity of an eye and its B-scans that the training did not cover."""
+    def limits(self, known: Known, scan: OctInfo, gauge: int | None = None) -> tuple[str, ...]:
+        """Return a sentence for each known quantity of an eye, its B-scans and its needle that the training lacked."""

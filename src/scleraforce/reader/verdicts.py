@@ -17,9 +17,11 @@ __all__ = [
     "contact_outside",
     "dent_leaves",
     "fit_leaves",
+    "least_wall_m",
     "no_class",
     "no_wall_of_an_eye",
     "too_little_wall",
+    "wall_seen",
 ]
 
 LEAST_WALL_SHARE = 0.7  # of the slice's width, from end to end: on less, many a surface is like an eye's
@@ -89,12 +91,24 @@ def too_little_wall(
     """
     width_m = slice_study.columns * slice_study.pixel_m
     seen = lateral_m[(np.abs(lateral_m) <= width_m / 2) & np.isfinite(outer_m)]
-    extent_m = float(seen[-1] - seen[0]) if len(seen) else 0.0
-    if extent_m >= LEAST_WALL_SHARE * width_m:
+    return wall_seen(float(seen[-1] - seen[0]) if len(seen) else 0.0, slice_study)
+
+
+def least_wall_m(slice_study: SliceStudy) -> float:
+    """Return the extent of a wall, from end to end, that has to be seen."""
+    return LEAST_WALL_SHARE * slice_study.columns * slice_study.pixel_m
+
+
+def wall_seen(extent_m: float, slice_study: SliceStudy) -> str | None:
+    """Return that so little of a wall is seen, None where it is enough.
+
+    >>> wall_seen(6e-3, SliceStudy()), wall_seen(12e-3, SliceStudy())
+    ('6.0 mm of the wall are seen, not 9.8 mm', None)
+    """
+    least_m = least_wall_m(slice_study)
+    if extent_m >= least_m:
         return None
-    return (
-        f"{from_si(extent_m, 'mm'):.1f} mm of the wall are seen, not {from_si(LEAST_WALL_SHARE * width_m, 'mm'):.1f} mm"
-    )
+    return f"{from_si(extent_m, 'mm'):.1f} mm of the wall are seen, not {from_si(least_m, 'mm'):.1f} mm"
 
 
 def contact_outside(reading: Reading, trained: ReaderStudy) -> str | None:

@@ -95,7 +95,7 @@ def axis_doubt(recording: Recording, classes: ClassesStudy) -> str | None:
     if log is None or info is None:
         return None
     times_s = np.array([frame.time_s for frame in recording.frames])
-    axes = [axis for axis in ("fx", "fy", "fz") if f"{axis}_n" in log.columns]
+    axes = [axis for axis in ("fx", "fy", "fz") if f"{axis}_n" in log.columns and np.isfinite(log.force_n(axis)).any()]
     peaks_n = {
         axis: float(np.nanmax(np.abs(_Means.of(log, replace(info, axis=axis)).around(times_s)), initial=0.0))
         for axis in axes
@@ -120,6 +120,7 @@ class _Means:
 
     @classmethod
     def of(cls, log: ForceLog, info: ForceInfo) -> "_Means":
+        log = log.known(info.axis)
         return cls(log.time_s, np.concatenate([[0.0], np.cumsum(contact_force(log, info))]), info.average_s / 2)
 
     def around(self, times_s: Array) -> Array:

@@ -1,102 +1,137 @@
-"""Read a single DICOM image as a frame: bright or dark as zero, palettes, colour; and the size of its pixels."""
+"""DICOM, one image or many frames: bright or dark as zero, palettes, colour; the size of its pixels and its times.
 
-import io
-from collections.abc import Iterator
+Ophthalmic Tomography, and what older anterior-segment scanners write.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta, timezone, tzinfo
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
-from scleraforce.recording.pixels import FrameImage, check_size, grey_pixels, inverted, jpeg_size, unpacked_bytes
+from scleraforce.recording.dicom_greys import (
+    GREY_KINDS,
+    cell,
+    dark_is_large,
+    grey_kind,
+    places,
+    stored_values,
+    without_padding,
+)
+from scleraforce.recording.faults import named_faults
+from scleraforce.recording.pixels import check_size, inverted, jpeg_frame, one_grey, unpacked_bytes
+from scleraforce.recording.scan import (
+    PictureStream,
+    PixelSize,
+    Scan,
+    Times,
+    check_bytes,
+    even_times,
+    frame_names,
+    one_size,
+    rising,
+)
 from scleraforce.units import to_si
 
 if TYPE_CHECKING:
     import pydicom
 
-__all__ = [
-    "DEFLATED",
-    "bright",
-    "check_image",
-    "damage_named",
-    "grey_kind",
-    "pixel_spacing",
-    "read_dicom",
-    "turned_round",
-]
+__all__ = ["read_dicom"]
 
 # Zeiss writes the A-scans of its Visante along the rows of the image, so depth runs along the columns' index.
 A_SCANS_ALONG_ROWS = {("Carl Zeiss Meditec", "1000")}
-KINDS_READ = (
-    "MONOCHROME1", "MONOCHROME2", "PALETTE COLOR", "RGB", "YBR_FULL", "YBR_FULL_422", "YBR_ICT", "YBR_RCT",
-)  # fmt: skip
+KINDS_READ = (*GREY_KINDS, "PALETTE COLOR", "RGB", "YBR_FULL", "YBR_FULL_422", "YBR_ICT", "YBR_RCT")
+SAMPLES = dict.fromkeys((*GREY_KINDS, "PALETTE COLOR"), 1)  # the others have three
 DEFLATED = b"1.2.840.10008.1.2.1.99"  # the transfer syntax of a file that is inflated as a whole
+HEAD_BYTES = 1024  # in which the transfer syntax is
 NEEDED = ("Rows", "Columns", "BitsAllocated", "BitsStored", "PixelRepresentation", "PixelData")  # to know the pixels
+FLOATS = ("FloatPixelData", "DoubleFloatPixelData")
+CELL_BITS = (8, 16, 32)  # BitsAllocated
 RLE_HEADER = 64  # bytes, the number and the places of the segments
+JPEG_BEGINS = (b"\xff\xd8\xff", b"\xff\x4f\xff\x51")
+SPACINGS = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing")
+CENTIMETRES, IMAGE_2D = 3, 1  # of a region of ultrasound: its units, its spatial format
+FRAME_TIMES = ("FrameReferenceDateTime", "FrameAcquisitionDateTime")  # when it was taken comes before when it began
+FRAME_TIME, FRAME_TIME_VECTOR = 0x00181063, 0x00181065  # what FrameIncrementPointer names
+ZONE = re.compile(r"([+-])(\d\d)([0-5]\d)")
 
 
-def read_dicom(path: Path, data: bytes) -> FrameImage:
-    """Read a DICOM image.
+def read_dicom(path: Path, data: bytes | None = None) -> Scan:
+    """Return a DICOM file's frames.
+
+    Args:
+        path: of the file.
+        data: its bytes, where they have been read.
 
     Raises:
         FrameError: naming the file, what was found and what is allowed.
     """
-    with damage_named(path):
-        return _read(path, data)
+    with _opened(path, data) as dataset:
+        count = int(dataset.get("NumberOfFrames", None) or 1)
+        _check_image(path, dataset, count)
+        rows, columns = int(dataset.Rows), int(dataset.Columns)
+        check_bytes(path, count * rows * columns * (int(dataset.BitsAllocated) // 8))
+        _check_codec(path, dataset)
+        turned_round, turning_notes = _turned_round(path, dataset)
+        dark_large, grey_notes = dark_is_large(path, dataset)
+        depth, lateral, scale_fault = one_size(path, _pixel_sizes(dataset))
+        times, times_fault = _times(path, dataset, count)
+        scan = Scan(
+            names=frame_names(path, count),
+            rows=rows,
+            columns=columns,
+            pictures=lambda: _pictures(path, data, dark_large),
+            bits=_bits(dataset),
+            depth_pixel_m=depth,
+            lateral_pixel_m=lateral,
+            times=times,
+            notes=(*grey_notes, *turning_notes),
+            scale_fault=scale_fault,
+            times_fault=times_fault,
+        )
+    return scan.turned() if turned_round else scan
 
 
 @contextmanager
-def damage_named(path: Path) -> Iterator[None]:
-    """Take over-long private tags, as scanners write them, and name the file in whatever the reading of it raises.
+def _opened(path: Path, data: bytes | None) -> "Iterator[pydicom.FileDataset]":
+    """Read a data set; take over-long private tags, as scanners write them, and name the file in every error.
 
     Raises:
-        FrameError: what was read is damaged.
+        FrameError: it is deflated or damaged.
     """
-    from pydicom import config  # here, so that reading PNG needs OpenCV only
+    import pydicom  # here, so that reading PNG needs OpenCV only
+    from pydicom import config
 
     before = config.settings.reading_validation_mode
     config.settings.reading_validation_mode = config.IGNORE
     try:
-        yield
-    except FrameError:
-        raise
-    except Exception as fault:  # pydicom and its codecs raise whatever the damage leads to
-        raise FrameError(f"{path}: damaged or an unknown kind of DICOM: {' '.join(str(fault).split())}") from fault
+        with named_faults(path, "DICOM"):
+            with path.open("rb") if data is None else BytesIO(data) as file:
+                if DEFLATED in file.read(HEAD_BYTES):
+                    raise FrameError(
+                        f"{path}: a deflated DICOM file, whose size is not known before; save it uncompressed"
+                    )
+                file.seek(0)
+                dataset = pydicom.dcmread(file)
+            yield dataset
     finally:
         config.settings.reading_validation_mode = before
 
 
-def _read(path: Path, data: bytes) -> FrameImage:
-    import pydicom
-
-    if DEFLATED in data:
-        raise FrameError(f"{path}: a deflated DICOM file, whose size is not known before; save it without compression")
-    dataset = pydicom.dcmread(io.BytesIO(data))
-    frames = int(dataset.get("NumberOfFrames", None) or 1)
-    if frames != 1:
-        raise FrameError(f"{path}: {frames} frames in one DICOM file; give a file for each frame")
-    check_image(path, dataset, 1)
-    pixels = _unsigned(bright(path, dataset, np.asarray(dataset.pixel_array)))
-    depth_m, lateral_m = pixel_spacing(dataset)
-    if turned_round(dataset):
-        pixels, depth_m, lateral_m = np.ascontiguousarray(pixels.swapaxes(0, 1)), lateral_m, depth_m
-    return FrameImage(grey_pixels(pixels, path), depth_pixel_m=depth_m, lateral_pixel_m=lateral_m)
-
-
-def turned_round(dataset: "pydicom.Dataset") -> bool:
-    """Return whether the scanner is one that writes A-scans along the rows of its images."""
-    maker = (str(dataset.get("Manufacturer", "")).strip(), str(dataset.get("ManufacturerModelName", "")).strip())
-    return maker in A_SCANS_ALONG_ROWS
-
-
-def check_image(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
+def _check_image(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
     """Check what a data set says of its images, and that none of the compressed ones is larger.
 
     Raises:
         FrameError: naming the file, what was found and what is allowed.
     """
+    floats = [name for name in FLOATS if name in dataset]
+    if floats:
+        raise FrameError(f"{path}: pixels are floats ({floats[0]}); export whole numbers (PixelData)")
     missing = [name for name in NEEDED if dataset.get(name, None) is None]
     if missing:
         raise FrameError(f"{path}: a DICOM file without {', '.join(missing)}; export it anew")
@@ -105,18 +140,83 @@ def check_image(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
         raise FrameError(f"{path}: PhotometricInterpretation: {kind or 'missing'}; one of {', '.join(KINDS_READ)}")
     rows, columns, samples = int(dataset.Rows), int(dataset.Columns), int(dataset.get("SamplesPerPixel", 1))
     check_size(path, rows, columns, samples)
+    if samples != SAMPLES.get(kind, 3):
+        found = f"SamplesPerPixel {samples}, PhotometricInterpretation {kind}"
+        raise FrameError(f"{path}: {found}, which has {SAMPLES.get(kind, 3)}; export it anew")
+    allocated, stored, high = cell(dataset)
+    if allocated not in CELL_BITS or not 1 <= stored <= high + 1 <= allocated:
+        found = f"BitsAllocated {allocated}, BitsStored {stored}, HighBit {high}"
+        raise FrameError(f"{path}: {found}; a pixel has 8, 16 or 32 bits, and BitsStored of them end at HighBit")
     syntax = dataset.file_meta.TransferSyntaxUID
-    if not syntax.is_compressed:
+    if syntax.is_compressed:
+        _check_compressed(path, dataset, frames)
         return
-    from pydicom.encaps import generate_frames
+    subsampled = 2 * samples // 3 if kind == "YBR_FULL_422" else samples
+    size = rows * columns * subsampled * (allocated // 8)
+    if len(dataset.PixelData) // size != frames:
+        found = f"PixelData has {len(dataset.PixelData):,} bytes, those of {len(dataset.PixelData) / size:.4g} frames"
+        raise FrameError(f"{path}: damaged: NumberOfFrames is {frames}, {found}; export it anew")
+
+
+def _check_compressed(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
+    """Check the number of compressed images, and that each is of the size and type that the header says.
+
+    Raises:
+        FrameError: it is not.
+    """
+    from pydicom.encaps import generate_fragments, generate_frames
     from pydicom.uid import RLELossless
 
+    syntax, (_, stored, high) = dataset.file_meta.TransferSyntaxUID, cell(dataset)
+    rows, columns = int(dataset.Rows), int(dataset.Columns)
+    if syntax == RLELossless:
+        count = sum(1 for _ in generate_fragments(dataset.PixelData)) - 1  # but for the table of offsets
+    else:
+        count = sum(packed.startswith(JPEG_BEGINS) for packed in generate_fragments(dataset.PixelData))
+        if high != stored - 1:
+            raise FrameError(
+                f"{path}: HighBit is {high}, BitsStored {stored}, and the pixels are compressed as {syntax.name}; "
+                "save it uncompressed"
+            )
+    if count > frames:
+        raise FrameError(f"{path}: damaged: NumberOfFrames is {frames}, PixelData has {count} compressed images")
     for packed in generate_frames(dataset.PixelData, number_of_frames=frames):
         if syntax == RLELossless:
             _check_rle(path, packed, rows * columns)
-        elif (size := jpeg_size(packed)) != (rows, columns):
-            found = f"the compressed image is of {size} pixels, the header says {rows, columns}"
-            raise FrameError(f"{path}: damaged: {found}")
+        else:
+            _check_jpeg(path, dataset, packed)
+
+
+def _check_jpeg(path: Path, dataset: "pydicom.Dataset", packed: bytes) -> None:
+    """Check that a compressed image is what the header says.
+
+    Raises:
+        FrameError: naming the field and both values.
+    """
+    from pydicom.uid import JPEG2000TransferSyntaxes, JPEGExtended12Bit
+
+    syntax, stored = dataset.file_meta.TransferSyntaxUID, int(dataset.BitsStored)
+    header = (int(dataset.Rows), int(dataset.Columns))
+    frame = jpeg_frame(packed)
+    if frame is None or frame[:2] != header:
+        found = f"the compressed image is of {frame and frame[:2]} pixels, the header says {header}"
+        raise FrameError(f"{path}: damaged: {found}")
+    bits, signed = frame[2:]
+    if syntax == JPEGExtended12Bit and (bits, stored) != (8, 8):
+        raise FrameError(
+            f"{path}: compressed as {syntax.name} ({syntax}) with {bits} bits a pixel, of which only 8 are read; save "
+            "it uncompressed"
+        )
+    if syntax in JPEG2000TransferSyntaxes and signed != bool(dataset.PixelRepresentation):
+        words = {False: "unsigned", True: "signed"}
+        raise FrameError(
+            f"{path}: PixelRepresentation is {dataset.PixelRepresentation} "
+            f"({words[bool(dataset.PixelRepresentation)]}), its JPEG 2000 image has {words[signed]} pixels; save it "
+            "uncompressed"
+        )
+    # Values of more bits are right where they fit, which `stored_values` checks.
+    if syntax in JPEG2000TransferSyntaxes and bits < stored:
+        raise FrameError(f"{path}: BitsStored is {stored}, its JPEG 2000 image has {bits} bits; save it uncompressed")
 
 
 def _check_rle(path: Path, packed: bytes, largest: int) -> None:
@@ -128,44 +228,149 @@ def _check_rle(path: Path, packed: bytes, largest: int) -> None:
             raise FrameError(f"{path}: damaged: more is packed in it than the {largest} pixels that its header says")
 
 
-def grey_kind(dataset: "pydicom.Dataset") -> str:
-    """Return the photometric interpretation of a data set, "" where it has none."""
-    return str(dataset.get("PhotometricInterpretation", "")).strip()
+def _check_codec(path: Path, dataset: "pydicom.Dataset") -> None:
+    """Check that the compression of the pixels can be undone with the packages that are installed."""
+    from pydicom.pixels.decoders.base import get_decoder
+
+    syntax = dataset.file_meta.TransferSyntaxUID
+    if not syntax.is_compressed:
+        return
+    try:
+        there = get_decoder(syntax).is_available
+    except NotImplementedError as fault:
+        raise FrameError(
+            f"{path}: compressed as {syntax.name}, which no package reads; save it uncompressed"
+        ) from fault
+    if not there:
+        raise FrameError(
+            f"{path}: compressed as {syntax.name}; reading it takes a package: pip install 'scleraforce[formats]'"
+        )
 
 
-def bright(path: Path, dataset: "pydicom.Dataset", pixels: NDArray[Any]) -> NDArray[Any]:
-    """Return pixels that are brighter the larger they are; signed ones stay signed.
+def _bits(dataset: "pydicom.Dataset") -> int | None:
+    """Return the bits that grey pixels use; a palette or colour gives 8 or 16, whatever was stored."""
+    stored = int(dataset.BitsStored)
+    if grey_kind(dataset) not in GREY_KINDS:
+        return 8 if grey_kind(dataset) != "PALETTE COLOR" and stored == 8 else None
+    return stored if 1 <= stored <= 16 and not int(dataset.PixelRepresentation) else None
+
+
+def _turned_round(path: Path, dataset: "pydicom.Dataset") -> tuple[bool, tuple[str, ...]]:
+    """Return whether the scanner is one that writes A-scans along the rows of its images, and a note if so."""
+    maker = (str(dataset.get("Manufacturer", "")).strip(), str(dataset.get("ManufacturerModelName", "")).strip())
+    if maker not in A_SCANS_ALONG_ROWS:
+        return False, ()
+    return True, (f"{path}: this scanner writes A-scans along the rows: rows and columns were exchanged",)
+
+
+def _pictures(path: Path, data: bytes | None, dark_large: bool) -> PictureStream:
+    """Yield the frames as they are stored; larger is brighter, signed ones stay signed."""
+    from pydicom.pixels.processing import apply_color_lut
+    from pydicom.pixels.utils import iter_pixels
+
+    with _opened(path, data) as dataset:
+        kind = grey_kind(dataset)
+        for pixels in iter_pixels(dataset, correct_unused_bits=False):
+            values = stored_values(path, dataset, np.asarray(pixels))
+            if kind == "PALETTE COLOR":
+                yield one_grey(np.asarray(apply_color_lut(values, dataset)), path)
+            elif kind in GREY_KINDS:
+                bright = inverted(values, int(dataset.BitsStored), path) if dark_large else values
+                yield without_padding(dataset, values, bright)
+            else:
+                yield one_grey(values, path)
+
+
+def _pixel_sizes(dataset: "pydicom.Dataset") -> list[PixelSize]:
+    """Return the sizes of a pixel that the fields of a data set state, in the order of their precedence."""
+    sizes = []
+    for place, item in places(dataset, "PixelMeasuresSequence"):
+        for name in SPACINGS:
+            spacing = [float(value) for value in _several(item.get(name, None))]
+            if len(spacing) == 2 and min(spacing) > 0.0:
+                depth_m, lateral_m = (to_si(length, "mm") for length in spacing)
+                sizes.append(PixelSize(f"DICOM's {name}{place}", depth_m, lateral_m))
+    if not sizes:
+        return []
+    for region in dataset.get("SequenceOfUltrasoundRegions", None) or []:
+        units = {region.get(f"PhysicalUnits{axis}Direction", None) for axis in "XY"}
+        if units == {CENTIMETRES} and region.get("RegionSpatialFormat", IMAGE_2D) == IMAGE_2D:
+            depth_m, lateral_m = (
+                to_si(10.0 * abs(float(region.get(f"PhysicalDelta{axis}", 0.0))), "mm") for axis in "YX"
+            )
+            sizes.append(PixelSize("SequenceOfUltrasoundRegions", depth_m, lateral_m))
+    ratio = [float(value) for value in _several(dataset.get("PixelAspectRatio", None))]
+    if len(ratio) == 2 and min(ratio) > 0.0 and ratio[0] != ratio[1]:
+        across_m = (sizes[0].depth_m or 0.0) * ratio[1] / ratio[0]
+        sizes.append(PixelSize(f"PixelAspectRatio {ratio[0]:g}:{ratio[1]:g}", sizes[0].depth_m, across_m))
+    return sizes
+
+
+def _several(value: Any) -> Sequence[Any]:
+    """Return the values of a field: none, one or several."""
+    return (
+        [] if value is None else list(value) if isinstance(value, Sequence) and not isinstance(value, str) else [value]
+    )
+
+
+def _times(path: Path, dataset: "pydicom.Dataset", count: int) -> tuple[Times | None, str | None]:
+    """Return the frames' times: of each, by their steps, or of the one image; and the fault if fields differ."""
+    zone = _zone(path, dataset)
+    for name in FRAME_TIMES:
+        groups = dataset.get("PerFrameFunctionalGroupsSequence", None) or []
+        stated = [_frame_time(group, name, zone) for group in groups]
+        time_s = np.array([np.nan if moment is None else moment for moment in stated], dtype=np.float64)
+        if len(stated) == count and rising(time_s):
+            return Times(time_s, f"DICOM's {name}"), None
+    if count == 1:
+        moment = _seconds(dataset.get("AcquisitionDateTime", None), zone)
+        return None if moment is None else Times(np.array([moment]), "DICOM's AcquisitionDateTime"), None
+    steps_ms = [float(step) for step in _several(dataset.get("FrameTimeVector", None))]
+    step_ms = float(dataset.get("FrameTime", None) or 0.0)
+    pointers = [int(tag) for tag in _several(dataset.get("FrameIncrementPointer", None))]
+    by_step = step_ms > 0.0 and (FRAME_TIME in pointers or not steps_ms)
+    if steps_ms and not by_step:
+        if len(steps_ms) != count:
+            return None, f"{path}: FrameTimeVector has {len(steps_ms)} values, NumberOfFrames is {count}"
+        time_s = np.cumsum(to_si(np.array(steps_ms), "ms"))
+        if step_ms > 0.0 and FRAME_TIME_VECTOR not in pointers and not np.allclose(steps_ms[1:], step_ms, rtol=0.01):
+            return None, f"{path}: FrameTime is {step_ms:g} ms, FrameTimeVector has {steps_ms[1]:g} ms"
+        if rising(time_s):
+            return Times(time_s - time_s[0], "DICOM's FrameTimeVector"), None
+    if FRAME_TIME_VECTOR in pointers and not steps_ms:
+        return None, f"{path}: FrameIncrementPointer names FrameTimeVector, which is missing"
+    return even_times(count, to_si(step_ms, "ms"), "DICOM's FrameTime"), None
+
+
+def _zone(path: Path, dataset: "pydicom.Dataset") -> tzinfo:
+    """Return the zone of times that name none: that of TimezoneOffsetFromUTC, else UTC.
 
     Raises:
-        FrameError: a pixel has more bits than the data set says.
+        FrameError: the offset does not exist.
     """
-    from pydicom.pixels.processing import apply_color_lut
-
-    kind = grey_kind(dataset)
-    if kind == "PALETTE COLOR":
-        return np.asarray(apply_color_lut(pixels, dataset))
-    if not np.issubdtype(pixels.dtype, np.signedinteger):
-        return inverted(pixels, int(dataset.BitsStored), path) if kind == "MONOCHROME1" else pixels
-    return -pixels.astype(np.int64) if kind == "MONOCHROME1" else pixels
-
-
-def _unsigned(pixels: NDArray[Any]) -> NDArray[Any]:
-    """Return signed pixels so that the smallest is 0; unsigned ones as they are."""
-    if not np.issubdtype(pixels.dtype, np.signedinteger):
-        return pixels
-    wide = pixels.astype(np.int64) - int(pixels.min())
-    return wide.astype(np.uint16 if int(wide.max()) < 2**16 else np.int64)
+    stated = str(dataset.get("TimezoneOffsetFromUTC", None) or "").strip()
+    if not stated:
+        return UTC
+    found = ZONE.fullmatch(stated)
+    offset = timedelta(hours=int(found[2]), minutes=int(found[3])) if found else timedelta.max
+    if found is None or offset > timedelta(hours=14):
+        raise FrameError(f"{path}: TimezoneOffsetFromUTC: {stated!r}; like +0100, from -1200 to +1400")
+    return timezone(-offset if found[1] == "-" else offset)
 
 
-def pixel_spacing(dataset: "pydicom.Dataset") -> tuple[float | None, float | None]:
-    """Return the distance of rows and of columns in m, from whichever standard tag has them, else None."""
-    places = [dataset]
-    for name in ("SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence"):
-        for group in dataset.get(name, None) or []:
-            places += list(group.get("PixelMeasuresSequence", None) or [])
-    for place in places:
-        for name in ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing"):
-            spacing = place.get(name, None)
-            if spacing is not None and len(spacing) == 2 and min(float(value) for value in spacing) > 0.0:
-                return to_si(float(spacing[0]), "mm"), to_si(float(spacing[1]), "mm")
-    return None, None
+def _frame_time(group: "pydicom.Dataset", name: str, zone: tzinfo) -> float | None:
+    content: Any = group.get("FrameContentSequence", None)
+    return _seconds(content[0].get(name, None), zone) if content else None
+
+
+def _seconds(stated: Any, zone: tzinfo) -> float | None:
+    """Return seconds since 1970 of a DICOM date and time; its own zone takes precedence (PS3.3 C.12.1.1)."""
+    from pydicom.valuerep import DT
+
+    try:
+        moment = DT(stated) if stated else None
+    except ValueError:
+        return None
+    if not isinstance(moment, datetime):
+        return None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=zone)).timestamp()

@@ -6,20 +6,23 @@ The size that a file states is checked before memory is taken for its pixels.
 import zlib
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
-from scleraforce.recording.pixels import FrameImage, Pixels, check_size, grey_pixels, jpeg_size
+from scleraforce.recording.pixels import FrameImage, Pixels, as_shown, check_size, grey_pixels, jpeg_frame
+from scleraforce.recording.scan import Scan
 from scleraforce.whole_files import KINDS, read_bytes
 
-__all__ = ["FrameImage", "Pixels", "check_frame", "read_frame", "read_frame_image"]
+__all__ = ["FrameImage", "Pixels", "check_frame", "read_frame", "read_frame_image", "read_picture"]
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_HEADER = b"IHDR"
+JPEG_EXIF = b"Exif\0\0"
+ORIENTATION_TAG, UPRIGHT = 0x0112, 1
 
 
 def read_frame(path: str | PathLike[str]) -> Pixels:
@@ -39,29 +42,84 @@ def read_frame(path: str | PathLike[str]) -> Pixels:
 def read_frame_image(path: str | PathLike[str]) -> FrameImage:
     """Read one frame with the size of its pixels where its tags know it (DICOM, TIFF).
 
-    The kind of file is told by its content, not by its name. Signed DICOM values are shifted so that the smallest is 0.
+    The kind of file is told by its content, not by its name. Signed values are shifted so that the smallest is 0.
 
     Raises:
         FrameError: naming the file, what was found and what is allowed.
     """
     path = Path(path)
     data = read_bytes(path, KINDS["frame"])
+    if data[128:132] == b"DICM":  # before TIFF: a preamble may be the head of one
+        from scleraforce.recording.dicom_image import read_dicom
+
+        return _only_frame(path, read_dicom(path, data))
     if data.startswith((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")):
         from scleraforce.recording.tiff_image import read_tiff
 
-        return read_tiff(path, data)
-    if data[128:132] == b"DICM":
-        from scleraforce.recording.dicom_image import read_dicom
+        return _only_frame(path, read_tiff(path, data))
+    return _read_picture(path, data)
 
-        return read_dicom(path, data)
+
+def read_picture(path: Path) -> Scan:
+    """Return a PNG or JPEG as a scan of one frame; it is read again whenever its pixels are asked for.
+
+    Raises:
+        FrameError: it cannot be read.
+    """
+    image = read_frame_image(path)
+    rows, columns = image.pixels.shape
+    return Scan(
+        names=(str(path),),
+        rows=rows,
+        columns=columns,
+        pictures=lambda: iter([read_frame_image(path).pixels]),
+        bits=8 if image.pixels.itemsize == 1 else None,
+        notes=image.notes,
+    )
+
+
+def _only_frame(path: Path, scan: Scan) -> FrameImage:
+    """Return the frame of a file that has one.
+
+    Raises:
+        FrameError: it has several, or its pixels are no whole numbers of 8 or 16 bits.
+    """
+    if len(scan.names) != 1:
+        raise FrameError(f"{path}: {len(scan.names)} frames in one file; give a file for each frame, or import it")
+    (pixels,), notes = scan.pictures(), scan.notes
+    if pixels.dtype.kind == "i":
+        least = int(pixels.min())
+        notes += (f"{path}: signed pixels: {-least} was added, so that the smallest is 0",)
+        pixels = pixels.astype(np.int64) - least
+        pixels = pixels.astype(np.uint16) if int(pixels.max()) < 2**16 else pixels
+    depth, lateral = scan.depth_pixel_m, scan.lateral_pixel_m
+    return FrameImage(
+        grey_pixels(np.ascontiguousarray(pixels), path),
+        depth_pixel_m=None if depth is None else depth.value,
+        lateral_pixel_m=None if lateral is None else lateral.value,
+        notes=notes,
+        scale_fault=scan.scale_fault,
+    )
+
+
+def _read_picture(path: Path, data: bytes) -> FrameImage:
+    """Read a PNG or JPEG."""
     if data.startswith(PNG_SIGNATURE):
-        _check_png(path, data)
-        return FrameImage(grey_pixels(_decode(path, data, cv2.IMREAD_UNCHANGED), path, cv2.COLOR_BGR2GRAY))
-    if data.startswith(b"\xff\xd8\xff"):
-        _check_jpeg(path, data)
-        return FrameImage(grey_pixels(_decode(path, data, cv2.IMREAD_GRAYSCALE), path))
-    found = "an empty file" if not data else "not an image that can be read"
-    raise FrameError(f"{path}: {found}; give a PNG, TIFF, JPEG or a single DICOM image")
+        orientation = _check_png(path, data)
+        pixels = _decode(path, data, cv2.IMREAD_UNCHANGED)
+    elif data.startswith(b"\xff\xd8\xff"):
+        orientation = _check_jpeg(path, data)
+        pixels = _decode(path, data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    else:
+        found = "an empty file" if not data else "not an image that can be read"
+        raise FrameError(f"{path}: {found}; give a PNG, TIFF, JPEG or a single DICOM image")
+    notes = []
+    if pixels.ndim == 3 and pixels.shape[-1] == 4 and not (pixels[..., 3] == np.iinfo(pixels.dtype).max).all():
+        notes.append(f"{path}: its transparency was left out")
+    if orientation != UPRIGHT:
+        notes.append(f"{path}: EXIF Orientation {orientation}: the frame was turned as it states")
+    grey = as_shown(grey_pixels(pixels, path, cv2.COLOR_BGR2GRAY), orientation)
+    return FrameImage(np.ascontiguousarray(grey), notes=tuple(notes))
 
 
 def check_frame(pixels: Pixels, rows: int, columns: int, bits: int, name: str) -> None:
@@ -81,9 +139,9 @@ def check_frame(pixels: Pixels, rows: int, columns: int, bits: int, name: str) -
         )
 
 
-def _check_png(path: Path, data: bytes) -> None:
-    """Walk the chunks of a PNG: OpenCV would fill what is missing with black and say nothing."""
-    at = len(PNG_SIGNATURE)
+def _check_png(path: Path, data: bytes) -> int:
+    """Walk the chunks of a PNG and return its EXIF Orientation: OpenCV would fill what is missing with black."""
+    at, orientation = len(PNG_SIGNATURE), UPRIGHT
     if data[at + 4 : at + 8] == PNG_HEADER:
         columns, rows = (int.from_bytes(data[at + 8 + k : at + 12 + k], "big") for k in (0, 4))
         check_size(path, rows, columns)
@@ -96,19 +154,42 @@ def _check_png(path: Path, data: bytes) -> None:
             raise FrameError(f"{path}: damaged: the check sum of a PNG chunk is wrong")
         if chunk.startswith(b"acTL"):
             raise FrameError(f"{path}: an animated PNG; give a file for each frame")
+        if chunk.startswith(b"eXIf"):
+            orientation = _exif_orientation(path, chunk[4:])
         if chunk.startswith(b"IEND"):
-            return
+            return orientation
         at += 12 + length
     raise FrameError(f"{path}: a truncated PNG: its end is missing")
 
 
-def _check_jpeg(path: Path, data: bytes) -> None:
+def _check_jpeg(path: Path, data: bytes) -> int:
+    """Check the size of a JPEG and return its EXIF Orientation."""
     if b"\xff\xd9" not in data[-1024:]:
         raise FrameError(f"{path}: a truncated JPEG: its end is missing")
-    size = jpeg_size(data)
-    if size is None:
+    frame = jpeg_frame(data)
+    if frame is None:
         raise FrameError(f"{path}: damaged: a JPEG that does not say how large it is")
-    check_size(path, *size)
+    check_size(path, *frame[:2])
+    at = data[: 2**17].find(JPEG_EXIF)
+    return UPRIGHT if at < 0 else _exif_orientation(path, data[at + len(JPEG_EXIF) :])
+
+
+def _exif_orientation(path: Path, exif: bytes) -> int:
+    """Return the Orientation that the first directory of EXIF data states; it has the form of a TIFF.
+
+    Raises:
+        FrameError: the value does not exist.
+    """
+    order: Literal["little", "big"] = "little" if exif.startswith(b"II") else "big"
+    begin = int.from_bytes(exif[4:8], order)
+    count = int.from_bytes(exif[begin : begin + 2], order)
+    for at in range(begin + 2, min(begin + 2 + 12 * count, len(exif)), 12):
+        if int.from_bytes(exif[at : at + 2], order) == ORIENTATION_TAG:
+            found = int.from_bytes(exif[at + 8 : at + 10], order) or UPRIGHT
+            if not UPRIGHT <= found <= 8:
+                raise FrameError(f"{path}: EXIF Orientation {found}; it is 1 to 8")
+            return found
+    return UPRIGHT
 
 
 def _decode(path: Path, data: bytes, flags: int) -> NDArray[Any]:

@@ -1,7 +1,8 @@
 """The force under each frame of a recording, from its force log.
 
 The log is noisy and stepped, so: contact force (sign times axis) -> zero-phase low-pass -> minus the tare, the mean
-before the first contact -> mean over `average_s` centred on the frame -> class.
+before the first contact -> mean over `average_s` centred on the frame -> class. Samples without a force (NaN) are gaps
+of the log; a frame whose window has one, or too few samples, has no label.
 """
 
 from collections.abc import Sequence
@@ -13,11 +14,11 @@ from numpy.typing import NDArray
 from scleraforce.errors import RecordingError
 from scleraforce.recording.files import Recording
 from scleraforce.recording.info import ForceInfo
-from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ, ForceLog, FrameEntry
+from scleraforce.recording.tables import GOOD_SAMPLE_RATE_HZ, ForceLog, FrameEntry
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
 
-__all__ = ["CUTOFF_HZ", "Trial", "contact_force", "first_contact", "label_frames", "low_pass"]
+__all__ = ["CUTOFF_HZ", "Trial", "contact_force", "first_contact", "label_frames", "label_notes", "low_pass"]
 
 Samples = NDArray[np.float64]
 
@@ -37,7 +38,7 @@ LARGEST_FORCE_BOUNDS = 100.0
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """A frame with its label: force in N and class (both None without a force log).
+    """A frame with its label: force in N and class (both None where the log has no force around it).
 
     `excluded` says why an evaluation must leave the trial out, and is None where it counts.
     """
@@ -58,44 +59,60 @@ def label_frames(recording: Recording, classes: ClassesStudy, max_force_n: float
         max_force_n: trials above it are marked as excluded (the paper's 60 mN, sec. 3.1); None: no limit.
 
     Raises:
-        RecordingError: the clocks do not overlap, a frame has no force samples around it, the forces cannot be in N,
+        RecordingError: no frame has force samples around it, the forces cannot be in N,
             or a frame that is not pierced is pulled by more than the lowest class bound (wrong sign, or a log that
             starts in contact).
     """
-    if recording.forces is None or recording.info.force is None:
-        return tuple(
-            Trial(
-                file=frame.file,
-                time_s=frame.time_s,
-                measured_force_n=None,
-                target=None,
-                excluded="pierced" if frame.pierced else None,
-            )
-            for frame in recording.frames
-        )
     log, info = recording.forces, recording.info.force
-    _check_clocks(recording, log)
+    if log is None or info is None:
+        return tuple(_unlabelled(frame, None) for frame in recording.frames)
     force_n = contact_force(log, info)
-    labels_n = [
-        float(force_n[_samples_around(recording, log, frame, info.average_s)].mean()) for frame in recording.frames
-    ]
+    windows = [_samples_around(log, force_n, frame.time_s, info.average_s) for frame in recording.frames]
+    labels_n = [None if isinstance(window, str) else float(force_n[window].mean()) for window in windows]
+    if all(label_n is None for label_n in labels_n):
+        raise _no_label(recording, log, str(windows[0]))
     _check_unit(recording, log.force_n(info.axis), labels_n, classes)
     return tuple(
-        _trial(recording, frame, label_n, classes, max_force_n)
-        for frame, label_n in zip(recording.frames, labels_n, strict=True)
+        _unlabelled(frame, str(window)) if label_n is None else _trial(recording, frame, label_n, classes, max_force_n)
+        for frame, label_n, window in zip(recording.frames, labels_n, windows, strict=True)
     )
 
 
-def _check_unit(recording: Recording, raw_n: Samples, labels_n: Sequence[float], classes: ClassesStudy) -> None:
+def label_notes(recording: Recording, trials: Sequence[Trial]) -> tuple[str, ...]:
+    """Return sentences on what the force log leaves open: samples without a force, a low rate, frames without a label.
+
+    Args:
+        recording: the recording.
+        trials: its frames, labelled.
+    """
+    if recording.forces is None:
+        return ()
+    without = [trial for trial in trials if trial.measured_force_n is None]
+    if not without:
+        return recording.forces.notes
+    reason = f"{without[0].file}: {without[0].excluded}"
+    return (
+        *recording.forces.notes,
+        f"{len(without)} of {len(trials)} frames have no label and are left out ({reason})",
+    )
+
+
+def _unlabelled(frame: FrameEntry, reason: str | None) -> Trial:
+    excluded = "pierced" if frame.pierced else reason
+    return Trial(file=frame.file, time_s=frame.time_s, measured_force_n=None, target=None, excluded=excluded)
+
+
+def _check_unit(recording: Recording, raw_n: Samples, labels_n: Sequence[float | None], classes: ClassesStudy) -> None:
     """Refuse forces that cannot be in N: by the labels, and by the sensor's noise.
 
     The noise is taken from the mean difference of neighbours, in which neither pushes nor a few knocks matter.
     """
     largest_n = LARGEST_FORCE_BOUNDS * classes.bounds_n[-1]
-    peak = int(np.argmax(np.abs(labels_n)))
-    noise_n = float(np.abs(np.diff(raw_n)).mean()) * np.sqrt(np.pi) / 2.0
-    if abs(labels_n[peak]) > largest_n:
-        found = f"{abs(labels_n[peak]):.4g} N under {recording.frames[peak].file}, more than {largest_n:.4g} N"
+    sizes_n = np.abs([0.0 if label_n is None else label_n for label_n in labels_n])
+    peak = int(np.argmax(sizes_n))
+    noise_n = float(np.abs(np.diff(raw_n[np.isfinite(raw_n)])).mean()) * np.sqrt(np.pi) / 2.0
+    if sizes_n[peak] > largest_n:
+        found = f"{sizes_n[peak]:.4g} N under {recording.frames[peak].file}, more than {largest_n:.4g} N"
     elif noise_n > LARGEST_NOISE_N:
         found = f"a noise of {noise_n:.2g} N, more than the {from_si(LARGEST_NOISE_N, 'mn'):g} mN of a coarse sensor"
     else:
@@ -130,14 +147,20 @@ def _trial(
 def contact_force(log: ForceLog, info: ForceInfo) -> Samples:
     """Return the filtered and tared contact force at each sample of a log, in N, shape (samples,).
 
-    The tare is one value, from before the first contact: what the sensor drifts after that stays in the force.
+    It is NaN where the log has no force. The tare is one value, from before the first contact: what the sensor drifts
+    after that stays in the force.
     """
-    raw_n = info.contact_sign * log.force_n(info.axis)
+    every_n = info.contact_sign * log.force_n(info.axis)
+    known = np.isfinite(every_n)
+    raw_n = every_n[known]
+    if not len(raw_n):
+        return every_n
     contact = first_contact(raw_n, log.sample_rate_hz)
     guard = round(GUARD_S * log.sample_rate_hz)
     before = len(raw_n) if contact is None else max(contact - guard, (contact + 1) // 2)
     tare_n = float(raw_n[:before].mean())
-    return low_pass(raw_n, log.time_s) - tare_n
+    every_n[known] = low_pass(raw_n, log.time_s[known]) - tare_n
+    return every_n
 
 
 def low_pass(force_n: Samples, time_s: Samples) -> Samples:
@@ -161,7 +184,7 @@ def _low_pass(force_n: Samples, time_s: Samples) -> Samples:
     if span_s < LONGEST_GAP_S / 4.0:
         return np.full_like(force_n, force_n.mean())
     # Sparse samples among short gaps are taken to a clock on which the filter exists: 20 for each sample at most.
-    steps = max(len(time_s) - 1, round(span_s * MIN_SAMPLE_RATE_HZ))
+    steps = max(len(time_s) - 1, round(span_s * GOOD_SAMPLE_RATE_HZ))
     rate_hz = steps / span_s
     even_s = time_s[0] + np.arange(steps + 1) / rate_hz
     sections = signal.butter(2, CUTOFF_HZ, fs=rate_hz, output="sos")
@@ -209,24 +232,33 @@ def _begin_of_rise(force_n: Samples, earliest: int, step: int) -> int:
     return int(knees[int(np.argmax(explained))])
 
 
-def _check_clocks(recording: Recording, log: ForceLog) -> None:
+def _no_label(recording: Recording, log: ForceLog, reason: str) -> RecordingError:
+    """Return what to say of a recording none of whose frames has a label; `reason` is that of the first frame."""
     first, last = recording.frames[0], recording.frames[-1]
     if last.time_s < log.time_s[0] or first.time_s > log.time_s[-1]:
-        raise RecordingError(
+        return RecordingError(
             f"{recording.path}: the clocks do not overlap: frames.csv has {first.time_s:g} to {last.time_s:g} s, "
             f"forces.csv {log.time_s[0]:g} to {log.time_s[-1]:g} s; bring both to one clock"
         )
+    return RecordingError(
+        f"{recording.path / 'frames.csv'}: no frame has a label; {first.file}: {reason}; forces.csv spans "
+        f"{log.time_s[0]:g} to {log.time_s[-1]:g} s"
+    )
 
 
-def _samples_around(recording: Recording, log: ForceLog, frame: FrameEntry, average_s: float) -> slice:
-    """Return the samples of the window; at the ends of the log, the part on both sides of the frame that there is."""
-    time_s = frame.time_s
+def _samples_around(log: ForceLog, force_n: Samples, time_s: float, average_s: float) -> slice | str:
+    """Return the samples of a frame's window, or why it has no label.
+
+    At the ends of the log, half of the window is enough, with samples on both sides of the frame.
+    """
     start, middle, stop = np.searchsorted(log.time_s, [time_s - average_s / 2, time_s, time_s + average_s / 2 + 1e-9])
     expected = average_s * log.sample_rate_hz
     if middle in (start, stop) or stop - start < expected / 2 - 1e-6:  # its clock is rounded
-        raise RecordingError(
-            f"{recording.path / 'frames.csv'}: {frame.file}: {stop - start} force samples within {average_s / 2:g} s "
-            f"of its time {time_s:g} s, about {expected:.0f} are needed; forces.csv spans {log.time_s[0]:g} to "
-            f"{log.time_s[-1]:g} s"
+        return (
+            f"{stop - start} force samples within {average_s / 2:g} s of its time {time_s:g} s, about "
+            f"{expected:.0f} are needed"
         )
+    missing = int(np.isnan(force_n[start:stop]).sum())
+    if missing:
+        return f"{missing} of the {stop - start} force samples around it are no forces"
     return slice(int(start), int(stop))

@@ -15,10 +15,13 @@ __all__ = [
     "FrameImage",
     "PixelScale",
     "Pixels",
+    "Sourced",
+    "as_shown",
     "check_size",
     "grey_pixels",
     "inverted",
-    "jpeg_size",
+    "jpeg_frame",
+    "one_grey",
     "unpacked_bytes",
 ]
 
@@ -30,6 +33,8 @@ MAX_SAMPLES = 4  # of a pixel: colour and transparency
 FRAME_MARKERS = (set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}) | {0xF7}
 STANDALONE_MARKERS = {0x01, *range(0xD0, 0xD9)}
 JPEG_2000 = b"\xff\x4f\xff\x51"
+MIRRORED = {2: (1,), 3: (0, 1), 4: (0,), 6: (1,), 7: (0, 1), 8: (0,)}  # axes, by TIFF's and EXIF's Orientation
+TRANSPOSED = 5  # from this Orientation on, rows are stored as columns
 
 
 class _FieldOfView(Protocol):
@@ -45,6 +50,14 @@ class _FieldOfView(Protocol):
     def depth_m(self) -> float: ...
     @property
     def refractive_index(self) -> float: ...
+
+
+@dataclass(frozen=True)
+class Sourced:
+    """A value, and who states it: "option", "recording.toml", "file", or who assumes it."""
+
+    value: float
+    source: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,12 +89,17 @@ class PixelScale:
 
 @dataclass(frozen=True)
 class FrameImage:
-    """A frame: `pixels` uint8 or uint16 (rows, columns); sizes of a pixel where the file says so, else None."""
+    """A frame: `pixels` uint8 or uint16 (rows, columns); sizes of a pixel where the file says so, else None.
+
+    `notes` say what was done to the pixels; `scale_fault` is the contradiction in what the file states of their size.
+    """
 
     pixels: Pixels
     _: KW_ONLY
     depth_pixel_m: float | None = None
     lateral_pixel_m: float | None = None
+    notes: tuple[str, ...] = ()
+    scale_fault: str | None = None
 
 
 def check_size(path: Path, rows: int, columns: int, samples: int = 1) -> None:
@@ -127,12 +145,27 @@ def grey_pixels(pixels: NDArray[Any], path: Path, colour: int = cv2.COLOR_RGB2GR
     return pixels
 
 
+def one_grey(picture: NDArray[Any], path: Path) -> NDArray[Any]:
+    """Return a picture without colour.
+
+    Raises:
+        FrameError: colour of another type than whole numbers of 8 or 16 bits.
+    """
+    return grey_pixels(picture, path) if picture.ndim == 3 else picture
+
+
 def inverted(pixels: NDArray[Any], bits: int, path: Path) -> NDArray[Any]:
     """Return pixels of which the smallest was the brightest the other way round.
+
+    Unsigned ones of up to 16 bits are taken from the largest value of `bits`; others change their sign.
 
     Raises:
         FrameError: a pixel has more than `bits` bits.
     """
+    if pixels.dtype.kind == "f":
+        return -pixels
+    if pixels.dtype not in (np.uint8, np.uint16):
+        return -pixels.astype(np.int64 if pixels.dtype != np.uint64 else np.float64)
     top = 2**bits - 1
     if int(pixels.max()) > top:
         raise FrameError(f"{path}: damaged: a pixel of {int(pixels.max())} is more than {bits} bits")
@@ -140,23 +173,35 @@ def inverted(pixels: NDArray[Any], bits: int, path: Path) -> NDArray[Any]:
     return turned
 
 
-def jpeg_size(data: bytes) -> tuple[int, int] | None:
-    """Return rows and columns that a JPEG, JPEG-LS or JPEG 2000 stream states, None where there are none.
+def as_shown(pixels: NDArray[Any], orientation: int) -> NDArray[Any]:
+    """Return pixels as TIFF's or EXIF's Orientation (1 to 8) wants them shown, rows and columns first.
 
-    >>> jpeg_size(bytes.fromhex("ffd8 ffe0 0002 ffc0 0008 08 0010 0020 01"))
-    (16, 32)
+    >>> as_shown(np.array([[1, 2], [3, 4]]), 6).tolist()
+    [[3, 1], [4, 2]]
+    """
+    turned = pixels.swapaxes(0, 1) if orientation >= TRANSPOSED else pixels
+    return np.flip(turned, MIRRORED.get(orientation, ()))
+
+
+def jpeg_frame(data: bytes) -> tuple[int, int, int, bool] | None:
+    """Return rows, columns, bits and whether they are signed of a JPEG, JPEG-LS or JPEG 2000 stream, None of others.
+
+    >>> jpeg_frame(bytes.fromhex("ffd8 ffe0 0002 ffc0 0008 08 0010 0020 01"))
+    (16, 32, 8, False)
     """
     begin = data.find(JPEG_2000)
     if begin >= 0 and not data.startswith(b"\xff\xd8"):
         right, bottom, left, top = (int.from_bytes(data[begin + at : begin + at + 4], "big") for at in (8, 12, 16, 20))
-        return bottom - top, right - left
+        depth = int.from_bytes(data[begin + 42 : begin + 43], "big")
+        return bottom - top, right - left, (depth & 0x7F) + 1, depth > 0x7F
     at = 2
     while at + 9 <= len(data):
         if data[at] != 0xFF:
             return None
         marker = data[at + 1]
         if marker in FRAME_MARKERS:
-            return int.from_bytes(data[at + 5 : at + 7], "big"), int.from_bytes(data[at + 7 : at + 9], "big")
+            rows, columns = (int.from_bytes(data[at + place : at + place + 2], "big") for place in (5, 7))
+            return rows, columns, data[at + 4], False
         if marker == 0xFF:  # a fill byte
             at += 1
         elif marker in STANDALONE_MARKERS:

@@ -8,20 +8,12 @@ from scleraforce.errors import FrameError
 from scleraforce.recording.files import read_info
 from scleraforce.recording.images import Pixels, check_frame, read_frame_image
 from scleraforce.recording.info import RecordingInfo
-from scleraforce.recording.pixels import PixelScale
+from scleraforce.recording.pixels import PixelScale, Sourced
 from scleraforce.units import from_si
 
 __all__ = ["LARGEST_M", "LEAST_M", "ScaledFrame", "Scanner", "Sourced", "read_scaled_frame", "recording_of"]
 
 LEAST_M, LARGEST_M = 1e-5, 0.1  # of a frame's width and depth, as in recording.toml
-
-
-@dataclass(frozen=True)
-class Sourced:
-    """A value, and who states it: "option", "recording.toml", "file", or who assumes it."""
-
-    value: float
-    source: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,13 +27,17 @@ class Scanner:
 
 @dataclass(frozen=True, eq=False)
 class ScaledFrame:
-    """A frame, `pixels` (rows: depth, columns: lateral), with its scale, and what its recording states (None: none)."""
+    """A frame, `pixels` (rows: depth, columns: lateral), with its scale, and what its recording states (None: none).
+
+    `notes` say what was done to its pixels, and which contradictions of its file an option settled.
+    """
 
     pixels: Pixels
     width_m: Sourced
     depth_m: Sourced
     refractive_index: Sourced
     info: RecordingInfo | None
+    notes: tuple[str, ...] = ()
 
     @property
     def scale(self) -> PixelScale:
@@ -90,13 +86,16 @@ def read_scaled_frame(path: Path, told: Scanner, assumed: tuple[Scanner, str], t
         next((Sourced(value, source) for scanner, source in stated if (value := getattr(scanner, name))), None)
         for name in ("width_m", "depth_m", "refractive_index")
     )
+    if image.scale_fault and info is None and None in (told.width_m, told.depth_m):
+        raise FrameError(f"{image.scale_fault}; give --width-mm and --depth-mm")
     if width is None or depth is None:
         raise FrameError(
             f"{path}: how large it is stands neither in it nor in a recording.toml; give --width-mm and --depth-mm"
         )
     _check_extent(path, "wide", "--width-mm", width)
     _check_extent(path, "deep", "--depth-mm", depth)
-    return ScaledFrame(pixels, width, depth, index or Sourced(1.0, "assumed"), info)
+    notes = (*image.notes, *([image.scale_fault] if image.scale_fault else []))
+    return ScaledFrame(pixels, width, depth, index or Sourced(1.0, "assumed"), info, notes)
 
 
 def _scanner(info: RecordingInfo | None) -> Scanner:

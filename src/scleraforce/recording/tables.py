@@ -1,31 +1,40 @@
 """The two tables of a recording folder, `frames.csv` and `forces.csv`: read fast, and say where a fault is."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import RecordingError
-from scleraforce.recording.delimited import Table, fields_of, number, read_table
+from scleraforce.recording.delimited import Table, decimal_mark, fields_of, number, read_table
 from scleraforce.whole_files import KINDS
 
 __all__ = [
     "FORCE_COLUMNS",
+    "GOOD_SAMPLE_RATE_HZ",
     "MIN_SAMPLE_RATE_HZ",
     "ForceLog",
     "FrameEntry",
-    "check_samples",
+    "checked_samples",
+    "gap_notes",
     "read_force_log",
     "read_frame_list",
 ]
 
 FORCE_COLUMNS = ("time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
 FRAME_COLUMNS = ("file", "time_s", "pierced")
-MIN_SAMPLE_RATE_HZ = 100.0
+GOOD_SAMPLE_RATE_HZ = 100.0
+# A push takes 0.2 s or more: at fewer samples a second it has less than four, and a clock in ms is read as one in s.
+MIN_SAMPLE_RATE_HZ = 20.0
 # Beyond, a number is damage: 300 years (clocks may count from 1970), and a thousand times what such a sensor bears.
 LARGEST_TIME_S, LARGEST_FORCE_N = 1e10, 1e6
+# A sample is no force beyond 1,000 times the median distance from the log's median (or the sensor's step, if that is
+# larger), but never below 3 N: no needle pushes an eye by more, and on a quiet log 60 mN are 1,000 times its noise.
+IMPLAUSIBLE_RATIO, LEAST_IMPLAUSIBLE_N = 1000.0, 3.0
+LEAST_LEVELS = 4  # different values of a log that tell the sensor's step: rest, a push and a burst are three
+MOST_IMPLAUSIBLE = 1.0 / 3.0  # of the samples; with more, the log's usual size is in doubt
 
 
 @dataclass(frozen=True)
@@ -41,12 +50,14 @@ class FrameEntry:
 class ForceLog:
     """A force log: `time_s` (samples,), increasing, and the other columns of the file: forces in N, torques in N m.
 
-    `wrench_sc` has shape (samples, columns); `columns` are their names, like `fz_n`.
+    `wrench_sc` has shape (samples, columns), NaN where the sensor gave no force; `columns` are their names, like
+    `fz_n`; `notes` are sentences on samples without a force and on a low rate.
     """
 
     time_s: NDArray[np.float64]
     wrench_sc: NDArray[np.float64]
     columns: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def sample_rate_hz(self) -> float:
@@ -57,6 +68,11 @@ class ForceLog:
         """Return the force along fx, fy or fz in N, shape (samples,)."""
         return self.wrench_sc[:, self.columns.index(f"{axis}_n")]
 
+    def known(self, axis: str) -> "ForceLog":
+        """Return the samples that have a force along fx, fy or fz."""
+        known = np.isfinite(self.force_n(axis))
+        return replace(self, time_s=self.time_s[known], wrench_sc=self.wrench_sc[known])
+
 
 def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
     """Read frames.csv, in its order.
@@ -65,13 +81,14 @@ def read_frame_list(path: Path) -> tuple[FrameEntry, ...]:
         RecordingError: naming the file, the line and the field.
     """
     table = read_table(path, KINDS["frames"], FRAME_COLUMNS, ("file", "time_s"))
+    mark = _decimal_mark(table, (table.columns.index("time_s"),))
     entries: list[FrameEntry] = []
     seen: dict[str, str] = {}
     for index, line in enumerate(table.lines):
         if not line:
             continue
         place = table.place(index)
-        entry = _frame_entry(place, _row(table, index), table.separator)
+        entry = _frame_entry(place, _row(table, index), mark)
         if entry.file in seen:
             raise RecordingError(f"{place}: file: {entry.file} stands in line {seen[entry.file]} already")
         if entries and entry.time_s <= entries[-1].time_s:
@@ -96,26 +113,87 @@ def read_force_log(path: Path, axis: str) -> ForceLog:
     values_sc = _numbers(table)
     time = table.columns.index("time_s")
     columns = tuple(name for name in table.columns if name != "time_s")
-    log = ForceLog(values_sc[:, time].copy(), np.delete(values_sc, time, axis=1), columns)
-    check_samples(log, path, lambda sample: _place_of_sample(table, sample))
+    wrench_sc = np.delete(values_sc, time, axis=1)
+    notes = gap_notes(path, wrench_sc[:, [columns.index(f"{axis}_n")]])
+    log = ForceLog(values_sc[:, time].copy(), wrench_sc, columns, notes)
+    log = checked_samples(log, path, lambda sample: _place_of_sample(table, sample))
+    if not np.isfinite(log.force_n(axis)).any():
+        raise RecordingError(f"{path}: {axis}_n: no sample has a force; all are nan")
     return log
 
 
-def check_samples(log: ForceLog, path: Path, place: Callable[[int], str]) -> None:
-    """Check that a log has numbers that a sensor can give, and a clock that runs forward and fast enough.
+def checked_samples(log: ForceLog, path: Path, place: Callable[[int], str], range_n: float | None = None) -> ForceLog:
+    """Return a log without the samples that are no forces, and with notes on what is missing.
 
     Args:
-        log: what was read.
+        log: what was read; its NaN are samples without a force.
         path: of its file.
         place: where in it a sample stands, by its number.
+        range_n: the largest force that the sensor measures, as the file states it.
 
     Raises:
-        RecordingError: naming the place and the column.
+        RecordingError: a number is damage, a third of the samples are beyond the range, or the clock does not run
+            forward or is too slow; naming the place and the column.
     """
     if len(log.time_s) < 2:
         raise RecordingError(f"{path}: fewer than two samples of the force")
     _check_range(log, place)
-    _check_clock(log.time_s, path, place)
+    rate_hz = _check_clock(log.time_s, path, place)
+    notes = list(log.notes)
+    wrench_sc, note = _without_implausible(log, place, range_n)
+    notes += [note] if note else []
+    if rate_hz < GOOD_SAMPLE_RATE_HZ * 0.999:
+        notes.append(
+            f"{path.name}: {rate_hz:.4g} samples a second, {GOOD_SAMPLE_RATE_HZ:g} are recommended: the noise of a "
+            f"label is {np.sqrt(GOOD_SAMPLE_RATE_HZ / rate_hz):.2g} times as large, and vibration faster than "
+            f"{rate_hz / 2:.3g} Hz is taken for force"
+        )
+    return replace(log, wrench_sc=wrench_sc, notes=tuple(notes))
+
+
+def gap_notes(path: Path, wrench_sc: NDArray[np.float64]) -> tuple[str, ...]:
+    """Return a sentence on the samples of a file that have no force."""
+    missing = int(np.isnan(wrench_sc).any(axis=1).sum())
+    return (f"{path.name}: {missing} of {len(wrench_sc)} samples have no force (nan)",) if missing else ()
+
+
+def _without_implausible(
+    log: ForceLog, place: Callable[[int], str], range_n: float | None
+) -> tuple[NDArray[np.float64], str | None]:
+    """Return the log's columns with NaN for samples that no sensor can have measured, and a sentence on them."""
+    beyond = np.zeros(log.wrench_sc.shape, dtype=bool)
+    limits_n = {}
+    for column, name in enumerate(log.columns):
+        force_n = log.wrench_sc[:, column]
+        known_n = force_n[np.isfinite(force_n)]
+        if not name.endswith("_n") or not len(known_n):
+            continue
+        middle_n = float(np.median(known_n))
+        typical_n = max(float(np.median(np.abs(known_n - middle_n))), _step_n(known_n))
+        limits_n[column] = limit_n = max(IMPLAUSIBLE_RATIO * typical_n, LEAST_IMPLAUSIBLE_N)
+        beyond[:, column] = np.abs(force_n - middle_n) > limit_n
+        if range_n is not None:
+            beyond[:, column] |= np.abs(force_n) > range_n
+    if not beyond.any():
+        return log.wrench_sc, None
+    flagged: NDArray[np.bool_] = np.asarray(beyond.any(axis=1))
+    sample, column = (int(at) for at in np.argwhere(beyond)[0])
+    value_n, name = log.wrench_sc[sample, column], log.columns[column]
+    over_range = range_n is not None and abs(value_n) > range_n
+    why = (
+        f"the sensor's range is {range_n:g} N" if over_range else f"{limits_n[column]:.3g} N off its median is the most"
+    )
+    found, count = f"{name}: {value_n:.4g} N ({why})", f"{flagged.sum()} of {len(flagged)} samples"
+    if flagged.mean() > MOST_IMPLAUSIBLE:
+        raise RecordingError(f"{place(sample)}: {found}; {count} are implausible: check the unit and the sensor")
+    kept_sc = np.where(flagged[:, None], np.nan, log.wrench_sc)
+    return kept_sc, f"{count} are implausible and have no force; the first is {place(sample)}: {found}; is it in N?"
+
+
+def _step_n(force_n: NDArray[np.float64]) -> float:
+    """Return the smallest step between values of a log, 0 where it has too few values to tell."""
+    levels_n = np.unique(force_n)
+    return float(np.diff(levels_n).min()) if len(levels_n) >= LEAST_LEVELS else 0.0
 
 
 def _numbers(table: Table) -> NDArray[np.float64]:
@@ -123,15 +201,16 @@ def _numbers(table: Table) -> NDArray[np.float64]:
     lines = table.lines
     if not any(lines):
         raise RecordingError(f"{table.path}: no samples below the header")
-    if table.separator != "," and any("," in line for line in lines):
-        lines = _with_points(table)
+    mark = _decimal_mark(table, range(len(table.columns)))
+    if mark == ",":
+        lines = tuple(line.replace(",", ".") for line in lines)
     open_quote = next((index for index, line in enumerate(lines) if '"' in line and line.count('"') % 2), None)
     if open_quote is not None:  # NumPy would read on to the next one, over lines
         fields_of(lines[open_quote], table.separator, table.place(open_quote))
     try:
         found = np.loadtxt(lines, delimiter=table.separator, ndmin=2, comments=None, quotechar='"')
     except ValueError as fault:
-        _raise_bad_number(table)
+        _raise_bad_number(table, mark)
         raise RecordingError(f"{table.path}: {fault}") from fault
     if found.shape[0] < 2 or found.shape[1] != len(table.columns):
         shape = f"{found.shape[0]} samples of {found.shape[1]} fields"
@@ -139,21 +218,15 @@ def _numbers(table: Table) -> NDArray[np.float64]:
     return np.asarray(found, dtype=np.float64)
 
 
-def _with_points(table: Table) -> tuple[str, ...]:
-    """Return lines with decimal commas as lines with decimal points."""
-    for index, line in enumerate(table.lines):
-        if "." in line:
-            raise RecordingError(
-                f"{table.place(index)}: a decimal point, where other numbers of the file have decimal commas; "
-                "write all numbers alike, without signs between thousands"
-            )
-    return tuple(line.replace(",", ".") for line in table.lines)
+def _decimal_mark(table: Table, read: Sequence[int]) -> str:
+    return decimal_mark(table.lines, table.separator, table.columns, read, table.place)
 
 
 def _check_range(log: ForceLog, place: Callable[[int], str]) -> None:
     columns, values_sc = ("time_s", *log.columns), np.column_stack([log.time_s, log.wrench_sc])
     largest_c = np.array([LARGEST_TIME_S, *[LARGEST_FORCE_N] * len(log.columns)])
-    bad = ~(np.abs(values_sc) <= largest_c)  # a NaN is bad as well
+    bad = ~(np.abs(values_sc) <= largest_c)  # a NaN is bad as well: of a time; of a force it says that there is none
+    bad[:, 1:] &= ~np.isnan(log.wrench_sc)
     if not bad.any():
         return
     sample, column = np.argwhere(bad)[0]
@@ -162,18 +235,20 @@ def _check_range(log: ForceLog, place: Callable[[int], str]) -> None:
     raise RecordingError(f"{place(int(sample))}: {columns[column]}: {value:g} {fault}")
 
 
-def _check_clock(time_s: NDArray[np.float64], path: Path, place: Callable[[int], str]) -> None:
+def _check_clock(time_s: NDArray[np.float64], path: Path, place: Callable[[int], str]) -> float:
+    """Return the samples a second; more than half of the steps are as short as that rate's."""
     steps_s = np.diff(time_s)
     if (steps_s <= 0.0).any():
         sample = int(np.argmax(steps_s <= 0.0)) + 1
         found = f"{time_s[sample]:.12g} does not come after {time_s[sample - 1]:.12g}"
         raise RecordingError(f"{place(sample)}: time_s: {found}; the clock must run forward")
-    rate_hz = 1.0 / float(np.median(steps_s))
+    rate_hz = 1.0 / float(np.quantile(steps_s, 0.5, method="higher"))
     if rate_hz < MIN_SAMPLE_RATE_HZ * 0.999:
         raise RecordingError(
-            f"{path}: time_s: {rate_hz:.4g} samples a second; at least {MIN_SAMPLE_RATE_HZ:g} are needed "
-            "(times are in seconds)"
+            f"{path}: time_s: {rate_hz:.4g} samples a second; at least {MIN_SAMPLE_RATE_HZ:g} are needed to follow a "
+            "push of 0.2 s (times are in seconds)"
         )
+    return rate_hz
 
 
 def _row(table: Table, index: int) -> dict[str, str]:
@@ -191,7 +266,7 @@ def _of_commas(table: Table) -> str:
     return "; with decimal commas, columns are separated by semicolons" if table.separator == "," else ""
 
 
-def _frame_entry(place: str, row: dict[str, str], separator: str) -> FrameEntry:
+def _frame_entry(place: str, row: dict[str, str], mark: str) -> FrameEntry:
     file = row["file"]
     inside = not PurePosixPath(file).is_absolute() and ".." not in PurePosixPath(file).parts
     if not file or "\\" in file or not file.isprintable() or not inside:
@@ -199,13 +274,13 @@ def _frame_entry(place: str, row: dict[str, str], separator: str) -> FrameEntry:
     pierced = row.get("pierced", "0")
     if pierced not in ("", "0", "1"):
         raise RecordingError(f"{place}: pierced: {pierced!r}; give 0 or 1")
-    time_s = number(row["time_s"], separator)
+    time_s = number(row["time_s"], mark)
     if time_s is None or not abs(time_s) <= LARGEST_TIME_S:
         raise RecordingError(f"{place}: time_s: {row['time_s']!r} is not a finite number of seconds")
     return FrameEntry(file, time_s, pierced == "1")
 
 
-def _raise_bad_number(table: Table) -> None:
+def _raise_bad_number(table: Table, mark: str) -> None:
     """Find what NumPy could not read, and name its line and column."""
     for index, line in enumerate(table.lines):
         if not line:
@@ -215,8 +290,10 @@ def _raise_bad_number(table: Table) -> None:
             found = f"{len(fields)} fields; the header has {len(table.columns)}"
             raise RecordingError(f"{table.place(index)}: {found}{_of_commas(table)}")
         for name, field in zip(table.columns, fields, strict=True):
-            if number(field, table.separator) is None:
-                raise RecordingError(f"{table.place(index)}: {name}: {field!r} is not a number")
+            missing = name != "time_s" and field.lower() == "nan"
+            if number(field, mark) is None and not missing:
+                hint = "" if name == "time_s" or field else "; write nan where the sensor gave no force"
+                raise RecordingError(f"{table.place(index)}: {name}: {field!r} is not a number{hint}")
 
 
 def _place_of_sample(table: Table, sample: int) -> str:

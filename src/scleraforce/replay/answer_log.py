@@ -92,6 +92,7 @@ class AnswerLog:
         self.answered: int | None = None
         self._waiting: OrderedDict[int, tuple[int, float]] = OrderedDict()
         self._last: tuple[int, float] | None = None
+        self._changed = False
 
     def sent(self, number: int, frame_id: int, at_s: float) -> None:
         """Take a frame that was sent: its number in the recording, its id, when its last byte was sent."""
@@ -128,7 +129,8 @@ class AnswerLog:
         if self.status_s is not None:
             self.longest_silence_s = max(self.longest_silence_s, at_s - self.status_s)
         self.status_s = at_s
-        if before is None or (before.code, before.subcode) != (status.code, status.subcode):
+        self._changed = before is None or (before.code, before.subcode) != (status.code, status.subcode)
+        if self._changed:
             number, sent_s = self._last or (None, None)
             after_s = None if sent_s is None else at_s - sent_s
             self.changes.append(
@@ -159,7 +161,8 @@ class AnswerLog:
         self.answers.append(
             TimedAnswer(at_s=at_s, took_s=at_s - sent_s, server_ms=reading.get("latency_ms"), code=status.code)
         )
-        if self.changes and self.changes[-1].at_s == at_s:
+        if self._changed:
+            self._changed = False
             self.changes[-1] = replace(
                 self.changes[-1], frame=number, after_s=at_s - sent_s, answers=True,
                 force_mn=_number(reading.get("force_mn")), interval_mn=_interval(reading.get("interval_mn")),

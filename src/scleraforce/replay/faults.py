@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
-from time import monotonic
 from types import MappingProxyType
 
 import numpy as np
@@ -129,9 +128,9 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
         raise InputError(
             f"{player.recording.path}: the monitor was not watching when the fault was due; it said: {said}"
         )
-    held_s = max(0.0, monotonic() - due_s - STATED_S)  # the replay's own delay is not part of the fault
+    held_s = max(0.0, client.clock() - due_s - STATED_S)  # the replay's own delay is not part of the fault
     due_s, stamp_s = due_s + held_s, stamp_s + held_s
-    began_s = since_s = monotonic()
+    began_s = since_s = client.clock()
     change: Change | None = None
     try:
         for index, act in enumerate(prepared.acts):
@@ -149,7 +148,7 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
         return FaultReport(
             prepared.name,
             began_s=began_s,
-            delay_s=monotonic() - began_s,
+            delay_s=client.clock() - began_s,
             code=None,
             cause=None,
             message=str(fault_of_link),
@@ -189,7 +188,7 @@ def inject(player: Player, prepared: PreparedFault) -> FaultReport:
 
 
 def _silent(player: Player, began_s: float) -> bool:
-    return monotonic() - max(player.log.status_s or 0.0, began_s - SILENT_S) > SILENT_S
+    return player.client.clock() - max(player.log.status_s or 0.0, began_s - SILENT_S) > SILENT_S
 
 
 def _do(player: Player, act: Act, stamp_s: float) -> float:
@@ -199,11 +198,11 @@ def _do(player: Player, act: Act, stamp_s: float) -> float:
     begun_s: float | None = None
     for sending in act or ():
         sent_s = _send(player, sending, stamp_s)
-        player.client.listen(monotonic())
+        player.client.listen(player.client.clock())
         begun_s = sent_s if begun_s is None else begun_s
         if sent_s is None or not player.log.ok:
             break
-    return monotonic() if begun_s is None else begun_s
+    return player.client.clock() if begun_s is None else begun_s
 
 
 def _send(player: Player, sending: Sending, stamp_s: float) -> float | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from heapq import merge
 from itertools import islice, pairwise
 from math import ceil
-from time import monotonic, time
+from time import time
 
 import numpy as np
 
@@ -38,7 +38,7 @@ class Timed:
 
 
 class Player:
-    """Plays a recording through an open client; keeps time by the monotonic clock, so that no delay adds up.
+    """Plays a recording through an open client; keeps time by the client's clock, so that no delay adds up.
 
     Args:
         recording: what is played.
@@ -48,6 +48,7 @@ class Player:
         version: of the headers, 1 to 3.
         ahead: frames that are read before they are due, and before the first one goes out.
         watch: called after each message.
+        wall_clock: s since 1970, of the headers.
 
     Attributes:
         forces_sent: how many samples of the force log were sent.
@@ -65,11 +66,12 @@ class Player:
         version: int = 1,
         ahead: int = AHEAD,
         watch: Callable[[], object] = lambda: None,
+        wall_clock: Callable[[], float] = time,
     ) -> None:
         self.recording, self.client, self.log = recording, client, log
         self.speed, self.version, self.ahead = speed, version, ahead
         self.forces_sent, self.latest_s, self.last = 0, 0.0, 0
-        self._watch = watch
+        self._watch, self._wall_clock = watch, wall_clock
         self._begun: tuple[float, float, float] | None = None
         self._frame_went: tuple[float, float] | None = None
 
@@ -85,7 +87,7 @@ class Player:
         for timed in merge(self.frames(entries), forces):
             self.send(timed)
         if stop_s == float("inf"):
-            self.client.listen(monotonic() + ANSWER_S, lambda: self.log.answered == self.last)
+            self.client.listen(self.client.clock() + ANSWER_S, lambda: self.log.answered == self.last)
             self._watch()
 
     def step(self, asked: Callable[[FrameEntry], bool]) -> None:
@@ -98,9 +100,9 @@ class Player:
         for entry, timed in zip(self.recording.frames, self.frames(self.recording.frames), strict=True):
             if not asked(entry):
                 return
-            self.client.listen(monotonic())
-            self._put(timed, time())
-            self.client.listen(monotonic() + ANSWER_S, lambda: self.log.answered == self.last)
+            self.client.listen(self.client.clock())
+            self._put(timed, self._wall_clock())
+            self.client.listen(self.client.clock() + ANSWER_S, lambda: self.log.answered == self.last)
             self._watch()
 
     def send(self, timed: Timed) -> float:
@@ -114,7 +116,7 @@ class Player:
             time_s, went_s = self._frame_went
             earliest_s = max(due_s, went_s + (timed.time_s - time_s) / self.speed / 2)
         self.client.listen(earliest_s)
-        late_s = max(0.0, monotonic() - due_s)
+        late_s = max(0.0, self.client.clock() - due_s)
         self.latest_s = max(self.latest_s, late_s)
         sent_s = self._put(timed, stamp_s + max(0.0, late_s - STATED_S))
         if timed.number:
@@ -122,12 +124,12 @@ class Player:
         return sent_s
 
     def due(self, time_s: float) -> tuple[float, float]:
-        """Return when a time of the recording is due, on the monotonic clock and since 1970; the first one is now."""
+        """Return when a time of the recording is due, on the client's clock and since 1970; the first one is now."""
         if self._begun is None:
-            self._begun = time_s, monotonic(), time()
-        first_s, monotonic_s, wall_s = self._begun
+            self._begun = time_s, self.client.clock(), self._wall_clock()
+        first_s, begun_s, wall_s = self._begun
         passed_s = (time_s - first_s) / self.speed
-        return monotonic_s + passed_s, wall_s + passed_s
+        return begun_s + passed_s, wall_s + passed_s
 
     def _put(self, timed: Timed, stamp_s: float) -> float:
         sent_s = self.client.send(timed.message.stamped(stamp_s))
@@ -168,7 +170,9 @@ class Player:
         every = max(1, ceil(log.sample_rate_hz * self.speed / FORCES_PER_S - 1e-3))
         whole = tuple(FORCE_COLUMNS[1 : 1 + len(log.columns)]) == log.columns and len(log.columns) in (3, 6)
         values_sc = log.wrench_sc if whole else info.contact_sign * log.force_n(info.axis)[:, None]
-        for time_s, values_c in zip(log.time_s[::every].tolist(), values_sc[::every].tolist(), strict=True):
+        known = np.isfinite(values_sc).all(axis=1)  # a robot sends no force that it does not have
+        times_s, values_sc = log.time_s[known], values_sc[known]
+        for time_s, values_c in zip(times_s[::every].tolist(), values_sc[::every].tolist(), strict=True):
             yield Timed(time_s, 0, Unstamped(Sensor(tuple(values_c), UNIT), FORCE_DEVICE, self.version))
 
 

@@ -64,13 +64,16 @@ class ScannerClient:
         port: of the monitor.
         hear: called with the time (s, monotonic), the device and the message for each that the monitor sends.
         observed: hear through the robot's connection, which stays when the scanner's breaks.
+        clock: s, of all times here.
 
     Raises:
         InputError: nobody listens there.
     """
 
-    def __init__(self, host: str, port: int, hear: Hear, *, observed: bool = False) -> None:
-        self.address, self._hear, self._decoder = f"{host}:{port}", hear, Decoder()
+    def __init__(
+        self, host: str, port: int, hear: Hear, *, observed: bool = False, clock: Callable[[], float] = monotonic
+    ) -> None:
+        self.address, self.clock, self._hear, self._decoder = f"{host}:{port}", clock, hear, Decoder()
         self._scanner: socket.socket | None = _connect(host, port)
         self._heard: socket.socket | None = _connect(host, port) if observed else self._scanner
 
@@ -84,19 +87,19 @@ class ScannerClient:
         """
         whole = memoryview(data)
         self._send(whole[:-LAST_BYTES])
-        last_s = monotonic()
+        last_s = self.clock()
         self._send(whole[-LAST_BYTES:])
         return last_s
 
     def _send(self, rest: memoryview) -> None:
-        moved_s = monotonic()
+        moved_s = self.clock()
         while rest:
             if self._scanner is None:
                 raise LinkError(f"{self.address}: the monitor has closed the connection")
             try:
-                rest, moved_s = rest[self._scanner.send(rest) :], monotonic()
+                rest, moved_s = rest[self._scanner.send(rest) :], self.clock()
             except BlockingIOError:
-                if monotonic() - moved_s > STALL_S:
+                if self.clock() - moved_s > STALL_S:
                     raise LinkError(f"{self.address}: the monitor has read nothing for {STALL_S:g} s") from None
                 self._turn(0.1, writing=True)
             except OSError as fault:
@@ -109,7 +112,7 @@ class ScannerClient:
             LinkError: the connection is lost, or its other end does not speak OpenIGTLink.
         """
         self._turn(0.0)
-        while not done() and (left_s := until_s - monotonic()) > 0.0:
+        while not done() and (left_s := until_s - self.clock()) > 0.0:
             self._turn(left_s)
 
     def disconnect(self) -> None:
@@ -142,7 +145,7 @@ class ScannerClient:
         except OSError as fault:
             self._lose(link, fault)
             return
-        at_s = monotonic()
+        at_s = self.clock()
         if not count:
             self._lose(link, None)
         for event in self._decoder.received(count):

@@ -29,6 +29,8 @@ __all__ = [
 
 Html = NewType("Html", str)
 
+# Within a script element `<!--<script>` hides its end, and `</script>` is one; json.dumps escapes U+2028 itself.
+JSON_ESCAPES = {ord(letter): f"\\u{ord(letter):04x}" for letter in "<>&"}
 STACKED_COLUMNS, STACKED_SENTENCES = 7, 3  # from as many columns, a table's rows become blocks on a narrow screen
 STYLE_SHEET = files("scleraforce.report").joinpath("page.css").read_text(encoding="utf-8")
 
@@ -145,10 +147,12 @@ def section(title: str, *blocks: Html) -> Html:
 def embedded(name: str, data: Mapping[str, Any]) -> Html:
     r"""Return data that a script reads from the element of a name; numbers that are not finite become null.
 
+    No text in it ends the element or begins another one: what HTML gives a meaning to is escaped as JSON allows.
+
     >>> embedded("said", {"word": "</script>"})
-    '<script type="application/json" id="said">{"word":"<\\/script>"}</script>'
+    '<script type="application/json" id="said">{"word":"\\u003c/script\\u003e"}</script>'
     """
-    content = json.dumps(finite(data), allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
+    content = json.dumps(finite(data), allow_nan=False, separators=(",", ":")).translate(JSON_ESCAPES)
     return Html(f'<script type="application/json" id="{escape(name)}">{content}</script>')
 
 

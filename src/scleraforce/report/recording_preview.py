@@ -85,8 +85,12 @@ def _force_curve(axes: Axes, recording: Recording) -> None:
     raw_mn = from_si(info.contact_sign * log.force_n(info.axis), "mn")
     axes.plot(log.time_s[::every], raw_mn[::every], color="#C9CED3", linewidth=0.5, label="as logged")
     axes.plot(log.time_s[::every], from_si(contact_force(log, info), "mn")[::every], color=BLUE, label="filtered")
+    missing_s = log.time_s[np.isnan(raw_mn)]
+    if len(missing_s):
+        every = max(1, len(missing_s) // POINTS_DRAWN)
+        axes.plot(missing_s[::every], np.zeros_like(missing_s[::every]), "|", color=AMBER, label="no force")
     times_s = [frame.time_s for frame in recording.frames]
     axes.vlines(times_s, 0, 1, transform=axes.get_xaxis_transform(), color=BLACK, linewidth=0.5, label="frames")
     low_s, high_s = min(times_s[0], float(log.time_s[0])), max(times_s[-1], float(log.time_s[-1]))
     axes.set(xlabel="time [s]", ylabel="contact force [mN]", xlim=(low_s, high_s))
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)

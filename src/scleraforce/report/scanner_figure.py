@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, NullFormatter
 
 from scleraforce.recording.pixels import Pixels
 from scleraforce.report.style import AMBER, BLACK, SCAN_COLOURS, inches, styled
@@ -43,5 +44,7 @@ def draw_scanner(pair: FramePair) -> Figure:
         axes.plot((edges[1:] + edges[:-1]) / 2, from_si(share, "percent"), color=colour, linestyle=line, label=name)
     axes.set(xlabel="count", ylabel="share of the pixels, %", title="Histograms", xlim=(0, pair.top))
     axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.legend()
     return figure

@@ -37,8 +37,9 @@ def draw_model(study: Study) -> Figure:
     _draw_pressure(axes, radius - THICKNESS_DRAWN_MM)
     _draw_needle(axes, radius, polar_deg)
     _arrow(axes, (-0.1 * radius, 0.52 * radius), (-0.1 * radius, 0.28 * radius), BLACK)
-    axes.text(-0.07 * radius, 0.36 * radius, "gravity, $f_g$", color=BLACK)
-    axes.text(0.0, 0.08 * radius, f"E, $\\nu$ = {study.eye.poisson_ratio:g}, R = {radius:g} mm", ha="center")
+    axes.text(-0.07 * radius, 0.36 * radius, "gravity, $f_g$", color=BLACK, parse_math=True)
+    of_eye = f"E, $\\nu$ = {study.eye.poisson_ratio:g}, R = {radius:g} mm"
+    axes.text(0.0, 0.08 * radius, of_eye, ha="center", parse_math=True)
     axes.set(xlim=(-1.15 * radius, 2.0 * radius), ylim=(-0.2 * radius, 1.3 * radius), aspect="equal")
     axes.set_axis_off()
     return figure
@@ -113,7 +114,7 @@ def _draw_pressure(axes: Axes, inner: float) -> None:
     for polar_deg in (-75, -55, -35, -15, 5, 60, 78):
         _arrow(axes, _point(0.84 * inner, polar_deg), _point(inner, polar_deg), BLUE)
     across, up = _point(0.74 * inner, -45)
-    axes.text(across, up, "IOP, $f_p$", color=BLUE, ha="center", va="center")
+    axes.text(across, up, "IOP, $f_p$", color=BLUE, ha="center", va="center", parse_math=True)
 
 
 def _draw_needle(axes: Axes, radius: float, polar_deg: float) -> None:
@@ -122,7 +123,7 @@ def _draw_needle(axes: Axes, radius: float, polar_deg: float) -> None:
     axes.plot(*ends.T, color=RED, linewidth=2.6, solid_capstyle="butt")
     _arrow(axes, _point(0.98 * radius, polar_deg), _point(0.72 * radius, polar_deg), RED)
     across, up = _point(0.64 * radius, polar_deg)
-    axes.text(across, up, "needle, $f_n$", color=RED, ha="center", va="center")
+    axes.text(across, up, "needle, $f_n$", color=RED, ha="center", va="center", parse_math=True)
     half = 0.38 * radius
     corners = [(1.22, -half), (1.22, half), (0.86, half), (0.86, -half)]
     outline = np.array([_point(share * radius, polar_deg, along) for share, along in corners])

@@ -66,6 +66,7 @@ STYLE: dict[str, object] = {
     "savefig.facecolor": "white",
     "svg.fonttype": "path",
     "svg.hashsalt": "scleraforce",
+    "text.parse_math": False,  # a frame may be called `$\\frac$.png`; formulas ask for it
     "xtick.direction": "out",
     "xtick.labelsize": 7.5,
     "xtick.major.width": 0.6,

@@ -36,7 +36,7 @@ from scleraforce.service.server import Server, ServerSettings
 from scleraforce.service.session import Session
 from scleraforce.study import Study
 
-__all__ = ["Address", "MonitorSettings", "monitor_service"]
+__all__ = ["Address", "MonitorSettings", "monitor_service", "session_scan"]
 
 KEPT_S = 10.0
 READY_S = 180.0  # for the second opinion: some 15 s where its loops are compiled, and machines may be slow
@@ -110,7 +110,7 @@ def monitor_service(
         _compile(note)
         live = LiveReader(reader, settings.known, settings.refractive_index)
         ring = FrameRing.create(RING_FRAMES, rows, columns)
-        info = _recording_info(settings, reader.study, scale)
+        info = _recording_info(settings, reader.study)
         try_folders(settings.black_box, settings.record)
         kept = black_box_settings(settings.black_box, ring, info, settings.record, KEPT_S)
         children = {BLACK_BOX: Child("scleraforce.service.black_box.process", kept, [ring.descriptor])}
@@ -168,21 +168,28 @@ def _wait_for_opinion(companions: Companions, channel: Channel, note: Callable[[
         note(f"the second opinion was not ready within {READY_S:g} s: nothing is OK before its first one")
 
 
-def _recording_info(settings: MonitorSettings, study: Study, scale: PixelScale) -> RecordingInfo:
+def session_scan(settings: MonitorSettings) -> OctInfo:
+    """Return what is known of the frames of a session."""
+    rows, columns = settings.limits.size or (0, 0)
+    lateral_m, depth_m = settings.limits.scale_m or (0.0, 0.0)
+    return OctInfo(
+        columns=columns,
+        rows=rows,
+        bits=MOST_BITS,
+        width_m=columns * lateral_m,
+        depth_m=rows * depth_m,
+        plane_direction_rad=settings.known.direction_rad,
+        refractive_index=settings.refractive_index,
+    )
+
+
+def _recording_info(settings: MonitorSettings, study: Study) -> RecordingInfo:
     """Return the contents of recording.toml for a recording of the session."""
-    (rows, columns), known = settings.limits.size or (0, 0), settings.known
+    known = settings.known
     gap_m = study.needle.gap_m if known.gap_m is None else known.gap_m
     return RecordingInfo(
         stated_eye(settings.eye, known),
-        OctInfo(
-            columns=columns,
-            rows=rows,
-            bits=MOST_BITS,
-            width_m=columns * scale.lateral_m,
-            depth_m=rows * scale.depth_m,
-            plane_direction_rad=known.direction_rad,
-            refractive_index=settings.refractive_index,
-        ),
+        session_scan(settings),
         NeedleInfo(
             gauge=nearest_gauge(study.needle.outer_diameter_m), slice_gap_m=gap_m, polar_angle_rad=known.polar_rad
         ),

@@ -14,8 +14,8 @@ ANSWER_S = 2.0
 PIECE = 65536
 
 
-def ask_reset(host: str, port: int, token: str) -> tuple[bool, str]:
-    """Ask a monitor to end a withdrawal; return whether it did, and its message.
+def ask_reset(host: str, port: int, token: str, within_s: float = ANSWER_S) -> tuple[bool, str]:
+    """Ask a monitor to end a withdrawal; return whether it did, and its message, which must come within `within_s`.
 
     Raises:
         InputError: no monitor answers at this address, or the token cannot be sent.
@@ -25,17 +25,17 @@ def ask_reset(host: str, port: int, token: str) -> tuple[bool, str]:
     if not token.isprintable():  # which covers what is not valid text
         raise InputError("--token: has characters that no token has; copy the token that the monitor printed")
     try:
-        with socket.create_connection((host, port), timeout=ANSWER_S) as link:
+        with socket.create_connection((host, port), timeout=within_s) as link:
             link.sendall(encode(Text(token), RESET_DEVICE, time_s=time()))
-            return _answer(link)
+            return _answer(link, monotonic() + within_s)
     except (OSError, UnicodeError, ProtocolError) as fault:
         reason = getattr(fault, "strerror", None) or str(fault)
         raise InputError(f"{host}:{port}: {reason}; is a monitor running there?") from fault
 
 
-def _answer(link: socket.socket) -> tuple[bool, str]:
+def _answer(link: socket.socket, end_s: float) -> tuple[bool, str]:
     """Wait for the answer among the STATUS messages that the monitor sends to all clients."""
-    decoder, end_s = Decoder(), monotonic() + ANSWER_S
+    decoder = Decoder()
     while monotonic() < end_s:
         data = link.recv(PIECE)
         if not data:

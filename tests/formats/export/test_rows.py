@@ -59,8 +59,8 @@ def test_a_table_has_a_column_for_each_number_of_any_row() -> None:
     ]
     found = list(csv.DictReader(StringIO(csv_text(rows))))
     assert found[0] | {"file": "a, b.png"} == {
-        "file": "a, b.png", "usable": "1", "interval_mn_0": "1.5", "interval_mn_1": "", "needle_tip_x": "1",
-        "interval_mn": "", "reason": "",
+        "file": "a, b.png", "usable": "1", "interval_low_mn": "1.5", "interval_high_mn": "", "needle_tip_x": "1",
+        "reason": "",
     }  # fmt: skip
     assert (found[1]["usable"], found[1]["reason"], found[1]["needle_tip_x"]) == ("0", "dark", "")
 

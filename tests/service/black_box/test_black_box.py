@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from decisions import decision
+from peer import FUSE_S
 
 import scleraforce.service.black_box.log_sync as log_sync
 import scleraforce.service.black_box.process as module
@@ -91,11 +92,11 @@ class Monitor:
         return [answer for answer in self.hear() if isinstance(answer, kind)]
 
     def wait_for(self, kind, count=1):
-        deadline_s = time.monotonic() + 30.0
+        deadline_s = time.monotonic() + FUSE_S
         while len(self.heard(kind)) < count:
             if time.monotonic() > deadline_s:
                 self.close()
-                raise AssertionError(f"no {kind.__name__} in 30 s; notes: {self.notes()}")
+                raise AssertionError(f"no {kind.__name__} came; notes: {self.notes()}")
             self.box.turn()
         return self.heard(kind)[-1]
 
@@ -247,12 +248,10 @@ def test_labels_of_a_withdrawal_are_the_force_although_the_needle_touched_long_b
     assert [trial.measured_force_n for trial in trials] == pytest.approx([0.02] * len(trials), abs=1e-6)
 
 
-@pytest.mark.parametrize(("rate_hz", "reason"), [(50, "fewer than 100 samples"), (100, "force samples within")])
-def test_a_force_log_that_gives_no_labels_stands_beside_a_recording_that_can_be_read(tmp_path, rate_hz, reason):
-    """Of the 100 Hz log the beginning is missing."""
+def test_a_force_log_that_gives_no_labels_stands_beside_a_recording_that_can_be_read(tmp_path):
     monitor = Monitor(tmp_path)
     for number in range(200):
-        if number % (100 // rate_hz) == 0 and (rate_hz == 50 or number > 100):
+        if number % 10 == 0:
             monitor.force([0.001])
         monitor.decide()
     monitor.decide("WITHDRAW")
@@ -263,9 +262,25 @@ def test_a_force_log_that_gives_no_labels_stands_beside_a_recording_that_can_be_
     assert read_recording(folder).forces is None
     lines = (folder / "robot_forces.csv").read_text().splitlines()
     assert [name.strip() for name in lines[0].split(",")] == ["time_s", "fz_n"]
-    assert len(lines) == 1 + (99 if rate_hz == 50 else 98)  # the last step may go on
+    assert len(lines) == 1 + 19  # the last step may go on
     assert float(lines[1].split(",")[1]) == -0.001  # positive along the needle; contact_sign is -1
-    assert reason in monitor.notes()[-1]
+    assert "fewer than 20 samples" in monitor.notes()[-1]
+
+
+def test_a_force_log_that_begins_late_labels_the_frames_that_it_covers(tmp_path):
+    monitor = Monitor(tmp_path)
+    for number in range(200):
+        if number > 100:
+            monitor.force([0.001])
+        monitor.decide()
+    monitor.decide("WITHDRAW")
+    monitor.box._withdrawals._writing.due_s = 0.0
+    monitor.wait_for(WithdrawalKept)
+    monitor.end()
+    trials = label_frames(read_recording(monitor.withdrawals()[0]), ClassesStudy())
+    labelled = [trial.measured_force_n is not None for trial in trials]
+    assert 80 < sum(labelled) < 110
+    assert not any(labelled[:90])
 
 
 def test_forces_of_another_device_or_count_or_that_are_no_numbers_are_noted_once_and_left_out(tmp_path):
@@ -480,13 +495,13 @@ class Process:
             assert self.child.channel.send(Decided(entry=entry))
 
     def wait_for(self, kind):
-        deadline_s = time.monotonic() + 30.0
+        deadline_s = time.monotonic() + FUSE_S
         while time.monotonic() < deadline_s:
             for message in self.child.channel.receive():
                 if isinstance(message, kind):
                     return message
             time.sleep(0.01)
-        raise AssertionError(f"no {kind.__name__} in 30 s")
+        raise AssertionError(f"no {kind.__name__} came")
 
 
 def test_the_process_keeps_a_withdrawal_ignores_sigterm_and_ends_when_told(tmp_path):
@@ -499,7 +514,7 @@ def test_the_process_keeps_a_withdrawal_ignores_sigterm_and_ends_when_told(tmp_p
     folder = process.wait_for(WithdrawalKept).folder
     assert process.child.exit_code is None
     process.child.channel.send(MonitorEnds())
-    assert process.child.end() == 0
+    assert process.child.end(FUSE_S) == 0
     assert len(read_recording(tmp_path / "box" / "withdrawals" / folder).frames) == 100
 
 
@@ -518,7 +533,7 @@ def test_what_the_process_writes_is_readable_by_its_owner_only(tmp_path):
     process.frames([20], "WITHDRAW")
     process.wait_for(WithdrawalKept)
     process.child.channel.send(MonitorEnds())
-    assert process.child.end() == 0
+    assert process.child.end(FUSE_S) == 0
     inside = [*(tmp_path / "box").rglob("*"), tmp_path / "rec", *(tmp_path / "rec").rglob("*")]
     inside.remove(tmp_path / "box" / "log")  # made before
     assert {"frames.csv", "decisions.jsonl", "forces.csv", "0000020.png"} <= {path.name for path in inside}
@@ -529,12 +544,12 @@ def test_a_black_box_that_is_killed_leaves_a_session_and_a_log_that_can_be_read(
     process = Process(tmp_path, tmp_path / "rec")
     process.wait_for(Alive)
     process.frames(range(1, 150))
-    deadline_s = time.monotonic() + 10.0
+    deadline_s = time.monotonic() + FUSE_S
     while not (tmp_path / "rec" / "frames" / "0000020.png").exists():
         assert time.monotonic() < deadline_s
         time.sleep(0.001)
     os.kill(process.child.pid, signal.SIGKILL)
-    assert process.child.end() == -signal.SIGKILL
+    assert process.child.end(FUSE_S) == -signal.SIGKILL
     recording = read_recording(tmp_path / "rec")
     assert [int(entry.file[:7]) for entry in recording.frames] == list(range(1, len(recording.frames) + 1))
     assert len(recording.frames) >= 19
@@ -547,5 +562,5 @@ def test_a_process_whose_log_cannot_be_opened_says_so_and_ends(tmp_path, capfd):
     (tmp_path / "box").write_text("a file")
     process = Process(tmp_path)
     assert "Not a directory" in process.wait_for(SelfReport).detail
-    assert process.child.end() == 1
+    assert process.child.end(FUSE_S) == 1
     assert "Traceback" in capfd.readouterr().err

@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 
 import pytest
+from peer import FUSE_S, wait_until
 
 from scleraforce.errors import MessageError
 from scleraforce.known.eye import NOTHING_KNOWN
@@ -54,11 +55,9 @@ def module(tmp_path, monkeypatch):
 
 
 def answer(child):
-    for _ in range(1000):
-        if messages := child.channel.receive():
-            return json.loads(messages[0].text)
-        time.sleep(0.01)
-    raise AssertionError("no answer in 10 s")
+    messages = []
+    wait_until(lambda: messages.extend(child.channel.receive()) or messages)
+    return json.loads(messages[0].text)
 
 
 def test_a_child_gets_its_settings_and_the_files_and_ends_when_the_channel_closes():
@@ -73,7 +72,7 @@ def test_a_child_gets_its_settings_and_the_files_and_ends_when_the_channel_close
     os.kill(child.pid, signal.SIGINT)
     time.sleep(0.05)
     assert child.exit_code is None
-    assert child.end() == 7
+    assert child.end(FUSE_S) == 7
     assert child.exit_code == 7
     os.close(file)
 
@@ -106,7 +105,7 @@ def test_no_module_of_the_current_folder_runs_in_a_child(tmp_path, monkeypatch):
     monkeypatch.chdir(here)
     child = Child("some_child", ending_with(3))
     assert answer(child)["threads"] == "1"
-    assert child.end() == 3
+    assert child.end(FUSE_S) == 3
     guard = Guard()
     guard.end()
     assert not (tmp_path / "ran").exists()
@@ -126,4 +125,4 @@ def test_a_child_does_not_hear_of_a_terminal_that_is_closed(number):
     os.kill(child.pid, number)
     time.sleep(0.05)
     assert child.exit_code is None
-    assert child.end() == 5
+    assert child.end(FUSE_S) == 5

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_section
 from fixed_reader import write_fixed_reader
+from peer import FUSE_S
 
 from scleraforce.service.companions import second_opinion
 from scleraforce.service.companions.channel import Channel, ChannelClosedError
@@ -39,7 +40,7 @@ class Reader:
     def ask(self, number: int, order: int) -> None:
         assert self.child.channel.send(OpinionAsked(number=number, order=order))
 
-    def hear(self, within_s: float = 30.0) -> CompanionMessage:
+    def hear(self, within_s: float = FUSE_S) -> CompanionMessage:
         assert select([self.child.channel], [], [], within_s)[0], "no opinion came"
         (message,) = self.child.channel.receive()
         return message
@@ -57,7 +58,7 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
     reader = Reader(model)
     assert reader.hear() == Alive(faults=())  # it has read a frame of its own, and is ready
     yield reader
-    assert reader.child.end(20.0) == 0
+    assert reader.child.end(FUSE_S) == 0
 
 
 def test_a_wall_is_read_with_its_force_by_the_fit(reader: Reader) -> None:
@@ -117,7 +118,7 @@ def test_a_model_that_cannot_be_read_is_said_before_the_process_ends(tmp_path: P
     message = broken.hear()
     assert isinstance(message, SelfReport)
     assert "nowhere" in message.detail
-    assert broken.child.end(20.0) == 1
+    assert broken.child.end(FUSE_S) == 1
     with pytest.raises(ChannelClosedError):
         broken.child.channel.send(MonitorEnds())
 
@@ -133,4 +134,4 @@ def test_what_is_no_question_ends_the_process_with_a_word(tmp_path: Path) -> Non
     assert message == SelfReport(
         detail="MessageError: a MonitorEnds came; the second opinion is asked about frames only"
     )
-    assert other.child.end(20.0) == 1
+    assert other.child.end(FUSE_S) == 1

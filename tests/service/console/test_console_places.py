@@ -8,6 +8,7 @@ from threading import Thread
 
 import pytest
 from console_monitor import TOKEN, ConsoleMonitor
+from peer import FUSE_S
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
@@ -18,7 +19,7 @@ MOST = 128  # connections that are kept
 
 
 def post(monitor: ConsoleMonitor, token: str) -> HTTPConnection:
-    link = HTTPConnection("127.0.0.1", monitor.port, timeout=10)
+    link = HTTPConnection("127.0.0.1", monitor.port, timeout=FUSE_S)
     own = {"Origin": monitor.address.rstrip("/"), "Content-Type": "application/json"}
     link.request("POST", "/reset", json.dumps({"token": token}), own)
     return link
@@ -31,7 +32,7 @@ def page(monitor: ConsoleMonitor) -> ClientConnection:
 def close_code(link: ClientConnection) -> int | None:
     """With which a socket is closed; it has to be soon."""
     with suppress(ConnectionClosed):
-        while link.recv(timeout=10):
+        while link.recv(timeout=FUSE_S):
             pass
     return link.close_code
 
@@ -66,9 +67,9 @@ def test_sockets_that_say_nothing_give_way_to_a_page() -> None:
     with ConsoleMonitor() as monitor, ExitStack() as stack:
         silent = [stack.enter_context(page(monitor)) for _ in range(MOST_PAGES)]
         late = stack.enter_context(page(monitor))
-        assert json.loads(late.recv(timeout=10))["kind"] == "hello"
+        assert json.loads(late.recv(timeout=FUSE_S))["kind"] == "hello"
         assert close_code(silent[0]) == 1013
-        assert json.loads(silent[1].recv(timeout=10))["kind"] == "hello"
+        assert json.loads(silent[1].recv(timeout=FUSE_S))["kind"] == "hello"
 
 
 @pytest.mark.slow
@@ -90,7 +91,7 @@ def test_a_page_that_answers_keeps_its_place_while_silent_ones_come() -> None:
         thread.start()
         for number in range(2 * MOST_PAGES):
             silent = stack.enter_context(page(monitor))
-            assert json.loads(silent.recv(timeout=10))["kind"] == "hello", number
+            assert json.loads(silent.recv(timeout=FUSE_S))["kind"] == "hello", number
         assert not lost
         lively.close()
         thread.join()
@@ -100,7 +101,7 @@ def test_a_page_that_answers_keeps_its_place_while_silent_ones_come() -> None:
 def test_connections_that_say_nothing_give_way_to_the_operators() -> None:
     with ConsoleMonitor() as monitor, ExitStack() as stack:
         idle = [
-            stack.enter_context(socket.create_connection(("127.0.0.1", monitor.port), timeout=10))
+            stack.enter_context(socket.create_connection(("127.0.0.1", monitor.port), timeout=FUSE_S))
             for _ in range(MOST + 10)
         ]
         operator_resets(monitor)

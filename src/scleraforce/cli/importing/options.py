@@ -8,7 +8,9 @@ import click
 
 from scleraforce.study.globe import GLOBES
 
-__all__ = ["AXIS", "BITS", "GAP", "GAUGE", "INDEX", "LENGTH", "RATE", "SIGN", "answer_options"]
+__all__ = [
+    "AXIS", "BITS", "GAP", "GAUGE", "INDEX", "LENGTH", "RATE", "SIGN", "THICKNESS", "answer_options",
+]  # fmt: skip
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -33,7 +35,7 @@ OPTIONS = (
                  "unit), with a column of file names or in the frames' order."),
     click.option("--clock-offset-s", type=float, help="What the force log's clock shows more than the frames'."),
     click.option("--column", "columns", multiple=True, metavar="COLUMN=NAME:UNIT", help="Column of a force log: time, "
-                 "fx, fy, fz, tx, ty or tz. Once for each."),
+                 "fx, fy, fz, tx, ty, tz or status, like fz=Pull:mN; 1000/N where 1000 counts are 1 N. Once for each."),
     click.option("--axis", type=AXIS, help="Axis of the force sensor along the needle."),
     click.option("--contact-sign", type=SIGN, help="Sign of that axis in contact."),
     click.option("--average-s", type=click.FloatRange(0.01, 60.0), help="Time over which a label averages; 2 by "

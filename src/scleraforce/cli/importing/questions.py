@@ -7,7 +7,8 @@ from typing import Any
 
 import click
 
-from scleraforce.cli.importing.options import AXIS, BITS, GAP, GAUGE, INDEX, LENGTH, RATE, SIGN
+from scleraforce.cli.importing.options import AXIS, BITS, GAP, GAUGE, INDEX, LENGTH, RATE, SIGN, THICKNESS
+from scleraforce.errors import InputError
 from scleraforce.formats.importing.questions import NOBODY, Asker, Question
 from scleraforce.formats.importing.told import ImportAnswers
 from scleraforce.formats.scan import UnansweredError
@@ -18,13 +19,16 @@ __all__ = ["KINDS", "asker"]
 KINDS: dict[str, click.ParamType[Any]] = {
     "width_mm": LENGTH, "depth_mm": LENGTH, "refractive_index": INDEX, "bits": BITS, "rate_hz": RATE,
     "clock_offset_s": click.FLOAT, "axis": AXIS, "contact_sign": SIGN, "eye": click.STRING, "gauge": GAUGE,
-    "gap_mm": GAP,
+    "gap_mm": GAP, "thickness_um": THICKNESS,
 }  # fmt: skip
+
+OPEN = "-"  # leaves an optional question open
+UNITS = {"_mm": "mm", "_um": "µm"}
 
 
 def asker(as_json: bool) -> Asker:
     """Return who sits before the terminal, or nobody."""
-    return Asker(_settle, _ask) if _can_ask(as_json) else NOBODY
+    return Asker(_settle, _ask, _say_again) if _can_ask(as_json) else NOBODY
 
 
 def _can_ask(as_json: bool) -> bool:
@@ -45,10 +49,32 @@ def _settle(answers: ImportAnswers, open_point: UnansweredError) -> ImportAnswer
     return replace(answers, **answer)
 
 
+def _say_again(fault: InputError) -> None:
+    click.echo(f"error: {fault}", err=True)
+
+
 def _ask(questions: Mapping[str, Question]) -> dict[str, Any]:
-    return {name: click.prompt(_words(name, question), type=KINDS[name], err=True)
-            for name, question in questions.items()}  # fmt: skip
+    return {name: _answer(name, question) for name, question in questions.items()}
+
+
+def _answer(name: str, question: Question) -> Any:
+    """Ask until the answer can be used; an optional question offers what the sources suggest, or to leave it open."""
+
+    def checked(text: str) -> Any:
+        if question.optional and text.strip() == OPEN:
+            return None
+        value = KINDS[name].convert(text.strip(), None, None)
+        if fault := question.fault(value):
+            raise click.UsageError(fault)
+        return value
+
+    words, offered = _words(name, question), question.offered()
+    if offered is not None:
+        words = f"{words}; the first frames show {offered:g}"
+    default = (OPEN if offered is None else f"{offered:g}") if question.optional else None
+    return click.prompt(words, default=default, value_proc=checked, err=True)
 
 
 def _words(name: str, question: Question) -> str:
-    return f"{question.words}, in mm" if name.endswith("_mm") else question.words
+    unit = next((f", in {printed}" for ending, printed in UNITS.items() if name.endswith(ending)), "")
+    return f"{question.words}{unit}{f' ({OPEN}: not known)' if question.optional else ''}"

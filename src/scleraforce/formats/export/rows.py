@@ -18,6 +18,21 @@ __all__ = ["Row", "csv_text", "flat", "frame_rows", "read_answers", "with_answer
 
 Row = dict[str, Any]
 
+# Lists of two numbers, and the columns that they become.
+PAIRS = {
+    "interval_mn": ("interval_low_mn", "interval_high_mn"),
+    "tip_mm": ("tip_lateral_mm", "tip_depth_mm"),
+}
+FORMULA_BEGINS = (
+    "=",
+    "+",
+    "-",
+    "@",
+    "\t",
+    "\r",
+    "\n",
+)  # of cells that spreadsheets evaluate ("CSV injection")
+
 
 def frame_rows(recording: Recording, classes: ClassesStudy) -> list[Row]:
     """Return file, time, whether it was pierced, and the label of each frame; no label without a force log.
@@ -83,13 +98,19 @@ def _with_answer(row: Row, answer: Row) -> Row:
 def flat(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row whose lists and objects are columns of their own.
 
-    >>> flat({"file": "a.png", "interval_mn": [1.0, 2.0], "needle": {"angle_deg": 30.0}})
-    {'file': 'a.png', 'interval_mn_0': 1.0, 'interval_mn_1': 2.0, 'needle_angle_deg': 30.0}
+    The ends of an interval and the coordinates of a place have the names that they have in `mcap_log`.
+
+    >>> flat({"file": "a.png", "interval_mn": [1.0, 2.0], "needle": {"tip_mm": [0.5, 3.0]}, "probabilities": [1.0]})
+    ... # doctest: +NORMALIZE_WHITESPACE
+    {'file': 'a.png', 'interval_low_mn': 1.0, 'interval_high_mn': 2.0, 'needle_tip_lateral_mm': 0.5,
+     'needle_tip_depth_mm': 3.0, 'probabilities_0': 1.0}
     """
     columns: dict[str, Any] = {}
     for key, value in row.items():
-        inner = dict(enumerate(value)) if isinstance(value, list) else value
-        if isinstance(inner, Mapping):
+        if key in PAIRS:
+            columns |= zip(PAIRS[key], value if isinstance(value, list) else (None, None), strict=False)
+        elif isinstance(value, Mapping | list):
+            inner = dict(enumerate(value)) if isinstance(value, list) else value
             columns |= {f"{key}_{name}": entry for name, entry in flat({str(n): v for n, v in inner.items()}).items()}
         else:
             columns[key] = value
@@ -97,17 +118,31 @@ def flat(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def csv_text(rows: Iterable[Mapping[str, Any]]) -> str:
-    """Return rows as a table: a column for each key of any row, empty where a row has none."""
+    r"""Return rows as a table: a column for each key of any row, empty where a row has none.
+
+    Texts that a spreadsheet would take for a formula get an apostrophe in front.
+
+    >>> csv_text([{"file": "=1+1.png", "force_mn": -2.5}])
+    "file,force_mn\n'=1+1.png,-2.5\n"
+    """
     flattened = [flat(row) for row in rows]
-    names = dict.fromkeys(name for row in flattened for name in row)
+    every = dict.fromkeys(name for row in flattened for name in row)
+    filled = {name for row in flattened for name, value in row.items() if value is not None}
+    # What is null in one row and an object in another has the object's columns only.
+    names = [name for name in every if name in filled or not any(other.startswith(f"{name}_") for other in every)]
+    return _line(names) + "".join(_line(row.get(name) for name in names) for row in flattened)
+
+
+def _line(cells: Iterable[Any]) -> str:
+    """Return a line; `csv` quotes the letters of the line's own end alone, so it is given both."""
     text = StringIO()
-    writer = csv.DictWriter(text, list(names), restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({name: _cell(value) for name, value in row.items()} for row in flattened)
-    return text.getvalue()
+    csv.writer(text, lineterminator="\r\n").writerow(map(_cell, cells))
+    return text.getvalue().removesuffix("\r\n") + "\n"
 
 
 def _cell(value: Any) -> Any:
+    if isinstance(value, str):
+        return f"'{value}" if value.startswith(FORMULA_BEGINS) else value
     return int(value) if isinstance(value, bool) else "" if value is None else value
 
 

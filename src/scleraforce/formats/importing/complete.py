@@ -12,13 +12,13 @@ from scleraforce.formats.gather import Gathered, check_overlap, on_one_clock
 from scleraforce.formats.greys import MOST_BITS, Greys
 from scleraforce.formats.importing.questions import QUESTIONS, Asker
 from scleraforce.formats.importing.told import OPTION, ImportAnswers
-from scleraforce.formats.scan import Times
+from scleraforce.formats.scan import Scan, Times
 from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.scaled_frame import Sourced
 from scleraforce.units import from_si, to_si
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from scleraforce.recording.tables import ForceLog
 
@@ -59,9 +59,18 @@ class Complete:
     info: RecordingInfo
     sources: dict[str, str]
 
+    def with_notes(self, notes: "Sequence[str]") -> "Complete":
+        """Return the same with further notes."""
+        return replace(self, gathered=replace(self.gathered, notes=(*self.gathered.notes, *notes)))
+
 
 def complete(
-    gathered: Gathered, greys: Greys, answers: ImportAnswers, origins: "Mapping[str, str]", asker: Asker
+    gathered: Gathered,
+    greys: Greys,
+    answers: ImportAnswers,
+    origins: "Mapping[str, str]",
+    asker: Asker,
+    measured: "Callable[[OctInfo], float | None]",
 ) -> Complete:
     """Bring together what was told, what sources state and what another recording has, and ask for the rest.
 
@@ -71,6 +80,7 @@ def complete(
         answers: what was told.
         origins: who told it, by the names of the answers; another recording gives way to what the sources state.
         asker: who is asked.
+        measured: returns the wall's thickness as the frames show it, um, at the scale of the recording.
 
     Raises:
         InputError: something stays open, an option has nothing to act on, or a value is none that a recording may have.
@@ -85,8 +95,62 @@ def complete(
         if (value := getattr(answers, name)) is not None and (name not in stated or origins.get(name) == OPTION)
     }
     known = stated | known
+    _check_contradictions(gathered.scan, needed - set(known))
     questions = {name: question for name, question in QUESTIONS.items() if name in needed - set(known)}
-    known |= {name: (value, ANSWER) for name, value in asker.missing(questions).items()}
+    if "bits" in questions:
+        few = f"pixels are up to {greys.high - greys.low:g}, which needs more bits"
+        questions["bits"] = replace(questions["bits"], fault=lambda bits: None if greys.fit(bits) else few)
+    while True:
+        answered = {name: (value, ANSWER) for name, value in asker.missing(questions).items()}
+        try:
+            done = _completed(gathered, greys, answers, times, stated, known | answered)
+            break
+        except InputError as fault:
+            if not questions:
+                raise
+            asker.again(fault)
+    return _with_thickness(done, answers, origins, asker, measured)
+
+
+def _with_thickness(
+    done: Complete,
+    answers: ImportAnswers,
+    origins: "Mapping[str, str]",
+    asker: Asker,
+    measured: "Callable[[OctInfo], float | None]",
+) -> Complete:
+    """Ask for the wall's thickness where nobody has told it; say what it costs where it stays open."""
+    name, value = "thickness_um", answers.thickness_um
+    if value is not None:
+        return replace(done, sources=done.sources | {name: origins.get(name, ANSWER)})
+    found: list[float | None] = []
+
+    def offered() -> float | None:
+        found.append(measured(done.info.oct))
+        return found[-1]
+
+    value = asker.missing({name: replace(QUESTIONS[name], offered=offered)}).get(name)
+    if value is None:
+        note = "the wall's thickness is not stated: `calibrate` needs it, and readings are less sure (--thickness-um)"
+        return done.with_notes([note])
+    info = replace(done.info, eye=replace(done.info.eye, thickness_m=to_si(value, "um")))
+    source = "measured on the first frames" if value in found else ANSWER
+    return replace(done, info=info, sources=done.sources | {name: source})
+
+
+def _completed(
+    gathered: Gathered,
+    greys: Greys,
+    answers: ImportAnswers,
+    times: Times | None,
+    stated: dict[str, tuple[Any, str]],
+    known: dict[str, tuple[Any, str]],
+) -> Complete:
+    """Bring together what is known, each value with who states it.
+
+    Raises:
+        InputError: a value is none that a recording may have, or does not go with the others.
+    """
     values = {name: value for name, (value, _) in known.items()}
     info = _info(gathered, answers, values)
     if not greys.fit(info.oct.bits):
@@ -101,9 +165,10 @@ def complete(
     moved, log, origin_s = on_one_clock(times, gathered.log, offset_s)
     check_overlap(moved, log)
     sources = {name: known[name][1] for name in QUESTIONS if name in known} | {"times": times.source}
-    doubts = (*_other_scales(stated, known), *_outside(moved, log))
-    gathered = replace(gathered, notes=(*gathered.notes, *doubts))
-    return Complete(gathered, moved, log, origin_s, info, sources)
+    scan = gathered.scan
+    faults = [fault for fault in (scan.scale_fault, scan.times_fault) if fault]
+    doubts = (*faults, *_other_scales(stated, known), *_outside(moved, log))
+    return Complete(gathered, moved, log, origin_s, info, sources).with_notes(doubts)
 
 
 def _check_used(gathered: Gathered, origins: "Mapping[str, str]") -> None:
@@ -124,6 +189,18 @@ def _check_used(gathered: Gathered, origins: "Mapping[str, str]") -> None:
         unused = [option for name, option in options.items() if origins.get(name) == OPTION and not there[what]]
         if unused:
             raise InputError(f"{unused[0]}: acts on {what}, which is not among the sources; leave it out")
+
+
+def _check_contradictions(scan: Scan, missing: set[str]) -> None:
+    """Check that options give what the source contradicts itself in.
+
+    Raises:
+        InputError: they do not.
+    """
+    for fault, options in ((scan.scale_fault, ("width_mm", "depth_mm")), (scan.times_fault, ("rate_hz",))):
+        if fault and missing.intersection(options):
+            named = " and ".join(f"--{name.replace('_', '-')}" for name in options)
+            raise InputError(f"{fault}; give {named}")
 
 
 def _needed(gathered: Gathered, answers: ImportAnswers, times: Times | None) -> set[str]:
@@ -171,8 +248,8 @@ def _outside(times: Times, log: "ForceLog | None") -> list[str]:
     if log is None:
         return []
     count = int(np.count_nonzero((times.time_s < log.time_s[0]) | (times.time_s > log.time_s[-1])))
-    words = f"{count} frames were taken before or after the forces: without a label a recording is not evaluated, so"
-    return [f"{words} leave them out, or mend the clocks (--clock-offset-s)"] if count else []
+    words = f"{count} frames were taken before or after the forces: they have no label and are not evaluated;"
+    return [f"{words} mend the clocks (--clock-offset-s) if they should be"] if count else []
 
 
 def _info(gathered: Gathered, answers: ImportAnswers, values: dict[str, Any]) -> RecordingInfo:

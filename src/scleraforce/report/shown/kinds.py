@@ -32,15 +32,23 @@ STORE_FILE = "zarr.json"
 PARTS = {"recording.toml": "recording", RECORD_FILE: "model", STORE_FILE: "store"}  # whose folder is the thing
 
 
-def thing_at(path: Path) -> Thing:
+def thing_at(path: Path, model: Path | None = None) -> Thing:
     """Look at whatever lies under a name, or at the shipped model of that name.
 
+    Args:
+        path: the name.
+        model: whose limits are held against a recording; None: the reader that ships.
+
     Raises:
-        InputError: nothing is there, it is of no known kind, or it cannot be read.
+        InputError: nothing is there, it is of no known kind, or it cannot be read; or a model for another thing.
     """
     found = model_folder(path)
     kind = _kind_of(found)
-    show: Callable[[Path], Thing] = getattr(import_module(f"scleraforce.report.shown.{kind}"), SHOWS[kind])
+    if model is not None and kind != "recording":
+        raise InputError(f"--model: {path} is a {kind.replace('_', ' ')}; a model reads recordings")
+    show: Callable[..., Thing] = getattr(import_module(f"scleraforce.report.shown.{kind}"), SHOWS[kind])
+    if model is not None:
+        return show(found, model)
     return show(found / STUDY_FILE if kind == "study" and found.is_dir() else found)
 
 

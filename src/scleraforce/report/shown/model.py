@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from scleraforce.models.folder import FILES, read_folder
+from scleraforce.reader.limits import reading_ranges
 from scleraforce.report.shown.thing import Thing
 from scleraforce.report.style import BLUE, RED, inches, styled
 from scleraforce.units import from_si
@@ -32,6 +33,8 @@ def show_model(path: Path) -> Thing:
     folder = read_folder(path)
     record = folder.record
     metrics, provenance = _table(record, "metrics"), _table(record, "provenance")
+    ranges = reading_ranges(path)
+    lines = ("what it reads:", *(f"  {name:<36}{words}" for name, words in ranges)) if ranges else ()
     size = sum(map(len, folder.files.values()))
     rows = [
         ("kind", f"{record['kind']}{_default(record)}"),
@@ -49,11 +52,12 @@ def show_model(path: Path) -> Thing:
         "default": record.get("default"),
         "metrics": metrics,
         "provenance": provenance,
+        "reads": dict(ranges),
         "files": {name: len(folder.files[name]) for name in FILES[record["kind"]]},
     }
     steps = "epoch" if "epochs" in record else "reports during the training"
     kept = tuple((name, words) for name, words in rows if words)
-    return Thing(kind="model", facts=facts, rows=kept, draw=lambda: draw_curves(curves, steps))
+    return Thing(kind="model", facts=facts, rows=kept, lines=lines, draw=lambda: draw_curves(curves, steps))
 
 
 @styled

@@ -9,8 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from scleraforce.errors import RecordingError
+from scleraforce.models.shipped import SHIPPED_READER
+from scleraforce.reader.limits import limit_notes
 from scleraforce.recording.files import Recording, read_recording
-from scleraforce.recording.labels import Trial, contact_force, label_frames
+from scleraforce.recording.labels import Trial, contact_force, label_frames, label_notes
 from scleraforce.report.shown.thing import Thing, span, value_words
 from scleraforce.report.style import BLACK, CLASS_COLOURS, CLASS_MARKERS, GREY, SCAN_COLOURS, inches, styled
 from scleraforce.study import ClassesStudy
@@ -23,14 +25,16 @@ PICTURED = 3
 CLASSES = ClassesStudy()  # the paper's bounds
 
 
-def show_recording(path: Path) -> Thing:
-    """Look at a recording; forces are put into the paper's classes.
+def show_recording(path: Path, model: Path = SHIPPED_READER) -> Thing:
+    """Look at a recording, and whether a model reads it; forces are put into the paper's classes.
 
     Raises:
         RecordingError: it cannot be read.
+        ModelError: the model cannot.
     """
     recording = read_recording(path)
     trials, fault = _labelled(recording)
+    notes = (*limit_notes(model, recording.info), *label_notes(recording, () if fault else trials))
     info, seconds = recording.info, recording.frames[-1].time_s - recording.frames[0].time_s
     width_mm, depth_mm = (from_si(extent_m, "mm") for extent_m in (info.oct.width_m, info.oct.depth_m))
     forces_n = [trial.measured_force_n for trial in trials if trial.measured_force_n is not None]
@@ -48,12 +52,14 @@ def show_recording(path: Path) -> Thing:
         *((("forces", span([min(forces_n), max(forces_n)], "mn", "mN") + ": " + ", ".join(
             f"{counts[label]} of class {label}" for label in range(len(CLASSES.bounds_n) + 1))),) if forces_n else ()),
         *((("no labels", fault),) if fault else ()),
+        *(("note", note) for note in notes),
     )  # fmt: skip
     facts = {
         "eye": info.eye.id,
         "seconds": seconds,
         "globe": info.eye.globe,
         "no_labels": fault,
+        "notes": list(notes),
         "frames": [
             {"file": trial.file, "time_s": trial.time_s, "measured_force_mn": from_si(trial.measured_force_n, "mn"),
              "target": trial.target, "excluded": trial.excluded}

@@ -68,9 +68,10 @@ class KeptWithdrawal:
         shutil.rmtree(self._partial, ignore_errors=True)
 
     def _write_forces(self, columns: Sequence[str], forces: Sequence[ForceSample], start_s: float) -> str | None:
-        """Write the log; if it cannot label every frame, set it aside, so that the frames can be read."""
+        """Write the log; if it can label no frame, set it aside, so that the frames can be read."""
         from scleraforce.recording.files import read_recording  # here: the monitor imports this module without SciPy
         from scleraforce.recording.labels import label_frames
+        from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ
         from scleraforce.study.records import ClassesStudy
 
         log = ForceWriter(self._partial, columns)
@@ -82,7 +83,9 @@ class KeptWithdrawal:
         except ScleraforceError as fault:
             log.set_aside()
             return str(fault).replace(str(self._partial), str(self.folder))
-        return None if (self._partial / "forces.csv").exists() else "fewer than 100 samples a second"
+        return (
+            None if (self._partial / "forces.csv").exists() else f"fewer than {MIN_SAMPLE_RATE_HZ:g} samples a second"
+        )
 
 
 def _sync(path: Path) -> None:

@@ -7,6 +7,7 @@ import subprocess
 from scleraforce.monitor.causes import Cause
 from scleraforce.openigtlink import Status, encode
 from scleraforce.service.companions.child import start_companion
+from scleraforce.service.companions.watchdog import LOOK_S
 from scleraforce.service.companions.watchdog_messages import (
     ALIVE,
     Beat,
@@ -23,8 +24,8 @@ from scleraforce.service.telling import STATUS_DEVICE
 
 __all__ = ["Guard"]
 
-BEAT_S = 0.01
-SILENT_S = 0.5  # a watchdog that answers later than this counts as failed
+BEAT_LOOKS = 0.5  # 10 ms
+SILENT_LOOKS = 25  # half a second: a watchdog that answers later than this counts as failed
 START_S = 20.0
 EMERGENCY = Status(3, Cause.WATCHDOG.value, Cause.WATCHDOG.name, "WITHDRAW: the monitor hung or died")
 
@@ -32,13 +33,17 @@ EMERGENCY = Status(3, Cause.WATCHDOG.value, Cause.WATCHDOG.name, "WITHDRAW: the 
 class Guard:
     """The watchdog process, from the monitor's side.
 
+    Args:
+        look_s: time between two looks of the watchdog.
+
     Raises:
         OSError: the watchdog does not start.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, look_s: float = LOOK_S) -> None:
+        self._beat_s, self._silent_s = BEAT_LOOKS * look_s, SILENT_LOOKS * look_s
         self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        arguments = [str(theirs.fileno()), str(os.getpid())]
+        arguments = [str(theirs.fileno()), str(os.getpid()), str(look_s)]
         self._process = start_companion("scleraforce.service.companions.watchdog", arguments, [theirs.fileno()])
         theirs.close()
         self._fault: str | None = None
@@ -73,15 +78,15 @@ class Guard:
         Returns:
             What is wrong with the watchdog; None if it watches.
         """
-        if now_s - self._beaten_s < BEAT_S:
+        if now_s - self._beaten_s < self._beat_s:
             return self._fault
-        if now_s - self._beaten_s > SILENT_S:  # the first time, or after a pause of this process
+        if now_s - self._beaten_s > self._silent_s:  # the first time, or after a pause of this process
             self._answered_s = now_s
         self._beaten_s = now_s
         self._send(Beat())
         self._hear(now_s)
-        if self._fault is None and now_s - self._answered_s > SILENT_S:
-            return f"the watchdog has not answered for {SILENT_S:g} s"
+        if self._fault is None and now_s - self._answered_s > self._silent_s:
+            return f"the watchdog has not answered for {self._silent_s:g} s"
         return self._fault
 
     def end(self) -> None:

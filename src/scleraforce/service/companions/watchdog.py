@@ -43,10 +43,11 @@ class Watchdog:
     Args:
         monitor: the channel to the monitor.
         monitor_pid: process to kill if it hangs.
+        look_s: time between two looks.
     """
 
-    def __init__(self, monitor: socket.socket, monitor_pid: int) -> None:
-        self._monitor, self._pid = monitor, monitor_pid
+    def __init__(self, monitor: socket.socket, monitor_pid: int, look_s: float = LOOK_S) -> None:
+        self._monitor, self._pid, self._look_s = monitor, monitor_pid, look_s
         self._messages: dict[int, bytearray] = {}
         self._clients: dict[int, socket.socket] = {}
         self._versions: dict[int, int] = {}
@@ -56,7 +57,7 @@ class Watchdog:
         misses = 0
         self._monitor.send(ALIVE)
         while misses < MISSES:
-            if not select.select([self._monitor], [], [], LOOK_S)[0]:
+            if not select.select([self._monitor], [], [], self._look_s)[0]:
                 misses += 1
                 continue
             misses = 0
@@ -137,10 +138,10 @@ class Watchdog:
 
 
 def main() -> None:
-    """Run as a process: arguments are the descriptor of the channel and the monitor's process id."""
-    channel, pid = int(sys.argv[1]), int(sys.argv[2])
+    """Run as a process: arguments are the descriptor of the channel, the monitor's process id and `look_s`."""
+    channel, pid, look_s = int(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
     run_in_real_time(WATCHDOG_PRIORITY)
-    watchdog = Watchdog(socket.socket(fileno=channel), pid)
+    watchdog = Watchdog(socket.socket(fileno=channel), pid, look_s)
     if not watchdog.watch():
         watchdog.alarm()
 

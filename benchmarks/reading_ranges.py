@@ -1,0 +1,38 @@
+"""The box "Will it read my data?" of README: the ranges of the study of the reader that ships.
+
+python benchmarks/reading_ranges.py     (`make ranges`)
+
+writes it anew, between its two marks; a test fails where it is old.
+"""
+
+from pathlib import Path
+
+from scleraforce.reader.limits import reading_ranges
+
+__all__ = ["README", "box", "boxed"]
+
+README = Path(__file__).parents[1] / "README.md"
+BEGIN, END = "<!-- ranges: `make ranges` -->\n", "<!-- end of ranges -->\n"
+
+
+def box() -> str:
+    """Return the box, with its marks."""
+    rows = "".join(f"| {name} | {words} |\n" for name, words in reading_ranges(Path("default")))
+    return f"{BEGIN}| | `default` reads |\n|---|---|\n{rows}{END}"
+
+
+def boxed(text: str) -> str:
+    """Return a page with the box of today.
+
+    Raises:
+        ValueError: the page has no such marks.
+    """
+    before, _, rest = text.partition(BEGIN)
+    _, found, after = rest.partition(END)
+    if not found:
+        raise ValueError(f"{README}: the marks {BEGIN.strip()} and {END.strip()} are not there")
+    return before + box() + after
+
+
+if __name__ == "__main__":
+    README.write_text(boxed(README.read_text(encoding="utf-8")), encoding="utf-8")
