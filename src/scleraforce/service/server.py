@@ -322,7 +322,9 @@ class Server:
         self._decide("tick", Tick(now_s))
         for fault in self._companions.faults(now_s):
             self._decide("companion", Failure(now_s, fault))
-        self._clients.sweep(now_s, self._scanner)
+        for address in self._clients.sweep(now_s, self._scanner):
+            if self._notes.take(now_s):
+                self._note(f"client {address} was disconnected: it read too slowly, so that answers to it were old")
 
     def _beat(self, now_s: float) -> None:
         fault = self._guard.beat(now_s)
