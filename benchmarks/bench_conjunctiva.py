@@ -19,7 +19,8 @@ from scleraforce.laboratory.optics import Pose, sample_conjunctiva, sample_optic
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
-from scleraforce.segmentation.wall import Segmentation, find_wall
+from scleraforce.segmentation.steps import Segmentation
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 from scleraforce.study.sampled import fixed
 

@@ -28,7 +28,8 @@ from scleraforce.reader.live import LiveReader
 from scleraforce.recording.files import read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observed import segmented_boundaries
-from scleraforce.segmentation.wall import boundary_slices, find_wall
+from scleraforce.segmentation.slice import boundary_slices
+from scleraforce.segmentation.wall import find_wall
 
 Frame = NDArray[np.uint16]
 

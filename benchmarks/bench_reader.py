@@ -30,7 +30,8 @@ from scleraforce.reader.force_reader import SHIFTS
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.observed import segmented_boundaries
-from scleraforce.segmentation.wall import boundary_slices, find_wall
+from scleraforce.segmentation.slice import boundary_slices
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 
 Frame = NDArray[np.uint16]

@@ -33,7 +33,8 @@ from scleraforce.section.plane import Section
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.segmentation.reduced import reduced_frame
-from scleraforce.segmentation.wall import Segmentation, find_wall
+from scleraforce.segmentation.steps import Segmentation
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL, SeenWall, WallFinder
 from scleraforce.study import ScenesStudy, Study, WallFinderStudy
 

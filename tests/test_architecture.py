@@ -199,6 +199,12 @@ def test_every_module_says_what_it_is_for() -> None:
     assert not {name: words for name, words in said.items() if len(words) <= 20}
 
 
+def test_only_the_package_itself_lists_its_public_names() -> None:
+    for path in MODULES:
+        listed = [n for n in parsed(path).body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "__all__"]
+        assert not listed or dotted(path) == "", f"{dotted(path)}: __all__: mark what is private by an underscore"
+
+
 def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only() -> None:
     """One interpreter takes them all: what is refused to one module is in none, whichever is imported first."""
     block = (

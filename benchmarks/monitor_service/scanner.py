@@ -18,7 +18,7 @@ from scleraforce.errors import InputError
 from scleraforce.laboratory.phantom import true_forces
 from scleraforce.openigtlink import Message
 from scleraforce.recording.files import Recording, read_recording
-from scleraforce.recording.images import Pixels
+from scleraforce.recording.pixels import Pixels
 from scleraforce.recording.tables import FrameEntry
 from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.scanner_client import ScannerClient, Unstamped, frame_message

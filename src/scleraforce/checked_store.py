@@ -24,8 +24,6 @@ from scleraforce.plain_json import parse_json
 from scleraforce.stored_array import METADATA_FILE, StoredArray
 from scleraforce.whole_files import KINDS, MIB, read_bytes
 
-__all__ = ["MAX_ARRAY_SIZE", "CheckedStore"]
-
 HASHES = "sha256"  # the attribute with the hashes of an array's chunks, for each array
 MAX_ARRAY_SIZE = 8192 * MIB
 

@@ -16,8 +16,6 @@ from uuid import uuid4
 
 from scleraforce.errors import InputError, SolverError
 
-__all__ = ["ClusterWorkers", "cluster_workers", "work_in_order_on_cluster", "work_on_cluster"]
-
 Result = TypeVar("Result")
 
 CONNECT_S = 10.0

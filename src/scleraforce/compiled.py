@@ -14,8 +14,6 @@ from typing import TypeVar, cast
 
 from scleraforce.whole_files import hash_sources
 
-__all__ = ["SWITCH", "can_compile", "code_is_kept", "compiled", "loops_are_compiled", "use_compiled_loops"]
-
 SWITCH = "SCLERAFORCE_COMPILED"
 PACKAGES = ("eye", "fitting", "library", "mechanics", "section", "segmentation")  # with compiled loops
 KEY_LETTERS = 32  # of the hash, in a file name

@@ -18,21 +18,6 @@
 A message is one line: where (file and field), what was found, what to do or what is allowed.
 """
 
-__all__ = [
-    "CalibrationError",
-    "DatasetError",
-    "FrameError",
-    "InputError",
-    "LinkError",
-    "MessageError",
-    "ModelError",
-    "ProtocolError",
-    "RecordingError",
-    "ScleraforceError",
-    "SolverError",
-    "StudyError",
-]
-
 
 class ScleraforceError(Exception):
     """Anything that this package raises on purpose."""

@@ -5,8 +5,6 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Any
 
-__all__ = ["finite", "parse_json"]
-
 
 def finite(value: Any) -> Any:
     """Return a value with null for each number in it that is not finite, and lists for tuples.

@@ -2,8 +2,6 @@
 
 from textwrap import fill
 
-__all__ = ["wrapped"]
-
 
 def wrapped(text: str, start: str = "") -> str:
     """Return a text at 80 columns, behind what starts its line."""

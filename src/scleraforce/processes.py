@@ -22,17 +22,6 @@ from typing import Any, TypeVar
 from scleraforce.cluster import ClusterWorkers, work_in_order_on_cluster, work_on_cluster
 from scleraforce.errors import SolverError
 
-__all__ = [
-    "available_cores",
-    "next_unit",
-    "no_interrupts",
-    "one_thread",
-    "own_modules",
-    "split_runs",
-    "work_in_order",
-    "work_units",
-]
-
 Result = TypeVar("Result")
 
 THREAD_SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

@@ -20,8 +20,6 @@ from zarr.storage import MemoryStore
 
 from scleraforce.whole_files import MIB
 
-__all__ = ["METADATA_FILE", "StoredArray"]
-
 METADATA_FILE = "zarr.json"
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 FIXED = ("shape", "data_type", "chunk_grid", "chunk_key_encoding", "fill_value", "codecs", "zarr_format", "node_type")

@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["SI_PER_UNIT", "STANDARD_GRAVITY_M_S2", "HumanUnit", "from_si", "to_si"]
-
 STANDARD_GRAVITY_M_S2 = 9.80665
 
 HumanUnit = Literal[

@@ -17,20 +17,6 @@ from pathlib import Path
 
 from scleraforce.errors import CalibrationError, FrameError, InputError, ModelError, RecordingError, StudyError
 
-__all__ = [
-    "KINDS",
-    "MIB",
-    "FileKind",
-    "check_regular",
-    "folder_files",
-    "hash_sources",
-    "read_bytes",
-    "read_text",
-    "renamed_when_whole",
-    "write_whole",
-    "write_whole_folder",
-]
-
 MIB = 2**20
 OPEN_FLAGS = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)  # of Unix, of Windows
 # What editors on Windows write; UTF-32 stands before UTF-16, whose mark is the beginning of its own.

@@ -10,7 +10,7 @@ from format_frames import FRAMES, pictures_of
 from scleraforce.errors import FrameError, InputError
 from scleraforce.formats.axes import AXES, array_scan, parse_axes
 from scleraforce.formats.scan import UnansweredError
-from scleraforce.recording.scaled_frame import Sourced
+from scleraforce.recording.pixels import Sourced
 
 
 @pytest.mark.parametrize("order", list(permutations(AXES)))

@@ -7,7 +7,7 @@ import pytest
 
 from scleraforce.errors import InputError
 from scleraforce.formats.frame_times import told_times
-from scleraforce.formats.scan import Scan
+from scleraforce.recording.scan import Scan
 
 SCAN = Scan(names=("x/b.png", "x/a.png"), rows=2, columns=2, pictures=lambda: iter(()))
 

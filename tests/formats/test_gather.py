@@ -10,7 +10,7 @@ from format_frames import COUNT, FRAMES, pictures_of, write_log
 
 from scleraforce.errors import InputError
 from scleraforce.formats.gather import Asked, gather, on_one_clock
-from scleraforce.formats.scan import Times
+from scleraforce.recording.scan import Times
 from scleraforce.recording.tables import ForceLog
 
 

@@ -8,9 +8,10 @@ import pytest
 from format_frames import COLUMNS, FRAMES, ROWS, pictures_of
 
 from scleraforce.errors import FrameError
-from scleraforce.formats.scan import Scan, Times, check_bytes, joined, rising
+from scleraforce.formats.scan import joined
 from scleraforce.recording import scan as scans
-from scleraforce.recording.scaled_frame import Sourced
+from scleraforce.recording.pixels import Sourced
+from scleraforce.recording.scan import Scan, Times, check_bytes, rising
 
 
 def single(nth: int, time_s: float | None = None, **stated: object) -> Scan:

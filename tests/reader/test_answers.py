@@ -29,7 +29,8 @@ from scleraforce.reader.force_reader import SHIFTS, ForceReader
 from scleraforce.reader.readings import Reading
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
-from scleraforce.segmentation.wall import boundary_slice, find_wall
+from scleraforce.segmentation.slice import boundary_slice
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Range
 
 

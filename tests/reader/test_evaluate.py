@@ -16,9 +16,11 @@ from scleraforce.errors import RecordingError
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import evaluate_recordings
-from scleraforce.recording.files import frame_digest, read_frame
+from scleraforce.recording.files import frame_digest
+from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.segmentation.wall import boundary_slice, find_wall
+from scleraforce.segmentation.slice import boundary_slice
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 
 FORCES_N = (0.002, 0.010, 0.020, 0.040, 0.080, 0.050)  # classes 0 1 1 2, over the largest force, pierced

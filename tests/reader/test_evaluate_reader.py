@@ -27,8 +27,10 @@ from scleraforce.known.discrepancy import NO_DISCREPANCY
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN
 from scleraforce.reader import Reader, load_model
-from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
-from scleraforce.recording.files import read_frame, read_recording
+from scleraforce.reader.evaluate import evaluate_recordings
+from scleraforce.reader.evaluation import Evaluation
+from scleraforce.recording.files import read_recording
+from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import MeshStudy
 from scleraforce.units import from_si

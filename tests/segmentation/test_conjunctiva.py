@@ -15,7 +15,8 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
 from scleraforce.segmentation.sclera import find_sclera
-from scleraforce.segmentation.wall import Segmentation, find_wall
+from scleraforce.segmentation.steps import Segmentation
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import PhantomStudy, Study
 from scleraforce.study.sampled import fixed
 

@@ -8,7 +8,7 @@ import pytest
 
 from scleraforce.segmentation.joined_walls import joined_walls
 from scleraforce.segmentation.needle import SeenNeedle
-from scleraforce.segmentation.wall import Segmentation
+from scleraforce.segmentation.steps import Segmentation
 
 ROWS, COLUMNS = 200, 120
 STEP = 4.0  # rows

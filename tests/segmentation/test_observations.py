@@ -6,7 +6,7 @@ import pytest
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observations import Boundaries, observe_points, roughness
 from scleraforce.segmentation.observed import segmented_boundaries
-from scleraforce.segmentation.wall import Segmentation
+from scleraforce.segmentation.steps import Segmentation
 
 LATERAL = (np.arange(500) - 249.5) * 30e-6
 

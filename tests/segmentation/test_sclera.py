@@ -14,8 +14,9 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.reduced import reduced_columns
 from scleraforce.segmentation.sclera import find_sclera
+from scleraforce.segmentation.steps import Segmentation
 from scleraforce.segmentation.two_ways import two_ways_doubt
-from scleraforce.segmentation.wall import Segmentation, find_wall
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import ScenesStudy
 

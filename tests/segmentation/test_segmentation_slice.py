@@ -13,7 +13,8 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section, SliceWindow
 from scleraforce.section.slices import fill_section
 from scleraforce.segmentation.kernels import across, slices
-from scleraforce.segmentation.wall import Segmentation, boundary_slice, boundary_slices
+from scleraforce.segmentation.slice import boundary_slice, boundary_slices
+from scleraforce.segmentation.steps import Segmentation
 from scleraforce.study import SliceStudy
 
 SLICE = SliceStudy()

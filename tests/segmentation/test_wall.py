@@ -16,7 +16,8 @@ from scleraforce.laboratory.optics import Cover, Line, Pose, sample_optics, samp
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.section.plane import Section
-from scleraforce.segmentation.wall import Segmentation, find_wall
+from scleraforce.segmentation.steps import Segmentation
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import OctStudy, Study
 
 STUDY = Study()

@@ -15,7 +15,8 @@ from scleraforce.segmentation import checked_wall
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
-from scleraforce.segmentation.wall import Segmentation, find_wall
+from scleraforce.segmentation.steps import Segmentation
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 

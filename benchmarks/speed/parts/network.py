@@ -16,7 +16,8 @@ from scleraforce.reader.force_reader import SHIFTS
 from scleraforce.reader.given import given_inputs, told_modulus
 from scleraforce.reader.model import slice_network
 from scleraforce.reader.told_network import told_of
-from scleraforce.segmentation.wall import boundary_slices, find_wall
+from scleraforce.segmentation.slice import boundary_slices
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
 from speed.eyes import draw_eyes, shipped_reader
 from speed.record import Row, Table, spread

@@ -41,25 +41,6 @@ from scleraforce.known.globe import KnownGlobe
 from scleraforce.segmentation.observations import Boundaries, Observation, observe_points
 from scleraforce.study import CalibrationStudy
 
-__all__ = [
-    "LEAST_POINTS",
-    "PARAMETERS",
-    "RIGIDITY",
-    "SHARED",
-    "EyeFilter",
-    "EyeState",
-    "FrameInput",
-    "FrameStep",
-    "Skipped",
-    "assimilate",
-    "eye_filter",
-    "first_state",
-    "known_globe_after",
-    "moments",
-    "predicted_points",
-    "rigidity_after",
-]
-
 Array = NDArray[np.float64]
 
 # Name on the command line -> name of the parameter.

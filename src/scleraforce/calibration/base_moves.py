@@ -17,8 +17,6 @@ from scleraforce.mechanics.axisymmetric.mesh import MeridianSize, meridian_mesh
 from scleraforce.mechanics.polar import LARGEST_POLAR_RAD, base_shift
 from scleraforce.study import Study
 
-__all__ = ["base_moves"]
-
 Array = NDArray[np.float64]
 
 SIZE = MeridianSize()

@@ -17,8 +17,6 @@ from scleraforce.recording.files import Recording
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 
-__all__ = ["SOUGHT_ON", "STIFFENING", "calibrate_recordings", "calibration_passes", "stated_tissue"]
-
 SURE_SEALED = 3.0  # standard deviations that a rigidity lies above 0 of a globe that cannot be open
 STIFFENING = "stiffening"  # the parameter that no filter has: it is searched for
 SOUGHT_ON = 6  # frames; where more are wanted, they are calibrated on once it is found

@@ -35,8 +35,6 @@ from scleraforce.library import Library
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study
 
-__all__ = ["Settled", "read_again", "settled"]
-
 Array = NDArray[np.float64]
 Taken = TypeVar("Taken")
 

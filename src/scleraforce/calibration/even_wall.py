@@ -19,8 +19,6 @@ from scleraforce.known.eye import Modulus
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import CalibrationStudy, ReaderStudy
 
-__all__ = ["without_form"]
-
 CLEAR = 4.0  # forms that are smaller than so many times their spread are left
 
 

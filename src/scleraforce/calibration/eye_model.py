@@ -12,19 +12,6 @@ from scipy.ndimage import gaussian_filter1d
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, KnownGlobe
 
-__all__ = [
-    "SAMPLE_STEP_M",
-    "EyeConstants",
-    "EyeModel",
-    "WallState",
-    "known_of_constants",
-    "lagrange",
-    "parameter_sections",
-    "polar_nodes",
-    "smoothed",
-    "stated_wall",
-]
-
 Array = NDArray[np.float64]
 
 SAMPLE_STEP_M = 0.1e-3  # between the samples of a section

@@ -14,17 +14,6 @@ from numpy.typing import NDArray
 from scleraforce.recording.files import Recording
 from scleraforce.recording.labels import Trial, contact_force
 
-__all__ = [
-    "LABEL_SD_N",
-    "PUSH_N",
-    "REST_SD_N",
-    "ZERO_PRIOR",
-    "FrameForces",
-    "frame_forces",
-    "rest_zeros",
-    "zero_line",
-]
-
 Array = NDArray[np.float64]
 
 PUSH_N = 4e-3  # a rest counts between two frames of at least this force: the needle must have let go visibly

@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from scleraforce.units import from_si
 
-__all__ = ["frame_order", "reach_doubts"]
-
 Array = NDArray[np.float64]
 
 FAR_ABOVE = 1.5  # of the highest force that is calibrated on: a force above is far from it

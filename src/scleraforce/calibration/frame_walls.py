@@ -12,8 +12,6 @@ from scleraforce.segmentation.observed import segmented_boundaries
 from scleraforce.segmentation.sclera import find_sclera
 from scleraforce.segmentation.wall_finder import WallFinder
 
-__all__ = ["FrameWalls", "SeenFrame", "StepCount"]
-
 
 @dataclass
 class StepCount:

@@ -16,8 +16,6 @@ from scleraforce.known.discrepancy import beside_middle
 from scleraforce.known.eye import Known
 from scleraforce.known.globe import OPEN, REFERENCE_RIGIDITY, KnownGlobe
 
-__all__ = ["OF_MODULUS", "OF_RIGIDITY", "Found", "KnownForce", "globe_of", "place_of", "regression"]
-
 Array = NDArray[np.float64]
 Scales = tuple[Array, Array]
 

@@ -31,8 +31,6 @@ from scleraforce.library.under_force import iop_ratio_under_force
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
-__all__ = ["LibraryEye", "library_eye", "section_depths"]
-
 Array = NDArray[np.float64]
 
 REACH = 0.72  # of the radius: how far the section reaches to either side of the contact

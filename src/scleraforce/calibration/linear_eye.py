@@ -19,8 +19,6 @@ from scleraforce.mechanics.linear import LinearWall
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
-__all__ = ["LinearEye", "linear_eye"]
-
 Array = NDArray[np.float64]
 
 THICKNESS_NODES = (0.8, 1.0, 1.2)  # of the stated thickness, where the thickness is uncertain

@@ -36,8 +36,6 @@ from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
-__all__ = ["Way", "calibrate_eye", "eye_constants"]
-
 SAME_MODULUS = 0.01  # relative; what else is stated of the eye moves the mean of a lognormal by less
 
 

@@ -12,8 +12,6 @@ from math import log, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Parameter", "ParameterSpace", "spread"]
-
 Vector = NDArray[np.float64]
 
 

@@ -9,21 +9,6 @@ from scleraforce.calibration.eye_model import EyeModel, WallState
 from scleraforce.fitting.placement import Placed, Places, curve_depths, place_curves, pose_derivatives
 from scleraforce.known.globe import REFERENCE_RIGIDITY
 
-__all__ = [
-    "BY_DEPTH",
-    "BY_INNER",
-    "BY_LATERAL",
-    "BY_POLAR",
-    "BY_ROTATION",
-    "LOG_MODULUS",
-    "NUISANCES",
-    "RELATIVE_RIGIDITY",
-    "force_derivative",
-    "place_section",
-    "polar_derivative",
-    "predict_frame",
-]  # fmt: skip
-
 Array = NDArray[np.float64]
 
 # What a frame depends on beside the eye: the pose, the contact's polar angle, and an offset of the inner boundary (the

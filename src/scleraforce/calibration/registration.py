@@ -29,8 +29,6 @@ from scleraforce.known.globe import REFERENCE_RIGIDITY
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import CalibrationStudy
 
-__all__ = ["PoseBelief", "Registered", "first_belief", "frame_prior", "register", "updated_belief"]
-
 Array = NDArray[np.float64]
 
 FIRST_SD = {BY_LATERAL: 2e-3, BY_DEPTH: 1.5e-3, BY_ROTATION: 0.1}  # of a recording's pose, before its first frame

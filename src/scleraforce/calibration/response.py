@@ -18,8 +18,6 @@ from scleraforce.eye.mesh import HexMesh, locate, surface_weights
 from scleraforce.mechanics.linear import LinearWall
 from scleraforce.section.plane import Section
 
-__all__ = ["WallResponse", "lateral_samples", "response_fields"]
-
 Array = NDArray[np.float64]
 
 SAMPLE_REACH = 0.72  # of the radius: how far the section reaches to either side of the contact

@@ -11,8 +11,6 @@ from scleraforce.calibration.parameters import spread
 from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.globe import KnownGlobe
 
-__all__ = ["Calibration", "EyeCalibration", "FrameRecord", "UsedRecording"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class FrameRecord:

@@ -27,8 +27,6 @@ from scipy.special import chdtri
 
 from scleraforce.calibration.sigma_points import SigmaPoints
 
-__all__ = ["FilterParams", "Posterior", "StepResult", "filter_step", "initial_posterior"]
-
 Array = NDArray[np.float64]
 Operator = Callable[[Array], Array]  # sigma points (r, n) -> states (r, n) or observations (r, m)
 

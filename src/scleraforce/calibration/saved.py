@@ -29,8 +29,6 @@ from scleraforce.known.calibration_file import (
 )
 from scleraforce.units import from_si
 
-__all__ = ["calibration_as_json", "parse_calibration"]
-
 Array = NDArray[np.float64]
 
 LARGEST = 1e15  # of what is only carried on; squares of it are still numbers

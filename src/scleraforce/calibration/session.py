@@ -36,8 +36,6 @@ from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
-__all__ = ["EyeSession", "begin", "eye_model", "known_after", "step"]
-
 Array = NDArray[np.float64]
 
 

@@ -9,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["RULES", "SigmaPoints", "canonical", "sigma_points", "simplex", "star"]
-
 
 class SigmaPoints(NamedTuple):
     """A rule of `r` points in `p` dimensions."""

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from scleraforce.library import Library
 from scleraforce.library.plan import LITTLE_STIFFENING, stiffening_place
 
-__all__ = ["TissueTrial", "most_trials", "search"]
-
 Found = TypeVar("Found")
 
 DIVERGED = 1_000_000  # frames that a calibration refuses if it explains none

@@ -7,8 +7,6 @@ from scleraforce.calibration.result import EyeCalibration
 from scleraforce.known.discrepancy import NO_DISCREPANCY, REFERENCE_N
 from scleraforce.units import HumanUnit, from_si
 
-__all__ = ["found_words", "rigidity_words"]
-
 # Parameter -> its name for people, its unit, and how that is printed.
 PRINTED: dict[str, tuple[str, HumanUnit, str]] = {
     "iop_pa": ("IOP", "mmhg", "mmHg"),

@@ -18,8 +18,6 @@ from scleraforce.units import to_si
 if TYPE_CHECKING:
     from scleraforce.calibration.result import Calibration
 
-__all__ = ["calibrate"]
-
 CALIBRATED = 3  # frames of each recording, where the others are read
 
 

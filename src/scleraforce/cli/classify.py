@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from scleraforce.reader.answers import Answer
     from scleraforce.recording.scaled_frame import Scanner
 
-__all__ = ["classify"]
-
 
 @click.command()
 @click.argument("model", type=click.Path(path_type=Path))

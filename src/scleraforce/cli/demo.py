@@ -13,8 +13,6 @@ from scleraforce.units import from_si
 if TYPE_CHECKING:
     from scleraforce.reproduction.demo import Demo
 
-__all__ = ["demo"]
-
 
 @click.command()
 @click.option("--out", type=click.Path(path_type=Path), default=Path("scleraforce-demo"), show_default=True,

@@ -15,8 +15,6 @@ from scleraforce.plain_text import wrapped
 if TYPE_CHECKING:
     from scleraforce.installation.finding import Finding
 
-__all__ = ["doctor"]
-
 INDENT = " " * 25
 
 

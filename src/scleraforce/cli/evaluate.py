@@ -13,10 +13,8 @@ from scleraforce.plain_text import wrapped
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
-    from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+    from scleraforce.reader.evaluation import Evaluation, FrameAnswer
     from scleraforce.reader.metrics import Proportion
-
-__all__ = ["evaluate"]
 
 
 @click.command()

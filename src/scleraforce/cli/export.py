@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from scleraforce.formats.export.rows import Row
     from scleraforce.recording.files import Recording
 
-__all__ = ["export"]
-
 TABLES = (".csv", ".json")
 ENDINGS = (*TABLES, ".mcap", ".nrrd")
 

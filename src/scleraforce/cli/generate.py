@@ -11,8 +11,6 @@ from scleraforce.cli.place_of_work import chosen_workers, worker_options
 from scleraforce.study import read_study
 from scleraforce.study.unused import refuse_unused
 
-__all__ = ["generate"]
-
 
 @click.command()
 @click.option("--study", "study_path", type=click.Path(path_type=Path), required=True, help="Study file (TOML).")

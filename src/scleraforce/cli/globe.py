@@ -14,8 +14,6 @@ from scleraforce.study.globe import GLOBES, GlobeStudy
 if TYPE_CHECKING:
     from scleraforce.known.globe import KnownGlobe
 
-__all__ = ["globe_options", "known_globe_options", "told_globe", "with_globe"]
-
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 RIGIDITY = field_unit(GlobeStudy.__dataclass_fields__["rigidity_pa13_per_m3"])

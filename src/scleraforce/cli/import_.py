@@ -9,8 +9,6 @@ from click.core import ParameterSource
 from scleraforce.cli.importing.options import answer_options
 from scleraforce.cli.output import count_bar, print_json, say
 
-__all__ = ["import_"]
-
 
 def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path | None:
     """Take what another recording was imported with as the defaults of the options."""

@@ -8,8 +8,6 @@ from scleraforce.cli.output import print_json, say
 from scleraforce.errors import StudyError
 from scleraforce.study import PRESETS, preset_toml
 
-__all__ = ["init"]
-
 
 @click.command()
 @click.argument("directory", type=click.Path(path_type=Path))

@@ -13,8 +13,6 @@ from scleraforce.units import HumanUnit, from_si, to_si
 if TYPE_CHECKING:
     from scleraforce.known.eye import Known
 
-__all__ = ["globe_words", "known_entry", "known_eye", "known_eye_options", "known_words"]
-
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 POSITIVE = click.FloatRange(0.0, min_open=True)

@@ -9,8 +9,6 @@ from scleraforce.cli.place_of_work import chosen_workers, worker_options
 from scleraforce.study import Study, read_study
 from scleraforce.study.unused import refuse_unused
 
-__all__ = ["library"]
-
 
 @click.command()
 @click.option("--study", "study_path", type=click.Path(path_type=Path), help="Study file; the paper's by default.")

@@ -16,8 +16,6 @@ import click
 from scleraforce import __version__
 from scleraforce.errors import InputError, ScleraforceError
 
-__all__ = ["cli", "fail", "main", "module_name", "run"]
-
 INTERRUPTED = 130
 FULL_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}  # comes without the file's name
 

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from scleraforce.service.monitor_service import Address, MonitorSettings
     from scleraforce.study import Study
 
-__all__ = ["monitor"]
-
 TOLD = (
     "youngs_modulus_mpa", "iop_mmhg", "thickness_um", "gap_mm", "polar_angle_deg", "plane_direction_deg",
     "stiffening", "globe", "rigidity",

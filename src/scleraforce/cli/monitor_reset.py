@@ -5,8 +5,6 @@ import click
 from scleraforce.cli.output import print_json, say
 from scleraforce.errors import InputError
 
-__all__ = ["monitor_reset"]
-
 
 @click.command()
 @click.option("--token", required=True, help="As the monitor printed it when it started.")

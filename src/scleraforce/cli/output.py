@@ -13,10 +13,6 @@ from tqdm import tqdm
 from scleraforce.plain_json import finite
 from scleraforce.units import from_si
 
-__all__ = [
-    "be_quiet", "count_bar", "is_quiet", "print_json", "progress_bar", "resumable_bar", "say", "share_bar",
-]  # fmt: skip
-
 Item = TypeVar("Item")
 
 QUIET = f"{__name__}.quiet"  # in the meta of click's context, which a command shares with the group

@@ -18,8 +18,6 @@ from scleraforce.units import to_si
 if TYPE_CHECKING:
     from scleraforce.laboratory.acquisition import Acquisition
 
-__all__ = ["phantom"]
-
 
 class _Forces(click.ParamType[tuple[float, ...]]):
     """Forces in mN, separated by commas, as N."""

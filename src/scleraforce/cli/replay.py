@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from scleraforce.replay.faults import FaultReport
     from scleraforce.replay.player import Player
 
-__all__ = ["replay"]
-
 LIVE_S = 0.1  # between two renewals of the live line
 
 

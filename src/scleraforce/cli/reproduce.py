@@ -18,10 +18,8 @@ from scleraforce.study.unused import refuse_unused
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
-    from scleraforce.reader.evaluate import Evaluation
+    from scleraforce.reader.evaluation import Evaluation
     from scleraforce.reproduction.run import Progress
-
-__all__ = ["reproduce"]
 
 
 @click.command()

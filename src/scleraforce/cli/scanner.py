@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from scleraforce.scanner.measure import MeasuredRange, MeasuredScanner
     from scleraforce.segmentation.wall_finder import WallFinder
 
-__all__ = ["scanner"]
-
 SEED = 0  # of the drawn frame
 MOST_LOOKS = 1.5  # of the noise: beyond, it is averaged
 LOG_MISFIT_DB = 0.5  # of the noise: beyond, the display is another one, or the noise is no noise

@@ -28,11 +28,9 @@ from scleraforce.units import from_si
 from scleraforce.whole_files import KINDS, read_bytes, write_whole
 
 if TYPE_CHECKING:
-    from scleraforce.recording.images import Pixels
+    from scleraforce.recording.pixels import Pixels
     from scleraforce.recording.scaled_frame import Scanner
     from scleraforce.segmentation.wall_finder import WallFinder
-
-__all__ = ["segment"]
 
 
 @dataclass(frozen=True)

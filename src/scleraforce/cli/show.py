@@ -14,8 +14,6 @@ from scleraforce.plain_text import wrapped
 if TYPE_CHECKING:
     from scleraforce.report.shown.thing import Thing
 
-__all__ = ["show"]
-
 
 @click.command()
 @click.argument("thing", type=click.Path(path_type=Path))

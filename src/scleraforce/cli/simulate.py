@@ -15,8 +15,6 @@ from scleraforce.study.fields import NEEDLE_FORCE, check_number
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import from_si, to_si
 
-__all__ = ["simulate"]
-
 
 @click.command()
 @click.option("--study", "study_path", type=click.Path(path_type=Path), help="Study file; the paper's by default.")

@@ -15,21 +15,8 @@ from scleraforce.units import from_si, to_si
 
 if TYPE_CHECKING:
     from scleraforce.recording.scaled_frame import ScaledFrame, Scanner
-    from scleraforce.segmentation.wall import Segmentation
+    from scleraforce.segmentation.steps import Segmentation
     from scleraforce.segmentation.wall_finder import WallFinder
-
-__all__ = [
-    "ASSUMED",
-    "asked_wall_finder",
-    "each_of",
-    "end_with_faults",
-    "is_folder",
-    "scale_entry",
-    "scanner_options",
-    "size_words",
-    "told_scanner",
-    "wall_in",
-]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Item = TypeVar("Item")

@@ -15,8 +15,6 @@ from scleraforce.units import from_si
 if TYPE_CHECKING:
     from scleraforce.learning.classifier.train import Trained
 
-__all__ = ["train"]
-
 
 @click.command()
 @click.argument("dataset_path", metavar="[DATASET]", required=False, type=click.Path(path_type=Path))

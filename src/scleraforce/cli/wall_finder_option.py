@@ -8,8 +8,6 @@ import click
 
 from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 
-__all__ = ["finder_folder", "wall_finder_option"]
-
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 NONE = Path("none")

@@ -16,8 +16,6 @@ from scleraforce.processes import available_cores
 from scleraforce.study import Study, format_study, parse_study
 from scleraforce.study.unused import refuse_unused
 
-__all__ = ["Generation", "generate_dataset"]
-
 
 @dataclass(frozen=True)
 class Generation:

@@ -12,8 +12,6 @@ from scleraforce.library.sections import highest_depths
 from scleraforce.library.slices import Framing, draw_slices
 from scleraforce.study import Study
 
-__all__ = ["library_slices", "near_library"]
-
 
 def near_library(study: Study, plan: DatasetPlan, library: Library) -> Library:
     """Return what all slices of a plan together may show of a library.

@@ -5,8 +5,6 @@ from os import PathLike
 
 from scleraforce.known.calibration_file import read_calibration
 
-__all__ = ["CalibratedModulus", "read_population_modulus"]
-
 
 @dataclass(frozen=True)
 class CalibratedModulus:

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from scleraforce.study import Choice, DatasetGroup, Sampled, Study
 
-__all__ = ["DatasetPlan", "PlanDraft", "draft_plan", "plan_dataset", "sample_draws", "unit_images"]
-
 UNIT_IMAGES = 200  # about this many samples are simulated and stored together
 DRAWS = ("force", "gap", "tilt", "direction", "framing_lateral", "framing_depth")
 

@@ -13,8 +13,6 @@ from scleraforce.section.slices import fill_sections, slice_window
 from scleraforce.study import Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
-__all__ = ["SampleSimulator"]
-
 Floats = NDArray[np.float64]
 
 

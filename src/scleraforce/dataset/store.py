@@ -24,15 +24,6 @@ from scleraforce.stored_array import StoredArray
 from scleraforce.study import Study, format_study, parse_study, study_hash
 from scleraforce.units import from_si
 
-__all__ = [
-    "Dataset",
-    "complete_dataset",
-    "create_dataset",
-    "missing_dataset_units",
-    "open_dataset",
-    "write_dataset_unit",
-]
-
 STORE = CheckedStore(
     noun="data set",
     command="generate",

@@ -14,8 +14,6 @@ from scleraforce.library import Library
 from scleraforce.processes import work_units
 from scleraforce.study import Study
 
-__all__ = ["draw_units", "simulate_units"]
-
 Slices = NDArray[np.uint8]
 
 

@@ -9,8 +9,6 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Contact"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Contact:

@@ -20,8 +20,6 @@ from scleraforce.eye.contact import Contact
 from scleraforce.study.form import CorneaStudy
 from scleraforce.units import from_si
 
-__all__ = ["corneal_surface"]
-
 Floats = NDArray[np.float64]
 
 

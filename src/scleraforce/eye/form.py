@@ -19,8 +19,6 @@ from scleraforce.eye.mesh import HexMesh
 from scleraforce.eye.shapes import shape_values
 from scleraforce.study.form import FormStudy, RegionStudy
 
-__all__ = ["FormedEye", "form_mesh", "modulus_factor", "thickness_factor"]
-
 Floats = NDArray[np.float64]
 
 

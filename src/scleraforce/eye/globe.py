@@ -19,8 +19,6 @@ from scleraforce.errors import InputError
 from scleraforce.study.globe import RIGIDITY_LAWS, GlobeStudy
 from scleraforce.units import to_si
 
-__all__ = ["OPEN_GLOBE", "SAME_SLOPE_PA", "Globe", "sealed_globe", "study_globe"]
-
 Floats = NDArray[np.float64]
 Values = Floats | float
 

@@ -16,8 +16,6 @@ from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, extrude_surface
 from scleraforce.eye.surface import QuadSurface
 
-__all__ = ["graded_globe", "graded_mesh", "graded_surface"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -8,8 +8,6 @@ from scleraforce.compiled import can_compile
 from scleraforce.errors import InputError, SolverError
 from scleraforce.eye.shapes import shape_monomials
 
-__all__ = ["SurfaceLocator"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -5,8 +5,6 @@ from numpy.typing import NDArray
 
 from scleraforce.compiled import compiled
 
-__all__ = ["cross_quads"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

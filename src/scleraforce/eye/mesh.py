@@ -12,8 +12,6 @@ from scleraforce.eye.shapes import shape_values
 from scleraforce.eye.surface import QuadSurface, catmull_clark, half_cube, project_on_sphere
 from scleraforce.units import from_si
 
-__all__ = ["HexMesh", "build_mesh", "extrude_surface", "locate", "surface_weights"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

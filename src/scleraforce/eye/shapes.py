@@ -12,8 +12,6 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Monomials", "node_positions", "shape_gradients", "shape_monomials", "shape_values"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -6,8 +6,6 @@ from scleraforce.eye.graded import graded_globe, graded_mesh
 from scleraforce.eye.mesh import HexMesh, build_mesh
 from scleraforce.study import Study
 
-__all__ = ["study_mesh", "supported_mesh"]
-
 
 def study_mesh(study: Study, thickness_m: float, contact: Contact | None = None) -> HexMesh:
     """Return a study's mesh with one of its wall thicknesses; a graded one needs the contact.

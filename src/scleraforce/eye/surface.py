@@ -6,8 +6,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["QuadSurface", "catmull_clark", "half_cube", "project_on_sphere"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from scleraforce.library.base_bulge import base_push, section_places
 from scleraforce.library.responses import Library
 
-__all__ = ["Stations", "section_stations"]
-
 Array = NDArray[np.float64]
 
 STATION_RAD = 0.04  # between the places

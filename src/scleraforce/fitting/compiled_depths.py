@@ -15,8 +15,6 @@ from scleraforce.library.compiled_states import curves_at, state_weights, undent
 from scleraforce.library.splines import SUPPORT
 from scleraforce.library.tables import SplineTables
 
-__all__ = ["Rings", "States", "depths_of_walls"]
-
 Floats = NDArray[np.float64]
 Curves = NDArray[np.float32]
 Integers = NDArray[np.intp]

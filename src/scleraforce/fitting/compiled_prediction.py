@@ -39,8 +39,6 @@ from scleraforce.library.compiled_states import state_weights, value_at
 from scleraforce.library.splines import SUPPORT
 from scleraforce.library.tables import SplineTables
 
-__all__ = ["Law", "off_the_laws", "predict"]
-
 Floats = NDArray[np.float64]
 
 ALONG, ACROSS = POLE.start, POLE.start + 1

@@ -52,18 +52,6 @@ from scleraforce.fitting.unknowns import (
 from scleraforce.known.globe import OPEN, KnownGlobe
 from scleraforce.library.responses import Library
 
-__all__ = [
-    "HIGHEST_POLE",
-    "Walls",
-    "cut_by_plane",
-    "displaced_m3",
-    "force_n",
-    "formed_wall",
-    "place_walls",
-    "predict_wall",
-    "shining",
-]
-
 Array = NDArray[np.float64]
 
 HIGHEST_POLE = 0.85  # sine of the largest polar angle of a contact that a fit takes

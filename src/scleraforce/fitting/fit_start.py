@@ -12,8 +12,6 @@ from scleraforce.fitting.fit_prediction import Walls, force_n, place_walls
 from scleraforce.fitting.unknowns import DEPTH, IOP, LATERAL, MODULUS, POLE, PRESSURE, SIZE, THICKNESS, TIP
 from scleraforce.library.sealed import iop_ratio_at_dent
 
-__all__ = ["LARGEST_N", "bearing_start", "higher_start", "starts"]
-
 Array = NDArray[np.float64]
 
 DENTS = 14

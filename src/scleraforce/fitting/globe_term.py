@@ -17,8 +17,6 @@ from scleraforce.fitting.unknowns import IOP, MODULUS, NAMES, PRESSURE, SIZE, TH
 from scleraforce.known.globe import KnownGlobe
 from scleraforce.study.globe import RIGIDITY_LAWS
 
-__all__ = ["keep_within", "law_slope", "off_the_law"]
-
 Array = NDArray[np.float64]
 
 MOVING = (TIP, THICKNESS, MODULUS, IOP, SIZE, PRESSURE)

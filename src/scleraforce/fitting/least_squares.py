@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from scleraforce.fitting.placement import Placed, Places
 
-__all__ = ["CAUCHY", "Columns", "Problem", "Stopping", "gauss_newton", "robust_spread"]
-
 Array = NDArray[np.float64]
 
 CAUCHY = 2.5  # standard deviations at which a column's weight is halved

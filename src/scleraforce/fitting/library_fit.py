@@ -27,8 +27,6 @@ from scleraforce.fitting.resting_form import FORM_ENDS
 from scleraforce.fitting.unknowns import FORM, GAP, LATERAL, MODULUS, NAMES, POLE, PRESSURE, SIZE, THICKNESS, TIP
 from scleraforce.library.responses import Library
 
-__all__ = ["NO_WALL_M", "BoundaryFit", "fit_boundaries", "fit_from"]
-
 Array = NDArray[np.float64]
 _Fit = tuple[Array, Placed, float]  # unknowns, prediction and cost
 

@@ -12,8 +12,6 @@ from scleraforce.fitting.placement import Placed
 from scleraforce.fitting.resting_form import FORM_ENDS
 from scleraforce.fitting.unknowns import DEPTH, FORM, LATERAL, ROTATION
 
-__all__ = ["limbus_starts", "one_sided_starts"]
-
 Array = NDArray[np.float64]
 
 PLACES_M = np.arange(1.5e-3, 6.0e-3, 0.25e-3)

@@ -6,8 +6,6 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Placed", "Places", "curve_depths", "place_curves", "pose_derivatives"]
-
 Array = NDArray[np.float64]
 
 

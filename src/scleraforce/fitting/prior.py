@@ -30,8 +30,6 @@ from scleraforce.library.base_bulge import pole_direction
 from scleraforce.library.plan import LARGEST_POLAR_DEG
 from scleraforce.study import ReaderStudy
 
-__all__ = ["HEAVY", "SHINE_MEAN_M", "SHINE_SD_M", "Prior", "form_size", "prior_of"]
-
 Array = NDArray[np.float64]
 
 FREE_SD = {TIP: 10e-3, LATERAL: 1e-3, DEPTH: 2e-3, ROTATION: 0.05, SIZE: 0.03, INNER_OFFSET: 15e-6}

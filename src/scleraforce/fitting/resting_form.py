@@ -8,8 +8,6 @@ sphere angles, curvatures and thickening are 0, and the places of the limbus do 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FORMS", "FORM_ENDS", "SOFT_M", "form_depths"]
-
 Array = NDArray[np.float64]
 
 # Of each side, left and right: place of the limbus from the contact, m; the angle there, rad, up below 0; the curvature

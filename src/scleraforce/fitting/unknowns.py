@@ -4,31 +4,6 @@ import numpy as np
 
 from scleraforce.fitting.resting_form import FORMS
 
-__all__ = [
-    "DEPTH",
-    "FORM",
-    "GAP",
-    "GAP_STEP_M",
-    "INNER_OFFSET",
-    "IOP",
-    "LATERAL",
-    "LOG_PRESSURE_STEP",
-    "MODULUS",
-    "NAMES",
-    "POLE",
-    "POLE_STEP",
-    "PRESSURE",
-    "ROTATION",
-    "SAME_CURVES_AND_MOTION",
-    "SHINE",
-    "SHINING_SLOPE",
-    "SIZE",
-    "THICKNESS",
-    "THICKNESS_STEP_M",
-    "TIP",
-    "TIP_STEP_M",
-]
-
 # (unknown,): dent and pose in m and rad; logarithms of the eye's size over the library's, of E
 # in Pa and of the IOP without the needle in Pa; an offset of the inner boundary in m, which the segmentation may see a
 # little too deep; the logarithm of the pressure under the needle in Pa, which counts where the globe may be sealed; by

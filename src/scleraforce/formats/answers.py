@@ -11,8 +11,6 @@ from scleraforce.recording.files import read_info
 from scleraforce.units import from_si
 from scleraforce.whole_files import FileKind, read_text
 
-__all__ = ["IMPORT_RECORD", "answers_like", "clock_origin_s", "import_record"]
-
 IMPORT_RECORD = "import.json"
 KIND = FileKind(IMPORT_RECORD, 2**20, "`scleraforce import` writes it", RecordingError)
 # Of sources of one laboratory; what is of one session or eye (times, offsets, the eye's name) is asked anew.

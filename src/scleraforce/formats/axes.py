@@ -7,11 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError, InputError
-from scleraforce.formats.scan import Scan, UnansweredError, check_bytes, frame_names
-from scleraforce.recording.pixels import check_size
-from scleraforce.recording.scaled_frame import Sourced
-
-__all__ = ["AXES", "array_scan", "parse_axes"]
+from scleraforce.formats.scan import UnansweredError
+from scleraforce.recording.pixels import Sourced, check_size
+from scleraforce.recording.scan import Scan, check_bytes, frame_names
 
 AXES = ("frame", "depth", "lateral")
 

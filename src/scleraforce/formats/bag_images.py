@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 
-__all__ = ["image_fields", "image_pixels"]
-
 # Encodings of sensor_msgs/Image: type and number of samples of a pixel, and how colours become grey.
 ENCODINGS: dict[str, tuple[str, int, int | None]] = {
     "mono8": ("u1", 1, None),

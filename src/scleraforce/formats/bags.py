@@ -13,17 +13,16 @@ from numpy.typing import NDArray
 from scleraforce.errors import FrameError, InputError, RecordingError
 from scleraforce.formats.bag_images import image_fields, image_pixels
 from scleraforce.formats.extra import package_for
-from scleraforce.formats.scan import PictureStream, Scan, Times, UnansweredError, check_bytes
+from scleraforce.formats.scan import UnansweredError
 from scleraforce.recording.faults import named_faults
 from scleraforce.recording.pixels import check_size
+from scleraforce.recording.scan import PictureStream, Scan, Times, check_bytes
 from scleraforce.recording.tables import ForceLog
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
     from rosbags.interfaces import Connection
-
-__all__ = ["Bag", "BagTopics", "read_bag"]
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 FORCES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Vector3Stamped")

@@ -7,8 +7,6 @@ from datetime import date
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CLOCKS", "clock_of", "seconds_of"]
-
 ISO, DAY_FIRST, MONTH_FIRST, NAMED, CLOCK = "iso", "dmy", "mdy", "date", "clock"
 CLOCKS = (ISO, DAY_FIRST, MONTH_FIRST, NAMED, CLOCK)
 DAY_S = 86_400

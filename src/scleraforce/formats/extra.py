@@ -6,8 +6,6 @@ from typing import Any
 
 from scleraforce.errors import InputError
 
-__all__ = ["package_for"]
-
 
 def package_for(path: Path, name: str, kind: str) -> Any:
     """Import and return the package that reads or writes a file of a kind.

@@ -21,8 +21,6 @@ from scleraforce.formats.scan import UnansweredError
 from scleraforce.formats.stated_units import FORCE, TORQUE, quantity_of, unit_factor
 from scleraforce.recording.tables import ForceLog, checked_samples, gap_notes
 
-__all__ = ["read_force_text"]
-
 # What ATI's Net F/T demo and its relatives write above the header.
 STATED = {quantity: rf"(?i){quantity} units?\"?\s*[:=,;\t]+\s*\"?([\w*.-]+)" for quantity in (FORCE, TORQUE)}
 COUNTS = {

@@ -2,8 +2,6 @@
 
 from pathlib import PurePath
 
-__all__ = ["foreign_kind"]
-
 VENDOR = "examples/vendor_frames.py writes its B-scans as .npy (docs/formats.md)"
 NUMPY = "save the frames as .npy in Python (numpy.save), or as TIFF"
 EXPORT = "export the B-scans from its program as TIFF or DICOM"

@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 from scleraforce.errors import InputError
 from scleraforce.formats.log_columns import columns_by_header
 from scleraforce.formats.log_text import numbers_of, read_log_text
-from scleraforce.formats.scan import Scan, Times, even_times
 from scleraforce.recording.delimited import fields_of
-
-__all__ = ["told_times"]
+from scleraforce.recording.scan import Scan, Times, even_times
 
 FILE_NAMES = ("file", "filename", "frame", "image")
 

@@ -11,11 +11,10 @@ from scleraforce.formats.bags import BagTopics, read_bag
 from scleraforce.formats.force_log import read_force_text
 from scleraforce.formats.log_columns import LogColumn
 from scleraforce.formats.log_text import read_log_text
-from scleraforce.formats.scan import Scan, Times, joined, rising
+from scleraforce.formats.scan import joined
 from scleraforce.formats.sources import SourceOrder, files_of, natural_order, oriented, read_scan, source_kind
+from scleraforce.recording.scan import Scan, Times, rising
 from scleraforce.recording.tables import ForceLog, checked_samples, gap_notes
-
-__all__ = ["Asked", "Gathered", "check_overlap", "gather", "on_one_clock"]
 
 SINCE_1970_S = 1e8  # a clock beyond counts from 1970
 

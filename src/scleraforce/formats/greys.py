@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError, InputError
 
-__all__ = ["MOST_BITS", "TOP", "Greys", "find_greys"]
-
 MOST_BITS = 16
 TOP = 2**MOST_BITS - 1
 

@@ -16,9 +16,6 @@ from scleraforce.recording.info import RecordingInfo
 from scleraforce.recording.tables import ForceLog
 from scleraforce.recording.writing import RecordingWriter
 
-__all__ = ["folder_when_whole", "frame_files", "write_frames", "write_log", "written"]
-
-
 PLAIN_NAME = re.compile(r"\w[\w.+-]*", re.ASCII)  # of a frame's file, without its ending; no formula in a spreadsheet
 
 

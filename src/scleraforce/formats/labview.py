@@ -6,8 +6,6 @@ from pathlib import Path
 
 from scleraforce.errors import RecordingError
 
-__all__ = ["MARK", "LabviewHeader", "read_labview_header"]
-
 MARK = "LabVIEW Measurement"
 END = "***End_of_Header***"
 SEPARATORS = {"tab": "\t", "comma": ","}

@@ -13,8 +13,6 @@ from scleraforce.formats.scan import UnansweredError
 from scleraforce.formats.stated_units import FORCE, TIME, TORQUE, quantity_of, unit_factor
 from scleraforce.recording.tables import FORCE_COLUMNS
 
-__all__ = ["LogColumn", "clock_columns", "columns_by_header", "of_each_kind", "parse_column", "required_columns"]
-
 SHORT_NAMES = {name.partition("_")[0]: name for name in FORCE_COLUMNS} | {STATUS: STATUS}  # fz: fz_n
 # A unit in brackets, or after a mark or a blank: "Fz [mN]", "Force Z / mN", "FZ,mN", "fz_mN", "F_z in mN".
 BRACKETS = re.compile(r"(?P<name>.*?)[\s_,:]*[\[({<](?P<unit>[^\])}>]+)[\])}>]\s*")

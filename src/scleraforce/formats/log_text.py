@@ -17,8 +17,6 @@ from scleraforce.formats.stated_units import is_unit
 from scleraforce.recording.delimited import decimal_mark, fields_of, is_number, number
 from scleraforce.whole_files import KINDS, read_text
 
-__all__ = ["LogText", "mark_of", "numbers_of", "read_log_text", "texts_of"]
-
 SEPARATORS, SPACES = "\t;,", " "  # of the header that has none of the first; so many spaces are one separator
 SEARCHED_LINES = 100  # for the header
 

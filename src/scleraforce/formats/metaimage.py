@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.formats.axes import array_scan
-from scleraforce.formats.scan import Scan, check_bytes
 from scleraforce.formats.volume_files import (
     SAME,
     Axes,
@@ -24,10 +23,8 @@ from scleraforce.formats.volume_files import (
     unpacked,
 )
 from scleraforce.recording.faults import named_faults
-from scleraforce.recording.scaled_frame import Sourced
-from scleraforce.recording.tiff_image import METRES
-
-__all__ = ["read_metaimage"]
+from scleraforce.recording.pixels import Sourced
+from scleraforce.recording.scan import METRES, Scan, check_bytes
 
 HEADER_BYTES = 2**26
 TYPES = {

@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.formats.axes import array_scan
-from scleraforce.formats.scan import Scan, UnansweredError, check_bytes
+from scleraforce.formats.scan import UnansweredError
 from scleraforce.recording.faults import named_faults
-
-__all__ = ["read_numpy"]
+from scleraforce.recording.scan import Scan, check_bytes
 
 
 def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> Scan:

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import RecordingError
 
-__all__ = ["STATUS", "STATUS_MEANINGS", "faulty_samples", "status_meaning"]
-
 STATUS = "status"  # our name of such a column
 # How a column is read: ATI's status word, a flag of faults, a flag of validity. "any": all samples are taken.
 STATUS_MEANINGS = ATI, GOOD_IF_ZERO, GOOD_IF_SET, ANY = "ati", "zero", "set", "any"

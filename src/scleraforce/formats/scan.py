@@ -7,29 +7,12 @@ import numpy as np
 
 from scleraforce.errors import FrameError, InputError
 from scleraforce.recording.scan import (
-    LARGEST_BYTES,
     PictureStream,
     Scan,
     Times,
-    check_bytes,
-    even_times,
-    frame_names,
     rising,
 )
 from scleraforce.units import from_si
-
-__all__ = [
-    "LARGEST_BYTES",
-    "PictureStream",
-    "Scan",
-    "Times",
-    "UnansweredError",
-    "check_bytes",
-    "even_times",
-    "frame_names",
-    "joined",
-    "rising",
-]
 
 KIND = ("rows", "columns", "bits", "depth of a pixel (um)", "width of a pixel (um)")  # the same in all files
 

@@ -7,10 +7,8 @@ from pathlib import Path
 
 from scleraforce.errors import FrameError, InputError
 from scleraforce.formats.foreign import foreign_kind
-from scleraforce.formats.scan import Scan
+from scleraforce.recording.scan import Scan
 from scleraforce.whole_files import FileKind, check_regular
-
-__all__ = ["SourceOrder", "files_of", "natural_order", "oriented", "read_scan", "source_kind"]
 
 SOURCE = FileKind("source", 64 * 2**30, "", FrameError)
 HEAD_BYTES = 512

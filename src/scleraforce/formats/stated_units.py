@@ -5,8 +5,6 @@ import re
 from scleraforce.recording.scan import SECONDS
 from scleraforce.units import STANDARD_GRAVITY_M_S2, to_si
 
-__all__ = ["FORCE", "SECONDS", "TIME", "TORQUE", "is_unit", "quantity_of", "unit_factor"]
-
 TIME, FORCE, TORQUE = "time", "force", "torque"
 INCH_M = 0.0254
 POUND_N = 0.45359237 * STANDARD_GRAVITY_M_S2

@@ -12,13 +12,10 @@ from zipfile import ZipFile
 import numpy as np
 
 from scleraforce.errors import FrameError
-from scleraforce.formats.scan import PictureStream, Scan, check_bytes, frame_names
 from scleraforce.recording.faults import named_faults
-from scleraforce.recording.pixels import check_size
-from scleraforce.recording.scaled_frame import Sourced
+from scleraforce.recording.pixels import Sourced, check_size
+from scleraforce.recording.scan import PictureStream, Scan, check_bytes, frame_names
 from scleraforce.units import to_si
-
-__all__ = ["read_thorlabs"]
 
 HEADER, INTENSITY = "Header.xml", "Intensity"
 HEADER_BYTES = 2**22

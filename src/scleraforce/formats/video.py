@@ -14,11 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
-from scleraforce.formats.scan import PictureStream, Scan, Times, check_bytes, frame_names, rising
 from scleraforce.recording.pixels import check_size
+from scleraforce.recording.scan import PictureStream, Scan, Times, check_bytes, frame_names, rising
 from scleraforce.units import to_si
-
-__all__ = ["read_film"]
 
 GREY_16 = b"Y1\0\x10"  # FFmpeg's tag of gray16le, the only deeper format that OpenCV leaves as it is
 BITS_OF_TRIPLES = {12: 4, 15: 5, 16: 5, 36: 12, 48: 16, 64: 16}  # of a sample, by those of a pixel

@@ -12,10 +12,8 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from scleraforce.errors import FrameError
-from scleraforce.formats.scan import Scan, Times, rising
-from scleraforce.recording.scaled_frame import Sourced
-
-__all__ = ["SAME", "Axes", "check_orientation", "data_file", "listed", "plus_sequence", "stated_steps", "unpacked"]
+from scleraforce.recording.pixels import Sourced
+from scleraforce.recording.scan import Scan, Times, rising
 
 Axes = tuple[str, ...] | None
 

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from scleraforce.errors import FrameError
 from scleraforce.formats.axes import AXES, array_scan
 from scleraforce.formats.extra import package_for
-from scleraforce.formats.scan import Scan, Times, check_bytes, even_times, rising
-from scleraforce.formats.stated_units import SECONDS
 from scleraforce.formats.volume_files import (
     SAME,
     Axes,
@@ -29,10 +27,8 @@ from scleraforce.formats.volume_files import (
     unpacked,
 )
 from scleraforce.recording.faults import named_faults
-from scleraforce.recording.scaled_frame import Sourced
-from scleraforce.recording.tiff_image import METRES
-
-__all__ = ["read_nifti", "read_nrrd"]
+from scleraforce.recording.pixels import Sourced
+from scleraforce.recording.scan import METRES, SECONDS, Scan, Times, check_bytes, even_times, rising
 
 SAMPLE_BYTES = 8  # of the widest type of NRRD
 NIFTI_UNITS = {0: "", 1: "m", 2: "mm", 3: "micron"}

@@ -13,8 +13,6 @@ from platformdirs import user_cache_path
 from scleraforce.installation.finding import Finding
 from scleraforce.processes import available_cores
 
-__all__ = ["machine"]
-
 GIB = 2**30
 LEAST_CORES, LEAST_MEMORY_GIB, LEAST_DISK_GIB = 2, 4, 1
 REAL_TIME = (

@@ -7,8 +7,6 @@ from packaging.requirements import Requirement
 
 from scleraforce.installation.finding import Finding
 
-__all__ = ["packages"]
-
 DISTRIBUTION = "scleraforce"
 FOR_DEVELOPERS = {"dev", "docs"}
 

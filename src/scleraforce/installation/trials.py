@@ -23,8 +23,6 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
-__all__ = ["TRIALS", "tried"]
-
 SOLVE, READ, TRAIN = "a solve", "a reading", "a training"
 THICKNESS_M, MODULUS_PA, IOP_PA, GAP_M, DEPTH_M = 0.6e-3, 0.3e6, 270.0, 0.6e-3, 0.5e-3
 TIP_M = 1.5e-3

@@ -22,26 +22,6 @@ from scleraforce.study.globe import RIGIDITY_LAWS
 from scleraforce.units import from_si, to_si
 from scleraforce.whole_files import KINDS, read_bytes, write_whole
 
-__all__ = [
-    "CALIBRATION_FORMAT",
-    "MECHANICS",
-    "WRITER",
-    "CalibrationFile",
-    "CalibrationSummary",
-    "EyeSummary",
-    "UsedFrame",
-    "globe_entry",
-    "number_of",
-    "open_calibration",
-    "parse_calibration_file",
-    "read_calibration",
-    "summary_of",
-    "summary_of_eye",
-    "table_of",
-    "text_of",
-    "write_calibration",
-]
-
 CALIBRATION_FORMAT = 3
 MECHANICS = ("finite-strain", "linear")
 SOFTEST_MPA, STIFFEST_MPA = 0.001, 100.0

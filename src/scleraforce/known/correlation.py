@@ -3,8 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MOST_CORRELATED", "correlation_of", "within_bounds"]
-
 MOST_CORRELATED = 1.0 - 1e-9  # where two unknowns are as good as one, rounding puts their correlation beyond 1
 
 

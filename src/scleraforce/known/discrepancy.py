@@ -13,8 +13,6 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["NO_DISCREPANCY", "REFERENCE_N", "ForceDiscrepancy", "beside_middle"]
-
 Floats = NDArray[np.float64]
 
 REFERENCE_N = 60e-3  # growth is that from no force to this one; beyond it the discrepancy stays as it is

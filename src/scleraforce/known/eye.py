@@ -9,22 +9,6 @@ from scleraforce.known.globe import KnownGlobe, completed_globe, known_globe
 from scleraforce.recording.info import EyeInfo, RecordingInfo
 from scleraforce.units import from_si
 
-__all__ = [
-    "NOTHING_KNOWN",
-    "POPULATION_SD",
-    "STATED_MODULUS_SD",
-    "Known",
-    "Modulus",
-    "calibrated_modulus",
-    "completed",
-    "foreign_modulus",
-    "known_of_eye",
-    "known_of_recording",
-    "open_doubts",
-    "stated_eye",
-    "told_globe",
-]
-
 STATED_MODULUS_SD = 0.03  # relative, of a modulus that comes without its uncertainty
 POPULATION_SD = 0.12  # relative: eyes differ by so much (paper, Table 2), also where a file knows too few to tell
 LEAST_MODULUS_SD = 0.01  # relative: below it mechanics and segmentation are what is uncertain

@@ -15,17 +15,6 @@ from scleraforce.eye.globe import Globe, sealed_globe
 from scleraforce.study.globe import RIGIDITY_LAWS, GlobeStudy
 from scleraforce.units import to_si
 
-__all__ = [
-    "NINETY_PERCENT",
-    "OPEN",
-    "REFERENCE_RIGIDITY",
-    "SEALED",
-    "UNKNOWN",
-    "KnownGlobe",
-    "completed_globe",
-    "known_globe",
-]
-
 Floats = NDArray[np.float64]
 Kind = Literal["open", "sealed", "unknown"]
 

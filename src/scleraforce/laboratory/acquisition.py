@@ -19,8 +19,6 @@ from scleraforce.processes import available_cores, work_units
 from scleraforce.study import Study, draw
 from scleraforce.whole_files import KINDS, folder_files, read_text, write_whole_folder
 
-__all__ = ["Acquisition", "acquire_all", "is_recorded", "sample_eyes"]
-
 
 @dataclass(frozen=True)
 class Acquisition:

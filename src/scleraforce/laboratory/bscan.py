@@ -31,8 +31,6 @@ from scleraforce.section.plane import Section
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import OctStudy
 
-__all__ = ["Bscan", "column_crossings", "render_bscan"]
-
 
 @dataclass(frozen=True)
 class Bscan:

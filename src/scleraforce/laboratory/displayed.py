@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from scleraforce.laboratory.optics import BscanOptics
 from scleraforce.segmentation.grid import Float
 
-__all__ = ["NO_LIGHT_DB", "Displayed"]
-
 NO_LIGHT_DB, TOP_DB, STEP_DB = -15.0, 60.0, 0.25  # levels over the mean noise; the lowest stands for none
 LEVELS = round((TOP_DB - NO_LIGHT_DB) / STEP_DB) + 1
 QUANTILES = 64

@@ -20,20 +20,6 @@ from scleraforce.laboratory.optics import (
 from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.study import Study, draw
 
-__all__ = [
-    "CONJUNCTIVA",
-    "FRAME",
-    "NOISE",
-    "PUSHES",
-    "SENSOR",
-    "TURN",
-    "draw_changes",
-    "sample_scanner",
-    "slid",
-    "stream",
-    "stream_key",
-]
-
 Times = NDArray[np.float64]
 
 OPTICS, PUSHES, SENSOR, NOISE, FRAME, DRIFT, NEEDLE, CONJUNCTIVA, TURN = range(9)  # the streams of a recording

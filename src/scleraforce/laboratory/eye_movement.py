@@ -17,8 +17,6 @@ from scleraforce.eye.contact import Contact
 from scleraforce.section.plane import ScanPlane
 from scleraforce.study import PhantomStudy, draw
 
-__all__ = ["STILL", "EyeTurn", "draw_turns", "farthest_turn_rad", "turned_plane"]
-
 Floats = NDArray[np.float64]
 
 SACCADE_S = 1.0  # from one saccade to the next

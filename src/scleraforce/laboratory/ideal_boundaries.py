@@ -19,8 +19,6 @@ from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import OctStudy, Study
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
-__all__ = ["ideal_boundaries", "virtual_sections"]
-
 Array = NDArray[np.float64]
 
 

@@ -16,8 +16,6 @@ from scleraforce.laboratory.speckle import decibel
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import OctStudy
 
-__all__ = ["DrawnShaft", "draw_shaft"]
-
 Vector = NDArray[np.float64]
 
 SKIN_M = 10e-6  # thickness of what shines, and at least SKIN_COLUMNS of a column

@@ -10,20 +10,6 @@ from scleraforce.section.plane import Section
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import OctStudy, PhantomStudy, draw
 
-__all__ = [
-    "BscanOptics",
-    "Conjunctiva",
-    "Cover",
-    "Line",
-    "NeedleShaft",
-    "Pose",
-    "Shadow",
-    "sample_conjunctiva",
-    "sample_needle",
-    "sample_optics",
-    "sample_pose",
-]
-
 POWERS = {"root": 0.5, "linear": 1.0}  # of the intensity, with which the counts of a display grow
 
 

@@ -64,19 +64,6 @@ from scleraforce.study import Study, draw, study_hash
 from scleraforce.study.fields import NEEDLE_FORCE
 from scleraforce.whole_files import KINDS, read_text
 
-__all__ = [
-    "PhantomFrame",
-    "PhantomPlan",
-    "needle_tip",
-    "phantom_truth",
-    "plan_moving_phantom",
-    "plan_phantom",
-    "plan_sections",
-    "render_frame",
-    "true_forces",
-    "write_phantom",
-]
-
 AXIS, CONTACT_SIGN = "fz", -1
 TAIL_S = 1.5  # of the log, after the needle's last motion
 HELD_AVERAGE_S, MOVING_AVERAGE_S = 2.0, 0.1  # of a label: a needle that moves changes sooner

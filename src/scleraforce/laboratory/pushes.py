@@ -8,21 +8,6 @@ from numpy.typing import NDArray
 from scleraforce.recording.tables import FORCE_COLUMNS
 from scleraforce.study import PhantomStudy, draw
 
-__all__ = [
-    "TIME_DIGITS",
-    "ForcePath",
-    "ForceSensor",
-    "Motion",
-    "Push",
-    "format_log",
-    "motion_end_s",
-    "plan_path",
-    "plan_pushes",
-    "sample_sensor",
-    "sense",
-    "true_force",
-]
-
 Samples = NDArray[np.float64]
 
 TIME_DIGITS = 4  # of frames.csv and forces.csv: 0.1 ms

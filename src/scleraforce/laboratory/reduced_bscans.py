@@ -24,8 +24,6 @@ from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import OctStudy
 
-__all__ = ["DrawnFrames", "draw_reduced"]
-
 Floats = NDArray[np.floating]
 
 DB = 10.0 / log(10.0)  # of a factor e

@@ -18,8 +18,6 @@ from scleraforce.section.slices import fill_section, slice_window
 from scleraforce.study import Study
 from scleraforce.study.unused import refuse_unused
 
-__all__ = ["SimulatedEye", "simulate_eye"]
-
 Floats = NDArray[np.float64]
 
 

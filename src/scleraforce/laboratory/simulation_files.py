@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from scleraforce.laboratory.simulation import SimulatedEye
 from scleraforce.whole_files import renamed_when_whole
 
-__all__ = ["write_vtu", "write_xdmf"]
-
 CELLS = {8: "hexahedron", 20: "hexahedron20", 27: "hexahedron27"}
 
 

@@ -10,16 +10,6 @@ from numpy.typing import NDArray
 from scleraforce.laboratory.optics import Shadow
 from scleraforce.segmentation.grid import Float
 
-__all__ = [
-    "Complex",
-    "add_ridge",
-    "amplitude_sigma",
-    "circular_gaussian",
-    "decibel",
-    "seen_through",
-    "transmission",
-]
-
 Complex = NDArray[np.complex64]
 
 

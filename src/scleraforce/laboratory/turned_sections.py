@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from scleraforce.laboratory.eye_movement import STILL, EyeTurn
 from scleraforce.section.plane import Section
 
-__all__ = ["TurnedSections", "knot_turns", "knot_weights"]
-
 Floats = NDArray[np.float64]
 
 

@@ -21,18 +21,6 @@ from scleraforce.study import Study
 from scleraforce.study.unused import refuse_unused
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
-__all__ = [
-    "BentSections",
-    "PhantomEye",
-    "SectionsAt",
-    "finite_strain_sections",
-    "linear_sections",
-    "paper_eyes",
-    "pressures_pa",
-    "study_sections",
-    "turned_eyes",
-]
-
 SectionsAt = Callable[[Sequence[float]], Sequence[Section]]
 
 CLEAR_N = 2e-3  # of the bounds of the classes, in the paper's design

@@ -41,16 +41,6 @@ from scleraforce.mechanics.linear import LinearWall
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
-__all__ = [
-    "Fingerprint",
-    "classifier_fingerprint",
-    "finder_fingerprint",
-    "interval_fingerprint",
-    "item",
-    "moved",
-    "reader_fingerprint",
-]
-
 Fingerprint = dict[str, dict[str, Any]]  # name of a result -> its "tolerance" and "values", as in `model.json`
 
 MEANS, PICKS = 32, 31  # of an item, at most

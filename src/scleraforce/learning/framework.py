@@ -9,9 +9,7 @@ from scleraforce.errors import InputError
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 try:
-    import onnx
-    import torch
+    import onnx as onnx
+    import torch as torch
 except ModuleNotFoundError as fault:
     raise InputError(f"training needs {fault.name}, which is not installed: pip install 'scleraforce[train]'") from None
-
-__all__ = ["onnx", "torch"]

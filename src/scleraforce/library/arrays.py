@@ -11,8 +11,6 @@ from scleraforce.library.splines import SUPPORT
 if TYPE_CHECKING:
     from scleraforce.library.responses import Library
 
-__all__ = ["check_arrays"]
-
 
 def check_arrays(library: "Library") -> None:
     """Check the shapes and values of a library.

@@ -8,8 +8,6 @@ from scleraforce.library.splines import SUPPORT
 from scleraforce.mechanics.burst import burst_tension
 from scleraforce.units import HumanUnit, from_si
 
-__all__ = ["SLACK", "check_inside", "check_tension", "inside_ends", "weight_products"]
-
 Floats = NDArray[np.float64]
 
 SLACK = 1e-9  # relative: an end of a range may be computed in two ways

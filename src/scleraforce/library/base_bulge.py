@@ -12,17 +12,6 @@ gives way by shear. How the wall bends with it is `calibration.base_moves`.
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "SHEARED",
-    "base_bulge",
-    "base_push",
-    "meridian_angles",
-    "pole_direction",
-    "pole_directions",
-    "section_places",
-    "undented_motion",
-]
-
 Floats = NDArray[np.float64]
 
 # Times (1 + nu)/pi F/(E t): how far a force across its axis moves the top of a half-sphere, a membrane, that is held at

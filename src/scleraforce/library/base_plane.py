@@ -13,8 +13,6 @@ from scleraforce.library.plan import LARGEST_POLAR_DEG, SUPPORTS_DEG, evenly_pic
 from scleraforce.library.splines import SUPPORT, CubicSpline
 from scleraforce.mechanics.polar import DIRECTIONS, SHARE, base_angle
 
-__all__ = ["base_stiffness"]
-
 Floats = NDArray[np.float64]
 
 POLAR_ANGLES = 11

@@ -20,9 +20,6 @@ from scleraforce.mechanics.axisymmetric.path import axisymmetric_path
 from scleraforce.processes import available_cores, work_units
 from scleraforce.study import Study
 
-__all__ = ["Building", "PathSolver", "SolvedPath", "build_library", "solve_path"]
-
-
 Floats = NDArray[np.float64]
 
 SOLVED_FORCES = 2.0  # over the largest F/E of the library: what is done beyond it is not felt below

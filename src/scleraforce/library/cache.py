@@ -21,8 +21,6 @@ from scleraforce.library.responses import Library
 from scleraforce.library.store import open_library
 from scleraforce.study import Study
 
-__all__ = ["cached_library", "library_cache"]
-
 KEY_LETTERS = 32  # of the key, in a file name
 
 

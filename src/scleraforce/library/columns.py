@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from scleraforce.library.section_motion import ACROSS, ALONG, DOWN, SectionMotion
 from scleraforce.library.sections import section_curve
 
-__all__ = ["depths_at_columns"]
-
 Floats = NDArray[np.float64]
 
 STATION_M = 0.05e-3  # where the wall bends with a radius of 1 mm, what lies between two stations is 0.3 um off

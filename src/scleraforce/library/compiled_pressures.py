@@ -17,8 +17,6 @@ from scleraforce.library.splines import SUPPORT
 from scleraforce.library.tables import SplineTables
 from scleraforce.library.under_force import SPARE
 
-__all__ = ["SealedEyes", "level_of", "pressures_under_forces"]
-
 Floats = NDArray[np.float64]
 
 

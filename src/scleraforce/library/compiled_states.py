@@ -10,8 +10,6 @@ from scleraforce.compiled import compiled
 from scleraforce.library.splines import SUPPORT, Pieces
 from scleraforce.library.tables import SplineTables
 
-__all__ = ["curves_at", "curves_of", "spline_weights", "state_weights", "undented_at", "value_at", "values_at"]
-
 Floats = NDArray[np.float64]
 Curves = NDArray[np.float32]
 

@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from scleraforce.library.base_bulge import meridian_angles
 from scleraforce.library.splines import CubicSpline
 
-__all__ = ["contact_rises", "rise_slope"]
-
 Floats = NDArray[np.float64]
 
 

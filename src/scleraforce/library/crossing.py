@@ -8,8 +8,6 @@ a cubic (Hermite).
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CONVERGED", "MOST_STEPS", "first_crossing"]
-
 Floats = NDArray[np.float64]
 
 MOST_STEPS = 50  # bisections of an interval of 0.25 mm end far below a rounding error of its ends

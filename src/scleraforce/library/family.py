@@ -7,8 +7,6 @@ import numpy as np
 from scleraforce.library.responses import Library
 from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
 
-__all__ = ["library_of", "walls_of"]
-
 
 def library_of(walls: StiffenedWalls, **others: Any) -> Library:
     """Return the library of walls, of the first stiffening that they have; `others`: its other arguments.

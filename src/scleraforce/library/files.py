@@ -25,8 +25,6 @@ from scleraforce.library.responses import Library
 from scleraforce.library.stiffened import ReducedCurves, StiffenedWalls
 from scleraforce.whole_files import KINDS, MIB, read_bytes
 
-__all__ = ["StoredErrors", "load_library", "save_library"]
-
 AXES = {
     "thickness_m": 1, "tension": 1, "tip_m": 1, "radius_m": 0, "poisson_ratio": 0, "needle_radius_m": 0,
     "max_force_ratio": 0, "polar_rad": 1, "contact_polar_rad": 0,

@@ -17,17 +17,6 @@ from scleraforce.mechanics.burst import burst_tension
 from scleraforce.plain_json import parse_json
 from scleraforce.study import Choice, LibraryStudy, Range, Sampled, Study
 
-__all__ = [
-    "LARGEST_POLAR_DEG",
-    "LITTLE_STIFFENING",
-    "SUPPORTS_DEG",
-    "LibraryPlan",
-    "evenly_picked",
-    "parse_plan",
-    "plan_library",
-    "stiffening_place",
-]
-
 Floats = NDArray[np.float64]
 
 METHOD = 1  # number of the way in which load paths are computed: raise it when they move

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
 
-__all__ = ["STEP_TYPES", "ReducedRows", "reduce_rows"]
-
 Floats = NDArray[np.float64]
 Steps = NDArray[np.signedinteger]
 

@@ -33,8 +33,6 @@ from scleraforce.library.stiffened import StiffenedWalls
 from scleraforce.library.tables import SplineTables
 from scleraforce.units import from_si
 
-__all__ = ["INNER", "OUTER", "Library"]
-
 Floats = NDArray[np.float64]
 Curves = NDArray[np.float32]
 Walls = tuple[NDArray[np.intp], Floats]  # rows of (thickness, tension) and their weights, each (sample, 16)

@@ -12,8 +12,6 @@ from scleraforce.eye.globe import Globe
 from scleraforce.library.crossing import first_crossing
 from scleraforce.library.responses import Library
 
-__all__ = ["iop_ratio_at_dent"]
-
 Floats = NDArray[np.float64]
 
 

@@ -9,8 +9,6 @@ from scleraforce.library.base_bulge import base_push, section_places
 from scleraforce.library.responses import OUTER, Library
 from scleraforce.library.states import Responses
 
-__all__ = ["ACROSS", "ALONG", "DOWN", "SectionMotion", "section_motion"]
-
 Floats = NDArray[np.float64]
 
 PLACE_M = 1.2e-3  # between places; the motion is smooth, and linear between them to 1 um

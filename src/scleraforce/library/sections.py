@@ -18,8 +18,6 @@ from scleraforce.errors import InputError
 from scleraforce.library.responses import INNER, OUTER
 from scleraforce.section.plane import Section
 
-__all__ = ["cut_rings", "cut_surfaces", "highest_depths", "section_curve"]
-
 Floats = NDArray[np.float64]
 
 PARTS = 4  # points of a section for each ring of the surface

@@ -17,8 +17,6 @@ from scleraforce.section.plane import Section, SliceWindow
 from scleraforce.section.slices import SNAP, WALL, fill_section
 from scleraforce.study import SliceStudy
 
-__all__ = ["Framing", "WallBoundaries", "column_laterals", "draw_slices", "fill_boundaries", "wall_boundaries"]
-
 Floats = NDArray[np.float64]
 
 BLOCK = 128  # samples cut together: their arrays stay in the cache

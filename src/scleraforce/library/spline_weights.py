@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from scleraforce.library.splines import CubicSpline, tensor_coefficients
 
-__all__ = ["SplineWeights", "gathered_curves"]
-
 Floats = NDArray[np.float64]
 Curves = NDArray[np.float32]
 

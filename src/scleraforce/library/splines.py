@@ -13,8 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SUPPORT", "CubicSpline", "Pieces", "tensor_coefficients", "values_and_slopes"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 

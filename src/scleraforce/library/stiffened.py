@@ -16,8 +16,6 @@ from scleraforce.library.plan import stiffening_place
 from scleraforce.library.reduced_basis import ReducedRows
 from scleraforce.library.splines import SUPPORT, CubicSpline
 
-__all__ = ["ReducedCurves", "StiffenedWalls", "StoredCurves", "WholeCurves"]
-
 Floats = NDArray[np.float64]
 Curves = NDArray[np.float32]
 

@@ -21,8 +21,6 @@ from scleraforce.library.responses import Library
 from scleraforce.library.stiffened import StiffenedWalls, WholeCurves
 from scleraforce.stored_array import StoredArray
 
-__all__ = ["complete_library", "create_library", "missing_library_units", "open_library", "write_library_unit"]
-
 FORCES, DISPLACED, CURVES, SUPPORT_FORCES = "force_ratio", "displaced_m3", "curves", "support_force_ratio"
 AXES = ("stiffening", "thickness_m", "tension", "tip_m")
 VERSIONS = ("scleraforce", "numpy", "scipy", "zarr")

@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from scleraforce.library.splines import Pieces
 
-__all__ = ["SplineTables"]
-
 Floats = NDArray[np.float64]
 
 

@@ -9,8 +9,6 @@ from scleraforce.eye.globe import Globe
 from scleraforce.library.responses import Library
 from scleraforce.study.globe import RIGIDITY_LAWS
 
-__all__ = ["SPARE", "iop_ratio_under_force"]
-
 Floats = NDArray[np.float64]
 
 SPARE = 1e-3  # of the volume: the pressure of an end of the bracket lies beyond the solution

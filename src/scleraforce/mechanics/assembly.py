@@ -9,8 +9,6 @@ from scipy import sparse
 from scleraforce.eye.mesh import HexMesh
 from scleraforce.mechanics.quadrature import VolumePoints
 
-__all__ = ["ELEMENTS_AT_ONCE", "BlockPattern", "FacePlaces", "element_stiffness", "stiffness_matrix"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -7,8 +7,6 @@ import numpy as np
 from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.stiffening import strain_measure
 
-__all__ = ["burst_tension"]
-
 LARGEST_STRETCH = 3.0  # of the circumference; the limit is reached below 1.5, and below 1.8 in tissue that stiffens
 STRETCHES = 20_001
 NEWTON_STEPS = 40

@@ -18,8 +18,6 @@ from scleraforce.mechanics.equilibrium import Balance, Dent, Equilibrium, solve_
 from scleraforce.mechanics.sealed_dent import SealedDent
 from scleraforce.units import from_si
 
-__all__ = ["PathStates", "pressurise", "trace"]
-
 Floats = NDArray[np.float64]
 
 SMALLEST_STEP = 1e-4  # of the path, or of its largest step: no shorter steps are tried

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from scleraforce.eye.mesh import HexMesh
 
-__all__ = ["Dissection", "Front", "dissect"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

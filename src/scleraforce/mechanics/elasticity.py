@@ -1,7 +1,5 @@
 """Hooke's constants in the form that the elements and the neo-Hookean law take (standard library only)."""
 
-__all__ = ["lame_constants"]
-
 
 def lame_constants(youngs_modulus_pa: float, poisson_ratio: float) -> tuple[float, float]:
     """Return lambda and mu in Pa.

@@ -17,18 +17,6 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import SolverError
 
-__all__ = [
-    "BALANCE_TOLERANCE",
-    "Balance",
-    "Control",
-    "Dent",
-    "Equilibrium",
-    "SealedEquilibrium",
-    "Solve",
-    "bordered",
-    "solve_balance",
-]
-
 Floats = NDArray[np.float64]
 Solve = Callable[[Floats], Floats]
 

@@ -32,8 +32,6 @@ from scleraforce.mechanics.springs import Springs
 from scleraforce.mechanics.supports import clamped_base
 from scleraforce.units import STANDARD_GRAVITY_M_S2, from_si
 
-__all__ = ["LARGEST_STEP_M", "FiniteWall", "LoadPath"]
-
 Floats = NDArray[np.float64]
 
 ROUNDING = 1e-12  # of a force

@@ -19,8 +19,6 @@ from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]  
 from scleraforce.errors import SolverError
 from scleraforce.mechanics.dissection import Dissection, Front
 
-__all__ = ["FrontalFactor", "one_blas_thread"]
-
 Floats = NDArray[np.floating[Any]]
 Integers = NDArray[np.int64]
 

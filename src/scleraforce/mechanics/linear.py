@@ -20,8 +20,6 @@ from scleraforce.mechanics.springs import Springs
 from scleraforce.mechanics.supports import clamped_base
 from scleraforce.units import STANDARD_GRAVITY_M_S2
 
-__all__ = ["LinearWall", "tip_displacement"]
-
 Floats = NDArray[np.float64]
 
 SINGULAR = 1e12  # stiffest over softest motion; a clamped wall has 4e2 to 3e4, a free one 1e16

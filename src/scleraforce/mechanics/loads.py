@@ -14,8 +14,6 @@ from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, locate, surface_weights
 from scleraforce.mechanics.quadrature import VolumePoints, gauss_points, surface_points
 
-__all__ = ["PRESSURE_POINTS", "disc_rule", "gravity_load", "needle_loads", "pressure_load", "weighted_surface_load"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

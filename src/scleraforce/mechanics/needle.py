@@ -10,8 +10,6 @@ from scleraforce.eye.contact import Contact
 from scleraforce.eye.mesh import HexMesh, locate, surface_weights
 from scleraforce.mechanics.loads import disc_rule
 
-__all__ = ["Needle", "needle_at", "tip_at"]
-
 Floats = NDArray[np.float64]
 
 PROJECTIONS = 30

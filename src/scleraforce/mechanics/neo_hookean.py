@@ -18,8 +18,6 @@ from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.quadrature import VolumePoints, volume_points
 from scleraforce.mechanics.stiffening import growth, strain_measure
 
-__all__ = ["NeoHookeanSolid"]
-
 Floats = NDArray[np.float64]
 Precise = NDArray[np.floating[Any]]
 

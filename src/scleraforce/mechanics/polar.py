@@ -28,8 +28,6 @@ from scleraforce.mechanics.axisymmetric.mesh import MeridianSize, meridian_mesh
 from scleraforce.mechanics.axisymmetric.path import AxisymmetricPath, AxisymmetricWall, axisymmetric_path
 from scleraforce.mechanics.linear import LinearWall
 
-__all__ = ["DIRECTIONS", "LARGEST_POLAR_RAD", "SHARE", "BaseShift", "base_angle", "base_shift", "polar_path"]
-
 Floats = NDArray[np.float64]
 
 SHARE = 0.5

@@ -16,8 +16,6 @@ from scleraforce.mechanics.assembly import FacePlaces
 from scleraforce.mechanics.loads import PRESSURE_POINTS
 from scleraforce.mechanics.quadrature import gauss_points
 
-__all__ = ["InnerSurface"]
-
 Floats = NDArray[np.float64]
 
 # (e_k x a)_i = a_m for these (i, k, m), and -a_m with i and k exchanged.

@@ -10,8 +10,6 @@ from scleraforce.errors import SolverError
 from scleraforce.eye.mesh import HexMesh
 from scleraforce.eye.shapes import shape_gradients, shape_values
 
-__all__ = ["SurfacePoints", "VolumePoints", "gauss_points", "surface_points", "volume_points"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -26,8 +26,6 @@ from scleraforce.mechanics.equilibrium import (
     bordered,
 )
 
-__all__ = ["SealedDent"]
-
 Floats = NDArray[np.float64]
 
 

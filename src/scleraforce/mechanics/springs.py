@@ -20,8 +20,6 @@ from scleraforce.mechanics.assembly import FacePlaces
 from scleraforce.mechanics.quadrature import gauss_points, surface_points
 from scleraforce.study import SupportsStudy
 
-__all__ = ["INSERTIONS", "Insertion", "Springs", "elastic_bed", "rectus_straps", "study_springs"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -17,8 +17,6 @@ Poisson's ratio of every strain as it is without.
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["growth", "strain_measure"]
-
 Floats = NDArray[np.float64]
 
 LARGEST_EXPONENT = 300.0  # of b Q: sums of squares of such stresses are finite; no tissue is e^300 times as stiff

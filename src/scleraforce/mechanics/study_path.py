@@ -20,8 +20,6 @@ from scleraforce.mechanics.springs import study_springs
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
-__all__ = ["BentEye", "bend_eye"]
-
 LEAST_FORCE_N = 1e-4  # a path goes at least this far; the state without the needle alone is not a path
 LEAST_STATES = 4  # of a path: a cubic in the tip needs so many
 STEPS_TO_LINEAR_TIP = 3.0  # steps of the path over the dent that a linear wall would have; softer walls take more

@@ -5,8 +5,6 @@ from numpy.typing import NDArray
 
 from scleraforce.eye.mesh import HexMesh
 
-__all__ = ["clamped_base", "symmetric_base"]
-
 Flags = NDArray[np.bool_]
 
 

@@ -23,8 +23,6 @@ from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.quadrature import gauss_points
 from scleraforce.study import Study
 
-__all__ = ["InnerPath", "adaptive_bound_n", "inner_path", "inner_surface"]
-
 Floats = NDArray[np.float64]
 
 REFERENCE_THICKNESS_M = 500e-6  # of the wall whose bound the study states; its modulus and IOP are the study's

@@ -19,21 +19,6 @@ from scleraforce.models.shipped import SHIPPED, model_folder
 from scleraforce.plain_json import parse_json
 from scleraforce.whole_files import KINDS, read_bytes
 
-__all__ = [
-    "CARD_FILE",
-    "COMMON_FILES",
-    "FILES",
-    "LIBRARY_FILE",
-    "MODEL_FORMAT",
-    "NETWORK_FILE",
-    "RECORD_FILE",
-    "STUDY_FILE",
-    "WALL_FINDER",
-    "ModelFolder",
-    "read_folder",
-    "sha256",
-]
-
 MODEL_FORMAT = 1
 NETWORK_FILE, STUDY_FILE, CARD_FILE, RECORD_FILE = "model.onnx", "study.toml", "card.md", "model.json"
 LIBRARY_FILE = "library.npz"

@@ -11,8 +11,6 @@ from scleraforce.errors import ModelError, StudyError
 from scleraforce.models.folder import NETWORK_FILE, STUDY_FILE, ModelFolder, sha256
 from scleraforce.study import Study, parse_study
 
-__all__ = ["check_interface", "check_provenance", "folder_session", "folder_study", "network_session", "run_network"]
-
 EXTERNAL = b"location"  # the key of data in other files (onnx.proto, TensorProto.external_data); none of ours has it
 
 # `scleraforce` has switched it off before ONNX Runtime was imported; this is for those who imported that first.

@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-__all__ = ["SHIPPED", "SHIPPED_PAPER", "SHIPPED_READER", "SHIPPED_WALL_FINDER", "model_folder", "model_name"]
-
 FOLDER = Path(__file__).parents[1] / "shipped"
 SHIPPED_READER, SHIPPED_PAPER, SHIPPED_WALL_FINDER = FOLDER / "default", FOLDER / "paper", FOLDER / "wall_finder"
 SHIPPED = {"default": SHIPPED_READER, "paper": SHIPPED_PAPER, "wall-finder": SHIPPED_WALL_FINDER}

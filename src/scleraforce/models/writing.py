@@ -12,8 +12,6 @@ from typing import Any
 from scleraforce.errors import ModelError
 from scleraforce.models.folder import CARD_FILE, MODEL_FORMAT, NETWORK_FILE, RECORD_FILE, STUDY_FILE, sha256
 
-__all__ = ["check_place", "write_folder"]
-
 
 def check_place(out: Path) -> None:
     """Check, before any work is done, that a model folder can be made.

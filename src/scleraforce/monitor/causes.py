@@ -2,8 +2,6 @@
 
 from enum import Enum
 
-__all__ = ["Cause"]
-
 
 class Cause(Enum):
     """Why the robot must withdraw; the value is the sub-code.

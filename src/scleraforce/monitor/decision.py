@@ -24,8 +24,6 @@ from scleraforce.monitor.state import MonitorState, remember
 from scleraforce.monitor.transitions import TRANSITIONS, Signal, State
 from scleraforce.units import from_si
 
-__all__ = ["Decision", "decide"]
-
 
 @dataclass(frozen=True)
 class Decision:

@@ -2,19 +2,6 @@
 
 from dataclasses import dataclass
 
-__all__ = [
-    "BadImage",
-    "ChecksumError",
-    "Failure",
-    "FrameRead",
-    "MonitorEvent",
-    "OvertakenRead",
-    "QueueLoss",
-    "Reset",
-    "SecondOpinion",
-    "Tick",
-]
-
 
 @dataclass(frozen=True, kw_only=True)
 class FrameRead:

@@ -5,8 +5,6 @@ from math import isfinite
 
 from scleraforce.errors import InputError
 
-__all__ = ["MonitorLimits"]
-
 COUNTS = (
     "withdraw_class",
     "unusable_frames",

@@ -7,8 +7,6 @@ from itertools import combinations
 from math import inf, sqrt
 from statistics import fmean, median
 
-__all__ = ["NOISE_WINDOWS", "risen_force"]
-
 NOISE_WINDOWS = 5  # times the frames of the slope are kept, to estimate the noise
 LEAST_PAIRS = 4
 MAD_TO_SD = 1.4826  # of a normal distribution

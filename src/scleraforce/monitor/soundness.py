@@ -7,8 +7,6 @@ from scleraforce.monitor.events import FrameRead, SecondOpinion
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.units import from_si
 
-__all__ = ["harm", "lag_of", "of_scale", "sound_pixels", "touches", "unsound", "upper_end"]
-
 Reading = FrameRead | SecondOpinion
 
 PROBABILITY_SLACK = 1e-3  # single precision, summed

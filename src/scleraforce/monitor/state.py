@@ -10,8 +10,6 @@ from scleraforce.monitor.rate import NOISE_WINDOWS
 from scleraforce.monitor.soundness import lag_of, of_scale, sound_pixels, touches, unsound
 from scleraforce.monitor.transitions import State
 
-__all__ = ["MonitorState", "remember"]
-
 LOSS_PARTS = 20  # of the window, in each of which losses are summed up
 MOST_UNANSWERED = 128  # frames whose times are kept; more are thinned
 LAGS, QUICKEST = 20, 3  # of the last frames, the third quickest counts: no frame alone decides what is late

@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from enum import Enum
 from types import MappingProxyType
 
-__all__ = ["TRANSITIONS", "Signal", "State", "transition_diagram"]
-
 
 class State(Enum):
     """The state of the monitor; the value is the code of the OpenIGTLink STATUS."""

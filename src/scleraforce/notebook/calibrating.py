@@ -12,11 +12,10 @@ from scleraforce.known.calibration_file import write_calibration
 from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.notebook.frames import check_model, summary_of_calibration
 from scleraforce.notebook.work import Given, calibrate_eyes, counting_for, opened
-from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
+from scleraforce.reader.evaluate import evaluate_recordings
+from scleraforce.reader.evaluation import Evaluation
 from scleraforce.reader.reader import Reader
 from scleraforce.study import Study
-
-__all__ = ["calibrate", "evaluate"]
 
 MECHANICS = ("finite-strain", "linear")
 LEAST_WALL_M, LARGEST_WALL_M = 100e-6, 3e-3  # as in a recording.toml

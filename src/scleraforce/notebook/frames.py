@@ -26,13 +26,11 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.recording.scaled_frame import LARGEST_M, LEAST_M, Scanner, read_scaled_frame, recording_of
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.sclera import find_sclera
-from scleraforce.segmentation.wall import Segmentation
+from scleraforce.segmentation.steps import Segmentation
 from scleraforce.segmentation.wall_finder import WallFinder
 
 if TYPE_CHECKING:
     from scleraforce.calibration.result import Calibration
-
-__all__ = ["check_model", "load_model", "read", "segment", "summary_of_calibration"]
 
 Frame = str | PathLike[str] | Pixels
 

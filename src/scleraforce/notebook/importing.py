@@ -22,7 +22,7 @@ from scleraforce.formats.importing.complete import Complete, complete
 from scleraforce.formats.importing.provenance import record_text
 from scleraforce.formats.importing.questions import NOBODY, Asker
 from scleraforce.formats.importing.told import OPTION, ImportAnswers
-from scleraforce.formats.scan import Scan, UnansweredError
+from scleraforce.formats.scan import UnansweredError
 from scleraforce.formats.sources import files_of
 from scleraforce.models.shipped import SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.notebook.work import Counting, counting_for
@@ -31,10 +31,9 @@ from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.info import OctInfo
 from scleraforce.recording.pixels import PixelScale
+from scleraforce.recording.scan import Scan
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.units import from_si
-
-__all__ = ["PREVIEW", "Imported", "import_recording", "write_imported"]
 
 PREVIEW = "preview.png"
 LOOKED_AT = 5  # frames, from the first: of an eye that the needle does not dent yet, as a rule

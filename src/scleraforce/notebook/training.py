@@ -16,8 +16,6 @@ from scleraforce.reader.reader import Reader
 from scleraforce.study import Study
 from scleraforce.study.unused import refuse_unused
 
-__all__ = ["generate", "library_of", "train"]
-
 
 def library_of(
     study: Study | None = None,

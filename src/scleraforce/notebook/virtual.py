@@ -15,8 +15,6 @@ from scleraforce.study import Study, fixed
 from scleraforce.study.fields import Unit, check_number
 from scleraforce.study.unused import refuse_unused
 
-__all__ = ["middle_contact", "phantom", "simulate", "with_mechanics", "with_one_eye"]
-
 FORCE_N = Unit(low=0.0, high=1.0)
 
 

@@ -28,20 +28,6 @@ if TYPE_CHECKING:
     from scleraforce.library import Library
     from scleraforce.reader.interval_scores import Stretch
 
-__all__ = [
-    "Counting",
-    "Given",
-    "calibrate_eyes",
-    "counting_for",
-    "library_for",
-    "opened",
-    "recalibrate_intervals",
-    "simulate_slices",
-    "train_on_library",
-    "train_on_raw_frames",
-    "train_on_slices",
-]
-
 Given = Recording | str | PathLike[str]
 # Of work with a title and a number of steps: entered around it, it gives what is called with the steps newly done.
 Counting = Callable[[str, int], AbstractContextManager[Callable[[int], None]]]

@@ -18,18 +18,6 @@ from scleraforce.errors import ProtocolError
 from scleraforce.openigtlink.messages import SPOKEN, Message, query_of, unpack
 from scleraforce.openigtlink.wire import HEADER_BYTES, Header, split_body, unpack_header
 
-__all__ = [
-    "MAX_BODY_BYTES",
-    "BadChecksum",
-    "Broken",
-    "Decoder",
-    "DecoderState",
-    "Malformed",
-    "PeerEvent",
-    "Received",
-    "Unknown",
-]
-
 MAX_BODY_BYTES = 16 * 1024 * 1024  # a 16-bit volume of 2048 x 2048 x 2
 HEADERS_BYTES = 4096  # lent at once for headers, so that one `received` stays below a millisecond
 PASSED_BYTES = 64 * 1024  # lent at once for a body that is skipped

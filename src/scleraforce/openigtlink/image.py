@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import ProtocolError
 
-__all__ = ["IDENTITY", "Image", "pack_image", "unpack_image"]
-
 HEAD = struct.Struct(">HBBBB3H12f3H3H")
 SCALARS: dict[int, np.dtype[Any]] = {
     2: np.dtype(np.int8),

@@ -12,8 +12,6 @@ from scleraforce.errors import ProtocolError
 from scleraforce.openigtlink.image import Image, pack_image, unpack_image
 from scleraforce.openigtlink.wire import ASCII, UTF_8, Header, pack_header, pack_name, wrap_body
 
-__all__ = ["SPOKEN", "Message", "Query", "Sensor", "Status", "Text", "Transform", "encode", "query_of", "unpack"]
-
 STATUS = struct.Struct(">Hq20s")
 STRING = struct.Struct(">HH")
 SENSOR = struct.Struct(">BBQ")

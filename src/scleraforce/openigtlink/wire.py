@@ -9,19 +9,6 @@ from dataclasses import dataclass
 
 from scleraforce.errors import ProtocolError
 
-__all__ = [
-    "ASCII",
-    "HEADER_BYTES",
-    "UTF_8",
-    "VERSIONS",
-    "Header",
-    "pack_header",
-    "pack_name",
-    "split_body",
-    "unpack_header",
-    "wrap_body",
-]
-
 HEADER_BYTES = 58
 VERSIONS = (1, 2, 3)
 HEADER = struct.Struct(">H12s20sQQQ")

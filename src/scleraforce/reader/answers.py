@@ -9,8 +9,6 @@ from scleraforce.fitting.library_fit import BoundaryFit
 from scleraforce.reader.readings import Reading
 from scleraforce.segmentation.needle import SeenNeedle
 
-__all__ = ["Answer", "LiveReading", "unusable"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:

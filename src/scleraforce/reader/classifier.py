@@ -23,8 +23,6 @@ from scleraforce.segmentation.observed import segmented_boundaries
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 
-__all__ = ["INPUT", "OUTPUT", "Classifier"]
-
 INPUT, OUTPUT = "slices", "probabilities"
 
 

@@ -20,8 +20,6 @@ from scleraforce.recording.labels import Trial, label_frames, label_notes
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.units import from_si
 
-__all__ = ["Evaluation", "FrameAnswer", "evaluate_recordings"]
-
 FOREIGN = ("the modulus is the population's, not this eye's own",)
 
 

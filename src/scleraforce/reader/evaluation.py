@@ -20,8 +20,6 @@ from scleraforce.reader.metrics import (
 from scleraforce.segmentation.needle import SeenNeedle, needle_entry
 from scleraforce.units import from_si
 
-__all__ = ["Evaluation", "FrameAnswer"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class FrameAnswer:

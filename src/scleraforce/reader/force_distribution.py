@@ -17,19 +17,6 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "INTERVAL",
-    "ForceDistribution",
-    "SingleForce",
-    "class_probabilities",
-    "force_distribution",
-    "quantile",
-    "ratio_edges",
-    "single_force",
-    "stretched_interval",
-    "unstretched",
-]
-
 Floats = NDArray[np.float64]
 
 INTERVAL = (0.05, 0.95)  # the shares of the distribution below the 90 % interval's ends

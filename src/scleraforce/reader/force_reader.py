@@ -36,8 +36,6 @@ from scleraforce.segmentation.observed import segmented_boundaries, surface
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 
-__all__ = ["SHIFTS", "ForceReader", "SliceNetwork"]
-
 CONTACTS = 32  # polar angles whose libraries are kept
 # Of the slices that the network reads of one frame, in rows: the first is the slice itself. A slice of black and white
 # says nothing of where in its pixels a boundary lies; a reading of one jumps when a drifting eye crosses a row.

@@ -11,8 +11,6 @@ from scleraforce.library.base_bulge import pole_directions
 from scleraforce.library.plan import LARGEST_POLAR_DEG
 from scleraforce.study import ReaderStudy
 
-__all__ = ["GIVEN", "Told", "given_inputs", "told_modulus", "unknown_modulus"]
-
 Floats = NDArray[np.float64]
 
 # One column of the network's input for each.

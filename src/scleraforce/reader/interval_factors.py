@@ -18,10 +18,8 @@ from scleraforce.errors import ModelError
 from scleraforce.fitting.library_fit import BoundaryFit
 from scleraforce.known.eye import Known
 from scleraforce.reader.interval_traits import FIT_TRAITS, NETWORK_TRAITS, traits_of
-from scleraforce.segmentation.wall import Segmentation
+from scleraforce.segmentation.steps import Segmentation
 from scleraforce.study import ReaderStudy
-
-__all__ = ["NO_FACTORS", "Factors", "IntervalFactors", "frame_stretch", "parse_factors"]
 
 Factors = Mapping[str, Mapping[str, float]]  # by whose modulus, then by trait
 

@@ -22,25 +22,6 @@ from scleraforce.recording.files import Recording, frame_digest
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
 
-__all__ = [
-    "FEW_EYES",
-    "LARGEST",
-    "LEVEL",
-    "SMALLEST",
-    "Score",
-    "Stretch",
-    "conformal_quantile",
-    "eye_count",
-    "intervals_record",
-    "of_each_modulus",
-    "recording_scores",
-    "score",
-    "share_of_new_eye",
-    "stretched",
-    "stretches",
-    "weights_of_eyes",
-]
-
 Floats = NDArray[np.float64]
 
 LEVEL = 0.9

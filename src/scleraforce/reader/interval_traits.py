@@ -13,8 +13,6 @@ from scleraforce.fitting.prior import form_size
 from scleraforce.known.eye import Known
 from scleraforce.known.globe import UNKNOWN, KnownGlobe
 
-__all__ = ["FIT_TRAITS", "GLOBE_TRAITS", "NETWORK_TRAITS", "traits_of"]
-
 OWN, OTHER = "own E", "other E"  # whose modulus: of which a reading has one
 GLOBES, TAUT = ("open", "sealed", "unknown"), "taut"
 GLOBE_TRAITS = (*GLOBES, TAUT)  # likewise; of the other traits it has none or some

@@ -6,8 +6,6 @@ from scleraforce.reader.verdicts import contact_outside
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
-__all__ = ["WIDEST_N", "judged_answer"]
-
 WIDEST_N = 6e-3  # of the interval of a dent that leaves the window: what its flanks tell must be as sure as this
 
 

@@ -22,17 +22,6 @@ from scleraforce.recording.info import OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.study import Choice, LibraryStudy, Range, ReaderStudy, Sampled, Study
 from scleraforce.units import HumanUnit, from_si
 
-__all__ = [
-    "limit_notes",
-    "other_index",
-    "outside_training",
-    "raw_limits",
-    "reading_ranges",
-    "recording_limits",
-    "slice_limits",
-    "wall_limits",
-]
-
 SAME_INDEX = 1e-3  # of refractive indices
 
 

@@ -10,8 +10,6 @@ from scleraforce.reader.reader import Reader
 from scleraforce.reader.warming import warming_frame
 from scleraforce.recording.pixels import Pixels, PixelScale
 
-__all__ = ["LiveReader"]
-
 WARMING_FRAMES = 20
 
 

@@ -11,11 +11,10 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.sclera import find_sclera
-from scleraforce.segmentation.wall import Segmentation, boundary_slices
+from scleraforce.segmentation.slice import boundary_slices
+from scleraforce.segmentation.steps import Segmentation
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import SliceStudy
-
-__all__ = ["NEEDLE_SEEN", "Look", "can_calibrate", "look"]
 
 NEEDLE_SEEN = "a needle hides a part of the wall, and the network was not trained on such slices"
 

@@ -13,20 +13,6 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "ForceTrial",
-    "Proportion",
-    "accuracy",
-    "confusion_matrix",
-    "coverage",
-    "coverage_band",
-    "coverage_by_eye",
-    "mean_absolute_error",
-    "precision",
-    "recall",
-    "wilson_interval",
-]
-
 RESAMPLES, RESAMPLING_SEED, BAND = 2000, 20_261_122, (2.5, 97.5)  # of the eyes; percent
 
 

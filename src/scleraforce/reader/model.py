@@ -22,8 +22,6 @@ from scleraforce.reader.slice_network import OnnxSliceNetwork
 from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.study import Study
 
-__all__ = ["load_classifier", "load_force_reader", "load_model", "slice_network"]
-
 READS = (Classifier.kind, ForceReader.kind, RawReader.kind)  # kinds of models that read forces
 
 Kind = TypeVar("Kind", Classifier, ForceReader)

@@ -7,8 +7,6 @@ from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.study import Range, ReaderStudy
 from scleraforce.units import from_si
 
-__all__ = ["crossed_by_needle", "needle_elsewhere", "read_by_fit"]
-
 SLACK_M = 0.1e-3  # of a stated gap, beyond the needle's radius
 
 

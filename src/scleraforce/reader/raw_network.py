@@ -11,8 +11,6 @@ from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES
 from scleraforce.study import Study
 
-__all__ = ["OnnxRawNetwork"]
-
 
 class OnnxRawNetwork(ToldNetwork):
     """The network that sees reduced frames (`FrameWindow.reduced`), float32 (n, row, column), of eyes with gaps from 0.

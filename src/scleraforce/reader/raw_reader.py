@@ -20,8 +20,6 @@ from scleraforce.segmentation.observed import segmented_boundaries, surface
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 
-__all__ = ["RawReader"]
-
 
 @final
 class RawReader:

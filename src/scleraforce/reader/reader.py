@@ -10,8 +10,6 @@ from scleraforce.recording.info import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.study import Study
 
-__all__ = ["Reader"]
-
 
 class Reader(Protocol):
     """A trained model that answers to raw frames: `Classifier`, `ForceReader`, `RawReader`. Made by `load_model`."""

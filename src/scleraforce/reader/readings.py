@@ -8,8 +8,6 @@ from scleraforce.fitting.unknowns import LATERAL
 from scleraforce.reader.force_distribution import stretched_interval, unstretched
 from scleraforce.units import from_si
 
-__all__ = ["METHODS", "Reading", "disagreement", "fit_reading", "spanned_interval"]
-
 METHODS = ("network", "fit")
 
 

@@ -10,8 +10,6 @@ from scleraforce.reader.readings import Reading
 from scleraforce.reader.told_network import Seen, ToldNetwork
 from scleraforce.study import Study
 
-__all__ = ["SLICES", "OnnxSliceNetwork"]
-
 SLICES = "slices"
 
 

@@ -21,8 +21,6 @@ from scleraforce.reader.readings import Reading
 from scleraforce.study import ReaderStudy, Study
 from scleraforce.study.globe import RIGIDITY_LAWS
 
-__all__ = ["CONTACT", "HISTOGRAM", "TOLD", "Seen", "ToldNetwork", "told_of"]
-
 TOLD = "given"
 HISTOGRAM, CONTACT = OUTPUTS = ["histogram", "contact_m"]
 EYES = 16  # of which it is kept what the network is told

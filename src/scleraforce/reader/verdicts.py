@@ -8,21 +8,9 @@ from scleraforce.fitting.prior import Prior
 from scleraforce.fitting.resting_form import FORMS
 from scleraforce.fitting.unknowns import FORM, INNER_OFFSET, SIZE, THICKNESS
 from scleraforce.reader.readings import Reading
-from scleraforce.segmentation.wall import Segmentation
+from scleraforce.segmentation.steps import Segmentation
 from scleraforce.study import ReaderStudy, SliceStudy
 from scleraforce.units import from_si
-
-__all__ = [
-    "allows_calibration",
-    "contact_outside",
-    "dent_leaves",
-    "fit_leaves",
-    "least_wall_m",
-    "no_class",
-    "no_wall_of_an_eye",
-    "too_little_wall",
-    "wall_seen",
-]
 
 LEAST_WALL_SHARE = 0.7  # of the slice's width, from end to end: on less, many a surface is like an eye's
 OUTLIERS = 0.3  # deep dents have steep sides, which are segmented badly: in a fit that is good otherwise

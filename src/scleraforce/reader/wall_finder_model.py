@@ -8,8 +8,6 @@ from scleraforce.models.folder import NETWORK_FILE, WALL_FINDER, read_folder
 from scleraforce.models.session import check_provenance, folder_session, folder_study
 from scleraforce.segmentation.wall_finder import WallFinder
 
-__all__ = ["load_wall_finder"]
-
 
 def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
     """Load a model folder of kind "wall-finder".

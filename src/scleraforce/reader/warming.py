@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from scleraforce.recording.pixels import PixelScale
 
-__all__ = ["warming_frame"]
-
 THICKNESS_M = 0.6e-3  # of the wall, where nothing is known of it
 SURFACE = 0.2  # depth of the apex, of the frame's
 NOISE, TISSUE = (0, 400), (600, 1600)  # counts; those of the tissue are added

@@ -18,8 +18,6 @@ from scleraforce.recording.tables import ForceLog
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
 
-__all__ = ["axis_doubt", "log_doubts"]
-
 Array = NDArray[np.float64]
 
 CROSS_FORCE = 2.0  # a needle that is pushed along its axis has no more than that share of the force across it

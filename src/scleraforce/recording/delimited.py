@@ -13,8 +13,6 @@ from pathlib import Path
 from scleraforce.errors import RecordingError
 from scleraforce.whole_files import FileKind, read_text
 
-__all__ = ["Table", "decimal_mark", "fields_of", "is_number", "number", "read_table"]
-
 SEPARATORS = ";\t,"
 NUMBER = re.compile(r"[ \t]*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?[ \t]*", re.ASCII)
 PLAIN_NUMBERS = "write all numbers with decimal points, and nothing between thousands"

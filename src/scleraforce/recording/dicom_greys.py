@@ -12,8 +12,6 @@ from scleraforce.errors import FrameError
 if TYPE_CHECKING:
     import pydicom
 
-__all__ = ["GREY_KINDS", "cell", "dark_is_large", "grey_kind", "places", "stored_values", "without_padding"]
-
 GREY_KINDS = ("MONOCHROME1", "MONOCHROME2")
 OVERLAYS = range(0x6000, 0x6020, 2)  # groups
 # What turns stored values into grey levels in another way than along a straight line.

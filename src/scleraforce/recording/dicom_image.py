@@ -41,8 +41,6 @@ from scleraforce.units import to_si
 if TYPE_CHECKING:
     import pydicom
 
-__all__ = ["read_dicom"]
-
 # Zeiss writes the A-scans of its Visante along the rows of the image, so depth runs along the columns' index.
 A_SCANS_ALONG_ROWS = {("Carl Zeiss Meditec", "1000")}
 KINDS_READ = (*GREY_KINDS, "PALETTE COLOR", "RGB", "YBR_FULL", "YBR_FULL_422", "YBR_ICT", "YBR_RCT")

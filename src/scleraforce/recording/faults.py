@@ -6,8 +6,6 @@ from pathlib import Path
 
 from scleraforce.errors import FrameError, InputError
 
-__all__ = ["named_faults"]
-
 
 @contextmanager
 def named_faults(path: Path, kind: str) -> Iterator[None]:

@@ -10,13 +10,12 @@ from os import PathLike
 from pathlib import Path
 
 from scleraforce.errors import RecordingError, StudyError
-from scleraforce.recording.images import Pixels, check_frame, read_frame
+from scleraforce.recording.images import check_frame, read_frame
 from scleraforce.recording.info import RecordingInfo
+from scleraforce.recording.pixels import Pixels
 from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, read_frame_list
 from scleraforce.study.toml import parse_record
 from scleraforce.whole_files import KINDS, read_bytes, read_text
-
-__all__ = ["Recording", "frame_digest", "read_frame", "read_info", "read_recording", "tables_digest"]
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,6 @@ from scleraforce.recording.pixels import FrameImage, Pixels, as_shown, check_siz
 from scleraforce.recording.scan import Scan
 from scleraforce.whole_files import KINDS, read_bytes
 
-__all__ = ["FrameImage", "Pixels", "check_frame", "read_frame", "read_frame_image", "read_picture"]
-
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_HEADER = b"IHDR"
 JPEG_EXIF = b"Exif\0\0"

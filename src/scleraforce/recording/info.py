@@ -6,8 +6,6 @@ from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, option, quantity, required
 from scleraforce.study.globe import GLOBES, RIGIDITY_LAWS
 
-__all__ = ["EyeInfo", "ForceInfo", "NeedleInfo", "OctInfo", "RecordingInfo", "eye_id_fault", "nearest_gauge"]
-
 # Outer diameters of hypodermic needles, ISO 9626 (normal wall).
 GAUGE_DIAMETER_M = {
     18: 1.2e-3,

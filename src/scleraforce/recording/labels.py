@@ -18,8 +18,6 @@ from scleraforce.recording.tables import GOOD_SAMPLE_RATE_HZ, ForceLog, FrameEnt
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
 
-__all__ = ["CUTOFF_HZ", "Trial", "contact_force", "first_contact", "label_frames", "label_notes", "low_pass"]
-
 Samples = NDArray[np.float64]
 
 # A push by hand or robot takes 0.2 s or more; above 5 Hz lie the sensor's noise and the robot's vibration.

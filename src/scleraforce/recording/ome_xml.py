@@ -8,8 +8,6 @@ import numpy as np
 
 from scleraforce.recording.scan import METRES, SECONDS, PixelSize, Times, even_times, rising
 
-__all__ = ["ome_sizes", "ome_times"]
-
 
 def _ome_pixels(xml: str) -> list[dict[str, str]]:
     """Return the attributes of all elements `Pixels`, whatever their name space."""

@@ -10,21 +10,6 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 
-__all__ = [
-    "MAX_PIXELS",
-    "FrameImage",
-    "PixelScale",
-    "Pixels",
-    "Sourced",
-    "as_shown",
-    "check_size",
-    "grey_pixels",
-    "inverted",
-    "jpeg_frame",
-    "one_grey",
-    "unpacked_bytes",
-]
-
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 MAX_PIXELS = 64 * 2**20

@@ -6,8 +6,6 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PngBuffer"]
-
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 

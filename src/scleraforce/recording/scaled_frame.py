@@ -6,12 +6,10 @@ from pathlib import Path
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.files import read_info
-from scleraforce.recording.images import Pixels, check_frame, read_frame_image
+from scleraforce.recording.images import check_frame, read_frame_image
 from scleraforce.recording.info import RecordingInfo
-from scleraforce.recording.pixels import PixelScale, Sourced
+from scleraforce.recording.pixels import Pixels, PixelScale, Sourced
 from scleraforce.units import from_si
-
-__all__ = ["LARGEST_M", "LEAST_M", "ScaledFrame", "Scanner", "Sourced", "read_scaled_frame", "recording_of"]
 
 LEAST_M, LARGEST_M = 1e-5, 0.1  # of a frame's width and depth, as in recording.toml
 

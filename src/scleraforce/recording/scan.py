@@ -12,21 +12,6 @@ from scleraforce.errors import FrameError
 from scleraforce.recording.pixels import Sourced
 from scleraforce.units import from_si
 
-__all__ = [
-    "LARGEST_BYTES",
-    "METRES",
-    "SECONDS",
-    "PictureStream",
-    "PixelSize",
-    "Scan",
-    "Times",
-    "check_bytes",
-    "even_times",
-    "frame_names",
-    "one_size",
-    "rising",
-]
-
 PictureStream = Iterator[NDArray[Any]]
 
 LARGEST_BYTES = 16 * 2**30  # of the frames of one source, unpacked

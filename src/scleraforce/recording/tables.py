@@ -11,18 +11,6 @@ from scleraforce.errors import RecordingError
 from scleraforce.recording.delimited import Table, decimal_mark, fields_of, number, read_table
 from scleraforce.whole_files import KINDS
 
-__all__ = [
-    "FORCE_COLUMNS",
-    "GOOD_SAMPLE_RATE_HZ",
-    "MIN_SAMPLE_RATE_HZ",
-    "ForceLog",
-    "FrameEntry",
-    "checked_samples",
-    "gap_notes",
-    "read_force_log",
-    "read_frame_list",
-]
-
 FORCE_COLUMNS = ("time_s", "fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm")
 FRAME_COLUMNS = ("file", "time_s", "pierced")
 GOOD_SAMPLE_RATE_HZ = 100.0

@@ -39,8 +39,6 @@ from scleraforce.recording.scan import (
 if TYPE_CHECKING:
     import tifffile
 
-__all__ = ["METRES", "read_tiff"]
-
 WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE = range(4)  # PhotometricInterpretation
 DEFLATE, PACKBITS, LZMA = (8, 32946), 32773, 34925  # Compression
 PLANES_APART = 2  # PlanarConfiguration

@@ -16,8 +16,6 @@ from scleraforce.recording.png import PngBuffer
 from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ
 from scleraforce.study.toml import format_record
 
-__all__ = ["FORCE_STEP_S", "ForceWriter", "RecordingWriter"]
-
 FORCE_STEP_S = 0.01  # of the log that `ForceWriter` takes
 FIELD_BYTES = 16  # of a table at most, with the separator
 PAGE_BYTES = 4096

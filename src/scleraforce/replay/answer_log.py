@@ -11,8 +11,6 @@ from scleraforce.monitor.transitions import State
 from scleraforce.openigtlink import Message, Status, Text
 from scleraforce.service.telling import READING_DEVICE, STATUS_DEVICE
 
-__all__ = ["AnswerLog", "Change", "TimedAnswer"]
-
 WAITING = 1000  # frames without an answer that are remembered
 SUB_CODES = {cause.value: cause.name for cause in Cause}
 OK = State.WATCHING.value

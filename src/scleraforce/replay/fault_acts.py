@@ -17,12 +17,10 @@ from scleraforce.errors import InputError
 from scleraforce.monitor import MonitorLimits
 from scleraforce.openigtlink.wire import HEADER_BYTES, pack_header, unpack_header
 from scleraforce.recording.files import Recording
-from scleraforce.recording.images import Pixels
+from scleraforce.recording.pixels import Pixels
 from scleraforce.replay.player import median_interval_s
 from scleraforce.replay.scanner_client import Unstamped, frame_message, image_matrix
 from scleraforce.units import from_si
-
-__all__ = ["BOUND_N", "FLOOD", "WITHIN_S", "Act", "PreparedFault", "Sending", "prepare"]
 
 WITHIN_S = 0.5  # a withdrawal later than this does not count
 BOUND_N = MonitorLimits().bound_n

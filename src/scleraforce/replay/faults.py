@@ -15,8 +15,6 @@ from scleraforce.replay.player import STATED_S, Player, median_interval_s
 from scleraforce.replay.scanner_client import Unstamped
 from scleraforce.units import from_si
 
-__all__ = ["FAULTS", "Fault", "FaultReport", "draw_fault_time", "inject"]
-
 CONTACT_N, HARMLESS_N = 4e-3, BOUND_N - 6e-3  # clear of the monitor's bounds by the error of a reading
 SILENT_S = 0.15  # without a STATUS, after which the robot withdraws by itself
 

@@ -17,8 +17,6 @@ from scleraforce.recording.tables import FORCE_COLUMNS, FrameEntry
 from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.scanner_client import ScannerClient, Unstamped, frame_message
 
-__all__ = ["AHEAD", "FORCE_DEVICE", "STATED_S", "Player", "Timed", "median_interval_s"]
-
 FORCE_DEVICE = "RobotForce"
 UNIT = 0  # of the protocol: not stated, because one message holds forces and torques
 AHEAD = 48  # frames that are read before they are due: half a second at 100 a second, 25 MB

@@ -8,12 +8,10 @@ from time import monotonic
 
 from scleraforce.errors import InputError, LinkError
 from scleraforce.openigtlink import Broken, Decoder, Image, Message, Received, encode
-from scleraforce.recording.images import Pixels
 from scleraforce.recording.info import OctInfo
+from scleraforce.recording.pixels import Pixels
 from scleraforce.service.stamp import stamp_time, stamped_s
 from scleraforce.units import from_si
-
-__all__ = ["SCANNER_DEVICE", "ScannerClient", "Unstamped", "frame_message", "image_matrix"]
 
 SCANNER_DEVICE = "Scanner"
 CONNECT_S = 5.0

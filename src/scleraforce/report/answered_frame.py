@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.reader.evaluate import FrameAnswer
+from scleraforce.reader.evaluation import FrameAnswer
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.sclera import find_sclera
-from scleraforce.segmentation.wall import Segmentation, boundary_slice
+from scleraforce.segmentation.slice import boundary_slice
+from scleraforce.segmentation.steps import Segmentation
 from scleraforce.study import SliceStudy
-
-__all__ = ["AnsweredFrame", "look_at", "look_at_all"]
 
 
 @dataclass(frozen=True)

@@ -18,14 +18,6 @@ from scleraforce.report.style import BLACK, BLUE, GREY, RED, SCAN_COLOURS, inche
 from scleraforce.report.tables import NOTHING
 from scleraforce.units import from_si
 
-__all__ = [
-    "draw_calibration",
-    "draw_modulus_by_force",
-    "draw_modulus_over_frames",
-    "draw_observed_points",
-    "modulus_table",
-]
-
 PAPER_TABLE_2 = ((0.27, 4.7e-3), (0.22, 6.7e-3), (0.24, 3.9e-3), (0.29, 4.9e-3))  # mean, sd in MPa
 EYES_IN_A_ROW = 3
 

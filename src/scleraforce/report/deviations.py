@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-__all__ = ["DEVIATIONS", "Deviation"]
-
 
 @dataclass(frozen=True)
 class Deviation:

@@ -5,7 +5,7 @@ from datetime import datetime
 from math import isnan
 from pathlib import Path
 
-from scleraforce.reader.evaluate import Evaluation
+from scleraforce.reader.evaluation import Evaluation
 from scleraforce.report.answered_frame import AnsweredFrame
 from scleraforce.report.files import write_page
 from scleraforce.report.force_figures import draw_trial_forces
@@ -16,8 +16,6 @@ from scleraforce.report.reading_figure import draw_read_forces
 from scleraforce.report.style import data_uri
 from scleraforce.report.tables import NOTHING, confusion_table, frame_table
 from scleraforce.units import from_si
-
-__all__ = ["NAMES_REMARK", "evaluation_cards", "forces_figure", "read_forces_figure", "write_evaluation_html"]
 
 NAMES_REMARK = (
     "Rows are targets, columns predictions; in brackets the 95 % Wilson interval. Recall is row-wise (of the trials of "

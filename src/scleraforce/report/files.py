@@ -9,8 +9,6 @@ from scleraforce.report.html import Html
 from scleraforce.report.style import Kind, save
 from scleraforce.whole_files import renamed_when_whole, write_whole
 
-__all__ = ["check_figure_path", "write_figure", "write_page"]
-
 FIGURE_KINDS: dict[str, Kind] = {".png": "png", ".svg": "svg", ".pdf": "pdf"}
 
 

@@ -8,11 +8,9 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from scleraforce.reader.evaluate import FrameAnswer
+from scleraforce.reader.evaluation import FrameAnswer
 from scleraforce.report.style import BLACK, BLUE, CLASS_COLOURS, CLASS_INKS, CLASS_MARKERS, GREY, RED, inches, styled
 from scleraforce.units import from_si
-
-__all__ = ["draw_force_log", "draw_trial_forces", "draw_trials"]
 
 POINTS_DRAWN = 6000
 MOST_NAMES, NAME_LENGTH = 60, 14  # of trials whose frames are named, and characters of a name

@@ -11,10 +11,8 @@ from scleraforce.recording.pixels import Pixels
 from scleraforce.report.answered_frame import AnsweredFrame
 from scleraforce.report.html import Html, gallery, paragraph, section
 from scleraforce.segmentation.overlay import draw_overlay
-from scleraforce.segmentation.wall import Segmentation
+from scleraforce.segmentation.steps import Segmentation
 from scleraforce.units import from_si
-
-__all__ = ["MOST_PICTURES", "WALL_COLOURS", "frame_pictures", "shown_frames", "wall_picture"]
 
 MOST_PICTURES = 48  # of 20 KB each: a page of 1 MB, which a mail carries
 WIDTH = 480  # pixels: 3 side by side on a wide screen, one on a telephone, both sharp

@@ -12,21 +12,6 @@ from typing import Any, NewType
 
 from scleraforce.plain_json import finite
 
-__all__ = [
-    "Html",
-    "bullets",
-    "cards",
-    "embedded",
-    "figure",
-    "gallery",
-    "notice",
-    "page",
-    "paragraph",
-    "section",
-    "table",
-    "text",
-]
-
 Html = NewType("Html", str)
 
 # Within a script element `<!--<script>` hides its end, and `</script>` is one; json.dumps escapes U+2028 itself.

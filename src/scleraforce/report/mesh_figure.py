@@ -12,8 +12,6 @@ from scleraforce.laboratory.simulation import SimulatedEye
 from scleraforce.report.style import RED, SCAN_COLOURS, inches, styled
 from scleraforce.units import from_si
 
-__all__ = ["DISPLACEMENT_COLOURS", "behind_needle", "draw_deformed_mesh", "draw_simulation", "skin_outlines"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

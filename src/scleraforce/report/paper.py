@@ -2,8 +2,6 @@
 
 from dataclasses import KW_ONLY, dataclass
 
-__all__ = ["CONFUSION", "EYES", "MEAN_MODULUS_PA", "PAPER_TITLE", "SECONDS_A_SLICE", "PaperEye"]
-
 PAPER_TITLE = "Mendizabal, Sznitman, Cotin: Force classification during robotic interventions (2020)"
 
 

@@ -9,8 +9,6 @@ from scleraforce.reader import Reader
 from scleraforce.report.html import Html, table
 from scleraforce.study import Study, study_hash
 
-__all__ = ["made_line", "provenance_table"]
-
 RESEARCH_USE = "Research use only: not a medical device."
 
 PACKAGES = (

@@ -15,8 +15,6 @@ from scleraforce.recording.pixels import Pixels
 from scleraforce.report.style import AMBER, BLACK, BLUE, SCAN_COLOURS, inches, styled
 from scleraforce.units import from_si
 
-__all__ = ["SHOWN_FRAMES", "FirstFrame", "draw_preview"]
-
 SHOWN_FRAMES = 3
 WIDTH_MM, FORCE_MM, WORDS_MM, TALLEST_MM = 170.0, 46.0, 12.0, 110.0
 BARS_MM = (5.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02)

@@ -10,8 +10,6 @@ from scleraforce.recording.pixels import Pixels
 from scleraforce.report.style import AMBER, BLACK, SCAN_COLOURS, inches, styled
 from scleraforce.units import from_si
 
-__all__ = ["FramePair", "draw_scanner"]
-
 BINS = 128
 WIDTH_MM, HISTOGRAM_MM, MOST_MM = 170.0, 42.0, 90.0  # of the page, of the histograms, of the frames' height
 

@@ -13,8 +13,6 @@ from scleraforce.report.style import AMBER, BLACK, BLUE, CLASS_INKS, GREY, RED, 
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
-__all__ = ["draw_model", "draw_network"]
-
 Floats = NDArray[np.float64]
 Point = tuple[float, float]
 

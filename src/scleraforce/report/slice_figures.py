@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from scleraforce.report.style import BLUE, CLASS_INKS, RED, SCAN_COLOURS, inches, styled
 from scleraforce.units import from_si
 
-__all__ = ["SlicePair", "dice", "draw_montage", "draw_segmentation", "draw_slice_pairs"]
-
 
 @dataclass(frozen=True)
 class SlicePair:

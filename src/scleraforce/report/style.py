@@ -14,23 +14,6 @@ from typing import Literal, ParamSpec
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-__all__ = [
-    "AMBER",
-    "BLACK",
-    "BLUE",
-    "CLASS_COLOURS",
-    "CLASS_INKS",
-    "CLASS_MARKERS",
-    "GREY",
-    "RED",
-    "SCAN_COLOURS",
-    "Kind",
-    "data_uri",
-    "inches",
-    "save",
-    "styled",
-]
-
 BLUE, AMBER, RED, BLACK, GREY = "#0072B2", "#E69F00", "#D55E00", "#222222", "#8A8A8A"
 CLASS_COLOURS = (BLUE, AMBER, RED)
 CLASS_INKS = (BLUE, "#A06800", "#BF5300")  # the same, dark enough for letters on white

@@ -6,12 +6,10 @@ from math import isnan
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+from scleraforce.reader.evaluation import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import Proportion, precision, recall
 from scleraforce.report.html import Html, table
 from scleraforce.units import from_si
-
-__all__ = ["NOTHING", "class_names", "confusion_table", "frame_table", "share"]
 
 NOTHING = "\N{EN DASH}"  # in a cell that has no value
 NO_BREAK = "\N{NO-BREAK SPACE}"

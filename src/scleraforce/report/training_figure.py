@@ -7,8 +7,6 @@ from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, NullF
 
 from scleraforce.report.style import BLUE, RED, inches, styled
 
-__all__ = ["draw_training_curves"]
-
 
 @styled
 def draw_training_curves(

@@ -13,8 +13,6 @@ from scleraforce.report.style import AMBER, SCAN_COLOURS, inches, styled
 from scleraforce.section.plane import Section
 from scleraforce.units import from_si
 
-__all__ = ["ComputedWall", "FrameWithWalls", "laid_on_surface", "plot_walls"]
-
 SHIFTS_M = np.linspace(-0.6e-3, 0.6e-3, 49)  # lateral, to either side of the frame's middle
 WALL_COLOURS = ("#56B4E9", AMBER)  # bright enough on a B-scan
 WALL_LINES: tuple[Literal["-", "--"], ...] = ("-", "--")

@@ -7,8 +7,6 @@ from scleraforce.laboratory.phantom import true_forces
 from scleraforce.reader.evaluation import Evaluation
 from scleraforce.reader.metrics import ForceTrial, coverage_band, coverage_by_eye
 
-__all__ = ["against_truth", "band_of", "held_by_eye"]
-
 
 def against_truth(evaluation: Evaluation) -> tuple[ForceTrial, ...]:
     """Return the frames of `evaluation.forces` with the true force in the place of the logged one.

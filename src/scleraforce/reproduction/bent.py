@@ -25,25 +25,12 @@ from scleraforce.library.cache import cached_library
 from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.processes import work_units
 from scleraforce.reader import load_model
-from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
+from scleraforce.reader.evaluate import evaluate_recordings
+from scleraforce.reader.evaluation import Evaluation
 from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.reproduction.run import Progress, Run
 from scleraforce.study import Study, study_hash
-
-__all__ = [
-    "CALIBRATED_EYES",
-    "CALIBRATION_FORCES_N",
-    "bend_eyes",
-    "bent_recordings",
-    "bent_trials",
-    "calibrate_bent",
-    "interval_eyes",
-    "read_bent",
-    "run_library",
-    "train_bent_model",
-    "train_force_reader",
-]
 
 CALIBRATED_EYES = 4  # of the five eyes, as in the paper (sec. 3.2, Table 2)
 INTERVAL_EYES = 60  # at most: 20 of each kind of globe

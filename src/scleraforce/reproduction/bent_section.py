@@ -12,7 +12,7 @@ from scleraforce.known.calibration_file import CalibrationSummary, read_calibrat
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
-from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+from scleraforce.reader.evaluation import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import ForceTrial, coverage, mean_absolute_error
 from scleraforce.report.answered_frame import AnsweredFrame, look_at
 from scleraforce.report.evaluation_page import read_forces_figure
@@ -26,8 +26,6 @@ from scleraforce.reproduction.figures import eye_of
 from scleraforce.reproduction.run import Run
 from scleraforce.section.plane import Section
 from scleraforce.units import from_si
-
-__all__ = ["bent_section"]
 
 SHOWN_FORCES_N = (12e-3, 28e-3, 50e-3)  # of the frames with computed walls: as near as the first eye's trials come
 

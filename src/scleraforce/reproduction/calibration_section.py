@@ -8,7 +8,7 @@ from scleraforce.calibration.saved import parse_calibration
 from scleraforce.calibration.words import found_words
 from scleraforce.known.calibration_file import open_calibration
 from scleraforce.models.shipped import SHIPPED_WALL_FINDER
-from scleraforce.reader.evaluate import Evaluation
+from scleraforce.reader.evaluation import Evaluation
 from scleraforce.reader.metrics import Proportion
 from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.files import read_recording
@@ -22,8 +22,6 @@ from scleraforce.reproduction.left_out import LeftOut
 from scleraforce.reproduction.run import Run
 from scleraforce.study import study_hash
 from scleraforce.units import from_si
-
-__all__ = ["calibration_section", "left_out_section"]
 
 
 def calibration_section(run: Run, evaluation: Evaluation, drawn: Callable[[Html], Html]) -> Html:

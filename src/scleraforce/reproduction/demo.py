@@ -15,7 +15,8 @@ from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
 from scleraforce.models.shipped import SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.reader import load_force_reader
-from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
+from scleraforce.reader.evaluate import evaluate_recordings
+from scleraforce.reader.evaluation import Evaluation
 from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.files import read_recording
 from scleraforce.report.answered_frame import look_at_all
@@ -23,8 +24,6 @@ from scleraforce.report.evaluation_page import write_evaluation_html
 from scleraforce.report.frame_pictures import shown_frames
 from scleraforce.study import Study, study_hash
 from scleraforce.units import to_si
-
-__all__ = ["EYE", "FORCES_N", "TAUGHT", "Demo", "run_demo"]
 
 EYE = PhantomEye(
     id="demo",

@@ -11,7 +11,7 @@ from scleraforce.eye.contact import Contact
 from scleraforce.laboratory.simulation import simulate_eye
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.reader import Classifier
-from scleraforce.reader.evaluate import Evaluation, FrameAnswer
+from scleraforce.reader.evaluation import Evaluation, FrameAnswer
 from scleraforce.recording.files import Recording, read_recording
 from scleraforce.recording.labels import contact_force, label_frames
 from scleraforce.report.answered_frame import look_at
@@ -29,19 +29,6 @@ from scleraforce.section.plane import Section
 from scleraforce.section.slices import fill_section, slice_window
 from scleraforce.study import Study
 from scleraforce.units import from_si
-
-__all__ = [
-    "eye_of",
-    "force_log_figure",
-    "mesh_figure",
-    "model_figure",
-    "montage_figure",
-    "network_figure",
-    "overview_figure",
-    "pairs_figure",
-    "segmentation_figure",
-    "training_figure",
-]
 
 MONTAGE_SLICES = 36
 LOG_TRIALS = 5  # the paper's Fig. 3 shows five acquisitions

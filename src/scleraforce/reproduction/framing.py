@@ -4,8 +4,6 @@ from dataclasses import replace
 
 from scleraforce.study import Range, Study
 
-__all__ = ["framed_for_laboratory"]
-
 
 def framed_for_laboratory(study: Study) -> Study:
     """Open the data set's framing ranges to where the study's virtual laboratory may put the eye.

@@ -20,8 +20,6 @@ from scleraforce.errors import InputError
 from scleraforce.study import Study, format_study, study_hash
 from scleraforce.whole_files import KINDS, hash_sources, read_text, write_whole
 
-__all__ = ["Announce", "Progress", "Run", "Stage", "open_run", "run_stages", "seconds_so_far"]
-
 Progress = Callable[[int], None]
 Announce = Callable[[str, int], AbstractContextManager[Progress]]  # title and length of a bar -> its progress
 

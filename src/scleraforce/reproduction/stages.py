@@ -20,7 +20,8 @@ from scleraforce.learning.classifier.train import train_classifier
 from scleraforce.library.plan import plan_library
 from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.reader import load_model
-from scleraforce.reader.evaluate import Evaluation, evaluate_recordings
+from scleraforce.reader.evaluate import evaluate_recordings
+from scleraforce.reader.evaluation import Evaluation
 from scleraforce.reader.wall_finder_model import load_wall_finder
 from scleraforce.recording.files import read_recording
 from scleraforce.reproduction.bent import (
@@ -39,8 +40,6 @@ from scleraforce.reproduction.left_out import EPOCHS, read_left_out, write_left_
 from scleraforce.reproduction.page import FIGURES, write_reproduction_html
 from scleraforce.reproduction.run import Announce, Progress, Run, Stage, run_stages, seconds_so_far
 from scleraforce.study import Study, study_hash
-
-__all__ = ["Reproduction", "reproduce"]
 
 
 @dataclass(frozen=True)

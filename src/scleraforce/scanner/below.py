@@ -14,8 +14,6 @@ from scleraforce.scanner.estimate import Estimate, Unmeasured, fitted, level_db
 from scleraforce.scanner.imaged_eye import ImagedEye, Trace
 from scleraforce.scanner.tissue import WallLight, depth_profile
 
-__all__ = ["NO_INNER", "LayerBelow", "layer_below"]
-
 LayerBelow = tuple[Estimate | Unmeasured, Estimate | Unmeasured, Estimate | Unmeasured]
 
 BIN_M = 8e-6

@@ -23,8 +23,6 @@ from scleraforce.scanner.display_kind import LOGARITHMIC, DisplayKind, dithered
 from scleraforce.scanner.estimate import Estimate
 from scleraforce.scanner.imaged_eye import ImagedEye
 
-__all__ = ["MEDIAN_DB", "QUARTILES_DB", "Display", "air_counts", "display_of_speckle", "fit_display"]
-
 MEDIAN_DB = float(10.0 * np.log10(np.log(2.0)))  # of an exponential intensity, over its mean
 QUARTILES_DB = float(10.0 * np.log10(np.log(4.0) / np.log(4.0 / 3.0)))  # between those of an exponential: 6.8
 BLOCK = (8, 16)  # rows and columns of the air that are looked at together

@@ -17,8 +17,6 @@ from scipy.stats import theilslopes
 from scleraforce.scanner.estimate import Estimate, Unmeasured, fitted, level_db
 from scleraforce.scanner.imaged_eye import ImagedEye
 
-__all__ = ["DISPLAY_KINDS", "LOGARITHMIC", "DisplayKind", "display_kind", "dithered", "spread_slope"]
-
 BLOCK_M = (100e-6, 3e-3)  # of the wall, along the depth and across it: light hardly changes, speckle does often
 NARROWEST_SHARE = 0.25  # of a narrow frame a block has at most
 LEAST_FILLED = 0.6  # of a block lies in the wall

@@ -14,8 +14,6 @@ from scleraforce.scanner.measure import MeasuredFrame
 from scleraforce.section.plane import Section
 from scleraforce.study import OctStudy, PhantomStudy
 
-__all__ = ["drawn_alike", "histogram_overlap", "oct_of"]
-
 BINS = 64
 BEYOND_M = 5e-3  # a wall that is seen up to the picture's edge goes on
 

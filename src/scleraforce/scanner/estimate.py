@@ -6,8 +6,6 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Estimate", "Unmeasured", "fitted", "level_db"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:

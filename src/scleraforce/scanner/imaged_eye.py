@@ -12,8 +12,6 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.imaged import lit_columns
 from scleraforce.segmentation.slice import BoundaryRows
 
-__all__ = ["ImagedEye", "Trace"]
-
 Trace = NDArray[np.float64]
 
 SMOOTH_M = 0.6e-3  # of the surface, laterally: an eye at rest is smoother than its speckle

@@ -17,8 +17,6 @@ from scleraforce.laboratory.speckle import amplitude_sigma
 from scleraforce.scanner.display import MEDIAN_DB, Display
 from scleraforce.scanner.imaged_eye import ImagedEye, Trace
 
-__all__ = ["SeenLine", "find_lines"]
-
 LEAST_SHARE = 0.5  # of the imaged columns must show air in a row that is looked at
 LEAST_DB, LEAST_SDS = 1.5, 6.0  # over the noise, in dB and in the other rows' deviations
 REACH = 8  # rows about a line that are fitted

@@ -20,17 +20,6 @@ from scleraforce.scanner.tissue import WallLight, light_in_wall, roll_off
 from scleraforce.study import Choice, PhantomStudy, Range
 from scleraforce.study.fields import field_unit
 
-__all__ = [
-    "COUNTS",
-    "MEASURED",
-    "NOT_DRAWN",
-    "OF_FRAMES",
-    "MeasuredFrame",
-    "MeasuredRange",
-    "MeasuredScanner",
-    "measure_scanner",
-]
-
 MANY = 10  # frames: with more, their 5 % quantiles bound a range, not the one frame farthest off
 QUANTILES = (0.05, 0.95)
 MOST_COUNTS = 100  # entries of a list of counts

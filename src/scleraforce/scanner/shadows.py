@@ -14,8 +14,6 @@ from scleraforce.fitting.least_squares import robust_spread
 from scleraforce.scanner.imaged_eye import ImagedEye, Trace
 from scleraforce.scanner.tissue import WallLight, typical
 
-__all__ = ["SeenShadow", "find_shadows"]
-
 LEAST_DB, LEAST_SDS = 1.0, 4.0  # by which a shadow's columns are darker, in dB and in the others' deviations
 MARGIN = 1.5  # widths beside a shadow that are fitted with it
 MOST_LOSS_ERROR = 0.15

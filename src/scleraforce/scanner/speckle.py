@@ -18,8 +18,6 @@ from scleraforce.scanner.estimate import Estimate, Unmeasured
 from scleraforce.scanner.imaged_eye import ImagedEye, Trace
 from scleraforce.scanner.tissue import WallLight
 
-__all__ = ["drawn_correlation", "resolutions"]
-
 LEAST_DB, BELOW_TOP_DB = 6.0, 5.0  # over the noise and below the display's end: pixels whose speckle is whole
 LEAST_PIXELS = 2000
 FAR = 60  # the longest lag, pixels

@@ -10,8 +10,6 @@ from scleraforce.scanner.measure import COUNTS, MEASURED, OF_FRAMES, MeasuredSca
 from scleraforce.study import PhantomStudy, Study, format_study
 from scleraforce.study.fields import field_key
 
-__all__ = ["study_text"]
-
 MOST_NAMES = 20  # of frames that are listed
 OCT_KEYS = ("width_mm", "depth_mm", "columns", "rows", "bits", "refractive_index")
 

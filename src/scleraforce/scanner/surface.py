@@ -19,8 +19,6 @@ from scleraforce.scanner.estimate import Estimate, Unmeasured, fitted
 from scleraforce.scanner.imaged_eye import ImagedEye, Trace
 from scleraforce.scanner.tissue import WallLight
 
-__all__ = ["SurfaceLight", "reflections", "surface_light"]
-
 LEAST_SIGMA = 0.4  # pixels: no ridge is drawn narrower
 REACH_SIGMAS, REACH_ROWS = 2.5, 2.0  # of the rows about the surface that are looked at
 NORMAL_RAD, STEEP_RAD = 0.05, 0.2  # such slopes have to be seen: for the reflection, and for where the surface is

@@ -18,8 +18,6 @@ from scleraforce.scanner.display import MEDIAN_DB, Display
 from scleraforce.scanner.estimate import Estimate, Unmeasured, fitted, level_db
 from scleraforce.scanner.imaged_eye import ImagedEye, Trace
 
-__all__ = ["WallLight", "depth_profile", "light_in_wall", "roll_off", "typical"]
-
 BIN_M = 15e-6  # of depth
 LEAST_BINS, LEAST_IN_BIN = 5, 50
 OVER_NOISE_DB, BELOW_TOP_DB = 1.0, 1.0  # of a median that tells the light

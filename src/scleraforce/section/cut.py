@@ -20,8 +20,6 @@ from scleraforce.section.frames import PlaneFrames, place_stations
 from scleraforce.section.plane import ScanPlane, Section
 from scleraforce.units import from_si
 
-__all__ = ["cut_section", "cut_sections"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -5,8 +5,6 @@ from numpy.typing import NDArray
 
 from scleraforce.compiled import compiled
 
-__all__ = ["draw_contours"]
-
 
 @compiled
 def draw_contours(

@@ -10,8 +10,6 @@ from scleraforce.errors import InputError
 from scleraforce.section.plane import ScanPlane
 from scleraforce.units import from_si
 
-__all__ = ["PlaneFrames", "place_stations"]
-
 Floats = NDArray[np.float64]
 
 STATION_M = 0.12e-3  # between stations at the contact: a chord is 2 um off where the wall bends with a radius of 1 mm

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from scleraforce.eye.contact import Contact
 
-__all__ = ["ScanPlane", "Section", "SliceWindow"]
-
 Vector = NDArray[np.float64]
 
 

@@ -17,8 +17,6 @@ from scleraforce.compiled import can_compile
 from scleraforce.section.plane import Section, SliceWindow
 from scleraforce.study import SliceStudy
 
-__all__ = ["SNAP", "WALL", "fill_section", "fill_sections", "slice_contours", "slice_window"]
-
 WALL = 255  # the value of a pixel of the wall; 0 elsewhere
 SNAP = 2.0**20  # parts of a pixel: an edge meant to run through pixel centres is not moved off them by the last bit
 

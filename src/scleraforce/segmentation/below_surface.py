@@ -8,15 +8,6 @@ from scleraforce.segmentation.columns import fine_columns, interpolation, repeat
 from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.inner import CELLS, GROUP, InnerBoundary, find_inner, surface_stretch
 
-__all__ = [
-    "INNER_COLUMNS",
-    "grouped",
-    "grouping",
-    "in_tissue",
-    "rows_per_metre",
-    "search_below",
-]
-
 INNER_COLUMNS = 128
 
 

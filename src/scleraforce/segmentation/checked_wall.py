@@ -20,13 +20,12 @@ from scleraforce.segmentation.grid import Float, make_grid
 from scleraforce.segmentation.imaged import imaged_part, lit_columns
 from scleraforce.segmentation.inner import CELL_M, CELLS
 from scleraforce.segmentation.joined_walls import joined_walls
+from scleraforce.segmentation.numpy_steps import UNSEEN_DEPTH_M
 from scleraforce.segmentation.sclera import find_walls, walls_doubt
+from scleraforce.segmentation.steps import Segmentation
 from scleraforce.segmentation.surface import refine_surface
 from scleraforce.segmentation.two_ways import sees_wall, ways_agree
-from scleraforce.segmentation.wall import UNSEEN_DEPTH_M, Segmentation
 from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
-
-__all__ = ["find_checked_wall"]
 
 START_POINTS = 30  # of the surface that the search for the edge starts from
 NEAR_STEPS = 1.0  # an edge within so many rows of the reduced frame is the wall's: the network sees no finer

@@ -7,17 +7,6 @@ from numpy.typing import NDArray
 
 from scleraforce.segmentation.grid import Float
 
-__all__ = [
-    "at_columns",
-    "between",
-    "bridged",
-    "continuation",
-    "fine_columns",
-    "interpolation",
-    "nearest_point",
-    "repeated",
-]
-
 FINE_COLUMNS = 128
 KEPT = 64  # sizes of frames: black bands at both sides may change from frame to frame
 

@@ -17,8 +17,6 @@ from scleraforce.segmentation.kernels.lit import find_lit
 from scleraforce.segmentation.kernels.workplace import Workplace, workplace_for
 from scleraforce.segmentation.steps import Part, Segmentation, blank_fault, surface_fault, without_wall
 
-__all__ = ["CompiledSteps"]
-
 KEPT = 16  # sizes: black bands at both sides may change from frame to frame
 
 Counts = NDArray[np.uint16]

@@ -2,8 +2,6 @@
 
 from scleraforce.compiled import can_compile, code_is_kept
 
-__all__ = ["compile_wall", "compiled_is_kept", "wall_is_compiled"]
-
 CALLED = ("boundaries", "contrast", "lit", "slices", "workplace")  # of the kernels: the others are called by these
 
 _compiles = False

@@ -20,9 +20,7 @@ from scleraforce.segmentation.below_surface import in_tissue
 from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.inner import surface_stretch
 from scleraforce.segmentation.path import best_path
-from scleraforce.segmentation.wall import Segmentation
-
-__all__ = ["below_conjunctiva"]
+from scleraforce.segmentation.steps import Segmentation
 
 LEAST_M = 35e-6  # a wall that looks this much thicker than told may lie below a conjunctiva
 LARGEST_M = 0.4e-3  # conjunctiva with Tenon's layer

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.compiling import wall_is_compiled
 
-__all__ = ["NOT_LOGARITHMIC", "as_logarithmic", "pair_contrast"]
-
 NOT_LOGARITHMIC = 0.38  # contrast of pairs: midway between the root and the intensity itself
 PAIR_COLUMNS, LOOKED_AT_ROWS = 8, 24  # of a pair, from one count to the other; of a frame, spread over it
 DIMMER = 0.9  # of the pairs are left out: noise about the tissue

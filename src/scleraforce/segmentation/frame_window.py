@@ -11,8 +11,6 @@ from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.reduced import reduced_frame
 from scleraforce.study import RawReaderStudy
 
-__all__ = ["FrameWindow"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class FrameWindow:

@@ -13,17 +13,6 @@ from numpy.typing import NDArray
 
 from scleraforce.recording.pixels import Pixels, PixelScale
 
-__all__ = [
-    "BLACK_PART",
-    "FLOOR_SHARE",
-    "MAX_COLUMNS",
-    "MAX_ROWS",
-    "Float",
-    "Grid",
-    "make_grid",
-    "rows_of",
-]
-
 Float = NDArray[np.float32]
 
 MAX_COLUMNS = 192  # of the grid: the frame is halved until it has fewer

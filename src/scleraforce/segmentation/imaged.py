@@ -5,14 +5,6 @@ from numpy.typing import NDArray
 
 from scleraforce.recording.pixels import Pixels
 
-__all__ = [
-    "LEAST_SHAPE",
-    "LIT_ROWS",
-    "LIT_SHARE",
-    "imaged_part",
-    "lit_columns",
-]
-
 LEAST_SHAPE = 16  # rows and columns of a frame
 LIT_ROWS = 4  # every fourth row tells whether a column is imaged
 LIT_SHARE = 0.02  # of the frame's largest count: a column that never reaches it is black

@@ -21,40 +21,6 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.path import best_path
 
-__all__ = [
-    "BEND",
-    "BEND_TO_LOW",
-    "BRIGHTEST",
-    "CELLS",
-    "CELL_M",
-    "EDGES",
-    "FROM_MIDDLE",
-    "GROUP",
-    "HALF_JUMP",
-    "LAYER_CELLS",
-    "LEAST_JUMP",
-    "LEAST_LEVEL_SHARE",
-    "LEVEL_CELLS",
-    "LINE_CELLS",
-    "LOW_CELLS",
-    "POOLED",
-    "REACH_CELLS",
-    "REFINE_CELLS",
-    "ROW_COST",
-    "SKIP_CELLS",
-    "SKIP_EDGE",
-    "SPREAD_CELLS",
-    "STEEPEST",
-    "SURE_JUMP",
-    "SURE_SPREAD",
-    "THICKNESS_M",
-    "UPPER_COST",
-    "InnerBoundary",
-    "find_inner",
-    "slope_reach",
-    "surface_stretch",
-]
-
 CELL_M = 20e-6  # of thickness in the unrolled wall
 CELLS = 72  # 1.44 mm: the boundary is looked for down to 1.36 mm
 GROUP = 4  # columns sampled for one point

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.steps import Segmentation
 
-__all__ = ["joined_walls"]
-
 Curve = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 

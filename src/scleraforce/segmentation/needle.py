@@ -18,8 +18,6 @@ from scleraforce.segmentation.grid import Float, Grid
 from scleraforce.segmentation.needle_edges import WIDEST_M, ShaftEdge, find_edges, top_rows
 from scleraforce.units import from_si
 
-__all__ = ["SeenNeedle", "Shaft", "find_shaft", "needle_entry", "needle_of"]
-
 MARGIN_M = 0.1e-3  # beside a shadow light is not yet whole
 DARK_SHARE = 0.35  # of the tissue's usual level: a column with less is in the shadow
 LIT_SHARE = 0.5  # ... one with more is not

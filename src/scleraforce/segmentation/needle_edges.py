@@ -15,14 +15,6 @@ from numpy.typing import NDArray
 from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.grid import Float, Grid
 
-__all__ = [
-    "STANDS_OUT",
-    "WIDEST_M",
-    "ShaftEdge",
-    "find_edges",
-    "top_rows",
-]
-
 TOP_M, TOP_ROWS = 0.19e-3, 4  # and at least so many rows: the shaft comes in through the top edge
 STANDS_OUT = 5.0  # times the spread of the columns' means there
 POOLED_M = 62e-6  # of depth taken as one, for the coarse search

@@ -21,16 +21,6 @@ from scleraforce.segmentation.steps import (
 )
 from scleraforce.segmentation.surface import Surface, find_surface, refine_surface
 
-__all__ = [
-    "ABSENT_SHARE",
-    "BOTTOM_ROWS",
-    "FOUND_SHARE",
-    "TYPICAL",
-    "UNSEEN_DEPTH_M",
-    "NumpySteps",
-    "widest_gap",
-]
-
 UNSEEN_DEPTH_M = 1e-3  # below the surface: the mask ends here where the inner boundary cannot be seen
 ABSENT_SHARE = 0.3  # of the frame's own typical contrast: a column with less shows no surface
 TYPICAL = 0.75  # of the columns have less than the typical contrast

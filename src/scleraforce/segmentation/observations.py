@@ -13,8 +13,6 @@ from math import ceil, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Boundaries", "Observation", "Roughness", "observe_points", "roughness"]
-
 Array = NDArray[np.float64]
 
 STRETCH_M = 0.3e-3  # to either side of a point

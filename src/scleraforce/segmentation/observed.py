@@ -5,9 +5,7 @@ from numpy.typing import NDArray
 
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observations import Boundaries
-from scleraforce.segmentation.wall import Segmentation
-
-__all__ = ["dent", "segmented_boundaries", "surface"]
+from scleraforce.segmentation.steps import Segmentation
 
 Array = NDArray[np.float64]
 

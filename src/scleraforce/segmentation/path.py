@@ -9,11 +9,6 @@ from numpy.typing import NDArray
 
 from scleraforce.segmentation.grid import Float
 
-__all__ = [
-    "MARGIN",
-    "best_path",
-]
-
 MARGIN = 1  # columns that are searched on each side of steps that are too large
 
 

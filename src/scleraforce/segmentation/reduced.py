@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.grid import Float
 
-__all__ = ["reduced_columns", "reduced_frame"]
-
 BLACK_SHARE = 2e-3  # of the brightest pixel: what is darker is not imaged
 FLOOR_SHARE, BRIGHT_SHARE = 0.2, 0.99  # of the pixels that are not black: noise, and what lies below bright tissue
 LEAST_LEVEL, LARGEST_LEVEL = -0.5, 1.5

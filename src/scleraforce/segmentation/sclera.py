@@ -9,11 +9,10 @@ from dataclasses import replace
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.conjunctiva import below_conjunctiva
 from scleraforce.segmentation.display import as_logarithmic
+from scleraforce.segmentation.steps import Segmentation
 from scleraforce.segmentation.two_ways import two_ways_doubt
-from scleraforce.segmentation.wall import Segmentation, find_wall
+from scleraforce.segmentation.wall import find_wall
 from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
-
-__all__ = ["find_sclera", "find_walls", "walls_doubt"]
 
 
 def find_sclera(

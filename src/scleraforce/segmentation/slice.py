@@ -10,8 +10,6 @@ from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.compiling import wall_is_compiled
 from scleraforce.study import SliceStudy
 
-__all__ = ["BoundaryRows", "boundary_depths", "boundary_slice", "boundary_slices"]
-
 
 class BoundaryRows(Protocol):
     """What is needed of a segmentation: boundaries, (column,), rows of pixel centres, NaN where there is no wall."""

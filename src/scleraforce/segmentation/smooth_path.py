@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from scleraforce.segmentation.grid import Float
 
-__all__ = ["smooth_path"]
-
 
 def smooth_path(score_cr: Float, cost: Float) -> NDArray[np.intp]:
     """Return the rows of the path with the largest sum of scores less what its steps cost.

@@ -13,19 +13,6 @@ from scleraforce.segmentation.grid import Grid, make_grid
 from scleraforce.segmentation.imaged import imaged_part
 from scleraforce.segmentation.needle import SeenNeedle
 
-__all__ = [
-    "EMPTY_SHARE",
-    "SATURATED_LEVEL",
-    "SATURATED_SHARE",
-    "Part",
-    "Segmentation",
-    "Steps",
-    "blank_fault",
-    "part_of",
-    "surface_fault",
-    "without_wall",
-]
-
 WALL = 255
 LEAST_CONTRAST = 0.6  # of the surface, in standard deviations of a pixel's noise
 LEAST_COVER = 0.4  # of the imaged width must show the wall

@@ -24,29 +24,6 @@ from scleraforce.segmentation.columns import continuation, fine_columns, repeate
 from scleraforce.segmentation.grid import Float, Grid, rows_of
 from scleraforce.segmentation.path import best_path
 
-__all__ = [
-    "BLACK_SHARE",
-    "BRIGHT_SHARE",
-    "EXCESS_CAP",
-    "EXCESS_COST",
-    "HALF_STEP",
-    "LARGEST_LEVEL",
-    "LEAST_EXCESS",
-    "LEAST_STEP",
-    "ROWS",
-    "SMOOTHED",
-    "Surface",
-    "downwards",
-    "find_surface",
-    "line_rows",
-    "pairs_of",
-    "path_reach",
-    "refine_surface",
-    "step_rows",
-    "strip_rows",
-    "two_levels",
-]
-
 LINE_PIXELS, LINE_M = 12.0, 0.1e-3  # what is thinner is a line
 STEP_PIXELS, STEP_M = 32.0, 0.2e-3  # depth of tissue that a step is judged by
 PATH_COLUMNS = 30  # the path is searched on at most so many columns ...

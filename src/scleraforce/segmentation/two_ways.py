@@ -7,10 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.segmentation.imaged import LEAST_SHAPE
-from scleraforce.segmentation.wall import Segmentation
+from scleraforce.segmentation.steps import Segmentation
 from scleraforce.segmentation.wall_finder import SeenWall
-
-__all__ = ["sees_wall", "two_ways_doubt", "ways_agree"]
 
 Mask = NDArray[np.bool_]
 

@@ -12,19 +12,8 @@ from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.compiling import wall_is_compiled
 from scleraforce.segmentation.imaged import LEAST_SHAPE
 from scleraforce.segmentation.needle import find_shaft, needle_of
-from scleraforce.segmentation.numpy_steps import UNSEEN_DEPTH_M, NumpySteps
-from scleraforce.segmentation.slice import boundary_slice, boundary_slices
+from scleraforce.segmentation.numpy_steps import NumpySteps
 from scleraforce.segmentation.steps import Part, Segmentation, Steps, part_of, without_wall
-
-__all__ = [
-    "UNSEEN_DEPTH_M",
-    "PixelScale",
-    "Segmentation",
-    "boundary_slice",
-    "boundary_slices",
-    "find_wall",
-    "find_wall_by",
-]
 
 LEAST_SIDE = 0.05  # of the imaged width: less beside a needle is not looked at
 

@@ -19,8 +19,6 @@ from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
 from scleraforce.segmentation.smooth_path import smooth_path
 from scleraforce.study import WallFinderStudy
 
-__all__ = ["FINDER_FRAMES", "FINDER_ROWS", "FINDER_WALL", "SeenWall", "WallFinder"]
-
 FINDER_FRAMES, FINDER_ROWS, FINDER_WALL = "frames", "rows", "wall"  # input and outputs of the network
 
 Curve = NDArray[np.float64]

@@ -1,7 +1,5 @@
 """How often something may be done: a rate in the long run, and a burst."""
 
-__all__ = ["Allowance"]
-
 
 class Allowance:
     """Allows `per_s` actions a second in the long run, and a burst of `at_once` after a pause.

@@ -14,8 +14,6 @@ from scleraforce.service.companions.guard import Guard
 from scleraforce.service.connection import Connection
 from scleraforce.service.telling import Telling
 
-__all__ = ["REST_S", "Clients"]
-
 ACCEPTED_PER_TURN = 16
 CHANGING = 32  # places that change hands: twice what a turn accepts, so that a newcomer is heard before it is replaced
 REST_S = 0.001  # now and then: Linux pauses real-time processes for 50 ms in a second of which they leave nothing

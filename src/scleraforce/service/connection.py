@@ -13,8 +13,6 @@ from scleraforce.openigtlink import Decoder, PeerEvent
 from scleraforce.service.allowance import Allowance
 from scleraforce.service.scanner_image import FrameAssembler
 
-__all__ = ["Connection"]
-
 WAITING_BYTES = 8192  # not yet taken by the peer: a tenth of a second; a message behind them is old when it is read
 SEND_BUFFER_BYTES = 8192  # of the system, which doubles it: what it holds, nobody can take back
 NOTES_PER_S, NOTES_AT_ONCE = 1.0, 10

@@ -10,8 +10,6 @@ from scleraforce.monitor.transitions import State
 from scleraforce.plain_json import finite
 from scleraforce.service.record_json import record_as_json, record_of_json
 
-__all__ = ["Entry"]
-
 LATER = {"withdrawn_s": None, "present_cause": None, "present": ""}  # logs of 26 November 2026 and before lack these
 NUMBERS = float, tuple  # what may hold NaN; asking the others would take twice as long
 

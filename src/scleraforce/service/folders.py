@@ -8,8 +8,6 @@ from tempfile import TemporaryFile
 from scleraforce.errors import InputError
 from scleraforce.service.black_box.decision_log import DecisionLog
 
-__all__ = ["try_folders"]
-
 
 def try_folders(black_box: Path, record: Path | None) -> None:
     """Make the folder of the black box, and test whether both folders can be written; the recording's is made later.

@@ -5,8 +5,6 @@ from errno import EADDRNOTAVAIL
 
 from scleraforce.errors import InputError
 
-__all__ = ["listen"]
-
 
 def listen(host: str, port: int, prefix: str = "", backlog: int = 256) -> socket.socket:
     """Return a socket that listens; port 0 takes a free one.

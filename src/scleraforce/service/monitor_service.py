@@ -36,8 +36,6 @@ from scleraforce.service.server import Server, ServerSettings
 from scleraforce.service.session import Session
 from scleraforce.study import Study
 
-__all__ = ["Address", "MonitorSettings", "monitor_service", "session_scan"]
-
 KEPT_S = 10.0
 READY_S = 180.0  # for the second opinion: some 15 s where its loops are compiled, and machines may be slow
 NOTED_S, LOOK_S = 3.0, 0.1

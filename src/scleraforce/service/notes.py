@@ -5,8 +5,6 @@ from contextlib import suppress
 from queue import SimpleQueue
 from threading import Thread
 
-__all__ = ["Notes"]
-
 WAITING = 1000  # lines; while this many wait, new ones are dropped
 
 

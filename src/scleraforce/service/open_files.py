@@ -4,8 +4,6 @@ import resource
 
 from scleraforce.errors import InputError
 
-__all__ = ["allow_files"]
-
 
 def allow_files(needed: int) -> None:
     """Allow this process, and those that it starts, to open so many files and sockets.

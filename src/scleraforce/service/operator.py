@@ -8,8 +8,6 @@ from scleraforce.errors import InputError, ProtocolError
 from scleraforce.openigtlink import Decoder, Received, Text, encode
 from scleraforce.service.telling import RESET_DEVICE
 
-__all__ = ["ask_reset"]
-
 ANSWER_S = 2.0
 PIECE = 65536
 

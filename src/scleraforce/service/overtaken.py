@@ -4,8 +4,6 @@ from collections import deque
 from statistics import median_low
 from typing import Generic, TypeVar
 
-__all__ = ["MOST_FRAMES", "FramePace", "Overtaken"]
-
 Item = TypeVar("Item")
 
 MOST_FRAMES = 100  # that wait: those of 0.1 s at 1000 a second, 52 MB of 512 x 512 pixels

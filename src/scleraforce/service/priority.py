@@ -3,8 +3,6 @@
 import os
 from contextlib import suppress
 
-__all__ = ["MONITOR_PRIORITY", "OPINION_PRIORITY", "WATCHDOG_PRIORITY", "run_in_real_time"]
-
 # The second opinion waits for the monitor, and a monitor in a tight loop must not keep its watchdog from running.
 OPINION_PRIORITY, MONITOR_PRIORITY, WATCHDOG_PRIORITY = 5, 10, 20
 

@@ -14,8 +14,6 @@ from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from scleraforce.errors import MessageError, ScleraforceError
 
-__all__ = ["record_as_json", "record_of_json"]
-
 Record = TypeVar("Record")
 Conversion = Callable[[Any], Any]
 

@@ -5,8 +5,6 @@ from collections import deque
 from hashlib import sha256
 from secrets import token_hex
 
-__all__ = ["ResetToken", "new_token", "token_digest"]
-
 TOKEN_BYTES = 16
 ANSWERED, WITHIN_S = 10, 10.0  # wrong tokens, of all clients together
 

@@ -13,8 +13,6 @@ from scleraforce.openigtlink.decoder import MAX_BODY_BYTES
 from scleraforce.recording.pixels import Pixels
 from scleraforce.units import to_si
 
-__all__ = ["FrameAssembler", "ScannerFrame"]
-
 COUNTS: dict[np.dtype[Any], np.dtype[Any]] = {
     np.dtype(sent): np.dtype(counted)
     for sent, counted in [("int8", "uint8"), ("uint8", "uint8"), ("int16", "uint16"), ("uint16", "uint16")]

@@ -51,8 +51,6 @@ from scleraforce.service.telling import (
 )
 from scleraforce.units import from_si
 
-__all__ = ["Server", "ServerSettings"]
-
 TICK_S = 0.01
 HEARTBEAT_S = 0.05
 RATES_S = 0.5

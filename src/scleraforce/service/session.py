@@ -16,9 +16,6 @@ from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import from_si
 
-__all__ = ["Frame", "Read", "Session", "Withdrawal", "read_event"]
-
-
 Read = Callable[[Pixels, PixelScale], LiveReading]
 
 

@@ -4,8 +4,6 @@ import fastcrc
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ShownPictures"]
-
 GRID = 8  # rows and columns of blocks
 PAIRS = 32  # of neighbouring pixels in a row, in each block: one bit each
 RUN = PAIRS + 3  # pixels in a row that give them, also one pixel to the left or right

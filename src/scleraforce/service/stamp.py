@@ -2,8 +2,6 @@
 
 from struct import Struct
 
-__all__ = ["stamp_time", "stamped_s"]
-
 TIME = slice(34, 42)  # of a header, in any version
 FIXED = Struct(">Q")  # seconds since 1970, in 2^-32 s
 

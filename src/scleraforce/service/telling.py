@@ -8,8 +8,6 @@ from scleraforce.openigtlink import Message, Sensor, Status, Text, encode
 from scleraforce.service.entry import Entry
 from scleraforce.units import to_si
 
-__all__ = ["READING_DEVICE", "RESET_DEVICE", "STATUS_DEVICE", "Telling", "reading_messages", "status_message"]
-
 STATUS_DEVICE, READING_DEVICE, RESET_DEVICE = "ForceMonitor", "ForceReading", "ForceReset"
 MESSAGE_CHARACTERS = 1000  # of a STATUS: a reason may quote what a peer sent
 

@@ -14,19 +14,6 @@ from scleraforce.errors import StudyError
 from scleraforce.study.sampled import Choice, Range
 from scleraforce.units import SI_PER_UNIT, HumanUnit, from_si, to_si
 
-__all__ = [
-    "NEEDLE_FORCE",
-    "Unit",
-    "check_fields",
-    "check_number",
-    "field_key",
-    "field_unit",
-    "map_numbers",
-    "option",
-    "quantity",
-    "required",
-]
-
 
 @dataclass(frozen=True)
 class Unit:

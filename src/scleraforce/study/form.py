@@ -10,8 +10,6 @@ from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, quantity
 from scleraforce.units import from_si
 
-__all__ = ["CorneaStudy", "FormStudy", "RegionStudy", "WaveStudy"]
-
 MOST_UNEVEN = 0.5  # sum of the waves' amplitudes
 
 

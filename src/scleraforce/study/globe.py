@@ -4,8 +4,6 @@ from dataclasses import dataclass, replace
 
 from scleraforce.study.fields import check_fields, option, quantity
 
-__all__ = ["GLOBES", "RIGIDITY_LAWS", "GlobeStudy"]
-
 GLOBES = ("open", "sealed")
 RIGIDITY_LAWS = ("cube-root", "logarithmic")
 

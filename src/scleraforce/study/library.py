@@ -9,8 +9,6 @@ from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, quantity
 from scleraforce.study.sampled import Range, Sampled
 
-__all__ = ["LibraryStudy"]
-
 LEAST_STIFFENINGS = 4  # that cubic splines run through
 
 

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 from scleraforce.study.fields import check_fields, option
 
-__all__ = ["MechanicsStudy"]
-
 
 @dataclass(frozen=True)
 class MechanicsStudy:

@@ -10,8 +10,6 @@ from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, option, quantity
 from scleraforce.study.sampled import Choice, Range, Sampled, fixed
 
-__all__ = ["PhantomStudy"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PhantomStudy:

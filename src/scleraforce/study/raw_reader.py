@@ -7,8 +7,6 @@ from scleraforce.study.fields import check_fields, quantity
 from scleraforce.study.sampled import Range, Sampled
 from scleraforce.study.wall_finder import WallFinderStudy
 
-__all__ = ["RawReaderStudy"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class RawReaderStudy:

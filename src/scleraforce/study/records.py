@@ -21,20 +21,6 @@ from scleraforce.study.tissue import TissueStudy
 from scleraforce.study.wall_finder import WallFinderStudy
 from scleraforce.units import to_si
 
-__all__ = [
-    "CalibrationStudy",
-    "ClassesStudy",
-    "DatasetGroup",
-    "DatasetStudy",
-    "EyeStudy",
-    "MeshStudy",
-    "NeedleStudy",
-    "NetworkStudy",
-    "OctStudy",
-    "SliceStudy",
-    "Study",
-]
-
 
 @dataclass(frozen=True, kw_only=True)
 class EyeStudy:

@@ -10,15 +10,6 @@ from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, quantity
 from scleraforce.study.sampled import Choice, Range, Sampled
 
-__all__ = [
-    "SceneEyeStudy",
-    "SceneOverStudy",
-    "SceneScannerStudy",
-    "SceneTissueStudy",
-    "SceneWindowStudy",
-    "ScenesStudy",
-]
-
 
 def _share(share: float) -> float:
     """Declare the share of the scenes in which something is there."""

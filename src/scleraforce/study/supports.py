@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 from scleraforce.study.fields import check_fields, option, quantity
 
-__all__ = ["SupportsStudy"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class SupportsStudy:

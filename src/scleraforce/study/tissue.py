@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 from scleraforce.study.fields import check_fields, quantity
 
-__all__ = ["TissueStudy"]
-
 
 @dataclass(frozen=True)
 class TissueStudy:

@@ -18,18 +18,6 @@ from scleraforce.study.records import Study
 from scleraforce.study.sampled import Choice, Range
 from scleraforce.whole_files import KINDS, read_text
 
-__all__ = [
-    "PAPER_STUDY_TOML",
-    "PRESETS",
-    "format_record",
-    "format_study",
-    "parse_record",
-    "parse_study",
-    "preset_toml",
-    "read_study",
-    "study_hash",
-]
-
 Record = TypeVar("Record")
 # Of keys and tables, by their path and the number of the table of its name that a key stands in, 0 outside of any.
 Lines = dict[tuple[tuple[str, ...], int], int]

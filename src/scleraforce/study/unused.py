@@ -13,8 +13,6 @@ from scleraforce.errors import StudyError
 from scleraforce.study.fields import field_key
 from scleraforce.study.records import Study
 
-__all__ = ["UNUSED", "refuse_unused"]
-
 FINITE_STRAIN_ONLY = (
     "form.semi_axes", "form.wave", "form.region", "form.cornea", "needle.tilt_deg", "needle.tilt_direction_deg",
     "mechanics.follower", "tissue.stiffening", "globe.kind", "globe.rigidity_mmhg13_per_ul", "globe.rigidity_law",

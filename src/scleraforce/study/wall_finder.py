@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from scleraforce.errors import StudyError
 from scleraforce.study.fields import check_fields, quantity
 
-__all__ = ["WallFinderStudy"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class WallFinderStudy:

@@ -8,10 +8,6 @@ import click
 
 from scleraforce.study.globe import GLOBES
 
-__all__ = [
-    "AXIS", "BITS", "GAP", "GAUGE", "INDEX", "LENGTH", "RATE", "SIGN", "THICKNESS", "answer_options",
-]  # fmt: skip
-
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 LENGTH, GAP = click.FloatRange(0.01, 100.0), click.FloatRange(0.0, 10.0)

@@ -13,8 +13,6 @@ from scleraforce.formats.importing.questions import NOBODY, Asker, Question
 from scleraforce.formats.importing.told import ImportAnswers
 from scleraforce.formats.scan import UnansweredError
 
-__all__ = ["KINDS", "asker"]
-
 # What an answer is, by the names of the questions.
 KINDS: dict[str, click.ParamType[Any]] = {
     "width_mm": LENGTH, "depth_mm": LENGTH, "refractive_index": INDEX, "bits": BITS, "rate_hz": RATE,

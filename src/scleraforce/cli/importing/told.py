@@ -11,8 +11,6 @@ from scleraforce.plain_text import wrapped
 from scleraforce.recording.info import RecordingInfo
 from scleraforce.units import from_si
 
-__all__ = ["entries", "lines"]
-
 
 def entries(out: Path, done: Complete, greys: Greys) -> dict[str, Any]:
     """Return what JSON tells."""

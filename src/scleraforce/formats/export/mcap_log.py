@@ -14,8 +14,6 @@ from scleraforce.recording.files import Recording
 from scleraforce.recording.tables import FORCE_COLUMNS
 from scleraforce.whole_files import renamed_when_whole
 
-__all__ = ["ANSWER_TOPIC", "FORCE_TOPIC", "IMAGE_TOPIC", "write_mcap"]
-
 IMAGE_TOPIC, FORCE_TOPIC, ANSWER_TOPIC = "/oct/image", "/force/wrench", "/scleraforce/answer"
 IMAGE, WRENCH, ANSWER = "sensor_msgs/msg/Image", "geometry_msgs/msg/WrenchStamped", "scleraforce_msgs/msg/Answer"
 KINDS = {IMAGE_TOPIC: IMAGE, FORCE_TOPIC: WRENCH, ANSWER_TOPIC: ANSWER}

@@ -8,12 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from scleraforce.formats.extra import package_for
-from scleraforce.formats.scan import check_bytes
 from scleraforce.recording.files import Recording
+from scleraforce.recording.scan import check_bytes
 from scleraforce.units import from_si
 from scleraforce.whole_files import renamed_when_whole
-
-__all__ = ["write_sequence"]
 
 SLICE_MM = 0.1  # as thick as a B-scan is drawn; it has no thickness of its own
 NOWHERE = [np.nan] * 3

@@ -14,8 +14,6 @@ from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
 from scleraforce.whole_files import KINDS, read_text
 
-__all__ = ["Row", "csv_text", "flat", "frame_rows", "read_answers", "with_answers"]
-
 Row = dict[str, Any]
 
 # Lists of two numbers, and the columns that they become.

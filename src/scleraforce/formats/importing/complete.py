@@ -12,17 +12,15 @@ from scleraforce.formats.gather import Gathered, check_overlap, on_one_clock
 from scleraforce.formats.greys import MOST_BITS, Greys
 from scleraforce.formats.importing.questions import QUESTIONS, Asker
 from scleraforce.formats.importing.told import OPTION, ImportAnswers
-from scleraforce.formats.scan import Scan, Times
 from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
-from scleraforce.recording.scaled_frame import Sourced
+from scleraforce.recording.pixels import Sourced
+from scleraforce.recording.scan import Scan, Times
 from scleraforce.units import from_si, to_si
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from scleraforce.recording.tables import ForceLog
-
-__all__ = ["Complete", "complete"]
 
 # What options act on: their names by those of their values.
 ACT_ON = {

@@ -10,8 +10,6 @@ from scleraforce.formats.greys import Greys
 from scleraforce.formats.importing.complete import Complete
 from scleraforce.formats.importing.told import ImportAnswers
 
-__all__ = ["provenance", "record_text"]
-
 
 def record_text(done: Complete, greys: Greys, answers: ImportAnswers, version: str) -> str:
     """Return the text of import.json."""

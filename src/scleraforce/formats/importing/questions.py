@@ -9,8 +9,6 @@ from scleraforce.formats.importing.told import ImportAnswers
 from scleraforce.formats.scan import UnansweredError
 from scleraforce.recording.info import eye_id_fault
 
-__all__ = ["NOBODY", "QUESTIONS", "Asker", "Question"]
-
 
 def _nothing() -> None:
     """Return that nothing is offered."""

@@ -9,8 +9,6 @@ from scleraforce.formats.gather import Asked
 from scleraforce.formats.log_columns import parse_column
 from scleraforce.formats.sources import SourceOrder
 
-__all__ = ["OPTION", "ImportAnswers"]
-
 OPTION = "option"  # the source of a value that was told for this recording, by an option or an argument
 
 

@@ -11,8 +11,6 @@ from scleraforce.laboratory.scenes.wall import DrawnWall, Limbus, Points
 from scleraforce.laboratory.scenes.window import Curve
 from scleraforce.study import draw
 
-__all__ = ["fill_inside"]
-
 TOLD_APART_DB = -3.0  # of a layer right below the sclera that no gap parts from it
 GAP_ROWS = 2.0  # of a gap, at least: it can be seen
 LENS_HALF_M = 4.6e-3

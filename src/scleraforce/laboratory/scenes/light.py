@@ -8,8 +8,6 @@ from scleraforce.laboratory.scenes.picture import level
 from scleraforce.laboratory.scenes.window import Curve
 from scleraforce.study import SceneTissueStudy
 
-__all__ = ["Light"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Light:

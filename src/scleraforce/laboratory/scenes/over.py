@@ -13,8 +13,6 @@ from scleraforce.laboratory.scenes.window import Curve
 from scleraforce.laboratory.speckle import transmission
 from scleraforce.study import SceneOverStudy, draw
 
-__all__ = ["draw_over"]
-
 OPAQUE_PER_M = 40e3  # attenuation of metal and of what is as thick
 LINE_ROWS = (0.5, 1.4)  # half widths of bright curves
 NEEDLE_LENGTH_M = 20e-3

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from scleraforce.laboratory.scenes.window import Curve, Window
 from scleraforce.segmentation.grid import Float
 
-__all__ = ["Picture", "Ridge", "empty_picture", "level"]
-
 
 @dataclass(frozen=True)
 class Ridge:

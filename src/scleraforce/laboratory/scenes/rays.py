@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from scleraforce.laboratory.scenes.window import Curve, Window
 
-__all__ = ["Rays", "heights", "rays_below"]
-
 ROUNDS = 5  # of the search for where a ray meets a curve
 
 

@@ -12,8 +12,6 @@ from scleraforce.recording.pixels import Pixels
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import SceneScannerStudy, draw
 
-__all__ = ["Shown", "scanned"]
-
 STREAK_SLOPE = 1.2  # of a slanted streak, at most, in pixels
 SAMPLE = 7  # every so many pixels tell what is bright
 LEAST_LIGHT = 1e-3  # over the noise

@@ -15,8 +15,6 @@ from scleraforce.laboratory.scenes.window import Window, draw_window
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.study import ScenesStudy
 
-__all__ = ["Scene", "draw_scene"]
-
 LEVEL_RAD = 0.03  # a surface that lies so nearly across the light reflects into the scanner
 
 

@@ -14,8 +14,6 @@ from scleraforce.laboratory.scenes.wall import DrawnWall
 from scleraforce.laboratory.scenes.window import Curve, Window
 from scleraforce.study import SceneTissueStudy, draw
 
-__all__ = ["Tissue", "draw_tissue"]
-
 COVERED_M = 1e-3  # along the surface from the limbus on: the conjunctiva thickens over that length
 RIDGE_ROWS = 0.7  # half width of a mirror reflection
 WALL_LAYERS = 10  # of even thickness, that the wall is drawn as

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from scleraforce.laboratory.scenes.window import Curve
 from scleraforce.recording.pixels import Pixels
 
-__all__ = ["judged_columns", "seen_columns"]
-
 BAND_SHARE, BAND_ROWS = 0.05, 4  # of the frame's rows above and below a boundary that are compared, and at least
 ACROSS_SHARE = 0.04  # of the columns whose mean is looked at
 LEAST_STEP = 0.5  # in standard deviations of a pixel on the boundary's dark side

@@ -9,8 +9,6 @@ from scleraforce.laboratory.optics import Pose
 from scleraforce.laboratory.scenes.window import Curve, Window
 from scleraforce.study import SceneEyeStudy, SceneWindowStudy, draw
 
-__all__ = ["DrawnWall", "Limbus", "Points", "draw_wall"]
-
 Points = NDArray[np.float64]
 
 STEP_M, REACH_M = 0.05e-3, 18e-3  # of the meridian: distance of its points, and how far it goes to each side

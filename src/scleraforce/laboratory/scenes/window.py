@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from scleraforce.study import SceneWindowStudy, draw
 from scleraforce.study.sampled import Sampled
 
-__all__ = ["Curve", "Window", "draw_even_logarithm", "draw_window"]
-
 Curve = NDArray[np.float64]
 
 ABOVE_SHARE = 0.25  # of the frame's rows that are drawn above the zero delay, for what is mirrored from there

@@ -7,8 +7,6 @@ from scleraforce.reader.metrics import Proportion
 from scleraforce.study import Choice, Sampled, Study
 from scleraforce.units import HumanUnit, from_si
 
-__all__ = ["model_card"]
-
 
 def model_card(
     study: Study, record: Mapping[str, Any], samples: tuple[int, int], shares: tuple[Proportion, ...]

@@ -13,8 +13,6 @@ from scleraforce.learning.classifier.network import TrainedNetwork
 from scleraforce.learning.framework import onnx, torch
 from scleraforce.reader.classifier import INPUT, OUTPUT
 
-__all__ = ["constant", "model_bytes", "node", "onnx_bytes", "tensor_values"]
-
 OPSET, IR_VERSION = 17, 8  # old enough for every ONNX Runtime since 1.12
 
 

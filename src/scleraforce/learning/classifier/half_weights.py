@@ -12,8 +12,6 @@ from scleraforce.learning.classifier.graph import constant, node
 from scleraforce.learning.classifier.network import TrainedNetwork
 from scleraforce.learning.framework import onnx
 
-__all__ = ["stored_as_half", "with_half_weights"]
-
 SUFFIX = "_half"
 
 

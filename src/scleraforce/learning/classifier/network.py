@@ -11,8 +11,6 @@ from scleraforce.learning.classifier.samples import Normalisation
 from scleraforce.learning.framework import torch
 from scleraforce.study import NetworkStudy
 
-__all__ = ["Layer", "TrainedNetwork", "build_network", "linear_layers", "trained_network"]
-
 
 @dataclass(frozen=True)
 class Layer:

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from scleraforce.study import ClassesStudy
 
-__all__ = ["Normalisation", "Samples", "classes_at_modulus", "content_hash", "mirrored_pixels", "normalisation"]
-
 
 @dataclass(frozen=True)
 class Samples:

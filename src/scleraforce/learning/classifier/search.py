@@ -16,8 +16,6 @@ from scleraforce.learning.classifier.training import Fitted, fit
 from scleraforce.processes import work_in_order
 from scleraforce.study import NetworkStudy
 
-__all__ = ["Candidate", "Search", "best", "grid", "search_sizes", "weights"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:

@@ -24,8 +24,6 @@ from scleraforce.reader.metrics import accuracy, confusion_matrix, recall
 from scleraforce.study import NetworkStudy, Study, format_study, study_hash
 from scleraforce.units import from_si
 
-__all__ = ["Trained", "split_samples", "train_classifier"]
-
 
 @dataclass(frozen=True)
 class Trained:

@@ -20,8 +20,6 @@ from scleraforce.learning.classifier.samples import Normalisation, Samples, mirr
 from scleraforce.learning.framework import torch
 from scleraforce.study import NetworkStudy, ReaderStudy, WallFinderStudy
 
-__all__ = ["CLASSIFIER_THREADS", "Curves", "Fitted", "fit", "learning_rate", "repeatable", "train_step"]
-
 # Sums in another order differ in the last bit, so the number of threads is part of what makes a run repeatable.
 CLASSIFIER_THREADS = 2
 

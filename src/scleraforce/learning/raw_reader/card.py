@@ -6,8 +6,6 @@ from typing import Any
 from scleraforce.study import Sampled, Study
 from scleraforce.units import HumanUnit, from_si
 
-__all__ = ["raw_reader_card"]
-
 
 def raw_reader_card(study: Study, record: Mapping[str, Any]) -> str:
     """Return the card, in Markdown.

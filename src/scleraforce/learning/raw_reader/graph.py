@@ -18,8 +18,6 @@ from scleraforce.learning.wall_finder.graph import finder_onnx_bytes
 from scleraforce.reader.slice_network import SLICES
 from scleraforce.segmentation.wall_finder import FINDER_ROWS, FINDER_WALL
 
-__all__ = ["raw_reader_onnx_bytes"]
-
 OF_SLICES = "read_"  # begins the names of the slice network's values: both graphs have a "signal0"
 
 

@@ -24,8 +24,6 @@ from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.segmentation.grid import Float
 from scleraforce.study import Study, draw
 
-__all__ = ["measured_raw_intervals"]
-
 
 def measured_raw_intervals(
     study: Study, library: Library, network: bytes, workers: int, progress: Callable[[int], object] | None = None

@@ -12,8 +12,6 @@ from scleraforce.library import OUTER
 from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.study import RawReaderStudy, Study, draw, fixed
 
-__all__ = ["draw_optics", "draw_shafts", "largest_needle_gap"]
-
 Floats = NDArray[np.float64]
 
 

@@ -7,8 +7,6 @@ from scleraforce.learning.reader.samples import concatenated
 from scleraforce.learning.reader.training import ReaderMetrics, answers_of, compared
 from scleraforce.study import Study
 
-__all__ = ["measure_raw_reader"]
-
 VALIDATION_CHUNK = 2**31  # numbers from here on are chunks of the validation set
 
 

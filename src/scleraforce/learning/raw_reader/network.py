@@ -14,8 +14,6 @@ from scleraforce.learning.wall_finder.network import WallFinderNetwork
 from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.study import SliceStudy, Study
 
-__all__ = ["RawReaderNetwork", "slice_rows", "slice_weights"]
-
 
 class RawReaderNetwork(torch.nn.Module):
     """Mixtures of the force's place and places of the contact, as of `ReaderNetwork`; and the logits of the wall.

@@ -19,8 +19,6 @@ from scleraforce.reader.needle_gap import read_by_fit
 from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.study import Range, ReaderStudy, SliceStudy, Study
 
-__all__ = ["FRAMES_TOGETHER", "RawSamples", "RawSource", "pair_rows", "raw_chunks_ahead", "window_columns"]
-
 Floats = NDArray[np.float64]
 Float = NDArray[np.float32]
 

@@ -20,8 +20,6 @@ from scleraforce.processes import available_cores
 from scleraforce.reader.raw_reader import RawReader
 from scleraforce.study import Study, format_study
 
-__all__ = ["TrainedRawReader", "train_raw_reader"]
-
 
 @dataclass(frozen=True)
 class TrainedRawReader:

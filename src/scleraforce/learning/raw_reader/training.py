@@ -26,8 +26,6 @@ from scleraforce.reader.needle_gap import read_by_fit
 from scleraforce.study import RawReaderStudy, Study
 from scleraforce.units import from_si
 
-__all__ = ["FittedRawReader", "fit_raw_reader"]
-
 CURVE_POINTS = 50
 
 

@@ -20,8 +20,6 @@ from scleraforce.fitting.prior import SHINE_MEAN_M, SHINE_SD_M
 from scleraforce.library import INNER, OUTER
 from scleraforce.study import SliceStudy
 
-__all__ = ["BoundaryErrors", "disturb"]
-
 Floats = NDArray[np.float64]
 
 

@@ -7,8 +7,6 @@ from scleraforce.known.globe import UNKNOWN
 from scleraforce.study import Study
 from scleraforce.units import HumanUnit, from_si
 
-__all__ = ["reader_card"]
-
 
 def reader_card(study: Study, record: Mapping[str, Any]) -> str:
     """Return the card, in Markdown.

@@ -12,8 +12,6 @@ from scleraforce.library import Library
 from scleraforce.processes import work_in_order
 from scleraforce.study import ReaderStudy, SliceStudy
 
-__all__ = ["CHUNK", "Source", "chunks_ahead"]
-
 TISSUE = 400  # samples of one tissue
 CHUNK = 2000  # samples that are drawn together, from a generator of their own
 AHEAD = 4  # chunks for each process that are drawn or wait

@@ -16,8 +16,6 @@ from scleraforce.reader.given import GIVEN
 from scleraforce.reader.slice_network import SLICES
 from scleraforce.reader.told_network import CONTACT, HISTOGRAM, TOLD
 
-__all__ = ["reader_onnx_bytes"]
-
 
 def reader_onnx_bytes(network: ReaderNetwork, rows: int, columns: int, provenance: Mapping[str, str]) -> bytes:
     """Return the network as a checked ONNX model.

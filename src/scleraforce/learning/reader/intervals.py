@@ -34,16 +34,6 @@ from scleraforce.reader.model import slice_network
 from scleraforce.reader.readings import Reading, fit_reading
 from scleraforce.study import Study
 
-__all__ = [
-    "STREAM",
-    "calibrated_eye",
-    "calibrated_otherwise",
-    "intervals_of",
-    "measured_intervals",
-    "measuring",
-    "network_score",
-]
-
 STREAM = 2**30  # of random numbers: the samples' streams are below, those of the validation above
 AHEAD = 2  # eyes for each process that are drawn or wait
 OTHERWISE_EVERY = 2  # of the eyes of each telling, one is calibrated a second time, on frames of any forces

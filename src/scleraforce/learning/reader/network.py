@@ -12,19 +12,6 @@ from scleraforce.learning.framework import torch
 from scleraforce.reader.given import GIVEN
 from scleraforce.study import ReaderStudy, SliceStudy
 
-__all__ = [
-    "COMPONENTS",
-    "FEATURES",
-    "KERNEL",
-    "SHARPNESS",
-    "STRIDE",
-    "ReaderNetwork",
-    "bin_ends",
-    "circle_depth",
-    "histogram",
-    "log_density",
-]
-
 FEATURES = 3  # of a column: wall at all, amount of wall, mean depth below the circle
 KERNEL, STRIDE = 5, 2
 GIVEN_UNITS = 32

@@ -23,18 +23,6 @@ from scleraforce.study import Range, ReaderStudy, Sampled, SliceStudy
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-__all__ = [
-    "Eyes",
-    "ReaderSamples",
-    "concatenated",
-    "draw_eyes",
-    "draw_samples",
-    "draw_seen",
-    "draw_walls",
-    "library_of_tissue",
-    "log_even",
-]
-
 Floats = NDArray[np.float64]
 Samples = TypeVar("Samples", bound="DataclassInstance")
 

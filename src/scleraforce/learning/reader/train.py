@@ -27,8 +27,6 @@ from scleraforce.processes import available_cores
 from scleraforce.study import Study, format_study, study_hash
 from scleraforce.units import from_si
 
-__all__ = ["TrainedReader", "check_library", "metrics_record", "provenance_of", "stored_library", "train_reader"]
-
 DEFAULT_METHOD = "fit"  # nearer to the true force than the network on virtual eyes (docs/figures.md)
 
 

@@ -23,22 +23,6 @@ from scleraforce.reader.metrics import accuracy, confusion_matrix
 from scleraforce.study import ReaderStudy, Study
 from scleraforce.units import from_si, to_si
 
-__all__ = [
-    "READER_THREADS",
-    "VALIDATION_CHUNK",
-    "Answers",
-    "FittedReader",
-    "ReaderCurves",
-    "ReaderMetrics",
-    "answer",
-    "answers_of",
-    "compared",
-    "descend_reader",
-    "fit_reader",
-    "measure",
-    "reader_loss",
-]
-
 Floats = NDArray[np.float64]
 
 READER_THREADS = 1  # the other cores draw samples; more threads would also sum in another order

@@ -26,8 +26,6 @@ from scleraforce.reader.interval_scores import (
 )
 from scleraforce.reader.interval_traits import GLOBE_TRAITS
 
-__all__ = ["trait_factors"]
-
 LEAST_SCORE = 1e-3  # a force at the median has no logarithm
 
 

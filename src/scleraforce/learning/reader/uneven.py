@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from scleraforce.library import INNER
 
-__all__ = ["Forms", "added_depths", "draw_forms"]
-
 Floats = NDArray[np.float64]
 
 # Relative, of the curvature: semi-axes within 6 % of the radius (sd 3.5 %) turn it along a section by sqrt(5) as much.

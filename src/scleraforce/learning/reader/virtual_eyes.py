@@ -42,21 +42,6 @@ from scleraforce.reader.force_reader import SHIFTS
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import SliceStudy, Study, draw
 
-__all__ = [
-    "CALIBRATED",
-    "FRAMES",
-    "OPEN_OR_SEALED",
-    "VirtualEye",
-    "VirtualFrame",
-    "calibrated",
-    "draw_eye",
-    "draw_frames",
-    "frames_under",
-    "label_forces",
-    "of_population",
-    "wall_depths",
-]
-
 Floats = NDArray[np.float64]
 
 FRAMES, CALIBRATED = 20, 3

@@ -6,8 +6,6 @@ from typing import Any
 from scleraforce.study import Study
 from scleraforce.units import from_si
 
-__all__ = ["finder_card"]
-
 
 def finder_card(study: Study, record: Mapping[str, Any]) -> str:
     """Return the card, in Markdown.

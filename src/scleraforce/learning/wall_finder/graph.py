@@ -15,8 +15,6 @@ from scleraforce.learning.framework import onnx, torch
 from scleraforce.learning.wall_finder.network import BOUNDARIES, WallFinderNetwork
 from scleraforce.segmentation.wall_finder import FINDER_FRAMES, FINDER_ROWS, FINDER_WALL
 
-__all__ = ["finder_onnx_bytes"]
-
 
 def finder_onnx_bytes(network: WallFinderNetwork, provenance: Mapping[str, str]) -> bytes:
     """Return the network as a checked ONNX model; `segmentation.wall_finder` says what goes in and comes out.

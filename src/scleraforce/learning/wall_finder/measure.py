@@ -10,8 +10,6 @@ from scleraforce.learning.wall_finder.samples import VALIDATION_SCENES
 from scleraforce.segmentation.wall_finder import SeenWall, WallFinder
 from scleraforce.study import ScenesStudy
 
-__all__ = ["FinderMetrics", "mask_dice", "measure_finder", "scene_dice", "seen_mask"]
-
 SDS_OF_90 = 1.645  # standard deviations within which 90 % of a normal distribution lie
 
 

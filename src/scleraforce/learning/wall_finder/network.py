@@ -10,8 +10,6 @@ from collections.abc import Iterator
 from scleraforce.learning.framework import torch
 from scleraforce.study import WallFinderStudy
 
-__all__ = ["BOUNDARIES", "INPUTS_OF_PIXEL", "WallFinderNetwork"]
-
 INPUTS_OF_PIXEL = 3  # level, its root, and the row
 BOUNDARIES = 2  # upper and lower
 

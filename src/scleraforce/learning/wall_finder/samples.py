@@ -12,8 +12,6 @@ from scleraforce.processes import work_in_order
 from scleraforce.segmentation.reduced import reduced_columns, reduced_frame
 from scleraforce.study import ScenesStudy, WallFinderStudy
 
-__all__ = ["VALIDATION_SCENES", "SceneBatch", "batches_ahead", "scene_batch"]
-
 AHEAD = 6  # batches for each process that are drawn or wait
 VALIDATION_SCENES = 2**31  # numbers from here on are never trained on
 

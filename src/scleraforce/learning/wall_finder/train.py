@@ -22,8 +22,6 @@ from scleraforce.processes import available_cores
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study, format_study, study_hash
 
-__all__ = ["TrainedFinder", "train_wall_finder"]
-
 
 @dataclass(frozen=True)
 class TrainedFinder:

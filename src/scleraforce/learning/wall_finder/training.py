@@ -18,8 +18,6 @@ from scleraforce.learning.wall_finder.network import WallFinderNetwork
 from scleraforce.learning.wall_finder.samples import SceneBatch, batches_ahead
 from scleraforce.study import ScenesStudy, WallFinderStudy
 
-__all__ = ["FINDER_THREADS", "FittedFinder", "descend_finder", "finder_loss", "fit_wall_finder"]
-
 FINDER_THREADS = 1  # the other core draws; more threads would also sum in another order
 RANKED_WEIGHT, WALL_WEIGHT = 0.5, 1.0
 CURVE_POINTS = 50

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from scleraforce.compiled import compiled
 
-__all__ = ["ElementTables", "element_tangents", "nodal_forces"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

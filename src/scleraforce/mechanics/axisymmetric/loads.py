@@ -12,8 +12,6 @@ from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh
 from scleraforce.mechanics.axisymmetric.solid import line_shapes
 from scleraforce.mechanics.quadrature import gauss_points
 
-__all__ = ["Interior", "needle_load", "spread_load"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from scleraforce.errors import InputError
 from scleraforce.units import from_si
 
-__all__ = ["MeridianMesh", "MeridianSize", "meridian_mesh"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -19,8 +19,6 @@ from scleraforce.mechanics.axisymmetric.mesh import MeridianMesh, MeridianSize, 
 from scleraforce.mechanics.axisymmetric.solid import SolidOfRevolution
 from scleraforce.mechanics.continuation import PathStates, pressurise, trace
 
-__all__ = ["AxisymmetricPath", "AxisymmetricWall", "axisymmetric_path"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -22,8 +22,6 @@ from scleraforce.mechanics.stiffening import growth, strain_measure
 if TYPE_CHECKING:
     from scleraforce.mechanics.axisymmetric.compiled_solid import ElementTables
 
-__all__ = ["SolidOfRevolution", "line_shapes"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -23,8 +23,6 @@ from scleraforce.segmentation.sclera import find_sclera
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.units import from_si
 
-__all__ = ["write_browser_html"]
-
 WIDTH = 560  # pixels of a picture
 MOST_PICTURES = 1000  # what a browser opens at once: 40 MB
 HERE = files("scleraforce.report.browser")

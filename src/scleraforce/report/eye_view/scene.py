@@ -16,8 +16,6 @@ from scleraforce.laboratory.simulation import SimulatedEye
 from scleraforce.report.mesh_figure import DISPLACEMENT_COLOURS, behind_needle, skin_outlines
 from scleraforce.units import from_si
 
-__all__ = ["Skin", "eye_scene", "skin_of"]
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -13,8 +13,6 @@ from scleraforce.report.provenance import made_line
 from scleraforce.report.style import data_uri
 from scleraforce.units import from_si
 
-__all__ = ["eye_view", "view_script", "view_style", "write_simulation_html"]
-
 HERE = files("scleraforce.report.eye_view")
 WORDS = (
     "Drag, or use the arrow keys, to turn it; turn the wheel, or press + and -, to come nearer. The slider exaggerates "

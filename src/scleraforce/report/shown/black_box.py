@@ -18,8 +18,6 @@ from scleraforce.service.black_box.decision_log import LogPart, read_log
 from scleraforce.service.console.sentences import sentence_of
 from scleraforce.service.entry import Entry
 
-__all__ = ["DecisionsRead", "draw_decisions", "read_decisions", "show_black_box"]
-
 LISTED = 12  # withdrawals
 SHADES = {"NOT_READY": GREY, "WATCHING": BLUE, "WITHDRAW": RED}
 

@@ -11,8 +11,6 @@ from scleraforce.report.calibration_figures import draw_calibration
 from scleraforce.report.shown.thing import Thing
 from scleraforce.units import from_si
 
-__all__ = ["calibration_lines", "show_calibration"]
-
 BENDS_OTHERWISE = 0.1  # by how much moduli of low and high forces differ that are worth a remark
 
 

@@ -10,8 +10,6 @@ from scleraforce.report.shown.thing import Thing, span
 from scleraforce.report.slice_figures import draw_montage
 from scleraforce.units import from_si
 
-__all__ = ["show_dataset"]
-
 PICTURED = 24
 
 

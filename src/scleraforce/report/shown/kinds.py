@@ -11,8 +11,6 @@ from scleraforce.plain_json import parse_json
 from scleraforce.report.shown.thing import Thing
 from scleraforce.whole_files import KINDS, read_bytes
 
-__all__ = ["LOG_FILES", "thing_at"]
-
 # Kind -> the module and its function; each is imported when it is asked for, with the room that it speaks of.
 SHOWS = {
     "study": "show_study",

@@ -12,8 +12,6 @@ from scleraforce.report.shown.thing import Thing, span
 from scleraforce.report.style import GREY, inches, styled
 from scleraforce.units import from_si
 
-__all__ = ["draw_library", "show_library"]
-
 COLOURS = "viridis"
 
 

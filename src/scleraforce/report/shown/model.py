@@ -13,8 +13,6 @@ from scleraforce.report.shown.thing import Thing
 from scleraforce.report.style import BLUE, RED, inches, styled
 from scleraforce.units import from_si
 
-__all__ = ["draw_curves", "show_model"]
-
 TITLES = {
     "mae_mn": "mean error of the force [mN]",
     "lateral_mae_mm": "mean error of the contact [mm]",

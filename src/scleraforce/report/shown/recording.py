@@ -18,8 +18,6 @@ from scleraforce.report.style import BLACK, CLASS_COLOURS, CLASS_MARKERS, GREY, 
 from scleraforce.study import ClassesStudy
 from scleraforce.units import from_si
 
-__all__ = ["draw_recording", "show_recording"]
-
 LISTED = 12  # frames, at the beginning; `evaluate` lists them all
 PICTURED = 3
 CLASSES = ClassesStudy()  # the paper's bounds

@@ -10,8 +10,6 @@ from scleraforce.report.shown.thing import Thing, span
 from scleraforce.study import Study, format_study, read_study, study_hash
 from scleraforce.units import from_si
 
-__all__ = ["changed_keys", "show_study"]
-
 RANGE = {"min", "max"}  # a value, not a table of keys
 
 

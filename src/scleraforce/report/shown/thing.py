@@ -8,8 +8,6 @@ from matplotlib.figure import Figure
 
 from scleraforce.units import HumanUnit, from_si
 
-__all__ = ["Thing", "span", "value_words"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Thing:

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from scleraforce.compiled import compiled
 from scleraforce.segmentation.grid import Float
 
-__all__ = ["at_every_column", "bridge", "straight_line"]
-
 Flags = NDArray[np.bool_]
 
 

@@ -20,8 +20,6 @@ from scleraforce.segmentation.kernels.workplace import Memory, Sizes, Tables, Wo
 from scleraforce.segmentation.steps import EMPTY_SHARE, SATURATED_LEVEL, SATURATED_SHARE
 from scleraforce.segmentation.surface import ROWS
 
-__all__ = ["find_as_before", "find_boundaries", "glance"]
-
 Counts = NDArray[np.uint16]
 Flags = NDArray[np.bool_]
 Double = NDArray[np.float64]

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from scleraforce.compiled import compiled
 from scleraforce.segmentation.kernels.ranks import BINS, nth, nth_count
 
-__all__ = ["find_contrast"]
-
 
 @compiled
 def find_contrast(rows: NDArray[np.uint16], pair_columns: int, dimmer_share: float, least_pairs: int) -> float:

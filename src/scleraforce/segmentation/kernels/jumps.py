@@ -12,8 +12,6 @@ from scleraforce.segmentation.kernels.path import find_path
 from scleraforce.segmentation.kernels.ranks import nth
 from scleraforce.segmentation.kernels.sampling import mean_of_neighbours, mirrored
 
-__all__ = ["find_jumps", "find_thickness", "score_jumps"]
-
 _FIRST_EDGE, _AFTER_EDGE = inner.EDGES.start, inner.EDGES.stop
 _BEND, _BEND_TO_LOW, _FROM_MIDDLE = inner.BEND.ravel(), inner.BEND_TO_LOW, inner.FROM_MIDDLE
 _LINE_SHARE, _LOW_SHARE = np.float32(1.0 / LINE_CELLS), np.float32(1.0 / LOW_CELLS)

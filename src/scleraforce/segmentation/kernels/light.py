@@ -8,8 +8,6 @@ from scleraforce.segmentation.grid import BLACK_PART, FLOOR_SHARE, MAX_COLUMNS, 
 from scleraforce.segmentation.kernels.ranks import nth, nth_count
 from scleraforce.segmentation.needle_edges import STANDS_OUT
 
-__all__ = ["grid_cells", "noise_floor", "stands_out"]
-
 Counts = NDArray[np.uint16]
 
 _STANDS_OUT, _LEAST_SPREAD = np.float32(STANDS_OUT), np.float32(1e-3)

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from scleraforce.compiled import compiled
 from scleraforce.segmentation.imaged import LIT_ROWS, LIT_SHARE
 
-__all__ = ["find_lit"]
-
 Counts = NDArray[np.uint16]
 
 

@@ -7,8 +7,6 @@ import numpy as np
 
 from scleraforce.compiled import can_compile
 
-__all__ = ["multiply_add"]
-
 
 def _compiled() -> Callable[..., Any]:
     """Return the instruction of the processor, for use in compiled loops."""

@@ -7,8 +7,6 @@ from scleraforce.compiled import compiled
 from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.path import MARGIN
 
-__all__ = ["best_rows", "find_path", "is_path"]
-
 
 @compiled
 def best_rows(score_cr: Float, path: NDArray[np.int64]) -> None:

@@ -7,8 +7,6 @@ from scleraforce.compiled import compiled
 from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.kernels.ranks import nth
 
-__all__ = ["quantile_of_chosen", "show_points"]
-
 Flags = NDArray[np.bool_]
 
 

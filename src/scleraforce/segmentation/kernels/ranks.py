@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from scleraforce.compiled import compiled
 from scleraforce.segmentation.grid import Float
 
-__all__ = ["BINS", "nth", "nth_count"]
-
 BINS = 256  # bins: of the high byte of a count, then of the low one
 
 

@@ -7,8 +7,6 @@ from scleraforce.compiled import compiled
 from scleraforce.segmentation.grid import Float
 from scleraforce.segmentation.kernels.multiply_add import multiply_add
 
-__all__ = ["mean_of_neighbours", "mirrored", "sample_row"]
-
 Counts = NDArray[np.uint16]
 Indices = NDArray[np.uintp]
 

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from scleraforce.compiled import compiled
 from scleraforce.segmentation.kernels.across import straight_line
 
-__all__ = ["draw_boundary_slices"]
-
 Floats = NDArray[np.float64]
 
 

@@ -9,8 +9,6 @@ from scleraforce.segmentation.kernels.sampling import mirrored, sample_row
 from scleraforce.segmentation.kernels.windows import largest_of_rows, smallest_of_rows
 from scleraforce.segmentation.surface import SMOOTHED
 
-__all__ = ["fit_edges", "sample_strip", "smooth_surface", "start_rows"]
-
 Counts = NDArray[np.uint16]
 Indices = NDArray[np.uintp]
 Double = NDArray[np.float64]

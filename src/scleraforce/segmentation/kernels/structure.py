@@ -3,8 +3,6 @@
 from numba import types
 from numba.experimental import structref
 
-__all__ = ["Structure"]
-
 
 @structref.register
 class _WorkplaceType(types.StructRef):

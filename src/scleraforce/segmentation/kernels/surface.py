@@ -10,8 +10,6 @@ from scleraforce.segmentation.kernels.path import best_rows, find_path, is_path
 from scleraforce.segmentation.kernels.ranks import nth_count
 from scleraforce.segmentation.kernels.windows import largest_of_rows, smallest_of_rows
 
-__all__ = ["coarse_rows", "opened_pairs", "surface_score"]
-
 Counts = NDArray[np.uint16]
 
 _BLACK_SHARE, _BRIGHT_SHARE, _EXCESS_COST = surface.BLACK_SHARE, surface.BRIGHT_SHARE, surface.EXCESS_COST

@@ -10,8 +10,6 @@ from scleraforce.segmentation.inner import CELLS, GROUP
 from scleraforce.segmentation.kernels.multiply_add import multiply_add
 from scleraforce.segmentation.kernels.sampling import mirrored, sample_row
 
-__all__ = ["stretch", "unroll"]
-
 Counts = NDArray[np.uint16]
 Indices = NDArray[np.uintp]
 

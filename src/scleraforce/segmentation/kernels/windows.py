@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from scleraforce.compiled import compiled
 
-__all__ = ["largest_of_rows", "smallest_of_rows"]
-
 
 @compiled
 def smallest_of_rows(

@@ -17,8 +17,6 @@ from scleraforce.segmentation.kernels.ranks import BINS
 from scleraforce.segmentation.needle_edges import top_rows
 from scleraforce.segmentation.numpy_steps import widest_gap
 
-__all__ = ["Memory", "Sizes", "Tables", "Workplace", "workplace_for"]
-
 Counts = NDArray[np.uint16]
 Double = NDArray[np.float64]
 Places = NDArray[np.int64]

@@ -16,8 +16,6 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-__all__ = ["DecisionLog", "LogPart", "format_line", "read_log"]
-
 FILE_BYTES = 16 * 2**20
 TOTAL_BYTES = 2**30
 CHECK = re.compile(rb', "crc32": "([0-9a-f]{8})"\}')

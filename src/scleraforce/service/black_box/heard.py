@@ -9,8 +9,6 @@ from scleraforce.service.black_box.recent import Recent
 from scleraforce.service.black_box.robot_force import RobotForce
 from scleraforce.service.entry import Entry
 
-__all__ = ["Heard", "SessionBeginning"]
-
 
 @dataclass(frozen=True)
 class SessionBeginning:

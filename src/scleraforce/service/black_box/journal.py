@@ -11,8 +11,6 @@ from scleraforce.service.companions.codec import message_as_json
 from scleraforce.service.companions.messages import Alive, CompanionMessage, Decided, Note, SelfReport, WithdrawalKept
 from scleraforce.units import from_si
 
-__all__ = ["Journal"]
-
 LEAST_FREE_BYTES = 10**9
 
 

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from scleraforce.recording.writing import RecordingWriter
 from scleraforce.service.companions.frame_ring import FrameRing
 
-__all__ = ["FrameTaker", "TakenFrame"]
-
 CLOCK_STEP_S = 1e-6  # of frames.csv
 
 

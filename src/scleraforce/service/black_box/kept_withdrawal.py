@@ -12,8 +12,6 @@ from scleraforce.service.black_box.kept_frames import FrameTaker, TakenFrame
 from scleraforce.service.black_box.robot_force import ForceSample
 from scleraforce.service.companions.frame_ring import FrameRing
 
-__all__ = ["KeptWithdrawal"]
-
 
 class KeptWithdrawal:
     """The recording of one withdrawal: written as `.NAME.partial`, and renamed when it is complete.

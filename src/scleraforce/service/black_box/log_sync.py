@@ -6,8 +6,6 @@ from pathlib import Path
 from scleraforce.service.black_box.decision_log import DecisionLog
 from scleraforce.service.black_box.journal import Journal
 
-__all__ = ["LogSync"]
-
 CHECK_S = 1.0
 
 

@@ -26,8 +26,6 @@ from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.messages import CompanionMessage, Decided, ForceHeard, MonitorEnds, Note, SelfReport
 from scleraforce.service.entry import Entry
 
-__all__ = ["BlackBox", "main"]
-
 NICENESS = 5
 ALIVE_S = 0.5
 POLL_S = 0.02

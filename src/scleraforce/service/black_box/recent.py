@@ -2,8 +2,6 @@
 
 from collections import deque
 
-__all__ = ["Recent"]
-
 MOST_LINES = 20_000
 
 

@@ -9,8 +9,6 @@ from scleraforce.recording.info import ForceInfo
 from scleraforce.recording.tables import FORCE_COLUMNS
 from scleraforce.recording.writing import FORCE_STEP_S
 
-__all__ = ["ForceSample", "RobotForce"]
-
 HISTORY_S = 600.0  # the tare is found before the first contact, so a log of the last 10 s would be too short
 
 

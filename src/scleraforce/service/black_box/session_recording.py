@@ -8,8 +8,6 @@ from scleraforce.service.black_box.kept_frames import FrameTaker
 from scleraforce.service.black_box.robot_force import ForceSample
 from scleraforce.service.companions.frame_ring import FrameRing
 
-__all__ = ["SessionRecording"]
-
 
 class SessionRecording:
     """The recording of a session; it can be read at any time.

@@ -6,8 +6,6 @@ from pathlib import Path
 from scleraforce.recording.info import ForceInfo, RecordingInfo
 from scleraforce.service.companions.frame_ring import FrameRing, RingPlace
 
-__all__ = ["BlackBoxSettings", "black_box_settings"]
-
 FORCE = ForceInfo("fz", 1, 0.2)  # the needle moves, so labels average over a short time
 
 

@@ -8,8 +8,6 @@ from scleraforce.service.black_box.session_recording import SessionRecording
 from scleraforce.service.black_box.settings import BlackBoxSettings
 from scleraforce.service.companions.frame_ring import FrameRing
 
-__all__ = ["WholeSession"]
-
 SESSION = "session"  # what is not kept, where the disk fails
 
 

@@ -13,8 +13,6 @@ from scleraforce.service.black_box.settings import BlackBoxSettings
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.entry import Entry
 
-__all__ = ["Withdrawals"]
-
 WITHDRAWAL = "withdrawal"  # what is not kept, where the disk fails
 
 

@@ -6,8 +6,6 @@ from typing import Self
 from scleraforce.service.companions.codec import MESSAGE_BYTES, decode_message, encode_message
 from scleraforce.service.companions.messages import CompanionMessage
 
-__all__ = ["Channel", "ChannelClosedError"]
-
 BUFFER_BYTES = 4 * 1024 * 1024  # asked for; the system may give less
 
 

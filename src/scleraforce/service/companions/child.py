@@ -13,8 +13,6 @@ from scleraforce.processes import one_thread
 from scleraforce.service.companions.channel import Channel
 from scleraforce.service.companions.messages import Settings
 
-__all__ = ["Child", "settings_of_child", "start_companion"]
-
 ChildSettings = TypeVar("ChildSettings", bound=Settings)
 
 UNHEARD = (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGTERM)

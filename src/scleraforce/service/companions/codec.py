@@ -9,8 +9,6 @@ from scleraforce.errors import MessageError
 from scleraforce.service.companions.messages import MESSAGE_KINDS, CompanionMessage
 from scleraforce.service.record_json import record_as_json, record_of_json
 
-__all__ = ["MESSAGE_BYTES", "decode_message", "encode_message", "message_as_json"]
-
 MESSAGE_BYTES = 128 * 1024  # more than any message needs
 KIND_OF: Mapping[type[Any], str] = MappingProxyType({record: kind for kind, record in MESSAGE_KINDS.items()})
 

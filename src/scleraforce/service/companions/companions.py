@@ -28,8 +28,6 @@ from scleraforce.service.companions.messages import (
 )
 from scleraforce.service.entry import Entry
 
-__all__ = ["BLACK_BOX", "CONSOLE", "OPINION", "Companions"]
-
 BLACK_BOX, CONSOLE, OPINION = "black box", "console", "second opinion"
 NEEDED = (BLACK_BOX, OPINION)  # a failure of these is a cause of a withdrawal; the console only shows
 SAYS: Mapping[str, type | UnionType] = MappingProxyType(

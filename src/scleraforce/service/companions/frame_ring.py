@@ -12,8 +12,6 @@ from scleraforce.errors import InputError
 from scleraforce.service.companions.memory import available_bytes
 from scleraforce.units import from_si
 
-__all__ = ["FrameRing", "RingPlace"]
-
 SPARED_BYTES = 512 * 2**20  # for the processes beside the monitor: models, library, what is written
 
 

@@ -22,8 +22,6 @@ from scleraforce.service.companions.watchdog_messages import (
 from scleraforce.service.connection import Connection
 from scleraforce.service.telling import STATUS_DEVICE
 
-__all__ = ["Guard"]
-
 BEAT_LOOKS = 0.5  # 10 ms
 SILENT_LOOKS = 25  # half a second: a watchdog that answers later than this counts as failed
 START_S = 20.0

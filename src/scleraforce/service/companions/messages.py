@@ -14,28 +14,6 @@ from scleraforce.service.companions.opinion_settings import OpinionSettings
 from scleraforce.service.console.settings import ConsoleSettings
 from scleraforce.service.entry import Entry
 
-__all__ = [
-    "MESSAGE_KINDS",
-    "Alive",
-    "ClientRole",
-    "CompanionMessage",
-    "Decided",
-    "ForceHeard",
-    "ListensAt",
-    "MonitorEnds",
-    "Note",
-    "OpinionAsked",
-    "OpinionGiven",
-    "Outline",
-    "Rates",
-    "ResetAnswered",
-    "ResetAsked",
-    "SelfReport",
-    "Settings",
-    "WithdrawalKept",
-    "WrongTokens",
-]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Decided:

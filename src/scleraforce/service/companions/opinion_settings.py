@@ -7,8 +7,6 @@ from scleraforce.known.eye import Known
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.companions.frame_ring import RingPlace
 
-__all__ = ["OpinionSettings"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class OpinionSettings:

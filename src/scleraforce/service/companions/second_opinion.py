@@ -24,8 +24,6 @@ from scleraforce.service.companions.messages import Alive, OpinionAsked, Opinion
 from scleraforce.service.companions.opinion_settings import OpinionSettings
 from scleraforce.service.priority import OPINION_PRIORITY, run_in_real_time
 
-__all__ = ["main", "opinion_of", "rest_s"]
-
 LEAST_S = 0.02  # from frame to frame
 
 

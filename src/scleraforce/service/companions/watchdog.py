@@ -30,8 +30,6 @@ from scleraforce.service.companions.watchdog_messages import (
 from scleraforce.service.priority import WATCHDOG_PRIORITY, run_in_real_time
 from scleraforce.service.stamp import stamp_time
 
-__all__ = ["LOOK_S", "MISSES", "Watchdog", "main"]
-
 LOOK_S = 0.02
 MISSES = 5
 REPEAT_S = 0.05

@@ -12,20 +12,6 @@ from dataclasses import dataclass
 
 from scleraforce.errors import MessageError
 
-__all__ = [
-    "ALIVE",
-    "MOST_BYTES",
-    "Beat",
-    "ClientCame",
-    "ClientLeft",
-    "ClientSpeaks",
-    "Emergency",
-    "PlannedEnd",
-    "WatchdogMessage",
-    "pack_for_watchdog",
-    "unpack_for_watchdog",
-]
-
 ALIVE = b"A"
 MOST_BYTES = 4096
 FORM = re.compile(

@@ -6,8 +6,6 @@ from scleraforce.service.companions.child import settings_of_child
 from scleraforce.service.companions.messages import SelfReport
 from scleraforce.service.console.settings import ConsoleSettings
 
-__all__ = ["main"]
-
 
 def main() -> int:
     """Serve until the monitor ends; return the exit code."""

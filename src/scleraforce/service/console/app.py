@@ -11,8 +11,6 @@ from scleraforce.service.console.origin import OwnPagesOnly
 from scleraforce.service.console.pages import show
 from scleraforce.service.console.settings import ConsoleSettings
 
-__all__ = ["console_app"]
-
 TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 
 

@@ -10,8 +10,6 @@ from scleraforce.service.console.sentences import detail_of, sentence_of
 from scleraforce.service.entry import Entry
 from scleraforce.service.record_json import record_as_json
 
-__all__ = ["Board"]
-
 SILENT_S = 1.2  # without any message; the monitor sends its rates twice a second
 WATCHING_SILENT_S = 0.5  # without a decision while WATCHING; without frames it would have withdrawn long before
 READING_S = 0.5  # an older reading is not shown

@@ -6,8 +6,6 @@ from collections import deque
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-__all__ = ["NewestConnections"]
-
 MOST = 128  # of each kind; more WebSockets than there are places for pages, because some are being closed
 
 _requests, _sockets = deque[asyncio.Transport](), deque[asyncio.Transport]()  # oldest first; of the console's process

@@ -9,8 +9,6 @@ from typing import Any
 
 from scleraforce.service.entry import Entry
 
-__all__ = ["HISTORY_S", "STEP_S", "History", "Step"]
-
 STEP_S = 0.04
 HISTORY_S = 30.0
 SEVERITY = ("WATCHING", "NOT_READY", "WITHDRAW")

@@ -21,8 +21,6 @@ from scleraforce.service.console.pictures import Pictures
 from scleraforce.service.console.thrift import Thrift
 from scleraforce.service.reset_token import ResetToken
 
-__all__ = ["Hub", "PagePlace", "ResetAnswer"]
-
 ANSWER_S = 3.0
 WRONG_S = 0.5  # delay of the answer to a wrong token
 MOST_PAGES = 32

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from scleraforce.service.companions.frame_ring import FrameRing
 from scleraforce.service.companions.messages import Outline
 
-__all__ = ["Pictures"]
-
 WHITE_PERCENTILE = 99.5
 FADING = 0.99  # of the white level from picture to picture, so that a single bright frame does not darken the next ones
 

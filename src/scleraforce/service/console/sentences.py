@@ -2,8 +2,6 @@
 
 import re
 
-__all__ = ["SENTENCES", "detail_of", "sentence_of"]
-
 SENTENCES = {
     "SILENCE": "No frame came from the scanner for too long.",
     "CHECKSUM": "A message arrived damaged: its checksum is wrong.",

@@ -16,8 +16,6 @@ from scleraforce.service.console.pictures import Pictures
 from scleraforce.service.console.settings import ConsoleSettings
 from scleraforce.service.reset_token import ResetToken
 
-__all__ = ["serve"]
-
 LAST_WORDS_S = 1.0  # in which pages learn that the monitor has ended
 NICENESS = 5  # the monitor comes first
 MOST_MESSAGE_BYTES = 4096

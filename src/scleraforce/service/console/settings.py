@@ -11,8 +11,6 @@ from scleraforce.service.companions.frame_ring import FrameRing, RingPlace
 from scleraforce.service.reset_token import token_digest
 from scleraforce.units import from_si
 
-__all__ = ["ConsoleSettings", "console_settings"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ConsoleSettings:

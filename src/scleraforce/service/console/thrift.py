@@ -7,8 +7,6 @@ answers are. What it does not send, the browser does not draw, which takes ten t
 from collections import deque
 from dataclasses import dataclass
 
-__all__ = ["SHARES", "Share", "Thrift"]
-
 LATE_S = 0.015  # a wake-up of the console this late is a sign
 SLOW_MS = 10.0  # an answer that takes longer, too
 SIGNS, WITHIN_S = 3, 1.0  # so many within this time: the machine is short
