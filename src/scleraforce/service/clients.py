@@ -18,7 +18,6 @@ ACCEPTED_PER_TURN = 16
 CHANGING = 32  # places that change hands: twice what a turn accepts, so that a newcomer is heard before it is replaced
 REST_S = 0.001  # now and then: Linux pauses real-time processes for 50 ms in a second of which they leave nothing
 WORK_S = 0.01  # without a rest, where frames come faster than they are read
-STALLED_S = 0.2  # what waits for longer in the queue to a client is old: the client is disconnected
 
 
 class Clients:
@@ -32,14 +31,21 @@ class Clients:
         listener: a socket that listens already.
         most: largest number of connections.
         message_s: time within which a message has to be complete.
+        stalled_s: time for which a message may wait in the queue to a client; after it, what it says is old.
         guard: the watchdog, which speaks to the clients when the monitor cannot.
         note: called with a line when a client connects or leaves.
     """
 
     def __init__(
-        self, listener: socket.socket, most: int, message_s: float, guard: Guard, note: Callable[[str], None]
+        self,
+        listener: socket.socket,
+        most: int,
+        message_s: float,
+        stalled_s: float,
+        guard: Guard,
+        note: Callable[[str], None],
     ) -> None:
-        self._most, self._message_s, self._guard, self._note = most, message_s, guard, note
+        self._most, self._message_s, self._stalled_s, self._guard, self._note = most, message_s, stalled_s, guard, note
         self.listener = listener
         self.listener.setblocking(False)
         self.selector = selectors.DefaultSelector()
@@ -161,8 +167,8 @@ class Clients:
             if client is spared or client not in self:
                 continue
             since_s = client.unread_since_s
-            if since_s is not None and now_s - since_s > STALLED_S:
-                self.leave(client, f"was disconnected: messages to it waited for {STALLED_S:g} s", discard=True)
+            if since_s is not None and now_s - since_s > self._stalled_s:
+                self.leave(client, f"was disconnected: messages to it waited for {self._stalled_s:g} s", discard=True)
                 slow.append(client.address)
         return slow
 
