@@ -48,7 +48,7 @@ gallery: .venv/installed  ## the pictures of docs/gallery.md anew, from the scri
 figures: .venv/installed  ## forces read on virtual eyes that no training has seen, to out/figures/figures.md (FIGURES=...)
 	PYTHONPATH=benchmarks .venv/bin/python -m figures --out $(FIGURES)
 
-stale: .venv/installed  ## which figures of the pages are older than the sources that decide them
+stale: .venv/installed  ## which figures of the pages today's code would no longer make, in a minute
 	PYTHONPATH=benchmarks .venv/bin/python -m provenance
 
 trace: .venv/installed  ## docs/requirements.md anew, from docs/requirements.toml and the names of the tests

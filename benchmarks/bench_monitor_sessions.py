@@ -49,7 +49,7 @@ def main() -> None:
             run(plan, given.workers, found)
     except KeyboardInterrupt:
         print("interrupted; the tables are of the units that are done")
-    print(f"\n{new_stamp('python benchmarks/bench_monitor_sessions.py', 'monitor_sessions.play')}")
+    print(f"\n{new_stamp('python benchmarks/bench_monitor_sessions.py')}")
     print(f"\n{ramp_table(found)}\n\n{session_table(found)}")
     for kind, of in found.items():
         for name, outcome in of.items():

@@ -17,7 +17,7 @@ def main() -> None:
     parser.add_argument("table", nargs="*", default=list(TABLES), help=f"some of {', '.join(TABLES)}")
     parser.add_argument("--rows", type=int, help="only the first N of each table")
     given = parser.parse_args()
-    print(new_stamp("python benchmarks/bench_real_tissue.py", "real_tissue.tables"))
+    print(new_stamp("python benchmarks/bench_real_tissue.py"))
     for name in given.table:
         print(f"\n{name}\n\n{TABLES[name](given.rows)}", flush=True)
 

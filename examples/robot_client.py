@@ -18,6 +18,7 @@ OK = 1
 SILENCE_S = 0.150
 OLD_S = 0.100  # an OK that comes so much later after its time than the quickest STATUS is no news
 DRIFT = 1e-4  # of this clock and the monitor's, which need not agree
+UNREAD_BYTES = 8192  # in this machine's buffer: the monitor closes the connection of a robot that leaves more unread
 MAX_BODY_BYTES = 64 * 1024  # the monitor's messages are far smaller
 DEVICE = "ForceMonitor"
 
@@ -94,6 +95,7 @@ def watch(host: str, port: int, tell: Callable[[bool, str], None]) -> None:
     told: tuple[int, int] | None = None
     try:
         with socket.create_connection((host, port), timeout=SILENCE_S) as link:
+            link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, UNREAD_BYTES)
             heard_s, least_s = time.monotonic(), float("inf")
             until_s = heard_s + SILENCE_S
             while True:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import click
 
+from figures.commands import take_up
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.groups import DEFAULT_READER, GROUPS, SEED, draw_eyes
@@ -30,6 +31,7 @@ from figures.recordings import make_recordings, read_made
 from figures.scores import AnsweredFrame, score
 from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
 from figures.told import tell
+from provenance.behaviour import behaviour, keep
 from provenance.stamps import new_stamp
 from scleraforce.cli.output import progress_bar
 from scleraforce.cli.place_of_work import chosen_workers, worker_options
@@ -77,7 +79,6 @@ class _Counts(click.ParamType[dict[str, int]]):
         return {name: int(text) for name, text in texts.items()}
 
 
-COMMANDS = ("calibrate", "evaluate", "generate", "library", "train")  # run as processes of their own
 ERROR_FRAMES = {"plain": (CALIBRATED_FRAMES, 5)}  # after which the error of E is asked for; of others, it is stated
 
 
@@ -132,6 +133,8 @@ def main(
 ) -> None:
     """Read virtual eyes that no training has seen; write figures.md, figures.json and figures.png to the folder."""
     study, folder, chosen = Study(), FiguresFolder(out), chosen_workers(scheduler, workers) or available_cores()
+    now = behaviour()
+    take_up(out, now)
     drawn = {group: draw_eyes(group, counts[group], study, seed) for group in names}
     if still:
         drawn = {group: tuple(eye.held_still() for eye in eyes) for group, eyes in drawn.items()}
@@ -150,13 +153,14 @@ def main(
         _read(folder, name, eyes, _methods(folder, name, left, study, given, raw_reader)) for name, eyes in left.items()
     ]
     results = [_result(folder, group, study) for group in groups]
-    stamp = new_stamp("make figures", "figures.__main__", *(f"scleraforce.cli.{command}" for command in COMMANDS))
+    stamp = new_stamp("make figures")
     found = {"made": vars(stamp), "groups": as_json(results)}
     write_whole(f"{stamp}\n\n{as_markdown(results)}", out / "figures.md")
     write_whole(json.dumps(found, indent=2, allow_nan=False) + "\n", out / "figures.json")
     _write_picture(groups, study, out / "figures.png")
     if page is not None:
         insert_tables(as_markdown(results), stamp, page)
+        keep(stamp, now)
         write_whole(json.dumps(found, indent=2, allow_nan=False) + "\n", page.with_suffix(".json"))
         _write_picture(groups, study, page.parent / "images" / "figures.png")
     click.echo(as_markdown(results))

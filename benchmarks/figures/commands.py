@@ -1,7 +1,8 @@
 """The commands that anyone would type, run in order: what a finished one has left is taken up while its key holds.
 
-The key of a result is a hash of the sources that make it, of the words of its command and of what it is made from. It
-stands in a hidden file beside the result. A result with another key, or none, is made anew.
+The key of a result is a hash of the words of its command and of what it is made from. It stands in a hidden file beside
+the result. A result with another key, or none, is made anew. Where the code behaves otherwise than when the folder was
+begun, all keys are removed.
 """
 
 import json
@@ -9,28 +10,29 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from scleraforce.errors import ScleraforceError
-from scleraforce.source_hash import hash_sources
+from scleraforce.learning.fingerprint import Fingerprint, moved
 from scleraforce.whole_files import write_whole
 
-__all__ = ["answers", "content_key", "is_made", "made", "made_by", "note_stale", "remove", "source_key", "write_key"]
-
-HERE = Path(__file__).parent
+__all__ = ["answers", "content_key", "is_made", "made", "made_by", "note_stale", "remove", "take_up", "write_key"]
 
 
 class CommandError(ScleraforceError):
     """A command of this project failed; the message is its own."""
 
 
-@cache
-def source_key(*modules: str) -> str:
-    """Return the hash of the sources of modules, of this benchmark too (see `source_hash.sources`)."""
-    return hash_sources(*modules, packages={"figures": HERE})
+def take_up(folder: Path, now: Fingerprint) -> None:
+    """Note by what behaviour the results of a folder are made; forget the keys of those made by another."""
+    note = folder / "behaviour.json"
+    if not note.exists() or moved(json.loads(note.read_text(encoding="utf-8")), now):
+        for key in folder.rglob(".*.key"):
+            key.unlink()
+        folder.mkdir(parents=True, exist_ok=True)
+        write_whole(json.dumps(now, indent=1) + "\n", note)
 
 
 def is_made(out: Path, key: str) -> bool:
@@ -113,7 +115,7 @@ def remove(path: Path) -> None:
 
 def _command_key(command: Sequence[str | Path]) -> str:
     words = [f"{word.name} {content_key(word)}" if isinstance(word, Path) else word for word in command]
-    return sha256("\0".join([source_key(f"scleraforce.cli.{command[0]}"), *words]).encode()).hexdigest()
+    return sha256("\0".join(words).encode()).hexdigest()
 
 
 def _note(out: Path) -> Path:

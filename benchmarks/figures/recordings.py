@@ -13,7 +13,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from figures.commands import is_made, note_stale, remove, source_key, write_key
+from figures.commands import is_made, note_stale, remove, write_key
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.sections import compute_eye
@@ -24,7 +24,7 @@ from scleraforce.laboratory.phantom import PhantomFrame, plan_phantom, plan_sect
 from scleraforce.processes import work_units
 from scleraforce.section.plane import Section
 from scleraforce.study import Study
-from scleraforce.whole_files import folder_files, renamed_when_whole, write_whole, write_whole_folder
+from scleraforce.whole_files import folder_files, hash_sources, renamed_when_whole, write_whole, write_whole_folder
 
 __all__ = ["MadeEye", "make_eye", "make_recordings", "read_made", "recording_key"]
 
@@ -53,7 +53,7 @@ class MadeEye:
 def make_recordings(
     folder: FiguresFolder, eyes: Sequence[FigureEye], workers: int, progress: Callable[[int], object]
 ) -> tuple[str, ...]:
-    """Compute and image the eyes that the folder does not hold yet, or holds as other sources have made them.
+    """Compute and image the eyes that the folder does not hold yet, or holds as other code has made them.
 
     Args:
         folder: where they go.
@@ -103,9 +103,9 @@ def _made_on_cluster(
 
 @dataclass(frozen=True)
 class _Sent:
-    """An eye as a worker has made it: the key of its recording, the files of that, and what is known of it."""
+    """An eye as a worker has made it: the hash of its sources, the recording's files, and what is known of the eye."""
 
-    key: str
+    sources: str
     recording: dict[str, bytes]
     made: bytes
 
@@ -122,21 +122,21 @@ def _making(eyes: Sequence[FigureEye]) -> Callable[[int], _Sent | str]:
             except ScleraforceError as fault:
                 return str(fault)
             recording, made = folder_files(folder.recording(drawn)), folder.made(drawn).read_bytes()
-        return _Sent(recording_key(drawn), recording, made)
+        return _Sent(hash_sources(""), recording, made)
 
     return work
 
 
 def _write_sent(folder: FiguresFolder, drawn: FigureEye, sent: _Sent) -> None:
     recording, made = folder.recording(drawn), folder.made(drawn)
-    if sent.key != recording_key(drawn):
+    if sent.sources != hash_sources(""):
         raise ScleraforceError("a worker has other sources than this process; let them import the same ones")
     for place in (recording, made):
         place.parent.mkdir(parents=True, exist_ok=True)
     write_whole(sent.made, made)
     remove(recording)
     write_whole_folder(sent.recording, recording)
-    write_key(recording, sent.key)
+    write_key(recording, recording_key(drawn))
 
 
 def _make(piece: tuple[FiguresFolder, FigureEye]) -> None:
@@ -172,8 +172,8 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
 
 
 def recording_key(drawn: FigureEye) -> str:
-    """Return the key of an eye's recording: the sources that compute and image it, and all that is drawn of it."""
-    return sha256(f"{source_key(__name__)} {drawn!r}".encode()).hexdigest()
+    """Return the key of an eye's recording: a hash of all that is drawn of it."""
+    return sha256(repr(drawn).encode()).hexdigest()
 
 
 def lowest_m(frame: PhantomFrame, section: Section, study: Study) -> tuple[float, float]:

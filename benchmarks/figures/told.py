@@ -9,12 +9,11 @@ import shutil
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
-from figures.commands import made, source_key
+from figures.commands import made
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.recordings import recording_key
@@ -31,7 +30,7 @@ def tell(folder: FiguresFolder, eyes: Iterable[FigureEye]) -> FiguresFolder:
     """Return the folder whose recordings are told so, with the same frames and force logs; make what is not there."""
     told = FiguresFolder(folder.work("told"))
     for drawn in eyes:
-        key = sha256(f"{source_key(__name__)} {recording_key(drawn)}".encode()).hexdigest()
+        key = recording_key(drawn)
         made(told.recording(drawn), key, partial(_write, folder.recording(drawn), drawn.seed))
         made(told.made(drawn), key, partial(_linked, folder.made(drawn)))
     return told

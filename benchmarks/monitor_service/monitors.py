@@ -19,7 +19,7 @@ from scleraforce.units import to_si
 
 __all__ = ["Monitor", "Resources", "cores", "pin", "real_monitor", "resources"]
 
-START_S = 60.0
+START_S = 300.0  # where other work takes the processors, or loops are compiled first
 PRUNE_S = 5.0
 CORES = sorted(os.sched_getaffinity(0))
 ROLES = {

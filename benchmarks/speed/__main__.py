@@ -102,7 +102,7 @@ def main(
 
 def _measure(run: Run) -> Results:
     """Run all parts."""
-    start, machine, stamp = perf_counter(), machine_in_words(), new_stamp("make bench", "speed.__main__")
+    start, machine, stamp = perf_counter(), machine_in_words(), new_stamp("make bench")
     tables = _tables(tuple(PARTS), run)
     return Results(
         made=str(stamp),

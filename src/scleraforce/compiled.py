@@ -1,6 +1,7 @@
 """Loops compiled by Numba (the extra `fast`), where it is installed and SCLERAFORCE_COMPILED is not 0.
 
-The machine code is kept in the user's cache, under a hash of the sources: another version finds none of this one's.
+The machine code is cached for the user under a hash of the sources of all packages with such loops: another version
+finds none of this one's.
 Modules with such loops are imported only by who reads many frames, as the import of Numba takes 0.3 s.
 """
 
@@ -11,7 +12,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TypeVar, cast
 
+from scleraforce.whole_files import hash_sources
+
 SWITCH = "SCLERAFORCE_COMPILED"
+PACKAGES = ("eye", "fitting", "library", "mechanics", "section", "segmentation")  # with compiled loops
 KEY_LETTERS = 32  # of the hash, in a file name
 
 Loops = TypeVar("Loops", bound=Callable[..., object])
@@ -68,12 +72,13 @@ def code_is_kept(module: str) -> bool:
     return _code_cache(module).is_dir()
 
 
-@cache
 def _code_cache(module: str) -> Path:
     """Return the folder for the code of a module; Numba does not notice a change of one that it imports."""
-    # Imported here: who compiles nothing need not wait for them.
-    from platformdirs import user_cache_path
+    from platformdirs import user_cache_path  # imported here: who compiles nothing need not wait for it
 
-    from scleraforce.source_hash import hash_sources
+    return user_cache_path("scleraforce") / "compiled" / _sources()[:KEY_LETTERS] / module
 
-    return user_cache_path("scleraforce") / "compiled" / hash_sources(module)[:KEY_LETTERS]
+
+@cache
+def _sources() -> str:
+    return hash_sources(*PACKAGES)

@@ -5,6 +5,7 @@ be a regular one, and is read no further than its kind allows (`KINDS`, which do
 """
 
 import codecs
+import hashlib
 import os
 import secrets
 import shutil
@@ -136,6 +137,19 @@ def _noun(mode: int) -> str:
     if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
         return "a device"
     return "no regular file"
+
+
+def hash_sources(*places: str) -> str:
+    """Return the SHA-256, in hexadecimal, of source files of this package, whatever their names.
+
+    Args:
+        places: files, or folders with all below them, from the package's folder.
+    """
+    digest = hashlib.sha256()
+    for place in (Path(__file__).parent / place for place in places):
+        for file in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
+            digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 def write_whole(content: str | bytes, path: Path) -> None:

@@ -24,10 +24,12 @@ from figures.sections import compute_eye
 from figures.table import COLUMNS, GroupResult, ModulusErrors, as_json, as_markdown
 from figures.told import as_told, tell
 from figures.workers import in_processes
-from provenance import stamps
+from provenance import __main__ as provenance_main
+from provenance import behaviour as provenance_behaviour
 from provenance.stamps import new_stamp, read_stamps
 from scleraforce.errors import ScleraforceError
 from scleraforce.laboratory.phantom import plan_phantom
+from scleraforce.learning.fingerprint import item
 from scleraforce.recording.files import read_info
 from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.section.plane import Section
@@ -352,7 +354,7 @@ def test_processes_end_with_whoever_waits_for_them(tmp_path):
     assert not multiprocessing.active_children()
 
 
-def test_a_result_is_made_anew_with_other_sources_other_words_or_another_input(tmp_path, monkeypatch):
+def test_a_result_is_made_anew_with_other_words_another_input_or_another_behaviour(tmp_path, monkeypatch):
     runs = []
     monkeypatch.setattr(commands, "_run", lambda words: runs.append(words) or '{"frames": []}')
     given, out = tmp_path / "given", tmp_path / "answers" / "kept.json"
@@ -367,13 +369,14 @@ def test_a_result_is_made_anew_with_other_sources_other_words_or_another_input(t
     assert [runs_after("--more"), runs_after("--more")] == [2, 2]
     (given / "model.json").write_text("two")
     assert [runs_after("--more"), runs_after("--more")] == [3, 3]
-    commands.write_key(given, "made by other sources")
+    commands.write_key(given, "made otherwise")
     assert [runs_after("--more"), runs_after("--more")] == [4, 4]
-    monkeypatch.setattr(commands, "source_key", lambda *_: "other sources")
-    assert [runs_after("--more"), runs_after("--more")] == [5, 5]
+    for value, runs_then in ((1.0, 5), (1.0 + 1e-9, 5), (1.1, 6)):
+        commands.take_up(tmp_path, {"forces": item([value])})
+        assert [runs_after("--more"), runs_after("--more")] == [runs_then] * 2
 
 
-def test_an_eye_is_computed_anew_when_the_sources_that_compute_it_have_changed(tmp_path, monkeypatch):
+def test_an_eye_is_computed_anew_when_the_code_behaves_otherwise(tmp_path, monkeypatch):
     folder, eyes, made = FiguresFolder(tmp_path), draw_eyes("plain", 3, STUDY), []
 
     def keep(_work, pieces, _workers, _progress):
@@ -386,7 +389,7 @@ def test_an_eye_is_computed_anew_when_the_sources_that_compute_it_have_changed(t
     recordings.make_recordings(folder, eyes[:2], 1, lambda _: None)
     recordings.make_recordings(folder, eyes, 1, lambda _: None)
     assert made == ["plain-01", "plain-02", "plain-03"]
-    monkeypatch.setattr(recordings, "source_key", lambda *_: "other sources")
+    commands.take_up(tmp_path, {})
     recordings.make_recordings(folder, eyes, 1, lambda _: None)
     assert made == ["plain-01", "plain-02", "plain-03"] * 2
 
@@ -422,7 +425,7 @@ def test_what_a_command_prints_is_kept(tmp_path):
 
 
 def test_tables_take_the_place_of_those_before(tmp_path):
-    page, stamp = tmp_path / "page.md", new_stamp("make figures", "figures.page", "scleraforce.units")
+    page, stamp = tmp_path / "page.md", new_stamp("make figures")
     page.write_text(f"above\n\n{BEGIN}\n{END}\n\nbelow\n")
     insert_tables("| old |\n", stamp, page)
     insert_tables("| new |\n", stamp, page)
@@ -433,21 +436,20 @@ def test_tables_take_the_place_of_those_before(tmp_path):
         insert_tables("| new |\n", stamp, page)
 
 
-def test_figures_are_older_where_a_source_has_changed_or_has_gone(tmp_path, monkeypatch):
-    folder = tmp_path / "invented"
-    folder.mkdir()
-    (folder / "__init__.py").touch()
-    (folder / "decides.py").write_text("import invented.further\n")
-    (folder / "further.py").write_text("ANSWER = 41\n")
-    (folder / "other.py").touch()
-    monkeypatch.setitem(stamps.PACKAGES, "invented", folder)
-    stamp = new_stamp("make wonders", "invented.decides", "scleraforce.units")
-    (folder / "other.py").write_text("changed\n")
-    assert stamp.current
-    (folder / "further.py").write_text("ANSWER = 42\n")
-    assert not stamp.current
-    (folder / "decides.py").unlink()
-    assert not stamp.current
+def test_figures_are_out_of_date_where_an_entry_that_decides_them_has_moved(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(provenance_behaviour, "KEPT", tmp_path / "behaviour.json")
+    then, now = ({"paper slices": item([1.0]), "default samples": item([value])} for value in (1.0, 2.0))
+    for command, moved in (("make figures", ["default samples"]), ("scleraforce train DATASET --search", [])):
+        stamp = new_stamp(command)
+        assert provenance_behaviour.moved_since(stamp, now) is None
+        provenance_behaviour.keep(stamp, then)
+        assert provenance_behaviour.moved_since(stamp, then) == []
+        assert provenance_behaviour.moved_since(stamp, now) == moved
+        assert provenance_behaviour.moved_since(replace(stamp, commit="another"), now) is None
+    monkeypatch.setattr(provenance_main, "behaviour", lambda: now)
+    monkeypatch.setattr("sys.argv", ["provenance"])
+    assert provenance_main.main() == 0
+    assert "benchmarks/RESULTS.md: make bench, " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("group", GROUPS)

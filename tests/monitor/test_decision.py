@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -271,7 +272,7 @@ def late(lags_s: Sequence[float], ahead_s: float = 1.8e9, rate_hz: float = 100.0
 def test_frames_that_come_much_later_than_the_quickest_one_are_stale(ahead_s: float) -> None:
     jitter = [0.003, 0.02, 0.08, 0.002, 0.1, 0.004]
     assert play(late(jitter * 50, ahead_s), watching()).state is State.WATCHING
-    assert play(late([*jitter, 0.103], ahead_s), watching()).cause is Cause.STALE
+    assert play(late([*jitter, 0.105], ahead_s), watching()).cause is Cause.STALE
     queue = [0.005 + 0.001 * n for n in range(120)]
     assert play(late(queue[:98], ahead_s), watching()).state is State.WATCHING
     assert play(late(queue, ahead_s), watching()).cause is Cause.STALE
@@ -297,6 +298,89 @@ def test_what_stays_late_gets_no_reset_and_a_clock_set_ahead_is_the_new_measure(
     assert (refused.code, refused.sub_code) == (3, Cause.STALE.value)
     assert play(late([0.005] * 5 + [-2.0] * 20), watching()).state is State.WATCHING
     assert play(late([0.005] * 5 + [-2.0] * 20 + [-1.89]), watching()).cause is Cause.STALE
+
+
+def reset_after(events: Sequence[MonitorEvent], state: MonitorState) -> Decision:
+    """Return the answer to a reset just after some events."""
+    state = play(events, state)
+    return decide(state, Reset(state.at_s or 0.0), LIMITS)[1]
+
+
+def test_one_frame_from_the_future_makes_no_other_late() -> None:
+    for future in ([-3600.0], [-3600.0, -0.09], [-0.09]):
+        assert play(late([0.005] * 5 + future + [0.08] * 30), watching()).state is State.WATCHING
+    assert play(late([-3600.0, *[0.005] * 30]), watching()).state is State.WATCHING
+    assert play(late([0.005] * 5 + [-3600.0] + [0.005] * 5 + [0.12]), watching()).cause is Cause.STALE
+
+
+def test_one_frame_with_a_number_far_ahead_is_out_of_order_once_and_a_reset_is_granted() -> None:
+    ahead = replace(frame(6), frame_id=2 * 10**15)
+    state = play([ahead, frame(7)], watching())
+    assert state.cause is Cause.OUT_OF_ORDER
+    assert reset_after([frame(n) for n in range(8, 13)], state).code == 1
+
+
+def test_one_event_with_a_time_far_ahead_makes_no_later_reset_impossible() -> None:
+    state = play([frame(6, at_s=1e9), Tick(0.065)], watching())
+    assert state.state is State.WITHDRAW
+    assert reset_after([frame(n) for n in range(7, 12)], state).code == 1
+
+
+def test_one_unread_frame_far_ahead_is_not_waited_for_for_ever() -> None:
+    expects = replace(LIMITS, expects_opinion=True)
+    state = play(both(*range(1, 6)), limits=expects)
+    events = [replace(frame(6), frame_id=10**6), *(frame(n) for n in range(7, 12)), replace(opinion(8), frame_id=9)]
+    waiting = play(events, state, expects).unanswered
+    assert [number for number, _ in waiting] == [10, 11]
+    thinned = replace(state, unanswered=((10**6, 0.06), (7, 0.07), (9, 0.09)))
+    assert [number for number, _ in play([opinion(8)], replace(thinned, frame=frame(9)), expects).unanswered] == [9]
+
+
+@pytest.mark.parametrize("wrong", [{"size": (512, 500)}, {"scale_m": (2e-5, 5e-6)}, {"pixel_type": "uint8"}])
+@pytest.mark.parametrize("first", [True, False])
+def test_one_frame_of_another_kind_withdraws_and_makes_no_later_reset_impossible(
+    wrong: dict[str, Any], first: bool
+) -> None:
+    odd = replace(frame(1), **wrong)
+    begun = MonitorState() if first else watching()
+    events = [odd, frame(2)] if first else [replace(odd, frame_id=6, at_s=0.06)]
+    state = play(events, begun)
+    assert state.cause in (Cause.SIZE, Cause.SCALE, Cause.PIXEL_TYPE)
+    assert reset_after([frame(n) for n in range(7, 13)], state).code == 1
+
+
+def test_a_size_and_a_scale_that_are_declared_stay_declared() -> None:
+    for limits in (replace(LIMITS, size=(512, 511)), replace(LIMITS, scale_m=(2e-5, 5e-6))):
+        state = play([frame(n) for n in range(1, 12)], limits=limits)
+        assert decide(state, Reset(0.115), limits)[1].code == 3
+
+
+def test_pixel_types_in_turns_are_a_cause_with_each_change() -> None:
+    turns = [replace(frame(n), pixel_type=("uint8", "uint16")[n % 2]) for n in range(6, 30)]
+    state = play(turns, replace(watching(), frame=replace(frame(5), pixel_type="uint16")))
+    assert state.cause is Cause.PIXEL_TYPE
+    assert state.fresh == 0
+
+
+def test_a_refused_reset_names_what_is_wrong_now_and_not_the_first_cause() -> None:
+    state = play(late([0.005] * 5 + [3.0] * 20), withdrawn())
+    _, refused = decide(state, Reset(state.at_s or 0.0), LIMITS)
+    assert state.cause is Cause.CHECKSUM
+    assert "late after the time in its header" in refused.message
+    assert "0 of 5 came" in refused.message
+
+
+def test_what_is_wrong_now_stands_beside_the_first_cause() -> None:
+    state = play([Tick(0.2)], watching())
+    assert (state.cause, state.present_cause) == (Cause.SILENCE, Cause.SILENCE)
+    state, decision = decide(play([frame(20, 0.039)], state), frame(21, 0.039), LIMITS)
+    assert (decision.cause, decision.present_cause) == (Cause.SILENCE, Cause.BOUND)
+    assert "39.0 mN" not in decision.present
+    assert "up to 40.5 mN" in decision.present
+    state, decision = decide(state, Tick(0.211), LIMITS)
+    assert decision.present_cause is Cause.BOUND
+    _, decision = decide(state, frame(22), LIMITS)
+    assert (decision.cause, decision.present_cause, decision.present) == (Cause.SILENCE, None, "")
 
 
 def test_frames_that_state_no_time_are_never_stale_and_no_number_is() -> None:

@@ -1,8 +1,10 @@
 """The faults that `replay` injects: what the monitor receives, and what is reported of its reaction."""
 
 import json
-from itertools import pairwise
+from itertools import count, pairwise
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from clocked_client import ClockedClient
@@ -11,14 +13,19 @@ from small_recording import ROWS, write_small_recording
 
 from scleraforce.cli.main import run
 from scleraforce.errors import InputError
+from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.causes import Cause
 from scleraforce.openigtlink import BadChecksum, Decoder, Image, Malformed, Received, Status
-from scleraforce.recording.files import read_recording
+from scleraforce.reader.answers import Answer, LiveReading
+from scleraforce.recording.files import Recording, read_recording
 from scleraforce.replay import scanner_client
 from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.fault_acts import ACTS, prepare
 from scleraforce.replay.faults import FAULTS, FaultReport, draw_fault_time, inject
 from scleraforce.replay.player import Player
+from scleraforce.replay.scanner_client import Unstamped, frame_message
+from scleraforce.service.scanner_image import FrameAssembler
+from scleraforce.service.session import Session
 
 FRAMES = 200
 FORCES_N = np.concatenate([np.zeros(20), np.linspace(0.0, 0.04, FRAMES - 20)])
@@ -97,6 +104,59 @@ def test_burned_in_clock_sends_one_picture_of_which_a_corner_changes(recording, 
         assert 1 <= np.count_nonzero(before != after) <= 4
         assert np.array_equal(after[1:], last[1:])
     assert report.expected
+
+
+@pytest.fixture(scope="module")
+def speckled(tmp_path_factory) -> Recording:
+    """A second of frames of which each has its own noise."""
+    folder: Path = tmp_path_factory.mktemp("speckled") / "rec"
+    (folder / "frames").mkdir(parents=True)
+    (folder / "recording.toml").write_text(
+        "[eye]\nid = 'noise'\n[oct]\ncolumns = 320\nrows = 256\nbits = 12\nwidth_m = 0.01\ndepth_m = 0.003\n"
+        "[needle]\ngauge = 22\nslice_gap_m = 0.0005\n"
+    )
+    rng, lines = np.random.default_rng(5), ["file,time_s"]
+    for index in range(100):
+        level_db = 10.0 * np.log10(rng.exponential(1.0, (256, 320)) + 1e-3)
+        pixels = np.clip(4095 * (level_db + 30.0) / 45.0, 0, 4095).astype(np.uint16)
+        assert cv2.imwrite(str(folder / "frames" / f"{index:03d}.png"), pixels)
+        lines.append(f"{index:03d}.png,{index / 100:.4f}")
+    (folder / "frames.csv").write_text("\n".join(lines) + "\n")
+    return read_recording(folder)
+
+
+OLD_PICTURES = [name for name, fault in FAULTS.items() if fault.causes == (Cause.FROZEN,)]
+
+
+@pytest.mark.parametrize("name", [*OLD_PICTURES, "pixel-type"])
+@pytest.mark.parametrize("seed", range(4))
+def test_old_pictures_are_withdrawn_from_although_their_reading_is_harmless(speckled, name: str, seed: int) -> None:
+    """The session that the server runs, with a reader that finds 8 mN in whatever it is shown."""
+    prepared = prepare(name, speckled, 0.5, np.random.default_rng(seed), version=2)
+    clock = count(1000)
+    answer = Answer(predicted=1, probabilities=(0.0, 1.0, 0.0), usable=True, reason=None, force_n=8e-3,
+                    interval_n=(7e-3, 9e-3))  # fmt: skip
+    info = speckled.info.oct
+    limits = MonitorLimits(size=(256, 320), scale_m=(info.width_m / 320, info.depth_m / 256))
+    reading = LiveReading(answer, np.zeros(320), np.zeros(320))
+    session = Session(lambda *_: reading, limits, lambda: next(clock) / 100, lambda: 0.0)
+
+    def show(sending: Unstamped, number: int) -> None:
+        (event,) = Decoder().feed(sending.stamped(1.0 + number / 100))
+        frame = FrameAssembler().add(event.message)
+        session.take_frame(session.frame(frame, number, 1, session.clock(), event.header.time_s))
+
+    for number in range(1, 51):
+        show(frame_message(speckled.frame(speckled.frames[number - 1]), info, number, 2), number)
+    assert session.decision.code == 1
+    after = 0
+    for (sending,) in prepared.acts:
+        after += 1
+        show(sending.message, sending.number)
+        if session.decision.code != 1:
+            break
+    assert session.decision.cause in FAULTS[name].causes
+    assert after <= 12
 
 
 @pytest.mark.parametrize("version", [1, 2])

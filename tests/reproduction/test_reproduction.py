@@ -111,7 +111,7 @@ def test_a_reproduction_of_another_study_is_left_alone(tmp_path: Path) -> None:
 
 def other_code(monkeypatch: pytest.MonkeyPatch) -> None:
     """The sources change."""
-    monkeypatch.setattr(reproduction, "hash_sources", lambda *_, **__: "0" * 64)
+    monkeypatch.setattr(reproduction, "hash_sources", lambda *_: "0" * 64)
     reproduction._sources.cache_clear()
 
 

@@ -4,7 +4,7 @@ from dataclasses import fields, replace
 import pytest
 from decisions import READ_ENTRY, TICK_ENTRY
 
-from scleraforce.service.entry import Entry
+from scleraforce.service.entry import LATER, Entry
 
 
 def test_an_entry_reads_as_json_with_its_own_names_but_class():
@@ -33,6 +33,13 @@ def test_what_is_no_number_is_null_wherever_it_stands():
 def test_without_a_frame_what_belongs_to_one_is_null():
     record = TICK_ENTRY.as_json()
     assert {name for name, value in record.items() if value is None} == {
-        "cause", "frame", "frame_id", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason",
+        "cause", "withdrawn_s", "present_cause",
+        "frame", "frame_id", "class", "probabilities", "force_mn", "interval_mn", "usable", "reason",
         "latency_ms",
     }  # fmt: skip
+
+
+def test_an_entry_of_a_log_without_what_is_true_now_is_read():
+    record = {name: value for name, value in READ_ENTRY.as_json().items() if name not in LATER}
+    assert len(record) == len(READ_ENTRY.as_json()) - len(LATER)
+    assert Entry.from_json(record) == READ_ENTRY

@@ -172,6 +172,8 @@ class ClockedLink:
 
     def __exit__(self, *_: object) -> None: ...
 
+    def setsockopt(self, *_: int) -> None: ...
+
     def settimeout(self, timeout_s: float) -> None:
         self.timeout_s = timeout_s
 

@@ -7,7 +7,7 @@ import pytest
 from small_monitor import COLUMNS, RAISES, ROWS, SCALE_M, frame_of, read
 
 from scleraforce.monitor import MonitorLimits
-from scleraforce.monitor.events import OvertakenRead, QueueLoss
+from scleraforce.monitor.events import OvertakenRead, QueueLoss, Tick
 from scleraforce.service.overtaken import MOST_FRAMES, FramePace, Overtaken
 from scleraforce.service.scanner_image import ScannerFrame
 from scleraforce.service.session import Session
@@ -45,6 +45,34 @@ def test_a_sender_that_counts_back_is_out_of_order_and_one_that_takes_over_count
     take(first, clock, 10_000, 71)
     take(first, clock, 10_000, 70)
     assert "frame 70 after 71" in first.decision.message
+
+
+def test_one_number_far_ahead_makes_no_later_frame_a_misfit() -> None:
+    clock = Clock()
+    session = Session(read, LIMITS, clock, clock)
+    for sender_id in (70, 2 * 10**15, 71):
+        take(session, clock, 10_000 + sender_id % 100, sender_id)
+    assert session.decision.cause.name == "OUT_OF_ORDER"
+    image = ScannerFrame(frame_of(10_050, 1), **SCALE)
+    assert not session.frame(image, 72, 1, clock.now_s).misfit
+    assert session.frame(replace(image, sent_type="uint8"), 73, 1, clock.now_s).misfit
+
+
+def test_what_is_wrong_now_and_since_when_is_in_each_entry() -> None:
+    clock = Clock()
+    session = Session(read, LIMITS, clock, clock)
+    take(session, clock, 10_000, 1)
+    assert session.entry("frame", clock.now_s).withdrawn_s is None
+    clock.now_s += 0.2
+    session.take(Tick(clock.now_s))
+    began_s = clock.now_s
+    take(session, clock, 10_001, 2)
+    take(session, clock, 39_000, 3)
+    entry = session.entry("frame", clock.now_s)
+    assert (entry.cause, entry.present_cause, entry.withdrawn_s) == ("SILENCE", "DANGEROUS_CLASS", began_s)
+    take(session, clock, 10_003, 4)
+    entry = session.entry("frame", clock.now_s)
+    assert (entry.cause, entry.present_cause, entry.present) == ("SILENCE", None, "")
 
 
 def test_a_reader_that_raises_is_a_withdrawal_with_its_words_and_no_reading() -> None:

@@ -96,6 +96,8 @@ class ConsoleMonitor:
     def entry(self, state: str, message: str = "", cause: str | None = None, **said: Any) -> None:
         """Tell a decision."""
         self.entries += 1
+        if cause is not None:
+            said = {"present_cause": cause, "present": message.partition("; ")[0], "withdrawn_s": time(), **said}
         entry = decision(
             state, number=self.entries, time_s=time(), at_s=monotonic(), event="frame" if "frame" in said else "tick",
             code=CODES[state], cause=cause, message=f"{state}: {message}" if message else state, **said,

@@ -68,6 +68,7 @@ def small_server(
     clock: TurnedClock | None = None,
     borne_s: float = 0.5,
     catch_up_s: float | None = None,
+    stalled_s: float = 600.0,
     **settings: Any,
 ) -> tuple[Server, int]:
     """A server of small frames, and its port; without a clock of the test it needs to bear what holds a test up."""
@@ -77,7 +78,9 @@ def small_server(
     listener = socket.create_server(("127.0.0.1", 0))
     ring = FrameRing.create(100, ROWS, COLUMNS)
     session = Session(read, limits, clock, clock) if clock else Session(read, limits)
-    server = Server(session, listener, ServerSettings(TOKEN, **settings), ring, guard, companions, note)
+    server = Server(
+        session, listener, ServerSettings(TOKEN, stalled_s=stalled_s, **settings), ring, guard, companions, note
+    )
     return server, listener.getsockname()[1]
 
 

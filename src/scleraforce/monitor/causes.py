@@ -25,4 +25,5 @@ class Cause(Enum):
     EXCEPTION = 112
     NO_OPINION = 113
     STALE = 114
+    PIXEL_TYPE = 115
     WATCHDOG = 120  # sent by the watchdog alone, never by the decision

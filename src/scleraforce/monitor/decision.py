@@ -27,13 +27,19 @@ from scleraforce.units import from_si
 
 @dataclass(frozen=True)
 class Decision:
-    """The message to the robot: `code` and `sub_code` of the STATUS, and its `message`."""
+    """The message to the robot: `code` and `sub_code` of the STATUS, and its `message`.
+
+    `cause` is the first one of a withdrawal. `present_cause` and `present` say what is wrong now; None and "" if
+    nothing is.
+    """
 
     state: State
     cause: Cause | None
     message: str
     code: int
     sub_code: int
+    present_cause: Cause | None = None
+    present: str = ""
 
 
 @dataclass(frozen=True)
@@ -128,14 +134,17 @@ def _meaning(before: MonitorState, now: MonitorState, event: MonitorEvent, limit
 
 
 def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding | None:
-    """Return what is wrong with a frame before its reading counts: order, size, scale, an old picture, delay."""
+    """Return what is wrong with a frame before its reading counts: order, size, pixels, an old picture, delay."""
     if before.frame is not None and not frame.frame_id > before.frame.frame_id:
         return _alarm(Cause.OUT_OF_ORDER, f"frame {frame.frame_id} after {before.frame.frame_id}")
-    if frame.size != (now.size or frame.size):
-        return _alarm(Cause.SIZE, f"a frame of {frame.size} pixels, not {now.size}")
-    stated_m = now.scale_m or frame.scale_m
-    if not sound_pixels(frame.size, frame.scale_m) or not of_scale(frame.scale_m, stated_m, limits):
-        return _alarm(Cause.SCALE, f"pixels of {frame.scale_m} m, not {now.scale_m} m")
+    size = limits.size or before.size or frame.size
+    if frame.size != size:
+        return _alarm(Cause.SIZE, f"a frame of {frame.size} pixels, not {size}")
+    scale_m = limits.scale_m or before.scale_m or frame.scale_m
+    if not sound_pixels(frame.size, frame.scale_m) or not of_scale(frame.scale_m, scale_m, limits):
+        return _alarm(Cause.SCALE, f"pixels of {frame.scale_m} m, not {scale_m} m")
+    if before.frame is not None and frame.pixel_type != before.frame.pixel_type:
+        return _alarm(Cause.PIXEL_TYPE, f"pixels of type {frame.pixel_type}, {before.frame.pixel_type} before")
     if now.repeats >= limits.frozen_frames:
         return _alarm(Cause.FROZEN, f"the same picture {now.repeats} times")
     if now.returns[-1] and sum(now.returns) >= limits.frozen_frames - 1:
@@ -144,12 +153,14 @@ def _transport(before: MonitorState, now: MonitorState, frame: FrameRead, limits
 
 
 def _stale(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding | None:
-    """Return the alarm for a frame that lags its stated time by much more than the quickest one did."""
+    """Return the alarm for a frame that lags its stated time by much more than the quickest ones did."""
     lag_s = lag_of(frame)
     if lag_s is None or now.least_lag is None:
         return None
     late_s = lag_s - now.least_lag[1]
-    return None if late_s < limits.lag_s else _alarm(Cause.STALE, f"the frame is {from_si(late_s, 'ms'):.0f} ms late")
+    if late_s < limits.lag_s:
+        return None
+    return _alarm(Cause.STALE, f"the frame is {from_si(late_s, 'ms'):.0f} ms late after the time in its header")
 
 
 def _reading(now: MonitorState, frame: FrameRead, limits: MonitorLimits) -> _Finding:
@@ -240,6 +251,7 @@ def _reset(now: MonitorState, event: Reset, limits: MonitorLimits) -> _Finding:
     silent = now.frame is None or not event.at_s - now.frame.at_s < limits.silence_s
     if now.fresh < limits.fresh_frames or silent:
         seen = "none is recent" if silent else f"{now.fresh} of {limits.fresh_frames} came"
+        seen += f"; {now.present_reason}" if now.present_reason and not silent else ""
         return _Finding(Signal.RESET_REFUSED, f"reset refused: harmless frames in a row are needed, {seen}")
     return _Finding(Signal.RESET_GRANTED, "")
 
@@ -251,6 +263,8 @@ def _move(state: MonitorState, finding: _Finding, limits: MonitorLimits) -> Moni
     moved = replace(state, state=after, fresh=fresh.get(finding.signal, 0))
     if finding.signal is Signal.ALARM:
         moved = replace(moved, opinion=None)
+    if finding.signal not in (Signal.QUIET, Signal.RESET_REFUSED):
+        moved = replace(moved, present_cause=finding.cause, present_reason=finding.reason)
     if after is State.WITHDRAW:
         first = state.state is not State.WITHDRAW
         return replace(moved, cause=finding.cause, reason=finding.reason) if first else moved
@@ -288,4 +302,6 @@ def _decision(state: MonitorState, finding: _Finding) -> Decision:
         f"{state.state.name}: {'; '.join(words)}" if words else state.state.name,
         state.state.value,
         state.cause.value if state.cause else 0,
+        state.present_cause,
+        state.present_reason,
     )

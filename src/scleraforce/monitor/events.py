@@ -9,8 +9,8 @@ class FrameRead:
 
     `size` is (rows, columns), `scale_m` (lateral, depth) of a pixel as stored. `shown_back`: how many frames ago its
     picture was last shown, 0 if it is new. `sent_s`: the time that its sender states, on the sender's own clock; None
-    if it states none. If the frame is not `usable`, `reason` says why and `predicted` does not count. `force_n` and
-    `interval_n` are None with a classifier.
+    if it states none. `pixel_type`: of its pixels as sent, such as "uint16". If the frame is not `usable`, `reason`
+    says why and `predicted` does not count. `force_n` and `interval_n` are None with a classifier.
     """
 
     at_s: float
@@ -25,6 +25,7 @@ class FrameRead:
     size: tuple[int, int]
     scale_m: tuple[float, float]
     sent_s: float | None = None
+    pixel_type: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -34,7 +34,7 @@ POSITIVE = (
 class MonitorLimits:
     """Limits of the decision, in SI; docs/monitor_decision.md explains each.
 
-    `size` and `scale_m` are the study's; None takes those of the first sound frame. `reads_force` is False with a
+    `size` and `scale_m` are the study's; None takes those of the last sound frame. `reads_force` is False with a
     classifier, which gives no force; otherwise a frame without a force is a cause. `expects_opinion` is True if another
     process gives second opinions: then nothing is OK before the first one, and an overdue one is a cause.
     Losses are limited by the time for which the lost frames stand, so that the limits fit any frame rate.

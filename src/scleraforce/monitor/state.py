@@ -7,21 +7,25 @@ from scleraforce.monitor.causes import Cause
 from scleraforce.monitor.events import FrameRead, MonitorEvent, QueueLoss, SecondOpinion
 from scleraforce.monitor.limits import MonitorLimits
 from scleraforce.monitor.rate import NOISE_WINDOWS
-from scleraforce.monitor.soundness import lag_of, sound_pixels, touches, unsound
+from scleraforce.monitor.soundness import lag_of, of_scale, sound_pixels, touches, unsound
 from scleraforce.monitor.transitions import State
 
 LOSS_PARTS = 20  # of the window, in each of which losses are summed up
 MOST_UNANSWERED = 128  # frames whose times are kept; more are thinned
+LAGS, QUICKEST = 20, 3  # of the last frames, the third quickest counts: no frame alone decides what is late
 
 
 @dataclass(frozen=True, kw_only=True)
 class MonitorState:
     """All that the monitor remembers: a few hundred numbers at most.
 
-    `cause` and `reason` are those of the first cause of a withdrawal, kept until the reset. `history` has (time, force)
+    `cause` and `reason` are those of the first cause of a withdrawal, kept until the reset; `present_cause` and
+    `present_reason` those of the last event that was a cause or a doubt, until a harmless frame. `size` and `scale_m`
+    are the study's, or those of the last sound frames: a change is a cause once. `history` has (time, force)
     of the last frames with sound numbers. `repeats` counts the frames in a row with one picture; `returns` tells for
-    each of the last frames whether its picture came back after others. `least_lag` is (time, lag): the least delay
-    since the time that the sender states, on two clocks that need not agree, plus their possible drift. `losses` has
+    each of the last frames whether its picture came back after others. `lags` are the
+    last delays since the time that the sender states, on two clocks that need not agree; `least_lag` is (time, lag):
+    the least so far of the third quickest of 20, plus the clocks' possible drift. `losses` has
     (time, time that the lost frames stand for) of the losses within the window, summed up over twentieths of it; `lost`
     counts all lost frames since the start, and `lost_in_row_s` is what those of `lost_row`, the last row with a loss,
     stand for. `fresh` counts the harmless frames in a row. `touched` is True after contact; `clear_s` is the time
@@ -33,12 +37,15 @@ class MonitorState:
     state: State = State.NOT_READY
     cause: Cause | None = None
     reason: str = "no good frame yet"
+    present_cause: Cause | None = None
+    present_reason: str = ""
     at_s: float | None = None
     frame: FrameRead | None = None
     size: tuple[int, int] | None = None
     scale_m: tuple[float, float] | None = None
     repeats: int = 0
     returns: tuple[bool, ...] = ()
+    lags: tuple[float, ...] = ()
     least_lag: tuple[float, float] | None = None
     touched: bool = False
     clear_s: float | None = None
@@ -62,8 +69,7 @@ def remember(state: MonitorState, event: MonitorEvent, limits: MonitorLimits) ->
         event: what happened.
         limits: of the decision: how much is kept, and what counts as contact.
     """
-    at_s = max(event.at_s, state.at_s or event.at_s) if isfinite(event.at_s) else state.at_s
-    state = replace(state, at_s=at_s)
+    state = replace(state, at_s=event.at_s if isfinite(event.at_s) else state.at_s)
     if isinstance(event, QueueLoss):
         return replace(
             state,
@@ -90,6 +96,8 @@ def _losses(
 
 def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
     waiting = (*state.unanswered, (frame.frame_id, frame.at_s)) if limits.expects_opinion else ()
+    lag_s = lag_of(frame)
+    lags = state.lags if lag_s is None or not isfinite(lag_s) else (*state.lags, lag_s)[-LAGS:]
     state = replace(
         state,
         frame=frame,
@@ -97,14 +105,18 @@ def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits
         scale_m=limits.scale_m or state.scale_m,
         repeats=state.repeats + 1 if frame.shown_back == 1 else 1,
         returns=(*state.returns, frame.shown_back > 1)[-limits.shown_frames :],
-        least_lag=_least_lag(state.least_lag, frame, limits),
+        lags=lags,
+        least_lag=_least_lag(state.least_lag, lags, frame.at_s, limits),
         unusable=0 if frame.usable else state.unusable + 1,
         unanswered=waiting if len(waiting) <= MOST_UNANSWERED else waiting[::2],
     )
     if not frame.usable or unsound(frame, limits):
         return replace(state, clear_s=None)
     if sound_pixels(frame.size, frame.scale_m):
-        state = replace(state, size=state.size or frame.size, scale_m=state.scale_m or frame.scale_m)
+        same = state.scale_m is not None and of_scale(frame.scale_m, state.scale_m, limits)
+        state = replace(
+            state, size=limits.size or frame.size, scale_m=limits.scale_m or (state.scale_m if same else frame.scale_m)
+        )
     state = _remember_contact(state, frame, limits)
     if frame.force_n is None:
         return state
@@ -112,15 +124,15 @@ def _remember_frame(state: MonitorState, frame: FrameRead, limits: MonitorLimits
 
 
 def _least_lag(
-    least: tuple[float, float] | None, frame: FrameRead, limits: MonitorLimits
+    least: tuple[float, float] | None, lags: tuple[float, ...], at_s: float, limits: MonitorLimits
 ) -> tuple[float, float] | None:
-    """Return the least lag so far; it rises with the possible drift between two clocks."""
-    lag_s = lag_of(frame)
-    if lag_s is None or not isfinite(lag_s):
+    """Return the least lag that several of 20 frames had so far; it rises with the clocks' possible drift."""
+    if len(lags) < QUICKEST:
         return least
+    quick_s = sorted(lags)[QUICKEST - 1]
     if least is None:
-        return frame.at_s, lag_s
-    return frame.at_s, min(lag_s, least[1] + limits.lag_drift * max(0.0, frame.at_s - least[0]))
+        return at_s, quick_s
+    return at_s, min(quick_s, least[1] + limits.lag_drift * max(0.0, at_s - least[0]))
 
 
 def _remember_contact(state: MonitorState, frame: FrameRead, limits: MonitorLimits) -> MonitorState:
@@ -144,8 +156,7 @@ def _remember_opinion(state: MonitorState, opinion: SecondOpinion, limits: Monit
 
 
 def _unanswered(waiting: tuple[tuple[int, float], ...], frame_id: int) -> tuple[tuple[int, float], ...]:
-    """Return the frames after the one that is answered; a client may have started to count anew."""
+    """Return the frames after the one that is answered, or after the last one before it, whatever their numbers are."""
     places = [place for place, (waiting_id, _) in enumerate(waiting) if waiting_id == frame_id]
-    if places:
-        return waiting[places[-1] + 1 :]
-    return tuple(entry for entry in waiting if entry[0] > frame_id)
+    places = places or [place for place, (waiting_id, _) in enumerate(waiting) if waiting_id < frame_id]
+    return waiting[places[-1] + 1 :] if places else waiting

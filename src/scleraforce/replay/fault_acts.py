@@ -29,6 +29,7 @@ RISE_N_PER_S = 0.15
 FLOOD = 100  # frames of a second; fewer might be read as fast as they come, which is no fault
 MOST_BUFFERS = 10  # pictures that a stuck buffer shows in turns
 CLOCK_ROWS, CLOCK_COLUMNS = 1 / 32, 1 / 8  # of the frame, where a time is burned in
+OLD_SHARES = 0.6, 0.95  # of an old picture, in a ghost
 LATER = 0.8  # of an interval, by which each frame waits longer than the one before
 
 
@@ -117,10 +118,14 @@ class _Stage:
         message = frame_message(pixels, self.recording.info.oct, self.number, self.version, matrix=matrix)
         return Sending(message, self.number)
 
+    @property
+    def left(self) -> int:
+        """Number of frames that the scanner would send from the fault on, while it is watched."""
+        return min(self.count, len(self.recording.frames) - self.first)
+
     def onward(self, begin: int) -> list[Act]:
         """Return the frames that the scanner would send from `begin` on."""
-        stop = min(self.count, len(self.recording.frames) - self.first)
-        return [(self.sending(self.pixels(index)),) for index in range(begin, stop)]
+        return [(self.sending(self.pixels(index)),) for index in range(begin, self.left)]
 
     def forces_n(self, least_n: float) -> NDArray[np.float64]:
         """Return the force at each frame, of which one must be at least `least_n`."""
@@ -185,6 +190,64 @@ def _burned_in_clock(stage: _Stage) -> list[Act]:
         burned_in[:rows, :columns] = digits ^ (place & 1)
         acts.append((stage.sending(burned_in),))
     return acts
+
+
+def _dark_level(stage: _Stage) -> list[Act]:
+    """The last picture, one count brighter with each frame."""
+    last = stage.pixels(-1)
+    return [(stage.sending(_like(last, last + np.float64(place))),) for place in range(stage.count)]
+
+
+def _moved(stage: _Stage) -> list[Act]:
+    """The last picture, moved by a row or a column with each frame."""
+    last, axis = stage.pixels(-1), int(stage.rng.integers(2))
+    return [(stage.sending(np.roll(last, place, axis)),) for place in range(stage.count)]
+
+
+def _half_frozen(stage: _Stage) -> list[Act]:
+    """Live pictures with one half of the last one: left, right, upper or lower."""
+    last, acts = stage.pixels(-1), list[Act]()
+    axis, side = (int(stage.rng.integers(2)) for _ in range(2))
+    middle = last.shape[axis] // 2
+    half = (slice(None),) * axis + (slice(middle, None) if side else slice(middle),)
+    for index in range(stage.left):
+        mixed = stage.pixels(index).copy()
+        mixed[half] = last[half]
+        acts.append((stage.sending(mixed),))
+    return acts
+
+
+def _ghost(stage: _Stage) -> list[Act]:
+    """The last picture with some of the live one: 60 to 95 % are old."""
+    last, old = stage.pixels(-1), stage.rng.uniform(*OLD_SHARES)
+    mixed = [_like(last, old * last + (1.0 - old) * stage.pixels(index)) for index in range(stage.left)]
+    return [(stage.sending(pixels),) for pixels in mixed]
+
+
+def _persistence(stage: _Stage) -> list[Act]:
+    """What a recursive filter shows that keeps 60 to 95 % of its last picture."""
+    last, old, acts = stage.pixels(-1), stage.rng.uniform(*OLD_SHARES), list[Act]()
+    mean = last.astype(np.float64)
+    for index in range(stage.left):
+        mean = old * mean + (1.0 - old) * stage.pixels(index)
+        acts.append((stage.sending(_like(last, mean)),))
+    return acts
+
+
+def _pixel_type(stage: _Stage) -> list[Act]:
+    """The last picture with 8 and with 16 bits in turns."""
+    last = stage.pixels(-1)
+    if last.dtype == np.uint8:
+        turns: tuple[Pixels, Pixels] = last.astype(np.uint16), last
+    else:
+        turns = (last >> max(0, stage.recording.info.oct.bits - 8)).astype(np.uint8), last
+    return [(stage.sending(turns[place % 2]),) for place in range(stage.count)]
+
+
+def _like(pixels: Pixels, values: NDArray[np.float64]) -> Pixels:
+    """Return values as counts of the type of some pixels."""
+    counts = np.clip(np.rint(values), 0, np.iinfo(pixels.dtype).max)
+    return counts.astype(np.uint8) if pixels.dtype == np.uint8 else counts.astype(np.uint16)
 
 
 def _stale(stage: _Stage) -> list[Act]:
@@ -283,7 +346,9 @@ def _disconnect(stage: _Stage) -> list[Act]:
 ACTS: Mapping[str, Callable[[_Stage], list[Act]]] = MappingProxyType(
     {
         "unusable": _unusable, "silence": _silence, "frozen": _frozen, "double-buffer": _double_buffer,
-        "burned-in-clock": _burned_in_clock, "stale": _stale, "out-of-order": _out_of_order, "size": _size,
+        "burned-in-clock": _burned_in_clock, "dark-level": _dark_level, "moved": _moved, "half-frozen": _half_frozen,
+        "ghost": _ghost, "persistence": _persistence, "pixel-type": _pixel_type,
+        "stale": _stale, "out-of-order": _out_of_order, "size": _size,
         "scale": _scale, "checksum": _checksum, "nan": _nan, "bad-image": _bad_image, "flood": _flood,
         "rising": _rising, "dangerous": _dangerous, "half": _half, "garbage": _garbage, "disconnect": _disconnect,
     }

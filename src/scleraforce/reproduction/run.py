@@ -17,16 +17,20 @@ from typing import Any
 
 from scleraforce import __version__
 from scleraforce.errors import InputError
-from scleraforce.source_hash import hash_sources
 from scleraforce.study import Study, format_study, study_hash
-from scleraforce.whole_files import KINDS, read_text, write_whole
+from scleraforce.whole_files import KINDS, hash_sources, read_text, write_whole
 
 Progress = Callable[[int], None]
 Announce = Callable[[str, int], AbstractContextManager[Progress]]  # title and length of a bar -> its progress
 
 STATE_FILE = "reproduce.json"
-STAGES = "scleraforce.reproduction.stages"
-PAGE = "scleraforce.reproduction.page"  # drawn in every run: its sources decide no result that is kept
+# What decides results that are kept. A hash, as this only serves to go on after Ctrl-C: an edit costs one run, a
+# fingerprint (`learning.fingerprint`) would cost each run several seconds. The page is drawn in every run.
+SOURCES = (
+    "calibration", "dataset", "eye", "fitting", "known", "laboratory", "learning", "library", "mechanics", "reader",
+    "recording", "section", "segmentation", "study",
+    *(f"reproduction/{name}.py" for name in ("bent", "framing", "left_out", "stages")),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -208,7 +212,7 @@ def _remove(path: Path) -> None:
 
 @cache
 def _sources() -> str:
-    return hash_sources(STAGES, apart_from=[PAGE])
+    return hash_sources(*SOURCES)
 
 
 def _read_state(folder: Path) -> dict[str, dict[str, Any]]:

@@ -4,7 +4,9 @@ import fcntl
 import socket
 import sys
 import termios
+from collections import deque
 from contextlib import suppress
+from struct import pack
 
 from scleraforce.errors import ProtocolError
 from scleraforce.openigtlink import Decoder, PeerEvent
@@ -12,6 +14,7 @@ from scleraforce.service.allowance import Allowance
 from scleraforce.service.scanner_image import FrameAssembler
 
 WAITING_BYTES = 8192  # not yet taken by the peer: a tenth of a second; a message behind them is old when it is read
+SEND_BUFFER_BYTES = 8192  # of the system, which doubles it: what it holds, nobody can take back
 NOTES_PER_S, NOTES_AT_ONCE = 1.0, 10
 FORCES_PER_S, FORCES_AT_ONCE = 1200.0, 120  # a robot sends 1000 a second at most
 TURN_BYTES, TURN_EVENTS = 8 * 1024 * 1024, 16  # received before others have their turn: all that a socket holds
@@ -27,7 +30,6 @@ class Connection:
         frames: assembles its images.
         heard_s: when it was last read from; 0 before.
         wrong_tokens: how many resets it requested with a wrong token.
-        unread_since_s: since when messages to it have been dropped because it does not read; None if it keeps up.
         message_since_s: since when a message from it has been incomplete; None between messages.
         notes: limits how often its errors are noted.
         forces: limits how often a force from it is kept.
@@ -36,13 +38,15 @@ class Connection:
     def __init__(self, link: socket.socket, address: str, number: int) -> None:
         link.setblocking(False)
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        link.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         self.number, self.address, self.version = number, address, 1
         self.frames = FrameAssembler()
         self.heard_s, self.wrong_tokens = 0.0, 0
-        self.unread_since_s: float | None = None
         self.message_since_s: float | None = None
         self.notes, self.forces = Allowance(NOTES_PER_S, NOTES_AT_ONCE), Allowance(FORCES_PER_S, FORCES_AT_ONCE)
         self._link, self._decoder, self._rest = link, Decoder(), memoryview(b"")
+        self._given_bytes = 0
+        self._untaken: deque[tuple[int, float]] = deque()  # (bytes given in all, when) of each message
 
     def fileno(self) -> int:
         """Return the socket's descriptor."""
@@ -90,12 +94,26 @@ class Connection:
         """
         if self._rest:
             self._flush()
-        if self._rest or self._waiting_bytes() > WAITING_BYTES:
-            self.unread_since_s = now_s if self.unread_since_s is None else self.unread_since_s
+        waiting_bytes = self._waiting_bytes()
+        self._forget_taken(waiting_bytes)
+        if self._rest or waiting_bytes > WAITING_BYTES:
             return
-        self.unread_since_s = None
         self._rest = memoryview(data)
+        self._given_bytes += len(data)
+        self._untaken.append((self._given_bytes, now_s))
         self._flush()
+
+    @property
+    def unread_since_s(self) -> float | None:
+        """When the oldest message was sent that has not arrived in the peer's own buffer; None if all have."""
+        if self._untaken:
+            self._forget_taken(self._waiting_bytes())
+        return self._untaken[0][1] if self._untaken else None
+
+    def _forget_taken(self, waiting_bytes: int) -> None:
+        taken_bytes = self._given_bytes - len(self._rest) - waiting_bytes
+        while self._untaken and self._untaken[0][0] <= taken_bytes:
+            self._untaken.popleft()
 
     def _waiting_bytes(self) -> int:
         """Return how much was sent that has not arrived in the peer's own buffer (Linux: SIOCOUTQ)."""
@@ -109,8 +127,14 @@ class Connection:
         except BlockingIOError:
             pass
 
-    def close(self) -> None:
-        """End the connection, also where another process holds a duplicate of its socket."""
+    def close(self, *, discard: bool = False) -> None:
+        """End the connection, also where another process holds a duplicate of its socket.
+
+        Args:
+            discard: throw away what was sent and has not arrived, which is old by now.
+        """
         with suppress(OSError):  # the peer was quicker
+            if discard:
+                self._link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, pack("ii", 1, 0))
             self._link.shutdown(socket.SHUT_RDWR)
         self._link.close()

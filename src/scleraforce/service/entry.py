@@ -10,6 +10,7 @@ from scleraforce.monitor.transitions import State
 from scleraforce.plain_json import finite
 from scleraforce.service.record_json import record_as_json, record_of_json
 
+LATER = {"withdrawn_s": None, "present_cause": None, "present": ""}  # logs of 26 November 2026 and before lack these
 NUMBERS = float, tuple  # what may hold NaN; asking the others would take twice as long
 
 
@@ -39,6 +40,9 @@ class Entry:
         latency_ms: from the frame's last byte to the answer on the wire.
         lost: frames since the start that newer ones overtook and that were never read.
         overtaken: all that newer ones overtook, those included that were read after them.
+        withdrawn_s: when the withdrawal began, since 1970; None without one.
+        present_cause: name of the cause that is true now; None without one.
+        present: what is wrong now; "" if nothing is.
     """
 
     number: int
@@ -61,6 +65,9 @@ class Entry:
     latency_ms: float | None = None
     lost: int = 0
     overtaken: int = 0
+    withdrawn_s: float | None = None
+    present_cause: str | None = None
+    present: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON object: the attributes by name, `predicted` as `class`; NaN and infinity become null.
@@ -82,7 +89,7 @@ class Entry:
         """
         if not isinstance(value, dict) or "class" not in value or "predicted" in value:
             raise MessageError("not an entry: an object with a class")
-        record = {"predicted" if name == "class" else name: entry for name, entry in value.items()}
+        record = LATER | {"predicted" if name == "class" else name: entry for name, entry in value.items()}
         for name in ("probabilities", "interval_mn"):
             if isinstance(numbers := record.get(name), list):
                 record[name] = [nan if number is None else number for number in numbers]

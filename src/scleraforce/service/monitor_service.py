@@ -30,6 +30,7 @@ from scleraforce.service.companions.opinion_settings import OpinionSettings
 from scleraforce.service.console.settings import console_settings
 from scleraforce.service.folders import try_folders
 from scleraforce.service.listening import listen
+from scleraforce.service.open_files import allow_files
 from scleraforce.service.priority import MONITOR_PRIORITY, run_in_real_time
 from scleraforce.service.server import Server, ServerSettings
 from scleraforce.service.session import Session
@@ -38,6 +39,7 @@ from scleraforce.study import Study
 KEPT_S = 10.0
 READY_S = 180.0  # for the second opinion: some 15 s where its loops are compiled, and machines may be slow
 NOTED_S, LOOK_S = 3.0, 0.1
+OWN_FILES = 128  # beside those of clients: sockets to other processes, logs, and what the system's libraries open
 RING_FRAMES = 1200  # at 100 a second two seconds more than are kept, which leaves time to copy them
 MOST_BITS = 16  # a scanner may use more bits than the model's study states, and its recording must stay readable
 WEB_NEEDS = ("fastapi", "uvicorn", "websockets")
@@ -99,6 +101,7 @@ def monitor_service(
     lateral_m, depth_m = settings.limits.scale_m or (0.0, 0.0)
     scale = PixelScale(lateral_m=lateral_m, depth_m=depth_m, refractive_index=settings.refractive_index)
     cv2.setNumThreads(1)
+    allow_files(ServerSettings.clients + OWN_FILES)
     with ExitStack() as stack:
         listener = stack.enter_context(listen(settings.address.host, settings.address.port))
         console = None if settings.console is None else stack.enter_context(_listen_for_pages(settings.console))

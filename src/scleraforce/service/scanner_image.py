@@ -1,6 +1,6 @@
 """From the IMAGE messages of a scanner to B-scans: counts, the size of a pixel, and images sent in parts."""
 
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
 from math import hypot, prod
 from typing import Any
 
@@ -23,13 +23,14 @@ COUNTS: dict[np.dtype[Any], np.dtype[Any]] = {
 class ScannerFrame:
     """A B-scan as the scanner sent it; `lateral_m` and `depth_m` are the stated size of a pixel.
 
-    `pixels` (row, column) are uint8 or uint16 and read-only.
+    `pixels` (row, column) are uint8 or uint16 and read-only; `sent_type` is their type as it was sent.
     """
 
     pixels: Pixels
     _: KW_ONLY
     lateral_m: float
     depth_m: float
+    sent_type: str = "uint16"
 
 
 class FrameAssembler:
@@ -87,7 +88,7 @@ class FrameAssembler:
             self._begun = begun
             return None
         begun.pixels.flags.writeable = False
-        return ScannerFrame(begun.pixels, lateral_m=frame.lateral_m, depth_m=frame.depth_m)
+        return replace(frame, pixels=begun.pixels)
 
 
 @dataclass(frozen=True)
@@ -170,4 +171,4 @@ def _frame(image: Image) -> ScannerFrame:
         raise ProtocolError(f"IMAGE: pixels of {lateral_m} x {depth_m} m: the matrix's columns must have a length")
     counts = pixels[0].view(COUNTS[pixels.dtype])
     counts.flags.writeable = False
-    return ScannerFrame(counts, lateral_m=lateral_m, depth_m=depth_m)
+    return ScannerFrame(counts, lateral_m=lateral_m, depth_m=depth_m, sent_type=pixels.dtype.name)

@@ -70,11 +70,13 @@ class ServerSettings:
         token: that the operator's reset must carry.
         clients: largest number of connected clients.
         message_s: time within which a message has to be complete.
+        stalled_s: time for which a message may wait in the queue to a client that is then disconnected.
     """
 
     token: str
     clients: int = 256
     message_s: float = 2.0
+    stalled_s: float = 0.2
 
 
 class Server:
@@ -106,7 +108,9 @@ class Server:
     ) -> None:
         self.session, self.settings = session, settings
         self._ring, self._guard, self._companions, self._note = ring, guard, companions, note
-        self._clients = Clients(listener, settings.clients, settings.message_s, guard, self._note_client)
+        self._clients = Clients(
+            listener, settings.clients, settings.message_s, settings.stalled_s, guard, self._note_client
+        )
         for descriptor, name in companions.channels.items():
             self._clients.selector.register(descriptor, selectors.EVENT_READ, name)
         self._most_bytes = LARGER_FRAMES * 2 * ring.shape[0] * ring.shape[1] + SMALL_BODY_BYTES
@@ -320,7 +324,9 @@ class Server:
         self._decide("tick", Tick(now_s))
         for fault in self._companions.faults(now_s):
             self._decide("companion", Failure(now_s, fault))
-        self._clients.sweep(now_s, self._scanner)
+        for address in self._clients.sweep(now_s, self._scanner):
+            if self._notes.take(now_s):
+                self._note(f"client {address} was disconnected: it read too slowly, so that answers to it were old")
 
     def _beat(self, now_s: float) -> None:
         fault = self._guard.beat(now_s)

@@ -23,7 +23,7 @@ Read = Callable[[Pixels, PixelScale], LiveReading]
 class Frame:
     """A frame as it came: `number` in this session, `sender_id` of its sender, `at_s` when its last byte arrived.
 
-    `misfit`: its size, scale or order is wrong, which is known before it is read; such a frame is never skipped.
+    `misfit`: its size, scale, pixel type or order is wrong, known before it is read; such a frame is never skipped.
     `interval_s`: the time that it stands for, the scanner's mean interval.
     `order` rises with `sender_id`, and keeps rising where another sender starts to count anew.
     `shown_back`: how many frames ago its picture was last shown, 0 if it is new. `sent_s`: the time in its header,
@@ -74,6 +74,7 @@ class Session:
         self._state, self.decision = decide(MonitorState(), Tick(clock()), limits)
         self._frames = self._entries = 0
         self._sender = self._offset = self._order = 0
+        self._sent_type: str | None = None
         self._reading: LiveReading | None = None
         self._shown = ShownPictures(limits.shown_frames)
         self._pace, self._put_off = FramePace(limits.silence_s), Overtaken[Frame](limits.catch_up_s)
@@ -117,7 +118,7 @@ class Session:
             self._sender, self._offset = sender, self._order + 1 - sender_id if self._sender else 0
         order = self._offset + sender_id
         misfit = order <= self._order or not self._fits(image)
-        self._order = max(self._order, order)
+        self._order, self._sent_type = order, image.sent_type
         return Frame(
             number=self._frames,
             order=order,
@@ -131,9 +132,11 @@ class Session:
         )
 
     def _fits(self, image: ScannerFrame) -> bool:
-        """Return whether an image is of the expected size and scale."""
+        """Return whether an image is of the expected size and scale, and its pixels of the type before it."""
         limits, scale_m = self.limits, (image.lateral_m, image.depth_m)
-        return image.pixels.shape == limits.size and of_scale(scale_m, limits.scale_m or scale_m, limits)
+        same_type = image.sent_type == (self._sent_type or image.sent_type)
+        fits = image.pixels.shape == limits.size and of_scale(scale_m, limits.scale_m or scale_m, limits)
+        return fits and same_type
 
     def take_frame(self, frame: Frame) -> None:
         """Read a frame and decide on it."""
@@ -180,6 +183,7 @@ class Session:
             scale_m=(image.lateral_m, image.depth_m),
             shown_back=frame.shown_back,
             sent_s=frame.sent_s,
+            pixel_type=image.sent_type,
         )
         return reading, read
 
@@ -213,6 +217,9 @@ class Session:
             sub_code=decision.sub_code,
             cause=decision.cause.name if decision.cause else None,
             message=decision.message,
+            withdrawn_s=self.withdrawals[-1].time_s if decision.cause else None,
+            present_cause=decision.present_cause.name if decision.present_cause else None,
+            present=decision.present,
             frame=frame.number if frame else None,
             frame_id=frame.sender_id if frame else None,
             predicted=answer.predicted if answer else None,
@@ -236,6 +243,7 @@ def read_event(
     scale_m: tuple[float, float],
     shown_back: int,
     sent_s: float | None = None,
+    pixel_type: str | None = None,
 ) -> FrameRead:
     """Return the event of a frame that was read; what is not of the answer is as `FrameRead` says."""
     return FrameRead(
@@ -251,6 +259,7 @@ def read_event(
         size=size,
         scale_m=scale_m,
         sent_s=sent_s,
+        pixel_type=pixel_type,
     )
 
 

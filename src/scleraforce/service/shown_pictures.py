@@ -1,24 +1,38 @@
-"""Detects a picture that was shown before: the speckle and noise of a live scanner never repeat."""
-
-from typing import Any
+"""Detects a picture that was shown before: the noise of a live scanner never repeats."""
 
 import fastcrc
 import numpy as np
 from numpy.typing import NDArray
 
-PLACES = 256  # pairs of neighbouring pixels that are compared, spread over the frame
-LEAST_TOLD = 32  # pairs with texture; with fewer, only pictures equal to the last bit count as the same
-SAME_SHARE = 0.75  # of the pairs with texture
-NO_TEXTURE = 0xA5C35A3C  # stored in place of a pair of equal pixels, and unequal to every such pair
+GRID = 8  # rows and columns of blocks
+PAIRS = 32  # of neighbouring pixels in a row, in each block: one bit each
+RUN = PAIRS + 3  # pixels in a row that give them, also one pixel to the left or right
+LEAST_BLOCKS, LEAST_SHARE = 16, 2 / 3  # with texture; with fewer, only equal differences count
+LEAST_PAIRS = 8  # of unequal pixels, in a block that counts
+LEAST_TOLD = 32  # unequal pairs; with fewer, only pictures equal to the last bit count as the same
+SAME_SHARE = 0.75  # of the unequal pairs with equal differences
+# Agreement of two pictures: 1 if all pairs rise and fall alike, 0 by chance (benchmarks/bench_old_pictures.py).
+WORTH_A_LOOK = 0.2  # of all pairs
+GHOST_SHARE, GHOST = 1 / 3, 0.25  # the mean of the worst third of the blocks
+COPY = 0.85  # a block that agrees as in a copy, and the share of them
+COPIES, COPIES_OF_A_PART = 0.6, 0.8  # in the whole picture; in its left, right, upper, lower or middle half
+
+_WORD = np.uint64(2**PAIRS - 1)
+_SHIFTS = np.arange(3, dtype=np.uint64)
+
+Pixels = NDArray[np.uint8] | NDArray[np.uint16]
+Words = NDArray[np.uint64]
 
 
 class ShownPictures:
-    """Remembers the last pictures of one size by a sparse sample of their pixels.
+    """Remembers the last pictures of one size by the signs of a few differences between neighbouring pixels.
 
-    A pair of neighbouring pixels that differ is texture. Black bands, blank and saturated regions, which may rightly
-    stay constant, have none. Two pictures are the same if three quarters of the texture agree to the last bit; live
-    speckle agrees in a few per cent, by chance. A burned-in clock, a flickering line or a moving strip does not hide
-    a repeated picture.
+    Offset, gain, contrast and the number of bits leave the signs alone. In the noise above and below the tissue they
+    agree by chance from one live frame to the next, even if the tissue is still and its speckle stays. So a picture is
+    old if some blocks of every part of it agree: the worst third is better than chance (also with 80 % of an old
+    picture and 20 % of the live one), or nearly all of one half agrees. A shift of one pixel from the frame before is
+    looked for, too. Where less than two thirds of the picture have texture, so that all of it may be tissue, equal
+    differences count instead, and in a picture of one grey every bit.
 
     Args:
         most: how many pictures are remembered.
@@ -26,45 +40,102 @@ class ShownPictures:
 
     def __init__(self, most: int) -> None:
         self._most = most
-        self._size: tuple[int, np.dtype[Any]] | None = None
+        self._shape: tuple[int, ...] | None = None
 
-    def back(self, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> int:
+    def back(self, pixels: Pixels) -> int:
         """Take a picture (row, column); return how many pictures ago it was last shown, 0 if it is new.
 
         >>> shown, rng = ShownPictures(50), np.random.default_rng(0)
-        >>> first, second = rng.integers(0, 4096, (2, 64, 64), dtype=np.uint16)
-        >>> [shown.back(picture) for picture in (first, second, first, first)]
+        >>> first, second = rng.integers(0, 4096, (2, 512, 512), dtype=np.uint16)
+        >>> [shown.back(picture) for picture in (first, second, first + 1, first // 16)]
         [0, 0, 2, 1]
         """
-        if self._size != (pixels.size, pixels.dtype):
-            self._begin(pixels)
-        pairs_pn = pixels.reshape(-1).take(self._places_pn)
-        words_p = pairs_pn.view(self._words_mp.dtype)[:, 0]
-        textured_p = pairs_pn[:, 0] != pairs_pn[:, 1]
-        told = int(np.count_nonzero(textured_p))
-        checksum = None if told >= LEAST_TOLD else fastcrc.crc64.ecma_182(pixels.data)
-        if checksum is None:
-            alike_m = (self._words_mp == words_p).sum(axis=1, dtype=np.uint16) >= SAME_SHARE * told
+        if self._shape != pixels.shape:
+            self._begin(pixels.shape)
+        runs_brp = pixels.reshape(-1).take(self._places_brp)
+        rises_br = self._bits(runs_brp[:, :, 1:] > runs_brp[:, :, :-1])
+        differs_br = self._bits(runs_brp[:, :, 1:] != runs_brp[:, :, :-1])
+        rises_b, differs_b = (rises_br[:, 1] >> _SHIFTS[1]) & _WORD, (differs_br[:, 1] >> _SHIFTS[1]) & _WORD
+        steps_p = np.diff(runs_brp[:, 1, 1:-1].astype(np.int32), axis=1).reshape(-1)
+        counted_b = np.bitwise_count(differs_b) >= LEAST_PAIRS
+        checksum: int | None = None
+        if counted_b.sum() >= self._least_h[0]:
+            found_m = self._alike(self._rises_mb, self._differs_mb, rises_b, differs_b)
+            if not found_m[self._slot(1)]:
+                found_m[self._slot(1)] = self._shifted(rises_br, differs_br)
+        elif (told := np.count_nonzero(steps_p)) >= LEAST_TOLD:
+            found_m = ((self._steps_mp == steps_p) & (steps_p != 0)).sum(axis=1) >= SAME_SHARE * told
         else:
-            alike_m = np.array([shown == checksum for shown in self._checksums])
-        slot = self._count % self._most
-        back = 0
-        if alike_m.any():
-            back = min((slot - one - 1) % self._most + 1 for one in np.flatnonzero(alike_m).tolist())
-        self._words_mp[slot] = words_p
-        np.putmask(self._words_mp[slot], ~textured_p, self._no_texture)
+            checksum = fastcrc.crc64.ecma_182(np.ascontiguousarray(pixels).data)
+            found_m = np.array([shown == checksum for shown in self._checksums])
+        slot = self._slot(0)
+        back = min(((slot - one - 1) % self._most + 1 for one in np.flatnonzero(found_m).tolist()), default=0)
+        self._rises_mb[slot], self._differs_mb[slot], self._steps_mp[slot] = rises_b, differs_b, steps_p
         self._checksums[slot] = checksum
         self._count += 1
         return back
 
-    def _begin(self, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
-        """Forget all pictures and choose the pairs for this size: one at random in each of `PLACES` equal parts."""
-        count = max(1, min(PLACES, pixels.size // 2))
-        part = max(1, (pixels.size - 1) // count)
-        left_p = np.arange(count) * part + np.random.default_rng(0).integers(0, part, count)
-        self._places_pn = np.minimum(np.stack([left_p, left_p + 1], axis=1), pixels.size - 1)
-        word = np.dtype(np.uint16 if pixels.dtype == np.uint8 else np.uint32)
-        self._no_texture = word.type(NO_TEXTURE & (256**word.itemsize - 1))
-        self._words_mp = np.full((self._most, count), self._no_texture)
+    def _slot(self, back: int) -> int:
+        return (self._count - back) % self._most
+
+    def _bits(self, flags_brp: NDArray[np.bool_]) -> Words:
+        """Return the flags of a row as the lowest bits of a word, the first one lowest."""
+        self._flags_brp[:, :, : RUN - 1] = flags_brp
+        return np.packbits(self._flags_brp, axis=-1, bitorder="little").view("<u8")[..., 0]
+
+    def _shifted(self, rises_br: Words, differs_br: Words) -> bool:
+        """Return whether the picture is the one before it, moved by a row or a column or both."""
+        rises_sb, differs_sb = (
+            ((words_br.T[:, None] >> _SHIFTS[:, None]) & _WORD).reshape(9, -1) for words_br in (rises_br, differs_br)
+        )
+        last = self._slot(1)
+        return bool(self._alike(rises_sb, differs_sb, self._rises_mb[last], self._differs_mb[last]).any())
+
+    def _alike(self, rises_mb: Words, differs_mb: Words, rises_b: Words, differs_b: Words) -> NDArray[np.bool_]:
+        """Return for several pictures whether they are the same as one."""
+        both_mb = differs_mb & differs_b
+        told_mb = np.bitwise_count(both_mb)
+        unlike_mb = np.bitwise_count(both_mb & (rises_mb ^ rises_b))
+        told_m, unlike_m = told_mb.sum(axis=1, dtype=np.int64), unlike_mb.sum(axis=1, dtype=np.int64)
+        alike_m: NDArray[np.bool_] = 2 * unlike_m < (1 - WORTH_A_LOOK) * told_m
+        if alike_m.any():
+            alike_m[alike_m] = self._same(told_mb[alike_m], unlike_mb[alike_m])
+        return alike_m
+
+    def _same(self, told_mb: NDArray[np.uint8], unlike_mb: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Return for several pictures whether enough blocks agree, from pairs that differ in both and those unlike."""
+        counted_mb = told_mb >= LEAST_PAIRS
+        agreed_mb = np.where(counted_mb, 1.0 - 2.0 * unlike_mb / np.maximum(told_mb, 1), np.inf)
+        blocks_m = counted_mb.sum(axis=1)
+        worst_m = np.maximum(1, (GHOST_SHARE * blocks_m).astype(np.int64))
+        summed_mb = np.sort(agreed_mb, axis=1).cumsum(axis=1)
+        ghost_m = summed_mb[np.arange(len(worst_m)), worst_m - 1] >= GHOST * worst_m
+        counted_mh = counted_mb @ self._parts_bh
+        copied_mh = (counted_mb & (agreed_mb >= COPY)) @ self._parts_bh
+        copy_mh = (copied_mh >= self._copies_h * counted_mh) & (counted_mh >= self._least_h)
+        same_m: NDArray[np.bool_] = (ghost_m & (blocks_m >= self._least_h[0])) | copy_mh.any(axis=1)
+        return same_m
+
+    def _begin(self, shape: tuple[int, ...]) -> None:
+        """Forget all pictures, and draw the place of each block in its cell of the grid."""
+        rows, columns = shape
+        down, across = min(GRID, rows), max(1, min(GRID, columns // RUN))
+        row_b, column_b = (place.ravel() for place in np.mgrid[:down, :across])
+        rng = np.random.default_rng(0)
+        top_b = ((row_b + rng.uniform(0.1, 0.9, len(row_b))) * rows / down).astype(np.int64)
+        spare = max(0.0, columns / across - RUN)
+        left_b = (column_b * columns / across + rng.uniform(0.0, 1.0, len(row_b)) * spare).astype(np.int64)
+        rows_br = np.clip(top_b[:, None] + np.arange(-1, 2), 0, rows - 1)
+        columns_bp = np.clip(left_b[:, None] + np.arange(RUN), 0, columns - 1)
+        self._places_brp = rows_br[:, :, None] * columns + columns_bp[:, None]
+        middle_b = abs(column_b + 0.5 - across / 2) < across / 4
+        halves = (row_b < down // 2, row_b >= down // 2, column_b < across // 2, column_b >= across // 2, middle_b)
+        self._parts_bh = np.stack([np.ones(len(row_b)), *halves], axis=1).astype(np.float64)
+        self._copies_h = np.array([COPIES] + [COPIES_OF_A_PART] * len(halves))
+        self._least_h = np.maximum(LEAST_BLOCKS, LEAST_SHARE * self._parts_bh.sum(axis=0))
+        self._flags_brp = np.zeros((len(row_b), 3, 64), np.bool_)
+        self._rises_mb = np.zeros((self._most, len(row_b)), np.uint64)
+        self._differs_mb = np.zeros_like(self._rises_mb)
+        self._steps_mp = np.zeros((self._most, len(row_b) * PAIRS), np.int32)
         self._checksums: list[int | None] = [None] * self._most
-        self._size, self._count = (pixels.size, pixels.dtype), 0
+        self._shape, self._count = shape, 0

@@ -62,6 +62,7 @@ def test_the_reader_takes_the_folder_and_reaches_the_stated_accuracy(store: Path
     assert right.mean() == trained.validation_accuracy == reader.record["metrics"]["validation_accuracy"]
     assert trained.validation_accuracy > 0.8
     assert reader.record["curves"]["validation_loss"] == list(trained.curves.validation_loss)
+    assert {"slices", "training loss"} <= set(reader.record["fingerprint"])
 
 
 def test_weights_are_rounded_before_they_are_measured_and_stored(store: Path, tmp_path: Path, monkeypatch) -> None:

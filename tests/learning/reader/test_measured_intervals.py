@@ -36,7 +36,7 @@ def test_every_second_eye_of_a_telling_is_calibrated_otherwise_as_well(
     monkeypatch.setattr(intervals, "of_population", lambda *_: OTHERS)
     monkeypatch.setattr(intervals, "calibrated_otherwise", lambda *_: (OTHERWISE, ()))
     monkeypatch.setattr(intervals, "_scores", lambda *given: [Score("fit", traits[given[5]], given[4], 1.0)])
-    scores_of = intervals._measuring(Study(), library, (SHIPPED_READER / "model.onnx").read_bytes())
+    scores_of = intervals.measuring(Study(), library, (SHIPPED_READER / "model.onnx").read_bytes())
     found = {number: [(score.traits, score.eye) for score in scores_of(number)] for number in range(12)}
     for number, of_eye in found.items():
         of_all = [(found_in, str(number)) for found_in in traits.values()]

@@ -49,6 +49,7 @@ def test_the_folder_holds_what_it_was_made_of(trained: tuple[Path, TrainedFinder
     assert parse_study((folder / "study.toml").read_text()) == SMALL_STUDY
     assert f"{trained[1].scenes} drawn scenes" in (folder / "card.md").read_text()
     assert len(record["curves"]["training_loss"]) == 50
+    assert {"frames", "training loss"} <= set(record["fingerprint"])
     assert record["curves"]["training_loss"][0] > record["curves"]["training_loss"][-1]
 
 

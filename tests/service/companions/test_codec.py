@@ -239,7 +239,8 @@ def test_the_log_keeps_the_lines_that_it_had_before_messages_were_records() -> N
         b'{"kind": "entry", "entry": {"number": 3, "time_s": 1800000000.0, "at_s": 12.5, "event": "frame", "state": '
         b'"WATCHING", "code": 1, "sub_code": 0, "cause": null, "message": "OK:\\n\\u201c12 mN\\u201d", "frame": 3, '
         b'"frame_id": 77, "probabilities": [0.0, 0.75, 0.25], "force_mn": 12.5, "interval_mn": [11.0, 13.5], "usable": '
-        b'true, "reason": null, "latency_ms": 0.75, "lost": 2, "overtaken": 0, "class": 1}, "crc32": "e122771d"}\n'
+        b'true, "reason": null, "latency_ms": 0.75, "lost": 2, "overtaken": 0, "withdrawn_s": null, '
+        b'"present_cause": null, "present": "", "class": 1}, "crc32": "6ef838f1"}\n'
     )
     assert format_line(message_as_json(Note(time_s=1.5, text="robot came"))) == (
         b'{"kind": "note", "time_s": 1.5, "text": "robot came", "crc32": "1130c359"}\n'

@@ -1,5 +1,6 @@
 """What the console makes of the monitor's messages, without a clock, a socket or a browser."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,26 @@ def test_every_cause_has_a_sentence_and_no_sentence_is_without_a_cause() -> None
 )
 def test_the_reason_is_told_without_the_state_before_and_the_reading_after_it(message: str, detail: str) -> None:
     assert detail_of(message, "WITHDRAW") == detail
+
+
+def test_what_is_true_now_stands_beside_the_first_cause_and_its_time() -> None:
+    held = entry(
+        1.0,
+        "WITHDRAW",
+        "SILENCE",
+        frame=7,
+        withdrawn_s=1.8e9,
+        present_cause="BOUND",
+        present="up to 40.5 mN",
+        **reading(39.0),
+    )
+    shown = board_with((1.0, held)).as_json(1.0, 0)
+    assert shown["sentence"] == SENTENCES["SILENCE"]
+    assert shown["present"] == SENTENCES["BOUND"]
+    assert (shown["detail"], shown["withdrawn_s"], shown["reading"]["force_mn"]) == ("up to 40.5 mN", 1.8e9, 39.0)
+    over = replace(held, present_cause=None, present="", **reading(4.0))
+    shown = board_with((1.0, held), (1.1, over)).as_json(1.1, 0)
+    assert (shown["sentence"], shown["present"], shown["detail"]) == (SENTENCES["SILENCE"], "", "")
 
 
 def test_a_change_of_state_or_cause_is_urgent_and_another_frame_is_not() -> None:

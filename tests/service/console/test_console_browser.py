@@ -1,6 +1,7 @@
 """The console's page in a real browser: what a person sees."""
 
 import os
+import re
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -147,7 +148,10 @@ def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_go
             assert max(above) < 10
             assert surface == [0xE6, 0x9F, 0x00]
         monitor.entry("WITHDRAW", "up to 31.0 mN, the bound is 30.0 mN; class 1; 28.0 mN", "BOUND")
-        found.shows(word="WITHDRAW", sentence="The force may have reached the bound.")
+        found.shows(word="WITHDRAW", sentence="Now: The force may have reached the bound.")
+        expect(found.page.locator("#held")).to_have_text(
+            re.compile(r"Held since \d\d:\d\d:\d\d: The force may have reached the bound\.")
+        )
         found.shows(detail="up to 31.0 mN, the bound is 30.0 mN")
         assert found.page.locator("#ask").is_enabled()
         scroll = "[document.documentElement.scrollHeight, document.documentElement.scrollWidth]"
@@ -160,6 +164,24 @@ def test_the_page_shows_what_the_monitor_decided_and_says_at_once_when_it_has_go
     found.shows(word="NO ANSWER")
     assert found.view() == "LOST"
     assert not found.looks_live()
+
+
+def test_a_withdrawal_shows_what_is_true_now_larger_than_its_first_cause(opened: Any) -> None:
+    with ConsoleMonitor() as monitor:
+        found = opened(monitor.address, viewport={"width": 1280, "height": 720}, timezone_id="UTC")
+        held = {"cause": "SILENCE", "withdrawn_s": 1.8e9}
+        present = {"present_cause": "BOUND", "present": "up to 40.5 mN, the bound is 30.0 mN"}
+        pixels = np.zeros((64, 96), np.uint16)
+        with going_on(lambda: monitor.frame(pixels, "WITHDRAW", "no frame", **held, **present, **reading(39.0))):
+            found.shows(sentence="Now: The force may have reached the bound.", force="39.0", detail=present["present"])
+            found.shows(held="Held since 08:00:00: No frame came from the scanner for too long.")
+            sizes = "id => parseFloat(getComputedStyle(document.getElementById(id)).fontSize)"
+            now, first = (found.page.evaluate(sizes, name) for name in ("sentence", "held"))
+            assert now > first
+        harmless = {"present_cause": None, "present": ""}
+        with going_on(lambda: monitor.frame(pixels, "WITHDRAW", "no frame", **held, **harmless, **reading(4.0))):
+            found.shows(sentence="Now: the frames are harmless. The withdrawal is held until a reset.", force="4.0")
+            found.shows(held="Held since 08:00:00: No frame came from the scanner for too long.", detail="")
 
 
 def test_a_monitor_that_is_silent_is_as_loud_as_a_withdrawal_and_comes_back(opened: Any) -> None:

@@ -16,8 +16,8 @@ from scleraforce.learning.classifier.graph import onnx_bytes
 from scleraforce.learning.classifier.half_weights import stored_as_half, with_half_weights
 from scleraforce.learning.classifier.samples import Samples, classes_at_modulus, content_hash
 from scleraforce.learning.classifier.search import Candidate, search_sizes
-from scleraforce.learning.classifier.sources import classifier_sources_hash
 from scleraforce.learning.classifier.training import CLASSIFIER_THREADS, Curves, Fitted, fit
+from scleraforce.learning.fingerprint import classifier_fingerprint
 from scleraforce.learning.framework import onnx, torch
 from scleraforce.models.writing import check_place, write_folder
 from scleraforce.reader.metrics import accuracy, confusion_matrix, recall
@@ -113,7 +113,6 @@ def _provenance(study: Study, training: Samples, validation: Samples) -> dict[st
         "kind": "classifier",
         "study_sha256": study_hash(study),
         "dataset_sha256": content_hash(training, validation),
-        "sources_sha256": classifier_sources_hash(),
         "seed": str(study.network.seed),
         "threads": str(CLASSIFIER_THREADS),
         "class_bounds_mn": ", ".join(f"{from_si(bound, 'mn'):g}" for bound in study.classes.bounds_n),
@@ -146,5 +145,6 @@ def _describe(
         "epochs": study.network.epochs,
         "metrics": metrics,
         "curves": asdict(curves),
+        "fingerprint": classifier_fingerprint(study),
     }
     return record, model_card(study, record, (len(training), len(validation)), recall(confusion))

@@ -60,7 +60,7 @@ def measured_intervals(
     Raises:
         SolverError: a worker died.
     """
-    prepare = partial(_measuring, study, library, network)
+    prepare = partial(measuring, study, library, network)
     return intervals_of(prepare, study.reader.interval_eyes, workers, "virtual eyes of the library's walls", progress)
 
 
@@ -88,7 +88,7 @@ def intervals_of(
     return intervals_record(scores, trait_factors(scores), source)
 
 
-def _measuring(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
+def measuring(study: Study, library: Library, network: bytes) -> Callable[[int], list[Score]]:
     """Return what scores an eye, in its process."""
     use_compiled_loops()
     reads_slices = slice_network(network, study)

@@ -106,15 +106,25 @@ def draw_samples(
     Raises:
         InputError: the library does not hold such eyes.
     """
+    eyes, framing, seen = draw_seen(library, reader, slice_study, count, rng)
+    slices = fill_boundaries(seen, slice_study)
+    told_pa, _ = told_modulus(eyes.told, reader)
+    return ReaderSamples(slices, given_inputs(eyes.told, reader), eyes.force_n, told_pa, framing.lateral_m)
+
+
+def draw_seen(
+    library: Library, reader: ReaderStudy, slice_study: SliceStudy, count: int, rng: np.random.Generator
+) -> tuple[Eyes, Framing, Floats]:
+    """Draw the eyes of samples, where they lie in the slices, and the boundaries seen (sample, boundary, column), m.
+
+    Arguments and errors as of `draw_samples`.
+    """
     eyes = draw_eyes(library, reader, count, rng)
     framing = Framing(
         reader.lateral_m.sample(rng, count), reader.surface_depth_m.sample(rng, count), eyes.size, eyes.rotation_rad
     )
     walls = draw_walls(library, reader, eyes, framing, slice_study, rng)
-    seen = disturb(walls, slice_study, rng, scale=reader.boundary_errors)
-    slices = fill_boundaries(seen, slice_study)
-    told_pa, _ = told_modulus(eyes.told, reader)
-    return ReaderSamples(slices, given_inputs(eyes.told, reader), eyes.force_n, told_pa, framing.lateral_m)
+    return eyes, framing, disturb(walls, slice_study, rng, scale=reader.boundary_errors)
 
 
 def draw_walls(

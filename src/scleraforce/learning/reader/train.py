@@ -1,7 +1,7 @@
 """From a library to a model folder of kind "reader": train, measure on samples that were never seen, write."""
 
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from io import BytesIO
@@ -12,14 +12,14 @@ import numpy as np
 
 from scleraforce import __version__
 from scleraforce.errors import InputError
+from scleraforce.learning.fingerprint import interval_fingerprint, reader_fingerprint
 from scleraforce.learning.framework import onnx, torch
 from scleraforce.learning.reader.card import reader_card
 from scleraforce.learning.reader.draws import CHUNK, Source
 from scleraforce.learning.reader.graph import reader_onnx_bytes
 from scleraforce.learning.reader.intervals import measured_intervals
-from scleraforce.learning.reader.sources import reader_sources_hash
 from scleraforce.learning.reader.training import READER_THREADS, FittedReader, ReaderMetrics, fit_reader
-from scleraforce.library import Library, save_library
+from scleraforce.library import Library, load_library, save_library
 from scleraforce.library.files import StoredErrors
 from scleraforce.models.folder import LIBRARY_FILE
 from scleraforce.models.writing import check_place, write_folder
@@ -65,14 +65,17 @@ def train_reader(
     check_place(out)
     check_library(library, study)
     content, errors = stored_library(library)
+    stored = load_library(LIBRARY_FILE, content)
+    fingerprint = reader_fingerprint(study, stored)
     source = Source.of(library, study.reader, study.slice)
     fitted = fit_reader(study, source, workers or max(1, available_cores() - 1), progress)
-    sources = {"sources_sha256": reader_sources_hash()}
-    provenance = provenance_of("reader", study, study.reader.seed, content, sources)
+    provenance = provenance_of("reader", study, study.reader.seed, content)
     graph = reader_onnx_bytes(fitted.network, study.slice.rows, study.slice.columns, provenance)
     record = {**_record(study, fitted, provenance), "library": asdict(errors)}
     if study.reader.interval_eyes:
         record["intervals"] = measured_intervals(study, library, graph, workers or available_cores(), measured)
+        fingerprint |= interval_fingerprint(study, stored, graph)
+    record["fingerprint"] = fingerprint
     write_folder(out, graph, format_study(study), reader_card(study, record), record, {LIBRARY_FILE: content})
     return TrainedReader(fitted.metrics, study.reader.epochs, record["samples"]["training"])
 
@@ -96,9 +99,7 @@ def stored_library(library: Library) -> tuple[bytes, StoredErrors]:
     return file.getvalue(), errors
 
 
-def provenance_of(
-    kind: str, study: Study, seed: int, library: bytes, sources: Mapping[str, str] | None = None
-) -> dict[str, str]:
+def provenance_of(kind: str, study: Study, seed: int, library: bytes) -> dict[str, str]:
     """Return what `metadata_props` of a network says: the same for the same study, library and versions.
 
     Args:
@@ -106,7 +107,6 @@ def provenance_of(
         study: of the training.
         seed: of the training.
         library: as it is stored.
-        sources: hashes of what decides the model, if they are kept.
     """
     return {
         "kind": kind,
@@ -114,7 +114,6 @@ def provenance_of(
         "library_sha256": sha256(library).hexdigest(),
         "seed": str(seed),
         "threads": str(READER_THREADS),
-        **(sources or {}),
         "class_bounds_mn": ", ".join(f"{from_si(bound, 'mn'):g}" for bound in study.classes.bounds_n),
         "scleraforce": __version__,
         "python": platform.python_version(),

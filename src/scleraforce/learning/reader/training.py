@@ -5,7 +5,7 @@ rules", 2007): least for the true distribution of the force given what the netwo
 contact's place. The optimiser is AdamW with a warm-up and a cosine.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import closing
 from dataclasses import dataclass
 
@@ -95,13 +95,30 @@ def fit_reader(
         SolverError: the descent diverged.
     """
     reader = study.reader
-    chunks = -(-reader.samples_per_epoch // CHUNK)
+    chunks = range(reader.epochs * _chunks(reader))
+    with closing(chunks_ahead(source, chunks, workers)) as drawn:
+        network, curves = descend_reader(study, drawn, progress)
+    with repeatable(reader.seed, READER_THREADS):
+        return FittedReader(network, curves, measure(network, _validation_samples(source), study))
+
+
+def descend_reader(
+    study: Study, drawn: Iterable[ReaderSamples], progress: Callable[[int], object] | None = None
+) -> tuple[ReaderNetwork, ReaderCurves]:
+    """Train a new network on the chunks of all epochs.
+
+    Args:
+        study: the study with its `[reader]`.
+        drawn: the chunks of samples, in order.
+        progress: called with 1 after each epoch.
+
+    Raises:
+        SolverError: the descent diverged.
+    """
+    reader, chunks = study.reader, _chunks(study.reader)
     steps = reader.epochs * chunks * -(-CHUNK // reader.batch_size)
     losses: list[float] = []
-    with (
-        repeatable(reader.seed, READER_THREADS),
-        closing(chunks_ahead(source, range(reader.epochs * chunks), workers)) as drawn,
-    ):
+    with repeatable(reader.seed, READER_THREADS):
         network = ReaderNetwork(reader, study.slice, study.eye.radius_m)
         optimiser = torch.optim.AdamW(
             network.parameters(), reader.learning_rate, weight_decay=reader.weight_decay, fused=True
@@ -113,9 +130,13 @@ def fit_reader(
                 raise SolverError("training diverged; lower reader.learning_rate")
             if number % chunks == 0 and progress:
                 progress(1)
-        metrics = measure(network, _validation_samples(source), study)
     per_epoch = np.reshape(losses, (reader.epochs, chunks)).mean(axis=1)
-    return FittedReader(network, ReaderCurves(tuple(per_epoch.tolist())), metrics)
+    return network, ReaderCurves(tuple(per_epoch.tolist()))
+
+
+def _chunks(reader: ReaderStudy) -> int:
+    """Return the number of chunks in an epoch."""
+    return -(-reader.samples_per_epoch // CHUNK)
 
 
 def _validation_samples(source: Source) -> ReaderSamples:

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from scleraforce import __version__
+from scleraforce.learning.fingerprint import finder_fingerprint
 from scleraforce.learning.framework import onnx, torch
 from scleraforce.learning.wall_finder.card import finder_card
 from scleraforce.learning.wall_finder.graph import finder_onnx_bytes
 from scleraforce.learning.wall_finder.measure import FinderMetrics, measure_finder
-from scleraforce.learning.wall_finder.sources import finder_sources_hash
 from scleraforce.learning.wall_finder.training import FINDER_THREADS, FittedFinder, fit_wall_finder
 from scleraforce.models.folder import NETWORK_FILE, WALL_FINDER
 from scleraforce.models.session import network_session
@@ -67,7 +67,6 @@ def _provenance(study: Study) -> dict[str, str]:
         "seed": str(study.wall_finder.seed),
         "scenes_seed": str(study.scenes.seed),
         "threads": str(FINDER_THREADS),
-        "sources_sha256": finder_sources_hash(),
         "scleraforce": __version__,
         "python": platform.python_version(),
         "numpy": np.__version__,
@@ -86,4 +85,5 @@ def _record(study: Study, fitted: FittedFinder, metrics: FinderMetrics, provenan
         "batches": finder.batches,
         "metrics": asdict(metrics),
         "curves": {"training_loss": fitted.training_loss},
+        "fingerprint": finder_fingerprint(study),
     }

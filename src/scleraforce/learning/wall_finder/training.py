@@ -5,7 +5,7 @@ which knows how far off a wrong row is; both are proper, so that the spread that
 Columns without wall count for the third output alone, and a wall that nobody can see for none.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import closing
 from dataclasses import dataclass
 
@@ -45,9 +45,16 @@ def fit_wall_finder(
     Raises:
         SolverError: the descent diverged.
     """
+    with closing(batches_ahead(scenes, study, range(study.batches), workers)) as drawn:
+        return descend_finder(study, drawn, progress)
+
+
+def descend_finder(
+    study: WallFinderStudy, drawn: Iterable[SceneBatch], progress: Callable[[int], object] | None = None
+) -> FittedFinder:
+    """Train a new network on batches of scenes, in order; arguments and errors of `fit_wall_finder`."""
     losses: list[float] = []
-    drawn = batches_ahead(scenes, study, range(study.batches), workers)
-    with repeatable(study.seed, FINDER_THREADS), closing(drawn):
+    with repeatable(study.seed, FINDER_THREADS):
         network = WallFinderNetwork(study)
         optimiser = torch.optim.AdamW(network.parameters(), study.learning_rate, weight_decay=study.weight_decay)
         network.train()

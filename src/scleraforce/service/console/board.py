@@ -97,12 +97,22 @@ class Board:
 
     def _decision(self) -> dict[str, Any]:
         entry = self._entry
-        state, cause, message = (entry.state, entry.cause, entry.message) if entry else ("NOT_READY", None, "")
+        if entry is None:
+            return {
+                "state": "NOT_READY",
+                "cause": None,
+                "detail": "",
+                "sentence": "",
+                "present": "",
+                "withdrawn_s": None,
+            }
         return {
-            "state": state,
-            "cause": cause,
-            "detail": detail_of(message, state),
-            "sentence": sentence_of(cause) if cause else "",
+            "state": entry.state,
+            "cause": entry.cause,
+            "detail": entry.present if entry.cause else detail_of(entry.message, entry.state),
+            "sentence": sentence_of(entry.cause) if entry.cause else "",
+            "present": sentence_of(entry.present_cause) if entry.present_cause else "",
+            "withdrawn_s": entry.withdrawn_s,
         }
 
     def _shown_reading(self, now_s: float) -> dict[str, Any] | None:

@@ -19,6 +19,7 @@ SENTENCES = {
     "EXCEPTION": "A part of the monitor failed.",
     "NO_OPINION": "The second reader has not answered for too long.",
     "STALE": "Frames arrive too long after they were taken.",
+    "PIXEL_TYPE": "The scanner has changed the type of its pixels.",
     "WATCHDOG": "The monitor hung or died, and the watchdog ended it.",
 }
 

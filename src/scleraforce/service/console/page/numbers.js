@@ -26,20 +26,35 @@ export function showSettings(settings) {
   write("version", settings.version);
 }
 
-export function showVerdict(view, word, sentence, detail) {
+export function showVerdict(view, word, sentence, detail, held = "") {
   if (document.body.dataset.view !== view) document.body.dataset.view = view;
   write("word", word);
   write("sentence", sentence);
   write("detail", detail);
+  write("held", held);
   const title = `${word} – scleraforce monitor`;
   if (document.title !== title) document.title = title;
 }
 
 export function showState(message, settings) {
   const { state } = message;
-  showVerdict(state, WORDS[state], message.sentence || RESTS[state], message.detail);
+  const held = state === "WITHDRAW";
+  const now = held ? presentText(message) : RESTS[state];
+  showVerdict(state, WORDS[state], now, message.detail, held ? heldText(message) : "");
   showReading(message.reading, settings);
   showRates(message);
+}
+
+// What is true now comes first; the cause of the withdrawal may be long over.
+function presentText(message) {
+  if (message.present) return `Now: ${message.present}`;
+  if (message.detail) return "Now: the frames are not all harmless.";
+  return "Now: the frames are harmless. The withdrawal is held until a reset.";
+}
+
+function heldText(message) {
+  const since = message.withdrawn_s === null ? "" : ` since ${new Date(1e3 * message.withdrawn_s).toLocaleTimeString("en-GB")}`;
+  return `Held${since}: ${message.sentence}`;
 }
 
 function showReading(reading, settings) {

@@ -1,0 +1,257 @@
+"""Fingerprints of behaviour: a few numbers that move when what decides a trained model moves.
+
+What a training works on is computed at small size: load paths and the library that they make, samples of fixed seeds,
+the first steps of the descent, the scores that intervals rest on. Each result is reduced to at most 64 numbers, which
+`model.json` keeps with a tolerance. A model is out of date when today's code computes other numbers; a rename or a
+comment moves none. What only runs in cases that the small size lacks is not seen.
+"""
+
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from scleraforce.compiled import use_compiled_loops
+from scleraforce.dataset.plan import plan_dataset
+from scleraforce.dataset.samples import SampleSimulator
+from scleraforce.errors import CalibrationError
+from scleraforce.eye.contact import Contact
+from scleraforce.eye.study_mesh import study_mesh
+from scleraforce.learning.classifier.half_weights import with_half_weights
+from scleraforce.learning.classifier.samples import Samples, classes_at_modulus
+from scleraforce.learning.classifier.training import fit
+from scleraforce.learning.framework import torch
+from scleraforce.learning.reader.draws import CHUNK, Source
+from scleraforce.learning.reader.intervals import STREAM, measuring
+from scleraforce.learning.reader.samples import ReaderSamples, draw_seen
+from scleraforce.learning.reader.training import VALIDATION_CHUNK, descend_reader
+from scleraforce.learning.reader.trait_factors import trait_factors
+from scleraforce.learning.reader.virtual_eyes import calibrated, draw_eye, draw_frames
+from scleraforce.learning.wall_finder.samples import VALIDATION_SCENES, scene_batch
+from scleraforce.learning.wall_finder.training import descend_finder
+from scleraforce.library import Library, load_library, save_library
+from scleraforce.library.build import solve_path
+from scleraforce.library.plan import plan_library
+from scleraforce.library.store import complete_library, create_library, open_library, write_library_unit
+from scleraforce.mechanics.linear import LinearWall
+from scleraforce.study import Study
+from scleraforce.units import from_si
+
+Fingerprint = dict[str, dict[str, Any]]  # name of a result -> its "tolerance" and "values", as in `model.json`
+
+MEANS, PICKS = 32, 31  # of an item, at most
+# Relative to an item's largest number. Other BLAS kernels and processors (Prescott, Haswell, without AVX) move doubles
+# by less than 1e-9, network inputs by 3e-8, scores of fits by 2e-4, a descent by 5e-4; a pixel may turn.
+DOUBLE, SINGLE, PIXELS, SCORES, DESCENT = 1e-6, 1e-5, 1e-3, 3e-3, 1e-2
+
+PATHS = (0.0, 0.5, 1.0)  # of the load paths: the first, one in the middle, the last
+SAMPLES = 450  # of two tissues
+EYE, LAST_EYE = 1, 9  # virtual eyes that are tried for scores: the library may lack one
+EYES = 30  # that scores are shared among
+SLICES, CONTACTS = 24, 3  # of each of the first two groups
+
+
+def item(values: ArrayLike, tolerance: float = DOUBLE) -> dict[str, Any]:
+    """Return an array as an entry of a fingerprint: the share of numbers, means of even parts, values at even places.
+
+    >>> item([1.0, 2.0])
+    {'tolerance': 1e-06, 'values': '1 1 2 1 2'}
+    """
+    flat = np.asarray(values, dtype=np.float64).ravel()
+    if not flat.size:
+        return {"tolerance": tolerance, "values": "0"}
+    known = np.isfinite(flat)
+    filled = np.where(known, flat, 0.0)
+    means = [part.mean() for part in np.array_split(filled, min(MEANS, flat.size))]
+    picks = filled[np.linspace(0, flat.size - 1, min(PICKS, flat.size)).astype(np.intp)]
+    return {"tolerance": tolerance, "values": " ".join(f"{value:.9g}" for value in [known.mean(), *means, *picks])}
+
+
+def moved(before: Fingerprint, now: Fingerprint) -> list[str]:
+    """Return the names of the entries that differ by more than their tolerance, or that only one of both has."""
+    return sorted(name for name in {*before, *now} if not _agree(before.get(name), now.get(name)))
+
+
+def _agree(before: dict[str, Any] | None, now: dict[str, Any] | None) -> bool:
+    if before is None or now is None:
+        return False
+    old, new = (np.array(entry["values"].split(), dtype=np.float64) for entry in (before, now))
+    if old.shape != new.shape:
+        return False
+    scale = np.abs(old[1:]).max(initial=0.0)  # of the values; the first is a share
+    return bool(old[0] == new[0]) and bool(np.abs(new[1:] - old[1:]).max(initial=0.0) <= now["tolerance"] * scale)
+
+
+def reader_fingerprint(study: Study, library: Library) -> Fingerprint:
+    """Return the fingerprint of a reader's network: load paths, a small library, samples, the first steps of a descent.
+
+    Args:
+        study: of the reader.
+        library: of the reader, as its folder has it.
+    """
+    use_compiled_loops()
+    reader, source = study.reader, Source.of(library, study.reader, study.slice)
+    samples = source.chunk(1, SAMPLES)
+    rng = np.random.default_rng(reader.seed)
+    _, _, seen = draw_seen(source.library, reader, study.slice, SAMPLES, rng)
+    network, curves = descend_reader(
+        replace(study, reader=replace(reader, epochs=1, samples_per_epoch=CHUNK)), [samples]
+    )
+    slices = torch.from_numpy((samples.slices > 0).astype(np.float32))
+    with torch.inference_mode():
+        inputs, (forces, places) = network.features(slices), network(slices, torch.from_numpy(samples.given))
+    return {
+        **_library_items(study),
+        **_sample_items("training", samples),
+        **_sample_items("validation", source.chunk(VALIDATION_CHUNK, 50)),
+        "seen boundaries": item(seen, 1e-5),  # the pressure of a sealed eye is found within 1e-5
+        "network inputs": item(inputs, SINGLE),
+        "training loss": item(curves.training_loss, DESCENT),
+        "trained forces": item(forces, DESCENT),
+        "trained places": item(places, DESCENT),
+    }
+
+
+def interval_fingerprint(study: Study, library: Library, network: bytes) -> Fingerprint:
+    """Return the fingerprint of a reader's intervals: the tissue that a calibration finds, an eye's scores, factors.
+
+    Args:
+        study: of the reader.
+        library: of the reader, as its folder has it.
+        network: of the reader, as ONNX.
+    """
+    use_compiled_loops()
+    scores_of = measuring(study, replace(library, stiffened=None), network)
+    scores = next(filter(None, map(scores_of, range(EYE, LAST_EYE))), [])
+    rng = np.random.default_rng(0)  # one eye makes no factors: scores of its traits are drawn for many
+    many = [replace(entry, eye=str(n % EYES), score=rng.lognormal()) for n, entry in enumerate(scores)]
+    factors = trait_factors(many)
+    values = [factors[method][modulus] for method in sorted(factors) for modulus in sorted(factors[method])]
+    return {
+        "calibrated tissue": item(_calibrated_tissue(study, library), SCORES),
+        "scores": item([entry.score for entry in scores], SCORES),
+        "traits": item([len(entry.traits) for entry in scores]),
+        "factors": item([factor for traits in values for _, factor in sorted(traits.items())], SCORES),
+    }
+
+
+def _calibrated_tissue(study: Study, library: Library) -> list[float]:
+    """Return the tissue and the modulus, MPa, found from one frame; nothing if the library lacks them."""
+    rng = np.random.default_rng([study.reader.seed, STREAM])
+    try:
+        eye = draw_eye(study, library, EYE, rng)
+        known, _ = calibrated(eye, draw_frames(eye, study, 2, rng), study, library, rng, range(1))
+    except CalibrationError:
+        return []
+    modulus = known.modulus
+    return (
+        []
+        if modulus is None
+        else [known.stiffening or 0.0, from_si(modulus.mean_pa, "mpa"), from_si(modulus.sd_pa, "mpa")]
+    )
+
+
+def classifier_fingerprint(study: Study) -> Fingerprint:
+    """Return the fingerprint of a classifier of a study: slices of linear walls, on a coarse mesh, and a descent.
+
+    Slices of finite strain come from a library, whose behaviour `reader_fingerprint` covers.
+    """
+    groups = tuple(replace(group, images=SLICES) for group in study.dataset.group[:2])
+    small = replace(
+        study,
+        mesh=replace(study.mesh, core=4, rings=8),
+        dataset=replace(study.dataset, contacts=CONTACTS, group=groups),
+        network=replace(study.network, epochs=1, batch_size=SLICES // 2),
+    )
+    wall = LinearWall(study_mesh(small, groups[0].thickness_m), study.eye.poisson_ratio)
+    needle = wall.needle_cnc([Contact(polar_rad=0.3, azimuth_rad=0.2)], 0.5 * study.needle.outer_diameter_m)
+    plan = plan_dataset(small)
+    slices = SampleSimulator(small, study.eye.youngs_modulus_pa).slices(plan)
+    samples = Samples(slices, classes_at_modulus(plan.force_n, 1.1, study.classes))
+    seen, unseen = (Samples(slices[part], samples.target[part]) for part in (~plan.validation, plan.validation))
+    fitted = fit(small.network, seen, unseen, len(study.classes.bounds_n) + 1)
+    answers = with_half_weights(fitted.network).probabilities(slices)
+    return {
+        "resting wall": item([wall.pressure_nc, wall.gravity_nc]),
+        "wall under a needle": item(needle),
+        **{f"plan {name}": item(column) for name, column in plan.columns.items()},
+        **_slice_items("slices", slices),
+        "classes": item(samples.target),
+        "training loss": item([*fitted.curves.training_loss, *fitted.curves.validation_loss], DESCENT),
+        "answers": item(answers, DESCENT),
+    }
+
+
+def finder_fingerprint(study: Study) -> Fingerprint:
+    """Return the fingerprint of a wall finder of a study: drawn scenes, and the first steps of a descent."""
+    few = replace(study.wall_finder, batch_size=4, batches=3)
+    batches = [scene_batch(study.scenes, few, number) for number in range(few.batches)]
+    unseen = scene_batch(study.scenes, few, 0, VALIDATION_SCENES)
+    frames, boundaries, judged = (  # copies: the descent mirrors
+        np.stack([getattr(batch, name) for batch in batches]) for name in ("frames", "boundaries", "judged")
+    )
+    fitted = descend_finder(few, batches)
+    with torch.inference_mode():
+        inputs = fitted.network.inputs(torch.from_numpy(unseen.frames))
+        rows, wall = fitted.network(torch.from_numpy(unseen.frames))
+    return {
+        "frames": item(frames, PIXELS),
+        "boundaries": item(boundaries, PIXELS),
+        "judged": item(judged, PIXELS),
+        "network inputs": item(inputs, SINGLE),
+        "training loss": item(fitted.training_loss, DESCENT),
+        "trained rows": item(rows, DESCENT),
+        "trained wall": item(wall, DESCENT),
+    }
+
+
+def _library_items(study: Study) -> Fingerprint:
+    """Return entries of load paths of the study's own plan, and of a small library as a model folder has it."""
+    plan = plan_library(study)
+    units = [round(share * (plan.paths - 1)) for share in PATHS]
+    paths: Fingerprint = {
+        f"{what} of path {number}": item(values)
+        for number, unit in enumerate([*units, plan.paths])
+        for what, values in solve_path(plan, unit)._asdict().items()
+    }
+    grid = replace(study.library, thicknesses=4, tensions=4, stiffenings=1, tips=6, elements=8)
+    small = plan_library(replace(study, library=grid))
+    with TemporaryDirectory() as folder:
+        store = Path(folder) / "library.zarr"
+        create_library(store, small)
+        for unit in range(small.units):
+            write_library_unit(store, small, unit, *solve_path(small, unit))
+        complete_library(store, small)
+        file = BytesIO()
+        save_library(open_library(store), file)
+    library = load_library("library.npz", file.getvalue())
+    ratio = library.tension[1] * library.thickness_m[1:3] / library.radius_m
+    walls = library.curves(library.thickness_m[1:3], ratio, np.array([0.1, 0.3]) * library.max_force_ratio)
+    return {
+        **paths,
+        "stiffenings and tensions": item([*plan.stiffening, *plan.tension]),
+        "thicknesses and tips": item([*plan.thickness_m, *plan.tip_m]),
+        "base of a small library": item(library.stiffness_atpd),
+        "walls of a small library": item(walls.curves_sbnc, SINGLE),  # within what a folder's file may be off by
+    }
+
+
+def _sample_items(name: str, samples: ReaderSamples) -> Fingerprint:
+    return {
+        **_slice_items(f"{name} slices", samples.slices),
+        f"{name} given": item(samples.given, SINGLE),
+        f"{name} forces": item(samples.force_n),
+        f"{name} moduli": item(samples.modulus_pa),
+        f"{name} places": item(samples.lateral_m),
+    }
+
+
+def _slice_items(name: str, slices: NDArray[np.uint8]) -> Fingerprint:
+    """Return entries of how much wall the columns of slices (slice, row, column) show, and how deep it lies."""
+    wall = slices / 255.0
+    depth = np.arange(slices.shape[1]) @ wall
+    return {name: item(wall.sum(axis=1), PIXELS), f"{name}, depth": item(depth, PIXELS)}

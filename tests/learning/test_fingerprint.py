@@ -1,0 +1,110 @@
+"""Today's code still trains the models that ship with the package: their fingerprints have not moved."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scleraforce.learning.fingerprint import (
+    Fingerprint,
+    classifier_fingerprint,
+    finder_fingerprint,
+    interval_fingerprint,
+    item,
+    moved,
+    reader_fingerprint,
+)
+from scleraforce.library.files import load_library
+from scleraforce.models.shipped import SHIPPED_PAPER, SHIPPED_READER, SHIPPED_WALL_FINDER
+from scleraforce.reader import load_force_reader, load_model
+from scleraforce.reader.wall_finder_model import load_wall_finder
+from scleraforce.study import Study, parse_study
+
+pytestmark = pytest.mark.usefixtures("compiled_loops")
+INTERVALS = {"calibrated tissue", "scores", "traits", "factors"}
+
+
+def record_of(folder: Path) -> Any:
+    return json.loads((folder / "model.json").read_text())
+
+
+def moved_since(folder: Path, now: Fingerprint) -> list[str]:
+    """What has moved since the training of a shipped model, of the entries that are computed now."""
+    before = record_of(folder)["fingerprint"]
+    return moved({name: before[name] for name in before if name in now}, now)
+
+
+def study_of(folder: Path) -> Study:
+    return parse_study((folder / "study.toml").read_text())
+
+
+def test_the_shipped_reader_is_trained_as_today() -> None:
+    library = load_library(SHIPPED_READER / "library.npz")
+    now = reader_fingerprint(study_of(SHIPPED_READER), library)
+    assert set(record_of(SHIPPED_READER)["fingerprint"]) == {*now, *INTERVALS}
+    found = moved_since(SHIPPED_READER, now)
+    assert not found, "run `make model`; if an entry of a path moved, raise library.plan.METHOD first"
+
+
+@pytest.mark.slow
+def test_the_intervals_of_the_shipped_reader_are_measured_as_today() -> None:
+    library, network = load_library(SHIPPED_READER / "library.npz"), (SHIPPED_READER / "model.onnx").read_bytes()
+    now = interval_fingerprint(study_of(SHIPPED_READER), library, network)
+    assert set(now) == INTERVALS
+    assert not moved_since(SHIPPED_READER, now), "run `make model`"
+
+
+@pytest.mark.parametrize(
+    ("folder", "fingerprint"), [(SHIPPED_PAPER, classifier_fingerprint), (SHIPPED_WALL_FINDER, finder_fingerprint)]
+)
+def test_the_shipped_classifier_and_wall_finder_are_trained_as_today(folder: Path, fingerprint) -> None:
+    found = moved(record_of(folder)["fingerprint"], fingerprint(study_of(folder)))
+    assert not found, "run `make paper` or `make wall-finder`"
+
+
+def test_another_seed_moves_all_of_a_fingerprint() -> None:
+    other = replace(Study(), scenes=replace(Study().scenes, seed=1))
+    now = finder_fingerprint(other)
+    assert moved_since(SHIPPED_WALL_FINDER, now) == sorted(now)
+
+
+def test_an_entry_moves_with_values_order_missing_values_and_size_beyond_its_tolerance() -> None:
+    values = 1e-7 * np.sin(np.arange(1000.0))
+    before = {"a": item(values)}
+    assert moved(before, {"a": item(values * (1.0 + 1e-8))}) == []
+    others = (values * 1.001, values[::-1], np.where(values > 0.999e-7, np.nan, values), values[:20], [])
+    for other in others:
+        assert moved(before, {"a": item(other)}) == ["a"]
+    assert moved(before, {"a": item(values * 1.001, tolerance=0.01)}) == []
+    assert moved(before, {"b": before["a"]}) == ["a", "b"]
+    assert moved({"a": item([])}, {"a": item([])}) == []
+
+
+def test_the_shipped_reader_is_of_the_default_study_whole_and_small() -> None:
+    reader = load_force_reader(SHIPPED_READER)
+    for section in ("eye", "needle", "slice", "classes", "calibration", "library", "reader"):
+        assert getattr(reader.study, section) == getattr(Study(), section), f"[{section}]: run `make model`"
+    assert reader.record["intervals"]["eyes"] >= 200, "trained without its intervals"
+    assert sum(file.stat().st_size for file in SHIPPED_READER.iterdir()) < 9.5e6
+
+
+def test_the_shipped_classifier_is_the_papers_whole_and_small() -> None:
+    reader = load_model("paper")
+    assert reader.kind == "classifier"
+    for section in ("eye", "mesh", "needle", "slice", "classes", "dataset", "network"):
+        assert getattr(reader.study, section) == getattr(Study(), section), f"[{section}]: run `make paper`"
+    assert reader.record["samples"]["training"] + reader.record["samples"]["validation"] == 19_200
+    assert reader.record["metrics"]["validation_accuracy"] > 0.93
+    assert sum(file.stat().st_size for file in SHIPPED_PAPER.iterdir()) < 8e6
+    assert replace(reader.study, network=Study().network) == replace(Study(), eye=reader.study.eye)
+
+
+def test_the_shipped_wall_finder_is_of_the_default_study_and_small() -> None:
+    load_wall_finder(SHIPPED_WALL_FINDER)
+    study = study_of(SHIPPED_WALL_FINDER)
+    assert study.scenes == Study().scenes
+    assert study.wall_finder == Study().wall_finder
+    assert (SHIPPED_WALL_FINDER / "model.onnx").stat().st_size < 700_000
