@@ -287,7 +287,7 @@ def _pixel_sizes(dataset: "pydicom.Dataset") -> list[PixelSize]:
             spacing = [float(value) for value in _several(item.get(name, None))]
             if len(spacing) == 2 and min(spacing) > 0.0:
                 depth_m, lateral_m = (to_si(length, "mm") for length in spacing)
-                sizes.append(PixelSize(f"DICOM's {name}{place}", depth_m, lateral_m))
+                sizes.append(PixelSize(f"DICOM's {name}{place}", depth_m=depth_m, lateral_m=lateral_m))
     if not sizes:
         return []
     for region in dataset.get("SequenceOfUltrasoundRegions", None) or []:
@@ -296,11 +296,13 @@ def _pixel_sizes(dataset: "pydicom.Dataset") -> list[PixelSize]:
             depth_m, lateral_m = (
                 to_si(10.0 * abs(float(region.get(f"PhysicalDelta{axis}", 0.0))), "mm") for axis in "YX"
             )
-            sizes.append(PixelSize("SequenceOfUltrasoundRegions", depth_m, lateral_m))
+            sizes.append(PixelSize("SequenceOfUltrasoundRegions", depth_m=depth_m, lateral_m=lateral_m))
     ratio = [float(value) for value in _several(dataset.get("PixelAspectRatio", None))]
     if len(ratio) == 2 and min(ratio) > 0.0 and ratio[0] != ratio[1]:
         across_m = (sizes[0].depth_m or 0.0) * ratio[1] / ratio[0]
-        sizes.append(PixelSize(f"PixelAspectRatio {ratio[0]:g}:{ratio[1]:g}", sizes[0].depth_m, across_m))
+        sizes.append(
+            PixelSize(f"PixelAspectRatio {ratio[0]:g}:{ratio[1]:g}", depth_m=sizes[0].depth_m, lateral_m=across_m)
+        )
     return sizes
 
 

@@ -24,7 +24,7 @@ def ome_sizes(path: Path, xml: str, notes: list[str]) -> list[PixelSize]:
     for stated in _ome_pixels(xml):
         units = {stated.get(f"PhysicalSize{axis}Unit", "µm") for axis in "XY"} - set(METRES)
         notes += [f"{path}: OME's unit {unit!r} is not known: the scale is not either" for unit in sorted(units)]
-        found.append(PixelSize("OME", _ome_size(stated, "Y"), _ome_size(stated, "X")))
+        found.append(PixelSize("OME", depth_m=_ome_size(stated, "Y"), lateral_m=_ome_size(stated, "X")))
     return found
 
 

@@ -1,7 +1,7 @@
 """Frames as a file of any format has them, and what it states of them; None: the file does not state it."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +84,7 @@ class PixelSize:
     """The size of a pixel that one field of a file states."""
 
     source: str
+    _: KW_ONLY
     depth_m: float | None
     lateral_m: float | None
 

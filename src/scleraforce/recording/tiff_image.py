@@ -316,7 +316,7 @@ def _resolution(path: Path, file: "tifffile.TiffFile", page: "tifffile.TiffPage"
         _size(page, tag, unit_m) for tag, unit_m in zip(("YResolution", "XResolution"), units_m, strict=True)
     )
     printed = units_m[0] in PRINTED and depth_m == lateral_m and (depth_m or 0.0) >= PRINTED_M
-    return PixelSize(source, None, None) if printed else PixelSize(source, depth_m, lateral_m)
+    return PixelSize(source, depth_m=None if printed else depth_m, lateral_m=None if printed else lateral_m)
 
 
 def _metres(unit: str) -> float | None:
@@ -341,9 +341,9 @@ def _json_size(page: "tifffile.TiffPage", rows: int, columns: int) -> PixelSize:
     tag = page.tags.get("Software")
     try:
         axes = json.loads(tag.value)["metadata"] if tag is not None else {}
-        return PixelSize(source, *(_step_m(axes.get(name), size) for name, size in (("z", rows), ("x", columns))))
+        return PixelSize(source, depth_m=_step_m(axes.get("z"), rows), lateral_m=_step_m(axes.get("x"), columns))
     except (ValueError, TypeError, KeyError, AttributeError):
-        return PixelSize(source, None, None)
+        return PixelSize(source, depth_m=None, lateral_m=None)
 
 
 def _step_m(axis: Any, size: int) -> float | None:
