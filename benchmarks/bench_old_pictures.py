@@ -85,8 +85,9 @@ def overlaid(first: Counts, count: int, rng: np.random.Generator) -> Sequence[Co
     """Return one picture with a strip of noise that wanders over it."""
     shown = [first.copy() for _ in range(count)]
     for number, picture in enumerate(shown):
-        left = 7 * number % (SIZE[1] - 60)
-        picture[:, left : left + 60] = rng.integers(0, 4096, (SIZE[0], 60))
+        rows, columns = picture.shape
+        left = 7 * number % (columns - 60)
+        picture[:, left : left + 60] = rng.integers(0, 4096, (rows, 60))
     return shown
 
 
@@ -157,7 +158,8 @@ def main() -> None:
         _, old, taken_s = alarm_after(pictures, 0)
         name = f"still speckle, {snr_db} dB, {bits} bits, {motion} pixels a frame"
         print(f"{name:44}{f'{old} of {len(pictures)}':>15}{from_si(taken_s, 'us'):12.0f}")
-    before, during = live[:60], live[60:90]
+    first = min(60, len(live) // 2)
+    before, during = live[:first], live[first : first + 30]
     print(f"\n{'old pictures':44}{'FROZEN at frame':>16}")
     for name, old_pictures in faults(during, rng):
         alarm, _, _ = alarm_after([*before, *old_pictures], len(before))

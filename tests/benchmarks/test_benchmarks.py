@@ -26,6 +26,7 @@ SMALLEST = {
     "bench_mechanics": "--rows 1 --quads 8",
     "bench_monitor": "latency {model} {recording} --frames 20 --without",
     "bench_monitor_sessions": "--model {model} --kinds sealed living --eyes 1 --seconds 1 --rates-mn-s 100",
+    "bench_old_pictures": "{recording} --frames 20",
     "bench_openigtlink": "--messages 1000",
     "bench_reader": "{model} --frames 2 --rounds 2",
     "bench_real_tissue": "--rows 1",

@@ -4,7 +4,7 @@ import json
 import selectors
 import socket
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from datetime import datetime
 from itertools import count
 from select import select
@@ -74,6 +74,7 @@ class ServerSettings:
     """
 
     token: str
+    _: KW_ONLY
     clients: int = 256
     message_s: float = 2.0
     stalled_s: float = 0.2
