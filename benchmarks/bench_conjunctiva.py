@@ -22,7 +22,7 @@ from scleraforce.segmentation.conjunctiva import below_conjunctiva
 from scleraforce.segmentation.steps import Segmentation
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import Study
-from scleraforce.study.sampled import fixed
+from scleraforce.study.fields import fixed
 
 STUDY = Study()
 SCALE = PixelScale.of(STUDY.oct)

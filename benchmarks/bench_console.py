@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Page, sync_playwright
 
 from monitor_service.browser import CHROMIUM, browser_pids, cpu_s
-from monitor_service.session import add_options
-from monitor_service.session import run as run_session
+from monitor_service.session import add_options, run as run_session
 from scleraforce.monitor import MonitorLimits
 from scleraforce.service.companions.child import Child
 from scleraforce.service.companions.frame_ring import FrameRing

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 import scleraforce as sf
 from scleraforce.report.calibration_figures import draw_modulus_over_frames
 from scleraforce.report.files import write_figure
-from scleraforce.study.records import MeshStudy
+from scleraforce.study.eye import MeshStudy
 
 MODULUS_PA = 0.27e6
 FORCES_N = (0.012, 0.030, 0.020, 0.008, 0.040)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 import scleraforce as sf
 from scleraforce.report.files import write_figure
 from scleraforce.report.mesh_figure import draw_simulation
-from scleraforce.study.records import MeshStudy
+from scleraforce.study.eye import MeshStudy
 
 
 def draw() -> Figure:

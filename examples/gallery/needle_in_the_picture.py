@@ -16,7 +16,7 @@ from scleraforce.report.files import write_figure
 from scleraforce.report.style import SCAN_COLOURS, inches, styled
 from scleraforce.segmentation.overlay import draw_overlay
 from scleraforce.study import fixed
-from scleraforce.study.records import MeshStudy
+from scleraforce.study.eye import MeshStudy
 
 
 @styled

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from pieces_of_work import leave_a_mark_or_fail, leave_a_mark_or_wait
 
-from figures import __main__ as figures_main
-from figures import commands, readings, recordings
+from figures import __main__ as figures_main, commands, readings, recordings
 from figures.commands import answers, made_by
 from figures.folder import FiguresFolder
 from figures.groups import GROUPS, draw_eyes
@@ -24,8 +23,7 @@ from figures.sections import compute_eye
 from figures.table import COLUMNS, GroupResult, ModulusErrors, as_json, as_markdown
 from figures.told import as_told, tell
 from figures.workers import in_processes
-from provenance import __main__ as provenance_main
-from provenance import behaviour as provenance_behaviour
+from provenance import __main__ as provenance_main, behaviour as provenance_behaviour
 from provenance.stamps import new_stamp, read_stamps
 from scleraforce.errors import ScleraforceError
 from scleraforce.laboratory.phantom import plan_phantom

@@ -15,7 +15,7 @@ from scleraforce.laboratory.optics import Pose
 from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections
 from scleraforce.library.cache import cached_library
 from scleraforce.study import LibraryStudy, Study
-from scleraforce.study.sampled import Range
+from scleraforce.study.fields import Range
 
 pytestmark = pytest.mark.slow
 

@@ -5,7 +5,7 @@ import pytest
 
 from scleraforce.errors import InputError
 from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
-from scleraforce.study.globe import RIGIDITY_LAWS
+from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT, to_si
 
 PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]

@@ -5,8 +5,7 @@ import pytest
 from machine_code import compiled_again
 
 from scleraforce.errors import InputError
-from scleraforce.eye import locate as locate_module
-from scleraforce.eye import locate_loops
+from scleraforce.eye import locate as locate_module, locate_loops
 from scleraforce.eye.mesh import HexMesh, build_mesh, locate, surface_weights
 
 R, T = 12e-3, 0.5e-3

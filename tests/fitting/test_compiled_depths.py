@@ -21,7 +21,7 @@ from scleraforce.fitting.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, POLE, 
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, KnownGlobe
 from scleraforce.library import compiled_pressures, compiled_states
-from scleraforce.study.globe import RIGIDITY_LAWS
+from scleraforce.study.eye import RIGIDITY_LAWS
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -16,8 +16,7 @@ pytest.importorskip("mcap")
 from mcap.writer import Writer as McapWriter
 from ros_bag import FORCE_TIMES_S, FRAME_TIMES_S, LATE_S, ROS1, ROS2, START_NS, Messages, write_bag
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import CompressionMode, StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
+from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer as Writer2
 
 REAL = Path(__file__).parents[3] / "shared" / "real-logs" / "ros2-wrench.db3"
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, known_globe
-from scleraforce.study.globe import RIGIDITY_LAWS
+from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT
 
 PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]

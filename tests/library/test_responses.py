@@ -10,7 +10,7 @@ from scleraforce.errors import InputError
 from scleraforce.eye.globe import OPEN_GLOBE, Globe
 from scleraforce.library.sealed import iop_ratio_at_dent
 from scleraforce.library.splines import CubicSpline
-from scleraforce.study.globe import RIGIDITY_LAWS
+from scleraforce.study.eye import RIGIDITY_LAWS
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from scleraforce.eye.globe import OPEN_GLOBE, Globe, sealed_globe
 from scleraforce.library import compiled_pressures, compiled_states
 from scleraforce.library.sealed import iop_ratio_at_dent
 from scleraforce.library.under_force import iop_ratio_under_force
-from scleraforce.study.globe import RIGIDITY_LAWS
+from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT
 
 PER_UL = SI_PER_UNIT["mmhg13_per_ul"][1]

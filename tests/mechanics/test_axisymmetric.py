@@ -18,7 +18,7 @@ from scleraforce.mechanics.continuation import pressurise, trace
 from scleraforce.mechanics.elasticity import lame_constants
 from scleraforce.mechanics.linear import LinearWall, tip_displacement
 from scleraforce.mechanics.loads import weighted_surface_load
-from scleraforce.study.globe import RIGIDITY_LAWS
+from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.units import SI_PER_UNIT
 
 Floats = NDArray[np.float64]

@@ -13,7 +13,7 @@ from scleraforce.errors import InputError, SolverError
 from scleraforce.eye.globe import Globe
 from scleraforce.mechanics import continuation
 from scleraforce.mechanics.continuation import pressurise, trace
-from scleraforce.study.globe import RIGIDITY_LAWS
+from scleraforce.study.eye import RIGIDITY_LAWS
 
 Floats = NDArray[np.float64]
 

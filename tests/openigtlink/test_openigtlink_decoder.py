@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fastcrc.crc64 import ecma_182
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from peak_memory import less_than
 
 from scleraforce.errors import ProtocolError

@@ -9,8 +9,7 @@ from analytic_frames import KNOWN, LIBRARY, SCALE, STUDY, image, tip_of, wall_se
 from fixed_network import FIVE_MN, FixedNetwork
 from known_forces import write_places
 from small_finder import write_blind_finder
-from told_finder import STUDY as FINDER_STUDY
-from told_finder import told_finder
+from told_finder import STUDY as FINDER_STUDY, told_finder
 
 from scleraforce.cli.main import run
 from scleraforce.reader import load_classifier

@@ -15,7 +15,7 @@ import scleraforce as sf
 from scleraforce.cli.main import run
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.optics import sample_conjunctiva, sample_optics
-from scleraforce.study.sampled import fixed
+from scleraforce.study.fields import fixed
 
 pytest.importorskip("torch")
 

@@ -9,8 +9,7 @@ import pydicom
 import pytest
 import tifffile
 from dicom_file import write_dicom
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.images import check_frame, read_frame, read_frame_image

@@ -20,7 +20,7 @@ from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
 from scleraforce.report.eye_view.scene import eye_scene, skin_of
 from scleraforce.report.eye_view.view import write_simulation_html
 from scleraforce.study import Study
-from scleraforce.study.records import MeshStudy
+from scleraforce.study.eye import MeshStudy
 
 CONTACT = Contact(polar_rad=radians(35.0), azimuth_rad=0.3)
 

@@ -4,8 +4,7 @@ from contextlib import nullcontext
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from machine_code import compiled_again
 
 from scleraforce.section import fill_loops, slices

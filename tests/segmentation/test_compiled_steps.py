@@ -9,8 +9,7 @@ from math import radians
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 from shafts import STEEL
 
 from bench_segmentation import draw_frames
@@ -25,7 +24,7 @@ from scleraforce.segmentation.numpy_steps import NumpySteps
 from scleraforce.segmentation.steps import Segmentation, Steps
 from scleraforce.segmentation.wall import find_wall_by
 from scleraforce.study import OctStudy, Study
-from scleraforce.study.sampled import fixed
+from scleraforce.study.fields import fixed
 
 STUDY = Study()
 SCALE = PixelScale.of(STUDY.oct)

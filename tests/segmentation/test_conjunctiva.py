@@ -18,7 +18,7 @@ from scleraforce.segmentation.sclera import find_sclera
 from scleraforce.segmentation.steps import Segmentation
 from scleraforce.segmentation.wall import find_wall
 from scleraforce.study import PhantomStudy, Study
-from scleraforce.study.sampled import fixed
+from scleraforce.study.fields import fixed
 
 STUDY = Study()
 SCALE = PixelScale.of(STUDY.oct)

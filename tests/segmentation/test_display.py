@@ -8,8 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 from drawn_eyes import SCANNER, drawn_counts
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from machine_code import by_arrays_and_loops, compiled_again, walls_by_loops
 
 from scleraforce.models.shipped import SHIPPED_WALL_FINDER

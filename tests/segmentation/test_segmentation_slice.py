@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from machine_code import by_arrays_and_loops, compiled_again, walls_by_loops
 
 from scleraforce.recording.pixels import PixelScale

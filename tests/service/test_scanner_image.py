@@ -5,8 +5,7 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from peak_memory import less_than
 
 from scleraforce.errors import ProtocolError

@@ -3,8 +3,7 @@
 from dataclasses import fields
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from scleraforce.study import Choice, EyeStudy, NeedleStudy, Range, Study, fixed
 from scleraforce.study.fields import Unit, field_key, field_unit

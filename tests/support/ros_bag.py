@@ -8,8 +8,7 @@ from format_frames import FRAMES
 
 pytest.importorskip("rosbags")
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import CompressionFormat, StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
+from rosbags.rosbag2 import CompressionFormat, StoragePlugin, Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 SECOND_NS = 10**9

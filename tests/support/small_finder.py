@@ -6,7 +6,7 @@ from typing import Any
 
 from scleraforce.models.writing import write_folder
 from scleraforce.study import ScenesStudy, Study, WallFinderStudy, format_study, study_hash
-from scleraforce.study.sampled import Range, fixed
+from scleraforce.study.fields import Range, fixed
 
 __all__ = ["SMALL_STUDY", "write_blind_finder"]
 

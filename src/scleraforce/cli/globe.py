@@ -9,8 +9,8 @@ import click
 from scleraforce.cli.quantities import Possible
 from scleraforce.errors import InputError, StudyError
 from scleraforce.study import Study
+from scleraforce.study.eye import GLOBES, GlobeStudy
 from scleraforce.study.fields import field_unit
-from scleraforce.study.globe import GLOBES, GlobeStudy
 
 if TYPE_CHECKING:
     from scleraforce.known.globe import KnownGlobe

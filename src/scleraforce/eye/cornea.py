@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
 from scleraforce.eye.contact import Contact
-from scleraforce.study.form import CorneaStudy
+from scleraforce.study.eye import CorneaStudy
 from scleraforce.units import from_si
 
 Floats = NDArray[np.float64]

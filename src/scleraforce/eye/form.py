@@ -17,7 +17,7 @@ from scleraforce.eye.contact import Contact
 from scleraforce.eye.cornea import corneal_surface
 from scleraforce.eye.mesh import HexMesh
 from scleraforce.eye.shapes import shape_values
-from scleraforce.study.form import FormStudy, RegionStudy
+from scleraforce.study.eye import FormStudy, RegionStudy
 
 Floats = NDArray[np.float64]
 

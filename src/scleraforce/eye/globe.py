@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
-from scleraforce.study.globe import RIGIDITY_LAWS, GlobeStudy
+from scleraforce.study.eye import RIGIDITY_LAWS, GlobeStudy
 from scleraforce.units import to_si
 
 Floats = NDArray[np.float64]

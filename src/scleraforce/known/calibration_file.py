@@ -18,8 +18,8 @@ from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.globe import OPEN, KnownGlobe
 from scleraforce.plain_json import parse_json
 from scleraforce.recording.info import eye_id_fault
+from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.study.fields import Unit, allowed, meant
-from scleraforce.study.globe import RIGIDITY_LAWS
 from scleraforce.units import from_si, to_si
 from scleraforce.whole_files import KINDS, read_bytes, write_whole
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.eye.globe import Globe, sealed_globe
-from scleraforce.study.globe import RIGIDITY_LAWS, GlobeStudy
+from scleraforce.study.eye import RIGIDITY_LAWS, GlobeStudy
 from scleraforce.units import to_si
 
 Floats = NDArray[np.float64]

@@ -1,8 +1,5 @@
 """The response library: finite-strain load paths over thickness, pressure and force, interpolated to any eye."""
 
-from scleraforce.library.files import load_library as load_library
-from scleraforce.library.files import save_library as save_library
-from scleraforce.library.responses import INNER as INNER
-from scleraforce.library.responses import OUTER as OUTER
-from scleraforce.library.responses import Library as Library
+from scleraforce.library.files import load_library as load_library, save_library as save_library
+from scleraforce.library.responses import INNER as INNER, OUTER as OUTER, Library as Library
 from scleraforce.library.states import Responses as Responses

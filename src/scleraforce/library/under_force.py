@@ -7,7 +7,7 @@ from scipy.optimize import elementwise
 from scleraforce.compiled import loops_are_compiled
 from scleraforce.eye.globe import Globe
 from scleraforce.library.responses import Library
-from scleraforce.study.globe import RIGIDITY_LAWS
+from scleraforce.study.eye import RIGIDITY_LAWS
 
 Floats = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from scleraforce.reader.given import GIVEN, Told, given_inputs, told_modulus
 from scleraforce.reader.interval_factors import IntervalFactors
 from scleraforce.reader.readings import Reading
 from scleraforce.study import ReaderStudy, Study
-from scleraforce.study.globe import RIGIDITY_LAWS
+from scleraforce.study.eye import RIGIDITY_LAWS
 
 TOLD = "given"
 HISTOGRAM, CONTACT = OUTPUTS = ["histogram", "contact_m"]

@@ -4,8 +4,8 @@ from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
 from scleraforce.errors import StudyError
+from scleraforce.study.eye import GLOBES, RIGIDITY_LAWS
 from scleraforce.study.fields import allowed, check_fields, option, quantity, required
-from scleraforce.study.globe import GLOBES, RIGIDITY_LAWS
 
 # Outer diameters of hypodermic needles, ISO 9626 (normal wall).
 GAUGE_DIAMETER_M = {

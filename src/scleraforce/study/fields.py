@@ -10,9 +10,65 @@ from functools import cache
 from math import isfinite, log
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from scleraforce.errors import StudyError
-from scleraforce.study.sampled import Choice, Range
 from scleraforce.units import SI_PER_UNIT, HumanUnit, from_si, to_si
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of `values`, all equally likely.
+
+    >>> Choice((4e-4, 5e-4)).bounds
+    (0.0004, 0.0005)
+    """
+
+    values: tuple[float, ...]
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Smallest and largest value."""
+        return min(self.values), max(self.values)
+
+    def sample(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+        """Draw `count` independent values, shape (count,)."""
+        return rng.choice(np.asarray(self.values, dtype=np.float64), size=count)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Range:
+    """Uniform between `min` and `max`.
+
+    >>> Range(min=0.0, max=1.0).bounds
+    (0.0, 1.0)
+    """
+
+    min: float
+    max: float
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Smallest and largest value."""
+        return self.min, self.max
+
+    def sample(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+        """Draw `count` independent values, shape (count,)."""
+        return rng.uniform(self.min, self.max, size=count)
+
+
+Sampled = Choice | Range
+
+
+def fixed(value: float) -> Choice:
+    """Return the sampled value that is always `value`."""
+    return Choice((value,))
+
+
+def draw(values: Sampled, rng: np.random.Generator) -> float:
+    """Draw one value."""
+    return float(values.sample(rng, 1)[0])
 
 
 @dataclass(frozen=True)
@@ -131,6 +187,13 @@ def check_fields(record: Any) -> None:
             raise StudyError(f"{field_key(item)}: an empty list; give at least one value")
         for number in _numbers_in(value):
             check_number(field_key(item), unit.from_si(number), unit)
+
+
+class Section:
+    """A section of a study: every field is within its bounds from the start."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 def check_number(key: str, number: float, unit: Unit) -> None:

@@ -6,110 +6,24 @@ The defaults are the paper's study; `paper.toml` beside this file is the same, c
 from dataclasses import dataclass, field
 
 from scleraforce.errors import StudyError
-from scleraforce.study.fields import allowed, check_fields, option, quantity
-from scleraforce.study.form import FormStudy
-from scleraforce.study.globe import GlobeStudy
-from scleraforce.study.library import LibraryStudy
-from scleraforce.study.mechanics import MechanicsStudy
-from scleraforce.study.phantom import PhantomStudy
-from scleraforce.study.raw_reader import RawReaderStudy
-from scleraforce.study.reader import ReaderStudy
-from scleraforce.study.sampled import Choice, Range, Sampled, fixed
-from scleraforce.study.scenes import ScenesStudy
-from scleraforce.study.supports import SupportsStudy
-from scleraforce.study.tissue import TissueStudy
-from scleraforce.study.wall_finder import WallFinderStudy
+from scleraforce.study.eye import (
+    EyeStudy,
+    FormStudy,
+    GlobeStudy,
+    MechanicsStudy,
+    MeshStudy,
+    NeedleStudy,
+    SupportsStudy,
+    TissueStudy,
+)
+from scleraforce.study.fields import Range, Sampled, Section, allowed, fixed, option, quantity
+from scleraforce.study.imaging import OctStudy, PhantomStudy, ScenesStudy, SliceStudy
+from scleraforce.study.networks import NetworkStudy, RawReaderStudy, ReaderStudy, WallFinderStudy
 from scleraforce.units import to_si
 
 
-@dataclass(frozen=True, kw_only=True)
-class EyeStudy:
-    """The half-sphere and its material (paper sec. 2.1, 2.2)."""
-
-    radius_m: float = quantity(12.0, "mm", 5.0, 30.0)
-    poisson_ratio: float = quantity(0.45, None, 0.0, 0.499)
-    density_kg_m3: float = quantity(1100.0, None, 0.0, 5000.0)
-    iop_pa: float = quantity(2.0, "mmhg", 0.0, 80.0)
-    thickness_m: Sampled = quantity(Choice((400.0, 500.0, 600.0, 700.0, 800.0)), "um", 300.0, 1200.0)
-    youngs_modulus_pa: float = quantity(0.25, "mpa", allowed("youngs_modulus").low, allowed("youngs_modulus").high)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-
 @dataclass(frozen=True)
-class MeshStudy:
-    """The finite-element mesh: quads on the sphere, extruded inward.
-
-    "hexahedra": Catmull-Clark subdivision of a half cube, `divisions` and `level`. "graded": small elements at the
-    contact, `core` quads along the side of a square there and `rings` around it; finite strain always uses it.
-    """
-
-    kind: str = option("hexahedra", "hexahedra", "graded")
-    divisions: int = quantity(10, None, 2, 200)
-    level: int = quantity(1, None, 0, 6)
-    core: int = quantity(6, None, 2, 40)
-    rings: int = quantity(14, None, 1, 200)
-    layers: int = quantity(1, None, 1, 20)
-    order: int = quantity(2, None, 1, 2)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        if self.divisions % 2:
-            raise StudyError(f"divisions: {self.divisions} is odd; a half cube needs an even number per edge")
-        if self.core % 2:
-            raise StudyError(f"core: {self.core} is odd; the square under the needle needs an even number per side")
-
-
-@dataclass(frozen=True, kw_only=True)
-class NeedleStudy:
-    """The needle and where it pushes (22G: 0.7 mm).
-
-    `tilt_rad`: angle of its force against the inward normal of the contact, in finite strain; the force then has a part
-    along the wall, `tilt_direction_rad` from the meridian (0: away from the pole) towards growing azimuth.
-    """
-
-    outer_diameter_m: float = quantity(0.7, "mm", 0.1, 5.0)
-    gap_m: float = quantity(0.5, "mm", 0.0, 5.0)
-    polar_angle_rad: Sampled = quantity(Range(min=25.0, max=45.0), "deg", 0.0, 80.0)
-    max_force_n: float = quantity(60.0, "mn", 1.0, 1000.0)
-    tilt_rad: float = quantity(0.0, "deg", 0.0, 30.0)
-    tilt_direction_rad: float = quantity(0.0, "deg", -360.0, 360.0)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-
-@dataclass(frozen=True, kw_only=True)
-class OctStudy:
-    """The scanner's raw frame (paper sec. 3.1). `refractive_index` 1: depth is corrected already."""
-
-    width_m: float = quantity(15.0, "mm", 0.1, 50.0)
-    depth_m: float = quantity(4.0, "mm", 0.1, 50.0)
-    columns: int = quantity(512, None, 32, 8192)
-    rows: int = quantity(512, None, 32, 8192)
-    bits: int = quantity(12, None, 8, 16)
-    refractive_index: float = quantity(1.0, None, 1.0, 2.0)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SliceStudy:
-    """The binary slice. `margin_m`: depth of the unloaded wall's top below row 0."""
-
-    columns: int = quantity(140, None, 8, 4096)
-    rows: int = quantity(40, None, 8, 4096)
-    pixel_m: float = quantity(0.1, "mm", 0.001, 1.0)
-    margin_m: float = quantity(0.3, "mm", 0.0, 10.0)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-
-@dataclass(frozen=True)
-class ClassesStudy:
+class ClassesStudy(Section):
     """Bounds of the force classes: class k lies between bounds k-1 and k; a bound belongs to the class above 0.
 
     A force of exactly the last bound is still the class below it (class 1: from 5 to 30 mN; class 2: above 30 mN).
@@ -118,7 +32,7 @@ class ClassesStudy:
     bounds_n: tuple[float, ...] = quantity((5.0, 30.0), "mn", 0.0, 1000.0)
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         if len(self.bounds_n) != 2 or not self.bounds_n[0] < self.bounds_n[1]:
             raise StudyError("bounds_mn: give two increasing forces, like [5.0, 30.0]")
 
@@ -129,7 +43,7 @@ class ClassesStudy:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CalibrationStudy:
+class CalibrationStudy(Section):
     """The reduced-order unscented Kalman filter (paper sec. 2.2, 3.2); `docs/calibration.md` explains each value."""
 
     prior_mean_pa: float = quantity(0.49, "mpa", allowed("youngs_modulus").low, allowed("youngs_modulus").high)
@@ -150,20 +64,59 @@ class CalibrationStudy:
     thickness_sd_m: float = quantity(25.0, "um", 0.1, 1000.0)
     gap_sd_m: float = quantity(0.1, "mm", 0.001, 5.0)
 
-    def __post_init__(self) -> None:
-        check_fields(self)
+
+LEAST_STIFFENINGS = 4  # that cubic splines run through
 
 
 @dataclass(frozen=True, kw_only=True)
-class DatasetGroup:
+class LibraryStudy(Section):
+    """Ranges of the library and how finely it covers them; `docs/library.md` says what the interpolation is worth.
+
+    `thicknesses` values are spread evenly in their logarithm between the ends of `thickness_m`, and `tensions` between
+    those of `tension`, which is p R/(E t): likewise where it is low, denser towards the one at which the wall bursts
+    (0.416 with a Poisson's ratio of 0.45). Sealed eyes rise far above their pressure at rest. Each path has `tips`
+    states up to `max_tip_m`, denser at small dents. `stiffenings` values of b (`mechanics.stiffening`) are spread
+    evenly in ln(1 + 5 b) between the ends of `stiffening`; one: all tissue is as the lower end says. No force above
+    `max_force_ratio_m2` (F/E) is asked for. `elements` and `layers` are those of the wall's meridian.
+    """
+
+    thickness_m: Sampled = quantity(Range(min=350.0, max=900.0), "um", 100.0, 3000.0)
+    thicknesses: int = quantity(10, None, 4, 1000)
+    tension: Sampled = quantity(Range(min=2e-4, max=0.35), None, 1e-7, 1.0)
+    tensions: int = quantity(16, None, 4, 1000)
+    max_tip_m: float = quantity(10.0, "mm", 0.1, 50.0)
+    tips: int = quantity(56, None, 4, 10_000)
+    stiffening: Sampled = quantity(Range(min=0.0, max=30.0), None, 0.0, 200.0)
+    stiffenings: int = quantity(5, None, 1, 1000)
+    max_force_ratio_m2: float = quantity(0.5, "mm2", 1e-4, 100.0)
+    elements: int = quantity(64, None, 8, 2000)
+    layers: int = quantity(1, None, 1, 20)
+
+    @property
+    def stiffening_ends(self) -> tuple[float, float]:
+        """The least and the largest stiffening that a library of it holds."""
+        low, high = self.stiffening.bounds
+        return low, high if self.stiffenings > 1 else low
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for key, bounds in (("thickness_um", self.thickness_m.bounds), ("tension", self.tension.bounds)):
+            if bounds[0] == bounds[1]:
+                raise StudyError(f"{key}: a range has to be given, like {{ min = ..., max = ... }}")
+        low, high = self.stiffening.bounds
+        if self.stiffenings > 1 and low == high:
+            raise StudyError("stiffening: a range has to be given, like { min = ..., max = ... }; or stiffenings = 1")
+        if 1 < self.stiffenings < LEAST_STIFFENINGS:
+            raise StudyError(f"stiffenings: {self.stiffenings}; give 1, or at least {LEAST_STIFFENINGS}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DatasetGroup(Section):
     """A part of the data set with one wall thickness."""
 
     thickness_m: float = quantity(500.0, "um", 300.0, 1200.0)
     images: int = quantity(4000, None, 1, 10_000_000)
     max_force_n: float = quantity(60.0, "mn", 0.1, 1000.0)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
 
 PAPER_GROUPS = (
@@ -173,7 +126,7 @@ PAPER_GROUPS = (
 
 
 @dataclass(frozen=True)
-class DatasetStudy:
+class DatasetStudy(Section):
     """The simulated slices (paper sec. 2.3, 3.3). `framing_*` shifts the window, `gap` overrides the needle's."""
 
     seed: int = quantity(0, None, 0, 2**31 - 1)
@@ -187,40 +140,9 @@ class DatasetStudy:
     group: tuple[DatasetGroup, ...] = PAPER_GROUPS
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         if not self.group:
             raise StudyError("group: give at least one [[dataset.group]]")
-
-
-@dataclass(frozen=True, kw_only=True)
-class NetworkStudy:
-    """The classifier and its training (paper sec. 2.4). `dropout` is the fraction dropped.
-
-    `dropout_masks` are drawn for each sample of a step, and their losses averaged. `mirror` shows half of the samples
-    with left and right exchanged: the same B-scan plane, seen from behind. `warmup` is the share of all steps over
-    which the rate rises; gradients longer than `max_gradient_norm` are scaled.
-    `search_widths` and `search_depths` span the grid of `train --search`: units in a hidden layer, and hidden layers.
-    """
-
-    hidden: tuple[int, ...] = quantity((600, 600), None, 1, 100_000)
-    dropout: float = quantity(0.8, None, 0.0, 0.99)
-    dropout_masks: int = quantity(4, None, 1, 64)
-    mirror: bool = True
-    learning_rate: float = quantity(0.05, None, 1e-8, 10.0)
-    momentum: float = quantity(0.9, None, 0.0, 0.9999)
-    warmup: float = quantity(0.1, None, 0.0, 0.9)
-    max_gradient_norm: float = quantity(1.0, None, 1e-6, 1e6)
-    batch_size: int = quantity(128, None, 1, 100_000)
-    epochs: int = quantity(10, None, 1, 100_000)
-    seed: int = quantity(0, None, 0, 2**31 - 1)
-    search_widths: tuple[int, ...] = quantity((150, 300, 600, 1200), None, 1, 100_000)
-    search_depths: tuple[int, ...] = quantity((1, 2, 3), None, 1, 20)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        if not (self.search_widths and self.search_depths):
-            key = "search_depths" if self.search_widths else "search_widths"
-            raise StudyError(f"{key}: an empty list; give at least one value")
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,8 @@ from types import NoneType, UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from scleraforce.errors import StudyError
-from scleraforce.study.fields import field_key, field_unit, map_numbers
+from scleraforce.study.fields import Choice, Range, field_key, field_unit, map_numbers
 from scleraforce.study.records import Study
-from scleraforce.study.sampled import Choice, Range
 from scleraforce.whole_files import KINDS, read_text
 
 Record = TypeVar("Record")

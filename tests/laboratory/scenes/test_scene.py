@@ -20,8 +20,7 @@ from scleraforce.study import (
     SceneWindowStudy,
     parse_study,
 )
-from scleraforce.study.fields import field_unit
-from scleraforce.study.sampled import Choice, fixed
+from scleraforce.study.fields import Choice, field_unit, fixed
 
 SHOWN = 0.35  # of the range of counts: tissue is brighter, noise darker, in a plain scene
 

@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 from decisions import READ_ENTRY, TICK_ENTRY
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from scleraforce.errors import MessageError
 from scleraforce.known.eye import Known, Modulus

@@ -5,8 +5,7 @@ import sys
 from contextlib import suppress
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from scleraforce.errors import MessageError
 from scleraforce.openigtlink import Status, encode

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import click
 
 from scleraforce.cli.quantities import Possible
-from scleraforce.study.globe import GLOBES
+from scleraforce.study.eye import GLOBES
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 

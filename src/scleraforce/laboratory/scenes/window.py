@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.study import SceneWindowStudy, draw
-from scleraforce.study.sampled import Sampled
+from scleraforce.study.fields import Sampled
 
 Curve = NDArray[np.float64]
 

@@ -1,14 +1,116 @@
-"""The `[scenes]` section of a study: what drawn B-scans of front eyes show, for the wall finder to learn from.
+"""The images of a study: the raw frame, the slice, the virtual laboratory `[phantom]`, and `[scenes]`.
 
-Every effect has a range with a unit, or a share of the scenes in which it is there. Levels in dB are ratios of
-intensity. `docs/wall_finder.md` says where the ranges come from.
+Every effect of `[phantom]` and `[scenes]` is a range with a unit, or a share of the scenes in which it is there. Levels
+in dB are ratios of intensity. Ranges of `[phantom]` without another source are those of spectral-domain scanners at
+840 nm; `docs/wall_finder.md` has the sources of `[scenes]`.
 """
 
 from dataclasses import dataclass, field
 
 from scleraforce.errors import StudyError
-from scleraforce.study.fields import check_fields, quantity
-from scleraforce.study.sampled import Choice, Range, Sampled
+from scleraforce.study.fields import Choice, Range, Sampled, Section, fixed, option, quantity
+
+
+@dataclass(frozen=True, kw_only=True)
+class OctStudy(Section):
+    """The scanner's raw frame (paper sec. 3.1). `refractive_index` 1: depth is corrected already."""
+
+    width_m: float = quantity(15.0, "mm", 0.1, 50.0)
+    depth_m: float = quantity(4.0, "mm", 0.1, 50.0)
+    columns: int = quantity(512, None, 32, 8192)
+    rows: int = quantity(512, None, 32, 8192)
+    bits: int = quantity(12, None, 8, 16)
+    refractive_index: float = quantity(1.0, None, 1.0, 2.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SliceStudy(Section):
+    """The binary slice. `margin_m`: depth of the unloaded wall's top below row 0."""
+
+    columns: int = quantity(140, None, 8, 4096)
+    rows: int = quantity(40, None, 8, 4096)
+    pixel_m: float = quantity(0.1, "mm", 0.001, 1.0)
+    margin_m: float = quantity(0.3, "mm", 0.0, 10.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhantomStudy(Section):
+    """Ranges of a virtual acquisition; `docs/recordings.md` says what is drawn per frame and what per recording."""
+
+    seed: int = quantity(0, None, 0, 2**31 - 1)
+    # the scanner: speckle, noise, display
+    snr_db: Sampled = quantity(Range(min=15.0, max=35.0), None, 0.0, 80.0)
+    axial_resolution_m: Sampled = quantity(Range(min=4.0, max=8.0), "um", 0.5, 100.0)
+    lateral_resolution_m: Sampled = quantity(Range(min=15.0, max=35.0), "um", 1.0, 500.0)
+    display_floor_db: Sampled = quantity(Range(min=-8.0, max=-6.0), None, -60.0, 20.0)
+    display_range_db: Sampled = quantity(Range(min=34.0, max=46.0), None, 5.0, 120.0)
+    display: str = option("logarithmic", "logarithmic", "root", "linear")
+    band_m: Sampled = quantity(Range(min=0.4, max=0.6), "mm", 0.0, 5.0)
+    # the wall and what lies below it
+    attenuation_per_m: Sampled = quantity(Range(min=0.5, max=1.5), "per_mm", 0.0, 20.0)
+    reflection_db: Sampled = quantity(Range(min=-3.0, max=9.0), None, -60.0, 60.0)
+    reflection_angle_rad: Sampled = quantity(Range(min=3.0, max=8.0), "deg", 0.1, 90.0)
+    choroid_level_db: Sampled = quantity(Range(min=-12.0, max=-6.0), None, -80.0, 0.0)
+    choroid_attenuation_per_m: Sampled = quantity(Range(min=3.0, max=8.0), "per_mm", 0.0, 50.0)
+    choroid_thickness_m: Sampled = quantity(Range(min=100.0, max=250.0), "um", 0.0, 2000.0)
+    # what disturbs the image
+    shadow_count: Sampled = quantity(Choice((0, 1, 2, 3)), None, 0, 50)
+    shadow_loss_fraction: Sampled = quantity(Range(min=20.0, max=60.0), "percent", 0.0, 100.0)
+    shadow_width_m: Sampled = quantity(Range(min=0.1, max=0.8), "mm", 0.001, 20.0)
+    line_count: Sampled = quantity(fixed(1), None, 0, 50)
+    line_depth_m: Sampled = quantity(Range(min=0.1, max=0.3), "mm", 0.0, 50.0)
+    line_level_db: Sampled = quantity(Range(min=4.0, max=12.0), None, -40.0, 80.0)
+    line_thickness_m: Sampled = quantity(Range(min=8.0, max=24.0), "um", 0.5, 1000.0)
+    cover_count: Sampled = quantity(fixed(0), None, 0, 10)
+    cover_height_m: Sampled = quantity(Range(min=0.1, max=0.3), "mm", 0.0, 20.0)
+    cover_level_db: Sampled = quantity(Range(min=8.0, max=20.0), None, -40.0, 80.0)
+    cover_tilt_rad: Sampled = quantity(Range(min=-1.0, max=1.0), "deg", -45.0, 45.0)
+    # the conjunctiva over the wall
+    conjunctiva_thickness_m: Sampled = quantity(fixed(0.0), "um", 0.0, 1000.0)
+    conjunctiva_wave_fraction: Sampled = quantity(Range(min=0.0, max=20.0), "percent", 0.0, 90.0)
+    conjunctiva_wave_length_m: Sampled = quantity(Range(min=1.5, max=8.0), "mm", 0.2, 100.0)
+    conjunctiva_level_db: Sampled = quantity(Range(min=-5.0, max=-1.5), None, -80.0, 20.0)
+    conjunctiva_interface_db: Sampled = quantity(Range(min=-6.0, max=3.0), None, -80.0, 60.0)
+    # the needle, where it crosses the picture
+    needle_count: Sampled = quantity(fixed(0), None, 0, 1)
+    needle_angle_rad: Sampled = quantity(Range(min=-45.0, max=45.0), "deg", -75.0, 75.0)
+    needle_lean_rad: Sampled = quantity(fixed(0.0), "deg", -75.0, 75.0)
+    needle_bevel_rad: Sampled = quantity(Choice((90.0, 20.0)), "deg", 5.0, 90.0)
+    needle_above_m: Sampled = quantity(Range(min=0.0, max=3.0), "mm", 0.0, 30.0)
+    needle_loss_fraction: Sampled = quantity(Choice((100.0, 100.0, 60.0)), "percent", 0.0, 100.0)
+    needle_level_db: Sampled = quantity(Range(min=20.0, max=35.0), None, -20.0, 80.0)
+    needle_far_edge_db: Sampled = quantity(Range(min=-12.0, max=0.0), None, -80.0, 20.0)
+    # where the eye is
+    surface_depth_m: Sampled = quantity(Range(min=0.35, max=0.6), "mm", -20.0, 50.0)
+    eye_shift_m: Sampled = quantity(Range(min=-0.2, max=0.2), "mm", -10.0, 10.0)
+    eye_tilt_rad: Sampled = quantity(fixed(0.0), "deg", -45.0, 45.0)
+    eye_drift_rad: Sampled = quantity(fixed(0.0), "deg", 0.0, 4.0)
+    eye_saccade_rad: Sampled = quantity(fixed(0.0), "deg", 0.0, 2.0)
+    # what the needle does
+    approach_s: Sampled = quantity(Range(min=2.0, max=3.0), None, 0.5, 600.0)
+    ramp_s: Sampled = quantity(Range(min=0.6, max=1.2), None, 0.05, 60.0)
+    hold_s: Sampled = quantity(Range(min=7.0, max=8.0), None, 0.5, 600.0)
+    rest_s: Sampled = quantity(Range(min=1.5, max=2.5), None, 0.0, 600.0)
+    frame_delay_s: Sampled = quantity(Range(min=4.0, max=5.0), None, 0.0, 600.0)
+    relaxation_fraction: Sampled = quantity(Range(min=5.0, max=15.0), "percent", 0.0, 90.0)
+    relaxation_time_s: Sampled = quantity(Range(min=1.0, max=3.0), None, 0.05, 600.0)
+    # the force sensor
+    sample_rate_hz: float = quantity(200.0, None, 100.0, 20_000.0)
+    force_step_n: float = quantity(5.0, "mn", 0.0, 1000.0)
+    force_noise_n: Sampled = quantity(Range(min=3.0, max=4.5), "mn", 0.0, 1000.0)
+    force_offset_n: Sampled = quantity(Range(min=-20.0, max=20.0), "mn", -10_000.0, 10_000.0)
+    force_drift_n_per_s: Sampled = quantity(Range(min=-0.3, max=0.3), "mn_per_min", -1000.0, 1000.0)
+    cross_talk_fraction: Sampled = quantity(Range(min=-3.0, max=3.0), "percent", -100.0, 100.0)
+    torque_noise_nm: Sampled = quantity(fixed(0.1), "mnm", 0.0, 1000.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for key in ("shadow_count", "line_count", "cover_count", "needle_count"):
+            count = getattr(self, key)
+            if isinstance(count, Range) or any(value != int(value) for value in count.values):
+                raise StudyError(f"{key}: give a list of whole numbers, like [0, 1, 2]")
+        if self.frame_delay_s.bounds[1] > self.hold_s.bounds[0]:
+            raise StudyError("frame_delay_s: a frame would be taken after the push is over; make hold_s longer")
 
 
 def _share(share: float) -> float:
@@ -25,7 +127,7 @@ def _check_counts(record: object, *keys: str) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneWindowStudy:
+class SceneWindowStudy(Section):
     """The frame: its pixels, its size, and where the eye lies in it.
 
     The logarithm of `depth_share`, the frame's depth over its width, is even. A frame gets fewer or more `rows` than
@@ -46,12 +148,9 @@ class SceneWindowStudy:
     tilt_rad: Sampled = quantity(Range(min=-15.0, max=15.0), "deg", -60.0, 60.0)
     surface_share: Sampled = quantity(Range(min=-0.15, max=0.6), None, -1.0, 1.0)
 
-    def __post_init__(self) -> None:
-        check_fields(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class SceneEyeStudy:
+class SceneEyeStudy(Section):
     """The wall: its meridian bends with one radius in the cornea and another in the sclera.
 
     `limbus_m` is where they meet, along the surface from the apex, `sulcus_rad` by how much the surface turns back
@@ -83,12 +182,9 @@ class SceneEyeStudy:
     dent_width_m: Sampled = quantity(Range(min=0.3, max=2.5), "mm", 0.05, 10.0)
     dent_rim: Sampled = quantity(Range(min=0.0, max=0.2), None, 0.0, 1.0)
 
-    def __post_init__(self) -> None:
-        check_fields(self)
-
 
 @dataclass(frozen=True, kw_only=True)
-class SceneTissueStudy:
+class SceneTissueStudy(Section):
     """What light meets below the surface; levels against the sclera's backscatter unless said otherwise.
 
     `snr_db` is the sclera's backscatter at the surface over the mean noise. The cornea's falls with the angle of the
@@ -159,12 +255,12 @@ class SceneTissueStudy:
     haze_db: Sampled = quantity(Range(min=-30.0, max=-12.0), None, -80.0, 20.0)
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         _check_counts(self, "scar_count")
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneOverStudy:
+class SceneOverStudy(Section):
     """What lies over the wall, and the shadows that it casts; levels over the mean noise.
 
     The lid comes in from the side, over `lid_reach` of the frame's width; lashes hang below it. A contact lens follows
@@ -215,12 +311,12 @@ class SceneOverStudy:
     glass_pass_fraction: Sampled = quantity(Range(min=30.0, max=90.0), "percent", 0.0, 100.0)
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         _check_counts(self, "lash_count", "speck_count", "bubble_count", "vessel_count")
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneScannerStudy:
+class SceneScannerStudy(Section):
     """How a scanner shows it: speckle, noise, artefacts, and the scale of the counts.
 
     `speckle_*` are full widths of the intensity's point spread function, in pixels; `looks` is how many speckle
@@ -260,14 +356,14 @@ class SceneScannerStudy:
     mark_count: Sampled = quantity(Choice((0, 0, 0, 0, 1, 2)), None, 0, 50)
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         _check_counts(self, "line_count", "streak_count", "bits", "lost_columns", "mark_count")
         if self.linear_share + self.root_share > 1.0:
             raise StudyError("root_share: with linear_share more than 1")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScenesStudy:
+class ScenesStudy(Section):
     """All of a drawn scene; `seed` and the scene's number decide what is drawn."""
 
     seed: int = quantity(0, None, 0, 2**31 - 1)
@@ -276,6 +372,3 @@ class ScenesStudy:
     tissue: SceneTissueStudy = field(default_factory=SceneTissueStudy)
     over: SceneOverStudy = field(default_factory=SceneOverStudy)
     scanner: SceneScannerStudy = field(default_factory=SceneScannerStudy)
-
-    def __post_init__(self) -> None:
-        check_fields(self)

@@ -1,0 +1,213 @@
+"""The eye of a study and what pushes it: wall, mesh, needle, tissue, mechanics, globe, supports and form.
+
+Tissue, mechanics, globe, supports and form are those of the virtual eyes of `simulate` and `phantom`.
+"""
+
+from dataclasses import dataclass, replace
+
+from scleraforce.errors import StudyError
+from scleraforce.study.fields import Choice, Range, Sampled, Section, allowed, option, quantity
+from scleraforce.units import from_si
+
+
+@dataclass(frozen=True, kw_only=True)
+class EyeStudy(Section):
+    """The half-sphere and its material (paper sec. 2.1, 2.2)."""
+
+    radius_m: float = quantity(12.0, "mm", 5.0, 30.0)
+    poisson_ratio: float = quantity(0.45, None, 0.0, 0.499)
+    density_kg_m3: float = quantity(1100.0, None, 0.0, 5000.0)
+    iop_pa: float = quantity(2.0, "mmhg", 0.0, 80.0)
+    thickness_m: Sampled = quantity(Choice((400.0, 500.0, 600.0, 700.0, 800.0)), "um", 300.0, 1200.0)
+    youngs_modulus_pa: float = quantity(0.25, "mpa", allowed("youngs_modulus").low, allowed("youngs_modulus").high)
+
+
+@dataclass(frozen=True)
+class MeshStudy(Section):
+    """The finite-element mesh: quads on the sphere, extruded inward.
+
+    "hexahedra": Catmull-Clark subdivision of a half cube, `divisions` and `level`. "graded": small elements at the
+    contact, `core` quads along the side of a square there and `rings` around it; finite strain always uses it.
+    """
+
+    kind: str = option("hexahedra", "hexahedra", "graded")
+    divisions: int = quantity(10, None, 2, 200)
+    level: int = quantity(1, None, 0, 6)
+    core: int = quantity(6, None, 2, 40)
+    rings: int = quantity(14, None, 1, 200)
+    layers: int = quantity(1, None, 1, 20)
+    order: int = quantity(2, None, 1, 2)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.divisions % 2:
+            raise StudyError(f"divisions: {self.divisions} is odd; a half cube needs an even number per edge")
+        if self.core % 2:
+            raise StudyError(f"core: {self.core} is odd; the square under the needle needs an even number per side")
+
+
+@dataclass(frozen=True, kw_only=True)
+class NeedleStudy(Section):
+    """The needle and where it pushes (22G: 0.7 mm).
+
+    `tilt_rad`: angle of its force against the inward normal of the contact, in finite strain; the force then has a part
+    along the wall, `tilt_direction_rad` from the meridian (0: away from the pole) towards growing azimuth.
+    """
+
+    outer_diameter_m: float = quantity(0.7, "mm", 0.1, 5.0)
+    gap_m: float = quantity(0.5, "mm", 0.0, 5.0)
+    polar_angle_rad: Sampled = quantity(Range(min=25.0, max=45.0), "deg", 0.0, 80.0)
+    max_force_n: float = quantity(60.0, "mn", 1.0, 1000.0)
+    tilt_rad: float = quantity(0.0, "deg", 0.0, 30.0)
+    tilt_direction_rad: float = quantity(0.0, "deg", -360.0, 360.0)
+
+
+@dataclass(frozen=True)
+class MechanicsStudy(Section):
+    """Linear mechanics, or finite strain on the mesh graded towards the contact.
+
+    `follower`, for finite strain: the pressure stays normal to the wall as it bends; false: it keeps its first
+    direction and size at every node.
+    """
+
+    kind: str = option("linear", "linear", "finite-strain")
+    follower: bool = True
+
+
+@dataclass(frozen=True)
+class TissueStudy(Section):
+    """The wall's material beside Young's modulus and Poisson's ratio, in finite strain.
+
+    `stiffening` is b of `mechanics.stiffening`, without a unit; 0: neo-Hookean. In tension, at a strain of 5 %, the
+    tangent modulus is 0.92 E with b = 0, and 0.93, 1.12 and 1.62 E with 1, 10 and 30.
+    """
+
+    stiffening: float = quantity(0.0, None, 0.0, 200.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SupportsStudy(Section):
+    """The paper's clamped base; or what an eye has in the head: an elastic bed, straps of the rectus muscles, or both.
+
+    `bed`, `bed-and-straps`: a whole globe whose lower half lies on springs, so many Pa for a metre that the wall goes
+    into them and (shear) along them. `straps`: beside the clamped base; `strap_stiffness_n_per_m` is that of one
+    muscle. `medial_azimuth_rad`: where the medial rectus is inserted; superior, lateral and inferior follow, a quarter
+    turn each.
+
+    The bed's defaults: an eye gives way by some tenths of a millimetre under 0.1 N, as under an air-puff tonometer, and
+    turns about its axis by 1 degree under 0.6 g cm (Simonsz, Vision Research 24, 1984, 961). Straps: muscles, passive
+    or held in the primary position, of 0.03 to 1 g a degree each (20 N/m is 0.4).
+    """
+
+    kind: str = option("clamped", "clamped", "bed", "straps", "bed-and-straps")
+    bed_stiffness_pa_per_m: float = quantity(1.4, "kpa_per_mm", 1e-3, 1e6)
+    bed_shear_stiffness_pa_per_m: float = quantity(0.04, "kpa_per_mm", 1e-3, 1e6)
+    strap_stiffness_n_per_m: float = quantity(20.0, None, 0.0, 1e6)
+    medial_azimuth_rad: float = quantity(0.0, "deg", -360.0, 360.0)
+
+    @property
+    def has_bed(self) -> bool:
+        """Whether the eye is a whole globe on a bed."""
+        return self.kind in ("bed", "bed-and-straps")
+
+    @property
+    def has_straps(self) -> bool:
+        """Whether the rectus muscles hold the eye, too."""
+        return self.kind in ("straps", "bed-and-straps")
+
+
+GLOBES = ("open", "sealed")
+RIGIDITY_LAWS = ("cube-root", "logarithmic")
+
+
+@dataclass(frozen=True)
+class GlobeStudy(Section):
+    """An open globe (infused or vented), as in the paper, or a sealed one, whose pressure rises with the dent.
+
+    `rigidity_pa13_per_m3` is k of `rigidity_law` (`eye.globe`); the default is that of enucleated human eyes (van der
+    Werff 1981).
+    """
+
+    kind: str = option("open", *GLOBES)
+    rigidity_pa13_per_m3: float = quantity(0.03, "mmhg13_per_ul", allowed("rigidity").low, allowed("rigidity").high)
+    rigidity_law: str = option("cube-root", *RIGIDITY_LAWS)
+
+    def told(self, kind: str | None, rigidity_pa13_per_m3: float | None) -> "GlobeStudy":
+        """Return the globe with what was told of it; None: nothing.
+
+        Raises:
+            StudyError: a value is out of bounds, as in a study file.
+        """
+        told = {"kind": kind, "rigidity_pa13_per_m3": rigidity_pa13_per_m3}
+        return replace(self, **{name: value for name, value in told.items() if value is not None})  # type: ignore[arg-type]
+
+
+MOST_UNEVEN = 0.5  # sum of the waves' amplitudes
+
+
+@dataclass(frozen=True, kw_only=True)
+class WaveStudy(Section):
+    """One wave of the wall's thickness: a Legendre polynomial of the angle to an axis, times the amplitude.
+
+    Degree 1: thick on the axis's side and thin on the other; 2: thick at both ends of the axis; 3: two waves around.
+    """
+
+    amplitude_fraction: float = quantity(10.0, "percent", -40.0, 40.0)
+    degree: int = quantity(1, None, 1, 3)
+    polar_rad: float = quantity(0.0, "deg", 0.0, 180.0)
+    azimuth_rad: float = quantity(0.0, "deg", -360.0, 360.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegionStudy(Section):
+    """A spherical cap of another modulus; the default is as wide as the cornea: 11.5 mm across on an eye of 24 mm.
+
+    `edge_rad`: width over which the modulus goes over into the rest's, half of it on either side of the cap's edge.
+    """
+
+    modulus_ratio: float = quantity(1.0, None, 0.05, 20.0)
+    half_angle_rad: float = quantity(28.6, "deg", 1.0, 180.0)
+    edge_rad: float = quantity(5.0, "deg", 0.1, 90.0)
+    polar_rad: float = quantity(0.0, "deg", 0.0, 180.0)
+    azimuth_rad: float = quantity(0.0, "deg", -360.0, 360.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorneaStudy(Section):
+    """A cornea of another radius than the globe's; the defaults are those of human eyes.
+
+    The outer surface inside the limbus, a ring of `limbus_radius_m` about the cornea's axis, is a sphere of `radius_m`
+    through the ring. Across the ring, `edge_m` wide as measured along the globe, it goes over into the globe smoothly.
+    """
+
+    radius_m: float = quantity(7.8, "mm", 2.0, 30.0)
+    limbus_radius_m: float = quantity(5.75, "mm", 1.0, 20.0)
+    edge_m: float = quantity(2.0, "mm", 0.5, 10.0)
+    polar_rad: float = quantity(0.0, "deg", 0.0, 90.0)
+    azimuth_rad: float = quantity(0.0, "deg", -360.0, 360.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.limbus_radius_m < self.radius_m:
+            ring, cornea = (f"{from_si(value, 'mm'):g}" for value in (self.limbus_radius_m, self.radius_m))
+            raise StudyError(f"limbus_radius_mm: {ring}; must be below the cornea's radius_mm, {cornea}")
+
+
+@dataclass(frozen=True)
+class FormStudy(Section):
+    """Semi-axes of the outer surface along x, y and z as shares of the radius, waves of the thickness, regions, cornea.
+
+    The semi-axes stretch the whole eye, a cornea of another radius too.
+    """
+
+    semi_axes: tuple[float, ...] = quantity((1.0, 1.0, 1.0), None, 0.7, 1.3)
+    wave: tuple[WaveStudy, ...] = ()
+    region: tuple[RegionStudy, ...] = ()
+    cornea: CorneaStudy | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.semi_axes) != 3:
+            raise StudyError("semi_axes: give three ratios, like [1.0, 1.0, 1.0]")
+        if sum(abs(wave.amplitude_fraction) for wave in self.wave) > MOST_UNEVEN:
+            raise StudyError(f"wave: the amplitudes add up to more than {MOST_UNEVEN:.0%}")
