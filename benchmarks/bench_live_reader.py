@@ -25,7 +25,7 @@ from scleraforce.known.eye import Known, known_of_recording
 from scleraforce.reader import ForceReader, load_force_reader
 from scleraforce.reader.force_reader import SHIFTS
 from scleraforce.reader.live import LiveReader
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observed import segmented_boundaries
 from scleraforce.segmentation.slice import boundary_slices

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.monitor import MonitorLimits
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.service.shown_pictures import ShownPictures
 from scleraforce.units import from_si
 

@@ -17,8 +17,7 @@ from figures.commands import made
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.recordings import recording_key
-from scleraforce.recording.files import read_info
-from scleraforce.recording.info import RecordingInfo
+from scleraforce.recording.folder import RecordingInfo, read_info
 from scleraforce.study import ReaderStudy
 from scleraforce.study.toml import format_record
 from scleraforce.whole_files import write_whole

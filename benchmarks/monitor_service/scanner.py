@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import InputError
 from scleraforce.openigtlink import Message
-from scleraforce.recording.files import Recording, read_recording, true_forces
+from scleraforce.recording.folder import Recording, read_recording, true_forces
 from scleraforce.recording.pixels import Pixels
 from scleraforce.recording.tables import FrameEntry
 from scleraforce.replay.answer_log import AnswerLog

@@ -31,7 +31,7 @@ from scleraforce.models.folder import LIBRARY_FILE, NETWORK_FILE, read_folder
 from scleraforce.models.shipped import SHIPPED, SHIPPED_READER
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import evaluate_recordings
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.study import Study, study_hash
 from scleraforce.whole_files import write_whole
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from scleraforce.notebook.importing import import_recording
     from scleraforce.notebook.training import generate, library_of, train
     from scleraforce.notebook.virtual import phantom, simulate
-    from scleraforce.recording.files import read_recording
+    from scleraforce.recording.folder import read_recording
     from scleraforce.recording.images import read_frame
     from scleraforce.study.records import Study
     from scleraforce.study.toml import parse_study, read_study
@@ -65,7 +65,7 @@ _MODULES = {
     "phantom": "notebook.virtual",
     "read": "notebook.frames",
     "read_frame": "recording.images",
-    "read_recording": "recording.files",
+    "read_recording": "recording.folder",
     "read_study": "study.toml",
     "segment": "notebook.frames",
     "simulate": "notebook.virtual",

@@ -11,7 +11,7 @@ import pytest
 from analytic_frames import GAP_M, IOP_PA, LIBRARY, MODULUS_PA, SCALE, THICKNESS_M, image, tip_of, wall_section
 from fixed_reader import write_fixed_reader
 
-from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.folder import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.writing import RecordingWriter
 from speed.lock import alone as alone_on_this_machine
 

@@ -26,7 +26,7 @@ from scleraforce.known.globe import SEALED, UNKNOWN
 from scleraforce.laboratory.ideal_boundaries import virtual_sections
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.virtual_eye import PhantomEye
-from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.study import CalibrationStudy, Study
 from scleraforce.units import SI_PER_UNIT
 

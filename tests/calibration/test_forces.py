@@ -6,8 +6,7 @@ import pytest
 from logged_info import LOGGED_INFO
 
 from scleraforce.calibration.forces import ZERO_PRIOR, frame_forces, rest_zeros, zero_line
-from scleraforce.recording.files import Recording
-from scleraforce.recording.info import ForceInfo
+from scleraforce.recording.folder import ForceInfo, Recording
 from scleraforce.recording.labels import label_frames, low_pass
 from scleraforce.recording.tables import ForceLog, FrameEntry
 from scleraforce.study import ClassesStudy

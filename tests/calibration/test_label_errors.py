@@ -12,8 +12,7 @@ from scleraforce.calibration.label_errors import label_sds
 from scleraforce.laboratory.phantom import plan_phantom
 from scleraforce.laboratory.pushes import sense
 from scleraforce.laboratory.virtual_eye import paper_eyes
-from scleraforce.recording.files import Recording
-from scleraforce.recording.info import ForceInfo
+from scleraforce.recording.folder import ForceInfo, Recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
 from scleraforce.study import ClassesStudy, PhantomStudy, Study, fixed

@@ -20,7 +20,7 @@ from scleraforce.laboratory.virtual_eye import PhantomEye
 from scleraforce.library import Library
 from scleraforce.library.cache import cached_library
 from scleraforce.library.sealed import iop_ratio_at_dent
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.study import LibraryStudy, Range, Study

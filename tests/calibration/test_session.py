@@ -25,7 +25,7 @@ from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
 from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.reader.wall_finder_model import load_wall_finder
-from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.observations import Boundaries

@@ -21,9 +21,9 @@ from scleraforce.cli.import_ import import_
 from scleraforce.cli.importing import questions as terminal
 from scleraforce.cli.importing.options import OPTIONS
 from scleraforce.cli.main import run
-from scleraforce.formats.importing import questions
-from scleraforce.formats.importing.told import ImportAnswers
-from scleraforce.recording.files import read_recording
+from scleraforce.recording import importing
+from scleraforce.recording.folder import read_recording
+from scleraforce.recording.importing import ImportAnswers
 
 REAL = Path(__file__).parents[3] / "shared" / "recordings" / "sample-a"
 NIFTI = ["--axes", "lateral,depth,frame"]
@@ -91,7 +91,7 @@ def test_without_a_terminal_all_that_is_missing_is_named_at_once_and_nothing_is_
     write_log(tmp_path / "log.csv")
     (tmp_path / "out").mkdir()
     error = refused(capsys, tmp_path / "out" / "r", tmp_path / "0.png", tmp_path / "1.png", tmp_path / "log.csv")
-    asked = [question for name, question in questions.QUESTIONS.items() if name != "axis"]
+    asked = [question for name, question in importing.QUESTIONS.items() if name != "axis"]
     assert [f"({question.options})" in error for question in asked] == [not question.optional for question in asked]
 
 
@@ -385,10 +385,10 @@ def test_every_question_is_an_option_and_every_option_an_answer() -> None:
     names = {parameter.name for parameter in import_.params if isinstance(parameter, click.Option)}
     fields = set(ImportAnswers.__dataclass_fields__)
     assert (
-        set(questions.QUESTIONS) <= fields == names - {"out", "like", "model", "as_json", "quiet"}
+        set(importing.QUESTIONS) <= fields == names - {"out", "like", "model", "as_json", "quiet"}
     )  # quiet: as every command
     assert len(OPTIONS) == len(fields)
-    assert set(terminal.KINDS) == set(questions.QUESTIONS)
+    assert set(terminal.KINDS) == set(importing.QUESTIONS)
     assert main.module_name("import") == "import_"
 
 

@@ -11,7 +11,7 @@ from looked_at import looked_at_frames
 
 from scleraforce.cli.import_ import import_
 from scleraforce.cli.importing import questions as terminal
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 
 
 @pytest.fixture(autouse=True)

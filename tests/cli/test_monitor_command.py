@@ -20,7 +20,7 @@ from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.monitor import MonitorLimits
 from scleraforce.openigtlink import Image, Sensor, Status
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.units import to_si
 
 pytest.importorskip("torch")

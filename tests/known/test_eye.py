@@ -17,7 +17,7 @@ from scleraforce.known.eye import (
     told_globe,
 )
 from scleraforce.known.globe import OPEN, SEALED, UNKNOWN, KnownGlobe
-from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.folder import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
 
 CALIBRATED = replace(SEALED, mean=1.3e8, sd=4e6, correlation=-0.4, calibrated=True)
 

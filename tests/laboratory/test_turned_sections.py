@@ -23,7 +23,7 @@ from scleraforce.laboratory.virtual_eye import (
     study_sections,
     turned_eyes,
 )
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.section.plane import Section
 from scleraforce.study import (
     FormStudy,

@@ -12,7 +12,7 @@ from scleraforce.cli.main import run
 from scleraforce.errors import InputError
 from scleraforce.laboratory.virtual_eye import PhantomEye, finite_strain_sections, linear_sections, study_sections
 from scleraforce.mechanics.study_path import bend_eye
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.section.cut import cut_section
 from scleraforce.section.plane import Section
 from scleraforce.study import (

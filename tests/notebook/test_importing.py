@@ -15,8 +15,8 @@ from format_frames import COUNT, FRAMES, write_log
 
 import scleraforce as sf
 from scleraforce.cli.main import run
-from scleraforce.formats.importing.told import ImportAnswers
 from scleraforce.notebook.importing import SI_NAMES
+from scleraforce.recording.importing import ImportAnswers
 
 SCALE = {"width_m": 12e-3, "depth_m": 4e-3, "refractive_index": 1.38, "bits": 13}
 NEEDLE = {"eye": "eye-1", "gauge": 22, "gap_m": 0.6e-3}

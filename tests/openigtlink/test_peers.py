@@ -13,7 +13,7 @@ from peer import FUSE_S, Peer, serving, wait_until
 from small_monitor import COLUMNS, ROWS, SCALE_M, frame_of
 from small_recording import write_small_recording
 
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.player import Player
 from scleraforce.replay.scanner_client import ScannerClient

@@ -16,7 +16,7 @@ from scleraforce.errors import RecordingError
 from scleraforce.known.calibration_file import read_calibration
 from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import evaluate_recordings
-from scleraforce.recording.files import frame_digest
+from scleraforce.recording.folder import frame_digest
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.slice import boundary_slice

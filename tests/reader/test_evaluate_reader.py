@@ -29,7 +29,7 @@ from scleraforce.known.globe import OPEN
 from scleraforce.reader import Reader, load_model
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.reader.evaluation import Evaluation
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.recording.images import read_frame
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.study import MeshStudy

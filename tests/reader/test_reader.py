@@ -12,7 +12,7 @@ from scleraforce.errors import ModelError
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import OPEN, SEALED
 from scleraforce.reader import load_classifier, load_force_reader
-from scleraforce.recording.info import OctInfo
+from scleraforce.recording.folder import OctInfo
 from scleraforce.study import Study
 
 ROOT = Path(scleraforce.__file__).parent

@@ -11,8 +11,8 @@ from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import known_globe
 from scleraforce.reader.force_reader import ForceReader
 from scleraforce.reader.model import load_model
+from scleraforce.recording.folder import Scanner, read_scaled_frame
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame
 
 REAL = Path(__file__).parents[3] / "shared" / "real-oct"
 SCANS = sorted((REAL / "anterior-segment").glob("*.jp*g")) + sorted((REAL / "dicom").glob("*.dcm"))

@@ -15,7 +15,7 @@ from scleraforce.models.session import folder_study
 from scleraforce.models.shipped import SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.reader.limits import limit_notes, raw_limits, reading_ranges, recording_limits, wall_limits
 from scleraforce.reader.verdicts import least_wall_m, too_little_wall
-from scleraforce.recording.info import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.folder import EyeInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.study import Study
 from scleraforce.units import to_si
 

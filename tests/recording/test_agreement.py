@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from logged_info import LOGGED_INFO
 
-from scleraforce.recording.agreement import axis_doubt, log_doubts
-from scleraforce.recording.files import Recording
-from scleraforce.recording.info import ForceInfo
+from scleraforce.recording.folder import ForceInfo, Recording
+from scleraforce.recording.labels import axis_doubt, log_doubts
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
 from scleraforce.study import ClassesStudy
 

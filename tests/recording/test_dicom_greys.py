@@ -15,9 +15,9 @@ from pydicom.sequence import Sequence
 from pydicom.uid import ExplicitVRBigEndian, JPEG2000Lossless, JPEGBaseline8Bit, JPEGExtended12Bit
 
 from scleraforce.errors import FrameError
-from scleraforce.formats.sources import source_kind
-from scleraforce.recording.dicom_image import read_dicom
+from scleraforce.recording.dicom import read_dicom
 from scleraforce.recording.images import read_frame, read_frame_image
+from scleraforce.recording.sources import source_kind
 
 RAMP = np.arange(40 * 60, dtype=np.uint16).reshape(40, 60)
 TWELVE = {"BitsStored": 12, "HighBit": 11}

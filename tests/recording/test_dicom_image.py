@@ -11,7 +11,7 @@ from pydicom.encaps import encapsulate
 from pydicom.uid import DeflatedExplicitVRLittleEndian, JPEGBaseline8Bit, RLELossless
 
 from scleraforce.errors import FrameError
-from scleraforce.recording.dicom_image import read_dicom
+from scleraforce.recording.dicom import read_dicom
 from scleraforce.recording.images import read_frame
 
 RAMP = np.arange(40 * 60, dtype=np.uint16).reshape(40, 60)

@@ -10,8 +10,7 @@ from scleraforce.errors import RecordingError
 from scleraforce.laboratory.phantom import plan_phantom
 from scleraforce.laboratory.pushes import sense
 from scleraforce.laboratory.virtual_eye import paper_eyes
-from scleraforce.recording.files import Recording, read_recording
-from scleraforce.recording.info import ForceInfo
+from scleraforce.recording.folder import ForceInfo, Recording, read_recording
 from scleraforce.recording.labels import contact_force, first_contact, label_frames, label_notes, low_pass
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry, read_force_log
 from scleraforce.study import ClassesStudy, PhantomStudy, Study, fixed

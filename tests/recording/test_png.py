@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scleraforce.recording.images import read_frame
-from scleraforce.recording.png import PngBuffer
+from scleraforce.recording.writing import PngBuffer
 
 
 @pytest.mark.parametrize("shape", [(2, 2), (2, 3), (512, 512), (3, 16384), (700, 2)])

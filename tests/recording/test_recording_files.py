@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import FrameError, RecordingError
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.recording.tables import FORCE_COLUMNS
 
 SHARED = Path(__file__).parents[3] / "shared" / "recordings"

@@ -13,12 +13,11 @@ import tifffile
 from format_frames import FRAMES, pictures_of
 
 from scleraforce.errors import FrameError
-from scleraforce.formats.greys import find_greys
-from scleraforce.formats.scan import joined
+from scleraforce.recording.folder import Scanner, read_scaled_frame
 from scleraforce.recording.images import read_frame_image, read_picture
-from scleraforce.recording.pixels import as_shown
-from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame
-from scleraforce.recording.tiff_image import read_tiff
+from scleraforce.recording.pixels import as_shown, find_greys
+from scleraforce.recording.scan import joined
+from scleraforce.recording.tiff import read_tiff
 
 RAMP = np.arange(24 * 40, dtype=np.uint16).reshape(24, 40)
 

@@ -14,7 +14,7 @@ from peak_memory import less_than
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.images import read_frame, read_frame_image
-from scleraforce.recording.tiff_image import read_tiff
+from scleraforce.recording.tiff import read_tiff
 
 RAMP = np.arange(40 * 60, dtype=np.uint16).reshape(40, 60)
 BYTES = RAMP.astype(np.uint8)

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from scleraforce.errors import RecordingError
-from scleraforce.recording.files import read_recording
-from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, read_recording
 from scleraforce.recording.tables import read_force_log
 from scleraforce.recording.writing import ForceWriter, RecordingWriter
 

@@ -17,7 +17,7 @@ from scleraforce.cli.main import run
 from scleraforce.cli.replay import _Show, _when
 from scleraforce.errors import FrameError
 from scleraforce.openigtlink import Decoder, Image, Received, Sensor, Status
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.replay import player as module
 from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.player import STATED_S, Player

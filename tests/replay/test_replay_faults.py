@@ -17,7 +17,7 @@ from scleraforce.monitor import MonitorLimits
 from scleraforce.monitor.causes import Cause
 from scleraforce.openigtlink import BadChecksum, Decoder, Image, Malformed, Received, Status
 from scleraforce.reader.answers import Answer, LiveReading
-from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.replay import scanner_client
 from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.fault_acts import ACTS, prepare

@@ -11,7 +11,7 @@ from small_monitor import COLUMNS, ROWS, SCALE_M, frame_of
 from turned_clock import TurnedClock
 
 from scleraforce.errors import InputError
-from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.replay import faults, player
 from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.fault_acts import prepare

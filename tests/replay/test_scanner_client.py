@@ -10,7 +10,7 @@ from fake_monitor import FakeMonitor, fake_monitor
 
 from scleraforce.errors import InputError, LinkError
 from scleraforce.openigtlink import Decoder, Image, Received, Sensor, Status, Text, encode
-from scleraforce.recording.info import OctInfo
+from scleraforce.recording.folder import OctInfo
 from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.scanner_client import ScannerClient, Unstamped, frame_message
 from scleraforce.service.scanner_image import FrameAssembler

@@ -7,7 +7,7 @@ import pytest
 from format_frames import with_log
 from small_recording import write_small_recording
 
-from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.report.recording_preview import FirstFrame, draw_preview
 
 

@@ -8,7 +8,7 @@ import pytest
 from scleraforce.cli.main import run
 from scleraforce.errors import SolverError
 from scleraforce.known.calibration_file import read_calibration
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.reproduction import demo
 
 

@@ -14,8 +14,8 @@ from dented_walls import dented_wall
 from scleraforce.laboratory.bscan import render_bscan
 from scleraforce.laboratory.needle import draw_shaft
 from scleraforce.laboratory.optics import BscanOptics, Cover, Line, NeedleShaft, Pose, Shadow, sample_optics
+from scleraforce.recording.folder import Scanner, read_scaled_frame
 from scleraforce.recording.pixels import PixelScale
-from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame
 from scleraforce.section.plane import Section
 from scleraforce.segmentation.needle import needle_entry
 from scleraforce.segmentation.observed import segmented_boundaries

@@ -12,7 +12,7 @@ from scleraforce.cli.main import COMMANDS, cli, run
 from scleraforce.cli.quantities import Possible
 from scleraforce.errors import CalibrationError, InputError, RecordingError, StudyError
 from scleraforce.known.calibration_file import read_calibration
-from scleraforce.recording.files import read_info
+from scleraforce.recording.folder import read_info
 from scleraforce.study.fields import QUANTITIES, allowed, check_quantity
 from scleraforce.units import SI_PER_UNIT
 

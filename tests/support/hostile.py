@@ -94,7 +94,7 @@ def _read_study(folder: Path) -> None:
 
 
 def _read_recording(folder: Path) -> None:
-    from scleraforce.recording.files import read_recording
+    from scleraforce.recording.folder import read_recording
     from scleraforce.recording.labels import label_frames
 
     label_frames(read_recording(folder / "recording"), Study().classes)

@@ -8,7 +8,7 @@ from analytic_frames import GAP_M, MODULUS_PA, SMALL_LIBRARY, THICKNESS_M, image
 from calibration_file import calibration_text
 from fixed_reader import write_fixed_reader
 
-from scleraforce.recording.files import frame_digest
+from scleraforce.recording.folder import frame_digest
 from scleraforce.recording.images import read_frame
 
 __all__ = ["FORCES_N", "FORCE_TOML", "write_places", "write_recording"]

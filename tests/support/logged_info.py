@@ -1,6 +1,6 @@
 """What a small recording with a force log states."""
 
-from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 
 __all__ = ["LOGGED_INFO"]
 

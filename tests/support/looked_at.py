@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from frame_answers import frame_answer
 
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.report.answered_frame import AnsweredFrame, look_at_all
 from scleraforce.segmentation.sclera import find_sclera

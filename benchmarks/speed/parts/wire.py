@@ -14,7 +14,7 @@ import numpy as np
 from scleraforce.models.shipped import SHIPPED_READER
 from scleraforce.openigtlink import encode
 from scleraforce.openigtlink.image import Image
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from speed.parts.recording import made_recording
 from speed.record import Row, Table
 from speed.run import ROOT, Run

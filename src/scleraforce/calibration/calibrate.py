@@ -13,7 +13,7 @@ from scleraforce.calibration.words import rigidity_words
 from scleraforce.errors import CalibrationError
 from scleraforce.known.globe import NINETY_PERCENT, OPEN, SEALED, UNKNOWN
 from scleraforce.library import Library
-from scleraforce.recording.files import Recording
+from scleraforce.recording.folder import Recording
 from scleraforce.segmentation.wall_finder import WallFinder
 from scleraforce.study import Study
 

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.recording.files import Recording
+from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import Trial, contact_force
 
 Array = NDArray[np.float64]

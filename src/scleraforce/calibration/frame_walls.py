@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from scleraforce.calibration.assimilation import Skipped
-from scleraforce.recording.files import Recording, frame_digest
+from scleraforce.recording.folder import Recording, frame_digest
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import segmented_boundaries

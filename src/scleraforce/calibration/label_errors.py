@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.calibration.forces import REST_SD_N, ZERO_PRIOR, rest_zeros, zero_line
-from scleraforce.recording.files import Recording
+from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import Trial, contact_force, low_pass, tare_samples
 
 Array = NDArray[np.float64]

@@ -27,9 +27,8 @@ from scleraforce.errors import CalibrationError
 from scleraforce.known.eye import Known, open_doubts, told_globe
 from scleraforce.known.globe import OPEN, UNKNOWN
 from scleraforce.library import Library
-from scleraforce.recording.agreement import log_doubts
-from scleraforce.recording.files import Recording, tables_digest
-from scleraforce.recording.labels import label_frames, label_notes
+from scleraforce.recording.folder import Recording, tables_digest
+from scleraforce.recording.labels import label_frames, label_notes, log_doubts
 from scleraforce.segmentation.observations import Boundaries
 from scleraforce.segmentation.observed import dent
 from scleraforce.segmentation.wall_finder import WallFinder

@@ -16,7 +16,7 @@ from scleraforce.known.globe import KnownGlobe
 class FrameRecord:
     """What became of a frame: estimate of E after it, or the reason why it was not used.
 
-    `sha256` is the frame's content (`recording.files.frame_digest`), by which it is known again under any name.
+    `sha256` is the frame's content (`recording.folder.frame_digest`), by which it is known again under any name.
     `force_n` is what the filter took, the label freed of offset and drift. `own_modulus_pa`: what the frame alone says;
     `again`: what is read in it in the end.
     """
@@ -41,7 +41,7 @@ class FrameRecord:
 class UsedRecording:
     """A recording that was calibrated on: path as given, SHA-256 of its tables, zero of its force taken off.
 
-    `doubts` are sentences on a log that does not go with the frames (`recording.agreement`), and on the globe.
+    `doubts` are sentences on a log that does not go with the frames (`recording.labels`), and on the globe.
     """
 
     path: str

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from scleraforce.known.eye import Known
     from scleraforce.reader import Reader
     from scleraforce.reader.answers import Answer
-    from scleraforce.recording.scaled_frame import Scanner
+    from scleraforce.recording.folder import Scanner
 
 
 @click.command()
@@ -115,7 +115,7 @@ class _FrameRead:
 def _read(reader: "Reader", path: Path, told: "Scanner", known: "Known", transpose: bool) -> _FrameRead:
     """Read one frame with what was told and what else its recording and its file state."""
     from scleraforce.known.eye import NOTHING_KNOWN, completed, known_of_recording
-    from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame, recording_of
+    from scleraforce.recording.folder import Scanner, read_scaled_frame, recording_of
 
     assumed = Scanner(refractive_index=reader.study.oct.refractive_index)
     frame = read_scaled_frame(path, told, (assumed, "model's study"), transpose)

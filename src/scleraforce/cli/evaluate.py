@@ -50,7 +50,7 @@ def evaluate(
     from scleraforce.known.calibration_file import read_calibration
     from scleraforce.reader import load_model
     from scleraforce.reader.evaluate import evaluate_recordings
-    from scleraforce.recording.files import read_recording
+    from scleraforce.recording.folder import read_recording
 
     if html is not None and html.exists():
         raise InputError(f"{html}: exists already; remove it or choose another name")

@@ -11,8 +11,8 @@ from scleraforce.cli.single_frames import is_folder
 from scleraforce.errors import InputError
 
 if TYPE_CHECKING:
-    from scleraforce.formats.export.rows import Row
-    from scleraforce.recording.files import Recording
+    from scleraforce.recording.export import Row
+    from scleraforce.recording.folder import Recording
 
 TABLES = (".csv", ".json")
 ENDINGS = (*TABLES, ".mcap", ".nrrd")
@@ -51,7 +51,7 @@ def export(thing: Path, out: Path, answers: Path | None, force: bool, as_json: b
 
 def _export_answers(thing: Path, out: Path, answers: Path | None) -> int:
     """Write the rows of a file of answers; return how many there are."""
-    from scleraforce.formats.export.rows import read_answers
+    from scleraforce.recording.export import read_answers
 
     if answers is not None:
         raise InputError(f"--answers: {thing} is a file of answers already; give a recording folder for THING")
@@ -66,15 +66,15 @@ def _export_answers(thing: Path, out: Path, answers: Path | None) -> int:
 
 def _export_recording(thing: Path, out: Path, answers: Path | None) -> int:
     """Write a recording; return how many frames it has."""
-    from scleraforce.formats.answers import clock_origin_s
-    from scleraforce.formats.export.rows import frame_rows, read_answers, with_answers
-    from scleraforce.recording.files import read_recording
+    from scleraforce.recording.export import frame_rows, read_answers, with_answers
+    from scleraforce.recording.folder import read_recording
+    from scleraforce.recording.importing import clock_origin_s
     from scleraforce.study import ClassesStudy
 
     recording = read_recording(thing)
     kind = out.suffix.lower()
     if kind == ".nrrd":
-        from scleraforce.formats.export.nrrd_sequence import write_sequence
+        from scleraforce.recording.export import write_sequence
 
         if answers is not None:
             raise InputError(f"--answers: {out} has room for frames only; give a .csv, .json or .mcap")
@@ -84,7 +84,7 @@ def _export_recording(thing: Path, out: Path, answers: Path | None) -> int:
     if answers is not None:
         rows = with_answers(rows, read_answers(answers), thing)
     if kind == ".mcap":
-        from scleraforce.formats.export.mcap_log import write_mcap
+        from scleraforce.recording.export import write_mcap
 
         write_mcap(recording, rows, clock_origin_s(thing), out)
     else:
@@ -102,8 +102,8 @@ def _stated(recording: "Recording") -> dict[str, Any]:
 
 
 def _write_table(stated: dict[str, Any], rows: "list[Row]", out: Path) -> None:
-    from scleraforce.formats.export.rows import csv_text
     from scleraforce.plain_json import finite
+    from scleraforce.recording.export import csv_text
     from scleraforce.whole_files import write_whole
 
     if out.suffix.lower() == ".csv":

@@ -13,7 +13,7 @@ from scleraforce.cli.output import count_bar, print_json, say
 def _like(ctx: click.Context, _: click.Parameter, folder: Path | None) -> Path | None:
     """Take what another recording was imported with as the defaults of the options."""
     if folder is not None:
-        from scleraforce.formats.answers import answers_like
+        from scleraforce.recording.importing import answers_like
 
         ctx.default_map = answers_like(folder)
     return folder
@@ -55,9 +55,9 @@ def import_(
     # Imported here: formats and figures take longer to import than the help to print.
     from scleraforce.cli.importing.questions import asker
     from scleraforce.cli.importing.told import entries, lines
-    from scleraforce.formats.importing.told import ImportAnswers
     from scleraforce.models.shipped import SHIPPED_READER
     from scleraforce.notebook.importing import write_imported
+    from scleraforce.recording.importing import ImportAnswers
 
     asked, origins = ImportAnswers(**told), _origins(ctx, like)
     imported = write_imported(sources, out, asked, origins, count_bar, asker(as_json), model or SHIPPED_READER)
@@ -70,7 +70,7 @@ def import_(
 
 def _origins(ctx: click.Context, like: Path | None) -> dict[str, str]:
     """Return who told the value of each option that has one."""
-    from scleraforce.formats.importing.told import OPTION
+    from scleraforce.recording.importing import OPTION
 
     words = {ParameterSource.COMMANDLINE: OPTION, ParameterSource.DEFAULT_MAP: f"like {like}"}
     return {name: words[origin] for name in ctx.params if (origin := ctx.get_parameter_source(name)) in words}

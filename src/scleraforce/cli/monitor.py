@@ -200,7 +200,7 @@ def _refuse_untrained(reader: "Reader", known: "Known") -> None:
 
 def _printable(eye: str) -> str:
     """Return an eye's name: one line, for it stands in files, in a terminal and on a page."""
-    from scleraforce.recording.info import eye_id_fault
+    from scleraforce.recording.folder import eye_id_fault
 
     if fault := eye_id_fault(eye):
         raise InputError(f"--eye: {fault}")

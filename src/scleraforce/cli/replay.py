@@ -13,7 +13,7 @@ from scleraforce.errors import InputError, LinkError
 from scleraforce.units import from_si
 
 if TYPE_CHECKING:
-    from scleraforce.recording.files import Recording
+    from scleraforce.recording.folder import Recording
     from scleraforce.recording.tables import FrameEntry
     from scleraforce.replay.answer_log import AnswerLog, Change
     from scleraforce.replay.faults import FaultReport
@@ -72,7 +72,7 @@ def replay(
 
     Example: scleraforce replay moving-eye --fault frozen
     """
-    from scleraforce.recording.files import read_recording
+    from scleraforce.recording.folder import read_recording
     from scleraforce.replay.answer_log import AnswerLog
     from scleraforce.replay.player import AHEAD, Player
     from scleraforce.replay.scanner_client import ScannerClient
@@ -111,7 +111,7 @@ def replay(
 
 def _true_frame_forces(recording: "Recording") -> Sequence[float] | None:
     """Return the true force at each frame, N; None where no truth.json tells it."""
-    from scleraforce.recording.files import true_forces
+    from scleraforce.recording.folder import true_forces
 
     if not (recording.path / "truth.json").exists():
         return None

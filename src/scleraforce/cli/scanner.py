@@ -17,7 +17,7 @@ from scleraforce.units import from_si
 from scleraforce.whole_files import write_whole
 
 if TYPE_CHECKING:
-    from scleraforce.recording.scaled_frame import ScaledFrame, Scanner
+    from scleraforce.recording.folder import ScaledFrame, Scanner
     from scleraforce.scanner.imaged_eye import ImagedEye
     from scleraforce.scanner.measure import MeasuredRange, MeasuredScanner
     from scleraforce.segmentation.wall_finder import WallFinder
@@ -94,7 +94,7 @@ def _imaged(
     Raises:
         InputError: a frame cannot be read or used, or is not of the size of the first.
     """
-    from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame
+    from scleraforce.recording.folder import Scanner, read_scaled_frame
 
     network = asked_wall_finder(finder)
     first: tuple[Any, ...] = ()

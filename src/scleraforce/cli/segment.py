@@ -30,8 +30,8 @@ from scleraforce.units import from_si
 from scleraforce.whole_files import KINDS, read_bytes, write_whole
 
 if TYPE_CHECKING:
+    from scleraforce.recording.folder import Scanner
     from scleraforce.recording.pixels import Pixels
-    from scleraforce.recording.scaled_frame import Scanner
     from scleraforce.segmentation.wall_finder import WallFinder
 
 
@@ -117,8 +117,7 @@ def _plan_masks(given: tuple[Path, ...], out: Path) -> list[_Source]:
 
 def _frames_of(path: Path) -> list[tuple[Path, Path | None]]:
     """Return frames with their recording: all of a recording folder, or the one file."""
-    from scleraforce.recording.files import read_recording
-    from scleraforce.recording.scaled_frame import recording_of
+    from scleraforce.recording.folder import read_recording, recording_of
 
     if not is_folder(path):
         return [(path, recording_of(path))]
@@ -141,7 +140,7 @@ def _check_names(sources: list[_Source]) -> None:
 
 def _segment_frame(source: _Source, asked: _Asked) -> dict[str, Any]:
     """Segment one frame, write its mask and, where asked for, its overlay; return what is to be told about it."""
-    from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame
+    from scleraforce.recording.folder import Scanner, read_scaled_frame
     from scleraforce.segmentation.needle import needle_entry
     from scleraforce.segmentation.overlay import draw_overlay
 

@@ -90,7 +90,7 @@ def _write_page(recording: Path, html: Path, model: Path, calibration: Path | No
     from scleraforce.known.calibration_file import read_calibration
     from scleraforce.reader import load_model
     from scleraforce.reader.evaluate import evaluate_recordings
-    from scleraforce.recording.files import read_recording
+    from scleraforce.recording.folder import read_recording
     from scleraforce.report.browser.page import write_browser_html
 
     reader = load_model(model, finder=finder_folder(finder))

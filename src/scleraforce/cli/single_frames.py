@@ -15,7 +15,7 @@ from scleraforce.errors import InputError
 from scleraforce.units import from_si, to_si
 
 if TYPE_CHECKING:
-    from scleraforce.recording.scaled_frame import ScaledFrame, Scanner
+    from scleraforce.recording.folder import ScaledFrame, Scanner
     from scleraforce.segmentation.steps import Segmentation
     from scleraforce.segmentation.wall_finder import WallFinder
 
@@ -44,7 +44,7 @@ def scanner_options(command: Command) -> Command:
 
 def told_scanner(width_mm: float | None, depth_mm: float | None, refractive_index: float | None) -> "Scanner":
     """Return what the options say of the frames."""
-    from scleraforce.recording.scaled_frame import Scanner
+    from scleraforce.recording.folder import Scanner
 
     return Scanner(
         width_m=to_si(width_mm, "mm"),

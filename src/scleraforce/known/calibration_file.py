@@ -17,7 +17,7 @@ from scleraforce.known.correlation import MOST_CORRELATED
 from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.globe import OPEN, KnownGlobe
 from scleraforce.plain_json import parse_json
-from scleraforce.recording.info import eye_id_fault
+from scleraforce.recording.folder import eye_id_fault
 from scleraforce.study.eye import RIGIDITY_LAWS
 from scleraforce.study.fields import Unit, allowed, meant
 from scleraforce.units import from_si, to_si
@@ -49,7 +49,7 @@ class CalibrationFile:
 
 @dataclass(frozen=True)
 class UsedFrame:
-    """A frame that a calibration rests on: its name, and `recording.files.frame_digest` of its pixels."""
+    """A frame that a calibration rests on: its name, and `recording.folder.frame_digest` of its pixels."""
 
     file: str
     sha256: str

@@ -6,7 +6,7 @@ from math import sqrt
 from scleraforce.known.calibration_file import CalibrationSummary
 from scleraforce.known.discrepancy import ForceDiscrepancy
 from scleraforce.known.globe import KnownGlobe, completed_globe, known_globe
-from scleraforce.recording.info import EyeInfo, RecordingInfo
+from scleraforce.recording.folder import EyeInfo, RecordingInfo
 from scleraforce.units import from_si
 
 STATED_MODULUS_SD = 0.03  # relative, of a modulus that comes without its uncertainty

@@ -57,7 +57,7 @@ from scleraforce.laboratory.pushes import (
 )
 from scleraforce.laboratory.turned_sections import TurnedSections
 from scleraforce.laboratory.virtual_eye import PhantomEye, SectionsAt, pressures_pa
-from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
+from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.recording.writing import RecordingWriter
 from scleraforce.section.plane import Section
 from scleraforce.study import Study, draw, study_hash

@@ -21,9 +21,8 @@ from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.reader.answers import Answer
 from scleraforce.reader.reader import Reader
 from scleraforce.reader.wall_finder_model import load_wall_finder
-from scleraforce.recording.info import RecordingInfo
+from scleraforce.recording.folder import RecordingInfo, Scanner, read_scaled_frame, recording_of
 from scleraforce.recording.pixels import Pixels, PixelScale
-from scleraforce.recording.scaled_frame import Scanner, read_scaled_frame, recording_of
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.segmentation.sclera import find_sclera
 from scleraforce.segmentation.steps import Segmentation

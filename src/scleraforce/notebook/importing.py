@@ -14,24 +14,26 @@ from numpy.typing import NDArray
 
 from scleraforce import __version__
 from scleraforce.errors import InputError
-from scleraforce.formats.answers import IMPORT_RECORD, answers_like
-from scleraforce.formats.gather import Gathered, gather
-from scleraforce.formats.greys import Greys, find_greys
-from scleraforce.formats.imported import folder_when_whole, frame_files, write_frames, write_log, written
-from scleraforce.formats.importing.complete import Complete, complete
-from scleraforce.formats.importing.provenance import record_text
-from scleraforce.formats.importing.questions import NOBODY, Asker
-from scleraforce.formats.importing.told import OPTION, ImportAnswers
-from scleraforce.formats.scan import UnansweredError
-from scleraforce.formats.sources import files_of
 from scleraforce.models.shipped import SHIPPED_READER, SHIPPED_WALL_FINDER
 from scleraforce.notebook.work import Counting, counting_for
 from scleraforce.reader.limits import limit_notes
 from scleraforce.reader.wall_finder_model import load_wall_finder
-from scleraforce.recording.files import Recording, read_recording
-from scleraforce.recording.info import OctInfo
-from scleraforce.recording.pixels import PixelScale
-from scleraforce.recording.scan import Scan
+from scleraforce.recording.folder import OctInfo, Recording, read_recording
+from scleraforce.recording.importing import (
+    IMPORT_RECORD,
+    NOBODY,
+    OPTION,
+    Asker,
+    Complete,
+    ImportAnswers,
+    answers_like,
+    complete,
+    record_text,
+)
+from scleraforce.recording.pixels import Greys, PixelScale, find_greys
+from scleraforce.recording.scan import Scan, UnansweredError
+from scleraforce.recording.sources import Gathered, files_of, gather
+from scleraforce.recording.writing import folder_when_whole, frame_files, write_frames, write_log, written
 from scleraforce.segmentation.checked_wall import find_checked_wall
 from scleraforce.units import from_si
 

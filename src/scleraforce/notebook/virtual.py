@@ -10,7 +10,7 @@ from scleraforce.eye.contact import Contact
 from scleraforce.laboratory.phantom import plan_phantom, write_phantom
 from scleraforce.laboratory.simulation import SimulatedEye, simulate_eye
 from scleraforce.laboratory.virtual_eye import PhantomEye, study_sections
-from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.study import Study, fixed
 from scleraforce.study.fields import check_quantity
 from scleraforce.study.unused import refuse_unused

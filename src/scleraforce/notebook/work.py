@@ -15,7 +15,7 @@ from scleraforce.compiled import use_compiled_loops
 from scleraforce.errors import InputError
 from scleraforce.models.folder import LIBRARY_FILE, read_folder
 from scleraforce.models.shipped import SHIPPED_READER
-from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.study import NetworkStudy, Study, study_hash
 from scleraforce.study.unused import refuse_unused
 

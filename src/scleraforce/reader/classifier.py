@@ -17,7 +17,7 @@ from scleraforce.reader.answers import Answer, LiveReading, unusable
 from scleraforce.reader.limits import slice_limits
 from scleraforce.reader.look import NEEDLE_SEEN, Look, can_calibrate, look
 from scleraforce.reader.verdicts import dent_leaves
-from scleraforce.recording.info import OctInfo
+from scleraforce.recording.folder import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.observed import segmented_boundaries
 from scleraforce.segmentation.wall_finder import WallFinder

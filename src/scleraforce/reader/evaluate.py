@@ -14,10 +14,8 @@ from scleraforce.models.shipped import model_name
 from scleraforce.reader.answers import Answer
 from scleraforce.reader.evaluation import Evaluation, FrameAnswer
 from scleraforce.reader.reader import Reader
-from scleraforce.recording.agreement import log_doubts
-from scleraforce.recording.files import Recording, frame_digest, read_recording, true_forces
-from scleraforce.recording.info import RecordingInfo
-from scleraforce.recording.labels import Trial, label_frames, label_notes
+from scleraforce.recording.folder import Recording, RecordingInfo, frame_digest, read_recording, true_forces
+from scleraforce.recording.labels import Trial, label_frames, label_notes, log_doubts
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.units import from_si
 

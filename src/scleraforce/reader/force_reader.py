@@ -28,7 +28,7 @@ from scleraforce.reader.verdicts import (
     no_wall_of_an_eye,
     too_little_wall,
 )
-from scleraforce.recording.info import OctInfo
+from scleraforce.recording.folder import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.needle import SeenNeedle
 from scleraforce.segmentation.observations import Boundaries

@@ -18,7 +18,7 @@ from scleraforce.reader.force_reader import ForceReader
 from scleraforce.reader.interval_factors import Factors, IntervalFactors
 from scleraforce.reader.interval_traits import GLOBE_TRAITS, traits_of
 from scleraforce.reader.readings import METHODS, Reading
-from scleraforce.recording.files import Recording, frame_digest
+from scleraforce.recording.folder import Recording, frame_digest
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.pixels import PixelScale
 

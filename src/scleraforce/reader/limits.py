@@ -18,7 +18,7 @@ from scleraforce.models.session import folder_study
 from scleraforce.models.shipped import model_folder, model_name
 from scleraforce.reader.needle_gap import read_by_fit
 from scleraforce.reader.verdicts import least_wall_m, wall_seen
-from scleraforce.recording.info import OctInfo, RecordingInfo, nearest_gauge
+from scleraforce.recording.folder import OctInfo, RecordingInfo, nearest_gauge
 from scleraforce.study import Choice, LibraryStudy, Range, ReaderStudy, Sampled, Study
 from scleraforce.units import HumanUnit, from_si
 

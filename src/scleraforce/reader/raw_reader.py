@@ -13,7 +13,7 @@ from scleraforce.reader.look import Look, can_calibrate, look
 from scleraforce.reader.needle_gap import needle_elsewhere, read_by_fit
 from scleraforce.reader.raw_network import OnnxRawNetwork
 from scleraforce.reader.verdicts import dent_leaves, too_little_wall
-from scleraforce.recording.info import OctInfo
+from scleraforce.recording.folder import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.segmentation.frame_window import FrameWindow
 from scleraforce.segmentation.observed import segmented_boundaries, surface

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from scleraforce.known.eye import NOTHING_KNOWN, Known
 from scleraforce.reader.answers import Answer, LiveReading
-from scleraforce.recording.info import OctInfo
+from scleraforce.recording.folder import OctInfo
 from scleraforce.recording.pixels import Pixels, PixelScale
 from scleraforce.study import Study
 

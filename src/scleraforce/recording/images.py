@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scleraforce.errors import FrameError
 from scleraforce.recording.pixels import FrameImage, Pixels, as_shown, check_size, grey_pixels, jpeg_frame
-from scleraforce.recording.scan import Scan
+from scleraforce.recording.scan import Scan, UnansweredError, array_scan, check_bytes, named_faults
 from scleraforce.whole_files import KINDS, read_bytes
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -48,11 +48,11 @@ def read_frame_image(path: str | PathLike[str]) -> FrameImage:
     path = Path(path)
     data = read_bytes(path, KINDS["frame"])
     if data[128:132] == b"DICM":  # before TIFF: a preamble may be the head of one
-        from scleraforce.recording.dicom_image import read_dicom
+        from scleraforce.recording.dicom import read_dicom
 
         return _only_frame(path, read_dicom(path, data))
     if data.startswith((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")):
-        from scleraforce.recording.tiff_image import read_tiff
+        from scleraforce.recording.tiff import read_tiff
 
         return _only_frame(path, read_tiff(path, data))
     return _read_picture(path, data)
@@ -198,3 +198,35 @@ def _decode(path: Path, data: bytes, flags: int) -> NDArray[Any]:
     if pixels is None:
         raise FrameError(f"{path}: damaged: it starts like an image but cannot be decoded")
     return np.asarray(pixels)
+
+
+def read_numpy(path: Path, axes: tuple[str, ...] | None, array: str | None) -> Scan:
+    """Return the frames of an array; a file of one array is read from the disk as it is needed.
+
+    Args:
+        path: of the file.
+        axes: in the order of the array's indices.
+        array: name of that with the frames in a .npz; None: the only one of two or three axes.
+
+    Raises:
+        UnansweredError: axes or array are open.
+        FrameError: it cannot be read.
+    """
+    with named_faults(path, "NumPy file of numbers"):
+        return array_scan(path, _numpy_array(path, array), axes)
+
+
+def _numpy_array(path: Path, array: str | None) -> NDArray[Any]:
+    with path.open("rb") as file:
+        if file.read(2) != b"PK":
+            return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
+    with np.load(path, allow_pickle=False) as held:
+        check_bytes(path, sum(info.file_size for info in held.zip.infolist()))
+        found = {name: held[name] for name in held.files}
+    frames = {name: value for name, value in found.items() if value.ndim in (2, 3) and value.size > 1}
+    if array is None and len(frames) != 1:
+        raise UnansweredError("--array", f"{path}: which array has the frames? There are {', '.join(found) or 'none'}")
+    name = array or next(iter(frames))
+    if name not in found:
+        raise FrameError(f"{path}: no array {name!r}; there are {', '.join(found)}")
+    return np.asarray(found[name])

@@ -1,16 +1,52 @@
-"""Frames as a file of any format has them, and what it states of them; None: the file does not state it."""
+"""Frames of one or several files of any format, and what the files state of them; None: not stated."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.errors import FrameError
-from scleraforce.recording.pixels import Sourced
+from scleraforce.errors import FrameError, InputError
+from scleraforce.recording.pixels import Sourced, check_size
 from scleraforce.units import from_si
+
+
+@contextmanager
+def named_faults(path: Path, kind: str) -> Iterator[None]:
+    """Name the file and its kind in whatever the reading of it raises; the system's own errors pass.
+
+    Raises:
+        FrameError: what was read is damaged.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as fault:  # packages raise whatever the damage leads to: OSError without a name, MemoryError
+        if isinstance(fault, OSError) and fault.filename is not None:
+            raise
+        words = " ".join(str(fault).split()) or type(fault).__name__
+        raise FrameError(f"{path}: damaged or an unknown kind of {kind}: {words}") from fault
+
+
+def package_for(path: Path, name: str, kind: str) -> Any:
+    """Import and return the package that reads or writes a file of a kind.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        return import_module(name)
+    except ImportError as fault:
+        package = name.partition(".")[0]
+        raise InputError(
+            f"{path}: {kind} takes the package {package}, which is not installed: pip install 'scleraforce[formats]'"
+        ) from fault
+
 
 PictureStream = Iterator[NDArray[Any]]
 
@@ -144,3 +180,147 @@ def check_bytes(path: Path, count: int) -> None:
     """
     if count > LARGEST_BYTES:
         raise FrameError(f"{path}: {count:,} bytes of frames; {LARGEST_BYTES // 2**30} GiB at most (docs/formats.md)")
+
+
+SAME_KIND = ("rows", "columns", "bits", "depth of a pixel (um)", "width of a pixel (um)")  # the same in all files
+
+
+class UnansweredError(InputError):
+    """A source leaves something open, and the option that answers it was not given.
+
+    Args:
+        option: like "--axes".
+        question: what the source leaves open, in words.
+        forms: of the answers, where the option is given several times.
+    """
+
+    def __init__(self, option: str, question: str, *forms: str) -> None:
+        super().__init__(f"{question}; give {' '.join(f'{option} {form}' for form in forms) or option}")
+        self.option, self.question, self.forms = option, question, forms
+
+
+def joined(scans: Sequence[Scan]) -> Scan:
+    """Return several files of frames as one scan: in the order of their times, or as they are given.
+
+    Raises:
+        FrameError: they differ in size, scale or bits.
+    """
+    first = scans[0]
+    for scan in scans[1:]:
+        for field, mine, theirs in zip(SAME_KIND, _kind(scan), _kind(first), strict=True):
+            if mine != theirs:
+                found = f"{field} {_words(mine)}, where {first.names[0]} has {_words(theirs)}"
+                raise FrameError(f"{scan.names[0]}: {found}; import frames of one kind at a time")
+    ordered, times = _by_time(scans)
+    return replace(
+        first,
+        names=tuple(name for scan in ordered for name in scan.names),
+        pictures=lambda: (picture for scan in ordered for picture in _checked(scan)),
+        times=times,
+        scale_fault=next((scan.scale_fault for scan in scans if scan.scale_fault), None),
+        times_fault=next((scan.times_fault for scan in scans if scan.times_fault), None),
+        notes=tuple(dict.fromkeys(note for scan in scans for note in scan.notes)),
+    )
+
+
+def _checked(scan: Scan) -> PictureStream:
+    """Yield a scan's frames where they are as many and as large as it says; damaged files have others.
+
+    Raises:
+        FrameError: they are not.
+    """
+    count = 0
+    for picture in scan.pictures():
+        count += 1
+        if picture.shape != (scan.rows, scan.columns) or count > len(scan.names):
+            raise FrameError(
+                f"{scan.names[0]}: damaged: a frame of {picture.shape}, number {count}, that it does not state"
+            )
+        yield picture
+    if count < len(scan.names):
+        raise FrameError(f"{scan.names[0]}: damaged: {count} of {len(scan.names)} frames can be read")
+
+
+def _kind(scan: Scan) -> tuple[float | None, ...]:
+    sizes = (scan.depth_pixel_m, scan.lateral_pixel_m)
+    sizes_um = (None if size is None else float(f"{from_si(size.value, 'um'):.9g}") for size in sizes)
+    return (scan.rows, scan.columns, scan.bits, *sizes_um)
+
+
+def _words(value: float | None) -> str:
+    return "not stated" if value is None else f"{value:g}"
+
+
+def _by_time(scans: Sequence[Scan]) -> tuple[Sequence[Scan], Times | None]:
+    stated = [scan.times for scan in scans if scan.times is not None]
+    if len(stated) < len(scans):
+        return scans, None
+    order = sorted(range(len(scans)), key=lambda nth: float(stated[nth].time_s[0]))
+    time_s = np.concatenate([stated[nth].time_s for nth in order])
+    return ([scans[nth] for nth in order], Times(time_s, stated[0].source)) if rising(time_s) else (scans, None)
+
+
+AXES = ("frame", "depth", "lateral")
+
+
+def parse_axes(text: str) -> tuple[str, ...]:
+    """Return the axes that a text names.
+
+    >>> parse_axes("lateral, depth,frame")
+    ('lateral', 'depth', 'frame')
+
+    Raises:
+        InputError: they are not those of frames.
+    """
+    names = tuple(name.strip() for name in text.split(","))
+    if sorted(names) not in (sorted(AXES), sorted(AXES[1:])):
+        raise InputError(f"--axes: {text!r}; give {','.join(AXES)} in the order of the file, or depth,lateral of one")
+    return names
+
+
+def array_scan(
+    path: Path, array: NDArray[Any], axes: tuple[str, ...] | None, pixel_m: tuple[Sourced | None, ...] = ()
+) -> Scan:
+    """Return an array of frames as a scan; axes of length 1 do not count.
+
+    Args:
+        path: of the file.
+        array: of two or three axes longer than 1.
+        axes: names of those, in their order; None: not known.
+        pixel_m: step along each axis of `array`, where it is known.
+
+    Raises:
+        UnansweredError: `axes` is None.
+        FrameError: the axes are not as many, or the frames cannot be used.
+    """
+    sizes = " x ".join(map(str, array.shape))
+    long = [axis for axis, size in enumerate(array.shape) if size > 1]
+    steps_m = [pixel_m[axis] if pixel_m else None for axis in long]
+    array = array.squeeze()
+    if array.ndim not in (2, 3):
+        raise FrameError(f"{path}: an array of {sizes}; give frames x rows x columns, or one frame")
+    if array.dtype.kind not in "uif":
+        raise FrameError(f"{path}: pixels of type {array.dtype}; give whole numbers or floats, one of a pixel (grey)")
+    if axes is None:
+        names = ",".join(AXES[-array.ndim :])
+        question = f"which axis is which? Name {names} in the order of the sizes"
+        raise UnansweredError("--axes", f"{path}: an array of {sizes}: {question}")
+    if array.ndim == 2:
+        axes = tuple(name for name in axes if name != "frame")
+    if len(axes) != array.ndim:
+        raise FrameError(f"{path}: --axes names {len(axes)} axes ({','.join(axes)}); the array is of {sizes}")
+    check_bytes(path, array.nbytes)
+    frames = np.transpose(array, [axes.index(name) for name in AXES if name in axes])
+    frames = frames if frames.ndim == 3 else frames[np.newaxis]
+    rows, columns = frames.shape[1:]
+    check_size(path, rows, columns)
+    depth_m, lateral_m = (steps_m[axes.index(name)] for name in AXES[1:])
+    return Scan(
+        names=frame_names(path, len(frames)),
+        rows=rows,
+        columns=columns,
+        pictures=lambda: iter(frames),
+        bits=8 if frames.dtype == np.uint8 else None,
+        depth_pixel_m=depth_m,
+        lateral_pixel_m=lateral_m,
+    )

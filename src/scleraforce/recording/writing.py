@@ -1,20 +1,66 @@
-"""Write a recording folder as its frames and forces come, so that it can be read at any time, also after a crash.
-
-Two things make that so. A frame's line comes after the whole file. And no line lies across two pages of memory, so a
-process that is killed leaves whole lines only: the last line of a page fills it, with zeros behind its time's decimals.
-"""
+"""Write frames as PNG without compressing them: speckle hardly shrinks, and time is short while a monitor runs."""
 
 import os
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+import re
+import secrets
+import shutil
+import struct
+import zlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path, PurePath
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.recording.info import RecordingInfo
-from scleraforce.recording.png import PngBuffer
-from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ
+from scleraforce.errors import InputError, RecordingError
+from scleraforce.recording.folder import Recording, RecordingInfo, read_recording
+from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ, ForceLog
 from scleraforce.study.toml import format_record
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+
+
+class PngBuffer:
+    """Makes 16-bit grey PNGs of frames of one size, in memory that is taken once.
+
+    Each line is a stored block of the zlib stream (RFC 1950, RFC 1951 section 3.2.4), so only pixels and checksums
+    change from frame to frame. Compressing takes 15 times as long and saves a third (docs/black_box.md). Chunks and
+    filters: PNG specification, third edition, sections 5.3 and 9.2.
+
+    Args:
+        rows: of the frames.
+        columns: of the frames, at most 32,767.
+    """
+
+    def __init__(self, rows: int, columns: int) -> None:
+        line_bytes = 1 + 2 * columns
+        self._lines = np.zeros((rows, line_bytes), dtype=np.uint8)  # each begins with its filter: none
+        self._blocks = np.zeros((rows, 5 + line_bytes), dtype=np.uint8)
+        self._blocks[-1, 0] = 1  # the last one
+        self._blocks[:, 1:5] = np.frombuffer(struct.pack("<HH", line_bytes, line_bytes ^ 0xFFFF), dtype=np.uint8)
+        size = 2 + self._blocks.size + 4
+        header = _chunk(b"IHDR", struct.pack(">IIBBBBB", columns, rows, 16, 0, 0, 0, 0))
+        begin = SIGNATURE + header + struct.pack(">I", size) + b"IDAT\x78\x01"
+        self._png = np.frombuffer(bytearray(begin + bytes(size + 2) + _chunk(b"IEND", b"")), dtype=np.uint8)
+        self._data = self._png[len(begin) - 6 : len(begin) + size - 2]  # from IDAT to its checksum
+        self._check = self._png[len(begin) + size - 2 :][:4]
+
+    def encode(self, pixels: NDArray[np.uint16]) -> memoryview:
+        """Return the PNG of a frame (row, column); the next call overwrites it."""
+        if pixels.shape != (len(self._lines), self._lines.shape[1] // 2):
+            raise ValueError(f"a frame of {pixels.shape}")
+        self._lines[:, 1:] = pixels.astype(">u2").view(np.uint8)
+        self._blocks[:, 5:] = self._lines
+        self._data[6:-4] = self._blocks.ravel()
+        self._data[-4:] = np.frombuffer(struct.pack(">I", zlib.adler32(self._lines.data)), dtype=np.uint8)
+        self._check[:] = np.frombuffer(struct.pack(">I", zlib.crc32(self._data.data)), dtype=np.uint8)
+        return self._png.data
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
 
 FORCE_STEP_S = 0.01  # of the log that `ForceWriter` takes
 FIELD_BYTES = 16  # of a table at most, with the separator
@@ -131,3 +177,78 @@ def _write(path: Path, data: bytes | memoryview) -> None:
 def _write_all(file: int, data: bytes | memoryview) -> None:
     while data:
         data = data[os.write(file, data) :]
+
+
+PLAIN_NAME = re.compile(r"\w[\w.+-]*", re.ASCII)  # of a frame's file, without its ending; no formula in a spreadsheet
+
+
+@contextmanager
+def folder_when_whole(out: Path) -> Iterator[Path]:
+    """Give the name of a folder beside `out` that is not there yet; it becomes `out` when it is finished.
+
+    Raises:
+        InputError: `out` exists, or what is beside it cannot be written.
+        OSError: a file that was read meanwhile cannot be; it has its name.
+    """
+    if out.exists() or out.is_symlink():
+        raise InputError(f"{out}: exists already; remove it or choose another --out")
+    part = out.with_name(f".scleraforce-{secrets.token_hex(8)}.part")
+    try:
+        yield part
+        part.rename(out)
+    except OSError as fault:
+        if fault.filename is not None and not Path(fault.filename).is_relative_to(part):
+            raise
+        raise InputError(f"{out}: {fault.strerror}") from fault
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def frame_files(names: Sequence[str]) -> list[str]:
+    """Return names of frames' files: those of their sources where each has one of its own, else numbers.
+
+    >>> frame_files(["scans/a.png", "scans/b.jpg"]), frame_files(["volume.nii[0]", "volume.nii[1]"])
+    (['a.png', 'b.png'], ['0001.png', '0002.png'])
+    >>> frame_files(["scans/-1.png", "scans/+2.png"])
+    ['0001.png', '0002.png']
+    """
+    stems = [PurePath(name).stem for name in names]
+    own = len(set(stems)) == len(stems) and all(PLAIN_NAME.fullmatch(stem) for stem in stems)
+    digits = max(4, len(str(len(names))))
+    return [f"{stem}.png" if own else f"{nth:0{digits}d}.png" for nth, stem in enumerate(stems, start=1)]
+
+
+def write_frames(
+    folder: Path, info: RecordingInfo, comment: str, frames: Iterable[tuple[str, float, NDArray[np.uint16]]]
+) -> None:
+    """Write recording.toml, frames/ and frames.csv; frames (file, time in s, counts) come in the order of their times.
+
+    Raises:
+        OSError: the folder exists, or cannot be written.
+    """
+    writer = RecordingWriter(folder, info, comment)
+    try:
+        for file, time_s, counts in frames:
+            writer.add(file, time_s, counts)
+    finally:
+        writer.close()
+
+
+def write_log(folder: Path, log: ForceLog) -> None:
+    """Write forces.csv: times to the microsecond, forces and torques to 7 digits, nan where there is no force."""
+    formats = ["%.6f", *["%.7g"] * len(log.columns)]
+    values_sc = np.column_stack([log.time_s, log.wrench_sc])
+    header = ",".join(["time_s", *log.columns])
+    np.savetxt(folder / "forces.csv", values_sc, fmt=formats, delimiter=",", header=header, comments="")
+
+
+def written(folder: Path, out: Path) -> Recording:
+    """Read what was written, as every other command will.
+
+    Raises:
+        RecordingError: it is no recording that can be used; the message names `out`, where it was to be.
+    """
+    try:
+        return read_recording(folder)
+    except RecordingError as fault:
+        raise RecordingError(str(fault).replace(str(folder), str(out))) from fault

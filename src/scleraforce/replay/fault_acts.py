@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scleraforce.errors import InputError
 from scleraforce.monitor import MonitorLimits
 from scleraforce.openigtlink.wire import HEADER_BYTES, pack_header, unpack_header
-from scleraforce.recording.files import Recording
+from scleraforce.recording.folder import Recording
 from scleraforce.recording.pixels import Pixels
 from scleraforce.replay.player import median_interval_s
 from scleraforce.replay.scanner_client import Unstamped, frame_message, image_matrix

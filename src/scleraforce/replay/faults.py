@@ -8,7 +8,7 @@ import numpy as np
 
 from scleraforce.errors import InputError, LinkError
 from scleraforce.monitor.causes import Cause
-from scleraforce.recording.files import Recording
+from scleraforce.recording.folder import Recording
 from scleraforce.replay.answer_log import Change
 from scleraforce.replay.fault_acts import BOUND_N, FLOOD, WITHIN_S, Act, PreparedFault, Sending
 from scleraforce.replay.player import STATED_S, Player, median_interval_s

@@ -12,7 +12,7 @@ from time import time
 import numpy as np
 
 from scleraforce.openigtlink import Sensor
-from scleraforce.recording.files import Recording
+from scleraforce.recording.folder import Recording
 from scleraforce.recording.tables import FORCE_COLUMNS, FrameEntry
 from scleraforce.replay.answer_log import AnswerLog
 from scleraforce.replay.scanner_client import ScannerClient, Unstamped, frame_message

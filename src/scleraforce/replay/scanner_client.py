@@ -8,7 +8,7 @@ from time import monotonic
 
 from scleraforce.errors import InputError, LinkError
 from scleraforce.openigtlink import Broken, Decoder, Image, Message, Received, encode
-from scleraforce.recording.info import OctInfo
+from scleraforce.recording.folder import OctInfo
 from scleraforce.recording.pixels import Pixels
 from scleraforce.service.stamp import stamp_time, stamped_s
 from scleraforce.units import from_si

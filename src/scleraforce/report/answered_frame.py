@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.reader.evaluation import FrameAnswer
-from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.segmentation.slice import boundary_slice
 from scleraforce.segmentation.steps import Segmentation

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from scleraforce.recording.files import Recording
+from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import contact_force
 from scleraforce.recording.pixels import Pixels
 from scleraforce.report.style import AMBER, BLACK, BLUE, SCAN_COLOURS, inches, styled

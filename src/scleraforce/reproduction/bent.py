@@ -28,7 +28,7 @@ from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.reader.evaluation import Evaluation
 from scleraforce.reader.wall_finder_model import load_wall_finder
-from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.reproduction.run import Progress, Run
 from scleraforce.study import Study, study_hash
 

@@ -11,7 +11,7 @@ from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.reader.evaluation import Evaluation
 from scleraforce.reader.metrics import Proportion
 from scleraforce.reader.wall_finder_model import load_wall_finder
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.report.answered_frame import look_at
 from scleraforce.report.calibration_figures import draw_modulus_over_frames, draw_observed_points
 from scleraforce.report.html import Html, figure, paragraph, section, table

@@ -18,7 +18,7 @@ from scleraforce.reader import load_force_reader
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.reader.evaluation import Evaluation
 from scleraforce.reader.wall_finder_model import load_wall_finder
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.report.answered_frame import look_at_all
 from scleraforce.report.evaluation_page import write_evaluation_html
 from scleraforce.report.frame_pictures import shown_frames

@@ -12,7 +12,7 @@ from scleraforce.laboratory.simulation import simulate_eye
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.reader import Classifier
 from scleraforce.reader.evaluation import Evaluation, FrameAnswer
-from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import contact_force, label_frames
 from scleraforce.report.answered_frame import look_at
 from scleraforce.report.eye_view.view import eye_view

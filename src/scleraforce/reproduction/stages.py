@@ -23,7 +23,7 @@ from scleraforce.reader import load_model
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.reader.evaluation import Evaluation
 from scleraforce.reader.wall_finder_model import load_wall_finder
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.reproduction.bent import (
     CALIBRATED_EYES,
     CALIBRATION_FORCES_N,

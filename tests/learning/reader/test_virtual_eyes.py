@@ -39,7 +39,7 @@ from scleraforce.library import INNER, OUTER, Library
 from scleraforce.reader.force_reader import SHIFTS
 from scleraforce.reader.model import load_force_reader
 from scleraforce.reader.readings import Reading
-from scleraforce.recording.files import Recording
+from scleraforce.recording.folder import Recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, FrameEntry
 from scleraforce.study import Range, ReaderStudy, Study

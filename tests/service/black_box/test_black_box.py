@@ -11,8 +11,7 @@ from peer import FUSE_S
 
 import scleraforce.service.black_box.log_sync as log_sync
 import scleraforce.service.black_box.process as module
-from scleraforce.recording.files import read_recording
-from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, read_recording
 from scleraforce.recording.labels import label_frames
 from scleraforce.service.black_box.decision_log import DecisionLog, read_log
 from scleraforce.service.black_box.process import BlackBox

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from scleraforce.recording.info import ForceInfo
+from scleraforce.recording.folder import ForceInfo
 from scleraforce.service.black_box.robot_force import RobotForce
 
 INFO = ForceInfo("fy", -1)

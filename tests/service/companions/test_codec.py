@@ -14,7 +14,7 @@ from hypothesis import given, strategies as st
 from scleraforce.errors import MessageError
 from scleraforce.known.eye import Known, Modulus
 from scleraforce.known.globe import known_globe
-from scleraforce.recording.info import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
+from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo
 from scleraforce.recording.pixels import PixelScale
 from scleraforce.service.black_box.decision_log import format_line
 from scleraforce.service.black_box.settings import BlackBoxSettings

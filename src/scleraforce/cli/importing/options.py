@@ -1,4 +1,4 @@
-"""The options of `import`: the fields of `formats.importing.told.ImportAnswers`."""
+"""The options of `import`: the fields of `recording.importing.ImportAnswers`."""
 
 from collections.abc import Callable
 from pathlib import Path

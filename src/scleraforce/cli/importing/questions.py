@@ -9,9 +9,8 @@ import click
 
 from scleraforce.cli.importing.options import AXIS, BITS, GAP, GAUGE, INDEX, LENGTH, RATE, SIGN, THICKNESS
 from scleraforce.errors import InputError
-from scleraforce.formats.importing.questions import NOBODY, Asker, Question
-from scleraforce.formats.importing.told import ImportAnswers
-from scleraforce.formats.scan import UnansweredError
+from scleraforce.recording.importing import NOBODY, Asker, ImportAnswers, Question
+from scleraforce.recording.scan import UnansweredError
 
 # What an answer is, by the names of the questions.
 KINDS: dict[str, click.ParamType[Any]] = {

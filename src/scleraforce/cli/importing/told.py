@@ -3,12 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-from scleraforce.formats.greys import TOP, Greys
-from scleraforce.formats.importing.complete import Complete
-from scleraforce.formats.importing.provenance import provenance
 from scleraforce.notebook.importing import PREVIEW
 from scleraforce.plain_text import wrapped
-from scleraforce.recording.info import RecordingInfo
+from scleraforce.recording.folder import RecordingInfo
+from scleraforce.recording.importing import Complete, provenance
+from scleraforce.recording.pixels import TOP, Greys
 from scleraforce.units import from_si
 
 

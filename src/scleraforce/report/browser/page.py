@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from scleraforce.reader.evaluation import Evaluation, FrameAnswer
-from scleraforce.recording.files import read_recording
+from scleraforce.recording.folder import read_recording
 from scleraforce.report.files import write_page
 from scleraforce.report.frame_pictures import WALL_COLOURS, shown_frames, wall_picture
 from scleraforce.report.html import Html, bullets, embedded, page, paragraph, section

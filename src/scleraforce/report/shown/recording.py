@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from scleraforce.errors import RecordingError
 from scleraforce.models.shipped import SHIPPED_READER
 from scleraforce.reader.limits import limit_notes
-from scleraforce.recording.files import Recording, read_recording
+from scleraforce.recording.folder import Recording, read_recording
 from scleraforce.recording.labels import Trial, contact_force, label_frames, label_notes
 from scleraforce.report.shown.thing import Thing, span, value_words
 from scleraforce.report.style import BLACK, CLASS_COLOURS, CLASS_MARKERS, GREY, SCAN_COLOURS, inches, styled

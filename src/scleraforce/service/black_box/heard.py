@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from scleraforce import __version__
-from scleraforce.recording.info import ForceInfo
+from scleraforce.recording.folder import ForceInfo
 from scleraforce.service.black_box.recent import Recent
 from scleraforce.service.black_box.robot_force import RobotForce
 from scleraforce.service.entry import Entry

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from scleraforce.errors import ScleraforceError
-from scleraforce.recording.info import RecordingInfo
+from scleraforce.recording.folder import RecordingInfo
 from scleraforce.recording.writing import ForceWriter, RecordingWriter
 from scleraforce.service.black_box.kept_frames import FrameTaker, TakenFrame
 from scleraforce.service.black_box.robot_force import ForceSample
@@ -67,7 +67,7 @@ class KeptWithdrawal:
 
     def _write_forces(self, columns: Sequence[str], forces: Sequence[ForceSample], start_s: float) -> str | None:
         """Write the log; if it can label no frame, set it aside, so that the frames can be read."""
-        from scleraforce.recording.files import read_recording  # here: the monitor imports this module without SciPy
+        from scleraforce.recording.folder import read_recording  # here: the monitor imports this module without SciPy
         from scleraforce.recording.labels import label_frames
         from scleraforce.recording.tables import MIN_SAMPLE_RATE_HZ
         from scleraforce.study.records import ClassesStudy

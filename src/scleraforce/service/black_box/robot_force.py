@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import floor, isfinite
 
-from scleraforce.recording.info import ForceInfo
+from scleraforce.recording.folder import ForceInfo
 from scleraforce.recording.tables import FORCE_COLUMNS
 from scleraforce.recording.writing import FORCE_STEP_S
 

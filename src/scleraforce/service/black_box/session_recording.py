@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from scleraforce.recording.info import RecordingInfo
+from scleraforce.recording.folder import RecordingInfo
 from scleraforce.recording.writing import ForceWriter, RecordingWriter
 from scleraforce.service.black_box.kept_frames import FrameTaker
 from scleraforce.service.black_box.robot_force import ForceSample

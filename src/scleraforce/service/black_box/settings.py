@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from scleraforce.recording.info import ForceInfo, RecordingInfo
+from scleraforce.recording.folder import ForceInfo, RecordingInfo
 from scleraforce.service.companions.frame_ring import FrameRing, RingPlace
 
 FORCE = ForceInfo("fz", 1, 0.2)  # the needle moves, so labels average over a short time

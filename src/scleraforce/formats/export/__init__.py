@@ -1,1 +1,0 @@
-"""Recordings and answers in the formats of other programs."""

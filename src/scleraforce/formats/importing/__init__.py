@@ -1,1 +1,0 @@
-"""What a recording is imported from: what was told, what is asked, and what its import.json says."""

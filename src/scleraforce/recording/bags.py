@@ -1,0 +1,387 @@
+"""ROS 1 and ROS 2 bags (sqlite, MCAP): an image topic and a force topic, by the time at which they were captured."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from hashlib import blake2b
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import FrameError, InputError, RecordingError
+from scleraforce.recording.pixels import check_size
+from scleraforce.recording.scan import (
+    PictureStream,
+    Scan,
+    Times,
+    UnansweredError,
+    check_bytes,
+    named_faults,
+    package_for,
+)
+from scleraforce.recording.tables import ForceLog
+from scleraforce.units import from_si
+
+if TYPE_CHECKING:
+    from rosbags.highlevel import AnyReader
+    from rosbags.interfaces import Connection
+
+# Encodings of sensor_msgs/Image: type and number of samples of a pixel, and how colours become grey.
+ENCODINGS: dict[str, tuple[str, int, int | None]] = {
+    "mono8": ("u1", 1, None),
+    "8UC1": ("u1", 1, None),
+    "mono16": ("u2", 1, None),
+    "16UC1": ("u2", 1, None),
+    "16SC1": ("i2", 1, None),
+    "32FC1": ("f4", 1, None),
+    "rgb8": ("u1", 3, cv2.COLOR_RGB2GRAY),
+    "bgr8": ("u1", 3, cv2.COLOR_BGR2GRAY),
+    "rgba8": ("u1", 4, cv2.COLOR_RGBA2GRAY),
+    "bgra8": ("u1", 4, cv2.COLOR_BGRA2GRAY),
+}
+
+
+# What decides on the meaning of a message's bytes, and stays the same within a topic.
+IMAGE_FIELDS = ("encoding", "is_bigendian", "height", "width", "step", "format")
+
+
+def image_fields(message: Any) -> dict[str, object]:
+    """Return those fields of a sensor_msgs Image or CompressedImage that decide on the meaning of its bytes."""
+    return {name: getattr(message, name) for name in IMAGE_FIELDS if hasattr(message, name)}
+
+
+def image_pixels(message: Any, place: str) -> NDArray[Any]:
+    """Return the grey pixels (row, column) of a sensor_msgs Image or CompressedImage; `place` stands in messages.
+
+    Raises:
+        FrameError: an encoding that is not read, or less data than the message says.
+    """
+    return _compressed(message, place) if hasattr(message, "format") else _raw(message, place)
+
+
+def _raw(message: Any, place: str) -> NDArray[Any]:
+    known = ENCODINGS.get(message.encoding)
+    if known is None:
+        raise FrameError(f"{place}: encoding {message.encoding!r}; one of {', '.join(ENCODINGS)}")
+    code, samples, colour = known
+    kind = np.dtype((">" if message.is_bigendian else "<") + code)
+    rows, columns, step = int(message.height), int(message.width), int(message.step)
+    data = np.asarray(message.data, dtype=np.uint8)
+    if step < columns * samples * kind.itemsize or data.size < rows * step:
+        raise FrameError(f"{place}: damaged: {data.size} bytes for {rows} rows of {step}")
+    lines = np.ascontiguousarray(data[: rows * step].reshape(rows, step)[:, : columns * samples * kind.itemsize])
+    pixels = lines.view(kind).astype(kind.newbyteorder("=")).reshape(rows, columns, samples)
+    return pixels[..., 0] if colour is None else np.asarray(cv2.cvtColor(pixels, colour))
+
+
+def _compressed(message: Any, place: str) -> NDArray[Any]:
+    data = np.asarray(message.data, dtype=np.uint8)
+    if data[:2].tobytes() not in (b"\x89P", b"\xff\xd8"):
+        raise FrameError(f"{place}: compressed as {message.format!r}; PNG and JPEG are read")
+    pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    if pixels is None:
+        raise FrameError(f"{place}: damaged: an image that cannot be decoded")
+    return np.asarray(pixels if pixels.ndim == 2 else cv2.cvtColor(pixels[..., :3], cv2.COLOR_BGR2GRAY))
+
+
+IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+FORCES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Vector3Stamped")
+SIX, THREE = ("fx_n", "fy_n", "fz_n", "tx_nm", "ty_nm", "tz_nm"), ("fx_n", "fy_n", "fz_n")
+SECOND_NS = 1_000_000_000
+NEIGHBOURS = 25  # messages before and after a stamp that runs back, whose delays are compared
+SPLIT = "record or filter them into bags of their own (rosbag filter, ros2 bag convert, mcap filter)"
+EARLIEST_MS, LATEST_MS = 1.0, 1000.0  # before and after its stamp, that a message arrives on one clock
+
+
+@dataclass(frozen=True)
+class BagTopics:
+    """Which topics are read (None: the only one of its kind), and whether by arrival, where stamps are empty."""
+
+    image: str | None = None
+    force: str | None = None
+    by_arrival: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Bag:
+    """What a bag holds: frames, forces (None: no topic of that kind), sentences on its clocks."""
+
+    scan: Scan | None
+    log: ForceLog | None
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Topic:
+    """The messages of a topic, of all its publishers, in the order of their stamps.
+
+    Attributes:
+        time_s: their stamps.
+        order: their places in the order of arrival, from 0; repeated messages are left out.
+        notes: sentences on the topic's clock, and on what was merged, sorted or left out.
+    """
+
+    time_s: NDArray[np.float64]
+    order: NDArray[np.intp]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Heard:
+    """One message: its publisher (a connection's number), capture and arrival in ns, coordinate frame."""
+
+    publisher: int
+    captured_ns: int
+    arrived_ns: int
+    frame_id: str
+
+
+def read_bag(path: Path, topics: BagTopics) -> Bag:
+    """Return the frames and forces of a bag.
+
+    Raises:
+        UnansweredError: several topics of a kind and none chosen, or stamps that are empty.
+        InputError: it cannot be read, or has no topic of the kind or name.
+    """
+    with _opened(path) as bag:
+        image = _topic(path, bag, IMAGES, topics.image, "--image-topic")
+        force = _topic(path, bag, FORCES, topics.force, "--force-topic")
+        if not image and not force:
+            raise InputError(
+                f"{path}: neither a topic of images ({', '.join(IMAGES)}) nor of forces ({', '.join(FORCES)}); there "
+                f"are {_listed(bag.connections)}"
+            )
+        scan, image_notes = _scan(path, bag, image, topics.by_arrival) if image else (None, ())
+        log, force_notes = _log(path, bag, force, topics.by_arrival) if force else (None, ())
+    return Bag(scan, log, (*image_notes, *force_notes))
+
+
+@contextmanager
+def _opened(path: Path) -> "Iterator[AnyReader]":
+    highlevel = package_for(path, "rosbags.highlevel", "a ROS bag")
+    typesys = package_for(path, "rosbags.typesys", "a ROS bag")
+    # Older ROS 2 bags do not hold the definitions of their messages.
+    store = typesys.get_typestore(typesys.Stores.LATEST)
+    with named_faults(path, "ROS bag"), highlevel.AnyReader([path], default_typestore=store) as bag:
+        yield bag
+
+
+def _topic(
+    path: Path, bag: "AnyReader", kinds: Sequence[str], chosen: str | None, option: str
+) -> "Sequence[Connection]":
+    """Return the connections of the chosen topic, or of the only one of the kinds; empty: there is none."""
+    found = {each.topic for each in bag.connections if each.msgtype in kinds and each.msgcount}
+    if chosen is not None and chosen not in found:
+        raise InputError(f"{path}: {option}: no topic {chosen} of {' or '.join(kinds)}; {_listed(bag.connections)}")
+    if chosen is None and len(found) > 1:
+        raise UnansweredError(option, f"{path}: which topic? There are {', '.join(sorted(found))}")
+    topic = chosen or next(iter(found), None)
+    connections = [each for each in bag.connections if each.topic == topic and each.msgcount]
+    for other in connections[1:]:
+        if other.msgtype != connections[0].msgtype:
+            raise InputError(
+                f"{path}: {topic}: messages of two types, {connections[0].msgtype} and {other.msgtype}; {SPLIT}"
+            )
+    for first in connections[:1]:
+        # A type has one definition when messages are decoded, whichever connection they came by.
+        for other in bag.connections:
+            if other.msgtype == first.msgtype and _definition(other) != _definition(first):
+                raise InputError(
+                    f"{path}: {topic}: two definitions of {first.msgtype}, of connection {first.id} ({first.topic}: "
+                    f"{_digest(first)}) and of {other.id} ({other.topic}: {_digest(other)}); {SPLIT}"
+                )
+    return connections
+
+
+def _definition(connection: "Connection") -> str:
+    """Return a message's definition without comments and blank lines, which do not change its bytes."""
+    lines = (line.partition("#")[0].split() for line in connection.msgdef.data.splitlines())
+    return "\n".join(" ".join(words) for words in lines if words)
+
+
+def _digest(connection: "Connection") -> str:
+    return connection.digest or f"{len(connection.msgdef.data)} characters"
+
+
+def _listed(connections: "Sequence[Connection]") -> str:
+    return ", ".join(f"{each.topic} ({each.msgtype})" for each in connections) or "no topics"
+
+
+def _messages(bag: "AnyReader", connections: "Sequence[Connection]") -> Iterator[tuple[int, int, Any]]:
+    """Yield publisher, arrival in ns and message of a topic, in the order of arrival."""
+    for each, arrived_ns, data in bag.messages(connections):
+        yield each.id, arrived_ns, bag.deserialize(data, each.msgtype)
+
+
+def _heard(publisher: int, arrived_ns: int, message: Any) -> _Heard:
+    header = message.header
+    captured_ns = int(header.stamp.sec) * SECOND_NS + int(header.stamp.nanosec)
+    return _Heard(publisher, captured_ns, arrived_ns, header.frame_id)
+
+
+def _ordered(place: str, heard: Sequence[_Heard], content: Callable[[int], bytes], by_arrival: bool) -> _Topic:
+    """Return the messages of a topic by their stamps, or by their arrival; `content` of each shows which are repeated.
+
+    Raises:
+        UnansweredError: stamps are empty.
+        InputError: the messages are not on one clock or in one coordinate frame, or two of one time differ.
+    """
+    for nth, each in enumerate(heard):
+        if each.frame_id != heard[0].frame_id:
+            raise InputError(
+                f"{place}: header.frame_id is {heard[0].frame_id!r} in message 0 and {each.frame_id!r} in message "
+                f"{nth}; {SPLIT}"
+            )
+    captured_ns, arrived_ns = (
+        np.array([getattr(each, name) for each in heard], dtype=np.int64) for name in ("captured_ns", "arrived_ns")
+    )
+    late_ms = from_si((arrived_ns - captured_ns) / float(SECOND_NS), "ms")
+    publisher = np.array([each.publisher for each in heard])
+    stamps_ns = arrived_ns if by_arrival else captured_ns
+    if not by_arrival:
+        _check_stamped(place, captured_ns, late_ms)
+        _check_publishers(place, publisher, late_ms)
+    notes = [_late_note(place, late_ms)]
+    counts = np.unique(publisher, return_counts=True)[1]
+    if len(counts) > 1:
+        listed = " and ".join(map(str, counts))
+        notes.append(f"{place}: {len(counts)} publishers, with {listed} messages; merged by their time")
+    order = np.argsort(stamps_ns, kind="stable")
+    if (moved := np.flatnonzero(np.diff(stamps_ns) < 0) + 1).size:
+        _check_one_clock(place, stamps_ns, late_ms)
+        notes.append(f"{place}: {moved.size} messages arrived later than others with later stamps; sorted by stamp")
+    repeated = np.flatnonzero(np.diff(stamps_ns[order]) == 0)
+    for one, other in zip(order[repeated].tolist(), order[repeated + 1].tolist(), strict=True):
+        if content(one) != content(other):
+            raise RecordingError(
+                f"{place}: its stamps do not run forward: messages {one} and {other} differ and have one stamp, "
+                f"{stamps_ns[one] / SECOND_NS:.6f} s; {SPLIT}"
+            )
+    if repeated.size:
+        notes.append(f"{place}: {repeated.size} messages repeat another's stamp and content; they are left out")
+    order = np.delete(order, repeated + 1)
+    return _Topic(stamps_ns[order] / float(SECOND_NS), order, tuple(notes))
+
+
+def _check_stamped(place: str, captured_ns: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
+    empty = captured_ns == 0
+    # A clock may begin at 0, but no more than one message is of that moment, and it takes as long as others to arrive.
+    others = late_ms[~empty]
+    begins = empty.sum() == 1 and others.size and abs(late_ms[empty][0] - np.median(others)) <= LATEST_MS
+    if empty.any() and not begins:
+        raise UnansweredError(
+            "--by-arrival", f"{place}: {empty.sum()} of {empty.size} messages are without a capture stamp "
+            "(header.stamp is 0): take the times at which all arrived, which lag behind by an unknown time?"
+        )  # fmt: skip
+
+
+def _check_one_clock(place: str, stamps_ns: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
+    """Check that stamps out of order can be the work of delivery alone.
+
+    A message that comes late leaves the shortest delay of its neighbours as it was; a clock that is set back makes all
+    later delays longer.
+    """
+    at = int(np.argmin(np.diff(stamps_ns))) + 1
+    back_ms = from_si((stamps_ns[at - 1] - stamps_ns[at]) / SECOND_NS, "ms")
+    before_ms, after_ms = late_ms[max(0, at - NEIGHBOURS) : at], late_ms[at : at + NEIGHBOURS]
+    set_back = after_ms.min() - before_ms.min() > back_ms / 2.0
+    if set_back or np.ptp(late_ms) > LATEST_MS:
+        before, after = (stamps_ns[nth] / SECOND_NS for nth in (at - 1, at))
+        raise RecordingError(
+            f"{place}: its stamps do not run forward: message {at - 1} is of {before:.6f} s, message {at} of "
+            f"{after:.6f} s, and late delivery does not explain it (the time from stamp to arrival is "
+            f"{late_ms.min():.1f} to {late_ms.max():.1f} ms); {SPLIT}"
+        )
+
+
+def _check_publishers(place: str, publisher: NDArray[np.int64], late_ms: NDArray[np.float64]) -> None:
+    """Check that the publishers of a topic are on one clock."""
+    typical_ms = {int(each): float(np.median(late_ms[publisher == each])) for each in np.unique(publisher)}
+    if max(typical_ms.values()) - min(typical_ms.values()) > LATEST_MS:
+        listed = " and ".join(f"{value:.0f} ms (connection {each})" for each, value in typical_ms.items())
+        raise RecordingError(
+            f"{place}: its publishers are not on one clock: messages arrive {listed} after their stamps; {SPLIT}"
+        )
+
+
+def _late_note(place: str, late_ms: NDArray[np.float64]) -> str:
+    """Say how long messages took from their stamp to the bag: other clocks show there."""
+    low, middle, high = np.percentile(late_ms, [5, 50, 95])
+    text = f"{place}: messages arrived {middle:.1f} ms (median; {low:.1f} to {high:.1f}) after their stamp"
+    if low > -EARLIEST_MS and high < LATEST_MS:
+        return text
+    return f"{text}: its clock is not that of the bag; where the other topic's is, --clock-offset-s corrects it"
+
+
+def _scan(
+    path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool
+) -> tuple[Scan, tuple[str, ...]]:
+    topic = connections[0].topic
+    place = f"{path}: {topic}"
+    heard: list[_Heard] = []
+    digests: list[bytes] = []
+    stated: dict[str, object] = {}
+    for publisher, arrived_ns, message in _messages(bag, connections):
+        if not heard:
+            stated, first = image_fields(message), image_pixels(message, place)
+            check_size(path, *first.shape)
+            check_bytes(path, sum(each.msgcount for each in connections) * first.nbytes)
+        for field, value in image_fields(message).items():
+            if value != stated[field]:
+                raise FrameError(
+                    f"{place}: {field} is {stated[field]!r} in message 0 and {value!r} in message {len(heard)}; {SPLIT}"
+                )
+        heard.append(_heard(publisher, arrived_ns, message))
+        digests.append(blake2b(message.data).digest())
+    ordered = _ordered(place, heard, digests.__getitem__, by_arrival)
+    scan = Scan(
+        names=tuple(f"{place}[{nth}]" for nth in ordered.order.tolist()),
+        rows=first.shape[0],
+        columns=first.shape[1],
+        pictures=lambda: _pictures(path, topic, ordered.order.tolist()),
+        bits=8 if first.dtype == np.uint8 else None,
+        times=Times(ordered.time_s, f"{'arrival' if by_arrival else 'header.stamp'} of {topic}"),
+    )
+    return scan, ordered.notes
+
+
+def _pictures(path: Path, topic: str, order: Sequence[int]) -> PictureStream:
+    """Yield pictures in an order; those that arrived before their turn wait."""
+    waiting: dict[int, NDArray[Any]] = {}
+    wanted, turn = set(order), iter(order)
+    due = next(turn)
+    first: NDArray[Any] | None = None
+    with _opened(path) as bag:
+        connections = [each for each in bag.connections if each.topic == topic and each.msgcount]
+        for nth, (_, _, message) in enumerate(_messages(bag, connections)):
+            if nth not in wanted:
+                continue
+            pixels = waiting[nth] = image_pixels(message, f"{path}: {topic}[{nth}]")
+            first = pixels if first is None else first
+            if (pixels.shape, pixels.dtype) != (first.shape, first.dtype):
+                raise FrameError(
+                    f"{path}: {topic}: images of {first.shape} pixels, {first.dtype}, and in message {nth} of "
+                    f"{pixels.shape}, {pixels.dtype}; {SPLIT}"
+                )
+            while due in waiting:
+                yield waiting.pop(due)
+                due = next(turn, -1)
+
+
+def _log(
+    path: Path, bag: "AnyReader", connections: "Sequence[Connection]", by_arrival: bool
+) -> tuple[ForceLog, tuple[str, ...]]:
+    heard, values = [], []
+    for publisher, arrived_ns, message in _messages(bag, connections):
+        vectors = (message.wrench.force, message.wrench.torque) if hasattr(message, "wrench") else (message.vector,)
+        values.append([coordinate for vector in vectors for coordinate in (vector.x, vector.y, vector.z)])
+        heard.append(_heard(publisher, arrived_ns, message))
+    wrench_sc = np.array(values, dtype=np.float64)
+    ordered = _ordered(f"{path}: {connections[0].topic}", heard, lambda nth: wrench_sc[nth].tobytes(), by_arrival)
+    names = np.array(SIX if wrench_sc.shape[1] == len(SIX) else THREE)
+    measured = ~np.isnan(wrench_sc).all(axis=0)  # what a sensor does not measure is NaN in ROS
+    log = ForceLog(ordered.time_s, wrench_sc[ordered.order][:, measured], tuple(names[measured].tolist()))
+    return log, ordered.notes

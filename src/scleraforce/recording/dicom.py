@@ -1,0 +1,524 @@
+"""DICOM, one image or many frames: bright or dark as zero, palettes, colour; the size of its pixels and its times.
+
+Ophthalmic Tomography, and what older anterior-segment scanners write.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta, timezone, tzinfo
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import FrameError
+from scleraforce.recording.pixels import check_size, inverted, jpeg_frame, one_grey, unpacked_bytes
+from scleraforce.recording.scan import (
+    PictureStream,
+    PixelSize,
+    Scan,
+    Times,
+    check_bytes,
+    even_times,
+    frame_names,
+    named_faults,
+    one_size,
+    rising,
+)
+from scleraforce.units import to_si
+
+if TYPE_CHECKING:
+    import pydicom
+
+GREY_KINDS = ("MONOCHROME1", "MONOCHROME2")
+OVERLAYS = range(0x6000, 0x6020, 2)  # groups
+# What turns stored values into grey levels in another way than along a straight line.
+TABLES = ("ModalityLUTSequence", "VOILUTSequence", "PresentationLUTSequence")
+
+
+def grey_kind(dataset: "pydicom.Dataset") -> str:
+    """Return the photometric interpretation of a data set, "" where it has none."""
+    return str(dataset.get("PhotometricInterpretation", "")).strip()
+
+
+def cell(dataset: "pydicom.Dataset") -> tuple[int, int, int]:
+    """Return BitsAllocated, BitsStored and HighBit."""
+    stored = int(dataset.BitsStored)
+    high = dataset.get("HighBit", None)
+    return int(dataset.BitsAllocated), stored, stored - 1 if high is None else int(high)
+
+
+def places(dataset: "pydicom.Dataset", sequence: str) -> "Iterator[tuple[str, pydicom.Dataset]]":
+    """Yield the data set and the items of a sequence in its functional groups, each with its place in words."""
+    yield "", dataset
+    for groups in ("SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence"):
+        for nth, group in enumerate(dataset.get(groups, None) or []):
+            place = f" of frame {nth + 1}" if groups.startswith("PerFrame") else f" of {groups}"
+            for item in group.get(sequence, None) or []:
+                yield place, item
+
+
+def dark_is_large(path: Path, dataset: "pydicom.Dataset") -> tuple[bool, list[str]]:
+    """Return whether larger stored values are darker, and notes on what becomes of the values.
+
+    A negative RescaleSlope turns the values, MONOCHROME1 or the PresentationLUTShape INVERSE their display; one of each
+    cancel. The two of the display are one inversion in PS3.3 C.8.11.3 (DX) and two in other readers, so both together
+    are refused.
+
+    Raises:
+        FrameError: fields contradict each other, or a table turns values into grey levels.
+    """
+    kind, shape = grey_kind(dataset), str(dataset.get("PresentationLUTShape", None) or "IDENTITY")
+    for place, item in places(dataset, "FrameVOILUTSequence"):
+        table = next((name for name in TABLES if item.get(name, None)), None)
+        if table:
+            raise FrameError(f"{path}: {table}{place}: a table of grey levels, which is not read; export it applied")
+    if shape not in ("IDENTITY", "INVERSE"):
+        raise FrameError(f"{path}: PresentationLUTShape: {shape}; IDENTITY or INVERSE")
+    if kind == "MONOCHROME1" and shape == "INVERSE":
+        raise FrameError(
+            f"{path}: PhotometricInterpretation MONOCHROME1 and PresentationLUTShape INVERSE: programs differ in "
+            "whether these are one inversion or two; export it as MONOCHROME2"
+        )
+    slope = _slope(path, dataset)
+    notes = [f"{path}: colour became grey"] if kind not in GREY_KINDS else []
+    turns = [f"RescaleSlope {slope:g}"] if slope < 0.0 else []
+    turns += ["MONOCHROME1"] if kind == "MONOCHROME1" else []
+    turns += ["PresentationLUTShape INVERSE"] if shape == "INVERSE" else []
+    if turns and kind not in GREY_KINDS:
+        raise FrameError(f"{path}: {turns[0]} and PhotometricInterpretation {kind}; export it as MONOCHROME2")
+    if len(turns) == 1:
+        notes.append(f"{path}: {turns[0]}: dark and bright were exchanged")
+    elif turns:
+        notes.append(f"{path}: {turns[0]} and {turns[1]} cancel: pixels stay as stored")
+    return len(turns) == 1, notes + _cell_notes(path, dataset)
+
+
+def _cell_notes(path: Path, dataset: "pydicom.Dataset") -> list[str]:
+    """Return notes on bits and values that are not those of the picture."""
+    _, stored, high = cell(dataset)
+    padding = dataset.get("PixelPaddingValue", None)
+    notes = [f"{path}: HighBit is {high}, BitsStored {stored}: pixels were shifted"] if high != stored - 1 else []
+    if overlays := _overlay_bits(dataset):
+        bits = ", ".join(map(str, overlays))
+        notes.append(f"{path}: OverlayBitPosition {bits}: overlays in the pixels' bits were left out")
+    if padding is not None:
+        notes.append(f"{path}: PixelPaddingValue {padding}: such pixels become as dark as the darkest of their frame")
+    return notes
+
+
+def _slope(path: Path, dataset: "pydicom.Dataset") -> float:
+    """Return the RescaleSlope of all frames, 1 where none is stated.
+
+    Raises:
+        FrameError: there are several, with their RescaleIntercept, or it is 0.
+    """
+    found = [
+        (place, (float(item.RescaleSlope), float(item.get("RescaleIntercept", None) or 0.0)))
+        for place, item in places(dataset, "PixelValueTransformationSequence")
+        if item.get("RescaleSlope", None) is not None
+    ]
+    if not found:
+        return 1.0
+    first, scale = found[0]
+    for place, other in found:
+        if other != scale:
+            raise FrameError(
+                f"{path}: RescaleSlope and RescaleIntercept {scale[0]:g}, {scale[1]:g}{first} and {other[0]:g}, "
+                f"{other[1]:g}{place}; export frames of one scale of grey"
+            )
+    if not np.isfinite(scale[0]) or scale[0] == 0.0:
+        raise FrameError(f"{path}: RescaleSlope: {scale[0]:g}; it is a number other than 0")
+    return scale[0]
+
+
+def _overlay_bits(dataset: "pydicom.Dataset") -> list[int]:
+    """Return the bits beside BitsStored in which overlays are stored, as older files have them."""
+    _, stored, high = cell(dataset)
+    found: list[int] = []
+    for group in OVERLAYS:
+        position, data = dataset.get((group, 0x0102), None), dataset.get((group, 0x3000), None)
+        bit = None if position is None or data is not None else position.value
+        if bit is not None and not high - stored < int(bit) <= high:
+            found.append(int(bit))
+    return found
+
+
+def stored_values(path: Path, dataset: "pydicom.Dataset", cells: NDArray[Any]) -> NDArray[Any]:
+    """Return the values that BitsStored bits up to HighBit hold (PS3.5 8.1.1).
+
+    Raises:
+        FrameError: pixels use other bits as well, and no overlay is declared in them.
+    """
+    allocated, stored, high = cell(dataset)
+    if stored == allocated or cells.dtype.itemsize * 8 != allocated:  # codecs give smaller cells where these suffice
+        return cells
+    cells = np.ascontiguousarray(cells, cells.dtype.newbyteorder("="))
+    shift = high + 1 - stored
+    values = (cells << (allocated - high - 1)) >> (allocated - stored)  # keeps the sign of signed ones
+    above, below = (1 << allocated) - (1 << (high + 1)), (1 << shift) - 1
+    drawn = sum(1 << bit for bit in _overlay_bits(dataset))
+    plain = cells.view(f"u{cells.dtype.itemsize}")
+    stray = plain & plain.dtype.type((above | below) & ~drawn)
+    if cells.dtype.kind == "i":
+        stray[(values < 0) & (stray == (above & ~drawn))] = 0
+    if stray.any():
+        found = f"a pixel is {int(plain[stray != 0][0]):#x}"
+        raise FrameError(
+            f"{path}: BitsStored is {stored}, HighBit {high}, but {found}, which has other bits; export it anew"
+        )
+    return values
+
+
+def without_padding(dataset: "pydicom.Dataset", values: NDArray[Any], bright: NDArray[Any]) -> NDArray[Any]:
+    """Return a picture whose pixels of PixelPaddingValue, up to PixelPaddingRangeLimit, are as dark as its darkest."""
+    ends = [dataset.get(name, None) for name in ("PixelPaddingValue", "PixelPaddingRangeLimit")]
+    if ends[0] is None:
+        return bright
+    stored = int(dataset.BitsStored)
+    first, last = (int(ends[0] if end is None else end) for end in ends)
+    if values.dtype.kind == "i":  # some programs write the negative ones without their sign
+        first, last = (end - (1 << stored) if end >= 1 << (stored - 1) else end for end in (first, last))
+    padded = (values >= min(first, last)) & (values <= max(first, last))
+    if not padded.any() or padded.all():
+        return bright
+    darkest = bright[~padded].min()
+    return np.where(padded, darkest if values.dtype.kind == "i" else np.minimum(bright, darkest), bright)
+
+
+# Zeiss writes the A-scans of its Visante along the rows of the image, so depth runs along the columns' index.
+A_SCANS_ALONG_ROWS = {("Carl Zeiss Meditec", "1000")}
+KINDS_READ = (*GREY_KINDS, "PALETTE COLOR", "RGB", "YBR_FULL", "YBR_FULL_422", "YBR_ICT", "YBR_RCT")
+SAMPLES = dict.fromkeys((*GREY_KINDS, "PALETTE COLOR"), 1)  # the others have three
+DEFLATED = b"1.2.840.10008.1.2.1.99"  # the transfer syntax of a file that is inflated as a whole
+HEAD_BYTES = 1024  # in which the transfer syntax is
+NEEDED = ("Rows", "Columns", "BitsAllocated", "BitsStored", "PixelRepresentation", "PixelData")  # to know the pixels
+FLOATS = ("FloatPixelData", "DoubleFloatPixelData")
+CELL_BITS = (8, 16, 32)  # BitsAllocated
+RLE_HEADER = 64  # bytes, the number and the places of the segments
+JPEG_BEGINS = (b"\xff\xd8\xff", b"\xff\x4f\xff\x51")
+SPACINGS = ("PixelSpacing", "ImagerPixelSpacing", "NominalScannedPixelSpacing")
+CENTIMETRES, IMAGE_2D = 3, 1  # of a region of ultrasound: its units, its spatial format
+FRAME_TIMES = ("FrameReferenceDateTime", "FrameAcquisitionDateTime")  # when it was taken comes before when it began
+FRAME_TIME, FRAME_TIME_VECTOR = 0x00181063, 0x00181065  # what FrameIncrementPointer names
+ZONE = re.compile(r"([+-])(\d\d)([0-5]\d)")
+
+
+def read_dicom(path: Path, data: bytes | None = None) -> Scan:
+    """Return a DICOM file's frames.
+
+    Args:
+        path: of the file.
+        data: its bytes, where they have been read.
+
+    Raises:
+        FrameError: naming the file, what was found and what is allowed.
+    """
+    with _opened(path, data) as dataset:
+        count = int(dataset.get("NumberOfFrames", None) or 1)
+        _check_image(path, dataset, count)
+        rows, columns = int(dataset.Rows), int(dataset.Columns)
+        check_bytes(path, count * rows * columns * (int(dataset.BitsAllocated) // 8))
+        _check_codec(path, dataset)
+        turned_round, turning_notes = _turned_round(path, dataset)
+        dark_large, grey_notes = dark_is_large(path, dataset)
+        depth, lateral, scale_fault = one_size(path, _pixel_sizes(dataset))
+        times, times_fault = _times(path, dataset, count)
+        scan = Scan(
+            names=frame_names(path, count),
+            rows=rows,
+            columns=columns,
+            pictures=lambda: _pictures(path, data, dark_large),
+            bits=_bits(dataset),
+            depth_pixel_m=depth,
+            lateral_pixel_m=lateral,
+            times=times,
+            notes=(*grey_notes, *turning_notes),
+            scale_fault=scale_fault,
+            times_fault=times_fault,
+        )
+    return scan.turned() if turned_round else scan
+
+
+@contextmanager
+def _opened(path: Path, data: bytes | None) -> "Iterator[pydicom.FileDataset]":
+    """Read a data set; take over-long private tags, as scanners write them, and name the file in every error.
+
+    Raises:
+        FrameError: it is deflated or damaged.
+    """
+    import pydicom  # here, so that reading PNG needs OpenCV only
+    from pydicom import config
+
+    before = config.settings.reading_validation_mode
+    config.settings.reading_validation_mode = config.IGNORE
+    try:
+        with named_faults(path, "DICOM"):
+            with path.open("rb") if data is None else BytesIO(data) as file:
+                if DEFLATED in file.read(HEAD_BYTES):
+                    raise FrameError(
+                        f"{path}: a deflated DICOM file, whose size is not known before; save it uncompressed"
+                    )
+                file.seek(0)
+                dataset = pydicom.dcmread(file)
+            yield dataset
+    finally:
+        config.settings.reading_validation_mode = before
+
+
+def _check_image(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
+    """Check what a data set says of its images, and that none of the compressed ones is larger.
+
+    Raises:
+        FrameError: naming the file, what was found and what is allowed.
+    """
+    floats = [name for name in FLOATS if name in dataset]
+    if floats:
+        raise FrameError(f"{path}: pixels are floats ({floats[0]}); export whole numbers (PixelData)")
+    missing = [name for name in NEEDED if dataset.get(name, None) is None]
+    if missing:
+        raise FrameError(f"{path}: a DICOM file without {', '.join(missing)}; export it anew")
+    kind = grey_kind(dataset)
+    if kind not in KINDS_READ:
+        raise FrameError(f"{path}: PhotometricInterpretation: {kind or 'missing'}; one of {', '.join(KINDS_READ)}")
+    rows, columns, samples = int(dataset.Rows), int(dataset.Columns), int(dataset.get("SamplesPerPixel", 1))
+    check_size(path, rows, columns, samples)
+    if samples != SAMPLES.get(kind, 3):
+        found = f"SamplesPerPixel {samples}, PhotometricInterpretation {kind}"
+        raise FrameError(f"{path}: {found}, which has {SAMPLES.get(kind, 3)}; export it anew")
+    allocated, stored, high = cell(dataset)
+    if allocated not in CELL_BITS or not 1 <= stored <= high + 1 <= allocated:
+        found = f"BitsAllocated {allocated}, BitsStored {stored}, HighBit {high}"
+        raise FrameError(f"{path}: {found}; a pixel has 8, 16 or 32 bits, and BitsStored of them end at HighBit")
+    syntax = dataset.file_meta.TransferSyntaxUID
+    if syntax.is_compressed:
+        _check_compressed(path, dataset, frames)
+        return
+    subsampled = 2 * samples // 3 if kind == "YBR_FULL_422" else samples
+    size = rows * columns * subsampled * (allocated // 8)
+    if len(dataset.PixelData) // size != frames:
+        found = f"PixelData has {len(dataset.PixelData):,} bytes, those of {len(dataset.PixelData) / size:.4g} frames"
+        raise FrameError(f"{path}: damaged: NumberOfFrames is {frames}, {found}; export it anew")
+
+
+def _check_compressed(path: Path, dataset: "pydicom.Dataset", frames: int) -> None:
+    """Check the number of compressed images, and that each is of the size and type that the header says.
+
+    Raises:
+        FrameError: it is not.
+    """
+    from pydicom.encaps import generate_fragments, generate_frames
+    from pydicom.uid import RLELossless
+
+    syntax, (_, stored, high) = dataset.file_meta.TransferSyntaxUID, cell(dataset)
+    rows, columns = int(dataset.Rows), int(dataset.Columns)
+    if syntax == RLELossless:
+        count = sum(1 for _ in generate_fragments(dataset.PixelData)) - 1  # but for the table of offsets
+    else:
+        count = sum(packed.startswith(JPEG_BEGINS) for packed in generate_fragments(dataset.PixelData))
+        if high != stored - 1:
+            raise FrameError(
+                f"{path}: HighBit is {high}, BitsStored {stored}, and the pixels are compressed as {syntax.name}; "
+                "save it uncompressed"
+            )
+    if count > frames:
+        raise FrameError(f"{path}: damaged: NumberOfFrames is {frames}, PixelData has {count} compressed images")
+    for packed in generate_frames(dataset.PixelData, number_of_frames=frames):
+        if syntax == RLELossless:
+            _check_rle(path, packed, rows * columns)
+        else:
+            _check_jpeg(path, dataset, packed)
+
+
+def _check_jpeg(path: Path, dataset: "pydicom.Dataset", packed: bytes) -> None:
+    """Check that a compressed image is what the header says.
+
+    Raises:
+        FrameError: naming the field and both values.
+    """
+    from pydicom.uid import JPEG2000TransferSyntaxes, JPEGExtended12Bit
+
+    syntax, stored = dataset.file_meta.TransferSyntaxUID, int(dataset.BitsStored)
+    header = (int(dataset.Rows), int(dataset.Columns))
+    frame = jpeg_frame(packed)
+    if frame is None or frame[:2] != header:
+        found = f"the compressed image is of {frame and frame[:2]} pixels, the header says {header}"
+        raise FrameError(f"{path}: damaged: {found}")
+    bits, signed = frame[2:]
+    if syntax == JPEGExtended12Bit and (bits, stored) != (8, 8):
+        raise FrameError(
+            f"{path}: compressed as {syntax.name} ({syntax}) with {bits} bits a pixel, of which only 8 are read; save "
+            "it uncompressed"
+        )
+    if syntax in JPEG2000TransferSyntaxes and signed != bool(dataset.PixelRepresentation):
+        words = {False: "unsigned", True: "signed"}
+        raise FrameError(
+            f"{path}: PixelRepresentation is {dataset.PixelRepresentation} "
+            f"({words[bool(dataset.PixelRepresentation)]}), its JPEG 2000 image has {words[signed]} pixels; save it "
+            "uncompressed"
+        )
+    # Values of more bits are right where they fit, which `stored_values` checks.
+    if syntax in JPEG2000TransferSyntaxes and bits < stored:
+        raise FrameError(f"{path}: BitsStored is {stored}, its JPEG 2000 image has {bits} bits; save it uncompressed")
+
+
+def _check_rle(path: Path, packed: bytes, largest: int) -> None:
+    """Check that no segment, one byte of each pixel, gives more bytes than there are pixels (and one to be even)."""
+    count = int.from_bytes(packed[:4], "little")
+    places = np.frombuffer(packed[4:RLE_HEADER], dtype="<u4")[: min(count, 15)].tolist()
+    for begin, end in zip(places, [*places[1:], len(packed)], strict=True):
+        if unpacked_bytes(packed[begin:end], largest + 1) > largest + 1:
+            raise FrameError(f"{path}: damaged: more is packed in it than the {largest} pixels that its header says")
+
+
+def _check_codec(path: Path, dataset: "pydicom.Dataset") -> None:
+    """Check that the compression of the pixels can be undone with the packages that are installed."""
+    from pydicom.pixels.decoders.base import get_decoder
+
+    syntax = dataset.file_meta.TransferSyntaxUID
+    if not syntax.is_compressed:
+        return
+    try:
+        there = get_decoder(syntax).is_available
+    except NotImplementedError as fault:
+        raise FrameError(
+            f"{path}: compressed as {syntax.name}, which no package reads; save it uncompressed"
+        ) from fault
+    if not there:
+        raise FrameError(
+            f"{path}: compressed as {syntax.name}; reading it takes a package: pip install 'scleraforce[formats]'"
+        )
+
+
+def _bits(dataset: "pydicom.Dataset") -> int | None:
+    """Return the bits that grey pixels use; a palette or colour gives 8 or 16, whatever was stored."""
+    stored = int(dataset.BitsStored)
+    if grey_kind(dataset) not in GREY_KINDS:
+        return 8 if grey_kind(dataset) != "PALETTE COLOR" and stored == 8 else None
+    return stored if 1 <= stored <= 16 and not int(dataset.PixelRepresentation) else None
+
+
+def _turned_round(path: Path, dataset: "pydicom.Dataset") -> tuple[bool, tuple[str, ...]]:
+    """Return whether the scanner is one that writes A-scans along the rows of its images, and a note if so."""
+    maker = (str(dataset.get("Manufacturer", "")).strip(), str(dataset.get("ManufacturerModelName", "")).strip())
+    if maker not in A_SCANS_ALONG_ROWS:
+        return False, ()
+    return True, (f"{path}: this scanner writes A-scans along the rows: rows and columns were exchanged",)
+
+
+def _pictures(path: Path, data: bytes | None, dark_large: bool) -> PictureStream:
+    """Yield the frames as they are stored; larger is brighter, signed ones stay signed."""
+    from pydicom.pixels.processing import apply_color_lut
+    from pydicom.pixels.utils import iter_pixels
+
+    with _opened(path, data) as dataset:
+        kind = grey_kind(dataset)
+        for pixels in iter_pixels(dataset, correct_unused_bits=False):
+            values = stored_values(path, dataset, np.asarray(pixels))
+            if kind == "PALETTE COLOR":
+                yield one_grey(np.asarray(apply_color_lut(values, dataset)), path)
+            elif kind in GREY_KINDS:
+                bright = inverted(values, int(dataset.BitsStored), path) if dark_large else values
+                yield without_padding(dataset, values, bright)
+            else:
+                yield one_grey(values, path)
+
+
+def _pixel_sizes(dataset: "pydicom.Dataset") -> list[PixelSize]:
+    """Return the sizes of a pixel that the fields of a data set state, in the order of their precedence."""
+    sizes = []
+    for place, item in places(dataset, "PixelMeasuresSequence"):
+        for name in SPACINGS:
+            spacing = [float(value) for value in _several(item.get(name, None))]
+            if len(spacing) == 2 and min(spacing) > 0.0:
+                depth_m, lateral_m = (to_si(length, "mm") for length in spacing)
+                sizes.append(PixelSize(f"DICOM's {name}{place}", depth_m=depth_m, lateral_m=lateral_m))
+    if not sizes:
+        return []
+    for region in dataset.get("SequenceOfUltrasoundRegions", None) or []:
+        units = {region.get(f"PhysicalUnits{axis}Direction", None) for axis in "XY"}
+        if units == {CENTIMETRES} and region.get("RegionSpatialFormat", IMAGE_2D) == IMAGE_2D:
+            depth_m, lateral_m = (
+                to_si(10.0 * abs(float(region.get(f"PhysicalDelta{axis}", 0.0))), "mm") for axis in "YX"
+            )
+            sizes.append(PixelSize("SequenceOfUltrasoundRegions", depth_m=depth_m, lateral_m=lateral_m))
+    ratio = [float(value) for value in _several(dataset.get("PixelAspectRatio", None))]
+    if len(ratio) == 2 and min(ratio) > 0.0 and ratio[0] != ratio[1]:
+        across_m = (sizes[0].depth_m or 0.0) * ratio[1] / ratio[0]
+        sizes.append(
+            PixelSize(f"PixelAspectRatio {ratio[0]:g}:{ratio[1]:g}", depth_m=sizes[0].depth_m, lateral_m=across_m)
+        )
+    return sizes
+
+
+def _several(value: Any) -> Sequence[Any]:
+    """Return the values of a field: none, one or several."""
+    return (
+        [] if value is None else list(value) if isinstance(value, Sequence) and not isinstance(value, str) else [value]
+    )
+
+
+def _times(path: Path, dataset: "pydicom.Dataset", count: int) -> tuple[Times | None, str | None]:
+    """Return the frames' times: of each, by their steps, or of the one image; and the fault if fields differ."""
+    zone = _zone(path, dataset)
+    for name in FRAME_TIMES:
+        groups = dataset.get("PerFrameFunctionalGroupsSequence", None) or []
+        stated = [_frame_time(group, name, zone) for group in groups]
+        time_s = np.array([np.nan if moment is None else moment for moment in stated], dtype=np.float64)
+        if len(stated) == count and rising(time_s):
+            return Times(time_s, f"DICOM's {name}"), None
+    if count == 1:
+        moment = _seconds(dataset.get("AcquisitionDateTime", None), zone)
+        return None if moment is None else Times(np.array([moment]), "DICOM's AcquisitionDateTime"), None
+    steps_ms = [float(step) for step in _several(dataset.get("FrameTimeVector", None))]
+    step_ms = float(dataset.get("FrameTime", None) or 0.0)
+    pointers = [int(tag) for tag in _several(dataset.get("FrameIncrementPointer", None))]
+    by_step = step_ms > 0.0 and (FRAME_TIME in pointers or not steps_ms)
+    if steps_ms and not by_step:
+        if len(steps_ms) != count:
+            return None, f"{path}: FrameTimeVector has {len(steps_ms)} values, NumberOfFrames is {count}"
+        time_s = np.cumsum(to_si(np.array(steps_ms), "ms"))
+        if step_ms > 0.0 and FRAME_TIME_VECTOR not in pointers and not np.allclose(steps_ms[1:], step_ms, rtol=0.01):
+            return None, f"{path}: FrameTime is {step_ms:g} ms, FrameTimeVector has {steps_ms[1]:g} ms"
+        if rising(time_s):
+            return Times(time_s - time_s[0], "DICOM's FrameTimeVector"), None
+    if FRAME_TIME_VECTOR in pointers and not steps_ms:
+        return None, f"{path}: FrameIncrementPointer names FrameTimeVector, which is missing"
+    return even_times(count, to_si(step_ms, "ms"), "DICOM's FrameTime"), None
+
+
+def _zone(path: Path, dataset: "pydicom.Dataset") -> tzinfo:
+    """Return the zone of times that name none: that of TimezoneOffsetFromUTC, else UTC.
+
+    Raises:
+        FrameError: the offset does not exist.
+    """
+    stated = str(dataset.get("TimezoneOffsetFromUTC", None) or "").strip()
+    if not stated:
+        return UTC
+    found = ZONE.fullmatch(stated)
+    offset = timedelta(hours=int(found[2]), minutes=int(found[3])) if found else timedelta.max
+    if found is None or offset > timedelta(hours=14):
+        raise FrameError(f"{path}: TimezoneOffsetFromUTC: {stated!r}; like +0100, from -1200 to +1400")
+    return timezone(-offset if found[1] == "-" else offset)
+
+
+def _frame_time(group: "pydicom.Dataset", name: str, zone: tzinfo) -> float | None:
+    content: Any = group.get("FrameContentSequence", None)
+    return _seconds(content[0].get(name, None), zone) if content else None
+
+
+def _seconds(stated: Any, zone: tzinfo) -> float | None:
+    """Return seconds since 1970 of a DICOM date and time; its own zone takes precedence (PS3.3 C.12.1.1)."""
+    from pydicom.valuerep import DT
+
+    try:
+        moment = DT(stated) if stated else None
+    except ValueError:
+        return None
+    if not isinstance(moment, datetime):
+        return None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=zone)).timestamp()

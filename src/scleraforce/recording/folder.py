@@ -1,0 +1,366 @@
+"""A recording folder: `recording.toml`, `frames.csv`, `frames/` and, where it was logged, `forces.csv`.
+
+`docs/recordings.md` describes the folder. Frames are read one at a time, by `Recording.frame`.
+"""
+
+import hashlib
+import json
+import os
+from dataclasses import KW_ONLY, dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from scleraforce.errors import FrameError, RecordingError, StudyError
+from scleraforce.recording.images import check_frame, read_frame, read_frame_image
+from scleraforce.recording.pixels import Pixels, PixelScale, Sourced
+from scleraforce.recording.tables import ForceLog, FrameEntry, read_force_log, read_frame_list
+from scleraforce.study.eye import GLOBES, RIGIDITY_LAWS
+from scleraforce.study.fields import allowed, check_fields, check_quantity, option, quantity, required
+from scleraforce.study.toml import parse_record
+from scleraforce.units import from_si
+from scleraforce.whole_files import KINDS, read_bytes, read_text
+
+# Outer diameters of hypodermic needles, ISO 9626 (normal wall).
+GAUGE_DIAMETER_M = {
+    18: 1.2e-3,
+    19: 1.1e-3,
+    20: 0.9e-3,
+    21: 0.8e-3,
+    22: 0.7e-3,
+    23: 0.6e-3,
+    24: 0.55e-3,
+    25: 0.5e-3,
+    26: 0.45e-3,
+    27: 0.4e-3,
+    28: 0.36e-3,
+    29: 0.33e-3,
+    30: 0.3e-3,
+    31: 0.25e-3,
+    32: 0.23e-3,
+    33: 0.2e-3,
+    34: 0.18e-3,
+}
+LONGEST_ID = 200
+
+
+def _possible(key: str) -> Any:
+    """Declare an SI field that may be left out, with the bounds of `study.fields.QUANTITIES`."""
+    return quantity(None, None, allowed(key).low, allowed(key).high)
+
+
+@dataclass(frozen=True)
+class EyeInfo:
+    """The eye: a name, and what was measured on it or is known of it (None: it was not, it is not).
+
+    `globe`: "open" (infused or vented: the needle leaves the pressure as it is) or "sealed"; of a sealed one the
+    rigidity and its law (`eye.globe`), where they were measured.
+    """
+
+    id: str
+    _: KW_ONLY
+    thickness_m: float | None = _possible("thickness_m")
+    iop_pa: float | None = _possible("iop_pa")
+    globe: str | None = option(None, *GLOBES)
+    rigidity_pa13_per_m3: float | None = quantity(
+        None, "mmhg13_per_ul", allowed("rigidity").low, allowed("rigidity").high
+    )
+    rigidity_law: str | None = option(None, *RIGIDITY_LAWS)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        fault = eye_id_fault(self.id)
+        if fault:
+            raise StudyError(f"id: {fault}")
+        told = {"rigidity_mmhg13_per_ul": self.rigidity_pa13_per_m3, "rigidity_law": self.rigidity_law}
+        for key, value in told.items():
+            if value is not None and self.globe != "sealed":
+                found = "missing" if self.globe is None else f'"{self.globe}"'
+                raise StudyError(f'{key}: of a sealed globe, globe is {found}; write globe = "sealed", or leave it out')
+
+
+@dataclass(frozen=True, kw_only=True)
+class OctInfo:
+    """The frames: pixels, used bits, field of view (black bands included), and the plane's direction and tilt."""
+
+    columns: int = required(low=16, high=16384)
+    rows: int = required(low=16, high=16384)
+    bits: int = required(low=1, high=16)
+    width_m: float = required(low=allowed("width_m").low, high=allowed("width_m").high)
+    depth_m: float = required(low=allowed("depth_m").low, high=allowed("depth_m").high)
+    plane_direction_rad: float | None = quantity(None, None, -6.3, 6.3)
+    plane_tilt_rad: float = quantity(0.0, None, -1.0, 1.0)
+    refractive_index: float = quantity(1.0, None, 1.0, 2.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NeedleInfo:
+    """The needle: gauge, distance of the B-scan plane from its axis, polar angle of the contact where known."""
+
+    gauge: int = required(low=10, high=36)
+    slice_gap_m: float = required(low=allowed("gap_m").low, high=allowed("gap_m").high)
+    polar_angle_rad: float | None = _possible("polar_angle_rad")
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class ForceInfo:
+    """The force log: sensor axis along the needle, its sign in contact, and how long a label averages."""
+
+    axis: str = required("fx", "fy", "fz")
+    contact_sign: int = required(low=-1, high=1)
+    average_s: float = quantity(2.0, None, 0.01, 60.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.contact_sign == 0:
+            raise StudyError("contact_sign: 0 is no sign; give 1 or -1")
+
+
+@dataclass(frozen=True)
+class RecordingInfo:
+    """What `recording.toml` says. `force` may be left out where there is no force log."""
+
+    eye: EyeInfo
+    oct: OctInfo
+    needle: NeedleInfo
+    force: ForceInfo | None = None
+
+
+def eye_id_fault(name: str) -> str | None:
+    r"""Return why a text cannot name an eye, None where it can: it stands in tables, logs and messages, in one line.
+
+    >>> eye_id_fault("eye\nE = 0.3 MPa")
+    "'eye\\nE = 0.3 MPa' has a line break or another unprintable character; give a name of one line"
+    >>> eye_id_fault("Auge 3 (links), ö")
+    """
+    if not name.strip():
+        return "empty; give the eye a name"
+    if not name.isprintable():
+        return f"{name[:LONGEST_ID]!r} has a line break or another unprintable character; give a name of one line"
+    if len(name) > LONGEST_ID:
+        return f"{len(name)} characters; give the eye a name of at most {LONGEST_ID}"
+    return None
+
+
+def nearest_gauge(outer_diameter_m: float) -> int:
+    """Return the gauge of a needle.
+
+    >>> nearest_gauge(0.7e-3)
+    22
+    """
+    return min(GAUGE_DIAMETER_M, key=lambda gauge: abs(GAUGE_DIAMETER_M[gauge] - outer_diameter_m))
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One eye's recording: where it lies, what it states, its frames in order, its force log (None: not logged)."""
+
+    path: Path
+    info: RecordingInfo
+    frames: tuple[FrameEntry, ...]
+    forces: ForceLog | None
+
+    def frame_path(self, entry: FrameEntry) -> Path:
+        """Return where a frame's file lies."""
+        return self.path / "frames" / entry.file
+
+    def frame(self, entry: FrameEntry) -> Pixels:
+        """Read a frame, uint8 or uint16 (rows, columns), and check it against recording.toml.
+
+        Raises:
+            FrameError: the file cannot be read, or has another size or more bits than stated.
+        """
+        path = self.frame_path(entry)
+        pixels = read_frame(path)
+        check_frame(pixels, self.info.oct.rows, self.info.oct.columns, self.info.oct.bits, str(path))
+        return pixels
+
+
+def read_recording(path: str | PathLike[str]) -> Recording:
+    """Read and check a recording folder; its frames are looked for, but not opened.
+
+    Raises:
+        RecordingError: naming the file, the line and the field.
+
+    >>> import scleraforce as sf
+    >>> recording = sf.read_recording("eye-a")
+    >>> [recording.frame(entry).shape for entry in recording.frames]
+    [(512, 512), (512, 512), (512, 512)]
+    """
+    path = Path(path)
+    info = read_info(path / "recording.toml")
+    frames = read_frame_list(path / "frames.csv")
+    _check_files(path, frames)
+    if not os.path.lexists(path / "forces.csv"):
+        return Recording(path, info, frames, None)
+    if info.force is None:
+        raise RecordingError(f"{path / 'recording.toml'}: force: missing; forces.csv needs [force] axis, contact_sign")
+    return Recording(path, info, frames, read_force_log(path / "forces.csv", info.force.axis))
+
+
+def frame_digest(pixels: Pixels) -> str:
+    """Return what a frame is known by, whatever its file is called: the SHA-256 of its size and pixels, hexadecimal.
+
+    >>> import numpy as np
+    >>> frame_digest(np.zeros((2, 3), np.uint8)) == frame_digest(np.zeros((2, 3), np.uint16))
+    True
+    """
+    digest = hashlib.sha256(f"{pixels.shape[0]} x {pixels.shape[1]}\n".encode())
+    digest.update(pixels.astype("<u2").tobytes())
+    return digest.hexdigest()
+
+
+def tables_digest(recording: Recording) -> str:
+    """Return the SHA-256 of a recording's tables (recording.toml, frames.csv, forces.csv), hexadecimal.
+
+    Raises:
+        RecordingError: one of them cannot be read any more.
+    """
+    digest = hashlib.sha256()
+    for kind, name in (("recording", "recording.toml"), ("frames", "frames.csv"), ("forces", "forces.csv")):
+        digest.update(read_bytes(recording.path / name, KINDS[kind]))
+    return digest.hexdigest()
+
+
+def true_forces(recording: Path) -> dict[str, float]:
+    """Return the true force at each frame of a virtual acquisition, N, by the frame's file.
+
+    Raises:
+        RecordingError: the recording has no `truth.json`, or it cannot be read.
+    """
+    path = recording / "truth.json"
+    try:
+        frames = json.loads(read_text(path, KINDS["truth"]))["frames"]
+        return {frame["file"]: float(frame["force_n"]) for frame in frames}
+    except (ValueError, KeyError, TypeError) as fault:
+        raise RecordingError(f"{path}: not the truth of a virtual acquisition: {fault}") from fault
+
+
+def read_info(path: Path) -> RecordingInfo:
+    """Read and check a recording.toml.
+
+    Raises:
+        RecordingError: naming the file, the line and the field.
+    """
+    if not path.parent.is_dir():
+        raise RecordingError(f"{path.parent}: no such folder; give a recording folder")
+    try:
+        return parse_record(RecordingInfo, read_text(path, KINDS["recording"]), str(path))
+    except StudyError as fault:
+        raise RecordingError(str(fault)) from fault
+
+
+def _check_files(path: Path, frames: tuple[FrameEntry, ...]) -> None:
+    folder = (path / "frames").resolve()
+    for entry in frames:
+        file = path / "frames" / entry.file
+        place = f"{path / 'frames.csv'}: file"
+        try:
+            inside, there = file.resolve().is_relative_to(folder), file.is_file()
+        except (OSError, RuntimeError) as fault:  # a name that is too long, links that go round
+            reason = fault.strerror if isinstance(fault, OSError) else fault
+            raise RecordingError(f"{place}: {entry.file}: {reason}") from fault
+        if not inside:
+            raise RecordingError(f"{place}: {entry.file} leads out of {path / 'frames'}")
+        if not there:
+            raise RecordingError(f"{place}: {file} does not exist")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scanner:
+    """Width and depth of frames in m, and by which index depth is stretched; None: not stated."""
+
+    width_m: float | None = None
+    depth_m: float | None = None
+    refractive_index: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledFrame:
+    """A frame, `pixels` (rows: depth, columns: lateral), with its scale, and what its recording states (None: none).
+
+    `notes` say what was done to its pixels, and which contradictions of its file an option settled.
+    """
+
+    pixels: Pixels
+    width_m: Sourced
+    depth_m: Sourced
+    refractive_index: Sourced
+    info: RecordingInfo | None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def scale(self) -> PixelScale:
+        """Size of a pixel as stored, with the refractive index."""
+        rows, columns = self.pixels.shape
+        return PixelScale(
+            lateral_m=self.width_m.value / columns,
+            depth_m=self.depth_m.value / rows,
+            refractive_index=self.refractive_index.value,
+        )
+
+
+def recording_of(path: Path) -> Path | None:
+    """Return the recording folder whose frame a file is: `frames/` with a recording.toml beside it; None: none."""
+    folder = path.parent.resolve()
+    inside = folder.name == "frames" and os.path.isfile(folder.parent / "recording.toml")
+    return folder.parent if inside else None
+
+
+def read_scaled_frame(path: Path, told: Scanner, assumed: tuple[Scanner, str], transpose: bool = False) -> ScaledFrame:
+    """Read one frame and find its scale.
+
+    Args:
+        path: of the image.
+        told: what the user says; it comes first.
+        assumed: what counts where nothing states it, and who assumes it.
+        transpose: the image's depth runs along its rows.
+
+    Raises:
+        FrameError: the file cannot be read, is not what its recording says, or nothing knows its scale.
+        RecordingError: the recording.toml beside it cannot be used.
+    """
+    image = read_frame_image(path)
+    lateral_m, depth_m = image.lateral_pixel_m, image.depth_pixel_m
+    pixels: Pixels = image.pixels.T if transpose else image.pixels
+    if transpose:
+        lateral_m, depth_m = depth_m, lateral_m
+    rows, columns = pixels.shape
+    recording = recording_of(path)
+    info = None if recording is None else read_info(recording / "recording.toml")
+    if info is not None:
+        check_frame(pixels, info.oct.rows, info.oct.columns, info.oct.bits, str(path))
+    file = Scanner(width_m=lateral_m and lateral_m * columns, depth_m=depth_m and depth_m * rows)
+    stated = ((told, "option"), (_scanner(info), "recording.toml"), (file, "file"), assumed)
+    width, depth, index = (
+        next((Sourced(value, source) for scanner, source in stated if (value := getattr(scanner, name))), None)
+        for name in ("width_m", "depth_m", "refractive_index")
+    )
+    if image.scale_fault and info is None and None in (told.width_m, told.depth_m):
+        raise FrameError(f"{image.scale_fault}; give --width-mm and --depth-mm")
+    if width is None or depth is None:
+        raise FrameError(
+            f"{path}: how large it is stands neither in it nor in a recording.toml; give --width-mm and --depth-mm"
+        )
+    for key, extent in (("width_mm", width), ("depth_mm", depth)):
+        try:
+            check_quantity(key, from_si(extent.value, "mm"))
+        except StudyError as fault:
+            option = f"--{key.replace('_', '-')}"
+            raise FrameError(f"{path}: {fault} (stated by: {extent.source}); give {option}") from None
+    notes = (*image.notes, *([image.scale_fault] if image.scale_fault else []))
+    return ScaledFrame(pixels, width, depth, index or Sourced(1.0, "assumed"), info, notes)
+
+
+def _scanner(info: RecordingInfo | None) -> Scanner:
+    return (
+        Scanner(width_m=info.oct.width_m, depth_m=info.oct.depth_m, refractive_index=info.oct.refractive_index)
+        if info
+        else Scanner()
+    )

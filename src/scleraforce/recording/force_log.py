@@ -1,0 +1,483 @@
+"""Force logs as robots and sensors write them: delimited text, any columns, with or without settings above them."""
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError, RecordingError
+from scleraforce.recording.log_text import (
+    CLOCKS,
+    FORCE,
+    TIME,
+    TORQUE,
+    LogText,
+    clock_of,
+    mark_of,
+    numbers_of,
+    quantity_of,
+    seconds_of,
+    texts_of,
+    unit_factor,
+)
+from scleraforce.recording.scan import UnansweredError
+from scleraforce.recording.tables import FORCE_COLUMNS, ForceLog, checked_samples, gap_notes
+
+STATUS = "status"  # our name of such a column
+# How a column is read: ATI's status word, a flag of faults, a flag of validity. "any": all samples are taken.
+STATUS_MEANINGS = ATI, GOOD_IF_ZERO, GOOD_IF_SET, ANY = "ati", "zero", "set", "any"
+# Bits of ATI's status word (Net F/T, Axia) that leave the force valid: the summary, which repeats the others, and a
+# latched condition of the user's own monitor (a threshold).
+ATI_HARMLESS = 0x80010000
+OF_SENSOR = (
+    r"((is|sensor|ft|f/t|f_t|f[xyz]|m[xyz]|force|wrench|torque|device|data|sample|measurement|measured|reading|bota|ati|"
+    r"rdt|daq|adc|amp|cable|gage|gauge|transducer)[ _-]*)*"
+)
+FAULTS = re.compile(
+    OF_SENSOR + r"(status|error|fault|over[ _-]?load(ed)?|over[ _-]?range|over[ _-]?flow|saturat(ed|ion)|clipp(ed|ing)|"
+    r"invalid|alarm|out[ _-]of[ _-]range|disconnected)[ _-]*(code|word|flags?|bits?|register)?"
+)
+VALIDITY = re.compile(OF_SENSOR + r"(valid|validity|ok|good|healthy)([ _-]*flag)?")
+HEX = re.compile(r"[ _-]*[\[(]?hex\w*[\])]?$", re.IGNORECASE)
+CLEAR_WORDS = {"", "ok", "good", "valid", "normal", "none", "false", "no", "no error", "f", "n"}
+SET_WORDS = {"ok", "good", "valid", "normal", "true", "yes", "t", "y"}
+
+
+def status_meaning(name: str, others: Sequence[str]) -> str | None:
+    """Return how a column of flags is read, by its name; None where it is not one.
+
+    >>> status_meaning("Status (hex)", ["RDT Sequence"]), status_meaning("is_valid", []), status_meaning("Fz [N]", [])
+    ('ati', 'set', None)
+    """
+    bare = HEX.sub("", name.strip().lower())
+    if FAULTS.fullmatch(bare):
+        of_ati = bare != name.strip().lower() and any("sequence" in other.lower() for other in others)
+        return ATI if of_ati else GOOD_IF_ZERO
+    return GOOD_IF_SET if VALIDITY.fullmatch(bare) else None
+
+
+def faulty_samples(
+    name: str, meaning: str, texts: NDArray[np.str_], place: Callable[[int], str]
+) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """Return which samples are no forces, by a column of flags, and sentences on it.
+
+    Args:
+        name: of the column.
+        meaning: how it is read; see `status_meaning`.
+        texts: its fields.
+        place: where the line of a sample stands, for messages.
+
+    Raises:
+        RecordingError: all samples are faulty.
+    """
+    none = np.zeros(len(texts), dtype=bool)
+    values, index = np.unique(np.char.strip(texts), return_inverse=True)
+    if meaning == ANY:
+        return none, ()
+    in_hex = bool(HEX.search(name.strip()))
+    codes = [_code(str(value), in_hex) for value in values]
+    if any(isinstance(code, float) for code in codes):  # a measured quantity, like the error of a position
+        return none, (f"{name}: not taken for the sensor's status, because it has fractions",)
+    faulty = np.array([_is_faulty(code, meaning) for code in codes])[index]
+    count = int(faulty.sum())
+    if count == len(faulty):
+        raise RecordingError(
+            f"{place(0)}: {name}: {str(values[index[0]])!r}, and every sample is flagged: the sensor gave no force; if "
+            f"this column is not its status, give --column {STATUS}={name}:{ANY}"
+        )
+    if count:
+        first = int(np.argmax(faulty))
+        return faulty, (
+            f"{name}: {count} of {len(faulty)} samples are flagged by the sensor and have no force; the first is "
+            f"{place(first)}: {values[index[first]]}",
+        )
+    harmless = sorted({str(value) for value, code in zip(values, codes, strict=True) if meaning == ATI and code})
+    note = f"{name}: {', '.join(harmless)}: a summary or the user's own threshold, without a fault; its forces are kept"
+    return faulty, (note,) if harmless else ()
+
+
+def _code(text: str, in_hex: bool) -> int | float | str:
+    """Return a flag's number, or its word in lower case."""
+    try:
+        if in_hex or text.lower().startswith("0x"):
+            return int(text, 16)
+        value = float(text.replace(",", "."))
+        return int(value) if value.is_integer() else value if isfinite(value) else text.lower()
+    except (ValueError, OverflowError):
+        return text.lower()
+
+
+def _is_faulty(code: int | float | str, meaning: str) -> bool:
+    if meaning == GOOD_IF_SET:
+        return code not in SET_WORDS if isinstance(code, str) else code == 0
+    if isinstance(code, str):
+        return code not in CLEAR_WORDS
+    return bool(int(code) & ~ATI_HARMLESS) if meaning == ATI else code != 0
+
+
+SHORT_NAMES = {name.partition("_")[0]: name for name in FORCE_COLUMNS} | {STATUS: STATUS}  # fz: fz_n
+# A unit in brackets, or after a mark or a blank: "Fz [mN]", "Force Z / mN", "FZ,mN", "fz_mN", "F_z in mN".
+BRACKETS = re.compile(r"(?P<name>.*?)[\s_,:]*[\[({<](?P<unit>[^\])}>]+)[\])}>]\s*")
+BEHIND_MARK = re.compile(
+    r"(?P<name>.*?)(?:\s*[/,:;|_.-]\s*|\s+in\s+|_in_|\s+)(?P<unit>[^\s_/,:;|]+(?:[*.-][^\s_]+)?)\s*"
+)
+TIME_NAMES = {
+    "time", "t", "timestamp", "host_time", "stamp", "elapsed", "elapsed_time", "time_stamp", "sample_time",
+    "relative_time", "x_value", "zeit", "zeitstempel", "messzeit", "temps", "tiempo", "tempo", "header.stamp",
+}  # fmt: skip
+CLOCK_NAMES = TIME_NAMES | {
+    "date", "datetime", "date_time", "date_and_time", "time_of_day", "clock", "datum", "datum_zeit", "datum_uhrzeit",
+    "uhrzeit", "heure", "horodatage", "date_heure", "fecha", "hora",
+}  # fmt: skip
+ROS_STAMP, ROS_PREFIX = "field.header.stamp", "field."  # of `rostopic echo -p`: capture, in ns; SI otherwise
+FORCE_WORDS, TORQUE_WORDS = "force|kraft|effort|fuerza|forza|f", "torque|moment|drehmoment|couple|t|m"
+BETWEEN = r"[ ._-]*(?:(?:in|along|axis|achse|richtung)[ ._-]*)?"
+AXIS_NAMES = re.compile(
+    rf"(?:(?P<what>{FORCE_WORDS}|{TORQUE_WORDS}){BETWEEN}(?P<axis>[xyz])|"
+    rf"(?P<axis_before>[xyz])[ ._-]*(?:(?:axis|achse)[ ._-]*)?(?P<what_after>{FORCE_WORDS}|{TORQUE_WORDS}))"
+    r"(?:[ ._-]*(?:axis|achse|richtung))?"
+)
+FORCE_WORD = re.compile(FORCE_WORDS)
+
+
+@dataclass(frozen=True)
+class LogColumn:
+    """A column of a log: which of ours it is, its name there, its unit.
+
+    Dates and times of day have one of `CLOCKS` for a unit, the sensor's status one of `STATUS_MEANINGS`.
+    """
+
+    ours: str
+    name: str
+    unit: str
+
+    @property
+    def factor(self) -> float:
+        """How many of SI one of its unit is."""
+        return unit_factor(self.unit, quantity_of(self.ours)) or 1.0
+
+    def answer(self) -> str:
+        """Return the column as `parse_column` reads it."""
+        return f"{self.ours.partition('_')[0]}={self.name}:{self.unit}"
+
+
+def parse_column(text: str) -> LogColumn:
+    """Return a column that somebody stated as COLUMN=NAME:UNIT.
+
+    >>> parse_column("fz=Force Z:mN")
+    LogColumn(ours='fz_n', name='Force Z', unit='mN')
+
+    Raises:
+        InputError: it is of another form, or the unit is not known.
+    """
+    short, equals, rest = text.partition("=")
+    name, colon, unit = rest.rpartition(":")
+    ours, unit = SHORT_NAMES.get(short.strip().lower()), unit.strip()
+    if not equals or not colon or ours is None or not name.strip():
+        raise InputError(f"--column: {text!r}; give COLUMN=NAME:UNIT, like fz=Force Z:mN, of {', '.join(SHORT_NAMES)}")
+    words = {"time_s": CLOCKS, STATUS: STATUS_MEANINGS}.get(ours, ())
+    if ours == STATUS and unit not in words:
+        raise InputError(f"--column: {text!r}: {unit!r} is not one of {', '.join(words)} (docs/formats.md)")
+    if unit not in words and unit_factor(unit, quantity_of(ours)) is None:
+        raise InputError(f"--column: {text!r}: {unit!r} is no unit of {quantity_of(ours)} (docs/formats.md)")
+    return LogColumn(ours, name.strip(), unit)
+
+
+def columns_by_header(names: Sequence[str], stated_units: dict[str, str], units: Sequence[str] = ()) -> list[LogColumn]:
+    """Return the columns that a header names with their units, in their order.
+
+    Args:
+        names: of the columns.
+        stated_units: of force, torque and time where lines above the header state them.
+        units: of the columns where a line of its own states them.
+
+    >>> [column.answer() for column in columns_by_header(["Time (ms)", "Fz [N]", "Temp (C)"], {})]
+    ['time=Time (ms):ms', 'fz=Fz [N]:N']
+    """
+    if ROS_STAMP in names:
+        names = [name for name in names if name == ROS_STAMP or name.startswith(ROS_PREFIX)]
+        stated_units = {FORCE: "N", TORQUE: "Nm", TIME: "ns"}
+    each = zip_longest(names, units[: len(names)], fillvalue="")
+    return [column for name, unit in each if (column := _by_name(name, unit, stated_units)) is not None]
+
+
+def of_each_kind(path: Path, by_header: Sequence[LogColumn], told: Sequence[LogColumn]) -> list[LogColumn]:
+    """Return one column of each kind: the one that was stated, else that of the header; of two times the first.
+
+    Raises:
+        UnansweredError: two columns of the header are the same force.
+    """
+    answered = {column.ours: column for column in told if column.ours != STATUS}
+    for column in by_header:
+        other = answered.setdefault(column.ours, column)
+        if other != column and other not in told and column.ours != "time_s":
+            short = column.ours.partition("_")[0]
+            raise UnansweredError(
+                "--column", f"{path}: {short}: is it {other.name!r} or {column.name!r}?", f"{short}=NAME:UNIT"
+            )
+    return list(answered.values())
+
+
+def clock_columns(names: Sequence[str]) -> list[str]:
+    """Return the names that dates and times of day have.
+
+    >>> clock_columns(["Date/Time", "Fz [N]", "Uhrzeit", "Time (UTC)"])
+    ['Date/Time', 'Uhrzeit', 'Time (UTC)']
+    """
+    return [
+        name
+        for name in names
+        if re.sub(r"[\W_]+", "_", BRACKETS.sub(r"\g<name>", name)).lower().strip("_") in CLOCK_NAMES
+    ]
+
+
+def required_columns(path: Path, columns: Iterable[LogColumn], names: Sequence[str]) -> tuple[LogColumn, ...]:
+    """Return the columns, in our order, where the time and a force are among them.
+
+    Raises:
+        UnansweredError: they are not; the question lists the names.
+        InputError: a column is not in the log.
+    """
+    found = {column.ours: column for column in columns}
+    listed = ", ".join(repr(name) for name in names)
+    for column in found.values():
+        if column.name not in names:
+            raise InputError(f"{path}: --column: no column {column.name!r}; there are {listed}")
+        if list(names).count(column.name) > 1:
+            raise InputError(f"{path}: two columns are named {column.name!r}; rename one of them")
+    missing = [word for word, there in (("time", "time_s" in found), ("fz", _has_force(found))) if not there]
+    if missing:
+        what = "the time" if missing == ["time"] else "a force" if missing == ["fz"] else "the time, and which a force"
+        raise UnansweredError(
+            "--column",
+            f"{path}: which column is {what}, and in what unit? There are {listed}",
+            *(f"{short}=NAME:UNIT" for short in missing),
+        )
+    return tuple(found[ours] for ours in FORCE_COLUMNS if ours in found)
+
+
+def _has_force(found: dict[str, LogColumn]) -> bool:
+    return any(quantity_of(ours) == FORCE for ours in found)
+
+
+def _by_name(name: str, unit: str, stated_units: dict[str, str]) -> LogColumn | None:
+    """Return the column of ours that a name with a unit stands for, None where it is none or has no unit."""
+    bare = name.strip().removeprefix(ROS_PREFIX).removeprefix("wrench.")
+    bracketed, marked = BRACKETS.fullmatch(bare), BEHIND_MARK.fullmatch(bare)
+    parted = [(found["name"], found["unit"]) for found in (bracketed, marked) if found]
+    for word, own in (*parted, (bare, unit)):
+        ours = _ours(word)
+        if ours is None:
+            continue
+        quantity = quantity_of(ours)
+        for text in (own, *([unit] if unit else []), *([stated_units[quantity]] if quantity in stated_units else [])):
+            if text and unit_factor(text, quantity) is not None:
+                return LogColumn(ours, name, text.strip())
+    return None
+
+
+def _ours(word: str) -> str | None:
+    """Return our column of a word.
+
+    >>> _ours("force_z"), _ours("Mx"), _ours("Kraft Z"), _ours("z-force"), _ours("timestamp"), _ours("temperature")
+    ('fz_n', 'tx_nm', 'fz_n', 'fz_n', 'time_s', None)
+    """
+    lower = word.strip().lower()
+    if re.sub(r"[ -]", "_", lower) in TIME_NAMES:
+        return "time_s"
+    found = AXIS_NAMES.fullmatch(lower)
+    if found is None:
+        return None
+    what, axis = found["what"] or found["what_after"], found["axis"] or found["axis_before"]
+    return SHORT_NAMES[("f" if FORCE_WORD.fullmatch(what) else "t") + axis]
+
+
+# What ATI's Net F/T demo and its relatives write above the header.
+STATED = {quantity: rf"(?i){quantity} units?\"?\s*[:=,;\t]+\s*\"?([\w*.-]+)" for quantity in (FORCE, TORQUE)}
+COUNTS = {
+    quantity: rf"(?i)counts?\s*(?:per|/)\s*(?:unit\s*)?{quantity}\"?\s*[:=,;\t]+\s*\"?([\d.eE+]+)"
+    for quantity in (FORCE, TORQUE)
+}
+SAMPLE_RATE = r"RDT Sample Rate\"?\s*[:=,;\t]+\s*\"?([\d.]+)"
+COUNTER = "RDT Sequence"
+# A factor between the numbers of a log and forces, which is not applied.
+GAIN = re.compile(
+    r"(?i)\b(?<!full[ -])"
+    r"((?:scale|scaling|gain|sensitivity|multiplier|(?:conversion|calibration)[ _-]?(?:factor|constant)|"
+    r"(?:lsb|counts?)\s*(?:per\b|/))[^:=;,\t]*)[:=;,\t]+\s*\"?([-+]?[\d.]+(?:[eE][-+]?\d+)?)"
+)
+RANGE = re.compile(r"(?i)\b(?:full[ -]?scale|range|capacity|rated (?:force|load)|max(?:imum|\.)? (?:force|load))\b(.*)")
+FORCE_IN_TEXT = re.compile(r"(?i)([\d.]+(?:e[-+]?\d+)?)\s*(m?n|kn|gf|kgf|lbf)\b")
+
+
+def read_force_text(text: LogText, told: Sequence[LogColumn]) -> tuple[ForceLog, tuple[LogColumn, ...]]:
+    """Return a log in SI and the columns that it was read from.
+
+    Args:
+        text: of the log.
+        told: columns that somebody stated; they take precedence over what the header says.
+
+    Raises:
+        UnansweredError: neither says which the time is, or any force, or the header contradicts the numbers.
+        RecordingError: a value is no number, or none that a sensor can give.
+    """
+    stated = _stated_units(text)
+    by_header = columns_by_header(text.names, stated, text.units)
+    if (rate := _first(SAMPLE_RATE, text.above)) and COUNTER in text.names:  # ATI's own clock has whole seconds
+        by_header = [LogColumn("time_s", COUNTER, f"{rate}Hz"), *(c for c in by_header if c.ours != "time_s")]
+    elif not any(column.ours == "time_s" for column in (*by_header, *told)):
+        by_header += _clock_column(text)
+    answered = of_each_kind(text.path, by_header, told)
+    _check_units(text, [column for column in answered if column not in told], stated)
+    columns = required_columns(text.path, answered, text.names)
+    places = [text.names.index(column.name) for column in columns]
+    dated = columns[0].unit in CLOCKS
+    read = places[1:] if dated else places
+    mark = mark_of(text, read)
+    values_sc = numbers_of(text, read, gaps=places[1:], mark=mark)
+    _check_whole(text, columns[1:], values_sc[:, -len(columns) + 1 :], told)
+    values_sc *= [column.factor for column in columns[1 if dated else 0 :]]
+    time_s, wrench_sc = (_moments(text, columns[0]), values_sc) if dated else (values_sc[:, 0], values_sc[:, 1:])
+    notes = ["numbers have decimal commas"] if mark == "," else []
+    notes += [*_overruled(by_header, told), *gap_notes(text.path, wrench_sc)]
+    flags = _flagged(text, told)
+    faulty = np.zeros(len(text.lines), dtype=bool)
+    for column in flags:
+        found, said = faulty_samples(column.name, column.unit, texts_of(text, column.name), text.place)
+        faulty |= found
+        notes += said
+    wrench_sc = np.where(faulty[:, None], np.nan, wrench_sc)
+    log = ForceLog(time_s, wrench_sc, tuple(column.ours for column in columns[1:]), tuple(notes))
+    return checked_samples(log, text.path, text.place, _range_n(text)), (*columns, *flags)
+
+
+def _stated_units(text: LogText) -> dict[str, str]:
+    """Return the units of force and torque by the lines above the header; of counts, how many are one unit."""
+    units = {quantity: unit for quantity, pattern in STATED.items() if (unit := _first(pattern, text.above))}
+    counts = {quantity: _first(pattern, text.above) for quantity, pattern in COUNTS.items()}
+    return {quantity: f"{float(count):.12g}/{unit}" if (count := counts[quantity]) else unit
+            for quantity, unit in units.items()}  # fmt: skip
+
+
+def _check_units(text: LogText, columns: Sequence[LogColumn], stated: dict[str, str]) -> None:
+    """Ask where the file states two units of a column, or a factor that is not applied.
+
+    Args:
+        text: of the log.
+        columns: that the header answers for.
+        stated: units by the lines above it.
+
+    Raises:
+        UnansweredError: naming both readings.
+    """
+    forces = [column for column in columns if column.ours != "time_s"]
+    for column in columns:
+        quantity, place = quantity_of(column.ours), text.names.index(column.name)
+        for other in (stated.get(quantity, ""), text.units[place] if text.units else ""):
+            factor = unit_factor(other, quantity)
+            if factor is not None and not np.isclose(factor, column.factor, rtol=1e-9):
+                raise _question(f"{text.path}: {column.name!r} is in {column.unit} by its name", column, other, columns)
+    counted = {quantity_of(column.ours) for column in forces if "/" in column.unit}
+    for nth, line in enumerate(text.above, start=1):
+        found = GAIN.search(line)
+        applied = any(re.search(COUNTS[quantity], line) for quantity in counted)
+        if forces and found and not applied and float(found[2]) != 1.0:
+            said = f"{text.path}:{nth}: {found[1].strip()}: {found[2]} is not applied to {forces[0].name!r}"
+            raise _question(said, forces[0], f"1000/{forces[0].unit}", forces)
+
+
+def _check_whole(
+    text: LogText, columns: Sequence[LogColumn], values_sc: NDArray[np.float64], told: Sequence[LogColumn]
+) -> None:
+    """Ask where the header states counts and a number is not whole.
+
+    Raises:
+        UnansweredError: naming both readings.
+    """
+    counted = [column for column in columns if "/" in column.unit and column not in told]
+    for column, values in zip(columns, values_sc.T, strict=True):
+        broken = np.isfinite(values) & (values != np.rint(values))
+        if column in counted and broken.any():
+            line, (count, unit) = int(np.argmax(broken)), column.unit.split("/")
+            found = f"{text.place(line)}: {column.name}: {values[line]:g} is not a count"
+            raise _question(f"{found}, but the header states {count} per {unit}", column, unit, counted)
+
+
+def _question(said: str, column: LogColumn, other: str, columns: Sequence[LogColumn]) -> UnansweredError:
+    """Return the question in which of two units columns are, with one of them as the example."""
+    short = f"{column.ours.partition('_')[0]}={column.name}"
+    forms = (f"{each.ours.partition('_')[0]}={each.name}:UNIT" for each in columns)
+    return UnansweredError("--column", f"{said}: {short}:{column.unit} or {short}:{other}?", *forms)
+
+
+def _range_n(text: LogText) -> float | None:
+    """Return the largest force of the sensor by the lines above the header, None where they do not state it."""
+    stated = [each for line in text.above if (found := RANGE.search(line)) for each in FORCE_IN_TEXT.findall(found[1])]
+    return max((float(size) * (unit_factor(unit, FORCE) or 0.0) for size, unit in stated), default=0.0) or None
+
+
+def _flagged(text: LogText, told: Sequence[LogColumn]) -> tuple[LogColumn, ...]:
+    """Return the columns of the sensor's status.
+
+    Raises:
+        InputError: one that was stated is not in the log.
+    """
+    stated = {column.name: column for column in told if column.ours == STATUS}
+    missing = next((name for name in stated if name not in text.names), None)
+    if missing is not None:
+        raise InputError(f"{text.path}: --column: no column {missing!r}; there are {', '.join(map(repr, text.names))}")
+    named = {name: LogColumn(STATUS, name, meaning) for name in text.names
+             if (meaning := status_meaning(name, text.names))}  # fmt: skip
+    return tuple((named | stated).values())
+
+
+def _overruled(by_header: Sequence[LogColumn], told: Sequence[LogColumn]) -> tuple[str, ...]:
+    """Return sentences on columns that were stated in another unit than the header's."""
+    return tuple(
+        f"{said.name}: read in {said.unit} (--column), where the log states {own.unit}"
+        for said in told
+        for own in by_header
+        if (own.ours, own.name) == (said.ours, said.name) and not np.isclose(own.factor, said.factor, rtol=1e-9)
+    )
+
+
+def _first(pattern: str, lines: Sequence[str]) -> str | None:
+    return next((found[1] for line in lines if (found := re.search(pattern, line))), None)
+
+
+def _clock_column(text: LogText) -> list[LogColumn]:
+    """Return the column of dates or times of day, where one has such a name.
+
+    Raises:
+        UnansweredError: day and month may change places.
+    """
+    for name in clock_columns(text.names):
+        found = dict.fromkeys(clock_of(moment) for moment in texts_of(text, name).tolist())
+        if None in found:
+            continue
+        known = [clock for clock in found if clock]
+        if known:
+            return [LogColumn("time_s", name, known[0])]
+        if found:
+            example = str(texts_of(text, name)[0])
+            raise UnansweredError(
+                "--column",
+                f"{text.path}: {name}: {example!r}: is the day or the month first? time={name}:dmy says the day, "
+                f"time={name}:mdy the month",
+                "time=NAME:UNIT",
+            )
+    return []
+
+
+def _moments(text: LogText, column: LogColumn) -> NDArray[np.float64]:
+    """Return dates and times in s since 1970; without a zone they are of UTC."""
+    texts = texts_of(text, column.name).tolist()
+    found = seconds_of(texts, column.unit)
+    if isinstance(found, int):
+        raise RecordingError(f"{text.place(found)}: {column.name}: {texts[found]!r} is not a time ({column.unit})")
+    return found

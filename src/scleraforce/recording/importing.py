@@ -1,0 +1,547 @@
+"""What a recording is imported from: options, values of the sources, questions for the rest, and its import.json."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from hashlib import file_digest
+from math import radians
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import InputError, RecordingError, StudyError
+from scleraforce.plain_json import parse_json
+from scleraforce.recording.bags import BagTopics
+from scleraforce.recording.folder import EyeInfo, ForceInfo, NeedleInfo, OctInfo, RecordingInfo, eye_id_fault, read_info
+from scleraforce.recording.force_log import columns_by_header, parse_column
+from scleraforce.recording.log_text import numbers_of, read_log_text
+from scleraforce.recording.pixels import MOST_BITS, Greys, Sourced
+from scleraforce.recording.scan import Scan, Times, UnansweredError, even_times, parse_axes
+from scleraforce.recording.sources import Asked, Gathered, SourceOrder, check_overlap, on_one_clock
+from scleraforce.recording.tables import fields_of
+from scleraforce.units import from_si, to_si
+from scleraforce.whole_files import FileKind, read_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from scleraforce.recording.tables import ForceLog
+
+OPTION = "option"  # the source of a value that was told for this recording, by an option or an argument
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportAnswers:
+    """The values of all options of `scleraforce import`, in the units of their names; None: open."""
+
+    axes: str | None = None
+    array: str | None = None
+    width_mm: float | None = None
+    depth_mm: float | None = None
+    refractive_index: float | None = None
+    bits: int | None = None
+    grey_range: tuple[float, float] | None = None
+    rate_hz: float | None = None
+    times: Path | None = None
+    clock_offset_s: float | None = None
+    columns: tuple[str, ...] = ()
+    axis: str | None = None
+    contact_sign: str | int | None = None
+    average_s: float | None = None
+    image_topic: str | None = None
+    force_topic: str | None = None
+    by_arrival: bool = False
+    eye: str | None = None
+    thickness_um: float | None = None
+    iop_mmhg: float | None = None
+    globe: str | None = None
+    gauge: int | None = None
+    gap_mm: float | None = None
+    polar_angle_deg: float | None = None
+
+    def asked(self) -> Asked:
+        """Return what concerns the reading of sources."""
+        return Asked(
+            SourceOrder(None if self.axes is None else parse_axes(self.axes), self.array),
+            tuple(parse_column(text) for text in self.columns),
+            BagTopics(self.image_topic, self.force_topic, self.by_arrival),
+        )
+
+
+FILE_NAMES = ("file", "filename", "frame", "image")
+
+
+def told_times(scan: Scan, table: Path | None, rate_hz: float | None) -> Times | None:
+    """Return the frames' times that a table or a rate states; None: neither was given.
+
+    A table has a column of times with its unit in its name (time_s, "Time (ms)"). Where it names files too, each time
+    goes to the frame of that name; else they go to the frames in their order.
+
+    Raises:
+        InputError: both were given, the rate is none, or the table does not go with the frames.
+    """
+    if table is not None and rate_hz is not None:
+        raise InputError("--rate-hz: --times states when frames were taken; give one of them")
+    if rate_hz is not None:
+        if not 0.0 < rate_hz < float("inf"):
+            raise InputError(f"--rate-hz: {rate_hz:g}; give the frames taken in a second")
+        return even_times(len(scan.names), 1.0 / rate_hz, "option")
+    return None if table is None else Times(_of_table(scan, table), str(table))
+
+
+def _of_table(scan: Scan, table: Path) -> NDArray[np.float64]:
+    text = read_log_text(table, least=1)
+    column = next((found for found in columns_by_header(text.names, {}) if found.ours == "time_s"), None)
+    if column is None:
+        listed = ", ".join(repr(name) for name in text.names)
+        raise InputError(f"{table}: no column of times with its unit, like time_s or Time (ms); there are {listed}")
+    time_s = numbers_of(text, [text.names.index(column.name)])[:, 0] * column.factor
+    file = next((nth for nth, name in enumerate(text.names) if name.lower() in FILE_NAMES), None)
+    if file is not None:
+        files = [Path(fields_of(line, text.separator, str(table))[file]).name for line in text.lines]
+        by_name = dict(zip(files, time_s.tolist(), strict=True))
+        frames = [Path(name).name for name in scan.names]
+        if set(frames) <= set(by_name):
+            return np.array([by_name[name] for name in frames])
+    if len(time_s) != len(scan.names):
+        raise InputError(f"{table}: {len(time_s)} times for {len(scan.names)} frames")
+    return time_s
+
+
+def _nothing() -> None:
+    """Return that nothing is offered."""
+
+
+def _no_fault(_: Any) -> None:
+    """Return that nothing is wrong with an answer."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked, and the options that answer it.
+
+    Attributes:
+        words: the question.
+        options: that answer it.
+        fault: returns why an answer is wrong, None where it is not.
+        optional: whether it may stay open (None).
+        offered: returns the answer to an optional question that the sources suggest, None where they do not.
+    """
+
+    words: str
+    options: str
+    fault: Callable[[Any], str | None] = _no_fault
+    optional: bool = False
+    offered: Callable[[], float | None] = _nothing
+
+
+# By the name of the option's value, in the order in which they are asked.
+QUESTIONS = {
+    "width_mm": Question("width of the frames", "--width-mm"),
+    "depth_mm": Question("depth of the frames, as stored", "--depth-mm"),
+    "refractive_index": Question(
+        "index by which depth is stretched: 1 where the scanner has corrected it (geometric depth), else that of the "
+        "tissue, about 1.38 (optical depth)", "--refractive-index",
+    ),
+    "bits": Question("bits of a pixel that are used", "--bits"),
+    "rate_hz": Question("frames taken in a second", "--rate-hz or --times"),
+    "clock_offset_s": Question("seconds that the force log's clock shows more than the frames'", "--clock-offset-s"),
+    "axis": Question("axis of the force sensor along the needle", "--axis"),
+    "contact_sign": Question("sign of that axis in contact", "--contact-sign"),
+    "eye": Question("name of the eye", "--eye", eye_id_fault),
+    "gauge": Question("gauge of the needle", "--gauge"),
+    "gap_mm": Question("distance of the B-scan plane from the needle's axis", "--gap-mm"),
+    "thickness_um": Question("thickness of the wall", "--thickness-um", optional=True),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Asker:
+    """Who is asked.
+
+    Attributes:
+        settle: returns the answers with that to what a source leaves open.
+        missing: returns answers to questions, by their names in `QUESTIONS`.
+        again: says what is wrong with the answers so far, before they are asked for again; raises it if nobody is.
+    """
+
+    settle: Callable[[ImportAnswers, UnansweredError], ImportAnswers]
+    missing: Callable[[Mapping[str, Question]], dict[str, Any]]
+    again: Callable[[InputError], None]
+
+
+def _leave_open(_: ImportAnswers, open_point: UnansweredError) -> ImportAnswers:
+    raise open_point
+
+
+def _name_all(questions: Mapping[str, Question]) -> dict[str, Any]:
+    """Name the options of all questions at once; optional ones stay open."""
+    needed = [question for question in questions.values() if not question.optional]
+    if needed:
+        listed = "; ".join(f"{question.words} ({question.options})" for question in needed)
+        raise InputError(f"not in the sources, and not told: {listed}")
+    return {}
+
+
+def _raise(fault: InputError) -> None:
+    raise fault
+
+
+NOBODY = Asker(_leave_open, _name_all, _raise)
+
+
+# What options act on: their names by those of their values.
+ACT_ON = {
+    "a force log": {
+        "axis": "--axis", "contact_sign": "--contact-sign", "average_s": "--average-s",
+        "clock_offset_s": "--clock-offset-s",
+    },
+    "a force log of text": {"columns": "--column"},
+    "a ROS bag": {"image_topic": "--image-topic", "force_topic": "--force-topic", "by_arrival": "--by-arrival"},
+    "an .npz file": {"array": "--array"},
+    "frames whose axes are not fixed": {"axes": "--axes"},
+}  # fmt: skip
+SAME_SCALE = 0.001  # scales that differ by less are rounded
+ANSWER = "answer"  # the source of a value that was typed on the terminal
+
+
+@dataclass(frozen=True, eq=False)
+class Complete:
+    """All that a recording is written from.
+
+    Attributes:
+        gathered: what the sources hold.
+        times: of the frames, on the clock of the log.
+        log: on the same clock.
+        origin_s: where that clock begins, on the sources' own.
+        info: what recording.toml says.
+        sources: who states each value, by the name of its option.
+    """
+
+    gathered: Gathered
+    times: Times
+    log: "ForceLog | None"
+    origin_s: float
+    info: RecordingInfo
+    sources: dict[str, str]
+
+    def with_notes(self, notes: "Sequence[str]") -> "Complete":
+        """Return the same with further notes."""
+        return replace(self, gathered=replace(self.gathered, notes=(*self.gathered.notes, *notes)))
+
+
+def complete(
+    gathered: Gathered,
+    greys: Greys,
+    answers: ImportAnswers,
+    origins: "Mapping[str, str]",
+    asker: Asker,
+    measured: "Callable[[OctInfo], float | None]",
+) -> Complete:
+    """Bring together what was told, what sources state and what another recording has, and ask for the rest.
+
+    Args:
+        gathered: the sources.
+        greys: how their pixels become counts.
+        answers: what was told.
+        origins: who told it, by the names of the answers; another recording gives way to what the sources state.
+        asker: who is asked.
+        measured: returns the wall's thickness as the frames show it, um, at the scale of the recording.
+
+    Raises:
+        InputError: something stays open, an option has nothing to act on, or a value is none that a recording may have.
+    """
+    _check_used(gathered, origins)
+    times = told_times(gathered.scan, answers.times, answers.rate_hz) or gathered.scan.times
+    needed = _needed(gathered, answers, times)
+    stated = _stated(gathered, greys)
+    known = {
+        name: (value, origins.get(name, ANSWER))
+        for name in needed
+        if (value := getattr(answers, name)) is not None and (name not in stated or origins.get(name) == OPTION)
+    }
+    known = stated | known
+    _check_contradictions(gathered.scan, needed - set(known))
+    questions = {name: question for name, question in QUESTIONS.items() if name in needed - set(known)}
+    if "bits" in questions:
+        few = f"pixels are up to {greys.high - greys.low:g}, which needs more bits"
+        questions["bits"] = replace(questions["bits"], fault=lambda bits: None if greys.fit(bits) else few)
+    while True:
+        answered = {name: (value, ANSWER) for name, value in asker.missing(questions).items()}
+        try:
+            done = _completed(gathered, greys, answers, times, stated, known | answered)
+            break
+        except InputError as fault:
+            if not questions:
+                raise
+            asker.again(fault)
+    return _with_thickness(done, answers, origins, asker, measured)
+
+
+def _with_thickness(
+    done: Complete,
+    answers: ImportAnswers,
+    origins: "Mapping[str, str]",
+    asker: Asker,
+    measured: "Callable[[OctInfo], float | None]",
+) -> Complete:
+    """Ask for the wall's thickness where nobody has told it; say what it costs where it stays open."""
+    name, value = "thickness_um", answers.thickness_um
+    if value is not None:
+        return replace(done, sources=done.sources | {name: origins.get(name, ANSWER)})
+    found: list[float | None] = []
+
+    def offered() -> float | None:
+        found.append(measured(done.info.oct))
+        return found[-1]
+
+    value = asker.missing({name: replace(QUESTIONS[name], offered=offered)}).get(name)
+    if value is None:
+        note = "the wall's thickness is not stated: `calibrate` needs it, and readings are less sure (--thickness-um)"
+        return done.with_notes([note])
+    info = replace(done.info, eye=replace(done.info.eye, thickness_m=to_si(value, "um")))
+    source = "measured on the first frames" if value in found else ANSWER
+    return replace(done, info=info, sources=done.sources | {name: source})
+
+
+def _completed(
+    gathered: Gathered,
+    greys: Greys,
+    answers: ImportAnswers,
+    times: Times | None,
+    stated: dict[str, tuple[Any, str]],
+    known: dict[str, tuple[Any, str]],
+) -> Complete:
+    """Bring together what is known, each value with who states it.
+
+    Raises:
+        InputError: a value is none that a recording may have, or does not go with the others.
+    """
+    values = {name: value for name, (value, _) in known.items()}
+    info = _info(gathered, answers, values)
+    if not greys.fit(info.oct.bits):
+        raise InputError(f"{gathered.scan.names[0]}: pixels up to {greys.high:g}; --bits says {info.oct.bits}")
+    if times is None:
+        rate_hz = values.get("rate_hz")
+        times = told_times(gathered.scan, None, rate_hz) if rate_hz else Times(np.zeros(1), "a single frame")
+    assert times is not None
+    if "rate_hz" in known:
+        times = replace(times, source=known["rate_hz"][1])
+    offset_s = values.get("clock_offset_s", answers.clock_offset_s or 0.0)
+    moved, log, origin_s = on_one_clock(times, gathered.log, offset_s)
+    check_overlap(moved, log)
+    sources = {name: known[name][1] for name in QUESTIONS if name in known} | {"times": times.source}
+    scan = gathered.scan
+    faults = [fault for fault in (scan.scale_fault, scan.times_fault) if fault]
+    doubts = (*faults, *_other_scales(stated, known), *_outside(moved, log))
+    return Complete(gathered, moved, log, origin_s, info, sources).with_notes(doubts)
+
+
+def _check_used(gathered: Gathered, origins: "Mapping[str, str]") -> None:
+    """Check that each option that was given has something to act on; those of another recording need not.
+
+    Raises:
+        InputError: one has nothing.
+    """
+    kinds = {kind for _, kind in gathered.files}
+    there = {
+        "a force log": gathered.log is not None,
+        "a force log of text": "log" in kinds,
+        "a ROS bag": "bag" in kinds,
+        "an .npz file": any(path.suffix.lower() == ".npz" for path, _ in gathered.files),
+        "frames whose axes are not fixed": bool(kinds - {"thorlabs", "log"}),
+    }
+    for what, options in ACT_ON.items():
+        unused = [option for name, option in options.items() if origins.get(name) == OPTION and not there[what]]
+        if unused:
+            raise InputError(f"{unused[0]}: acts on {what}, which is not among the sources; leave it out")
+
+
+def _check_contradictions(scan: Scan, missing: set[str]) -> None:
+    """Check that options give what the source contradicts itself in.
+
+    Raises:
+        InputError: they do not.
+    """
+    for fault, options in ((scan.scale_fault, ("width_mm", "depth_mm")), (scan.times_fault, ("rate_hz",))):
+        if fault and missing.intersection(options):
+            named = " and ".join(f"--{name.replace('_', '-')}" for name in options)
+            raise InputError(f"{fault}; give {named}")
+
+
+def _needed(gathered: Gathered, answers: ImportAnswers, times: Times | None) -> set[str]:
+    """Return the names of the options whose values this recording takes."""
+    needed = {"width_mm", "depth_mm", "refractive_index", "bits", "eye", "gauge", "gap_mm"}
+    if times is None and len(gathered.scan.names) > 1:
+        needed.add("rate_hz")
+    if gathered.log is not None:
+        needed |= {"axis", "contact_sign"}
+        by_bag = gathered.one_clock and answers.rate_hz is None
+        if not by_bag and answers.times is None:
+            needed.add("clock_offset_s")
+    return needed
+
+
+def _stated(gathered: Gathered, greys: Greys) -> dict[str, tuple[Any, str]]:
+    """Return what the sources themselves state, and where it stands."""
+    scan, log = gathered.scan, gathered.log
+    found: dict[str, tuple[Any, str]] = {}
+    extents = {"width_mm": (scan.lateral_pixel_m, scan.columns), "depth_mm": (scan.depth_pixel_m, scan.rows)}
+    for name, (pixel, count) in extents.items():
+        if isinstance(pixel, Sourced):
+            found[name] = (float(f"{from_si(pixel.value * count, 'mm'):.7g}"), pixel.source)
+    if greys.scaled:
+        found["bits"] = (MOST_BITS, "scaled to them")
+    elif scan.bits is not None:
+        found["bits"] = (scan.bits, "file")
+    axes = [] if log is None else [name.removesuffix("_n") for name in log.columns if name.endswith("_n")]
+    if len(axes) == 1:
+        found["axis"] = (axes[0], "the only force of the log")
+    return found
+
+
+def _other_scales(stated: dict[str, tuple[Any, str]], known: dict[str, tuple[Any, str]]) -> list[str]:
+    """Say where a scale was told that is not what the source states."""
+    return [
+        f"{QUESTIONS[name].words}: {known[name][0]:g} mm ({known[name][1]}), where {source} states {value:g} mm"
+        for name, (value, source) in stated.items()
+        if name in ("width_mm", "depth_mm") and abs(known[name][0] - value) > SAME_SCALE * value
+    ]
+
+
+def _outside(times: Times, log: "ForceLog | None") -> list[str]:
+    """Say how many frames have no force beside them."""
+    if log is None:
+        return []
+    count = int(np.count_nonzero((times.time_s < log.time_s[0]) | (times.time_s > log.time_s[-1])))
+    words = f"{count} frames were taken before or after the forces: they have no label and are not evaluated;"
+    return [f"{words} mend the clocks (--clock-offset-s) if they should be"] if count else []
+
+
+def _info(gathered: Gathered, answers: ImportAnswers, values: dict[str, Any]) -> RecordingInfo:
+    scan = gathered.scan
+    try:
+        oct_info = OctInfo(
+            columns=scan.columns,
+            rows=scan.rows,
+            bits=values["bits"],
+            width_m=to_si(values["width_mm"], "mm"),
+            depth_m=to_si(values["depth_mm"], "mm"),
+            refractive_index=values["refractive_index"],
+        )
+        eye = EyeInfo(
+            values["eye"],
+            thickness_m=to_si(answers.thickness_um, "um"),
+            iop_pa=to_si(answers.iop_mmhg, "mmhg"),
+            globe=answers.globe,
+        )
+        polar_rad = None if answers.polar_angle_deg is None else radians(answers.polar_angle_deg)
+        gap_m = to_si(values["gap_mm"], "mm")
+        needle = NeedleInfo(gauge=values["gauge"], slice_gap_m=gap_m, polar_angle_rad=polar_rad)
+        return RecordingInfo(eye, oct_info, needle, None if gathered.log is None else _force_info(answers, values))
+    except StudyError as fault:
+        raise InputError(f"{scan.names[0]}: {fault}; tell the right one") from fault
+
+
+def _force_info(answers: ImportAnswers, values: dict[str, Any]) -> ForceInfo:
+    info = ForceInfo(values["axis"], int(values["contact_sign"]))
+    return info if answers.average_s is None else replace(info, average_s=answers.average_s)
+
+
+IMPORT_RECORD = "import.json"
+RECORD_KIND = FileKind(IMPORT_RECORD, 2**20, "`scleraforce import` writes it", RecordingError)
+# Of sources of one laboratory; what is of one session or eye (times, offsets, the eye's name) is asked anew.
+KEPT = ("axes", "array", "columns", "image_topic", "force_topic", "grey_range")
+
+
+def import_record(answers: Mapping[str, Any], told: Mapping[str, Any]) -> str:
+    """Return the text of an import.json.
+
+    Args:
+        answers: of options on how sources are read, by their names.
+        told: what else is to be known: sources, where values come from, clocks, notes.
+    """
+    kept = {name: answers[name] for name in KEPT if answers.get(name)}
+    return json.dumps({**told, "answers": kept}, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def answers_like(folder: Path) -> dict[str, Any]:
+    """Return answers by the names of options: another recording's scanner, needle, sensor, and how it was imported.
+
+    Raises:
+        RecordingError: its recording.toml or import.json cannot be used.
+    """
+    info = read_info(folder / "recording.toml")
+    found: dict[str, Any] = {
+        "width_mm": from_si(info.oct.width_m, "mm"),
+        "depth_mm": from_si(info.oct.depth_m, "mm"),
+        "refractive_index": info.oct.refractive_index,
+        "bits": info.oct.bits,
+        "gauge": info.needle.gauge,
+        "gap_mm": from_si(info.needle.slice_gap_m, "mm"),
+    }
+    if info.force is not None:
+        force = info.force
+        found |= {"axis": force.axis, "contact_sign": str(force.contact_sign), "average_s": force.average_s}
+    return found | _kept(folder / IMPORT_RECORD)
+
+
+def clock_origin_s(folder: Path) -> float:
+    """Return where a recording's clock begins on that of the sources it was imported from; else 0.
+
+    Raises:
+        RecordingError: its import.json cannot be used.
+    """
+    origin_s = _read(folder / IMPORT_RECORD).get("clock_origin_s", 0.0)
+    if isinstance(origin_s, bool) or not isinstance(origin_s, int | float):
+        raise RecordingError(f"{folder / IMPORT_RECORD}: clock_origin_s: {origin_s!r} is not a number")
+    return float(origin_s)
+
+
+def _kept(path: Path) -> dict[str, Any]:
+    answers = _read(path).get("answers", {})
+    if not isinstance(answers, dict):
+        raise RecordingError(f"{path}: answers: expected an object")
+    return {name: answers[name] for name in KEPT if name in answers}
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Return what an import.json says; nothing where there is none."""
+    if not path.exists():
+        return {}
+    try:
+        found = parse_json(read_text(path, RECORD_KIND))
+    except ValueError as fault:
+        raise RecordingError(f"{path}: {fault}") from fault
+    if not isinstance(found, dict):
+        raise RecordingError(f"{path}: expected an object, as `scleraforce import` writes it")
+    return found
+
+
+def record_text(done: Complete, greys: Greys, answers: ImportAnswers, version: str) -> str:
+    """Return the text of import.json."""
+    columns = [column.answer() for column in done.gathered.columns]
+    files = [{"path": str(path), "kind": kind, "sha256": _sha256(path)} for path, kind in done.gathered.files]
+    told = {"version": version, "files": files, **provenance(done, greys)}
+    return import_record(asdict(answers) | {"columns": columns}, told)
+
+
+def provenance(done: Complete, greys: Greys) -> dict[str, Any]:
+    """Return where values, times and counts come from."""
+    return {
+        "values": done.sources,
+        "clock_origin_s": done.origin_s,
+        "columns": [column.answer() for column in done.gathered.columns],
+        "grey": {"low": greys.low, "high": greys.high, "scaled": greys.scaled, "not_finite": greys.lost},
+        "notes": list(done.gathered.notes),
+    }
+
+
+def _sha256(path: Path) -> str | None:
+    """Return the hash of a file; None of a folder."""
+    if path.is_dir():
+        return None
+    with path.open("rb") as file:
+        return file_digest(file, "sha256").hexdigest()

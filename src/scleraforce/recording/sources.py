@@ -1,0 +1,372 @@
+"""Sources of all kinds: what each is, by its content or else its name; their frames and forces together."""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path, PurePath
+
+import numpy as np
+
+from scleraforce.errors import FrameError, InputError
+from scleraforce.recording.bags import BagTopics, read_bag
+from scleraforce.recording.force_log import LogColumn, read_force_text
+from scleraforce.recording.log_text import read_log_text
+from scleraforce.recording.scan import Scan, Times, joined, rising
+from scleraforce.recording.tables import ForceLog, checked_samples, gap_notes
+from scleraforce.whole_files import FileKind, check_regular
+
+VENDOR = "examples/vendor_frames.py writes its B-scans as .npy (docs/formats.md)"
+NUMPY = "save the frames as .npy in Python (numpy.save), or as TIFF"
+EXPORT = "export the B-scans from its program as TIFF or DICOM"
+TABLE = "export the samples as text (.csv)"
+UNPACK = "unpack it, and give the files in it"
+
+# By what the file begins with.
+MARKS: tuple[tuple[bytes, str, str], ...] = (
+    (b"CMDb", "a Heidelberg Eye Explorer file (.e2e, .sdb)", VENDOR),
+    (b"HSF-OCT-", "a Heidelberg raw export (.vol)", f"{EXPORT}, or as .e2e: {VENDOR}"),
+    (b"FOCT", "a Topcon file (.fda)", VENDOR),
+    (b"ZISRAWFILE", "a Zeiss ZEN image (.czi)", "export it from ZEN, or from Fiji with Bio-Formats, as OME-TIFF"),
+    (b"\x89HDF\r\n\x1a\n", "an HDF5 file (.h5, .mat of MATLAB 7.3, .nxs)", f"{NUMPY}: h5py.File(...)[name]"),
+    (b"MATLAB ", "a MATLAB file (.mat)", f"{NUMPY}: scipy.io.loadmat(...)[name], or h5py for version 7.3"),
+    (b"TDSm", "a LabVIEW TDMS file", "export it from LabVIEW or DIAdem as .lvm or .csv"),
+    (b"CDF\x01", "a NetCDF or MINC file", "convert it to NIfTI (mnc2nii), or save the frames as .npy"),
+    (b"GIF8", "a GIF, which has 256 colours at most", "save the frames as PNG or TIFF"),
+    (b"BM", "a BMP picture", "save it as PNG"),
+    (b"#?RADIANCE", "a Radiance picture (.hdr)", "save it as PNG or TIFF"),
+    (b"ENVI", "an ENVI header (.hdr)", NUMPY),
+    (b"# vtk DataFile", "a VTK file", "save it as .mha or .nrrd (ParaView, SimpleITK)"),
+    (b"\x30\x26\xb2\x75\x8e\x66\xcf\x11", "a Windows Media film (.wmv)", "convert it: ffmpeg -i FILE -c:v ffv1 a.mkv"),
+    (b"\x00\x00\x01\xba", "an MPEG film (.mpg)", "convert it: ffmpeg -i FILE -c:v ffv1 a.mkv"),
+    (b"%PDF", "a PDF", EXPORT),
+    (b"PAR1", "a Parquet table", TABLE),
+    (b"\xd0\xcf\x11\xe0", "a file of older Microsoft programs (.xls)", TABLE),
+    (b"\x1f\x8b", "a gzip file", UNPACK),
+    (b"BZh", "a bzip2 file", UNPACK),
+    (b"7z\xbc\xaf", "a 7-Zip archive", UNPACK),
+    (b"Rar!", "a RAR archive", UNPACK),
+)
+# By the name's ending, where the content has no mark.
+ENDINGS = {
+    ".e2e": ("named as a Heidelberg Eye Explorer file", VENDOR),
+    ".sdb": ("named as a Heidelberg Eye Explorer file", VENDOR),
+    ".vol": ("named as a Heidelberg raw export", EXPORT),
+    ".fda": ("named as a Topcon file", VENDOR),
+    ".fds": ("a Topcon file", VENDOR),
+    ".img": (
+        "raw pixels without a header (Zeiss Cirrus), or a volume's without its .hdr",
+        f"give the .hdr, or {VENDOR}",
+    ),
+    ".hdr": ("a header that is neither NIfTI's nor Analyze's", "save the frames as NIfTI, TIFF or .npy"),
+    ".oct": ("a .oct of Bioptigen, Optopol or another maker, not Thorlabs'", f"{EXPORT}; of Bioptigen {VENDOR}"),
+    ".raw": ("raw pixels without a header", f"give their .mhd or .nhdr, or {NUMPY}: numpy.fromfile(...).reshape(...)"),
+    ".czi": ("named as a Zeiss ZEN image", EXPORT),
+    ".zip": ("named as a zip archive", UNPACK),
+    ".xls": ("named as a spreadsheet", TABLE),
+    ".json": ("a JSON file", "give frames, or forces as text (.csv)"),
+    ".xml": ("an XML file", "give frames, or forces as text (.csv)"),
+    ".toml": ("a TOML file", "give frames, or forces as text (.csv)"),
+}
+ANALYZE_BYTES = 348  # of a header, which begins with this number
+
+
+def foreign_kind(name: str, head: bytes) -> str | None:
+    r"""Return what a file is that is not read, and what to do; None: nothing is known of it.
+
+    >>> foreign_kind("scan.h5", b"\x89HDF\r\n\x1a\n")
+    'an HDF5 file (.h5, .mat of MATLAB 7.3, .nxs); save the frames as .npy in Python (numpy.save), or as TIFF: ...'
+    """
+    ending = PurePath(name).suffix.lower()
+    if ending in (".hdr", ".img") and ANALYZE_BYTES in (int.from_bytes(head[:4], order) for order in ("little", "big")):
+        return "an Analyze 7.5 volume, whose header has no unit; convert it to NIfTI (nibabel, MRIcroGL, fslchfiletype)"
+    if head.startswith(b"PK"):
+        if ending in (".xlsx", ".ods", ".xlsm"):
+            return f"a spreadsheet; {TABLE}"
+        return f"a zip archive; {UNPACK}"
+    for mark, what, way in MARKS:
+        if head.startswith(mark):
+            return f"{what}; {way}"
+    return "; ".join(ENDINGS[ending]) if ending in ENDINGS else None
+
+
+SOURCE = FileKind("source", 64 * 2**30, "", FrameError)
+HEAD_BYTES = 512
+TIFF_MARKS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+MATROSKA, SQLITE, MCAP = b"\x1a\x45\xdf\xa3", b"SQLite format 3\0", b"\x89MCAP0\r\n"
+NIFTI_NAMES = (".nii", ".nii.gz")
+TEXT_NAMES = (".csv", ".txt", ".tsv", ".log", ".dat", ".lvm")
+HEADERS = {".img": (".hdr",), ".raw": (".mhd", ".nhdr"), ".zraw": (".mhd",), ".gz": (".nhdr",)}  # of files of pixels
+KINDS = (
+    "PNG, JPEG, TIFF, DICOM, NumPy (.npy, .npz), NIfTI, MetaImage (.mha, .mhd), NRRD, films (AVI, MP4, MOV, MKV), "
+    "ROS bags (.bag, .db3, .mcap), Thorlabs .oct, force logs (.csv, .txt, .lvm)"
+)
+
+
+@dataclass(frozen=True)
+class SourceOrder:
+    """What was answered on how to read sources: order of axes, name of the array in a .npz."""
+
+    axes: tuple[str, ...] | None = None
+    array: str | None = None
+
+
+def files_of(given: Sequence[Path]) -> list[Path]:
+    """Return sources with folders replaced by the files in them, in the order of the numbers in their names.
+
+    A folder with a metadata.yaml is a ROS bag and stays one. Pixels that lie beside their header are read with it.
+
+    Raises:
+        InputError: there is no such file, or a folder is empty.
+    """
+    found: list[Path] = []
+    for path in given:
+        if not path.is_dir() or (path / "metadata.yaml").exists():
+            found.append(path)
+            continue
+        inside = sorted((each for each in path.iterdir() if _shown(each)), key=natural_order)
+        if not inside:
+            raise InputError(f"{path}: no files in this folder")
+        found += inside
+    return [path for path in found if not any(header in found for header in _headers_of(path))]
+
+
+def _headers_of(path: Path) -> list[Path]:
+    """Return the names that the header of a file of pixels may have.
+
+    >>> [path.name for path in _headers_of(Path("a.raw.gz")) + _headers_of(Path("b.img"))]
+    ['a.nhdr', 'b.hdr']
+    """
+    base = path.with_suffix("") if path.suffixes[-2:] == [".raw", ".gz"] else path
+    return [base.with_suffix(ending) for ending in HEADERS.get(path.suffix.lower(), ())]
+
+
+def natural_order(path: Path) -> list[tuple[int, str]]:
+    """Return a key that sorts frame2 before frame10.
+
+    >>> sorted(map(Path, ["f10.png", "f9.png"]), key=natural_order)[0].name
+    'f9.png'
+    """
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part), "") if part.isdecimal() else (0, part) for part in parts]
+
+
+def source_kind(path: Path) -> str:
+    """Return what a source is: what `read_scan` reads, "bag" or "log".
+
+    Raises:
+        InputError: it is no regular file, or of no kind that is read.
+    """
+    if path.is_dir():
+        return "bag"
+    try:
+        check_regular(path, path.stat(), SOURCE)
+        with path.open("rb") as file:
+            head = file.read(HEAD_BYTES)
+    except OSError as fault:
+        raise InputError(f"{path}: {fault.strerror}") from fault
+    kind = _by_content(head) or _by_name(path.name.lower(), head)
+    if kind is None and path.suffix.lower() == ".img" and path.with_suffix(".hdr").exists():
+        return source_kind(path.with_suffix(".hdr"))
+    # A log is text, which has no byte of 0.
+    foreign = foreign_kind(path.name, head) if (kind == "log" and b"\0" in head) or (kind is None and head) else None
+    if foreign is not None:
+        raise InputError(f"{path}: {foreign}")
+    if kind is None:
+        raise InputError(f"{path}: {'an empty file' if not head else 'of no kind that is read'}; give {KINDS}")
+    return kind
+
+
+def read_scan(path: Path, kind: str, order: SourceOrder) -> Scan:
+    """Return the frames of a source of a kind that `source_kind` tells.
+
+    Raises:
+        InputError: it cannot be read, or leaves open what `order` does not answer.
+    """
+    # Each format brings its own packages, which take long to import: only that of this file is.
+    match kind:
+        case "picture":
+            from scleraforce.recording.images import read_picture
+
+            return oriented(path, read_picture(path), order)
+        case "tiff":
+            from scleraforce.recording.tiff import read_tiff
+
+            return oriented(path, read_tiff(path), order)
+        case "dicom":
+            from scleraforce.recording.dicom import read_dicom
+
+            return oriented(path, read_dicom(path), order)
+        case "film":
+            from scleraforce.recording.film import read_film
+
+            return oriented(path, read_film(path), order)
+        case "thorlabs":
+            from scleraforce.recording.thorlabs import read_thorlabs
+
+            return read_thorlabs(path)
+        case "numpy":
+            from scleraforce.recording.images import read_numpy
+
+            return read_numpy(path, order.axes, order.array)
+        case "metaimage":
+            from scleraforce.recording.volumes import read_metaimage
+
+            return read_metaimage(path, order.axes)
+    from scleraforce.recording.volumes import read_nifti, read_nrrd
+
+    return {"nifti": read_nifti, "nrrd": read_nrrd}[kind](path, order.axes)
+
+
+def oriented(path: Path, scan: Scan, order: SourceOrder) -> Scan:
+    """Return pictures, whose rows are depth unless the axes say that their columns are.
+
+    Raises:
+        InputError: the axes do not begin with the frames.
+    """
+    if order.axes is None:
+        return scan
+    if order.axes[0] != "frame" and len(order.axes) == 3:
+        raise InputError(f"--axes: {','.join(order.axes)}: {path} has frame after frame; begin with frame")
+    return scan.turned() if order.axes[-2:] == ("lateral", "depth") else scan
+
+
+def _shown(path: Path) -> bool:
+    return path.is_file() and not path.name.startswith(".")
+
+
+def _by_content(head: bytes) -> str | None:
+    marks = {
+        "picture": head.startswith((b"\x89PNG", b"\xff\xd8\xff")),
+        "dicom": head[128:132] == b"DICM",  # before TIFF: its preamble may be the head of one
+        "tiff": head.startswith(TIFF_MARKS),
+        "numpy": head.startswith(b"\x93NUMPY"),
+        "nrrd": head.startswith(b"NRRD"),
+        "bag": head.startswith((b"#ROSBAG", SQLITE, MCAP)),
+        "film": head.startswith(MATROSKA) or head[4:8] == b"ftyp" or (head[:4] == b"RIFF" and head[8:12] == b"AVI "),
+        "nifti": head[344:347] in (b"n+1", b"ni1") or head[4:7] == b"n+2",
+        "metaimage": bool(re.match(rb"\s*(ObjectType|NDims|Comment)\s*=", head)),
+    }
+    return next((kind for kind, found in marks.items() if found), None)
+
+
+def _by_name(name: str, head: bytes) -> str | None:
+    if name.endswith(".npz"):
+        return "numpy"
+    if name.endswith(".oct") and head.startswith(b"PK"):
+        return "thorlabs"
+    if name.endswith(NIFTI_NAMES) and head:
+        return "nifti"
+    return "log" if name.endswith(TEXT_NAMES) and head else None
+
+
+SINCE_1970_S = 1e8  # a clock beyond counts from 1970
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What was answered on how sources are read."""
+
+    order: SourceOrder = field(default_factory=SourceOrder)
+    columns: tuple[LogColumn, ...] = ()
+    topics: BagTopics = field(default_factory=BagTopics)
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """Frames and forces of all sources.
+
+    Attributes:
+        files: with the kind of each.
+        scan: the frames.
+        log: None where no source has forces.
+        columns: of the text that the log was read from.
+        one_clock: whether one program stamped both (a bag).
+        notes: sentences on what is to be known of the sources.
+    """
+
+    files: tuple[tuple[Path, str], ...]
+    scan: Scan
+    log: ForceLog | None
+    columns: tuple[LogColumn, ...]
+    one_clock: bool
+    notes: tuple[str, ...]
+
+
+def gather(sources: Sequence[Path], asked: Asked, seen: Callable[[int], None] = lambda _: None) -> Gathered:
+    """Read all sources; `seen` is called with 1 after each.
+
+    Raises:
+        UnansweredError: a source leaves something open that `asked` does not answer.
+        InputError: one cannot be read, none has frames, or two have forces.
+    """
+    files = [(path, source_kind(path)) for path in files_of(sources)]
+    scans: list[Scan] = []
+    logs: list[tuple[Path, ForceLog]] = []
+    columns: tuple[LogColumn, ...] = ()
+    notes: list[str] = []
+    for path, kind in files:
+        if kind == "bag":
+            bag = read_bag(path, asked.topics)
+            scans += [oriented(path, bag.scan, asked.order)] if bag.scan is not None else []
+            if bag.log is not None:
+                log = replace(bag.log, notes=gap_notes(path, bag.log.wrench_sc))
+                logs.append((path, checked_samples(log, path, f"{path}: message {{}} of the forces".format)))
+            notes += bag.notes
+        elif kind == "log":
+            log, columns = read_force_text(read_log_text(path), asked.columns)
+            logs.append((path, log))
+        else:
+            scans.append(read_scan(path, kind, asked.order))
+        seen(1)
+    if not scans:
+        raise InputError(f"{sources[0]}: no frames in the sources; give images, a volume, a film or a bag with images")
+    if len(logs) > 1:
+        raise InputError(f"{logs[1][0]}: a second force log beside {logs[0][0]}; import one recording at a time")
+    scan = joined(scans)
+    notes += [*scan.notes, *_order_note(files, scan), *(note for _, log in logs for note in log.notes)]
+    return Gathered(tuple(files), scan, logs[0][1] if logs else None, columns, len(files) == 1, tuple(notes))
+
+
+def on_one_clock(times: Times, log: ForceLog | None, offset_s: float) -> tuple[Times, ForceLog | None, float]:
+    """Return times and log on the log's clock, and from which of its seconds both count now.
+
+    Args:
+        times: of the frames.
+        log: of the forces.
+        offset_s: what the log's clock shows more than the frames'.
+
+    Raises:
+        InputError: the frames' times do not rise.
+    """
+    time_s = times.time_s + offset_s
+    if not rising(time_s):
+        raise InputError(
+            "the frames' times do not rise from each frame to the next; give the files in the order in which they were "
+            "taken, or their times by --times or --rate-hz"
+        )
+    first_s = float(min([time_s[0], *([] if log is None else log.time_s[:1])]))
+    origin_s = float(np.floor(first_s)) if first_s > SINCE_1970_S else 0.0
+    moved = None if log is None else replace(log, time_s=log.time_s - origin_s)
+    return Times(time_s - origin_s, times.source), moved, origin_s
+
+
+def check_overlap(times: Times, log: ForceLog | None) -> None:
+    """Check that frames and forces, on one clock, were taken at one time.
+
+    Raises:
+        InputError: the last of one came before the first of the other.
+    """
+    if log is None or (times.time_s[-1] >= log.time_s[0] and times.time_s[0] <= log.time_s[-1]):
+        return
+    frames, forces = (f"{each[0]:.3f} to {each[-1]:.3f} s" for each in (times.time_s, log.time_s))
+    raise InputError(
+        f"the clocks do not overlap: frames at {frames}, forces at {forces}; --clock-offset-s brings both to one clock"
+    )
+
+
+def _order_note(files: Sequence[tuple[Path, str]], scan: Scan) -> tuple[str, ...]:
+    """Say where files were given in another order than that of the numbers in their names, and no times order them."""
+    paths = [path for path, kind in files if kind not in ("bag", "log")]
+    if scan.times is not None or paths == sorted(paths, key=natural_order):
+        return ()
+    return (f"frames are taken in the order given, {paths[0].name} to {paths[-1].name}; their numbers have another",)

@@ -1,0 +1,540 @@
+"""Volumes of frames: NIfTI, NRRD and MetaImage, with their spacing and its unit, and sequences of PLUS.
+
+Axes are named in the order of the file, the fastest first. A spacing of exactly 1 along every axis is what programs
+write where they know none, and counts as none. PLUS (PlusToolkit) writes times, states and the orientation of
+ultrasound frames as fields of MetaImage or NRRD.
+"""
+
+import re
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scleraforce.errors import FrameError
+from scleraforce.recording.pixels import Sourced
+from scleraforce.recording.scan import (
+    AXES,
+    METRES,
+    SECONDS,
+    Scan,
+    Times,
+    array_scan,
+    check_bytes,
+    even_times,
+    named_faults,
+    package_for,
+    rising,
+)
+
+Axes = tuple[str, ...] | None
+
+GZIP_OR_ZLIB = zlib.MAX_WBITS | 32
+SAME = 1e-3  # spacings that differ by less are rounded
+ORIENTATION = re.compile("[UMFNAD]{2,3}", re.IGNORECASE)  # XX: not known
+SEQUENCE = "Seq_Frame(\\d+)_{}"
+
+
+def stated_steps(steps: Sequence[float], units_m: Sequence[float | None], source: str) -> tuple[Sourced | None, ...]:
+    """Return the step along each axis, None where it is not known."""
+    if all(step in (0.0, 1.0) or not np.isfinite(step) for step in steps[:3]):
+        return tuple(None for _ in steps)
+    return tuple(
+        Sourced(step * unit_m, source) if unit_m is not None and np.isfinite(step) and step > 0.0 else None
+        for step, unit_m in zip(steps, units_m, strict=True)
+    )
+
+
+def listed(values: Sequence[float]) -> str:
+    """Return numbers as a message has them, like 0.0125 x 0.004."""
+    return " x ".join(f"{value:.6g}" for value in values)
+
+
+def data_file(path: Path, named: str) -> Path:
+    """Return the file that holds the pixels of a header: its own where it names none, else one beside it.
+
+    Raises:
+        FrameError: it names one elsewhere.
+    """
+    if not named:
+        return path
+    if PurePath(named).name != named:
+        raise FrameError(f"{path}: its pixels are said to be in {named!r}; import it where they lie beside it")
+    return path.with_name(named)
+
+
+def unpacked(path: Path, packed: bytes, most: int) -> bytes:
+    """Return what a zlib or gzip stream holds.
+
+    Raises:
+        FrameError: it holds more bytes than its header says.
+    """
+    stream = zlib.decompressobj(GZIP_OR_ZLIB)
+    data = stream.decompress(packed, most + 1)
+    if len(data) > most:
+        raise FrameError(f"{path}: damaged: more is packed in it than its header says")
+    return data
+
+
+def check_orientation(path: Path, orientation: str, axes: Axes) -> None:
+    """Check that depth runs away from the probe along the axis that is named depth (PLUS).
+
+    Raises:
+        FrameError: it does not.
+    """
+    letters = orientation.upper() if ORIENTATION.fullmatch(orientation) else ""
+    if "N" in letters:
+        raise FrameError(
+            f"{path}: UltrasoundImageOrientation = {orientation}: depth runs towards the probe; write it as MF "
+            "(PlusToolkit: EditSequenceFile --operation=..., or flip the rows)"
+        )
+    if axes is not None and "F" in letters and letters.index("F") < len(axes) and axes[letters.index("F")] != "depth":
+        raise FrameError(
+            f"{path}: UltrasoundImageOrientation = {orientation}: depth is axis {letters.index('F') + 1}; --axes names "
+            f"{','.join(axes)}"
+        )
+
+
+def plus_sequence(path: Path, scan: Scan, fields: Mapping[str, str]) -> Scan:
+    """Return a sequence of PLUS with the times that it states, in s, and without its invalid frames.
+
+    Raises:
+        FrameError: the fields are not those of the frames, or no frame is valid.
+    """
+    stated = {
+        field: {int(match[1]): value for name, value in fields.items() if (match := re.fullmatch(pattern, name, re.I))}
+        for field in ("Timestamp", "ImageStatus")
+        for pattern in [SEQUENCE.format(field)]
+    }
+    times, states = stated["Timestamp"], stated["ImageStatus"]
+    count = len(scan.names)
+    for name, values in stated.items():
+        if values and sorted(values) != list(range(count)):
+            raise FrameError(
+                f"{path}: Seq_FrameNNNN_{name} of {len(values)} frames, {min(values)} to {max(values)}, and {count} "
+                "frames along the axis named frame; write the sequence again, or name the axes as they are"
+            )
+    kept = [nth for nth in range(count) if states.get(nth, "OK").upper() != "INVALID"]
+    if not kept:
+        raise FrameError(
+            f"{path}: Seq_FrameNNNN_ImageStatus = INVALID for all {count} frames; there is nothing to read"
+        )
+    if len(kept) < count:
+        left_out = ", ".join(str(nth) for nth in range(count) if nth not in kept)
+        note = f"{path}: ImageStatus = INVALID: frames {left_out} (from 0) are left out"
+        pictures = scan.pictures
+        scan = replace(
+            scan,
+            names=tuple(scan.names[nth] for nth in kept),
+            pictures=lambda: (picture for nth, picture in enumerate(pictures()) if nth in set(kept)),
+            notes=(*scan.notes, note),
+        )
+    if not times:
+        return scan
+    time_s = np.array([float(times[nth]) for nth in kept])
+    if not rising(time_s):
+        at = next(nth for nth in range(len(kept)) if not rising(time_s[: nth + 1]))
+        pair = " and ".join(f"{times[nth]} (frame {nth})" for nth in kept[max(0, at - 1) : at + 1])
+        return replace(scan, notes=(*scan.notes, f"{path}: Seq_FrameNNNN_Timestamp does not rise: {pair}; not used"))
+    return replace(scan, times=Times(time_s, "Seq_Frame Timestamp"))
+
+
+SAMPLE_BYTES = 8  # of the widest type of NRRD
+NIFTI_UNITS = {0: "", 1: "m", 2: "mm", 3: "micron"}
+NRRD_AXES = ("", "???", "none", "domain", "space", "time", "list", "point", "stub")  # kinds that are no components
+NRRD_IN_MM = re.compile(r"(left|right|scanner|[LR]A[SI]\b|[LR]P[SI]\b)", re.IGNORECASE)
+PACKED = ("gzip", "gz", "bzip2", "bz2")
+
+
+def read_nifti(path: Path, axes: Axes) -> Scan:
+    """Return a NIfTI volume's frames; times from a fourth axis in seconds.
+
+    Raises:
+        UnansweredError: axes are open.
+        FrameError: it cannot be read, or contradicts itself.
+    """
+    nibabel = package_for(path, "nibabel", "NIfTI")
+    with named_faults(path, "NIfTI"):
+        image = nibabel.load(path)
+        header = image.header
+        shape = header.get_data_shape()
+        size = int(np.prod(shape, dtype=np.int64)) * header.get_data_dtype().itemsize
+        check_bytes(path, size)
+        _check_nifti_end(path, image, size)
+        unscaled = (image.dataobj.slope, image.dataobj.inter) == (1.0, 0.0)
+        array = np.asarray(image.dataobj.get_unscaled() if unscaled else image.dataobj)
+        steps, notes = _nifti_steps(path, header, shape)
+        scan = array_scan(path, array, axes, steps)
+        if not unscaled:
+            notes.append(f"{path}: pixels were scaled by scl_slope {image.dataobj.slope:g}, {image.dataobj.inter:g}")
+        scan = replace(scan, notes=(*scan.notes, *notes))
+        if len(shape) < 4 or axes is None or axes[-1] != "frame" or array.shape[3] != len(scan.names):
+            return scan
+        unit_s = SECONDS.get(header.get_xyzt_units()[1], 0.0)
+        times = even_times(len(scan.names), float(header.get_zooms()[3]) * unit_s, "NIfTI's pixdim")
+        start_s = float(header["toffset"]) * unit_s
+        return replace(scan, times=times and replace(times, time_s=times.time_s + start_s))
+
+
+def _check_nifti_end(path: Path, image: Any, size: int) -> None:
+    """Check that no further slice is behind the last one that the header states.
+
+    Raises:
+        FrameError: there is one.
+    """
+    file_map = image.file_map["image"]
+    plane = max(1, size // max(1, int(np.prod(image.shape[2:], dtype=np.int64))))
+    with file_map.get_prepare_fileobj("rb") as file:
+        file.seek(image.dataobj.offset + size)
+        more = len(file.read(plane))
+    if more >= plane:
+        raise FrameError(
+            f"{file_map.filename or path}: dim states {' x '.join(map(str, image.shape))} pixels, and more follow; "
+            "correct dim, or write the file again"
+        )
+
+
+def _nifti_steps(path: Path, header: Any, shape: tuple[int, ...]) -> tuple[tuple[Sourced | None, ...], list[str]]:
+    """Return the spacing of each axis as pixdim and sform state it, and notes.
+
+    Raises:
+        FrameError: both state one, and another; or the unit is none of NIfTI's.
+    """
+    code = int(header["xyzt_units"]) & 7
+    if code not in NIFTI_UNITS:
+        raise FrameError(f"{path}: xyzt_units: {code} is no unit of length in NIfTI; correct it (1 m, 2 mm, 3 micron)")
+    unit_m = METRES.get(NIFTI_UNITS[code])
+    pixdim = [float(step) for step in header.get_zooms()]
+    affine, sform_code = header.get_sform(coded=True)
+    pixdim_steps = stated_steps(pixdim, [unit_m] * len(pixdim), "NIfTI's pixdim")
+    if affine is None or not sform_code:
+        return pixdim_steps, []
+    sform = np.linalg.norm(affine[:3, :3], axis=0).tolist()[: len(pixdim)]
+    sform_steps = stated_steps(sform, [unit_m] * len(sform), "NIfTI's sform")
+    both = f"pixdim states a spacing of {listed(pixdim[:3])} and sform (code {sform_code}) of {listed(sform)}"
+    if not any(sform_steps):
+        others = (
+            [f"{path}: {both}, as programs write where they know none; pixdim is taken"] if any(pixdim_steps) else []
+        )
+        return pixdim_steps, others
+    if not any(pixdim_steps):
+        return (*sform_steps, *pixdim_steps[3:]), [f"{path}: {both}; sform is taken"]
+    if any(abs(a - b) > SAME * b for a, b, size in zip(pixdim, sform, shape, strict=False) if size > 1):
+        raise FrameError(f"{path}: {both}; correct one of them")
+    return pixdim_steps, []
+
+
+def read_nrrd(path: Path, axes: Axes) -> Scan:
+    """Return an NRRD's frames; axes labelled frame, depth and lateral need not be named.
+
+    Raises:
+        UnansweredError: axes are open.
+        FrameError: it cannot be read, or contradicts itself.
+    """
+    nrrd = package_for(path, "nrrd", "NRRD")
+    with named_faults(path, "NRRD"):
+        with path.open("rb") as file:
+            header = nrrd.read_header(file)
+            start = file.tell()
+        _check_nrrd(path, header)
+        count = int(np.prod(header["sizes"], dtype=np.int64)) * SAMPLE_BYTES
+        check_bytes(path, count)
+        data = data_file(path, str(header.get("data file", header.get("datafile", ""))))
+        if header["encoding"].lower() in ("gzip", "gz"):
+            unpacked(data, data.read_bytes()[start if data == path else 0 :], count)
+        array, _ = nrrd.read(str(path), index_order="F")
+        named = axes or _nrrd_axes(header, array.shape)
+        check_orientation(path, str(header.get("UltrasoundImageOrientation", "")), named)
+        scan = array_scan(path, array, named, _nrrd_steps(path, header, array.ndim))
+        times = _nrrd_times(header, len(scan.names))
+        return plus_sequence(path, replace(scan, times=times), {name: str(value) for name, value in header.items()})
+
+
+def _check_nrrd(path: Path, header: Any) -> None:
+    """Refuse by name what is not read.
+
+    Raises:
+        FrameError: the file uses it.
+    """
+    if header["type"] == "block":
+        raise FrameError(f"{path}: type: block; give whole numbers or floats")
+    for axis, (kind, size) in enumerate(zip(header.get("kinds", []), header["sizes"], strict=False)):
+        if size > 1 and kind.lower() not in NRRD_AXES:
+            raise FrameError(f"{path}: kinds: axis {axis + 1} of {size} is {kind!r}; give grey frames, of one channel")
+    place = str(header.get("data file", header.get("datafile", "")))
+    if place.startswith("LIST") or "%" in place:
+        raise FrameError(
+            f"{path}: data file: {place}: pixels in several files; save it as one .nrrd (unu save, 3D Slicer)"
+        )
+    for field in ("byte skip", "line skip"):
+        skipped = header.get(field, header.get(field.replace(" ", ""), 0))
+        if skipped and header["encoding"].lower() in PACKED:
+            raise FrameError(
+                f"{path}: {field}: {skipped} beside encoding: {header['encoding']}; save it as one .nrrd (unu save, "
+                "3D Slicer)"
+            )
+
+
+def _nrrd_axes(header: Any, shape: tuple[int, ...]) -> Axes:
+    """Return the axes that labels name; a list, as in sequences of 3D Slicer, is that of the frames."""
+    labels = header.get("labels", [""] * len(shape))
+    kinds = header.get("kinds", [""] * len(shape))
+    named = ["frame" if kind == "list" else label for label, kind in zip(labels, kinds, strict=True)]
+    long = tuple(name for name, size in zip(named, shape, strict=True) if size > 1)
+    return long if sorted(long) in (sorted(AXES), sorted(AXES[1:])) else None
+
+
+def _nrrd_times(header: Any, count: int) -> Times | None:
+    """Return the index values of a sequence of 3D Slicer, where they are in a unit of time."""
+    for axis, kind in enumerate(header.get("kinds", [])):
+        unit_s = SECONDS.get(str(header.get("units", [""] * (axis + 1))[axis]))
+        values = str(header.get(f"axis {axis} index values", "")).split()
+        if kind == "list" and unit_s and len(values) == count:
+            time_s = np.array(values, dtype=np.float64) * unit_s
+            return Times(time_s, f"NRRD's axis {axis} index values") if rising(time_s) else None
+    return None
+
+
+def _nrrd_steps(path: Path, header: Any, count: int) -> tuple[Sourced | None, ...]:
+    """Return the spacing of each axis, by space directions or else by spacings, each in its own unit.
+
+    Raises:
+        FrameError: both are stated, and differ.
+    """
+    units = [str(unit) for unit in header.get("units", [""] * count)]
+    spacings = [float(spacing) for spacing in header.get("spacings", [np.nan] * count)]
+    _check_ends(path, header, spacings)
+    if "space directions" not in header:
+        return stated_steps(spacings, [METRES.get(unit) for unit in units], "NRRD's spacings")
+    directions = np.array(header["space directions"], dtype=np.float64)
+    lengths = np.linalg.norm(directions, axis=1).tolist()
+    in_space = _space_units(path, header, directions)
+    for axis, (spacing, length) in enumerate(zip(spacings, lengths, strict=True), start=1):
+        if np.isfinite(spacing) and np.isfinite(length) and abs(spacing - length) > SAME * length:
+            raise FrameError(
+                f"{path}: axis {axis}: spacings states {spacing:g}, and space directions {length:g}; correct one"
+            )
+        if units[axis - 1] in METRES and np.isfinite(length) and METRES[units[axis - 1]] != in_space[axis - 1]:
+            raise FrameError(
+                f"{path}: axis {axis}: units states {units[axis - 1]!r}, and space units "
+                f"{header.get('space units', 'nothing')}; correct one of them"
+            )
+    return stated_steps(lengths, in_space, "NRRD's space directions")
+
+
+def _check_ends(path: Path, header: Any, spacings: Sequence[float]) -> None:
+    """Check that spacings are those between the first and the last sample, or between the edges of both.
+
+    Raises:
+        FrameError: one is not.
+    """
+    ends = [
+        header.get(f"axis {name}", header.get(f"axis{name}", [np.nan] * len(spacings))) for name in ("mins", "maxs")
+    ]
+    for axis, (step, size, low, high) in enumerate(zip(spacings, header["sizes"], *ends, strict=True), start=1):
+        fits = any(abs(abs(high - low) - step * steps) <= SAME * step * steps for steps in (size, size - 1))
+        if np.isfinite([step, low, high]).all() and not fits:
+            raise FrameError(
+                f"{path}: axis {axis}: spacings states {step:g}, and {size} samples from axis mins {low:g} to maxs "
+                f"{high:g} have another; correct one of them"
+            )
+
+
+def _space_units(path: Path, header: Any, directions: NDArray[np.float64]) -> list[float | None]:
+    """Return the unit of each axis, in m; of an anatomical space it is mm, as NRRD's programs take it.
+
+    Raises:
+        FrameError: an axis runs along directions of several units.
+    """
+    sides = directions.shape[1]
+    anatomical = NRRD_IN_MM.match(str(header.get("space", "")))
+    names = [str(unit) for unit in header.get("space units") or ["mm" if anatomical else ""] * sides]
+    found: list[float | None] = []
+    for axis, direction in enumerate(directions, start=1):
+        along = {METRES.get(name) for name, part in zip(names, direction, strict=True) if part}
+        if len(along) > 1 and np.isfinite(direction).all():
+            raise FrameError(f"{path}: axis {axis} runs along directions of several space units, {' '.join(names)}")
+        found.append(next(iter(along), None))
+    return found
+
+
+HEADER_BYTES = 2**26
+TYPES = {
+    "MET_CHAR": "i1", "MET_UCHAR": "u1", "MET_SHORT": "i2", "MET_USHORT": "u2", "MET_INT": "i4", "MET_UINT": "u4",
+    "MET_LONG": "i4", "MET_ULONG": "u4", "MET_LONG_LONG": "i8", "MET_ULONG_LONG": "u8", "MET_FLOAT": "f4",
+    "MET_DOUBLE": "f8",
+}  # fmt: skip
+NOT_READ = ("HeaderSizePerSlice", "HeaderSizesPerDataFile")
+CONVERT = "convert it to one .mha file (3D Slicer, SimpleITK)"
+
+
+def read_metaimage(path: Path, axes: Axes) -> Scan:
+    """Return a MetaImage's frames; its spacing is in mm. Sequences of PLUS have times, and frames that are invalid.
+
+    Raises:
+        UnansweredError: axes are open.
+        FrameError: it cannot be read, or contradicts itself.
+    """
+    with named_faults(path, "MetaImage"):
+        fields, start = _header(path)
+        notes = _check(path, fields)
+        array, order_notes = _pixels(path, fields, start)
+        steps, spacing_notes = _steps(path, fields)
+        check_orientation(path, fields.get("ultrasoundimageorientation", ""), axes)
+        scan = array_scan(path, array, axes, steps)
+        scan = replace(scan, notes=(*scan.notes, *notes, *order_notes, *spacing_notes))
+        return plus_sequence(path, scan, fields)
+
+
+def _header(path: Path) -> tuple[dict[str, str], int]:
+    """Return the header's fields, by their names in small letters, and where it ends.
+
+    Raises:
+        FrameError: it has no end, or one field twice.
+    """
+    fields: dict[str, str] = {}
+    with path.open("rb") as file:
+        while file.tell() < HEADER_BYTES and (line := file.readline(HEADER_BYTES)):
+            name, _, value = (part.strip() for part in line.decode("latin-1").partition("="))
+            if not name or name.startswith("#"):
+                continue
+            if fields.setdefault(name.lower(), value) != value:
+                raise FrameError(f"{path}: {name} is stated twice: {fields[name.lower()]!r} and {value!r}; correct it")
+            if name.lower() == "elementdatafile":
+                return fields, file.tell()
+    raise FrameError(f"{path}: damaged: its header has no ElementDataFile")
+
+
+def _check(path: Path, fields: dict[str, str]) -> list[str]:
+    """Refuse by name what is not read.
+
+    Raises:
+        FrameError: the file uses it.
+    """
+    if (kind := fields.get("objecttype", "Image")).lower() != "image":
+        raise FrameError(f"{path}: ObjectType = {kind}; give one of ObjectType = Image")
+    for field in NOT_READ:
+        if field.lower() in fields:
+            raise FrameError(f"{path}: {field} = {fields[field.lower()]}: not read; {CONVERT}")
+    if int(channels := fields.get("elementnumberofchannels", "1")) != 1:
+        raise FrameError(f"{path}: ElementNumberOfChannels = {channels}; give grey frames, of one channel")
+    if missing := [field for field in ("DimSize", "ElementType") if field.lower() not in fields]:
+        raise FrameError(f"{path}: damaged: its header has no {missing[0]}")
+    sizes, count = fields["dimsize"].split(), fields.get("ndims", "")
+    if count and int(count) != len(sizes):
+        raise FrameError(f"{path}: NDims = {count}, and DimSize has {len(sizes)} numbers; correct one of them")
+    for field in ("TransformMatrix", "Orientation", "Rotation"):
+        values = np.array(fields.get(field.lower(), "").split(), dtype=np.float64)
+        side = len(sizes)
+        if values.size == side**2 and not np.allclose(
+            np.linalg.norm(values.reshape(side, side), axis=1), 1.0, atol=SAME
+        ):
+            lengths = listed(np.linalg.norm(values.reshape(side, side), axis=1).tolist())
+            raise FrameError(
+                f"{path}: {field} has directions of length {lengths}, not 1, beside ElementSpacing = "
+                f"{fields.get('elementspacing', '(missing)')}; put the whole scale into ElementSpacing"
+            )
+    orientation = fields.get("ultrasoundimageorientation")
+    return [f"{path}: UltrasoundImageOrientation = {orientation}"] if orientation else []
+
+
+def _flag(path: Path, fields: dict[str, str], *names: str) -> bool | None:
+    """Return a field that is true or false, under one of several names; None: it is not there.
+
+    Raises:
+        FrameError: it is neither, or two names state both.
+    """
+    stated = {name: fields[name.lower()] for name in names if name.lower() in fields}
+    for name, value in stated.items():
+        if value[:1].lower() not in ("t", "f", "1", "0"):
+            raise FrameError(f"{path}: {name} = {value}; give True or False")
+    found = {value[:1].lower() in ("t", "1") for value in stated.values()}
+    if len(found) > 1:
+        listed = " and ".join(f"{name} = {value}" for name, value in stated.items())
+        raise FrameError(f"{path}: {listed}; correct one of them")
+    return next(iter(found), None)
+
+
+def _pixels(path: Path, fields: dict[str, str], start: int) -> tuple[NDArray[Any], list[str]]:
+    """Return the pixels, their first axis the fastest, and notes.
+
+    Raises:
+        FrameError: they are stored in a way that is not read, or are not as many as the header says.
+    """
+    kind = TYPES.get(fields["elementtype"].upper())
+    if kind is None:
+        raise FrameError(f"{path}: ElementType = {fields['elementtype']}; one of {', '.join(TYPES)}")
+    big = _flag(path, fields, "BinaryDataByteOrderMSB", "ElementByteOrderMSB")
+    dtype = np.dtype((">" if big else "<") + kind)
+    shape = [int(length) for length in fields["dimsize"].split()]
+    size = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
+    check_bytes(path, size)
+    name = fields["elementdatafile"]
+    if name.upper().startswith("LIST") or "%" in name:
+        raise FrameError(f"{path}: ElementDataFile = {name}: pixels in several files; {CONVERT}")
+    local = name.upper() == "LOCAL"
+    data_path = path if local else data_file(path, name)
+    skipped = int(fields.get("headersize", "0"))
+    packed = _flag(path, fields, "CompressedData")
+    if skipped < -1 or (skipped > 0 and local) or (skipped and packed):
+        where = "pixels in the same file" if local else "CompressedData = True"
+        raise FrameError(f"{path}: HeaderSize = {skipped} beside {where}; {CONVERT}")
+    text = _flag(path, fields, "BinaryData") is False
+    with data_path.open("rb") as file:
+        file.seek((start if local else 0) + max(skipped, 0))
+        if text:
+            if packed:
+                raise FrameError(f"{path}: BinaryData = False and CompressedData = True; correct one of them")
+            return _text_pixels(path, file.read(), dtype.newbyteorder("=")).reshape(shape, order="F"), []
+        data = unpacked(data_path, file.read(), size) if packed else file.read()
+    if skipped == -1:
+        data = data[len(data) - size :] if len(data) > size else data
+    if len(data) != size:
+        raise FrameError(
+            f"{data_path}: damaged: {len(data)} bytes of pixels; DimSize = {fields['dimsize']} of "
+            f"{fields['elementtype']} take {size} (HeaderSize = {skipped})"
+        )
+    array = np.frombuffer(data, dtype).astype(dtype.newbyteorder("=")).reshape(shape, order="F")
+    unknown = big is None and dtype.itemsize > 1
+    return array, [f"{path}: no BinaryDataByteOrderMSB; taken as False"] if unknown else []
+
+
+def _text_pixels(path: Path, data: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return pixels written as text (BinaryData = False).
+
+    Raises:
+        FrameError: a number is none of the type.
+    """
+    values = np.array(data.split()).astype(np.float64)
+    pixels = values.astype(dtype) if dtype.kind == "f" else np.clip(values, -(2.0**53), 2.0**53).astype(np.int64)
+    pixels = pixels.astype(dtype)
+    if dtype.kind != "f" and (wrong := np.flatnonzero(pixels != values)).size:
+        raise FrameError(f"{path}: pixel {wrong[0]} is {values[wrong[0]]:g}, which is no number of type {dtype}")
+    return pixels
+
+
+def _steps(path: Path, fields: dict[str, str]) -> tuple[tuple[Sourced | None, ...], list[str]]:
+    """Return the spacing in mm; the size of an element where no spacing is stated, as MetaIO takes it.
+
+    Raises:
+        FrameError: the numbers are not as many as the axes.
+    """
+    found = {}
+    for field in ("ElementSpacing", "ElementSize"):
+        values = [float(value) for value in fields.get(field.lower(), "").split()]
+        if values and len(values) != len(fields["dimsize"].split()):
+            raise FrameError(f"{path}: {field} has {len(values)} numbers, and DimSize {fields['dimsize']}; correct it")
+        steps = stated_steps(values, [METRES["mm"]] * len(values), field)
+        if any(steps):
+            found[field] = (values, steps)
+    if not found:
+        return (), []
+    name, (values, steps) = next(iter(found.items()))
+    sizes = found.get("ElementSize", (values,))[0]
+    differ = not np.allclose(sizes, values, rtol=SAME)
+    words = f"{path}: ElementSize = {listed(sizes)}, and {name} = {listed(values)}, which is taken"
+    return steps, [words] if differ else []
