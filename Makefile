@@ -20,8 +20,8 @@ help:  ## this list (the default)
 install: .venv/installed  ## the environment alone, in .venv, and how to call the command
 	@echo "scleraforce is in .venv: call .venv/bin/scleraforce, or run 'source .venv/bin/activate' and call scleraforce"
 
-reproduce: .venv/installed  ## the whole pipeline, to out/reproduce/report.html (OUT=... for another folder)
-	.venv/bin/scleraforce reproduce --out $(OUT)
+reproduce: .venv/installed  ## the whole pipeline, to out/reproduce/report.html (OUT=... another folder; TRAIN=1 trains the reader)
+	.venv/bin/scleraforce reproduce --out $(OUT) $(if $(TRAIN),--train)
 
 test: .venv/installed  ## the default tests
 	$(FOR_TESTS) .venv/bin/pytest $(PYTEST_ARGS)

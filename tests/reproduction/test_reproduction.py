@@ -1,16 +1,23 @@
 """A reproduction's folder: what is finished is taken up, what is foreign is left alone."""
 
 import json
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from scleraforce.errors import InputError
+from scleraforce.errors import InputError, StudyError
+from scleraforce.models.shipped import SHIPPED_READER
+from scleraforce.reader import load_force_reader
 from scleraforce.reproduction import run as reproduction
+from scleraforce.reproduction.bent import run_library
+from scleraforce.reproduction.framing import framed_for_laboratory
 from scleraforce.reproduction.run import Progress, Run, Stage, open_run, run_stages
-from scleraforce.study import NetworkStudy, Study
+from scleraforce.study import NetworkStudy, Study, parse_study
 
 DONE: list[str] = []
 BARS: list[tuple[str, int, int]] = []
@@ -107,6 +114,32 @@ def test_a_reproduction_of_another_study_is_left_alone(tmp_path: Path) -> None:
     open_run(tmp_path, Study(), 1)
     with pytest.raises(InputError, match="made from another study; remove it or give a new folder"):
         open_run(tmp_path, Study(network=NetworkStudy(seed=7)), 1)
+
+
+def test_a_run_with_another_reader_repeats_only_what_depends_on_it(tmp_path: Path) -> None:
+    stages = (stage("a"), replace(stage("b"), by_reader=True))
+    for train in (False, True, True):
+        run_stages(open_run(tmp_path, Study(), 1, train=train), stages, announce)
+    assert DONE == ["a", "b", "b"]
+
+
+@pytest.mark.parametrize(
+    "text", ["[classes]\nbounds_mn = [4.0, 20.0]", "[needle]\nouter_diameter_mm = 0.5", "[eye]\nradius_mm = 11.0"]
+)
+def test_the_bundled_reader_is_refused_for_a_study_that_it_was_not_trained_for(tmp_path: Path, text: str) -> None:
+    study, file = parse_study(text), tmp_path / "study.toml"
+    key = f"{text.split(']')[0][1:]}.{text.splitlines()[1].split()[0]}"
+    with pytest.raises(StudyError, match=f"{re.escape(str(file))}: {key}: .*--train"):
+        open_run(tmp_path / "out", study, 1, study_file=file)
+    assert open_run(tmp_path / "out", study, 1, train=True).reader == tmp_path / "out" / "reader"
+
+
+def test_the_bundled_reader_serves_the_papers_study_with_its_own_library(tmp_path: Path) -> None:
+    run = open_run(tmp_path / "out", framed_for_laboratory(Study()), 1)
+    assert run.reader == SHIPPED_READER
+    np.testing.assert_array_equal(
+        run_library(run).curves_tpdbnc, load_force_reader(SHIPPED_READER).library.curves_tpdbnc
+    )
 
 
 def other_code(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,24 +15,12 @@ from machine_code import cache_of_its_own
 
 SCLERAFORCE = [sys.executable, "-c", "from scleraforce.cli.main import main; main()"]
 
-STUDY = """
+COARSE = """
 [mesh]
 divisions = 8
 level = 0
 core = 2
 rings = 5
-[library]
-thicknesses = 4
-tension = { min = 1e-3, max = 0.21 }
-tensions = 4
-elements = 24
-[reader]
-epochs = 1
-interval_eyes = 0
-samples_per_epoch = 300
-validation_samples = 60
-channels = [8]
-hidden = [16]
 [dataset]
 contacts = 10
 [[dataset.group]]
@@ -46,11 +34,26 @@ hidden = [16]
 dropout = 0.2
 epochs = 3
 """
+QUICK_READER = """
+[library]
+thicknesses = 4
+tension = { min = 1e-3, max = 0.21 }
+tensions = 4
+elements = 24
+[reader]
+epochs = 1
+interval_eyes = 0
+samples_per_epoch = 300
+validation_samples = 60
+channels = [8]
+hidden = [16]
+"""
 
 STAGES = [
     "phantom", "phantom to the bounds", "calibrate", "generate", "train", "evaluate", "leave out",
     "bend", "library", "calibrate bent", "train bent", "train reader", "read bent", "report",
 ]  # fmt: skip
+BUNDLED_STAGES = [name for name in STAGES if name not in ("library", "train reader")]
 
 pytestmark = pytest.mark.slow
 
@@ -71,21 +74,61 @@ def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("study") / "study.toml"
-    path.write_text(STUDY)
+    path.write_text(COARSE + QUICK_READER)
     return path
 
 
 @pytest.fixture(scope="module")
 def done(study: Path) -> tuple[Path, dict]:
-    """A finished run's folder and what it printed."""
+    """A finished run's folder and what it printed; it trained its reader."""
+    return finished(study, "a reader that this run trains", STAGES, "--train")
+
+
+@pytest.fixture(scope="module")
+def bundled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
+    """A finished run's folder and what it printed; it read with the bundled reader."""
+    study = tmp_path_factory.mktemp("bundled") / "study.toml"
+    study.write_text(COARSE)
+    return finished(study, "the bundled reader, 'default' (--train trains one)", BUNDLED_STAGES)
+
+
+def finished(study: Path, reader: str, stages: list[str], *options: str) -> tuple[Path, dict]:
+    """Run to the end; in a pipe there is one line for each stage."""
     out = study.parent / "out"
-    result = run("reproduce", "--out", str(out), "--study", str(study), "--json")
+    result = run("reproduce", "--out", str(out), "--study", str(study), "--json", *options)
     assert result.returncode == 0, result.stderr
-    lines = result.stderr.splitlines()  # no terminal: a line for each stage
+    first, *lines = result.stderr.splitlines()
+    assert first == f"reads walls of finite strain with {reader}"
     assert [re.sub(r"[\d.]+ s$", "... s", line) for line in lines] == [
-        f"{number}/{len(STAGES)} {name}: ... s" for number, name in enumerate(STAGES, start=1)
+        f"{number}/{len(stages)} {name}: ... s" for number, name in enumerate(stages, start=1)
     ]
     return out, json.loads(result.stdout)
+
+
+def test_the_bundled_reader_reads_by_default_and_the_run_says_so(bundled) -> None:
+    out, printed = bundled
+    assert list(printed["seconds"]) == [*BUNDLED_STAGES, "total"]
+    assert printed["reader"] == {"model": "default", "trained": False}
+    assert "It is the bundled reader" in (out / "report.html").read_text(encoding="utf-8")
+    reader = printed["finite_strain"]["reader"]
+    assert [sum(row) for row in reader["confusion"]] == [7, 15, 23]
+    assert reader["accuracy"] > 0.8
+    assert (out / "model" / "model.onnx").exists()
+    assert not (out / "reader").exists()
+
+
+def test_a_trained_reader_is_the_runs_own(done) -> None:
+    out, printed = done
+    assert printed["reader"] == {"model": str(out / "reader"), "trained": True}
+    assert "The reader was trained in this run." in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_study_that_the_bundled_reader_was_not_trained_for_is_refused(study: Path, tmp_path: Path) -> None:
+    result = run("reproduce", "--out", str(tmp_path / "out"), "--study", str(study))
+    assert (result.returncode, result.stdout) == (2, "")
+    assert result.stderr.startswith(f"error: {study}: library.")
+    assert "--train" in result.stderr
+    assert not (tmp_path / "out").exists()
 
 
 def test_every_stage_is_timed_and_the_answers_count_45_trials(done) -> None:
@@ -129,7 +172,7 @@ def test_the_page_has_every_table_and_figure_of_the_paper(done) -> None:
 
 def test_a_second_run_takes_up_what_is_finished(done, study: Path) -> None:
     out, first = done
-    result = run("reproduce", "--out", str(out), "--study", str(study), "--json")
+    result = run("reproduce", "--out", str(out), "--study", str(study), "--json", "--train")
     again = json.loads(result.stdout)
     for name in ("phantom", "generate", "train", "leave out", "bend", "calibrate bent", "train bent", "train reader"):
         assert again["seconds"][name] == first["seconds"][name]
@@ -152,7 +195,7 @@ def test_control_c_leaves_a_folder_that_the_same_command_finishes(study: Path, t
         del begun["seconds"][stage]
         (out / result).rename(tmp_path / result)
     (out / "reproduce.json").write_text(json.dumps(begun))
-    command = [*SCLERAFORCE, "reproduce", "--out", str(out), "--study", str(study), "--json"]
+    command = [*SCLERAFORCE, "reproduce", "--out", str(out), "--study", str(study), "--json", "--train"]
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     while child.poll() is None and not (out / "left_out.json").exists():
         time.sleep(0.05)
@@ -160,7 +203,7 @@ def test_control_c_leaves_a_folder_that_the_same_command_finishes(study: Path, t
     printed, said = child.communicate(timeout=120)
     assert child.returncode == 130
     assert printed == ""
-    *stages, last = filter(None, said.splitlines())  # click ends the line of the interrupted with an empty one
+    _, *stages, last = filter(None, said.splitlines())  # click ends the line of the interrupted with an empty one
     assert last == "error: interrupted"
     assert [line.split(":")[0] for line in stages] == ["6/14 evaluate", "7/14 leave out"][: len(stages)]
     assert not (out / "reader").exists()

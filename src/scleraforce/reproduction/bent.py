@@ -24,7 +24,7 @@ from scleraforce.library import Library
 from scleraforce.library.cache import cached_library
 from scleraforce.models.shipped import SHIPPED_WALL_FINDER
 from scleraforce.processes import work_units
-from scleraforce.reader import load_model
+from scleraforce.reader import load_force_reader, load_model
 from scleraforce.reader.evaluate import evaluate_recordings
 from scleraforce.reader.evaluation import Evaluation
 from scleraforce.reader.wall_finder_model import load_wall_finder
@@ -66,7 +66,12 @@ def _bend_eye(study: Study, folder: Path, number: int) -> None:
 
 
 def run_library(run: Run, progress: Progress | None = None) -> Library:
-    """Return the library of a run from the user's cache; made where that lacks it, and `progress` counts paths."""
+    """Return the bundled reader's library, or that of a run that trains.
+
+    The latter comes from the user's cache, or is made and stored there: `progress` counts paths.
+    """
+    if not run.train:
+        return load_force_reader(run.reader).library
     return cached_library(run.study, workers=run.workers, progress=progress)
 
 

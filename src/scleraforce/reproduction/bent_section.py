@@ -12,6 +12,8 @@ from scleraforce.known.calibration_file import CalibrationSummary, read_calibrat
 from scleraforce.laboratory.virtual_eye import PhantomEye, linear_sections
 from scleraforce.library import Library
 from scleraforce.library.sections import cut_surfaces
+from scleraforce.models.shipped import model_name
+from scleraforce.reader import load_model
 from scleraforce.reader.evaluation import Evaluation, FrameAnswer
 from scleraforce.reader.metrics import (
     SHARED_ERROR,
@@ -52,7 +54,7 @@ def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callabl
         "eyes of the same design are computed in three dimensions at finite strain and imaged anew. The paper's method "
         f"reads them with a network for the mean linear modulus of {CALIBRATED_EYES} of them, calibrated on all their "
         "frames. The force reader has learned from the response library, and each eye is read with its own modulus, "
-        f"found on three pushes of {forces} mN before the trials, which do not count."
+        f"found on three pushes of {forces} mN before the trials, which do not count. {reader_words(run)}"
     )
     return section(
         "Walls that bend: the paper's method and the force reader",
@@ -66,6 +68,17 @@ def bent_section(run: Run, paper: Evaluation, reader: Evaluation, drawn: Callabl
         *_misread(paper, "the paper's method"),
         *_misread(reader, "the force reader"),
         drawn(_walls_figure(run, reader)),
+    )
+
+
+def reader_words(run: Run) -> str:
+    """Return a sentence that names the force reader of a run."""
+    if run.train:
+        return "The reader was trained in this run."
+    made_by = load_model(run.reader).provenance["scleraforce"]
+    return (
+        f"It is the bundled reader, {model_name(run.reader)!r}, with its library (made by scleraforce {made_by}); "
+        "this run trained the paper's classifiers alone. `reproduce --train` trains a reader, too."
     )
 
 

@@ -1,23 +1,27 @@
 """The whole pipeline in one folder: virtual eyes, slices, network, answers, page (the paper from end to end).
 
 Each stage leaves its result in the folder, and `reproduce.json` says which are finished, and by what code. A later run
-with the same study takes up what is finished and does the rest, so Ctrl-C loses one stage at most. What other code has
-made is not taken up: all stages are done again.
+with the same study keeps what is finished and does the rest, so Ctrl-C loses one stage at most. Results of other code
+are not reused, nor are results of another reader.
 """
 
 import json
 import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from scleraforce import __version__
-from scleraforce.errors import InputError
+from scleraforce.errors import InputError, StudyError
+from scleraforce.models.folder import read_folder, sha256
+from scleraforce.models.session import folder_study
+from scleraforce.models.shipped import SHIPPED_READER
 from scleraforce.study import Study, format_study, study_hash
+from scleraforce.study.fields import field_key
 from scleraforce.whole_files import KINDS, hash_sources, read_text, write_whole
 
 Progress = Callable[[int], None]
@@ -31,15 +35,25 @@ SOURCES = (
     "recording", "section", "segmentation", "study",
     *(f"reproduction/{name}.py" for name in ("bent", "framing", "left_out", "stages")),
 )  # fmt: skip
+# What a reader is trained for. The bundled reader serves a study that has its values here.
+TRAINED_FOR = {
+    "eye": ("radius_m", "poisson_ratio"),
+    "needle": ("outer_diameter_m",),
+    **dict.fromkeys(("slice", "classes", "library", "reader")),
+}
 
 
 @dataclass(frozen=True)
 class Run:
-    """One reproduction: its folder, its study, the processes it may use, and where each result lies."""
+    """One reproduction: its folder, its study, the processes it may use, and the place of each result.
+
+    `train`: train the force reader in this run, in place of reading with the bundled one.
+    """
 
     folder: Path
     study: Study
     workers: int
+    train: bool = False
 
     @property
     def recordings(self) -> Path:
@@ -78,8 +92,8 @@ class Run:
 
     @property
     def reader(self) -> Path:
-        """The force reader."""
-        return self.folder / "reader"
+        """The force reader: the run's own, or the bundled one."""
+        return self.folder / "reader" if self.train else SHIPPED_READER
 
     @property
     def report(self) -> Path:
@@ -128,8 +142,8 @@ class _BentRun:
 class Stage:
     """A step of the pipeline: its name, what it works through, and the function that does it.
 
-    `leaves` is what it writes and what is taken up later; None where it is always done anew. A stage that `resumes`
-    finds its own unfinished result and goes on.
+    `leaves` is what it writes and a later run reuses; None: it is always done again. A stage that `resumes`
+    continues its own unfinished result. The result of one `by_reader` depends on the force reader or its library.
     """
 
     name: str
@@ -137,15 +151,26 @@ class Stage:
     work: Callable[[Run, Progress], None]
     leaves: Callable[[Run], Path] | None = None
     resumes: bool = False
+    by_reader: bool = False
 
 
-def open_run(folder: Path, study: Study, workers: int) -> Run:
-    """Make or take up the folder of a reproduction.
+def open_run(folder: Path, study: Study, workers: int, *, train: bool = False, study_file: Path | None = None) -> Run:
+    """Make or continue the folder of a reproduction.
+
+    Args:
+        folder: a new one, or a former run's.
+        study: of all that is computed.
+        workers: processes.
+        train: train the force reader, in place of reading with the bundled one.
+        study_file: the study's file, for the message.
 
     Raises:
         InputError: the folder holds something else, or was made from another study.
+        StudyError: the bundled reader was trained for other values than the study's.
     """
-    run = Run(folder, study, workers)
+    if not train:
+        _check_bundled(study, study_file)
+    run = Run(folder, study, workers, train)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
@@ -172,8 +197,13 @@ def run_stages(
     Returns:
         Seconds of each stage; those of a finished stage are the ones that it took when it was done.
     """
-    if _read_state(run.folder)["made_from"].get("sources") != _sources():
-        _start_anew(run, stages, tell)
+    made_from = _read_state(run.folder)["made_from"]
+    if made_from.get("sources") != _sources():
+        tell(f"{run.folder}: the code has changed since these results were made; all stages are done again")
+        _forget(run, stages, {})
+    elif made_from.get("reader") != _reader_of(run):
+        by_reader = {stage.name: stage for stage in stages if stage.by_reader}
+        _forget(run, by_reader.values(), {n: value for n, value in seconds_so_far(run).items() if n not in by_reader})
     seconds = seconds_so_far(run)
     for number, stage in enumerate(stages, start=1):
         if stage.name in seconds and stage.leaves and stage.leaves(run).exists():
@@ -188,13 +218,12 @@ def run_stages(
     return {stage.name: seconds[stage.name] for stage in stages}
 
 
-def _start_anew(run: Run, stages: tuple[Stage, ...], tell: Callable[[str], object]) -> None:
-    """Remove the results of other code; the last page stays until there is a new one."""
-    tell(f"{run.folder}: the code has changed since these results were made; all stages are done again")
+def _forget(run: Run, stages: Iterable[Stage], seconds: Mapping[str, float]) -> None:
+    """Remove the results of stages, and keep the seconds of others; the last page stays until there is a new one."""
     for stage in stages:
         if stage.leaves:
             _remove(stage.leaves(run))
-    _write_state(run, {})
+    _write_state(run, seconds)
 
 
 def seconds_so_far(run: Run) -> dict[str, float]:
@@ -237,4 +266,25 @@ def _write_state(run: Run, seconds: Mapping[str, float]) -> None:
 
 
 def _made_from(run: Run) -> dict[str, str]:
-    return {"study": study_hash(run.study), "sources": _sources(), "version of scleraforce": __version__}
+    return {
+        "study": study_hash(run.study),
+        "sources": _sources(),
+        "reader": _reader_of(run),
+        "version of scleraforce": __version__,
+    }
+
+
+def _reader_of(run: Run) -> str:
+    """Return what tells readers apart: "trained", or the hash of the bundled one's record."""
+    return "trained" if run.train else sha256((SHIPPED_READER / "model.json").read_bytes())
+
+
+def _check_bundled(study: Study, file: Path | None) -> None:
+    bundled = folder_study(read_folder(SHIPPED_READER))
+    for section, names in TRAINED_FOR.items():
+        mine, its = getattr(study, section), getattr(bundled, section)
+        for item in fields(mine):
+            if (names is None or item.name in names) and getattr(mine, item.name) != getattr(its, item.name):
+                where = f"{file or 'study'}: {section}.{field_key(item)}"
+                remedy = "give --train, which trains a reader for this study"
+                raise StudyError(f"{where}: the bundled reader was trained for another value; {remedy}")

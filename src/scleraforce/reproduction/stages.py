@@ -1,7 +1,7 @@
 """The stages of `reproduce`: the paper's method on linear walls, then beside the force reader on finite strain.
 
-Virtual eyes, Young's modulus, slices, network and answers for the one; eyes, library, moduli, both networks and their
-answers for the other; then the page.
+Virtual eyes, Young's modulus, slices, network and answers for the one; eyes, moduli, the paper's network and both
+methods' answers for the other; then the page. The force reader and its library are the bundled ones, or trained.
 """
 
 from collections.abc import Callable, Sequence
@@ -92,6 +92,8 @@ def reproduce(
             run, evaluation, to_the_bounds, bent_paper, bent_reader, seconds, started_at, progress
         )  # fmt: skip
 
+    library = Stage("library", lambda run: plan_library(run.study).units, _make_library)
+    reader = Stage("train reader", _reader_steps, train_force_reader, lambda run: run.reader)
     stages = (
         Stage("phantom", _trials, _make_eyes, lambda run: run.recordings),
         Stage("phantom to the bounds", _trials, _make_eyes_to_the_bounds, lambda run: run.recordings_to_the_bounds),
@@ -101,10 +103,10 @@ def reproduce(
         Stage("evaluate", lambda run: 2 * _trials(run), evaluate),
         Stage("leave out", _left_out_epochs, leave_out, lambda run: run.left_out),
         Stage("bend", lambda run: len(bent_trials(run.study)), bend_eyes, lambda run: run.bent.recordings),
-        Stage("library", lambda run: plan_library(run.study).units, _make_library),
-        Stage("calibrate bent", _bent_frames, calibrate_bent, lambda run: run.bent.calibrations),
+        *([library] if run.train else []),
+        Stage("calibrate bent", _bent_frames, calibrate_bent, lambda run: run.bent.calibrations, by_reader=True),
         Stage("train bent", lambda run: run.study.network.epochs, train_bent_model, lambda run: run.bent.model),
-        Stage("train reader", _reader_steps, train_force_reader, lambda run: run.reader),
+        *([reader] if run.train else []),
         Stage("read bent", _bent_answers, read_bent_eyes),
         Stage("report", lambda _: FIGURES, report),
     )
